@@ -9,7 +9,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Quat, Vec3};
 use osier::math;
 use osier::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
-use osier::surface::{Skin, SkinOptions, skin, skin_into};
+use osier::surface::{PlantSkin, SkinOptions, skin, skin_into};
 
 const NODES: u32 = 16;
 
@@ -85,7 +85,7 @@ fn loft(c: &mut Criterion) {
     group.throughput(Throughput::Elements(points)).sample_size(20);
     for threads in [1, 2] {
         let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).build() else { continue };
-        let mut kept = Skin::default();
+        let mut kept = PlantSkin::default();
         group.bench_function(format!("loft, points into used memory, threads: {threads}"), |b| {
             b.iter(|| pool.install(|| skin_into(&plant, &options, &mut kept)));
         });

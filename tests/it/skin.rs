@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 use osier::math;
 use osier::plant::{Axis, AxisEnd, AxisKind, NONE, Plant, validate};
 use osier::rng::Rng;
-use osier::surface::{Skin, SkinOptions, UvMode, skin, skin_into};
+use osier::surface::{PlantSkin, SkinOptions, UvMode, skin, skin_into};
 use proptest::prelude::*;
 
 /// Appends an axis through the given points.
@@ -55,7 +55,7 @@ fn y(v: f32) -> Vec3 {
 }
 
 /// Triangles with points of equal place merged.
-fn welded(skin: &Skin, triangles: &[[u32; 3]]) -> (usize, Vec<[usize; 3]>) {
+fn welded(skin: &PlantSkin, triangles: &[[u32; 3]]) -> (usize, Vec<[usize; 3]>) {
     let mut places = BTreeMap::new();
     let mut at = |i: u32| {
         let bits = skin.mesh.points[i as usize].to_array().map(|v| (v + 0.0).to_bits());
@@ -67,7 +67,7 @@ fn welded(skin: &Skin, triangles: &[[u32; 3]]) -> (usize, Vec<[usize; 3]>) {
 }
 
 /// Checks that every tube is closed and consistently wound: each edge twice, in opposite directions, V - E + F = 2.
-fn assert_closed(skin: &Skin) {
+fn assert_closed(skin: &PlantSkin) {
     for tube in &skin.tubes {
         let (first, count) = (tube.triangles.0 as usize, tube.triangles.1 as usize);
         let (v, faces) = welded(skin, &skin.mesh.triangles[first..first + count]);
@@ -84,7 +84,7 @@ fn assert_closed(skin: &Skin) {
     }
 }
 
-fn volume(skin: &Skin) -> f64 {
+fn volume(skin: &PlantSkin) -> f64 {
     let six = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| skin.mesh.points[i as usize].to_array().map(f64::from));
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
@@ -93,7 +93,7 @@ fn volume(skin: &Skin) -> f64 {
 }
 
 /// Share of triangles of no area or facing against their vertex normals.
-fn bad_triangles(skin: &Skin) -> (usize, usize) {
+fn bad_triangles(skin: &PlantSkin) -> (usize, usize) {
     let m = &skin.mesh;
     let bad = |t: &&[u32; 3]| {
         let [a, b, c] = t.map(|i| m.points[i as usize]);
@@ -104,7 +104,7 @@ fn bad_triangles(skin: &Skin) -> (usize, usize) {
     (m.triangles.iter().filter(bad).count(), m.triangles.len())
 }
 
-fn assert_sound(skin: &Skin) {
+fn assert_sound(skin: &PlantSkin) {
     let m = &skin.mesh;
     assert_eq!((m.points.len(), m.points.len()), (m.normals.len(), skin.bindings.len()));
     assert!(m.points.iter().all(|p| p.is_finite()) && m.uvs.iter().all(|p| p.is_finite()));

@@ -73,7 +73,7 @@ impl CatkinModel {
     /// One level: 0 curves, 1 tubes, 2 ribbons, 3 fewer ribbons, 4 three crossed pictures, 5 one.
     fn at(&self, lod: u32, (levels, first): (&CatkinLods, u32)) -> Prototype {
         let mut proto = match lod {
-            0 => self.tuft.hero(&self.name),
+            0 => self.tuft.curves_prototype(&self.name),
             1 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Tubes)),
             2 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Ribbons)),
             3 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Thinned)),

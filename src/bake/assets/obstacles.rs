@@ -12,7 +12,7 @@ use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::masonry;
-use osier_plants::surface::terrain::Land;
+use osier_plants::surface::terrain::Terrain;
 use osier_scene::solid::{Form, LandForm, Prism, Shell, Solid, Solids};
 use osier_scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject};
 
@@ -29,7 +29,7 @@ pub enum GroundSurface<'a> {
     /// Waves around a middle.
     Ground(&'a Ground, Vec3),
     /// Hills.
-    Land(&'a Land),
+    Land(&'a Terrain),
 }
 
 /// All that is in the way of a scene's air and catkins, made once for both.
@@ -117,7 +117,7 @@ pub fn build_obstacle(solid: &SolidRecipe) -> (MaterialSet, impl FnOnce(Material
         None => {
             let keys = &solid.keys;
             let (wall, roof) = (keys.color.unwrap_or(PLASTER), keys.roof_color.unwrap_or(TILES));
-            let count = if keys.shape == SolidShape::House { masonry::SLOTS as usize } else { 1 };
+            let count = if keys.shape == SolidShape::House { masonry::MATERIAL_COUNT as usize } else { 1 };
             look.materials.extend(masonry::materials(&solid.id, wall, roof).into_iter().take(count));
         }
     }

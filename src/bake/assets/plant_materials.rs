@@ -320,7 +320,7 @@ pub fn ground_materials(shape: &Ground, keys: &GroundKeys, air: [f32; 3]) -> Res
     let own = GroundColors::default();
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
     // Haze is lit as ground is, and would outshine the sky if it were as bright.
-    let haze = (scaled(air, 0.7), if shape.spanned() { narrow(keys.haze) } else { 0.0 });
+    let haze = (scaled(air, 0.7), if shape.is_one_repeat() { narrow(keys.haze) } else { 0.0 });
     let colors = GroundColors {
         haze,
         soil: keys.color.map_or(own.soil, |c| [scaled(c, 0.3), c]),

@@ -5,7 +5,7 @@ use crate::recipe::scene::TerrainKeys;
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_base::rng::{mix64, word};
-use osier_plants::surface::terrain::{Land, LandColors, TerrainParams, land_material};
+use osier_plants::surface::terrain::{Terrain, TerrainColors, TerrainParams, terrain_material};
 use osier_scene::{Asset, AssetKind, Camera, HeightField, MeshMotion, MeshObject};
 
 /// Name of the land's asset, placement and material.
@@ -16,8 +16,8 @@ const EYE: f32 = 1.6;
 /// Raises the land that the keys describe. `seed`: the scene's.
 /// # Errors
 /// `Range` for a value outside its range.
-pub fn shape(keys: &TerrainKeys, seed: u64) -> Result<Land> {
-    Land::generate(&TerrainParams {
+pub fn shape(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
+    Terrain::generate(&TerrainParams {
         n: keys.n,
         size: keys.size,
         amplitude: keys.amplitude,
@@ -35,23 +35,23 @@ pub fn shape(keys: &TerrainKeys, seed: u64) -> Result<Land> {
 /// What the land looks like.
 /// # Errors
 /// What the painter refuses.
-pub fn look(land: &Land, keys: &TerrainKeys, seed: u64) -> Result<MaterialSet> {
-    let own = LandColors::default();
-    let colors = LandColors {
+pub fn look(land: &Terrain, keys: &TerrainKeys, seed: u64) -> Result<MaterialSet> {
+    let own = TerrainColors::default();
+    let colors = TerrainColors {
         earth: keys.color.unwrap_or(own.earth),
         grass: keys.color2.unwrap_or(own.grass),
         rock: keys.rock.unwrap_or(own.rock),
         cover: narrow(keys.cover),
         steep: narrow(keys.steep),
     };
-    let surface = land_material(land, &colors, NAME, keys.side, mix64(&[seed, word(NAME)]))?;
+    let surface = terrain_material(land, &colors, NAME, keys.side, mix64(&[seed, word(NAME)]))?;
     let mut look = MaterialSet::default();
     look.add(surface.material, surface.images);
     Ok(look)
 }
 
 /// The land's asset; `material`: index of its material in the scene.
-pub fn asset(land: &Land, material: u32) -> Asset {
+pub fn asset(land: &Terrain, material: u32) -> Asset {
     let object = |(name, mesh): (String, osier_scene::Mesh)| MeshObject {
         name,
         mesh: mesh.with_material(material),
@@ -71,12 +71,12 @@ pub fn asset(land: &Land, material: u32) -> Asset {
 }
 
 /// The land's heights for the exporters of fields.
-pub fn field(land: Land) -> HeightField {
+pub fn field(land: Terrain) -> HeightField {
     HeightField { name: NAME.into(), side: land.side, size: land.size, heights: land.heights }
 }
 
 /// Lifts a camera that the land of another seed would bury, and what it looks at with it.
-pub fn lift_camera(camera: &mut Camera, land: &Land) {
+pub fn lift_camera(camera: &mut Camera, land: &Terrain) {
     let (eye, half) = (camera.eye, land.size * 0.5);
     let ground = land.height_at(eye.x, eye.z);
     if eye.x.abs() <= half && eye.z.abs() <= half && eye.y < ground {
@@ -95,7 +95,7 @@ mod tests {
     fn no_seed_buries_the_camera_and_others_stay() {
         let view = |eye| Camera { eye, target: eye + Vec3::new(3.0, -1.0, 2.0), vfov: 0.7, roll: 0.0 };
         for seed in 0..16 {
-            let land = Land::generate(&TerrainParams { seed, ..TerrainParams::default() }).expect("land");
+            let land = Terrain::generate(&TerrainParams { seed, ..TerrainParams::default() }).expect("land");
             let (x, z) = (land.size * 0.1, land.size * -0.3);
             let ground = land.height_at(x, z);
             let mut camera = view(Vec3::new(x, ground - 7.0, z));

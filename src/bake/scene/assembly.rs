@@ -47,7 +47,7 @@ use osier_base::par::{join, par_map};
 use osier_base::{Error, Result};
 use osier_motion::rods::RodPlant;
 use osier_plants::surface::ground::Ground;
-use osier_plants::surface::terrain::Land;
+use osier_plants::surface::terrain::Terrain;
 use osier_scene::plant::AxisKind;
 use osier_scene::{
     Asset, AssetKind, Field, Image, Material, Mesh, MeshMotion, MeshObject, Placement, Scene, Table, Trs, Wet,
@@ -439,7 +439,7 @@ fn foot_radii(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Ve
     layout.individuals.iter().zip(grown).map(one).collect()
 }
 
-fn add_terrain(shape: &Land, keys: &TerrainKeys, seed: u64, builder: &mut SceneBuilder) -> Result<()> {
+fn add_terrain(shape: &Terrain, keys: &TerrainKeys, seed: u64, builder: &mut SceneBuilder) -> Result<()> {
     let materials = builder.add_materials(terrain::look(shape, keys, seed)?);
     builder.add_placed(terrain::asset(shape, materials.first_material), Trs::IDENTITY, None);
     Ok(())
@@ -557,7 +557,7 @@ fn twig_tips(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec
 }
 
 /// The ground that rain ends on.
-fn rain_ground(recipe: &Recipe, land: Option<&Land>, soil: Option<(&Ground, Vec3)>) -> rain::RainGround {
+fn rain_ground(recipe: &Recipe, land: Option<&Terrain>, soil: Option<(&Ground, Vec3)>) -> rain::RainGround {
     match (land, soil) {
         (Some(land), _) if recipe.rain.is_some() => rain::RainGround::Hills(land.clone()),
         (_, Some((shape, middle))) => rain::RainGround::Waves(shape.clone(), middle),

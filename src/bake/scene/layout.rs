@@ -13,13 +13,13 @@ use osier_base::Result;
 use osier_base::files::Names;
 use osier_base::math;
 use osier_base::rng::Rng;
-use osier_plants::surface::terrain::Land;
+use osier_plants::surface::terrain::Terrain;
 use osier_scene::Trs;
 
 /// Lays out all of a recipe: its places, and what is strewn over its land, which comes back too.
 /// # Errors
 /// `Range` for land outside its ranges, `Limit`, `Cancelled`.
-pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<(PlantLayout, Option<Land>)> {
+pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<(PlantLayout, Option<Terrain>)> {
     let mut layout = lay_out(recipe);
     let Some(keys) = &recipe.terrain else { return Ok((layout, None)) };
     let land = terrain::shape(keys, recipe.seed)?;

@@ -9,7 +9,7 @@ use crate::recipe::{Recipe, ScatterRecipe};
 use osier_base::Result;
 use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
 use osier_base::rng::Rng;
-use osier_plants::surface::terrain::Land;
+use osier_plants::surface::terrain::Terrain;
 use osier_plants::surface::terrain::scatter::{
     DensityMask, ScatterDisc, ScatterObstacle, ScatterParams, scatter, scatter_key,
 };
@@ -25,7 +25,7 @@ const FOOT_DEPTH: f32 = 0.02;
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(
     recipe: &Recipe,
-    land: &Land,
+    land: &Terrain,
     layout: &mut PlantLayout,
     context: &BakeContext<'_>,
 ) -> Result<()> {
@@ -94,7 +94,7 @@ fn sowing(sown: &ScatterRecipe) -> ScatterParams {
 }
 
 /// `facing`: a turn that is given instead of drawn.
-fn stand(land: &Land, sown: &ScatterRecipe, ([x, z], facing): ([f32; 2], Option<f64>), rng: &mut Rng) -> (Trs, f32) {
+fn stand(land: &Terrain, sown: &ScatterRecipe, ([x, z], facing): ([f32; 2], Option<f64>), rng: &mut Rng) -> (Trs, f32) {
     let keys = &sown.keys;
     let normal = land.normal_at(x, z);
     let drawn = rng.range(0.0, std::f64::consts::TAU);
@@ -118,7 +118,7 @@ pub(crate) fn foot_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
 
 /// Sinks what stands on land until its foot is covered all round: by the foot's radius times the slope, or by as much as
 /// the land falls off around it. `foot_radii`: as [`foot_radius`] has them, by individual.
-pub(crate) fn snap_to_terrain(layout: &mut PlantLayout, foot_radii: &[f32], land: &Land) {
+pub(crate) fn snap_to_terrain(layout: &mut PlantLayout, foot_radii: &[f32], land: &Terrain) {
     for s in &mut layout.standings {
         if let (Some(slope), Some(foot)) = (s.slope, foot_radii.get(s.individual)) {
             let (at, r) = (&mut s.transform.t, foot * s.transform.s.x);
@@ -181,7 +181,7 @@ individuals = 2
         let scene = &stage.scene;
         let field = scene.land.as_ref().expect("land");
         let land =
-            Land { side: field.side, size: field.size, stride: 1, tileable: false, heights: field.heights.clone() };
+            Terrain { side: field.side, size: field.size, stride: 1, tileable: false, heights: field.heights.clone() };
         let plants: Vec<_> =
             scene.placements.iter().filter(|p| scene.assets[p.asset].kind == AssetKind::Plant).collect();
         assert!(plants.len() > 80, "{}", plants.len());

@@ -15,7 +15,7 @@ use osier::presets::Preset;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{PlantRecipe, Recipe, Request, resolve};
 use osier::scene::Asset;
-use osier::surface::{Skin, skin};
+use osier::surface::{PlantSkin, skin};
 
 /// Pixels along a side of the maps where a test does not look at them.
 const SMALL: u32 = 16;
@@ -62,7 +62,7 @@ fn with_work<T>(f: impl FnOnce(&BakeContext<'_>) -> T) -> T {
 /// One individual of a still scene, with what its asset was made from.
 pub struct Grown {
     pub plant: Plant,
-    pub skin: Skin,
+    pub skin: PlantSkin,
     pub asset: Asset,
     /// How far its foot goes on below the ground, m.
     pub bury: f32,

@@ -18,7 +18,7 @@ pub(super) const VIEWS: [BillboardView; 3] =
 pub(super) struct BillboardSample {
     /// Position along the direction to the viewer, m; larger is nearer.
     pub(super) depth: f32,
-    /// Linear colour.
+    /// Linear base colour, 0..1 per channel.
     pub(super) color: Vec3,
     /// Unit normal in the view: right, up, towards the viewer.
     pub(super) normal: Vec3,
@@ -32,40 +32,41 @@ pub(super) struct BillboardTexel {
     pub(super) normal: Vec3,
 }
 
-/// Pixels of a square of samples, rows from the top. `side`: samples along a side, `part` of them to a pixel; `color`: of a
+/// Pixels of a square of samples, rows from the top. `side`: samples along a side, `supersampling` of them to a pixel; `color`: of a
 /// pixel, from the sum of its samples' colours and their number.
 pub(super) fn texels(
     samples: &[Option<BillboardSample>],
     side: usize,
-    part: usize,
+    supersampling: usize,
     color: impl Fn(Vec3, f32) -> Vec3,
 ) -> Vec<BillboardTexel> {
-    let pixels = side / part;
+    let pixels = side / supersampling;
     let one = |i: usize| {
-        let (x, y) = (i % pixels * part, i / pixels * part);
+        let (x, y) = (i % pixels * supersampling, i / pixels * supersampling);
         let (mut t, mut count) = (BillboardTexel::default(), 0.0_f32);
-        for s in (y..y + part).flat_map(|row| &samples[row * side + x..][..part]).flatten() {
+        for s in (y..y + supersampling).flat_map(|row| &samples[row * side + x..][..supersampling]).flatten() {
             (t.color, t.normal, count) = (t.color + s.color, t.normal + s.normal, count + 1.0);
         }
         if count > 0.0 {
             t.color = color(t.color, count);
             t.normal = math::normalize_or(t.normal, Vec3::Z);
         }
-        t.alpha = count / narrow((part * part) as f64);
+        t.alpha = count / narrow((supersampling * supersampling) as f64);
         t
     };
     (0..pixels * pixels).map(one).collect()
 }
 
-/// The alpha cutoff that keeps as many pixels as all of them cover together, so that the silhouette keeps its area. `part`: samples along a side of a pixel.
-pub(super) fn coverage_cutoff(texels: &[BillboardTexel], part: usize) -> f32 {
+/// The alpha cutoff above which as many pixels lie as all of them cover together, so that the silhouette keeps its area
+/// (coverage-preserving alpha test). `supersampling`: samples along a side of a pixel.
+pub(super) fn coverage_cutoff(texels: &[BillboardTexel], supersampling: usize) -> f32 {
     // The k-th largest alpha, where k is the sum of all alphas, less half a sample.
     let mut alphas: Vec<f32> = texels.iter().map(|t| t.alpha).filter(|a| *a > 0.0).collect();
     alphas.sort_unstable_by(|a, b| b.total_cmp(a));
     let covered: f64 = alphas.iter().fold(0.0, |s, a| s + f64::from(*a));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of pixels")]
     let kept = covered.round() as usize;
-    alphas.get(kept.saturating_sub(1)).map_or(0.5, |a| a - 0.5 / narrow((part * part) as f64))
+    alphas.get(kept.saturating_sub(1)).map_or(0.5, |a| a - 0.5 / narrow((supersampling * supersampling) as f64))
 }
 
 /// The colour image (straight alpha) and the normal image of a square of pixels, with the maps of a material that has these

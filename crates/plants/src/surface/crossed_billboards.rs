@@ -6,15 +6,15 @@ use super::SurfaceMaterial;
 use super::billboard::{
     BillboardSample, BillboardTexel, BillboardView, VIEWS, billboard_images, coverage_cutoff, texels,
 };
-use super::pixels::first_index;
+use super::pixels::next_index;
 use osier_base::geometry::Bounds;
 use osier_base::math::{self, narrow};
 use osier_base::par::par_map;
 use osier_base::units::linear_from_srgb;
 use osier_scene::{Image, Material, MaterialClass, Mesh, Pixels, pixel_at};
 
-/// Samples along a side of a pixel.
-const SAMPLES: usize = 4;
+/// Samples along a side of a pixel: 16 levels of alpha.
+const SUPERSAMPLING: usize = 4;
 /// A billboard is darkened by (mean number of layers)^-this, for the shadows that its leaves would cast on each other. Larger
 /// values darken dense branches more; chosen by comparing trees with their billboards from afar.
 const SHADE_EXPONENT: f32 = 0.52;
@@ -24,9 +24,9 @@ const MARGIN: usize = 2;
 /// The materials of meshes: their subsets index `materials`, whose maps index `images`.
 #[derive(Debug, Clone, Copy)]
 pub struct SourceMaterials<'a> {
-    /// Materials by id.
+    /// Materials, indexed by the subsets' material ids.
     pub materials: &'a [Material],
-    /// Images by index.
+    /// Images, indexed by the materials' maps.
     pub images: &'a [Image],
 }
 
@@ -55,7 +55,7 @@ impl MeshRaster {
         let margin = (high - low).max(Vec2::splat(1e-4)) * (narrow(MARGIN as f64) / inner);
         // What is seen from above stands where most of it is, everything else through the stem.
         let depth = if out == Vec3::Y { area_mean(mesh, out) } else { 0.0 };
-        let side = pixels * SAMPLES;
+        let side = pixels * SUPERSAMPLING;
         let (low, high) = (low - margin, high.max(low + 1e-4) + margin);
         Self { view, low, high, depth, side, samples: vec![None; side * side], hits: 0 }
     }
@@ -89,6 +89,7 @@ impl MeshRaster {
         for row in range(low.y, high.y) {
             for column in range(low.x, high.x) {
                 let p = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
+                // Barycentric weights by edge functions, which are negative outside.
                 let w = [(b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)].map(|v| v / area);
                 if w.iter().any(|v| *v < 0.0) {
                     continue;
@@ -122,14 +123,14 @@ impl MeshRaster {
 
     fn texels(&self) -> Vec<BillboardTexel> {
         let shade = self.shade();
-        texels(&self.samples, self.side, SAMPLES, |sum, count| sum * (shade / count))
+        texels(&self.samples, self.side, SUPERSAMPLING, |sum, count| sum * (shade / count))
     }
 
     /// Appends the quad that shows this view. `corner`, `part`: upper left corner and side of its texels, as shares of the
     /// texture.
     fn push_quad(&self, mesh: &mut Mesh, corner: Vec2, part: f32) {
         let [right, up, out] = self.view;
-        let base = first_index(mesh);
+        let base = next_index(mesh);
         for (x, y) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
             let p = self.low + (self.high - self.low) * Vec2::new(x, y);
             mesh.points.push(right * p.x + up * p.y + out * self.depth);
@@ -224,7 +225,8 @@ fn billboard_material(
     name: &str,
     side: u32,
 ) -> SurfaceMaterial {
-    let cut = coverage_cutoff(&texels, SAMPLES);
+    // The cutoff is computed before empty texels take a colour, since it looks at alpha alone.
+    let cut = coverage_cutoff(&texels, SUPERSAMPLING);
     let sum = texels.iter().fold((Vec3::ZERO, 0.0), |s, t| (s.0 + t.color * t.alpha, s.1 + t.alpha));
     let area_mean = sum.0 / sum.1.max(1e-6);
     // Mipmaps average many texels: transparent ones take the mean colour, since black ones would darken the edges.

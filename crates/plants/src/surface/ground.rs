@@ -1,9 +1,9 @@
-//! The ground: a softly undulating disc and its soil, moss and grass.
+//! The ground: an undulating disc, and its material of soil, moss and grass.
 
 use glam::{Vec2, Vec3};
 
-use super::periodic_noise::{CellularNoise, FractalNoise, middles};
-use super::pixels::SurfaceTexel;
+use super::periodic_noise::{CellularNoise, FractalNoise, pixel_centres};
+use super::pixels::MaterialTexel;
 use super::{SurfaceMaterial, pixels};
 use osier_base::math::{self, smoothstep};
 use osier_base::noise;
@@ -39,6 +39,7 @@ impl Default for Ground {
 impl Ground {
     /// Height at (x, z), m; 0 at the origin.
     pub fn height(&self, x: f32, z: f32) -> f32 {
+        // The value at the origin is subtracted, so that plants there stand at height 0.
         let wave = |x: f32, z: f32| {
             let k = 1.0 / self.wavelength.max(1e-3);
             noise::fractal2(self.seed ^ 0x6E0D, [x * k + 0.5, z * k + 0.5], [1 << 20, 1 << 20], 3)
@@ -53,13 +54,15 @@ impl Ground {
     pub fn mesh(&self) -> Result<Mesh> {
         self.check()?;
         let mut mesh = Mesh::default();
-        self.push(&mut mesh, 0.0, 0.0);
+        self.push_point(&mut mesh, 0.0, 0.0);
         for ring in 1..=self.rings {
             let share = ring as f32 / self.rings as f32;
+            // Radii grow with share (0.25 + 0.75 share): rings are four times as dense in the middle, near the
+            // plants, as on average.
             let r = self.radius * share * (0.25 + 0.75 * share);
             for k in 0..self.sectors {
                 let a = k as f32 / self.sectors as f32 * std::f32::consts::TAU;
-                self.push(&mut mesh, r * math::cos_f32(a), -r * math::sin_f32(a));
+                self.push_point(&mut mesh, r * math::cos_f32(a), -r * math::sin_f32(a));
             }
         }
         let n = self.sectors;
@@ -75,7 +78,8 @@ impl Ground {
         Ok(mesh.with_material(0))
     }
 
-    fn push(&self, mesh: &mut Mesh, x: f32, z: f32) {
+    /// Appends a point with normal and texture coordinates.
+    fn push_point(&self, mesh: &mut Mesh, x: f32, z: f32) {
         const STEP: f32 = 0.05;
         let slope = |dx: f32, dz: f32| (self.height(x + dx, z + dz) - self.height(x - dx, z - dz)) / (2.0 * STEP);
         mesh.points.push(Vec3::new(x, self.height(x, z), z));
@@ -88,7 +92,7 @@ impl Ground {
     /// Own: two waves of noise of 0.16 tiles, 3 tiles long.
     fn uv(&self, x: f32, z: f32) -> Vec2 {
         let plain = Vec2::new(x, -z) / self.tile;
-        if self.spanned() {
+        if self.is_one_repeat() {
             return plain;
         }
         let bend = |k: u64| {
@@ -99,7 +103,7 @@ impl Ground {
     }
 
     /// True if one repeat of the maps covers the whole disc.
-    pub fn spanned(&self) -> bool {
+    pub fn is_one_repeat(&self) -> bool {
         self.tile >= 2.0 * self.radius
     }
 
@@ -163,7 +167,7 @@ struct GroundNoise {
     turns: Vec<(f32, f32)>,
 }
 
-/// Height difference of the ground's maps, m.
+/// Height range of the ground's maps, m.
 const RELIEF: f32 = 0.03;
 
 /// The ground's material with `<name>_color`, `_normal`, `_rough` and `_height` (16 bit), tiling; `side` pixels
@@ -179,13 +183,14 @@ pub fn ground_material(colors: &GroundColors, name: &str, side: u32, tile: f32, 
     let tables = GroundNoise::new(tile, side, seed);
     let rows: Vec<u32> = (0..side).collect();
     let n = side as f32;
-    let xs = middles(side);
-    let texels = pixels::joined(par_map(&rows, |&y| {
+    let xs = pixel_centres(side);
+    let texels = pixels::concatenated(par_map(&rows, |&y| {
         let y = 1.0 - (y as f32 + 0.5) / n;
         let [meadow, tint, clod, cover] =
             [&tables.meadow, &tables.tint, &tables.clod, &tables.cover].map(|noise| noise.row(&xs, y));
-        let straight = |i: usize| UnwarpedNoise { meadow: meadow[i], tint: tint[i], clod: clod[i], cover: cover[i] };
-        xs.iter().enumerate().map(|(i, x)| sample(colors, &tables, [*x, y], &straight(i))).collect()
+        let unwarped =
+            |i: usize| GroundNoiseSample { meadow: meadow[i], tint: tint[i], clod: clod[i], cover: cover[i] };
+        xs.iter().enumerate().map(|(i, x)| sample(colors, &tables, [*x, y], &unwarped(i))).collect()
     }));
     let step = RELIEF / (tile.max(0.01) / n);
     let images = pixels::surface_images(name, side, &texels, [step, step], true);
@@ -236,7 +241,7 @@ impl GroundNoise {
 
 /// Blends a colour into the haze, from a third of the radius on. `x`, `y`: in a map whose corners meet in the middle of the
 /// ground.
-fn hazed(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
+fn with_haze(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
     let (air, most) = colors.haze;
     let (dx, dy) = (x.min(1.0 - x), y.min(1.0 - y));
     let share = most * smoothstep(0.16, 0.5, (dx * dx + dy * dy).sqrt());
@@ -244,7 +249,7 @@ fn hazed(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
 }
 
 /// Values of the noises that are evaluated at the texel itself, without the warp of the clods.
-struct UnwarpedNoise {
+struct GroundNoiseSample {
     meadow: f32,
     tint: f32,
     clod: f32,
@@ -252,10 +257,10 @@ struct UnwarpedNoise {
 }
 
 /// Colour, height and roughness of the texel at (x, y) of the unit square.
-fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], straight: &UnwarpedNoise) -> SurfaceTexel {
-    let UnwarpedNoise { meadow, tint, clod, .. } = *straight;
+fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], unwarped: &GroundNoiseSample) -> MaterialTexel {
+    let GroundNoiseSample { meadow, tint, clod, .. } = *unwarped;
     // Grass grows where the cover noise exceeds a threshold, with a soft, uneven border.
-    let bare = straight.cover + 0.25 * clod + 0.3 * meadow;
+    let bare = unwarped.cover + 0.25 * clod + 0.3 * meadow;
     let cover = smoothstep(-0.18, 0.18, bare + (colors.cover - 0.5));
     // Three layers of streaks are the grass blades; the clods warp them, otherwise they would look woven.
     let (bx, by) = (x + 0.03 * clod, y + 0.03 * tint - 0.02 * clod);
@@ -283,7 +288,7 @@ fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], straight: &U
     }
     let rough = 0.93 - 0.08 * cover * blade - 0.10 * leaf;
     let color = color * (1.0 + 0.14 * tint + 0.3 * meadow);
-    SurfaceTexel { color: hazed(colors, color, x, y), height: height.clamp(0.0, 1.0), rough }
+    MaterialTexel { color: with_haze(colors, color, x, y), height: height.clamp(0.0, 1.0), rough }
 }
 
 #[cfg(test)]

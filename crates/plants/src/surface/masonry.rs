@@ -1,8 +1,18 @@
-//! Meshes and materials of walls and houses.
+//! Meshes and materials of buildings: walls, and houses with gable roof and windows. Measures are those of common dwelling houses.
+//!
+//! ```
+//! use glam::Vec3;
+//! use osier_plants::surface::masonry::{MATERIAL_COUNT, masonry, materials};
+//! use osier_scene::solid::Prism;
+//!
+//! let wall = Prism::block(Vec3::ZERO, Vec3::new(0.3, 2.0, 6.0), 0.0);
+//! assert_eq!(masonry(&wall, 0).subsets.len(), 1);
+//! assert_eq!(materials("shed", [0.5; 3], [0.3; 3]).len(), MATERIAL_COUNT as usize);
+//! ```
 
 use glam::{Vec2, Vec3};
 
-use super::pixels::first_index;
+use super::pixels::next_index;
 use osier_scene::solid::Prism;
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, Subset};
 
@@ -19,15 +29,20 @@ const FRAME_WIDTH: f32 = 0.09;
 const WINDOW_OFFSETS: [f32; 2] = [0.015, 0.02];
 
 /// Materials of walls, roofs, window frames and panes, in the order of [`materials`].
-pub const SLOTS: u32 = 4;
+pub const MATERIAL_COUNT: u32 = 4;
 
 /// Surfaces named after `name`: walls, roof, frames, panes.
 pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
-    let of = |what: &str, color, roughness| {
+    let plain = |what: &str, color, roughness| {
         Material::plain(format!("{name}_{what}"), MaterialClass::Ground, color, roughness)
     };
     let trim = wall.map(|c| (c * 1.25 + 0.15).min(0.85));
-    [of("wall", wall, 0.9), of("roof", roof, 0.75), of("trim", trim, 0.6), of("pane", [0.03, 0.045, 0.06], 0.12)]
+    [
+        plain("wall", wall, 0.9),
+        plain("roof", roof, 0.75),
+        plain("trim", trim, 0.6),
+        plain("pane", [0.03, 0.045, 0.06], 0.12),
+    ]
 }
 
 /// The faces of a solid; one with a gable gets an overhanging roof and windows. `first`: the first of its four materials.
@@ -56,8 +71,8 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     if gable {
         push_roof(&mut mesh, &near, &far);
         subsets.push((first + 1, triangle_count(&mesh)));
-        for (slot, grow, proud) in [(2, FRAME_WIDTH, WINDOW_OFFSETS[0]), (3, 0.0, WINDOW_OFFSETS[1])] {
-            push_windows(&mut mesh, prism, grow, proud);
+        for (slot, border, offset) in [(2, FRAME_WIDTH, WINDOW_OFFSETS[0]), (3, 0.0, WINDOW_OFFSETS[1])] {
+            push_windows(&mut mesh, prism, border, offset);
             subsets.push((first + slot, triangle_count(&mesh)));
         }
     }
@@ -79,7 +94,7 @@ fn triangle_count(mesh: &Mesh) -> u32 {
 
 /// A flat convex outline, counter-clockwise from outside.
 fn push_polygon(mesh: &mut Mesh, outline: &[Vec3]) {
-    let base = first_index(mesh);
+    let base = next_index(mesh);
     let normal = osier_base::geometry::newell(outline).normalize_or(Vec3::Y);
     let along = Vec3::Y.cross(normal).normalize_or(Vec3::X);
     let up = normal.cross(along);
@@ -103,14 +118,15 @@ fn push_roof(mesh: &mut Mesh, near: &[Vec3], far: &[Vec3]) {
     let width = (near[0] - far[0]).normalize_or(Vec3::X) * EAVES;
     for (eave, flip) in [(2, false), (4, true)] {
         let ridge = [near[3] + width, far[3] - width];
+        // Each slab runs from the ridge past the eave, and past both gables, by the overhang.
         let down = (near[eave] - near[3]).normalize_or(Vec3::X);
         let out = |p: Vec3| p + down * EAVES;
         let low = [out(near[eave]) + width, out(far[eave]) - width];
         let normal = (ridge[1] - ridge[0]).cross(low[0] - ridge[0]).normalize_or(Vec3::Y);
-        let lift = normal * if normal.y < 0.0 { -ROOF_THICKNESS } else { ROOF_THICKNESS };
+        let thickness = normal * if normal.y < 0.0 { -ROOF_THICKNESS } else { ROOF_THICKNESS };
         // A little above the gable's own edge, to avoid coplanar faces.
-        let bottom = [ridge[0], ridge[1], low[1], low[0]].map(|p| p + lift * 0.03);
-        let top = bottom.map(|p| p + lift);
+        let bottom = [ridge[0], ridge[1], low[1], low[0]].map(|p| p + thickness * 0.03);
+        let top = bottom.map(|p| p + thickness);
         let sides = [[0, 1], [1, 2], [2, 3], [3, 0]].map(|[i, k]| [bottom[i], bottom[k], top[k], top[i]]);
         let under = [bottom[3], bottom[2], bottom[1], bottom[0]];
         for corners in [top, under].into_iter().chain(sides) {
@@ -123,11 +139,12 @@ fn push_roof(mesh: &mut Mesh, near: &[Vec3], far: &[Vec3]) {
     }
 }
 
-/// Panes, or frames larger by `grow`, before both long walls.
-fn push_windows(mesh: &mut Mesh, prism: &Prism, grow: f32, proud: f32) {
+/// Panes, or frames larger by `border`, before both long walls.
+fn push_windows(mesh: &mut Mesh, prism: &Prism, border: f32, offset: f32) {
     for side in &prism.sides()[..2] {
         let (wide, high) = (side.along.length(), side.down.length());
         let (along, up) = (side.along / wide, -side.down / high);
+        // As many columns and storeys as fit; columns are centred on the wall.
         let (columns, storeys) =
             (((wide - 0.6) / WINDOW_SPACING).floor(), ((high - SILL_HEIGHT - WINDOW.y) / STOREY_HEIGHT).floor() + 1.0);
         let mut storey = 0.0;
@@ -136,8 +153,8 @@ fn push_windows(mesh: &mut Mesh, prism: &Prism, grow: f32, proud: f32) {
             while column < columns {
                 let x = wide / 2.0 + (column - (columns - 1.0) / 2.0) * WINDOW_SPACING;
                 let y = SILL_HEIGHT + storey * STOREY_HEIGHT + WINDOW.y / 2.0;
-                let middle = side.corner + side.down + along * x + up * y + side.normal * proud;
-                let (a, b) = (along * (WINDOW.x / 2.0 + grow), up * (WINDOW.y / 2.0 + grow));
+                let middle = side.corner + side.down + along * x + up * y + side.normal * offset;
+                let (a, b) = (along * (WINDOW.x / 2.0 + border), up * (WINDOW.y / 2.0 + border));
                 push_quad(mesh, [middle - a - b, middle + a - b, middle + a + b, middle - a + b]);
                 column += 1.0;
             }

@@ -32,7 +32,7 @@ fn count<T>(list: &[T]) -> u32 {
 }
 
 /// A square map named `<name>_<what>`, `side` pixels, as many channels as the samples allow.
-pub(super) fn map(name: &str, what: &str, kind: ImageKind, side: u32, pixels: Pixels) -> Image {
+pub(super) fn square_map(name: &str, what: &str, kind: ImageKind, side: u32, pixels: Pixels) -> Image {
     let samples = match &pixels {
         Pixels::U8(v) => v.len(),
         Pixels::U16(v) => v.len(),

@@ -14,5 +14,5 @@ mod pixels;
 pub mod rod_tube;
 pub mod terrain;
 
-pub use loft::{AxisBinding, Skin, SkinOptions, TubeRange, UvMode, skin, skin_into};
+pub use loft::{AxisBinding, PlantSkin, SkinOptions, TubeRange, UvMode, skin, skin_into};
 pub use material::SurfaceMaterial;

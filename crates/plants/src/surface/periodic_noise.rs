@@ -41,7 +41,7 @@ impl GradientNoise {
         let ([below, above], fy) = cell(y, self.period[1]);
         let (below, above) = (&self.table[below * n..][..n], &self.table[above * n..][..n]);
         let (v, weight) = (fade(fy), weight * std::f32::consts::SQRT_2);
-        // Along a row what a column's corners give is one straight line.
+        // For fixed y the vertical blend of a column's corner contributions is linear in the horizontal offset: a + b dx.
         let line = |column: i32| {
             let i = wrap(column, n);
             let ([ax, ay], [bx, by]) = (below[i], above[i]);
@@ -51,7 +51,7 @@ impl GradientNoise {
         while let Some(x) = xs.get(first) {
             let column = split(x * cells).0;
             let (from, next) = (column as f32, column as f32 + 1.0);
-            // As many places as in the column before, give or take.
+            // The run of samples in this lattice column: guessed from the last run, then corrected by comparison.
             let mut end = (first + run).clamp(first + 1, xs.len());
             while end < xs.len() && xs[end] * cells < next {
                 end += 1;
@@ -100,6 +100,7 @@ fn wrap(column: i32, period: usize) -> usize {
     if (0..n).contains(&near) { near as usize } else { column.rem_euclid(n) as usize }
 }
 
+/// Quintic fade 6 t^5 - 15 t^4 + 10 t^3, whose first and second derivatives vanish at 0 and 1.
 fn fade(t: f32) -> f32 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }
@@ -139,12 +140,12 @@ impl FractalNoise {
     }
 }
 
-/// Places of the pixels of a row of `side`: middles of as many shares of the unit line.
-pub(super) fn middles(side: u32) -> Vec<f32> {
+/// Centres of `side` pixels on the unit interval.
+pub(super) fn pixel_centres(side: u32) -> Vec<f32> {
     (0..side).map(|x| (x as f32 + 0.5) / side as f32).collect()
 }
 
-/// What [`CellularNoise`] find: distances in cells to the two nearest feature points, the way to the nearest, its hash.
+/// Result of [`CellularNoise`]: distances in cells to the two nearest feature points, offset from the nearest, its hash.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NearestFeature {
     pub f1: f32,

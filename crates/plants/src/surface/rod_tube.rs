@@ -13,7 +13,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
-use super::pixels::first_index;
+use super::pixels::next_index;
 use osier_base::math;
 use osier_scene::{Mesh, SkinWeights};
 
@@ -26,20 +26,20 @@ pub struct TubeResolution {
     pub rings: u32,
 }
 
-/// Tessellation for rods in the foreground.
+/// Tessellation for rods in the foreground, whose silhouette shows no corners.
 pub const CLOSE_UP: TubeResolution = TubeResolution { sides: 16, rings: 4 };
-/// Rings and sides of a ball.
+/// Rings from pole to pole, and sides, of a ball.
 const BALL: [u32; 2] = [12, 24];
 
 /// A section of a rod in its rest pose.
 pub struct TubeSection {
     /// The joint that the section follows.
     pub joint: u16,
-    /// Position, m.
+    /// Position of the centreline in the rest pose, m.
     pub p: Vec3,
     /// Orientation: +Y along the rod.
     pub q: Quat,
-    /// Radius, m.
+    /// Radius of the rod here, m, > 0.
     pub r: f32,
 }
 
@@ -61,6 +61,7 @@ pub fn tube(stations: &[TubeSection], fine: TubeResolution) -> (Mesh, SkinWeight
     let sides = fine.sides;
     let rings = rings(stations, fine.rings);
     let (Some(first), Some(last)) = (rings.first(), rings.last()) else { return builder.finish() };
+    // A ring of points per ring of the curve, the first repeated at the texture seam; v is the arc length in metres.
     let mut along = 0.0;
     for (k, ring) in rings.iter().enumerate() {
         along += if k > 0 { (ring.p - rings[k - 1].p).length() } else { 0.0 };
@@ -70,6 +71,7 @@ pub fn tube(stations: &[TubeSection], fine: TubeResolution) -> (Mesh, SkinWeight
             builder.point(ring.p + out * ring.r, out, Vec2::new(i as f32 / sides as f32, along), ring);
         }
     }
+    // Two triangles per side between consecutive rings, then discs at both ends.
     let n = sides + 1;
     for (k, _) in (1..).zip(rings.iter().skip(1)) {
         for i in 0..sides {
@@ -91,6 +93,8 @@ fn rings(stations: &[TubeSection], count: u32) -> Vec<TubeRing> {
         let from = u32::from(!out.is_empty());
         for i in from..=count {
             let t = i as f32 / count as f32;
+            // Hermite basis: h01 = 3 t^2 - 2 t^3 blends the positions, h10 and h11 weight the tangents, which have
+            // the length of the segment. The same h01 is the skin weight of the second joint.
             let (t2, t3) = (t * t, t * t * t);
             let share = 3.0 * t2 - 2.0 * t3;
             let p =
@@ -131,6 +135,7 @@ pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
     builder.finish()
 }
 
+/// A mesh and its skin weights, point by point.
 #[derive(Default)]
 struct SkinnedMeshBuilder {
     mesh: Mesh,
@@ -144,6 +149,7 @@ impl SkinnedMeshBuilder {
         self.mesh.normals.push(normal);
         self.mesh.uvs.push(uv);
         let [a, b] = ring.joints;
+        // Writers expect influences by falling weight; a second joint of weight 0 is stored as joint 0.
         let (one, two) = if ring.share > 0.5 {
             ((b, ring.share), (a, 1.0 - ring.share))
         } else {
@@ -156,7 +162,7 @@ impl SkinnedMeshBuilder {
 
     /// A disc at an end, facing along the rod for `outwards`, else against it.
     fn cap(&mut self, ring: &TubeRing, sides: u32, outwards: bool) {
-        let base = first_index(&self.mesh);
+        let base = next_index(&self.mesh);
         let normal = ring.q * if outwards { Vec3::Y } else { -Vec3::Y };
         self.point(ring.p, normal, Vec2::splat(0.5), ring);
         for i in 0..sides {

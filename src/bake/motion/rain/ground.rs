@@ -5,7 +5,7 @@ use glam::Vec3;
 use osier_base::math::narrow;
 use osier_motion::rain::GroundHeight;
 use osier_plants::surface::ground::Ground;
-use osier_plants::surface::terrain::Land;
+use osier_plants::surface::terrain::Terrain;
 
 /// How far below everything drops end where no ground is shown, m.
 const BELOW: f64 = 0.1;
@@ -18,7 +18,7 @@ pub enum RainGround {
     /// Waves around a middle.
     Waves(Ground, Vec3),
     /// Hills.
-    Hills(Land),
+    Hills(Terrain),
 }
 
 impl RainGround {

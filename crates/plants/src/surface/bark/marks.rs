@@ -1,4 +1,5 @@
-//! What stands out on a bark: cross cracks, dashes and scars, diamonds, pores.
+//! Marks on a bark: cross cracks, dashes and scars, diamonds, pores (lenticels). Their sizes are in cells of a cellular noise, and
+//! the cell's hash decides which cells bear a mark.
 
 use crate::surface::periodic_noise::{CellularNoise, FractalNoise, NearestFeature};
 use osier_base::math::smoothstep;
@@ -6,7 +7,7 @@ use osier_base::math::smoothstep;
 /// Kinds of marks of a bark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BarkMarks {
-    /// No marks.
+    /// Plain bark: only plates, fibres and noise.
     None,
     /// Fine cracks across the ridges.
     Cracks,
@@ -55,68 +56,78 @@ impl MarkPattern {
             BarkMarks::None => Mark::default(),
             BarkMarks::Cracks => {
                 let wobble = self.rough.at(x, y);
-                let near = self.small.at(x + 0.012 * wobble, y + 0.02 * self.rough.at(y, x));
-                let line = (1.0 - smoothstep(0.0, 0.16, near.f2 - near.f1)) * smoothstep(-0.25, 0.35, wobble);
+                let nearest = self.small.at(x + 0.012 * wobble, y + 0.02 * self.rough.at(y, x));
+                // Cracks lie on the cell borders (f2 = f1), and fade out where the noise is low.
+                let line = (1.0 - smoothstep(0.0, 0.16, nearest.f2 - nearest.f1)) * smoothstep(-0.25, 0.35, wobble);
                 Mark { color: 0.30 * line, height: -0.35 * line }
             }
             BarkMarks::Dashes => self.dashes(x, y),
             BarkMarks::Diamonds => self.diamonds(x, y),
             BarkMarks::Pores => {
-                let near = self.small.at(x, y);
-                let size = 0.05 + 0.05 * share(near.id, 8);
-                let dot = 1.0 - smoothstep(size * 0.5, size, length(near.from, [1.0, 0.5]));
+                let nearest = self.small.at(x, y);
+                let size = 0.05 + 0.05 * unit_hash(nearest.id, 8);
+                let dot = 1.0 - smoothstep(size * 0.5, size, length(nearest.from, [1.0, 0.5]));
                 Mark { color: 0.8 * dot, height: 0.5 * dot }
             }
         }
     }
 
+    /// Horizontal lenticels and scars of birch bark.
     fn dashes(&self, x: f32, y: f32) -> Mark {
         let wobble = self.rough.at(x, y);
-        let near = self.small.at(x, y + 0.0025 * wobble);
-        let wide = 0.12 + 0.42 * share(near.id, 8) * share(near.id, 8);
-        let thin = if near.id.is_multiple_of(3) { 0.08 } else { 0.15 };
-        let dash = 1.0 - smoothstep(0.55, 1.0, length(near.from, [1.0 / wide, 1.0 / thin]));
-        let shown = if near.id % 5 < 4 { dash } else { 0.0 };
+        let nearest = self.small.at(x, y + 0.0025 * wobble);
+        // Ellipses round the girth: width by the square of a hash, so that long dashes are rare; four of five cells
+        // have one.
+        let wide = 0.12 + 0.42 * unit_hash(nearest.id, 8) * unit_hash(nearest.id, 8);
+        let thin = if nearest.id.is_multiple_of(3) { 0.08 } else { 0.15 };
+        let dash = 1.0 - smoothstep(0.55, 1.0, length(nearest.from, [1.0 / wide, 1.0 / thin]));
+        let visible = if nearest.id % 5 < 4 { dash } else { 0.0 };
         let scar = self.scar(x, y, wobble, [0.24, 0.17]);
-        Mark { color: (0.92 * shown).max(scar.color), height: (-0.35 * shown).min(scar.height) }
+        Mark { color: (0.92 * visible).max(scar.color), height: (-0.35 * visible).min(scar.height) }
     }
 
+    /// Diamond-shaped lenticels and scars of poplar bark.
     fn diamonds(&self, x: f32, y: f32) -> Mark {
         let wobble = self.rough.at(x, y);
-        let near = self.small.at(x, y);
-        let size = 0.16 + 0.26 * share(near.id, 8);
-        let inside = 1.0 - diamond(&near, [size * 1.1, size], 0.15 * wobble);
+        let nearest = self.small.at(x, y);
+        // Diamonds in every third cell: a raised rim (`body`) around a sunken middle (`heart`).
+        let size = 0.16 + 0.26 * unit_hash(nearest.id, 8);
+        let inside = 1.0 - diamond(&nearest, [size * 1.1, size], 0.15 * wobble);
         let body = smoothstep(0.0, 0.35, inside);
         let heart = smoothstep(0.35, 0.8, inside);
-        let shown = if near.id.is_multiple_of(3) { 1.0 } else { 0.0 };
+        let visible = if nearest.id.is_multiple_of(3) { 1.0 } else { 0.0 };
         let scar = self.scar(x, y, wobble, [0.22, 0.13]);
-        Mark { color: (shown * 0.8 * body).max(scar.color), height: shown * (0.25 * body - 0.55 * heart) + scar.height }
+        Mark {
+            color: (visible * 0.8 * body).max(scar.color),
+            height: visible * (0.25 * body - 0.55 * heart) + scar.height,
+        }
     }
 
     /// A rough black scar in every other cell.
     fn scar(&self, x: f32, y: f32, wobble: f32, size: [f32; 2]) -> Mark {
-        let near = self.large.at(x, y);
-        if !near.id.is_multiple_of(2) {
+        let nearest = self.large.at(x, y);
+        if !nearest.id.is_multiple_of(2) {
             return Mark::default();
         }
-        let grow = 0.6 + 0.7 * share(near.id, 8);
-        let inside = 1.0 - diamond(&near, [size[0] * grow, size[1] * grow], 0.55 * wobble);
+        let grow = 0.6 + 0.7 * unit_hash(nearest.id, 8);
+        let inside = 1.0 - diamond(&nearest, [size[0] * grow, size[1] * grow], 0.55 * wobble);
         let body = smoothstep(0.0, 0.22, inside);
         Mark { color: body * (0.93 + 0.3 * wobble).clamp(0.0, 1.0), height: body * (0.25 * wobble - 0.15) }
     }
 }
 
-/// 0 in the middle of a diamond, 1 on its border.
-fn diamond(near: &NearestFeature, size: [f32; 2], rough: f32) -> f32 {
-    near.from[0].abs() / size[0] + near.from[1].abs() / size[1] + rough
+/// L1 distance from the middle of a diamond in its half diagonals, roughened: 0 in the middle, 1 on its border.
+fn diamond(nearest: &NearestFeature, size: [f32; 2], rough: f32) -> f32 {
+    nearest.from[0].abs() / size[0] + nearest.from[1].abs() / size[1] + rough
 }
 
+/// Length of a vector whose components are scaled first.
 fn length(v: [f32; 2], scale: [f32; 2]) -> f32 {
     let (x, y) = (v[0] * scale[0], v[1] * scale[1]);
     (x * x + y * y).sqrt()
 }
 
 /// A number in [0, 1) from some bits of a hash.
-fn share(id: u64, shift: u32) -> f32 {
+fn unit_hash(id: u64, shift: u32) -> f32 {
     ((id >> shift) & 0xFFFF) as f32 / 65_536.0
 }

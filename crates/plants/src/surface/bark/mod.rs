@@ -1,4 +1,4 @@
-//! Bark as tiling maps: plates between cracks, fibres, marks.
+//! Bark as tiling maps: plates between cracks, fibres, marks. Colours and proportions of the species are chosen by eye.
 //!
 //! ```
 //! use osier_plants::surface::bark::{BarkSpec, bark};

@@ -1,11 +1,11 @@
-//! The maps of a bark.
+//! Paints the maps of a bark: colour, normal, roughness, height.
 
 use glam::Vec3;
 
 use super::marks::MarkPattern;
 use super::{BarkGrain, BarkSpec};
-use crate::surface::material::map;
-use crate::surface::periodic_noise::{CellularNoise, FractalNoise, middles};
+use crate::surface::material::square_map;
+use crate::surface::periodic_noise::{CellularNoise, FractalNoise, pixel_centres};
 use crate::surface::{SurfaceMaterial, pixels};
 use osier_base::Result;
 use osier_base::math::{self, smoothstep};
@@ -13,7 +13,7 @@ use osier_base::par::par_map;
 use osier_base::units::byte;
 use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// Tables of all noises of a bark.
+/// The noises of a bark, tabulated; each has a seed of its own.
 struct BarkNoise {
     warp: [FractalNoise; 2],
     plates: CellularNoise,
@@ -21,7 +21,7 @@ struct BarkNoise {
     coarse: FractalNoise,
     tint: FractalNoise,
     patch: FractalNoise,
-    marker: MarkPattern,
+    marks: MarkPattern,
 }
 
 impl BarkNoise {
@@ -35,7 +35,7 @@ impl BarkNoise {
             coarse: FractalNoise::new(s(4), [6, 6], 5),
             tint: FractalNoise::new(s(5), [3, 3], 4),
             patch: FractalNoise::new(s(6), [2, 2], 5),
-            marker: MarkPattern::new(spec.marks, spec.seed),
+            marks: MarkPattern::new(spec.marks, spec.seed),
         }
     }
 }
@@ -49,15 +49,15 @@ struct BarkTexel {
     mark: f32,
 }
 
-/// Share of a grain in the height.
+/// Weight of a grain in the height; at 1 it replaces plates and fibres.
 const GRAIN_RELIEF: f32 = 0.25;
-/// Greatest change of brightness by a grain, twice.
+/// Range of the brightness that a grain adds: 1 - 0.12 to 1 + 0.12.
 const GRAIN_TINT: f32 = 0.24;
-/// Repeats of a grain around a tile: it is drawn out along the axis, as fibres are.
+/// Repeats of a grain across a tile, against one along it: fibres are drawn out along the axis.
 const GRAIN_REPEATS: f32 = 5.0;
 
 impl BarkTexel {
-    fn grained(self, value: f32) -> Self {
+    fn with_grain(self, value: f32) -> Self {
         let height = math::lerp(self.height, value, GRAIN_RELIEF);
         Self { height, tint: self.tint * (1.0 + GRAIN_TINT * (value - 0.5)), ..self }
     }
@@ -73,20 +73,22 @@ pub fn bark(spec: &BarkSpec, grain: Option<&BarkGrain>, name: &str) -> Result<Su
     let tables = BarkNoise::new(spec);
     let side = spec.side as usize;
     let rows: Vec<usize> = (0..side).collect();
+    // Height, tint and marks of every texel; then stretch the heights to [0, 1], and derive normals and colours from
+    // them.
     let samples = par_map(&rows, |&row| sample_row(spec, &tables, grain, row));
-    let heights = stretched(&samples);
+    let heights = normalized_heights(&samples);
     // Slope of one height unit over one texel, for normals in metres.
     let step = spec.depth / (spec.tile / spec.side as f32);
-    let normals = pixels::normals8(&heights, side, [step, step]);
+    let normals = pixels::normal_map(&heights, side, [step, step]);
     let painted = par_map(&rows, |&row| paint_row(spec, &samples[row], &heights[row * side..(row + 1) * side]));
     let (color, rough): (Vec<Vec<u8>>, Vec<Vec<u8>>) = painted.into_iter().unzip();
-    let (color, rough) = (pixels::joined(color), pixels::joined(rough));
-    let image = |kind, what, pixels| map(name, what, kind, spec.side, pixels);
+    let (color, rough) = (pixels::concatenated(color), pixels::concatenated(rough));
+    let image = |kind, what, pixels| square_map(name, what, kind, spec.side, pixels);
     let images = vec![
         image(ImageKind::Color, "color", Pixels::U8(color)),
         image(ImageKind::Data, "normal", Pixels::U8(normals)),
         image(ImageKind::Data, "rough", Pixels::U8(rough)),
-        image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
+        image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::unorm16(*h)).collect())),
     ];
     let material = Material {
         name: name.to_owned(),
@@ -107,24 +109,24 @@ pub fn bark(spec: &BarkSpec, grain: Option<&BarkGrain>, name: &str) -> Result<Su
 
 /// The texels of a row, with the grain laid over them.
 fn sample_row(spec: &BarkSpec, t: &BarkNoise, grain: Option<&BarkGrain>, row: usize) -> Vec<BarkTexel> {
-    let xs = middles(spec.side);
+    let xs = pixel_centres(spec.side);
     let y = 1.0 - (row as f32 + 0.5) / spec.side as f32;
     let [a, b] = [&t.warp[0], &t.warp[1]].map(|noise| noise.row(&xs, y));
     let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.row(&xs, y));
-    let straight = |i: usize| UnwarpedNoise { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
+    let unwarped = |i: usize| BarkNoiseSample { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
     let one = |(i, x): (usize, &f32)| {
-        let bare = sample(spec, t, [*x, y], &straight(i));
-        let at = |g: &BarkGrain| g.at(GRAIN_REPEATS * x + 0.05 * straight(i).warp[0], y + 0.12 * straight(i).warp[1]);
+        let base = sample(spec, t, [*x, y], &unwarped(i));
+        let at = |g: &BarkGrain| g.at(GRAIN_REPEATS * x + 0.05 * unwarped(i).warp[0], y + 0.12 * unwarped(i).warp[1]);
         match grain {
-            Some(g) => bare.grained(at(g)),
-            None => bare,
+            Some(g) => base.with_grain(at(g)),
+            None => base,
         }
     };
     xs.iter().enumerate().map(one).collect()
 }
 
 /// Values of the noises that are evaluated at the texel itself, without the warp.
-struct UnwarpedNoise {
+struct BarkNoiseSample {
     warp: [f32; 2],
     coarse: f32,
     tint: f32,
@@ -132,22 +134,25 @@ struct UnwarpedNoise {
 }
 
 /// Height, tint, patch and mark of the texel at (x, y) of the unit square.
-fn sample(spec: &BarkSpec, t: &BarkNoise, [x, y]: [f32; 2], straight: &UnwarpedNoise) -> BarkTexel {
+fn sample(spec: &BarkSpec, t: &BarkNoise, [x, y]: [f32; 2], unwarped: &BarkNoiseSample) -> BarkTexel {
     // Domain warping: plates, fibres and marks are looked up at displaced coordinates.
-    let (wx, wy) = (x + 0.035 * straight.warp[0], y + 0.07 * straight.warp[1]);
+    let (wx, wy) = (x + 0.035 * unwarped.warp[0], y + 0.07 * unwarped.warp[1]);
+    // Plates: f2 - f1 of cellular noise is 0 on the cell borders, which become the cracks.
     let near = t.plates.at(wx, wy);
     let plate = smoothstep(0.02, 0.02 + spec.gap, near.f2 - near.f1);
     let fibre = t.fibre.at(wx, wy);
-    let coarse = straight.coarse;
+    let coarse = unwarped.coarse;
     let [k1, k2, k3] = spec.weights;
+    // Weighted sum; the power 0.6 flattens the tops of the plates.
     let height = k1 * power_06(plate) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
     // Without plates there is nothing to crack.
     let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * plate, (k1 * 4.0).min(1.0)) } else { 1.0 };
-    let mark = t.marker.at(wx, wy);
-    let patch = smoothstep(0.05, 0.45, straight.patch) * spec.patch.1;
+    let mark = t.marks.at(wx, wy);
+    // Lichen and weathering where a coarse noise exceeds a threshold.
+    let patch = smoothstep(0.05, 0.45, unwarped.patch) * spec.patch.1;
     BarkTexel {
         height: height * cracked + 0.4 * mark.height,
-        tint: 1.0 + 0.25 * straight.tint + 0.10 * fibre,
+        tint: 1.0 + 0.25 * unwarped.tint + 0.10 * fibre,
         patch,
         mark: mark.color,
     }
@@ -155,12 +160,13 @@ fn sample(spec: &BarkSpec, t: &BarkNoise, [x, y]: [f32; 2], straight: &UnwarpedN
 
 /// x^0.6 on [0, 1], within 0.02.
 fn power_06(x: f32) -> f32 {
+    // sqrt(x) and x bracket x^0.6; their blend by 0.8 and 0.2 is close enough and needs no pow.
     let r = x.sqrt();
     r * (0.8 + 0.2 * r)
 }
 
 /// Heights row by row, scaled to [0, 1].
-fn stretched(samples: &[Vec<BarkTexel>]) -> Vec<f32> {
+fn normalized_heights(samples: &[Vec<BarkTexel>]) -> Vec<f32> {
     let all = || samples.iter().flatten().map(|s| s.height);
     let (low, high) = all().fold((f32::MAX, f32::MIN), |(a, b), h| (a.min(h), b.max(h)));
     let scale = 1.0 / (high - low).max(1e-9);
@@ -173,9 +179,10 @@ fn paint_row(spec: &BarkSpec, samples: &[BarkTexel], heights: &[f32]) -> (Vec<u8
     let mut color = Vec::with_capacity(samples.len() * 3);
     let mut rough = Vec::with_capacity(samples.len());
     for (s, h) in samples.iter().zip(heights) {
-        let bare = crack.lerp(ridge, *h);
-        let c = (bare.lerp(patch, s.patch * (0.4 + 0.6 * h)) * s.tint).lerp(mark, s.mark);
-        color.extend(pixels::srgb(c));
+        // Colour from crack to ridge by height, patches mostly on the ridges, marks on top.
+        let base = crack.lerp(ridge, *h);
+        let c = (base.lerp(patch, s.patch * (0.4 + 0.6 * h)) * s.tint).lerp(mark, s.mark);
+        color.extend(pixels::srgb_bytes(c));
         rough.push(byte(math::lerp(spec.roughness[0], spec.roughness[1], *h) + 0.1 * s.mark));
     }
     (color, rough)
@@ -201,7 +208,7 @@ mod tests {
     fn point(spec: &BarkSpec, t: &BarkNoise, x: f32, y: f32) -> BarkTexel {
         let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.at(x, y));
         let warp = [t.warp[0].at(x, y), t.warp[1].at(x, y)];
-        sample(spec, t, [x, y], &UnwarpedNoise { warp, coarse, tint, patch })
+        sample(spec, t, [x, y], &BarkNoiseSample { warp, coarse, tint, patch })
     }
 
     #[test]

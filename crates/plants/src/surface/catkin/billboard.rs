@@ -7,7 +7,7 @@ use crate::surface::SurfaceMaterial;
 use crate::surface::billboard::{
     self, BillboardSample, BillboardTexel, BillboardView, VIEWS, billboard_images, coverage_cutoff,
 };
-use crate::surface::pixels::first_index;
+use crate::surface::pixels::next_index;
 use osier_base::math::{self, narrow};
 use osier_scene::{Material, Mesh};
 
@@ -15,10 +15,10 @@ use osier_scene::{Material, Mesh};
 const SIDE: usize = SIDE_U32 as usize;
 /// [`SIDE`] as images count.
 const SIDE_U32: u32 = 256;
-/// Samples along a side of a pixel.
-const SAMPLES: usize = 8;
-/// Pixels by which colours and normals are spread beyond what is drawn.
-const SPREAD: usize = 4;
+/// Samples along a side of a pixel: hairs are thinner than a pixel, and 64 samples resolve their coverage.
+const SUPERSAMPLING: usize = 8;
+/// Passes of dilation, one pixel each: as many mipmap levels as their logarithm stay free of background.
+const DILATION_PASSES: usize = 4;
 
 /// A square picture of one view, rows from the top.
 struct TuftRaster {
@@ -32,7 +32,7 @@ struct TuftRaster {
 
 impl TuftRaster {
     fn new(view: BillboardView, reach: f32, pixels: usize) -> Self {
-        let side = pixels * SAMPLES;
+        let side = pixels * SUPERSAMPLING;
         Self { view, reach, side, samples: vec![None; side * side] }
     }
 
@@ -71,6 +71,7 @@ impl TuftRaster {
         let length2 = along.length_squared().max(1e-12);
         let reach = Vec2::splat(half[0].max(half[1]));
         self.draw([a.min(b) - reach, a.max(b) + reach], |p| {
+            // Nearest point of the axis; the offset in local radii gives the normal of a round cross-section.
             let t = ((p - a).dot(along) / length2).clamp(0.0, 1.0);
             let off = (p - a - along * t) / math::lerp(half[0], half[1], t).max(1e-6);
             let out = 1.0 - off.length_squared();
@@ -91,6 +92,7 @@ impl TuftRaster {
         let scale = self.scale();
         self.draw([at - reach * scale, at + reach * scale], |p| {
             let off = (p - at) / scale / reach;
+            // On the ellipsoid x^2 + y^2 + z^2 = 1 in semi-axes: z towards the viewer, and the gradient as normal.
             let z2 = 1.0 - off.length_squared();
             let z = math::sqrt_f32(z2.max(0.0));
             let normal = math::normalize_or(Vec3::new(off.x / reach.x, -off.y / reach.y, z / depth), Vec3::Z);
@@ -104,10 +106,11 @@ impl TuftRaster {
 /// filtering does not mix in black.
 fn dilate(texels: &mut [BillboardTexel], side: usize) {
     let mut known: Vec<bool> = texels.iter().map(|t| t.alpha > 0.0).collect();
-    for _ in 0..SPREAD {
+    for _ in 0..DILATION_PASSES {
         let before = (texels.to_vec(), known.clone());
         for i in (0..texels.len()).filter(|i| !before.1[*i]) {
             let (x, y) = (i % side, i / side);
+            // Mean of the up to eight known neighbours, from a copy: the order of pixels does not matter.
             let mut sum = (Vec3::ZERO, Vec3::ZERO, 0.0_f32);
             for row in y.saturating_sub(1)..(y + 2).min(side) {
                 for k in (x.saturating_sub(1)..(x + 2).min(side)).map(|column| row * side + column) {
@@ -135,12 +138,13 @@ impl Tuft {
         let (views, pixels) = if crossed { (&VIEWS[..], SIDE / 2) } else { (&VIEWS[..1], SIDE) };
         let mut texels = vec![BillboardTexel::default(); SIDE * SIDE];
         let mut mesh = Mesh::default();
+        // Mean height of the hairs, at which the horizontal quad lies.
         let height =
             self.hairs.points.iter().fold(0.0, |s, p| s + f64::from(p.y)) / self.hairs.points.len().max(1) as f64;
         for (k, view) in views.iter().enumerate() {
             let corner = (k % 2 * pixels, k / 2 * pixels);
             let raster = self.rasterize(*view, pixels);
-            let seen = billboard::texels(&raster.samples, raster.side, SAMPLES, |sum, count| sum / count);
+            let seen = billboard::texels(&raster.samples, raster.side, SUPERSAMPLING, |sum, count| sum / count);
             for (i, t) in seen.into_iter().enumerate() {
                 texels[(corner.1 + i / pixels) * SIDE + corner.0 + i % pixels] = t;
             }
@@ -148,7 +152,7 @@ impl Tuft {
             let middle = if view[2] == Vec3::Y { Vec3::Y * narrow(height) } else { Vec3::ZERO };
             push_quad(&mut mesh, *view, middle, self.radius, corner, pixels);
         }
-        let cut = coverage_cutoff(&texels, SAMPLES);
+        let cut = coverage_cutoff(&texels, SUPERSAMPLING);
         dilate(&mut texels, SIDE);
         let (images, maps) = billboard_images(&texels, name, SIDE_U32);
         let material = Material { maps, alpha_cutoff: Some(cut), ..hair_material(name) };
@@ -178,7 +182,7 @@ impl Tuft {
 /// corner is `corner`.
 fn push_quad(mesh: &mut Mesh, view: BillboardView, middle: Vec3, reach: f32, corner: (usize, usize), pixels: usize) {
     let [right, up, out] = view;
-    let base = first_index(mesh);
+    let base = next_index(mesh);
     let part = |n: usize| n as f32 / SIDE as f32;
     for (x, y) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
         let (u, v) = (2.0 * x as f32 - 1.0, 2.0 * y as f32 - 1.0);

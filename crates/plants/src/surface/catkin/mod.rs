@@ -14,8 +14,8 @@ use osier_scene::{Curves, Fine, Material, MaterialClass, MaterialId, Mesh, Proto
 pub use stalk::stalk;
 pub use tuning::VARIANTS;
 
-/// Share of the hairs that are left in the middle distance.
-const THINNED: f64 = 0.3;
+/// Share of the hairs that is kept in the middle distance; the rest is made up for by width. Fewer hairs look like straw.
+const THINNED_SHARE: f64 = 0.3;
 
 /// Thickness and unevenness of a tuft's hairs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,7 +58,7 @@ pub struct Tuft {
     key: u64,
 }
 
-/// Length and turn of each hair come from `key`.
+/// The tuft of a plant; `key` seeds the lengths and ribbon angles of its hairs.
 /// `plant`: one hair per axis, from its first node at the origin.
 /// Source: \[catkin\] 3; the bounding ball, fig. 7a. Differs: the ball holds the stalk as well.
 pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
@@ -74,11 +74,12 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
         let mut stream = Rng::from_key(child(child(key, word("jitter")), i as u64));
         let scale = narrow(1.0 + spec.jitter * stream.range(-1.0, 1.0));
         let line: Vec<Vec3> = plant.nodes.p[plant.nodes_of(axis)].iter().map(|p| *p * scale).collect();
-        let line = if spec.smooth == 0 { line } else { smoothed(&line, spec.smooth as usize) };
+        let line = if spec.smooth == 0 { line } else { resampled(&line, spec.smooth as usize) };
         hairs.counts.push(point_count(&line));
         hairs.widths.extend(widths(&line, spec));
         hairs.points.extend(line);
     }
+    // The stalk reaches 4 r below the origin (semi-axis 2 r), and counts for the bounding ball.
     let r = narrow(spec.stalk);
     let far = hairs.points.iter().map(|p| p.length()).fold(4.0 * r, f32::max);
     let lowest = hairs.points.iter().map(|p| p.y).fold(-4.0 * r, f32::min);
@@ -105,7 +106,7 @@ fn widths(line: &[Vec3], spec: &TuftSpec) -> Vec<f32> {
 
 /// A line through the same points with `count` of them, evenly spaced in the parameter.
 /// Source: centripetal Catmull-Rom spline (Barry and Goldman's pyramid); end tangents by mirrored neighbours.
-fn smoothed(line: &[Vec3], count: usize) -> Vec<Vec3> {
+fn resampled(line: &[Vec3], count: usize) -> Vec<Vec3> {
     let n = line.len();
     if n < 2 || count < 2 {
         return line.to_vec();
@@ -126,6 +127,7 @@ fn smoothed(line: &[Vec3], count: usize) -> Vec<Vec3> {
 
 /// The point a share `t` of the way from the second to the third of four.
 fn spline(p: [Vec3; 4], t: f32) -> Vec3 {
+    // Centripetal knots, then three levels of linear interpolation.
     let mut knots = [0.0_f32; 4];
     for i in 0..3 {
         knots[i + 1] = knots[i] + math::sqrt_f32(p[i].distance(p[i + 1])).max(1e-6);
@@ -165,7 +167,7 @@ impl Tuft {
         let mut order: Vec<usize> = (0..n).collect();
         Rng::from_key(child(self.key, word("thin"))).shuffle(&mut order);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
-        let kept = ((n as f64 * THINNED).round() as usize).clamp(1.min(n), n);
+        let kept = ((n as f64 * THINNED_SHARE).round() as usize).clamp(1.min(n), n);
         order.truncate(kept);
         order.sort_unstable();
         let mut out = Curves { counts: Vec::new(), points: Vec::new(), widths: Vec::new(), ..self.hairs.clone() };
@@ -177,21 +179,22 @@ impl Tuft {
             out.points.extend_from_slice(&self.hairs.points[range.clone()]);
             out.widths.extend_from_slice(&self.hairs.widths[range]);
         }
-        let own = covered(&out);
-        let factor = if own > 0.0 { narrow(covered(&self.hairs) / own) } else { 1.0 };
+        // Widen by the ratio of projected areas.
+        let own = projected_area(&out);
+        let factor = if own > 0.0 { narrow(projected_area(&self.hairs) / own) } else { 1.0 };
         out.widths.iter_mut().for_each(|w| *w *= factor);
         out
     }
 
     /// The tuft as curves and stalk, with ribbons for programs that have no curves.
-    pub fn hero(&self, name: &str) -> Prototype {
+    pub fn curves_prototype(&self, name: &str) -> Prototype {
         let fine = Fine { mesh: self.stalk((12, 8)), curves: self.hairs.clone() };
         Prototype { fine: Some(fine), ..Prototype::new(name, self.mesh(TuftDetail::Ribbons)) }
     }
 }
 
 /// Area that curves cover seen from their sides, m2: the sum of lengths times mean widths.
-pub fn covered(curves: &Curves) -> f64 {
+pub fn projected_area(curves: &Curves) -> f64 {
     let mut first = 0_usize;
     let mut sum = 0.0;
     for count in &curves.counts {

@@ -33,6 +33,7 @@ pub fn stalk(r: f32, cut: (u32, u32)) -> Mesh {
         }
     }
     push(Vec3::NEG_Y, Vec2::new(0.5, 0.0));
+    // Rows are numbered from pole to pole; fans at the poles, quads between.
     let at = |row: u32, k: u32| 1 + (row - 1) * around + k % around;
     let last = 1 + (rows - 1) * around;
     for k in 0..around {

@@ -53,8 +53,8 @@ fn seen(mesh: &Mesh, d: Vec3) -> f64 {
 fn numbers_of_every_level() {
     let t = tuft(&plant(100), &SPEC, 7);
     assert_eq!((t.hairs.counts.len(), t.hairs.points.len(), t.hairs.widths.len()), (100, 400, 400));
-    let hero = t.hero("p000").fine.expect("curves");
-    assert_eq!(hero.mesh.triangles.len(), 168);
+    let curves_prototype = t.curves_prototype("p000").fine.expect("curves");
+    assert_eq!(curves_prototype.mesh.triangles.len(), 168);
     for (detail, points, triangles) in [
         (TuftDetail::Tubes, 1200, 1800 + 168),
         (TuftDetail::Ribbons, 800, 600 + 48),
@@ -76,7 +76,7 @@ fn the_ball_holds_everything_and_touches_the_farthest_point() {
         let all = t.hairs.points.iter().copied().chain([Vec3::NEG_Y * 4.0 * narrow(stalk)]);
         let far = all.map(|p| p.length()).fold(0.0, f32::max);
         assert!((t.radius - far).abs() < 1e-9, "{} {far}", t.radius);
-        let body = t.hero("p").fine.expect("curves").mesh;
+        let body = t.curves_prototype("p").fine.expect("curves").mesh;
         assert!(body.points.iter().all(|p| p.length() <= t.radius * 1.000_01 && p.y <= 1e-9));
         assert!((body.bounds().min.y + 4.0 * narrow(stalk)).abs() < 1e-6);
     }
@@ -86,7 +86,7 @@ fn the_ball_holds_everything_and_touches_the_farthest_point() {
 fn thinned_hairs_cover_what_all_of_them_did() {
     for key in 0..20 {
         let t = tuft(&plant(100), &SPEC, key);
-        let ratio = covered(&t.thinned()) / covered(&t.hairs);
+        let ratio = projected_area(&t.thinned()) / projected_area(&t.hairs);
         assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
         assert_eq!(t.thinned().counts.len(), 30);
     }
@@ -136,12 +136,12 @@ fn cards_cover_what_the_hairs_do() {
         assert_eq!((color.len(), normal.len()), (256 * 256 * 4, 256 * 256 * 3));
         let cut = f64::from(surface.material.alpha_cutoff.expect("cut")) * 255.0;
         let alphas = || color.chunks(4).map(|p| f64::from(p[3]));
-        let covered = alphas().sum::<f64>() / 255.0;
+        let projected_area = alphas().sum::<f64>() / 255.0;
         let kept = alphas().filter(|a| *a >= cut).count() as f64;
-        assert!((kept / covered - 1.0).abs() < 0.12, "{kept} of {covered}");
+        assert!((kept / projected_area - 1.0).abs() < 0.12, "{kept} of {projected_area}");
         // Hairs seen from one side cover what their lengths across the view and their widths give, less what overlaps.
         let pixel = f64::from(2.0 * t.radius) / if crossed { 128.0 } else { 256.0 };
-        let area = covered * pixel * pixel / quads;
+        let area = projected_area * pixel * pixel / quads;
         assert!((0.4..1.0).contains(&(area / covered_by(&t))), "{}", area / covered_by(&t));
         // Nothing is black, seen or not; normals lean every way, about the viewer's direction.
         assert!(color.chunks(4).all(|p| p[0] > 200) && normal.chunks(3).all(|n| n[2] >= 127));
@@ -150,5 +150,5 @@ fn cards_cover_what_the_hairs_do() {
 }
 
 fn covered_by(t: &Tuft) -> f64 {
-    covered(&t.hairs)
+    projected_area(&t.hairs)
 }

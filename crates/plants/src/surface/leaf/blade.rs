@@ -1,4 +1,5 @@
-//! The lamina (blade) as a mesh: cells between veins, folded, curled and waved, on a petiole that continues as the midrib below.
+//! The lamina (blade) as a mesh: cells between veins are triangulated in the plane, then folded, curled and waved; the petiole
+//! continues below as the midrib.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +8,7 @@ use glam::{Vec2, Vec3};
 use super::BladeSpec;
 use super::edge_flips::{edge, flip_edges};
 use super::outline::{BladeHalf, BladeOutline};
-use crate::surface::pixels::{first_index, last_index};
+use crate::surface::pixels::{index_of_last, next_index};
 use osier_base::Result;
 use osier_base::geometry::triangulate;
 use osier_base::math;
@@ -27,11 +28,11 @@ pub enum BladeDetail {
     Crown,
 }
 
-/// Most points of one side's margin of a [`BladeDetail::Crown`] blade.
-const CROWN_MARGIN: usize = 12;
+/// Most points of one side's margin of a [`BladeDetail::Crown`] blade: crowns bear 10^5 leaves.
+const MAX_CROWN_MARGIN_POINTS: usize = 12;
 
-/// How often each triangle of a [`BladeDetail::Close`] blade is cut into four.
-const HALVINGS: u32 = 2;
+/// Levels of subdivision of a [`BladeDetail::Close`] blade: each level cuts every triangle into four.
+const SUBDIVISIONS: u32 = 2;
 
 impl BladeDetail {
     /// Points along each piece of the margin, and whether its teeth are cut.
@@ -44,7 +45,7 @@ impl BladeDetail {
     }
 
     /// Where veins have points between the midrib and the margin, as shares of their way.
-    fn inner(self) -> &'static [f32] {
+    fn vein_points(self) -> &'static [f32] {
         match self {
             Self::Close | Self::Hero => &[0.34, 0.68],
             Self::Light => &[0.5],
@@ -63,9 +64,9 @@ impl BladeDetail {
     }
 }
 
-/// The variation of one leaf against others of its species.
-struct BladePose {
-    /// Angle of either half against the plane, bend of the midrib, rad.
+/// Deformation of one leaf, which differs from others of its species.
+struct BladeVariation {
+    /// Dihedral fold of either half against the plane, and bend of the midrib from base to tip, rad.
     fold: f32,
     curl: f32,
     /// Amplitude of the margin's waves, share of the width, and their phases on both sides, rad.
@@ -79,9 +80,10 @@ struct BladePose {
     stretch: [f32; 2],
 }
 
-impl BladePose {
+impl BladeVariation {
     fn new(spec: &BladeSpec, variant: u64) -> Self {
         let mut draw = Rng::at(spec.seed, &["leaf".into(), variant.into()]);
+        // Relative variation of what the species fixes; absolute amounts for bends of either sign.
         let mut vary = |base: f32, by: f64| base * math::narrow(1.0 + draw.range(-by, by));
         let (fold, curl, wave) = (vary(spec.fold, 0.5), vary(spec.curl, 0.7), vary(spec.waviness, 0.5));
         let stretch = [vary(1.0, 0.08), vary(1.0, 0.06)];
@@ -98,41 +100,43 @@ impl BladePose {
 /// Own: cells between veins, so that creases follow the veins.
 pub fn blade(spec: &BladeSpec, variant: u64, detail: BladeDetail) -> Result<Mesh> {
     spec.check()?;
+    // Outline and veins in the plane; for crowns with a margin of few points.
     let (smooth, teeth) = detail.margin();
     let mut outline = BladeOutline::new(spec, smooth, teeth);
     if detail == BladeDetail::Crown {
-        outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
+        outline.halves.iter_mut().for_each(|half| half.simplify(MAX_CROWN_MARGIN_POINTS));
     }
-    let pose = BladePose::new(spec, variant);
+    let variation = BladeVariation::new(spec, variant);
+    // Triangulate the plane once; deform the points, so that all variants share topology and texture coordinates.
     let flat = triangulate_blade(&outline, detail);
     let mut mesh = Mesh {
-        points: flat.points.iter().map(|p| bend_blade(spec, &pose, *p)).collect(),
+        points: flat.points.iter().map(|p| bend_blade(spec, &variation, *p)).collect(),
         uvs: flat.points.iter().map(|p| outline.uv(*p)).collect(),
         triangles: flat.triangles,
         ..Mesh::default()
     };
     mesh.normals = smooth_normals(&mesh);
-    petiole(spec, &pose, &outline, detail, &mut mesh);
+    petiole(spec, &variation, &outline, detail, &mut mesh);
     tilt_normals_to_faces(&mut mesh);
     Ok(mesh.with_material(0))
 }
 
 /// The triangulated blade before it is bent, in the plane of the outline, m.
-struct FlatBlade {
+struct BladeTriangulation {
     points: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
     /// Edges along veins, which must stay edges of the mesh.
     creases: BTreeSet<(u32, u32)>,
 }
 
-impl FlatBlade {
+impl BladeTriangulation {
     fn push(&mut self, p: Vec2) -> u32 {
         self.points.push(p);
-        last_index(&self.points)
+        index_of_last(&self.points)
     }
 
-    /// Cuts each triangle into four at the middles of its edges.
-    fn halve(&mut self) {
+    /// Cuts each triangle into four at the midpoints of its edges; shared edges share the new point.
+    fn subdivide(&mut self) {
         let mut middles: BTreeMap<(u32, u32), u32> = BTreeMap::new();
         for [a, b, c] in std::mem::take(&mut self.triangles) {
             let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
@@ -155,24 +159,25 @@ impl FlatBlade {
 }
 
 /// Triangulates an outline along its veins.
-fn triangulate_blade(outline: &BladeOutline, detail: BladeDetail) -> FlatBlade {
-    let mut flat = FlatBlade { points: Vec::new(), triangles: Vec::new(), creases: BTreeSet::new() };
+fn triangulate_blade(outline: &BladeOutline, detail: BladeDetail) -> BladeTriangulation {
+    let mut flat = BladeTriangulation { points: Vec::new(), triangles: Vec::new(), creases: BTreeSet::new() };
     let midrib: Vec<u32> = outline.midrib.iter().map(|y| flat.push(Vec2::new(0.0, *y))).collect();
     for (half, reversed) in outline.halves.iter().zip([true, false]) {
         add_half(&mut flat, outline, half, &midrib, detail, reversed);
     }
     flat.creases.extend(midrib.windows(2).map(|w| edge(w[0], w[1])));
-    let FlatBlade { points, triangles, creases } = &mut flat;
+    // Improve the triangles by edge flips; edges on veins stay, so that creases follow the veins.
+    let BladeTriangulation { points, triangles, creases } = &mut flat;
     flip_edges(points, triangles, creases);
-    for _ in 0..if detail == BladeDetail::Close { HALVINGS } else { 0 } {
-        flat.halve();
+    for _ in 0..if detail == BladeDetail::Close { SUBDIVISIONS } else { 0 } {
+        flat.subdivide();
     }
     flat
 }
 
 /// The cells of one half: up the midrib, out along the upper vein, back along the margin, in along the lower vein.
 fn add_half(
-    flat: &mut FlatBlade,
+    flat: &mut BladeTriangulation,
     outline: &BladeOutline,
     half: &BladeHalf,
     midrib: &[u32],
@@ -181,7 +186,7 @@ fn add_half(
 ) {
     let last = half.margin.len() - 1;
     let (base, tip) = (midrib[0], midrib[midrib.len() - 1]);
-    let inner = detail.inner();
+    let vein_points = detail.vein_points();
     let margin: Vec<u32> = half
         .margin
         .iter()
@@ -196,7 +201,7 @@ fn add_half(
     let (mut from, mut along, mut below): (usize, usize, Vec<u32>) = (0, 0, Vec::new());
     for vein in &half.veins {
         let root = outline.midrib.partition_point(|y| *y < vein.root.y);
-        let above: Vec<u32> = inner.iter().map(|t| flat.push(vein.point(*t))).collect();
+        let above: Vec<u32> = vein_points.iter().map(|t| flat.push(vein.point(*t))).collect();
         let line: Vec<u32> = [midrib[root]].iter().chain(&above).chain(&[margin[vein.at]]).copied().collect();
         flat.creases.extend(line.windows(2).map(|w| edge(w[0], w[1])));
         let corners: Vec<u32> = midrib[from..=root]
@@ -216,36 +221,40 @@ fn add_half(
 
 /// Bends a point of the flat blade into space. The midrib is an arc of `curl`; both halves are folded up along it, their margins
 /// wave and droop.
-fn bend_blade(spec: &BladeSpec, pose: &BladePose, p: Vec2) -> Vec3 {
+fn bend_blade(spec: &BladeSpec, variation: &BladeVariation, p: Vec2) -> Vec3 {
+    // Coordinates of the blade: u along the midrib, 0 to 1; share across it, 0 at the midrib and 1 at the margin.
     let half = spec.width * 0.5;
     let u = p.y / spec.length;
     let side = usize::from(p.x < 0.0);
-    let x = p.x * pose.stretch[0];
+    let x = p.x * variation.stretch[0];
     let share = (x / half).abs();
-    // Fold both halves up along the midrib, less towards the tip; add waves that grow towards the margin, and droop.
-    let fold = pose.fold * (1.0 - 0.35 * u);
-    let wave = pose.wave * spec.width * math::sin_f32(9.0 * u + pose.phase[side]) * share * share.sqrt();
+    // Fold both halves up along the midrib, less towards the tip; add waves that grow with share^1.5 towards the margin, and a
+    // parabolic droop. Nine radians of phase are one and a half waves along the margin.
+    let fold = variation.fold * (1.0 - 0.35 * u);
+    let wave = variation.wave * spec.width * math::sin_f32(9.0 * u + variation.phase[side]) * share * share.sqrt();
     let rise = x.abs() * math::sin_f32(fold) - 0.1 * half * share * share + wave;
     let across = x * math::cos_f32(fold);
     // Twist the cross-section about the midrib, then place it on the midrib's arc.
-    let twist = pose.twist * u;
+    let twist = variation.twist * u;
     let (ct, st) = (math::cos_f32(twist), math::sin_f32(twist));
     let (across, rise) = (across * ct - rise * st, across * st + rise * ct);
-    let (mid, normal) = midrib_frame(spec, pose, u);
-    Vec3::new(across + pose.sideways * spec.length * u * u, mid.x + normal.x * rise, mid.y + normal.y * rise)
+    let (mid, normal) = midrib_frame(spec, variation, u);
+    Vec3::new(across + variation.sideways * spec.length * u * u, mid.x + normal.x * rise, mid.y + normal.y * rise)
 }
 
 /// Point and normal of the midrib at `u` (0..1 along it), in the plane of y and z: a circular arc of angle `curl`.
-fn midrib_frame(spec: &BladeSpec, pose: &BladePose, u: f32) -> (Vec2, Vec2) {
-    let length = spec.length * pose.stretch[1];
-    let k = if pose.curl.abs() < 1e-3 { 1e-3 } else { pose.curl };
+fn midrib_frame(spec: &BladeSpec, variation: &BladeVariation, u: f32) -> (Vec2, Vec2) {
+    let length = spec.length * variation.stretch[1];
+    // Arc of curvature k / length from the end of the petiole: y = sin(k u) length / k, z = (cos(k u) - 1) length /
+    // k.
+    let k = if variation.curl.abs() < 1e-3 { 1e-3 } else { variation.curl };
     let a = k * u;
     let (sin, cos) = (math::sin_f32(a), math::cos_f32(a));
     let start = Vec2::new(spec.petiole_length, 0.0);
     (start + Vec2::new(sin, cos - 1.0) * (length / k), Vec2::new(sin, cos))
 }
 
-/// Area-weighted vertex normals.
+/// Vertex normals: the normalized sum of the face normals around, weighted by area.
 fn smooth_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; mesh.points.len()];
     for t in &mesh.triangles {
@@ -264,6 +273,8 @@ fn tilt_normals_to_faces(mesh: &mut Mesh) {
         let mut turned = false;
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+            // A face agrees if the cosine to its summed vertex normals is positive, with a margin; else push its
+            // normals towards it. The factor 1e6 lifts areas of mm^2 above the length that counts as zero.
             let n = math::normalize_or((b - a).cross(c - a) * 1e6, Vec3::ZERO);
             let mean: Vec3 = t.iter().fold(Vec3::ZERO, |s, i| s + mesh.normals[*i as usize]);
             if n.dot(mean) < 0.05 && n != Vec3::ZERO {
@@ -281,7 +292,7 @@ fn tilt_normals_to_faces(mesh: &mut Mesh) {
 }
 
 /// A tube from the pivot to the blade and on below the midrib, thinning out; closed at both ends.
-fn petiole(spec: &BladeSpec, pose: &BladePose, outline: &BladeOutline, detail: BladeDetail, mesh: &mut Mesh) {
+fn petiole(spec: &BladeSpec, variation: &BladeVariation, outline: &BladeOutline, detail: BladeDetail, mesh: &mut Mesh) {
     let (sides, steps, under) = detail.petiole();
     let r = spec.petiole_radius;
     // Centreline with radii: the sagging petiole, thicker at its base, then along the underside of the midrib.
@@ -293,15 +304,15 @@ fn petiole(spec: &BladeSpec, pose: &BladePose, outline: &BladeOutline, detail: B
     }
     for k in 0..=under {
         let u = 0.62 * k as f32 / under as f32;
-        let (mid, normal) = midrib_frame(spec, pose, u);
+        let (mid, normal) = midrib_frame(spec, variation, u);
         let thin = r * (1.0 - 0.85 * u / 0.62);
         let p = mid - normal * (thin * 0.75);
-        path.push((Vec3::new(pose.sideways * spec.length * u * u, p.x, p.y), thin));
+        path.push((Vec3::new(variation.sideways * spec.length * u * u, p.x, p.y), thin));
     }
     if spec.petiole_length < 1e-6 {
         path.drain(..steps as usize);
     }
-    let first = first_index(mesh);
+    let first = next_index(mesh);
     // An elliptic ring at every point. All texture coordinates lie on the midrib near the base of the blade.
     let base_v = outline.uv(Vec2::ZERO).y;
     for (i, (c, r)) in path.iter().enumerate() {
@@ -326,6 +337,7 @@ fn petiole(spec: &BladeSpec, pose: &BladePose, outline: &BladeOutline, detail: B
         }
     }
     let rings = if spec.petiole_length < 1e-6 { under + 1 } else { steps + under + 1 };
+    // Two triangles per side between consecutive rings.
     for i in 0..rings.saturating_sub(1) {
         for j in 0..sides {
             let (a, b) = (first + i * sides + j, first + i * sides + (j + 1) % sides);
@@ -334,6 +346,7 @@ fn petiole(spec: &BladeSpec, pose: &BladePose, outline: &BladeOutline, detail: B
         }
     }
     let last = first + rings.saturating_sub(1) * sides;
+    // Fans close both ends.
     for j in 1..sides - 1 {
         mesh.triangles.push([first, first + j, first + j + 1]);
         mesh.triangles.push([last, last + j + 1, last + j]);
@@ -373,9 +386,9 @@ mod tests {
             let mut outline = BladeOutline::new(&spec, 1, false);
             let all: Vec<Vec2> = outline.halves[0].margin.clone();
             let (light, _) = area(&spec, BladeDetail::Light);
-            outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
+            outline.halves.iter_mut().for_each(|half| half.simplify(MAX_CROWN_MARGIN_POINTS));
             let half = &outline.halves[0];
-            assert!(half.margin.len() <= CROWN_MARGIN.max(half.veins.len() + 2));
+            assert!(half.margin.len() <= MAX_CROWN_MARGIN_POINTS.max(half.veins.len() + 2));
             assert!(half.veins.iter().all(|v| half.margin[v.at].distance(v.tip) < 1e-6), "veins end on the margin");
             assert!(half.margin.iter().all(|p| all.contains(p)));
             let flat = triangulate_blade(&outline, BladeDetail::Crown);

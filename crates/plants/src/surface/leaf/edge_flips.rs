@@ -5,28 +5,29 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::Vec2;
 
 /// Flips the diagonals of `triangles` (counter-clockwise in the plane) while that raises the lower quality of the two triangles
-/// beside them; edges in `kept` (smaller index first) stay. At most 12 sweeps.
+/// beside them; edges in `fixed` (smaller index first) stay. At most 12 sweeps.
 /// Source: C. Lawson, "Software for C1 surface interpolation", 1977: swaps for better shape.
-pub(super) fn flip_edges(points: &[Vec2], triangles: &mut [[u32; 3]], kept: &BTreeSet<(u32, u32)>) {
+pub(super) fn flip_edges(points: &[Vec2], triangles: &mut [[u32; 3]], fixed: &BTreeSet<(u32, u32)>) {
     for _ in 0..12 {
-        let mut beside: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
+        let mut faces_of_edge: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
         for (i, t) in triangles.iter().enumerate() {
             for k in 0..3 {
-                beside.entry(edge(t[k], t[(k + 1) % 3])).or_default().push(i);
+                faces_of_edge.entry(edge(t[k], t[(k + 1) % 3])).or_default().push(i);
             }
         }
-        let mut touched = BTreeSet::new();
-        for (key, pair) in &beside {
+        let mut flipped_faces = BTreeSet::new();
+        for (key, pair) in &faces_of_edge {
+            // Interior edges have two faces. A face takes part in one flip per sweep, since its edges are stale afterwards.
             let &[i, j] = pair.as_slice() else { continue };
-            if kept.contains(key) || touched.contains(&i) || touched.contains(&j) {
+            if fixed.contains(key) || flipped_faces.contains(&i) || flipped_faces.contains(&j) {
                 continue;
             }
-            if let Some(replaced) = flipped(points, triangles[i], triangles[j], *key) {
-                [triangles[i], triangles[j]] = replaced;
-                touched.extend([i, j]);
+            if let Some(better) = flipped(points, triangles[i], triangles[j], *key) {
+                [triangles[i], triangles[j]] = better;
+                flipped_faces.extend([i, j]);
             }
         }
-        if touched.is_empty() {
+        if flipped_faces.is_empty() {
             break;
         }
     }

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::BladeSpec;
 use super::outline::{BladeHalf, BladeOutline, Vein};
 use crate::surface::periodic_noise::{CellularNoise, FractalNoise};
-use crate::surface::pixels::SurfaceTexel;
+use crate::surface::pixels::MaterialTexel;
 use crate::surface::{SurfaceMaterial, pixels};
 use osier_base::math;
 use osier_base::par::par_map;
@@ -50,9 +50,9 @@ impl LeafColors {
     };
 }
 
-/// Reach of the veins' shoulders in the maps, share of the blade's length.
+/// Width of the swelling beside the veins in the maps, share of the blade's length; distances are computed up to it.
 const SHOULDER: f32 = 0.05;
-/// Height of the relief, share of the blade's length.
+/// Height range of the relief, share of the blade's length; larger values make the veins stand out in grazing light.
 const RELIEF: f32 = 0.004;
 
 /// Distances on the flat blade, one per pixel, m.
@@ -90,7 +90,7 @@ pub fn leaf_material(
     let (distances, noise) = (vein_distances(spec, &outline, &grid), LeafNoise::new(spec.seed));
     let painter = LeafPainter { spec, colors, grid: &grid, distances: &distances, noise: &noise };
     let rows: Vec<usize> = (0..grid.side).collect();
-    let texels = pixels::joined(par_map(&rows, |&y| painter.row(y)));
+    let texels = pixels::concatenated(par_map(&rows, |&y| painter.row(y)));
     let pixel = [outline.frame.1.x / side as f32, outline.frame.1.y / side as f32];
     let scale = RELIEF * spec.length;
     let images = pixels::surface_images(name, side, &texels, [scale / pixel[0], scale / pixel[1]], relief);
@@ -118,7 +118,8 @@ struct BladeRaster<'a> {
 }
 
 impl BladeRaster<'_> {
-    fn place(&self, x: usize, y: usize) -> Vec2 {
+    /// Centre of a pixel on the flat blade, m.
+    fn position(&self, x: usize, y: usize) -> Vec2 {
         let n = self.side as f32;
         let uv = Vec2::new((x as f32 + 0.5) / n, 1.0 - (y as f32 + 0.5) / n);
         self.outline.frame.0 + uv * self.outline.frame.1
@@ -129,6 +130,7 @@ impl BladeRaster<'_> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn stroke(&self, field: &mut [f32], a: Vec2, b: Vec2, half: [f32; 2], reach: f32) {
         let n = self.side as f32;
+        // Visit the pixels of the stroke's bounding box only.
         let pad = Vec2::splat(reach + half[0].max(half[1]));
         let low = (a.min(b) - pad - self.outline.frame.0) / self.outline.frame.1 * n;
         let high = (a.max(b) + pad - self.outline.frame.0) / self.outline.frame.1 * n;
@@ -137,7 +139,8 @@ impl BladeRaster<'_> {
         let d2 = d.length_squared().max(1e-18);
         for y in cut(n - high.y)..cut(n - low.y + 1.0) {
             for x in cut(low.x)..cut(high.x + 1.0) {
-                let p = self.place(x, y) - a;
+                let p = self.position(x, y) - a;
+                // Distance to the segment less the interpolated half width: the signed distance of a tapered stroke.
                 let t = (p.dot(d) / d2).clamp(0.0, 1.0);
                 let distance = (p - d * t).length() - math::lerp(half[0], half[1], t);
                 let cell = &mut field[y * self.side + x];
@@ -192,6 +195,7 @@ fn stroke_fine_veins(spec: &BladeSpec, grid: &BladeRaster<'_>, f: &mut VeinDista
         let before = if i > 0 { half.veins[i - 1].at } else { 0 };
         let after = next.map_or(last, |n| n.at);
         // Each keeps to its own half of the way to the next vein: the one that leaves first goes farthest.
+        // Two branches to each side, leaving at 45 % and 68 % of the vein, as quadratic Bezier curves.
         for (from, share) in [(0.45, 0.46), (0.68_f32, 0.26_f32)] {
             let a = vein.point(from);
             for goal in [after, before] {
@@ -201,6 +205,8 @@ fn stroke_fine_veins(spec: &BladeSpec, grid: &BladeRaster<'_>, f: &mut VeinDista
                 stroke_curve(grid, &mut f.branch, q, [unit * 0.16, unit * 0.03], reach);
             }
         }
+        // Tertiary veins: bridges to the next side vein at irregular distances; beyond the last vein they run towards
+        // the midrib.
         let bridges = 7_u8;
         for k in 1..bridges {
             let t = (f32::from(k) + math::narrow(draw.range(-0.25, 0.25))) / f32::from(bridges);
@@ -222,7 +228,7 @@ fn margin_point(margin: &[Vec2], from: usize, to: usize, share: f32) -> Vec2 {
     margin[k].lerp(margin[k + 1], at - k as f32)
 }
 
-/// Noise on the square of a blade's length, from a tenth of it below the base.
+/// The noises of a blade, in units of its length.
 struct LeafNoise {
     patch: FractalNoise,
     grain: FractalNoise,
@@ -241,7 +247,7 @@ impl LeafNoise {
     }
 }
 
-/// What the texels of a leaf are computed from.
+/// Inputs of the texels of a leaf.
 struct LeafPainter<'a> {
     spec: &'a BladeSpec,
     colors: &'a LeafColors,
@@ -252,16 +258,17 @@ struct LeafPainter<'a> {
 
 impl LeafPainter<'_> {
     /// The texels of row `y`.
-    fn row(&self, y: usize) -> Vec<SurfaceTexel> {
-        let places: Vec<Vec2> = (0..self.grid.side).map(|x| self.grid.place(x, y) / self.spec.length).collect();
+    fn row(&self, y: usize) -> Vec<MaterialTexel> {
+        let places: Vec<Vec2> = (0..self.grid.side).map(|x| self.grid.position(x, y) / self.spec.length).collect();
         let xs: Vec<f32> = places.iter().map(|q| q.x).collect();
         let v = places.first().map_or(0.0, |q| q.y);
+        // Noises are evaluated row by row, which is several times faster than point by point.
         let (patch, grain) = (self.noise.patch.row(&xs, v), self.noise.grain.row(&xs, v));
         (0..self.grid.side).map(|x| self.texel(places[x], patch[x], grain[x], y * self.grid.side + x)).collect()
     }
 
     /// The texel with index `i`, at `q` in lengths of the blade; `patch`, `grain`: values of these noises there.
-    fn texel(&self, q: Vec2, patch: f32, grain: f32, i: usize) -> SurfaceTexel {
+    fn texel(&self, q: Vec2, patch: f32, grain: f32, i: usize) -> MaterialTexel {
         let (colors, l) = (self.colors, self.spec.length);
         // Masks, 1 on the feature: the network of cells, branches, midrib and side veins, fine veins, margin.
         let net = self.noise.net.at(q.x, q.y);
@@ -280,7 +287,7 @@ impl LeafPainter<'_> {
         let mut color = dark.lerp(light, tone);
         color = color.lerp(vein_color, 0.10 * mesh + 0.20 * bridge * (1.0 - 0.5 * mesh));
         color = color.lerp(edge_color, 0.40 * edge * edge);
-        // A few brown pinpricks, as any leaf past spring has.
+        // Blemishes: brown spots in one of 23 cells of the spot noise.
         let spot = self.noise.spots.at(q.x, q.y);
         if spot.id.is_multiple_of(23) {
             color = color.lerp(edge_color * 0.7, 0.75 * (1.0 - math::smoothstep(0.05, 0.13, spot.f1)));
@@ -293,7 +300,7 @@ impl LeafPainter<'_> {
             (math::smoothstep(0.0, 0.012, self.distances.branch[i] / l), math::smoothstep(0.0, 0.010, fine / l));
         let height = 0.58 * swell + 0.08 * groove + 0.12 * fold + 0.06 * (1.0 - mesh) + 0.03 * grain + 0.16 * vein;
         let rough = colors.roughness + 0.14 * vein + 0.06 * mesh + 0.06 * patch + 0.05 * grain;
-        SurfaceTexel { color, height, rough: rough.clamp(0.05, 1.0) }
+        MaterialTexel { color, height, rough: rough.clamp(0.05, 1.0) }
     }
 }
 

@@ -58,7 +58,7 @@ pub(super) struct BladeOutline {
     pub halves: [BladeHalf; 2],
     /// Heights on the midrib: base, all vein roots, tip, increasing.
     pub midrib: Vec<f32>,
-    /// Box of the margins with 2 % around: smallest corner and size.
+    /// The texture's window: smallest corner and size of the box of the margins with 2 % around, m.
     pub frame: (Vec2, Vec2),
 }
 
@@ -82,7 +82,7 @@ impl BladeOutline {
 }
 
 /// Control points of one side in shares of (half width, length), base and tip included.
-fn controls(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
+fn control_points(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
     let table: &[[f32; 2]] = match spec.form {
         LeafForm::Lobed { lobes, depth } => return lobed(lobes, depth, draw),
         LeafForm::Rhombic => &[
@@ -146,11 +146,13 @@ fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     out
 }
 
+/// Margin and veins of one side; `side`: 1 right, -1 left.
 fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     let word = if side > 0.0 { "right" } else { "left" };
     let mut draw = Rng::at(spec.seed, &["blade".into(), word.into()]);
+    // Work on the positive side, then mirror: both sides draw from streams of their own and so differ a little.
     let scale = Vec2::new(spec.width * 0.5, spec.length);
-    let points: Vec<Vec2> = controls(spec, &mut draw).iter().map(|p| *p * scale).collect();
+    let points: Vec<Vec2> = control_points(spec, &mut draw).iter().map(|p| *p * scale).collect();
     let lobed = matches!(spec.form, LeafForm::Lobed { .. });
     let curve = spline(&points, smooth);
     let (mut margin, tips) = match (teeth && spec.teeth.count > 0, lobed) {
@@ -160,7 +162,7 @@ fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
             let tips = (0..).map(|k| (3 + 4 * k) * smooth as usize).take_while(|t| t + 4 < curve.len());
             (curve.clone(), tips.take(vein_count(spec)).collect())
         }
-        (false, false) => (curve.clone(), spread(&curve, spec)),
+        (false, false) => (curve.clone(), evenly_spaced_tips(&curve, spec)),
     };
     let mut veins = veins(spec, &margin, &tips, side);
     for p in &mut margin {
@@ -174,6 +176,7 @@ fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     BladeHalf { margin, veins }
 }
 
+/// Number of side veins on a side: one per lobe, else as the species has.
 fn vein_count(spec: &BladeSpec) -> usize {
     match spec.form {
         LeafForm::Lobed { lobes, .. } => lobes as usize,
@@ -197,6 +200,8 @@ fn spline(points: &[Vec2], pieces: u32) -> Vec<Vec2> {
     out
 }
 
+/// Point at `u` (0..1) of the span between the second and the third of four points.
+/// Source: P. Barry, R. Goldman, SIGGRAPH 1988, with centripetal knots t_i+1 = t_i + |p_i+1 - p_i|^(1/2).
 fn span(p: [Vec2; 4], u: f32) -> Vec2 {
     let gap = |a: Vec2, b: Vec2| a.distance(b).sqrt().max(1e-5);
     let (t1, t2) = (gap(p[0], p[1]), gap(p[0], p[1]) + gap(p[1], p[2]));
@@ -208,7 +213,7 @@ fn span(p: [Vec2; 4], u: f32) -> Vec2 {
 }
 
 /// Arc lengths along a polyline.
-fn arcs(line: &[Vec2]) -> Vec<f32> {
+fn arc_lengths(line: &[Vec2]) -> Vec<f32> {
     let mut sum = 0.0;
     let mut out = vec![0.0];
     out.extend(line.windows(2).map(|w| {
@@ -219,10 +224,10 @@ fn arcs(line: &[Vec2]) -> Vec<f32> {
 }
 
 /// Point and unit direction at arc length `a`.
-fn along(line: &[Vec2], arcs: &[f32], a: f32) -> (Vec2, Vec2) {
-    let k = arcs.partition_point(|v| *v <= a).clamp(1, line.len() - 1);
+fn along(line: &[Vec2], arc_lengths: &[f32], a: f32) -> (Vec2, Vec2) {
+    let k = arc_lengths.partition_point(|v| *v <= a).clamp(1, line.len() - 1);
     let (p, q) = (line[k - 1], line[k]);
-    let t = ((a - arcs[k - 1]) / (arcs[k] - arcs[k - 1]).max(1e-9)).clamp(0.0, 1.0);
+    let t = ((a - arc_lengths[k - 1]) / (arc_lengths[k] - arc_lengths[k - 1]).max(1e-9)).clamp(0.0, 1.0);
     (p.lerp(q, t), (q - p).normalize_or(Vec2::Y))
 }
 
@@ -239,7 +244,8 @@ fn toothed_range(spec: &BladeSpec) -> (f32, f32) {
 /// one, else they are spread over the teeth.
 #[allow(clippy::cast_precision_loss, reason = "at most 60 teeth of 5 points")]
 fn toothed(spec: &BladeSpec, curve: &[Vec2], draw: &mut Rng) -> (Vec<Vec2>, Vec<usize>) {
-    let lengths = arcs(curve);
+    // Teeth are placed by arc length between the toothless base and tip.
+    let lengths = arc_lengths(curve);
     let total = lengths.last().copied().unwrap_or(0.0);
     let (from, to) = toothed_range(spec);
     let (from, to) = (from * total, to * total);
@@ -251,9 +257,11 @@ fn toothed(spec: &BladeSpec, curve: &[Vec2], draw: &mut Rng) -> (Vec<Vec2>, Vec<
     for k in 0..n {
         let major = k % each == each - 1;
         let share = k as f32 / n as f32;
+        // Height of the tooth: half for minor ones, falling by 55 % towards the tip, with 15 % of irregularity.
         let size = spec.teeth.depth * spec.width * if major { 1.0 } else { 0.5 } * (1.0 - 0.55 * share);
         let size = size * math::narrow(draw.range(0.85, 1.15));
         let here = from + step * (k as f32 + math::narrow(draw.range(-0.08, 0.08)));
+        // A tooth is a notch inside the curve and a tip outside it, shifted towards the tip of the blade.
         let (notch, t) = along(curve, &lengths, here);
         let out = Vec2::new(t.y, -t.x);
         let reach = if major { 0.82 } else { 0.74 };
@@ -281,8 +289,8 @@ fn toothed(spec: &BladeSpec, curve: &[Vec2], draw: &mut Rng) -> (Vec<Vec2>, Vec<
 }
 
 /// Vein tips at equal steps along an untoothed margin.
-fn spread(curve: &[Vec2], spec: &BladeSpec) -> Vec<usize> {
-    let lengths = arcs(curve);
+fn evenly_spaced_tips(curve: &[Vec2], spec: &BladeSpec) -> Vec<usize> {
+    let lengths = arc_lengths(curve);
     let total = lengths.last().copied().unwrap_or(0.0);
     let (from, to) = toothed_range(spec);
     let n = vein_count(spec);
@@ -305,6 +313,8 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
     for (i, &at) in tips.iter().enumerate() {
         let Some(&tip) = margin.get(at) else { continue };
         let most = spec.length * (0.97 - 0.03 * (tips.len() - i) as f32);
+        // Lead the vein back from its tip at the species' angle to the midrib; roots keep their order and a least
+        // distance.
         let y = (tip.y - tip.x * slope + shift).clamp(lowest, most.max(lowest));
         let mut vein = Vein { root: Vec2::ZERO, bend: Vec2::ZERO, tip, at };
         // Straight at first, bent to the tip of the blade near the margin; rooted higher where a bay is in the way.
@@ -312,7 +322,7 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
             let y = (y + 0.012 * spec.length * f32::from(k)).min(most.max(lowest));
             vein.root = Vec2::new(0.0, y);
             vein.bend = Vec2::new(tip.x * 0.55, math::lerp(y, tip.y, rise));
-            if clear(margin, &vein) {
+            if is_inside_margin(margin, &vein) {
                 break;
             }
         }
@@ -323,7 +333,8 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
 }
 
 /// Whether the vein, as meshes cut it, stays off the margin.
-fn clear(margin: &[Vec2], vein: &Vein) -> bool {
+fn is_inside_margin(margin: &[Vec2], vein: &Vein) -> bool {
+    // The vein as the meshes of the detail levels draw it: polylines with these parameters.
     let cuts: [&[f32]; 2] = [&[0.0, 0.34, 0.68, 1.0], &[0.0, 0.5, 1.0]];
     cuts.iter().flat_map(|c| c.windows(2)).all(|w| {
         let (a, b) = (vein.point(w[0]), vein.point(w[1]));
@@ -333,6 +344,7 @@ fn clear(margin: &[Vec2], vein: &Vein) -> bool {
 
 /// Whether `p` lies between the midrib and the margin.
 fn inside(margin: &[Vec2], p: Vec2) -> bool {
+    // Even-odd rule: count the edges that a ray towards +x crosses.
     let crosses = |w: &&[Vec2]| {
         let (a, b) = (w[0], w[1]);
         (a.y > p.y) != (b.y > p.y) && a.x + (b.x - a.x) * (p.y - a.y) / (b.y - a.y) > p.x

@@ -5,9 +5,9 @@ use glam::Vec3;
 /// A point of a centreline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CurvePoint {
-    /// Position, m.
+    /// Position in plant space, m.
     pub p: Vec3,
-    /// Radius, m.
+    /// Radius of the tube there, m, > 0.
     pub r: f32,
     /// Arc length on the axis, m.
     pub s: f32,

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::centerline::CurvePoint;
-use super::tuning::{FILLET_RADIUS, MIN_FILLET_RADIUS, SHARP, TIGHT};
+use super::tuning::{FILLET_RADIUS, MIN_FILLET_RADIUS, SHARP_CORNER_TAN2, TIGHT_CORNER_RADII};
 use osier_base::math;
 
 /// The two segments that meet in a point of a curve: unit directions before and after it.
@@ -22,6 +22,7 @@ impl CurveCorner {
         let (x, y) = (b.p - a.p, c.p - b.p);
         let lengths = (x.length(), y.length());
         let (before, after) = (math::normalize_or(x, y), math::normalize_or(y, x));
+        // tan(a / 2) = sin a / (1 + cos a), without an inverse function.
         let tan = before.cross(after).length() / (1.0 + before.dot(after)).max(1e-6);
         Some(Self { before, after, tan, lengths })
     }
@@ -37,9 +38,9 @@ pub(super) fn has_tight_corner(curve: &[CurvePoint], turn: f32) -> bool {
         // Squared tangent of half the angle, tan^2(a / 2) = (1 - cos a) / (1 + cos a), kept as the fraction above / below to
         // avoid the division: this test runs for every node.
         let (above, below) = (room - x.dot(y), (room + x.dot(y)).max(1e-12));
-        let reach = TIGHT * w[1].r;
+        let reach = TIGHT_CORNER_RADII * w[1].r;
         let tight = above > least * below && 0.25 * x2.min(y2) * below < reach * reach * above;
-        tight || above > SHARP.max(least) * below
+        tight || above > SHARP_CORNER_TAN2.max(least) * below
     })
 }
 
@@ -60,6 +61,7 @@ pub(super) fn fillet_corners(curve: &[CurvePoint], turn: f32, out: &mut Vec<Curv
             out.push(*knot);
             continue;
         };
+        // Two corners on one segment divide it in proportion to the tangent lengths r tan(a / 2) that they ask for.
         let own = wanted(i);
         let share = |length: f32, other: f32| (length / (own + other).max(1e-9)).min(1.0);
         let part = share(c.lengths.0, wanted(i - 1)).min(share(c.lengths.1, wanted(i + 1)));
@@ -78,11 +80,14 @@ fn push_arc(curve: &[CurvePoint], i: usize, c: &CurveCorner, reach: f32, turn: f
     let k = curve[i];
     let angle = math::acos_f32(c.before.dot(c.after).clamp(-1.0, 1.0));
     let pieces = (angle / turn).ceil().clamp(1.0, 8.0) as u8;
+    // The arc starts at p - t reach along the segment before, with its centre at distance reach / tan(a / 2) on the
+    // inner side.
     let inward = math::normalize_or(c.after - c.before, c.before);
     let radius = reach / c.tan;
     let side = math::normalize_or(inward.reject_from_normalized(c.before), inward);
     let start = k.p - c.before * reach;
     let (from, to) = (reach.min(k.s - curve[i - 1].s), reach.min(curve[i + 1].s - k.s));
+    // Radii taper on both sides as on the segments that the arc replaces.
     let slope = |other: &CurvePoint| (other.r - k.r) / (other.s - k.s).abs().max(1e-9);
     let (back, ahead) = (slope(&curve[i - 1]), slope(&curve[i + 1]));
     for step in 0..=pieces {

@@ -5,17 +5,17 @@ use glam::Vec2;
 use super::junction;
 use super::layout::{CircleTables, MaterialRun, SkinLayout, v_scale};
 use super::rings::Ring;
-use super::tube::{SkinContext, TubeJob};
+use super::tube::{SkinContext, TubeInputs};
 use super::tube_plan::{TubeCap, TubePlans, TubeStart};
 use super::tuning::POINTS_PER_TASK;
 use super::writer::{PointRing, TubeWriter};
-use super::{AxisBinding, Skin, SkinOptions, TubeRange};
+use super::{AxisBinding, PlantSkin, SkinOptions, TubeRange};
 use osier_base::par::par_each;
 use osier_scene::plant::Plant;
 use osier_scene::{Mesh, Subset};
 
 /// Fills the arrays of `skin`, whose buffers are reused where they are large enough.
-pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layout: SkinLayout, skin: &mut Skin) {
+pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layout: SkinLayout, skin: &mut PlantSkin) {
     let circles = CircleTables::new(options.sides.1);
     let (points, triangles) = (layout.points as usize, layout.triangles as usize);
     let old = std::mem::take(&mut skin.mesh);
@@ -32,7 +32,7 @@ pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layo
     let mut tasks = split_arrays(&layout.tubes, &mut skin.mesh, &mut skin.bindings);
     par_each(&mut tasks, |(tubes, out)| {
         for tube in *tubes {
-            write_tube(&TubeJob::new(context, tube.axis), out);
+            write_tube(&TubeInputs::new(context, tube.axis), out);
         }
     });
     skin.tubes = layout.tubes;
@@ -70,6 +70,7 @@ fn split_arrays<'a>(
     let mut bindings = bindings;
     let mut rest = tubes;
     let mut tasks = Vec::new();
+    // Cut between tubes, so that every task fills ranges of its own and no synchronization is needed.
     while let Some(first) = rest.first() {
         let first_point = first.points.0;
         let n = rest.partition_point(|t| t.points.0 - first_point < POINTS_PER_TASK).max(1);
@@ -102,8 +103,9 @@ fn split_off<'a, T>(from: &mut &'a mut [T], n: usize) -> &'a mut [T] {
 }
 
 /// Writes one tube: start, rings from the base to the tip, end.
-fn write_tube(tube: &TubeJob<'_>, out: &mut TubeWriter<'_>) {
+fn write_tube(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) {
     let v_scale = v_scale(tube.context.options, &tube.params);
+    // Start (cap or junction), regular rings joined by strips of quads, end.
     let mut below = write_start(tube, out);
     for ring in tube.rings {
         let first = out.ring(&tube.point_ring(ring, v_scale), tube.circle);
@@ -119,7 +121,7 @@ fn write_tube(tube: &TubeJob<'_>, out: &mut TubeWriter<'_>) {
 
 /// Writes the cap below the first ring or, for a side branch, its junction. Returns the first point of the ring that the first
 /// regular ring is joined to.
-fn write_start(tube: &TubeJob<'_>, out: &mut TubeWriter<'_>) -> Option<u32> {
+fn write_start(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) -> Option<u32> {
     let first = tube.rings.first()?;
     if let TubeStart::Side(site) = &tube.plan.start {
         return Some(junction::write_junction(tube, site, out));
@@ -130,7 +132,7 @@ fn write_start(tube: &TubeJob<'_>, out: &mut TubeWriter<'_>) -> Option<u32> {
 }
 
 /// Writes the cap above the last ring. `below`: that ring's first point.
-fn write_end(tube: &TubeJob<'_>, ring: &Ring, below: u32, out: &mut TubeWriter<'_>) {
+fn write_end(tube: &TubeInputs<'_>, ring: &Ring, below: u32, out: &mut TubeWriter<'_>) {
     let n = tube.params.sides;
     let base = tube.point_ring(ring, v_scale(tube.context.options, &tube.params));
     let raised = |height: f32, v: f32| PointRing {

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 
 use super::layout::{CirclePoint, junction_rings, rolled, v_coordinate, v_scale};
 use super::rings::Ring;
-use super::tube::TubeJob;
+use super::tube::TubeInputs;
 use super::tube_plan::{Junction, TubePlan, TubeStart};
 use super::writer::TubeWriter;
 use super::{AxisBinding, UvMode};
@@ -32,6 +32,8 @@ struct Cone {
 impl Cone {
     /// The cone through two circles. `inscribed`: inradius over circumradius of the polygon.
     fn new(lower: Circle, upper: Circle, inscribed: f32) -> Self {
+        // Inscribed radii: the mesh of the parent is a prism within its circles, and the branch must not float above
+        // its facets.
         let span = upper.c - lower.c;
         let length = span.length().max(1e-9);
         let growth = (upper.r - lower.r) * inscribed / length;
@@ -58,12 +60,10 @@ impl Cone {
     }
 }
 
-/// A circle of a tube.
+/// A circle of a tube: centre and radius, m.
 #[derive(Debug, Clone, Copy)]
 struct Circle {
-    /// Centre, m.
     c: Vec3,
-    /// Radius, m.
     r: f32,
 }
 
@@ -109,6 +109,8 @@ impl<'a> ParentTube<'a> {
     /// tube for at most five segments.
     fn exit(&self, mut k: usize, cone: &Cone, x: Vec3, dir: Vec3) -> ConeExit {
         let last = self.rings.len().saturating_sub(1);
+        // The quadratic of one segment is exact only between its rings: step to the neighbour on whose side the exit
+        // lies.
         let mut exit = cone.exit(x, dir);
         for _ in 0..5 {
             match exit.z {
@@ -140,7 +142,7 @@ struct JunctionCorner {
 
 /// What all corners of a junction share.
 struct JunctionShape<'a> {
-    tube: &'a TubeJob<'a>,
+    tube: &'a TubeInputs<'a>,
     site: &'a Junction,
     /// The first regular ring of the branch.
     first: &'a Ring,
@@ -159,7 +161,7 @@ struct JunctionShape<'a> {
 /// parent's surface the normals lie between those of both surfaces, which hides the crease. The cap is a fan from the collar
 /// to a point below its middle: seen along the branch its corners surround that point, so none of its triangles can turn
 /// over, and it stays inside the parent however that bends.
-pub(super) fn write_junction(tube: &TubeJob<'_>, site: &Junction, out: &mut TubeWriter<'_>) -> u32 {
+pub(super) fn write_junction(tube: &TubeInputs<'_>, site: &Junction, out: &mut TubeWriter<'_>) -> u32 {
     let (context, Some(first)) = (&tube.context, tube.rings.first()) else { return 0 };
     // The parent's surface, and its segment at the attachment.
     let axis = &context.plant.axes[tube.axis as usize];
@@ -186,6 +188,7 @@ pub(super) fn write_junction(tube: &TubeJob<'_>, site: &Junction, out: &mut Tube
         v_end: tube.params.uv[1] + v_scale * v_coordinate(context.options, first),
         v_per_metre: v_rate * v_scale,
     };
+    // Follow every corner from the parent to the first regular ring, then write the cap and the rings between.
     let mut corners = [JunctionCorner::default(); MAX_CORNERS];
     let corners = &mut corners[..tube.circle.len()];
     shape.place_corners(&parent, k, &cone, corners);
@@ -233,6 +236,7 @@ impl JunctionShape<'_> {
             let uv = Vec2::new(uv[0] + repeats * turn, self.v_end - self.v_per_metre * c.length);
             out.point(p, down, uv, self.parent);
         }
+        // The middle of the fan lies below the mean of the corners, inside the parent.
         let sides = corners.len() - 1;
         let t = corners[1..].iter().map(|c| c.t).sum::<f32>() / sides as f32 - deep;
         let v = self.v_end - self.v_per_metre * (self.first.s - self.site.s - t);

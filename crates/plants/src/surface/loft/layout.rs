@@ -28,7 +28,7 @@ pub(super) struct TubeParams {
 /// Parameters and index ranges of all tubes.
 #[derive(Debug, Default)]
 pub(super) struct SkinLayout {
-    /// Indexed by axis.
+    /// Of each axis of the plant, in its order.
     pub params: Vec<TubeParams>,
     /// In the order of the mesh: by material, then by axis.
     pub tubes: Vec<TubeRange>,
@@ -96,6 +96,7 @@ fn tube_params(
     i: usize,
 ) -> TubeParams {
     let (axis, plan) = (&plant.axes[i], plans.plan(i));
+    // Sides of length `edge` around the base, and the whole number of bark repeats nearest to the girth.
     let girth = std::f32::consts::TAU * plan.r_base;
     let sides = (girth / options.edge).ceil().clamp(options.sides.0 as f32, options.sides.1 as f32) as u32;
     let repeats = (girth / options.tile[0]).round().max(1.0);
@@ -118,6 +119,7 @@ fn tube_params(
     let (x, y) = (first.e.dot(e), first.t.cross(first.e).dot(e));
     let length = (x * x + y * y).sqrt();
     let roll = if length > 1e-6 { [x / length, y / length] } else { [1.0, 0.0] };
+    // Texture v goes on from the parent's last ring; only its fraction matters to a tile.
     let v = parent.uv[1] + v_scale(options, parent) * v_coordinate(options, last);
     let sides = if sides * 2 >= parent.sides { parent.sides } else { sides };
     let repeats = if repeats * 2.0 >= parent.repeats { parent.repeats } else { repeats };
@@ -170,6 +172,7 @@ fn assign_ranges(
     params: Vec<TubeParams>,
     order: &[(u16, u32)],
 ) -> Result<SkinLayout> {
+    // Check the total before anything is allocated, then hand out consecutive ranges.
     let size = |axis: u32| counts(plans, axis as usize, &params[axis as usize]);
     let wanted: u64 = order.iter().map(|&(_, axis)| size(axis).0).sum();
     if wanted > options.max_points.min(u64::from(u32::MAX / 4)) {

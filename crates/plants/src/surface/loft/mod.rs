@@ -107,7 +107,7 @@ pub struct TubeRange {
 
 /// The skin of a plant.
 #[derive(Debug, Clone, Default)]
-pub struct Skin {
+pub struct PlantSkin {
     /// Tubes of all axes; subsets by material, whose ids are indices into [`Plant::materials`].
     pub mesh: Mesh,
     /// The skeleton location of each point, parallel to `mesh.points`.
@@ -123,8 +123,8 @@ pub struct Skin {
 /// # Errors
 /// `Range` for an option outside its range, `Limit` for more than `max_points` points.
 /// Own: rings, junctions and continuations; frames after [`osier_base::math::transport`].
-pub fn skin(plant: &Plant, options: &SkinOptions) -> Result<Skin> {
-    let mut out = Skin::default();
+pub fn skin(plant: &Plant, options: &SkinOptions) -> Result<PlantSkin> {
+    let mut out = PlantSkin::default();
     skin_into(plant, options, &mut out)?;
     Ok(out)
 }
@@ -133,7 +133,7 @@ pub fn skin(plant: &Plant, options: &SkinOptions) -> Result<Skin> {
 /// contents of `out` do not matter.
 /// # Errors
 /// As [`skin`]; `out` is then unchanged.
-pub fn skin_into(plant: &Plant, options: &SkinOptions, out: &mut Skin) -> Result<()> {
+pub fn skin_into(plant: &Plant, options: &SkinOptions, out: &mut PlantSkin) -> Result<()> {
     check(options)?;
     let plans = tube_plan::plan_tubes(plant, options);
     let layout = layout::lay_out(plant, options, &plans)?;

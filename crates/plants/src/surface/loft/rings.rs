@@ -4,7 +4,9 @@ use glam::Vec3;
 
 use super::centerline::CurvePoint;
 use super::corners;
-use super::tuning::{MAX_LEAN, MAX_SPACING, MIN_SPACING, SAG, SWELL, TAPER, TILT_PASSES};
+use super::tuning::{
+    MAX_LEAN_SHARE, MAX_RING_SPACING, MIN_RING_SPACING, RADIUS_TOLERANCE, SAG_TOLERANCE, SWELL_TOLERANCE, TILT_PASSES,
+};
 use osier_base::math;
 
 /// A cross-section of a tube: a circle in the plane normal to the centreline.
@@ -80,6 +82,7 @@ fn direction(a: &CurvePoint, b: &CurvePoint) -> Vec3 {
 fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) {
     out.clear();
     let Some(second) = curve.get(1) else { return };
+    // At inner points t = (d1 + d2) / |d1 + d2|, the bisector; the ends take the direction of their only segment.
     let mut before = direction(&curve[0], second);
     out.push(first.unwrap_or(before));
     for w in curve.windows(2).skip(1) {
@@ -108,6 +111,7 @@ fn subdivide_bends(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, out: &mut
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of angles, at most 315")]
 fn insert_spline_points(curve: &[CurvePoint], i: usize, cosine: f32, turn: f32, out: &mut Vec<CurvePoint>) {
     let (a, b) = (curve[i], curve[i + 1]);
+    // One piece per `turn`, but none shorter than 0.3 radii, whose rings would cross.
     let most = a.p.distance(b.p) / (0.3 * a.r.max(b.r));
     let pieces = (math::acos_f32(cosine.clamp(-1.0, 1.0)) / turn).ceil().min(most).min(8.0) as u32;
     // At the ends of the curve the neighbour is mirrored.
@@ -123,6 +127,7 @@ fn insert_spline_points(curve: &[CurvePoint], i: usize, cosine: f32, turn: f32, 
 /// Centripetal Catmull-Rom curve through four points, between the middle two, `u` in [0, 1].
 /// Source: P. Barry, R. Goldman, "A recursive evaluation algorithm for a class of Catmull-Rom splines", SIGGRAPH 1988.
 fn catmull_rom(p: [Vec3; 4], u: f32) -> Vec3 {
+    // Knots t_i+1 = t_i + |p_i+1 - p_i|^(1/2) (centripetal), then the pyramid of linear interpolations.
     let gap = |a: Vec3, b: Vec3| a.distance(b).sqrt().max(1e-6);
     let t1 = gap(p[0], p[1]);
     let t2 = t1 + gap(p[1], p[2]);
@@ -137,7 +142,7 @@ fn catmull_rom(p: [Vec3; 4], u: f32) -> Vec3 {
 /// prescribed, so the second keeps a distance of one radius in order not to cross it.
 fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool, out: &mut Vec<Ring>) {
     let limit = math::cos_f32(turn);
-    let (narrow, wide) = (1.0 - TAPER, 1.0 + TAPER);
+    let (narrow, wide) = (1.0 - RADIUS_TOLERANCE, 1.0 + RADIUS_TOLERANCE);
     let (start, last) = (out.len(), curve.len().saturating_sub(1));
     let mut kept: Option<(CurvePoint, Vec3)> = None;
     let mut skipped = 0;
@@ -146,8 +151,8 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool,
         // tube without it would leave the centreline or its radii.
         let needed = kept.is_none_or(|(l, lt)| {
             let gap = k.s - l.s;
-            let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_SPACING * l.r;
-            let close = if fixed && out.len() == start + 1 { 1.0 } else { MIN_SPACING };
+            let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_RING_SPACING * l.r;
+            let close = if fixed && out.len() == start + 1 { 1.0 } else { MIN_RING_SPACING };
             let deviates = || exceeds_sag(l, &curve[skipped..=i + 1]) || exceeds_swell(l, &curve[skipped..=i + 1]);
             i == last || gap > close * l.r && (changed || deviates())
         });
@@ -156,7 +161,7 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool,
         }
         skipped = i + 1;
         // The last ring replaces one that it would crowd.
-        if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < MIN_SPACING * l.r) {
+        if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < MIN_RING_SPACING * l.r) {
             out.pop();
         }
         out.push(Ring { c: k.p, t: *t, e: Vec3::X, r: k.r, slope: 0.0, s: k.s, v: 0.0 });
@@ -164,25 +169,29 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool,
     }
 }
 
-/// Whether the chord from `from` to the last of the points passes any of the others at more than [`SAG`] radii.
+/// Whether the chord from `from` to the last of the points passes any of the others at more than [`SAG_TOLERANCE`] radii.
 fn exceeds_sag(from: CurvePoint, curve: &[CurvePoint]) -> bool {
     let Some((to, between)) = curve.split_last() else { return false };
+    // The distance from the chord, |d - (d . t) t|, compared squared to save the root.
     let along = math::normalize_or(to.p - from.p, Vec3::Y);
-    between.iter().any(|k| (k.p - from.p).reject_from_normalized(along).length_squared() > (SAG * k.r) * (SAG * k.r))
+    between.iter().any(|k| {
+        (k.p - from.p).reject_from_normalized(along).length_squared() > (SAG_TOLERANCE * k.r) * (SAG_TOLERANCE * k.r)
+    })
 }
 
 /// Whether a tube that tapers linearly from `from` to the last of the points is thicker or thinner than any of the others by
-/// a share of [`SWELL`]. This keeps the swollen nodes of a culm.
+/// a share of [`SWELL_TOLERANCE`]. This keeps the swollen nodes of a culm.
 fn exceeds_swell(from: CurvePoint, curve: &[CurvePoint]) -> bool {
     let Some((to, between)) = curve.split_last() else { return false };
     let span = (to.s - from.s).max(1e-9);
-    between.iter().any(|k| (k.r - math::lerp(from.r, to.r, (k.s - from.s) / span)).abs() > SWELL * k.r)
+    between.iter().any(|k| (k.r - math::lerp(from.r, to.r, (k.s - from.s) / span)).abs() > SWELL_TOLERANCE * k.r)
 }
 
 /// Whether a point of ring `b` lies behind the corresponding point of ring `a`, seen along the mean of their tangents.
 /// The distance of corresponding points along that mean is ahead + x cos a + y sin a, negative somewhere if ahead^2 < x^2 + y^2
 /// (here with a margin of 5 %).
 fn rings_cross(a: &Ring, b: &Ring) -> bool {
+    // The polygons are compared along the sum of both tangents; its length cancels in the test below.
     let m = a.t + b.t;
     let ahead = (b.c - a.c).dot(m);
     let x = (b.e * b.r - a.e * a.r).dot(m);
@@ -190,7 +199,7 @@ fn rings_cross(a: &Ring, b: &Ring) -> bool {
     ahead <= 0.0 || ahead * ahead <= 1.05 * (x * x + y * y)
 }
 
-/// Tilts the planes of crossing neighbours towards their chord until both together lean by at most [`MAX_LEAN`] of their
+/// Tilts the planes of crossing neighbours towards their chord until both together lean by at most [`MAX_LEAN_SHARE`] of their
 /// distance. `fixed`: the first ring stays as it is.
 fn tilt_crossing_rings(rings: &mut [Ring], e0: Vec3, fixed: bool) {
     for pass in 0..TILT_PASSES {
@@ -205,9 +214,9 @@ fn tilt_crossing_rings(rings: &mut [Ring], e0: Vec3, fixed: bool) {
             let chord = (b.c - a.c) / d;
             let (la, lb) = (a.r * sine(a.t, chord), b.r * sine(b.t, chord));
             if fixed && i == 1 {
-                rings[i].t = tilt_towards(b.t, chord, ((MAX_LEAN * d - la) / lb.max(1e-9)).clamp(0.0, 1.0));
+                rings[i].t = tilt_towards(b.t, chord, ((MAX_LEAN_SHARE * d - la) / lb.max(1e-9)).clamp(0.0, 1.0));
             } else {
-                let share = (MAX_LEAN * d / (la + lb).max(1e-9)).min(1.0);
+                let share = (MAX_LEAN_SHARE * d / (la + lb).max(1e-9)).min(1.0);
                 rings[i - 1].t = tilt_towards(a.t, chord, share);
                 rings[i].t = tilt_towards(b.t, chord, share);
             }
@@ -242,6 +251,7 @@ fn sine(a: Vec3, b: Vec3) -> f32 {
 
 /// The unit vector whose sine against `chord` is `share` of that of `t`, on the same side, leaning forward.
 fn tilt_towards(t: Vec3, chord: Vec3, share: f32) -> Vec3 {
+    // Scale the component across the chord, |across| = sine, and restore unit length by the cosine.
     let across = t - chord * t.dot(chord);
     let s = across.length() * share;
     let c = (1.0 - s * s).max(0.0).sqrt();
@@ -251,6 +261,7 @@ fn tilt_towards(t: Vec3, chord: Vec3, share: f32) -> Vec3 {
 /// Sets the references of all rings: `e0` projected into the first plane, then parallel transport by double reflection.
 fn transport_references(rings: &mut [Ring], e0: Vec3) {
     let Some(first) = rings.first_mut() else { return };
+    // Gram-Schmidt in the first plane; a reference nearly along the tangent is replaced by any perpendicular.
     let across = e0 - first.t * first.t.dot(e0);
     first.e = if across.length_squared() > 1e-6 { across.normalize() } else { math::perpendicular(first.t) };
     for i in 1..rings.len() {
@@ -266,9 +277,13 @@ fn set_slopes_and_v(rings: &mut [Ring]) {
     let least = rings.first().map_or(0.0, |r| r.r * 0.25);
     for i in 0..n {
         let (a, b) = (rings[i.saturating_sub(1)], rings[(i + 1).min(n - 1)]);
+        // dr/ds by central differences (one-sided at the ends), at most 4: a cone of 76 degrees, beyond which normals
+        // of a step in radius would point along the axis.
         let span = b.s - a.s;
         rings[i].slope = if span > 1e-9 { ((b.r - a.r) / span).clamp(-4.0, 4.0) } else { 0.0 };
         if i > 0 {
+            // v = integral of ds / (2 pi r): equal steps of v and u are equal lengths on the tube, so the mapping is
+            // conformal.
             let mean = (a.r.max(least) + rings[i].r.max(least)) * 0.5;
             rings[i].v = a.v + (rings[i].s - a.s) / (std::f32::consts::TAU * mean);
         }

@@ -15,14 +15,14 @@ pub(super) struct SkinContext<'a> {
     pub plant: &'a Plant,
     pub options: &'a SkinOptions,
     pub plans: &'a TubePlans,
-    /// Indexed by axis.
+    /// Of each axis of the plant, in its order.
     pub params: &'a [TubeParams],
     pub circles: &'a CircleTables,
 }
 
 /// Inputs of one tube.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TubeJob<'a> {
+pub(super) struct TubeInputs<'a> {
     pub context: SkinContext<'a>,
     /// Index into the plant's axes.
     pub axis: u32,
@@ -33,7 +33,7 @@ pub(super) struct TubeJob<'a> {
     pub circle: &'a [CirclePoint],
 }
 
-impl<'a> TubeJob<'a> {
+impl<'a> TubeInputs<'a> {
     /// The inputs of the tube of `axis`.
     pub fn new(context: SkinContext<'a>, axis: u32) -> Self {
         let i = axis as usize;

@@ -8,8 +8,9 @@ use super::SkinOptions;
 use super::centerline::CurvePoint;
 use super::rings::{FirstRing, Ring, RingScratch, place_rings};
 use super::tuning::{
-    AXES_PER_TASK, MIN_CONTINUATION_COSINE, MIN_CONTINUATION_RADIUS, MIN_JUNCTION_SINE, MIN_JUNCTION_SINE_SQUARED,
-    MIN_JUNCTION_STRAIGHTNESS, POINTED_TIP_RADIUS,
+    AXES_PER_TASK, FLARE_SAMPLE_SPACING, FLARE_SAMPLES, MIN_CONTINUATION_ADVANCE, MIN_CONTINUATION_COSINE,
+    MIN_CONTINUATION_RADIUS, MIN_JUNCTION_SINE, MIN_JUNCTION_SINE_SQUARED, MIN_JUNCTION_STRAIGHTNESS,
+    POINTED_TIP_RADIUS,
 };
 use osier_base::math;
 use osier_base::par::par_chunks;
@@ -30,7 +31,7 @@ pub(super) struct Junction {
     pub depth: f32,
 }
 
-/// How a tube begins.
+/// How a tube begins; decides its cap and the course of its first rings.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum TubeStart {
     /// At the ground: the axis has no parent.
@@ -43,14 +44,14 @@ pub(super) enum TubeStart {
     Side(Junction),
 }
 
-/// How a tube ends.
+/// The cap at the end of a tube.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TubeCap {
     /// A cone into one vertex.
     Point,
     /// A hemisphere of two rings and an apex.
     Dome,
-    /// A flat disc.
+    /// A flat disc, for cut ends and under continuations.
     Disc,
 }
 
@@ -94,6 +95,8 @@ impl TubePlans {
 /// Chooses start, rings and cap of the tube of every axis.
 pub(super) fn plan_tubes(plant: &Plant, options: &SkinOptions) -> TubePlans {
     let leaders = leaders(plant);
+    // Each axis is planned independently, in fixed chunks, so that the result does not depend on the number of
+    // threads.
     let tasks = par_chunks(&plant.axes, AXES_PER_TASK, |first, axes| {
         let mut scratch = RingScratch::default();
         let nodes: usize = axes.iter().map(|a| a.count as usize).sum();
@@ -141,7 +144,7 @@ fn end_direction(plant: &Plant, axis: &Axis) -> Vec3 {
 struct TubePlanner<'a> {
     plant: &'a Plant,
     options: &'a SkinOptions,
-    /// See [`leaders`].
+    /// Of each axis the thickest child at its tip, or [`NONE`].
     leaders: &'a [u32],
     /// Index of `axis` in the plant.
     index: usize,
@@ -193,6 +196,8 @@ impl TubePlanner<'_> {
     /// Appends the axis from arc length `from` (m) on, interpolated there.
     fn follow_axis(&self, from: f32, curve: &mut Vec<CurvePoint>) {
         if from > 0.0 {
+            // A start between two nodes: interpolate position and radius there, and skip nodes that are closer to it
+            // than a thousandth.
             let site = self.plant.frame(self.axis, from);
             curve.push(CurvePoint { p: site.p, r: site.r, s: from });
         }
@@ -212,10 +217,10 @@ impl TubePlanner<'_> {
         let Some((&a, &b)) = curve.first().zip(curve.get(1)) else { return };
         if self.options.flare > 0.0 {
             // The exponential needs points where the axis has none: within ten base radii, unless one is near already.
-            for step in [0.6, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0_f32] {
+            for step in FLARE_SAMPLES {
                 let s = step * a.r;
                 let Some(at) = curve.iter().position(|k| k.s > s) else { break };
-                if s - curve[at - 1].s > 0.3 * a.r && curve[at].s - s > 0.3 * a.r {
+                if s - curve[at - 1].s > FLARE_SAMPLE_SPACING * a.r && curve[at].s - s > FLARE_SAMPLE_SPACING * a.r {
                     let site = self.plant.frame(self.axis, s);
                     curve.insert(at, CurvePoint { p: site.p, r: site.r, s });
                 }
@@ -254,7 +259,8 @@ impl TubePlanner<'_> {
         let before = self.plant.frame(self.axis, reach * 0.95).p;
         let t1 = math::normalize_or(beyond - before, t0);
         // A transition that would fold back on itself is refused.
-        if t1.dot(t0) < 0.0 || (end.p - p0).dot(t0) < 0.35 * reach || (end.p - p0).dot(t1) < 0.35 * reach {
+        let advance = MIN_CONTINUATION_ADVANCE * reach;
+        if t1.dot(t0) < 0.0 || (end.p - p0).dot(t0) < advance || (end.p - p0).dot(t1) < advance {
             return None;
         }
         // Cubic Hermite curve from p0 to the end. The centreline has its corner at the parent's tip: a start tangent between both

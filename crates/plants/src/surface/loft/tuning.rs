@@ -1,6 +1,7 @@
 //! Constants of the loft that no source gives, chosen by eye on the presets. Lengths are in radii of the tube unless a unit is given.
 
-/// Axes planned as one task: few enough that their rings fit into memory that the allocator keeps. No effect on the result.
+/// Axes planned as one task: few enough that the allocator reuses their memory, many enough to spread over threads. No effect on
+/// the result.
 pub(super) const AXES_PER_TASK: usize = 64;
 /// Points filled as one task. No effect on the result.
 pub(super) const POINTS_PER_TASK: u32 = 1 << 16;
@@ -9,26 +10,27 @@ pub(super) const POINTS_PER_TASK: u32 = 1 << 16;
 pub(super) const POINTED_TIP_RADIUS: f32 = 0.003;
 
 /// A ring is left out while the radius changes by less than this share; smaller values give more rings on tapering axes.
-pub(super) const TAPER: f32 = 0.1;
+pub(super) const RADIUS_TOLERANCE: f32 = 0.1;
 /// Greatest distance of two rings, in radii; beyond it quads become slivers.
-pub(super) const MAX_SPACING: f32 = 12.0;
+pub(super) const MAX_RING_SPACING: f32 = 12.0;
 /// A ring is left out only while the tube stays nearer to the centreline than this share of its radius, so that branches and
 /// leaves touch its surface.
-pub(super) const SAG: f32 = 0.15;
+pub(super) const SAG_TOLERANCE: f32 = 0.15;
 /// A ring is left out only while a tube that tapers linearly over the gap deviates from the axis' radii by less than this share.
-pub(super) const SWELL: f32 = 0.1;
+pub(super) const SWELL_TOLERANCE: f32 = 0.1;
 /// Rings nearer than this many radii to the previous one are dropped, except for the last ring.
-pub(super) const MIN_SPACING: f32 = 0.25;
-/// Sweeps along the axis, forth and back, that tilt crossing rings apart.
+pub(super) const MIN_RING_SPACING: f32 = 0.25;
+/// Sweeps along the axis, forth and back, that tilt crossing rings apart; rings that still cross afterwards are removed.
 pub(super) const TILT_PASSES: usize = 4;
-/// The lean of two neighbouring rings together is at most this share of their distance.
-pub(super) const MAX_LEAN: f32 = 0.85;
+/// The lean of two neighbouring rings together is at most this share of their distance; at 1 they touch.
+pub(super) const MAX_LEAN_SHARE: f32 = 0.85;
 
-/// A corner is tight when a curve through it has less than this many radii to bend in.
-pub(super) const TIGHT: f32 = 1.7;
+/// A corner is tight when the tangent length of a curve through it is less than this many radii: the inner side of the tube
+/// would fold.
+pub(super) const TIGHT_CORNER_RADII: f32 = 1.7;
 /// A corner is kept as a corner, even with space for a curve, when the squared tangent of half its angle is above this: 58 degrees.
-pub(super) const SHARP: f32 = 0.3073;
-/// Radius of a fillet arc, in radii of the tube.
+pub(super) const SHARP_CORNER_TAN2: f32 = 0.3073;
+/// Radius of a fillet arc, in radii of the tube, where the segments are long enough.
 pub(super) const FILLET_RADIUS: f32 = 1.1;
 /// Least radius of a fillet arc: below about 1 the rings meet on its inner side.
 pub(super) const MIN_FILLET_RADIUS: f32 = 1.04;
@@ -43,3 +45,12 @@ pub(super) const MIN_JUNCTION_SINE: f32 = 0.2;
 pub(super) const MIN_JUNCTION_SINE_SQUARED: f32 = 0.04;
 /// A branch gets a junction only if the cosine between the junction's line and the branch beyond it exceeds this (53 degrees).
 pub(super) const MIN_JUNCTION_STRAIGHTNESS: f32 = 0.6;
+
+/// Centrelines of trunks with a flare are sampled at these arc lengths, in base radii: the exponential has decayed to 3.6 % at the
+/// last one.
+pub(super) const FLARE_SAMPLES: [f32; 8] = [0.6, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0];
+/// A sample is left out if the axis has a node within this many base radii.
+pub(super) const FLARE_SAMPLE_SPACING: f32 = 0.3;
+/// A transition to a continuing branch must advance by at least this share of its length along both of its end tangents; below it
+/// the curve folds back on itself.
+pub(super) const MIN_CONTINUATION_ADVANCE: f32 = 0.35;

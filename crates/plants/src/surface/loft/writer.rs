@@ -24,12 +24,12 @@ pub(super) struct TubeWriter<'a> {
 /// A ring of points with their normals and texture coordinates; the first point is repeated at the seam.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PointRing {
-    /// Centre, m.
+    /// Centre of the circle, m.
     pub c: Vec3,
     /// Unit vector to the seam, and the one a quarter turn on.
     pub e: Vec3,
     pub b: Vec3,
-    /// Radius, m.
+    /// Radius of the circle, m; 0 is allowed.
     pub r: f32,
     /// A normal is `radial` times the unit radial vector plus `axial`.
     pub radial: f32,

@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 
-use super::super::periodic_noise::{FractalNoise, middles};
-use super::super::pixels::SurfaceTexel;
+use super::super::periodic_noise::{FractalNoise, pixel_centres};
+use super::super::pixels::MaterialTexel;
 use super::super::{SurfaceMaterial, pixels};
-use super::Land;
+use super::Terrain;
 use osier_base::math::smoothstep;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
@@ -13,12 +13,12 @@ use osier_scene::{Maps, Material, MaterialClass};
 
 /// Linear colours of land.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LandColors {
+pub struct TerrainColors {
     /// Colour of bare earth.
     pub earth: [f32; 3],
     /// Colour of grass between its dry and lush parts.
     pub grass: [f32; 3],
-    /// Colour of rock.
+    /// Colour of rock on slopes beyond `steep`.
     pub rock: [f32; 3],
     /// Share of grass on gentle land, 0..1.
     pub cover: f32,
@@ -26,7 +26,7 @@ pub struct LandColors {
     pub steep: f32,
 }
 
-impl Default for LandColors {
+impl Default for TerrainColors {
     fn default() -> Self {
         Self {
             earth: [0.105, 0.074, 0.045],
@@ -38,18 +38,19 @@ impl Default for LandColors {
     }
 }
 
-/// Lengths of the patterns, m, with their octaves.
+/// Wavelength of the first octave, m, and number of octaves of each pattern: lush and dry meadow, worn ground, tufts of grass,
+/// strata of rock. Chosen by eye at 50 to 200 m.
 const MEADOW: (f32, u32) = (70.0, 4);
 const WORN: (f32, u32) = (17.0, 5);
 const TUFTS: (f32, u32) = (2.2, 4);
 const STRATA: (f32, u32) = (6.0, 5);
-/// Height of the painted relief, m.
+/// Height range of the painted relief, m; only normals show it.
 const RELIEF: f32 = 0.35;
 /// Binomial passes that give the smoothed land, from which crests and hollows are measured; more passes find broader ones.
 const SMOOTHING_PASSES: u32 = 24;
 
 /// The noises of the land's pattern.
-struct LandNoise {
+struct TerrainNoise {
     meadow: FractalNoise,
     worn: FractalNoise,
     tufts: FractalNoise,
@@ -62,16 +63,22 @@ struct LandNoise {
 /// `Range` for a side outside its range.
 /// Own: grass in lush and dry parts, worn to earth in patches and on crests, rock from `steep` on, all borders broken by
 /// noise; hollows are greener than crests.
-pub fn land_material(land: &Land, colors: &LandColors, name: &str, side: u32, seed: u64) -> Result<SurfaceMaterial> {
+pub fn terrain_material(
+    land: &Terrain,
+    colors: &TerrainColors,
+    name: &str,
+    side: u32,
+    seed: u64,
+) -> Result<SurfaceMaterial> {
     if !(16..=4096).contains(&side) {
         let name = "terrain: side of the map".to_owned();
         return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
     }
-    let patterns = LandNoise::new(land.size, side, seed);
-    let ground = LandShape::new(land);
-    let (xs, n) = (middles(side), side as f32);
+    let patterns = TerrainNoise::new(land.size, side, seed);
+    let ground = TerrainShape::new(land);
+    let (xs, n) = (pixel_centres(side), side as f32);
     let rows: Vec<u32> = (0..side).collect();
-    let texels = pixels::joined(par_map(&rows, |&y| {
+    let texels = pixels::concatenated(par_map(&rows, |&y| {
         let down = (y as f32 + 0.5) / n;
         let all = [&patterns.meadow, &patterns.worn, &patterns.tufts, &patterns.strata];
         let [meadow, worn, tufts, strata] = all.map(|p| p.row(&xs, down));
@@ -97,7 +104,7 @@ pub fn land_material(land: &Land, colors: &LandColors, name: &str, side: u32, se
     Ok(SurfaceMaterial { material, images })
 }
 
-impl LandNoise {
+impl TerrainNoise {
     /// Lengths are in metres whatever the land's size; what is finer than two pixels is drawn as coarse as the map shows.
     fn new(size: f32, side: u32, seed: u64) -> Self {
         let most = (side / 2).max(1);
@@ -120,16 +127,17 @@ impl LandNoise {
 }
 
 /// Slope and relative height of the land, bilinear between its heights.
-struct LandShape {
+struct TerrainShape {
     side: usize,
     /// Slope, rad, and height above the smoothed land, m, at each height.
     cells: Vec<[f32; 2]>,
 }
 
-impl LandShape {
-    fn new(land: &Land) -> Self {
+impl TerrainShape {
+    /// Slopes by central differences; relative heights against a copy smoothed [`SMOOTHING_PASSES`] times.
+    fn new(land: &Terrain) -> Self {
         let mut broad = land.clone();
-        (0..SMOOTHING_PASSES).for_each(|_| broad.soften());
+        (0..SMOOTHING_PASSES).for_each(|_| broad.smooth_binomial());
         let rows: Vec<usize> = (0..land.side).collect();
         let row = |&j: &usize| {
             let one = |i: usize| {
@@ -138,7 +146,7 @@ impl LandShape {
             };
             (0..land.side).map(one).collect::<Vec<_>>()
         };
-        Self { side: land.side, cells: pixels::joined(par_map(&rows, row)) }
+        Self { side: land.side, cells: pixels::concatenated(par_map(&rows, row)) }
     }
 
     /// `x`, `y`: shares of the way from -x and -z.
@@ -160,8 +168,8 @@ impl LandShape {
     }
 }
 
-/// Colour, height and roughness of a texel. `shape`: slope (rad) and relative height (m); `noise`: values of [`LandNoise`].
-fn sample(colors: &LandColors, shape: [f32; 2], noise: [f32; 4]) -> SurfaceTexel {
+/// Colour, height and roughness of a texel. `shape`: slope (rad) and relative height (m); `noise`: values of [`TerrainNoise`].
+fn sample(colors: &TerrainColors, shape: [f32; 2], noise: [f32; 4]) -> MaterialTexel {
     let ([slope, bulge], [meadow, worn, tufts, strata]) = (shape, noise);
     let [earth, grass, rock] = [colors.earth, colors.grass, colors.rock].map(Vec3::from_array);
     // Colours of the three layers. Crests are dry, hollows hold water: grass is straw-coloured on crests, lush in hollows.
@@ -179,5 +187,5 @@ fn sample(colors: &LandColors, shape: [f32; 2], noise: [f32; 4]) -> SurfaceTexel
     let crag = smoothstep(-0.09, 0.09, slope - colors.steep + 0.16 * strata + 0.08 * worn);
     let color = green.lerp(bare, soil).lerp(stone.max(Vec3::splat(0.01)), crag);
     let height = 0.45 + (0.30 * tufts) * (1.0 - 0.5 * soil) + 0.28 * crag * strata - 0.1 * soil;
-    SurfaceTexel { color: color.max(Vec3::splat(0.004)), height: height.clamp(0.0, 1.0), rough: 0.96 - 0.12 * crag }
+    MaterialTexel { color: color.max(Vec3::splat(0.004)), height: height.clamp(0.0, 1.0), rough: 0.96 - 0.12 * crag }
 }

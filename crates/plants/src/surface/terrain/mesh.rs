@@ -1,17 +1,17 @@
-//! Land as a mesh in tiles.
+//! The heightfield as a mesh in tiles, whose edges match bit by bit.
 
 use glam::{Vec2, Vec3};
 
-use super::{Land, falling};
+use super::{Terrain, splits_along_main_diagonal};
 use osier_base::par::par_map;
 use osier_scene::Mesh;
 
 /// Most cells along a side of a tile: its points are numbered in 16 bits.
 const MAX_TILE_CELLS: usize = 255;
 
-impl Land {
+impl Terrain {
     /// Meshes of one material (0) that cover the land, named by row and column; edges of neighbours share every bit.
-    /// u runs 0..1 along +x, v along -z. Cells are split as [`Land::height_at`] has them.
+    /// u runs 0..1 along +x, v along -z. Cells are split as [`Terrain::height_at`] has them.
     pub fn tiles(&self) -> Vec<(String, Mesh)> {
         let cells = (self.side - 1) / self.stride;
         let count = cells.div_ceil(MAX_TILE_CELLS);
@@ -23,13 +23,14 @@ impl Land {
         })
     }
 
+    /// The mesh of the cells `across` (from, to) along x and `along` along z.
     fn tile(&self, across: [usize; 2], along: [usize; 2]) -> Mesh {
         let (width, s) = (across[1] - across[0] + 1, self.stride);
         let mut mesh = Mesh::default();
         let last = (self.side - 1) as f32;
         for j in (along[0]..=along[1]).map(|j| j * s) {
             for i in (across[0]..=across[1]).map(|i| i * s) {
-                mesh.points.push(Vec3::new(self.place(i), self.height(i, j), self.place(j)));
+                mesh.points.push(Vec3::new(self.coordinate(i), self.height(i, j), self.coordinate(j)));
                 mesh.normals.push(self.normal(i, j, s));
                 mesh.uvs.push(Vec2::new(i as f32 / last, 1.0 - j as f32 / last));
             }
@@ -41,7 +42,11 @@ impl Land {
                 let [first, width] = [(j - along[0]) * width + (i - across[0]), width].map(|k| k as u32);
                 let [a, b, c, d] = [first, first + 1, first + width, first + width + 1];
                 let [ha, hb, hc, hd] = self.corners(i * s, j * s);
-                let halves = if falling(ha, hb, hc, hd) { [[a, d, b], [a, c, d]] } else { [[a, c, b], [b, c, d]] };
+                let halves = if splits_along_main_diagonal(ha, hb, hc, hd) {
+                    [[a, d, b], [a, c, d]]
+                } else {
+                    [[a, c, b], [b, c, d]]
+                };
                 mesh.triangles.extend(halves);
             }
         }

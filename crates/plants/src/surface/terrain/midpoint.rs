@@ -1,12 +1,12 @@
-//! Heights by the diamond-square scheme.
+//! Heights by midpoint displacement (the diamond-square scheme).
 
-use super::{Land, TerrainParams};
+use super::{Terrain, TerrainParams};
 use osier_base::Result;
 use osier_base::math::{narrow, pow};
 use osier_base::par::par_map;
 use osier_base::rng::{Key, Rng, child};
 
-impl Land {
+impl Terrain {
     /// Generates a heightfield.
     /// Corners are A u. Level l = 0, 1 .. n - 1 has squares of 2^(n - l) cells and displaces by a_l u, a_l = A 2^(-H l):
     /// first each square's middle, from the mean of its corners (diamond), then each edge's middle, from the mean of
@@ -31,6 +31,7 @@ impl Land {
         let key = Rng::key(params.seed, &["terrain".into()]);
         land.set_corners(params, key);
         for level in 0..params.n {
+            // a_l = A 2^(-H l); the square step lies half a level on, at 2^(-H / 2) of it.
             let by = params.amplitude * pow(2.0, -params.exponent * f64::from(level));
             let half = if params.paper { 1.0 } else { pow(2.0, -params.exponent * 0.5) };
             let key = child(key, u64::from(level));
@@ -38,7 +39,7 @@ impl Land {
             land.square(level, by * half, child(key, Key::from("square").0));
         }
         for _ in 0..params.smooth {
-            land.soften();
+            land.smooth_binomial();
         }
         if let Some(floor) = params.floor.map(narrow) {
             land.heights.iter_mut().for_each(|h| *h = h.max(floor));
@@ -46,6 +47,7 @@ impl Land {
         Ok(land)
     }
 
+    /// Sets the four corners, given or drawn; a tileable land has one height at all of them.
     fn set_corners(&mut self, params: &TerrainParams, key: u64) {
         let last = self.side - 1;
         let key = child(key, Key::from("corner").0);
@@ -68,6 +70,7 @@ impl Land {
             let (low, high) = (self.row(j * step), self.row((j + 1) * step));
             let one = |i: usize| {
                 let (w, e) = (i * step, (i + 1) * step);
+                // Mean of the four corners plus the displacement.
                 let sum = f64::from(low[w]) + f64::from(low[e]) + f64::from(high[w]) + f64::from(high[e]);
                 narrow(0.25 * sum + by * uniform(child(key, i as u64)))
             };
@@ -107,18 +110,20 @@ impl Land {
         }
     }
 
+    /// Heights of row `j` from -z.
     fn row(&self, j: usize) -> &[f32] {
         &self.heights[j * self.side..(j + 1) * self.side]
     }
 
     /// One binomial pass, 1 2 1 both ways; at an open border the missing height is the border's own.
-    pub(super) fn soften(&mut self) {
+    pub(super) fn smooth_binomial(&mut self) {
         let last = self.side - 1;
         let before = |v: usize| if v > 0 { v - 1 } else { [0, last - 1][usize::from(self.tileable)] };
         let after = |v: usize| if v < last { v + 1 } else { [last, 1][usize::from(self.tileable)] };
         let rows: Vec<usize> = (0..self.side).collect();
         let done = par_map(&rows, |&j| {
             let (a, b, c) = (self.row(before(j)), self.row(j), self.row(after(j)));
+            // Separable kernel (1 2 1) / 4 in both directions: columns first, then the row, divided by 16.
             let column = |i: usize| f64::from(a[i]) + 2.0 * f64::from(b[i]) + f64::from(c[i]);
             let one = |i: usize| narrow((column(before(i)) + 2.0 * column(i) + column(after(i))) / 16.0);
             (0..self.side).map(one).collect::<Vec<f32>>()

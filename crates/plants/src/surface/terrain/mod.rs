@@ -1,10 +1,10 @@
 //! Terrain: a heightfield by midpoint displacement, its mesh in tiles, its material, and the scattering of plants on it.
 //!
 //! ```
-//! use osier_plants::surface::terrain::{Land, TerrainParams};
+//! use osier_plants::surface::terrain::{Terrain, TerrainParams};
 //!
 //! # fn main() -> osier_base::Result<()> {
-//! let land = Land::generate(&TerrainParams { n: 4, ..TerrainParams::default() })?;
+//! let land = Terrain::generate(&TerrainParams { n: 4, ..TerrainParams::default() })?;
 //! assert_eq!(land.heights.len(), 17 * 17);
 //! # Ok(())
 //! # }
@@ -21,7 +21,7 @@ use glam::Vec3;
 
 use osier_base::{Error, Result};
 
-pub use material::{LandColors, land_material};
+pub use material::{TerrainColors, terrain_material};
 
 /// Parameters of a heightfield.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,13 +36,13 @@ pub struct TerrainParams {
     pub exponent: f64,
     /// Heights of the corners (-x -z, +x -z, -x +z, +x +z), m; drawn without.
     pub corners: Option<[f64; 4]>,
-    /// Opposite edges are equal.
+    /// Opposite edges have equal heights, so that copies of the land join.
     pub tileable: bool,
-    /// Both half steps displace alike, as the paper has it.
+    /// Both half steps displace by the same amplitude, as in the paper; false scales the second by 2^(-H / 2).
     pub paper: bool,
     /// Lowest height, m; lower ones are raised to it.
     pub floor: Option<f64>,
-    /// Binomial passes over the finished heights, 0..=8.
+    /// Passes of binomial smoothing (1 2 1) over the finished heights, 0..=8.
     pub smooth: u32,
     /// Length of a cell of the mesh in cells of the heights: a power of two, up to 2^n.
     pub stride: u32,
@@ -69,9 +69,9 @@ impl Default for TerrainParams {
 }
 
 impl TerrainParams {
-    /// Refuses what is outside its range.
+    /// Checks all ranges.
     /// # Errors
-    /// `Range`.
+    /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {
         let rows = [
             ("n", f64::from(self.n), 1.0, 13.0, ""),
@@ -100,21 +100,21 @@ impl TerrainParams {
 
 /// Land around the origin: x and z in [-size / 2, size / 2].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Land {
+pub struct Terrain {
     /// Heights along a side, 2^n + 1.
     pub side: usize,
     /// Length of a side, m.
     pub size: f32,
     /// Length of a cell of the mesh in cells of the heights.
     pub stride: usize,
-    /// Opposite edges are equal.
+    /// Opposite edges have equal heights.
     pub tileable: bool,
     /// Heights, m: rows from -z to +z, in each from -x to +x.
     pub heights: Vec<f32>,
 }
 
-impl Land {
-    /// Height number `i` from -x in row `j` from -z, m; the border's beyond it.
+impl Terrain {
+    /// Height at column `i` from -x in row `j` from -z, m; indices beyond the border are clamped to it.
     pub fn height(&self, i: usize, j: usize) -> f32 {
         let last = self.side - 1;
         self.heights.get(j.min(last) * self.side + i.min(last)).copied().unwrap_or(0.0)
@@ -125,17 +125,17 @@ impl Land {
         self.size / (self.side - 1) as f32
     }
 
-    /// Place of a height along x or z, m.
-    fn place(&self, i: usize) -> f32 {
+    /// Coordinate of column or row `i` along x or z, m.
+    fn coordinate(&self, i: usize) -> f32 {
         self.size * (i as f32 / (self.side - 1) as f32 - 0.5)
     }
 
-    /// Lowest and highest, m.
+    /// Lowest and highest height, m.
     pub fn range(&self) -> [f32; 2] {
         self.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)])
     }
 
-    /// Height of the mesh at (x, z), m; beyond the land its border's.
+    /// Height of the mesh at (x, z), m; points beyond the land are clamped to its border.
     pub fn height_at(&self, x: f32, z: f32) -> f32 {
         self.triangle_at(x, z).0
     }
@@ -150,6 +150,7 @@ impl Land {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells of the land")]
     fn triangle_at(&self, x: f32, z: f32) -> (f32, [f32; 2]) {
         let cells = (self.side - 1) / self.stride;
+        // Cell and position within it, 0..1 along both sides.
         let across = |v: f32| {
             let u = ((v / self.size + 0.5) * cells as f32).clamp(0.0, cells as f32);
             let i = (u as usize).min(cells - 1);
@@ -157,7 +158,8 @@ impl Land {
         };
         let ((i, f), (j, g)) = (across(x), across(z));
         let [a, b, c, d] = self.corners(i, j);
-        let (dx, dz, h) = if falling(a, b, c, d) {
+        // The plane of the triangle that holds the point: h + f dx + g dz, from the corner heights.
+        let (dx, dz, h) = if splits_along_main_diagonal(a, b, c, d) {
             // Split from -x -z to +x +z.
             if f >= g { (b - a, d - b, a) } else { (d - c, c - a, a) }
         } else if f + g <= 1.0 {
@@ -179,6 +181,7 @@ impl Land {
     /// one-sided at any other.
     fn normal(&self, i: usize, j: usize, step: usize) -> Vec3 {
         let last = self.side - 1;
+        // Indices of both neighbours, and the number of steps between them.
         let around = |k: usize| match (k < step, k + step > last) {
             (true, _) if self.tileable => ((last + k - step), k + step, 2),
             (_, true) if self.tileable => (k - step, k + step - last, 2),
@@ -194,7 +197,8 @@ impl Land {
     }
 }
 
-/// True if a cell is split from (-x, -z) to (+x, +z): along the diagonal of the smaller height difference.
-fn falling(a: f32, b: f32, c: f32, d: f32) -> bool {
+/// True if a cell is split from (-x, -z) to (+x, +z): along the diagonal of the smaller height difference, which follows ridges and
+/// valleys better than a fixed one.
+fn splits_along_main_diagonal(a: f32, b: f32, c: f32, d: f32) -> bool {
     (a - d).abs() < (b - c).abs()
 }

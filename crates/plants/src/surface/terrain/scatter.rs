@@ -1,6 +1,6 @@
 //! Scattering of plants over land: dart throwing in rounds; every candidate draws its random numbers at an address of its own.
 
-use super::Land;
+use super::Terrain;
 use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::limits::Limits;
@@ -8,8 +8,8 @@ use osier_base::math::{self, smoothstep};
 use osier_base::noise;
 use osier_base::rng::{Key, Rng, child, mix64};
 
-/// Candidates of a cell.
-const ROUNDS: u32 = 4;
+/// Candidates of a cell, one per round. More rounds fill the gaps that the first ones leave; each costs as much time as the first.
+const CANDIDATES_PER_CELL: u32 = 4;
 /// A cell without a point.
 const EMPTY: u32 = u32::MAX;
 
@@ -18,9 +18,9 @@ const EMPTY: u32 = u32::MAX;
 pub struct ScatterDisc {
     /// Middle, x and z, m.
     pub at: [f32; 2],
-    /// Outer radius, m.
+    /// Outer radius, m, > 0.
     pub radius: f32,
-    /// Inner radius, m.
+    /// Inner radius, m; points keep out of it. 0: a disc.
     pub inner: f32,
     /// Share of the radius over which it thins out towards the rim, 0..1.
     pub fade: f32,
@@ -51,17 +51,17 @@ impl DensityMask {
 pub struct ScatterParams {
     /// Least distance between two, m, > 0.
     pub spacing: f32,
-    /// Least distance to what earlier sowings put up; half of both spacings without.
+    /// Least distance to points of earlier scatters, m; `None`: the mean of both spacings.
     pub clear: Option<f32>,
     /// Steepest slope, rad.
     pub slope_max: f32,
     /// Lowest and highest place, m.
     pub altitude: [f32; 2],
-    /// Chance of a place, 0..1.
+    /// Acceptance probability of a candidate, 0..1.
     pub density: f32,
-    /// Chances over the land.
+    /// Factor of the acceptance probability over the land.
     pub mask: Option<DensityMask>,
-    /// Length of the patches in which they gather, m; 0 is evenly.
+    /// Wavelength of the noise that gathers points into patches, m; 0: evenly distributed.
     pub clump: f32,
     /// Region; `None`: the whole land.
     pub disc: Option<ScatterDisc>,
@@ -95,16 +95,16 @@ pub struct ScatterObstacle {
     pub spacing: f32,
 }
 
-/// An accepted point.
+/// An accepted point of a scatter.
 #[derive(Debug, Clone)]
 pub struct ScatterPoint {
     /// Position, x and z, m.
     pub at: [f32; 2],
-    /// Its own draws: which plant, turn, size.
+    /// Stream for the further draws of this point: which plant, rotation, size.
     pub rng: Rng,
 }
 
-/// Cells of edge spacing / sqrt 2 over the land: none holds two plants.
+/// Cells of edge spacing / sqrt 2 over the land: the diagonal is one spacing, so none holds two plants.
 struct ScatterGrid {
     edge: f32,
     /// First and last cell along x and along z that is looked at.
@@ -118,7 +118,7 @@ impl ScatterGrid {
         clippy::cast_sign_loss,
         reason = "places on the land, counted from its edge"
     )]
-    fn new(land: &Land, params: &ScatterParams) -> Self {
+    fn new(land: &Terrain, params: &ScatterParams) -> Self {
         let edge = params.spacing * std::f32::consts::FRAC_1_SQRT_2;
         let half = land.size * 0.5;
         let last = ((land.size / edge).ceil() as usize).max(1) - 1;
@@ -152,24 +152,28 @@ type Candidate = (u64, u32);
 /// `Limit` beyond the candidates allowed.
 /// Own: dart throwing with a grid; a cell that holds a plant is drawn no more, as no other fits in.
 pub fn scatter(
-    land: &Land,
+    land: &Terrain,
     params: &ScatterParams,
     taken: &[ScatterObstacle],
     key: u64,
     limits: &Limits,
 ) -> Result<Vec<ScatterPoint>> {
     let cells = ScatterGrid::new(land, params);
-    limits.check("candidates", cells.len().saturating_mul(ROUNDS.into()), "the number of candidates of a scatter")?;
+    limits.check(
+        "candidates",
+        cells.len().saturating_mul(CANDIDATES_PER_CELL.into()),
+        "the number of candidates of a scatter",
+    )?;
     // `grid`: index of the accepted point in each cell. A cell is spacing / sqrt 2 wide and holds at most one.
-    let near = ObstacleGrid::new(taken, params, land.size);
+    let obstacles = ObstacleGrid::new(taken, params, land.size);
     let mut grid = vec![EMPTY; narrow::<u32, u64>(cells.len(), "cells of a scatter")? as usize];
     let mut points: Vec<ScatterPoint> = Vec::new();
     let mut candidates: Vec<Candidate> = Vec::new();
-    for round in 0..ROUNDS {
+    for round in 0..CANDIDATES_PER_CELL {
         let key = child(key, u64::from(round));
         candidates.clear();
         let free = (0_u32..).zip(&grid).filter(|(_, g)| **g == EMPTY);
-        candidates.extend(free.map(|(c, _)| (draw(&cells, key, c as usize).next_u64(), c)));
+        candidates.extend(free.map(|(c, _)| (candidate_rng(&cells, key, c as usize).next_u64(), c)));
         // The order of acceptance is random, but the same however the cells are visited.
         candidates.sort_unstable();
         for (_, cell) in &candidates {
@@ -177,12 +181,12 @@ pub fn scatter(
                 return Ok(points);
             }
             let cell = *cell as usize;
-            let mut rng = draw(&cells, key, cell);
+            let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
-            let at = place(&cells, land, cell, &mut rng);
+            let at = candidate_position(&cells, land, cell, &mut rng);
             let chance = chance(land, params, at);
             if rng.unit_f32() < chance
-                && near.is_clear(at)
+                && obstacles.is_clear(at)
                 && keeps_spacing(&cells, &grid, &points, cell, at, params.spacing)
             {
                 grid[cell] = narrow(points.len(), "plants of a scatter")?;
@@ -194,13 +198,13 @@ pub fn scatter(
 }
 
 /// The draws of a cell's candidate, at (row, column) of the whole land's cells.
-fn draw(cells: &ScatterGrid, key: u64, cell: usize) -> Rng {
+fn candidate_rng(cells: &ScatterGrid, key: u64, cell: usize) -> Rng {
     let (row, column) = (cells.z[0] + cell / cells.width(), cells.x[0] + cell % cells.width());
     Rng::from_key(child(child(key, row as u64), column as u64))
 }
 
 /// The candidate position of a cell: uniform within it.
-fn place(cells: &ScatterGrid, land: &Land, cell: usize, rng: &mut Rng) -> [f32; 2] {
+fn candidate_position(cells: &ScatterGrid, land: &Terrain, cell: usize, rng: &mut Rng) -> [f32; 2] {
     let (row, column) = (cells.z[0] + cell / cells.width(), cells.x[0] + cell % cells.width());
     let at = |i: usize, u: f32| (i as f32 + u) * cells.edge - 0.5 * land.size;
     let (u, v) = (rng.unit_f32(), rng.unit_f32());
@@ -208,11 +212,12 @@ fn place(cells: &ScatterGrid, land: &Land, cell: usize, rng: &mut Rng) -> [f32; 
 }
 
 /// Chance that a place bears a plant; 0 outside of the limits.
-fn chance(land: &Land, params: &ScatterParams, at: [f32; 2]) -> f32 {
+fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
     let half = land.size * 0.5;
     if at.iter().any(|v| v.abs() > half) {
         return 0.0;
     }
+    // The acceptance probability is the product of density, disc, patches and mask, and 0 outside the hard limits.
     let mut chance = params.density;
     if let Some(d) = params.disc {
         let away = math::sqrt_f32((at[0] - d.at[0]) * (at[0] - d.at[0]) + (at[1] - d.at[1]) * (at[1] - d.at[1]));
@@ -281,25 +286,30 @@ struct ObstacleGrid {
 
 impl ObstacleGrid {
     fn new(taken: &[ScatterObstacle], params: &ScatterParams, size: f32) -> Self {
-        let keep = |t: &ScatterObstacle| params.clear.unwrap_or(0.5 * (t.spacing + params.spacing));
-        let most = taken.iter().map(keep).fold(0.0, f32::max);
+        let min_distance = |t: &ScatterObstacle| params.clear.unwrap_or(0.5 * (t.spacing + params.spacing));
+        let most = taken.iter().map(min_distance).fold(0.0, f32::max);
         // At most 2048 cells along a side, to bound the memory.
         let edge = most.max(size / 2048.0).max(1e-3);
-        let mut near = Self { edge, half: size * 0.5, side: 0, starts: Vec::new(), points: Vec::new() };
-        near.side = near.cell(near.half) + 1;
-        let index = |t: &ScatterObstacle| near.cell(t.at[1]) * near.side + near.cell(t.at[0]);
+        let mut obstacles = Self { edge, half: size * 0.5, side: 0, starts: Vec::new(), points: Vec::new() };
+        obstacles.side = obstacles.cell(obstacles.half) + 1;
+        // Counting sort by cell: `starts[c]..starts[c + 1]` are the obstacles of cell c.
+        let index = |t: &ScatterObstacle| obstacles.cell(t.at[1]) * obstacles.side + obstacles.cell(t.at[0]);
         let mut sorted: Vec<(usize, usize)> = taken.iter().enumerate().map(|(i, t)| (index(t), i)).collect();
         sorted.sort_unstable();
-        let mut starts = vec![0; near.side * near.side + 1];
+        let mut starts = vec![0; obstacles.side * obstacles.side + 1];
         for (cell, _) in &sorted {
             starts[cell + 1] += 1;
         }
         for i in 1..starts.len() {
             starts[i] += starts[i - 1];
         }
-        near.points = sorted.iter().filter_map(|(_, i)| taken.get(*i)).map(|t| (t.at, keep(t) * keep(t))).collect();
-        near.starts = starts;
-        near
+        obstacles.points = sorted
+            .iter()
+            .filter_map(|(_, i)| taken.get(*i))
+            .map(|t| (t.at, min_distance(t) * min_distance(t)))
+            .collect();
+        obstacles.starts = starts;
+        obstacles
     }
 
     /// Places beyond the land count to its border.
@@ -316,9 +326,10 @@ impl ObstacleGrid {
         let (x, z) = (self.cell(at[0]), self.cell(at[1]));
         let last = self.side - 1;
         (z.saturating_sub(1)..=(z + 1).min(last)).all(|r| {
+            // The three cells of a row are consecutive in the sorted array.
             let (first, end) = (r * self.side + x.saturating_sub(1), r * self.side + (x + 1).min(last) + 1);
             let row = self.starts.get(first).zip(self.starts.get(end)).and_then(|(a, b)| self.points.get(*a..*b));
-            row.unwrap_or_default().iter().all(|(p, keep)| distance_squared(*p, at) >= *keep)
+            row.unwrap_or_default().iter().all(|(p, min_distance)| distance_squared(*p, at) >= *min_distance)
         })
     }
 }
@@ -333,15 +344,16 @@ mod tests {
     use super::*;
     use crate::surface::terrain::TerrainParams;
 
-    fn land() -> Land {
-        Land::generate(&TerrainParams { n: 7, size: 120.0, amplitude: 14.0, ..TerrainParams::default() }).expect("land")
+    fn land() -> Terrain {
+        Terrain::generate(&TerrainParams { n: 7, size: 120.0, amplitude: 14.0, ..TerrainParams::default() })
+            .expect("land")
     }
 
     fn params(spacing: f32) -> ScatterParams {
         ScatterParams { spacing, ..ScatterParams::default() }
     }
 
-    fn sown(land: &Land, params: &ScatterParams, taken: &[ScatterObstacle], entry: usize) -> Vec<[f32; 2]> {
+    fn scattered(land: &Terrain, params: &ScatterParams, taken: &[ScatterObstacle], entry: usize) -> Vec<[f32; 2]> {
         let points = scatter(land, params, taken, scatter_key(3, entry), &Limits::default()).expect("points");
         points.into_iter().map(|s| s.at).collect()
     }
@@ -354,12 +366,12 @@ mod tests {
     #[test]
     fn limits_are_exact() {
         let land = land();
-        let all = sown(&land, &params(3.0), &[], 0);
+        let all = scattered(&land, &params(3.0), &[], 0);
         let nearby = nearest(&all, &all);
         assert!((3.0..3.1).contains(&nearby) && all.len() > 600, "{nearby} m, {} plants", all.len());
         let disc = ScatterDisc { at: [10.0, -20.0], radius: 30.0, inner: 8.0, fade: 0.0 };
         let narrow = ScatterParams { slope_max: 0.3, altitude: [-3.0, 6.0], disc: Some(disc), ..params(1.5) };
-        let some = sown(&land, &narrow, &[], 0);
+        let some = scattered(&land, &narrow, &[], 0);
         assert!(some.len() > 50);
         for p in &some {
             let h = land.height_at(p[0], p[1]);
@@ -368,7 +380,7 @@ mod tests {
             assert!((-3.0..=6.0).contains(&h) && slope <= 0.3001 && (8.0..=30.0).contains(&away), "{p:?}");
         }
         assert!(all.iter().any(|p| land.height_at(p[0], p[1]) > 6.0), "there is land beyond the limit");
-        assert_eq!(sown(&land, &ScatterParams { max_count: 17, ..params(3.0) }, &[], 0)[..], all[..17]);
+        assert_eq!(scattered(&land, &ScatterParams { max_count: 17, ..params(3.0) }, &[], 0)[..], all[..17]);
         let mut tight = Limits::default();
         tight.set("candidates", "100").expect("limit");
         assert!(scatter(&land, &params(3.0), &[], 1, &tight).is_err());
@@ -378,25 +390,25 @@ mod tests {
     fn masks_and_density_thin_out() {
         let land = land();
         let left = DensityMask { width: 2, height: 1, values: vec![1.0, 0.0] };
-        let half = sown(&land, &ScatterParams { mask: Some(left), ..params(2.0) }, &[], 0);
+        let half = scattered(&land, &ScatterParams { mask: Some(left), ..params(2.0) }, &[], 0);
         assert!(half.len() > 300 && half.iter().all(|p| p[0] <= 0.0));
-        let all = sown(&land, &params(2.0), &[], 0).len();
-        let thin = sown(&land, &ScatterParams { density: 0.03, ..params(2.0) }, &[], 0).len();
+        let all = scattered(&land, &params(2.0), &[], 0).len();
+        let thin = scattered(&land, &ScatterParams { density: 0.03, ..params(2.0) }, &[], 0).len();
         assert!(thin * 2 < all && thin * 10 > all, "{thin} of {all}");
-        assert!(sown(&land, &ScatterParams { density: 0.0, ..params(2.0) }, &[], 0).is_empty());
-        let clumps = sown(&land, &ScatterParams { clump: 25.0, ..params(2.0) }, &[], 0).len();
+        assert!(scattered(&land, &ScatterParams { density: 0.0, ..params(2.0) }, &[], 0).is_empty());
+        let clumps = scattered(&land, &ScatterParams { clump: 25.0, ..params(2.0) }, &[], 0).len();
         assert!(clumps < all * 8 / 10 && clumps > all / 10, "{clumps} of {all}");
     }
 
     #[test]
     fn new_entries_move_none() {
         let land = land();
-        let trees = sown(&land, &params(6.0), &[], 0);
+        let trees = scattered(&land, &params(6.0), &[], 0);
         let taken: Vec<ScatterObstacle> = trees.iter().map(|at| ScatterObstacle { at: *at, spacing: 6.0 }).collect();
-        let shrubs = sown(&land, &params(2.0), &taken, 1);
-        assert_eq!(trees, sown(&land, &params(6.0), &[], 0));
+        let shrubs = scattered(&land, &params(2.0), &taken, 1);
+        assert_eq!(trees, scattered(&land, &params(6.0), &[], 0));
         assert!(!shrubs.is_empty() && nearest(&shrubs, &trees) >= 4.0);
-        let close = sown(&land, &ScatterParams { clear: Some(0.5), ..params(2.0) }, &taken, 1);
+        let close = scattered(&land, &ScatterParams { clear: Some(0.5), ..params(2.0) }, &taken, 1);
         let gap = nearest(&close, &trees);
         assert!((0.5..1.0).contains(&gap), "{gap}");
     }
@@ -407,7 +419,7 @@ mod tests {
         let land = land();
         let of = |radius| {
             let disc = ScatterDisc { at: [0.0; 2], radius, inner: 0.0, fade: 0.0 };
-            let mut all = sown(&land, &ScatterParams { disc: Some(disc), ..params(3.0) }, &[], 0);
+            let mut all = scattered(&land, &ScatterParams { disc: Some(disc), ..params(3.0) }, &[], 0);
             all.retain(|p| distance_squared(*p, [0.0; 2]) < 100.0);
             all.len()
         };

@@ -1,8 +1,8 @@
-use super::{Land, TerrainParams};
+use super::{Terrain, TerrainParams};
 use osier_base::math::{ln, pow};
 
-fn raised(relief: &TerrainParams) -> Land {
-    Land::generate(relief).expect("land")
+fn raised(relief: &TerrainParams) -> Terrain {
+    Terrain::generate(relief).expect("land")
 }
 
 #[test]
@@ -166,7 +166,7 @@ fn values_outside_their_ranges_are_refused() {
         TerrainParams { smooth: 9, ..own() },
         TerrainParams { floor: Some(f64::INFINITY), ..own() },
     ];
-    assert!(wrong.iter().all(|r| Land::generate(r).is_err()));
+    assert!(wrong.iter().all(|r| Terrain::generate(r).is_err()));
 }
 
 #[test]
