@@ -80,6 +80,7 @@ impl LeafCollider {
             ColliderTriangle { corner: a, edges: [b - a, c - a], index: *index }
         };
         let triangles = bvh.primitive_indices.iter().map(triangle).collect();
+        // A sphere around the centroid bounds the blade in any orientation.
         let n = blade.points().len().max(1) as f64;
         let center = blade.points().iter().fold(DVec3::ZERO, |s, p| s + *p) / n;
         let radius = blade.points().iter().fold(0.0, |m: f64, p| m.max(p.distance(center)));
@@ -127,6 +128,7 @@ impl LeafCollider {
 /// Where the path from `o` along `d` crosses a triangle. Source: Möller and Trumbore 1997.
 fn intersect_triangle(o: Vec3, d: Vec3, triangle: &ColliderTriangle) -> Option<TriangleHit> {
     let ColliderTriangle { corner: a, edges: [e, f], .. } = *triangle;
+    // Solve o + t d = a + u e + v f by Cramer's rule; the determinant is 0 for a path parallel to the triangle.
     let p = d.cross(f);
     let det = e.dot(p);
     if det.abs() < f32::MIN_POSITIVE {
@@ -142,7 +144,7 @@ fn intersect_triangle(o: Vec3, d: Vec3, triangle: &ColliderTriangle) -> Option<T
 /// A leaf that moves during a time step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MovingLeaf<'a> {
-    /// Blade at scale 1.
+    /// Triangles of the blade at scale 1.
     pub collider: &'a LeafCollider,
     /// Factor on the blade.
     pub scale: f64,
@@ -161,12 +163,14 @@ impl MovingLeaf<'_> {
         // The drop touches with its front, half a diameter ahead of its center.
         let ahead = path.normalize_or_zero() * (0.5 * d / self.scale);
         let hit = self.collider.intersect(a, b + ahead)?;
+        // From a fraction of the lengthened path to one of the center's path.
         let t = hit.t * (path.length() + ahead.length()) / path.length().max(f64::MIN_POSITIVE);
         Some(LeafHit { t: t.min(1.0), ..hit })
     }
 
     /// Bounding box of the leaf in both poses, in the world.
     fn swept_bounds(&self) -> [DVec3; 2] {
+        // A thousandth more than the bounding sphere, as boxes are in single precision.
         let r = DVec3::splat(self.collider.radius * self.scale * 1.001);
         let at = self.poses.map(|pose| pose.to_world(self.collider.center, self.scale));
         [at[0].min(at[1]) - r, at[0].max(at[1]) + r]
@@ -273,6 +277,7 @@ fn intersect_wood(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<
     if a > 0.0 {
         s = ((b * t - e) / a).clamp(0.0, 1.0);
     }
+    // A tapered capsule: its radius at t, and that of the drop.
     let distance = (w + u * s - v * t).length();
     let reach = wood.radii[0] + (wood.radii[1] - wood.radii[0]) * t + 0.5 * d;
     (distance <= reach).then_some(WoodHit { t: s, fraction: t })

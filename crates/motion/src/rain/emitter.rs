@@ -23,7 +23,7 @@ pub enum DropSizes {
     MarshallPalmer,
     /// All drops have this diameter, m.
     Fixed(f64),
-    /// Log-normal.
+    /// Log-normal distribution.
     LogNormal {
         /// Median diameter, m.
         median: f64,
@@ -35,7 +35,7 @@ pub enum DropSizes {
 /// Factor on the rainfall rate over time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum IntensityEnvelope {
-    /// Always 1.
+    /// Constant rate over the clip.
     Constant,
     /// A normal density with the value 1 at its center. Source: [yang-wu] section 3.
     Bell {
@@ -65,7 +65,7 @@ pub struct RainfallParams {
     pub jitter: f64,
     /// Duration of the clip, s.
     pub duration: f64,
-    /// Gravity, m/s^2.
+    /// Gravity along -Y, m/s^2.
     pub g: f64,
 }
 
@@ -90,7 +90,7 @@ pub struct RainEmitter {
 #[derive(Debug)]
 struct EmissionEpoch {
     number: u64,
-    /// By size class.
+    /// Source region of each size class.
     regions: Vec<SourceRegion>,
     /// Cumulative areas of the regions' bounding rectangles over the table of diameters, m^2.
     cumulative_areas: Vec<f64>,
@@ -105,14 +105,14 @@ pub struct EmittedDrop {
     pub p: DVec3,
     /// Velocity: terminal speed, carried by the wind, m/s.
     pub v: DVec3,
-    /// Volume, m^3.
+    /// Volume of the drop, m^3.
     pub volume: f64,
 }
 
 /// A diameter with its size class.
 struct DiameterSample {
     class: usize,
-    /// Diameter, m.
+    /// Diameter of the drop, m.
     d: f64,
 }
 
@@ -185,12 +185,13 @@ impl RainEmitter {
 
     /// The epoch at time `t`, s: that of the last step if it still lasts.
     fn epoch_at(&mut self, t: f64) -> EmissionEpoch {
-        let number = self.tracer.epoch(t);
+        let number = self.tracer.epoch_index(t);
         if let Some(epoch) = self.epoch.take().filter(|epoch| epoch.number == number) {
             return epoch;
         }
         let regions = self.tracer.regions(number);
         let areas: Vec<f64> = regions.iter().map(SourceRegion::bounding_area).collect();
+        // Each entry of the table of diameters is as probable as the others per area: weight it with the area of its class.
         let mut sum = 0.0;
         let add = |class: &usize| {
             sum += areas.get(*class).copied().unwrap_or(0.0);
@@ -238,7 +239,7 @@ fn envelope_factor(params: &RainfallParams, t: f64) -> f64 {
 struct CumulativePoint {
     /// Integral of the density up to `mm`; not normalized.
     sum: f64,
-    /// Diameter, mm.
+    /// Upper end of the integral: a diameter, mm.
     mm: f64,
 }
 

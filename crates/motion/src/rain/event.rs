@@ -8,7 +8,7 @@ use osier_scene::DropEventKind;
 /// drops renumbered over the clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RainEvent {
-    /// Which event it is.
+    /// What happened: emission, impact, merger, detachment and so on.
     pub kind: DropEventKind,
     /// Time since the simulation began, s.
     pub t: f64,

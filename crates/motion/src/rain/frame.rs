@@ -45,13 +45,13 @@ pub struct PendantDrop {
     pub radius: f64,
     /// Unit vector in which it hangs, in leaf space.
     pub axis: DVec3,
-    /// Volume, m^3.
+    /// Volume of all water that hangs there, m^3.
     pub volume: f64,
     /// Progress of necking: 0 while it is stable, 1 when it detaches.
     pub necking: f64,
 }
 
-/// A drop in the air.
+/// A drop that falls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirborneDrop {
     /// Emission index; stable over frames, threads and time steps.
@@ -60,7 +60,7 @@ pub struct AirborneDrop {
     pub p: DVec3,
     /// Velocity in the world, m/s.
     pub v: DVec3,
-    /// Volume, m^3.
+    /// Volume of the drop, m^3.
     pub volume: f64,
 }
 
@@ -86,7 +86,7 @@ pub struct RainFrame {
     pub sessile: Vec<SessileDrop>,
     /// Drops that hang from margins.
     pub pendant: Vec<PendantDrop>,
-    /// Drops that fall.
+    /// Drops in the air, in no particular order.
     pub airborne: Vec<AirborneDrop>,
     /// Spots that became wet since the last frame.
     pub wet_spots: Vec<LeafWetSpot>,
@@ -118,6 +118,7 @@ impl RainFrame {
                     });
                     continue;
                 }
+                // The cosine between the drop's normal and the vertical, for the paper's wedge shape.
                 let facing = leaf.point_at(d.uv).map_or(1.0, |s| (simulation.poses()[i].orientation * s.n).y.abs());
                 let caps = d.caps(params, facing);
                 // What is under water now is wet, also where the drop has not moved since the last spot.
@@ -137,11 +138,16 @@ impl RainFrame {
                 });
             }
         }
-        let airborne = simulation.air().iter().map(|d| AirborneDrop { id: d.id, p: d.p, v: d.v, volume: d.volume });
+        let airborne =
+            simulation.falling_drops().iter().map(|d| AirborneDrop { id: d.id, p: d.p, v: d.v, volume: d.volume });
         Self {
             t: simulation.time(),
             leaf_poses: simulation.poses().to_vec(),
-            wetness: simulation.leaves().iter().map(|l| l.wetness(simulation.time(), &simulation.params)).collect(),
+            wetness: simulation
+                .leaves()
+                .iter()
+                .map(|l| l.mean_wetness(simulation.time(), &simulation.params))
+                .collect(),
             sessile,
             pendant,
             airborne: airborne.collect(),
@@ -172,6 +178,7 @@ impl RainFrame {
         let mut caps = Vec::new();
         for d in self.sessile.iter().filter(|d| d.leaf == leaf && d.side > 0.0) {
             for (k, cap) in d.caps.iter().enumerate() {
+                // Only the head is deformed.
                 let footprint = if k == 0 { d.footprint } else { Footprint::ROUND };
                 caps.push(CapOnLeaf { uv: cap.uv, cap: cap.cap, footprint, axis: d.axis });
             }

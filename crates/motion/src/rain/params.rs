@@ -89,7 +89,7 @@ pub struct DropParams {
     pub velocity_decay_time: f64,
     /// Relative variation of the retention force over a leaf, 0 to 1.
     pub pinning_noise: f64,
-    /// When drops merge.
+    /// Distance at which drops merge.
     pub merge: MergeRule,
     /// Strength of the attraction of [`MergeRule::Paper`], N.
     pub attraction_force: f64,
@@ -115,7 +115,7 @@ pub struct DropParams {
 
 impl DropParams {
     /// Exponential drying of wet surfaces.
-    pub fn drying(&self) -> DryingLaw {
+    pub fn drying_law(&self) -> DryingLaw {
         DryingLaw { fraction: self.decay_fraction, time: self.decay_time }
     }
 }

@@ -91,7 +91,7 @@ impl WaterBudget {
 /// A wet spot of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafWetSpot {
-    /// Index of the leaf.
+    /// Index of the leaf, as in [`RainSimulation::leaves`].
     pub leaf: usize,
     /// Where and when it became wet.
     pub spot: WetSpot,
@@ -135,7 +135,7 @@ pub struct RainSimulation {
     plants: Vec<Box<dyn RainTarget>>,
     leaves: Vec<RainLeaf>,
     attachments: Vec<LeafAttachment>,
-    air: Vec<FallingDrop>,
+    falling: Vec<FallingDrop>,
     poses: Vec<LeafPose>,
     /// Wood segments of each plant.
     wood: Vec<Vec<WoodSegment>>,
@@ -154,10 +154,17 @@ pub struct RainSimulation {
 
 /// Outcome of a falling drop's time step.
 #[derive(Clone, Copy)]
-enum FlightOutcome {
+enum FallOutcome {
     Airborne,
     Ground,
     Hit(DropHit),
+}
+
+/// A falling drop at the point where it strikes something.
+#[derive(Clone, Copy)]
+struct StruckDrop {
+    drop: FallingDrop,
+    hit: DropHit,
 }
 
 impl RainSimulation {
@@ -173,7 +180,7 @@ impl RainSimulation {
             wood: Vec::new(),
             leaves,
             attachments,
-            air: Vec::new(),
+            falling: Vec::new(),
             wind: config.wind,
             ground: config.ground,
             t: 0.0,
@@ -204,6 +211,7 @@ impl RainSimulation {
         }
     }
 
+    /// A new identifier, counted from 1.
     fn next_id(&mut self) -> u64 {
         self.last_id += 1;
         self.last_id
@@ -238,8 +246,8 @@ impl RainSimulation {
     }
 
     /// Drops that fall, in no particular order.
-    pub fn air(&self) -> &[FallingDrop] {
-        &self.air
+    pub fn falling_drops(&self) -> &[FallingDrop] {
+        &self.falling
     }
 
     /// The plants in their present state.
@@ -270,7 +278,7 @@ impl RainSimulation {
             wood: self.water_on_wood,
             ..WaterBudget::default()
         };
-        budget.air = self.air.iter().map(|d| d.volume).sum();
+        budget.air = self.falling.iter().map(|d| d.volume).sum();
         for d in self.leaves.iter().flat_map(|l| &l.drops) {
             *if d.pendant.is_some() { &mut budget.pendants } else { &mut budget.leaves } += d.volume;
         }
@@ -281,6 +289,7 @@ impl RainSimulation {
     /// # Errors
     /// `Simulation` if the motion of a plant diverges.
     pub fn step(&mut self, h: f64) -> Result<()> {
+        // Plants move before drops do, under the impulses and loads of the last step.
         self.emit(h);
         for plant in &mut self.plants {
             plant.step(self.t, h)?;
@@ -289,11 +298,11 @@ impl RainSimulation {
         let before = std::mem::take(&mut self.poses);
         self.poses = self.leaf_poses();
         self.wood = self.wood_segments();
-        let hits = self.advance_airborne(&before, h);
+        let hits = self.advance_falling(&before, h);
         self.t += h;
         self.steps += 1;
         // Hits change plants and draw random numbers, hence one after the other in a fixed order.
-        for (drop, hit) in hits {
+        for StruckDrop { drop, hit } in hits {
             match hit {
                 DropHit::Leaf { leaf, hit } => self.hit_leaf(&drop, leaf, &hit),
                 DropHit::Wood { segment, hit } => self.hit_wood(&drop, segment, hit),
@@ -321,12 +330,12 @@ impl RainSimulation {
             self.emitted += d.volume;
             self.events.push(RainEvent::new(DropEventKind::Born, id, d.t, d.p, d.volume));
             let spawn_offset = d.t - self.t;
-            self.air.push(FallingDrop { id, p: d.p, v: d.v, volume: d.volume, ignore_leaf: None, spawn_offset });
+            self.falling.push(FallingDrop { id, p: d.p, v: d.v, volume: d.volume, ignore_leaf: None, spawn_offset });
         }
     }
 
     /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
-    fn advance_airborne(&mut self, before: &[LeafPose], h: f64) -> Vec<(FallingDrop, DropHit)> {
+    fn advance_falling(&mut self, before: &[LeafPose], h: f64) -> Vec<StruckDrop> {
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();
         let moving: Vec<MovingLeaf> = (0..self.leaves.len())
             .map(|i| MovingLeaf {
@@ -337,22 +346,24 @@ impl RainSimulation {
             .collect();
         let collider = RainCollider::new(&moving, &wood);
         // The wind is sampled for all drops at once, which recorded and lattice winds do much faster than one by one.
-        let positions: Vec<Vec3> = self.air.iter().map(|d| d.p.as_vec3()).collect();
+        let positions: Vec<Vec3> = self.falling.iter().map(|d| d.p.as_vec3()).collect();
         let winds = sample_wind(self.wind.as_deref(), &positions, self.t);
-        let drops_in_wind: Vec<(FallingDrop, Vec3)> = self.air.iter().copied().zip(winds).collect();
+        let drops_in_wind: Vec<(FallingDrop, Vec3)> = self.falling.iter().copied().zip(winds).collect();
         let (t, ground, g) = (self.t, &self.ground, self.params.g);
         let advance = |(drop, wind): &(FallingDrop, Vec3)| {
+            // A drop that was emitted within the step falls only from then on. Velocity first, then position (semi-implicit Euler).
             let mut drop = *drop;
             let h = h - std::mem::replace(&mut drop.spawn_offset, 0.0);
             drop.v = step_velocity(drop.v, drop.volume, g, wind.as_dvec3(), h);
             let to = drop.p + drop.v * h;
             let ignored = drop.ignore_leaf.filter(|ignored| t < ignored.until).map(|ignored| ignored.leaf);
             let outcome = match collider.first_hit([drop.p, to], sphere_diameter(drop.volume), ignored) {
-                Some(hit) => FlightOutcome::Hit(hit),
-                None if to.y < ground.height(to.x, to.z) => FlightOutcome::Ground,
-                None => FlightOutcome::Airborne,
+                Some(hit) => FallOutcome::Hit(hit),
+                None if to.y < ground.height(to.x, to.z) => FallOutcome::Ground,
+                None => FallOutcome::Airborne,
             };
-            let fraction = if let FlightOutcome::Hit(hit) = &outcome { hit.t() } else { 1.0 };
+            // A drop that strikes something stops there; one that reaches the ground may end below it within its last step.
+            let fraction = if let FallOutcome::Hit(hit) = &outcome { hit.t() } else { 1.0 };
             drop.p = drop.p.lerp(to, fraction);
             (drop, outcome)
         };
@@ -360,30 +371,33 @@ impl RainSimulation {
         let outcomes = par_chunks(&drops_in_wind, DROPS_PER_TASK, task).concat();
         // Serial, in the order of drops: sums of volumes do not depend on the number of threads.
         let mut hits = Vec::new();
-        self.air.clear();
+        self.falling.clear();
         for (drop, outcome) in outcomes {
             match outcome {
-                FlightOutcome::Airborne => self.air.push(drop),
-                FlightOutcome::Ground => {
+                FallOutcome::Airborne => self.falling.push(drop),
+                FallOutcome::Ground => {
                     self.events.push(RainEvent::new(DropEventKind::Ground, drop.id, t + h, drop.p, drop.volume));
                     self.water_on_ground += drop.volume;
                 }
-                FlightOutcome::Hit(hit) => hits.push((drop, hit)),
+                FallOutcome::Hit(hit) => hits.push(StruckDrop { drop, hit }),
             }
         }
-        hits.sort_by(|a, b| a.1.t().total_cmp(&b.1.t()).then(a.0.id.cmp(&b.0.id)));
+        // In the order of time within the step; identifiers decide between hits at the same time.
+        hits.sort_by(|a, b| a.hit.t().total_cmp(&b.hit.t()).then(a.drop.id.cmp(&b.drop.id)));
         hits
     }
 
     /// Applies the impulse of a drop to the wood that it strikes, which absorbs its water. `segment`: index over the wood of all
     /// plants.
     fn hit_wood(&mut self, drop: &FallingDrop, mut segment: usize, hit: WoodHit) {
+        // Find the plant that the segment belongs to, and the index on it.
         let fraction = hit.fraction;
         for (plant, wood) in self.wood.iter().enumerate() {
             if segment >= wood.len() {
                 segment -= wood.len();
                 continue;
             }
+            // Wood takes up the whole of the relative momentum, not only that along its normal: the drop stays on it.
             let plant = &mut self.plants[plant];
             let relative = drop.v - plant.wood_velocity(segment, fraction);
             let direction = relative.normalize_or_zero();
@@ -405,7 +419,7 @@ impl RainSimulation {
         let Some(surface) = leaf.point_at(uv).filter(|_| leaf.blade.is_solid(uv)) else {
             // A hole of the alpha mask, or the very edge of a triangle at the margin, where no surface is found.
             let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: self.t + IGNORE_LEAF_TIME });
-            self.air.push(FallingDrop { ignore_leaf, ..*drop });
+            self.falling.push(FallingDrop { ignore_leaf, ..*drop });
             return;
         };
         // Velocity relative to the material point of the leaf, and the normal of the side that it comes from.
@@ -422,6 +436,7 @@ impl RainSimulation {
             ImpactLaw::Momentum { .. } => n,
             ImpactLaw::PaperEnergy { .. } => -relative.normalize_or(-n),
         };
+        // The plant's rods give the effective mass with which the leaf resists at the point of impact.
         let inverse_mass = self.plants[plant].inverse_effective_mass(leaf_on_plant, point, direction);
         let energy = 0.5 * m * relative.length_squared();
         let leaf_speed = -pose.velocity_at(point).dot(direction);
@@ -444,6 +459,7 @@ impl RainSimulation {
 
     /// Ejects the splashed part of a drop as droplets in a crown around the normal `n`, and returns its volume, m^3.
     fn splash(&mut self, drop: &FallingDrop, leaf: usize, point: DVec3, n: DVec3, relative: DVec3) -> f64 {
+        // Draws are addressed by the drop's identifier, so that they do not depend on other drops.
         let mut draw = Rng::at(self.params.seed, &["drop".into(), drop.id.into(), "splash".into()]);
         let splashed = self.params.splash * drop.volume;
         let count = SPLASH_DROPLETS[0] + draw.below(SPLASH_DROPLETS[1]);
@@ -460,6 +476,7 @@ impl RainSimulation {
             let polar = draw.range(SPLASH_ANGLES[0], SPLASH_ANGLES[1]).to_radians();
             let tangent = x * math::cos(azimuth) + y * math::sin(azimuth);
             let direction = n * math::cos(polar) + tangent * math::sin(polar);
+            // Droplets start on the moving leaf, and ignore it until they are clear of it.
             let speed = draw.range(SPLASH_SPEEDS[0], SPLASH_SPEEDS[1]) * relative.length();
             let v = direction * speed + self.poses[leaf].velocity_at(point);
             let id = self.next_id() | SPLASH_ID;
@@ -467,7 +484,7 @@ impl RainSimulation {
             let p = point + n * SPLASH_OFFSET;
             let event = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
             self.events.push(RainEvent { other: Some(drop.id), ..event });
-            self.air.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
+            self.falling.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
             ejected += volume;
         }
         ejected
@@ -479,6 +496,7 @@ impl RainSimulation {
         let (t, params) = (self.t, &self.params);
         let mut jobs: Vec<(&mut RainLeaf, LeafPose)> = self.leaves.iter_mut().zip(self.poses.iter().copied()).collect();
         let mut results = par_map_mut(&mut jobs, |(leaf, pose)| {
+            // Most leaves are dry most of the time.
             if leaf.drops.is_empty() {
                 let attached = AttachedWater { mass: 0.0, center: pose.position };
                 return LeafStepResult { attached, ..LeafStepResult::default() };
@@ -505,7 +523,7 @@ impl RainSimulation {
                 let event = RainEvent::new(DropEventKind::Fell, id, t, drop.p, drop.volume);
                 self.events.push(RainEvent { leaf: Some(i), other, ..event });
                 let (p, v, volume) = (drop.p, drop.v, drop.volume);
-                self.air.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
+                self.falling.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
             }
         }
     }

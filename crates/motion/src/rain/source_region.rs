@@ -96,6 +96,7 @@ impl SourceRegion {
 
     /// Area of the region, m^2, by a grid of points.
     fn area(&self) -> f64 {
+        // A single rectangle is known exactly.
         if self.rects.len() < 2 {
             return self.bounding_area();
         }
@@ -128,6 +129,7 @@ struct EpochDrifts {
 impl SourceTracer {
     /// A tracer of drops between two diameters, m, that fall on `bounds`, m, under gravity `g`, m/s^2.
     pub(crate) fn new(bounds: Bounds, wind: Option<Arc<dyn Wind>>, [least, most]: [f64; 2], g: f64) -> Self {
+        // Without wind, or with drops of one size, there is nothing to tell apart.
         let classes = if wind.is_none() || most - least < 1e-9 { 1 } else { TRACED_SIZES - 1 };
         // Drift is proportional to the time of the fall: space the sizes evenly in the inverse of their terminal speeds.
         let slowness = |k: usize| {
@@ -156,7 +158,7 @@ impl SourceTracer {
     }
 
     /// Number of the epoch of time `t`, s; always 0 in a steady wind, which needs to be traced only once.
-    pub(crate) fn epoch(&self, t: f64) -> u64 {
+    pub(crate) fn epoch_index(&self, t: f64) -> u64 {
         let steady = self.wind.as_ref().is_none_or(|w| w.period().is_some_and(|p| p <= 0.0));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts of floats saturate")]
         if steady { 0 } else { (t / EPOCH_DURATION).floor() as u64 }
@@ -166,7 +168,7 @@ impl SourceTracer {
     pub(crate) fn regions(&mut self, epoch: u64) -> Vec<SourceRegion> {
         // Enclose the drifts at the beginning and the end of the epoch, and those of both diameters that bound a class.
         let footprint = self.footprint();
-        let (a, b) = (self.drifts(epoch), self.drifts(epoch + 1));
+        let (a, b) = (self.epoch_drifts(epoch), self.epoch_drifts(epoch + 1));
         let over_epoch: Vec<DriftByBand> =
             a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|k| a[k].union(b[k]))).collect();
         let classes = over_epoch.windows(2);
@@ -175,12 +177,13 @@ impl SourceTracer {
 
     /// Mean areas of the source regions by size class over `duration`, s, in m^2. `weight`: of a time.
     pub(crate) fn mean_areas(&mut self, duration: f64, weight: impl Fn(f64) -> f64) -> Vec<f64> {
+        // Midpoints of equal intervals of the clip.
         let (mut sum, mut areas) = (0.0, vec![0.0; self.diameters.len() - 1]);
         for k in 0..AREA_TIMES {
             let t = duration * (f64::from(k) + 0.5) / f64::from(AREA_TIMES);
             // A small constant keeps the mean defined where the weight is 0 throughout.
             let w = weight(t) + 1e-9;
-            let epoch = self.epoch(t);
+            let epoch = self.epoch_index(t);
             sum += w;
             areas.iter_mut().zip(self.regions(epoch)).for_each(|(area, region)| *area += w * region.area());
         }
@@ -193,12 +196,12 @@ impl SourceTracer {
         LevelRect { min: level(self.bounds.min), max: level(self.bounds.max) }
     }
 
-    fn drifts(&mut self, epoch: u64) -> Vec<DriftByBand> {
+    fn epoch_drifts(&mut self, epoch: u64) -> Vec<DriftByBand> {
         if let Some(known) = self.recent.iter().find(|known| known.epoch == epoch) {
             return known.drifts.clone();
         }
         let t = epoch as f64 * EPOCH_DURATION;
-        let drifts: Vec<DriftByBand> = self.diameters.iter().map(|d| self.drift(*d, t)).collect();
+        let drifts: Vec<DriftByBand> = self.diameters.iter().map(|d| self.drift_by_band(*d, t)).collect();
         self.recent.insert(0, EpochDrifts { epoch, drifts: drifts.clone() });
         // Regions need two successive epochs.
         self.recent.truncate(2);
@@ -207,7 +210,7 @@ impl SourceTracer {
 
     /// Drift of drops of diameter `d`, m, that start at time `t`, s, and come to the corners and the center of the bounds at their top,
     /// middle and bottom.
-    fn drift(&self, d: f64, t: f64) -> DriftByBand {
+    fn drift_by_band(&self, d: f64, t: f64) -> DriftByBand {
         let footprint = self.footprint();
         if self.wind.is_none() {
             return [LevelRect { min: DVec2::ZERO, max: DVec2::ZERO }; HEIGHT_BANDS];
@@ -215,19 +218,20 @@ impl SourceTracer {
         // The start of a drop that comes to a given point depends on its drift, which depends on the start: two fixed-point
         // iterations, the first with a drop from above the center, the second with drops that come to the center.
         let center = footprint.center();
-        let first = self.trace(d, t, &[center]);
-        let second = self.trace(d, t, &[0, HEIGHT_BANDS / 2, HEIGHT_BANDS - 1].map(|k| start_point(&first, k, center)));
+        let first = self.trace_drift(d, t, &[center]);
+        let second =
+            self.trace_drift(d, t, &[0, HEIGHT_BANDS / 2, HEIGHT_BANDS - 1].map(|k| start_of_drop(&first, k, center)));
         let [a, b] = [footprint.min, footprint.max];
         let targets = [a, b, DVec2::new(a.x, b.y), DVec2::new(b.x, a.y), center];
         let starts: Vec<DVec2> = [0, HEIGHT_BANDS / 2, HEIGHT_BANDS - 1]
             .iter()
-            .flat_map(|k| targets.map(|p| start_point(&second, *k, p)))
+            .flat_map(|k| targets.map(|p| start_of_drop(&second, *k, p)))
             .collect();
-        self.trace(d, t, &starts)
+        self.trace_drift(d, t, &starts)
     }
 
     /// Drift of drops of diameter `d`, m, that start at points of the emission plane at time `t`, s.
-    fn trace(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByBand {
+    fn trace_drift(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByBand {
         let mut drift = [LevelRect::EMPTY; HEIGHT_BANDS];
         let (low, high) = (f64::from(self.bounds.min.y) - SOURCE_MARGIN, f64::from(self.bounds.max.y) + SOURCE_MARGIN);
         // The time step takes a drop in still air down in `TRACE_STEPS` steps; an updraft makes it take more.
@@ -238,6 +242,7 @@ impl SourceTracer {
         for k in 0..MAX_TRACE_STEPS {
             let sampled: Vec<Vec3> = positions.iter().map(|p| p.as_vec3()).collect();
             let air = sample_wind(wind, &sampled, t + f64::from(k) * h);
+            // Drops start at terminal speed in the moving air, as the emitter lets them.
             if velocities.is_empty() {
                 velocities = air.iter().map(|a| a.as_dvec3() - DVec3::Y * terminal_speed(d)).collect();
             }
@@ -265,7 +270,7 @@ impl SourceTracer {
 
 /// The point of the emission plane from which a drop comes to `target` in a height band, by a known drift. If no drop gets to that
 /// band, the nearest band below, else above, that one gets to stands in.
-fn start_point(drift: &DriftByBand, band: usize, target: DVec2) -> DVec2 {
+fn start_of_drop(drift: &DriftByBand, band: usize, target: DVec2) -> DVec2 {
     let known = drift[band..].iter().chain(drift[..band].iter().rev()).find(|d| !d.is_empty());
     target - known.map_or(DVec2::ZERO, LevelRect::center)
 }
@@ -323,7 +328,7 @@ mod tests {
             let (mut crossed, mut covered) = (0, 0);
             for k in 0..40_u32 {
                 let t = 0.33 * f64::from(k);
-                let epoch = tracer.epoch(t);
+                let epoch = tracer.epoch_index(t);
                 let regions = tracer.regions(epoch);
                 let d = [5e-4, 8e-4, 1.5e-3, 4e-3][k as usize % 4];
                 let source = &regions[tracer.size_class(d)];

@@ -14,7 +14,7 @@ use osier_scene::DropEventKind;
 /// The circle by which a drop touches others, in leaf space.
 #[derive(Debug, Clone, Copy)]
 struct ContactCircle {
-    /// Center, m.
+    /// Center in leaf space, m.
     p: DVec3,
     /// Base radius of the head, or radius of attachment of a pendant drop, m.
     radius: f64,
@@ -26,12 +26,14 @@ impl RainLeaf {
     pub(super) fn merge_drops(&self, drops: &mut Vec<SurfaceDrop>, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let params = step.params;
         drops.sort_by_key(|d| d.id);
+        // Where nothing has moved since the last test, nothing can touch anew.
         if drops.iter().all(|d| d.merge_tested) {
             return;
         }
         // A drop without a circle lies beyond the blade and touches nothing.
         let mut circles: Vec<Option<ContactCircle>> = drops.iter().map(|d| self.contact_circle(d, params)).collect();
         while let Some(DropPair { first: i, second: k }) = first_touching_pair(drops, &circles, params) {
+            // The heavier drop keeps its identifier and its place in the list.
             let (heavy, light) = if drops[k].volume > drops[i].volume { (k, i) } else { (i, k) };
             let gone = drops[light].clone();
             result.counters.mergers += 1;
@@ -64,6 +66,7 @@ impl RainLeaf {
         let share = light.volume / volume;
         if heavy.pendant.is_none() {
             if light.pendant.is_some() {
+                // The attachment at the margin holds both.
                 heavy.clear_history();
                 heavy.pendant = light.pendant;
                 heavy.v = DVec3::ZERO;

@@ -19,24 +19,24 @@ struct MaxVolumeRow {
     fraction: f64,
 }
 
-const fn row(radius: f64, fraction: f64) -> MaxVolumeRow {
+const fn table_row(radius: f64, fraction: f64) -> MaxVolumeRow {
     MaxVolumeRow { radius, fraction }
 }
 
 /// Maximum volumes by radius of attachment. Source: Young-Laplace profiles at the limit of stability; the test
 /// `the_table_is_what_the_shapes_give` computes them.
 const MAX_VOLUME_TABLE: [MaxVolumeRow; 11] = [
-    row(0.3, 0.838),
-    row(0.4, 0.815),
-    row(0.5, 0.797),
-    row(0.6, 0.784),
-    row(0.75, 0.769),
-    row(1.0, 0.753),
-    row(1.25, 0.743),
-    row(1.5, 0.734),
-    row(1.75, 0.721),
-    row(2.0, 0.699),
-    row(2.25, 0.657),
+    table_row(0.3, 0.838),
+    table_row(0.4, 0.815),
+    table_row(0.5, 0.797),
+    table_row(0.6, 0.784),
+    table_row(0.75, 0.769),
+    table_row(1.0, 0.753),
+    table_row(1.25, 0.743),
+    table_row(1.5, 0.734),
+    table_row(1.75, 0.721),
+    table_row(2.0, 0.699),
+    table_row(2.25, 0.657),
 ];
 /// Capillary length for which the table's radii are given, mm.
 const TABLE_CAPILLARY_LENGTH: f64 = 2.727;
@@ -266,17 +266,17 @@ pub fn necked_profile(profile: &[[f64; 2]], progress: f64) -> PendantProfile {
     };
     // Fixed-point iteration for the factor that conserves volume, which grows with its square.
     let mut fuller = 1.0;
-    let target = volume(profile);
+    let target = profile_volume(profile);
     let mut out = profile.to_vec();
     for _ in 0..8 {
         out = profile.iter().map(|p| deform(*p, fuller)).collect();
-        fuller *= math::sqrt(target / volume(&out).max(1e-30));
+        fuller *= math::sqrt(target / profile_volume(&out).max(1e-30));
     }
     out
 }
 
 /// Volume of the solid of revolution of a profile, m^3, by conical frusta.
-pub fn volume(profile: &[[f64; 2]]) -> f64 {
+pub fn profile_volume(profile: &[[f64; 2]]) -> f64 {
     let frustum = |w: &[[f64; 2]]| {
         let ([x, z], [y, u]) = (w[0], w[1]);
         PI * (u - z) * (x * x + x * y + y * y) / 3.0
@@ -309,7 +309,7 @@ mod tests {
         for k in 1..40 {
             let v = most * f64::from(k) / 40.0;
             let shape = PendantShapes::new(1e-3, 9.81).profile(v);
-            let found = volume(&shape);
+            let found = profile_volume(&shape);
             assert!((found / v - 1.0).abs() < 1e-3, "{k}: {v} {found}");
             let length = shape.last().expect("points")[1];
             assert!(length > last, "{k}: {length} after {last}");
@@ -321,7 +321,7 @@ mod tests {
     #[test]
     fn what_thins_keeps_its_water_and_its_seat() {
         let shape = PendantShapes::new(1.5e-3, 9.81).profile(max_pendant_volume(1.5e-3, 9.81));
-        let (whole, [seat, mut length]) = (volume(&shape), shape.last().copied().expect("points"));
+        let (whole, [seat, mut length]) = (profile_volume(&shape), shape.last().copied().expect("points"));
         let neck = |p: &[[f64; 2]]| {
             let high = p.last().expect("points")[1];
             p.iter().filter(|q| q[1] > 0.6 * high).fold(f64::MAX, |m, q| m.min(q[0]))
@@ -330,7 +330,7 @@ mod tests {
         let mut narrow = neck(&shape);
         for share in [0.25, 0.5, 0.75, 1.0] {
             let thin = necked_profile(&shape, share);
-            assert!((volume(&thin) / whole - 1.0).abs() < 1e-3, "{share}: {}", volume(&thin) / whole);
+            assert!((profile_volume(&thin) / whole - 1.0).abs() < 1e-3, "{share}: {}", profile_volume(&thin) / whole);
             let [x, z] = thin.last().copied().expect("points");
             assert!((x / seat - 1.0).abs() < 1e-9 && z > length && neck(&thin) < narrow, "{share}");
             (length, narrow) = (z, neck(&thin));

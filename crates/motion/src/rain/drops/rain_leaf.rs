@@ -174,13 +174,15 @@ impl RainLeaf {
 
     /// Wetness of the leaf as a whole at time `t`, s: 0 to 1. The mean of its drying tracks, plus the fraction of its area that
     /// sessile drops of the upper side cover.
-    pub fn wetness(&self, t: f64, params: &DropParams) -> f64 {
-        let tracks = self.wetness_grid.mean_wetness(self.blade.occupied_cells(), t, params.drying());
+    pub fn mean_wetness(&self, t: f64, params: &DropParams) -> f64 {
+        let tracks = self.wetness_grid.mean_wetness(self.blade.occupied_cells(), t, params.drying_law());
+        // Base areas pi a^2 of the heads; tails add little.
         let base = |d: &SurfaceDrop| {
             let a = d.head_cap(params, 1.0).a;
             std::f64::consts::PI * a * a
         };
         let sessile = self.drops.iter().filter(|d| d.pendant.is_none() && d.side > 0.0).map(base);
+        // The blade has its area at scale 1.
         let area = self.blade.area() * self.scale * self.scale;
         (tracks + sessile.fold(0.0, |sum, b| sum + b) / area.max(f64::MIN_POSITIVE)).min(1.0)
     }

@@ -35,18 +35,18 @@ pub(super) fn effective_gravity(step: &LeafStep<'_>, local: DVec3) -> DVec3 {
 
 /// Contact-angle hysteresis cos(receding) - cos(advancing). Source: Furmidge 1962; times gamma it is the retention force per width
 /// of the contact line.
-fn hysteresis(params: &DropParams) -> f64 {
+fn contact_angle_hysteresis(params: &DropParams) -> f64 {
     math::cos(params.wetting.receding) - math::cos(params.wetting.advancing)
 }
 
 /// Retention force on a dry, uniform surface, N: k gamma 2 a (cos receding - cos advancing). `a`: base radius, m.
 pub(super) fn dry_retention(params: &DropParams, a: f64) -> f64 {
-    params.retention_factor * WATER_SURFACE_TENSION * 2.0 * a * hysteresis(params)
+    params.retention_factor * WATER_SURFACE_TENSION * 2.0 * a * contact_angle_hysteresis(params)
 }
 
 impl RainLeaf {
     /// Effective gravity at a surface point for a drop on a side of the leaf (1 above, -1 below).
-    pub(super) fn gravity_on(&self, surface: &SurfacePoint, side: f64, step: &LeafStep<'_>) -> EffectiveGravity {
+    pub(super) fn surface_gravity(&self, surface: &SurfacePoint, side: f64, step: &LeafStep<'_>) -> EffectiveGravity {
         let g = effective_gravity(step, surface.p);
         let normal = surface.n * side;
         EffectiveGravity { normal, total: g, tangential: g - normal * g.dot(normal), onto: -g.dot(normal) }
@@ -68,8 +68,8 @@ impl RainLeaf {
         let noise = self.pinning_noise(drop.uv, params);
         // Only the advancing front meets a new surface, so its wetness counts, not that under the drop.
         let ahead = drop.uv + surface.uv_offset(direction * (FRONT_DISTANCE * cap.a));
-        let wet = self.wetness_grid.wetness(ahead, step.t, params.drying());
-        let uniform = params.retention_factor * WATER_SURFACE_TENSION * width * hysteresis(params);
+        let wet = self.wetness_grid.wetness(ahead, step.t, params.drying_law());
+        let uniform = params.retention_factor * WATER_SURFACE_TENSION * width * contact_angle_hysteresis(params);
         uniform * (1.0 + params.pinning_noise * noise) * (1.0 - WET_RELIEF * wet)
     }
 

@@ -24,7 +24,7 @@ impl RainLeaf {
         let Some(surface) = self.point_at(drop.uv) else {
             return self.detach_whole(drop, step, self.nearby_point(drop), DVec3::ZERO, result);
         };
-        let gravity = self.gravity_on(&surface, drop.side, step);
+        let gravity = self.surface_gravity(&surface, drop.side, step);
         let m = WATER_DENSITY * drop.volume;
         drop.since_merge += step.h;
         // The paper's wedge shape depends on how far the drop's normal agrees with the vertical.
@@ -115,7 +115,7 @@ impl RainLeaf {
             let turn = 2.0 * PI * f64::from(k) / f64::from(STEER_DIRECTIONS);
             let d = heading * math::cos(turn) + across * math::sin(turn);
             let ahead = drop.uv + surface.uv_offset(d * lookahead);
-            let wet = self.wetness_grid.wetness(ahead, step.t, params.drying());
+            let wet = self.wetness_grid.wetness(ahead, step.t, params.drying_law());
             let vein = self.blade.vein_depth(ahead);
             let noise = self.pinning_noise(ahead * STEER_NOISE_SCALE, params);
             let score = d.dot(heading)

@@ -60,6 +60,7 @@ impl WettingParams {
     /// The cap of a drop of `volume`, m^3. `facing`: cosine between the drop's normal and the vertical, for
     /// [`CapShape::Wedge`]. Source: [yang-wu] eq. 6 and 19.
     pub fn cap(&self, volume: f64, facing: f64) -> SphericalCap {
+        // The sphere whose cap has this volume: V = r^3 V_1(theta).
         let c = math::cos(self.contact_angle);
         let r = math::cbrt(volume.max(0.0) / unit_cap_volume(self.contact_angle));
         let height_factor = match self.shape {
@@ -145,7 +146,8 @@ impl Footprint {
     pub const ROUND: Self = Self { stretch: 1.0, skew: 0.0 };
 
     /// Maps a point at `along` and `across` the drop's axis, m, to the undeformed cap of base radius `a`, m.
-    pub fn map(&self, a: f64, along: f64, across: f64) -> FootprintPoint {
+    pub fn to_undeformed(&self, a: f64, along: f64, across: f64) -> FootprintPoint {
+        // Stretch s along and 1 / s across the axis keep the area, hence the volume.
         let (x, y) = (along / (a * self.stretch), across * self.stretch / a);
         let rho = math::sqrt(x * x + y * y);
         FootprintPoint { rho, height_factor: 1.0 + self.skew * x.clamp(-1.0, 1.0) }
@@ -182,7 +184,7 @@ mod tests {
                     cap.a * rho * math::cos(phi) * footprint.stretch,
                     cap.a * rho * math::sin(phi) / footprint.stretch,
                 );
-                let FootprintPoint { rho, height_factor } = footprint.map(cap.a, along, across);
+                let FootprintPoint { rho, height_factor } = footprint.to_undeformed(cap.a, along, across);
                 sum += cap.height(rho) * height_factor * rho * reach / f64::from(n) * 2.0 * PI / f64::from(m)
                     * cap.a
                     * cap.a;

@@ -56,6 +56,7 @@ impl RainLeaf {
         let tail = (drop.tail_count > 1.0).then(|| drop.caps(params, 1.0));
         let Some((lost, tail)) = drop.step_tail(a, step.h, params).zip(tail) else { return };
         let Some(bead) = tail.get(lost).filter(|b| b.cap.r > MIN_BEAD_RADIUS) else { return };
+        // The draw is addressed by the drop and by how many it has made, so that other drops do not change it.
         let address = ["drop".into(), drop.id.into(), "bead".into(), drop.bead_draws.into()];
         let mut draw = Rng::at(params.seed, &address);
         drop.bead_draws += 1;
@@ -139,7 +140,7 @@ impl RainLeaf {
                 result.wet_spots.push(WetSpot { uv, a, t: step.t });
                 // The grid is marked only where the drop has been: the wetness under it must not lower its own retention.
                 if let Some(left) = drop.last_wet_uv {
-                    self.wetness_grid.cover(left, surface.max_uv_rate() * a, step.t);
+                    self.wetness_grid.mark_covered(left, surface.max_uv_rate() * a, step.t);
                 }
                 self.drops[k].last_wet_uv = Some(uv);
             }

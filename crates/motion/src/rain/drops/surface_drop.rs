@@ -77,7 +77,7 @@ pub struct DropCap {
     pub uv: DVec2,
     /// Shape without stretch and skew.
     pub cap: SphericalCap,
-    /// Volume, m^3.
+    /// Volume of this cap, m^3.
     pub volume: f64,
 }
 
@@ -148,6 +148,7 @@ impl SurfaceDrop {
     pub fn caps(&self, params: &DropParams, facing: f64) -> Vec<DropCap> {
         let shares = self.cap_shares(params);
         let mut caps: Vec<DropCap> = Vec::with_capacity(shares.len());
+        // Walk back from the head's center, cap by cap.
         let mut walker = PathWalker { path: &self.path, uv: self.uv, left: self.path.len(), walked: 0.0 };
         for share in shares {
             let volume = self.volume * share;
@@ -228,6 +229,7 @@ impl PathWalker<'_> {
                 self.walked += distance;
                 return;
             }
+            // Past this point: continue on the piece before it.
             distance -= rest;
             self.uv = point.uv;
             self.left -= 1;

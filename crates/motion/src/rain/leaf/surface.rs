@@ -16,7 +16,7 @@ const BARYCENTRIC_TOLERANCE: f64 = 1e-9;
 /// A point of the blade with its tangent frame, in leaf space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
-    /// Position, m.
+    /// Position in leaf space, m.
     pub p: DVec3,
     /// Unit normal of the upper side, interpolated from the vertices.
     pub n: DVec3,
@@ -29,11 +29,11 @@ pub struct SurfacePoint {
 /// Coefficients E, F and G of the first fundamental form of a surface, m^2: squared lengths on it are E du^2 + 2 F du dv + G dv^2.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstFundamentalForm {
-    /// E = dp/du . dp/du.
+    /// E, the squared length of dp/du.
     pub e: f64,
-    /// F = dp/du . dp/dv.
+    /// F, the dot product of dp/du and dp/dv.
     pub f: f64,
-    /// G = dp/dv . dp/dv.
+    /// G, the squared length of dp/dv.
     pub g: f64,
 }
 
@@ -69,7 +69,7 @@ impl SurfacePoint {
 /// A point of the blade's margin, in leaf space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MarginPoint {
-    /// Position, m.
+    /// Position in leaf space, m.
     pub p: DVec3,
     /// Distance from the point that it is nearest to, m.
     pub distance: f64,
@@ -92,7 +92,7 @@ pub struct LeafSurface {
     partials: Vec<[DVec3; 2]>,
     /// Triangles that overlap each cell of the grid over texture coordinates, row by row.
     cells: Vec<Vec<usize>>,
-    margin: Margin,
+    margin: LeafMargin,
     /// Area of the blade, m^2.
     area: f64,
     /// The point of the margin farthest from the origin, where the stalk ends, m.
@@ -128,7 +128,7 @@ impl LeafSurface {
             triangles.push(*t);
             area += 0.5 * e.cross(f).length();
         }
-        let margin = Margin::new(&triangles, &points);
+        let margin = LeafMargin::new(&triangles, &points);
         let starts = margin.edges.iter().map(|e| points[e[0] as usize]);
         let tip = starts.max_by(|a, b| a.length().total_cmp(&b.length()))?;
         let cells = overlapping_triangles(&triangles, &uvs);
@@ -188,6 +188,7 @@ impl LeafSurface {
             return None;
         }
         let [x, y] = grid_cell(uv);
+        // Point location: only triangles whose boxes overlap the cell can contain the point.
         for &i in &self.cells[y * GRID_CELLS + x] {
             if let Some(weights) = self.barycentric(i, uv) {
                 return Some(self.interpolate(i, weights, scale));
@@ -207,6 +208,7 @@ impl LeafSurface {
 
     /// Barycentric coordinates of texture coordinates in triangle `i`; `None` outside of it.
     fn barycentric(&self, i: usize, uv: DVec2) -> Option<[f64; 3]> {
+        // Solve uv = a + u (b - a) + v (c - a) by Cramer's rule.
         let [a, b, c] = self.triangles[i].map(|k| self.uvs[k as usize]);
         let (s, t, d) = (b - a, c - a, uv - a);
         let det = s.x * t.y - s.y * t.x;
@@ -218,6 +220,7 @@ impl LeafSurface {
     fn interpolate(&self, i: usize, weights: [f64; 3], scale: f64) -> SurfacePoint {
         let t = self.triangles[i].map(|k| k as usize);
         let sum = |list: &[DVec3]| (0..3).fold(DVec3::ZERO, |s, k| s + list[t[k]] * weights[k]);
+        // Lengths scale with the leaf, normals do not; without vertex normals that of the triangle stands in.
         let [dpdu, dpdv] = self.partials[i].map(|j| j * scale);
         let face_normal = dpdu.cross(dpdv);
         let n = sum(&self.normals).normalize_or(face_normal.normalize_or(DVec3::Z));
@@ -226,6 +229,7 @@ impl LeafSurface {
 
     /// The point of the margin nearest to `p`, m, on a leaf of factor `scale`; `None` for a closed surface.
     pub fn nearest_margin(&self, p: DVec3, scale: f64) -> Option<MarginPoint> {
+        // Search at scale 1, scale the result.
         let q = p / scale;
         let mut best: Option<MarginPoint> = None;
         for (edge, [a, b]) in self.margin.edges.iter().enumerate() {
@@ -261,6 +265,7 @@ impl LeafSurface {
             }
             left -= rest;
             p = end;
+            // Continue on the next edge in this direction.
             let neighbours = self.margin.neighbours[edge];
             edge = if forward { neighbours.next } else { neighbours.previous };
         }
@@ -297,7 +302,7 @@ fn overlapping_triangles(triangles: &[[u32; 3]], uvs: &[DVec2]) -> Vec<Vec<usize
 
 /// The boundary of the blade: edges with a single triangle, linked in their order around it.
 #[derive(Debug, Clone)]
-struct Margin {
+struct LeafMargin {
     /// Start and end vertex of each edge, in the winding of its triangle.
     edges: Vec<[u32; 2]>,
     neighbours: Vec<EdgeNeighbours>,
@@ -310,7 +315,7 @@ struct EdgeNeighbours {
     next: usize,
 }
 
-impl Margin {
+impl LeafMargin {
     fn new(triangles: &[[u32; 3]], points: &[DVec3]) -> Self {
         // Weld vertices that share a position (texture seams split them), so that a seam is no margin. Adding 0.0 turns -0.0
         // into 0.0, whose bits are the same then.

@@ -25,6 +25,7 @@ impl VeinMap {
 
     fn from_image(image: &Image) -> Option<Self> {
         let (w, h) = (image.width as usize, image.height as usize);
+        // Height maps have one channel, of 8 or 16 bits.
         let words: Vec<f64> = match &image.pixels {
             Pixels::U16(words) if image.channels == 1 => words.iter().map(|v| f64::from(*v)).collect(),
             Pixels::U8(bytes) if image.channels == 1 => bytes.iter().map(|v| f64::from(*v)).collect(),

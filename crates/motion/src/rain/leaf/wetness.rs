@@ -32,10 +32,11 @@ pub struct WetnessGrid {
 
 impl WetnessGrid {
     /// Marks the cells within `reach` of `uv`, both in texture coordinates, as covered at time `t`, s.
-    pub fn cover(&mut self, uv: DVec2, reach: DVec2, t: f64) {
+    pub fn mark_covered(&mut self, uv: DVec2, reach: DVec2, t: f64) {
         if self.last_covered.is_empty() {
             self.last_covered = vec![f32::NEG_INFINITY; GRID_CELLS * GRID_CELLS];
         }
+        // The bounding box of the circle; on a grid this coarse its corners do not matter.
         let (lo, hi) = (grid_cell(uv - reach), grid_cell(uv + reach));
         for y in lo[1]..=hi[1] {
             for x in lo[0]..=hi[0] {

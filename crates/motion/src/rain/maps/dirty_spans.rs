@@ -1,17 +1,10 @@
 //! Spans of texels that a frame has to recompute, row by row.
 
 use super::TILE;
-use super::uv_raster::TexelWindow;
+use super::texel_window::{ColumnSpan, TexelWindow};
 
 /// Number of segments that a word has bits for.
 const WORD: usize = 64;
-
-/// A span of columns of texels; the end is excluded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct ColumnSpan {
-    pub start: usize,
-    pub end: usize,
-}
 
 /// Disjoint spans of columns for each row of a map.
 #[derive(Debug, Clone)]
@@ -54,7 +47,7 @@ pub(super) struct DirtySpans {
 }
 
 impl DirtySpans {
-    /// All texels.
+    /// Every texel of a map of `side` by `side`.
     pub fn full(side: usize) -> Self {
         Self { heights: RowSpans::full(side), normals: RowSpans::full(side) }
     }
@@ -121,6 +114,7 @@ impl DirtySegments {
 #[inline(always)]
 fn set_bits(words: &mut [u64], first: usize, last: usize) {
     for (k, word) in words.iter_mut().enumerate().take(last / WORD + 1).skip(first / WORD) {
+        // Bits of this word: from `first` or its lowest, to `last` or its highest.
         let low = first.saturating_sub(k * WORD);
         let high = (last - k * WORD).min(WORD - 1);
         *word |= (u64::MAX << low) & (u64::MAX >> (WORD - 1 - high));

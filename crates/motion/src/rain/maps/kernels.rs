@@ -8,8 +8,9 @@ use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
 use super::TILE;
-use super::dirty_spans::{ColumnSpan, RowSpans};
-use super::uv_raster::{RasterRow, TexelWindow, UvRaster};
+use super::dirty_spans::RowSpans;
+use super::texel_window::{ColumnSpan, TexelWindow};
+use super::uv_raster::{RasterRow, UvRaster};
 use crate::rain::drops::spherical_cap::{Footprint, SphericalCap};
 use crate::rain::tuning::MIN_MAP_WETNESS;
 use osier_base::math::narrow;
@@ -67,9 +68,9 @@ pub(super) struct CapKernel {
     along: [f32; 3],
     across: [f32; 3],
     skew: f32,
-    /// a^2, m^2.
+    /// Square of the base radius a, m^2.
     a2: f32,
-    /// r^2, m^2.
+    /// Square of the sphere's radius r, m^2.
     r2: f32,
     /// r cos(theta), the height of the base over the sphere's center, m.
     base: f32,
@@ -81,6 +82,7 @@ pub(super) struct CapKernel {
 impl CapKernel {
     /// `axis`: the unit tangent along which the cap is stretched and sheared.
     pub fn new(cap: &SphericalCap, footprint: &Footprint, origin: KernelOrigin, axis: Vec3) -> Self {
+        // Footprint coordinates x = d . axis / (a stretch) and y = d . across stretch / a, with the factors in the covectors.
         let across = Vec3::from_array(origin.n).cross(axis);
         Self {
             origin,
@@ -188,7 +190,7 @@ fn raise_texels<S: Simd, const FOLDED: bool>(
 
 /// Raises texels of some rows of a map to the values of a kernel, within its window and the spans of columns. Returns the number
 /// of texels processed.
-pub(super) struct MaxPass<'a, T> {
+pub(super) struct MaxBlendPass<'a, T> {
     pub kernel: &'a T,
     pub window: &'a TexelWindow,
     pub raster: &'a UvRaster,
@@ -198,7 +200,7 @@ pub(super) struct MaxPass<'a, T> {
     pub texels: &'a mut [f32],
 }
 
-impl<T: TexelKernel> WithSimd for MaxPass<'_, T> {
+impl<T: TexelKernel> WithSimd for MaxBlendPass<'_, T> {
     type Output = u64;
 
     #[inline(always)]
@@ -259,6 +261,7 @@ impl WithSimd for NormalPass<'_> {
         let Self { inputs, normals } = self;
         let NormalInputs { row, above, below, slope_factors: [s, t, u], inverse_distance } = inputs;
         let n = normals.len();
+        // Neighbours to the left and right are the row itself, shifted.
         let (left, right) = (&row[..n], &row[2..n + 2]);
         let (above, below, s, t, u) = (&above[..n], &below[..n], &s[..n], &t[..n], &u[..n]);
         let [lefts, rights] = [left, right].map(|l| S::as_simd_f32s(l).0);
@@ -268,6 +271,7 @@ impl WithSimd for NormalPass<'_> {
         let mut components = [[0.0_f32; MAX_LANES]; 3];
         let mut groups = normals.chunks_exact_mut(S::F32_LANES);
         for (g, out) in groups.by_ref().enumerate() {
+            // The formula of `normal`, in the same order of operations.
             let du = (F32Lanes::new(simd, rights[g]) - F32Lanes::new(simd, lefts[g])) * inverse_distance[0];
             let dv = (F32Lanes::new(simd, aboves[g]) - F32Lanes::new(simd, belows[g])) * inverse_distance[1];
             let x = du * F32Lanes::new(simd, ss[g]);

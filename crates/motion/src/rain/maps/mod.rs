@@ -15,11 +15,12 @@ use osier_scene::WetMaps;
 
 mod dirty_spans;
 mod kernels;
+mod texel_window;
 mod uv_raster;
 
-use dirty_spans::{ColumnSpan, DirtySegments, DirtySpans, RowSpans};
-use kernels::{CapKernel, DryingPass, KernelOrigin, MaxPass, NormalInputs, NormalPass, WetSpotKernel};
-use uv_raster::TexelWindow;
+use dirty_spans::{DirtySegments, DirtySpans, RowSpans};
+use kernels::{CapKernel, DryingPass, KernelOrigin, MaxBlendPass, NormalInputs, NormalPass, WetSpotKernel};
+use texel_window::{ColumnSpan, TexelWindow};
 pub use uv_raster::UvRaster;
 
 /// Texels of a tile's side; also of a band of rows and of a segment of a row.
@@ -34,7 +35,7 @@ pub struct CapOnLeaf {
     pub uv: DVec2,
     /// Shape without stretch and skew.
     pub cap: SphericalCap,
-    /// Stretch and skew.
+    /// Stretch and skew of the cap.
     pub footprint: Footprint,
     /// Unit tangent along which it is stretched and sheared, in leaf space.
     pub axis: DVec3,
@@ -142,6 +143,7 @@ impl LeafWaterMaps {
         t: f64,
         params: &DropParams,
     ) {
+        // Decay is advanced in any case, so that a dry leaf does not lose track of time.
         let stamps = self.cap_stamps(blade, caps);
         let dirty = self.dirty_spans(&stamps);
         self.stamps = stamps;
@@ -188,6 +190,7 @@ impl LeafWaterMaps {
             self.stamp_wet_spots(own, &update.wet_spots, band);
         }
         self.update_normals(own, &update.dirty, tiles - 1);
+        // Spots are stamped after drying, with their present wetness: their tiles dry from the next frame on.
         for spot in &update.wet_spots {
             for_each_tile(&spot.window, tiles, |k| self.damp[k] = true);
         }
@@ -238,14 +241,17 @@ impl LeafWaterMaps {
         let (mut old, mut new) = (self.stamps.iter().peekable(), stamps.iter().peekable());
         loop {
             match (old.peek(), new.peek()) {
+                // In both: unchanged.
                 (Some(a), Some(b)) if a.key == b.key => {
                     old.next();
                     new.next();
                 }
+                // Only in the last frame: the cap is gone.
                 (Some(a), b) if b.is_none_or(|b| a.key < b.key) => {
                     mark(a);
                     old.next();
                 }
+                // Only in this frame: the cap is new.
                 (_, Some(b)) => {
                     mark(b);
                     new.next();
@@ -265,13 +271,14 @@ impl LeafWaterMaps {
     fn update_heights(&mut self, maps: &mut WetMaps, dirty: &DirtySpans, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_rows(band));
+        // Caps that have not changed are drawn again where they overlap dirty texels. The maximum does not depend on their order.
         let spans = &dirty.heights;
         for (y, span) in rows.clone().flat_map(|y| spans.row(y).iter().map(move |span| (y, span))) {
             maps.height[y * n + span.start..y * n + span.end].fill(0.0);
         }
         for stamp in self.stamps.iter().filter(|s| s.window.overlaps_rows(&rows)) {
             let (kernel, window, texels) = (&stamp.kernel, &stamp.window, maps.height.as_mut_slice());
-            let pass = MaxPass { kernel, window, raster: &self.raster, rows: &rows, spans, texels };
+            let pass = MaxBlendPass { kernel, window, raster: &self.raster, rows: &rows, spans, texels };
             self.counters.heights += arch.dispatch(pass);
         }
     }
@@ -355,7 +362,7 @@ impl LeafWaterMaps {
         let spans = &self.full;
         for stamp in stamps.iter().filter(|s| s.window.overlaps_rows(&rows)) {
             let (kernel, window, texels) = (&stamp.kernel, &stamp.window, maps.wetness.as_mut_slice());
-            let pass = MaxPass { kernel, window, raster: &self.raster, rows: &rows, spans, texels };
+            let pass = MaxBlendPass { kernel, window, raster: &self.raster, rows: &rows, spans, texels };
             self.counters.wet_spots += arch.dispatch(pass);
         }
     }

@@ -35,7 +35,7 @@ fn maps_hold_the_volume_of_a_drop() {
 fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
     let height = |x: f64, y: f64| {
         let (along, across) = (x * b.axis.x + y * b.axis.y, x * b.axis.y - y * b.axis.x);
-        let FootprintPoint { rho, height_factor } = b.footprint.map(b.cap.a, along, across);
+        let FootprintPoint { rho, height_factor } = b.footprint.to_undeformed(b.cap.a, along, across);
         b.cap.height(rho) * height_factor
     };
     let d = 1e-8;
@@ -63,7 +63,7 @@ fn normals_are_those_of_the_cap() {
             let (mut seen, mut worst) = (0, 0.0_f64);
             for (row, column) in (400..624).flat_map(|row| (400..624).map(move |column| (row, column))) {
                 let (x, y) = (place(column, 0.04), -place(row, 0.08));
-                let at = b.footprint.map(cap.a, x * cos + y * sin, x * sin - y * cos);
+                let at = b.footprint.to_undeformed(cap.a, x * cos + y * sin, x * sin - y * cos);
                 if at.rho < 0.9 {
                     let made = DVec3::from_array(wet.maps().normal[(row * N + column) as usize].map(f64::from));
                     worst = worst.max(math::acos(made.dot(meant(&b, x, y)).min(1.0)).to_degrees());
@@ -161,7 +161,14 @@ fn vectors_of_any_width_give_the_same_bits() {
             let (raster, window) = (&*wet.raster, TexelWindow::full(61));
             let (rows, spans) = (0..61, RowSpans::full(61));
             let kernel = &stamps[0].kernel;
-            arch.dispatch(MaxPass { kernel, window: &window, raster, rows: &rows, spans: &spans, texels: &mut made });
+            arch.dispatch(MaxBlendPass {
+                kernel,
+                window: &window,
+                raster,
+                rows: &rows,
+                spans: &spans,
+                texels: &mut made,
+            });
             made
         };
         let made = heights(kernels::arch());

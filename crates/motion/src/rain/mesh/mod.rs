@@ -57,8 +57,8 @@ impl<'a> DropPlacement<'a> {
     }
 
     /// Velocity of the drop's points.
-    fn carrier(&self) -> DropCarrier<'a> {
-        DropCarrier { pose: self.pose, v: self.v }
+    fn carrier(&self) -> PointMotion<'a> {
+        PointMotion { pose: self.pose, v: self.v }
     }
 
     /// Whether triangles wound for the upper side have to be reversed.
@@ -69,22 +69,22 @@ impl<'a> DropPlacement<'a> {
 
 /// The motion of a drop's points: that of the leaf as a rigid body, plus the drop's own.
 #[derive(Clone, Copy)]
-struct DropCarrier<'a> {
+struct PointMotion<'a> {
     pose: &'a LeafPose,
     /// Velocity relative to the leaf, in leaf space, m/s.
     v: DVec3,
 }
 
-/// Sizes of the lists of a mesh at which a part of it begins.
+/// Numbers of points and triangles of a mesh at which a part of it begins.
 #[derive(Clone, Copy)]
-struct MeshMark {
+struct MeshPartStart {
     point: usize,
     triangle: usize,
 }
 
 impl DropMesh {
-    fn mark(&self) -> MeshMark {
-        MeshMark { point: self.mesh.points.len(), triangle: self.mesh.triangles.len() }
+    fn part_start(&self) -> MeshPartStart {
+        MeshPartStart { point: self.mesh.points.len(), triangle: self.mesh.triangles.len() }
     }
 
     /// Index of the next point.
@@ -97,7 +97,7 @@ impl DropMesh {
         index
     }
 
-    fn add_point(&mut self, p: DVec3, carrier: DropCarrier<'_>) -> u32 {
+    fn add_point(&mut self, p: DVec3, carrier: PointMotion<'_>) -> u32 {
         let index = self.next_index();
         self.mesh.points.push(p.as_vec3());
         self.velocities.push((carrier.pose.velocity_at(p) + carrier.pose.orientation * carrier.v).as_vec3());
@@ -132,18 +132,18 @@ impl DropMesh {
         }
     }
 
-    /// Computes smooth normals of the part of the mesh from `mark` on, weighted by the areas of triangles. Its points must not belong
+    /// Computes smooth normals of the part of the mesh from `start` on, weighted by the areas of triangles. Its points must not belong
     /// to triangles before it.
-    fn compute_normals(&mut self, mark: MeshMark) {
+    fn compute_normals(&mut self, start: MeshPartStart) {
         let Mesh { points, normals, triangles, .. } = &mut self.mesh;
         normals.resize(points.len(), Vec3::ZERO);
-        for t in &triangles[mark.triangle..] {
+        for t in &triangles[start.triangle..] {
             let [a, b, c] = t.map(|i| points[i as usize].as_dvec3());
             // In square millimetres: in square metres sums of tiny areas would come near the limits of single precision.
             let n = (b - a).cross(c - a).as_vec3() * 1e6;
             t.iter().for_each(|i| normals[*i as usize] += n);
         }
-        for n in &mut normals[mark.point..] {
+        for n in &mut normals[start.point..] {
             *n = math::normalize_or(*n, Vec3::Y);
         }
     }
@@ -161,6 +161,7 @@ impl DropMesh {
 
     /// Adds a cap as rings around its axis, denser towards the contact line. Source: own.
     fn add_cap(&mut self, placement: &DropPlacement<'_>, cap: &SphericalCap, drop: &SessileDrop) {
+        // Polar angles run from 0 at the pole to the contact angle at the contact line.
         let theta = math::acos(cap.cos_angle.clamp(-1.0, 1.0));
         let [rings, sides] = if cap.max_radius() < LARGE_DROP_RADIUS { SMALL_DROP_GRID } else { LARGE_DROP_GRID };
         // A cap that overhangs its base spans more than a quarter turn.
@@ -183,7 +184,7 @@ impl DropMesh {
             let h = raise * cap.height_factor * cap.r * (math::cos(q) - cap.cos_angle) * shear;
             at(r1, phi, h.max(0.0))
         };
-        let mark = self.mark();
+        let start = self.part_start();
         let (carrier, flip) = (placement.carrier(), placement.flip());
         let pole = self.add_point(sphere_point(0.0, 0.0), carrier);
         let mut rim = Vec::new();
@@ -198,7 +199,7 @@ impl DropMesh {
             }
             rim = ring;
         }
-        self.compute_normals(mark);
+        self.compute_normals(start);
         let base_radius = cap.r * math::sin(theta);
         self.close_cap_underside(placement, &rim, sides, rings / 2, |fraction, phi| {
             at(base_radius * fraction, phi, -UNDERSIDE_DEPTH)
@@ -216,8 +217,9 @@ impl DropMesh {
         rings: u32,
         point: impl Fn(f64, f64) -> DVec3,
     ) {
-        let mark = self.mark();
+        let start = self.part_start();
         let (carrier, flip) = (placement.carrier(), placement.flip());
+        // The contact line is a crease: copies of its points have the normals of the skirt.
         let mut before: Vec<u32> = rim.iter().map(|i| self.duplicate_point(*i)).collect();
         for k in (1..=rings).rev() {
             let fraction = f64::from(k) / f64::from(rings);
@@ -230,13 +232,13 @@ impl DropMesh {
         for i in 0..before.len() {
             self.add_triangle([center, before[(i + 1) % before.len()], before[i]], flip);
         }
-        self.compute_normals(mark);
+        self.compute_normals(start);
     }
 
     /// Adds a drop with its tail as one body: rows across its path, narrowing from the head to the end of the tail. Source: own.
     fn add_tail_body(&mut self, placement: &DropPlacement<'_>, drop: &SessileDrop) {
         let Some(body) = TailBody::new(placement, drop) else { return };
-        let mark = self.mark();
+        let start = self.part_start();
         let carrier = placement.carrier();
         let rows = body.row_count();
         // The first and the last row shrink to a point.
@@ -248,6 +250,7 @@ impl DropMesh {
         for k in 1..rows {
             let s = body.row_position(k, rows);
             let half_width = body.half_width(s);
+            // The outer columns lie on the contact line.
             let row = (0..=TAIL_COLUMNS)
                 .map(|i| {
                     let x = half_width * column_fraction(i);
@@ -260,7 +263,7 @@ impl DropMesh {
             grid.push(row);
         }
         self.triangulate_rows(&grid, ends, placement.flip());
-        self.compute_normals(mark);
+        self.compute_normals(start);
         self.close_tail_underside(placement, &body, &grid, ends);
     }
 
@@ -272,7 +275,7 @@ impl DropMesh {
         grid: &[Vec<u32>],
         ends: [u32; 2],
     ) {
-        let mark = self.mark();
+        let start = self.part_start();
         let (carrier, flip) = (placement.carrier(), placement.flip());
         let (n, rows) = (TAIL_COLUMNS as usize, body.row_count());
         // The lower side has the same rows and columns.
@@ -293,11 +296,12 @@ impl DropMesh {
         let rim = outline(&lower, lower_ends);
         self.add_ring_strip(&upper, &rim, flip);
         self.triangulate_rows(&lower, lower_ends, !flip);
-        self.compute_normals(mark);
+        self.compute_normals(start);
     }
 
     /// Triangulates a grid of rows with a point at both ends.
     fn triangulate_rows(&mut self, grid: &[Vec<u32>], ends: [u32; 2], flip: bool) {
+        // Fans at both ends, two triangles for each cell between.
         let last = grid.len() - 1;
         for i in 0..TAIL_COLUMNS as usize {
             self.add_triangle([ends[0], grid[0][i], grid[0][i + 1]], flip);
@@ -312,13 +316,14 @@ impl DropMesh {
 
     /// Adds a pendant drop as a surface of revolution. `shapes`: profiles of its radius of attachment.
     pub fn add_pendant(&mut self, pose: &LeafPose, drop: &PendantDrop, shapes: &PendantShapes) {
+        // The profile by volume, thinned if the drop is about to detach.
         let profile = necked_profile(&shapes.profile(drop.volume), drop.necking);
         let Some([_, length]) = profile.last().copied() else { return };
         let down = (pose.orientation * drop.axis).normalize_or(DVec3::NEG_Y);
         let (x, y) = down.any_orthonormal_pair();
         let attachment = pose.position + pose.orientation * drop.p;
-        let mark = self.mark();
-        let carrier = DropCarrier { pose, v: DVec3::ZERO };
+        let start = self.part_start();
+        let carrier = PointMotion { pose, v: DVec3::ZERO };
         let mut outline: Vec<[f64; 2]> = resample_profile(&profile);
         // A quarter of an ellipse continues the outline over the leaf's edge, so that the drop encloses it.
         let rim = outline.last().map_or(drop.radius, |p| p[0]);
@@ -327,6 +332,7 @@ impl DropMesh {
             [rim * math::cos(turn), length + SEAT_HEIGHT * rim * math::sin(turn)]
         }));
         let apex = self.add_point(attachment + down * length, carrier);
+        // One ring per point of the outline, from the apex up; heights count from the apex against `down`.
         let mut before: Vec<u32> = Vec::new();
         for [r, z] in outline.iter().skip(1) {
             let center = attachment + down * (length - z);
@@ -347,7 +353,7 @@ impl DropMesh {
         for i in 0..before.len() {
             self.add_triangle([top, before[(i + 1) % before.len()], before[i]], false);
         }
-        self.compute_normals(mark);
+        self.compute_normals(start);
     }
 }
 

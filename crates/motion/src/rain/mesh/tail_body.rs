@@ -20,7 +20,7 @@ pub(super) struct TailBody {
     tail_end: StretchedCap,
     /// Unit normal of the leaf under the head.
     normal: DVec3,
-    /// Skew of the head.
+    /// Skew of the head; caps of the tail have none.
     skew: f64,
     /// Arc length of the front of the head; negative.
     start: f64,
@@ -35,7 +35,7 @@ pub(super) struct TailBody {
 struct BodyPathPoint {
     /// Offset from the head's center, m.
     p: DVec3,
-    /// Arc length, m.
+    /// Arc length from the head's center, m.
     s: f64,
 }
 
@@ -61,7 +61,7 @@ struct TailKnot {
     s: f64,
     /// Half width and height, m.
     size: [f64; 2],
-    /// Their derivatives.
+    /// Their derivatives by the arc length.
     slope: [f64; 2],
 }
 
@@ -96,6 +96,7 @@ impl TailBody {
         }
         let normal = placement.base.n;
         let mut body = Self { path, knots, head, tail_end, normal, skew, start, end, height_factor: 1.0 };
+        // Sections of caps with a smooth curve between them hold another volume than the caps: correct it by the height.
         let volume = body.volume();
         if volume > 0.0 {
             body.height_factor = (drop.volume / volume).clamp(TAIL_HEIGHT_RANGE[0], TAIL_HEIGHT_RANGE[1]);
@@ -139,6 +140,7 @@ impl TailBody {
             let ratio = last.size[1] / self.tail_end.cap.top().max(1e-12);
             return CrossSection { half_width, height: height * ratio };
         }
+        // Rounding of a cubic that ends at 0 may be negative.
         let k = self.knots.partition_point(|knot| knot.s <= s).clamp(1, self.knots.len() - 1);
         let (a, b) = (self.knots[k - 1], self.knots[k]);
         let [half_width, height] =
@@ -174,6 +176,7 @@ impl TailBody {
     /// World position of the point at arc length `s`, `x` across the path and `h` above the leaf, m.
     pub(super) fn world_point(&self, placement: &DropPlacement<'_>, s: f64, x: f64, h: f64) -> DVec3 {
         let last = self.path.len() - 1;
+        // The piece of the path at s; the first and the last piece continue straight beyond the path's ends.
         let k = self.path.partition_point(|point| point.s <= s).clamp(1, last);
         let (a, b) = (self.path[k - 1], self.path[k]);
         let t = (s - a.s) / (b.s - a.s).max(1e-9);
@@ -202,6 +205,7 @@ fn profile_knots(path: &[BodyPathPoint], caps: &[StretchedCap], skew: f64) -> Ve
             knots.push(TailKnot { s: point.s, size: [cap.max_radius() / stretch, cap.top()], slope: [0.0; 2] });
         }
     }
+    // Inner knots; those at the ends keep slope 0.
     for k in 1..knots.len().saturating_sub(1) {
         let [a, b, c] = [knots[k - 1], knots[k], knots[k + 1]];
         knots[k].slope = [0, 1].map(|i| {
