@@ -106,6 +106,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
         tables: Vec::new(),
+        code_lists: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
         wet: Vec::new(),

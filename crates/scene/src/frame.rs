@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{Drops, InstanceState, Mesh, Placement, Trs, WetMaps};
+use super::{InstanceState, Mesh, Placement, RecordTable, Trs, WetMaps};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
 #[derive(Debug, Clone, Default)]
@@ -22,8 +22,8 @@ pub struct Frame {
     pub air: Vec<Vec<Vec3>>,
     /// One per wet sheet of the scene, or empty.
     pub wet: Vec<Arc<WetMaps>>,
-    /// Raindrops, where it rains.
-    pub drops: Option<Drops>,
+    /// What simulations know of single elements, in the order of the motions that record it.
+    pub records: Vec<RecordTable>,
     /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,
 }

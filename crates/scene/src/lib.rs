@@ -4,7 +4,6 @@
 //! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
 
 mod air;
-mod drops;
 mod evaluate;
 mod field;
 mod frame;
@@ -15,6 +14,7 @@ mod measure;
 mod mesh;
 pub mod plant;
 mod points;
+mod records;
 mod skeleton;
 pub mod solid;
 mod stilled;
@@ -23,7 +23,6 @@ mod validate;
 mod wet;
 
 pub use air::AirGrid;
-pub use drops::{DropEvent, DropEventKind, DropNow, DropState, Drops, LeafNow};
 pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
     world_from_joint,
@@ -36,6 +35,7 @@ pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, 
 pub use measure::{Field, Table, Watch, largest};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
 pub use points::{Attribute, Curves, Points, PointsNow};
+pub use records::{CodeList, ColumnValues, RecordColumn, RecordTable};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use stilled::stilled;
 pub use strands::{ribbons, tubes, turned_ribbons};
@@ -219,6 +219,8 @@ pub struct Scene {
     pub land: Option<HeightField>,
     /// Tables that grow by a row with every frame.
     pub tables: Vec<Table>,
+    /// Words that codes in the frames' record tables stand for.
+    pub code_lists: Vec<CodeList>,
     /// Maps that frames fill.
     pub fields: Vec<Field>,
     /// Where frames tell the wind.

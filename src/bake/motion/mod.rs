@@ -5,7 +5,7 @@
 //! rod             recorded poses             │
 //! rod_plant       steps from frame to frame  ├─ AssetMotion::frame ─► AssetFrame ┐
 //! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
-//! rain            recorded drops and plants  ├─ row, fields, wet_maps, drops ────┘
+//! rain            recorded drops and plants  ├─ row, fields, wet_maps, records ──┘
 //! attractor_morph coefficients at a time     ┘
 //! ```
 //!
@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use osier_base::Result;
 use osier_base::par::par_map;
-use osier_scene::{Asset, AssetFrame, Drops, Frame, Scene, WetMaps};
+use osier_scene::{Asset, AssetFrame, Frame, RecordTable, Scene, WetMaps};
 
 /// A time of the clip at which an asset is evaluated.
 #[derive(Debug, Clone, Copy)]
@@ -84,9 +84,9 @@ pub trait AssetMotion: Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Records of all raindrops, if the motion is rain.
-    fn drops(&self, _frame: u64) -> Option<Drops> {
-        None
+    /// Record tables of single elements that the motion simulates, such as drops; their names are the motion's own.
+    fn records(&self, _frame: u64) -> Vec<RecordTable> {
+        Vec::new()
     }
 
     /// Whether copies of the asset may show it at phases of the clip that differ.
@@ -127,8 +127,8 @@ pub fn evaluate_frame(
     let moving = || motions.iter().flatten();
     let fields = moving().map(|m| m.fields(index)).collect::<Result<Vec<_>>>()?.concat();
     let wet = moving().map(|m| m.wet_maps(index)).find(|maps| !maps.is_empty()).unwrap_or_default();
-    let drops = moving().find_map(|m| m.drops(index));
-    Ok(Frame { number, assets, shifted, rows, fields, wet, drops, ..Frame::default() })
+    let records = moving().flat_map(|m| m.records(index)).collect();
+    Ok(Frame { number, assets, shifted, rows, fields, wet, records, ..Frame::default() })
 }
 
 /// The rows of all tables of a scene at a frame, in the order of the tables.

@@ -213,6 +213,7 @@ fn assemble(
         placements: made.placements,
         land: land.map(terrain::field),
         tables: measures.iter().map(|m| m.0.clone()).collect(),
+        code_lists: rain::code_lists(),
         fields: measures.into_iter().flat_map(|m| m.1).collect(),
         air: if breeze.is_some() { recipe.output.air.grids.clone() } else { Vec::new() },
         wet,

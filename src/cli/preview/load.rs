@@ -182,6 +182,7 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
         tables: Vec::new(),
+        code_lists: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
         wet: Vec::new(),

@@ -52,6 +52,7 @@ pub fn scene() -> (Scene, Vec<Frame>) {
             unit: "1/m^2",
             every: Some(4),
         }],
+        code_lists: Vec::new(),
         air: Vec::new(),
         wet: vec![Wet { name: "cache_l0".into(), side: SIDE, height_range: 0.004, rest: Some(Arc::new(wet_maps(0))) }],
     };
@@ -355,7 +356,7 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
         air: Vec::new(),
         wet: vec![wet_at(number)],
-        drops: None,
+        records: Vec::new(),
     }
 }
 

@@ -2,10 +2,46 @@
 
 use glam::DVec3;
 
-use osier_scene::DropEventKind;
+/// What can happen to a drop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DropEventKind {
+    /// It came to be: from the sky, by a splash of `other`, or put there.
+    Born,
+    /// It struck a leaf.
+    Struck,
+    /// It swallowed `other`.
+    Merged,
+    /// The tail of `other` left it behind.
+    Bead,
+    /// It came to hang.
+    Hung,
+    /// It left its leaf; with `other`, from that, which hangs on.
+    Fell,
+    /// It ended on the ground, or below everything.
+    Ground,
+    /// It ended on wood.
+    Wood,
+    /// It came to the margin of its leaf, along which it goes on.
+    Edge,
+}
 
-/// An event of a drop, in the simulation's own identifiers and precision; `osier_scene::DropEvent` is its form in a frame, with
-/// drops renumbered over the clip.
+impl DropEventKind {
+    /// All, in the order of their numbers, with the words for them.
+    pub const ALL: [(Self, &'static str); 9] = [
+        (Self::Born, "born"),
+        (Self::Struck, "struck"),
+        (Self::Merged, "merged"),
+        (Self::Bead, "bead"),
+        (Self::Hung, "hung"),
+        (Self::Fell, "fell"),
+        (Self::Ground, "ground"),
+        (Self::Wood, "wood"),
+        (Self::Edge, "edge"),
+    ];
+}
+
+/// Something that happened to a drop, in the simulation's own identifiers and precision. Record tables of frames renumber the
+/// drops over the clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RainEvent {
     /// What happened: emission, impact, merger, detachment and so on.

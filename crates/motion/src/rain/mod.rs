@@ -72,7 +72,7 @@ pub use drops::rain_leaf::{DropCounters, RainLeaf, WetSpot};
 pub use drops::spherical_cap::{CapShape, Footprint, FootprintPoint, SphericalCap, WettingParams};
 pub use drops::surface_drop::DropCap;
 pub use emitter::{DropSizes, EmittedDrop, IntensityEnvelope, RainEmitter, RainfallParams};
-pub use event::RainEvent;
+pub use event::{DropEventKind, RainEvent};
 pub use fall::{sphere_diameter, sphere_volume};
 pub use frame::{AirborneDrop, LeafWater, PendantDrop, RainFrame, SessileDrop};
 pub use leaf::alpha_mask::AlphaMask;

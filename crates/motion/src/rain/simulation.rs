@@ -8,7 +8,7 @@ use super::collide::{DropHit, LeafCollider, LeafHit, MovingLeaf, RainCollider, W
 use super::drops::rain_leaf::{AttachedWater, DropCounters, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
 use super::drops::surface_drop::SurfaceDrop;
 use super::emitter::{EmittedDrop, RainEmitter};
-use super::event::RainEvent;
+use super::event::{DropEventKind, RainEvent};
 use super::fall::{sample_wind, sphere_diameter, sphere_volume, step_velocity};
 use super::impact::impact_impulse;
 use super::params::{DropParams, ImpactLaw};
@@ -22,7 +22,6 @@ use osier_base::par::{par_chunks, par_map_mut};
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 use osier_base::rng::Rng;
 use osier_base::{Error, Result};
-use osier_scene::DropEventKind;
 use osier_wind::Wind;
 
 /// Bit that is set in the identifiers of splash droplets, so that tables can tell them from emitted drops.

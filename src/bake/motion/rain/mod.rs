@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3, Vec3};
 
+pub use self::drop_records::code_lists;
 pub use self::ground::RainGround;
 use crate::bake::BakeContext;
 use crate::bake::motion::rod_plant::SkinBinding;
@@ -30,8 +31,8 @@ use osier_motion::rain::{
 use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
-    Asset, AssetFrame, AssetKind, Drops, Image, InstancerFrame, Material, MaterialClass, MeshFrame, MeshMotion,
-    MeshObject, Points, PointsFrame, Table, Trs, Wet, WetMaps,
+    Asset, AssetFrame, AssetKind, Image, InstancerFrame, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject,
+    Points, PointsFrame, RecordTable, Table, Trs, Wet, WetMaps,
 };
 use osier_wind::Wind;
 
@@ -517,8 +518,8 @@ impl AssetMotion for RainPlayback {
         self.maps(frame)
     }
 
-    fn drops(&self, frame: u64) -> Option<Drops> {
-        Some(drop_records::drops(self.moment(frame), &self.leaves, &self.numbers, self.moment(0).t))
+    fn records(&self, frame: u64) -> Vec<RecordTable> {
+        drop_records::tables(self.moment(frame), &self.leaves, &self.numbers, self.moment(0).t)
     }
 }
 

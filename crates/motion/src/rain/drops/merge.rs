@@ -4,12 +4,11 @@ use glam::DVec3;
 
 use crate::rain::drops::rain_leaf::{LeafStep, LeafStepResult, RainLeaf};
 use crate::rain::drops::surface_drop::SurfaceDrop;
-use crate::rain::event::RainEvent;
+use crate::rain::event::{DropEventKind, RainEvent};
 use crate::rain::params::{DropParams, MergeRule};
 use crate::rain::tuning::SWEEP_TOLERANCE;
 use osier_base::math;
 use osier_base::physics::WATER_DENSITY;
-use osier_scene::DropEventKind;
 
 /// The circle by which a drop touches others, in leaf space.
 #[derive(Debug, Clone, Copy)]

@@ -5,12 +5,11 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use super::surface_drop::SurfaceDrop;
-use crate::rain::event::RainEvent;
+use crate::rain::event::{DropEventKind, RainEvent};
 use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use crate::rain::leaf::wetness::WetnessGrid;
 use crate::rain::params::DropParams;
 use crate::rain::target::LeafPose;
-use osier_scene::DropEventKind;
 
 /// A leaf with the drops on it.
 #[derive(Debug, Clone)]

@@ -4,12 +4,11 @@ use glam::DVec3;
 
 use super::rain_leaf::{AttachedWater, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
 use super::surface_drop::SurfaceDrop;
-use crate::rain::event::RainEvent;
+use crate::rain::event::{DropEventKind, RainEvent};
 use crate::rain::params::LeverArm;
 use crate::rain::tuning::{DYNAMIC_RETENTION, MIN_BEAD_RADIUS, REST_SPEED, WET_MARK_INTERVAL};
 use osier_base::physics::WATER_DENSITY;
 use osier_base::rng::Rng;
-use osier_scene::DropEventKind;
 
 impl RainLeaf {
     /// Advances all drops by one step: pendant drops neck and detach, sessile drops rest or run and deposit beads; then drops that
