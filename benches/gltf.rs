@@ -44,7 +44,6 @@ fn leaves(n: u32) -> Instancer {
         },
         motion: InstancerMotion::Still,
         tracked: false,
-        marks: Vec::new(),
     }
 }
 

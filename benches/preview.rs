@@ -75,7 +75,6 @@ fn crown(triangles: usize) -> Instancer {
         rest: state,
         motion: InstancerMotion::Still,
         tracked: false,
-        marks: Vec::new(),
     }
 }
 

@@ -36,7 +36,6 @@ fn swarm(n: u32, frames: u32) -> (Scene, Vec<Frame>) {
         rest: state(0),
         motion: InstancerMotion::Free,
         tracked: false,
-        marks: Vec::new(),
     };
     let frame = |f| {
         let instancers = vec![InstancerFrame::State(state(f))];

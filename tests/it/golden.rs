@@ -66,7 +66,7 @@ fn measured(scene: &Scene, frames: &[Frame]) -> String {
             s.orientations.iter().for_each(|q| put(&q.to_array()));
             s.velocities.iter().for_each(|v| put(&v.to_array()));
             #[allow(clippy::cast_precision_loss, reason = "small numbers")]
-            s.marks.iter().flatten().for_each(|m| put(&[*m as f32]));
+            s.attributes.iter().filter_map(|a| a.data.integers()).flatten().for_each(|m| put(&[*m as f32]));
         }
         frame.fields.iter().for_each(|f| put(f));
         #[allow(clippy::cast_possible_truncation, reason = "both halves are taken")]

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 
 use osier_base::Result;
 use osier_base::par::par_map;
-use osier_scene::{Asset, InstanceState, Instancer, Mesh, Subset, Trs, WindPoint};
+use osier_scene::{Asset, Attribute, InstanceState, Instancer, Mesh, Subset, Trs};
 
 /// Points or triangles of a batch, and batches that are made at once.
 /// Own: 8 batches keep two to eight threads busy and take 50 MB as text.
@@ -152,24 +152,18 @@ impl<'a> Flat<'a> {
 }
 
 /// All of an asset at rest as one mesh in memory, with one subset per material in order of first use, for copies that share it.
-/// Texture coordinates are zero where a part has none, attributes for wind likewise; vertex colours are dropped.
+/// Texture coordinates are zero where a part has none, attributes likewise; vertex colours are dropped.
 pub(super) fn merged(asset: &Asset) -> Mesh {
     let flat = Flat::of(asset);
     let mut mesh = Mesh::default();
     for (part, trs) in flat.blocks.iter().flat_map(|b| b.parts(Trs::IDENTITY)) {
-        if !part.wind.is_empty() {
-            mesh.wind.resize(mesh.points.len(), WindPoint::default());
-            mesh.wind.extend_from_slice(&part.wind);
-        }
+        Attribute::append_all(&mut mesh.attributes, mesh.points.len(), &part.attributes, part.points.len());
         mesh.points.extend(part.points.iter().map(|p| trs.apply(*p)));
         mesh.normals.extend(part.normals.iter().map(|n| normal(&trs, *n)));
         if flat.has_uvs {
             mesh.uvs.extend_from_slice(&part.uvs);
             mesh.uvs.resize(mesh.points.len(), Vec2::ZERO);
         }
-    }
-    if !mesh.wind.is_empty() {
-        mesh.wind.resize(mesh.points.len(), WindPoint::default());
     }
     for material in &flat.materials {
         let first = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX);

@@ -17,8 +17,8 @@ use osier_base::files::{Folder, Output};
 use osier_base::units::{byte, srgb_from_linear};
 use osier_base::{Error, Result};
 use osier_scene::{
-    Asset, AssetFrame, Frame, InstancerMotion, Material, Mesh, Placement, Points, PointsFrame, PointsNow, Scene, Trs,
-    check_frame, check_scene, instance_states,
+    Asset, AssetFrame, AttributeData, Frame, InstancerMotion, Material, Mesh, Placement, Points, PointsFrame,
+    PointsNow, Scene, Trs, check_frame, check_scene, instance_states,
 };
 
 /// PLY in the registry.
@@ -203,11 +203,12 @@ const CHUNK: usize = 1 << 16;
 fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32) -> Result<()> {
     let clouds: Vec<Shown<'a>> = clouds.collect();
     let mut names: Vec<(&'static str, bool)> = Vec::new();
-    for a in clouds.iter().flat_map(|c| &c.points.attributes) {
-        let wide = a.values.iter().any(|v| *v > 255);
-        match names.iter_mut().find(|n| n.0 == a.name) {
+    let attributes = clouds.iter().flat_map(|c| &c.points.attributes);
+    for (name, values) in attributes.filter_map(|a| Some((a.name, a.data.counts()?))) {
+        let wide = values.iter().any(|v| *v > 255);
+        match names.iter_mut().find(|n| n.0 == name) {
             Some(known) => known.1 |= wide,
-            None => names.push((a.name, wide)),
+            None => names.push((name, wide)),
         }
     }
     let seen = |c: &Shown<'_>| (0..c.now.positions.len()).filter(|k| c.width(*k) > 0.0).count();
@@ -231,8 +232,8 @@ fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown
 fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)], first: usize, positions: &[Vec3]) -> Vec<u8> {
     let points = shown.points;
     let flat = base_color(&scene.materials, points.material);
-    let columns: Vec<(Option<&Vec<u32>>, bool)> =
-        names.iter().map(|(n, w)| (points.attributes.iter().find(|a| a.name == *n).map(|a| &a.values), *w)).collect();
+    let values = |name: &str| points.attributes.iter().find(|a| a.name == name).and_then(|a| a.data.counts());
+    let columns: Vec<(Option<&[u32]>, bool)> = names.iter().map(|(name, wide)| (values(name), *wide)).collect();
     let size = 20 + names.iter().map(|n| if n.1 { 4 } else { 1 }).sum::<usize>();
     let mut body = Vec::with_capacity(positions.len() * size);
     let mut colors = Colors::default();
@@ -278,22 +279,32 @@ impl Colors {
     }
 }
 
-/// All live instances of an instancer: position, quaternion (w first), scale, wetness, prototype and number.
+/// Column that every file of instances has, zero where an instancer has no such attribute, so that readers need not ask for it.
+const FIXED_COLUMN: &str = "wetness";
+
+/// All live instances of an instancer: position, quaternion (w first), scale, its attributes of single numbers, prototype and
+/// number.
 fn instances(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, frame: u32) -> Vec<u8> {
     let instancer = &asset.instancers[i];
     let states = instance_states(asset, instancer, i, state);
-    let wet = |k: usize| states.wetness.get(k).copied().unwrap_or(0.0);
+    let others = states.attributes.iter().filter(|a| a.name != FIXED_COLUMN && a.data.scalars().is_some());
+    let columns: Vec<&str> = std::iter::once(FIXED_COLUMN).chain(others.map(|a| a.name)).collect();
+    let values: Vec<&[f32]> = columns
+        .iter()
+        .map(|name| states.attribute(name).and_then(AttributeData::scalars).unwrap_or_default())
+        .collect();
     let mut body = Vec::new();
     let mut count = 0;
     for k in (0..instancer.len()).filter(|k| states.is_alive(*k)) {
         let t = instancer.transform(&states, k);
-        put(&mut body, &[t.t.x, t.t.y, t.t.z, t.r.w, t.r.x, t.r.y, t.r.z, t.s.x, t.s.y, t.s.z, wet(k)]);
+        put(&mut body, &[t.t.x, t.t.y, t.t.z, t.r.w, t.r.x, t.r.y, t.r.z, t.s.x, t.s.y, t.s.z]);
+        values.iter().for_each(|v| put(&mut body, &[v.get(k).copied().unwrap_or(0.0)]));
         for n in [instancer.protos[k], u32::try_from(k).unwrap_or(u32::MAX)] {
             body.extend_from_slice(&n.to_le_bytes());
         }
         count += 1;
     }
-    let names = floats("x y z qw qx qy qz sx sy sz wetness");
+    let names = floats(&format!("x y z qw qx qy qz sx sy sz {}", columns.join(" ")));
     let mut out = header(scene, frame).into_bytes();
     for (p, proto) in instancer.prototypes.iter().enumerate() {
         out.extend(format!("comment proto {p} {}\n", proto.name).bytes());

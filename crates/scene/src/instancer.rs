@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::{Curves, Mesh};
+use super::{Attribute, AttributeData, Curves, Mesh};
 use crate::Trs;
 use osier_base::geometry::Bounds;
 
@@ -70,10 +70,8 @@ pub struct InstanceState {
     pub velocities: Vec<Vec3>,
     /// Axis times rad/s, or empty.
     pub angular_velocities: Vec<Vec3>,
-    /// For each of [`Instancer::marks`] a number per instance, or empty.
-    pub marks: Vec<Vec<i32>>,
-    /// How wet each is on the whole, 0 to 1; empty where it does not rain.
-    pub wetness: Vec<f32>,
+    /// Further values, one per instance. States of one instancer have the same attributes, or none.
+    pub attributes: Vec<Attribute>,
 }
 
 impl InstanceState {
@@ -81,6 +79,24 @@ impl InstanceState {
     #[inline]
     pub fn is_alive(&self, i: usize) -> bool {
         self.alive.get(i).copied().unwrap_or(true)
+    }
+
+    /// The values of an attribute.
+    pub fn attribute(&self, name: &str) -> Option<&AttributeData> {
+        self.attributes.iter().find(|a| a.name == name).map(|a| &a.data)
+    }
+
+    /// An attribute of numbers from 0 to 1, one per instance; added with zeros where the state has none of that name.
+    pub fn unit_attribute_mut(&mut self, name: &'static str) -> &mut [f32] {
+        let is_same = |a: &Attribute| a.name == name && matches!(a.data, AttributeData::Unit1(_));
+        if !self.attributes.iter().any(is_same) {
+            let zeros = AttributeData::Unit1(vec![0.0; self.positions.len()]);
+            self.attributes.push(Attribute::instance(name, zeros));
+        }
+        match self.attributes.iter_mut().find(|a| is_same(a)).map(|a| &mut a.data) {
+            Some(AttributeData::Unit1(values)) => values,
+            _ => &mut [],
+        }
     }
 }
 
@@ -103,8 +119,6 @@ pub struct Instancer {
     pub motion: InstancerMotion,
     /// Ask for a twin as plain points with orientation and scale (catkins, drops: things tracked one by one).
     pub tracked: bool,
-    /// Names of numbers that tracked instances carry, `[a-z_]+`: what each is doing, with whom.
-    pub marks: Vec<&'static str>,
 }
 
 impl Instancer {

@@ -4,6 +4,7 @@
 //! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
 
 mod air;
+mod attribute;
 mod evaluate;
 mod field;
 mod frame;
@@ -23,6 +24,7 @@ mod validate;
 mod wet;
 
 pub use air::AirGrid;
+pub use attribute::{Attribute, AttributeData, AttributeDomain};
 pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
     world_from_joint,
@@ -33,8 +35,8 @@ pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
 pub use measure::{Field, Table, Watch, largest};
-pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
-pub use points::{Attribute, Curves, Points, PointsNow};
+pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
+pub use points::{Curves, Points, PointsNow};
 pub use records::{CodeList, ColumnValues, RecordColumn, RecordTable};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use stilled::stilled;

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::MaterialId;
+use super::{Attribute, MaterialId};
 use osier_base::geometry::Bounds;
 
 /// A run of triangles with one material.
@@ -16,17 +16,6 @@ pub struct Subset {
     pub count: u32,
 }
 
-/// What a shader needs at a point to sway it; all from 0 to 1.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct WindPoint {
-    /// Sway with the whole plant, 0 at the root; phase of the limb; flutter of a leaf, 1 at its tip; light that reaches it.
-    pub wind: [f32; 4],
-    /// Sway with the branches, 0 on the trunk; a number of the axis or leaf.
-    pub branch: [f32; 2],
-    /// Axis that it is on.
-    pub axis: i32,
-}
-
 /// Triangles with one normal and one UV per vertex (vertices are doubled at seams).
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
@@ -38,10 +27,8 @@ pub struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Linear RGBA, one per point, or empty.
     pub colors: Vec<[f32; 4]>,
-    /// For shaders that sway by themselves, one per point, or empty.
-    pub wind: Vec<WindPoint>,
-    /// Number of the raindrop that each point is of, or empty.
-    pub drops: Vec<i32>,
+    /// Further values, one per point or one for the mesh.
+    pub attributes: Vec<Attribute>,
     /// Counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Consecutive runs that cover all triangles exactly once.
@@ -67,12 +54,11 @@ impl Mesh {
     pub fn append(&mut self, other: &Self) {
         let base = u32::try_from(self.points.len()).unwrap_or(u32::MAX);
         let first = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
+        Attribute::append_all(&mut self.attributes, self.points.len(), &other.attributes, other.points.len());
         self.points.extend_from_slice(&other.points);
         self.normals.extend_from_slice(&other.normals);
         self.uvs.extend_from_slice(&other.uvs);
         self.colors.extend_from_slice(&other.colors);
-        self.wind.extend_from_slice(&other.wind);
-        self.drops.extend_from_slice(&other.drops);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + base)));
         for s in &other.subsets {
             match self.subsets.last_mut() {

@@ -2,17 +2,8 @@
 
 use glam::Vec3;
 
-use super::{MaterialId, PointsFrame};
+use super::{Attribute, MaterialId, PointsFrame};
 use osier_base::geometry::Bounds;
-
-/// A whole number per point that programs may read: the map of an attractor, a depth.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Attribute {
-    /// `[a-z0-9_]+`, unique in the cloud.
-    pub name: &'static str,
-    /// One per point, below 2^24.
-    pub values: Vec<u32>,
-}
 
 /// A point cloud of fixed capacity; a width of 0 hides a point.
 #[derive(Debug, Clone)]
@@ -27,7 +18,7 @@ pub struct Points {
     pub widths: Vec<f32>,
     /// Linear RGB, one per point, or empty.
     pub colors: Vec<[f32; 3]>,
-    /// Further numbers; empty for most.
+    /// Further values, one per point; constant over the clip.
     pub attributes: Vec<Attribute>,
     /// True if frames carry positions and widths.
     pub moving: bool,

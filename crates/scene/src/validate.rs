@@ -3,7 +3,8 @@
 use glam::Vec3;
 
 use super::{
-    AssetFrame, CurvesFrame, Frame, InstanceState, Instancer, InstancerFrame, Mesh, MeshFrame, PointsFrame, Scene,
+    AssetFrame, Attribute, AttributeData, AttributeDomain, CurvesFrame, Frame, InstanceState, Instancer,
+    InstancerFrame, Mesh, MeshFrame, PointsFrame, Scene,
 };
 use osier_base::{Error, Result};
 
@@ -33,6 +34,7 @@ pub fn check_scene(scene: &Scene) -> Result<()> {
             let place = format!("asset {}, points {}", asset.id, cloud.name);
             finite(&cloud.positions, &place, "position")?;
             finite_scalars(&cloud.widths, &place, "width")?;
+            check_attributes(&cloud.attributes, AttributeDomain::Point, cloud.positions.len(), &place)?;
         }
         for curves in &asset.curves {
             finite(&curves.points, &format!("asset {}, curves {}", asset.id, curves.name), "point")?;
@@ -108,6 +110,7 @@ fn check_mesh(mesh: &Mesh, place: &str) -> Result<()> {
         return Err(Error::export("X001", format!("{place}: uv {i} is not finite")));
     }
     let n = mesh.points.len();
+    check_attributes(&mesh.attributes, AttributeDomain::Vertex, n, place)?;
     if let Some(i) = mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= n)) {
         return Err(Error::export("X001", format!("{place}: triangle {i} names a vertex that is not there")));
     }
@@ -128,6 +131,25 @@ fn check_mesh(mesh: &Mesh, place: &str) -> Result<()> {
     Ok(())
 }
 
+/// Attributes of an element with `count` elements of the domain: one value for each, or one for all.
+fn check_attributes(attributes: &[Attribute], domain: AttributeDomain, count: usize, place: &str) -> Result<()> {
+    for Attribute { name, domain: own, data } in attributes {
+        let due = match own {
+            AttributeDomain::Mesh => 1,
+            own if *own == domain => count,
+            own => {
+                return Err(Error::export("X001", format!("{place}: attribute {name} is per {own:?}, not {domain:?}")));
+            }
+        };
+        same_length(data.len(), due, &format!("{place}, {name}"))?;
+        if let Some((i, value)) = data.first_invalid() {
+            let wanted = if matches!(data, AttributeData::F32(_)) { "finite" } else { "0 to 1" };
+            return Err(Error::export("X001", format!("{place}: {name} {i} is {value}, not {wanted}")));
+        }
+    }
+    Ok(())
+}
+
 fn check_state(instancer: &Instancer, state: &InstanceState, place: &str) -> Result<()> {
     let n = instancer.len();
     if state.positions.len() != n || state.orientations.len() != n {
@@ -137,12 +159,7 @@ fn check_state(instancer: &Instancer, state: &InstanceState, place: &str) -> Res
     finite(&state.positions, place, "position")?;
     finite(&state.velocities, place, "velocity")?;
     finite(&state.angular_velocities, place, "angular velocity")?;
-    if !state.wetness.is_empty() {
-        same_length(state.wetness.len(), n, place)?;
-    }
-    if let Some(i) = state.wetness.iter().position(|w| !(0.0..=1.0).contains(w)) {
-        return Err(Error::export("X001", format!("{place}: wetness {i} is {}, not 0 to 1", state.wetness[i])));
-    }
+    check_attributes(&state.attributes, AttributeDomain::Instance, n, place)?;
     match state.orientations.iter().position(|q| !q.is_finite() || (q.length() - 1.0).abs() > 1e-4) {
         Some(i) => Err(Error::export("X001", format!("{place}: orientation {i} is not a unit quaternion"))),
         None => Ok(()),

@@ -19,7 +19,7 @@ use osier_ifs::game::{Escapes, InstructionSet};
 use osier_ifs::histogram::{PictureWindow, histogram};
 use osier_ifs::picture::{Density, DensityEstimator, ToneMapping, density};
 use osier_ifs::{Ifs, PictureView};
-use osier_scene::{Asset, AssetKind, Attribute, Material, MaterialClass, Points, Trs};
+use osier_scene::{Asset, AssetKind, Attribute, AttributeData, Material, MaterialClass, Points, Trs};
 
 /// Points of a pixel in a picture without a number of points.
 pub(crate) const PER_PIXEL: u64 = 20;
@@ -111,11 +111,11 @@ pub fn build_attractor(
 
 fn points(cloud: AttractorPoints, density: Vec<u32>, width: f32, material: u32) -> Points {
     let mut attributes = vec![
-        Attribute { name: "map", values: cloud.maps.iter().map(|m| u32::from(*m)).collect() },
-        Attribute { name: "depth", values: cloud.depths.iter().map(|d| u32::from(*d)).collect() },
+        Attribute::point("map", AttributeData::U32(cloud.maps.iter().map(|m| u32::from(*m)).collect())),
+        Attribute::point("depth", AttributeData::U32(cloud.depths.iter().map(|d| u32::from(*d)).collect())),
     ];
     if !density.is_empty() {
-        attributes.push(Attribute { name: "density", values: density });
+        attributes.push(Attribute::point("density", AttributeData::U32(density)));
     }
     Points {
         name: "points".into(),

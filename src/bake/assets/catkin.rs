@@ -211,7 +211,6 @@ pub fn row(models: &[CatkinModel], levels: &CatkinLods, first: u32) -> Asset {
         },
         motion: InstancerMotion::Still,
         tracked: false,
-        marks: Vec::new(),
     };
     Asset {
         id: "catkins".into(),

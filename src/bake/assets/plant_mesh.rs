@@ -85,7 +85,7 @@ pub fn build_plant_asset(
     let instancers = separate.map(|(o, organs)| instancer(plant, kind, (*o, organs), joint_motion(organs, rig)));
     let mut merged = Vec::new();
     if shaded || kind.shader_wind {
-        mesh.wind = WindWeights::new(plant).bark(&bindings);
+        mesh.attributes = WindWeights::new(plant).bark(&bindings);
     }
     if shaded {
         let attributes = WindWeights::new(plant);
@@ -210,7 +210,6 @@ pub fn instancer(
         rest,
         motion,
         tracked: false,
-        marks: Vec::new(),
     }
 }
 

@@ -185,8 +185,7 @@ fn tube() -> Mesh {
 fn blade(size: f32, material: u32) -> Mesh {
     let points = [(0.0, 0.0, 0.0), (0.3, 0.5, 0.1), (0.0, 1.0, 0.0), (-0.2, 0.4, 0.15)];
     Mesh {
-        wind: Vec::new(),
-        drops: Vec::new(),
+        attributes: Vec::new(),
         points: points.map(|(x, y, z)| Vec3::new(x, y, z) * size).to_vec(),
         normals: vec![Vec3::Z; 4],
         uvs: points.map(|(x, y, _)| Vec2::new(0.5 + x, y)).to_vec(),
@@ -200,8 +199,13 @@ fn blade(size: f32, material: u32) -> Mesh {
 /// A skinned tube with leaves riding on its joints.
 fn rig() -> Asset {
     let mut mesh = tube();
-    let wind = |p: &Vec3| osier::scene::WindPoint { wind: [p.y * 0.4, 0.25, 0.0, 1.0], branch: [0.0, 0.75], axis: 0 };
-    mesh.wind = mesh.points.iter().map(wind).collect();
+    let wind = mesh.points.iter().map(|p| [p.y * 0.4, 0.25, 0.0, 1.0]).collect();
+    let n = mesh.points.len();
+    mesh.attributes = vec![
+        Attribute::vertex("wind", AttributeData::Unit4(wind)),
+        Attribute::vertex("wind2", AttributeData::Unit2(vec![[0.0, 0.75]; n])),
+        Attribute::vertex("wind_axis", AttributeData::I32(vec![0; n])),
+    ];
     let joint = |name: &str, parent, t| Joint { name: name.into(), parent, rest: Trs { t, ..Trs::IDENTITY } };
     let joints = vec![
         joint("root", None, Vec3::ZERO),
@@ -236,7 +240,6 @@ fn rig() -> Asset {
         },
         motion: InstancerMotion::Joints(vec![0, 1, 1, 2]),
         tracked: false,
-        marks: Vec::new(),
     };
     let stem = MeshObject { name: "stem".into(), mesh, motion: MeshMotion::Skinned, skin: Some(skin) };
     Asset {
@@ -280,6 +283,7 @@ fn tracks() -> Asset {
     let rest = InstanceState {
         positions: (0..n).map(|i| Vec3::new(i as f32 * 0.3, 0.0, -0.2 * i as f32)).collect(),
         orientations: vec![Quat::IDENTITY; n],
+        attributes: vec![Attribute::instance("state", AttributeData::I32(vec![0; n]))],
         ..InstanceState::default()
     };
     let flying = Instancer {
@@ -291,7 +295,6 @@ fn tracks() -> Asset {
         rest,
         motion: InstancerMotion::Free,
         tracked: true,
-        marks: vec!["state"],
     };
     Asset { instancers: vec![flying], ..bare("tracks", AssetKind::Tracks) }
 }
@@ -321,8 +324,7 @@ fn misc() -> Asset {
 
 fn ground() -> Asset {
     let mesh = Mesh {
-        wind: Vec::new(),
-        drops: Vec::new(),
+        attributes: Vec::new(),
         points: [(-3.0, -3.0), (-3.0, 3.0), (3.0, 3.0), (3.0, -3.0)].map(|(x, z)| Vec3::new(x, 0.0, z)).to_vec(),
         normals: vec![Vec3::Y; 4],
         uvs: vec![Vec2::ZERO, Vec2::Y, Vec2::ONE, Vec2::X],
@@ -393,8 +395,10 @@ fn tracks_frame(scene: &Scene, number: u32, t: f32) -> AssetFrame {
             .map(|i| if alive[i] { Vec3::new(0.4, 1.0 + 0.1 * i as f32, -0.7) } else { Vec3::ZERO })
             .collect(),
         angular_velocities: (0..5).map(|i| if alive[i] { Vec3::new(1.8, 2.4, 0.0) } else { Vec3::ZERO }).collect(),
-        marks: vec![alive.iter().map(|a| i32::from(*a) * 2).collect()],
-        wetness: Vec::new(),
+        attributes: vec![Attribute::instance(
+            "state",
+            AttributeData::I32(alive.iter().map(|a| i32::from(*a) * 2).collect()),
+        )],
         alive,
     };
     let _ = t;

@@ -91,7 +91,7 @@ impl Document<'_> {
                 normals: Cow::Owned(mesh.normals),
                 uvs: Cow::Owned(mesh.uvs),
                 colors: Cow::Owned(mesh.colors),
-                wind: Cow::Borrowed(&[]),
+                attributes: Cow::Borrowed(&[]),
                 skin: None,
                 morphs: false,
             };
@@ -117,8 +117,7 @@ fn merge(group: &Group<'_>, mesh: &Mesh, piece: &Piece<'_>, joint: &Trs) -> Mesh
         normals: piece.gather(&mesh.normals).into_owned(),
         uvs: piece.gather(&mesh.uvs).into_owned(),
         colors: piece.gather(&mesh.colors).into_owned(),
-        wind: Vec::new(),
-        drops: Vec::new(),
+        attributes: Vec::new(),
         triangles: piece.triangles.to_vec(),
         subsets: Vec::new(),
     };

@@ -215,13 +215,9 @@ pub(super) struct Attributes {
     pub uv: Option<Index>,
     #[serde(rename = "WEIGHTS_0", skip_serializing_if = "Option::is_none")]
     pub weights: Option<Index>,
-    #[serde(rename = "_WIND", skip_serializing_if = "Option::is_none")]
-    pub wind: Option<Index>,
-    #[serde(rename = "_WIND2", skip_serializing_if = "Option::is_none")]
-    pub branch: Option<Index>,
-    /// Numbers of our own: `_MAP`, `_DEPTH`, ...
+    /// Attributes of the scene under names with an underscore: `_MAP`, `_DEPTH`, ...
     #[serde(flatten)]
-    pub own: std::collections::BTreeMap<String, Index>,
+    pub custom: std::collections::BTreeMap<String, Index>,
 }
 
 #[derive(Debug, Serialize)]

@@ -12,7 +12,7 @@ use super::materials::{Shown, Surface, relief, textured};
 use super::pieces::{Piece, pieces};
 use super::tangents::tangents;
 use osier_base::Result;
-use osier_scene::{MaterialId, Mesh, Points, WindPoint};
+use osier_scene::{Attribute, AttributeData, MaterialId, Mesh, Points};
 
 /// Vertices of one primitive.
 #[derive(Debug)]
@@ -23,7 +23,7 @@ pub(super) struct Vertices<'a> {
     pub normals: Cow<'a, [Vec3]>,
     pub uvs: Cow<'a, [Vec2]>,
     pub colors: Cow<'a, [[f32; 4]]>,
-    pub wind: Cow<'a, [WindPoint]>,
+    pub attributes: Cow<'a, [Attribute]>,
     pub skin: Option<Influences>,
     /// It has morph targets.
     pub morphs: bool,
@@ -72,7 +72,7 @@ impl Document<'_> {
                 normals: piece.gather(&drawn.mesh.normals),
                 uvs: piece.gather(&drawn.mesh.uvs),
                 colors: piece.gather(&drawn.mesh.colors),
-                wind: piece.gather(&drawn.mesh.wind),
+                attributes: piece.gather_attributes(&drawn.mesh.attributes),
                 skin,
                 morphs: !drawn.shapes.is_empty(),
             };
@@ -134,11 +134,14 @@ impl Document<'_> {
         if vertices.colors.len() == count {
             attributes.color = Some(self.buffer.colors(vertices.colors.iter().copied())?);
         }
-        if vertices.wind.len() == count && count > 0 {
-            attributes.wind = Some(self.buffer.colors(vertices.wind.iter().map(|p| p.wind))?);
-            // Blender's importer mixes up attributes of unlike width and then fails.
-            let branch = vertices.wind.iter().map(|p| [p.branch[0], p.branch[1], 0.0, 0.0]);
-            attributes.branch = Some(self.buffer.colors(branch)?);
+        for a in vertices.attributes.iter().filter(|a| a.data.len() == count && count > 0) {
+            // Blender's importer mixes up attributes of unlike width and then fails: all that are written have four numbers.
+            let quads = match &a.data {
+                AttributeData::Unit4(v) => self.buffer.colors(v.iter().copied())?,
+                AttributeData::Unit2(v) => self.buffer.colors(v.iter().map(|[x, y]| [*x, *y, 0.0, 0.0]))?,
+                _ => continue,
+            };
+            attributes.custom.insert(custom_name(a), quads);
         }
         if let Some(skin) = &vertices.skin {
             attributes.joints = Some(self.buffer.joints(&skin.joints, skin.count)?);
@@ -185,16 +188,22 @@ impl Document<'_> {
             };
             attributes.color = Some(self.buffer.colors(shown.iter().map(color))?);
         }
-        for a in cloud.attributes.iter().filter(|a| a.values.len() == cloud.positions.len()) {
+        for a in &cloud.attributes {
+            let Some(all) = a.data.counts().filter(|v| v.len() == cloud.positions.len()) else { continue };
             #[allow(clippy::cast_precision_loss, reason = "below 2^24")]
-            let values: Vec<f32> = shown.iter().map(|&i| a.values[i] as f32).collect();
-            attributes.own.insert(format!("_{}", a.name.to_ascii_uppercase()), self.buffer.numbers(&values, what)?);
+            let values: Vec<f32> = shown.iter().map(|&i| all[i] as f32).collect();
+            attributes.custom.insert(custom_name(a), self.buffer.numbers(&values, what)?);
         }
         let shown = if colored { Shown::Colored } else { Shown::Plain };
         let material = self.surface(Surface { material: cloud.material, shown })?;
         let primitive = Primitive { attributes, material, mode: Some(MODE_POINTS), ..Primitive::default() };
         self.finish_mesh(JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() })
     }
+}
+
+/// Name of an attribute that glTF does not define: with an underscore, in capitals.
+fn custom_name(attribute: &Attribute) -> String {
+    format!("_{}", attribute.name.to_ascii_uppercase())
 }
 
 /// A surface of a mesh.

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use osier_scene::{MaterialId, Mesh};
+use osier_scene::{Attribute, MaterialId, Mesh};
 
 /// The triangles of one material and the vertices they use.
 #[derive(Debug)]
@@ -21,6 +21,14 @@ impl Piece<'_> {
         match &self.vertices {
             None => Cow::Borrowed(all),
             Some(list) => Cow::Owned(list.iter().filter_map(|&i| all.get(i as usize)).copied().collect()),
+        }
+    }
+
+    /// The piece's share of attributes of the mesh's vertices.
+    pub(crate) fn gather_attributes<'b>(&self, all: &'b [Attribute]) -> Cow<'b, [Attribute]> {
+        match &self.vertices {
+            None => Cow::Borrowed(all),
+            Some(list) => Cow::Owned(all.iter().map(|a| Attribute { data: a.data.gather(list), ..*a }).collect()),
         }
     }
 }

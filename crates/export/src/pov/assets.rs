@@ -357,6 +357,5 @@ fn pick(instancer: &Instancer, which: &[usize]) -> Instancer {
         rest: state,
         motion: InstancerMotion::Still,
         tracked: false,
-        marks: Vec::new(),
     }
 }

@@ -11,6 +11,7 @@ use super::instancer_extent::InstancerBounds;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata, VariantSet, variant_path};
 use super::mesh::{MeshPrim, VelocitySamples, define_mesh};
+use super::primvar::{self, Primvar};
 use super::sample_reduction::{SampleReducer, TimeSample};
 use super::value::UsdArray;
 use osier_base::Result;
@@ -51,8 +52,8 @@ pub(super) struct AnimatedInstancer {
     invisible: Option<AttrHandle>,
     velocities: VelocitySamples,
     angular: VelocitySamples,
-    /// Written from the first frame that tells how wet instances are.
-    wetness: Option<AttrHandle>,
+    /// Primvars of the attributes seen so far; those of tracked instances are on their point twin.
+    primvars: Vec<Primvar>,
     /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
     boxes: InstancerBounds,
@@ -101,6 +102,8 @@ pub(super) fn define_instancer(
         set(layer, "positions", "point3f[]", UsdArray::Float3(as_float3(&up.stage_vecs(&instancer.rest.positions))))?;
     set(layer, "protoIndices", "int[]", UsdArray::Int(protos))?;
     set(layer, "scales", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
+    let primvars =
+        if instancer.tracked { Vec::new() } else { primvar::define_all(layer, path, &instancer.rest.attributes)? };
     define_prototypes(cx, layer, root, path, instancer)?;
     if instancer.motion == InstancerMotion::Still {
         return Ok(None);
@@ -114,7 +117,7 @@ pub(super) fn define_instancer(
         invisible,
         velocities: VelocitySamples::default(),
         angular: VelocitySamples::default(),
-        wetness: None,
+        primvars,
         before,
         boxes,
         reducers: matches!(instancer.motion, InstancerMotion::Joints(_)).then(|| InstanceReducers {
@@ -249,18 +252,17 @@ impl AnimatedPrim for AnimatedInstancer {
         self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&velocities), count, time)?;
         let angular = degrees_per_second(up, &state.angular_velocities);
         self.angular.sample(layer, &format!("{}.angularVelocities", self.path), &angular, count, time)?;
-        if state.wetness.is_empty() {
+        if instancer.tracked {
             return Ok(());
         }
-        let attr = match self.wetness {
-            Some(attr) => attr,
-            None => {
-                let spec = AttrSpec::primvar("float[]", "vertex");
-                layer.writer.create_attr(&format!("{}.primvars:wetness", self.path), &spec, None)?
+        // A primvar is defined by the first frame that has values for it.
+        for a in state.attributes.iter().filter(|a| !a.data.is_empty()) {
+            if !self.primvars.iter().any(|p| p.name == a.name) {
+                self.primvars.push(Primvar::create(layer, &self.path, a)?);
             }
-        };
-        self.wetness = Some(attr);
-        layer.writer.set_time_sample(attr, time, UsdArray::Float(&state.wetness).into())
+        }
+        let mut present = self.primvars.iter().filter(|p| p.is_in(&state.attributes));
+        present.try_for_each(|p| p.sample(layer, time, &state.attributes))
     }
 
     fn flush_samples(&mut self, layer: &mut LayerBuilder) -> Result<()> {
@@ -286,8 +288,8 @@ pub(super) struct PointTwin {
     orient: AttrHandle,
     velocities: VelocitySamples,
     before: Vec<Quat>,
-    /// One per mark of the instancer.
-    marks: Vec<AttrHandle>,
+    /// Primvars of the instances' attributes.
+    primvars: Vec<Primvar>,
     /// Diameters of the living, m.
     diameters: Vec<f32>,
 }
@@ -323,20 +325,15 @@ pub(super) fn define_point_twin(
     let b = points_extent(&points, &visible);
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.set_attr(&format!("{path}.ids"), "int64[]", UsdArray::Int64(&sequential_ids(instancer.len())).into())?;
-    let mut primvar = |name: &str, type_name, array: UsdArray| {
+    let primvar = |layer: &mut LayerBuilder, name: &str, type_name, array: UsdArray| {
         let spec = AttrSpec::primvar(type_name, "vertex");
         layer.writer.create_attr(&format!("{path}.{name}"), &spec, Some(array.into()))
     };
-    let orient = primvar("primvars:orient", "quatf[]", UsdArray::Quatf(bytemuck::cast_slice(&before)))?;
-    primvar("primvars:proto", "int[]", UsdArray::Int(protos))?;
-    primvar("primvars:scale", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
-    let none = vec![0; instancer.len()];
-    let mut marks = Vec::with_capacity(instancer.marks.len());
-    for (i, name) in instancer.marks.iter().enumerate() {
-        let values = instancer.rest.marks.get(i).unwrap_or(&none);
-        marks.push(primvar(&format!("primvars:{name}"), "int[]", UsdArray::Int(values))?);
-    }
-    let widths = primvar("widths", "float[]", UsdArray::Float(&visible))?;
+    let orient = primvar(layer, "primvars:orient", "quatf[]", UsdArray::Quatf(bytemuck::cast_slice(&before)))?;
+    primvar(layer, "primvars:proto", "int[]", UsdArray::Int(protos))?;
+    primvar(layer, "primvars:scale", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
+    let primvars = primvar::define_all(layer, path, &instancer.rest.attributes)?;
+    let widths = primvar(layer, "widths", "float[]", UsdArray::Float(&visible))?;
     let points = layer.set_attr(&format!("{path}.points"), "point3f[]", UsdArray::Float3(as_float3(&points)).into())?;
     let velocities = VelocitySamples::default();
     Ok(Box::new(PointTwin {
@@ -348,7 +345,7 @@ pub(super) fn define_point_twin(
         orient,
         velocities,
         before,
-        marks,
+        primvars,
         diameters,
     }))
 }
@@ -367,9 +364,8 @@ impl AnimatedPrim for PointTwin {
         sample(self.orient, UsdArray::Quatf(bytemuck::cast_slice(&self.before)))?;
         sample(self.widths, UsdArray::Float(&visible))?;
         sample(self.points, UsdArray::Float3(as_float3(&points)))?;
-        for (mark, values) in self.marks.iter().zip(&state.marks) {
-            sample(*mark, UsdArray::Int(values))?;
-        }
+        let mut present = self.primvars.iter().filter(|p| p.is_in(&state.attributes));
+        present.try_for_each(|p| p.sample(layer, time, &state.attributes))?;
         let velocities = up.stage_vecs(&state.velocities);
         let count = instancer.len();
         self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&velocities), count, time)

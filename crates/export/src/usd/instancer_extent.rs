@@ -182,7 +182,6 @@ mod tests {
             },
             motion: InstancerMotion::Free,
             tracked: false,
-            marks: Vec::new(),
         }
     }
 

@@ -9,6 +9,7 @@ use super::axis::{UpAxis, extent};
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
+use super::primvar::{self, Primvar};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::convert::narrow;
@@ -119,7 +120,10 @@ pub(super) fn define_mesh(
     layer.set_uniform(&format!("{path}.orientation"), "token", UsdValue::Token("rightHanded"))?;
     layer.set_uniform(&format!("{path}.subdivisionScheme"), "token", UsdValue::Token("none"))?;
     define_display_color(layer, path, mesh)?;
-    define_shader_wind(layer, path, mesh)?;
+    // The frames of varying topology have attributes of their own.
+    if !place.varying {
+        primvar::define_all(layer, path, &mesh.attributes)?;
+    }
     // One material binds the mesh, several bind subsets that partition its faces. The subsets of varying topology are defined by
     // `VaryingMesh`, which samples them, too.
     match families.as_slice() {
@@ -166,26 +170,6 @@ fn define_display_color(layer: &mut LayerBuilder, path: &str, mesh: &Mesh) -> Re
     let rgb: Vec<[f32; 3]> = mesh.colors.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
     let spec = AttrSpec::primvar("color3f[]", "vertex");
     layer.writer.create_attr(&format!("{path}.primvars:displayColor"), &spec, Some(UsdArray::Float3(&rgb).into()))?;
-    Ok(())
-}
-
-/// Attributes for shaders that sway by themselves.
-fn define_shader_wind(layer: &mut LayerBuilder, path: &str, mesh: &Mesh) -> Result<()> {
-    if mesh.wind.is_empty() || mesh.wind.len() != mesh.points.len() {
-        return Ok(());
-    }
-    let whole: Vec<[f32; 4]> = mesh.wind.iter().map(|p| p.wind).collect();
-    let branch: Vec<[f32; 2]> = mesh.wind.iter().map(|p| p.branch).collect();
-    let axes: Vec<i32> = mesh.wind.iter().map(|p| p.axis).collect();
-    let list = [
-        ("wind", "color4f[]", UsdArray::Float4(&whole)),
-        ("wind2", "float2[]", UsdArray::Float2(&branch)),
-        ("wind_axis", "int[]", UsdArray::Int(&axes)),
-    ];
-    for (name, kind, values) in list {
-        let spec = AttrSpec::primvar(kind, "vertex");
-        layer.writer.create_attr(&format!("{path}.primvars:{name}"), &spec, Some(values.into()))?;
-    }
     Ok(())
 }
 
@@ -293,8 +277,8 @@ pub(super) struct VaryingMesh {
     velocities: AttrHandle,
     /// Indices of the subset of each material seen so far.
     subsets: BTreeMap<MaterialId, AttrHandle>,
-    /// Drops that the points are of, and that these are wet, from the first frame that has some.
-    drops: Option<[AttrHandle; 2]>,
+    /// Primvars of the attributes seen so far.
+    primvars: Vec<Primvar>,
     /// Times of the frames so far.
     times: Vec<f64>,
 }
@@ -318,7 +302,7 @@ impl VaryingMesh {
             subsets.insert(material, attr);
         }
         let (root, path) = (place.root.to_owned(), place.path.to_owned());
-        Ok(Self { index, root, path, attrs, velocities, subsets, drops: None, times: Vec::new() })
+        Ok(Self { index, root, path, attrs, velocities, subsets, primvars: Vec::new(), times: Vec::new() })
     }
 
     /// Samples the subset of every material seen so far, so that the subsets of each frame partition its faces.
@@ -334,7 +318,7 @@ impl VaryingMesh {
                 self.subsets.insert(*material, attr);
             }
         }
-        self.sample_drops(layer, mesh, time)?;
+        self.sample_primvars(layer, mesh, time)?;
         for (material, attr) in &self.subsets {
             let faces = families.iter().find(|(m, _)| m == material).map_or(&[][..], |(_, f)| f);
             layer.writer.set_time_sample(*attr, time, UsdArray::Int(faces).into())?;
@@ -342,33 +326,20 @@ impl VaryingMesh {
         self.times.push(time);
         Ok(())
     }
-}
 
-impl VaryingMesh {
-    /// `primvars:drop_id`, and `primvars:wetness`, which is 1 for water as leaves have it from 0 to 1.
-    fn sample_drops(&mut self, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
-        if mesh.drops.is_empty() && self.drops.is_none() {
-            return Ok(());
-        }
-        let known = self.drops.is_some();
-        let [id, wetness] = match self.drops {
-            Some(attrs) => attrs,
-            None => {
-                let mut primvar = |name: &str, kind| {
-                    let spec = AttrSpec::primvar(kind, "vertex");
-                    layer.writer.create_attr(&format!("{}.primvars:{name}", self.path), &spec, None)
-                };
-                [primvar("drop_id", "int[]")?, primvar("wetness", "float[]")?]
+    /// Samples every attribute seen so far, so that its values fit the points at all frames: none at frames without it.
+    fn sample_primvars(&mut self, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
+        let known = self.primvars.len();
+        for a in mesh.attributes.iter().filter(|a| !a.data.is_empty()) {
+            if !self.primvars.iter().any(|p| p.name == a.name) {
+                self.primvars.push(Primvar::create(layer, &self.path, a)?);
             }
-        };
-        self.drops = Some([id, wetness]);
-        // Frames before had no drops.
-        for t in self.times.iter().filter(|_| !known) {
-            layer.writer.set_time_sample(id, *t, UsdArray::Int(&[]).into())?;
-            layer.writer.set_time_sample(wetness, *t, UsdArray::Float(&[]).into())?;
         }
-        layer.writer.set_time_sample(id, time, UsdArray::Int(&mesh.drops).into())?;
-        layer.writer.set_time_sample(wetness, time, UsdArray::Float(&vec![1.0; mesh.drops.len()]).into())
+        // An attribute that appears late gets empty samples at the frames before.
+        for t in &self.times {
+            self.primvars.iter().skip(known).try_for_each(|p| p.sample(layer, *t, &[]))?;
+        }
+        self.primvars.iter().try_for_each(|p| p.sample(layer, time, &mesh.attributes))
     }
 }
 

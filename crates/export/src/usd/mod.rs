@@ -29,6 +29,7 @@ mod mesh;
 pub(crate) mod options;
 mod plant_instancer;
 mod points;
+mod primvar;
 mod sample_reduction;
 mod skel;
 mod usda;

@@ -9,6 +9,7 @@ use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
 use super::mesh::VelocitySamples;
+use super::primvar;
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::geometry::Bounds;
@@ -52,11 +53,7 @@ pub(super) fn define_points(
         let attr = layer.writer.create_attr(&format!("{path}.primvars:displayColor"), &spec, Some(values.into()))?;
         colors = Some(attr);
     }
-    for a in &cloud.attributes {
-        let values = as_ints(&a.values, "values of a point attribute")?;
-        let spec = AttrSpec::primvar("int[]", "vertex");
-        layer.writer.create_attr(&format!("{path}.primvars:{}", a.name), &spec, Some(UsdArray::Int(values).into()))?;
-    }
+    primvar::define_all(layer, path, &cloud.attributes)?;
     let spec = AttrSpec::primvar("float[]", "vertex");
     let widths =
         layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&cloud.widths).into()))?;

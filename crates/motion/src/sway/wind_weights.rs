@@ -1,11 +1,23 @@
-//! What shaders need to sway a plant by themselves: weights and phases at its vertices.
+//! What shaders need to sway a plant by themselves: weights and phases at its vertices, as the attributes `wind`, `wind2` and
+//! `wind_axis`.
 
 use osier_base::rng;
 use osier_scene::plant::{NONE, Organ, Plant};
-use osier_scene::{Mesh, Trs, WindPoint};
+use osier_scene::{Attribute, AttributeData, Mesh, Trs};
 
 /// Share of its own sway that an axis has at its tip.
 const TIP_SWAY_SHARE: f32 = 0.5;
+
+/// Sway of a vertex; all numbers but the axis from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct VertexSway {
+    /// Sway with the whole plant, 0 at the root; phase of the limb; flutter of a leaf, 1 at its tip; light that reaches it.
+    wind: [f32; 4],
+    /// Sway with the branches, 0 on the trunk; a random number of the axis or leaf.
+    branch: [f32; 2],
+    /// Index of the axis that the vertex is on.
+    axis: i32,
+}
 
 /// Weights along the axes of a plant: w(s) = 1 - (1 - w(carrier)) (1 - (s / L)^2 / 2), none at the root, so that nothing
 /// tears where branches stand on each other.
@@ -46,15 +58,16 @@ impl<'a> WindWeights<'a> {
     }
 
     /// Weights of a point that moves with arc length `s`, m, of an axis. `id`: of the branch or leaf; `flutter`: 0 to 1.
-    fn point(&self, axis: u32, s: f32, id: u64, flutter: f32) -> WindPoint {
+    fn point(&self, axis: u32, s: f32, id: u64, flutter: f32) -> VertexSway {
         let [whole, branch] = self.at(axis, s);
         let wind = [whole, self.phases[axis as usize], flutter, 1.0];
-        WindPoint { wind, branch: [branch, hash01(id)], axis: i32::try_from(axis).unwrap_or(i32::MAX) }
+        VertexSway { wind, branch: [branch, hash01(id)], axis: i32::try_from(axis).unwrap_or(i32::MAX) }
     }
 
-    /// Of bark bound to axes at arc lengths, m.
-    pub fn bark(&self, bindings: &[(u32, f32)]) -> Vec<WindPoint> {
-        bindings.iter().map(|b| self.point(b.0, b.1, self.plant.axes[b.0 as usize].id, 0.0)).collect()
+    /// Attributes of bark bound to axes at arc lengths, m.
+    pub fn bark(&self, bindings: &[(u32, f32)]) -> Vec<Attribute> {
+        let point = |b: &(u32, f32)| self.point(b.0, b.1, self.plant.axes[b.0 as usize].id, 0.0);
+        attributes(&bindings.iter().map(point).collect::<Vec<_>>())
     }
 
     /// Leaves as one mesh with its attributes, and how many points each has; flutter grows from the foot of the stalk to the
@@ -68,7 +81,8 @@ impl<'a> WindWeights<'a> {
             let tip = proto.mesh.points.iter().fold(1e-9_f32, |m, p| m.max(p.y));
             let mut leaf = (*proto.mesh).clone();
             let flutter = |p: &glam::Vec3| (p.y / tip).clamp(0.0, 1.0);
-            leaf.wind = leaf.points.iter().map(|p| self.point(organ.axis, organ.s, organ.id, flutter(p))).collect();
+            let sway = leaf.points.iter().map(|p| self.point(organ.axis, organ.s, organ.id, flutter(p)));
+            leaf.attributes = attributes(&sway.collect::<Vec<_>>());
             leaf.points.iter_mut().for_each(|p| *p = stand.apply(*p));
             leaf.normals.iter_mut().for_each(|n| *n = r * *n);
             leaf.subsets.iter_mut().for_each(|s| s.material += worn);
@@ -77,6 +91,15 @@ impl<'a> WindWeights<'a> {
         }
         (all, sizes)
     }
+}
+
+/// Vertex attributes for shaders.
+fn attributes(points: &[VertexSway]) -> Vec<Attribute> {
+    vec![
+        Attribute::vertex("wind", AttributeData::Unit4(points.iter().map(|p| p.wind).collect())),
+        Attribute::vertex("wind2", AttributeData::Unit2(points.iter().map(|p| p.branch).collect())),
+        Attribute::vertex("wind_axis", AttributeData::I32(points.iter().map(|p| p.axis).collect())),
+    ]
 }
 
 fn hash01(id: u64) -> f32 {
@@ -114,13 +137,19 @@ mod tests {
         let organs: Vec<&Organ> = plant.organs.iter().collect();
         let (mesh, sizes) = weights.leaves(&organs, 3);
         assert!(sizes.iter().all(|n| *n == 4));
-        assert_eq!((mesh.points.len(), mesh.wind.len()), (organs.len() * 4, organs.len() * 4));
+        let wind = |attributes: &[Attribute]| match &attributes[0].data {
+            AttributeData::Unit4(wind) => wind.clone(),
+            other => panic!("{other:?}"),
+        };
+        let all = wind(&mesh.attributes);
+        assert_eq!((mesh.points.len(), all.len()), (organs.len() * 4, organs.len() * 4));
+        assert!(mesh.attributes.iter().all(|a| a.data.len() == mesh.points.len() && a.data.first_invalid().is_none()));
         assert!(mesh.subsets.iter().all(|s| s.material == 3));
-        for (organ, leaf) in organs.iter().zip(mesh.wind.chunks(4)) {
+        for (organ, leaf) in organs.iter().zip(all.chunks(4)) {
             let whole = weights.at(organ.axis, organ.s)[0];
-            assert!(leaf.iter().all(|p| (p.wind[0] - whole).abs() < 1e-9));
-            assert!(near([0, 1, 2, 3].map(|k| leaf[k].wind[2]), [0.0, 0.0, 1.0, 1.0]));
+            assert!(leaf.iter().all(|p| (p[0] - whole).abs() < 1e-9));
+            assert!(near([0, 1, 2, 3].map(|k| leaf[k][2]), [0.0, 0.0, 1.0, 1.0]));
         }
-        assert!(weights.bark(&[(0, 2.0)])[0].wind[2] <= 0.0);
+        assert!(wind(&weights.bark(&[(0, 2.0)]))[0][2] <= 0.0);
     }
 }

@@ -38,7 +38,6 @@ fn scene() -> Scene {
         rest: state,
         motion: InstancerMotion::Still,
         tracked: false,
-        marks: Vec::new(),
     };
     let corners = [[-10.0, 10.0], [10.0, 10.0], [10.0, -10.0], [-10.0, -10.0]].map(|[x, z]| Vec3::new(x, 0.0, z));
     let ground = Mesh {

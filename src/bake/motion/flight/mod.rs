@@ -25,14 +25,13 @@ use osier_motion::flight::{
 };
 use osier_scene::solid::Solids;
 use osier_scene::{
-    Asset, AssetFrame, AssetKind, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Prototype,
-    Table,
+    Asset, AssetFrame, AssetKind, Attribute, AttributeData, CurvesFrame, InstanceState, Instancer, InstancerFrame,
+    InstancerMotion, Prototype, Table,
 };
 use osier_wind::Wind;
 
-/// Numbers that each carries, and which of them tells how often it has come back.
-const MARKS: [&str; 3] = ["state", "cluster", "generation"];
-const GENERATION: usize = 2;
+/// Attribute of a catkin: how often it has come back to its start.
+const GENERATION: &str = "generation";
 
 /// Time in which a catkin that came to rest sinks until its lowest hair touches, s.
 const SETTLE_TIME: f32 = 0.12;
@@ -129,7 +128,6 @@ impl FlightPlayback {
             rest: if still { self.state(0)? } else { self.rest() },
             motion: InstancerMotion::Free,
             tracked: true,
-            marks: MARKS.to_vec(),
         };
         let drawn = |now: &mut FlightState| now.trails.as_ref().map(|t| t.curves(self.line, material, !still));
         let trails = if still {
@@ -243,7 +241,7 @@ impl FlightState {
     fn draw(&mut self) {
         if let Some(mut trails) = self.trails.take() {
             let state = shown(self);
-            trails.push(&state, state.marks.get(GENERATION).map_or(&[], Vec::as_slice));
+            trails.push(&state, state.attribute(GENERATION).and_then(AttributeData::integers).unwrap_or_default());
             self.trails = Some(trails);
         }
     }
@@ -266,12 +264,11 @@ fn shown(now: &FlightState) -> InstanceState {
         alive: s.states.iter().map(|s| s.is_seen()).collect(),
         velocities: s.velocities,
         angular_velocities: s.angular_velocities,
-        marks: vec![
-            s.states.iter().map(|s| *s as i32).collect(),
-            s.clusters.iter().map(number).collect(),
-            s.generations.iter().map(number).collect(),
+        attributes: vec![
+            Attribute::instance("state", AttributeData::I32(s.states.iter().map(|s| *s as i32).collect())),
+            Attribute::instance("cluster", AttributeData::I32(s.clusters.iter().map(number).collect())),
+            Attribute::instance(GENERATION, AttributeData::I32(s.generations.iter().map(number).collect())),
         ],
-        wetness: Vec::new(),
     }
 }
 

@@ -136,8 +136,7 @@ fn thin_state(state: &mut InstanceState, keep: &[bool]) {
     retain_masked(&mut state.alive, keep);
     retain_masked(&mut state.velocities, keep);
     retain_masked(&mut state.angular_velocities, keep);
-    state.marks.iter_mut().for_each(|m| retain_masked(m, keep));
-    retain_masked(&mut state.wetness, keep);
+    state.attributes.iter_mut().for_each(|a| a.data.retain(keep));
 }
 
 /// Leaves the same instances out of a frame.

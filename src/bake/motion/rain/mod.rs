@@ -31,8 +31,8 @@ use osier_motion::rain::{
 use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
-    Asset, AssetFrame, AssetKind, Image, InstancerFrame, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject,
-    Points, PointsFrame, RecordTable, Table, Trs, Wet, WetMaps,
+    Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, InstancerFrame, Material, MaterialClass, MeshFrame,
+    MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs, Wet, WetMaps,
 };
 use osier_wind::Wind;
 
@@ -43,6 +43,9 @@ const KEY: u64 = 64;
 const HELD: &str = "the number of leaves and raindrops times frames";
 /// Index of refraction of water.
 const WATER: f32 = osier_base::physics::WATER_IOR;
+
+/// Attribute of leaves and drops: share of the surface that is wet, 0 to 1.
+const WETNESS: &str = "wetness";
 
 /// A leaf of the scene.
 pub struct SceneLeaf {
@@ -375,9 +378,10 @@ fn moisten(plants: &mut [Vec<AssetFrame>], found: &[SceneLeaf], wetness: &[f64])
     for (leaf, wetness) in found.iter().zip(wetness) {
         let (plant, instancer, k) = leaf.at;
         let frame = plants.get_mut(plant).and_then(|frames| frames.last_mut());
-        if let Some(InstancerFrame::State(state)) = frame.and_then(|f| f.instancers.get_mut(instancer)) {
-            state.wetness.resize(state.positions.len(), 0.0);
-            state.wetness[k] = narrow(*wetness);
+        if let Some(InstancerFrame::State(state)) = frame.and_then(|f| f.instancers.get_mut(instancer))
+            && let Some(value) = state.unit_attribute_mut(WETNESS).get_mut(k)
+        {
+            *value = narrow(*wetness);
         }
     }
 }
@@ -399,24 +403,27 @@ impl RainPlayback {
     fn water(&self, nth: u64) -> DropMesh {
         let moment = self.moment(nth);
         let mut water = DropMesh::default();
+        // The number of its drop at each point: each drop fills the list up to the end of its own points.
+        let mut ids: Vec<i32> = Vec::new();
+        let number = |id: &u64| self.numbers.get(id).and_then(|n| i32::try_from(*n).ok()).unwrap_or(-1);
         for drop in &moment.sessile {
             water.add_sessile(&self.leaves[drop.leaf], &moment.leaf_poses[drop.leaf], drop);
-            self.mark(&mut water, drop.id);
+            ids.resize(water.mesh.points.len(), number(&drop.id));
         }
         for drop in &moment.pendant {
             if let Some(shapes) = self.shapes.get(&drop.radius.to_bits()) {
                 water.add_pendant(&moment.leaf_poses[drop.leaf], drop, shapes);
-                self.mark(&mut water, drop.id);
+                ids.resize(water.mesh.points.len(), number(&drop.id));
             }
         }
+        // Water is as wet as leaves under it may be.
+        let wetness = vec![1.0; ids.len()];
+        water.mesh.attributes = vec![
+            Attribute::vertex("drop_id", AttributeData::I32(ids)),
+            Attribute::vertex(WETNESS, AttributeData::Unit1(wetness)),
+        ];
         water.mesh = water.mesh.with_material(self.material);
         water
-    }
-
-    /// The last points of water are those of a drop.
-    fn mark(&self, water: &mut DropMesh, id: u64) {
-        let number = self.numbers.get(&id).and_then(|n| i32::try_from(*n).ok()).unwrap_or(-1);
-        water.mesh.drops.resize(water.mesh.points.len(), number);
     }
 
     /// Positions, widths and velocities of what is in the air.
@@ -433,7 +440,9 @@ impl RainPlayback {
     }
 
     fn asset(&self, moves: bool, over: Bounds) -> Asset {
-        let water = self.water(0);
+        let mut water = self.water(0);
+        // Numbers of drops join the frames of a clip; a mesh at rest has none.
+        water.mesh.attributes.clear();
         let (positions, widths, _) = self.air(0);
         let motion = if moves { MeshMotion::Varying } else { MeshMotion::Still };
         let empty = water.mesh.points.is_empty() && !moves;

@@ -1,0 +1,76 @@
+//! Attributes of the scene as primvars: `primvars:NAME` of a mesh, of points, or of an instancer.
+
+use super::arrays::as_ints;
+use super::layer::LayerBuilder;
+use super::layer_writer::{AttrHandle, AttrSpec};
+use super::value::UsdArray;
+use osier_base::Result;
+use osier_scene::{Attribute, AttributeData, AttributeDomain};
+
+/// A primvar that frames give values.
+#[derive(Debug, Clone)]
+pub(super) struct Primvar {
+    /// Of the attribute.
+    pub(super) name: &'static str,
+    attr: AttrHandle,
+    /// Empty values of the attribute's type, for frames that lack it.
+    empty: AttributeData,
+}
+
+impl Primvar {
+    /// Defines the primvar of an attribute of the prim at `path`, without a value.
+    pub(super) fn create(layer: &mut LayerBuilder, path: &str, attribute: &Attribute) -> Result<Self> {
+        let attr = layer.writer.create_attr(&primvar_path(path, attribute), &spec(attribute), None)?;
+        Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]) })
+    }
+
+    /// Defines it with the attribute's values.
+    pub(super) fn define(layer: &mut LayerBuilder, path: &str, attribute: &Attribute) -> Result<Self> {
+        let spec = spec(attribute);
+        let value = usd_array(&attribute.data)?.into();
+        let attr = layer.writer.create_attr(&primvar_path(path, attribute), &spec, Some(value))?;
+        Ok(Self { name: attribute.name, attr, empty: attribute.data.gather(&[]) })
+    }
+
+    /// Adds a sample: the values of its attribute among those of a frame, or none.
+    pub(super) fn sample(&self, layer: &mut LayerBuilder, time: f64, attributes: &[Attribute]) -> Result<()> {
+        let data = attributes.iter().find(|a| a.name == self.name).map_or(&self.empty, |a| &a.data);
+        layer.writer.set_time_sample(self.attr, time, usd_array(data)?.into())
+    }
+
+    /// True if a frame has values for it.
+    pub(super) fn is_in(&self, attributes: &[Attribute]) -> bool {
+        attributes.iter().any(|a| a.name == self.name && !a.data.is_empty())
+    }
+}
+
+/// Defines the primvars of all attributes that have values.
+pub(super) fn define_all(layer: &mut LayerBuilder, path: &str, attributes: &[Attribute]) -> Result<Vec<Primvar>> {
+    attributes.iter().filter(|a| !a.data.is_empty()).map(|a| Primvar::define(layer, path, a)).collect()
+}
+
+fn primvar_path(path: &str, attribute: &Attribute) -> String {
+    format!("{path}.primvars:{}", attribute.name)
+}
+
+fn spec(attribute: &Attribute) -> AttrSpec {
+    let type_name = match attribute.data {
+        AttributeData::U32(_) | AttributeData::I32(_) => "int[]",
+        AttributeData::F32(_) | AttributeData::Unit1(_) => "float[]",
+        AttributeData::Unit2(_) => "float2[]",
+        AttributeData::Unit4(_) => "color4f[]",
+    };
+    let interpolation = if attribute.domain == AttributeDomain::Mesh { "constant" } else { "vertex" };
+    AttrSpec::primvar(type_name, interpolation)
+}
+
+/// The values as USD has them: all integers are signed.
+fn usd_array(data: &AttributeData) -> Result<UsdArray<'_>> {
+    Ok(match data {
+        AttributeData::U32(v) => UsdArray::Int(as_ints(v, "values of an attribute")?),
+        AttributeData::I32(v) => UsdArray::Int(v),
+        AttributeData::F32(v) | AttributeData::Unit1(v) => UsdArray::Float(v),
+        AttributeData::Unit2(v) => UsdArray::Float2(v),
+        AttributeData::Unit4(v) => UsdArray::Float4(v),
+    })
+}

@@ -1,0 +1,216 @@
+//! Named values on the elements of a geometry: USD primvars, Blender attributes, glTF custom attributes.
+//!
+//! Simulations name their attributes, exporters write whatever they find: a further simulation changes no exporter.
+//!
+//! ```
+//! use osier_scene::{Attribute, AttributeData};
+//!
+//! let mut depth = Attribute::vertex("snow_depth", AttributeData::F32(vec![0.01, 0.0, 0.02]));
+//! depth.data.retain(&[true, false, true]);
+//! assert_eq!(depth.data, AttributeData::F32(vec![0.01, 0.02]));
+//! ```
+
+/// What an attribute has one value for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AttributeDomain {
+    /// Each vertex of a mesh.
+    Vertex,
+    /// Each point of a cloud.
+    Point,
+    /// Each instance of an instancer.
+    Instance,
+    /// The mesh, cloud or instancer that it is on: one value.
+    Mesh,
+}
+
+/// Values of an attribute. The `Unit` variants hold numbers from 0 to 1, which formats may store as normalised integers.
+#[derive(Debug, Clone, PartialEq)]
+pub enum AttributeData {
+    /// Unsigned integers below 2^24, so that single precision holds them.
+    U32(Vec<u32>),
+    /// Signed integers.
+    I32(Vec<i32>),
+    /// Any finite numbers; the attribute's name implies their SI unit.
+    F32(Vec<f32>),
+    /// Numbers from 0 to 1.
+    Unit1(Vec<f32>),
+    /// Pairs of numbers from 0 to 1.
+    Unit2(Vec<[f32; 2]>),
+    /// Quadruples of numbers from 0 to 1, which formats with colour types take as RGBA.
+    Unit4(Vec<[f32; 4]>),
+}
+
+/// Named values, one per element of a domain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Attribute {
+    /// `[a-z0-9_]+`, unique among the attributes of an element; the name in files.
+    pub name: &'static str,
+    /// What there is one value for.
+    pub domain: AttributeDomain,
+    /// As many as the domain has elements.
+    pub data: AttributeData,
+}
+
+/// Evaluates an expression with the values of any variant.
+macro_rules! with_values {
+    ($data:expr, $values:ident => $body:expr) => {
+        match $data {
+            AttributeData::U32($values) => $body,
+            AttributeData::I32($values) => $body,
+            AttributeData::F32($values) => $body,
+            AttributeData::Unit1($values) => $body,
+            AttributeData::Unit2($values) => $body,
+            AttributeData::Unit4($values) => $body,
+        }
+    };
+}
+
+impl AttributeData {
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        with_values!(self, v => v.len())
+    }
+
+    /// True without values.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Cuts the list to `len` values or extends it with zeros.
+    pub fn resize(&mut self, len: usize) {
+        with_values!(self, v => v.resize(len, Default::default()));
+    }
+
+    /// Keeps the values whose entry in `keep` is true, and those beyond its end.
+    pub fn retain(&mut self, keep: &[bool]) {
+        let mut keep = keep.iter();
+        with_values!(self, v => v.retain(|_| keep.next().copied().unwrap_or(true)));
+    }
+
+    /// The values at some indices; indices out of range are skipped.
+    #[must_use]
+    pub fn gather(&self, indices: &[u32]) -> Self {
+        fn pick<T: Copy>(all: &[T], indices: &[u32]) -> Vec<T> {
+            indices.iter().filter_map(|&i| all.get(i as usize)).copied().collect()
+        }
+        match self {
+            Self::U32(v) => Self::U32(pick(v, indices)),
+            Self::I32(v) => Self::I32(pick(v, indices)),
+            Self::F32(v) => Self::F32(pick(v, indices)),
+            Self::Unit1(v) => Self::Unit1(pick(v, indices)),
+            Self::Unit2(v) => Self::Unit2(pick(v, indices)),
+            Self::Unit4(v) => Self::Unit4(pick(v, indices)),
+        }
+    }
+
+    /// Appends the values of the same variant; false, and nothing done, for another.
+    pub fn append(&mut self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::U32(a), Self::U32(b)) => a.extend_from_slice(b),
+            (Self::I32(a), Self::I32(b)) => a.extend_from_slice(b),
+            (Self::F32(a), Self::F32(b)) | (Self::Unit1(a), Self::Unit1(b)) => a.extend_from_slice(b),
+            (Self::Unit2(a), Self::Unit2(b)) => a.extend_from_slice(b),
+            (Self::Unit4(a), Self::Unit4(b)) => a.extend_from_slice(b),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Single numbers, of either floating-point variant.
+    pub fn scalars(&self) -> Option<&[f32]> {
+        match self {
+            Self::F32(v) | Self::Unit1(v) => Some(v),
+            _ => None,
+        }
+    }
+
+    /// Signed integers.
+    pub fn integers(&self) -> Option<&[i32]> {
+        if let Self::I32(v) = self { Some(v) } else { None }
+    }
+
+    /// Unsigned integers.
+    pub fn counts(&self) -> Option<&[u32]> {
+        if let Self::U32(v) = self { Some(v) } else { None }
+    }
+
+    /// The first value that the variant does not admit, with its index: one that is not finite, or outside of 0 to 1.
+    pub fn first_invalid(&self) -> Option<(usize, f32)> {
+        let unit = |v: &f32| (0.0..=1.0).contains(v);
+        let find = |values: &[f32], width: usize, valid: &dyn Fn(&f32) -> bool| {
+            values.iter().position(|v| !valid(v)).map(|i| (i / width, values[i]))
+        };
+        match self {
+            Self::U32(_) | Self::I32(_) => None,
+            Self::F32(v) => find(v, 1, &|v| v.is_finite()),
+            Self::Unit1(v) => find(v, 1, &unit),
+            Self::Unit2(v) => find(v.as_flattened(), 2, &unit),
+            Self::Unit4(v) => find(v.as_flattened(), 4, &unit),
+        }
+    }
+}
+
+impl Attribute {
+    /// One value per vertex of a mesh.
+    pub fn vertex(name: &'static str, data: AttributeData) -> Self {
+        Self { name, domain: AttributeDomain::Vertex, data }
+    }
+
+    /// One value per point of a cloud.
+    pub fn point(name: &'static str, data: AttributeData) -> Self {
+        Self { name, domain: AttributeDomain::Point, data }
+    }
+
+    /// One value per instance of an instancer.
+    pub fn instance(name: &'static str, data: AttributeData) -> Self {
+        Self { name, domain: AttributeDomain::Instance, data }
+    }
+
+    /// Values of a merged geometry: those of its first part, which has `before` elements, then those of its second, which has
+    /// `count`. Elements of a part without the attribute get zeros. A value for the whole geometry stays that of the first part.
+    pub fn append_all(own: &mut Vec<Self>, before: usize, other: &[Self], count: usize) {
+        for attribute in other {
+            let same = |a: &Self| a.name == attribute.name && a.domain == attribute.domain;
+            match own.iter_mut().find(|a| same(a)) {
+                Some(known) if known.domain == AttributeDomain::Mesh => {}
+                Some(known) => {
+                    known.data.resize(before);
+                    known.data.append(&attribute.data);
+                }
+                None if attribute.domain == AttributeDomain::Mesh => own.push(attribute.clone()),
+                None => {
+                    // Zeros of the attribute's type for the elements before, then its own values.
+                    let mut data = attribute.data.gather(&[]);
+                    data.resize(before);
+                    data.append(&attribute.data);
+                    own.push(Self { data, ..*attribute });
+                }
+            }
+        }
+        own.iter_mut().filter(|a| a.domain != AttributeDomain::Mesh).for_each(|a| a.data.resize(before + count));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_of_parts_without_an_attribute_get_zeros() {
+        let ids = |v: Vec<i32>| Attribute::vertex("id", AttributeData::I32(v));
+        let shade = Attribute::vertex("shade", AttributeData::Unit1(vec![0.5, 0.25]));
+        let mut all = Vec::new();
+        Attribute::append_all(&mut all, 0, &[ids(vec![7])], 1);
+        Attribute::append_all(&mut all, 1, &[shade], 2);
+        Attribute::append_all(&mut all, 3, &[ids(vec![8])], 1);
+        let shade = Attribute::vertex("shade", AttributeData::Unit1(vec![0.0, 0.5, 0.25, 0.0]));
+        assert_eq!(all, [ids(vec![7, 0, 0, 8]), shade]);
+    }
+
+    #[test]
+    fn what_is_not_from_0_to_1_is_found_by_its_element() {
+        let data = AttributeData::Unit2(vec![[0.0, 1.0], [0.5, 1.5]]);
+        assert_eq!(data.first_invalid(), Some((1, 1.5)));
+        assert_eq!(AttributeData::F32(vec![1.5, -2.0]).first_invalid(), None);
+    }
+}
