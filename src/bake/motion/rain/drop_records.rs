@@ -269,10 +269,10 @@ fn lies(moment: &RainFrame, (d, leaf): (&SessileDrop, &RainLeaf), id: u32, out: 
     let blade = &moment.leaf_poses[d.leaf];
     let running = d.v.length() > RUNS;
     let head = if running { DropState::Runs } else { DropState::Rests };
-    for (k, bead) in d.beads.iter().enumerate() {
-        let p = blade.position + blade.orientation * leaf.at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
-        let tail = u32::try_from(d.beads.len() - 1).unwrap_or(u32::MAX);
-        let (q, s) = if k == 0 { (d.print.q, d.print.skew) } else { (1.0, 0.0) };
+    for (k, bead) in d.caps.iter().enumerate() {
+        let p = blade.position + blade.orientation * leaf.point_at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
+        let tail = u32::try_from(d.caps.len() - 1).unwrap_or(u32::MAX);
+        let (q, s) = if k == 0 { (d.footprint.stretch, d.footprint.skew) } else { (1.0, 0.0) };
         out.push(DropRecord {
             leaf: u32::try_from(d.leaf).ok(),
             tail: if k == 0 { tail } else { 0 },
