@@ -39,7 +39,7 @@ fn recipe(name: &str, set: &[&str]) -> Recipe {
 
 fn grown(name: &str, work: &BakeContext<'_>) -> Plant {
     let recipe = recipe(name, &[]);
-    let look = plant_materials(&recipe.plants[0], recipe.seed, work).expect("look");
+    let look = plant_materials(&recipe.plants[0], recipe.general.seed, work).expect("look");
     let (layout, _) = lay_out_scene(&recipe, work).expect("layout");
     grow_plant(&recipe.plants[0], &layout.individuals[0], &look, work).expect("plant").plant
 }

@@ -39,7 +39,7 @@ pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
     let is_exr = name.to_ascii_lowercase().ends_with(".exr");
     let (folder, parent) = beside(context, args)?;
     if is_exr {
-        let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.seed.to_string(), "scene": recipe.hash });
+        let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash });
         let (width, height) = (density.width, density.height);
         folder.write(&name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment.to_string())?)?;
         if !density.color.is_empty() {

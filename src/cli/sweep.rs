@@ -65,7 +65,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     let show = Show::new(&context.console);
     show.stage("running", frames);
-    let mut all = Sweep { title: first.title.clone(), keys, ..Sweep::default() };
+    let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
     for (recipe, (values, _)) in recipes.iter().zip(wanted) {
         let (scene, whole) = one(context, recipe, &show)?;
         all.outcome = scene
@@ -73,7 +73,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             .iter()
             .flat_map(|t| t.outcome.iter().filter_map(|c| Some(t.columns.get(*c)?.0.clone())))
             .collect();
-        all.runs.push(Run { values, seed: recipe.seed, hash: recipe.hash.clone(), whole });
+        all.runs.push(Run { values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
     }
     show.done();
     write(context, args, &root, &all)?;

@@ -1,7 +1,8 @@
 //! Scene files: notation, defaults, references. Text ends here.
 //!
 //! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
-//! every reference read. All faults are collected with their places. [`scene`] declares the keys.
+//! every reference read. All faults are collected with their places. [`scene`] declares the keys of each table; the structs
+//! below declare which tables a scene has. Listings, the names that a table may hold and the scene hash follow from both.
 
 mod library;
 mod resolve;
@@ -21,72 +22,74 @@ use osier_ifs::weights::WeightRule;
 use osier_import::{Grey, Imported};
 use osier_scene::{AirGrid, Clip};
 pub use resolve::{Request, resolve};
-pub use syntax::{Choice, Digest, KeyInfo, KeyListing, KeyTable, Reference, ValueType, word_of};
+pub use syntax::{Choice, Digest, KeyInfo, KeyListing, KeyTable, RecipePart, Reference, Registry, TableInfo, ValueType, word_of};
+use syntax::recipe;
 
 /// Letter of the organ that cards of a tree's small branches are; it comes last.
 pub const CARD: char = '\u{e000}';
 
-/// A scene with every default filled in and every reference read.
-#[derive(Debug, Clone)]
-pub struct Recipe {
-    /// File name, `[a-z0-9_]+`.
-    pub name: String,
-    /// Title as the artist wrote it.
-    pub title: String,
-    /// Seed of all draws.
-    pub seed: u64,
-    /// Frames.
-    pub clip: Clip,
-    /// Kinds of plants, in the order of the file.
-    pub plants: Vec<PlantRecipe>,
-    /// Attractors as points.
-    pub clouds: Vec<AttractorRecipe>,
-    /// Catkins, if the scene has a `[catkin]`.
-    pub catkin: Option<scene::CatkinKeys>,
-    /// Layers of a composed picture, from the lowest.
-    pub layers: Vec<LayerRecipe>,
-    /// How an attractor becomes a picture.
-    pub picture: scene::PictureKeys,
-    /// Where the plants stand.
-    pub places: Vec<PlaceRecipe>,
-    /// Ground.
-    pub ground: scene::GroundKeys,
-    /// Land that takes the ground's place.
-    pub terrain: Option<scene::TerrainKeys>,
-    /// What is strewn over the land.
-    pub scatters: Vec<ScatterRecipe>,
-    /// Catkins that fly.
-    pub flight: Option<FlightRecipe>,
-    /// Rods, each after the one that it stands on.
-    pub rods: Vec<RodRecipe>,
-    /// What stands in the way of wind and catkins.
-    pub solids: Vec<SolidRecipe>,
-    /// Rain.
-    pub rain: Option<scene::RainRecipe>,
-    /// Maps of wet leaves.
-    pub maps: scene::LeafMapKeys,
-    /// Haze.
-    pub fog: scene::FogKeys,
-    /// View.
-    pub camera: scene::CameraKeys,
-    /// Sunlight.
-    pub sun: scene::SunKeys,
-    /// Sky.
-    pub sky: scene::SkyKeys,
-    /// Wind; its speed already accounts for Beaufort numbers.
-    pub wind: scene::WindKeys,
-    /// The lattice, if the wind is on one.
-    pub lattice: scene::LatticeKeys,
-    /// Winds whose velocities are added to it.
-    pub added: Vec<scene::WindKeys>,
-    /// True if the scene has a clip with wind in it, whichever frame is drawn.
-    pub moves: bool,
-    /// Answer to the wind.
-    pub sway: scene::SwayKeys,
-    /// What is written.
-    pub output: OutputRecipe,
-    /// Hash of everything above and of the bytes of all files read, 64 hex digits.
-    pub hash: String,
+recipe! {
+    /// A scene with every default filled in and every reference read.
+    Recipe {
+        /// File name, `[a-z0-9_]+`.
+        name: String;
+        /// Title, as the artist wrote it or the file's name, and the seed of all draws.
+        general: scene::SceneKeys;
+        /// Frames.
+        clip: Clip;
+        /// Kinds of plants, in the order of the file.
+        plants: Vec<PlantRecipe>;
+        /// Attractors as points.
+        clouds: Vec<AttractorRecipe>;
+        /// Catkins, if the scene has a `[catkin]`.
+        catkin: Option<scene::CatkinKeys>, hashed by element;
+        /// How an attractor becomes a picture.
+        picture: scene::PictureKeys;
+        /// Layers of a composed picture, from the lowest.
+        layers: Vec<LayerRecipe>, hashed by element;
+        /// Groups of copies of plants.
+        places: Vec<PlaceRecipe>;
+        /// Ground.
+        ground: scene::GroundKeys;
+        /// Terrain, which replaces the ground.
+        terrain: Option<scene::TerrainKeys>, hashed by element;
+        /// Plants scattered over the terrain.
+        scatters: Vec<ScatterRecipe>, hashed by element;
+        /// Catkins that fly.
+        flight: Option<FlightRecipe>, hashed by element;
+        /// Obstacles to wind and catkins.
+        solids: Vec<SolidRecipe>, hashed by element;
+        /// Rods, each after the one that its base is fixed to.
+        rods: Vec<RodRecipe>, hashed by element;
+        /// Rain.
+        rain: Option<scene::RainRecipe>, hashed by element;
+        /// Maps of wet leaves.
+        maps: scene::LeafMapKeys, hashed if asks_for_maps;
+        /// Haze.
+        fog: scene::FogKeys;
+        /// View.
+        camera: scene::CameraKeys;
+        /// Sunlight.
+        sun: scene::SunKeys;
+        /// Sky.
+        sky: scene::SkyKeys;
+        /// Wind; its speed already accounts for Beaufort numbers.
+        wind: scene::WindKeys;
+        /// The lattice, used with `model = "lattice"`.
+        lattice: scene::LatticeKeys, hashed if has_lattice_wind;
+        /// Winds whose velocities are added to it.
+        added: Vec<scene::WindKeys>, hashed by element;
+        /// How plants answer the wind.
+        sway: scene::SwayKeys;
+        /// What is written.
+        output: OutputRecipe;
+        derived {
+            /// True if the scene has a clip with wind in it, whichever frame is drawn.
+            moves: bool;
+            /// Hash of all that is not derived and of the bytes of all files read, 64 hex digits.
+            hash: String;
+        }
+    }
 }
 
 /// Gravity where no rain has one, m/s^2.
@@ -96,6 +99,11 @@ impl Recipe {
     /// False in a calm.
     pub fn blows(&self) -> bool {
         self.wind.blows() || self.added.iter().any(scene::WindKeys::blows)
+    }
+
+    /// True if the wind is simulated on a lattice.
+    pub fn has_lattice_wind(&self) -> bool {
+        self.wind.model == scene::WindModel::Lattice
     }
 
     /// Gravity that rods hang in, m/s^2: that of the scene's rain.
@@ -115,245 +123,249 @@ pub enum Growth {
     Mesh(Box<Imported>, scene::ImportedMeshKeys),
 }
 
-/// One kind of plant.
-#[derive(Debug, Clone)]
-pub struct PlantRecipe {
-    /// As written in the scene.
-    pub name: String,
-    /// `[a-z0-9_]+`, unique among the plants.
-    pub id: String,
-    /// Keys of its own table.
-    pub keys: scene::PlantKeys,
-    /// What grows it.
-    pub growth: Growth,
-    /// Name of the file that grows it, for people.
-    pub source: String,
-    /// How it is drawn.
-    pub turtle: scene::TurtleKeys,
-    /// Organs by letter.
-    pub organs: Vec<OrganRecipe>,
-    /// Bark of thick axes.
-    pub bark: scene::BarkKeys,
-    /// Bark of thin ones.
-    pub shoot: scene::BarkKeys,
-    /// Tables whose density tiles bark and shoot.
-    pub grains: [Option<Arc<Ifs>>; 2],
-    /// How bark becomes a mesh.
-    pub skin: scene::SkinKeys,
-    /// What it is made of.
-    pub wood: scene::WoodKeys,
-    /// How it moves as rods, if it does.
-    pub rods: Option<scene::RodPlantKeys>,
+impl Digest for Growth {
+    /// The bytes of a grammar are hashed with all files.
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        match self {
+            Self::Grammar(_) => {}
+            Self::Ifs(_, tree) => tree.digest(hasher),
+            Self::Mesh(_, import) => import.digest(hasher),
+        }
+    }
 }
 
-/// What one organ looks like.
-#[derive(Debug, Clone)]
-pub struct OrganRecipe {
-    /// The letter after `~` in the grammar.
-    pub letter: char,
-    /// Shape and colours.
-    pub keys: scene::OrganKeys,
-    /// The table that draws it, if one replaces the made blade.
-    pub ifs: Option<Arc<Ifs>>,
-    /// What that table draws, once it has been asked for; organs of the same table and keys share it.
-    pub drawn: Arc<leaf::LazyLeaf>,
-    /// The artist's mesh, if one replaces the made blade.
-    pub mesh: Option<Arc<Imported>>,
+impl RecipePart for Growth {
+    fn list(tables: &mut Vec<TableInfo>) {
+        scene::IfsTreeKeys::list(tables);
+        scene::ImportedMeshKeys::list(tables);
+    }
 }
 
-/// An attractor.
-#[derive(Debug, Clone)]
-pub struct AttractorRecipe {
-    /// As written in the scene.
-    pub name: String,
-    /// `[a-z0-9_]+`, unique among plants and clouds.
-    pub id: String,
-    /// Name of its file for people.
-    pub source: String,
-    /// The system.
-    pub system: Ifs,
-    /// Where its probabilities come from.
-    pub rule: WeightRule,
-    /// What is known about it.
-    pub study: SystemAnalysis,
-    /// Where it lies.
-    pub extent: Extent,
-    /// Keys of its table.
-    pub keys: scene::AttractorKeys,
-    /// How it changes; the system is then the first one.
-    pub morph: Option<scene::MorphRecipe>,
+impl Digest for Clip {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        self.start.digest(hasher);
+        self.end.digest(hasher);
+        self.fps.digest(hasher);
+    }
 }
 
-/// One layer of a composed picture.
-#[derive(Debug, Clone)]
-pub struct LayerRecipe {
-    /// What draws it; `None`: a plain box.
-    pub cloud: Option<AttractorRecipe>,
-    /// Where and how.
-    pub keys: scene::LayerKeys,
+impl RecipePart for Clip {
+    fn list(tables: &mut Vec<TableInfo>) {
+        scene::FramesKeys::list(tables);
+    }
 }
 
-/// A group of copies of one plant.
-#[derive(Debug, Clone)]
-pub struct PlaceRecipe {
-    /// Index into [`Recipe::plants`].
-    pub plant: usize,
-    /// Where and how.
-    pub keys: scene::PlaceKeys,
+recipe! {
+    /// One kind of plant.
+    PlantRecipe {
+        /// As written in the scene.
+        name: String;
+        /// Keys of its own table.
+        keys: scene::PlantKeys;
+        /// What grows it.
+        growth: Growth;
+        /// How its string is drawn.
+        turtle: scene::TurtleKeys;
+        /// Organs by letter.
+        organs: Vec<OrganRecipe>;
+        /// Bark of thick axes.
+        bark: scene::BarkKeys;
+        /// Bark of thin axes.
+        shoot: scene::BarkKeys;
+        /// How bark becomes a mesh.
+        skin: scene::SkinKeys;
+        /// Mechanical properties.
+        wood: scene::WoodKeys;
+        /// How it moves as rods, if it does.
+        rods: Option<scene::RodPlantKeys>, hashed by element;
+        derived {
+            /// `[a-z0-9_]+`, unique among the plants.
+            id: String;
+            /// Name of the file that grows it, for people.
+            source: String;
+            /// Tables whose density tiles bark and shoot.
+            grains: [Option<Arc<Ifs>>; 2];
+        }
+    }
 }
 
-/// Plants strewn over the land.
-#[derive(Debug, Clone)]
-pub struct ScatterRecipe {
-    /// Indices into [`Recipe::plants`], with their weights.
-    pub plants: Vec<(usize, f64)>,
-    /// Where they may stand.
-    pub mask: Option<Grey>,
-    /// How.
-    pub keys: scene::ScatterKeys,
+recipe! {
+    /// What one organ looks like.
+    OrganRecipe {
+        /// The letter after `~` in the grammar.
+        letter: char;
+        /// Shape and colours.
+        keys: scene::OrganKeys;
+        derived {
+            /// The table that draws it, if one replaces the procedural blade.
+            ifs: Option<Arc<Ifs>>;
+            /// What that table draws, once it has been asked for; organs of the same table and keys share it.
+            drawn: Arc<leaf::LazyLeaf>;
+            /// The artist's mesh, if one replaces the procedural blade.
+            mesh: Option<Arc<Imported>>;
+        }
+    }
 }
 
-/// Catkins that fly.
-#[derive(Debug, Clone)]
-pub struct FlightRecipe {
-    /// How.
-    pub keys: scene::FlightKeys,
-    /// With release from plants: indices into [`Recipe::plants`], with their weights.
-    pub canopy: Vec<(usize, f64)>,
-    /// How often each form is met.
-    pub forms: Vec<f64>,
-    /// With release from points: places, m.
-    pub starts: Vec<[f64; 3]>,
-    /// How wet the ground is, if a picture says so.
-    pub wet: Option<Grey>,
+recipe! {
+    /// An attractor.
+    AttractorRecipe {
+        /// As written in the scene.
+        name: String;
+        /// Keys of its table.
+        keys: scene::AttractorKeys;
+        /// How it changes; the system is then the first one.
+        morph: Option<scene::MorphRecipe>, hashed by element;
+        derived {
+            /// `[a-z0-9_]+`, unique among plants and clouds.
+            id: String;
+            /// Name of its file for people.
+            source: String;
+            /// The system.
+            system: Ifs;
+            /// Where its probabilities come from.
+            rule: WeightRule;
+            /// Contraction, dimensions and probabilities of the system.
+            study: SystemAnalysis;
+            /// Bounds of the attractor.
+            extent: Extent;
+        }
+    }
 }
 
-/// Something in the way.
-#[derive(Debug, Clone)]
-pub struct SolidRecipe {
-    /// `[a-z0-9_]+`, unique among the solids.
-    pub id: String,
-    /// Where and what.
-    pub keys: scene::SolidKeys,
-    /// The artist's mesh, if it is one.
-    pub mesh: Option<Arc<Imported>>,
+recipe! {
+    /// One layer of a composed picture.
+    LayerRecipe {
+        /// Where and how it is drawn.
+        keys: scene::LayerKeys;
+        derived {
+            /// The attractor that is drawn; `None`: a plain box.
+            cloud: Option<AttractorRecipe>;
+        }
+    }
 }
 
-/// A rod.
-#[derive(Debug, Clone)]
-pub struct RodRecipe {
-    /// `[a-z0-9_]+`, unique among the rods.
-    pub id: String,
-    /// Rod that its base is fixed in: index into [`Recipe::rods`], below its own.
-    pub on: Option<usize>,
-    /// What it is.
-    pub keys: scene::RodKeys,
-    /// Where it is held.
-    pub clamps: Vec<scene::RodClampKeys>,
-    /// What acts on it.
-    pub loads: Vec<scene::RodLoadKeys>,
+recipe! {
+    /// A group of copies of one plant.
+    PlaceRecipe {
+        /// Index into [`Recipe::plants`].
+        plant: usize;
+        /// Where they stand.
+        keys: scene::PlaceKeys;
+    }
 }
 
-/// What is written.
-#[derive(Debug, Clone)]
-pub struct OutputRecipe {
-    /// Formats.
-    pub formats: Vec<scene::OutputFormat>,
-    /// POV-Ray.
-    pub pov: scene::PovKeys,
-    /// POV-Ray's photons, if they are wanted.
-    pub photons: Option<scene::PhotonKeys>,
-    /// USD.
-    pub usd: scene::UsdKeys,
-    /// glTF.
-    pub gltf: scene::GltfKeys,
-    /// Files of the wind itself.
-    pub air: WindOutputRecipe,
+recipe! {
+    /// Plants strewn over the land.
+    ScatterRecipe {
+        /// How they are scattered.
+        keys: scene::ScatterKeys;
+        derived {
+            /// Indices into [`Recipe::plants`], with their weights.
+            plants: Vec<(usize, f64)>;
+            /// Density over the terrain, if a picture gives it.
+            mask: Option<Grey>;
+        }
+    }
+}
+
+recipe! {
+    /// Catkins that fly.
+    FlightRecipe {
+        /// Emission, motion and deposition.
+        keys: scene::FlightKeys;
+        derived {
+            /// With release from plants: indices into [`Recipe::plants`], with their weights.
+            canopy: Vec<(usize, f64)>;
+            /// Frequency of each form.
+            forms: Vec<f64>;
+            /// With release from points: places, m.
+            starts: Vec<[f64; 3]>;
+            /// How wet the ground is, if a picture gives it.
+            wet: Option<Grey>;
+        }
+    }
+}
+
+recipe! {
+    /// Something in the way.
+    SolidRecipe {
+        /// Shape and place.
+        keys: scene::SolidKeys;
+        derived {
+            /// `[a-z0-9_]+`, unique among the solids.
+            id: String;
+            /// The artist's mesh, if it is one.
+            mesh: Option<Arc<Imported>>;
+        }
+    }
+}
+
+recipe! {
+    /// A rod.
+    RodRecipe {
+        /// Shape and material.
+        keys: scene::RodKeys;
+        /// Constraints.
+        clamps: Vec<scene::RodClampKeys>;
+        /// Loads.
+        loads: Vec<scene::RodLoadKeys>, hashed by element;
+        derived {
+            /// `[a-z0-9_]+`, unique among the rods.
+            id: String;
+            /// Rod that its base is fixed to: index into [`Recipe::rods`], below its own.
+            on: Option<usize>;
+        }
+    }
+}
+
+recipe! {
+    /// What is written.
+    OutputRecipe {
+        /// Formats.
+        keys: scene::OutputKeys;
+        /// POV-Ray.
+        pov: scene::PovKeys;
+        /// POV-Ray's photons, if they are wanted.
+        photons: Option<scene::PhotonKeys>, hashed by element;
+        /// USD.
+        usd: scene::UsdKeys;
+        /// glTF.
+        gltf: scene::GltfKeys;
+        /// Files of the wind itself.
+        wind: WindOutputRecipe, hashed if writes_wind;
+    }
 }
 
 impl OutputRecipe {
+    /// True if files of the wind itself are written.
+    pub fn writes_wind(&self) -> bool {
+        !self.wind.grids.is_empty()
+    }
+
     /// True if a format is among those that are written.
     pub fn writes(&self, format: &osier_export::format::FormatInfo) -> bool {
-        self.formats.iter().any(|f| f.0.word == format.word)
+        self.keys.formats.iter().any(|f| f.0.word == format.word)
     }
 }
 
-/// Which files of the wind itself are written.
-#[derive(Debug, Clone)]
-pub struct WindOutputRecipe {
-    /// Keys of its table.
-    pub keys: scene::WindOutputKeys,
-    /// Planes, as written.
-    pub slices: Vec<scene::WindSliceKeys>,
-    /// Where the wind is told: each plane, then the box.
-    pub grids: Vec<AirGrid>,
+recipe! {
+    /// Which files of the wind itself are written.
+    WindOutputRecipe {
+        /// Keys of its table.
+        keys: scene::WindOutputKeys;
+        /// Planes, as written.
+        slices: Vec<scene::WindSliceKeys>, hashed by element;
+        derived {
+            /// Where the wind is sampled: each plane, then the box.
+            grids: Vec<AirGrid>;
+        }
+    }
 }
 
-/// One table of a scene file, for listings.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TableInfo {
-    /// Path, `NAME` standing for the artist's names; empty at the top.
-    pub path: &'static str,
-    /// What it is for.
-    pub about: String,
-    /// Its keys.
-    pub keys: Vec<KeyInfo>,
-}
-
-/// Every table and key that a scene may hold.
+/// Every table and key that a scene may hold, in the order of [`Recipe`].
 pub fn options() -> Vec<TableInfo> {
-    fn info<S: KeyTable>() -> TableInfo {
-        TableInfo { path: S::PATH, about: S::about(), keys: S::keys() }
-    }
-    vec![
-        info::<scene::SceneKeys>(),
-        info::<scene::FramesKeys>(),
-        info::<scene::PlantKeys>(),
-        info::<scene::IfsTreeKeys>(),
-        info::<scene::ImportedMeshKeys>(),
-        info::<scene::TurtleKeys>(),
-        info::<scene::TropismKeys>(),
-        info::<scene::OrganKeys>(),
-        info::<scene::BarkKeys>(),
-        info::<scene::SkinKeys>(),
-        info::<scene::WoodKeys>(),
-        info::<scene::RodPlantKeys>(),
-        info::<scene::AttractorKeys>(),
-        info::<scene::MorphKeys>(),
-        info::<scene::MorphKeyframe>(),
-        info::<scene::CatkinKeys>(),
-        info::<scene::PictureKeys>(),
-        info::<scene::LayerKeys>(),
-        info::<scene::PlaceKeys>(),
-        info::<scene::GroundKeys>(),
-        info::<scene::TerrainKeys>(),
-        info::<scene::ScatterKeys>(),
-        info::<scene::FlightKeys>(),
-        info::<scene::SolidKeys>(),
-        info::<scene::RodKeys>(),
-        info::<scene::RodClampKeys>(),
-        info::<scene::RodLoadKeys>(),
-        info::<scene::RainKeys>(),
-        info::<scene::ImpactKeys>(),
-        info::<scene::DropKeys>(),
-        info::<scene::WettingKeys>(),
-        info::<scene::SessileDropKeys>(),
-        info::<scene::LeafMapKeys>(),
-        info::<scene::FogKeys>(),
-        info::<scene::CameraKeys>(),
-        info::<scene::SunKeys>(),
-        info::<scene::SkyKeys>(),
-        info::<scene::WindKeys>(),
-        info::<scene::LatticeKeys>(),
-        info::<scene::SwayKeys>(),
-        info::<scene::OutputKeys>(),
-        info::<scene::PovKeys>(),
-        info::<scene::PhotonKeys>(),
-        info::<scene::UsdKeys>(),
-        info::<scene::GltfKeys>(),
-        info::<scene::WindOutputKeys>(),
-        info::<scene::WindSliceKeys>(),
-    ]
+    Registry::of::<Recipe>().into_tables()
 }
 
 /// Bytes that several plants may share.

@@ -1,7 +1,7 @@
 //! From text to [`Recipe`].
 
 use super::scene::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel};
-use super::syntax::{Digest, KeyTable, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
+use super::syntax::{Digest, KeyTable, Registry, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
 use super::{Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe, ReferencedFile, WindOutputRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::files::{Names, safe_name};
@@ -84,15 +84,16 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let mut report = Report::default();
     let source = report.sources.add(request.shown.clone(), request.text.as_str());
     let mut root = parse(&request.text, source, &mut report);
+    let registry = Registry::of::<Recipe>();
     for set in &request.set {
-        apply_override(&mut root, &qualify_override(set, request.bare.as_ref()), &mut report);
+        apply_override(&mut root, &qualify_override(set, request.bare.as_ref(), &registry), &mut report);
     }
     if report.has_errors() {
         return Err(Error::Input(Box::new(report)));
     }
     let whole = Span::new(source, 0, 0);
     let mut resolver =
-        Resolver { request, report, whole, inputs: Vec::new(), frames: 1, raining: root.get("rain").is_some() };
+        Resolver { request, registry, report, whole, inputs: Vec::new(), frames: 1, raining: root.get("rain").is_some() };
     let recipe = resolver.recipe(&root);
     name_knobs(&recipe, &mut resolver.report);
     resolver.report.into_result(recipe)
@@ -118,17 +119,17 @@ fn name_knobs(recipe: &Recipe, report: &mut Report) {
 }
 
 /// For a bare grammar, `angle=30` reaches its #define and `leaf.size=0.1` its plant.
-fn qualify_override(set: &str, bare: Option<&SingleSource>) -> String {
+fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
     let first = path.split('.').next().unwrap_or_default();
-    let top = SceneKeys::keys().iter().any(|k| k.name == first) || SceneKeys::TABLES.contains(&first);
+    let top = registry.names::<SceneKeys>().contains(&first);
     let plant = match bare {
         SingleSource::Plant(name) => name,
         SingleSource::Cloud(_) if top => return set.to_owned(),
         SingleSource::Cloud(name) => return format!("clouds.{name}.{set}"),
     };
-    let own = PlantKeys::keys().iter().any(|k| k.name == path) || PlantKeys::TABLES.contains(&first);
+    let own = registry.names::<PlantKeys>().contains(if path == first { &path } else { &first });
     if top {
         set.to_owned()
     } else if own || first == "set" {
@@ -140,6 +141,7 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>) -> String {
 
 pub(super) struct Resolver<'a> {
     pub(in crate::recipe) request: &'a Request,
+    pub(in crate::recipe) registry: Registry,
     pub(in crate::recipe) report: Report,
     pub(in crate::recipe) whole: Span,
     pub(in crate::recipe) inputs: Vec<blake3::Hash>,
@@ -151,8 +153,11 @@ pub(super) struct Resolver<'a> {
 
 impl Resolver<'_> {
     fn recipe(&mut self, root: &TomlTable) -> Recipe {
-        let mut scene = SceneKeys::read(Some(root), "", &mut self.report);
-        scene.seed = self.request.seed.unwrap_or(scene.seed);
+        let mut general = self.read_keys::<SceneKeys>(root, "");
+        general.seed = self.request.seed.unwrap_or(general.seed);
+        if general.title.is_empty() {
+            general.title.clone_from(&self.request.name);
+        }
         let clip = self.clip(root);
         self.frames = clip.len() as u64;
         let mut names = Names::default();
@@ -173,8 +178,7 @@ impl Resolver<'_> {
         let told = self.told_air(root, (&wind, &lattice, own), clip);
         let mut recipe = Recipe {
             name: safe_name(&self.request.name),
-            title: if scene.title.is_empty() { self.request.name.clone() } else { scene.title.clone() },
-            seed: scene.seed,
+            general,
             clip,
             plants,
             clouds,
@@ -215,7 +219,17 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn section_at<S: KeyTable>(&mut self, parent: &TomlTable, path: &str, name: &str) -> S {
         let full = join(path, name);
         let table = self.table(parent, path, name);
-        S::read(table, &full, &mut self.report)
+        match table {
+            Some(table) => self.read_keys(table, &full),
+            None => S::defaults(),
+        }
+    }
+
+    /// Reads the keys of a table and reports those that it has not. `path`: of the table in the scene.
+    pub(in crate::recipe) fn read_keys<S: KeyTable>(&mut self, table: &TomlTable, path: &str) -> S {
+        let keys = S::read(Some(table), path, &mut self.report);
+        self.registry.refuse_unknown::<S>(table, path, &mut self.report);
+        keys
     }
 
     /// A table below another one; S003 if the key holds something else.
@@ -329,7 +343,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        let keys = PlaceKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<PlaceKeys>(table, &path);
         if let Some(plant) = plants.iter().position(|p| p.name == keys.plant) {
             return Some(PlaceRecipe { plant, keys });
         }
@@ -353,12 +367,12 @@ impl Resolver<'_> {
         None
     }
 
-    fn output(&mut self, root: &TomlTable, clip: Clip, air: WindOutputRecipe) -> OutputRecipe {
+    fn output(&mut self, root: &TomlTable, clip: Clip, wind: WindOutputRecipe) -> OutputRecipe {
         let keys: OutputKeys = self.section(root, "output");
         let empty = TomlTable::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
         OutputRecipe {
-            formats: keys.formats,
+            keys,
             pov: self.section_at(table, "output", "pov"),
             photons: self.photons(table),
             usd: self.section_at(table, "output", "usd"),
@@ -366,7 +380,7 @@ impl Resolver<'_> {
                 let keys = self.section_at(table, "output", "gltf");
                 self.shown_frame(root, keys, clip)
             },
-            air,
+            wind,
         }
     }
 
@@ -405,102 +419,12 @@ pub(super) fn span_of(root: &TomlTable, path: &[&str]) -> Option<Span> {
     }
 }
 
-/// BLAKE3 over the fields of the recipe in order, then the hashes of the files it read.
+/// BLAKE3 over the fields of the recipe in the order of declaration, then the hashes of the files it read.
 fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
-    let mut h = blake3::Hasher::new();
-    recipe.name.digest(&mut h);
-    recipe.title.digest(&mut h);
-    recipe.seed.digest(&mut h);
-    recipe.clip.start.digest(&mut h);
-    recipe.clip.end.digest(&mut h);
-    recipe.clip.fps.digest(&mut h);
-    (recipe.plants.len() as u64).digest(&mut h);
-    for p in &recipe.plants {
-        p.name.digest(&mut h);
-        p.keys.digest(&mut h);
-        match &p.growth {
-            Growth::Grammar(_) => {}
-            Growth::Ifs(_, tree) => tree.digest(&mut h),
-            Growth::Mesh(_, import) => import.digest(&mut h),
-        }
-        p.turtle.digest(&mut h);
-        (p.organs.len() as u64).digest(&mut h);
-        for o in &p.organs {
-            u32::from(o.letter).digest(&mut h);
-            o.keys.digest(&mut h);
-        }
-        p.bark.digest(&mut h);
-        p.shoot.digest(&mut h);
-        p.skin.digest(&mut h);
-        p.wood.digest(&mut h);
-        if let Some(rods) = &p.rods {
-            rods.digest(&mut h);
-        }
-    }
-    (recipe.clouds.len() as u64).digest(&mut h);
-    for c in &recipe.clouds {
-        c.name.digest(&mut h);
-        c.keys.digest(&mut h);
-        c.morph.iter().for_each(|m| m.digest(&mut h));
-    }
-    if let Some(catkin) = &recipe.catkin {
-        catkin.digest(&mut h);
-    }
-    recipe.picture.digest(&mut h);
-    recipe.layers.iter().for_each(|layer| layer.keys.digest(&mut h));
-    (recipe.places.len() as u64).digest(&mut h);
-    for p in &recipe.places {
-        (p.plant as u64).digest(&mut h);
-        p.keys.digest(&mut h);
-    }
-    recipe.ground.digest(&mut h);
-    if let Some(terrain) = &recipe.terrain {
-        terrain.digest(&mut h);
-    }
-    for s in &recipe.scatters {
-        s.keys.digest(&mut h);
-    }
-    if let Some(flight) = &recipe.flight {
-        flight.keys.digest(&mut h);
-    }
-    recipe.solids.iter().for_each(|s| s.keys.digest(&mut h));
-    for rod in &recipe.rods {
-        rod.keys.digest(&mut h);
-        (rod.clamps.len() as u64).digest(&mut h);
-        rod.clamps.iter().for_each(|clamp| clamp.digest(&mut h));
-        rod.loads.iter().for_each(|load| load.digest(&mut h));
-    }
-    if let Some(rain) = &recipe.rain {
-        rain.keys.digest(&mut h);
-        rain.impact.digest(&mut h);
-        rain.drop.digest(&mut h);
-        rain.wet.digest(&mut h);
-        rain.lying.iter().for_each(|l| l.digest(&mut h));
-    }
-    if recipe.asks_for_maps() {
-        recipe.maps.digest(&mut h);
-    }
-    recipe.fog.digest(&mut h);
-    recipe.camera.digest(&mut h);
-    recipe.sun.digest(&mut h);
-    recipe.sky.digest(&mut h);
-    recipe.wind.digest(&mut h);
-    if recipe.wind.model == WindModel::Lattice {
-        recipe.lattice.digest(&mut h);
-    }
-    recipe.added.iter().for_each(|wind| wind.digest(&mut h));
-    recipe.sway.digest(&mut h);
-    recipe.output.formats.digest(&mut h);
-    recipe.output.pov.digest(&mut h);
-    recipe.output.photons.iter().for_each(|p| p.digest(&mut h));
-    recipe.output.usd.digest(&mut h);
-    recipe.output.gltf.digest(&mut h);
-    if !recipe.output.air.grids.is_empty() {
-        recipe.output.air.keys.digest(&mut h);
-        recipe.output.air.slices.iter().for_each(|s| s.digest(&mut h));
-    }
+    let mut hasher = blake3::Hasher::new();
+    recipe.digest(&mut hasher);
     for input in inputs {
-        h.update(input.as_bytes());
+        hasher.update(input.as_bytes());
     }
-    h.finalize().to_hex().to_string()
+    hasher.finalize().to_hex().to_string()
 }

@@ -49,7 +49,7 @@ formats = ["usd", "glb"]
 #[test]
 fn every_value_arrives_in_si_units_and_radians() {
     let r = read(GOOD, &[]).expect("good scene");
-    assert_eq!((r.name.as_str(), r.title.as_str(), r.seed), ("test_scene", "Three oaks", 7));
+    assert_eq!((r.name.as_str(), r.general.title.as_str(), r.general.seed), ("test_scene", "Three oaks", 7));
     assert_eq!((r.clip.start, r.clip.end, r.clip.fps), (1, 48, (24_000, 1001)));
     let oak = &r.plants[0];
     assert_eq!(oak.keys.set, [("HEIGHT".to_owned(), 7.0)]);
@@ -82,7 +82,7 @@ fn a_bare_grammar_takes_overrides_for_its_defines_and_its_plant() {
     let (r, _) = resolve(&request).expect("bare grammar");
     assert_eq!(r.plants[0].keys.set, [("angle".to_owned(), 85.0)]);
     assert_eq!((r.plants[0].turtle.unit, r.plants[0].keys.steps), (0.1, Some(2)));
-    assert_eq!((r.plants[0].organs[0].keys.size, r.seed), (Some(0.2), 3));
+    assert_eq!((r.plants[0].organs[0].keys.size, r.general.seed), (Some(0.2), 3));
 }
 
 #[test]

@@ -187,7 +187,7 @@ pub fn render_attractor(
     let request = DrawRequest {
         system: &system,
         study: &recipe.study,
-        seed: scene.seed,
+        seed: scene.general.seed,
         points: count,
         tier: InstructionSet::Best,
     };

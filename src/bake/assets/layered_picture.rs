@@ -170,7 +170,7 @@ fn attractor_layer(
     system.last = system.last.map(|a| a.conjugated(stretch, DVec3::ZERO));
     let middle = (low + high) * 0.5 * stretch;
     let window = PictureWindow { width: rect.width, height: rect.height, center: [middle.x, middle.y], pixel };
-    let seed = mix64(&[scene.seed, word("layer"), index as u64]);
+    let seed = mix64(&[scene.general.seed, word("layer"), index as u64]);
     let request = DrawRequest { system: &system, study: &cloud.study, seed, points: count, tier: InstructionSet::Best };
     let colors: Option<ColorLabels> = (cloud.keys.color_by != ColorBy::Density).then(|| labels(cloud));
     let counts = histogram(&request, colors.as_ref(), &window);

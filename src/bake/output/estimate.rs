@@ -13,7 +13,7 @@ use osier_scene::Scene;
 /// Estimates a scene of which `frames` frames will be written as a bake.
 /// `weights`: how many assets each of the first stands for, itself included.
 pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[u64]) -> BakeEstimate {
-    let formats: Vec<&FormatInfo> = recipe.output.formats.iter().map(|f| f.0).collect();
+    let formats: Vec<&FormatInfo> = recipe.output.keys.formats.iter().map(|f| f.0).collect();
     count_formats(
         stage,
         recipe,

@@ -22,8 +22,8 @@ pub fn bake_exporters(
     let mut options = export_options(recipe);
     options.usd.first = frames.first().copied();
     let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
-    let mut writers: Vec<NamedExporter> = recipe.output.formats.iter().flat_map(|f| open(f.0, &job)).collect();
-    if !recipe.output.air.grids.is_empty() {
+    let mut writers: Vec<NamedExporter> = recipe.output.keys.formats.iter().flat_map(|f| open(f.0, &job)).collect();
+    if !recipe.output.wind.grids.is_empty() {
         writers.push(NamedExporter { name: "wind", exporter: Box::new(air::Air::new(folder.clone())) });
     }
     writers

@@ -160,7 +160,7 @@ fn assemble(
     let solids = lattice_solids(meant.unwrap_or(recipe), &obstacles);
     meant.map_or(Ok(()), |m| check_lattice(m, &solids, context, &mut report))?;
     // Who tells the wind tells all of it, if no flight has one of its own.
-    let all = !recipe.output.air.grids.is_empty() && recipe.flight.is_none();
+    let all = !recipe.output.wind.grids.is_empty() && recipe.flight.is_none();
     let bounds = if all { Bounds::of([]) } else { plant_bounds(&layout, &grown) };
     let wanted = LatticeRequest { bounds, solids: &solids, repeats: None };
     // A wind that nothing sways in is not kept.
@@ -192,7 +192,7 @@ fn assemble(
     }
     let land = land.filter(|_| parts.ground);
     if let Some((land, keys)) = land.as_ref().zip(recipe.terrain.as_ref()) {
-        add_terrain(land, keys, recipe.seed, &mut made)?;
+        add_terrain(land, keys, recipe.general.seed, &mut made)?;
     }
     let mut camera = plants.unwrap_or_else(|| camera(recipe, &made.assets, &made.placements));
     if let Some(land) = &land {
@@ -200,8 +200,8 @@ fn assemble(
     }
     let scene = Scene {
         name: recipe.name.clone(),
-        title: recipe.title.clone(),
-        seed: recipe.seed,
+        title: recipe.general.title.clone(),
+        seed: recipe.general.seed,
         hash: recipe.hash.clone(),
         clip: recipe.clip,
         camera,
@@ -215,7 +215,7 @@ fn assemble(
         tables: measures.iter().map(|m| m.0.clone()).collect(),
         code_lists: rain::code_lists(),
         fields: measures.into_iter().flat_map(|m| m.1).collect(),
-        air: if breeze.is_some() { recipe.output.air.grids.clone() } else { Vec::new() },
+        air: if breeze.is_some() { recipe.output.wind.grids.clone() } else { Vec::new() },
         wet,
     };
     Ok(AssembledScene {
@@ -292,7 +292,7 @@ fn build_materials(recipe: &Recipe, layout: &PlantLayout, context: &BakeContext<
     in_order(par_map(&indexed, |(i, plant)| {
         context.cancel.check()?;
         let used = layout.individuals.iter().any(|n| n.plant == *i);
-        let look = if used { plant_materials(plant, recipe.seed, context) } else { Ok(MaterialSet::default()) };
+        let look = if used { plant_materials(plant, recipe.general.seed, context) } else { Ok(MaterialSet::default()) };
         context.progress.advance(1);
         look
     }))
@@ -422,7 +422,7 @@ fn place_plants(air: Option<&PlantWind>, made: &SceneBuilder, layout: &PlantLayo
 
 /// Sets the plants on the ground, whose middle is theirs, and returns it with its place.
 fn place_on_ground(recipe: &Recipe, layout: &mut PlantLayout) -> (Ground, Vec3) {
-    let shape = ground_shape(&recipe.ground, recipe.seed);
+    let shape = ground_shape(&recipe.ground, recipe.general.seed);
     let feet = Bounds::of(layout.standings.iter().map(|s| s.transform.t));
     let middle = feet.center() * Vec3::new(1.0, 0.0, 1.0);
     for s in &mut layout.standings {
@@ -469,7 +469,7 @@ fn add_attractors(recipe: &Recipe, builder: &mut SceneBuilder, context: &BakeCon
     for cloud in &recipe.clouds {
         let material = index(builder.materials.len(), "materials of a scene")?;
         let moving = recipe.clip.len() > 1;
-        let new = attractor::build_attractor(cloud, recipe.seed, moving, material, context)?;
+        let new = attractor::build_attractor(cloud, recipe.general.seed, moving, material, context)?;
         builder.materials.push(new.surface);
         let motion = new.morphing.map(|morph| Arc::new(morph) as Arc<dyn AssetMotion>);
         builder.add_placed(new.asset, new.stand, motion);
@@ -502,7 +502,7 @@ fn add_catkins(
     }
     let own = CatkinKeys::defaults();
     let keys = recipe.catkin.as_ref().unwrap_or(&own);
-    let models = catkin::catkin_models(keys, recipe.seed, context)?;
+    let models = catkin::catkin_models(keys, recipe.general.seed, context)?;
     let levels = catkin::CatkinLods::of(keys);
     let kind = made.add_materials(catkin::materials(&models, &levels));
     let (asset, mover, measures) = match &recipe.flight {

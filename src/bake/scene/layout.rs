@@ -22,7 +22,7 @@ use osier_scene::Trs;
 pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<(PlantLayout, Option<Terrain>)> {
     let mut layout = lay_out(recipe);
     let Some(keys) = &recipe.terrain else { return Ok((layout, None)) };
-    let land = terrain::shape(keys, recipe.seed)?;
+    let land = terrain::shape(keys, recipe.general.seed)?;
     for s in &mut layout.standings {
         let at = &mut s.transform.t;
         at.y += land.height_at(at.x, at.z);
@@ -53,11 +53,11 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
         let mut clear = PlacementGrid::new(math::narrow(place.keys.clear));
         let middle = Vec3::from_array(place.keys.at.map(math::narrow));
         layout.standings.iter().map(|s| s.transform.t - middle).for_each(|p| clear.add(Vec2::new(p.x, p.z)));
-        let spots = spread(recipe.seed, index, place, &clear);
+        let spots = spread(recipe.general.seed, index, place, &clear);
         for (copy, spot) in spots.iter().enumerate() {
             let kind = copy % kinds.max(1) as usize;
             // Copies that share a motion lean one way: they face the wind alike.
-            let transform = stand(recipe.seed, index, (copy, if recipe.moves { kind } else { copy }), place, *spot);
+            let transform = stand(recipe.general.seed, index, (copy, if recipe.moves { kind } else { copy }), place, *spot);
             let individual = first + kind;
             layout.standings.push(PlantInstance { individual, transform, slope: None });
         }

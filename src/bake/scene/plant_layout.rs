@@ -60,8 +60,8 @@ pub(crate) fn individual(recipe: &Recipe, index: usize, seed: u64, ordinals: &mu
     let id = child(word(&plant.name), u64::from(*ordinal));
     *ordinal += 1;
     let seed = match (plant.keys.seed, seed) {
-        (0, 0) => recipe.seed,
-        (a, b) => mix64(&[recipe.seed, a, b]),
+        (0, 0) => recipe.general.seed,
+        (a, b) => mix64(&[recipe.general.seed, a, b]),
     };
     #[allow(clippy::cast_possible_truncation, reason = "the low half of a hash")]
     Some(Individual { plant: index, asset: String::new(), id: id as u32, seed })

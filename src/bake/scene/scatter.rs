@@ -41,7 +41,7 @@ pub(crate) fn scatter_plants(
     for (entry, sown) in recipe.scatters.iter().enumerate() {
         context.cancel.check()?;
         let sowing = sowing(sown);
-        let spots = scatter(land, &sowing, &taken, scatter_key(recipe.seed, entry), context.limits)?;
+        let spots = scatter(land, &sowing, &taken, scatter_key(recipe.general.seed, entry), context.limits)?;
         let standing = layout.standings.len().saturating_add(spots.len());
         context.limits.check("instances", standing as u64, "the number of placements")?;
         // Individuals of each plant, as indices into the layout's.
@@ -61,7 +61,7 @@ pub(crate) fn scatter_plants(
             // Copies that share a motion lean one way: they face the wind alike.
             let facing = recipe.moves.then(|| {
                 let seed = layout.individuals.get(individual).map_or(0, |i| u64::from(i.id));
-                Rng::at(recipe.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
+                Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
             let (transform, slope) = stand(land, sown, (spot.at, facing), &mut rng);
             layout.standings.push(PlantInstance { individual, transform, slope: Some(slope) });

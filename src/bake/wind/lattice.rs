@@ -86,7 +86,7 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
             gust_period: keys.gust_period,
             turbulence: keys.turbulence,
             turbulence_modes: keys.modes,
-            seed: recipe.seed,
+            seed: recipe.general.seed,
         },
         viscosity: keys.nu,
         fps: recipe.clip.fps(),

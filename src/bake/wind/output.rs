@@ -57,7 +57,7 @@ impl WindOutput {
         context: &BakeContext<'_>,
         report: &mut Report,
     ) -> Result<Option<Arc<Self>>> {
-        let grids = &recipe.output.air.grids;
+        let grids = &recipe.output.wind.grids;
         if grids.is_empty() || recipe.clip.len() < 2 {
             return Ok(None);
         }

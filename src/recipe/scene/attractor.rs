@@ -2,7 +2,6 @@
 
 use super::IfsTreeKeys;
 use crate::recipe::resolve::Resolver;
-use crate::recipe::syntax::KeyTable;
 use crate::recipe::syntax::{
     ColorList, FileReference, OneOf, OptionalKey, Reference, StringType, TomlTable, TomlValue, degrees, integer,
     millimetres, number, point, wrong,
@@ -62,7 +61,7 @@ choices! {
 
 keys! {
     /// The points of an attractor; NAME is yours.
-    AttractorKeys at "clouds.NAME" with ["morph"] {
+    AttractorKeys at "clouds.NAME" {
         /// The coefficient table that makes it.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// Which system of the table; the first without a name.
@@ -126,7 +125,7 @@ impl Resolver<'_> {
     fn cloud(&mut self, name: &str, id: String, span: Span, table: &TomlTable) -> Option<AttractorRecipe> {
         let path = format!("clouds.{name}");
         let told = self.report.diagnostics.len();
-        let keys = AttractorKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<AttractorKeys>(table, &path);
         if keys.ifs.is_none() && self.report.diagnostics.len() > told {
             return None;
         }

@@ -39,7 +39,7 @@ choices! {
 
 keys! {
     /// Bark of the thick axes; `[plants.NAME.shoot]` has the same keys for axes below 8 mm radius, and is of kind "shoot".
-    BarkKeys at "plants.NAME.bark" {
+    BarkKeys at "plants.NAME.bark" also "plants.NAME.shoot" {
         /// Character.
         kind: BarkKind = "kind" OneOf(BarkKind::Furrowed);
         /// A coefficient table of the plane whose density tiles the bark, in relief and tint.

@@ -6,7 +6,7 @@ use crate::recipe::syntax::{
     BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, TomlNode, TomlTable,
     TomlValue, integer, number, wrong,
 };
-use crate::recipe::syntax::{KeyTable, word_of};
+use crate::recipe::syntax::word_of;
 use crate::recipe::syntax::{choices, keys};
 use crate::recipe::{FlightRecipe, PlantRecipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Span};
@@ -147,7 +147,7 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn flight(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Option<FlightRecipe> {
         let entry = root.get("flight")?;
         let table = self.table(root, "", "flight")?;
-        let mut keys = FlightKeys::read(Some(table), "flight", &mut self.report);
+        let mut keys = self.read_keys::<FlightKeys>(table, "flight");
         as_printed(&mut keys, table);
         self.limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
         self.memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
@@ -253,7 +253,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        let keys = SolidKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<SolidKeys>(table, &path);
         for (key, shape) in [("roof", SolidShape::House), ("roof_color", SolidShape::House), ("mesh", SolidShape::Mesh)]
         {
             if let Some(entry) = table.get(key).filter(|_| keys.shape != shape) {

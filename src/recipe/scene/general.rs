@@ -15,7 +15,7 @@ choices! {
 
 keys! {
     /// The scene itself (keys above the first table).
-    SceneKeys at "" with ["frames", "plants", "clouds", "catkin", "picture", "layer", "place", "ground", "terrain", "scatter", "flight", "solid", "rod", "rain", "maps", "fog", "camera", "sun", "sky", "wind", "sway", "output"] {
+    SceneKeys at "" {
         /// Shown in files and listings.
         title: String = "title" StringType("");
         /// Start of every random draw; each whole number is another individual.

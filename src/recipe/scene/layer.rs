@@ -65,7 +65,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        let keys = LayerKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<LayerKeys>(table, &path);
         if keys.ifs.is_none() {
             if keys.color.is_none() && !self.report.has_errors() {
                 let d =

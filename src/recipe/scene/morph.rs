@@ -3,12 +3,11 @@
 use super::AttractorKeys;
 use crate::recipe::AttractorRecipe;
 use crate::recipe::resolve::Resolver;
-use crate::recipe::syntax::KeyTable;
 use crate::recipe::syntax::{
-    ColorList, Digest, FileReference, OneOf, Reference, StringType, TomlNode, TomlTable, TomlValue, TurnList, join,
+    ColorList, FileReference, OneOf, Reference, StringType, TomlNode, TomlTable, TomlValue, TurnList, join,
     number, wrong,
 };
-use crate::recipe::syntax::{choices, keys};
+use crate::recipe::syntax::{choices, keys, recipe};
 use osier_base::diagnostic::{Diagnostic, Span};
 use osier_ifs::dynamics;
 use osier_ifs::game::Extent;
@@ -41,7 +40,7 @@ choices! {
 
 keys! {
     /// An attractor that changes with time, from table to table: turns go the shortest way, all else goes straight.
-    MorphKeys at "clouds.NAME.morph" with ["key"] {
+    MorphKeys at "clouds.NAME.morph" {
         /// How time passes between two tables.
         ease: MorphEase = "ease" OneOf(MorphEase::Linear);
         /// What of a map's place goes straight.
@@ -67,22 +66,17 @@ keys! {
 /// Places between two tables where a system is judged.
 const LOOKS: u32 = 8;
 
-/// How an attractor changes.
-#[derive(Debug, Clone)]
-pub struct MorphRecipe {
-    /// How.
-    pub keys: MorphKeys,
-    /// Its tables as the scene names them.
-    pub rows: Vec<MorphKeyframe>,
-    /// The tables, led over.
-    pub morph: Arc<Morph>,
-}
-
-impl Digest for MorphRecipe {
-    fn digest(&self, hasher: &mut blake3::Hasher) {
-        self.keys.digest(hasher);
-        (self.rows.len() as u64).digest(hasher);
-        self.rows.iter().for_each(|row| row.digest(hasher));
+recipe! {
+    /// How an attractor changes.
+    MorphRecipe {
+        /// Interpolation between tables.
+        keys: MorphKeys;
+        /// Its tables as the scene names them.
+        rows: Vec<MorphKeyframe>;
+        derived {
+            /// The tables, interpolated.
+            morph: Arc<Morph>;
+        }
     }
 }
 
@@ -109,7 +103,7 @@ impl Resolver<'_> {
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
         self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
         let told = self.report.diagnostics.len();
-        let morph = MorphKeys::read(Some(table), &path, &mut self.report);
+        let morph = self.read_keys::<MorphKeys>(table, &path);
         self.idle(cloud, &path);
         let rows = self.rows((name, &path), (table, span), &keys)?;
         self.times(&rows);
@@ -183,7 +177,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(path, node, "a table"));
             return None;
         };
-        let key = MorphKeyframe::read(Some(table), path, &mut self.report);
+        let key = self.read_keys::<MorphKeyframe>(table, path);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
         let (at, ifs, turns) = (of("at"), of("ifs"), of("turns"));
         let same = |r: &&Row| r.key.ifs.as_ref().map(|r| &r.text) == key.ifs.as_ref().map(|r| &r.text);

@@ -38,7 +38,7 @@ choices! {
 keys! {
     /// What an organ looks like: NAME is the letter that follows '~' in the grammar. `[plants.NAME.leaf]` is short for the
     /// organ "l".
-    OrganKeys at "plants.NAME.organs.LETTER" {
+    OrganKeys at "plants.NAME.organs.LETTER" also "plants.NAME.leaf" {
         /// Outline of a made blade.
         blade: BladeOutline = "blade" OneOf(BladeOutline::Elliptic);
         /// A mesh of your own instead of a made blade: petiole base at the origin, +Y along the midrib, +Z the upper side.

@@ -28,12 +28,12 @@ choices! {
 
 keys! {
     /// What is written.
-    OutputKeys at "output" with ["pov", "usd", "gltf", "wind"] {
+    OutputKeys at "output" {
         /// File formats.
         formats: Vec<OutputFormat> = "formats" ListOf(&[OutputFormat(&usd::FORMAT), OutputFormat(&gltf::FORMAT)]);
     }
     /// POV-Ray files.
-    PovKeys at "output.pov" with ["photons"] {
+    PovKeys at "output.pov" {
         /// Frames between two written ones.
         step: u32 = "step" integer(1, 1, 1_000_000);
         /// Width and height of the picture.

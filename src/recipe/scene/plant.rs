@@ -38,7 +38,7 @@ choices! {
 
 keys! {
     /// One kind of plant; NAME is yours.
-    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "import", "organs", "bark", "shoot", "skin", "wood", "rods"] {
+    PlantKeys at "plants.NAME" {
         /// The grammar that grows it.
         grammar: Option<Reference> = "grammar" FileReference(".l");
         /// The coefficient table of a tree, instead of a grammar.
@@ -138,7 +138,7 @@ impl Resolver<'_> {
     fn plant(&mut self, name: &str, id: String, span: Span, table: &TomlTable) -> Option<PlantRecipe> {
         let path = format!("plants.{name}");
         let told = self.report.diagnostics.len();
-        let mut keys = PlantKeys::read(Some(table), &path, &mut self.report);
+        let mut keys = self.read_keys::<PlantKeys>(table, &path);
         let misread = self.report.diagnostics.len() > told;
         keys.steps = self.request.steps.or(keys.steps);
         let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
@@ -324,7 +324,7 @@ impl Resolver<'_> {
     }
 
     fn organ(&mut self, letter: char, path: &str, table: &TomlTable) -> Option<OrganRecipe> {
-        let keys = OrganKeys::read(Some(table), path, &mut self.report);
+        let keys = self.read_keys::<OrganKeys>(table, path);
         let mesh = match &keys.mesh {
             Some(r) => {
                 let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;

@@ -1,12 +1,11 @@
 //! `[rain]`: rainfall, impacts, drops on leaves, wetness.
 
 use crate::recipe::resolve::{Resolver, span_of};
-use crate::recipe::syntax::KeyTable;
 use crate::recipe::syntax::{
     BooleanType, NumberArray, OneOf, OptionalKey, TimedRows, TomlTable, TomlValue, degrees, integer, millimetres,
     number, wrong,
 };
-use crate::recipe::syntax::{choices, keys};
+use crate::recipe::syntax::{choices, keys, recipe};
 use osier_base::diagnostic::Diagnostic;
 
 choices! {
@@ -77,7 +76,7 @@ choices! {
 keys! {
     /// Rain on the plants of a scene: drops fall, strike, run, merge, hang and drip. Leaves give way where their plant has
     /// `[plants.NAME.rods]`.
-    RainKeys at "rain" with ["impact", "drop", "wet", "lying"] {
+    RainKeys at "rain" {
         /// Where defaults come from.
         preset: RainPreset = "preset" OneOf(RainPreset::Measured);
         /// Whether rain falls; without it only drops of `[[rain.lying]]` are there.
@@ -191,19 +190,20 @@ keys! {
     }
 }
 
-/// Rain of a scene.
-#[derive(Debug, Clone)]
-pub struct RainRecipe {
-    /// How it falls.
-    pub keys: RainKeys,
-    /// How it strikes.
-    pub impact: ImpactKeys,
-    /// What it does on leaves.
-    pub drop: DropKeys,
-    /// How these become wet.
-    pub wet: WettingKeys,
-    /// Drops that lie there from the start.
-    pub lying: Vec<SessileDropKeys>,
+recipe! {
+    /// Rain of a scene.
+    RainRecipe {
+        /// Rainfall.
+        keys: RainKeys;
+        /// Impacts on leaves.
+        impact: ImpactKeys;
+        /// Drops on leaves.
+        drop: DropKeys;
+        /// Wetting and drying of leaves.
+        wet: WettingKeys;
+        /// Drops that lie on leaves when the clip begins.
+        lying: Vec<SessileDropKeys>, hashed by element;
+    }
 }
 
 impl Resolver<'_> {
@@ -215,7 +215,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S006", "[rain] needs a plant to fall on", entry.key_span, "no plant here");
             self.report.push(d.help("add [plants.NAME] with a grammar or a mesh"));
         }
-        let keys = RainKeys::read(Some(table), "rain", &mut self.report);
+        let keys = self.read_keys::<RainKeys>(table, "rain");
         let mut rain = RainRecipe {
             impact: self.section_at(table, "rain", "impact"),
             drop: self.section_at(table, "rain", "drop"),
@@ -250,7 +250,7 @@ impl Resolver<'_> {
         for (i, node) in list.iter().enumerate() {
             let path = format!("rain.lying.{i}");
             match &node.value {
-                TomlValue::Table(t) => all.push(SessileDropKeys::read(Some(t), &path, &mut self.report)),
+                TomlValue::Table(t) => all.push(self.read_keys::<SessileDropKeys>(t, &path)),
                 _ => self.report.push(*wrong(&path, node, "a table")),
             }
         }

@@ -6,7 +6,7 @@ use crate::recipe::syntax::{
     BooleanType, ColorType, NumberArray, OneOf, OptionalKey, PointList, StringType, TimedRows, TomlNode, TomlTable,
     TomlValue, integer, millimetres, number, wrong,
 };
-use crate::recipe::syntax::{KeyTable, word_of};
+use crate::recipe::syntax::word_of;
 use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_base::files::Names;
@@ -57,7 +57,7 @@ choices! {
 
 keys! {
     /// A rod that bends, twists and swings: a pole, a twig, a stalk. Its base is fixed if no `[[rod.clamp]]` says otherwise.
-    RodKeys at "rod" with ["clamp", "load"] {
+    RodKeys at "rod" {
         /// Its name; others stand on it by it.
         name: String = "name" StringType("");
         /// From base to tip; a smooth curve goes through them.
@@ -158,7 +158,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        let keys = RodKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<RodKeys>(table, &path);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
         let apart = |p: &[[f64; 3]]| (0..3).map(|k| (p[1][k] - p[0][k]) * (p[1][k] - p[0][k])).sum::<f64>();
         if keys.points.len() < 2 || keys.points.windows(2).any(|p| apart(p) < 1e-10) {
@@ -264,7 +264,7 @@ impl Resolver<'_> {
     }
 
     fn rod_clamp(&mut self, table: &TomlTable, path: &str) -> Option<RodClampKeys> {
-        let keys = RodClampKeys::read(Some(table), path, &mut self.report);
+        let keys = self.read_keys::<RodClampKeys>(table, path);
         let good = self.rod_times(table, (path, "keyframes"), &keys.keys, 4)
             & self.rod_times(table, (path, "turn_keyframes"), &keys.turns, 2);
         let only = [("turn_keyframes", RodHold::Fixed), ("axis", RodHold::Fixed), ("line", RodHold::Guided)];
@@ -292,7 +292,7 @@ impl Resolver<'_> {
     }
 
     fn rod_load(&mut self, table: &TomlTable, path: &str) -> Option<RodLoadKeys> {
-        let keys = RodLoadKeys::read(Some(table), path, &mut self.report);
+        let keys = self.read_keys::<RodLoadKeys>(table, path);
         let count = match keys.kind {
             RodLoadKind::Force | RodLoadKind::Blow => 4,
             RodLoadKind::Wrench => 7,

@@ -2,7 +2,6 @@
 
 use super::ScatterKeys;
 use crate::recipe::resolve::Resolver;
-use crate::recipe::syntax::KeyTable;
 use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{
     BooleanType, ColorType, NumberArray, OptionalKey, PowerOfTwo, SeedType, TomlNode, TomlTable, TomlValue, degrees,
@@ -58,7 +57,7 @@ impl Resolver<'_> {
     /// The land, if the scene has a `[terrain]`.
     pub(in crate::recipe) fn terrain(&mut self, root: &TomlTable) -> Option<TerrainKeys> {
         let table = self.table(root, "", "terrain")?;
-        let keys = TerrainKeys::read(Some(table), "terrain", &mut self.report);
+        let keys = self.read_keys::<TerrainKeys>(table, "terrain");
         let most = 1_u32 << keys.n;
         if let Some(entry) = table.get("stride").filter(|_| !keys.stride.is_power_of_two() || keys.stride > most) {
             let text = format!("terrain.stride is {}, but must be a power of two up to {most}", keys.stride);
@@ -97,7 +96,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        let keys = ScatterKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<ScatterKeys>(table, &path);
         for (name, pair) in [("altitude", keys.altitude), ("scale", keys.scale)] {
             self.in_order(table, (&path, name), pair);
         }

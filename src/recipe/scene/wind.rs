@@ -5,7 +5,6 @@ use super::{
 };
 use crate::recipe::WindOutputRecipe;
 use crate::recipe::resolve::{Resolver, span_of};
-use crate::recipe::syntax::KeyTable;
 use crate::recipe::syntax::{
     BooleanType, OneOf, OptionalKey, TomlNode, TomlTable, TomlValue, degrees, number, word_of, wrong,
 };
@@ -35,7 +34,7 @@ choices! {
 keys! {
     /// Wind. Speeds are those at 10 m above the ground. Each [[wind.add]] is one more wind, with the same keys: their
     /// velocities add up.
-    WindKeys at "wind" with ["add", "lattice"] {
+    WindKeys at "wind" also "wind.add" {
         /// What kind.
         model: WindModel = "model" OneOf(WindModel::Gust);
         /// Mean speed.
@@ -96,7 +95,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S002", text, entry.key_span, "an added wind cannot contain another");
             self.report.push(d.help("write one more [[wind.add]]"));
         }
-        let keys = WindKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<WindKeys>(table, &path);
         let own = table.get("lattice").map(|e| e.key_span);
         let model = table.get("model").filter(|_| keys.model == WindModel::Lattice).map(|e| e.node.span);
         if let Some(at) = own.or(model) {
@@ -317,7 +316,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        let keys = WindSliceKeys::read(Some(table), &path, &mut self.report);
+        let keys = self.read_keys::<WindSliceKeys>(table, &path);
         let axis = keys.across as usize;
         let (low, high) = (space.low[axis], space.low[axis] + space.size[axis]);
         if !(low..=high).contains(&keys.at) {

@@ -18,7 +18,7 @@ choices! {
 keys! {
     /// Files of the wind itself, in `wind/`: planes with velocities as EXR, one for each [[output.wind.slice]], and whole boxes
     /// as VTI. Of any wind; clips only.
-    WindOutputKeys at "output.wind" with ["slice"] {
+    WindOutputKeys at "output.wind" {
         /// Frames between two boxes.
         vti_every: Option<u32> = "vti_every" OptionalKey(integer(1, 1, 1_000_000), "no boxes");
         /// Side of a texel of planes and of a cell of boxes.

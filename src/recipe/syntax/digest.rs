@@ -36,6 +36,20 @@ impl Digest for String {
     }
 }
 
+/// As its code point.
+impl Digest for char {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        u32::from(*self).digest(hasher);
+    }
+}
+
+/// As 64 bits, on every machine.
+impl Digest for usize {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        (*self as u64).digest(hasher);
+    }
+}
+
 impl<T: Digest> Digest for Vec<T> {
     fn digest(&self, hasher: &mut blake3::Hasher) {
         (self.len() as u64).digest(hasher);

@@ -1,6 +1,6 @@
 //! One declaration per key: it feeds reading, `osier list options`, defaults and the scene hash.
 
-use super::digest::Digest;
+use super::registry::{RecipePart, TableInfo};
 use super::renamed::present_name;
 use super::tree::{TomlNode, TomlTable, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
@@ -20,6 +20,10 @@ pub trait ValueType {
     fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault>;
     /// For listings.
     fn listing(&self) -> KeyListing;
+    /// Feeds a value to the scene hash.
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher);
+    /// Appends the tables that a value is made of, for listings: of inline tables.
+    fn list_tables(&self, _tables: &mut Vec<TableInfo>) {}
 }
 
 /// How a kind is listed.
@@ -45,11 +49,11 @@ pub struct KeyInfo {
 }
 
 /// A table of a scene file.
-pub trait KeyTable: Sized + Digest {
+pub trait KeyTable: Sized + RecipePart {
     /// Path in the scene, `NAME` standing for the artist's names.
     const PATH: &'static str;
-    /// Tables in it that are sections of their own.
-    const TABLES: &'static [&'static str];
+    /// Paths of further tables with the same keys.
+    const ALSO: &'static [&'static str];
     /// What the table is for.
     fn about() -> String;
     /// Its keys.
@@ -57,17 +61,35 @@ pub trait KeyTable: Sized + Digest {
     /// Reads its keys; faults go into the reader's report, and the default stands in.
     fn read_keys(reader: &mut TableReader<'_>) -> Self;
 
-    /// Reads a table (`None`: all defaults) and refuses what it does not know.
+    /// Reads the keys of a table (`None`: all defaults) and leaves what it does not know.
     fn read(table: Option<&TomlTable>, path: &str, report: &mut Report) -> Self {
-        let mut reader = TableReader { table, path: path.to_owned(), report };
-        let section = Self::read_keys(&mut reader);
-        reader.refuse_unknown(Self::PATH, &Self::keys(), Self::TABLES);
-        section
+        Self::read_keys(&mut TableReader { table, path: path.to_owned(), report })
     }
 
     /// All defaults.
     fn defaults() -> Self {
         Self::read(None, Self::PATH, &mut Report::default())
+    }
+}
+
+/// Names that a table of `S` may hold: its keys, then `tables` below it.
+pub fn known_names<S: KeyTable>(tables: &[&'static str]) -> Vec<&'static str> {
+    let mut names: Vec<&str> = S::keys().iter().map(|k| k.name).collect();
+    let further: Vec<&str> = tables.iter().copied().filter(|t| !names.contains(t)).collect();
+    names.extend(further);
+    names
+}
+
+/// S002 for each entry of a table that is not `known`. `path`: of the table in the scene; `declared`: of its declaration.
+pub fn refuse_unknown(table: &TomlTable, path: &str, declared: &str, known: &[&str], report: &mut Report) {
+    for entry in table.entries.iter().filter(|e| !known.contains(&e.key.as_str())) {
+        if report.is_full() {
+            return;
+        }
+        report.push(match present_name(declared, &entry.key) {
+            Some(new) => renamed(entry, path, new),
+            None => unknown(entry, path, known),
+        });
     }
 }
 
@@ -87,22 +109,6 @@ impl TableReader<'_> {
             self.report.push(*fault);
             kind.fallback()
         })
-    }
-
-    fn refuse_unknown(&mut self, declared: &str, keys: &[KeyInfo], tables: &[&str]) {
-        let known: Vec<&str> = keys.iter().map(|k| k.name).chain(tables.iter().copied()).collect();
-        for entry in self.table.iter().flat_map(|t| &t.entries) {
-            if self.report.is_full() {
-                return;
-            }
-            if known.contains(&entry.key.as_str()) {
-                continue;
-            }
-            self.report.push(match present_name(declared, &entry.key) {
-                Some(new) => renamed(entry, &self.path, new),
-                None => unknown(entry, &self.path, &known),
-            });
-        }
     }
 }
 
@@ -161,9 +167,9 @@ pub fn finite_number(name: &str, node: &TomlNode) -> Result<f64, Fault> {
     }
 }
 
-/// Declares the struct of a table together with its keys.
+/// Declares the struct of a table together with its keys: a line of help, the field, the key and what it accepts.
 macro_rules! keys {
-    ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(with [$($table:literal),*])? {
+    ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(also $also:literal)* {
         $($(#[doc = $help:literal])+ $field:ident : $type:ty = $key:literal $kind:expr;)*
     })+) => {$(
         $(#[doc = $about])+
@@ -174,7 +180,7 @@ macro_rules! keys {
 
         impl $crate::recipe::syntax::KeyTable for $name {
             const PATH: &'static str = $path;
-            const TABLES: &'static [&'static str] = &[$($($table),*)?];
+            const ALSO: &'static [&'static str] = &[$($also),*];
             fn about() -> String {
                 concat!($($about),+).trim().to_owned()
             }
@@ -192,7 +198,14 @@ macro_rules! keys {
 
         impl $crate::recipe::syntax::Digest for $name {
             fn digest(&self, hasher: &mut blake3::Hasher) {
-                $($crate::recipe::syntax::Digest::digest(&self.$field, hasher);)*
+                $($crate::recipe::syntax::ValueType::digest(&$kind, &self.$field, hasher);)*
+            }
+        }
+
+        impl $crate::recipe::syntax::RecipePart for $name {
+            fn list(tables: &mut Vec<$crate::recipe::syntax::TableInfo>) {
+                $crate::recipe::syntax::list_table::<Self>(tables);
+                $($crate::recipe::syntax::ValueType::list_tables(&$kind, tables);)*
             }
         }
     )+};

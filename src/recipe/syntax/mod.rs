@@ -2,6 +2,7 @@
 
 mod digest;
 mod key;
+mod registry;
 mod renamed;
 mod tree;
 mod value_types;
@@ -9,6 +10,8 @@ mod value_types;
 pub use digest::Digest;
 pub use key::{KeyInfo, KeyListing, KeyTable, TableReader, ValueType};
 pub(super) use key::{choices, join, keys, wrong};
+pub use registry::{RecipePart, Registry, TableInfo};
+pub(super) use registry::{digest_field, list_table, recipe};
 pub(super) use tree::{TomlNode, TomlTable, TomlValue, apply_override, parse};
 pub(super) use value_types::*;
 pub use value_types::{Choice, Reference, word_of};

@@ -1,34 +1,98 @@
 //! What keys accept.
 
 use super::digest::Digest;
-use super::key::{Fault, KeyListing, KeyTable, ValueType, finite_number, outside, wrong};
+use super::key::{Fault, KeyListing, KeyTable, ValueType, finite_number, known_names, outside, refuse_unknown, wrong};
+use super::registry::TableInfo;
 use super::tree::{TomlNode, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::units;
 
-/// A number in a range, scaled into SI.
+/// The unit that a number is written in, and how it becomes SI.
+#[derive(Debug, Clone, Copy)]
+pub struct Unit {
+    /// For people; empty without unit.
+    symbol: &'static str,
+    /// SI value = written value * factor / divisor: one of both is 1, so that a power of ten divides exactly where it does.
+    factor: f64,
+    divisor: f64,
+    /// Whether the scene hash takes the number as it is written, as scenes were hashed before the unit was converted.
+    hashed_as_written: bool,
+}
+
+impl Unit {
+    /// An SI unit, or none.
+    const fn si(symbol: &'static str) -> Self {
+        Self { symbol, factor: 1.0, divisor: 1.0, hashed_as_written: false }
+    }
+
+    /// `factor` SI units.
+    const fn times(symbol: &'static str, factor: f64) -> Self {
+        Self { symbol, factor, divisor: 1.0, hashed_as_written: false }
+    }
+
+    const fn hashed_as_written(mut self) -> Self {
+        self.hashed_as_written = true;
+        self
+    }
+
+    fn to_si(self, written: f64) -> f64 {
+        written * self.factor / self.divisor
+    }
+
+    /// The number of the scene hash for a value in SI.
+    fn hashed(self, value: f64) -> f64 {
+        if self.hashed_as_written { value / self.factor * self.divisor } else { value }
+    }
+}
+
+/// A number in a range, converted to SI.
 #[derive(Debug, Clone, Copy)]
 pub struct NumberType {
     default: f64,
     min: f64,
     max: f64,
-    unit: &'static str,
-    scale: f64,
+    unit: Unit,
 }
 
-/// A number; `unit` is for people.
+/// A number in SI units; `unit` is for people.
 pub const fn number(default: f64, min: f64, max: f64, unit: &'static str) -> NumberType {
-    NumberType { default, min, max, unit, scale: 1.0 }
+    NumberType { default, min, max, unit: Unit::si(unit) }
 }
 
-/// Degrees outside, radians inside.
+/// A number in a unit that is converted to SI.
+const fn converted(default: f64, min: f64, max: f64, unit: Unit) -> NumberType {
+    NumberType { default, min, max, unit }
+}
+
+/// Degrees, read as radians.
 pub const fn degrees(default: f64, min: f64, max: f64) -> NumberType {
-    NumberType { default, min, max, unit: "deg", scale: std::f64::consts::PI / 180.0 }
+    converted(default, min, max, Unit::times("deg", std::f64::consts::PI / 180.0))
 }
 
-/// Millimetres outside, metres inside.
+/// Millimetres, read as metres.
 pub const fn millimetres(default: f64, min: f64, max: f64) -> NumberType {
-    NumberType { default, min, max, unit: "mm", scale: 1e-3 }
+    converted(default, min, max, Unit::times("mm", 1e-3))
+}
+
+/// Gigapascals, read as pascals.
+pub const fn gigapascals(default: f64, min: f64, max: f64) -> NumberType {
+    converted(default, min, max, Unit::times("GPa", 1e9).hashed_as_written())
+}
+
+/// Milligrams, read as kilograms.
+pub const fn milligrams(default: f64, min: f64, max: f64) -> NumberType {
+    converted(default, min, max, Unit::times("mg", 1e-6).hashed_as_written())
+}
+
+/// Cubic millimetres, read as cubic metres.
+pub const fn cubic_millimetres(default: f64, min: f64, max: f64) -> NumberType {
+    converted(default, min, max, Unit::times("mm^3", 1e-9).hashed_as_written())
+}
+
+/// Millimetres of rain an hour, read as m/s: cubic metres of water per square metre and second.
+pub const fn rain_rate(default: f64, min: f64, max: f64) -> NumberType {
+    let unit = Unit { symbol: "mm/h", factor: 1.0, divisor: 3.6e6, hashed_as_written: true };
+    converted(default, min, max, unit)
 }
 
 impl NumberType {
@@ -37,11 +101,12 @@ impl NumberType {
         if v < self.min || v > self.max {
             return Err(outside(name, node, &v.to_string(), &self.range()));
         }
-        Ok(v * self.scale)
+        Ok(self.unit.to_si(v))
     }
 
     fn range(&self) -> String {
-        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        let symbol = self.unit.symbol;
+        let unit = if symbol.is_empty() { String::new() } else { format!(" {symbol}") };
         match (self.min > -1e9, self.max < 1e9) {
             (true, true) => format!("{} to {}{unit}", self.min, self.max),
             (true, false) => format!("at least {}{unit}", self.min),
@@ -54,13 +119,16 @@ impl NumberType {
 impl ValueType for NumberType {
     type Value = f64;
     fn fallback(&self) -> f64 {
-        self.default * self.scale
+        self.unit.to_si(self.default)
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<f64, Fault> {
         self.checked(name, node)
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: format!("number, {}", self.range()), default: self.default.to_string(), unit: self.unit }
+        KeyListing { accepts: format!("number, {}", self.range()), default: self.default.to_string(), unit: self.unit.symbol }
+    }
+    fn digest(&self, value: &f64, hasher: &mut blake3::Hasher) {
+        self.unit.hashed(*value).digest(hasher);
     }
 }
 
@@ -93,6 +161,9 @@ impl ValueType for IntegerType {
         let accepts = format!("whole number, {} to {}", self.min, self.max);
         KeyListing { accepts, default: self.default.to_string(), unit: "" }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// A list of whole numbers in a range, sorted, each once.
@@ -119,6 +190,9 @@ impl ValueType for IntegerList {
             unit: "",
         }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// A side of tiling maps in pixels.
@@ -136,6 +210,9 @@ impl ValueType for PowerOfTwo {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "16, 32, 64 ... 4096".into(), default: self.0.to_string(), unit: "pixels" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 
@@ -160,6 +237,9 @@ impl ValueType for SeedType {
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "whole number, 0 to 2^64 - 1".into(), default: self.0.to_string(), unit: "" }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// `true` or `false`.
@@ -176,6 +256,9 @@ impl ValueType for BooleanType {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "true or false".into(), default: self.0.to_string(), unit: "" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 
@@ -194,10 +277,13 @@ impl ValueType for StringType {
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "text".into(), default: format!("\"{}\"", self.0), unit: "" }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// An enum whose members are words in scenes.
-pub trait Choice: Copy + 'static {
+pub trait Choice: Copy + Digest + 'static {
     /// Words and members.
     const ALL: &'static [(&'static str, Self)];
 }
@@ -240,6 +326,9 @@ impl<W: Choice + PartialEq> ValueType for OneOf<W> {
             unit: "",
         }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// A list of words without repetition, or one word alone.
@@ -267,6 +356,9 @@ impl<W: Choice + PartialEq> ValueType for ListOf<W> {
         let default = self.0.iter().map(|w| format!("\"{}\"", word_of(*w))).collect::<Vec<_>>().join(", ");
         KeyListing { accepts: format!("list of {}", choices::<W>()), default: format!("[{default}]"), unit: "" }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// N numbers, each in a range.
@@ -281,7 +373,7 @@ pub const fn point(default: [f64; 3]) -> NumberArray<3> {
 impl<const N: usize> ValueType for NumberArray<N> {
     type Value = [f64; N];
     fn fallback(&self) -> [f64; N] {
-        self.0.map(|v| v * self.1.scale)
+        self.0.map(|v| self.1.unit.to_si(v))
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<[f64; N], Fault> {
         let wanted = format!("a list of {N} numbers");
@@ -297,8 +389,11 @@ impl<const N: usize> ValueType for NumberArray<N> {
         KeyListing {
             accepts: format!("{N} numbers, {}", self.1.range()),
             default: format!("[{default}]"),
-            unit: self.1.unit,
+            unit: self.1.unit.symbol,
         }
+    }
+    fn digest(&self, value: &[f64; N], hasher: &mut blake3::Hasher) {
+        value.iter().for_each(|v| self.1.digest(v, hasher));
     }
 }
 
@@ -322,6 +417,9 @@ impl ValueType for RisingPairs {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: format!("list of [number, number], {}", self.0.range()), default: "[]".into(), unit: "" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 
@@ -351,6 +449,9 @@ impl ValueType for ColorType {
         let accepts = "color, \"#rrggbb\" (sRGB) or [r, g, b] (linear)".into();
         KeyListing { accepts, default: format!("\"{}\"", self.0), unit: "" }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// A list of colours.
@@ -368,6 +469,9 @@ impl ValueType for ColorList {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "list of colors".into(), default: "its own".into(), unit: "" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 
@@ -400,6 +504,13 @@ impl<K: ValueType> ValueType for OptionalKey<K> {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { default: self.1.to_owned(), ..self.0.listing() }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        u64::from(value.is_some()).digest(hasher);
+        value.iter().for_each(|v| self.0.digest(v, hasher));
+    }
+    fn list_tables(&self, tables: &mut Vec<TableInfo>) {
+        self.0.list_tables(tables);
     }
 }
 
@@ -435,6 +546,9 @@ impl ValueType for FrameRate {
             unit: "1/s",
         }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// Names with numbers, as in `set = { branch_angle = 38 }`.
@@ -452,6 +566,9 @@ impl ValueType for NamedNumbers {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "table of name = number".into(), default: "{}".into(), unit: "" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 
@@ -488,6 +605,9 @@ impl ValueType for FileReference {
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: format!("file name ({})", self.0), default: String::new(), unit: "" }
     }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
 }
 
 /// A list of inline tables of one shape.
@@ -506,6 +626,7 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
             let TomlValue::Table(t) = &n.value else { return Err(wrong(name, n, "a table")) };
             let mut report = Report::default();
             out.push(S::read(Some(t), name, &mut report));
+            refuse_unknown(t, name, S::PATH, &known_names::<S>(&[]), &mut report);
             if let Some(d) = report.diagnostics.into_iter().next() {
                 return Err(Box::new(d));
             }
@@ -515,6 +636,12 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
     fn listing(&self) -> KeyListing {
         let names: Vec<&str> = S::keys().iter().map(|k| k.name).collect();
         KeyListing { accepts: format!("list of {{ {} }}", names.join(", ")), default: "[]".into(), unit: "" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
+    fn list_tables(&self, tables: &mut Vec<TableInfo>) {
+        S::list(tables);
     }
 }
 
@@ -533,6 +660,9 @@ impl ValueType for PointList {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "list of [x, y, z]".into(), default: "[]".into(), unit: "m" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 
@@ -556,6 +686,9 @@ impl ValueType for TimedRows {
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "list of [s, ...], times rising".into(), default: "[]".into(), unit: "" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 
@@ -591,6 +724,9 @@ impl ValueType for TurnList {
     fn listing(&self) -> KeyListing {
         let accepts = "whole number, -100 to 100, or a list of them, one per map".into();
         KeyListing { accepts, default: "0".into(), unit: "" }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
     }
 }
 

@@ -73,7 +73,7 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
     let layout = with_work(|w| lay_out_scene(recipe, w)).expect("layout").0;
     let one = |individual: &osier::bake::scene::plant_layout::Individual| {
         let keys = &recipe.plants[individual.plant];
-        let look = with_work(|w| plant_materials(keys, recipe.seed, w)).expect("look");
+        let look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");
         let grown = with_work(|w| grow_plant(keys, individual, &look, w)).expect("plant");
         let kind = PlantMaterials {
             tile: look.materials[0].tile,

@@ -291,7 +291,7 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
     let map =
         |(width, _, values): &(usize, usize, Vec<f32>)| GroundHumidity::Map { width: *width, values: values.clone() };
     FlightParams {
-        seed: recipe.seed,
+        seed: recipe.general.seed,
         fps: recipe.clip.fps(),
         substeps: keys.substeps,
         inside: setting.inside,
@@ -325,7 +325,7 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
 
 fn starts(setting: &FlightContext<'_>, options: &FlightParams) -> Vec<CatkinStart> {
     let (flight, keys) = (setting.flight, &setting.flight.keys);
-    let seed = setting.recipe.seed;
+    let seed = setting.recipe.general.seed;
     let all_over = |duration| {
         let sky_box = SkyRelease { seed, count: keys.count, inside: options.inside, band: keys.band, duration };
         sky_starts(&sky_box, &setting.solids)

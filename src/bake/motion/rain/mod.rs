@@ -151,7 +151,7 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
         });
     }
     let over = bounds(assets, stands);
-    let manner = params::manner(rain, recipe.seed);
+    let manner = params::manner(rain, recipe.general.seed);
     let clip = recipe.clip;
     let frames = clip.len() as u64;
     let rainfall = params::rainfall(rain, recipe);

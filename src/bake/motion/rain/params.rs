@@ -67,7 +67,7 @@ pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
     let keys = &rain.keys;
     let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
     RainfallParams {
-        seed: recipe.seed,
+        seed: recipe.general.seed,
         intensity: keys.rate / 3.6e6,
         size: match keys.size {
             RainSize::Natural => DropSizes::MarshallPalmer,
