@@ -22,8 +22,10 @@ use osier_ifs::weights::WeightRule;
 use osier_import::{Grey, Imported};
 use osier_scene::{AirGrid, Clip};
 pub use resolve::{Request, resolve};
-pub use syntax::{Choice, Digest, KeyInfo, KeyListing, KeyTable, RecipePart, Reference, Registry, TableInfo, ValueType, word_of};
 use syntax::recipe;
+pub use syntax::{
+    Choice, Digest, KeyInfo, KeyListing, KeyTable, RecipePart, Reference, Registry, TableInfo, ValueType, word_of,
+};
 
 /// Letter of the organ that cards of a tree's small branches are; it comes last.
 pub const CARD: char = '\u{e000}';
@@ -108,7 +110,7 @@ impl Recipe {
 
     /// Gravity that rods hang in, m/s^2: that of the scene's rain.
     pub fn gravity(&self) -> f64 {
-        self.rain.as_ref().map_or(EARTH, |rain| rain.keys.g)
+        self.rain.as_ref().map_or(EARTH, |rain| rain.keys.gravity)
     }
 }
 

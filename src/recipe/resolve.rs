@@ -92,8 +92,15 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         return Err(Error::Input(Box::new(report)));
     }
     let whole = Span::new(source, 0, 0);
-    let mut resolver =
-        Resolver { request, registry, report, whole, inputs: Vec::new(), frames: 1, raining: root.get("rain").is_some() };
+    let mut resolver = Resolver {
+        request,
+        registry,
+        report,
+        whole,
+        inputs: Vec::new(),
+        frames: 1,
+        raining: root.get("rain").is_some(),
+    };
     let recipe = resolver.recipe(&root);
     name_knobs(&recipe, &mut resolver.report);
     resolver.report.into_result(recipe)
@@ -139,6 +146,16 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     }
 }
 
+/// A table that the artist names.
+pub(super) struct NamedTable<'a> {
+    /// As the artist wrote it.
+    pub(in crate::recipe) name: &'a str,
+    /// Path in the scene, for messages.
+    pub(in crate::recipe) path: &'a str,
+    /// Its name in files, unique in the scene.
+    pub(in crate::recipe) id: String,
+}
+
 pub(super) struct Resolver<'a> {
     pub(in crate::recipe) request: &'a Request,
     pub(in crate::recipe) registry: Registry,
@@ -173,9 +190,9 @@ impl Resolver<'_> {
         let lattice = self.lattice(root, &mut wind);
         let sway = self.sway(root, clip);
         let sway = self.unrepeated(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
-        self.fit(root, (&wind, &sway), &clip);
-        let own = flight.as_ref().map(|f| f.keys.size);
-        let told = self.told_air(root, (&wind, &lattice, own), clip);
+        self.report_fitted_lengths(root, &wind, &sway, &clip);
+        let flight_size = flight.as_ref().map(|f| f.keys.size);
+        let wind_output = self.wind_output(root, &wind, &lattice, flight_size, clip);
         let mut recipe = Recipe {
             name: safe_name(&self.request.name),
             general,
@@ -203,7 +220,7 @@ impl Resolver<'_> {
             lattice,
             added,
             sway,
-            output: self.output(root, clip, told),
+            output: self.output(root, clip, wind_output),
             hash: String::new(),
         };
         recipe.moves = clip.len() > 1 && recipe.blows();

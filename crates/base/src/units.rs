@@ -2,6 +2,18 @@
 
 use crate::math;
 
+/// One milligram, kg.
+pub const MILLIGRAM: f64 = 1e-6;
+
+/// One cubic millimetre, m^3.
+pub const CUBIC_MILLIMETRE: f64 = 1e-9;
+
+/// One gigapascal, Pa.
+pub const GIGAPASCAL: f64 = 1e9;
+
+/// One metre a second in millimetres an hour, the unit of rain rates.
+pub const MILLIMETRES_PER_HOUR: f64 = 3.6e6;
+
 /// Degrees to radians.
 #[inline]
 pub fn radians(degrees: f64) -> f64 {

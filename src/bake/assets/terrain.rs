@@ -18,7 +18,7 @@ const EYE: f32 = 1.6;
 /// `Range` for a value outside its range.
 pub fn shape(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
     Terrain::generate(&TerrainParams {
-        n: keys.n,
+        n: keys.subdivisions,
         size: keys.size,
         amplitude: keys.amplitude,
         exponent: keys.exponent,

@@ -140,12 +140,12 @@ impl<'a> RodAssembly<'a> {
                     RodHold::Pinned => ClampKind::Pinned,
                     RodHold::Guided => ClampKind::Guided(DVec3::from_array(clamp.line)),
                 };
-                if !clamp.keys.is_empty() {
-                    acts.push(Actuation::Shift(holds.len(), keys(&clamp.keys)));
+                if !clamp.keyframes.is_empty() {
+                    acts.push(Actuation::Shift(holds.len(), keys(&clamp.keyframes)));
                 }
-                if !clamp.turns.is_empty() {
+                if !clamp.turn_keyframes.is_empty() {
                     let axis = DVec3::from_array(clamp.axis).normalize_or(DVec3::Y);
-                    let turns = clamp.turns.iter().map(|k| (k[0], [k[1] * PI / 180.0])).collect();
+                    let turns = clamp.turn_keyframes.iter().map(|k| (k[0], [k[1]])).collect();
                     acts.push(Actuation::Turn(holds.len(), axis, Keyframes(turns)));
                 }
                 holds.push((k, clamp.at * lines[k].length(), hold));
@@ -169,16 +169,16 @@ impl<'a> RodAssembly<'a> {
                 let section = self.rods.nearest_section(k, load.at * self.lines[k].length());
                 match load.kind {
                     RodLoadKind::Force => {
-                        let wide = load.keys.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
+                        let wide = load.keyframes.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
                         self.acts.push(Actuation::Wrench(section, Keyframes(wide)));
                     }
-                    RodLoadKind::Wrench => self.acts.push(Actuation::Wrench(section, keys(&load.keys))),
-                    RodLoadKind::Blow => self.acts.push(Actuation::Blow(section, keys(&load.keys))),
+                    RodLoadKind::Wrench => self.acts.push(Actuation::Wrench(section, keys(&load.keyframes))),
+                    RodLoadKind::Blow => self.acts.push(Actuation::Blow(section, keys(&load.keyframes))),
                     RodLoadKind::Mass => {
-                        let most = load.keys.iter().fold(0.0, |m: f64, k| m.max(k[1]));
+                        let most = load.keyframes.iter().fold(0.0, |m: f64, k| m.max(k[1]));
                         let radius = math::cbrt(3.0 * most / (4.0 * PI * WATER)).max(1e-4);
-                        self.acts.push(Actuation::Mass(bodies.len(), keys(&load.keys)));
-                        let mass = load.keys.first().map_or(0.0, |k| k[1]);
+                        self.acts.push(Actuation::Mass(bodies.len(), keys(&load.keyframes)));
+                        let mass = load.keyframes.first().map_or(0.0, |k| k[1]);
                         let (at, inertia) = (DVec3::ZERO, DMat3::ZERO);
                         bodies.push(AttachedBody { section, at, mass, inertia, own: false, reach: radius });
                         self.weights.push(WeightBall { shown: load.show, radius, color: load.color });
@@ -211,8 +211,9 @@ impl<'a> RodAssembly<'a> {
         for (k, rod) in self.members.iter().enumerate() {
             let lost = self.rods.torsion_softening(k);
             // Of interest only where somebody twists it.
-            let turns = |l: &RodLoadKeys| l.kind == RodLoadKind::Wrench && l.keys.iter().any(|k| k[4..] != [0.0; 3]);
-            let twisted = rod.keys.torsion.is_some() || rod.loads.iter().any(turns);
+            let turns =
+                |l: &RodLoadKeys| l.kind == RodLoadKind::Wrench && l.keyframes.iter().any(|k| k[4..] != [0.0; 3]);
+            let twisted = rod.keys.torsional_stiffness.is_some() || rod.loads.iter().any(turns);
             if twisted && lost > 1.05 {
                 let text = format!("rod \"{}\" is {lost:.1} times softer against twisting than its material", rod.id);
                 let radii = "sections stand more than 3.4 radii apart";
@@ -325,13 +326,13 @@ fn keys<const N: usize>(rows: &[Vec<f64>]) -> Keyframes<N> {
 fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> RodDescription {
     let [r, tip] = keys.radius;
     let unit = PI * r * r * r * r;
-    let young = keys.bending.map_or(keys.young * 1e9, |ei| 4.0 * ei / unit);
-    let shear = keys.torsion.map_or(keys.shear, |gj| 2.0 * gj / unit / young);
+    let young = keys.bending_stiffness.map_or(keys.elasticity, |ei| 4.0 * ei / unit);
+    let shear = keys.torsional_stiffness.map_or(keys.shear_ratio, |gj| 2.0 * gj / unit / young);
     let material = RodMaterial {
-        young: young / keys.gain,
+        young: young / keys.compliance,
         shear,
         density: keys.density,
-        damping_ratio: keys.zeta,
+        damping_ratio: keys.damping_ratio,
         recovery: keys.recovery,
         spread_for_torsion: false,
     };

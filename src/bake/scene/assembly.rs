@@ -480,7 +480,7 @@ fn add_attractors(recipe: &Recipe, builder: &mut SceneBuilder, context: &BakeCon
 /// The box of air that catkins fly in: a lattice's own, or one around the origin.
 fn flight_bounds(recipe: &Recipe, size: [f64; 3]) -> Bounds {
     let lattice = recipe.wind.model == WindModel::Lattice;
-    let [w, h, d] = if lattice { recipe.lattice.cells.map(|n| n * recipe.lattice.dx) } else { size }.map(narrow);
+    let [w, h, d] = if lattice { recipe.lattice.cells.map(|n| n * recipe.lattice.cell_size) } else { size }.map(narrow);
     let at = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
     Bounds { min: at - Vec3::new(w / 2.0, 0.0, d / 2.0), max: at + Vec3::new(w / 2.0, h, d / 2.0) }
 }

@@ -20,7 +20,7 @@ pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
     if draft.lattice.solver == WindSolver::Lbm {
         draft.lattice.solver = WindSolver::Analytic;
     }
-    draft.flight.iter_mut().for_each(|flight| flight.keys.preroll = 0.0);
+    draft.flight.iter_mut().for_each(|flight| flight.keys.spin_up = 0.0);
     draft.ground.side = draft.ground.side.min(SIDE);
     for plant in &mut draft.plants {
         plant.bark.side = plant.bark.side.min(SIDE);

@@ -57,7 +57,8 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
         for (copy, spot) in spots.iter().enumerate() {
             let kind = copy % kinds.max(1) as usize;
             // Copies that share a motion lean one way: they face the wind alike.
-            let transform = stand(recipe.general.seed, index, (copy, if recipe.moves { kind } else { copy }), place, *spot);
+            let transform =
+                stand(recipe.general.seed, index, (copy, if recipe.moves { kind } else { copy }), place, *spot);
             let individual = first + kind;
             layout.standings.push(PlantInstance { individual, transform, slope: None });
         }

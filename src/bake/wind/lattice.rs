@@ -10,9 +10,7 @@ use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::cache::wind_spin_up;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
-use crate::recipe::scene::{
-    LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, WindModel, WindSolver,
-};
+use crate::recipe::scene::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, WindModel, WindSolver};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report, codes};
 use osier_base::geometry::Bounds;
@@ -54,7 +52,8 @@ pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> 
         return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
-    let reach = 2.0 * (x.max(z) * recipe.lattice.dx + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
+    let reach =
+        2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
     obstacles.within(narrow(reach)).list().to_vec()
 }
 
@@ -68,27 +67,27 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
     let cells = keys.cells.map(|n| n as u32);
     LatticeOptions {
         cells,
-        spacing: keys.dx,
+        spacing: keys.cell_size,
         base_center: DVec3::from_array(keys.at),
         inlet: InletOptions {
             direction,
             speed: wind.speed,
             speed_curve: keys.speed_curve.clone(),
-            direction_curve: direction_changes(keys),
+            direction_curve: keys.direction_changes(),
             profile: match keys.profile {
                 LatticeProfile::Log => WindProfile::Log(keys.roughness),
                 LatticeProfile::Power => WindProfile::Power(keys.exponent),
                 LatticeProfile::Uniform => WindProfile::Uniform,
                 LatticeProfile::Table => WindProfile::Table(keys.profile_table.clone()),
             },
-            reference_height: keys.reference,
+            reference_height: keys.reference_height,
             gust_strength: keys.gust,
             gust_period: keys.gust_period,
             turbulence: keys.turbulence,
             turbulence_modes: keys.modes,
             seed: recipe.general.seed,
         },
-        viscosity: keys.nu,
+        viscosity: keys.viscosity,
         fps: recipe.clip.fps(),
         steps_per_frame: keys.steps,
         smagorinsky: keys.smagorinsky,
@@ -104,14 +103,8 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
         },
         outlet_nonequilibrium: keys.outlet == LatticeOutlet::Nonequilibrium,
         sponge_cells: keys.sponge,
-        spin_up: keys.preroll,
+        spin_up: keys.spin_up,
     }
-}
-
-/// Times, s, and by how much the wind has turned there since the first, rad.
-fn direction_changes(keys: &LatticeKeys) -> Vec<[f64; 2]> {
-    let first = keys.direction_curve.first().map_or(0.0, |row| row[1]);
-    keys.direction_curve.iter().map(|row| [row[0], (row[1] - first).to_radians()]).collect()
 }
 
 /// The analytic wind of a recipe: what comes in, everywhere.

@@ -195,14 +195,14 @@ fn analytic_wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Win
 /// What a plant is made of.
 pub fn wood(keys: &WoodKeys) -> WoodParams {
     WoodParams {
-        elasticity: keys.elasticity.map(|e| e * 1e9).or(keys.timber.map(|t| t.elasticity())),
+        elasticity: keys.elasticity.or(keys.timber.map(|t| t.elasticity())),
         density: keys.density,
         leaf_mass: keys.leaf_mass,
         drag: keys.drag,
         leaf_drag: keys.leaf_drag,
         stiffness: keys.stiffness,
-        trunk_hertz: keys.trunk,
-        hertz: keys.hertz,
+        trunk_hertz: keys.trunk_frequency,
+        hertz: keys.frequency_scale,
         damping: keys.damping,
         ..WoodParams::default()
     }

@@ -1,7 +1,8 @@
 //! `[clouds.NAME]`: attractors of coefficient tables, as points.
 
 use super::IfsTreeKeys;
-use crate::recipe::resolve::Resolver;
+use super::morph::MorphTable;
+use crate::recipe::resolve::{NamedTable, Resolver};
 use crate::recipe::syntax::{
     ColorList, FileReference, OneOf, OptionalKey, Reference, StringType, TomlTable, TomlValue, degrees, integer,
     millimetres, number, point, wrong,
@@ -129,21 +130,23 @@ impl Resolver<'_> {
         if keys.ifs.is_none() && self.report.diagnostics.len() > told {
             return None;
         }
+        let named = NamedTable { name, path: &path, id };
         if let Some(entry) = table.get("morph")
             && let Some(morph) = self.table(table, &path, "morph")
         {
-            return self.morph((name, &path, id), (table, morph, entry.key_span), keys);
+            return self.morph(named, table, MorphTable { table: morph, span: entry.key_span }, keys);
         }
-        self.attractor((name, &path, id), span, keys)
+        self.attractor(named, span, keys)
     }
 
-    /// Reads and studies the table that keys name. `name`, `path`, `id`: of the cloud or layer.
+    /// Reads and studies the table that keys name. `of`: the cloud or layer.
     pub(in crate::recipe) fn attractor(
         &mut self,
-        (name, path, id): (&str, &str, String),
+        of: NamedTable<'_>,
         span: Span,
         keys: AttractorKeys,
     ) -> Option<AttractorRecipe> {
+        let NamedTable { name, path, id } = of;
         self.limit("points", u64::from(keys.points), Some(span));
         self.memory(&format!("{path}.points"), u64::from(keys.points), POINT, Some(span));
         let Some(reference) = &keys.ifs else {

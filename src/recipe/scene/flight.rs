@@ -2,11 +2,11 @@
 
 use super::{SolidKeys, SolidShape, UpAxis};
 use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::word_of;
 use crate::recipe::syntax::{
     BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, TomlNode, TomlTable,
-    TomlValue, integer, number, wrong,
+    TomlValue, integer, milligrams, number, wrong,
 };
-use crate::recipe::syntax::word_of;
 use crate::recipe::syntax::{choices, keys};
 use crate::recipe::{FlightRecipe, PlantRecipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Span};
@@ -70,7 +70,7 @@ keys! {
         /// With "points": a text file with x, y, z in metres on each line.
         points: Option<Reference> = "points" FileReference(".csv, .txt");
         /// They have been flying for so long at the first frame.
-        preroll: f64 = "preroll" number(0.0, 0.0, 3600.0, "s");
+        spin_up: f64 = "preroll" number(0.0, 0.0, 3600.0, "s");
         /// Box of air around the origin: width, height, depth. A lattice wind brings its own.
         size: [f64; 3] = "size" NumberArray([35.0, 35.0, 35.0], number(35.0, 0.5, 1e4, "m"));
         /// What becomes of those that leave it.
@@ -80,7 +80,7 @@ keys! {
         /// Weights of the catkins' forms (v0 sleek to v4 fluffy and bent); without it all alike.
         forms: Vec<(String, f64)> = "forms" NamedNumbers;
         /// Mass of one.
-        mass: f64 = "mass_mg" number(1.0, 0.001, 1000.0, "mg");
+        mass: f64 = "mass_mg" milligrams(1.0, 0.001, 1000.0);
         /// Settling speed.
         fall: f64 = "fall_speed" number(0.24, 0.02, 3.0, "m/s");
         /// Its spread: standard deviation over the mean.
@@ -152,7 +152,7 @@ impl Resolver<'_> {
         self.limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
         self.memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
         for (name, pair) in [("band", keys.band), ("scale", keys.scale)] {
-            self.in_order(table, ("flight", name), pair);
+            self.in_order(table, "flight", name, pair);
         }
         let span = |key: &str| table.get(key).map_or(entry.key_span, |e| e.node.span);
         let canopy = self.canopy(&keys, span("canopy"), root, plants);
@@ -185,7 +185,7 @@ impl Resolver<'_> {
         if keys.canopy.is_empty() {
             return (0..plants.len()).map(|i| (i, 1.0)).collect();
         }
-        self.weights(("flight.canopy", span), &keys.canopy, root, plants).unwrap_or_default()
+        self.weights("flight.canopy", span, &keys.canopy, root, plants).unwrap_or_default()
     }
 
     /// Weights of the forms, by their order.
@@ -195,7 +195,7 @@ impl Resolver<'_> {
         }
         let mut weights = vec![0.0; FORMS.len()];
         for (name, weight) in &keys.forms {
-            self.weight(("flight.forms", name), *weight, span);
+            self.weight("flight.forms", name, *weight, span);
             match FORMS.iter().position(|f| f == name) {
                 Some(i) => weights[i] = *weight,
                 None => {

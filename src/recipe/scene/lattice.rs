@@ -67,11 +67,11 @@ keys! {
         /// Cells along x, y and z.
         cells: [f64; 3] = "cells" NumberArray([70.0; 3], number(70.0, 8.0, 4096.0, ""));
         /// Side of a cell.
-        dx: f64 = "dx" number(0.5, 0.02, 10.0, "m");
+        cell_size: f64 = "dx" number(0.5, 0.02, 10.0, "m");
         /// Middle of the bottom of the box, which is ground.
         at: [f64; 3] = "at" point([0.0; 3]);
         /// Kinematic viscosity; the lattice is seldom as thin as air.
-        nu: f64 = "nu" number(1.5e-5, 0.0, 0.01, "m^2/s");
+        viscosity: f64 = "nu" number(1.5e-5, 0.0, 0.01, "m^2/s");
         /// Steps a frame.
         steps: Option<u32> = "steps" OptionalKey(integer(2, 1, 10_000), "as many as the wind needs");
         /// Smagorinsky's constant of eddy viscosity; 0 needs tau_floor = 0.505.
@@ -101,7 +101,7 @@ keys! {
         /// beyond 360 for whole turns: a wind that turns. It does not repeat.
         direction_curve: Vec<[f64; 2]> = "direction_curve" RisingPairs(number(0.0, -1e4, 1e4, ""));
         /// Height at which the wind has its speed.
-        reference: Option<f64> = "reference_height" OptionalKey(number(10.0, 0.1, 1e4, "m"), "10 m, or the height of the box");
+        reference_height: Option<f64> = "reference_height" OptionalKey(number(10.0, 0.1, 1e4, "m"), "10 m, or the height of the box");
         /// Strength of gusts over the mean.
         gust: f64 = "gust" number(0.2, 0.0, 0.5, "");
         /// Time after which a gust is forgotten.
@@ -111,7 +111,7 @@ keys! {
         /// Waves that turbulence is made of.
         modes: u32 = "modes" integer(24, 0, 128);
         /// Time before the first frame, in which the wind sets in.
-        preroll: Option<f64> = "preroll" OptionalKey(number(20.0, 0.0, 3600.0, "s"), "one flow through the box");
+        spin_up: Option<f64> = "preroll" OptionalKey(number(20.0, 0.0, 3600.0, "s"), "one flow through the box");
         /// A bake keeps the air that has set in, in `wind/` of its folder and 60 bytes a cell, and a bake that finds it there goes on from
         /// it: for large boxes.
         keep: bool = "keep" BooleanType(false);

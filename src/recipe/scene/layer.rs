@@ -2,7 +2,7 @@
 
 use super::{AttractorKeys, ColorBy, WeightsFrom};
 use crate::recipe::LayerRecipe;
-use crate::recipe::resolve::Resolver;
+use crate::recipe::resolve::{NamedTable, Resolver};
 use crate::recipe::syntax::KeyTable;
 use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{
@@ -84,7 +84,8 @@ impl Resolver<'_> {
             colors: keys.color.map_or_else(|| keys.colors.clone(), |c| vec![c]),
             ..AttractorKeys::defaults()
         };
-        let cloud = self.attractor((&path, &path, format!("layer_{i}")), node.span, cloud)?;
+        let cloud =
+            self.attractor(NamedTable { name: &path, path: &path, id: format!("layer_{i}") }, node.span, cloud)?;
         if cloud.system.dim != 2 {
             let text = format!("\"{}\" is a 3D table; a layer needs a 2D one", cloud.system.name);
             let d = Diagnostic::error("S005", text, node.span, "this layer");

@@ -16,7 +16,7 @@ keys! {
         /// Height that 1 in a height map stands for; what is higher is cut off.
         height_range: f64 = "height_range_m" number(0.004, 1e-4, 0.1, "m");
         /// Largest number of leaves with maps: those nearest to the camera. The others show drops only.
-        hero_max: u32 = "max_mapped_leaves" integer(32, 0, 512);
+        max_mapped_leaves: u32 = "max_mapped_leaves" integer(32, 0, 512);
         /// Whether all leaves' maps are also laid together on sheets of 4096 texels a side.
         atlas: bool = "atlas" BooleanType(false);
         /// Whether the height of water alone has maps too.
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn maps_have_defaults_and_count_in_the_hash_where_asked_for() {
         let (plain, said) = (read("").expect("plain"), read("[maps]\nwater = true\n").expect("said"));
-        assert_eq!((plain.maps.resolution, plain.maps.hero_max, plain.maps.water), (512, 32, false));
+        assert_eq!((plain.maps.resolution, plain.maps.max_mapped_leaves, plain.maps.water), (512, 32, false));
         assert!(said.maps.water && said.hash != plain.hash);
         assert_eq!(plain.hash, read("[maps]\nresolution = 512\n").expect("default").hash);
     }

@@ -2,10 +2,10 @@
 
 use super::AttractorKeys;
 use crate::recipe::AttractorRecipe;
-use crate::recipe::resolve::Resolver;
+use crate::recipe::resolve::{NamedTable, Resolver};
 use crate::recipe::syntax::{
-    ColorList, FileReference, OneOf, Reference, StringType, TomlNode, TomlTable, TomlValue, TurnList, join,
-    number, wrong,
+    ColorList, FileReference, OneOf, Reference, StringType, TomlNode, TomlTable, TomlValue, TurnList, join, number,
+    wrong,
 };
 use crate::recipe::syntax::{choices, keys, recipe};
 use osier_base::diagnostic::{Diagnostic, Span};
@@ -63,8 +63,9 @@ keys! {
     }
 }
 
-/// Places between two tables where a system is judged.
-const LOOKS: u32 = 8;
+/// Intervals between two tables at whose ends contraction is checked. More would find shorter stretches without attractor; each
+/// costs one analysis of the system.
+const CONTRACTION_CHECKS: u32 = 8;
 
 recipe! {
     /// How an attractor changes.
@@ -80,6 +81,13 @@ recipe! {
     }
 }
 
+/// The table `morph` of a cloud.
+pub(super) struct MorphTable<'a> {
+    pub(super) table: &'a TomlTable,
+    /// Of its name.
+    pub(super) span: Span,
+}
+
 /// A table that has been read, with where the scene names it.
 struct Row {
     key: MorphKeyframe,
@@ -92,20 +100,23 @@ struct Row {
 }
 
 impl Resolver<'_> {
-    /// A cloud that changes. `name`, `path`, `id`, `cloud`: of the cloud; `table`, `span`: of its morph.
-    pub(in crate::recipe) fn morph(
+    /// A cloud that changes. `of`, `cloud`, `keys`: of the cloud; `morph`: its table `morph`.
+    pub(super) fn morph(
         &mut self,
-        (name, path, id): (&str, &str, String),
-        (cloud, table, span): (&TomlTable, &TomlTable, Span),
+        of: NamedTable<'_>,
+        cloud: &TomlTable,
+        table: MorphTable<'_>,
         keys: AttractorKeys,
     ) -> Option<AttractorRecipe> {
+        let NamedTable { name, path, id } = of;
+        let MorphTable { table, span } = table;
         let path = join(path, "morph");
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
         self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
         let told = self.report.diagnostics.len();
         let morph = self.read_keys::<MorphKeys>(table, &path);
         self.idle(cloud, &path);
-        let rows = self.rows((name, &path), (table, span), &keys)?;
+        let rows = self.rows(name, &path, MorphTable { table, span }, &keys)?;
         self.times(&rows);
         if self.report.diagnostics.iter().skip(told).any(|d| d.severity == osier_base::diagnostic::Severity::Error) {
             return None;
@@ -140,12 +151,8 @@ impl Resolver<'_> {
         }
     }
 
-    fn rows(
-        &mut self,
-        (name, path): (&str, &str),
-        (table, span): (&TomlTable, Span),
-        keys: &AttractorKeys,
-    ) -> Option<Vec<Row>> {
+    fn rows(&mut self, name: &str, path: &str, morph: MorphTable<'_>, keys: &AttractorKeys) -> Option<Vec<Row>> {
+        let MorphTable { table, span } = morph;
         let path = join(path, "key");
         let list = match table.get("key").map(|e| &e.node) {
             Some(TomlNode { value: TomlValue::List(list), .. }) => list.as_slice(),
@@ -164,7 +171,7 @@ impl Resolver<'_> {
         let mut rows: Vec<Row> = Vec::new();
         let mut whole = true;
         for (i, node) in list.iter().enumerate() {
-            match self.row((name, &format!("{path}.{i}")), node, keys, &rows) {
+            match self.row(name, &format!("{path}.{i}"), node, keys, &rows) {
                 Some(row) => rows.push(row),
                 None => whole = false,
             }
@@ -172,7 +179,7 @@ impl Resolver<'_> {
         whole.then_some(rows)
     }
 
-    fn row(&mut self, (name, path): (&str, &str), node: &TomlNode, keys: &AttractorKeys, known: &[Row]) -> Option<Row> {
+    fn row(&mut self, name: &str, path: &str, node: &TomlNode, keys: &AttractorKeys, known: &[Row]) -> Option<Row> {
         let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(path, node, "a table"));
             return None;
@@ -187,7 +194,7 @@ impl Resolver<'_> {
             Some(row) => row.cloud.clone(),
             None => {
                 let keys = AttractorKeys { ifs: key.ifs.clone(), system: key.system.clone(), ..keys.clone() };
-                self.attractor((name, path, String::new()), node.span, keys)?
+                self.attractor(NamedTable { name, path, id: String::new() }, node.span, keys)?
             }
         };
         Some(Row { key, cloud, span: node.span, at, ifs, turns })
@@ -241,8 +248,8 @@ impl Resolver<'_> {
         let stretches = |r: &Row| r.cloud.system.maps.iter().any(|m| m.affine.norm() >= 1.0);
         for pair in rows.windows(2).filter(|p| p.iter().any(stretches)) {
             let [a, b] = [pair[0].key.at, pair[1].key.at];
-            for i in 1..LOOKS {
-                let at = a + (b - a) * f64::from(i) / f64::from(LOOKS);
+            for i in 1..CONTRACTION_CHECKS {
+                let at = a + (b - a) * f64::from(i) / f64::from(CONTRACTION_CHECKS);
                 let shares = morph.study(at).probabilities;
                 let mut system = morph.system(at);
                 for (map, p) in system.maps.iter_mut().zip(shares) {

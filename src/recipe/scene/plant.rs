@@ -174,7 +174,7 @@ impl Resolver<'_> {
             (None, Some(reference)) => {
                 let mut tree: IfsTreeKeys = self.section_at(table, &path, "tree");
                 let (stems, source, sets) = self.stems(reference, &tree)?;
-                tree.twigs &= self.copies((table, &path), (&stems, &tree), rods.is_some());
+                tree.twigs &= self.can_instance_twigs(table, &path, &stems, &tree, rods.is_some());
                 organs.retain(|o| sets.iter().all(|s| s.letter != o.letter));
                 organs.extend(sets);
                 (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
@@ -221,11 +221,13 @@ impl Resolver<'_> {
         })
     }
 
-    /// Whether the ends of a table's tree may be copies; S007 where they are asked for in vain.
-    fn copies(
+    /// Whether the ends of a table's tree can be instances of a few twigs; S007 where they are requested but cannot.
+    fn can_instance_twigs(
         &mut self,
-        (plant, path): (&TomlTable, &str),
-        (stems, tree): (&TreeSystem, &IfsTreeKeys),
+        plant: &TomlTable,
+        path: &str,
+        stems: &TreeSystem,
+        tree: &IfsTreeKeys,
         rods: bool,
     ) -> bool {
         let sheared = sheared(stems);

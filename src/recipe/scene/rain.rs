@@ -2,8 +2,8 @@
 
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
-    BooleanType, NumberArray, OneOf, OptionalKey, TimedRows, TomlTable, TomlValue, degrees, integer, millimetres,
-    number, wrong,
+    BooleanType, NumberArray, OneOf, OptionalKey, TomlTable, TomlValue, cubic_millimetres, degrees, integer,
+    millimetres, number, rain_rate, timed_rows, wrong,
 };
 use crate::recipe::syntax::{choices, keys, recipe};
 use osier_base::diagnostic::Diagnostic;
@@ -82,7 +82,7 @@ keys! {
         /// Whether rain falls; without it only drops of `[[rain.lying]]` are there.
         falls: bool = "falls" BooleanType(true);
         /// How much.
-        rate: f64 = "rate_mm_per_h" number(10.0, 0.1, 200.0, "mm/h");
+        rate: f64 = "rate_mm_per_h" rain_rate(10.0, 0.1, 200.0);
         /// Distribution of drop sizes.
         size: RainSize = "size_distribution" OneOf(RainSize::Natural);
         /// Diameter of drops that are not natural.
@@ -98,7 +98,7 @@ keys! {
         /// With "bell": its width.
         width: Option<f64> = "width_s" OptionalKey(number(2.5, 0.01, 1e5, "s"), "a quarter of the clip");
         /// With envelope "keys": [s, factor], times rising.
-        keys: Vec<Vec<f64>> = "envelope_keyframes" TimedRows;
+        envelope_keyframes: Vec<Vec<f64>> = "envelope_keyframes" timed_rows();
         /// How much its strength changes by chance.
         jitter: f64 = "jitter" number(0.2, 0.0, 1.0, "");
         /// Time for which it has rained before the first frame.
@@ -106,18 +106,18 @@ keys! {
         /// Steps a frame.
         substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the plants' rods need");
         /// Acceleration of gravity, of drops and of all rods of the scene.
-        g: f64 = "gravity" number(9.81, 0.01, 30.0, "m/s^2");
+        gravity: f64 = "gravity" number(9.81, 0.01, 30.0, "m/s^2");
     }
     /// What drops do when they strike.
     ImpactKeys at "rain.impact" {
         /// What a blow does.
         model: ImpactModel = "model" OneOf(ImpactModel::Momentum);
         /// With "paper_energy": share of energy that is lost.
-        eps: f64 = "energy_loss" number(0.1, 0.0, 1.0, "");
+        energy_loss: f64 = "energy_loss" number(0.1, 0.0, 1.0, "");
         /// With "momentum": share of the speed of approach that is given back.
         restitution: f64 = "restitution" number(0.0, 0.0, 0.9, "");
         /// Factor on impulses of impacts, for exaggerated motion.
-        gain: f64 = "impulse_factor" number(1.0, 1.0, 10.0, "");
+        impulse_factor: f64 = "impulse_factor" number(1.0, 1.0, 10.0, "");
         /// Share of a hard-striking drop that leaves as droplets.
         splash: f64 = "splash" number(0.0, 0.0, 0.8, "");
         /// Share of its speed along the leaf that a drop keeps.
@@ -126,7 +126,7 @@ keys! {
     /// Drops on leaves.
     DropKeys at "rain.drop" {
         /// Contact angle: 40 where leaves are wettable, 110 where they are waxy, 150 on lotus.
-        theta: f64 = "contact_angle_deg" degrees(60.0, 1.0, 175.0);
+        contact_angle: f64 = "contact_angle_deg" degrees(60.0, 1.0, 175.0);
         /// Angle at which the rim behind gives way.
         receding: f64 = "receding_deg" degrees(52.0, 0.0, 180.0);
         /// Angle at which the rim in front moves on.
@@ -140,27 +140,27 @@ keys! {
         /// What holds a drop back.
         friction: DropFriction = "friction" OneOf(DropFriction::Retention);
         /// Coefficient of sliding friction of a drop on the leaf.
-        mu: f64 = "friction_coefficient" number(0.0, 0.0, 2.0, "");
+        friction_coefficient: f64 = "friction_coefficient" number(0.0, 0.0, 2.0, "");
         /// With friction "paper": the constant H of its resisting force.
-        h: f64 = "paper_friction_n" number(2e-5, 0.0, 1e-2, "N");
+        paper_friction: f64 = "paper_friction_n" number(2e-5, 0.0, 1e-2, "N");
         /// Factor on the retention force of contact-angle hysteresis.
-        k_f: f64 = "retention_factor" number(1.0, 0.0, 2.0, "");
+        retention_factor: f64 = "retention_factor" number(1.0, 0.0, 2.0, "");
         /// Time constant with which viscosity slows running water.
-        tau_v: f64 = "velocity_decay_s" number(0.05, 0.005, 1.0, "s");
+        velocity_decay: f64 = "velocity_decay_s" number(0.05, 0.005, 1.0, "s");
         /// How unevenly a leaf holds drops.
         pin_noise: f64 = "pin_noise" number(0.3, 0.0, 0.9, "");
         /// When drops become one.
         merge: DropMerge = "merge" OneOf(DropMerge::Touch);
         /// With merge "paper": strength of the attraction between drops.
-        k_h: f64 = "paper_attraction_n" number(1e-4, 1e-7, 1.0, "N");
+        paper_attraction: f64 = "paper_attraction_n" number(1e-4, 1e-7, 1.0, "N");
         /// With what arm weight turns a leaf.
         lever: DropLever = "lever" OneOf(DropLever::Physical);
         /// With lever "paper": largest lever arm, as a share.
-        phi_c: f64 = "paper_lever_max" number(0.8, 0.0, 1.0, "");
+        paper_lever_max: f64 = "paper_lever_max" number(0.8, 0.0, 1.0, "");
         /// Ratio of the radii of successive drops of a tail.
-        tail_beta: f64 = "tail_ratio" number(0.8, 0.3, 0.95, "");
+        tail_ratio: f64 = "tail_ratio" number(0.8, 0.3, 0.95, "");
         /// Largest number of drops of a tail.
-        tail_n: u32 = "tail_drops" integer(8, 1, 16);
+        tail_drops: u32 = "tail_drops" integer(8, 1, 16);
         /// How much of a tail there is: roughness of the leaf.
         rough: f64 = "rough" number(1.0, 0.0, 1.0, "");
         /// Chance that a drop of a tail stays behind.
@@ -171,9 +171,9 @@ keys! {
     /// How leaves become wet and dry again.
     WettingKeys at "rain.wet" {
         /// Share of its wetness that a leaf keeps after `decay_time_s`; 0.5 makes that time a half-life.
-        zeta: f64 = "decay_fraction" number(0.5, 0.01, 0.99, "");
+        decay_fraction: f64 = "decay_fraction" number(0.5, 0.01, 0.99, "");
         /// Time in which wetness falls to `decay_fraction` of itself.
-        half_life: f64 = "decay_time_s" number(20.0, 0.05, 1e5, "s");
+        decay_time: f64 = "decay_time_s" number(20.0, 0.05, 1e5, "s");
         /// Length on which wetness falls from a drop's middle.
         length: f64 = "length_mm" millimetres(3.0, 0.1, 100.0);
     }
@@ -184,7 +184,7 @@ keys! {
         /// Where: u across the leaf, v from its base to its tip.
         at: [f64; 2] = "at" NumberArray([0.5, 0.5], number(0.5, 0.0, 1.0, ""));
         /// How much water.
-        volume: f64 = "volume_mm3" number(10.0, 0.01, 1000.0, "mm^3");
+        volume: f64 = "volume_mm3" cubic_millimetres(10.0, 0.01, 1000.0);
         /// Speed along the leaf, towards its tip and to its right.
         speed: [f64; 2] = "speed" NumberArray([0.0; 2], number(0.0, -5.0, 5.0, "m/s"));
     }
@@ -226,7 +226,8 @@ impl Resolver<'_> {
         as_printed(&mut rain, table);
         self.angles(&rain.drop, table);
         if rain.keys.envelope == RainEnvelope::Keys
-            && (rain.keys.keys.is_empty() || rain.keys.keys.windows(2).any(|k| k[1][0] <= k[0][0]))
+            && (rain.keys.envelope_keyframes.is_empty()
+                || rain.keys.envelope_keyframes.windows(2).any(|k| k[1][0] <= k[0][0]))
         {
             let span = table.get("envelope_keyframes").map_or(entry.key_span, |e| e.node.span);
             let d = Diagnostic::error(
@@ -259,7 +260,7 @@ impl Resolver<'_> {
 
     /// The angle at rest lies between those at which rims move.
     fn angles(&mut self, drop: &DropKeys, table: &TomlTable) {
-        if drop.receding <= drop.theta && drop.theta <= drop.advancing {
+        if drop.receding <= drop.contact_angle && drop.contact_angle <= drop.advancing {
             return;
         }
         let span =
@@ -268,7 +269,7 @@ impl Resolver<'_> {
         let text = format!(
             "contact angles must rise from receding over theta to advancing, but are {:.0}, {:.0}, {:.0} degrees",
             deg(drop.receding),
-            deg(drop.theta),
+            deg(drop.contact_angle),
             deg(drop.advancing)
         );
         let d = Diagnostic::error("S004", text, span, "out of order");
@@ -291,13 +292,13 @@ fn as_printed(rain: &mut RainRecipe, table: &TomlTable) {
         };
     }
     unless! {
-        "" "gravity": rain.keys.g => 9.8;
+        "" "gravity": rain.keys.gravity => 9.8;
         "" "envelope": rain.keys.envelope => RainEnvelope::Bell;
         "impact" "model": rain.impact.model => ImpactModel::PaperEnergy;
         "drop" "shape": rain.drop.shape => DropShape::Paper;
         "drop" "omega": rain.drop.omega => Some(0.5);
         "drop" "friction": rain.drop.friction => DropFriction::Paper;
-        "drop" "friction_coefficient": rain.drop.mu => 0.3;
+        "drop" "friction_coefficient": rain.drop.friction_coefficient => 0.3;
         "drop" "merge": rain.drop.merge => DropMerge::Paper;
         "drop" "lever": rain.drop.lever => DropLever::Paper;
     }

@@ -2,11 +2,11 @@
 
 use crate::recipe::RodRecipe;
 use crate::recipe::resolve::Resolver;
-use crate::recipe::syntax::{
-    BooleanType, ColorType, NumberArray, OneOf, OptionalKey, PointList, StringType, TimedRows, TomlNode, TomlTable,
-    TomlValue, integer, millimetres, number, wrong,
-};
 use crate::recipe::syntax::word_of;
+use crate::recipe::syntax::{
+    BooleanType, ColorType, NumberArray, OneOf, OptionalKey, PointList, StringType, TomlNode, TomlTable, TomlValue,
+    gigapascals, integer, millimetres, number, timed_degrees, timed_rows, wrong,
+};
 use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_base::files::Names;
@@ -69,21 +69,21 @@ keys! {
         /// Where on that, 0 at its base to 1 at its tip.
         on_at: f64 = "on_at" number(1.0, 0.0, 1.0, "");
         /// Young's modulus.
-        young: f64 = "elasticity_gpa" number(5.0, 1e-5, 1000.0, "GPa");
+        elasticity: f64 = "elasticity_gpa" gigapascals(5.0, 1e-5, 1000.0);
         /// Stiffness against bending at its base, instead of the modulus.
-        bending: Option<f64> = "bending_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from elasticity_gpa and radius");
+        bending_stiffness: Option<f64> = "bending_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from elasticity_gpa and radius");
         /// Shear modulus over Young's.
-        shear: f64 = "shear_ratio" number(1.0 / 15.0, 0.02, 0.5, "");
+        shear_ratio: f64 = "shear_ratio" number(1.0 / 15.0, 0.02, 0.5, "");
         /// Stiffness against twisting at its base, instead of the shear modulus.
-        torsion: Option<f64> = "torsional_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from shear_ratio");
+        torsional_stiffness: Option<f64> = "torsional_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from shear_ratio");
         /// Density.
         density: f64 = "density" number(900.0, 1.0, 20_000.0, "kg/m^3");
         /// Damping ratio of the slowest mode: 1 is critical.
-        zeta: f64 = "damping_ratio" number(0.2, 0.0, 1.0, "");
+        damping_ratio: f64 = "damping_ratio" number(0.2, 0.0, 1.0, "");
         /// Strength of the springs back to where it was drawn.
         recovery: f64 = "recovery" number(0.25, 0.0, 4.0, "");
         /// Divides the stiffness, for exaggerated bending.
-        gain: f64 = "compliance" number(1.0, 1.0, 20.0, "");
+        compliance: f64 = "compliance" number(1.0, 1.0, 20.0, "");
         /// Drag of the wind on it; 0 for none.
         drag: f64 = "drag" number(1.1, 0.0, 3.0, "");
         /// Cross-sections that it is made of.
@@ -108,11 +108,11 @@ keys! {
         /// With "guided": the line's direction.
         line: [f64; 3] = "line" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
         /// How the held place is moved: keys of [s, x, y, z], m from where it is drawn.
-        keys: Vec<Vec<f64>> = "keyframes" TimedRows;
+        keyframes: Vec<Vec<f64>> = "keyframes" timed_rows();
         /// With "fixed": axis about which it is turned.
         axis: [f64; 3] = "axis" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
         /// With "fixed": how far it is turned: keys of [s, degrees].
-        turns: Vec<Vec<f64>> = "turn_keyframes" TimedRows;
+        turn_keyframes: Vec<Vec<f64>> = "turn_keyframes" timed_degrees();
     }
     /// What acts on a rod.
     RodLoadKeys at "rod.load" {
@@ -121,7 +121,7 @@ keys! {
         /// What.
         kind: RodLoadKind = "kind" OneOf(RodLoadKind::Force);
         /// When and how much, linear between keys, as the first before them and as the last after them.
-        keys: Vec<Vec<f64>> = "keyframes" TimedRows;
+        keyframes: Vec<Vec<f64>> = "keyframes" timed_rows();
         /// With "mass": whether it is seen, as a ball as heavy as water.
         show: bool = "show" BooleanType(true);
         /// With "mass": its colour.
@@ -140,7 +140,7 @@ impl Resolver<'_> {
         let mut names = Names::default();
         let mut rods: Vec<RodRecipe> = Vec::new();
         for (i, node) in list.iter().enumerate() {
-            if let Some(rod) = self.rod((i, node), &mut names, &rods) {
+            if let Some(rod) = self.rod(i, node, &mut names, &rods) {
                 rods.push(rod);
             }
         }
@@ -152,7 +152,7 @@ impl Resolver<'_> {
         rods
     }
 
-    fn rod(&mut self, (i, node): (usize, &TomlNode), names: &mut Names, before: &[RodRecipe]) -> Option<RodRecipe> {
+    fn rod(&mut self, i: usize, node: &TomlNode, names: &mut Names, before: &[RodRecipe]) -> Option<RodRecipe> {
         let path = format!("rod.{i}");
         let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
@@ -168,7 +168,7 @@ impl Resolver<'_> {
             return None;
         }
         let on = if keys.on.is_empty() { None } else { Some(self.stands_on(&keys.on, of("on"), before)?) };
-        self.check_rod(&keys, (table, node.span), on.is_some());
+        self.check_rod(&keys, table, node.span, on.is_some());
         let clamps = self.parts(table, &path, "clamp", |r, t, p| r.rod_clamp(t, p));
         let loads = self.parts(table, &path, "load", |r, t, p| r.rod_load(t, p));
         if let (Some(_), Some(entry)) = (on, table.get("clamp")) {
@@ -195,7 +195,7 @@ impl Resolver<'_> {
         found
     }
 
-    fn check_rod(&mut self, keys: &RodKeys, (table, span): (&TomlTable, Span), carried: bool) {
+    fn check_rod(&mut self, keys: &RodKeys, table: &TomlTable, span: Span, carried: bool) {
         let of = |name: &str| table.get(name).map_or(span, |e| e.node.span);
         for name in ["integrator", "substeps", "gravity"].into_iter().filter(|_| carried) {
             if let Some(entry) = table.get(name) {
@@ -204,7 +204,7 @@ impl Resolver<'_> {
                 self.report.push(d.help("set it on the rod at the base"));
             }
         }
-        if keys.bending.is_some() && table.get("elasticity_gpa").is_some() {
+        if keys.bending_stiffness.is_some() && table.get("elasticity_gpa").is_some() {
             let d = Diagnostic::warning(
                 "S007",
                 "bending_stiffness replaces elasticity_gpa",
@@ -216,8 +216,10 @@ impl Resolver<'_> {
         // Material: G/E of the given stiffnesses must be one.
         let r = keys.radius[0];
         let unit = std::f64::consts::PI * r * r * r * r;
-        let young = keys.bending.map_or(keys.young * 1e9, |ei| 4.0 * ei / unit);
-        if let Some(ratio) = keys.torsion.map(|gj| 2.0 * gj / unit / young).filter(|q| !(0.02..=0.5).contains(q)) {
+        let young = keys.bending_stiffness.map_or(keys.elasticity, |ei| 4.0 * ei / unit);
+        if let Some(ratio) =
+            keys.torsional_stiffness.map(|gj| 2.0 * gj / unit / young).filter(|q| !(0.02..=0.5).contains(q))
+        {
             let text = format!("GJ makes the shear modulus {ratio:.3} of Young's, but it must be 0.02 to 0.5");
             let d = Diagnostic::error("S004", text, of("torsional_stiffness"), "outside its range");
             self.report.push(d.help(
@@ -265,8 +267,8 @@ impl Resolver<'_> {
 
     fn rod_clamp(&mut self, table: &TomlTable, path: &str) -> Option<RodClampKeys> {
         let keys = self.read_keys::<RodClampKeys>(table, path);
-        let good = self.rod_times(table, (path, "keyframes"), &keys.keys, 4)
-            & self.rod_times(table, (path, "turn_keyframes"), &keys.turns, 2);
+        let good = self.rod_times(table, path, "keyframes", &keys.keyframes, 4)
+            & self.rod_times(table, path, "turn_keyframes", &keys.turn_keyframes, 2);
         let only = [("turn_keyframes", RodHold::Fixed), ("axis", RodHold::Fixed), ("line", RodHold::Guided)];
         for (name, hold) in only {
             if let Some(entry) = table.get(name).filter(|_| keys.hold != hold) {
@@ -298,15 +300,15 @@ impl Resolver<'_> {
             RodLoadKind::Wrench => 7,
             RodLoadKind::Mass => 2,
         };
-        if keys.keys.is_empty() {
+        if keys.keyframes.is_empty() {
             let text = format!("[[{path}]] has no keyframes");
             let span = table.get("kind").map_or(self.whole, |e| e.node.span);
             let d = Diagnostic::error("S006", text, span, "acts at no time");
             self.report.push(d.help("write keyframes = [[0, ...]]: seconds, then what acts"));
             return None;
         }
-        let good = self.rod_times(table, (path, "keyframes"), &keys.keys, count);
-        let light = keys.kind == RodLoadKind::Mass && keys.keys.iter().any(|k| k.get(1).is_some_and(|m| *m < 0.0));
+        let good = self.rod_times(table, path, "keyframes", &keys.keyframes, count);
+        let light = keys.kind == RodLoadKind::Mass && keys.keyframes.iter().any(|k| k.get(1).is_some_and(|m| *m < 0.0));
         if let Some(entry) = table.get("keyframes").filter(|_| light) {
             let d = Diagnostic::error("S004", format!("{path}: a mass below 0"), entry.node.span, "at least 0 kg");
             self.report.push(d.help("a force that lifts is kind = \"force\""));
@@ -314,8 +316,8 @@ impl Resolver<'_> {
         good.then_some(keys)
     }
 
-    /// Whether keys have as many numbers as they need and rise in time; told if not.
-    fn rod_times(&mut self, table: &TomlTable, (path, name): (&str, &str), keys: &[Vec<f64>], count: usize) -> bool {
+    /// Whether keyframes have `count` numbers and rise in time; S003 or S004 if not. `path`, `name`: of the table and its key.
+    fn rod_times(&mut self, table: &TomlTable, path: &str, name: &str, keys: &[Vec<f64>], count: usize) -> bool {
         let span = table.get(name).map_or(self.whole, |e| e.node.span);
         if let Some(key) = keys.iter().find(|k| k.len() != count) {
             let text = format!("a keyframe of {path}.{name} has {} numbers, but must have {count}", key.len());

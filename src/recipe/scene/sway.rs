@@ -60,7 +60,7 @@ keys! {
         /// A branch that others lean over presses on them with its weight in its new direction.
         gravity: bool = "gravity_change" BooleanType(false);
         /// The motion repeats after so many seconds, rounded to frames, however long the clip is.
-        round: Option<f64> = "loop" OptionalKey(number(4.0, 2.0, 3600.0, "s"), "the whole clip, if it repeats");
+        loop_duration: Option<f64> = "loop" OptionalKey(number(4.0, 2.0, 3600.0, "s"), "the whole clip, if it repeats");
         /// Whether the frame after the last is the first.
         repeat: Option<bool> = "repeat" OptionalKey(BooleanType(true), "true for clips of 2 s and more");
         /// Copies of a plant show a repeating motion at so many different times, as gusts reach them; 1 for all as one.

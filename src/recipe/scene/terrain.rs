@@ -19,7 +19,7 @@ keys! {
         /// Another land of the same kind.
         seed: u64 = "seed" SeedType(0);
         /// Subdivisions of midpoint displacement: 2^n + 1 heights along a side.
-        n: u32 = "subdivisions" integer(9, 1, 13);
+        subdivisions: u32 = "subdivisions" integer(9, 1, 13);
         /// Length of a side.
         size: f64 = "size" number(200.0, 1.0, 1e5, "m");
         /// Height of the largest hills.
@@ -58,7 +58,7 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn terrain(&mut self, root: &TomlTable) -> Option<TerrainKeys> {
         let table = self.table(root, "", "terrain")?;
         let keys = self.read_keys::<TerrainKeys>(table, "terrain");
-        let most = 1_u32 << keys.n;
+        let most = 1_u32 << keys.subdivisions;
         if let Some(entry) = table.get("stride").filter(|_| !keys.stride.is_power_of_two() || keys.stride > most) {
             let text = format!("terrain.stride is {}, but must be a power of two up to {most}", keys.stride);
             let d = Diagnostic::error("S004", text, entry.node.span, "no such stride");
@@ -98,7 +98,7 @@ impl Resolver<'_> {
         };
         let keys = self.read_keys::<ScatterKeys>(table, &path);
         for (name, pair) in [("altitude", keys.altitude), ("scale", keys.scale)] {
-            self.in_order(table, (&path, name), pair);
+            self.in_order(table, &path, name, pair);
         }
         let span = table.get("plants").map_or(node.span, |e| e.node.span);
         if keys.plants.is_empty() {
@@ -106,7 +106,7 @@ impl Resolver<'_> {
             self.report.push(d.help("add plants = { NAME = 1 }"));
             return None;
         }
-        let weights = self.weights((&format!("{path}.plants"), span), &keys.plants, root, plants)?;
+        let weights = self.weights(&format!("{path}.plants"), span, &keys.plants, root, plants)?;
         let mask = match &keys.mask {
             Some(reference) => {
                 let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg"])?;
@@ -118,7 +118,7 @@ impl Resolver<'_> {
     }
 
     /// S004 if the second of a pair is smaller than the first.
-    pub(in crate::recipe) fn in_order(&mut self, table: &TomlTable, (path, name): (&str, &str), [low, high]: [f64; 2]) {
+    pub(in crate::recipe) fn in_order(&mut self, table: &TomlTable, path: &str, name: &str, [low, high]: [f64; 2]) {
         if let Some(entry) = table.get(name).filter(|_| low > high) {
             let text = format!("{path}.{name} has its minimum above its maximum");
             let d = Diagnostic::error("S004", text, entry.node.span, "the smaller number comes first");
@@ -127,7 +127,7 @@ impl Resolver<'_> {
     }
 
     /// S004 for a weight that is none.
-    pub(in crate::recipe) fn weight(&mut self, (path, name): (&str, &str), weight: f64, span: Span) {
+    pub(in crate::recipe) fn weight(&mut self, path: &str, name: &str, weight: f64, span: Span) {
         if !(0.0..=1e9).contains(&weight) {
             let text = format!("{path}.{name} is {weight}, but must be 0 to 1e9");
             self.report.push(Diagnostic::error("S004", text, span, "0 to 1e9").help("weights are shares"));
@@ -137,7 +137,8 @@ impl Resolver<'_> {
     /// Plants (indices into the recipe's) with their weights. `path`, `span`: where they are named.
     pub(in crate::recipe) fn weights(
         &mut self,
-        (path, span): (&str, Span),
+        path: &str,
+        span: Span,
         named: &[(String, f64)],
         root: &TomlTable,
         plants: &[PlantRecipe],
@@ -148,7 +149,7 @@ impl Resolver<'_> {
         };
         let mut out = Vec::new();
         for (name, weight) in named {
-            self.weight((path, name), *weight, span);
+            self.weight(path, name, *weight, span);
             match plants.iter().position(|p| p.name == *name) {
                 Some(plant) => out.push((plant, *weight)),
                 // A plant with faults of its own has been named already.

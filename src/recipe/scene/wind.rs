@@ -172,8 +172,8 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S006", "profile = \"table\" has no table", at, "heights and factors");
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
         }
-        self.speed_curve((parent, table), &keys, wind);
-        self.direction_curve((parent, table), &keys, wind);
+        self.speed_curve(parent, table, &keys, wind);
+        self.direction_curve(parent, table, &keys, wind);
         as_printed(&mut keys, table);
         if keys.preset == LatticePreset::Paper
             && parent.get("speed").is_none()
@@ -186,7 +186,7 @@ impl Resolver<'_> {
     }
 
     /// The largest speed of a curve is the wind's.
-    fn speed_curve(&mut self, (parent, table): (&TomlTable, &TomlTable), keys: &LatticeKeys, wind: &mut WindKeys) {
+    fn speed_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("speed_curve").filter(|_| !keys.speed_curve.is_empty()) else { return };
         let most = keys.speed_curve.iter().map(|row| row[1]).fold(0.0, f64::max);
         if !(FASTEST[0]..=FASTEST[1]).contains(&most) {
@@ -206,7 +206,7 @@ impl Resolver<'_> {
     }
 
     /// The first direction of a curve is the wind's.
-    fn direction_curve(&mut self, (parent, table): (&TomlTable, &TomlTable), keys: &LatticeKeys, wind: &mut WindKeys) {
+    fn direction_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("direction_curve") else { return };
         let Some([early, first]) = keys.direction_curve.first().copied() else { return };
         if early < 0.0 {
@@ -236,7 +236,7 @@ impl Resolver<'_> {
         curve: Option<&str>,
     ) -> SwayKeys {
         let Some(curve) = curve else { return sway };
-        for (key, asked) in [("repeat", sway.repeat == Some(true)), ("loop", sway.round.is_some())] {
+        for (key, asked) in [("repeat", sway.repeat == Some(true)), ("loop", sway.loop_duration.is_some())] {
             if asked {
                 let at = span_of(root, &["sway", key]).unwrap_or(self.whole);
                 let text = format!("sway.{key} requests a loop, but a wind with wind.lattice.{curve} does not repeat");
@@ -245,15 +245,17 @@ impl Resolver<'_> {
             }
         }
         sway.repeat = Some(false);
-        sway.round = None;
+        sway.loop_duration = None;
         sway
     }
 
-    /// Files of the wind itself. `own`: size of the box of a flight, m.
-    pub(in crate::recipe) fn told_air(
+    /// Files of the wind itself. `flight_size`: size of the domain of a flight, m.
+    pub(in crate::recipe) fn wind_output(
         &mut self,
         root: &TomlTable,
-        (wind, lattice, own): (&WindKeys, &LatticeKeys, Option<[f64; 3]>),
+        wind: &WindKeys,
+        lattice: &LatticeKeys,
+        flight_size: Option<[f64; 3]>,
         clip: Clip,
     ) -> WindOutputRecipe {
         let empty = TomlTable::default();
@@ -267,15 +269,17 @@ impl Resolver<'_> {
             _ => return WindOutputRecipe { keys, slices: Vec::new(), grids: Vec::new() },
         };
         let on_lattice = wind.model == WindModel::Lattice;
-        let size = if on_lattice { lattice.cells.map(|n| n * lattice.dx) } else { own.unwrap_or(keys.size) };
-        if let Some(entry) = table.get("size").filter(|_| on_lattice || own.is_some()) {
+        let size =
+            if on_lattice { lattice.cells.map(|n| n * lattice.cell_size) } else { flight_size.unwrap_or(keys.size) };
+        if let Some(entry) = table.get("size").filter(|_| on_lattice || flight_size.is_some()) {
             let owner = if on_lattice { "the lattice" } else { "[flight]" };
             let text = format!("output.wind.size is given, but {owner} has a size");
             self.report.push(Diagnostic::warning("S007", text, entry.key_span, "has no effect").help("leave it out"));
         }
-        let side = keys.texel.unwrap_or(if on_lattice { lattice.dx } else { 0.5 });
+        let side = keys.texel.unwrap_or(if on_lattice { lattice.cell_size } else { 0.5 });
         let at = if on_lattice { DVec3::from_array(lattice.at) } else { DVec3::ZERO };
-        let space = Told { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side };
+        let space =
+            SampledDomain { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side };
         let mut names = Names::default();
         let mut grids = Vec::new();
         let mut slices = Vec::new();
@@ -310,7 +314,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn slice(&mut self, i: usize, node: &TomlNode, space: &Told) -> Option<WindSliceKeys> {
+    fn slice(&mut self, i: usize, node: &TomlNode, space: &SampledDomain) -> Option<WindSliceKeys> {
         let path = format!("output.wind.slice.{i}");
         let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
@@ -333,12 +337,12 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn sway(&mut self, root: &TomlTable, clip: Clip) -> SwayKeys {
         let keys: SwayKeys = self.section(root, "sway");
         let span = |key: &str| span_of(root, &["sway", key]);
-        if keys.repeat == Some(true) && keys.round.is_none() && seconds(&clip) < SHORTEST_LOOP {
+        if keys.repeat == Some(true) && keys.loop_duration.is_none() && seconds(&clip) < SHORTEST_LOOP {
             let text = format!("a clip of {:.2} s is too short to repeat", seconds(&clip));
             let d = Diagnostic::error("S004", text, span("repeat").unwrap_or(self.whole), "not possible");
             self.report.push(d.help(format!("at least {SHORTEST_LOOP} s: raise frames.end")));
         }
-        let Some((wanted, at)) = keys.round.zip(span("loop")) else { return keys };
+        let Some((wanted, at)) = keys.loop_duration.zip(span("loop")) else { return keys };
         if keys.repeat == Some(false) {
             let d = Diagnostic::warning("S007", "sway.loop is given, but sway.repeat is false", at, "has no effect");
             self.report.push(d.help("leave one of them out"));
@@ -353,8 +357,14 @@ impl Resolver<'_> {
         keys
     }
 
-    /// Tells where lengths in the wind that an artist gave had to give way to a loop.
-    pub(in crate::recipe) fn fit(&mut self, root: &TomlTable, (wind, sway): (&WindKeys, &SwayKeys), clip: &Clip) {
+    /// S008 where the gust length or eddy size of a scene changes so that a loop holds a whole number of gusts.
+    pub(in crate::recipe) fn report_fitted_lengths(
+        &mut self,
+        root: &TomlTable,
+        wind: &WindKeys,
+        sway: &SwayKeys,
+        clip: &Clip,
+    ) {
         let Some(frames) = sway.loop_frames(clip).filter(|_| wind.model == WindModel::Gust) else { return };
         let period = frames as f64 / clip.fps();
         for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
@@ -372,14 +382,14 @@ impl Resolver<'_> {
 /// Least and most of the largest speed of a curve, m/s.
 const FASTEST: [f64; 2] = [CALM_SPEED, 60.0];
 
-/// A box of air that files tell of, m.
-struct Told {
+/// The domain that files of the wind sample, m.
+struct SampledDomain {
     low: DVec3,
     size: DVec3,
     side: f64,
 }
 
-impl Told {
+impl SampledDomain {
     /// Cells along each axis; a last one may stand out.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 10^8")]
     fn cells(&self) -> [usize; 3] {
@@ -421,7 +431,7 @@ fn as_printed(keys: &mut LatticeKeys, table: &TomlTable) {
         keys.ground = LatticeGround::Smooth;
     }
     if free("reference_height") {
-        keys.reference = Some(keys.cells[1] * keys.dx);
+        keys.reference_height = Some(keys.cells[1] * keys.cell_size);
     }
 }
 
@@ -433,6 +443,12 @@ impl WindKeys {
 }
 
 impl LatticeKeys {
+    /// Times, s, and the change of direction since the first, rad.
+    pub fn direction_changes(&self) -> Vec<[f64; 2]> {
+        let first = self.direction_curve.first().map_or(0.0, |row| row[1]);
+        self.direction_curve.iter().map(|row| [row[0], (row[1] - first).to_radians()]).collect()
+    }
+
     /// Name of a key that makes the wind another one from time to time.
     pub(in crate::recipe) fn curve(&self) -> Option<&'static str> {
         let all = [("speed_curve", &self.speed_curve), ("direction_curve", &self.direction_curve)];
@@ -448,7 +464,7 @@ impl SwayKeys {
             return None;
         }
         let whole = (self.repeat == Some(true) || seconds(clip) >= SHORTEST_LOOP).then_some(clip.len());
-        self.round.map(|t| (t * clip.fps()).round() as usize).or(whole)
+        self.loop_duration.map(|t| (t * clip.fps()).round() as usize).or(whole)
     }
 }
 

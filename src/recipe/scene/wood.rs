@@ -1,6 +1,6 @@
 //! `[plants.NAME.wood]`: mechanical properties of a plant.
 
-use crate::recipe::syntax::{OneOf, OptionalKey, number};
+use crate::recipe::syntax::{OneOf, OptionalKey, gigapascals, number};
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
@@ -39,7 +39,7 @@ keys! {
         /// Kind of wood.
         timber: Option<WoodSpecies> = "timber" OptionalKey(OneOf(WoodSpecies::WhiteOak), "8 GPa in thick wood, 5 GPa in twigs");
         /// Young's modulus, instead of `timber`.
-        elasticity: Option<f64> = "elasticity_gpa" OptionalKey(number(8.0, 0.1, 30.0, "GPa"), "the timber's");
+        elasticity: Option<f64> = "elasticity_gpa" OptionalKey(gigapascals(8.0, 0.1, 30.0), "the timber's");
         /// Factor on it.
         stiffness: f64 = "stiffness" number(1.0, 0.05, 20.0, "");
         /// Of green wood.
@@ -51,9 +51,9 @@ keys! {
         /// Drag coefficient of leaves.
         leaf_drag: f64 = "leaf_drag" number(0.4, 0.0, 3.0, "");
         /// First frequency of the trunk.
-        trunk: Option<f64> = "trunk_hz" OptionalKey(number(0.5, 0.05, 20.0, "Hz"), "what its shape and load say");
+        trunk_frequency: Option<f64> = "trunk_hz" OptionalKey(number(0.5, 0.05, 20.0, "Hz"), "what its shape and load say");
         /// Factor on all frequencies.
-        hertz: f64 = "hz_scale" number(1.0, 0.1, 10.0, "");
+        frequency_scale: f64 = "hz_scale" number(1.0, 0.1, 10.0, "");
         /// Factor on all damping.
         damping: f64 = "damping" number(1.0, 0.0, 10.0, "");
     }

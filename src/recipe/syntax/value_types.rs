@@ -76,22 +76,22 @@ pub const fn millimetres(default: f64, min: f64, max: f64) -> NumberType {
 
 /// Gigapascals, read as pascals.
 pub const fn gigapascals(default: f64, min: f64, max: f64) -> NumberType {
-    converted(default, min, max, Unit::times("GPa", 1e9).hashed_as_written())
+    converted(default, min, max, Unit::times("GPa", units::GIGAPASCAL).hashed_as_written())
 }
 
 /// Milligrams, read as kilograms.
 pub const fn milligrams(default: f64, min: f64, max: f64) -> NumberType {
-    converted(default, min, max, Unit::times("mg", 1e-6).hashed_as_written())
+    converted(default, min, max, Unit::times("mg", units::MILLIGRAM).hashed_as_written())
 }
 
 /// Cubic millimetres, read as cubic metres.
 pub const fn cubic_millimetres(default: f64, min: f64, max: f64) -> NumberType {
-    converted(default, min, max, Unit::times("mm^3", 1e-9).hashed_as_written())
+    converted(default, min, max, Unit::times("mm^3", units::CUBIC_MILLIMETRE).hashed_as_written())
 }
 
 /// Millimetres of rain an hour, read as m/s: cubic metres of water per square metre and second.
 pub const fn rain_rate(default: f64, min: f64, max: f64) -> NumberType {
-    let unit = Unit { symbol: "mm/h", factor: 1.0, divisor: 3.6e6, hashed_as_written: true };
+    let unit = Unit { symbol: "mm/h", factor: 1.0, divisor: units::MILLIMETRES_PER_HOUR, hashed_as_written: true };
     converted(default, min, max, unit)
 }
 
@@ -125,7 +125,11 @@ impl ValueType for NumberType {
         self.checked(name, node)
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: format!("number, {}", self.range()), default: self.default.to_string(), unit: self.unit.symbol }
+        KeyListing {
+            accepts: format!("number, {}", self.range()),
+            default: self.default.to_string(),
+            unit: self.unit.symbol,
+        }
     }
     fn digest(&self, value: &f64, hasher: &mut blake3::Hasher) {
         self.unit.hashed(*value).digest(hasher);
@@ -666,9 +670,26 @@ impl ValueType for PointList {
     }
 }
 
-/// Keys over time: lists of numbers that begin with seconds.
+/// Keyframes: lists of numbers that begin with seconds.
 #[derive(Debug, Clone, Copy)]
-pub struct TimedRows;
+pub struct TimedRows(Unit);
+
+/// Keyframes of numbers in SI units.
+pub const fn timed_rows() -> TimedRows {
+    TimedRows(Unit::si(""))
+}
+
+/// Keyframes of degrees, read as radians.
+pub const fn timed_degrees() -> TimedRows {
+    TimedRows(Unit { symbol: "deg", factor: std::f64::consts::PI, divisor: 180.0, hashed_as_written: true })
+}
+
+impl TimedRows {
+    /// A row with all numbers but its time converted.
+    fn convert(row: &[f64], unit: impl Fn(f64) -> f64) -> Vec<f64> {
+        row.iter().enumerate().map(|(i, v)| if i == 0 { *v } else { unit(*v) }).collect()
+    }
+}
 
 impl ValueType for TimedRows {
     type Value = Vec<Vec<f64>>;
@@ -682,13 +703,15 @@ impl ValueType for TimedRows {
             TomlValue::List(row) => row.iter().map(|n| number(0.0, -1e9, 1e9, "").read(name, n)).collect(),
             _ => Err(wrong(name, n, wanted)),
         };
-        list.iter().map(key).collect()
+        let rows: Vec<Vec<f64>> = list.iter().map(key).collect::<Result<_, _>>()?;
+        Ok(rows.iter().map(|row| Self::convert(row, |v| self.0.to_si(v))).collect())
     }
     fn listing(&self) -> KeyListing {
         KeyListing { accepts: "list of [s, ...], times rising".into(), default: "[]".into(), unit: "" }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
-        value.digest(hasher);
+        let hashed: Vec<Vec<f64>> = value.iter().map(|row| Self::convert(row, |v| self.0.hashed(v))).collect();
+        hashed.digest(hasher);
     }
 }
 

@@ -275,7 +275,7 @@ fn shown(now: &FlightState) -> InstanceState {
 /// Frames of a flight before the first of the clip.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
 pub fn before(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
-    (flight.keys.preroll * recipe.clip.fps()).round() as u64
+    (flight.keys.spin_up * recipe.clip.fps()).round() as u64
 }
 
 fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams {
@@ -299,7 +299,7 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
         band: keys.band,
         kinds: models.iter().enumerate().map(kind).collect(),
         scales: keys.scale,
-        mass: keys.mass * 1e-6,
+        mass: keys.mass,
         fall: keys.fall,
         fall_spread: keys.fall_spread,
         glide: keys.glide,

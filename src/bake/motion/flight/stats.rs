@@ -2,6 +2,7 @@
 
 use crate::recipe::scene::FlightKeys;
 use crate::recipe::word_of;
+use osier_base::units;
 use osier_motion::flight::FlightStats;
 use osier_scene::{Table, Watch};
 use osier_wind::LatticeStats;
@@ -92,8 +93,8 @@ pub fn table(
 /// What rules a flight, as it was resolved.
 fn parameters(keys: &FlightKeys, count: usize) -> serde_json::Value {
     serde_json::json!({
-        "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.preroll,
-        "scale": keys.scale, "mass_mg": keys.mass, "fall_speed_m_s": keys.fall, "fall_spread": keys.fall_spread,
+        "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.spin_up,
+        "scale": keys.scale, "mass_mg": keys.mass / units::MILLIGRAM, "fall_speed_m_s": keys.fall, "fall_spread": keys.fall_spread,
         "glide": keys.glide, "inertia": keys.inertia, "flutter": keys.flutter, "stick_radius_m": keys.stick_radius,
         "stick_probability": keys.stick_probability, "stick_close": keys.stick_close, "check_every": keys.check_every,
         "cluster_rotation": keys.cluster_rotation, "cluster_fall_power": keys.beta, "gamma_1_m2": keys.gamma,

@@ -36,6 +36,6 @@ pub fn check(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
 pub fn place(storm: &mut RainSimulation, lying: &[SessileDropKeys]) {
     for drop in lying {
         let v = DVec3::new(drop.speed[1], drop.speed[0], 0.0);
-        storm.deposit_drop(drop.leaf as usize, DVec2::from_array(drop.at), v, drop.volume * 1e-9);
+        storm.deposit_drop(drop.leaf as usize, DVec2::from_array(drop.at), v, drop.volume);
     }
 }

@@ -264,7 +264,7 @@ fn leaves(
 
 /// Leaves that have maps: the nearest to the scene's own camera, else the first.
 fn nearest(recipe: &Recipe, found: &[SceneLeaf]) -> Vec<usize> {
-    let most = recipe.maps.hero_max as usize;
+    let most = recipe.maps.max_mapped_leaves as usize;
     let mut order: Vec<usize> = (0..found.len()).collect();
     if let Some(eye) = recipe.camera.eye {
         let eye = DVec3::from_array(eye);

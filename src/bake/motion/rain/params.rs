@@ -14,7 +14,7 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
     DropParams {
         seed,
         wetting: WettingParams {
-            contact_angle: drop.theta,
+            contact_angle: drop.contact_angle,
             receding: drop.receding,
             advancing: drop.advancing,
             height_factor: drop.omega,
@@ -26,39 +26,39 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
             wedge_base: drop.lambda,
             capillary_length: capillary_length(rain.keys.g),
         },
-        g: rain.keys.g,
+        g: rain.keys.gravity,
         impact: match impact.model {
             ImpactModel::Momentum => ImpactLaw::Momentum { restitution: impact.restitution },
-            ImpactModel::PaperEnergy => ImpactLaw::PaperEnergy { eps: impact.eps },
+            ImpactModel::PaperEnergy => ImpactLaw::PaperEnergy { eps: impact.energy_loss },
         },
-        impulse_factor: impact.gain,
+        impulse_factor: impact.impulse_factor,
         splash: impact.splash,
         tangent_keep: impact.tangent_keep,
         friction: match drop.friction {
             DropFriction::Retention => FrictionModel::Retention,
             DropFriction::Paper => FrictionModel::Paper,
         },
-        friction_coefficient: drop.mu,
-        friction_force: drop.h,
-        retention_factor: drop.k_f,
-        velocity_decay_time: drop.tau_v,
+        friction_coefficient: drop.friction_coefficient,
+        friction_force: drop.paper_friction,
+        retention_factor: drop.retention_factor,
+        velocity_decay_time: drop.velocity_decay,
         pinning_noise: drop.pin_noise,
         merge: match drop.merge {
             DropMerge::Touch => MergeRule::Touch,
             DropMerge::Paper => MergeRule::Paper,
         },
-        attraction_force: drop.k_h,
+        attraction_force: drop.paper_attraction,
         lever: match drop.lever {
             DropLever::Physical => LeverArm::Physical,
-            DropLever::Paper => LeverArm::Paper(drop.phi_c),
+            DropLever::Paper => LeverArm::Paper(drop.paper_lever_max),
         },
-        tail_ratio: drop.tail_beta,
-        tail_drops: drop.tail_n,
+        tail_ratio: drop.tail_ratio,
+        tail_drops: drop.tail_drops,
         tail_amount: drop.rough,
         bead_probability: drop.bead,
         tip_radius: drop.tip_radius,
-        decay_fraction: wet.zeta,
-        decay_time: wet.half_life,
+        decay_fraction: wet.decay_fraction,
+        decay_time: wet.decay_time,
         decay_length: wet.length,
     }
 }
@@ -68,7 +68,7 @@ pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
     let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
     RainfallParams {
         seed: recipe.general.seed,
-        intensity: keys.rate / 3.6e6,
+        intensity: keys.rate,
         size: match keys.size {
             RainSize::Natural => DropSizes::MarshallPalmer,
             RainSize::Fixed => DropSizes::Fixed(keys.diameter),
@@ -83,11 +83,14 @@ pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
                 IntensityEnvelope::Bell { center: middle, width: keys.width.unwrap_or((duration - keys.before) / 4.0) }
             }
             RainEnvelope::Keys => IntensityEnvelope::Keys(
-                keys.keys.iter().map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)]).collect(),
+                keys.envelope_keyframes
+                    .iter()
+                    .map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)])
+                    .collect(),
             ),
         },
         jitter: keys.jitter,
         duration,
-        g: keys.g,
+        g: keys.gravity,
     }
 }

@@ -1,6 +1,7 @@
 //! What rain is measured by: the columns of its table and their numbers at a frame.
 
 use super::drop_records::RUNS;
+use osier_base::units;
 use osier_motion::rain::{DropParams, RainFrame};
 use osier_scene::Table;
 
@@ -27,7 +28,7 @@ const NOW: [(&str, &str); 10] = [
 /// Columns that count what happened until a frame.
 const TOTAL: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
 
-/// The table of rain; `falls`: its strength, mm/h, and the area that it starts from, m^2.
+/// The table of rain; `falls`: its rate, m/s, and the area that it starts from, m^2.
 pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
     let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
     columns.extend(TOTAL.iter().map(|name| ((*name).to_owned(), "")));
@@ -38,9 +39,12 @@ pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
         ("Water", find(&["water_air", "water_leaves", "water_hanging"])),
         ("What has happened", find(&TOTAL)),
     ];
-    let degrees = |x: f64| (x.to_degrees() * 1e6).round() / 1e6;
+    // Rounded so that a number written in a scene comes out as it was written.
+    let rounded = |x: f64, digits: f64| (x * digits).round() / digits;
+    let degrees = |x: f64| rounded(x.to_degrees(), 1e6);
     let wetting = &manner.wetting;
-    let (rate, area) = falls.map(|(rate, area)| (rate, (area * 1e4).round() / 1e4)).unzip();
+    let (rate, area) =
+        falls.map(|(rate, area)| (rounded(rate * units::MILLIMETRES_PER_HOUR, 1e9), rounded(area, 1e4))).unzip();
     let parameters = serde_json::json!({
         "rate_mm_per_h": rate, "rained_on_m2": area, "theta_deg": degrees(wetting.contact_angle), "receding_deg": degrees(wetting.receding),
         "advancing_deg": degrees(wetting.advancing), "tau_v_s": manner.velocity_decay_time, "tangent_keep": manner.tangent_keep,
