@@ -39,9 +39,14 @@ impl Unit {
         written * self.factor / self.divisor
     }
 
-    /// The number of the scene hash for a value in SI.
+    /// The number of the scene hash for a value in SI. The written number is what 15 digits of the quotient say: the quotient
+    /// itself may differ in its last bit.
     fn hashed(self, value: f64) -> f64 {
-        if self.hashed_as_written { value / self.factor * self.divisor } else { value }
+        if !self.hashed_as_written {
+            return value;
+        }
+        let written = value / self.factor * self.divisor;
+        format!("{written:.14e}").parse().unwrap_or(written)
     }
 }
 
