@@ -24,7 +24,7 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
                 DropShape::PaperWedge => CapShape::Wedge,
             },
             wedge_base: drop.lambda,
-            capillary_length: capillary_length(rain.keys.g),
+            capillary_length: capillary_length(rain.keys.gravity),
         },
         g: rain.keys.gravity,
         impact: match impact.model {
