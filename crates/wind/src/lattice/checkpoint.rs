@@ -1,7 +1,7 @@
 //! Complete state of a solver as bytes: the flow, and the statistics and warnings of the steps before.
 
 use super::report::{LatticeStats, LatticeWarning};
-use super::solver::{LatticeSolver, other_checkpoint};
+use super::solver::{LatticeSolver, checkpoint_mismatch_error};
 use osier_base::Result;
 use osier_base::diagnostic::codes;
 
@@ -33,7 +33,7 @@ impl LatticeSolver {
     /// # Errors
     /// `Input` if the state is of another lattice wind or damaged.
     pub fn restore_state(&mut self, bytes: &[u8]) -> Result<()> {
-        let Some((stats, warnings, flow)) = parse_state(bytes) else { return Err(other_checkpoint()) };
+        let Some((stats, warnings, flow)) = parse_state(bytes) else { return Err(checkpoint_mismatch_error()) };
         self.resume(flow)?;
         (self.stats, self.warnings) = (stats, warnings);
         Ok(())

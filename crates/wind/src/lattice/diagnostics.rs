@@ -56,7 +56,7 @@ impl SnapshotPlane<'_> {
     pub(super) fn fill_halo_rows(&mut self) {
         let row = self.grid.n[0] + 2;
         for y in [0, self.grid.n[1] + 1] {
-            let from = (self.grid.cell_of_halo([1, y, 1])[1] + 1) * row;
+            let from = (self.grid.source_of_halo_cell([1, y, 1])[1] + 1) * row;
             self.values.copy_within(from..from + row, y * row);
         }
     }
@@ -80,7 +80,7 @@ impl PlaneDiagnostics {
         for (x, _) in solid.iter().enumerate().filter(|(_, solid)| **solid) {
             (ux[x], uy[x], uz[x], drho[x]) = (0.0, 0.0, 0.0, 0.0);
         }
-        self.add_densities(drho, y, z);
+        self.accumulate_densities(drho, y, z);
         if let Some(SnapshotPlane { grid, speed_unit: speed, values }) = target {
             let to = &mut values[(y + 1) * (nx + 2)..][..nx + 2];
             let cells = &mut to[1..=nx];
@@ -88,23 +88,23 @@ impl PlaneDiagnostics {
             for k in 0..nx {
                 cells[k] = [ux[k] * *speed, uy[k] * *speed, uz[k] * *speed, drho[k]];
             }
-            let halo = [0, nx + 1].map(|x| to[grid.cell_of_halo([x, 1, 1])[0] + 1]);
+            let halo = [0, nx + 1].map(|x| to[grid.source_of_halo_cell([x, 1, 1])[0] + 1]);
             [to[0], to[nx + 1]] = halo;
         }
     }
 
     #[inline(always)]
-    fn add_densities(&mut self, row: &[f32], y: usize, z: usize) {
+    fn accumulate_densities(&mut self, row: &[f32], y: usize, z: usize) {
         let mut sums = [0.0_f64; SUMS];
         let mut good = true;
         for chunk in row.chunks(SUMS) {
             for (sum, drho) in sums.iter_mut().zip(chunk) {
                 *sum += f64::from(*drho);
-                good &= in_range(*drho);
+                good &= is_density_in_range(*drho);
             }
         }
         if !good && self.out_of_range.is_none() {
-            self.out_of_range = row.iter().position(|drho| !in_range(*drho)).map(|x| [x, y]);
+            self.out_of_range = row.iter().position(|drho| !is_density_in_range(*drho)).map(|x| [x, y]);
         }
         // SUMS is even, so that the sums alternate between cells of even and of odd x.
         let every_other = |first: usize| sums.iter().skip(first).step_by(2).sum::<f64>();
@@ -116,6 +116,6 @@ impl PlaneDiagnostics {
 
 /// Whether a density less 1 is within [`DENSITY_RANGE`]; false for NaN.
 #[inline(always)]
-fn in_range(drho: f32) -> bool {
+fn is_density_in_range(drho: f32) -> bool {
     (drho > DENSITY_RANGE[0] - 1.0) & (drho < DENSITY_RANGE[1] - 1.0)
 }

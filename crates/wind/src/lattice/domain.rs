@@ -56,7 +56,7 @@ impl Domain {
 
     /// The faces beyond which a node lies, at most one per axis.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn faces_beyond(&self, node: [isize; 3]) -> [Option<usize>; 3] {
+    pub(super) fn faces_outside_of(&self, node: [isize; 3]) -> [Option<usize>; 3] {
         std::array::from_fn(|a| match node[a] {
             p if p < 0 => Some(2 * a),
             p if p >= self.grid.n[a] as isize => Some(2 * a + 1),
@@ -66,14 +66,14 @@ impl Domain {
 
     /// The node as a cell, if it lies in the domain.
     #[allow(clippy::cast_sign_loss, reason = "not negative inside")]
-    pub(super) fn cell_at(&self, node: [isize; 3]) -> Option<[usize; 3]> {
-        self.faces_beyond(node).iter().all(Option::is_none).then(|| node.map(|p| p as usize))
+    pub(super) fn node_as_cell(&self, node: [isize; 3]) -> Option<[usize; 3]> {
+        self.faces_outside_of(node).iter().all(Option::is_none).then(|| node.map(|p| p as usize))
     }
 
     /// The node with its coordinates beyond periodic faces wrapped around.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn wrap_periodic(&self, mut node: [isize; 3]) -> [isize; 3] {
-        for (a, face) in self.faces_beyond(node).into_iter().enumerate() {
+        for (a, face) in self.faces_outside_of(node).into_iter().enumerate() {
             if face.is_some_and(|f| self.faces[f] == FaceCondition::Periodic) {
                 node[a] = node[a].rem_euclid(self.grid.n[a] as isize);
             }
@@ -87,7 +87,7 @@ impl Domain {
     pub(super) fn population_source(&self, x: [usize; 3], i: usize) -> PopulationSource {
         let upstream: [isize; 3] = std::array::from_fn(|a| x[a] as isize - VELOCITIES[i][a] as isize);
         let bounce_back = PopulationSource::Cell { direction: opposite(i), cell: x };
-        let outside = self.faces_beyond(upstream);
+        let outside = self.faces_outside_of(upstream);
         // Walls: halfway bounce-back, with the momentum of a moving wall.
         let mut walls = outside.iter().flatten().filter_map(|f| match self.faces[*f] {
             FaceCondition::Wall(velocity) => Some(velocity),
@@ -107,16 +107,16 @@ impl Domain {
         // Periodic faces wrap the node; slip faces mirror direction and node.
         let mut node = self.wrap_periodic(upstream);
         let mut direction = i;
-        for (a, face) in self.faces_beyond(node).into_iter().enumerate() {
+        for (a, face) in self.faces_outside_of(node).into_iter().enumerate() {
             if face.is_some_and(|f| matches!(self.faces[f], FaceCondition::Slip | FaceCondition::Rough)) {
                 direction = reflect(direction, a);
                 node[a] = x[a] as isize;
             }
         }
-        if self.faces_beyond(node).iter().flatten().any(|f| self.faces[*f].is_open()) {
+        if self.faces_outside_of(node).iter().flatten().any(|f| self.faces[*f].is_open()) {
             return PopulationSource::Ghost { direction, position: node };
         }
-        match self.cell_at(node) {
+        match self.node_as_cell(node) {
             Some(cell) if !self.is_solid(cell) => {
                 if direction == i && node == upstream {
                     PopulationSource::Neighbour

@@ -53,7 +53,7 @@ pub(super) struct RowHaloCopy {
 
 /// The part of one plane in each list of [`ExchangeLists`].
 #[derive(Debug, Clone, Default)]
-pub(super) struct PlaneLinks {
+pub(super) struct PlaneExchangeRanges {
     pub scatter: Range<usize>,
     pub halo: Range<usize>,
     pub ghost_scatter: Range<usize>,
@@ -72,7 +72,7 @@ pub(super) struct PlaneLinks {
 #[derive(Debug)]
 pub(super) struct ExchangeLists {
     pub grid: LatticeGrid,
-    pub planes: Vec<PlaneLinks>,
+    pub planes: Vec<PlaneExchangeRanges>,
     /// From the buffer of the step before to slots, and to the row halo.
     pub scatter: Vec<SpanCopy>,
     pub halo: Vec<RowHaloCopy>,
@@ -126,18 +126,18 @@ pub(super) struct BoundaryExchange {
 
 /// A part of a buffer, and the index of its first element in the whole.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct BufferPart<'a> {
+pub(super) struct BufferSlice<'a> {
     pub values: &'a [f32],
     pub start: usize,
 }
 
-impl<'a> BufferPart<'a> {
-    pub(super) fn whole(values: &'a [f32]) -> Self {
+impl<'a> BufferSlice<'a> {
+    pub(super) fn full(values: &'a [f32]) -> Self {
         Self { values, start: 0 }
     }
 
     #[inline(always)]
-    fn starting_at(self, index: u32) -> &'a [f32] {
+    fn tail_from(self, index: u32) -> &'a [f32] {
         &self.values[to_usize(index) - self.start..]
     }
 }
@@ -146,8 +146,8 @@ impl<'a> BufferPart<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ExchangeInput<'a> {
     pub lists: &'a ExchangeLists,
-    pub populations: BufferPart<'a>,
-    pub ghosts: BufferPart<'a>,
+    pub populations: BufferSlice<'a>,
+    pub ghosts: BufferSlice<'a>,
 }
 
 /// The part of [`ExchangeBuffers`] that some planes fill.
@@ -185,7 +185,7 @@ impl NodeSpan {
 }
 
 /// Copies numbers side by side to the nodes of a span.
-fn scatter_span(to: &mut [f32], span: NodeSpan, from: &[f32]) {
+fn scatter_to_span(to: &mut [f32], span: NodeSpan, from: &[f32]) {
     let from = &from[..to_usize(span.count)];
     if span.count == 1 {
         to[0] = from[0];
@@ -197,7 +197,7 @@ fn scatter_span(to: &mut [f32], span: NodeSpan, from: &[f32]) {
 }
 
 /// Copies the numbers of a span's nodes side by side, and adds `wall_momentum`.
-fn gather_span(to: &mut [f32], from: &[f32], span: NodeSpan, wall_momentum: f32) {
+fn gather_from_span(to: &mut [f32], from: &[f32], span: NodeSpan, wall_momentum: f32) {
     let to = &mut to[..to_usize(span.count)];
     if span.count == 1 {
         to[0] = from[0];
@@ -228,14 +228,18 @@ impl ExchangeInput<'_> {
             for copy in copies {
                 let slot = slots[to_usize(copy.direction)];
                 let first = copy.span.first_element(slot, plane);
-                scatter_span(&mut planes.arrays[slot.array][first..], copy.span, buffer.starting_at(copy.buffer_index));
+                scatter_to_span(
+                    &mut planes.arrays[slot.array][first..],
+                    copy.span,
+                    buffer.tail_from(copy.buffer_index),
+                );
             }
         }
         let inner = (&lists.halo[links.halo.clone()], self.populations);
         for (copies, buffer) in [inner, (&lists.ghost_halo[links.ghost_halo.clone()], self.ghosts)] {
             for copy in copies {
-                let from = &buffer.starting_at(copy.buffer_index)[..to_usize(copy.count)];
-                halo.store(to_usize(copy.halo_index), from);
+                let from = &buffer.tail_from(copy.buffer_index)[..to_usize(copy.count)];
+                halo.store_rows(to_usize(copy.halo_index), from);
             }
         }
     }
@@ -255,7 +259,7 @@ impl ExchangeInput<'_> {
             let slot = slots[to_usize(copy.direction)];
             let first = copy.span.first_element(slot, plane);
             let to = &mut out.populations[to_usize(copy.buffer_index) - out.first_population..];
-            gather_span(to, &planes.arrays[slot.array][first..], copy.span, copy.wall_momentum);
+            gather_from_span(to, &planes.arrays[slot.array][first..], copy.span, copy.wall_momentum);
         }
     }
 
@@ -281,7 +285,7 @@ impl ExchangeInput<'_> {
 
 impl BoundaryExchange {
     /// Fills the buffers of the step before from populations that were set from outside. `next`: parity of the next step.
-    pub(super) fn reload(&mut self, populations: &Populations, next: StepParity) {
+    pub(super) fn rebuild_from_populations(&mut self, populations: &Populations, next: StepParity) {
         let arrays = populations.arrays();
         self.max_speed_squared.fill(f32::INFINITY);
         let (lists, previous) = (&self.lists, &mut self.previous);
@@ -290,9 +294,9 @@ impl BoundaryExchange {
             let plane = (z + 1) * grid.plane_stride;
             for copy in &lists.gather[links.gather.clone()] {
                 let first = plane + to_usize(copy.span.first);
-                let (k, e) = grid.outgoing(next, to_usize(copy.direction), first);
+                let (k, e) = grid.outgoing_slot_of(next, to_usize(copy.direction), first);
                 let to = &mut previous.populations[to_usize(copy.buffer_index)..];
-                gather_span(to, &arrays[k][e..], copy.span, copy.wall_momentum);
+                gather_from_span(to, &arrays[k][e..], copy.span, copy.wall_momentum);
             }
             // Open cells: columns at the ends of rows, then spans.
             let columns = links.columns.into_iter().zip([0, grid.n[0] - 1]);
@@ -301,10 +305,10 @@ impl BoundaryExchange {
                 columns.flat_map(|(first, node)| (0..grid.n[1]).map(move |y| (first + y, node + y * grid.row_stride)));
             let spans = lists.open_spans[links.open_spans.clone()].iter();
             let nodes = spans.flat_map(|span| (0..span.count).map(|n| to_usize(span.first + n * span.stride)));
-            let numbered = (links.first_span_cell(grid.n[1])..).zip(nodes);
+            let numbered = (links.first_open_span_cell(grid.n[1])..).zip(nodes);
             for (number, node) in columns.chain(numbered) {
                 let g: [f32; Q] = std::array::from_fn(|i| {
-                    let (k, e) = grid.outgoing(next, i, plane + node);
+                    let (k, e) = grid.outgoing_slot_of(next, i, plane + node);
                     arrays[k][e]
                 });
                 let (drho, [x, y, z]) = moments(&g);
@@ -318,21 +322,21 @@ impl BoundaryExchange {
     }
 
     /// What populations alone do not determine: outflow means, highest speeds, and moments of the open cells.
-    pub(super) fn history(&self) -> impl Iterator<Item = &f32> {
+    pub(super) fn checkpoint_values(&self) -> impl Iterator<Item = &f32> {
         let open_cells = &self.previous.open_cells;
         let cells = open_cells.moments.iter().flatten().chain(open_cells.populations.iter().flatten());
         self.mean_outflow.iter().chain(&self.max_speed_squared).chain(cells)
     }
 
     /// The same, to be restored.
-    pub(super) fn history_mut(&mut self) -> impl Iterator<Item = &mut f32> {
+    pub(super) fn checkpoint_values_mut(&mut self) -> impl Iterator<Item = &mut f32> {
         let open_cells = &mut self.previous.open_cells;
         let cells = open_cells.moments.iter_mut().flatten().chain(open_cells.populations.iter_mut().flatten());
         self.mean_outflow.iter_mut().chain(&mut self.max_speed_squared).chain(cells)
     }
 
     /// Bytes of lists and buffers.
-    pub(super) fn bytes(&self) -> usize {
+    pub(super) fn memory_bytes(&self) -> usize {
         use std::mem::size_of_val;
         let lists = &self.lists;
         let spans = size_of_val(&*lists.scatter) + size_of_val(&*lists.ghost_scatter) + size_of_val(&*lists.gather);
@@ -345,33 +349,37 @@ impl BoundaryExchange {
         spans
             + halo
             + size_of_val(&*lists.open_spans)
-            + self.open_boundary.bytes()
+            + self.open_boundary.memory_bytes()
             + 8 * self.ghost_populations[0].len()
             + 3 * buffers(&self.previous)
     }
 }
 
-impl PlaneLinks {
+impl PlaneExchangeRanges {
     /// Number of the first open cell of `open_spans`; the columns' come before. `rows`: of the plane.
-    pub(super) fn first_span_cell(&self, rows: usize) -> usize {
+    pub(super) fn first_open_span_cell(&self, rows: usize) -> usize {
         self.open_cells.start + rows * self.columns.iter().flatten().count()
     }
 }
 
 impl ExchangeBuffers {
     /// Splits the buffers between ranges of planes, which ascend and may leave some out.
-    pub(super) fn split(&mut self, lists: &ExchangeLists, ranges: &[Range<usize>]) -> Vec<ExchangeOutput<'_>> {
+    pub(super) fn split_by_planes(
+        &mut self,
+        lists: &ExchangeLists,
+        ranges: &[Range<usize>],
+    ) -> Vec<ExchangeOutput<'_>> {
         let buffers: Vec<_> = ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.buffer)).collect();
         let cells: Vec<_> =
             ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.open_cells)).collect();
-        let populations = split_ranges(&mut self.populations, &buffers).into_iter().zip(buffers);
+        let populations = split_slice(&mut self.populations, &buffers).into_iter().zip(buffers);
         let [drho, x, y, z] = &mut self.open_cells.moments;
-        let [x, y, z] = [x, y, z].map(|u| split_ranges(u, &cells));
-        let moments = split_ranges(drho, &cells).into_iter().zip(x).zip(y.into_iter().zip(z));
+        let [x, y, z] = [x, y, z].map(|u| split_slice(u, &cells));
+        let moments = split_slice(drho, &cells).into_iter().zip(x).zip(y.into_iter().zip(z));
         let moments = moments.map(|((drho, x), (y, z))| [drho, x, y, z]).zip(&cells);
         let none = vec![0..0; ranges.len()];
         let with_populations = if lists.nonequilibrium { &cells } else { &none };
-        let cell_populations = split_ranges(&mut self.open_cells.populations, with_populations);
+        let cell_populations = split_slice(&mut self.open_cells.populations, with_populations);
         populations
             .zip(moments)
             .zip(cell_populations)
@@ -387,7 +395,10 @@ impl ExchangeBuffers {
 }
 
 /// From the start of the first plane's part to the end of the last one's.
-fn covering_range(planes: &[PlaneLinks], part: impl Fn(&PlaneLinks) -> &Range<usize>) -> Range<usize> {
+fn covering_range(
+    planes: &[PlaneExchangeRanges],
+    part: impl Fn(&PlaneExchangeRanges) -> &Range<usize>,
+) -> Range<usize> {
     match (planes.first(), planes.last()) {
         (Some(first), Some(last)) => part(first).start..part(last).end,
         _ => 0..0,
@@ -395,7 +406,7 @@ fn covering_range(planes: &[PlaneLinks], part: impl Fn(&PlaneLinks) -> &Range<us
 }
 
 /// Disjoint parts of a slice, in ascending order; empty ranges may lie anywhere.
-pub(super) fn split_ranges<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
+pub(super) fn split_slice<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
     let (mut split, mut at) = (Vec::with_capacity(ranges.len()), 0);
     for range in ranges {
         if range.is_empty() {

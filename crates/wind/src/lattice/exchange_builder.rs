@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use super::domain::{Domain, FaceCondition, PopulationSource};
 use super::exchange::{
-    BoundaryExchange, ExchangeBuffers, ExchangeLists, NodeSpan, OpenCellMoments, PlaneLinks, RowHaloCopy, SpanCopy,
+    BoundaryExchange, ExchangeBuffers, ExchangeLists, NodeSpan, OpenCellMoments, PlaneExchangeRanges, RowHaloCopy,
+    SpanCopy,
 };
 use super::open_boundary::{GhostNode, GhostSlots, OpenBoundary};
 use super::row_halo::RowHalo;
@@ -85,13 +86,13 @@ pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<Bo
                     // Only cells at faces or beside solids take part.
                     let at_boundary = edge || x == 0 || x + 1 == n[0];
                     if !domain.is_solid(cell) && (at_boundary || domain.upstream_is_solid(cell, i)) {
-                        builder.add_population(cell, i);
+                        builder.link_population(cell, i);
                     }
                 }
             }
         }
     }
-    builder.finish(nonequilibrium)
+    builder.build(nonequilibrium)
 }
 
 impl ExchangeBuilder<'_> {
@@ -100,7 +101,7 @@ impl ExchangeBuilder<'_> {
     }
 
     /// Lists the population that arrives at a cell in direction `i`, unless it simply streams from its neighbour.
-    fn add_population(&mut self, x: [usize; 3], i: usize) {
+    fn link_population(&mut self, x: [usize; 3], i: usize) {
         let to = self.plane_node(x);
         let halo_index = RowHalo::index_of(&self.domain.grid, i, [x[0], x[1]]);
         let one = NodeRun { first: to, count: 1, stride: 1 };
@@ -108,14 +109,16 @@ impl ExchangeBuilder<'_> {
             |outgoing, from, wall_momentum| RunLink { incoming: i, outgoing, to: one, from, wall_momentum, halo_index };
         match self.domain.population_source(x, i) {
             PopulationSource::Neighbour => {}
-            PopulationSource::Cell { direction, cell } => self.append(link(direction, self.plane_node(cell), None)),
+            PopulationSource::Cell { direction, cell } => {
+                self.append_or_extend_link(link(direction, self.plane_node(cell), None))
+            }
             PopulationSource::MovingWall { direction, cell, velocity } => {
                 let cu: f64 = (0..3).map(|a| f64::from(VELOCITIES[i][a]) * velocity[a]).sum();
                 let momentum = osier_base::math::narrow(6.0 * weight(i) * cu);
-                self.append(link(direction, self.plane_node(cell), Some(momentum)));
+                self.append_or_extend_link(link(direction, self.plane_node(cell), Some(momentum)));
             }
             PopulationSource::Ghost { direction, position } => {
-                let ghost = self.ghost(position);
+                let ghost = self.ghost_index(position);
                 self.ghosts[ghost].directions |= 1 << direction;
                 self.ghost_links.push(GhostLink { incoming: i, to, ghost, sent: direction });
             }
@@ -123,16 +126,16 @@ impl ExchangeBuilder<'_> {
     }
 
     /// Adds a link, joined with the last one where both nodes follow at the same stride.
-    fn append(&mut self, one: RunLink) {
+    fn append_or_extend_link(&mut self, one: RunLink) {
         let row = self.domain.grid.row_stride;
         if let Some(last) = self.links.last_mut() {
             let alike = (last.incoming, last.outgoing, last.halo_index.is_some())
                 == (one.incoming, one.outgoing, one.halo_index.is_some())
                 && last.wall_momentum.is_none()
                 && one.wall_momentum.is_none();
-            let stride = last.to.stride_to(one.to.first, row);
+            let stride = last.to.stride_to_next(one.to.first, row);
             let from = NodeRun { first: last.from, ..last.to };
-            if let Some(stride) = stride.filter(|_| alike && stride == from.stride_to(one.from, row)) {
+            if let Some(stride) = stride.filter(|_| alike && stride == from.stride_to_next(one.from, row)) {
                 (last.to.count, last.to.stride) = (last.to.count + 1, stride);
                 return;
             }
@@ -141,11 +144,11 @@ impl ExchangeBuilder<'_> {
     }
 
     /// Number of the ghost node at a position, new or known.
-    fn ghost(&mut self, position: [isize; 3]) -> usize {
+    fn ghost_index(&mut self, position: [isize; 3]) -> usize {
         if let Some(known) = self.ghost_at.get(&position) {
             return *known;
         }
-        let faces = self.domain.faces_beyond(position).map(|f| f.map(|f| (f, self.domain.faces[f])));
+        let faces = self.domain.faces_outside_of(position).map(|f| f.map(|f| (f, self.domain.faces[f])));
         let inlet = faces.iter().flatten().any(|(_, f)| *f == FaceCondition::Inlet);
         let side = |f: &Option<(usize, FaceCondition)>| match f {
             Some((f, FaceCondition::Outlet)) if f % 2 == 1 => 1,
@@ -164,9 +167,9 @@ impl ExchangeBuilder<'_> {
         number
     }
 
-    fn finish(mut self, nonequilibrium: bool) -> Result<BoundaryExchange> {
+    fn build(mut self, nonequilibrium: bool) -> Result<BoundaryExchange> {
         let grid = self.domain.grid;
-        let mut planes = vec![PlaneLinks::default(); grid.n[2]];
+        let mut planes = vec![PlaneExchangeRanges::default(); grid.n[2]];
         // Gather in the order of the planes that populations leave ...
         let mut order: Vec<usize> = (0..self.links.len()).collect();
         order.sort_by_key(|k| self.links[*k].from.plane);
@@ -179,7 +182,7 @@ impl ExchangeBuilder<'_> {
             extend_range(&mut plane.gather, gather.len(), 1);
             extend_range(&mut plane.buffer, at, link.to.count);
             let from = NodeRun { first: link.from, ..link.to };
-            let copy = self.span_copy(link.outgoing, from, at)?;
+            let copy = self.to_span_copy(link.outgoing, from, at)?;
             gather.push(SpanCopy { wall_momentum: link.wall_momentum.unwrap_or(0.0), ..copy });
             at += link.to.count;
         }
@@ -190,19 +193,19 @@ impl ExchangeBuilder<'_> {
             if let Some(halo_index) = link.halo_index {
                 extend_range(&mut plane.halo, halo.len(), 1);
                 halo.push(RowHaloCopy {
-                    halo_index: small(halo_index)?,
-                    buffer_index: small(*at)?,
-                    count: small(link.to.count)?,
+                    halo_index: boundary_index(halo_index)?,
+                    buffer_index: boundary_index(*at)?,
+                    count: boundary_index(link.to.count)?,
                 });
             } else {
                 extend_range(&mut plane.scatter, scatter.len(), 1);
-                scatter.push(self.span_copy(link.incoming, link.to, *at)?);
+                scatter.push(self.to_span_copy(link.incoming, link.to, *at)?);
             }
         }
         let open_spans = self.number_open_cells(&mut planes)?;
-        let (open_boundary, slots) = self.open_boundary()?;
-        let (ghost_scatter, ghost_halo) = self.ghost_copies(&slots, &mut planes)?;
-        place_empty_ranges(&mut planes);
+        let (open_boundary, slots) = self.build_open_boundary()?;
+        let (ghost_scatter, ghost_halo) = self.build_ghost_copies(&slots, &mut planes)?;
+        position_empty_ranges(&mut planes);
         let open_cells = planes.last().map_or(0, |p| p.open_cells.end);
         let moments = std::array::from_fn(|_| vec![0.0; open_cells]);
         let populations = vec![[0.0; Q]; if nonequilibrium { open_cells } else { 0 }];
@@ -234,13 +237,13 @@ impl ExchangeBuilder<'_> {
 
     /// Sorts ghost nodes by plane and condition, so that alike ones follow each other and form groups. Returns the slots
     /// in the order of `ghosts`.
-    fn open_boundary(&self) -> Result<(OpenBoundary, Vec<GhostSlots>)> {
+    fn build_open_boundary(&self) -> Result<(OpenBoundary, Vec<GhostSlots>)> {
         let planes = self.domain.grid.n[2];
         let mut order: Vec<usize> = (0..self.ghosts.len()).collect();
         order.sort_by_key(|k| {
             let g = &self.ghosts[*k];
             let [x, y, z] = g.position;
-            (g.plane(planes), g.inlet, g.outward, g.before_solid, z, y, x)
+            (g.adjacent_plane(planes), g.inlet, g.outward, g.before_solid, z, y, x)
         });
         let (boundary, sorted) = OpenBoundary::new(order.iter().map(|k| self.ghosts[*k]).collect(), planes)?;
         let mut slots = vec![GhostSlots::default(); order.len()];
@@ -249,10 +252,10 @@ impl ExchangeBuilder<'_> {
     }
 
     /// Copies of ghost populations to slots and to the row halo, joined where nodes and buffer indices follow.
-    fn ghost_copies(
+    fn build_ghost_copies(
         &self,
         slots: &[GhostSlots],
-        planes: &mut [PlaneLinks],
+        planes: &mut [PlaneExchangeRanges],
     ) -> Result<(Vec<SpanCopy>, Vec<RowHaloCopy>)> {
         let grid = &self.domain.grid;
         let (mut scatter, mut halo): (Vec<SpanCopy>, Vec<RowHaloCopy>) = (Vec::new(), Vec::new());
@@ -263,7 +266,7 @@ impl ExchangeBuilder<'_> {
             let cell = [to.element % grid.row_stride, to.element / grid.row_stride];
             if let Some(halo_index) = RowHalo::index_of(grid, *incoming, cell) {
                 let range = &mut planes[to.plane].ghost_halo;
-                let (halo_index, buffer_index) = (small(halo_index)?, small(at)?);
+                let (halo_index, buffer_index) = (boundary_index(halo_index)?, boundary_index(at)?);
                 let follows = |c: &&mut RowHaloCopy| {
                     range.start < range.end
                         && (c.halo_index + c.count, c.buffer_index + c.count) == (halo_index, buffer_index)
@@ -279,43 +282,43 @@ impl ExchangeBuilder<'_> {
             // Any other goes to its slot; nodes at one stride with consecutive buffer indices share a copy.
             if let (Some(copy), Some(first)) = (scatter.last_mut(), last) {
                 let (count, stride) = (to_usize(copy.span.count), to_usize(copy.span.stride));
-                let stride = NodeRun { first, count, stride }.stride_to(*to, grid.row_stride);
+                let stride = NodeRun { first, count, stride }.stride_to_next(*to, grid.row_stride);
                 let follows = to_usize(copy.direction) == *incoming && to_usize(copy.buffer_index) + count == at;
                 if let Some(stride) = stride.filter(|_| follows) {
-                    (copy.span.count, copy.span.stride) = (copy.span.count + 1, small(stride)?);
+                    (copy.span.count, copy.span.stride) = (copy.span.count + 1, boundary_index(stride)?);
                     continue;
                 }
             }
             extend_range(&mut planes[to.plane].ghost_scatter, scatter.len(), 1);
-            scatter.push(self.span_copy(*incoming, NodeRun { first: *to, count: 1, stride: 1 }, at)?);
+            scatter.push(self.to_span_copy(*incoming, NodeRun { first: *to, count: 1, stride: 1 }, at)?);
             last = Some(*to);
         }
         Ok((scatter, halo))
     }
 
-    fn span_copy(&self, direction: usize, run: NodeRun, buffer_index: usize) -> Result<SpanCopy> {
-        let (direction, span) = (small(direction)?, self.node_span(run)?);
-        Ok(SpanCopy { direction, span, buffer_index: small(buffer_index)?, wall_momentum: 0.0 })
+    fn to_span_copy(&self, direction: usize, run: NodeRun, buffer_index: usize) -> Result<SpanCopy> {
+        let (direction, span) = (boundary_index(direction)?, self.to_node_span(run)?);
+        Ok(SpanCopy { direction, span, buffer_index: boundary_index(buffer_index)?, wall_momentum: 0.0 })
     }
 
-    fn node_span(&self, run: NodeRun) -> Result<NodeSpan> {
-        let first = small(self.domain.grid.first_cell + run.first.element)?;
-        Ok(NodeSpan { first, count: small(run.count)?, stride: small(run.stride)? })
+    fn to_node_span(&self, run: NodeRun) -> Result<NodeSpan> {
+        let first = boundary_index(self.domain.grid.first_cell + run.first.element)?;
+        Ok(NodeSpan { first, count: boundary_index(run.count)?, stride: boundary_index(run.stride)? })
     }
 
     /// The end of its row at which a cell lies, if the face there is open: then the whole column counts as open cells.
-    fn open_end(&self, x: usize) -> Option<usize> {
+    fn open_row_end(&self, x: usize) -> Option<usize> {
         let ends = [0, self.domain.grid.n[0] - 1];
         (0..2).find(|end| x == ends[*end] && self.domain.faces[*end].is_open())
     }
 
     /// Numbers the open cells plane by plane and notes each ghost's. Returns the spans of those that are not in columns
     /// at the ends of rows.
-    fn number_open_cells(&mut self, planes: &mut [PlaneLinks]) -> Result<Vec<NodeSpan>> {
+    fn number_open_cells(&mut self, planes: &mut [PlaneExchangeRanges]) -> Result<Vec<NodeSpan>> {
         let [_, rows, _] = self.domain.grid.n;
         // Open cells that are not in columns, once each, in the order of planes and rows.
         let air = self.nearest.iter().zip(&self.ghosts).filter(|(_, g)| !g.before_solid).map(|(cell, _)| *cell);
-        let mut cells: Vec<[usize; 3]> = air.filter(|c| self.open_end(c[0]).is_none()).collect();
+        let mut cells: Vec<[usize; 3]> = air.filter(|c| self.open_row_end(c[0]).is_none()).collect();
         cells.sort_by_key(|c| (c[2], c[1], c[0]));
         cells.dedup();
         let mut number: BTreeMap<[usize; 3], u32> = BTreeMap::new();
@@ -331,12 +334,12 @@ impl ExchangeBuilder<'_> {
                 }
             }
             while let Some(cell) = cells.next_if(|c| c[2] == z) {
-                number.insert(*cell, small(at)?);
+                number.insert(*cell, boundary_index(at)?);
                 extend_range(&mut plane.open_cells, at, 1);
                 at += 1;
                 let node = self.plane_node(*cell);
                 if let Some(last) = runs.last_mut().filter(|_| plane.open_spans.start < plane.open_spans.end)
-                    && let Some(stride) = last.stride_to(node, self.domain.grid.row_stride)
+                    && let Some(stride) = last.stride_to_next(node, self.domain.grid.row_stride)
                 {
                     (last.count, last.stride) = (last.count + 1, stride);
                     continue;
@@ -348,18 +351,18 @@ impl ExchangeBuilder<'_> {
         // Each ghost node reads the moments of its nearest cell under this number.
         for k in 0..self.ghosts.len() {
             let cell = self.nearest[k];
-            self.ghosts[k].open_cell = match self.open_end(cell[0]).and_then(|end| planes[cell[2]].columns[end]) {
-                Some(first) => small(first + cell[1])?,
+            self.ghosts[k].open_cell = match self.open_row_end(cell[0]).and_then(|end| planes[cell[2]].columns[end]) {
+                Some(first) => boundary_index(first + cell[1])?,
                 None => number.get(&cell).copied().unwrap_or(0),
             };
         }
-        runs.into_iter().map(|run| self.node_span(run)).collect()
+        runs.into_iter().map(|run| self.to_node_span(run)).collect()
     }
 }
 
 impl NodeRun {
     /// The stride at which a node continues the run, along the row or across rows of its plane; none if it does not.
-    fn stride_to(self, next: PlaneNode, row_stride: usize) -> Option<usize> {
+    fn stride_to_next(self, next: PlaneNode, row_stride: usize) -> Option<usize> {
         let step = next.element.checked_sub(self.first.element + (self.count - 1) * self.stride)?;
         let good = next.plane == self.first.plane && (step == 1 || step == row_stride);
         (good && (self.count == 1 || step == self.stride)).then_some(step)
@@ -375,7 +378,7 @@ fn extend_range(range: &mut Range<usize>, at: usize, count: usize) {
 }
 
 /// Lets empty ranges begin where those of the planes before end, so that ranges of planes can be split in order.
-fn place_empty_ranges(planes: &mut [PlaneLinks]) {
+fn position_empty_ranges(planes: &mut [PlaneExchangeRanges]) {
     let mut ends = [0; 8];
     for p in planes {
         let ranges = [
@@ -397,6 +400,6 @@ fn place_empty_ranges(planes: &mut [PlaneLinks]) {
     }
 }
 
-fn small(n: usize) -> Result<u32> {
+fn boundary_index(n: usize) -> Result<u32> {
     index(n, "boundary nodes of the lattice wind")
 }

@@ -8,7 +8,7 @@ use super::domain::{Domain, FaceCondition};
 use super::exchange::BoundaryExchange;
 use super::exchange_builder::build_exchange;
 use super::grid::{BLOCK, Populations, StepParity};
-use super::ground::shear_population;
+use super::ground::shear_nonequilibrium_population;
 use super::stencil::{Q, VELOCITIES, opposite, weight};
 use super::step_tables::{FlowParams, StepTables};
 use super::stepper::{BoundaryInputs, StepContext, StepReport};
@@ -31,7 +31,7 @@ pub(super) struct FlowState {
 /// A velocity to add to all cells of a height: along x and z, cells per step, with its shear
 /// ([`super::ground::shear_coefficient`] times the direction).
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LayerPush {
+pub(super) struct LayerVelocity {
     pub velocity: [f32; 2],
     pub shear: [f32; 2],
 }
@@ -55,18 +55,18 @@ impl FlowState {
         let (nonequilibrium, mean_outflow) = (self.exchange.lists.nonequilibrium, self.exchange.mean_outflow);
         self.exchange = build_exchange(&self.domain, nonequilibrium)?;
         self.exchange.mean_outflow = mean_outflow;
-        self.exchange.reload(&self.populations, self.next_parity());
+        self.exchange.rebuild_from_populations(&self.populations, self.next_parity());
         self.tables = StepTables::new(&self.domain, FlowParams { sponge, ..self.tables.params.clone() })?;
         Ok(())
     }
 
     pub(super) fn next_parity(&self) -> StepParity {
-        StepParity::of_step(self.step)
+        StepParity::from_step(self.step)
     }
 
     /// One step without a snapshot; returns the number of clamped cells.
     #[cfg(test)]
-    pub(super) fn advance_one(&mut self, inputs: BoundaryInputs<'_>) -> u64 {
+    pub(super) fn advance_one_step(&mut self, inputs: BoundaryInputs<'_>) -> u64 {
         self.advance(inputs, None, None).clamped[0]
     }
 
@@ -81,75 +81,76 @@ impl FlowState {
         let parity = self.next_parity();
         self.step += 1 + u64::from(second.is_some());
         let context = StepContext { tables: &self.tables, domain: &self.domain, parity, first, second };
-        context.run(&mut self.populations, &mut self.exchange, snapshot)
+        context.run_pass(&mut self.populations, &mut self.exchange, snapshot)
     }
 
     /// Adds a velocity to each layer of cells, `layers` by y, between two steps. Solid cells get it too, but boundary
     /// exchange never reads them.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn push_layers(&mut self, layers: &[LayerPush]) {
+    pub(super) fn add_layer_velocities(&mut self, layers: &[LayerVelocity]) {
         let (grid, parity) = (self.domain.grid, self.next_parity());
         let mut arrays: Vec<_> = self.populations.arrays_mut().into_iter().enumerate().collect();
         par::par_each(&mut arrays, |(k, array)| {
             // The linear part of the equilibrium, 3 w_i c_i.u, and the non-equilibrium part of the shear.
             let i = if parity == StepParity::Odd { opposite(*k) } else { *k };
             let [x, _, z] = VELOCITIES[i].map(|c| narrow(3.0 * weight(i) * f64::from(c)));
-            let added = |l: &LayerPush| x * l.velocity[0] + z * l.velocity[1] + shear_population(i, l.shear);
+            let added =
+                |l: &LayerVelocity| x * l.velocity[0] + z * l.velocity[1] + shear_nonequilibrium_population(i, l.shear);
             let added: Vec<f32> = layers.iter().map(added).collect();
             for z in 0..grid.n[2] {
                 for (y, added) in added.iter().enumerate() {
-                    let (_, first) = grid.outgoing(parity, i, grid.element([0, y as isize, z as isize]));
+                    let (_, first) = grid.outgoing_slot_of(parity, i, grid.node_element([0, y as isize, z as isize]));
                     array[first..first + grid.n[0]].iter_mut().for_each(|g| *g += added);
                 }
             }
         });
-        self.exchange.reload(&self.populations, parity);
+        self.exchange.rebuild_from_populations(&self.populations, parity);
     }
 
     /// Populations that left a cell in the last step.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn outgoing(&self, cell: [usize; 3]) -> [f32; Q] {
-        let e = self.domain.grid.element(cell.map(|c| c as isize));
+    pub(super) fn outgoing_populations(&self, cell: [usize; 3]) -> [f32; Q] {
+        let e = self.domain.grid.node_element(cell.map(|c| c as isize));
         let arrays = self.populations.arrays();
         std::array::from_fn(|i| {
-            let (k, e) = self.domain.grid.outgoing(self.next_parity(), i, e);
+            let (k, e) = self.domain.grid.outgoing_slot_of(self.next_parity(), i, e);
             arrays[k][e]
         })
     }
 
     /// Density less 1, and velocity, cells per step, of a cell.
     pub(super) fn moments_at(&self, cell: [usize; 3]) -> (f32, [f32; 3]) {
-        moments(&self.outgoing(cell))
+        moments(&self.outgoing_populations(cell))
     }
 
     /// Reads density and checkerboard of every cell without doing a step.
     pub(super) fn diagnose(&self) -> FlowDiagnostics {
         let mut planes: Vec<_> = (0..self.domain.grid.n[2]).map(|z| (z, None)).collect();
-        self.read_planes(&mut planes)
+        self.compute_plane_moments(&mut planes)
     }
 
     /// The same, and writes a snapshot.
     pub(super) fn write_snapshot(&self, target: SnapshotTarget<'_>) -> FlowDiagnostics {
         let mut planes: Vec<_> = target.split_planes().into_iter().map(Some).enumerate().collect();
-        self.read_planes(&mut planes)
+        self.compute_plane_moments(&mut planes)
     }
 
-    fn read_planes(&self, planes: &mut [(usize, Option<SnapshotPlane<'_>>)]) -> FlowDiagnostics {
+    fn compute_plane_moments(&self, planes: &mut [(usize, Option<SnapshotPlane<'_>>)]) -> FlowDiagnostics {
         let read = |(z, target): &mut (usize, Option<SnapshotPlane<'_>>)| {
-            self.tables.arch.dispatch(ReadPlane { flow: self, z: *z, target: target.as_mut() })
+            self.tables.arch.dispatch(PlaneMomentsKernel { flow: self, z: *z, target: target.as_mut() })
         };
         FlowDiagnostics { planes: par::par_map_mut(planes, read) }
     }
 }
 
 /// Computes the moments of a plane between two steps.
-struct ReadPlane<'a, 'b> {
+struct PlaneMomentsKernel<'a, 'b> {
     flow: &'a FlowState,
     z: usize,
     target: Option<&'a mut SnapshotPlane<'b>>,
 }
 
-impl WithSimd for ReadPlane<'_, '_> {
+impl WithSimd for PlaneMomentsKernel<'_, '_> {
     type Output = PlaneDiagnostics;
 
     #[inline(always)]
@@ -164,10 +165,10 @@ impl WithSimd for ReadPlane<'_, '_> {
         let mut diagnostics = PlaneDiagnostics::default();
         let mut row = [vec![0.0_f32; length], vec![0.0; length], vec![0.0; length], vec![0.0; length]];
         for y in 0..ny {
-            let first = grid.element([0, y as isize, z as isize]);
+            let first = grid.node_element([0, y as isize, z as isize]);
             let mut slots: [(usize, usize); Q] = [(0, 0); Q];
             for (i, slot) in slots.iter_mut().enumerate() {
-                *slot = grid.outgoing(parity, i, first);
+                *slot = grid.outgoing_slot_of(parity, i, first);
             }
             for register in 0..length / S::F32_LANES {
                 let at = register * S::F32_LANES;

@@ -51,13 +51,13 @@ pub(super) enum StepParity {
 }
 
 impl StepParity {
-    pub(super) fn of_step(step: u64) -> Self {
+    pub(super) fn from_step(step: u64) -> Self {
         if step.is_multiple_of(2) { Self::Even } else { Self::Odd }
     }
 }
 
 /// Row stride, plane stride, and offset of the first cell of a plane of `[x, y]` cells.
-fn strides([x, y]: [usize; 2]) -> [usize; 3] {
+fn plane_layout([x, y]: [usize; 2]) -> [usize; 3] {
     let row = x + 2;
     let first = (row + 1).next_multiple_of(BLOCK);
     // Halo slots of an odd step lie a row and an element beyond the last row; the last block of a plane may overrun it.
@@ -67,7 +67,7 @@ fn strides([x, y]: [usize; 2]) -> [usize; 3] {
 
 impl LatticeGrid {
     pub(super) fn new(n: [usize; 3]) -> Self {
-        let [row, plane, first] = strides([n[0], n[1]]);
+        let [row, plane, first] = plane_layout([n[0], n[1]]);
         Self {
             n,
             row_stride: row,
@@ -79,7 +79,7 @@ impl LatticeGrid {
 
     /// Bytes of the populations of `n` cells along each axis.
     pub(super) fn population_bytes(n: [usize; 3]) -> u64 {
-        let [_, plane, _] = strides([n[0], n[1]]);
+        let [_, plane, _] = plane_layout([n[0], n[1]]);
         4 * Q as u64 * ((plane as u64 * (n[2] as u64 + 2)).next_multiple_of(PAGE as u64) + ARRAY_SKEW as u64)
     }
 
@@ -94,7 +94,7 @@ impl LatticeGrid {
 
     /// Element of a node in every array; coordinates run from -1 to n.
     #[allow(clippy::cast_sign_loss, clippy::cast_possible_wrap, reason = "from -1 on, below the sizes")]
-    pub(super) fn element(&self, [x, y, z]: [isize; 3]) -> usize {
+    pub(super) fn node_element(&self, [x, y, z]: [isize; 3]) -> usize {
         let before_halo = self.first_cell - self.row_stride - 1;
         before_halo + (x + 1) as usize + self.row_stride * (y + 1) as usize + self.plane_stride * (z + 1) as usize
     }
@@ -108,7 +108,7 @@ impl LatticeGrid {
 
     /// Array and element of the population that left node `e` in direction `i` in the step before, when the next step has
     /// parity `next`: slot (opp i, x) or slot (i, x + c_i).
-    pub(super) fn outgoing(&self, next: StepParity, i: usize, e: usize) -> (usize, usize) {
+    pub(super) fn outgoing_slot_of(&self, next: StepParity, i: usize, e: usize) -> (usize, usize) {
         match next {
             StepParity::Odd => (opposite(i), e),
             StepParity::Even => (i, e.wrapping_add_signed(self.velocity_offset(i))),
@@ -171,7 +171,7 @@ impl std::fmt::Debug for Populations {
 
 /// Zeroed memory of so many `f32`. Anonymous pages are zero already, and huge pages make the step a fifth faster.
 #[cfg(target_os = "linux")]
-fn zeroed_memory(elements: usize) -> Result<PopulationMemory> {
+fn allocate_zeroed(elements: usize) -> Result<PopulationMemory> {
     let out_of_memory = |e| osier_base::Error::io("allocate memory for", "the lattice wind", e);
     let memory = memmap2::MmapMut::map_anon(elements * 4).map_err(out_of_memory)?;
     // Only advice: a system without huge pages refuses it.
@@ -186,7 +186,7 @@ fn zeroed_memory(elements: usize) -> Result<PopulationMemory> {
 struct CacheLine([f32; BLOCK]);
 
 #[cfg(not(target_os = "linux"))]
-fn zeroed_memory(elements: usize) -> Result<PopulationMemory> {
+fn allocate_zeroed(elements: usize) -> Result<PopulationMemory> {
     Ok(vec![bytemuck::Zeroable::zeroed(); elements.div_ceil(BLOCK)])
 }
 
@@ -195,7 +195,7 @@ impl Populations {
     /// # Errors
     /// `Io` if the system cannot provide the memory.
     pub(super) fn new(grid: LatticeGrid) -> Result<Self> {
-        Ok(Self { grid, memory: zeroed_memory(grid.array_stride * Q)? })
+        Ok(Self { grid, memory: allocate_zeroed(grid.array_stride * Q)? })
     }
 
     /// The arrays, one per direction.

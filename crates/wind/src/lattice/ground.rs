@@ -37,7 +37,7 @@ impl GroundModel {
     /// is therefore that of a logarithmic profile in a channel of height H, proportional to y (1 - y/H), and the drag
     /// rises with it.
     /// Source: own; stress and mixing length of the logarithmic law, von Karman 1930.
-    pub(super) fn rough(roughness: f64, tau: f64, smagorinsky: f64, speed: f64, height: f64, cells: usize) -> Self {
+    pub(super) fn log_law(roughness: f64, tau: f64, smagorinsky: f64, speed: f64, height: f64, cells: usize) -> Self {
         // Friction velocity u* = kappa u / ln((y + z0)/z0); eddy viscosity kappa u* (y + z0), which fades to 0 where the
         // lattice resolves the eddies itself. tau = tau_0 + 3 nu.
         let friction = KARMAN * speed / ln((height + roughness) / roughness);
@@ -91,12 +91,12 @@ pub(super) fn apply_wall_stress<L: Lane>(g: &mut [L; Q], drag: L, sponge_drag: L
 /// relaxed with tau = 1. `shear`: along x and z, [`shear_coefficient`] times the wind's direction.
 /// Source: own; first order of Chapman and Enskog, (1 - tau) 3 w_i c_iy (c_ix du_x/dy + c_iz du_z/dy).
 #[inline(always)]
-pub(super) fn shear_population<L: Lane>(i: usize, shear: [L; 2]) -> L {
+pub(super) fn shear_nonequilibrium_population<L: Lane>(i: usize, shear: [L; 2]) -> L {
     let c = VELOCITIES[i].map(|c| shear[0].splat(f64::from(c)));
     shear[0].splat(weight(i)) * c[1] * (c[0] * shear[0] + c[2] * shear[1])
 }
 
-/// 3 (1 - tau) du/dy: the factor of [`shear_population`]. `slope`: du/dy, 1 per step.
+/// 3 (1 - tau) du/dy: the factor of [`shear_nonequilibrium_population`]. `slope`: du/dy, 1 per step.
 pub(super) fn shear_coefficient(tau: f64, slope: f64) -> f64 {
     3.0 * (1.0 - tau) * slope
 }
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ground_takes_its_stress_and_nothing_else() {
+    fn wall_stress_removes_only_its_momentum() {
         let drag = 0.05;
         let mut g: [f64; Q] = std::array::from_fn(|i| super::super::collide::equilibrium(i, 0.01, [0.06, 0.0, -0.08]));
         let sums = |g: &[f64; Q]| -> [f64; 4] {
@@ -126,8 +126,8 @@ mod tests {
     }
 
     #[test]
-    fn the_roughest_ground_stops_the_air_and_does_not_turn_it() {
-        let rough = GroundModel::rough(100.0, 0.5005, 0.16, 0.1, 70.0, 70);
+    fn extreme_roughness_never_reverses_the_flow() {
+        let rough = GroundModel::log_law(100.0, 0.5005, 0.16, 0.1, 70.0, 70);
         let mut g: [f64; Q] = std::array::from_fn(|i| super::super::collide::equilibrium(i, 0.0, [0.1, 0.0, 0.0]));
         apply_wall_stress(&mut g, f64::from(rough.drag), 0.0);
         let left = super::super::collide::moments(&g).1[0];

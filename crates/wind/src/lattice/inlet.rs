@@ -81,7 +81,7 @@ struct FourierMode {
 /// let options = LatticeOptions::default();
 /// let inlet = InletWind::new(options.inlet, DVec3::ZERO, options.spacing, options.cells, [false; 3]);
 /// assert!((inlet.profile(10.0) - 1.0).abs() < 1e-12);
-/// assert!(inlet.peak(35.0) > 4.5 && inlet.mean_at(2.0).x < 4.5);
+/// assert!(inlet.peak_speed(35.0) > 4.5 && inlet.mean_at(2.0).x < 4.5);
 /// ```
 #[derive(Debug, Clone)]
 pub struct InletWind {
@@ -139,7 +139,7 @@ impl InletWind {
 
     /// Shear coefficient of the mean wind at a height above the ground, m, in m/s: [`shear_coefficient`] times spacing over time step.
     /// `tau`: relaxation time there, steps.
-    pub(super) fn shear_at(&self, tau: f64, height: f64) -> f64 {
+    pub(super) fn mean_shear_coefficient(&self, tau: f64, height: f64) -> f64 {
         shear_coefficient(tau, self.options.speed * self.profile_slope(height) * self.spacing)
     }
 
@@ -154,7 +154,7 @@ impl InletWind {
     }
 
     /// Largest speed of mean and gusts up to a height above the ground, m, in m/s; turbulence comes on top.
-    pub fn peak(&self, height: f64) -> f64 {
+    pub fn peak_speed(&self, height: f64) -> f64 {
         // The profile at equidistant heights, and at the rows of a table, between which it may peak.
         let steps = 64;
         let fastest = (0..=steps).map(|i| self.profile(height * f64::from(i) / f64::from(steps))).fold(0.0, f64::max);
@@ -180,16 +180,16 @@ impl InletWind {
             [0.0, t].into_iter().chain(o.speed_curve.iter().chain(&o.direction_curve).map(|row| row[0])).collect();
         times.retain(|time| *time * (*time - t) <= 0.0);
         times.sort_by(f64::total_cmp);
-        let sum: DVec3 = times.windows(2).map(|w| self.displacement_between(w[0], w[1])).sum();
+        let sum: DVec3 = times.windows(2).map(|w| self.integrate_displacement(w[0], w[1])).sum();
         if t < 0.0 { -sum } else { sum }
     }
 
     /// The same between two times, s, between which speed and angle are linear, by the composite Simpson's rule with at most
     /// [`TURN_PER_INTERVAL`] of turn per interval.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred intervals")]
-    fn displacement_between(&self, from: f64, to: f64) -> DVec3 {
+    fn integrate_displacement(&self, from: f64, to: f64) -> DVec3 {
         let velocity = |t: f64| self.direction(t) * (self.options.speed * self.speed_factor(t));
-        let angle = turn_angle(&self.options, to) - turn_angle(&self.options, from);
+        let angle = direction_angle(&self.options, to) - direction_angle(&self.options, from);
         let intervals = (angle.abs() / TURN_PER_INTERVAL).ceil().clamp(1.0, 1e4) as u32;
         let length = (to - from) / f64::from(intervals);
         let integral = |k: u32| {
@@ -199,7 +199,7 @@ impl InletWind {
         (0..intervals).map(integral).sum()
     }
 
-    /// What all positions have in common at time `t`, s. `gust`: [`InletWind::gust`] at that time.
+    /// What all positions have in common at time `t`, s. `gust`: [`InletWind::gust_factor`] at that time.
     pub(super) fn state_at(&self, t: f64, gust: f64) -> InletState {
         InletState {
             direction: self.direction(t),
@@ -211,13 +211,13 @@ impl InletWind {
 
     /// Factor on the mean speed at time `t`, s: the speed curve times 1 + s g, where g is an Ornstein-Uhlenbeck process of unit
     /// variance, clamped to +-2, and s the gust strength.
-    pub fn gust(&self, t: f64) -> f64 {
-        self.gust_from(t, |tick| self.ornstein_uhlenbeck(tick))
+    pub fn gust_factor(&self, t: f64) -> f64 {
+        self.gust_factor_from(t, |tick| self.gust_process_at_tick(tick))
     }
 
     /// The same from a source of the process at integer ticks, of which there are [`GUST_TICKS`] per correlation time.
     #[allow(clippy::cast_possible_truncation, reason = "ticks are integers")]
-    fn gust_from(&self, t: f64, mut process: impl FnMut(i64) -> f64) -> f64 {
+    fn gust_factor_from(&self, t: f64, mut process: impl FnMut(i64) -> f64) -> f64 {
         if self.options.gust_strength <= 0.0 {
             return self.speed_factor(t);
         }
@@ -230,7 +230,7 @@ impl InletWind {
     /// Ornstein-Uhlenbeck process of unit variance at a tick, a pure function of the tick: the moving average
     /// sqrt(1 - r^2) sum_j r^j n(tick - j) of normal draws n, cut off after [`GUST_MEMORY`] correlation times.
     #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
-    fn ornstein_uhlenbeck(&self, tick: i64) -> f64 {
+    fn gust_process_at_tick(&self, tick: i64) -> f64 {
         let decay = exp(-1.0 / GUST_TICKS);
         let (mut sum, mut weight) = (0.0, sqrt(1.0 - decay * decay));
         for age in 0..(GUST_MEMORY * GUST_TICKS) as i64 {
@@ -242,7 +242,7 @@ impl InletWind {
     }
 
     /// Share of the turbulence at a height above the ground, m: 0 at the ground, 1 from [`TURBULENCE_FULL_HEIGHT`] cells on.
-    pub(super) fn envelope(&self, height: f64) -> f64 {
+    pub(super) fn turbulence_envelope(&self, height: f64) -> f64 {
         (height / (TURBULENCE_FULL_HEIGHT * self.spacing)).clamp(0.0, 1.0)
     }
 
@@ -258,11 +258,11 @@ impl InletWind {
 
     /// Velocity at a position, m, and time `t`, s, in m/s.
     pub fn velocity(&self, position: DVec3, t: f64) -> DVec3 {
-        self.velocity_in(position, &self.state_at(t, self.gust(t)))
+        self.velocity_with_state(position, &self.state_at(t, self.gust_factor(t)))
     }
 
     /// Velocity at a position, m, in m/s, in a state of [`InletWind::state_at`]; 0 below the ground.
-    pub(super) fn velocity_in(&self, position: DVec3, state: &InletState) -> DVec3 {
+    pub(super) fn velocity_with_state(&self, position: DVec3, state: &InletState) -> DVec3 {
         let offset = position - self.origin;
         if offset.y < 0.0 {
             return DVec3::ZERO;
@@ -271,15 +271,15 @@ impl InletWind {
         let upstream = offset - state.displacement;
         let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(upstream) + m.phase)).sum();
         state.direction * self.mean_speed(offset.y, state.gust)
-            + eddies * (self.envelope(offset.y) * state.speed_factor)
+            + eddies * (self.turbulence_envelope(offset.y) * state.speed_factor)
     }
 }
 
 impl Wind for InletWind {
     fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
-        let state = self.state_at(t, self.gust(t));
+        let state = self.state_at(t, self.gust_factor(t));
         for (position, u) in positions.iter().zip(out) {
-            *u = self.velocity_in(position.as_dvec3(), &state).as_vec3();
+            *u = self.velocity_with_state(position.as_dvec3(), &state).as_vec3();
         }
     }
 
@@ -297,7 +297,7 @@ impl Wind for InletWind {
 }
 
 /// Angle of the wind from its first direction at time `t`, s, in rad, counterclockwise as seen from above.
-fn turn_angle(options: &InletOptions, t: f64) -> f64 {
+fn direction_angle(options: &InletOptions, t: f64) -> f64 {
     interpolate(&options.direction_curve, t).unwrap_or(0.0)
 }
 
@@ -307,7 +307,7 @@ pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
     if options.direction_curve.is_empty() {
         return d;
     }
-    let angle = turn_angle(options, t);
+    let angle = direction_angle(options, t);
     let (c, s) = (cos(angle), sin(angle));
     DVec3::new(d.x * c + d.z * s, 0.0, d.z * c - d.x * s)
 }
@@ -323,7 +323,7 @@ fn fourier_modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [b
     // One wavelength at random in each of `count` equal intervals of the logarithm, so that no scale is left out.
     let lengths: Vec<f64> = (0..options.turbulence_modes)
         .map(|m| {
-            let exponent = (f64::from(m) + draw(options.seed, m, "length").unit_f64()) / count;
+            let exponent = (f64::from(m) + mode_rng(options.seed, m, "length").unit_f64()) / count;
             shortest * pow(longest / shortest, exponent)
         })
         .collect();
@@ -338,7 +338,7 @@ fn fourier_modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [b
 }
 
 /// Stream of random numbers for one property of mode `m`.
-fn draw(seed: u64, m: u32, property: &str) -> Rng {
+fn mode_rng(seed: u64, m: u32, property: &str) -> Rng {
     Rng::at(seed, &["wind".into(), "mode".into(), m.into(), property.into()])
 }
 
@@ -352,7 +352,7 @@ fn fourier_mode(
     size: DVec3,
     periodic: [bool; 3],
 ) -> FourierMode {
-    let mut k = random_direction(&mut draw(options.seed, m, "towards")) * (TAU / length);
+    let mut k = random_direction(&mut mode_rng(options.seed, m, "towards")) * (TAU / length);
     // Along a periodic axis a whole number of waves, possibly none, fits the box.
     for a in 0..3 {
         if periodic[a] {
@@ -362,7 +362,7 @@ fn fourier_mode(
     }
     let unit = if k.length() > 0.0 { k / k.length() } else { DVec3::Y };
     // Amplitude perpendicular to k, so that div u = 0; directions nearly parallel to k are drawn again.
-    let mut across = draw(options.seed, m, "across");
+    let mut across = mode_rng(options.seed, m, "across");
     let e = loop {
         let e = random_direction(&mut across);
         let e = e - unit * e.dot(unit);
@@ -373,7 +373,7 @@ fn fourier_mode(
     FourierMode {
         k,
         e: e * (amplitude * pow(length, 1.0 / 3.0)),
-        phase: TAU * draw(options.seed, m, "phase").unit_f64(),
+        phase: TAU * mode_rng(options.seed, m, "phase").unit_f64(),
     }
 }
 
@@ -426,12 +426,13 @@ impl InletNodes {
         let height = |n: &InletNode| n.position.y - inlet.origin.y - n.ground;
         let mean = |n: &InletNode| narrow(inlet.options.speed * inlet.profile(height(n)) * velocity_scale);
         let mean = nodes.iter().map(mean).collect();
-        let shear =
-            |n: &InletNode| narrow(inlet.shear_at(tau(n.position.y - inlet.origin.y), height(n)) * velocity_scale);
+        let shear = |n: &InletNode| {
+            narrow(inlet.mean_shear_coefficient(tau(n.position.y - inlet.origin.y), height(n)) * velocity_scale)
+        };
         let shear = nodes.iter().map(shear).collect();
         let mode = |m: &FourierMode| {
             let phase = |n: &InletNode| m.k.dot(n.position - inlet.origin) + m.phase;
-            let envelope = |n: &InletNode| inlet.envelope(height(n)) * velocity_scale;
+            let envelope = |n: &InletNode| inlet.turbulence_envelope(height(n)) * velocity_scale;
             [
                 nodes.iter().map(|n| narrow(cos(phase(n)) * envelope(n))).collect(),
                 nodes.iter().map(|n| narrow(sin(phase(n)) * envelope(n))).collect(),
@@ -442,30 +443,30 @@ impl InletNodes {
     }
 
     /// Velocity at every node, by component, cells per step.
-    pub(super) fn velocities(&self, inlet: &InletWind, step: InletStep, arch: Arch, out: &mut [Vec<f32>; 3]) {
+    pub(super) fn compute_velocities(&self, inlet: &InletWind, step: InletStep, arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
         let displacement = inlet.mean_displacement(step.time);
         let factor = step.ramp * inlet.speed_factor(step.time);
         let phase_shift = |m: &FourierMode| {
             let angle = m.k.dot(displacement);
-            ModeStep {
+            ModePhaseShift {
                 amplitude: m.e.to_array().map(narrow),
                 cos: narrow(cos(angle) * factor),
                 sin: narrow(sin(angle) * factor),
             }
         };
         let mode_steps: Vec<_> = inlet.modes.iter().map(phase_shift).collect();
-        arch.dispatch(VelocityKernel { nodes: self, step, mode_steps: &mode_steps, out });
+        arch.dispatch(InletVelocityKernel { nodes: self, step, mode_steps: &mode_steps, out });
     }
 
     /// Shear coefficient at every node along the wind, and the factors on it along x and z in this step.
-    pub(super) fn shear(&self, step: InletStep) -> (&[f32], [f32; 2]) {
+    pub(super) fn node_shear(&self, step: InletStep) -> (&[f32], [f32; 2]) {
         (&self.shear, [step.direction[0] * step.mean_factor, step.direction[2] * step.mean_factor])
     }
 
     /// What all nodes have in common at time `t`, s. `ramp`: share of the full inflow during spin-up.
-    pub(super) fn step_at(&mut self, inlet: &InletWind, t: f64, ramp: f64) -> InletStep {
-        let mean_factor = narrow(inlet.gust_from(t, |tick| self.gust_cache.get(inlet, tick)) * ramp);
+    pub(super) fn prepare_step(&mut self, inlet: &InletWind, t: f64, ramp: f64) -> InletStep {
+        let mean_factor = narrow(inlet.gust_factor_from(t, |tick| self.gust_cache.process_at_tick(inlet, tick)) * ramp);
         InletStep { time: t, ramp, mean_factor, direction: inlet.direction(t).to_array().map(narrow) }
     }
 }
@@ -475,19 +476,19 @@ impl InletNodes {
 struct GustCache([Option<(i64, f64)>; 2]);
 
 impl GustCache {
-    /// [`InletWind::ornstein_uhlenbeck`] at a tick.
-    fn get(&mut self, inlet: &InletWind, tick: i64) -> f64 {
+    /// [`InletWind::gust_process_at_tick`] at a tick.
+    fn process_at_tick(&mut self, inlet: &InletWind, tick: i64) -> f64 {
         let slot = &mut self.0[usize::from(tick.rem_euclid(2) == 1)];
         match slot {
             Some((cached, value)) if *cached == tick => *value,
-            _ => slot.insert((tick, inlet.ornstein_uhlenbeck(tick))).1,
+            _ => slot.insert((tick, inlet.gust_process_at_tick(tick))).1,
         }
     }
 }
 
 /// One turbulence mode in one step.
 #[derive(Debug, Clone, Copy)]
-struct ModeStep {
+struct ModePhaseShift {
     /// Amplitude, m/s.
     amplitude: [f32; 3],
     /// Cosine of k . s, times the share of the full inflow.
@@ -497,14 +498,14 @@ struct ModeStep {
 }
 
 /// Sums mean wind and turbulence modes at every inlet node.
-struct VelocityKernel<'a> {
+struct InletVelocityKernel<'a> {
     nodes: &'a InletNodes,
     step: InletStep,
-    mode_steps: &'a [ModeStep],
+    mode_steps: &'a [ModePhaseShift],
     out: &'a mut [Vec<f32>; 3],
 }
 
-impl WithSimd for VelocityKernel<'_> {
+impl WithSimd for InletVelocityKernel<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -521,7 +522,7 @@ impl WithSimd for VelocityKernel<'_> {
             for (mode, [cosine, sine]) in mode_steps.iter().zip(&nodes.modes) {
                 for (out, e) in out.iter_mut().zip(&mode.amplitude) {
                     let (c, s) = (e * mode.cos, e * mode.sin);
-                    add_mode(simd, &mut out[block.clone()], c, &cosine[block.clone()], s, &sine[block.clone()]);
+                    accumulate_mode(simd, &mut out[block.clone()], c, &cosine[block.clone()], s, &sine[block.clone()]);
                 }
             }
         }
@@ -530,7 +531,7 @@ impl WithSimd for VelocityKernel<'_> {
 
 /// sum += c cosine + s sine, element by element.
 #[inline(always)]
-fn add_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
+fn accumulate_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
     let (lanes, rest) = S::as_mut_simd_f32s(sum);
     let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
     let (c_all, s_all) = (F32Lanes::from_scalar(simd, c), F32Lanes::from_scalar(simd, s));

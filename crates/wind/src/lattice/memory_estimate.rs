@@ -2,7 +2,7 @@
 
 use super::domain::FaceCondition;
 use super::grid::LatticeGrid;
-use super::setup::{LatticeOptions, most_open_faces};
+use super::setup::{LatticeOptions, faces_ever_open};
 use super::tuning::{
     BYTES_PER_INLET_CELL, BYTES_PER_MODE_AND_INLET_CELL, BYTES_PER_OPEN_CELL, HELD_SNAPSHOTS, SOLID_FLAG_COPIES,
 };
@@ -35,7 +35,7 @@ impl LatticeMemory {
         let n = options.cells.map(u64::from);
         let count: u64 = n.iter().fold(1, |product, n| product.saturating_mul(*n));
         let with_halo: u64 = n.iter().fold(1, |product, n| product.saturating_mul(n + 2));
-        let faces = most_open_faces(options);
+        let faces = faces_ever_open(options);
         let area = |f: usize| (0..3).filter(|a| *a != f / 2).map(|a| n[a]).product::<u64>();
         let cells_at = |face: FaceCondition| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
         let (inlet_cells, outlet_cells) = (cells_at(FaceCondition::Inlet), cells_at(FaceCondition::Outlet));
@@ -59,7 +59,7 @@ impl LatticeMemory {
     /// Refuses a lattice whose estimate exceeds the memory limit.
     /// # Errors
     /// `Limit`, which names cells and spacing.
-    pub(super) fn check(&self, options: &LatticeOptions, limits: &Limits) -> Result<()> {
+    pub(super) fn check_limit(&self, options: &LatticeOptions, limits: &Limits) -> Result<()> {
         let (limit, [x, y, z]) = (limits.get("memory"), options.cells);
         if self.total() <= limit {
             return Ok(());
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn too_much_is_refused_by_name() {
+    fn lattice_beyond_the_memory_limit_is_refused() {
         let options = LatticeOptions { cells: [4096; 3], spacing: 0.25, ..LatticeOptions::default() };
         let mut limits = Limits::default();
         limits.set("cells", "none").expect("limit");

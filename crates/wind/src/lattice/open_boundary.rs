@@ -9,7 +9,7 @@ use std::ops::Range;
 use pulp::Simd;
 
 use super::collide::equilibrium;
-use super::ground::shear_population;
+use super::ground::shear_nonequilibrium_population;
 use super::stencil::Q;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
@@ -40,7 +40,7 @@ pub(super) struct GhostNode {
 /// Condition at a ghost node.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum GhostCondition<L> {
-    /// Prescribed velocity, cells per step; shear along x and z as in [`shear_population`].
+    /// Prescribed velocity, cells per step; shear along x and z as in [`shear_nonequilibrium_population`].
     Inlet { velocity: [L; 3], shear: [L; 2] },
     /// Velocity of the cell before it, without inward components along `outward`; density less 1. With
     /// `nonequilibrium` that part of the cell's populations is passed on too, which damps less.
@@ -90,11 +90,11 @@ impl<L: Lane> GhostState<L> {
 
     /// The population it sends in direction `i`. `cell_population`: what left the cell before it in that direction.
     #[inline(always)]
-    pub(super) fn population(&self, i: usize, cell_population: L) -> L {
+    pub(super) fn population_sent(&self, i: usize, cell_population: L) -> L {
         let sent = equilibrium(i, self.drho, self.velocity);
         match (self.nonequilibrium, self.shear) {
             (Some((drho, u)), _) => sent + (cell_population - equilibrium(i, drho, u)),
-            (None, Some(shear)) => sent + shear_population(i, shear),
+            (None, Some(shear)) => sent + shear_nonequilibrium_population(i, shear),
             (None, None) => sent,
         }
     }
@@ -169,7 +169,7 @@ pub(super) struct OpenBoundaryState<'a> {
 impl GhostNode {
     /// The plane of cells before which it lies.
     #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit; clamped to the domain")]
-    pub(super) fn plane(&self, planes: usize) -> usize {
+    pub(super) fn adjacent_plane(&self, planes: usize) -> usize {
         self.position[2].clamp(0, planes as isize - 1) as usize
     }
 }
@@ -185,7 +185,7 @@ impl OpenBoundary {
         let (mut inlets, mut last) = (0, None);
         for (first, g) in ghosts.iter().enumerate() {
             let outward = (!g.inlet).then_some(g.outward);
-            let key = Some((g.plane(planes), outward, g.before_solid));
+            let key = Some((g.adjacent_plane(planes), outward, g.before_solid));
             if let Some(group) = groups.last_mut().filter(|l| key == last && l.count < MAX_GROUP) {
                 let count = index(group.count, "ghost nodes of the lattice wind")?;
                 group.first_open_cell = group.first_open_cell.filter(|cell| cell + count == g.open_cell);
@@ -212,7 +212,7 @@ impl OpenBoundary {
         let (mut slots, mut at, mut number) = (Vec::new(), 0, 0);
         for z in 0..planes {
             let (first_group, first_index) = (number, at);
-            while let Some(g) = groups.get(number).filter(|g| ghosts[g.first].plane(planes) == z) {
+            while let Some(g) = groups.get(number).filter(|g| ghosts[g.first].adjacent_plane(planes) == z) {
                 slots.extend((0..g.count).map(|k| GhostSlots {
                     first: at + k,
                     stride: g.count,
@@ -231,7 +231,7 @@ impl OpenBoundary {
     }
 
     /// Position and face of the nodes beyond just one open face whose nearest cell is air.
-    pub(super) fn face_nodes(&self) -> impl Iterator<Item = ([isize; 3], usize)> {
+    pub(super) fn single_face_nodes(&self) -> impl Iterator<Item = ([isize; 3], usize)> {
         self.ghosts.iter().filter(|g| !g.before_solid).filter_map(|g| Some((g.position, g.face?)))
     }
 
@@ -257,16 +257,22 @@ impl OpenBoundary {
 
     /// Computes the populations that ghost nodes before plane `z` send, into the plane's range of the buffer.
     #[inline(always)]
-    pub(super) fn evaluate<S: Simd>(&self, simd: S, z: usize, state: OpenBoundaryState<'_>, mut out: &mut [f32]) {
+    pub(super) fn compute_plane_ghosts<S: Simd>(
+        &self,
+        simd: S,
+        z: usize,
+        state: OpenBoundaryState<'_>,
+        mut out: &mut [f32],
+    ) {
         for group in &self.groups[self.planes[z].groups.clone()] {
             let (own, others) = std::mem::take(&mut out).split_at_mut(group.buffer_len());
             let ghosts = &self.ghosts[group.first..group.first + group.count];
-            group.evaluate(simd, ghosts, state, own);
+            group.compute_populations(simd, ghosts, state, own);
             out = others;
         }
     }
 
-    pub(super) fn bytes(&self) -> usize {
+    pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.ghosts)
     }
 }
@@ -277,16 +283,28 @@ impl GhostGroup {
     }
 
     #[inline(always)]
-    fn evaluate<S: Simd>(&self, simd: S, ghosts: &[GhostNode], state: OpenBoundaryState<'_>, out: &mut [f32]) {
+    fn compute_populations<S: Simd>(
+        &self,
+        simd: S,
+        ghosts: &[GhostNode],
+        state: OpenBoundaryState<'_>,
+        out: &mut [f32],
+    ) {
         match self.first_open_cell.filter(|_| self.count >= S::F32_LANES && state.populations.is_none()) {
-            Some(first) => self.evaluate_lanes(simd, to_usize(first), state, out),
-            None => self.evaluate_scalar(ghosts, state, out),
+            Some(first) => self.compute_populations_simd(simd, to_usize(first), state, out),
+            None => self.compute_populations_scalar(ghosts, state, out),
         }
     }
 
     /// In SIMD lanes, for contiguous open cells.
     #[inline(always)]
-    fn evaluate_lanes<S: Simd>(&self, simd: S, open_cell: usize, state: OpenBoundaryState<'_>, out: &mut [f32]) {
+    fn compute_populations_simd<S: Simd>(
+        &self,
+        simd: S,
+        open_cell: usize,
+        state: OpenBoundaryState<'_>,
+        out: &mut [f32],
+    ) {
         let load = |from: &[f32]| F32Lanes::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
         let mut from = 0;
         while from < self.count {
@@ -302,7 +320,7 @@ impl GhostGroup {
                     GhostCondition::Inlet { velocity: [load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])], shear }
                 }
                 Some(outward) => {
-                    let drho = F32Lanes::from_scalar(simd, mean_over_faces(outward, state.outlet_drho));
+                    let drho = F32Lanes::from_scalar(simd, mean_over_outlets(outward, state.outlet_drho));
                     GhostCondition::Outlet { outward, drho, nonequilibrium: false }
                 }
             };
@@ -316,7 +334,7 @@ impl GhostGroup {
             let mut to = at;
             for i in 1..Q {
                 if self.directions >> i & 1 == 1 {
-                    let sent = ghost.population(i, F32Lanes::from_scalar(simd, 0.0));
+                    let sent = ghost.population_sent(i, F32Lanes::from_scalar(simd, 0.0));
                     S::as_mut_simd_f32s(&mut out[to..to + S::F32_LANES]).0[0] = sent.value;
                     to += self.count;
                 }
@@ -325,7 +343,7 @@ impl GhostGroup {
     }
 
     /// One node after another, for short groups, scattered open cells, and outlets with a non-equilibrium part.
-    fn evaluate_scalar(&self, ghosts: &[GhostNode], state: OpenBoundaryState<'_>, out: &mut [f32]) {
+    fn compute_populations_scalar(&self, ghosts: &[GhostNode], state: OpenBoundaryState<'_>, out: &mut [f32]) {
         let populations = state.populations.filter(|_| !self.before_solid);
         for (k, ghost) in ghosts.iter().enumerate() {
             let cell = to_usize(ghost.open_cell).wrapping_sub(state.first_cell);
@@ -338,21 +356,21 @@ impl GhostGroup {
                 }
                 Some(outward) => GhostCondition::Outlet {
                     outward,
-                    drho: mean_over_faces(outward, state.outlet_drho),
+                    drho: mean_over_outlets(outward, state.outlet_drho),
                     nonequilibrium: populations.is_some(),
                 },
             };
             let ghost = GhostState::new(moments[0], [moments[1], moments[2], moments[3]], condition);
             let directions = (1..Q).filter(|i| self.directions >> i & 1 == 1);
             for (nth, i) in directions.enumerate() {
-                out[nth * self.count + k] = ghost.population(i, populations.map_or(0.0, |all| all[cell][i]));
+                out[nth * self.count + k] = ghost.population_sent(i, populations.map_or(0.0, |all| all[cell][i]));
             }
         }
     }
 }
 
 /// Mean of a value by face over the outlets beyond which a node lies; 0 for none.
-pub(super) fn mean_over_faces<L: Lane>(outward: [i8; 3], values: [L; 6]) -> L {
+pub(super) fn mean_over_outlets<L: Lane>(outward: [i8; 3], values: [L; 6]) -> L {
     let (mut sum, mut count) = (values[0].splat(0.0), 0.0);
     for (a, side) in outward.iter().enumerate().filter(|(_, side)| **side != 0) {
         sum = sum + values[2 * a + usize::from(*side > 0)];

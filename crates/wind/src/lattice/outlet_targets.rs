@@ -21,7 +21,7 @@ impl OutletTargets {
     /// Averages the mean speed over the ghost nodes of each open face.
     pub(super) fn new(flow: &FlowState, inlet: &InletWind, setup: &LatticeSetup) -> Self {
         let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
-        for (node, face) in flow.exchange.open_boundary.face_nodes() {
+        for (node, face) in flow.exchange.open_boundary.single_face_nodes() {
             let height = setup.cell_center(node).y - setup.origin.y - ground_height(&flow.domain, node, setup.spacing);
             sum[face] += inlet.mean_speed(height, 1.0) / setup.speed_unit();
             count[face] += 1.0;
@@ -66,7 +66,10 @@ pub(super) fn profile_deviation(inlet: &InletWind, setup: &LatticeSetup) -> Vec<
     let heights: Vec<f64> = (0..setup.n[1]).map(|y| setup.spacing * (y as f64 + 0.5)).collect();
     let speed = |height: &f64| inlet.mean_speed(*height, 1.0) / setup.speed_unit();
     let mean = heights.iter().map(speed).sum::<f64>() / setup.n[1] as f64;
-    heights.iter().map(|h| [speed(h) - mean, inlet.shear_at(setup.tau_at(*h), *h) / setup.speed_unit()]).collect()
+    heights
+        .iter()
+        .map(|h| [speed(h) - mean, inlet.mean_shear_coefficient(setup.tau_at(*h), *h) / setup.speed_unit()])
+        .collect()
 }
 
 impl LatticeSetup {

@@ -39,13 +39,13 @@ impl<'a> ThreadScratch<'a> {
 
     /// Whether the plane `z` is the next of the snapshot.
     #[inline(always)]
-    fn writes(&self, z: usize) -> bool {
+    fn is_next_snapshot_plane(&self, z: usize) -> bool {
         self.snapshot.last().is_some_and(|(plane, _)| *plane == z)
     }
 
     /// Writes the moments of the plane `z` into the snapshot, if it is of it.
     #[inline(always)]
-    fn write_snapshot(&mut self, domain: &Domain, z: usize) {
+    fn write_snapshot_plane(&mut self, domain: &Domain, z: usize) {
         let Some((_, mut target)) = self.snapshot.pop_if(|(plane, _)| *plane == z) else { return };
         let (row, [nx, ny, _]) = (domain.grid.row_stride, domain.grid.n);
         let mut diagnostics = PlaneDiagnostics::default();
@@ -70,7 +70,7 @@ pub(super) struct PlaneStep<'a> {
 }
 
 /// What the collision of a plane found.
-struct PlaneSpeed {
+struct PlaneSpeedStats {
     /// Square of the highest speed, cells per step.
     max_squared: f32,
     /// Fluid cells whose speed was clamped.
@@ -81,7 +81,7 @@ struct PlaneSpeed {
 /// bounds checks then leave the loop.
 macro_rules! bind_arrays {
     ($simd:ty, $arrays:expr, $start:expr, $length:expr; $($name:ident $k:literal)*) => {
-        let [$($name),*] = $arrays else { return PlaneSpeed { max_squared: 0.0, clamped: 0 } };
+        let [$($name),*] = $arrays else { return PlaneSpeedStats { max_squared: 0.0, clamped: 0 } };
         let count = $length / <$simd>::F32_LANES;
         $(let $name = &mut <$simd>::as_mut_simd_f32s(&mut $name[$start($k)..][..$length]).0[..count];)*
     };
@@ -91,7 +91,7 @@ impl PlaneStep<'_> {
     /// Computes the step. `max_speed_squared`: of the plane in the step before; it is replaced by that of this step.
     /// Returns the number of clamped cells.
     #[inline(always)]
-    pub(super) fn run<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
+    pub(super) fn scatter_collide_gather<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
         self,
         simd: S,
         planes: &mut PlaneSlices<'_>,
@@ -103,7 +103,7 @@ impl PlaneStep<'_> {
         self.input.scatter_incoming(planes, &mut scratch.row_halo, parity, self.z);
         // Limiting speeds or writing moments within the kernel costs a tenth of its time: a second kernel does both, where
         // a snapshot is taken or a speed near the limit was seen in the step before.
-        let writes = self.last && scratch.writes(self.z);
+        let writes = self.last && scratch.is_next_snapshot_plane(self.z);
         let speed = if writes || f64::from(*max_speed_squared) > UNCHECKED_SPEED * UNCHECKED_SPEED {
             self.collide_plane::<S, ODD, EDDIES, FORCE, true>(simd, planes, scratch, output)
         } else {
@@ -111,10 +111,10 @@ impl PlaneStep<'_> {
         };
         *max_speed_squared = speed.max_squared;
         if self.last {
-            scratch.write_snapshot(self.domain, self.z);
+            scratch.write_snapshot_plane(self.domain, self.z);
         }
         self.input.gather_outgoing(planes, parity, self.z, output);
-        self.store_open_spans(simd, planes, parity, output);
+        self.store_open_span_moments(simd, planes, parity, output);
         speed.clamped
     }
 
@@ -126,9 +126,9 @@ impl PlaneStep<'_> {
         planes: &mut PlaneSlices<'_>,
         scratch: &mut ThreadScratch<'_>,
         output: &mut ExchangeOutput<'_>,
-    ) -> PlaneSpeed {
+    ) -> PlaneSpeedStats {
         let Self { tables, domain, z, .. } = self;
-        let writes = CHECKED && self.last && scratch.writes(z);
+        let writes = CHECKED && self.last && scratch.is_next_snapshot_plane(z);
         let ThreadScratch { row_halo, moments, .. } = scratch;
         let grid = &tables.grid;
         let length = grid.plane_span().next_multiple_of(BLOCK);
@@ -163,7 +163,7 @@ impl PlaneStep<'_> {
         };
         // The list of row ends is sorted by block: `next` runs through it as the blocks go by.
         let mut next = 0;
-        for range in tables.block_ranges(z) {
+        for range in tables.air_block_ranges(z) {
             let mut relaxation = uniform;
             let from = to_usize(range.from) * registers_per_block;
             let to = (to_usize(range.to) * registers_per_block).min(registers);
@@ -173,8 +173,8 @@ impl PlaneStep<'_> {
                 let node = b * S::F32_LANES;
                 // tau = max(base tau, tau + sponge in z times its tau).
                 if range.variable_tau {
-                    let base = load(simd, &tables.base_tau, node);
-                    let sponge = load(simd, &tables.sponge_tau, node);
+                    let base = load_lanes(simd, &tables.base_tau, node);
+                    let sponge = load_lanes(simd, &tables.sponge_tau, node);
                     relaxation = uniform.with_tau(base.max(z_sponge.mul_add(sponge, uniform.tau)));
                 }
                 // Read: direction i is in array i of an even step, in array opp(i) of an odd one.
@@ -189,11 +189,12 @@ impl PlaneStep<'_> {
                 // What arrives through faces -x and +x, which is not in memory.
                 if b == next_end {
                     for end in tables.row_ends[next..].iter().take_while(|end| end.block == b) {
-                        row_halo.insert(simd, *end, &mut g);
+                        row_halo.insert_into_lanes(simd, *end, &mut g);
                     }
                 }
                 if node < drag_end {
-                    let (drag, sponge) = (load(simd, &tables.drag, node), load(simd, &tables.drag_sponge, node));
+                    let (drag, sponge) =
+                        (load_lanes(simd, &tables.drag, node), load_lanes(simd, &tables.drag_sponge, node));
                     let sponge_drag = sponge.max(z_sponge) * F32Lanes::from_scalar(simd, params.ground.sponge_drag);
                     apply_wall_stress(&mut g, drag, sponge_drag);
                 }
@@ -201,7 +202,8 @@ impl PlaneStep<'_> {
                 let result = collide::<_, EDDIES, FORCE>(&g, relaxation, limit);
                 max_squared = max_squared.max(result.speed_squared);
                 if CHECKED && result.speed_squared.any_gt(MAX_SPEED * MAX_SPEED) {
-                    clamped += count_clamped(domain, &to_array(result.speed_squared)[..S::F32_LANES], node, z);
+                    clamped +=
+                        count_clamped_cells(domain, &lanes_to_array(result.speed_squared)[..S::F32_LANES], node, z);
                 }
                 // Write to the slots that were read: the opposite array of an even step, the same of an odd one.
                 let mut written = [result.g[0].value; Q];
@@ -219,19 +221,19 @@ impl PlaneStep<'_> {
                 // Moments of open cells in columns at the ends of rows.
                 if b == next_end {
                     while next_end == b {
-                        self.store_row_end(tables.row_ends[next], &result, output);
+                        self.store_row_end_moments(tables.row_ends[next], &result, output);
                         next += 1;
                         next_end = tables.row_ends[next].block;
                     }
                 }
             }
         }
-        PlaneSpeed { max_squared: to_array(max_squared).into_iter().fold(0.0, f32::max), clamped }
+        PlaneSpeedStats { max_squared: lanes_to_array(max_squared).into_iter().fold(0.0, f32::max), clamped }
     }
 
     /// Stores the moments of the open cells at the ends of a row, from the registers of their block.
     #[inline(always)]
-    fn store_row_end<S: Simd>(
+    fn store_row_end_moments<S: Simd>(
         self,
         end: RowEndBlock,
         result: &CollisionResult<F32Lanes<S>>,
@@ -243,11 +245,11 @@ impl PlaneStep<'_> {
             let (lane, number) = (to_usize(lane), column + to_usize(end.y) - output.first_cell);
             let moments = [result.drho, result.u[0], result.u[1], result.u[2]];
             for (to, from) in output.moments.iter_mut().zip(moments) {
-                to[number] = to_array(from)[lane];
+                to[number] = lanes_to_array(from)[lane];
             }
             if lists.nonequilibrium {
                 for (to, from) in output.cell_populations[number].iter_mut().zip(&result.g) {
-                    *to = to_array(*from)[lane];
+                    *to = lanes_to_array(*from)[lane];
                 }
             }
         }
@@ -255,7 +257,7 @@ impl PlaneStep<'_> {
 
     /// Stores the moments of the other open cells, from the populations that left them.
     #[inline(always)]
-    fn store_open_spans<S: Simd>(
+    fn store_open_span_moments<S: Simd>(
         self,
         simd: S,
         planes: &PlaneSlices<'_>,
@@ -264,7 +266,7 @@ impl PlaneStep<'_> {
     ) {
         let lists = self.input.lists;
         let links = &lists.planes[self.z];
-        let mut number = links.first_span_cell(lists.grid.n[1]) - output.first_cell;
+        let mut number = links.first_open_span_cell(lists.grid.n[1]) - output.first_cell;
         for span in &lists.open_spans[links.open_spans.clone()] {
             for skip in (0..to_usize(span.count)).step_by(BLOCK) {
                 let count = BLOCK.min(to_usize(span.count) - skip);
@@ -274,12 +276,12 @@ impl PlaneStep<'_> {
                     let from = register * S::F32_LANES;
                     let mut lanes = [F32Lanes::from_scalar(simd, 0.0); Q];
                     for i in 0..Q {
-                        lanes[i] = load(simd, &g[i], from);
+                        lanes[i] = load_lanes(simd, &g[i], from);
                     }
                     let (drho, u) = moments(&lanes);
                     let used = S::F32_LANES.min(count - from);
                     for (to, value) in output.moments.iter_mut().zip([drho, u[0], u[1], u[2]]) {
-                        to[number + from..][..used].copy_from_slice(&to_array(value)[..used]);
+                        to[number + from..][..used].copy_from_slice(&lanes_to_array(value)[..used]);
                     }
                 }
                 if lists.nonequilibrium {
@@ -294,13 +296,13 @@ impl PlaneStep<'_> {
 }
 
 #[inline(always)]
-fn load<S: Simd>(simd: S, from: &[f32], at: usize) -> F32Lanes<S> {
+fn load_lanes<S: Simd>(simd: S, from: &[f32], at: usize) -> F32Lanes<S> {
     F32Lanes::new(simd, S::as_simd_f32s(&from[at..at + S::F32_LANES]).0[0])
 }
 
 /// The lanes of a register, in the first elements.
 #[inline(always)]
-fn to_array<S: Simd>(value: F32Lanes<S>) -> [f32; BLOCK] {
+fn lanes_to_array<S: Simd>(value: F32Lanes<S>) -> [f32; BLOCK] {
     let mut numbers = [0.0; BLOCK];
     S::as_mut_simd_f32s(&mut numbers).0[0] = value.value;
     numbers
@@ -310,7 +312,7 @@ fn to_array<S: Simd>(value: F32Lanes<S>) -> [f32; BLOCK] {
 /// plane, counted from the first cell.
 #[cold]
 #[inline(never)]
-fn count_clamped(domain: &Domain, speeds_squared: &[f32], first: usize, z: usize) -> u64 {
+fn count_clamped_cells(domain: &Domain, speeds_squared: &[f32], first: usize, z: usize) -> u64 {
     let limit = osier_base::math::narrow(MAX_SPEED * MAX_SPEED);
     let (row, [nx, ny, _]) = (domain.grid.row_stride, domain.grid.n);
     let is_clamped = |(k, squared): (usize, &f32)| {

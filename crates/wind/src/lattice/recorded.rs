@@ -66,7 +66,7 @@ impl RecordedWind {
                 progress.stage("recording the wind", count as u64);
             }
             progress.advance(1);
-            frames.push(cropped_values(&snapshot, &grid, low));
+            frames.push(crop_to_half_precision(&snapshot, &grid, low));
         }
         let period = options.repeats.then_some(options.frames as f64 / options.fps);
         let inlet = Arc::clone(lattice.inlet());
@@ -81,7 +81,7 @@ impl RecordedWind {
     /// Adds `weight` times the velocities at `frame`, a fractional index into the recorded frames: linear in time, trilinear in
     /// space.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the frames")]
-    fn add_weighted(&self, positions: &[Vec3], frame: f64, weight: f32, out: &mut [Vec3]) {
+    fn add_weighted_frame(&self, positions: &[Vec3], frame: f64, weight: f32, out: &mut [Vec3]) {
         let last = self.frames.len() - 1;
         let frame = frame.clamp(0.0, last as f64);
         let before = (frame as usize).min(last.saturating_sub(1));
@@ -89,26 +89,26 @@ impl RecordedWind {
         let (a, b) = (&self.frames[before], &self.frames[(before + 1).min(last)]);
         // Outside the recorded region the undisturbed inflow blows.
         let t = frame / self.fps;
-        let inlet_state = self.inlet.state_at(t, self.inlet.gust(t));
+        let inlet_state = self.inlet.state_at(t, self.inlet.gust_factor(t));
         let value = |k: usize| {
-            let (a, b) = (vector(a[k]), vector(b[k]));
+            let (a, b) = (vec3_from_f16(a[k]), vec3_from_f16(b[k]));
             a + (b - a) * fraction
         };
         for (position, u) in positions.iter().zip(out) {
-            let outside = || self.inlet.velocity_in(position.as_dvec3(), &inlet_state).as_vec3();
+            let outside = || self.inlet.velocity_with_state(position.as_dvec3(), &inlet_state).as_vec3();
             *u += self.grid.sample(*position, value, outside) * weight;
         }
     }
 }
 
 /// From half to single precision.
-fn vector(v: [f16; 3]) -> Vec3 {
+fn vec3_from_f16(v: [f16; 3]) -> Vec3 {
     Vec3::new(v[0].to_f32(), v[1].to_f32(), v[2].to_f32())
 }
 
 /// Velocities of a snapshot at the values of a cropped grid that begins at the cell `low`.
-fn cropped_values(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f16; 3]> {
-    let values = (0..part.count()).map(|k| snapshot.values[snapshot.grid.index_in_whole(part, low, k)]);
+fn crop_to_half_precision(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f16; 3]> {
+    let values = (0..part.count()).map(|k| snapshot.values[snapshot.grid.index_in_uncropped(part, low, k)]);
     values.map(|[x, y, z, _]| [x, y, z].map(f16::from_f32)).collect()
 }
 
@@ -117,16 +117,16 @@ impl Wind for RecordedWind {
         out.fill(Vec3::ZERO);
         let lead = self.lead as f64;
         let Some(period) = self.period else {
-            self.add_weighted(positions, t * self.fps, 1.0, out);
+            self.add_weighted_frame(positions, t * self.fps, 1.0, out);
             return;
         };
         let frame = t.rem_euclid(period) * self.fps;
         let frames = period * self.fps;
         // Loop: in the last `lead` frames, cross-fade into the frames recorded before the first, which lead up to it.
         let fade = narrow(((frame - (frames - lead)) / lead.max(1.0)).clamp(0.0, 1.0));
-        self.add_weighted(positions, frame + lead, 1.0 - fade, out);
+        self.add_weighted_frame(positions, frame + lead, 1.0 - fade, out);
         if fade > 0.0 {
-            self.add_weighted(positions, frame + lead - frames, fade, out);
+            self.add_weighted_frame(positions, frame + lead - frames, fade, out);
         }
     }
 

@@ -12,7 +12,7 @@
 use super::collide::{MAX_SPEED, Relaxation, collide, moments};
 use super::domain::{Domain, FaceCondition, PopulationSource};
 use super::ground::{GroundModel, apply_wall_stress};
-use super::open_boundary::{GhostCondition, GhostState, mean_over_faces, outlet_density};
+use super::open_boundary::{GhostCondition, GhostState, mean_over_outlets, outlet_density};
 use super::stencil::{Q, VELOCITIES, weight};
 
 /// Air in steps of the lattice.
@@ -25,16 +25,16 @@ pub(super) struct ReferenceSolver {
     pub force: [f64; 3],
     pub nonequilibrium: bool,
     /// Mean outward velocity before each outlet, ahead of the last even step.
-    pub mean: [f64; 6],
+    pub mean_outflow_before_even_step: [f64; 6],
     /// Steps done.
     pub step: u64,
     /// What left each cell in the last step.
-    pub left: Vec<[f64; Q]>,
+    pub outgoing: Vec<[f64; Q]>,
 }
 
 impl ReferenceSolver {
     pub(super) fn new(domain: Domain, tau: f64, smagorinsky_factor: f64) -> Self {
-        let left = vec![[0.0; Q]; domain.grid.cell_count()];
+        let outgoing = vec![[0.0; Q]; domain.grid.cell_count()];
         Self {
             domain,
             tau,
@@ -43,14 +43,14 @@ impl ReferenceSolver {
             ground: GroundModel::default(),
             force: [0.0; 3],
             nonequilibrium: false,
-            mean: [0.0; 6],
+            mean_outflow_before_even_step: [0.0; 6],
             step: 0,
-            left,
+            outgoing,
         }
     }
 
     /// Mean outward velocity before each face.
-    fn outflow(&self, before: &[[f64; Q]]) -> [f64; 6] {
+    fn mean_outflow(&self, before: &[[f64; Q]]) -> [f64; 6] {
         let n = self.domain.grid.n;
         std::array::from_fn(|f| {
             let (axis, high) = (f / 2, f % 2 == 1);
@@ -68,27 +68,28 @@ impl ReferenceSolver {
 
     /// `wind`: velocity outside, and how it leans.
     pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]), wanted: [f64; 6]) {
-        let before = self.left.clone();
+        let before = self.outgoing.clone();
         if self.step.is_multiple_of(2) {
-            self.mean = self.outflow(&before);
+            self.mean_outflow_before_even_step = self.mean_outflow(&before);
         }
         self.step += 1;
-        let density = std::array::from_fn(|f| outlet_density(wanted[f], self.mean[f]));
+        let density = std::array::from_fn(|f| outlet_density(wanted[f], self.mean_outflow_before_even_step[f]));
         let [nx, ny, nz] = self.domain.grid.n;
         for z in 0..nz {
             for y in 0..ny {
                 for x in 0..nx {
                     if !self.domain.is_solid([x, y, z]) {
-                        let g = std::array::from_fn(|i| self.arriving(&before, density, [x, y, z], i, &wind));
-                        let after = self.collided(g, [x, y, z]);
-                        self.left[self.domain.grid.cell_index([x, y, z])] = after;
+                        let g =
+                            std::array::from_fn(|i| self.incoming_population(&before, density, [x, y, z], i, &wind));
+                        let after = self.collide_cell(g, [x, y, z]);
+                        self.outgoing[self.domain.grid.cell_index([x, y, z])] = after;
                     }
                 }
             }
         }
     }
 
-    fn arriving(
+    fn incoming_population(
         &self,
         before: &[[f64; Q]],
         density: [f64; 6],
@@ -111,7 +112,7 @@ impl ReferenceSolver {
                     std::array::from_fn(|a| position[a].clamp(0, self.domain.grid.n[a] as isize - 1) as usize);
                 let solid = self.domain.is_solid(near);
                 let near = if solid { [0.0; Q] } else { left(near) };
-                let faces = self.domain.faces_beyond(position).map(|f| f.map(|f| (f, self.domain.faces[f])));
+                let faces = self.domain.faces_outside_of(position).map(|f| f.map(|f| (f, self.domain.faces[f])));
                 let sends = if faces.iter().flatten().any(|f| f.1 == FaceCondition::Inlet) {
                     let (velocity, shear) = wind(position);
                     GhostCondition::Inlet { velocity, shear }
@@ -119,19 +120,19 @@ impl ReferenceSolver {
                     let out = faces.map(|f| f.map_or(0, |(f, _)| 2 * (f % 2) as i8 - 1));
                     GhostCondition::Outlet {
                         outward: out,
-                        drho: mean_over_faces(out, density),
+                        drho: mean_over_outlets(out, density),
                         nonequilibrium: self.nonequilibrium && !solid,
                     }
                 };
                 {
                     let (drho, u) = moments(&near);
-                    GhostState::new(drho, u, sends).population(direction, near[direction])
+                    GhostState::new(drho, u, sends).population_sent(direction, near[direction])
                 }
             }
         }
     }
 
-    fn collided(&self, mut g: [f64; Q], [x, y, z]: [usize; 3]) -> [f64; Q] {
+    fn collide_cell(&self, mut g: [f64; Q], [x, y, z]: [usize; 3]) -> [f64; Q] {
         let sponge = |k: usize, at: usize| self.sponge[k].get(at).copied().unwrap_or(0.0);
         let share = sponge(0, x).max(sponge(1, z));
         if y == 0 && self.ground.drag > 0.0 {
@@ -148,7 +149,7 @@ impl ReferenceSolver {
         }
     }
 
-    pub(super) fn at(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
-        moments(&self.left[self.domain.grid.cell_index(cell)])
+    pub(super) fn moments_at(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+        moments(&self.outgoing[self.domain.grid.cell_index(cell)])
     }
 }

@@ -60,7 +60,7 @@ impl RowHalo {
     }
 
     /// Stores populations of consecutive rows from index `to` on.
-    pub(super) fn store(&mut self, to: usize, from: &[f32]) {
+    pub(super) fn store_rows(&mut self, to: usize, from: &[f32]) {
         if let [one] = from {
             self.populations[to] = *one;
         } else {
@@ -71,13 +71,13 @@ impl RowHalo {
     /// Inserts what arrives at row ends in a block into the populations read from memory, and zeroes halo nodes between
     /// rows, so that their meaningless values cannot trip the speed limit.
     #[inline(always)]
-    pub(super) fn insert<S: Simd>(&self, simd: S, end: RowEndBlock, g: &mut [F32Lanes<S>; Q]) {
+    pub(super) fn insert_into_lanes<S: Simd>(&self, simd: S, end: RowEndBlock, g: &mut [F32Lanes<S>; Q]) {
         let y = to_usize(end.y);
         if end.lanes[0] != NO_LANE {
-            self.insert_end::<S, 0>(simd, to_usize(end.lanes[0]), y, g);
+            self.insert_row_end::<S, 0>(simd, to_usize(end.lanes[0]), y, g);
         }
         if end.lanes[1] != NO_LANE {
-            self.insert_end::<S, 1>(simd, to_usize(end.lanes[1]), y, g);
+            self.insert_row_end::<S, 1>(simd, to_usize(end.lanes[1]), y, g);
         }
         let [from, to] = end.halo.map(to_usize);
         if from < to {
@@ -92,7 +92,7 @@ impl RowHalo {
     }
 
     #[inline(always)]
-    fn insert_end<S: Simd, const END: usize>(&self, simd: S, lane: usize, y: usize, g: &mut [F32Lanes<S>; Q]) {
+    fn insert_row_end<S: Simd, const END: usize>(&self, simd: S, lane: usize, y: usize, g: &mut [F32Lanes<S>; Q]) {
         let here = simd.equal_f32s(S::as_simd_f32s(&LANE_NUMBERS).0[0], simd.splat_f32s(LANE_NUMBERS[lane]));
         let from = &self.populations[END * INCOMING_COUNT * self.rows + y..];
         for nth in 0..INCOMING_COUNT {
@@ -106,21 +106,22 @@ impl RowEndBlock {
     /// All of a plane in order, for registers of `lane_count` lanes; a sentinel that is of no block ends the list.
     /// # Errors
     /// `Limit` for more rows than an index of 32 bits counts.
-    pub(super) fn list(grid: &LatticeGrid, lane_count: usize) -> Result<Vec<Self>> {
+    pub(super) fn list_of_plane(grid: &LatticeGrid, lane_count: usize) -> Result<Vec<Self>> {
         let mut list = Vec::new();
         for y in 0..grid.n[1] {
             let (first, last) = (y * grid.row_stride, y * grid.row_stride + grid.n[0] - 1);
             // After the last row only its block is filled up.
             let until = if y + 1 == grid.n[1] { (last + 1).next_multiple_of(BLOCK) } else { first + grid.row_stride };
-            let small = |n: usize| index(n, "rows of a plane of the lattice");
+            let boundary_index = |n: usize| index(n, "rows of a plane of the lattice");
             for block in first / lane_count..until.div_ceil(lane_count) {
                 let nodes = block * lane_count..(block + 1) * lane_count;
-                let lane = |node: usize| if nodes.contains(&node) { small(node - nodes.start) } else { Ok(NO_LANE) };
+                let lane =
+                    |node: usize| if nodes.contains(&node) { boundary_index(node - nodes.start) } else { Ok(NO_LANE) };
                 let lanes = [lane(first)?, lane(last)?];
-                let in_block = |node: usize| small(node.clamp(nodes.start, nodes.end) - nodes.start);
+                let in_block = |node: usize| boundary_index(node.clamp(nodes.start, nodes.end) - nodes.start);
                 let halo = [in_block(last + 1)?, in_block(until)?];
                 if lanes != [NO_LANE; 2] || halo[0] < halo[1] {
-                    list.push(Self { block, y: small(y)?, lanes, halo });
+                    list.push(Self { block, y: boundary_index(y)?, lanes, halo });
                 }
             }
         }
@@ -134,10 +135,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_row_end_is_in_one_block_and_so_is_every_halo_node_between() {
+    fn row_ends_and_halo_nodes_are_each_in_one_block() {
         for (n, lane_count) in [([70, 9, 4], 16), ([8, 5, 4], 16), ([33, 3, 4], 4), ([16, 8, 4], 8)] {
             let grid = LatticeGrid::new(n);
-            let list = RowEndBlock::list(&grid, lane_count).expect("blocks");
+            let list = RowEndBlock::list_of_plane(&grid, lane_count).expect("blocks");
             assert!(list.is_sorted_by_key(|end| end.block));
             let mut seen = vec![0; grid.plane_span().next_multiple_of(BLOCK)];
             for end in &list[..list.len() - 1] {

@@ -125,7 +125,7 @@ pub(super) struct LatticeSetup {
 }
 
 /// Error of a value out of range.
-fn range(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -> Error {
+fn range_error(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -> Error {
     Error::Range { name: name.to_owned(), value, min, max, unit }
 }
 
@@ -134,7 +134,7 @@ impl LatticeSetup {
     pub(super) fn new(options: &LatticeOptions) -> Result<(Self, Vec<LatticeWarning>)> {
         let direction = options.inlet.direction;
         if direction.y.abs() > 1e-9 || (direction.length() - 1.0).abs() > 1e-6 {
-            return Err(range("the length of the wind's horizontal direction", direction.length(), 1.0, 1.0, ""));
+            return Err(range_error("the length of the wind's horizontal direction", direction.length(), 1.0, 1.0, ""));
         }
         check_direction_curve(options)?;
         // The box, its faces and the inflow, in metres.
@@ -146,18 +146,24 @@ impl LatticeSetup {
         let periodic = [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic);
         let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
         // The largest inflow speed sets the time step; nu = (tau - 1/2)/3 in lattice units, the relaxation time.
-        let peak = inlet.peak(size.y);
+        let peak = inlet.peak_speed(size.y);
         let mut warnings = Vec::new();
         let steps = steps_per_frame(options, peak, &mut warnings)?;
         let dt = 1.0 / (options.fps * f64::from(steps));
         let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
         if options.smagorinsky <= 0.0 && tau < MIN_TAU_WITHOUT_EDDIES {
-            return Err(range("wind.lattice.tau_floor without smagorinsky", tau, MIN_TAU_WITHOUT_EDDIES, 1.0, "steps"));
+            return Err(range_error(
+                "wind.lattice.tau_floor without smagorinsky",
+                tau,
+                MIN_TAU_WITHOUT_EDDIES,
+                1.0,
+                "steps",
+            ));
         }
         let ground = match options.ground {
             GroundCondition::Rough(z0) => {
                 let (speed, height) = inlet.speed_and_height_in_cells(dt);
-                GroundModel::rough(z0 / options.spacing, tau, options.smagorinsky, speed, height, n[1])
+                GroundModel::log_law(z0 / options.spacing, tau, options.smagorinsky, speed, height, n[1])
             }
             GroundCondition::Smooth => GroundModel::default(),
         };
@@ -202,7 +208,7 @@ impl LatticeSetup {
 
     /// Strength of the sponge by x and by z: it rises with the square of the depth from 0 to 1 at an outlet, in proportion to
     /// which the relaxation time rises to 1.
-    pub(super) fn sponge(&self, faces: [FaceCondition; 6]) -> [Vec<f32>; 2] {
+    pub(super) fn sponge_strength(&self, faces: [FaceCondition; 6]) -> [Vec<f32>; 2] {
         let strength = |axis: usize| {
             let (n, depth) = (self.n[axis], f64::from(self.sponge));
             let at_cell = |x: usize| {
@@ -253,7 +259,7 @@ pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceConditio
 }
 
 /// Boundary conditions with every face open that is open at any time.
-pub(super) fn most_open_faces(options: &LatticeOptions) -> [FaceCondition; 6] {
+pub(super) fn faces_ever_open(options: &LatticeOptions) -> [FaceCondition; 6] {
     let mut faces = face_conditions(options, 0.0);
     if !options.inlet.direction_curve.is_empty() {
         [faces[0], faces[1], faces[4], faces[5]] =
@@ -266,10 +272,10 @@ pub(super) fn most_open_faces(options: &LatticeOptions) -> [FaceCondition; 6] {
 fn check_direction_curve(options: &LatticeOptions) -> Result<()> {
     let turns = &options.inlet.direction_curve;
     if let Some(first) = turns.first().filter(|row| row[0] < 0.0) {
-        return Err(range("the first time of a wind that turns", first[0], 0.0, 1e9, "s"));
+        return Err(range_error("the first time of a wind that turns", first[0], 0.0, 1e9, "s"));
     }
     if turns.windows(2).any(|w| w[0][0] >= w[1][0]) || !turns.is_empty() && options.sides == SideCondition::Slip {
-        return Err(range("turns that rise in time, and open sides", 0.0, 1.0, 1.0, ""));
+        return Err(range_error("turns that rise in time, and open sides", 0.0, 1.0, 1.0, ""));
     }
     Ok(())
 }
@@ -284,7 +290,7 @@ fn steps_per_frame(options: &LatticeOptions, peak: f64, warnings: &mut Vec<Latti
     let steps = options.steps_per_frame.unwrap_or(needed.min(1e6) as u32).max(1);
     let speed = cells_per_frame / f64::from(steps);
     if speed > REFUSED_SPEED {
-        return Err(range("wind.lattice.steps", f64::from(steps), needed, 1e6, "steps per frame for this wind"));
+        return Err(range_error("wind.lattice.steps", f64::from(steps), needed, 1e6, "steps per frame for this wind"));
     }
     if speed > WARN_SPEED {
         let text = format!(

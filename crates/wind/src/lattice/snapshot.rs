@@ -69,14 +69,14 @@ impl Wind for InterpolatedWind {
         let part = if self.t1 > self.t0 { ((t - self.t0) / (self.t1 - self.t0)).clamp(0.0, 1.0) } else { 0.0 };
         let part = osier_base::math::narrow(part);
         let (grid, inlet) = (&self.before.grid, &self.before.grid.inlet);
-        let outside = inlet.state_at(t, inlet.gust(t));
+        let outside = inlet.state_at(t, inlet.gust_factor(t));
         for (place, u) in places.iter().zip(out) {
             let value = |k: usize| {
                 let (a, b) = (self.before.values[k], self.after.values[k]);
                 let a = Vec3::new(a[0], a[1], a[2]);
                 a + (Vec3::new(b[0], b[1], b[2]) - a) * part
             };
-            *u = grid.sample(*place, value, || inlet.velocity_in(place.as_dvec3(), &outside).as_vec3());
+            *u = grid.sample(*place, value, || inlet.velocity_with_state(place.as_dvec3(), &outside).as_vec3());
         }
     }
 

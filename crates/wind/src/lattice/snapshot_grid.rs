@@ -39,15 +39,15 @@ impl SnapshotGrid {
         let mut grid = Self { n, origin, spacing, periodic, solid: Vec::new(), near_solid: Vec::new(), inlet, ground };
         grid.solid = (0..grid.count())
             .map(|k| {
-                let at = grid.halo_cell(k);
-                ground && at[1] == 0 || domain.is_solid(grid.cell_of_halo(at))
+                let at = grid.halo_coordinates(k);
+                ground && at[1] == 0 || domain.is_solid(grid.source_of_halo_cell(at))
             })
             .collect();
-        grid.find_near_solid();
+        grid.mark_cells_near_solids();
         grid
     }
 
-    fn find_near_solid(&mut self) {
+    fn mark_cells_near_solids(&mut self) {
         let strides = self.strides();
         let any = |k: usize| (0..8).any(|c| self.solid.get(k + corner_offset(c, strides)).copied().unwrap_or(false));
         self.near_solid = (0..self.count()).map(any).collect();
@@ -73,14 +73,14 @@ impl SnapshotGrid {
         let (spacing, inlet) = (self.spacing, Arc::clone(&self.inlet));
         let ground = self.ground && low[1] == 0;
         let mut part = Self { n, origin, spacing, periodic, solid: Vec::new(), near_solid: Vec::new(), inlet, ground };
-        part.solid = (0..part.count()).map(|k| self.solid[self.index_in_whole(&part, low, k)]).collect();
-        part.find_near_solid();
+        part.solid = (0..part.count()).map(|k| self.solid[self.index_in_uncropped(&part, low, k)]).collect();
+        part.mark_cells_near_solids();
         (part, low)
     }
 
     /// Index here of the value `k` of a part that begins at the cell `low`.
-    pub(super) fn index_in_whole(&self, part: &Self, low: [usize; 3], k: usize) -> usize {
-        let (at, strides) = (part.halo_cell(k), self.strides());
+    pub(super) fn index_in_uncropped(&self, part: &Self, low: [usize; 3], k: usize) -> usize {
+        let (at, strides) = (part.halo_coordinates(k), self.strides());
         (0..3).map(|a| (at[a] + low[a]) * strides[a]).sum()
     }
 
@@ -95,14 +95,14 @@ impl SnapshotGrid {
     }
 
     /// Coordinates of value `k`, counted from the halo: cell (0, 0, 0) is at (1, 1, 1).
-    fn halo_cell(&self, k: usize) -> [usize; 3] {
+    fn halo_coordinates(&self, k: usize) -> [usize; 3] {
         let [_, row, plane] = self.strides();
         [k % row, k / row % (self.n[1] + 2), k / plane]
     }
 
     /// The cell whose value a halo cell repeats: across periodic faces the opposite one, else the nearest. Coordinates
     /// count from the halo, those of the result from the cells.
-    pub(super) fn cell_of_halo(&self, at: [usize; 3]) -> [usize; 3] {
+    pub(super) fn source_of_halo_cell(&self, at: [usize; 3]) -> [usize; 3] {
         std::array::from_fn(|a| match at[a] {
             0 if self.periodic[a] => self.n[a] - 1,
             p if p == self.n[a] + 1 && self.periodic[a] => 0,
@@ -114,7 +114,7 @@ impl SnapshotGrid {
     pub(super) fn fill_halo_planes(&self, values: &mut [[f32; 4]]) {
         let size = self.strides()[2];
         for z in [0, self.n[2] + 1] {
-            let from = self.cell_of_halo([1, 1, z])[2] + 1;
+            let from = self.source_of_halo_cell([1, 1, z])[2] + 1;
             values.copy_within(from * size..(from + 1) * size, z * size);
         }
     }
@@ -144,7 +144,7 @@ impl SnapshotGrid {
         }
         let strides = self.strides();
         let first = base[0] + base[1] * strides[1] + base[2] * strides[2];
-        let inner = self.interpolate(first, fraction, values);
+        let inner = self.interpolate_trilinear(first, fraction, values);
         if beyond > 0.0 {
             let share = narrow(beyond.min(1e3)).min(OUTSIDE_BLEND_CELLS) / OUTSIDE_BLEND_CELLS;
             return inner + (outside() - inner) * share;
@@ -153,7 +153,7 @@ impl SnapshotGrid {
     }
 
     /// Trilinear interpolation between the eight cells from index `first` on.
-    fn interpolate(&self, first: usize, fraction: [f32; 3], values: impl Fn(usize) -> Vec3) -> Vec3 {
+    fn interpolate_trilinear(&self, first: usize, fraction: [f32; 3], values: impl Fn(usize) -> Vec3) -> Vec3 {
         let strides = self.strides();
         let weight = |c: usize| {
             let along = |a: usize| if c >> a & 1 == 1 { fraction[a] } else { 1.0 - fraction[a] };

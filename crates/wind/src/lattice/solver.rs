@@ -8,19 +8,19 @@ use glam::Vec3;
 use super::collide::{MAX_SPEED, smagorinsky_factor};
 use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotTarget};
 use super::domain::{Domain, FaceCondition};
-use super::flow::{FlowState, LayerPush};
+use super::flow::{FlowState, LayerVelocity};
 use super::grid::{LatticeGrid, StepParity};
 use super::inlet::{InletNodes, InletStep, InletWind, spin_up_ramp};
 use super::memory_estimate::LatticeMemory;
 use super::outlet_targets::{OutletTargets, inlet_nodes, profile_deviation};
 use super::report::{LatticeStats, LatticeWarning};
-use super::setup::{LatticeOptions, LatticeSetup, face_conditions, most_open_faces};
+use super::setup::{LatticeOptions, LatticeSetup, face_conditions, faces_ever_open};
 use super::snapshot::WindSnapshot;
 use super::snapshot_grid::SnapshotGrid;
 use super::step_tables::FlowParams;
 use super::stepper::BoundaryInputs;
 use super::tuning::{CHECK_INTERVAL, CHECKERBOARD_WARNING, DENSITY_RANGE, MAX_CLAMPED_SHARE};
-use super::voxelize::{cell_center, fill_and_check, voxelize};
+use super::voxelize::{cell_center, fill_and_check_solids, voxelize};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
@@ -68,7 +68,7 @@ impl LatticeSolver {
     pub fn check_options(options: &LatticeOptions, limits: &Limits) -> Result<Vec<LatticeWarning>> {
         let (setup, warnings) = LatticeSetup::new(options)?;
         limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
-        LatticeMemory::estimate(options).check(options, limits)?;
+        LatticeMemory::estimate(options).check_limit(options, limits)?;
         Ok(warnings)
     }
 
@@ -79,7 +79,7 @@ impl LatticeSolver {
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
         let (mut setup, mut warnings) = LatticeSetup::new(options)?;
         limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
-        LatticeMemory::estimate(options).check(options, limits)?;
+        LatticeMemory::estimate(options).check_limit(options, limits)?;
         let n = setup.n;
         if LatticeGrid::population_bytes(n) / 60 > u64::from(u32::MAX) {
             let (wanted, limit) = ("more than 4,294,967,295 places".into(), "that".into());
@@ -91,19 +91,19 @@ impl LatticeSolver {
         let (origin, spacing) = (setup.origin, options.spacing);
         let faces = face_conditions(options, 0.0);
         let solid = voxelize(&grid, origin, spacing, solids);
-        let mut domain = Domain { grid, faces: most_open_faces(options), solid };
-        let report = fill_and_check(&mut domain, solids, origin, spacing, setup.along);
+        let mut domain = Domain { grid, faces: faces_ever_open(options), solid };
+        let report = fill_and_check_solids(&mut domain, solids, origin, spacing, setup.along);
         domain.faces = faces;
         warnings.extend(report.warnings());
         setup.add_solids_to_fingerprint(&domain.solid);
         let fluid_cells = grid.cell_count() - report.solid;
         if fluid_cells == 0 {
-            return Err(all_solid());
+            return Err(all_solid_error());
         }
         let params = FlowParams {
             tau: narrow(setup.tau),
             smagorinsky_factor: narrow(smagorinsky_factor(options.smagorinsky)),
-            sponge: setup.sponge(faces),
+            sponge: setup.sponge_strength(faces),
             ground: setup.ground.clone(),
             force: [0.0; 3],
         };
@@ -182,7 +182,7 @@ impl LatticeSolver {
         par::among(|| {
             while self.flow.step < until {
                 cancel.check()?;
-                let steps = self.step(until - self.flow.step, None)?;
+                let steps = self.advance_one_or_two_steps(until - self.flow.step, None)?;
                 progress.advance(steps);
             }
             Ok(())
@@ -236,7 +236,7 @@ impl LatticeSolver {
             let left = until - self.flow.step;
             let last = left == 1 || left == 2 && self.flow.next_parity() == StepParity::Even;
             let target = last.then(|| SnapshotTarget { grid: &grid, speed_unit, values: &mut *values });
-            let steps = self.step(left, target)?;
+            let steps = self.advance_one_or_two_steps(left, target)?;
             if self.frames == 0 {
                 progress.advance(steps);
             }
@@ -246,22 +246,22 @@ impl LatticeSolver {
     }
 
     /// One step, or two in one pass if as many are left and the first is even. Returns how many.
-    fn step(&mut self, left: u64, target: Option<SnapshotTarget<'_>>) -> Result<u64> {
+    fn advance_one_or_two_steps(&mut self, left: u64, target: Option<SnapshotTarget<'_>>) -> Result<u64> {
         let two = left >= 2 && self.flow.next_parity() == StepParity::Even;
         let now = self.update_inlet(0);
         let inflow = [now, if two { self.update_inlet(1) } else { now }];
         let [first, second] = [0, 1].map(|k| {
-            let (shear, shear_scale) = self.inlet_nodes.shear(inflow[k]);
+            let (shear, shear_scale) = self.inlet_nodes.node_shear(inflow[k]);
             let outlet_velocity = self.outlet_targets.outlet_velocity(self.flow.domain.faces, inflow[k]);
             BoundaryInputs { inlet_velocity: &self.inlet_velocity[k], shear, shear_scale, outlet_velocity }
         });
         let (before, written) = (self.flow.step, target.is_some());
         let report = self.flow.advance(first, two.then_some(second), target);
         self.stats.steps = self.flow.step;
-        self.raise_profile(before);
+        self.add_profile_while_ramping(before);
         for (step, count) in (before + 1..).zip(report.clamped) {
             if count > 0 {
-                self.record_clamped(step, count)?;
+                self.count_and_limit_clamped(step, count)?;
             }
         }
         // A written snapshot comes with diagnostics; without one they are taken now and then.
@@ -276,28 +276,29 @@ impl LatticeSolver {
 
     /// While the inflow ramps up, gives the air inside its profile. The pressure that drives the start-up accelerates all
     /// heights alike, and the slow air near the ground would only come in from the inlet at its own speed.
-    fn raise_profile(&mut self, before: u64) {
+    fn add_profile_while_ramping(&mut self, before: u64) {
         let rise = spin_up_ramp(self.flow.step) - spin_up_ramp(before);
         if rise > 0.0 {
-            let t = self.time_of(before);
+            let t = self.step_time(before);
             let (d, factor) = (self.inlet.direction(t), self.inlet.speed_factor(t) * rise);
             let along = |u: f64| [d.x, d.z].map(|d| narrow(u * d * factor));
-            let layer = |[velocity, shear]: &[f64; 2]| LayerPush { velocity: along(*velocity), shear: along(*shear) };
+            let layer =
+                |[velocity, shear]: &[f64; 2]| LayerVelocity { velocity: along(*velocity), shear: along(*shear) };
             let layers: Vec<_> = self.profile_deviation.iter().map(layer).collect();
-            self.flow.push_layers(&layers);
+            self.flow.add_layer_velocities(&layers);
         }
     }
 
     /// Time of a step since the first frame, s; steps count from rest.
-    fn time_of(&self, step: u64) -> f64 {
+    fn step_time(&self, step: u64) -> f64 {
         (step as f64 - self.setup.spin_up as f64) * self.setup.dt
     }
 
     /// Computes the inflow of the step `ahead` steps from now.
     fn update_inlet(&mut self, ahead: usize) -> InletStep {
         let step = self.flow.step + ahead as u64;
-        let now = self.inlet_nodes.step_at(&self.inlet, self.time_of(step), spin_up_ramp(step));
-        self.inlet_nodes.velocities(&self.inlet, now, self.flow.tables.arch, &mut self.inlet_velocity[ahead]);
+        let now = self.inlet_nodes.prepare_step(&self.inlet, self.step_time(step), spin_up_ramp(step));
+        self.inlet_nodes.compute_velocities(&self.inlet, now, self.flow.tables.arch, &mut self.inlet_velocity[ahead]);
         now
     }
 
@@ -306,7 +307,7 @@ impl LatticeSolver {
         let Some(options) = &self.turning else { return Ok(()) };
         let faces = face_conditions(options, ((frame as f64 - 0.5) / self.setup.fps).max(0.0));
         if faces != self.flow.domain.faces {
-            self.flow.set_faces(faces, self.setup.sponge(faces))?;
+            self.flow.set_faces(faces, self.setup.sponge_strength(faces))?;
             self.inlet_nodes = inlet_nodes(&self.flow, &self.inlet, &self.setup);
             self.outlet_targets = OutletTargets::new(&self.flow, &self.inlet, &self.setup);
         }
@@ -314,7 +315,7 @@ impl LatticeSolver {
     }
 
     #[cold]
-    fn record_clamped(&mut self, step: u64, count: u64) -> Result<()> {
+    fn count_and_limit_clamped(&mut self, step: u64, count: u64) -> Result<()> {
         let speed = MAX_SPEED * self.setup.speed_unit();
         if self.stats.clamped_cells == 0 {
             let text = format!(
@@ -326,7 +327,7 @@ impl LatticeSolver {
         }
         self.stats.clamped_cells += count;
         if count as f64 > MAX_CLAMPED_SHARE * self.fluid_cells as f64 {
-            return Err(self.diverged(format!("more than {speed:.1} m/s in {count} cells")));
+            return Err(self.divergence_error(format!("more than {speed:.1} m/s in {count} cells")));
         }
         Ok(())
     }
@@ -339,7 +340,7 @@ impl LatticeSolver {
             let (drho, u) = self.flow.moments_at(cell);
             let at = cell_center(self.setup.origin, self.setup.spacing, cell);
             let u = Vec3::from_array(u) * narrow(self.setup.speed_unit());
-            return Err(self.diverged(format!(
+            return Err(self.divergence_error(format!(
                 "density {:.3} (allowed {} to {}) and velocity ({:.2}, {:.2}, {:.2}) m/s in cell ({}, {}, {}) at ({:.2}, \
                  {:.2}, {:.2}) m",
                 1.0 + drho, DENSITY_RANGE[0], DENSITY_RANGE[1], u.x, u.y, u.z, cell[0], cell[1], cell[2], at.x, at.y, at.z
@@ -361,13 +362,13 @@ impl LatticeSolver {
         Ok(())
     }
 
-    fn diverged(&self, what: String) -> Error {
+    fn divergence_error(&self, what: String) -> Error {
         let message = format!("the lattice wind diverged in frame {} at step {}: {what}", self.frames, self.flow.step);
         let help = format!(
             "raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or lower wind.speed",
             self.setup.steps
         );
-        report_error("S024", message, help)
+        input_error("S024", message, help)
     }
 
     /// The flow as bytes, to continue from with [`LatticeSolver::resume`]: step and frame, exchange history, populations.
@@ -376,7 +377,7 @@ impl LatticeSolver {
         bytes.extend(self.setup.fingerprint().to_le_bytes());
         bytes.extend(self.flow.step.to_le_bytes());
         bytes.extend(u64::from(self.frames).to_le_bytes());
-        self.flow.exchange.history().for_each(|value| bytes.extend(value.to_le_bytes()));
+        self.flow.exchange.checkpoint_values().for_each(|value| bytes.extend(value.to_le_bytes()));
         for array in self.flow.populations.arrays() {
             array.iter().for_each(|g| bytes.extend(g.to_le_bytes()));
         }
@@ -388,14 +389,14 @@ impl LatticeSolver {
     /// # Errors
     /// `Input` if the checkpoint is of another lattice wind.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<()> {
-        let (head, body) = bytes.split_at_checked(CHECKPOINT_HEADER).ok_or_else(other_checkpoint)?;
+        let (head, body) = bytes.split_at_checked(CHECKPOINT_HEADER).ok_or_else(checkpoint_mismatch_error)?;
         let word = |k: usize| head[8 * k..].first_chunk::<8>().map_or(0, |b| u64::from_le_bytes(*b));
-        let frames = u32::try_from(word(2)).map_err(|_| other_checkpoint())?;
+        let frames = u32::try_from(word(2)).map_err(|_| checkpoint_mismatch_error())?;
         self.update_faces(word(2).saturating_sub(1))?;
         let elements: usize = self.flow.populations.arrays().iter().map(|a| a.len()).sum();
-        let history = self.flow.exchange.history().count();
+        let history = self.flow.exchange.checkpoint_values().count();
         if word(0) != self.setup.fingerprint() || body.len() != 4 * (elements + history) {
-            return Err(other_checkpoint());
+            return Err(checkpoint_mismatch_error());
         }
         (self.flow.step, self.frames) = (word(1), frames);
         let (history, populations) = body.split_at(4 * history);
@@ -404,32 +405,32 @@ impl LatticeSolver {
             array.iter_mut().zip(&mut populations).for_each(|(g, b)| *g = f32::from_le_bytes(*b));
         }
         // Buffers follow from the populations, except for what the history tells.
-        self.flow.exchange.reload(&self.flow.populations, self.flow.next_parity());
+        self.flow.exchange.rebuild_from_populations(&self.flow.populations, self.flow.next_parity());
         let history = history.as_chunks::<4>().0;
-        self.flow.exchange.history_mut().zip(history).for_each(|(value, b)| *value = f32::from_le_bytes(*b));
+        self.flow.exchange.checkpoint_values_mut().zip(history).for_each(|(value, b)| *value = f32::from_le_bytes(*b));
         Ok(())
     }
 
     /// Bytes of memory that it holds, without snapshots.
     pub fn bytes(&self) -> u64 {
         LatticeGrid::population_bytes(self.setup.n)
-            + self.flow.exchange.bytes() as u64
+            + self.flow.exchange.memory_bytes() as u64
             + 3 * self.flow.domain.solid.len() as u64
     }
 }
 
 /// Error of one diagnostic without a position in a file.
-fn report_error(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Error {
+fn input_error(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Error {
     let diagnostics = vec![Diagnostic::about(code, message).help(help)];
     Error::Input(Box::new(Report { diagnostics, ..Report::default() }))
 }
 
 /// No cell of the lattice holds air.
-fn all_solid() -> Error {
-    report_error("S024", "all cells of the lattice wind are inside solids", "move or enlarge the box of the lattice")
+fn all_solid_error() -> Error {
+    input_error("S024", "all cells of the lattice wind are inside solids", "move or enlarge the box of the lattice")
 }
 
 /// The checkpoint was written by a lattice with other options, seed or solids, or is damaged.
-pub(super) fn other_checkpoint() -> Error {
-    report_error("S025", "the checkpoint is of another lattice wind", "simulate the wind from the start")
+pub(super) fn checkpoint_mismatch_error() -> Error {
+    input_error("S025", "the checkpoint is of another lattice wind", "simulate the wind from the start")
 }

@@ -26,7 +26,7 @@ use osier_base::{Error, Result};
 use osier_scene::solid::{Form, Prism, Solid};
 
 /// A small channel: 0.5 m cells and 2 steps a frame, so that 0.08 cells a step are 1.92 m/s.
-fn channel() -> LatticeOptions {
+fn channel_options() -> LatticeOptions {
     LatticeOptions {
         cells: [80, 32, 16],
         spacing: 0.5,
@@ -58,26 +58,26 @@ fn channel() -> LatticeOptions {
 }
 
 /// A wall across the channel, five metres high, a cell thick, 20 cells from where the wind comes in.
-fn wall() -> Vec<Solid> {
+fn wall_solids() -> Vec<Solid> {
     let prism = Prism::block(Vec3::new(-9.75, 0.0, 0.0), Vec3::new(0.5, 5.0, 40.0), 0.0);
     vec![Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.5 }]
 }
 
-fn lattice(options: &LatticeOptions, solids: &[Solid]) -> LatticeSolver {
+fn new_solver(options: &LatticeOptions, solids: &[Solid]) -> LatticeSolver {
     LatticeSolver::new(options, solids, &Limits::default()).expect("lattice")
 }
 
-fn next(lattice: &mut LatticeSolver) -> Result<Arc<WindSnapshot>> {
+fn next_snapshot(lattice: &mut LatticeSolver) -> Result<Arc<WindSnapshot>> {
     lattice.advance(&Silent, &Cancel::default())
 }
 
 /// Steps from where a lattice stands.
-fn frames(lattice: &mut LatticeSolver, count: usize) -> Vec<Arc<WindSnapshot>> {
-    (0..count).map(|_| next(lattice).expect("frame")).collect()
+fn run_frames(lattice: &mut LatticeSolver, count: usize) -> Vec<Arc<WindSnapshot>> {
+    (0..count).map(|_| next_snapshot(lattice).expect("frame")).collect()
 }
 
 /// Mean flux through the plane x: density times velocity, over some frames.
-fn flux(snapshots: &[Arc<WindSnapshot>], x: usize) -> f64 {
+fn mass_flux(snapshots: &[Arc<WindSnapshot>], x: usize) -> f64 {
     let mut sum = 0.0;
     for s in snapshots {
         let [_, ny, nz] = s.cells();
@@ -89,12 +89,12 @@ fn flux(snapshots: &[Arc<WindSnapshot>], x: usize) -> f64 {
 }
 
 #[test]
-fn what_comes_in_goes_through_and_out() {
-    for (solids, bounds) in [(Vec::new(), [1e-3, 1e-3]), (wall(), [1e-2, 4e-2])] {
-        let mut l = lattice(&channel(), &solids);
-        let _ = frames(&mut l, 200);
-        let s = frames(&mut l, 250);
-        let [a, b, c] = [5, 40, 74].map(|x| flux(&s, x));
+fn mass_flux_is_the_same_at_inlet_middle_and_outlet() {
+    for (solids, bounds) in [(Vec::new(), [1e-3, 1e-3]), (wall_solids(), [1e-2, 4e-2])] {
+        let mut l = new_solver(&channel_options(), &solids);
+        let _ = run_frames(&mut l, 200);
+        let s = run_frames(&mut l, 250);
+        let [a, b, c] = [5, 40, 74].map(|x| mass_flux(&s, x));
         println!("flux, {} solids: mid {:.2e}, outlet {:.2e}", solids.len(), b / a - 1.0, c / a - 1.0);
         assert!((b / a - 1.0).abs() < bounds[0] && (c / a - 1.0).abs() < bounds[1], "{a} {b} {c}");
         assert_eq!(l.stats().clamped_cells, 0);
@@ -102,11 +102,11 @@ fn what_comes_in_goes_through_and_out() {
 }
 
 #[test]
-fn eddies_go_with_a_wind_that_rises() {
+fn turbulence_is_advected_by_a_speed_curve() {
     let inlet = |curve: Vec<[f64; 2]>| {
-        let mut o = channel();
+        let mut o = channel_options();
         (o.inlet.turbulence, o.inlet.gust_strength, o.inlet.speed_curve) = (0.2, 0.0, curve);
-        lattice(&o, &[]).inlet().clone()
+        new_solver(&o, &[]).inlet().clone()
     };
     let (even, same, rising) = (inlet(Vec::new()), inlet(vec![[0.0, 1.92]]), inlet(vec![[0.0, 0.96], [10.0, 1.92]]));
     let place = DVec3::new(3.1, 5.3, -1.2);
@@ -120,28 +120,28 @@ fn eddies_go_with_a_wind_that_rises() {
 }
 
 /// A wind that turns from +x to -z in two seconds after two, in a cube of cells with a block in its middle.
-fn turning(turbulence: f64) -> LatticeSolver {
-    let mut o = channel();
+fn turning_wind_solver(turbulence: f64) -> LatticeSolver {
+    let mut o = channel_options();
     (o.cells, o.spin_up) = ([32, 16, 32], Some(4.0));
     (o.inlet.turbulence, o.inlet.gust_strength, o.inlet.reference_height) = (turbulence, 0.0, Some(8.0));
     o.inlet.direction_curve = vec![[2.0, 0.0], [4.0, std::f64::consts::FRAC_PI_2]];
     let block = Prism::block(Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0), 0.0);
-    lattice(&o, &[Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }])
+    new_solver(&o, &[Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }])
 }
 
 #[test]
-fn a_wind_that_turns_goes_out_where_it_came_in() {
-    let mut l = turning(0.0);
-    let before = frames(&mut l, 48).pop().expect("frame");
+fn turning_wind_swaps_inlet_and_outlet_faces() {
+    let mut l = turning_wind_solver(0.0);
+    let before = run_frames(&mut l, 48).pop().expect("frame");
     let roles = |l: &LatticeSolver| [0, 1, 4, 5].map(|f| l.flow.domain.faces[f]);
     assert_eq!(roles(&l), [FaceCondition::Inlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Outlet]);
-    let part = frames(&mut l, 6).len();
+    let part = run_frames(&mut l, 6).len();
     assert_eq!(
         (part, roles(&l)),
         (6, [FaceCondition::Inlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Inlet])
     );
     // Then so long that the air of the old wind has left.
-    let after = frames(&mut l, 480).pop().expect("frame");
+    let after = run_frames(&mut l, 480).pop().expect("frame");
     assert_eq!(roles(&l), [FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Inlet]);
     for (s, d) in [(&before, DVec3::X), (&after, -DVec3::Z)] {
         // Above the block, where nothing is in the way.
@@ -162,27 +162,27 @@ fn a_wind_that_turns_goes_out_where_it_came_in() {
 }
 
 #[test]
-fn a_wind_that_turns_goes_on_from_where_it_was_broken_off() {
-    let mut whole = turning(0.05);
+fn turning_wind_resumes_from_a_checkpoint() {
+    let mut whole = turning_wind_solver(0.05);
     // In the middle of the turn, when two faces have other roles than at the start.
-    let _ = frames(&mut whole, 54);
-    let mut again = turning(0.05);
+    let _ = run_frames(&mut whole, 54);
+    let mut again = turning_wind_solver(0.05);
     again.resume(&whole.checkpoint()).expect("resumed");
     assert_eq!(again.flow.domain.faces, whole.flow.domain.faces);
     for _ in 0..20 {
-        let (a, b) = (next(&mut whole).expect("frame"), next(&mut again).expect("frame"));
+        let (a, b) = (next_snapshot(&mut whole).expect("frame"), next_snapshot(&mut again).expect("frame"));
         assert!(a.values == b.values);
     }
     assert!(whole.checkpoint() == again.checkpoint());
 }
 
 #[test]
-fn eddies_go_the_way_of_a_wind_that_turns() {
+fn turbulence_is_advected_along_a_direction_curve() {
     let inlet = |turns: Vec<[f64; 2]>| {
-        let mut o = channel();
+        let mut o = channel_options();
         (o.inlet.turbulence, o.inlet.gust_strength, o.inlet.direction_curve, o.sides) =
             (0.2, 0.0, turns, SideCondition::Open);
-        lattice(&o, &[]).inlet().clone()
+        new_solver(&o, &[]).inlet().clone()
     };
     let straight = inlet(Vec::new());
     let quarter = std::f64::consts::FRAC_PI_2;
@@ -197,27 +197,27 @@ fn eddies_go_the_way_of_a_wind_that_turns() {
 }
 
 #[test]
-fn what_is_taken_up_goes_on_and_says_what_was_said() {
-    let mut first = lattice(&channel(), &wall());
+fn restored_state_keeps_statistics_and_warnings() {
+    let mut first = new_solver(&channel_options(), &wall_solids());
     first.spin_up(&Silent, &Cancel::default()).expect("run-up");
     first.warnings.push(LatticeWarning { code: "S022", text: "fast\tair".into() });
     let state = first.save_state();
-    let mut second = lattice(&channel(), &wall());
+    let mut second = new_solver(&channel_options(), &wall_solids());
     assert!(second.restore_state(&state[..state.len() - 1]).is_err() && second.restore_state(&state[..30]).is_err());
     second.restore_state(&state).expect("the same lattice");
-    assert!(lattice(&channel(), &[]).restore_state(&state).is_err());
+    assert!(new_solver(&channel_options(), &[]).restore_state(&state).is_err());
     assert_eq!((second.stats(), second.warnings()), (first.stats(), first.warnings()));
     for _ in 0..3 {
-        let (a, b) = (next(&mut first).expect("frame"), next(&mut second).expect("frame"));
+        let (a, b) = (next_snapshot(&mut first).expect("frame"), next_snapshot(&mut second).expect("frame"));
         assert!(a.values == b.values);
     }
     assert_eq!((second.save_state(), second.stats().steps), (first.save_state(), first.spin_up_steps() + 4));
 }
 
 #[test]
-fn the_profile_that_comes_in_is_the_one_asked_for() {
-    let mut l = lattice(&channel(), &[]);
-    let s = frames(&mut l, 100).pop().expect("frame");
+fn inlet_profile_matches_the_log_law() {
+    let mut l = new_solver(&channel_options(), &[]);
+    let s = run_frames(&mut l, 100).pop().expect("frame");
     let mut worst = 0.0_f64;
     for y in 0..32 {
         let u = f64::from(s.cell([5, y, 8]).expect("air").0.x);
@@ -230,11 +230,11 @@ fn the_profile_that_comes_in_is_the_one_asked_for() {
 }
 
 /// Largest deviations from the profile asked for along a channel, by distance from where the wind comes in.
-fn kept(ground: GroundCondition) -> [f64; 3] {
-    let mut o = channel();
+fn profile_errors(ground: GroundCondition) -> [f64; 3] {
+    let mut o = channel_options();
     (o.spin_up, o.ground) = (Some(80.0), ground);
-    let mut l = lattice(&o, &[]);
-    let s = frames(&mut l, 1).pop().expect("frame");
+    let mut l = new_solver(&o, &[]);
+    let s = run_frames(&mut l, 1).pop().expect("frame");
     [5, 30, 60].map(|x| {
         let off = (0..32).map(|y| {
             let wanted = 1.92 * l.inlet().profile((y as f64 + 0.5) * 0.5);
@@ -245,18 +245,18 @@ fn kept(ground: GroundCondition) -> [f64; 3] {
 }
 
 #[test]
-fn over_rough_ground_the_wind_keeps_its_profile() {
-    let (rough, smooth) = (kept(GroundCondition::Rough(0.05)), kept(GroundCondition::Smooth));
+fn rough_ground_preserves_the_log_profile() {
+    let (rough, smooth) = (profile_errors(GroundCondition::Rough(0.05)), profile_errors(GroundCondition::Smooth));
     println!("log profile at 5, 30, 60 cells: rough ground {rough:.3?}, smooth {smooth:.3?}");
     assert!(rough[0] < 0.02 && rough.iter().all(|off| *off < 0.08), "{rough:?}");
     assert!(smooth.iter().all(|off| *off > 0.2), "{smooth:?}");
 }
 
 #[test]
-fn turbulence_has_the_strength_asked_for() {
-    let mut o = channel();
+fn inflow_turbulence_has_the_requested_intensity() {
+    let mut o = channel_options();
     (o.inlet.turbulence, o.inlet.profile) = (0.1, WindProfile::Uniform);
-    let inlet = lattice(&o, &[]).inlet().clone();
+    let inlet = new_solver(&o, &[]).inlet().clone();
     let (mut square, mut count) = ([0.0; 3], 0.0);
     for step in 0..4000 {
         for y in [8, 14, 20, 28] {
@@ -278,7 +278,7 @@ fn turbulence_has_the_strength_asked_for() {
 }
 
 /// Mean square of the velocity along z behind the wall, (m/s)^2.
-fn across(snapshots: &[Arc<WindSnapshot>]) -> f64 {
+fn lateral_velocity_variance(snapshots: &[Arc<WindSnapshot>]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for s in snapshots {
         for c in 0..10 * 16 {
@@ -292,44 +292,44 @@ fn across(snapshots: &[Arc<WindSnapshot>]) -> f64 {
 }
 
 #[test]
-fn turbulence_makes_a_wake_that_is_not_flat() {
-    let mut o = channel();
-    let flat = across(&frames(&mut lattice(&o, &wall()), 50));
+fn inflow_turbulence_makes_a_three_dimensional_wake() {
+    let mut o = channel_options();
+    let flat = lateral_velocity_variance(&run_frames(&mut new_solver(&o, &wall_solids()), 50));
     o.inlet.turbulence = 0.1;
-    let rough = across(&frames(&mut lattice(&o, &wall()), 50));
+    let rough = lateral_velocity_variance(&run_frames(&mut new_solver(&o, &wall_solids()), 50));
     println!("w'^2 behind the wall: {flat:.2e} without, {rough:.2e} with turbulence");
     assert!(flat < 1e-8 && rough > 1e-3, "{flat} {rough}");
 }
 
 /// A scene turned to a direction: a cube of cells with a block in its middle.
-fn turned(direction: DVec3) -> Arc<WindSnapshot> {
-    let mut o = channel();
+fn snapshot_for_direction(direction: DVec3) -> Arc<WindSnapshot> {
+    let mut o = channel_options();
     (o.cells, o.inlet.direction, o.spin_up) = ([32, 16, 32], direction, Some(300.0 / 48.0));
     let block = Prism::block(Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0), 0.0);
     let solids = [Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }];
-    next(&mut lattice(&o, &solids)).expect("frame")
+    next_snapshot(&mut new_solver(&o, &solids)).expect("frame")
 }
 
 #[test]
-fn the_wind_is_the_same_whichever_way_it_blows() {
+fn flow_is_independent_of_wind_direction() {
     let mean = |s: &WindSnapshot, d: DVec3| {
         let n = s.cells();
         let all = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
         let air: Vec<f64> = all.filter_map(|c| s.cell(c)).map(|(u, _)| u.as_dvec3().dot(d)).collect();
         air.iter().sum::<f64>() / air.len() as f64
     };
-    let along = mean(&turned(DVec3::X), DVec3::X);
+    let along = mean(&snapshot_for_direction(DVec3::X), DVec3::X);
     for d in [DVec3::Z, -DVec3::X, -DVec3::Z] {
-        let off = mean(&turned(d), d) / along - 1.0;
+        let off = mean(&snapshot_for_direction(d), d) / along - 1.0;
         println!("turned to {d}: mean off by {off:.2e}");
         assert!(off.abs() < 1e-4, "{d}: {off}");
     }
     let oblique = DVec3::new(1.0, 0.0, 1.0).normalize();
-    let mut o = channel();
+    let mut o = channel_options();
     (o.cells, o.inlet.direction, o.spin_up) = ([32, 16, 32], oblique, Some(30.0));
     o.inlet.reference_height = Some(8.0);
-    let mut l = lattice(&o, &[]);
-    let s = frames(&mut l, 20).pop().expect("frame");
+    let mut l = new_solver(&o, &[]);
+    let s = run_frames(&mut l, 20).pop().expect("frame");
     let mut worst = 0.0_f64;
     for y in 0..16 {
         let u = s.cell([12, y, 12]).expect("air").0.as_dvec3().dot(oblique);
@@ -341,13 +341,13 @@ fn the_wind_is_the_same_whichever_way_it_blows() {
 }
 
 #[test]
-fn a_wall_in_rough_air_stays_stable() {
-    let mut o = channel();
+fn turbulent_wake_of_a_wall_is_stable() {
+    let mut o = channel_options();
     o.inlet.turbulence = 0.1;
-    let mut l = lattice(&o, &wall());
+    let mut l = new_solver(&o, &wall_solids());
     let mut fastest = 0.0_f32;
     while l.stats().steps < 5000 {
-        let s = next(&mut l).expect("stable");
+        let s = next_snapshot(&mut l).expect("stable");
         if l.stats().steps % 50 < 2 {
             fastest = s.values.iter().map(|v| Vec3::new(v[0], v[1], v[2]).length()).fold(fastest, f32::max);
         }
@@ -358,15 +358,15 @@ fn a_wall_in_rough_air_stays_stable() {
 }
 
 #[test]
-fn without_eddies_thin_air_is_refused_and_blows_up_when_forced() {
-    let mut o = channel();
+fn low_tau_without_eddy_viscosity_is_refused_and_diverges() {
+    let mut o = channel_options();
     (o.smagorinsky, o.inlet.turbulence) = (0.0, 0.1);
-    assert!(matches!(LatticeSolver::new(&o, &wall(), &Limits::default()), Err(Error::Range { .. })));
+    assert!(matches!(LatticeSolver::new(&o, &wall_solids(), &Limits::default()), Err(Error::Range { .. })));
     o.smagorinsky = 1e-9;
-    let mut l = lattice(&o, &wall());
+    let mut l = new_solver(&o, &wall_solids());
     let mut end = Ok(());
     for _ in 0..1000 {
-        if let Err(e) = next(&mut l) {
+        if let Err(e) = next_snapshot(&mut l) {
             end = Err(e);
             break;
         }
@@ -378,21 +378,21 @@ fn without_eddies_thin_air_is_refused_and_blows_up_when_forced() {
 }
 
 /// A cube of cells with everything in it, as bytes after 50 steps.
-fn bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
+fn state_bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
     let run = || {
-        let mut o = channel();
+        let mut o = channel_options();
         (o.cells, o.spin_up) = ([64; 3], Some(1.0 / 48.0));
         (o.inlet.turbulence, o.inlet.gust_strength, o.steps_per_frame) = (0.1, 0.2, Some(3));
-        let mut l = lattice(&o, &wall());
-        l.flow.tables.use_arch(arch);
-        let mut at = frames(&mut l, 9);
+        let mut l = new_solver(&o, &wall_solids());
+        l.flow.tables.set_arch(arch);
+        let mut at = run_frames(&mut l, 9);
         if stop {
             let saved = l.checkpoint();
-            l = lattice(&o, &wall());
-            l.flow.tables.use_arch(arch);
+            l = new_solver(&o, &wall_solids());
+            l.flow.tables.set_arch(arch);
             l.resume(&saved).expect("resumed");
         }
-        at.extend(frames(&mut l, 9));
+        at.extend(run_frames(&mut l, 9));
         let mut all = l.checkpoint();
         all.extend(at.last().expect("frame").values.iter().flatten().flat_map(|v| v.to_le_bytes()));
         all
@@ -401,25 +401,25 @@ fn bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
 }
 
 #[test]
-fn bytes_do_not_depend_on_threads_instructions_or_breaks() {
-    let one = blake3::hash(&bytes(Arch::new(), 1, false));
+fn results_are_independent_of_threads_simd_and_checkpoints() {
+    let one = blake3::hash(&state_bytes(Arch::new(), 1, false));
     for threads in [2, 5, 16] {
-        assert_eq!(blake3::hash(&bytes(Arch::new(), threads, false)), one, "{threads} threads");
+        assert_eq!(blake3::hash(&state_bytes(Arch::new(), threads, false)), one, "{threads} threads");
     }
-    assert_eq!(blake3::hash(&bytes(Arch::Scalar, 2, false)), one, "scalar");
+    assert_eq!(blake3::hash(&state_bytes(Arch::Scalar, 2, false)), one, "scalar");
     #[cfg(target_arch = "x86_64")]
     if let Some(v3) = pulp::x86::V3::try_new() {
-        assert_eq!(blake3::hash(&bytes(Arch::V3(v3), 2, false)), one, "AVX2");
+        assert_eq!(blake3::hash(&state_bytes(Arch::V3(v3), 2, false)), one, "AVX2");
     }
-    assert_eq!(blake3::hash(&bytes(Arch::new(), 2, true)), one, "broken off and resumed");
-    let mut other = lattice(&channel(), &[]);
-    assert!(other.resume(&lattice(&channel(), &wall()).checkpoint()).is_err(), "another scene");
+    assert_eq!(blake3::hash(&state_bytes(Arch::new(), 2, true)), one, "broken off and resumed");
+    let mut other = new_solver(&channel_options(), &[]);
+    assert!(other.resume(&new_solver(&channel_options(), &wall_solids()).checkpoint()).is_err(), "another scene");
 }
 
 #[test]
-fn between_snapshots_the_wind_is_straight_and_falls_to_nothing_at_walls() {
-    let mut l = lattice(&channel(), &wall());
-    let two = frames(&mut l, 2);
+fn interpolation_is_linear_and_vanishes_at_walls() {
+    let mut l = new_solver(&channel_options(), &wall_solids());
+    let two = run_frames(&mut l, 2);
     let wind = InterpolatedWind { before: two[0].clone(), after: two[1].clone(), t0: 0.0, t1: 1.0 / 24.0 };
     let at = |p: Vec3, t: f64| {
         let mut out = [Vec3::ZERO];
@@ -447,8 +447,8 @@ fn between_snapshots_the_wind_is_straight_and_falls_to_nothing_at_walls() {
 }
 
 #[test]
-fn linear_fields_are_sampled_as_they_are() {
-    let l = lattice(&LatticeOptions { sides: SideCondition::Open, ..channel() }, &[]);
+fn interpolation_reproduces_linear_fields() {
+    let l = new_solver(&LatticeOptions { sides: SideCondition::Open, ..channel_options() }, &[]);
     let grid = Arc::clone(&l.grid);
     // Velocity at a place and a time, up to 1 m/s.
     let wind = |p: DVec3, t: f64| {
@@ -476,27 +476,27 @@ fn linear_fields_are_sampled_as_they_are() {
 }
 
 #[test]
-fn plans_follow_the_wind() {
-    let mut o = channel();
+fn steps_per_frame_and_limits_follow_from_the_options() {
+    let mut o = channel_options();
     (o.cells, o.inlet.speed, o.inlet.reference_height, o.steps_per_frame) = ([70; 3], 2.0, Some(35.0), None);
-    let l = lattice(&o, &[]);
+    let l = new_solver(&o, &[]);
     assert_eq!(l.steps_per_frame(), 2);
     assert!((l.effective_viscosity() - 2e-3).abs() < 1e-6, "{}", l.effective_viscosity());
     o.steps_per_frame = Some(1);
     assert!(matches!(LatticeSolver::new(&o, &[], &Limits::default()), Err(Error::Range { .. })));
     (o.steps_per_frame, o.inlet.speed) = (Some(2), 3.2);
-    assert!(lattice(&o, &[]).warnings().iter().any(|n| n.code == "S020"));
+    assert!(new_solver(&o, &[]).warnings().iter().any(|n| n.code == "S020"));
     let mut few = Limits::default();
     few.set("cells", "1k").expect("limit");
     assert!(matches!(LatticeSolver::new(&o, &[], &few), Err(Error::Limit { .. })));
 }
 
 #[test]
-fn thin_walls_claim_one_layer_and_pockets_fill() {
-    let o = channel();
+fn thin_walls_voxelize_to_one_layer_and_enclosed_air_is_filled() {
+    let o = channel_options();
     for (shift, thick) in [(0.0, 0.1), (0.13, 0.1), (0.25, 0.2), (0.37, 0.02)] {
         let prism = Prism::block(Vec3::new(shift, 0.0, 0.0), Vec3::new(thick, 5.0, 40.0), 0.0);
-        let l = lattice(&o, &[Solid { name: "fence".into(), form: Form::Prism(prism), humidity: 0.5 }]);
+        let l = new_solver(&o, &[Solid { name: "fence".into(), form: Form::Prism(prism), humidity: 0.5 }]);
         let solid = l.flow.domain.solid.iter().filter(|s| **s).count();
         assert_eq!(solid, 10 * 16, "{shift} {thick}");
     }
@@ -512,24 +512,24 @@ fn thin_walls_claim_one_layer_and_pockets_fill() {
         wall(Vec3::new(0.0, 0.0, -1.75), Vec3::new(4.5, 3.0, 0.5)),
         wall(Vec3::new(0.0, 2.5, 0.0), Vec3::new(4.5, 0.5, 4.0)),
     ];
-    let l = lattice(&o, &room);
+    let l = new_solver(&o, &room);
     assert!(l.warnings().iter().any(|n| n.text.contains("enclosed by solids")), "{:?}", l.warnings());
     assert!(l.flow.domain.is_solid([40, 2, 8]));
 }
 
 #[test]
-fn a_recorded_wind_is_the_one_that_blew_and_repeats() {
+fn recording_matches_snapshots_and_loops() {
     use osier_base::geometry::Bounds;
-    let mut o = channel();
+    let mut o = channel_options();
     (o.inlet.turbulence, o.spin_up) = (0.1, Some(2.0));
     let bounds = Bounds { min: Vec3::new(-3.0, 0.0, -1.0), max: Vec3::new(2.0, 5.0, 1.5) };
     let record = |repeats: bool, limits: &Limits| {
         let take = RecordingOptions { bounds, frames: 60, fps: 24.0, repeats };
-        RecordedWind::record(&mut lattice(&o, &wall()), take, limits, &Silent, &Cancel::default())
+        RecordedWind::record(&mut new_solver(&o, &wall_solids()), take, limits, &Silent, &Cancel::default())
     };
     let once = record(false, &Limits::default()).expect("recorded");
-    let mut l = lattice(&o, &wall());
-    let all = frames(&mut l, 40);
+    let mut l = new_solver(&o, &wall_solids());
+    let all = run_frames(&mut l, 40);
     let places = [Vec3::new(-2.1, 0.4, 0.3), Vec3::new(1.7, 4.9, -0.9), Vec3::new(0.0, 2.0, 0.0)];
     let ask = |w: &dyn Wind, t: f64| {
         let mut out = [Vec3::ZERO; 3];

@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn opposites_and_mirrors_are_what_they_say() {
+    fn opposite_and_reflect_match_the_velocities() {
         for i in 0..Q {
             assert_eq!(VELOCITIES[opposite(i)], VELOCITIES[i].map(|c| -c));
             for axis in 0..3 {

@@ -25,7 +25,7 @@ pub(super) struct FlowParams {
 
 /// Consecutive blocks of a plane that hold air, end exclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct BlockRange {
+pub(super) struct AirBlockRange {
     pub from: u32,
     pub to: u32,
     /// Relaxation times differ from [`FlowParams::tau`] and are read from the tables.
@@ -38,7 +38,7 @@ pub(super) struct StepTables {
     pub(super) grid: LatticeGrid,
     pub(super) params: FlowParams,
     /// By plane.
-    block_ranges: Vec<Vec<BlockRange>>,
+    block_ranges: Vec<Vec<AirBlockRange>>,
     /// Relaxation time where no sponge is in z.
     pub(super) base_tau: Vec<f32>,
     /// What the full sponge adds to the relaxation time.
@@ -60,41 +60,42 @@ impl StepTables {
         let grid = domain.grid;
         let nodes = 0..grid.plane_span() + BLOCK;
         let row = grid.row_stride;
-        let base_tau = nodes.clone().map(|k| base_tau(&params, [k % row, k / row])).collect();
+        let base_tau = nodes.clone().map(|k| tau_without_z_sponge(&params, [k % row, k / row])).collect();
         let sponge_tau = nodes.map(|k| params.ground.sponge_tau(k / row, params.tau)).collect();
         let drag_nodes = if params.ground.drag > 0.0 { grid.n[0] + BLOCK } else { 0 };
         let drag = (0..drag_nodes).map(|k| if k < grid.n[0] { params.ground.drag } else { 0.0 }).collect();
         let drag_sponge = (0..drag_nodes).map(|k| params.sponge[0].get(k).copied().unwrap_or(0.0)).collect();
         let arch = Arch::new();
-        let block_ranges = (0..grid.n[2]).map(|z| block_ranges(domain, &params, z)).collect::<Result<_>>()?;
-        let row_ends = RowEndBlock::list(&grid, arch.dispatch(LaneCount))?;
+        let block_ranges = (0..grid.n[2]).map(|z| find_air_blocks(domain, &params, z)).collect::<Result<_>>()?;
+        let row_ends = RowEndBlock::list_of_plane(&grid, arch.dispatch(LaneCount))?;
         Ok(Self { grid, params, block_ranges, base_tau, sponge_tau, drag, drag_sponge, row_ends, arch })
     }
 
     /// Computes with another instruction set than the machine's best.
     #[cfg(test)]
-    pub(super) fn use_arch(&mut self, arch: Arch) {
-        (self.row_ends, self.arch) = (RowEndBlock::list(&self.grid, arch.dispatch(LaneCount)).expect("rows"), arch);
+    pub(super) fn set_arch(&mut self, arch: Arch) {
+        (self.row_ends, self.arch) =
+            (RowEndBlock::list_of_plane(&self.grid, arch.dispatch(LaneCount)).expect("rows"), arch);
     }
 
     /// Blocks of the plane `z` that hold air.
-    pub(super) fn block_ranges(&self, z: usize) -> &[BlockRange] {
+    pub(super) fn air_block_ranges(&self, z: usize) -> &[AirBlockRange] {
         &self.block_ranges[z]
     }
 }
 
 /// Relaxation time at a cell of any plane without a sponge in z: that of the sponge in x, at least that of the ground.
-fn base_tau(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
+fn tau_without_z_sponge(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
     let (tau, ground) = (params.tau, &params.ground);
     let sponge = params.sponge[0].get(x).copied().unwrap_or(0.0);
     (tau + sponge * ground.sponge_tau(y, tau)).max(ground.min_tau_at(y, tau))
 }
 
 /// Blocks of the plane `z` that hold air, joined while they are of one kind.
-fn block_ranges(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<BlockRange>> {
+fn find_air_blocks(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<AirBlockRange>> {
     let grid = domain.grid;
     let in_sponge = params.sponge[1].get(z).is_some_and(|strength| *strength > 0.0);
-    let mut ranges: Vec<BlockRange> = Vec::new();
+    let mut ranges: Vec<AirBlockRange> = Vec::new();
     for block in 0..grid.plane_span().div_ceil(BLOCK) {
         let nodes = block * BLOCK..(block + 1) * BLOCK;
         let air = |k: usize| {
@@ -105,10 +106,10 @@ fn block_ranges(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<Bl
             continue;
         }
         let at = index(block, "blocks of a plane of the lattice")?;
-        let variable_tau = in_sponge || nodes.filter_map(air).any(|at| base_tau(params, at) > params.tau);
+        let variable_tau = in_sponge || nodes.filter_map(air).any(|at| tau_without_z_sponge(params, at) > params.tau);
         match ranges.last_mut() {
             Some(last) if last.to == at && last.variable_tau == variable_tau => last.to += 1,
-            _ => ranges.push(BlockRange { from: at, to: at + 1, variable_tau }),
+            _ => ranges.push(AirBlockRange { from: at, to: at + 1, variable_tau }),
         }
     }
     Ok(ranges)

@@ -29,8 +29,8 @@ use pulp::{Simd, WithSimd};
 use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotPlane, SnapshotTarget};
 use super::domain::Domain;
 use super::exchange::{
-    BoundaryExchange, BufferPart, ExchangeBuffers, ExchangeInput, ExchangeLists, ExchangeOutput, PlaneSlices,
-    split_ranges,
+    BoundaryExchange, BufferSlice, ExchangeBuffers, ExchangeInput, ExchangeLists, ExchangeOutput, PlaneSlices,
+    split_slice,
 };
 use super::grid::{Populations, StepParity};
 use super::open_boundary::{OpenBoundary, OpenBoundaryState, outlet_density};
@@ -87,7 +87,7 @@ enum PassKind {
 type SnapshotPlanes<'a> = Vec<(usize, SnapshotPlane<'a>)>;
 
 impl StepContext<'_> {
-    fn kind(&self) -> PassKind {
+    fn pass_kind(&self) -> PassKind {
         match (self.parity, self.second) {
             (StepParity::Odd, _) => PassKind::Odd,
             (StepParity::Even, None) => PassKind::Even,
@@ -96,18 +96,18 @@ impl StepContext<'_> {
     }
 
     /// Does the step or steps. `snapshot`: where the moments of the last step are written.
-    pub(super) fn run(
+    pub(super) fn run_pass(
         &self,
         populations: &mut Populations,
         exchange: &mut BoundaryExchange,
         snapshot: Option<SnapshotTarget<'_>>,
     ) -> StepReport {
-        let kind = self.kind();
+        let kind = self.pass_kind();
         // Outlet densities follow the mean outflow, taken anew before every even step.
         if self.parity == StepParity::Even {
             exchange.mean_outflow = exchange.open_boundary.mean_outflow(&exchange.previous.open_cells.moments);
         }
-        self.evaluate_ghosts(exchange);
+        self.compute_ghosts(exchange);
         let bounds = self.chunk_bounds();
         let mut snapshot: SnapshotPlanes<'_> =
             snapshot.map_or_else(Vec::new, SnapshotTarget::split_planes).into_iter().enumerate().collect();
@@ -126,7 +126,7 @@ impl StepContext<'_> {
     }
 
     /// Computes the ghost populations of the first step.
-    fn evaluate_ghosts(&self, exchange: &mut BoundaryExchange) {
+    fn compute_ghosts(&self, exchange: &mut BoundaryExchange) {
         let (open_boundary, open_cells) = (&exchange.open_boundary, &exchange.previous.open_cells);
         let state = OpenBoundaryState {
             moments: open_cells.moments.each_ref().map(|a| &a[..]),
@@ -139,10 +139,10 @@ impl StepContext<'_> {
         };
         let ranges: Vec<_> = (0..self.tables.grid.n[2]).map(|z| open_boundary.buffer_range(z)).collect();
         let mut planes: Vec<_> =
-            split_ranges(&mut exchange.ghost_populations[0], &ranges).into_iter().enumerate().collect();
+            split_slice(&mut exchange.ghost_populations[0], &ranges).into_iter().enumerate().collect();
         planes.retain(|(_, out)| !out.is_empty());
         par::par_each(&mut planes, |(z, out)| {
-            self.tables.arch.dispatch(EvaluateGhosts { open_boundary, z: *z, state, out });
+            self.tables.arch.dispatch(GhostKernel { open_boundary, z: *z, state, out });
         });
     }
 
@@ -167,7 +167,7 @@ impl StepContext<'_> {
         let slices = |r: &Range<usize>| PlaneSlices { arrays: Vec::with_capacity(Q), first_plane: r.start };
         let mut planes: Vec<_> = ranges.iter().map(slices).collect();
         for array in populations.arrays_mut() {
-            let parts = split_ranges(array, &elements);
+            let parts = split_slice(array, &elements);
             planes.iter_mut().zip(parts).for_each(|(planes, part)| planes.arrays.push(part));
         }
         planes
@@ -181,7 +181,7 @@ impl StepContext<'_> {
         bounds: &[usize],
         snapshot: &mut SnapshotPlanes<'_>,
     ) -> Vec<ChunkResult> {
-        let kind = self.kind();
+        let kind = self.pass_kind();
         let BoundaryExchange {
             lists,
             open_boundary,
@@ -200,7 +200,7 @@ impl StepContext<'_> {
         let ghost_range =
             |r: &Range<usize>| open_boundary.buffer_range(r.start).start..open_boundary.buffer_range(r.end - 1).end;
         let ghost_ranges: Vec<_> = chunks.iter().map(ghost_range).collect();
-        let ghost_parts = split_ranges(second_ghosts, &ghost_ranges).into_iter().zip(&ghost_ranges);
+        let ghost_parts = split_slice(second_ghosts, &ghost_ranges).into_iter().zip(&ghost_ranges);
         // Where the even and the odd step leave what boundaries exchange.
         let (even_buffers, odd_buffers) = match kind {
             PassKind::Even => (Some(next), None),
@@ -208,14 +208,14 @@ impl StepContext<'_> {
             PassKind::EvenAndOdd => (Some(intermediate), Some(next)),
         };
         let outputs =
-            split_outputs(lists, even_buffers, &chunks).into_iter().zip(split_outputs(lists, odd_buffers, &inner));
+            split_buffers(lists, even_buffers, &chunks).into_iter().zip(split_buffers(lists, odd_buffers, &inner));
         let input = ExchangeInput {
             lists,
-            populations: BufferPart::whole(&previous.populations),
-            ghosts: BufferPart::whole(ghosts),
+            populations: BufferSlice::full(&previous.populations),
+            ghosts: BufferSlice::full(ghosts),
         };
         let planes = self.plane_slices(populations, &chunks, 0);
-        let speeds = split_ranges(max_speed_squared, &chunks);
+        let speeds = split_slice(max_speed_squared, &chunks);
         let parts = planes.into_iter().zip(speeds).zip(outputs).zip(ghost_parts).zip(chunks.iter().zip(&inner));
         let mut jobs: Vec<_> = parts
             .map(|((((planes, max_speed_squared), (even_output, odd_output)), ghosts), (chunk, inner))| Chunk {
@@ -225,17 +225,17 @@ impl StepContext<'_> {
                 odd_output,
                 ghosts: ghosts.0,
                 first_ghost: ghosts.1.start,
-                scratch: self.scratch(snapshot, if kind == PassKind::Even { chunk } else { inner }),
+                scratch: self.thread_scratch(snapshot, if kind == PassKind::Even { chunk } else { inner }),
                 even_planes: chunk.clone(),
                 odd_planes: inner.clone(),
             })
             .collect();
-        let second = self.second.map(|inputs| SecondStep {
+        let second = self.second.map(|inputs| OddStepInputs {
             open_boundary,
             inputs,
             outlet_drho: inputs.outlet_densities(*mean_outflow),
         });
-        par::par_map_mut(&mut jobs, |chunk| self.dispatch(ChunkTask { context: self, chunk, input, second }))
+        par::par_map_mut(&mut jobs, |chunk| self.dispatch_kernel(ChunkTask { context: self, chunk, input, second }))
     }
 
     /// The odd step of the planes at seams.
@@ -252,19 +252,19 @@ impl StepContext<'_> {
         let seams = bounds.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
         // In a domain with too few planes for two seams, they are one.
         let seams: Vec<_> = if n < MIN_CHUNK { std::iter::once(0..n).collect() } else { seams.collect() };
-        let (before, ghosts) = if self.kind() == PassKind::EvenAndOdd {
+        let (before, ghosts) = if self.pass_kind() == PassKind::EvenAndOdd {
             (intermediate, &ghost_populations[1])
         } else {
             (previous, &ghost_populations[0])
         };
         let input = ExchangeInput {
             lists,
-            populations: BufferPart::whole(&before.populations),
-            ghosts: BufferPart::whole(ghosts),
+            populations: BufferSlice::full(&before.populations),
+            ghosts: BufferSlice::full(ghosts),
         };
-        let speeds = split_ranges(max_speed_squared, &seams);
+        let speeds = split_slice(max_speed_squared, &seams);
         let planes = self.plane_slices(populations, &seams, 1).into_iter().zip(speeds);
-        let parts = planes.zip(next.split(lists, &seams)).zip(&seams);
+        let parts = planes.zip(next.split_by_planes(lists, &seams)).zip(&seams);
         let mut jobs: Vec<_> = parts
             .map(|(((planes, max_speed_squared), output), seam)| Chunk {
                 planes,
@@ -273,23 +273,25 @@ impl StepContext<'_> {
                 odd_output: Some(output),
                 ghosts: &mut [][..],
                 first_ghost: 0,
-                scratch: self.scratch(snapshot, seam),
+                scratch: self.thread_scratch(snapshot, seam),
                 even_planes: seam.clone(),
                 odd_planes: seam.clone(),
             })
             .collect();
-        par::par_map_mut(&mut jobs, |chunk| self.dispatch(ChunkTask { context: self, chunk, input, second: None }))
+        par::par_map_mut(&mut jobs, |chunk| {
+            self.dispatch_kernel(ChunkTask { context: self, chunk, input, second: None })
+        })
     }
 
     /// Scratch of a thread, with those planes of the snapshot that are in a range.
-    fn scratch<'a>(&self, snapshot: &mut SnapshotPlanes<'a>, planes: &Range<usize>) -> ThreadScratch<'a> {
+    fn thread_scratch<'a>(&self, snapshot: &mut SnapshotPlanes<'a>, planes: &Range<usize>) -> ThreadScratch<'a> {
         let mut own: Vec<_> = snapshot.extract_if(.., |(z, _)| planes.contains(z)).collect();
         own.reverse();
         ThreadScratch::new(&self.tables.grid, own)
     }
 
     /// Runs a chunk with the machine's instructions, by the kernel that its flow needs.
-    fn dispatch(&self, task: ChunkTask<'_, '_>) -> ChunkResult {
+    fn dispatch_kernel(&self, task: ChunkTask<'_, '_>) -> ChunkResult {
         let (arch, params) = (&self.tables.arch, &self.tables.params);
         let forced = params.force.iter().any(|f| f.abs() > 0.0);
         match (params.smagorinsky_factor > 0.0, forced) {
@@ -308,31 +310,31 @@ impl BoundaryInputs<'_> {
 }
 
 /// The parts of some buffers for ranges of planes; none where no buffers are filled.
-fn split_outputs<'a>(
+fn split_buffers<'a>(
     lists: &ExchangeLists,
     buffers: Option<&'a mut ExchangeBuffers>,
     ranges: &[Range<usize>],
 ) -> Vec<Option<ExchangeOutput<'a>>> {
     match buffers {
-        Some(buffers) => buffers.split(lists, ranges).into_iter().map(Some).collect(),
+        Some(buffers) => buffers.split_by_planes(lists, ranges).into_iter().map(Some).collect(),
         None => ranges.iter().map(|_| None).collect(),
     }
 }
 
 /// Ghost populations of one plane in SIMD lanes.
-struct EvaluateGhosts<'a> {
+struct GhostKernel<'a> {
     open_boundary: &'a OpenBoundary,
     z: usize,
     state: OpenBoundaryState<'a>,
     out: &'a mut [f32],
 }
 
-impl WithSimd for EvaluateGhosts<'_> {
+impl WithSimd for GhostKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.open_boundary.evaluate(simd, self.z, self.state, self.out);
+        self.open_boundary.compute_plane_ghosts(simd, self.z, self.state, self.out);
     }
 }
 
@@ -360,7 +362,7 @@ struct ChunkResult {
 
 /// What the ghosts of the odd step after an even one are computed from, beside open cells.
 #[derive(Clone, Copy)]
-struct SecondStep<'a> {
+struct OddStepInputs<'a> {
     open_boundary: &'a OpenBoundary,
     inputs: BoundaryInputs<'a>,
     outlet_drho: [f32; 6],
@@ -371,7 +373,7 @@ struct ChunkTask<'a, 'b> {
     chunk: &'a mut Chunk<'b>,
     /// What the first step of the pass reads from boundaries.
     input: ExchangeInput<'a>,
-    second: Option<SecondStep<'a>>,
+    second: Option<OddStepInputs<'a>>,
 }
 
 struct ChunkKernel<'a, 'b, const EDDIES: bool, const FORCE: bool>(ChunkTask<'a, 'b>);
@@ -381,13 +383,13 @@ impl<const EDDIES: bool, const FORCE: bool> WithSimd for ChunkKernel<'_, '_, EDD
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> ChunkResult {
-        self.0.run::<S, EDDIES, FORCE>(simd)
+        self.0.run_planes::<S, EDDIES, FORCE>(simd)
     }
 }
 
 impl ChunkTask<'_, '_> {
     #[inline(always)]
-    fn run<S: Simd, const EDDIES: bool, const FORCE: bool>(self, simd: S) -> ChunkResult {
+    fn run_planes<S: Simd, const EDDIES: bool, const FORCE: bool>(self, simd: S) -> ChunkResult {
         let Self { context, chunk, input, second } = self;
         let StepContext { tables, domain, .. } = *context;
         let Chunk {
@@ -407,8 +409,9 @@ impl ChunkTask<'_, '_> {
             if let Some(output) = even_output.as_mut().filter(|_| z < even_planes.end) {
                 let step = PlaneStep { tables, domain, input, z, last: odd_output.is_none() };
                 let speed = &mut max_speed_squared[z - even_planes.start];
-                clamped[0] += step.run::<S, false, EDDIES, FORCE>(simd, planes, scratch, output, speed);
-                if let Some(SecondStep { open_boundary, inputs, outlet_drho }) = second {
+                clamped[0] +=
+                    step.scatter_collide_gather::<S, false, EDDIES, FORCE>(simd, planes, scratch, output, speed);
+                if let Some(OddStepInputs { open_boundary, inputs, outlet_drho }) = second {
                     let state = OpenBoundaryState {
                         moments: output.moments.each_ref().map(|a| &a[..]),
                         first_cell: output.first_cell,
@@ -420,7 +423,7 @@ impl ChunkTask<'_, '_> {
                     };
                     let range = open_boundary.buffer_range(z);
                     let out = &mut ghosts[range.start - *first_ghost..range.end - *first_ghost];
-                    open_boundary.evaluate(simd, z, state, out);
+                    open_boundary.compute_plane_ghosts(simd, z, state, out);
                 }
             }
             // Odd step of the plane behind, which reads what the even step has just left.
@@ -429,14 +432,15 @@ impl ChunkTask<'_, '_> {
                 let input = match even_output {
                     Some(left) => ExchangeInput {
                         lists: input.lists,
-                        populations: BufferPart { values: &left.populations[..], start: left.first_population },
-                        ghosts: BufferPart { values: &ghosts[..], start: *first_ghost },
+                        populations: BufferSlice { values: &left.populations[..], start: left.first_population },
+                        ghosts: BufferSlice { values: &ghosts[..], start: *first_ghost },
                     },
                     None => input,
                 };
                 let step = PlaneStep { tables, domain, input, z: behind, last: true };
                 let speed = &mut max_speed_squared[behind - even_planes.start];
-                clamped[1] += step.run::<S, true, EDDIES, FORCE>(simd, planes, scratch, output, speed);
+                clamped[1] +=
+                    step.scatter_collide_gather::<S, true, EDDIES, FORCE>(simd, planes, scratch, output, speed);
             }
         }
         ChunkResult { clamped, diagnostics: std::mem::take(&mut scratch.diagnostics) }

@@ -22,15 +22,15 @@ use super::stencil::{Q, VELOCITIES};
 use super::step_tables::FlowParams;
 use super::stepper::BoundaryInputs;
 
-const REST: FaceCondition = FaceCondition::Wall([0.0; 3]);
+const RESTING_WALL: FaceCondition = FaceCondition::Wall([0.0; 3]);
 
 /// A flow of either code.
-enum Fluid {
-    Plain(Box<ReferenceSolver>),
-    Ours(Box<FlowState>),
+enum TestFlow {
+    Reference(Box<ReferenceSolver>),
+    Production(Box<FlowState>),
 }
 
-fn cells(n: [usize; 3], faces: [FaceCondition; 6], solid: impl Fn([usize; 3]) -> bool) -> Domain {
+fn domain(n: [usize; 3], faces: [FaceCondition; 6], solid: impl Fn([usize; 3]) -> bool) -> Domain {
     let grid = LatticeGrid::new(n);
     let mut list = vec![false; grid.cell_count()];
     for z in 0..n[2] {
@@ -43,12 +43,12 @@ fn cells(n: [usize; 3], faces: [FaceCondition; 6], solid: impl Fn([usize; 3]) ->
     Domain { grid, faces, solid: list }
 }
 
-fn still([_, _, _]: [isize; 3]) -> ([f64; 3], [f64; 2]) {
+fn no_wind([_, _, _]: [isize; 3]) -> ([f64; 3], [f64; 2]) {
     ([0.0; 3], [0.0; 2])
 }
 
 /// Air without a sponge or rough ground.
-fn viscous(tau: f32, smagorinsky: f64, force: [f32; 3]) -> FlowParams {
+fn flow_params(tau: f32, smagorinsky: f64, force: [f32; 3]) -> FlowParams {
     let ground = GroundModel::default();
     FlowParams {
         tau,
@@ -59,22 +59,22 @@ fn viscous(tau: f32, smagorinsky: f64, force: [f32; 3]) -> FlowParams {
     }
 }
 
-impl Fluid {
-    fn plain(cells: Domain, tau: f64, force: [f64; 3]) -> Self {
-        Self::Plain(Box::new(ReferenceSolver { force, ..ReferenceSolver::new(cells, tau, 0.0) }))
+impl TestFlow {
+    fn reference(domain: Domain, tau: f64, force: [f64; 3]) -> Self {
+        Self::Reference(Box::new(ReferenceSolver { force, ..ReferenceSolver::new(domain, tau, 0.0) }))
     }
 
-    fn ours(cells: Domain, tau: f64, force: [f64; 3]) -> Self {
+    fn production(domain: Domain, tau: f64, force: [f64; 3]) -> Self {
         let force = force.map(|f| f as f32);
-        let v = viscous(tau as f32, 0.0, force);
-        Self::Ours(Box::new(FlowState::new(cells, v, false).expect("memory")))
+        let v = flow_params(tau as f32, 0.0, force);
+        Self::Production(Box::new(FlowState::new(domain, v, false).expect("memory")))
     }
 
     fn advance(&mut self) {
         match self {
-            Self::Plain(f) => f.advance(still, [0.0; 6]),
-            Self::Ours(f) => {
-                f.advance_one(BoundaryInputs {
+            Self::Reference(f) => f.advance(no_wind, [0.0; 6]),
+            Self::Production(f) => {
+                f.advance_one_step(BoundaryInputs {
                     inlet_velocity: &[const { Vec::new() }; 3],
                     shear: &[],
                     shear_scale: [0.0; 2],
@@ -91,44 +91,44 @@ impl Fluid {
 
     fn grid(&self) -> LatticeGrid {
         match self {
-            Self::Plain(f) => f.domain.grid,
-            Self::Ours(f) => f.domain.grid,
+            Self::Reference(f) => f.domain.grid,
+            Self::Production(f) => f.domain.grid,
         }
     }
 
-    fn left(&self, cell: [usize; 3]) -> [f64; Q] {
+    fn outgoing_populations(&self, cell: [usize; 3]) -> [f64; Q] {
         match self {
-            Self::Plain(f) => f.left[f.domain.grid.cell_index(cell)],
-            Self::Ours(f) => f.outgoing(cell).map(f64::from),
+            Self::Reference(f) => f.outgoing[f.domain.grid.cell_index(cell)],
+            Self::Production(f) => f.outgoing_populations(cell).map(f64::from),
         }
     }
 
-    fn set(&mut self, cell: [usize; 3], g: [f64; Q]) {
+    fn set_populations(&mut self, cell: [usize; 3], g: [f64; Q]) {
         match self {
-            Self::Plain(f) => f.left[f.domain.grid.cell_index(cell)] = g,
-            Self::Ours(f) => {
-                let e = f.domain.grid.element(cell.map(|c| c as isize));
+            Self::Reference(f) => f.outgoing[f.domain.grid.cell_index(cell)] = g,
+            Self::Production(f) => {
+                let e = f.domain.grid.node_element(cell.map(|c| c as isize));
                 for i in 0..Q {
-                    let (k, e) = f.domain.grid.outgoing(StepParity::of_step(f.step), i, e);
+                    let (k, e) = f.domain.grid.outgoing_slot_of(StepParity::from_step(f.step), i, e);
                     f.populations.arrays_mut()[k][e] = g[i] as f32;
                 }
             }
         }
     }
 
-    fn reload(&mut self) {
-        if let Self::Ours(f) = self {
-            f.exchange.reload(&f.populations, StepParity::of_step(f.step));
+    fn rebuild_exchange(&mut self) {
+        if let Self::Production(f) = self {
+            f.exchange.rebuild_from_populations(&f.populations, StepParity::from_step(f.step));
         }
     }
 
-    fn at(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
-        super::collide::moments(&self.left(cell))
+    fn moments_at(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+        super::collide::moments(&self.outgoing_populations(cell))
     }
 }
 
 /// |a - b| / |b| over pairs.
-fn relative(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+fn relative_l2_error(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (mut off, mut all) = (0.0, 0.0);
     for (a, b) in pairs {
         off += (a - b) * (a - b);
@@ -137,30 +137,38 @@ fn relative(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     (off / all).sqrt()
 }
 
-fn channel(height: usize, top: FaceCondition) -> Domain {
-    cells(
+fn channel_domain(height: usize, top: FaceCondition) -> Domain {
+    domain(
         [1, height, 1],
-        [FaceCondition::Periodic, FaceCondition::Periodic, REST, top, FaceCondition::Periodic, FaceCondition::Periodic],
+        [
+            FaceCondition::Periodic,
+            FaceCondition::Periodic,
+            RESTING_WALL,
+            top,
+            FaceCondition::Periodic,
+            FaceCondition::Periodic,
+        ],
         |_| false,
     )
 }
 
-fn viscosity(tau: f64) -> f64 {
+fn lattice_viscosity(tau: f64) -> f64 {
     (tau - 0.5) / 3.0
 }
 
 #[test]
-fn couette_flow_is_a_straight_line() {
+fn couette_flow_has_a_linear_profile() {
     for height in [8, 16, 32] {
         for tau in [0.6, 0.8, 1.5] {
-            let steps = (3.5 * (height * height) as f64 / viscosity(tau)) as usize;
-            let walls = || channel(height, FaceCondition::Wall([0.1, 0.0, 0.0]));
-            for (fluid, bound) in
-                [(Fluid::plain(walls(), tau, [0.0; 3]), 1e-12), (Fluid::ours(walls(), tau, [0.0; 3]), 1e-5)]
-            {
+            let steps = (3.5 * (height * height) as f64 / lattice_viscosity(tau)) as usize;
+            let walls = || channel_domain(height, FaceCondition::Wall([0.1, 0.0, 0.0]));
+            for (fluid, bound) in [
+                (TestFlow::reference(walls(), tau, [0.0; 3]), 1e-12),
+                (TestFlow::production(walls(), tau, [0.0; 3]), 1e-5),
+            ] {
                 let fluid = fluid.run(steps);
                 let line = |y: usize| 0.1 * (y as f64 + 0.5) / height as f64;
-                let off = relative((0..height).map(|y| (fluid.at([0, y, 0]).1[0], line(y))));
+                let off = relative_l2_error((0..height).map(|y| (fluid.moments_at([0, y, 0]).1[0], line(y))));
                 println!("couette H {height} tau {tau}: {off:.3e}");
                 assert!(off < bound, "H {height}, tau {tau}: {off}");
             }
@@ -169,25 +177,25 @@ fn couette_flow_is_a_straight_line() {
 }
 
 /// Relative errors of the profile, and wall force over body force.
-fn poiseuille(height: usize, tau: f64, ours: bool) -> (f64, f64) {
+fn poiseuille_errors(height: usize, tau: f64, ours: bool) -> (f64, f64) {
     let (h, top) = (height as f64, 0.4 / height as f64);
-    let force = [8.0 * viscosity(tau) * top / (h * h), 0.0, 0.0];
-    let walls = channel(height, REST);
-    let fluid = if ours { Fluid::ours(walls, tau, force) } else { Fluid::plain(walls, tau, force) };
-    let fluid = fluid.run((3.5 * h * h / viscosity(tau)) as usize);
+    let force = [8.0 * lattice_viscosity(tau) * top / (h * h), 0.0, 0.0];
+    let walls = channel_domain(height, RESTING_WALL);
+    let fluid = if ours { TestFlow::production(walls, tau, force) } else { TestFlow::reference(walls, tau, force) };
+    let fluid = fluid.run((3.5 * h * h / lattice_viscosity(tau)) as usize);
     let curve = |y: usize| {
         let s = (y as f64 + 0.5) / h;
         4.0 * top * s * (1.0 - s)
     };
     // Half of the force belongs to the velocity.
     let u = |y: usize| {
-        let (drho, u) = fluid.at([0, y, 0]);
+        let (drho, u) = fluid.moments_at([0, y, 0]);
         u[0] - 0.5 * force[0] / (1.0 + drho)
     };
-    let off = relative((0..height).map(|y| (u(y), curve(y))));
+    let off = relative_l2_error((0..height).map(|y| (u(y), curve(y))));
     let mut wall = 0.0;
     for (y, into) in [(0, -1), (height - 1, 1)] {
-        let left = fluid.left([0, y, 0]);
+        let left = fluid.outgoing_populations([0, y, 0]);
         // A resting wall sends back what it is given.
         wall += (1..Q)
             .filter(|k| VELOCITIES[*k][1] == into)
@@ -198,9 +206,9 @@ fn poiseuille(height: usize, tau: f64, ours: bool) -> (f64, f64) {
 }
 
 #[test]
-fn poiseuille_flow_converges_with_order_two_and_walls_take_up_the_force() {
+fn poiseuille_flow_is_second_order_and_walls_balance_the_force() {
     for tau in [0.55, 0.8, 1.5] {
-        let list = [8, 16, 32].map(|h| poiseuille(h, tau, false));
+        let list = [8, 16, 32].map(|h| poiseuille_errors(h, tau, false));
         let order = [(list[0].0 / list[1].0).log2(), (list[1].0 / list[2].0).log2()];
         println!("poiseuille tau {tau}: {:.4e} {:.4e} {:.4e}, order {order:.3?}", list[0].0, list[1].0, list[2].0);
         println!("  wall force less 1: {:.2e} {:.2e} {:.2e}", list[0].1 - 1.0, list[1].1 - 1.0, list[2].1 - 1.0);
@@ -212,16 +220,17 @@ fn poiseuille_flow_converges_with_order_two_and_walls_take_up_the_force() {
             }
         }
     }
-    let (off, wall) = poiseuille(32, 0.8, true);
+    let (off, wall) = poiseuille_errors(32, 0.8, true);
     println!("poiseuille f32 H 32: {off:.3e}, wall {:.2e}", wall - 1.0);
     assert!(off < 8e-4 && (wall - 1.0).abs() < 5e-4, "{off} {wall}");
 }
 
 /// Errors of viscosity and of velocity after half of the energy is gone.
-fn taylor_green(n: usize, ours: bool) -> (f64, f64) {
+fn taylor_green_errors(n: usize, ours: bool) -> (f64, f64) {
     let (tau, u0, k) = (0.8, 0.8 / n as f64, std::f64::consts::TAU / n as f64);
-    let box_ = cells([n, n, 1], [FaceCondition::Periodic; 6], |_| false);
-    let mut fluid = if ours { Fluid::ours(box_, tau, [0.0; 3]) } else { Fluid::plain(box_, tau, [0.0; 3]) };
+    let domain = domain([n, n, 1], [FaceCondition::Periodic; 6], |_| false);
+    let mut fluid =
+        if ours { TestFlow::production(domain, tau, [0.0; 3]) } else { TestFlow::reference(domain, tau, [0.0; 3]) };
     let (sin, cos) = (|x: usize| (k * x as f64).sin(), |x: usize| (k * x as f64).cos());
     let wave = |x: usize, y: usize| [-u0 * cos(x) * sin(y), u0 * sin(x) * cos(y), 0.0];
     for y in 0..n {
@@ -235,21 +244,21 @@ fn taylor_green(n: usize, ours: bool) -> (f64, f64) {
                 let shear = c[0] * c[0] * xx + c[1] * c[1] * yy;
                 equilibrium(i, drho, wave(x, y)) - 3.0 * (tau - 1.0) * super::stencil::weight(i) * shear
             });
-            fluid.set([x, y, 0], g);
+            fluid.set_populations([x, y, 0], g);
         }
     }
-    fluid.reload();
-    let energy = |f: &Fluid| {
-        let all = (0..n * n).map(|c| f.at([c % n, c / n, 0]).1);
+    fluid.rebuild_exchange();
+    let energy = |f: &TestFlow| {
+        let all = (0..n * n).map(|c| f.moments_at([c % n, c / n, 0]).1);
         all.map(|u| u[0] * u[0] + u[1] * u[1]).sum::<f64>()
     };
     let before = energy(&fluid);
-    let steps = (std::f64::consts::LN_2 / (2.0 * viscosity(tau) * 2.0 * k * k)).round();
+    let steps = (std::f64::consts::LN_2 / (2.0 * lattice_viscosity(tau) * 2.0 * k * k)).round();
     // In eight parts, for the plot.
     let steps_until = |part: usize| steps as usize * part / 8;
     for part in 1..=8 {
         fluid = fluid.run(steps_until(part) - steps_until(part - 1));
-        let known = (-4.0 * viscosity(tau) * k * k * steps_until(part) as f64).exp();
+        let known = (-4.0 * lattice_viscosity(tau) * k * k * steps_until(part) as f64).exp();
         println!(
             "decay N {n} ours {ours}: {:.5} {:.6} {known:.6}",
             steps_until(part) as f64 / steps,
@@ -257,19 +266,19 @@ fn taylor_green(n: usize, ours: bool) -> (f64, f64) {
         );
     }
     let measured = (before / energy(&fluid)).ln() / (4.0 * k * k * steps);
-    let fade = (-2.0 * viscosity(tau) * k * k * steps).exp();
-    let off = relative((0..n * n).flat_map(|c| {
-        let (u, w) = (fluid.at([c % n, c / n, 0]).1, wave(c % n, c / n));
+    let fade = (-2.0 * lattice_viscosity(tau) * k * k * steps).exp();
+    let off = relative_l2_error((0..n * n).flat_map(|c| {
+        let (u, w) = (fluid.moments_at([c % n, c / n, 0]).1, wave(c % n, c / n));
         [(u[0], w[0] * fade), (u[1], w[1] * fade)]
     }));
-    ((measured / viscosity(tau) - 1.0).abs(), off)
+    ((measured / lattice_viscosity(tau) - 1.0).abs(), off)
 }
 
 #[test]
-fn taylor_green_vortices_fade_as_they_should() {
+fn taylor_green_vortices_decay_at_the_lattice_viscosity() {
     for (n, nu, velocity) in [(16, 5e-3, 2.5e-2), (32, 1.3e-3, 6.5e-3), (64, 3.5e-4, 1.6e-3)] {
         for ours in [false, true] {
-            let (off_nu, off) = taylor_green(n, ours);
+            let (off_nu, off) = taylor_green_errors(n, ours);
             println!("taylor-green N {n} ours {ours}: nu {off_nu:.3e}, velocity {off:.3e}");
             assert!(off_nu < nu && off < velocity, "N {n}, ours {ours}: {off_nu} {off}");
         }
@@ -277,34 +286,39 @@ fn taylor_green_vortices_fade_as_they_should() {
 }
 
 /// Heights and velocities of Ghia, Ghia, Shin 1982, table I.
-const HEIGHTS: [f64; 15] = [
+const GHIA_HEIGHTS: [f64; 15] = [
     0.9766, 0.9688, 0.9609, 0.9531, 0.8516, 0.7344, 0.6172, 0.5, 0.4531, 0.2813, 0.1719, 0.1016, 0.0703, 0.0625, 0.0547,
 ];
-const RE_100: [f64; 15] = [
+const GHIA_RE_100: [f64; 15] = [
     0.84123, 0.78871, 0.73722, 0.68717, 0.23151, 0.00332, -0.13641, -0.20581, -0.21090, -0.15662, -0.10150, -0.06434,
     -0.04775, -0.04192, -0.03717,
 ];
-const RE_400: [f64; 15] = [
+const GHIA_RE_400: [f64; 15] = [
     0.75837, 0.68439, 0.61756, 0.55892, 0.29093, 0.16256, 0.02135, -0.11477, -0.17119, -0.32726, -0.24299, -0.14612,
     -0.10338, -0.09266, -0.08186,
 ];
-const RE_1000: [f64; 15] = [
+const GHIA_RE_1000: [f64; 15] = [
     0.65928, 0.57492, 0.51117, 0.46604, 0.33304, 0.18719, 0.05702, -0.06080, -0.10648, -0.27805, -0.38289, -0.29730,
     -0.22220, -0.20196, -0.18109,
 ];
 
-fn closed(n: usize, lid: f64) -> Domain {
+fn cavity_domain(n: usize, lid: f64) -> Domain {
     let top = FaceCondition::Wall([lid, 0.0, 0.0]);
-    cells([n, n, 1], [REST, REST, REST, top, FaceCondition::Periodic, FaceCondition::Periodic], |_| false)
+    domain(
+        [n, n, 1],
+        [RESTING_WALL, RESTING_WALL, RESTING_WALL, top, FaceCondition::Periodic, FaceCondition::Periodic],
+        |_| false,
+    )
 }
 
 /// Greatest and mean square difference from the table.
-fn cavity(n: usize, re: f64, turns: usize, table: &[f64; 15]) -> (f64, f64) {
+fn lid_driven_cavity_errors(n: usize, re: f64, turns: usize, table: &[f64; 15]) -> (f64, f64) {
     let lid = 0.1;
     let tau = 0.5 + 3.0 * lid * n as f64 / re;
-    let fluid = Fluid::ours(closed(n, lid), tau, [0.0; 3]).run(turns * n * 10);
-    let middle = |y: usize| 0.5 * (fluid.at([n / 2 - 1, y, 0]).1[0] + fluid.at([n / 2, y, 0]).1[0]) / lid;
-    let off: Vec<f64> = HEIGHTS
+    let fluid = TestFlow::production(cavity_domain(n, lid), tau, [0.0; 3]).run(turns * n * 10);
+    let middle =
+        |y: usize| 0.5 * (fluid.moments_at([n / 2 - 1, y, 0]).1[0] + fluid.moments_at([n / 2, y, 0]).1[0]) / lid;
+    let off: Vec<f64> = GHIA_HEIGHTS
         .iter()
         .zip(table)
         .map(|(height, known)| {
@@ -323,28 +337,29 @@ fn cavity(n: usize, re: f64, turns: usize, table: &[f64; 15]) -> (f64, f64) {
 }
 
 #[test]
-fn cavity_at_reynolds_100_is_that_of_ghia() {
-    let (worst, rms) = cavity(64, 100.0, 40, &RE_100);
+fn cavity_at_re_100_matches_ghia() {
+    let (worst, rms) = lid_driven_cavity_errors(64, 100.0, 40, &GHIA_RE_100);
     assert!(worst < 8e-3 && rms < 4e-3, "{worst} {rms}");
 }
 
 #[test]
 #[ignore = "half a minute; tests/full.sh runs it"]
-fn cavities_at_higher_reynolds_numbers_are_those_of_ghia() {
-    let (worst, rms) = cavity(64, 400.0, 80, &RE_400);
+fn cavity_at_re_400_and_1000_matches_ghia() {
+    let (worst, rms) = lid_driven_cavity_errors(64, 400.0, 80, &GHIA_RE_400);
     assert!(worst < 1.4e-2 && rms < 6e-3, "{worst} {rms}");
-    let (worst, rms) = cavity(96, 1000.0, 150, &RE_1000);
+    let (worst, rms) = lid_driven_cavity_errors(96, 1000.0, 150, &GHIA_RE_1000);
     assert!(worst < 1.9e-2 && rms < 9e-3, "{worst} {rms}");
 }
 
 #[test]
-fn a_closed_cavity_keeps_its_mass() {
+fn closed_cavity_conserves_mass() {
     for (ours, bound) in [(false, 1e-14), (true, 1e-6)] {
-        let walls = closed(24, 0.1);
-        let fluid = if ours { Fluid::ours(walls, 0.6, [0.0; 3]) } else { Fluid::plain(walls, 0.6, [0.0; 3]) };
+        let walls = cavity_domain(24, 0.1);
+        let fluid =
+            if ours { TestFlow::production(walls, 0.6, [0.0; 3]) } else { TestFlow::reference(walls, 0.6, [0.0; 3]) };
         let fluid = fluid.run(10_000);
         let n = fluid.grid().n;
-        let mass: f64 = (0..n[0] * n[1]).map(|c| fluid.at([c % n[0], c / n[0], 0]).0).sum();
+        let mass: f64 = (0..n[0] * n[1]).map(|c| fluid.moments_at([c % n[0], c / n[0], 0]).0).sum();
         let drift = mass.abs() / (n[0] * n[1]) as f64;
         println!("mass drift, ours {ours}: {drift:.3e}");
         assert!(drift < bound, "ours {ours}: {drift}");
@@ -352,7 +367,7 @@ fn a_closed_cavity_keeps_its_mass() {
 }
 
 #[test]
-fn the_production_code_is_the_plain_one() {
+fn production_solver_matches_the_reference_solver() {
     let n = [37, 20, 12];
     let faces = [
         FaceCondition::Inlet,
@@ -362,7 +377,7 @@ fn the_production_code_is_the_plain_one() {
         FaceCondition::Periodic,
         FaceCondition::Periodic,
     ];
-    let make = || cells(n, faces, |[x, y, z]| (10..14).contains(&x) && y < 8 && (3..8).contains(&z));
+    let make = || domain(n, faces, |[x, y, z]| (10..14).contains(&x) && y < 8 && (3..8).contains(&z));
     let tau = 0.5005;
     // The reference solver, in double precision with two copies of the populations.
     let mut plain = ReferenceSolver::new(make(), tau, smagorinsky_factor(0.16));
@@ -373,7 +388,7 @@ fn the_production_code_is_the_plain_one() {
         })
         .collect();
     plain.sponge[0].clone_from(&sponge);
-    let ground = GroundModel::rough(0.1, tau, 0.16, 0.08, 20.0, n[1]);
+    let ground = GroundModel::log_law(0.1, tau, 0.16, 0.08, 20.0, n[1]);
     plain.ground = ground.clone();
     let v = FlowParams {
         tau: tau as f32,
@@ -403,12 +418,12 @@ fn the_production_code_is_the_plain_one() {
             shear_scale: [ramp as f32, 0.0],
             outlet_velocity: wanted.map(|w| w as f32),
         };
-        assert_eq!(ours.advance_one(inputs), 0);
+        assert_eq!(ours.advance_one_step(inputs), 0);
         if step == 200 || step == 600 {
             let all = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
             let fluid = all.filter(|c| !ours.domain.is_solid(*c));
-            let off = relative(fluid.flat_map(|c| {
-                let (a, b) = (ours.moments_at(c).1, plain.at(c).1);
+            let off = relative_l2_error(fluid.flat_map(|c| {
+                let (a, b) = (ours.moments_at(c).1, plain.moments_at(c).1);
                 (0..3).map(move |k| (f64::from(a[k]), b[k])).collect::<Vec<_>>()
             }));
             println!("AA against pull at {step}: {off:.3e}");
@@ -418,13 +433,13 @@ fn the_production_code_is_the_plain_one() {
 }
 
 /// Air at rest in a box of which a part is solid, with a wall, open faces and others.
-fn mixed(n: [usize; 3], along: usize, rest: bool) -> FlowState {
+fn flow_with_mixed_boundaries(n: [usize; 3], along: usize, rest: bool) -> FlowState {
     let mut faces = [
         FaceCondition::Periodic,
         FaceCondition::Periodic,
         FaceCondition::Wall([0.0, 0.0, 0.02]),
         FaceCondition::Slip,
-        REST,
+        RESTING_WALL,
         FaceCondition::Slip,
     ];
     if along == 0 {
@@ -439,14 +454,17 @@ fn mixed(n: [usize; 3], along: usize, rest: bool) -> FlowState {
     }
     let solid = |[x, y, z]: [usize; 3]| x == n[0] / 2 && y < n[1] / 2 && z < n[2] / 2;
     let sponge = [(0..n[0]).map(|x| if x + 3 > n[0] { 0.4 } else { 0.0 }).collect(), Vec::new()];
-    let ground =
-        if along == 0 { GroundModel::rough(0.1, 0.51, 0.16, 0.05, n[1] as f64, n[1]) } else { GroundModel::default() };
-    let v = FlowParams { sponge, ground, ..viscous(0.51, 0.16, [0.0; 3]) };
-    FlowState::new(cells(n, faces, solid), v, rest).expect("memory")
+    let ground = if along == 0 {
+        GroundModel::log_law(0.1, 0.51, 0.16, 0.05, n[1] as f64, n[1])
+    } else {
+        GroundModel::default()
+    };
+    let v = FlowParams { sponge, ground, ..flow_params(0.51, 0.16, [0.0; 3]) };
+    FlowState::new(domain(n, faces, solid), v, rest).expect("memory")
 }
 
 #[test]
-fn two_steps_at_once_are_two_steps_one_by_one() {
+fn fused_steps_equal_single_steps() {
     for (n, along, rest) in [
         ([37, 20, 12], 0, true),
         ([16, 9, 5], 0, false),
@@ -454,7 +472,7 @@ fn two_steps_at_once_are_two_steps_one_by_one() {
         ([8, 8, 1], 1, false),
         ([33, 12, 17], 1, false),
     ] {
-        let [mut one, mut two] = [0, 1].map(|_| mixed(n, along, rest));
+        let [mut one, mut two] = [0, 1].map(|_| flow_with_mixed_boundaries(n, along, rest));
         let count = one.exchange.open_boundary.inlet_positions().len();
         for step in 0..24 {
             let u = 0.05 * (1.0 + step as f32 / 24.0);
@@ -467,13 +485,17 @@ fn two_steps_at_once_are_two_steps_one_by_one() {
                 outlet_velocity: [0.0, u, 0.0, 0.0, 0.0, u / 2.0],
             });
             let both = two.advance(inputs[0], Some(inputs[1]), None).clamped;
-            assert_eq!([one.advance_one(inputs[0]), one.advance_one(inputs[1])], both);
+            assert_eq!([one.advance_one_step(inputs[0]), one.advance_one_step(inputs[1])], both);
         }
         let fluid = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
         let fluid = fluid.filter(|c| !one.domain.is_solid(*c));
         let mut moves = 0.0_f32;
         for cell in fluid {
-            assert_eq!(one.outgoing(cell).map(f32::to_bits), two.outgoing(cell).map(f32::to_bits), "{n:?} at {cell:?}");
+            assert_eq!(
+                one.outgoing_populations(cell).map(f32::to_bits),
+                two.outgoing_populations(cell).map(f32::to_bits),
+                "{n:?} at {cell:?}"
+            );
             moves = moves.max(one.moments_at(cell).1.map(f32::abs).into_iter().fold(0.0, f32::max));
         }
         assert!(moves > 1e-3, "{moves}");
@@ -490,22 +512,22 @@ fn uniform_wind_between_slip_walls_stays_uniform() {
         FaceCondition::Periodic,
         FaceCondition::Periodic,
     ];
-    let v = viscous(0.5005, 0.16, [0.0; 3]);
-    let mut flow = FlowState::new(cells([24, 12, 9], faces, |_| false), v, false).expect("memory");
+    let v = flow_params(0.5005, 0.16, [0.0; 3]);
+    let mut flow = FlowState::new(domain([24, 12, 9], faces, |_| false), v, false).expect("memory");
     let u = [0.08_f32, 0.0, 0.0];
     for c in 0..24 * 12 * 9 {
         let cell = [c % 24, c / 24 % 12, c / 24 / 12];
-        let e = flow.domain.grid.element(cell.map(|c| c as isize));
+        let e = flow.domain.grid.node_element(cell.map(|c| c as isize));
         for i in 0..Q {
-            let (k, e) = flow.domain.grid.outgoing(StepParity::of_step(0), i, e);
+            let (k, e) = flow.domain.grid.outgoing_slot_of(StepParity::from_step(0), i, e);
             flow.populations.arrays_mut()[k][e] = equilibrium(i, 0.0, u);
         }
     }
-    flow.exchange.reload(&flow.populations, StepParity::of_step(0));
+    flow.exchange.rebuild_from_populations(&flow.populations, StepParity::from_step(0));
     let wind = u.map(|u| vec![u; flow.exchange.open_boundary.inlet_positions().len()]);
     for _ in 0..500 {
         let shear = vec![0.0; wind[0].len()];
-        flow.advance_one(BoundaryInputs {
+        flow.advance_one_step(BoundaryInputs {
             inlet_velocity: &wind,
             shear: &shear,
             shear_scale: [0.0; 2],

@@ -12,7 +12,7 @@ use osier_base::geometry::Bounds;
 use osier_base::par;
 use osier_scene::solid::{Form, Slab, Solid};
 
-/// Result of [`fill_and_check`].
+/// Result of [`fill_and_check_solids`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct VoxelReport {
     /// Number of solid cells, filled ones included.
@@ -62,14 +62,16 @@ pub(super) fn voxelize(grid: &LatticeGrid, origin: DVec3, spacing: f64, solids: 
     let planes: Vec<usize> = (0..grid.n[2]).collect();
     let half = osier_base::math::narrow(spacing / 2.0);
     // Bounds and slab once per solid; a cell outside the bounds needs no exact test.
-    let candidates: Vec<_> = solids.iter().map(|s| (s, claim_bounds(s, half), thin_slab(s, half))).collect();
+    let candidates: Vec<_> =
+        solids.iter().map(|s| (s, candidate_bounds(s, half), slab_thinner_than_cell(s, half))).collect();
     let planes = par::par_map(&planes, |z| {
         let mut plane = vec![false; grid.n[0] * grid.n[1]];
         for (solid, bounds, thin) in &candidates {
             for (i, cell) in plane.iter_mut().enumerate() {
                 let center = cell_center(origin, spacing, [i % grid.n[0], i / grid.n[0], *z]);
                 let inside = center.cmpge(bounds.min).all() && center.cmple(bounds.max).all();
-                let claims = || solid.contains(center) || thin.is_some_and(|t| in_thin_layer(solid, t, half, center));
+                let claims =
+                    || solid.contains(center) || thin.is_some_and(|t| is_in_slab_layer(solid, t, half, center));
                 *cell = *cell || inside && claims();
             }
         }
@@ -80,7 +82,7 @@ pub(super) fn voxelize(grid: &LatticeGrid, origin: DVec3, spacing: f64, solids: 
 
 /// Bounds in which a solid may own cells; terrain extends without bound horizontally and downwards. `half`: half an edge of a
 /// cell, m.
-fn claim_bounds(solid: &Solid, half: f32) -> Bounds {
+fn candidate_bounds(solid: &Solid, half: f32) -> Bounds {
     let bounds = solid.bounds().grown(2.0 * half);
     match solid.form {
         Form::Land(_) => {
@@ -91,14 +93,14 @@ fn claim_bounds(solid: &Solid, half: f32) -> Bounds {
 }
 
 /// The slab of a solid thinner than a cell, whose inside may lie between all cell centres. `half`: half an edge of a cell, m.
-fn thin_slab(solid: &Solid, half: f32) -> Option<Slab> {
+fn slab_thinner_than_cell(solid: &Solid, half: f32) -> Option<Slab> {
     solid.slab().filter(|s| s.thickness <= 2.001 * half)
 }
 
 /// Whether the cell at `center` belongs to the layer that stands for a thin solid: the solid's middle plane passes within half
 /// a cell of its centre. Distances are along the axis nearest to the slab's normal, so that each row has exactly one such cell
 /// and the layer has no hole.
-fn in_thin_layer(solid: &Solid, slab: Slab, half: f32, center: Vec3) -> bool {
+fn is_in_slab_layer(solid: &Solid, slab: Slab, half: f32, center: Vec3) -> bool {
     let axis = slab.across.abs().max_position();
     let distance = (center - slab.center).dot(slab.across) / slab.across[axis];
     let mut projected = center;
@@ -108,7 +110,7 @@ fn in_thin_layer(solid: &Solid, slab: Slab, half: f32, center: Vec3) -> bool {
 
 /// Makes enclosed air solid, then checks the clearance of open faces and the blockage of the cross-section. `along`: axis that
 /// the wind is most parallel to.
-pub(super) fn fill_and_check(
+pub(super) fn fill_and_check_solids(
     domain: &mut Domain,
     solids: &[Solid],
     origin: DVec3,
@@ -169,7 +171,7 @@ fn fill_enclosed_air(domain: &mut Domain) -> usize {
         for f in 0..6 {
             let mut next = cell.map(|c| c as isize);
             next[f / 2] += if f.is_multiple_of(2) { -1 } else { 1 };
-            let Some(next) = domain.cell_at(domain.wrap_periodic(next)) else { continue };
+            let Some(next) = domain.node_as_cell(domain.wrap_periodic(next)) else { continue };
             let c = domain.grid.cell_index(next);
             if !domain.solid[c] && !reached[c] {
                 reached[c] = true;
