@@ -53,6 +53,7 @@ pub struct WindSum(
 
 impl Wind for WindSum {
     fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
+        // In the order of the list, so that sums have the same bits in every run.
         out.fill(Vec3::ZERO);
         let mut own = vec![Vec3::ZERO; positions.len()];
         for wind in &self.0 {

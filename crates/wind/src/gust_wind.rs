@@ -138,6 +138,7 @@ impl GustWind {
 
     /// Share of the mean speed at height `y`, m: the tabulated power law, linearly interpolated.
     fn height_factor(&self, y: f32) -> f32 {
+        // Four samples per metre.
         let x = y.max(0.5) * 4.0;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 2 and PROFILE_SAMPLES")]
         let k = x.min(PROFILE_SAMPLES as f32) as usize;

@@ -173,14 +173,14 @@ impl<'a> RodAssembly<'a> {
                         self.acts.push(Actuation::Wrench(section, Keyframes(wide)));
                     }
                     RodLoadKind::Wrench => self.acts.push(Actuation::Wrench(section, keys(&load.keyframes))),
-                    RodLoadKind::Blow => self.acts.push(Actuation::Blow(section, keys(&load.keyframes))),
+                    RodLoadKind::Blow => self.acts.push(Actuation::Impulse(section, keys(&load.keyframes))),
                     RodLoadKind::Mass => {
                         let most = load.keyframes.iter().fold(0.0, |m: f64, k| m.max(k[1]));
                         let radius = math::cbrt(3.0 * most / (4.0 * PI * WATER)).max(1e-4);
                         self.acts.push(Actuation::Mass(bodies.len(), keys(&load.keyframes)));
                         let mass = load.keyframes.first().map_or(0.0, |k| k[1]);
                         let (at, inertia) = (DVec3::ZERO, DMat3::ZERO);
-                        bodies.push(AttachedBody { section, at, mass, inertia, own: false, reach: radius });
+                        bodies.push(AttachedBody { section, at, mass, inertia, of_plant: false, reach: radius });
                         self.weights.push(WeightBall { shown: load.show, radius, color: load.color });
                     }
                 }

@@ -166,18 +166,18 @@ fn discretisation(
     let count = |n: u32| usize::try_from(n).unwrap_or(usize::MAX);
     RodPlantParams {
         wood: wood(&recipe.wood),
-        g,
+        gravity: g,
         shear: keys.shear_ratio,
         recovery: keys.recovery,
-        gain: keys.compliance,
+        flexibility: keys.compliance,
         stalk_young: keys.petiole_elasticity,
         stalk_radii: (0..plant.protos.len()).map(radius).collect(),
         stalk_radius: keys.petiole_radius,
         stalk_sections: count(keys.petiole_sections),
         sections: keys.sections.map(count),
-        thickest: keys.thickest,
-        most_sections: count(keys.max_sections),
-        most_leaves: count(keys.max_leaves),
+        max_rod_radius: keys.thickest,
+        max_sections: count(keys.max_sections),
+        max_leaf_stalks: count(keys.max_leaves),
     }
 }
 
@@ -252,7 +252,7 @@ impl SkinBinding {
         // Rods come wood first, so that with few joints it is leaves that share them.
         let mut carried = 0;
         for i in 0..rods.len() {
-            let rod = rods.rod_of(i);
+            let rod = rods.rod_of_section(i);
             let joint = if i + 1 < most.max(1) {
                 all.jointed.push(i);
                 u16::try_from(i + 1).unwrap_or(u16::MAX)

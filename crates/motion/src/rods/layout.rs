@@ -1,4 +1,4 @@
-//! From points and radii to sections with springs and masses.
+//! Discretization of rods: from points and radii to sections with springs and masses.
 
 use std::ops::Range;
 
@@ -11,67 +11,67 @@ use crate::rods::springs::{
 use osier_base::math;
 use osier_scene::plant::NONE;
 
-/// Points that each stretch between two given points is drawn with.
+/// Samples of the spline between two given points: chords and arc length agree to better than a thousandth.
 const SPLINE_SUBDIVISIONS: usize = 24;
-/// Fewest and most sections, if nothing is said.
+/// Least and greatest number of sections that is chosen automatically. Fewer: visibly angular bends; more: cost
+/// without a visible change.
 const SECTION_COUNT_RANGE: [usize; 2] = [5, 16];
-/// An interval is so many radii long, if nothing is said.
+/// Length of an interval in radii where the number of sections is chosen automatically. Longer intervals are too soft
+/// in torsion (see [`RodInterval::torsion_softening`]).
 const INTERVAL_RADII: f64 = 3.0;
 
-/// What a rod is made of.
+/// Elastic material of a rod.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RodMaterial {
     /// Young's modulus, Pa, 1e4..1e13.
     pub young: f64,
-    /// Shear modulus over it, 0.02..0.5.
+    /// Shear modulus over Young's modulus, 0.02..0.5.
     pub shear: f64,
-    /// kg/m^3, > 0.
+    /// Density, kg/m^3, > 0.
     pub density: f64,
-    /// Share of critical damping of its slowest swing, 0..1.
+    /// Damping ratio of the fundamental mode, 0..1.
     pub damping_ratio: f64,
-    /// Strength of the springs back to the rest places over what makes the slowest swing, 0..4.
+    /// Stiffness of the restoring springs towards the rest positions, over the stiffness of the fundamental mode,
+    /// 0..4.
     pub recovery: f64,
-    /// Its prisms are spread until it twists as its material does, however thin it is; it is then softer along itself.
+    /// Widen the prisms until torsion matches the material, however slender the rod; axial stiffness falls in return.
     pub spread_for_torsion: bool,
 }
 
-/// A rod to be built.
+/// Geometry, material and attachment of a rod before its discretization.
 #[derive(Debug, Clone)]
 pub struct RodDescription {
-    /// From base to tip, m, two or more; a smooth curve goes through them.
+    /// Two or more points from base to tip, m, joined by a Catmull-Rom spline.
     pub points: Vec<DVec3>,
-    /// At the points, m, > 0.
+    /// Radius at each point, m, > 0.
     pub radii: Vec<f64>,
-    /// Material.
+    /// Elasticity, density and damping.
     pub material: RodMaterial,
-    /// Sections, 2..64; `None` chooses by length and radius.
+    /// Number of sections, 2..64; `None` chooses it from length and radius.
     pub sections: Option<usize>,
-    /// Rod that its base is fixed in, below its own number, and where on that, m from its base.
+    /// Parent rod, of a lower index, and arc length on it, m, at which the base is fixed.
     pub parent: Option<(usize, f64)>,
 }
 
-/// Sections of one rod at rest.
+/// One rod discretized into sections, in its reference shape.
 #[derive(Debug, Clone)]
 pub(crate) struct SampledRod {
-    /// One per section.
     pub frames: Vec<SectionFrame>,
-    /// Corners, one per section.
     pub corners: Vec<SectionCorners>,
-    /// Radii, m.
     pub radii: Vec<f64>,
     /// Arc length from the base, m.
     pub s: Vec<f64>,
-    /// Between the sections.
+    /// One per pair of neighbouring sections.
     pub intervals: Vec<RodInterval>,
 }
 
 impl RodDescription {
-    /// Length along its points, m.
+    /// Arc length of the spline, m.
     pub fn length(&self) -> f64 {
         self.sample_spline().last().map_or(0.0, |p| p.2)
     }
 
-    /// Sections it gets: an interval of three mean radii, 5 to 16, unless it says so itself.
+    /// Number of sections: intervals of three mean radii, 5 to 16 of them, unless the description sets it.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     pub fn section_count(&self) -> usize {
         let mean = self.radii.iter().fold(0.0, |s, r| s + r) / self.radii.len().max(1) as f64;
@@ -79,7 +79,7 @@ impl RodDescription {
         self.sections.unwrap_or_else(|| wanted.clamp(SECTION_COUNT_RANGE[0], SECTION_COUNT_RANGE[1])).max(2)
     }
 
-    /// Places, radii and arc lengths along a curve through the points.
+    /// Position, radius and arc length of samples along a spline through the points.
     /// Source: E. Catmull, R. Rom, "A class of local interpolating splines", 1974, with tangents by arc length.
     fn sample_spline(&self) -> Vec<(DVec3, f64, f64)> {
         let p = &self.points;
@@ -88,7 +88,7 @@ impl RodDescription {
         let Some(first) = p.first() else { return Vec::new() };
         let mut out = vec![(*first, radius(0), 0.0)];
         let gap = |k: usize| (p[k + 1] - p[k]).length().max(1e-12);
-        // Velocity of a curve by arc length at a point: the mean of both sides' slopes, each weighted by the other's length.
+        // Tangent at a point: the mean of the slopes on both sides, each weighted by the length of the other side.
         let slope = |k: usize| match (k, k + 1 == n) {
             (0, _) => (p[1] - p[0]) / gap(0),
             (_, true) => (p[k] - p[k - 1]) / gap(k - 1),
@@ -97,6 +97,7 @@ impl RodDescription {
                 ((p[k] - p[k - 1]) / a * b + (p[k + 1] - p[k]) / b * a) / (a + b)
             }
         };
+        // Cubic Hermite interpolation on each segment, with the slopes scaled to its chord length d.
         for k in 0..n.saturating_sub(1) {
             let (d, a, b) = (gap(k), slope(k), slope(k + 1));
             for i in 1..=SPLINE_SUBDIVISIONS {
@@ -113,12 +114,13 @@ impl RodDescription {
         out
     }
 
-    /// Sections at equal steps of arc length, with frames that do not twist.
-    pub(crate) fn sample(&self) -> SampledRod {
+    /// Sections at equal steps of arc length, with rotation-minimizing frames.
+    pub(crate) fn discretize(&self) -> SampledRod {
         let curve = self.sample_spline();
         let n = self.section_count();
         let length = curve.last().map_or(0.0, |p| p.2);
         let mut k = 0;
+        // Arc lengths are asked for in ascending order: the sample before s is found by moving forward only.
         let mut at = |s: f64| {
             while k + 2 < curve.len() && curve[k + 1].2 < s {
                 k += 1;
@@ -129,7 +131,7 @@ impl RodDescription {
         };
         let s: Vec<f64> = (0..n).map(|i| length * i as f64 / (n - 1) as f64).collect();
         let (p, radii): (Vec<DVec3>, Vec<f64>) = s.iter().map(|s| at(*s)).unzip();
-        let frames = frames(&p);
+        let frames = rotation_minimizing_frames(&p);
         let interval = |i: usize| RodInterval {
             length: (p[i + 1] - p[i]).length(),
             radius: 0.5 * (radii[i] + radii[i + 1]),
@@ -138,18 +140,21 @@ impl RodDescription {
             spread: 1.0,
         };
         let mut intervals: Vec<RodInterval> = (0..n - 1).map(interval).collect();
-        let wide = intervals.iter().fold(1.0, |m, l| l.wanted_spread().max(m));
+        // One spread for the whole rod, the largest that any interval needs, keeps the prisms of neighbouring
+        // intervals equal.
+        let wide = intervals.iter().fold(1.0, |m, l| l.spread_for_full_torsion().max(m));
         let spread = if self.material.spread_for_torsion { wide } else { 1.0 };
         intervals.iter_mut().for_each(|l| l.spread = spread);
-        let corners = frames.iter().zip(&radii).map(|(f, r)| f.corners(CORNER_RADIUS_RATIO * spread * r)).collect();
+        let corners =
+            frames.iter().zip(&radii).map(|(f, r)| f.corner_positions(CORNER_RADIUS_RATIO * spread * r)).collect();
         SampledRod { frames, corners, radii, s, intervals }
     }
 }
 
-/// Frames along points, transported without twist; tangents lie between the neighbours.
-/// Source: the rotation-minimising frame of `math::transport`, here by projection, which for steps this small is the same
-/// to second order.
-fn frames(p: &[DVec3]) -> Vec<SectionFrame> {
+/// Rotation-minimizing frames along points; the tangent is the mean of the directions to both neighbours.
+/// Source: the rotation-minimising frame of `math::transport`, here by projection, which for steps this small is the
+/// same to second order.
+fn rotation_minimizing_frames(p: &[DVec3]) -> Vec<SectionFrame> {
     let n = p.len();
     let tangent = |i: usize| {
         let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
@@ -160,6 +165,7 @@ fn frames(p: &[DVec3]) -> Vec<SectionFrame> {
     let mut out: Vec<SectionFrame> = Vec::with_capacity(n);
     for (i, p) in p.iter().enumerate() {
         let w = tangent(i);
+        // Project the last frame's u onto the plane across the new tangent.
         let before = out.last().map_or_else(|| math::perpendicular(w.as_vec3()).as_dvec3(), |f| f.u);
         let u = (before - w * w.dot(before)).normalize_or(w.any_orthonormal_vector());
         out.push(SectionFrame { p: *p, u, v: w.cross(u), w });
@@ -167,105 +173,107 @@ fn frames(p: &[DVec3]) -> Vec<SectionFrame> {
     out
 }
 
-/// A section in a tree of rods.
+/// A free section in a tree of rods: nine degrees of freedom, the positions of three corners.
 #[derive(Debug, Clone)]
 pub(crate) struct RodSection {
-    /// Its rod.
     pub rod: usize,
-    /// Radius, m.
     pub radius: f64,
     /// Arc length on its rod, m.
     pub s: f64,
     /// Mass of each corner, kg.
     pub mass: f64,
-    /// Base that the section before, and the one before that, is, if it rides on another rod; else [`NONE`].
+    /// Index of the attached base that stands in for the predecessor, and for the one before that; [`NONE`] where that
+    /// is a free section.
     pub base: [u32; 2],
-    /// Springs: N/m and lengths at rest, m.
-    pub k: [f64; SPRINGS_PER_SECTION],
-    pub l: [f64; SPRINGS_PER_SECTION],
+    /// Stiffness, N/m, and rest length, m, of its springs, in the order of [`crate::rods::springs`].
+    pub stiffness: [f64; SPRINGS_PER_SECTION],
+    pub rest_lengths: [f64; SPRINGS_PER_SECTION],
 }
 
-/// The base of a rod that is fixed in a section of another one.
+/// Base of a rod that is rigid with a section of its parent rod and has no degrees of freedom of its own.
 #[derive(Debug, Clone)]
 pub(crate) struct RodAttachment {
-    /// That section.
+    /// Index of the carrying section.
     pub on: u32,
-    /// Its corners in that section's frame, m.
+    /// Corners of the base in that section's frame, m.
     pub local: SectionCorners,
 }
 
-/// A rod among the sections.
+/// Range and properties of one rod in a [`RodTree`].
 #[derive(Debug, Clone)]
-pub(crate) struct RodExtent {
-    /// Its sections, without one that rides on another rod.
+pub(crate) struct RodLayout {
+    /// Free sections; the attached base of a child rod is not among them.
     pub sections: Range<usize>,
-    /// Its own base, if it rides on another rod.
+    /// Index of its attached base, if it has a parent rod.
     pub base: Option<usize>,
-    /// Material.
     pub material: RodMaterial,
-    /// Length, m.
     pub length: f64,
-    /// Between its sections, that of the base included.
+    /// One per pair of neighbouring sections, the attached base included.
     pub intervals: Vec<RodInterval>,
 }
 
-/// All sections of rods that hang together, parents first.
+/// All free sections of connected rods, parents first.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RodTree {
     pub sections: Vec<RodSection>,
-    /// Section above, and the one above that, as they couple; see [`crate::rods::solver::block::solve`].
-    pub above: Vec<[u32; 2]>,
+    /// Index of the preceding section and of the one before that, as springs couple them; see
+    /// [`crate::rods::solver::block::solve_block_system`].
+    pub predecessors: Vec<[u32; 2]>,
     pub bases: Vec<RodAttachment>,
-    pub spans: Vec<RodExtent>,
-    /// Corners at rest, as drawn.
-    pub drawn: Vec<SectionCorners>,
+    pub rods: Vec<RodLayout>,
+    /// Corners of the reference shape, which is the pose as drawn, m.
+    pub reference: Vec<SectionCorners>,
 }
 
 impl RodTree {
-    /// Lays out rods, of which parents stand before their children.
+    /// Discretizes rods. Parents stand before their children.
     pub(crate) fn new(rods: &[RodDescription]) -> Self {
         let mut tree = Self::default();
-        rods.iter().enumerate().for_each(|(number, rod)| tree.add(number, rod));
-        tree.set_rest_lengths(&tree.drawn.clone());
+        rods.iter().enumerate().for_each(|(number, rod)| tree.add_rod(number, rod));
+        tree.set_rest_lengths(&tree.reference.clone());
         tree
     }
 
-    fn add(&mut self, number: usize, rod: &RodDescription) {
-        let line = rod.sample();
+    fn add_rod(&mut self, number: usize, rod: &RodDescription) {
+        let line = rod.discretize();
         let first = self.sections.len();
         let parent = rod.parent.map(|(rod, s)| self.nearest_section(rod, s));
         let own = usize::from(parent.is_some());
         let stiff = spring_stiffnesses(&line.intervals);
-        let masses = masses(&line, rod.material.density);
+        let masses = corner_masses(&line, rod.material.density);
+        // The base section of a child rod has no degrees of freedom: it is stored by its corners in the frame of the
+        // parent's section.
         let base = parent.map(|on| {
-            let frame = SectionFrame::from_corners(&self.drawn[on]);
-            self.bases.push(RodAttachment { on: index(on), local: frame.to_local(&line.corners[0]) });
+            let frame = SectionFrame::from_corners(&self.reference[on]);
+            self.bases.push(RodAttachment { on: section_index(on), local: frame.corners_to_local(&line.corners[0]) });
             // The half interval at the base moves with the parent.
             self.sections[on].mass += masses[0];
             self.bases.len() - 1
         });
         for j in own..line.frames.len() {
+            // Predecessors of section j: within the rod, or the carrying section where the attached base takes their
+            // place.
             let before = |k: usize| match (j.checked_sub(k), parent) {
-                (Some(at), Some(on)) if at < own => index(on),
-                (Some(at), _) => index(first + at - own),
+                (Some(at), Some(on)) if at < own => section_index(on),
+                (Some(at), _) => section_index(first + at - own),
                 (None, _) => NONE,
             };
-            let rides = |k: usize| if j == k { base.map_or(NONE, index) } else { NONE };
+            let rides = |k: usize| if j == k { base.map_or(NONE, section_index) } else { NONE };
             // The section after a base is coupled to one section only.
             let over = if own == 1 && j == 1 { NONE } else { before(2) };
-            self.above.push([before(1), over]);
-            self.drawn.push(line.corners[j]);
+            self.predecessors.push([before(1), over]);
+            self.reference.push(line.corners[j]);
             self.sections.push(RodSection {
                 rod: number,
                 radius: line.radii[j],
                 s: line.s[j],
                 mass: masses[j],
                 base: [rides(1), rides(2)],
-                k: stiff[j],
-                l: [0.0; SPRINGS_PER_SECTION],
+                stiffness: stiff[j],
+                rest_lengths: [0.0; SPRINGS_PER_SECTION],
             });
         }
-        self.spans.push(RodExtent {
+        self.rods.push(RodLayout {
             sections: first..self.sections.len(),
             base,
             material: rod.material,
@@ -276,34 +284,35 @@ impl RodTree {
 
     /// The section of a rod that is nearest to an arc length, m.
     pub(crate) fn nearest_section(&self, rod: usize, s: f64) -> usize {
-        let range = self.spans[rod].sections.clone();
+        let range = self.rods[rod].sections.clone();
         let away = |i: usize| (self.sections[i].s - s).abs();
         range.clone().fold(range.start, |best, i| if away(i) < away(best) { i } else { best })
     }
 
-    /// Corners of the sections before one, by those of all: they may ride on another rod.
+    /// Corners of both predecessors of section `i`, given the corners `x` of all sections; an attached base is carried
+    /// along rigidly.
     pub(crate) fn predecessor_corners(&self, i: usize, x: &[SectionCorners]) -> [SectionCorners; 2] {
-        [0, 1].map(|k| match (self.above[i][k], self.sections[i].base[k]) {
+        [0, 1].map(|k| match (self.predecessors[i][k], self.sections[i].base[k]) {
             (_, base) if base != NONE => {
                 let base = &self.bases[base as usize];
-                SectionFrame::from_corners(&x[base.on as usize]).to_world(&base.local)
+                SectionFrame::from_corners(&x[base.on as usize]).corners_to_world(&base.local)
             }
             (NONE, _) => x[i],
             (on, _) => x[on as usize],
         })
     }
 
-    /// Makes these corners the shape without load.
+    /// Sets the rest lengths of all springs so that the shape `x` is free of stress.
     pub(crate) fn set_rest_lengths(&mut self, x: &[SectionCorners]) {
         for i in 0..self.sections.len() {
             let [up, over] = self.predecessor_corners(i, x);
-            self.sections[i].l = spring_lengths(&spring_vectors(&x[i], &up, &over));
+            self.sections[i].rest_lengths = spring_lengths(&spring_vectors(&x[i], &up, &over));
         }
     }
 }
 
-/// Mass of each corner, kg: a third of the wood halfway to both neighbours.
-fn masses(line: &SampledRod, density: f64) -> Vec<f64> {
+/// Mass of each corner, kg: a third of the wood between the middles of both adjoining intervals.
+fn corner_masses(line: &SampledRod, density: f64) -> Vec<f64> {
     let half = |i: usize| line.intervals.get(i).map_or(0.0, |l| 0.5 * l.length);
     let one = |(i, r): (usize, &f64)| {
         let length = if i > 0 { half(i - 1) } else { 0.0 } + half(i);
@@ -312,6 +321,6 @@ fn masses(line: &SampledRod, density: f64) -> Vec<f64> {
     line.radii.iter().enumerate().map(one).collect()
 }
 
-pub(crate) fn index(i: usize) -> u32 {
+pub(crate) fn section_index(i: usize) -> u32 {
     u32::try_from(i).unwrap_or(NONE)
 }

@@ -1,8 +1,8 @@
 //! Elastic rods (branches, stalks, poles) as lattices of springs between triangular cross-sections.
 //!
-//! [`RodDescription`]s become [`RodSystem`], which hang together as a tree and are moved by one of four integrators. A base of a rod is
-//! fixed in a section of another one; blades and weights are rigid with sections.
-//! Source: the extended triangular prism spring model of [yang-wu]; docs/rods.md says what is ours.
+//! [`RodDescription`]s are discretized into a [`RodSystem`], a tree of rods: the base of a rod is rigid with a section
+//! of its parent. Four integrators advance it; leaf blades and weights are rigid bodies attached to sections.
+//! Source: the extended triangular prism spring model of [yang-wu]; docs/rods.md lists the differences.
 
 mod layout;
 mod modes;

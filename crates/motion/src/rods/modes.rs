@@ -1,10 +1,10 @@
-//! The slowest swing of each rod, and what follows from it.
+//! Fundamental frequency of each rod, and the Rayleigh damping that follows from it.
 
 use crate::rods::system::{RodDamping, RodSystem};
 use osier_base::math;
 
-/// What a section carries: mass, kg, and its moments of first and second order along the rod from the section on, kg m and
-/// kg m^2.
+/// Mass of a section and its attached bodies, kg, with the first and second moment along the rod about the section, kg
+/// m and kg m^2.
 #[derive(Debug, Clone, Copy, Default)]
 struct LumpedMass {
     mass: f64,
@@ -13,11 +13,11 @@ struct LumpedMass {
 }
 
 impl RodSystem {
-    /// Measures all rods anew: after bodies were added.
+    /// Recomputes frequencies and damping coefficients of all rods; to be called after bodies were added.
     pub(crate) fn update_damping(&mut self) {
         let lumps = self.lumped_masses();
         for rod in 0..self.dampings.len() {
-            let material = self.tree.spans[rod].material;
+            let material = self.tree.rods[rod].material;
             let hertz = self.estimate_fundamental_hz(rod, &lumps);
             let anchored = self.is_anchored(rod);
             let recovery = if anchored { material.recovery } else { 0.0 };
@@ -25,7 +25,7 @@ impl RodSystem {
             // (a / w + b w) / 2 = zeta.
             let swing = std::f64::consts::TAU * hertz;
             let w = swing * math::sqrt(1.0 + recovery);
-            // Without anything to hang on only bending is damped, not flight.
+            // A free-floating rod: mass damping would brake its flight, so that only the stiffness part damps bending.
             let (mass, stiffness) = if anchored {
                 (material.damping_ratio * w, material.damping_ratio / w)
             } else {
@@ -36,18 +36,21 @@ impl RodSystem {
         self.divergence_limit = self.divergence_radius();
     }
 
-    /// Each section with the plant's bodies on it, and the rods.
+    /// Lumped mass of each section with the bodies of the plant, and with the child rods that it carries.
     fn lumped_masses(&self) -> Vec<LumpedMass> {
         let mut lumps: Vec<LumpedMass> =
             self.tree.sections.iter().map(|s| LumpedMass { mass: 3.0 * s.mass, ..LumpedMass::default() }).collect();
-        for body in self.bodies.iter().filter(|b| b.own) {
+        // Bodies of the plant count; foreign ones (water, weights) must not change the damping of the wood.
+        for body in self.bodies.iter().filter(|b| b.of_plant) {
             let (lump, lever) = (&mut lumps[body.section], body.at.z);
             lump.mass += body.mass;
             lump.first += body.mass * lever;
             let about = body.inertia.x_axis.x + body.inertia.y_axis.y;
             lump.second += body.mass * lever * lever + 0.5 * about;
         }
-        for span in self.tree.spans.iter().rev() {
+        // Children come after their parents: from the last rod to the first, each hands its total mass to the section
+        // that carries it.
+        for span in self.tree.rods.iter().rev() {
             if let Some(base) = span.base {
                 let sum = span.sections.clone().fold(0.0, |s, i| s + lumps[i].mass);
                 lumps[self.tree.bases[base].on as usize].mass += sum;
@@ -56,24 +59,25 @@ impl RodSystem {
         lumps
     }
 
-    /// Slowest swing of a rod, Hz: of one that is fixed somewhere by its deflection under its own weight from the side, of
-    /// another one as if it were pinned at both ends.
+    /// Fundamental frequency of a rod, Hz: of an anchored rod from its static deflection under lateral gravity, of a
+    /// free one as a beam pinned at both ends.
     /// Source: Rayleigh's quotient w^2 = g sum(m y) / sum(m y^2); [yang-wu] eq. 1 for the deflection.
     fn estimate_fundamental_hz(&self, rod: usize, lumps: &[LumpedMass]) -> f64 {
-        let span = &self.tree.spans[rod];
+        let span = &self.tree.rods[rod];
         let n = span.intervals.len();
         if !self.is_anchored(rod) {
             let total = span.sections.clone().fold(0.0, |s, i| s + lumps[i].mass);
-            let mean = span.intervals.iter().fold(0.0, |s, l| s + l.bending()) / n as f64;
+            let mean = span.intervals.iter().fold(0.0, |s, l| s + l.bending_rigidity()) / n as f64;
             // Pinned at both ends: w = (pi / L)^2 sqrt(EI L / m).
             let k = std::f64::consts::PI / span.length;
             return k * k * math::sqrt(mean * span.length / total) / std::f64::consts::TAU;
         }
-        // Of the base that rides on another rod the mass is that rod's.
+        // The mass of an attached base belongs to the parent rod.
         let first = n + 1 - span.sections.len();
         let lump = |j: usize| if j < first { LumpedMass::default() } else { lumps[span.sections.start + j - first] };
         let at = self.clamped_section(rod).map_or(0, |i| i - span.sections.start);
         let (mut top, mut bottom) = (0.0, 0.0);
+        // Both sides of the clamp are cantilevers; numerator and denominator of the quotient add up.
         for forth in [true, false] {
             let count = if forth { n - at } else { at };
             let interval = |k: usize| if forth { &span.intervals[at + k] } else { &span.intervals[at - 1 - k] };
@@ -93,7 +97,7 @@ impl RodSystem {
             // weight, and with them the numerator and denominator of Rayleigh's quotient.
             let (mut slope, mut y) = (0.0, 0.0);
             for k in 0..count {
-                let (l, ei, [inner, outer]) = (interval(k).length, interval(k).bending(), moments[k]);
+                let (l, ei, [inner, outer]) = (interval(k).length, interval(k).bending_rigidity(), moments[k]);
                 y += slope * l + l * l * (2.0 * inner + outer) / (6.0 * ei);
                 slope += l * (inner + outer) / (2.0 * ei);
                 let m = beyond(k + 1);

@@ -1,4 +1,4 @@
-//! Recording of a clip: actuations over time, substeps, and the pose of every frame.
+//! Recording of a clip: keyed actuations, substeps, and the pose at every frame.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 
@@ -12,23 +12,24 @@ use osier_wind::Wind;
 
 /// Density of air, kg/m^3.
 pub(crate) const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
-/// How often a frame's steps are halved before it is given up.
+/// Times that the substeps of a frame are halved before the simulation fails.
 pub(crate) const MAX_STEP_HALVINGS: u32 = 4;
-/// Most steps of a frame that an explicit scheme may ask for.
+/// Largest number of substeps per frame that an explicit integrator may need; beyond, the limit error suggests the
+/// implicit one.
 pub const MAX_SUBSTEPS: u32 = 200_000;
-/// Explicit steps are this share of the longest stable one.
+/// Substep of the explicit integrators over the longest stable one; closer to 1 the fastest mode decays too slowly.
 const STABILITY_MARGIN: f64 = 0.9;
 
 /// Time integration scheme.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Integrator {
-    /// All springs together, [`RodSystem::step_implicit`].
+    /// Implicit BDF2, [`RodSystem::step_implicit`].
     Xpbd,
-    /// One by one, [`RodSystem::step_gauss_seidel`].
+    /// One Gauss-Seidel pass of XPBD, [`RodSystem::step_gauss_seidel`].
     XpbdGs,
-    /// [`RodSystem::step_symplectic_euler`].
+    /// Symplectic Euler, [`RodSystem::step_symplectic_euler`].
     Symplectic,
-    /// [`RodSystem::step_explicit_euler`].
+    /// Explicit Euler as in [yang-wu], [`RodSystem::step_explicit_euler`].
     Explicit,
 }
 
@@ -37,46 +38,46 @@ pub enum Integrator {
 pub enum Actuation {
     /// Force, N, and torque, N m, on a section.
     Wrench(usize, Keyframes<6>),
-    /// Blows on a section, N s, each once.
-    Blow(usize, Keyframes<3>),
-    /// Mass of a body, kg.
+    /// Impulses on a section, N s, each applied once at its key's time.
+    Impulse(usize, Keyframes<3>),
+    /// Mass of an attached body, kg.
     Mass(usize, Keyframes<1>),
-    /// Shift of a clamp, m.
+    /// Translation of a clamp from the reference shape, m.
     Shift(usize, Keyframes<3>),
-    /// Turn of a clamp about an axis, rad.
+    /// Rotation of a clamp about an axis, rad.
     Turn(usize, DVec3, Keyframes<1>),
 }
 
-/// A clip to be recorded.
+/// Time range, integrator and actuations of a recording.
 pub struct RodClip<'a> {
-    /// Frames.
+    /// Number of frames, the start included.
     pub frames: u32,
-    /// Number of the first.
+    /// Number of the first frame, for messages.
     pub first: u32,
-    /// Frames per second.
+    /// Frame rate of the clip, frames per second.
     pub fps: f64,
-    /// Steps a frame; `None` chooses.
+    /// Substeps per frame; `None` chooses them from the frequencies.
     pub steps: Option<u32>,
-    /// How steps are taken.
+    /// Time integration scheme.
     pub integrator: Integrator,
-    /// What acts.
+    /// Loads and clamp motions.
     pub acts: Vec<Actuation>,
-    /// Drag of each rod, and the wind.
+    /// Drag coefficient of each rod, and the wind field.
     pub wind: Option<(Vec<f64>, &'a dyn Wind)>,
-    /// Name for messages.
+    /// Name of the rod in error messages.
     pub name: String,
 }
 
 /// Poses of all sections and bodies in one frame.
 #[derive(Debug, Clone, Default)]
 pub struct RodPose {
-    /// Per section: place, m, and turn: +Y along the rod, +X to its corner 0.
+    /// Per section: position, m, and rotation: +Y along the rod, +X towards its corner 0.
     pub sections: Vec<(Vec3, Quat)>,
-    /// Per body: place, m.
+    /// Position of each attached body, m.
     pub bodies: Vec<Vec3>,
 }
 
-/// A weight after its release, in free fall.
+/// A foreign body after its mass became 0, in free fall.
 #[derive(Debug, Clone, Copy)]
 struct ReleasedWeight {
     p: DVec3,
@@ -86,20 +87,20 @@ struct ReleasedWeight {
 }
 
 impl RodSystem {
-    /// Lets a clip pass and returns its frames; the first shows the start.
+    /// Simulates a clip and returns the pose at each frame; the first is the start.
     /// # Errors
-    /// `Simulation` naming frame and rod, `Limit` for too many steps, `Cancelled`.
+    /// `Simulation` with frame and rod if a step fails, `Limit` for too many substeps, `Cancelled`.
     pub fn record_clip(&mut self, clip: &RodClip<'_>, cancel: &Cancel) -> Result<Vec<RodPose>> {
-        let n = self.steps_for_clip(clip)?;
-        let mut flying: Vec<Option<ReleasedWeight>> = vec![None; self.bodies.len()];
+        let n = self.substeps_for_clip(clip)?;
+        let mut released: Vec<Option<ReleasedWeight>> = vec![None; self.bodies.len()];
         let mut frames = Vec::new();
         self.apply_actuations(clip, 0.0, f64::MAX, 0.0);
         self.reset_history();
         for frame in 0..clip.frames {
             cancel.check()?;
-            frames.push(self.pose(&flying));
+            frames.push(self.current_pose(&released));
             let start = f64::from(frame) / clip.fps;
-            self.advance_frame(clip, start, n, &mut flying).map_err(|StepFailure| Error::Simulation {
+            self.advance_frame(clip, start, n, &mut released).map_err(|StepFailure| Error::Simulation {
                 frame: clip.first + frame,
                 quantity: format!("rod \"{}\"", clip.name),
             })?;
@@ -107,11 +108,13 @@ impl RodSystem {
         Ok(frames)
     }
 
-    fn steps_for_clip(&mut self, clip: &RodClip<'_>) -> Result<u32> {
+    fn substeps_for_clip(&mut self, clip: &RodClip<'_>) -> Result<u32> {
+        // The count of the clip, or that of the implicit integrators; only explicit ones need a stability bound.
         let explicit = matches!(clip.integrator, Integrator::Symplectic | Integrator::Explicit);
         if let (Some(n), _) | (None, Some(n)) = (clip.steps, (!explicit).then(|| self.steps_per_frame(clip.fps))) {
             return Ok(n);
         }
+        // Symplectic Euler is stable for h < 2 / w_max, explicit Euler only for h <= a / w_max^2 with mass damping a.
         let w = self.max_angular_frequency_bound();
         let longest = match clip.integrator {
             Integrator::Symplectic => 2.0 / w,
@@ -130,39 +133,40 @@ impl RodSystem {
         Ok(wanted.max(1.0) as u32)
     }
 
-    fn pose(&self, flying: &[Option<ReleasedWeight>]) -> RodPose {
+    fn current_pose(&self, released: &[Option<ReleasedWeight>]) -> RodPose {
         let section = |i: usize| {
             let f = self.section_frame(i);
             (f.p.as_vec3(), f.rotation().as_quat().normalize())
         };
-        let body = |(body, flying): (&super::AttachedBody, &Option<ReleasedWeight>)| {
+        let body = |(body, released): (&super::AttachedBody, &Option<ReleasedWeight>)| {
             let f = self.section_frame(body.section);
-            flying.map_or(f.p + f.matrix() * body.at, |k| k.p).as_vec3()
+            released.map_or(f.p + f.matrix() * body.at, |k| k.p).as_vec3()
         };
         RodPose {
             sections: (0..self.len()).map(section).collect(),
-            bodies: self.bodies.iter().zip(flying).map(body).collect(),
+            bodies: self.bodies.iter().zip(released).map(body).collect(),
         }
     }
 
-    /// Advances by one frame from time `start`, s, in `n` steps, or in twice as many again while these fail.
+    /// Advances by one frame from time `start`, s, in `n` substeps; on failure restores the state and doubles their
+    /// number, up to [`MAX_STEP_HALVINGS`] times.
     fn advance_frame(
         &mut self,
         clip: &RodClip<'_>,
         start: f64,
         n: u32,
-        flying: &mut [Option<ReleasedWeight>],
+        released: &mut [Option<ReleasedWeight>],
     ) -> std::result::Result<(), StepFailure> {
-        let saved = (self.x.clone(), self.v.clone(), flying.to_vec());
+        let saved = (self.x.clone(), self.v.clone(), released.to_vec());
         let mut last = StepFailure;
         for halving in 0..=MAX_STEP_HALVINGS {
             let n = n << halving;
             if halving > 0 {
                 (self.x, self.v) = (saved.0.clone(), saved.1.clone());
-                flying.copy_from_slice(&saved.2);
+                released.copy_from_slice(&saved.2);
                 self.reset_history();
             }
-            match self.run_steps(clip, start, n, flying) {
+            match self.run_substeps(clip, start, n, released) {
                 Ok(()) => {
                     if halving > 0 {
                         self.reset_history();
@@ -176,12 +180,12 @@ impl RodSystem {
     }
 
     /// Advances by one frame from time `start`, s, in `n` equal steps; fails where a section leaves the divergence limit.
-    fn run_steps(
+    fn run_substeps(
         &mut self,
         clip: &RodClip<'_>,
         start: f64,
         n: u32,
-        flying: &mut [Option<ReleasedWeight>],
+        released: &mut [Option<ReleasedWeight>],
     ) -> std::result::Result<(), StepFailure> {
         let h = 1.0 / (clip.fps * f64::from(n));
         for k in 0..n {
@@ -193,18 +197,19 @@ impl RodSystem {
                 Integrator::Symplectic => self.step_symplectic_euler(h),
                 Integrator::Explicit => self.step_explicit_euler(h),
             }
+            // NaN and infinity count as beyond the divergence limit.
             let far =
                 self.x.iter().flatten().fold(0.0_f64, |m, x| if x.is_finite() { m.max(x.abs()) } else { f64::MAX });
             if far > self.divergence_limit {
                 return Err(StepFailure);
             }
-            self.advance_released_weights(flying, h);
+            self.advance_released_weights(released, h);
         }
         Ok(())
     }
 
-    /// Sets loads, masses and clamps to their keys at time `t`, s, and adds the impulses of the step that begins at `from`
-    /// and lasts `h` seconds; with `h` = [`f64::MAX`] none.
+    /// Sets loads, body masses and clamp targets to their keys at time `t`, s, and adds the impulses keyed within
+    /// [`from`, `from` + `h`), s; with `h` = [`f64::MAX`] none.
     fn apply_actuations(&mut self, clip: &RodClip<'_>, from: f64, h: f64, t: f64) {
         self.clear_forces();
         for act in &clip.acts {
@@ -213,7 +218,7 @@ impl RodSystem {
                     let [a, b, c, d, e, f] = keys.at(t).unwrap_or_default();
                     self.add_wrench(*section, DVec3::new(a, b, c), DVec3::new(d, e, f));
                 }
-                Actuation::Blow(section, keys) => {
+                Actuation::Impulse(section, keys) => {
                     let place = self.section_frame(*section).p;
                     for (_, blow) in keys.0.iter().filter(|k| k.0 >= from && k.0 < from + h && h < f64::MAX) {
                         self.add_impulse(*section, place, DVec3::from_array(*blow), h);
@@ -235,15 +240,17 @@ impl RodSystem {
         }
     }
 
-    /// Drag of the wind across each rod. Source: F = rho/2 C A |u| u of the part of the wind across it, relative to it.
+    /// Adds the drag of the wind to each section. Source: F = rho/2 C A |u| u with the relative wind u normal to the
+    /// rod.
     pub(crate) fn add_wind_drag(&mut self, drag: &[f64], wind: &dyn Wind, t: f64) {
         let places: Vec<Vec3> = (0..self.len()).map(|i| self.section_frame(i).p.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t, &mut air);
         for (i, air) in air.iter().enumerate() {
             let section = &self.tree.sections[i];
-            let span = &self.tree.spans[section.rod];
+            let span = &self.tree.rods[section.rod];
             let length = span.length / span.intervals.len().max(1) as f64;
+            // Sections at either end of a rod stand for half an interval.
             let end = i + 1 == span.sections.end || (i == span.sections.start && span.base.is_none());
             let area = 2.0 * section.radius * length * if end { 0.5 } else { 1.0 };
             let along = self.section_frame(i).w;
@@ -254,10 +261,10 @@ impl RodSystem {
         }
     }
 
-    /// Weights that were let go fall freely until they lie on y = 0.
-    fn advance_released_weights(&self, flying: &mut [Option<ReleasedWeight>], h: f64) {
-        for (body, state) in self.bodies.iter().zip(flying) {
-            if body.own {
+    /// Advances released weights in free fall until they rest on the ground, y = 0.
+    fn advance_released_weights(&self, released: &mut [Option<ReleasedWeight>], h: f64) {
+        for (body, state) in self.bodies.iter().zip(released) {
+            if body.of_plant {
                 continue;
             }
             match state {

@@ -1,66 +1,70 @@
-//! Springs between the corners of a rod's sections: which there are, how stiff, how they pull.
+//! The springs between the corners of neighbouring sections: families, stiffness and forces.
 
 use crate::rods::prism::SectionCorners;
 use osier_base::math;
 
-/// Springs that belong to a section: 3 around it, 9 to the section before, 3 to the one before that, and one of no strength.
+/// Springs that belong to a section: 3 around it, 9 to its predecessor, 3 to the one before that, and one of zero
+/// stiffness that pads to whole SIMD registers.
 pub(crate) const SPRINGS_PER_SECTION: usize = 16;
-/// Where those to the section before begin, and those to the one before that.
+/// Index of the first spring to the predecessor, and of the first to the section before that.
 pub(crate) const FIRST_LINK_SPRING: usize = 3;
 pub(crate) const FIRST_BEND_SPRING: usize = 12;
-/// Share of bending that the springs over two intervals take.
+/// Share of the bending stiffness that springs over two intervals carry (flexion springs, S_fl of [yang-wu]). Higher:
+/// the longitudinal springs reach their lower bound.
 const TWO_INTERVAL_BENDING_SHARE: f64 = 0.2;
-/// Bounds of the share of stiffness along the rod that shear takes.
+/// Bounds of the share of axial stiffness that diagonal springs carry. Lower: the prism shears at no cost; higher:
+/// longitudinal springs vanish.
 const SHEAR_SHARE_RANGE: [f64; 2] = [0.1, 0.5];
-/// Corners stand so far from the centre, in radii: bending and axial stiffness are then those of a solid rod.
+/// Circumradius of a section's triangle over the rod's radius: bending and axial stiffness are then those of a solid
+/// round rod.
 pub(crate) const CORNER_RADIUS_RATIO: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// A stretch between two sections.
+/// Geometry and material between two neighbouring sections.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RodInterval {
-    /// m.
+    /// Length, m.
     pub length: f64,
     /// Mean radius, m.
     pub radius: f64,
     /// Young's modulus, Pa.
     pub young: f64,
-    /// Shear modulus over it.
+    /// Shear modulus over Young's modulus.
     pub shear: f64,
-    /// How much wider than the wood its prism is, with the same stiffness against bending.
+    /// Width of the prism over that of the wood, at equal bending stiffness.
     pub spread: f64,
 }
 
 impl RodInterval {
-    /// k0 = E pi R^2 / (3 l), N/m: a third of the stiffness along the rod; of a spread prism less by the square of its
-    /// spread, so that bending stays.
-    pub(crate) fn axial(&self) -> f64 {
+    /// Axial stiffness per corner k0 = E pi R^2 / (3 l), N/m; divided by the square of the spread, so that bending
+    /// stiffness does not depend on it.
+    pub(crate) fn corner_axial_stiffness(&self) -> f64 {
         let radius = self.radius / self.spread;
         self.young * std::f64::consts::PI * radius * radius / (3.0 * self.length)
     }
 
-    /// Spread from which on it twists as its material does.
-    pub(crate) fn wanted_spread(&self) -> f64 {
+    /// Least spread at which torsion matches the material.
+    pub(crate) fn spread_for_full_torsion(&self) -> f64 {
         math::sqrt(Self { spread: 1.0, ..*self }.torsion_softening())
     }
 
-    /// Without bounds it would give the torsion of the material.
-    fn wanted_shear(&self) -> f64 {
+    /// Share of the axial stiffness for which diagonal springs would give exactly G J, before clamping.
+    fn unclamped_shear_share(&self) -> f64 {
         let slender = self.length / (self.radius * self.spread);
         2.0 / 3.0 * self.shear * slender * slender
     }
 
-    /// Share of the stiffness that shear takes.
-    fn sheared(&self) -> f64 {
-        self.wanted_shear().clamp(SHEAR_SHARE_RANGE[0], SHEAR_SHARE_RANGE[1])
+    /// Share of the axial stiffness that the diagonal springs carry.
+    fn shear_share(&self) -> f64 {
+        self.unclamped_shear_share().clamp(SHEAR_SHARE_RANGE[0], SHEAR_SHARE_RANGE[1])
     }
 
-    /// How many times softer in torsion than the material it is: 1 unless the interval is too long.
+    /// Torsional stiffness of the material over that of the prism: 1 unless the interval is too long.
     pub(crate) fn torsion_softening(&self) -> f64 {
-        (self.wanted_shear() / SHEAR_SHARE_RANGE[1]).max(1.0)
+        (self.unclamped_shear_share() / SHEAR_SHARE_RANGE[1]).max(1.0)
     }
 
-    /// EI = E pi R^4 / 4, N m^2.
-    pub(crate) fn bending(&self) -> f64 {
+    /// Bending stiffness E I = E pi R^4 / 4, N m^2.
+    pub(crate) fn bending_rigidity(&self) -> f64 {
         let r2 = self.radius * self.radius;
         self.young * std::f64::consts::PI * r2 * r2 / 4.0
     }
@@ -71,16 +75,20 @@ impl RodInterval {
 /// EI = E pi R^4 / 4 and, while the share of shear is not bounded, GJ = G pi R^4 / 2.
 pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS_PER_SECTION]> {
     let n = intervals.len() + 1;
-    let bend = |i: usize| TWO_INTERVAL_BENDING_SHARE / 4.0 * intervals[i].axial().min(intervals[i + 1].axial());
+    let bend = |i: usize| {
+        TWO_INTERVAL_BENDING_SHARE / 4.0
+            * intervals[i].corner_axial_stiffness().min(intervals[i + 1].corner_axial_stiffness())
+    };
+    // Springs over two intervals exist where both intervals do; the softer one limits them.
     let mut all = vec![[0.0; SPRINGS_PER_SECTION]; n];
     for (i, k) in all.iter_mut().enumerate() {
         let near = &intervals[i.saturating_sub(1)..(i + 1).min(intervals.len())];
-        let mean = near.iter().fold(0.0, |s, l| s + l.axial()) / near.len() as f64;
+        let mean = near.iter().fold(0.0, |s, l| s + l.corner_axial_stiffness()) / near.len() as f64;
         // Springs around a section only keep its shape; they are stiff enough not to matter for bending.
         k[..FIRST_LINK_SPRING].fill(4.0 * mean);
         if i > 0 {
             let l = &intervals[i - 1];
-            let (k0, f) = (l.axial(), l.sheared());
+            let (k0, f) = (l.corner_axial_stiffness(), l.shear_share());
             // Springs over two intervals that pass this one: that ending in the next section, and that ending here.
             let across = if i < intervals.len() { bend(i - 1) } else { 0.0 } + if i > 1 { bend(i - 2) } else { 0.0 };
             // Longitudinal springs carry the share of bending that the diagonals (f) and the springs over two intervals
@@ -101,10 +109,11 @@ pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS
     all
 }
 
-/// Three rows of numbers, one lane to a spring: x, y, z.
+/// One vector per spring, in structure-of-arrays layout: rows x, y, z, one lane per spring.
 pub(crate) type SpringVectors = [[f64; SPRINGS_PER_SECTION]; 3];
 
-/// From each spring's corner of this section to its other end.
+/// Vector from each spring's corner of this section to its far end. `own`: corners of the section; `up`, `over`: of
+/// its predecessors, m.
 #[inline(always)]
 pub(crate) fn spring_vectors(own: &SectionCorners, up: &SectionCorners, over: &SectionCorners) -> SpringVectors {
     let mut d = [[0.0; SPRINGS_PER_SECTION]; 3];
@@ -121,17 +130,17 @@ pub(crate) fn spring_vectors(own: &SectionCorners, up: &SectionCorners, over: &S
     d
 }
 
-/// The springs of a section at one moment.
+/// Direction, tension and geometric stiffness of a section's springs.
 pub(crate) struct SpringState {
-    /// Directions.
+    /// Unit vectors towards the far ends.
     pub e: SpringVectors,
     /// Tension, N.
     pub tension: [f64; SPRINGS_PER_SECTION],
-    /// Stiffness across, N/m: of stretched springs only, so that the whole stays positive.
+    /// Transverse (geometric) stiffness, N/m: of stretched springs only, so that the tangent stays positive definite.
     pub across: [f64; SPRINGS_PER_SECTION],
 }
 
-/// Lengths become tensions. `k`: N/m; `l`: lengths at rest, m.
+/// Evaluates springs of stiffness `k`, N/m, and rest length `l`, m, whose ends are `d` apart, m.
 #[inline(always)]
 pub(crate) fn spring_state(
     d: &SpringVectors,
@@ -153,7 +162,8 @@ pub(crate) fn spring_state(
     s
 }
 
-/// Forces on this section's corner of each spring, N, with damping `b` K_t v. `v`: from corner to other end, m/s.
+/// Forces on this section's corner of each spring, N: tension plus stiffness-proportional damping `b` K_t v. `v`:
+/// relative velocity of the far end, m/s.
 #[inline(always)]
 pub(crate) fn spring_forces(
     s: &SpringState,
@@ -163,6 +173,7 @@ pub(crate) fn spring_forces(
 ) -> SpringVectors {
     let mut f = [[0.0; SPRINGS_PER_SECTION]; 3];
     for i in 0..SPRINGS_PER_SECTION {
+        // Damping force b K_t v with K_t v = (k - k_across) (e.v) e + k_across v.
         let along = v[0][i] * s.e[0][i] + v[1][i] * s.e[1][i] + v[2][i] * s.e[2][i];
         let pull = s.tension[i] + b * (k[i] - s.across[i]) * along;
         for axis in 0..3 {
@@ -172,7 +183,7 @@ pub(crate) fn spring_forces(
     f
 }
 
-/// What the springs store, J.
+/// Elastic energy of a section's springs, J.
 pub(crate) fn spring_energy(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l: &[f64; SPRINGS_PER_SECTION]) -> f64 {
     (0..SPRINGS_PER_SECTION).fold(0.0, |sum, i| {
         let length = (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt();
@@ -180,14 +191,14 @@ pub(crate) fn spring_energy(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l
     })
 }
 
-/// Lengths of all springs of a section, m.
+/// Length of each spring of a section, m.
 pub(crate) fn spring_lengths(d: &SpringVectors) -> [f64; SPRINGS_PER_SECTION] {
     std::array::from_fn(|i| (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt())
 }
 
-/// Adds forces on springs' corners to the sections', with the opposite on their other ends.
+/// Adds spring forces to the corners of the section, and the opposite to the corners at the far ends.
 #[inline(always)]
-pub(crate) fn scatter_forces(
+pub(crate) fn scatter_spring_forces(
     f: &SpringVectors,
     own: &mut SectionCorners,
     up: &mut SectionCorners,
@@ -207,9 +218,9 @@ pub(crate) fn scatter_forces(
     }
 }
 
-/// Number of springs of a rod of `n` sections: around, along, diagonal, over two intervals, back to their places.
+/// Number of springs of a rod by family: around, longitudinal, diagonal, over two intervals, restoring.
 #[cfg(test)]
-pub(crate) fn count(intervals: &[RodInterval]) -> [usize; 5] {
+pub(crate) fn count_springs_by_family(intervals: &[RodInterval]) -> [usize; 5] {
     let k = spring_stiffnesses(intervals);
     let n = k.len();
     let some = |lanes: &dyn Fn(usize) -> bool| {
@@ -231,10 +242,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_are_as_many_springs_as_the_lattice_of_prisms_has() {
+    fn spring_counts_match_the_prism_lattice() {
         for n in [3, 5, 9, 16] {
             let interval = RodInterval { length: 0.05, radius: 0.01, young: 5e9, shear: 1.0 / 15.0, spread: 1.0 };
-            let counts = count(&vec![interval; n - 1]);
+            let counts = count_springs_by_family(&vec![interval; n - 1]);
             assert_eq!(counts, [3 * n, 3 * (n - 1), 6 * (n - 1), 3 * (n - 2), 3 * n]);
         }
     }

@@ -5,11 +5,11 @@ use std::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
 
 use super::{AttachedBody, ClampKind, RodDescription, RodMaterial, RodSystem};
-use crate::rods::prism::{RigidSectionMap, SectionCorners, SectionFrame, corner, corners, dot};
-use crate::rods::system::difference;
+use crate::rods::prism::{RigidSectionMap, SectionCorners, SectionFrame, corner, corner_dot, corners_from_fn};
+use crate::rods::system::subtract_corners;
 use osier_base::rng::Rng;
 
-const STUFF: RodMaterial = RodMaterial {
+const MATERIAL: RodMaterial = RodMaterial {
     young: 5e9,
     shear: 1.0 / 15.0,
     density: 900.0,
@@ -19,7 +19,7 @@ const STUFF: RodMaterial = RodMaterial {
 };
 
 /// A straight rod of `n` sections along X whose intervals are `slender` radii long.
-fn straight(n: usize, slender: f64, radius: f64, material: RodMaterial) -> RodDescription {
+fn straight_rod(n: usize, slender: f64, radius: f64, material: RodMaterial) -> RodDescription {
     let length = (n - 1) as f64 * slender * radius;
     RodDescription {
         points: vec![DVec3::ZERO, DVec3::X * length],
@@ -32,7 +32,7 @@ fn straight(n: usize, slender: f64, radius: f64, material: RodMaterial) -> RodDe
 
 /// The same, held at its base, without weight.
 fn cantilever(n: usize, slender: f64, material: RodMaterial) -> RodSystem {
-    weightless(RodSystem::new(&[straight(n, slender, 0.01, material)], &[(0, 0.0, ClampKind::Fixed)]))
+    weightless(RodSystem::new(&[straight_rod(n, slender, 0.01, material)], &[(0, 0.0, ClampKind::Fixed)]))
 }
 
 fn weightless(mut rods: RodSystem) -> RodSystem {
@@ -40,24 +40,24 @@ fn weightless(mut rods: RodSystem) -> RodSystem {
     rods
 }
 
-fn bending(radius: f64, young: f64) -> f64 {
+fn bending_rigidity(radius: f64, young: f64) -> f64 {
     young * PI * radius.powi_(4) / 4.0
 }
 
-trait Power {
+trait IntegerPower {
     fn powi_(self, n: u32) -> f64;
 }
 
-impl Power for f64 {
+impl IntegerPower for f64 {
     fn powi_(self, n: u32) -> f64 {
         (0..n).fold(1.0, |p, _| p * self)
     }
 }
 
 /// Slowest swing of the lattice itself, Hz, by inverse iteration.
-fn estimate_fundamental_hz(rods: &mut RodSystem) -> f64 {
+fn fundamental_hz_by_inverse_iteration(rods: &mut RodSystem) -> f64 {
     let n = rods.len();
-    let mut y: Vec<SectionCorners> = (0..n).map(|i| corners(|_| DVec3::Y * (i as f64 / n as f64))).collect();
+    let mut y: Vec<SectionCorners> = (0..n).map(|i| corners_from_fn(|_| DVec3::Y * (i as f64 / n as f64))).collect();
     let mut w2 = 0.0;
     for _ in 0..60 {
         rods.prepare_step(0.0);
@@ -69,13 +69,13 @@ fn estimate_fundamental_hz(rods: &mut RodSystem) -> f64 {
             let back = rods.dampings[rods.tree.sections[i].rod].recovery;
             rods.add_mass_to_block(i, 0.0, back);
             let right = rods.apply_mass(i, &y[i], false);
-            rods.step.rows[i].set_right(&right);
+            rods.step.rows[i].set_right_hand_side(&right);
         }
         rods.add_clamp_penalties();
         assert!(rods.solve_newton_update());
         let next = rods.step.change.clone();
         let of = |a: &[SectionCorners], b: &[SectionCorners]| {
-            (0..n).fold(0.0, |s, i| s + dot(&a[i], &rods.apply_mass(i, &b[i], false)))
+            (0..n).fold(0.0, |s, i| s + corner_dot(&a[i], &rods.apply_mass(i, &b[i], false)))
         };
         w2 = of(&next, &y) / of(&next, &next);
         let size = of(&next, &next).sqrt();
@@ -85,29 +85,29 @@ fn estimate_fundamental_hz(rods: &mut RodSystem) -> f64 {
 }
 
 #[test]
-fn a_cantilever_bends_and_swings_as_a_beam() {
+fn cantilever_matches_euler_bernoulli_deflection_and_frequency() {
     for (n, slender, tolerance) in
         [(9, 2.0, 0.04), (9, 3.0, 0.04), (9, 5.0, 0.04), (9, 10.0, 0.04), (17, 3.0, 0.03), (17, 10.0, 0.03)]
     {
-        let mut rods = cantilever(n, slender, STUFF);
-        let (length, ei) = ((n - 1) as f64 * slender * 0.01, bending(0.01, STUFF.young));
+        let mut rods = cantilever(n, slender, MATERIAL);
+        let (length, ei) = ((n - 1) as f64 * slender * 0.01, bending_rigidity(0.01, MATERIAL.young));
         let force = 1e-4 * 3.0 * ei / (length * length);
         rods.add_wrench(n - 1, DVec3::Y * force, DVec3::ZERO);
         assert!(rods.solve_equilibrium());
         let deflection = rods.section_frame(n - 1).p.y / (1e-4 * length);
         assert!((0.995..1.0 + tolerance).contains(&deflection), "{n} sections, l/R {slender}: {deflection}");
-        let mut rods = cantilever(n, slender, STUFF);
-        let beam = 3.516 / (TAU * length * length) * (ei / (STUFF.density * PI * 1e-4)).sqrt();
-        let swing = estimate_fundamental_hz(&mut rods) / beam;
+        let mut rods = cantilever(n, slender, MATERIAL);
+        let beam = 3.516 / (TAU * length * length) * (ei / (MATERIAL.density * PI * 1e-4)).sqrt();
+        let swing = fundamental_hz_by_inverse_iteration(&mut rods) / beam;
         assert!((1.0 - tolerance..1.005).contains(&swing), "{n} sections, l/R {slender}: {swing} of {beam} Hz");
         assert!((rods.fundamental_hz(0) / beam - 1.0).abs() < 0.03, "Rayleigh's {} of {beam}", rods.fundamental_hz(0));
     }
 }
 
 #[test]
-fn five_sections_are_a_little_softer() {
-    let mut rods = cantilever(5, 3.0, STUFF);
-    let (length, ei) = (0.12, bending(0.01, STUFF.young));
+fn five_sections_are_slightly_too_soft() {
+    let mut rods = cantilever(5, 3.0, MATERIAL);
+    let (length, ei) = (0.12, bending_rigidity(0.01, MATERIAL.young));
     rods.add_wrench(4, DVec3::Z * (1e-4 * 3.0 * ei / (length * length)), DVec3::ZERO);
     assert!(rods.solve_equilibrium());
     let deflection = rods.section_frame(4).p.z / (1e-4 * length);
@@ -115,11 +115,11 @@ fn five_sections_are_a_little_softer() {
 }
 
 #[test]
-fn a_torque_twists_it_as_its_material_says() {
+fn torsion_matches_the_shear_modulus() {
     let (n, slender) = (9, 2.0);
-    let mut rods = cantilever(n, slender, STUFF);
+    let mut rods = cantilever(n, slender, MATERIAL);
     let length = 0.16;
-    let gj = STUFF.young * STUFF.shear * PI * 1e-8 / 2.0;
+    let gj = MATERIAL.young * MATERIAL.shear * PI * 1e-8 / 2.0;
     let torque = 1e-3 * gj / length;
     rods.add_wrench(n - 1, DVec3::ZERO, DVec3::X * torque);
     assert!(rods.solve_equilibrium());
@@ -127,38 +127,41 @@ fn a_torque_twists_it_as_its_material_says() {
     let angle = was.cross(is).dot(DVec3::X);
     assert!((angle / 1e-3 - 1.0).abs() < 0.01, "{angle}");
     assert!((rods.torsion_softening(0) - 1.0).abs() < 1e-12);
-    assert!((cantilever(9, 10.0, STUFF).torsion_softening(0) - 8.889).abs() < 1e-3);
+    assert!((cantilever(9, 10.0, MATERIAL).torsion_softening(0) - 8.889).abs() < 1e-3);
 }
 
 #[test]
-fn springs_back_raise_every_swing() {
-    let bare = estimate_fundamental_hz(&mut cantilever(9, 3.0, STUFF));
-    let drawn = estimate_fundamental_hz(&mut cantilever(9, 3.0, RodMaterial { recovery: 0.25, ..STUFF }));
+fn restoring_springs_raise_the_frequency() {
+    let bare = fundamental_hz_by_inverse_iteration(&mut cantilever(9, 3.0, MATERIAL));
+    let drawn =
+        fundamental_hz_by_inverse_iteration(&mut cantilever(9, 3.0, RodMaterial { recovery: 0.25, ..MATERIAL }));
     assert!((drawn / bare / 1.118 - 1.0).abs() < 0.01, "{}", drawn / bare);
 }
 
 #[test]
-fn a_moved_root_moves_the_rod_rigidly() {
-    let mut rods = cantilever(9, 3.0, RodMaterial { recovery: 0.25, ..STUFF });
+fn moved_clamp_carries_the_rod_rigidly() {
+    let mut rods = cantilever(9, 3.0, RodMaterial { recovery: 0.25, ..MATERIAL });
     let (shift, turn) = (DVec3::new(0.3, -0.2, 0.5), DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.3));
     (rods.clamps[0].shift, rods.clamps[0].turn) = (shift, turn);
-    let moved: Vec<SectionCorners> = rods.tree.drawn.iter().map(|x| corners(|c| shift + turn * corner(x, c))).collect();
+    let moved: Vec<SectionCorners> =
+        rods.tree.reference.iter().map(|x| corners_from_fn(|c| shift + turn * corner(x, c))).collect();
     let mut draw = Rng::at(1, &["rigid".into()]);
     rods.x = moved.iter().map(|x| x.map(|v| v + 1e-5 * draw.range(-1.0, 1.0))).collect();
     assert!(rods.solve_equilibrium());
-    let worst = rods.x.iter().zip(&moved).flat_map(|(a, b)| difference(a, b)).fold(0.0_f64, |m, d| m.max(d.abs()));
+    let worst =
+        rods.x.iter().zip(&moved).flat_map(|(a, b)| subtract_corners(a, b)).fold(0.0_f64, |m, d| m.max(d.abs()));
     assert!(worst < 1e-9, "{worst}");
 }
 
 /// Fastest swing, rad/s, by power iteration on differences of accelerations.
-fn max_angular_frequency_bound(rods: &mut RodSystem) -> f64 {
+fn max_angular_frequency_by_power_iteration(rods: &mut RodSystem) -> f64 {
     let rest = rods.x.clone();
     let mut draw = Rng::at(5, &["fastest".into()]);
     let mut y: Vec<SectionCorners> = rest.iter().map(|_| std::array::from_fn(|_| draw.range(-1.0, 1.0))).collect();
     let mut w2 = 0.0;
     for _ in 0..400 {
         y[0] = [0.0; 9];
-        let size = y.iter().fold(0.0, |s, v| s + dot(v, v)).sqrt();
+        let size = y.iter().fold(0.0, |s, v| s + corner_dot(v, v)).sqrt();
         y.iter_mut().flatten().for_each(|v| *v /= size);
         let e = 1e-9;
         for i in 0..rest.len() {
@@ -168,20 +171,20 @@ fn max_angular_frequency_bound(rods: &mut RodSystem) -> f64 {
         rods.step.next.copy_from_slice(&rods.x.clone());
         rods.step.speed.fill([0.0; 9]);
         rods.assemble_springs(false);
-        y = (0..rest.len()).map(|i| rods.solve_mass(i, &rods.step.force[i]).map(|a| -a / e)).collect();
-        w2 = y[1..].iter().fold(0.0, |s, v| s + dot(v, v)).sqrt();
+        y = (0..rest.len()).map(|i| rods.apply_inverse_mass(i, &rods.step.force[i]).map(|a| -a / e)).collect();
+        w2 = y[1..].iter().fold(0.0, |s, v| s + corner_dot(v, v)).sqrt();
     }
     rods.x = rest;
     w2.sqrt()
 }
 
-fn loudest(rods: &RodSystem) -> f64 {
-    let away = rods.x.iter().zip(&rods.tree.drawn).flat_map(|(a, b)| difference(a, b));
+fn max_displacement(rods: &RodSystem) -> f64 {
+    let away = rods.x.iter().zip(&rods.tree.reference).flat_map(|(a, b)| subtract_corners(a, b));
     away.fold(0.0, |m: f64, d| if d.is_finite() { m.max(d.abs()) } else { f64::INFINITY })
 }
 
 /// Nudges every corner a little.
-fn nudge(rods: &mut RodSystem) {
+fn perturb_velocities(rods: &mut RodSystem) {
     let mut draw = Rng::at(9, &["nudge".into()]);
     for v in rods.v.iter_mut().skip(1) {
         *v = std::array::from_fn(|_| 1e-4 * draw.range(-1.0, 1.0));
@@ -189,31 +192,36 @@ fn nudge(rods: &mut RodSystem) {
 }
 
 #[test]
-fn eulers_steps_have_their_limits() {
-    let make = || weightless(RodSystem::new(&[straight(9, 3.0, 0.002, STUFF)], &[(0, 0.0, ClampKind::Fixed)]));
-    let w = max_angular_frequency_bound(&mut make());
+fn explicit_integrators_have_their_stability_limits() {
+    let make = || weightless(RodSystem::new(&[straight_rod(9, 3.0, 0.002, MATERIAL)], &[(0, 0.0, ClampKind::Fixed)]));
+    let w = max_angular_frequency_by_power_iteration(&mut make());
     let bound = make().max_angular_frequency_bound();
     assert!(bound >= w && w > 0.6 * bound, "{w} within {bound}");
     for (factor, holds) in [(0.98, true), (1.02, false)] {
         let mut rods = make();
-        nudge(&mut rods);
+        perturb_velocities(&mut rods);
         (0..4000).for_each(|_| rods.step_symplectic_euler(factor * 2.0 / w));
-        assert_eq!(loudest(&rods) < 1e-6, holds, "symplectic at {factor}: {}", loudest(&rods));
+        assert_eq!(max_displacement(&rods) < 1e-6, holds, "symplectic at {factor}: {}", max_displacement(&rods));
     }
     // Explicit steps grow by w^2 h^2 - a h: without damping at any length.
     for (damping, factor, holds) in [(0.3, 0.95, true), (0.3, 1.05, false), (0.0, 0.1, false)] {
         let mut rods = make();
         rods.dampings[0].mass = damping * w / 2.0;
-        nudge(&mut rods);
+        perturb_velocities(&mut rods);
         let h = if damping > 0.0 { factor * damping / w } else { factor / w };
         (0..20_000).for_each(|_| rods.step_explicit_euler(h));
-        assert_eq!(loudest(&rods) < 1e-6, holds, "explicit, {damping} at {factor}: {}", loudest(&rods));
+        assert_eq!(
+            max_displacement(&rods) < 1e-6,
+            holds,
+            "explicit, {damping} at {factor}: {}",
+            max_displacement(&rods)
+        );
     }
 }
 
 /// A soft rod that was held aside by its tip and is let go: 5 MPa, below 2 Hz.
-fn released(damping_ratio: f64) -> RodSystem {
-    let material = RodMaterial { young: 5e6, damping_ratio, ..STUFF };
+fn rod_released_from_deflection(damping_ratio: f64) -> RodSystem {
+    let material = RodMaterial { young: 5e6, damping_ratio, ..MATERIAL };
     let rod = RodDescription {
         points: vec![DVec3::ZERO, DVec3::Y * 0.25],
         radii: vec![0.005; 2],
@@ -222,7 +230,7 @@ fn released(damping_ratio: f64) -> RodSystem {
         parent: None,
     };
     let mut rods = weightless(RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]));
-    let ei = bending(0.005, 5e6);
+    let ei = bending_rigidity(0.005, 5e6);
     rods.add_wrench(8, DVec3::X * (0.05 * 3.0 * ei / 0.0625), DVec3::ZERO);
     assert!(rods.solve_equilibrium());
     rods.clear_forces();
@@ -230,9 +238,9 @@ fn released(damping_ratio: f64) -> RodSystem {
 }
 
 #[test]
-fn the_implicit_steps_are_second_order_and_agree_with_small_explicit_ones() {
+fn implicit_integrator_is_second_order_and_matches_symplectic_euler() {
     let end = |steps: u32| {
-        let mut rods = released(0.05);
+        let mut rods = rod_released_from_deflection(0.05);
         let h = 0.25 / f64::from(steps);
         rods.reset_history();
         (0..steps).for_each(|_| rods.step_implicit(h).expect("steps"));
@@ -242,10 +250,10 @@ fn the_implicit_steps_are_second_order_and_agree_with_small_explicit_ones() {
     let order = ((a - b).length() / (b - c).length()).log2();
     assert!(order > 1.8, "order {order}");
     // The same second by both.
-    let mut by_springs = released(0.0);
+    let mut by_springs = rod_released_from_deflection(0.0);
     assert!(by_springs.fundamental_hz(0) < 2.0);
     let h = 0.9 * 2.0 / by_springs.max_angular_frequency_bound();
-    let mut by_all = released(0.0);
+    let mut by_all = rod_released_from_deflection(0.0);
     by_all.reset_history();
     let (mut t, mut most) = (0.0, 0.0_f64);
     for k in 1..=1536_u32 {
@@ -256,13 +264,13 @@ fn the_implicit_steps_are_second_order_and_agree_with_small_explicit_ones() {
         }
         most = most.max((by_all.section_frame(8).p - by_springs.section_frame(8).p).length());
     }
-    let amplitude = released(0.0).section_frame(8).p.x;
+    let amplitude = rod_released_from_deflection(0.0).section_frame(8).p.x;
     assert!(most < 0.02 * amplitude, "{most} of {amplitude}");
 }
 
 #[test]
-fn long_implicit_steps_do_not_blow_up() {
-    let mut rods = released(0.05);
+fn implicit_integrator_is_stable_at_long_steps() {
+    let mut rods = rod_released_from_deflection(0.05);
     let start = rods.section_frame(8).p.x;
     rods.reset_history();
     for _ in 0..240 {
@@ -273,10 +281,10 @@ fn long_implicit_steps_do_not_blow_up() {
 }
 
 #[test]
-fn energy_falls_from_swing_to_swing_as_the_damping_says() {
+fn energy_decays_at_the_damping_ratio() {
     for damping_ratio in [0.0, 0.05, 0.2] {
-        let mut rods = released(damping_ratio);
-        let hertz = estimate_fundamental_hz(&mut rods.clone());
+        let mut rods = rod_released_from_deflection(damping_ratio);
+        let hertz = fundamental_hz_by_inverse_iteration(&mut rods.clone());
         // w h = 0.1.
         let h = 0.1 / (TAU * hertz);
         rods.reset_history();
@@ -305,7 +313,7 @@ fn twig() -> RodSystem {
     let rod = RodDescription {
         points: vec![DVec3::ZERO, DVec3::new(0.15, 0.1, 0.0), DVec3::new(0.3, 0.12, 0.1)],
         radii: vec![0.003, 0.0025, 0.002],
-        material: RodMaterial { damping_ratio: 0.2, recovery: 0.25, ..STUFF },
+        material: RodMaterial { damping_ratio: 0.2, recovery: 0.25, ..MATERIAL },
         sections: Some(9),
         parent: None,
     };
@@ -314,17 +322,17 @@ fn twig() -> RodSystem {
         at: DVec3::Z * 0.03,
         mass: 0.002,
         inertia: glam::DMat3::ZERO,
-        own: true,
+        of_plant: true,
         reach: 0.0,
     };
     RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]).with_bodies(vec![body])
 }
 
 #[test]
-fn a_prestressed_twig_stays_as_it_is_drawn() {
+fn rest_shape_keeps_a_loaded_twig_in_its_reference_pose() {
     let mut loose = twig();
     assert!(loose.solve_equilibrium());
-    assert!(loudest(&loose) > 1e-3, "without it the twig droops by {}", loudest(&loose));
+    assert!(max_displacement(&loose) > 1e-3, "without it the twig droops by {}", max_displacement(&loose));
     let mut rods = twig();
     assert!(rods.find_rest_shape_by_equilibrium());
     let h = 1.0 / (24.0 * f64::from(rods.steps_per_frame(24.0)));
@@ -334,15 +342,15 @@ fn a_prestressed_twig_stays_as_it_is_drawn() {
         rods.step_implicit(h).expect("steps");
         t += h;
     }
-    assert!(loudest(&rods) < 1e-4, "{}", loudest(&rods));
+    assert!(max_displacement(&rods) < 1e-4, "{}", max_displacement(&rods));
 }
 
 /// A pole pinned at its foot, its top guided along itself and pressed on with `share` of Euler's load; how far its middle
 /// goes aside, over its length.
-fn pressed(share: f64) -> f64 {
+fn buckled_deflection(share: f64) -> f64 {
     let (length, radius, ei) = (4.6, 0.018, 2000.0);
     let young = 4.0 * ei / (PI * f64::powi_(radius, 4));
-    let material = RodMaterial { young, density: 490.0, damping_ratio: 0.5, ..STUFF };
+    let material = RodMaterial { young, density: 490.0, damping_ratio: 0.5, ..MATERIAL };
     let points = vec![DVec3::ZERO, DVec3::new(0.002, 2.3, 0.0), DVec3::Y * length];
     let rod = RodDescription { points, radii: vec![radius; 3], material, sections: Some(17), parent: None };
     let holds = [(0, 0.0, ClampKind::Pinned), (0, length, ClampKind::Guided(DVec3::Y))];
@@ -361,15 +369,15 @@ fn pressed(share: f64) -> f64 {
 }
 
 #[test]
-fn a_pole_buckles_at_eulers_load() {
-    let (below, above) = (pressed(0.9), pressed(1.1));
+fn pole_buckles_at_eulers_load() {
+    let (below, above) = (buckled_deflection(0.9), buckled_deflection(1.1));
     assert!(below < 0.01, "{below}");
     assert!(above > 0.05, "{above}");
 }
 
 /// A rod with a side rod, nowhere held, in no gravity.
-fn afloat() -> RodSystem {
-    let parent = straight(6, 4.0, 0.01, STUFF);
+fn free_floating_rods() -> RodSystem {
+    let parent = straight_rod(6, 4.0, 0.01, MATERIAL);
     let child = RodDescription {
         points: vec![DVec3::X * 0.1, DVec3::new(0.15, 0.2, 0.03)],
         radii: vec![0.004, 0.003],
@@ -382,14 +390,14 @@ fn afloat() -> RodSystem {
         at: DVec3::Z * 0.02,
         mass: 0.01,
         inertia: glam::DMat3::ZERO,
-        own: true,
+        of_plant: true,
         reach: 0.0,
     };
     weightless(RodSystem::new(&[parent, child], &[])).with_bodies(vec![body])
 }
 
 /// Momentum, kg m/s, and its moment about the origin.
-fn momentum(rods: &mut RodSystem) -> (DVec3, DVec3) {
+fn linear_and_angular_momentum(rods: &mut RodSystem) -> (DVec3, DVec3) {
     rods.update_section_masses();
     let (mut sum, mut moment) = (DVec3::ZERO, DVec3::ZERO);
     for i in 0..rods.len() {
@@ -404,20 +412,20 @@ fn momentum(rods: &mut RodSystem) -> (DVec3, DVec3) {
 
 /// How fast a place of a section would move for a blow of 1 N s along the unit vector `n` if nothing else were attached:
 /// 1/mass, 1/kg.
-fn lightness(rods: &mut RodSystem, section: usize, place: DVec3, n: DVec3) -> f64 {
+fn inverse_effective_mass(rods: &mut RodSystem, section: usize, place: DVec3, n: DVec3) -> f64 {
     rods.update_section_masses();
-    let grip = RigidSectionMap::from_corners(&rods.x[section]);
-    let b = grip.corner_forces(n, (place - grip.p).cross(n));
-    dot(&b, &rods.solve_mass(section, &b))
+    let rigid = RigidSectionMap::from_corners(&rods.x[section]);
+    let b = rigid.corner_forces(n, (place - rigid.p).cross(n));
+    corner_dot(&b, &rods.apply_inverse_mass(section, &b))
 }
 
 #[test]
-fn a_blow_gives_its_momentum_and_joints_keep_it() {
-    let mut rods = afloat();
+fn impulse_adds_its_momentum_and_attachments_conserve_it() {
+    let mut rods = free_floating_rods();
     assert_eq!(rods.len(), 6 + 5, "the base of the side rod rides");
     let (blow, h) = (DVec3::new(1e-4, -2e-4, 1e-4), 1e-4);
     let place = rods.section_frame(10).p + rods.section_frame(10).matrix() * (DVec3::Z * 0.02);
-    let light = lightness(&mut rods, 10, place, blow.normalize());
+    let light = inverse_effective_mass(&mut rods, 10, place, blow.normalize());
     rods.reset_history();
     rods.add_impulse(10, place, blow, h);
     rods.step_implicit(h).expect("steps");
@@ -425,7 +433,7 @@ fn a_blow_gives_its_momentum_and_joints_keep_it() {
     for _ in 0..2000 {
         rods.step_implicit(h).expect("steps");
     }
-    let (sum, moment) = momentum(&mut rods);
+    let (sum, moment) = linear_and_angular_momentum(&mut rods);
     assert!((sum - blow).length() < 3e-3 * blow.length(), "{sum}");
     let wanted = place.cross(blow);
     assert!((moment - wanted).length() < 0.02 * wanted.length(), "{moment} {wanted}");
@@ -434,9 +442,9 @@ fn a_blow_gives_its_momentum_and_joints_keep_it() {
 }
 
 #[test]
-fn a_rod_of_two_parts_bends_as_one() {
-    let whole = straight(17, 3.0, 0.01, STUFF);
-    let half = straight(9, 3.0, 0.01, STUFF);
+fn two_attached_rods_bend_as_one() {
+    let whole = straight_rod(17, 3.0, 0.01, MATERIAL);
+    let half = straight_rod(9, 3.0, 0.01, MATERIAL);
     let rest =
         RodDescription { points: vec![DVec3::X * 0.24, DVec3::X * 0.48], parent: Some((0, 0.24)), ..half.clone() };
     let bent = |rods: &[RodDescription]| {
@@ -451,11 +459,11 @@ fn a_rod_of_two_parts_bends_as_one() {
 }
 
 #[test]
-fn single_passes_over_the_springs_let_a_stiff_twig_sag() {
+fn gauss_seidel_passes_let_a_stiff_twig_sag() {
     let rod = RodDescription {
         points: vec![DVec3::ZERO, DVec3::X * 0.4],
         radii: vec![0.003; 2],
-        material: RodMaterial { damping_ratio: 0.2, ..STUFF },
+        material: RodMaterial { damping_ratio: 0.2, ..MATERIAL },
         sections: Some(16),
         parent: None,
     };
@@ -470,7 +478,7 @@ fn single_passes_over_the_springs_let_a_stiff_twig_sag() {
 }
 
 #[test]
-fn frames_of_a_bent_rod_do_not_twist() {
+fn frames_of_a_bent_rod_are_twist_free() {
     let rods = twig();
     for i in 1..rods.len() {
         let (a, b): (SectionFrame, SectionFrame) = (rods.section_frame(i - 1), rods.section_frame(i));
@@ -480,8 +488,8 @@ fn frames_of_a_bent_rod_do_not_twist() {
 }
 
 #[test]
-fn a_forked_twig_with_berries_stays_as_it_is_drawn() {
-    let material = RodMaterial { young: 3e9, damping_ratio: 0.06, recovery: 0.25, ..STUFF };
+fn rest_shape_keeps_a_forked_twig_with_weights_in_its_reference_pose() {
+    let material = RodMaterial { young: 3e9, damping_ratio: 0.06, recovery: 0.25, ..MATERIAL };
     let main = RodDescription {
         points: [[0.0, 1.0, 0.0], [0.12, 1.07, 0.01], [0.26, 1.09, 0.0], [0.4, 1.06, -0.03]]
             .map(DVec3::from_array)
@@ -503,7 +511,7 @@ fn a_forked_twig_with_berries_stays_as_it_is_drawn() {
         at: DVec3::ZERO,
         mass: 0.001,
         inertia: glam::DMat3::ZERO,
-        own: false,
+        of_plant: false,
         reach: 0.005,
     };
     let mut rods = RodSystem::new(&[main, side], &[(0, 0.0, ClampKind::Fixed)]).with_bodies(vec![berry(47), berry(62)]);
@@ -512,5 +520,5 @@ fn a_forked_twig_with_berries_stays_as_it_is_drawn() {
     for _ in 0..960 {
         rods.step_implicit(h).expect("steps");
     }
-    assert!(loudest(&rods) < 1e-4, "{}", loudest(&rods));
+    assert!(max_displacement(&rods) < 1e-4, "{}", max_displacement(&rods));
 }

@@ -42,6 +42,7 @@ impl LatticeSolver {
 
 /// Statistics, warnings and the bytes of the flow from [`LatticeSolver::save_state`]; none if they are damaged.
 fn parse_state(bytes: &[u8]) -> Option<(LatticeStats, Vec<LatticeWarning>, &[u8])> {
+    // The inverse of `save_state`, field by field; any missing byte gives none.
     let (head, rest) = bytes.split_at_checked(STATS_BYTES)?;
     let words: Vec<[u8; 8]> = head.as_chunks::<8>().0.to_vec();
     let [steps, clamped_cells, peak_checkerboard, checkerboard, density_error] = words[..] else { return None };

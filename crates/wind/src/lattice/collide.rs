@@ -19,7 +19,7 @@ pub(super) const UNCHECKED_SPEED: f64 = 0.25;
 pub(super) struct Relaxation<L> {
     /// Relaxation time of the molecular viscosity, steps, above 1/2: nu = (tau - 1/2)/3.
     pub tau: L,
-    /// 1/tau.
+    /// Relaxation rate, 1/tau.
     pub omega: L,
     /// 18 sqrt(2) Cs^2, see [`smagorinsky_factor`].
     pub smagorinsky_factor: L,
@@ -48,9 +48,9 @@ pub(super) fn smagorinsky_factor(constant: f64) -> f64 {
 /// Populations as even and odd parts of opposite directions: three pairs along the axes, four along the diagonals.
 struct OppositePairs<L> {
     rest: L,
-    /// g_i + g_opp.
+    /// Even parts g_i + g_opp of the pairs.
     even: [L; 7],
-    /// g_i - g_opp.
+    /// Odd parts g_i - g_opp of the pairs.
     odd: [L; 7],
 }
 
@@ -58,6 +58,7 @@ impl<L: Lane> OppositePairs<L> {
     #[inline(always)]
     fn new(g: &[L; Q]) -> Self {
         let (mut even, mut odd) = ([g[0]; 7], [g[0]; 7]);
+        // Directions 2k+1 and 2k+2 are opposite; direction 0 is at rest.
         for k in 0..7 {
             even[k] = g[2 * k + 1] + g[2 * k + 2];
             odd[k] = g[2 * k + 1] - g[2 * k + 2];
@@ -79,6 +80,8 @@ impl<L: Lane> OppositePairs<L> {
     /// First moment: sum c_i f_i, from the odd parts alone.
     #[inline(always)]
     fn momentum(&self) -> [L; 3] {
+        // Axis pairs count with their own axis; a diagonal pair counts with the signs of its first member: (+++),
+        // (++-), (+-+), (-++).
         let d = &self.odd;
         [
             d[0] + ((d[3] + d[4]) + (d[5] - d[6])),
@@ -112,6 +115,7 @@ impl<L: Lane> OppositePairs<L> {
 /// Differs: eq. 5 divides by a sound speed; momentum is sum c_i f_i.
 #[inline(always)]
 pub(super) fn moments<L: Lane>(g: &[L; Q]) -> (L, [L; 3]) {
+    // u = j/rho with rho = 1 + drho.
     let pairs = OppositePairs::new(g);
     let drho = pairs.density();
     let inverse_density = drho.splat(1.0).div(drho.splat(1.0) + drho);
@@ -123,6 +127,7 @@ pub(super) fn moments<L: Lane>(g: &[L; Q]) -> (L, [L; 3]) {
 /// Source: \[catkin\] eq. 8 with c = 1.
 #[inline(always)]
 pub(super) fn equilibrium<L: Lane>(i: usize, drho: L, u: [L; 3]) -> L {
+    // w_i [drho + rho (3 c.u + 4.5 (c.u)^2 - 1.5 u^2)]: eq. 8 less the weight w_i of air at rest.
     let rho = drho.splat(1.0) + drho;
     let c = VELOCITIES[i].map(|c| drho.splat(f64::from(c)));
     let cu = (c[0] * u[0] + c[1] * u[1]) + c[2] * u[2];
@@ -205,6 +210,7 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
 /// Forcing term of Guo et al. for direction `i`: w_i [3 (c_i - u) + 9 (c_i.u) c_i].F
 #[inline(always)]
 fn force_term<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
+    // First c_i.u, then the sum over components of [3 (c_i - u) + 9 (c_i.u) c_i] F.
     let mut cu = u[0].splat(0.0);
     for a in 0..3 {
         cu = cu + u[a].splat(f64::from(VELOCITIES[i][a])) * u[a];
@@ -243,6 +249,7 @@ fn relax_pairs<L: Lane>(
     let square = number(-1.5) * j[0].mul_add(j[0], j[1].mul_add(j[1], j[2] * j[2]));
     let half = omega * number(-0.5);
     let mut out = [pairs.rest; Q];
+    // Rest population: g_0 - omega (g_0 - w_0 (drho - 1.5 rho u^2)).
     let rest = number(-WEIGHTS[0]).mul_add(inverse_density.mul_add(square, drho), pairs.rest);
     out[0] = (omega * number(-1.0)).mul_add(rest, pairs.rest);
     // Odd non-equilibrium parts of the diagonals: (g_i - g_opp) - 6 w c_i.j.

@@ -76,6 +76,7 @@ impl PlaneDiagnostics {
     ) {
         let nx = domain.grid.n[0];
         let solid = &domain.solid[domain.grid.cell_index([0, y, z])..][..nx];
+        // Populations of solid cells are never read by the flow, but would spoil sums and snapshots.
         let [ux, uy, uz, drho] = moments;
         for (x, _) in solid.iter().enumerate().filter(|(_, solid)| **solid) {
             (ux[x], uy[x], uz[x], drho[x]) = (0.0, 0.0, 0.0, 0.0);
@@ -95,6 +96,7 @@ impl PlaneDiagnostics {
 
     #[inline(always)]
     fn accumulate_densities(&mut self, row: &[f32], y: usize, z: usize) {
+        // Eight partial sums let the loop vectorize, and fix the order of summation on every machine.
         let mut sums = [0.0_f64; SUMS];
         let mut good = true;
         for chunk in row.chunks(SUMS) {

@@ -85,6 +85,7 @@ impl Domain {
     /// the order wall, periodic, slip, open; what is still outside or solid then bounces back.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn population_source(&self, x: [usize; 3], i: usize) -> PopulationSource {
+        // Streaming: the population that arrives in direction i was at x - c_i. Whatever lies there decides.
         let upstream: [isize; 3] = std::array::from_fn(|a| x[a] as isize - VELOCITIES[i][a] as isize);
         let bounce_back = PopulationSource::Cell { direction: opposite(i), cell: x };
         let outside = self.faces_outside_of(upstream);
@@ -116,6 +117,8 @@ impl Domain {
         if self.faces_outside_of(node).iter().flatten().any(|f| self.faces[*f].is_open()) {
             return PopulationSource::Ghost { direction, position: node };
         }
+        // Inside: plain streaming, or the mirrored or wrapped cell. A solid there means halfway bounce-back: the wall
+        // lies midway, and the population returns to its own cell in the opposite direction.
         match self.node_as_cell(node) {
             Some(cell) if !self.is_solid(cell) => {
                 if direction == i && node == upstream {

@@ -223,6 +223,7 @@ impl ExchangeInput<'_> {
         let Self { lists, .. } = self;
         let (links, slots) = (&lists.planes[z], lists.grid.incoming_slots(parity));
         let plane = planes.plane_start(&lists.grid, z);
+        // From the previous step's populations, then from ghost nodes: both lists are copied alike.
         let inner = (&lists.scatter[links.scatter.clone()], self.populations);
         for (copies, buffer) in [inner, (&lists.ghost_scatter[links.ghost_scatter.clone()], self.ghosts)] {
             for copy in copies {
@@ -255,6 +256,8 @@ impl ExchangeInput<'_> {
         let Self { lists, .. } = self;
         let slots = lists.grid.outgoing_slots(parity);
         let plane = planes.plane_start(&lists.grid, z);
+        // After an even step populations lie in the opposite array, after an odd one downstream: `outgoing_slots`
+        // knows both.
         for copy in &lists.gather[lists.planes[z].gather.clone()] {
             let slot = slots[to_usize(copy.direction)];
             let first = copy.span.first_element(slot, plane);
@@ -275,6 +278,7 @@ impl ExchangeInput<'_> {
     ) {
         let count = (to_usize(span.count) - skip).min(N);
         let (plane, stride) = (planes.plane_start(&self.lists.grid, z), to_usize(span.stride));
+        // One direction after another: N nodes at a constant stride.
         for (slot, out) in self.lists.grid.outgoing_slots(parity).into_iter().zip(out) {
             let first = span.first_element(slot, plane);
             let from = planes.arrays[slot.array][first + skip * stride..].iter().step_by(stride);
@@ -291,6 +295,7 @@ impl BoundaryExchange {
         let (lists, previous) = (&self.lists, &mut self.previous);
         let grid = &lists.grid;
         for (z, links) in lists.planes.iter().enumerate() {
+            // As after a step of the other parity: gather what leaves, and take the moments of the open cells.
             let plane = (z + 1) * grid.plane_stride;
             for copy in &lists.gather[links.gather.clone()] {
                 let first = plane + to_usize(copy.span.first);
@@ -369,6 +374,7 @@ impl ExchangeBuffers {
         lists: &ExchangeLists,
         ranges: &[Range<usize>],
     ) -> Vec<ExchangeOutput<'_>> {
+        // Every list is ordered by plane, so that a range of planes owns one contiguous part of each buffer.
         let buffers: Vec<_> = ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.buffer)).collect();
         let cells: Vec<_> =
             ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.open_cells)).collect();
@@ -408,6 +414,7 @@ fn covering_range(
 /// Disjoint parts of a slice, in ascending order; empty ranges may lie anywhere.
 pub(super) fn split_slice<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
     let (mut split, mut at) = (Vec::with_capacity(ranges.len()), 0);
+    // Cut off what lies before the range, then the range itself; empty ranges take nothing.
     for range in ranges {
         if range.is_empty() {
             split.push(&mut [][..]);

@@ -76,6 +76,7 @@ pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<Bo
         ghost_links: Vec::new(),
         nearest: Vec::new(),
     };
+    // In the order plane, direction, row, cell: links of consecutive cells then join to long spans.
     let n = domain.grid.n;
     for z in 0..n[2] {
         for i in 1..Q {
@@ -113,6 +114,7 @@ impl ExchangeBuilder<'_> {
                 self.append_or_extend_link(link(direction, self.plane_node(cell), None))
             }
             PopulationSource::MovingWall { direction, cell, velocity } => {
+                // Halfway bounce-back at a moving wall adds 6 w_i c_i.u to the reflected population.
                 let cu: f64 = (0..3).map(|a| f64::from(VELOCITIES[i][a]) * velocity[a]).sum();
                 let momentum = osier_base::math::narrow(6.0 * weight(i) * cu);
                 self.append_or_extend_link(link(direction, self.plane_node(cell), Some(momentum)));
@@ -128,6 +130,7 @@ impl ExchangeBuilder<'_> {
     /// Adds a link, joined with the last one where both nodes follow at the same stride.
     fn append_or_extend_link(&mut self, one: RunLink) {
         let row = self.domain.grid.row_stride;
+        // Both ends of the link must continue with the same stride, in the same directions, and without wall momentum.
         if let Some(last) = self.links.last_mut() {
             let alike = (last.incoming, last.outgoing, last.halo_index.is_some())
                 == (one.incoming, one.outgoing, one.halo_index.is_some())
@@ -148,6 +151,8 @@ impl ExchangeBuilder<'_> {
         if let Some(known) = self.ghost_at.get(&position) {
             return *known;
         }
+        // Classify a new ghost: an inlet takes precedence over outlets; `outward` collects the outlets beyond which it
+        // lies.
         let faces = self.domain.faces_outside_of(position).map(|f| f.map(|f| (f, self.domain.faces[f])));
         let inlet = faces.iter().flatten().any(|(_, f)| *f == FaceCondition::Inlet);
         let side = |f: &Option<(usize, FaceCondition)>| match f {
@@ -157,6 +162,7 @@ impl ExchangeBuilder<'_> {
         };
         let nearest = self.domain.nearest_cell(position);
         let number = self.ghosts.len();
+        // Nodes beyond an edge or corner belong to no single face and do not count for flux balances.
         let mut beyond = faces.iter().flatten().map(|f| f.0);
         let face = beyond.next().filter(|_| beyond.next().is_none());
         let outward = std::array::from_fn(|a| side(&faces[a]));
@@ -169,6 +175,8 @@ impl ExchangeBuilder<'_> {
 
     fn build(mut self, nonequilibrium: bool) -> Result<BoundaryExchange> {
         let grid = self.domain.grid;
+        // Every population that crosses a boundary has one place in a buffer, between the step that leaves it and the
+        // one that reads it.
         let mut planes = vec![PlaneExchangeRanges::default(); grid.n[2]];
         // Gather in the order of the planes that populations leave ...
         let mut order: Vec<usize> = (0..self.links.len()).collect();
@@ -202,10 +210,12 @@ impl ExchangeBuilder<'_> {
                 scatter.push(self.to_span_copy(link.incoming, link.to, *at)?);
             }
         }
+        // Open cells are numbered before the ghosts, which refer to them.
         let open_spans = self.number_open_cells(&mut planes)?;
         let (open_boundary, slots) = self.build_open_boundary()?;
         let (ghost_scatter, ghost_halo) = self.build_ghost_copies(&slots, &mut planes)?;
         position_empty_ranges(&mut planes);
+        // All buffers in their final sizes; no step allocates.
         let open_cells = planes.last().map_or(0, |p| p.open_cells.end);
         let moments = std::array::from_fn(|_| vec![0.0; open_cells]);
         let populations = vec![[0.0; Q]; if nonequilibrium { open_cells } else { 0 }];

@@ -53,6 +53,8 @@ impl FlowState {
     pub(super) fn set_faces(&mut self, faces: [FaceCondition; 6], sponge: [Vec<f32>; 2]) -> Result<()> {
         self.domain.faces = faces;
         let (nonequilibrium, mean_outflow) = (self.exchange.lists.nonequilibrium, self.exchange.mean_outflow);
+        // Which populations cross boundaries depends on the faces: rebuild the lists, and fill their buffers from the
+        // populations, which stay.
         self.exchange = build_exchange(&self.domain, nonequilibrium)?;
         self.exchange.mean_outflow = mean_outflow;
         self.exchange.rebuild_from_populations(&self.populations, self.next_parity());
@@ -88,6 +90,7 @@ impl FlowState {
     /// exchange never reads them.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn add_layer_velocities(&mut self, layers: &[LayerVelocity]) {
+        // Every population of a layer gets the same increment, which depends on direction and height only.
         let (grid, parity) = (self.domain.grid, self.next_parity());
         let mut arrays: Vec<_> = self.populations.arrays_mut().into_iter().enumerate().collect();
         par::par_each(&mut arrays, |(k, array)| {
@@ -166,6 +169,7 @@ impl WithSimd for PlaneMomentsKernel<'_, '_> {
         let mut row = [vec![0.0_f32; length], vec![0.0; length], vec![0.0; length], vec![0.0; length]];
         for y in 0..ny {
             let first = grid.node_element([0, y as isize, z as isize]);
+            // Between two steps the populations lie where the next step of this parity will read them.
             let mut slots: [(usize, usize); Q] = [(0, 0); Q];
             for (i, slot) in slots.iter_mut().enumerate() {
                 *slot = grid.outgoing_slot_of(parity, i, first);
@@ -177,6 +181,7 @@ impl WithSimd for PlaneMomentsKernel<'_, '_> {
                     *g = F32Lanes::new(simd, S::as_simd_f32s(&arrays[k][e + at..][..S::F32_LANES]).0[0]);
                 }
                 let (drho, u) = moments(&g);
+                // Order of a snapshot's values: velocity by component, then density.
                 let all = [u[0], u[1], u[2], drho];
                 for a in 0..4 {
                     S::as_mut_simd_f32s(&mut row[a]).0[register] = all[a].value;

@@ -58,6 +58,8 @@ impl StepParity {
 
 /// Row stride, plane stride, and offset of the first cell of a plane of `[x, y]` cells.
 fn plane_layout([x, y]: [usize; 2]) -> [usize; 3] {
+    // One halo node on either side of a row; `first` leaves room for the halo row and its halo node before it, on a
+    // block boundary.
     let row = x + 2;
     let first = (row + 1).next_multiple_of(BLOCK);
     // Halo slots of an odd step lie a row and an element beyond the last row; the last block of a plane may overrun it.
@@ -73,6 +75,7 @@ impl LatticeGrid {
             row_stride: row,
             plane_stride: plane,
             first_cell: first,
+            // Whole pages, plus the skew that spreads the arrays over the cache sets.
             array_stride: (plane * (n[2] + 2)).next_multiple_of(PAGE) + ARRAY_SKEW,
         }
     }
@@ -95,6 +98,7 @@ impl LatticeGrid {
     /// Element of a node in every array; coordinates run from -1 to n.
     #[allow(clippy::cast_sign_loss, clippy::cast_possible_wrap, reason = "from -1 on, below the sizes")]
     pub(super) fn node_element(&self, [x, y, z]: [isize; 3]) -> usize {
+        // Element of the node (-1, -1, -1); from there rows and planes follow at constant strides.
         let before_halo = self.first_cell - self.row_stride - 1;
         before_halo + (x + 1) as usize + self.row_stride * (y + 1) as usize + self.plane_stride * (z + 1) as usize
     }
@@ -127,6 +131,8 @@ impl LatticeGrid {
 
     /// By direction: the slot from which a step of this parity reads what arrives at a node.
     pub(super) fn incoming_slots(&self, parity: StepParity) -> DirectionSlots {
+        // AA pattern: an even step finds population i at home; an odd step finds it in the opposite array, one node
+        // upstream.
         std::array::from_fn(|i| {
             let array = if parity == StepParity::Odd { opposite(i) } else { i };
             Slot { array, offset: self.slot_offset(parity, array) }
@@ -135,6 +141,8 @@ impl LatticeGrid {
 
     /// By direction: the slot into which a step of this parity writes what leaves a node.
     pub(super) fn outgoing_slots(&self, parity: StepParity) -> DirectionSlots {
+        // The converse of reading: an even step leaves population i in the opposite array, an odd step writes it one
+        // node downstream.
         std::array::from_fn(|i| {
             let array = if parity == StepParity::Odd { i } else { opposite(i) };
             Slot { array, offset: self.slot_offset(parity, array) }
@@ -179,7 +187,7 @@ fn allocate_zeroed(elements: usize) -> Result<PopulationMemory> {
     Ok(memory)
 }
 
-/// A cache line.
+/// One cache line of `f32`: aligns arrays that the global allocator provides.
 #[cfg(not(target_os = "linux"))]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]

@@ -73,6 +73,8 @@ impl GroundModel {
 /// `drag`: as [`GroundModel::drag`]; `sponge_drag`: what the sponge adds, over the drag.
 #[inline(always)]
 pub(super) fn apply_wall_stress<L: Lane>(g: &mut [L; Q], drag: L, sponge_drag: L) {
+    // The four upward diagonals change by share (u_x +- u_z) with the signs below: density and c_y momentum stay, and
+    // the momentum along x and z changes by -4 share u = -drag rho |u| u.
     let drag = drag + drag * sponge_drag;
     let (drho, u) = super::collide::moments(g);
     let one = drag.splat(1.0);

@@ -120,6 +120,7 @@ impl InletWind {
     /// Mean speed at a height above the ground, m, over the one at the reference height.
     pub fn profile(&self, height: f64) -> f64 {
         let y = height.max(0.0);
+        // Relative to the reference height, so that `speed` is the speed there whatever the profile.
         match &self.options.profile {
             WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference_height + z0) / z0),
             WindProfile::Power(a) => pow(y / self.reference_height, *a),
@@ -221,6 +222,7 @@ impl InletWind {
         if self.options.gust_strength <= 0.0 {
             return self.speed_factor(t);
         }
+        // Between ticks the process is interpolated linearly, then clamped, so that `peak_speed` is a bound.
         let ticks = t * GUST_TICKS / self.options.gust_period;
         let (tick, fraction) = (ticks.floor() as i64, ticks - ticks.floor());
         let (a, b) = (process(tick), process(tick + 1));
@@ -231,6 +233,8 @@ impl InletWind {
     /// sqrt(1 - r^2) sum_j r^j n(tick - j) of normal draws n, cut off after [`GUST_MEMORY`] correlation times.
     #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
     fn gust_process_at_tick(&self, tick: i64) -> f64 {
+        // An AR(1) process as a finite moving average: stateless, so that any frame can be computed without those
+        // before it.
         let decay = exp(-1.0 / GUST_TICKS);
         let (mut sum, mut weight) = (0.0, sqrt(1.0 - decay * decay));
         for age in 0..(GUST_MEMORY * GUST_TICKS) as i64 {
@@ -308,6 +312,7 @@ pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
         return d;
     }
     let angle = direction_angle(options, t);
+    // Rotation about +Y; positive angles turn from +X towards -Z.
     let (c, s) = (cos(angle), sin(angle));
     DVec3::new(d.x * c + d.z * s, 0.0, d.z * c - d.x * s)
 }
@@ -352,6 +357,7 @@ fn fourier_mode(
     size: DVec3,
     periodic: [bool; 3],
 ) -> FourierMode {
+    // Wave vector of the given length in a random direction.
     let mut k = random_direction(&mut mode_rng(options.seed, m, "towards")) * (TAU / length);
     // Along a periodic axis a whole number of waves, possibly none, fits the box.
     for a in 0..3 {
@@ -387,7 +393,7 @@ fn random_direction(rng: &mut Rng) -> DVec3 {
 /// Position of an inlet node, outside an inlet face.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct InletNode {
-    /// Centre, m.
+    /// Centre of the node in the world, m.
     pub position: DVec3,
     /// Height of the ground before the face, over the bottom of the box, m.
     pub ground: f64,
@@ -423,6 +429,7 @@ pub(super) struct InletStep {
 impl InletNodes {
     /// `tau`: relaxation time, steps, at a height over the bottom of the box, m; `velocity_scale`: cells per step of 1 m/s.
     pub(super) fn new(inlet: &InletWind, nodes: &[InletNode], tau: impl Fn(f64) -> f64, velocity_scale: f64) -> Self {
+        // Heights count from the ground before the face, which terrain may raise above the bottom of the box.
         let height = |n: &InletNode| n.position.y - inlet.origin.y - n.ground;
         let mean = |n: &InletNode| narrow(inlet.options.speed * inlet.profile(height(n)) * velocity_scale);
         let mean = nodes.iter().map(mean).collect();
@@ -430,6 +437,7 @@ impl InletNodes {
             narrow(inlet.mean_shear_coefficient(tau(n.position.y - inlet.origin.y), height(n)) * velocity_scale)
         };
         let shear = nodes.iter().map(shear).collect();
+        // The factors of the addition theorem that do not depend on time.
         let mode = |m: &FourierMode| {
             let phase = |n: &InletNode| m.k.dot(n.position - inlet.origin) + m.phase;
             let envelope = |n: &InletNode| inlet.turbulence_envelope(height(n)) * velocity_scale;
@@ -445,6 +453,7 @@ impl InletNodes {
     /// Velocity at every node, by component, cells per step.
     pub(super) fn compute_velocities(&self, inlet: &InletWind, step: InletStep, arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
+        // The factors that depend on time only: one cosine and one sine per mode and step.
         let displacement = inlet.mean_displacement(step.time);
         let factor = step.ramp * inlet.speed_factor(step.time);
         let phase_shift = |m: &FourierMode| {
@@ -489,7 +498,7 @@ impl GustCache {
 /// One turbulence mode in one step.
 #[derive(Debug, Clone, Copy)]
 struct ModePhaseShift {
-    /// Amplitude, m/s.
+    /// Velocity amplitude of the mode by component, m/s.
     amplitude: [f32; 3],
     /// Cosine of k . s, times the share of the full inflow.
     cos: f32,
@@ -512,6 +521,7 @@ impl WithSimd for InletVelocityKernel<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { nodes, step, mode_steps, out } = self;
         let count = nodes.mean.len();
+        // Mean wind first, then all modes, block by block: the partial sums never leave the L1 cache.
         for first in (0..count).step_by(NODE_BLOCK) {
             let block = first..count.min(first + NODE_BLOCK);
             for (out, direction) in out.iter_mut().zip(step.direction) {
@@ -532,6 +542,7 @@ impl WithSimd for InletVelocityKernel<'_> {
 /// sum += c cosine + s sine, element by element.
 #[inline(always)]
 fn accumulate_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
+    // Whole registers, then the remaining elements one by one with the same operations.
     let (lanes, rest) = S::as_mut_simd_f32s(sum);
     let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
     let (c_all, s_all) = (F32Lanes::from_scalar(simd, c), F32Lanes::from_scalar(simd, s));

@@ -32,10 +32,12 @@ pub struct LatticeMemory {
 impl LatticeMemory {
     /// Estimate for a solver with these options.
     pub fn estimate(options: &LatticeOptions) -> Self {
+        // Saturating products: the options may ask for more cells than 64 bits count.
         let n = options.cells.map(u64::from);
         let count: u64 = n.iter().fold(1, |product, n| product.saturating_mul(*n));
         let with_halo: u64 = n.iter().fold(1, |product, n| product.saturating_mul(n + 2));
         let faces = faces_ever_open(options);
+        // Cells at a face: the product of the other two extents.
         let area = |f: usize| (0..3).filter(|a| *a != f / 2).map(|a| n[a]).product::<u64>();
         let cells_at = |face: FaceCondition| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
         let (inlet_cells, outlet_cells) = (cells_at(FaceCondition::Inlet), cells_at(FaceCondition::Outlet));

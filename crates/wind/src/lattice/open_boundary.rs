@@ -62,7 +62,7 @@ pub(super) struct GhostState<L> {
     velocity: [L; 3],
     /// Density less 1 and velocity of the cell before it, if its non-equilibrium part is passed on.
     nonequilibrium: Option<(L, [L; 3])>,
-    /// Shear of an inlet.
+    /// Shear of the inflow along x and z, as in [`shear_nonequilibrium_population`]; none at an outlet.
     shear: Option<[L; 2]>,
 }
 
@@ -70,6 +70,8 @@ impl<L: Lane> GhostState<L> {
     /// `drho`, `u`: density less 1 and velocity of the cell before it; 0 if that is solid.
     #[inline(always)]
     pub(super) fn new(drho: L, mut u: [L; 3], condition: GhostCondition<L>) -> Self {
+        // An inlet prescribes the velocity and takes the density from inside; an outlet prescribes the density and
+        // takes the velocity.
         match condition {
             GhostCondition::Inlet { velocity, shear } => {
                 Self { drho, velocity, nonequilibrium: None, shear: Some(shear) }
@@ -92,6 +94,8 @@ impl<L: Lane> GhostState<L> {
     #[inline(always)]
     pub(super) fn population_sent(&self, i: usize, cell_population: L) -> L {
         let sent = equilibrium(i, self.drho, self.velocity);
+        // Equilibrium, plus the non-equilibrium part: copied from the cell (outlet), or of the profile's shear
+        // (inlet).
         match (self.nonequilibrium, self.shear) {
             (Some((drho, u)), _) => sent + (cell_population - equilibrium(i, drho, u)),
             (None, Some(shear)) => sent + shear_nonequilibrium_population(i, shear),
@@ -237,6 +241,7 @@ impl OpenBoundary {
 
     /// Mean outward velocity of the cells before each outlet, cells per step; 0 for other faces.
     pub(super) fn mean_outflow(&self, moments: &[Vec<f32>; 4]) -> [f32; 6] {
+        // Moments are density, then velocity by component: 1 + f/2 is the component normal to face f.
         std::array::from_fn(|f| {
             let cells = &self.outlet_cells[f];
             let sum: f64 = cells.iter().map(|n| f64::from(moments[1 + f / 2][to_usize(*n)])).sum();
@@ -265,6 +270,7 @@ impl OpenBoundary {
         mut out: &mut [f32],
     ) {
         for group in &self.groups[self.planes[z].groups.clone()] {
+            // Groups fill the plane's range one after the other.
             let (own, others) = std::mem::take(&mut out).split_at_mut(group.buffer_len());
             let ghosts = &self.ghosts[group.first..group.first + group.count];
             group.compute_populations(simd, ghosts, state, own);
@@ -290,6 +296,7 @@ impl GhostGroup {
         state: OpenBoundaryState<'_>,
         out: &mut [f32],
     ) {
+        // SIMD needs contiguous open cells, at least one full register of them, and no per-cell populations.
         match self.first_open_cell.filter(|_| self.count >= S::F32_LANES && state.populations.is_none()) {
             Some(first) => self.compute_populations_simd(simd, to_usize(first), state, out),
             None => self.compute_populations_scalar(ghosts, state, out),
@@ -306,6 +313,7 @@ impl GhostGroup {
         out: &mut [f32],
     ) {
         let load = |from: &[f32]| F32Lanes::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
+        // The same conditions as `compute_populations_scalar`, one register of ghosts at a time.
         let mut from = 0;
         while from < self.count {
             // The last register overlaps the one before, so that it is full.
@@ -332,6 +340,7 @@ impl GhostGroup {
             };
             let ghost = GhostState::new(cell[0], [cell[1], cell[2], cell[3]], condition);
             let mut to = at;
+            // Only directions into the domain are stored, side by side: index in the group first, direction second.
             for i in 1..Q {
                 if self.directions >> i & 1 == 1 {
                     let sent = ghost.population_sent(i, F32Lanes::from_scalar(simd, 0.0));
@@ -371,6 +380,7 @@ impl GhostGroup {
 
 /// Mean of a value by face over the outlets beyond which a node lies; 0 for none.
 pub(super) fn mean_over_outlets<L: Lane>(outward: [i8; 3], values: [L; 6]) -> L {
+    // Beyond an edge of two outlets the mean of both applies.
     let (mut sum, mut count) = (values[0].splat(0.0), 0.0);
     for (a, side) in outward.iter().enumerate().filter(|(_, side)| **side != 0) {
         sum = sum + values[2 * a + usize::from(*side > 0)];

@@ -28,6 +28,7 @@ pub(super) struct ThreadScratch<'a> {
 impl<'a> ThreadScratch<'a> {
     /// `snapshot`: planes by number, from the last to the first.
     pub(super) fn new(grid: &LatticeGrid, snapshot: Vec<(usize, SnapshotPlane<'a>)>) -> Self {
+        // The moment buffers are needed only by threads that write part of a snapshot.
         let length = if snapshot.is_empty() { 0 } else { grid.plane_span().next_multiple_of(BLOCK) };
         Self {
             row_halo: RowHalo::new(grid),
@@ -49,6 +50,7 @@ impl<'a> ThreadScratch<'a> {
         let Some((_, mut target)) = self.snapshot.pop_if(|(plane, _)| *plane == z) else { return };
         let (row, [nx, ny, _]) = (domain.grid.row_stride, domain.grid.n);
         let mut diagnostics = PlaneDiagnostics::default();
+        // Rows leave the padded buffer without their halo nodes.
         for y in 0..ny {
             let moments = self.moments.each_mut().map(|all| &mut all[y * row..y * row + nx]);
             diagnostics.add_row(domain, y, z, moments, Some(&mut target));
@@ -100,6 +102,7 @@ impl PlaneStep<'_> {
         max_speed_squared: &mut f32,
     ) -> u64 {
         let parity = if ODD { StepParity::Odd } else { StepParity::Even };
+        // Boundary populations of this plane enter their halo slots before any cell of it is read.
         self.input.scatter_incoming(planes, &mut scratch.row_halo, parity, self.z);
         // Limiting speeds or writing moments within the kernel costs a tenth of its time: a second kernel does both, where
         // a snapshot is taken or a speed near the limit was seen in the step before.
@@ -110,6 +113,8 @@ impl PlaneStep<'_> {
             self.collide_plane::<S, ODD, EDDIES, FORCE, false>(simd, planes, scratch, output)
         };
         *max_speed_squared = speed.max_squared;
+        // The moments are those after the last step of the pass; then the plane hands over what its boundaries need
+        // next.
         if self.last {
             scratch.write_snapshot_plane(self.domain, self.z);
         }
@@ -140,6 +145,7 @@ impl PlaneStep<'_> {
         let registers_per_block = BLOCK / S::F32_LANES;
         let params = &tables.params;
         let z_sponge = F32Lanes::from_scalar(simd, params.sponge[1].get(z).copied().unwrap_or(0.0));
+        // Relaxation of blocks outside sponges and ground layer, where tau is the same everywhere.
         let uniform = Relaxation::new(
             F32Lanes::from_scalar(simd, params.tau),
             F32Lanes::from_scalar(simd, params.smagorinsky_factor),
@@ -149,6 +155,7 @@ impl PlaneStep<'_> {
                 F32Lanes::from_scalar(simd, params.force[2]),
             ],
         );
+        // The arrays of this plane as registers: block b of every array belongs to the same nodes.
         bind_arrays!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
         let registers = length / S::F32_LANES;
@@ -167,6 +174,7 @@ impl PlaneStep<'_> {
             let mut relaxation = uniform;
             let from = to_usize(range.from) * registers_per_block;
             let to = (to_usize(range.to) * registers_per_block).min(registers);
+            // Skip row ends before this range; the sentinel at the end of the list matches no block.
             next += tables.row_ends[next..].iter().take_while(|end| end.block < from).count();
             let mut next_end = tables.row_ends[next].block;
             for b in from..to {
@@ -192,6 +200,7 @@ impl PlaneStep<'_> {
                         row_halo.insert_into_lanes(simd, *end, &mut g);
                     }
                 }
+                // Lowest row over rough ground: take the wall stress out of the populations before they collide.
                 if node < drag_end {
                     let (drag, sponge) =
                         (load_lanes(simd, &tables.drag, node), load_lanes(simd, &tables.drag_sponge, node));
@@ -240,6 +249,8 @@ impl PlaneStep<'_> {
         output: &mut ExchangeOutput<'_>,
     ) {
         let lists = self.input.lists;
+        // Column 0 holds the first cells of the rows, column 1 the last; an end that lies in another block has no lane
+        // here.
         for (column, lane) in lists.planes[self.z].columns.into_iter().zip(end.lanes) {
             let Some(column) = column.filter(|_| lane != NO_LANE) else { continue };
             let (lane, number) = (to_usize(lane), column + to_usize(end.y) - output.first_cell);
@@ -266,6 +277,8 @@ impl PlaneStep<'_> {
     ) {
         let lists = self.input.lists;
         let links = &lists.planes[self.z];
+        // Open cells at the other faces lie in spans, not in the columns: gather their populations, then take the
+        // moments in SIMD lanes.
         let mut number = links.first_open_span_cell(lists.grid.n[1]) - output.first_cell;
         for span in &lists.open_spans[links.open_spans.clone()] {
             for skip in (0..to_usize(span.count)).step_by(BLOCK) {
@@ -278,6 +291,7 @@ impl PlaneStep<'_> {
                     for i in 0..Q {
                         lanes[i] = load_lanes(simd, &g[i], from);
                     }
+                    // The last register of a span may be partly filled: only its used lanes are stored.
                     let (drho, u) = moments(&lanes);
                     let used = S::F32_LANES.min(count - from);
                     for (to, value) in output.moments.iter_mut().zip([drho, u[0], u[1], u[2]]) {

@@ -24,7 +24,7 @@ pub struct RecordingOptions {
     pub bounds: Bounds,
     /// Number of frames in the clip.
     pub frames: usize,
-    /// Frames per second.
+    /// Frame rate of the clip, frames per second.
     pub fps: f64,
     /// Whether the clip loops: the frame after the last is the first.
     pub repeats: bool,
@@ -82,6 +82,7 @@ impl RecordedWind {
     /// space.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the frames")]
     fn add_weighted_frame(&self, positions: &[Vec3], frame: f64, weight: f32, out: &mut [Vec3]) {
+        // The recorded frames on either side of the fractional index.
         let last = self.frames.len() - 1;
         let frame = frame.clamp(0.0, last as f64);
         let before = (frame as usize).min(last.saturating_sub(1));

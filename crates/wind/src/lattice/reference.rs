@@ -1,5 +1,5 @@
-//! The same flow as plainly as can be: two copies of everything, one cell after the other, in f64. What the production code
-//! is held to.
+//! Reference solver: the scheme as in a textbook, with two copies of the populations, one cell after the other, in
+//! f64. Tests compare the production solver with it.
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -15,7 +15,7 @@ use super::ground::{GroundModel, apply_wall_stress};
 use super::open_boundary::{GhostCondition, GhostState, mean_over_outlets, outlet_density};
 use super::stencil::{Q, VELOCITIES, weight};
 
-/// Air in steps of the lattice.
+/// The state of a flow, and its parameters as in [`super::step_tables::FlowParams`].
 pub(super) struct ReferenceSolver {
     pub domain: Domain,
     pub tau: f64,
@@ -26,9 +26,9 @@ pub(super) struct ReferenceSolver {
     pub nonequilibrium: bool,
     /// Mean outward velocity before each outlet, ahead of the last even step.
     pub mean_outflow_before_even_step: [f64; 6],
-    /// Steps done.
+    /// Number of completed steps.
     pub step: u64,
-    /// What left each cell in the last step.
+    /// Populations that left each cell in the last step.
     pub outgoing: Vec<[f64; Q]>,
 }
 
@@ -66,7 +66,7 @@ impl ReferenceSolver {
         })
     }
 
-    /// `wind`: velocity outside, and how it leans.
+    /// One step. `wind`: velocity and shear at a ghost node; `wanted`: target outflow of each outlet.
     pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]), wanted: [f64; 6]) {
         let before = self.outgoing.clone();
         if self.step.is_multiple_of(2) {
@@ -108,6 +108,8 @@ impl ReferenceSolver {
                 left(cell)[direction] + 6.0 * weight(i) * along
             }
             PopulationSource::Ghost { direction, position } => {
+                // A ghost node: the moments of the nearest cell, and the condition of the faces beyond which the node
+                // lies.
                 let near: [usize; 3] =
                     std::array::from_fn(|a| position[a].clamp(0, self.domain.grid.n[a] as isize - 1) as usize);
                 let solid = self.domain.is_solid(near);
@@ -134,6 +136,7 @@ impl ReferenceSolver {
 
     fn collide_cell(&self, mut g: [f64; Q], [x, y, z]: [usize; 3]) -> [f64; Q] {
         let sponge = |k: usize, at: usize| self.sponge[k].get(at).copied().unwrap_or(0.0);
+        // The production kernel's relaxation time and drag, evaluated per cell instead of from tables.
         let share = sponge(0, x).max(sponge(1, z));
         if y == 0 && self.ground.drag > 0.0 {
             apply_wall_stress(&mut g, f64::from(self.ground.drag), f64::from(self.ground.sponge_drag) * share);

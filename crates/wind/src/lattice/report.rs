@@ -12,7 +12,7 @@ pub struct LatticeWarning {
 /// Statistics of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatticeStats {
-    /// Time steps done.
+    /// Time steps since rest, the spin-up included.
     pub steps: u64,
     /// Fluid cells whose speed was clamped, summed over all steps.
     pub clamped_cells: u64,

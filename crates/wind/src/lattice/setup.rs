@@ -47,7 +47,7 @@ pub struct LatticeOptions {
     pub inlet: InletOptions,
     /// Kinematic viscosity, m^2/s.
     pub viscosity: f64,
-    /// Frames per second.
+    /// Frame rate of the snapshots, frames per second.
     pub fps: f64,
     /// Time steps per frame; none for the fewest at which the wind passes no more than a tenth of a cell per step.
     pub steps_per_frame: Option<u32>,
@@ -211,6 +211,8 @@ impl LatticeSetup {
     pub(super) fn sponge_strength(&self, faces: [FaceCondition; 6]) -> [Vec<f32>; 2] {
         let strength = |axis: usize| {
             let (n, depth) = (self.n[axis], f64::from(self.sponge));
+            // Depth into the sponge from either face, over its thickness; the square makes it set in smoothly, so that
+            // it reflects little.
             let at_cell = |x: usize| {
                 let low = if faces[2 * axis] == FaceCondition::Outlet { depth - x as f64 } else { 0.0 };
                 let high = if faces[2 * axis + 1] == FaceCondition::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
@@ -226,6 +228,7 @@ impl LatticeSetup {
 /// Boundary condition of each face at time `t`, s. A vertical face is an inlet where the wind blows into the box, an outlet where
 /// it blows out, and as [`LatticeOptions::sides`] asks where it is parallel.
 pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceCondition; 6] {
+    // `across`: the horizontal axis that the wind is less parallel to; its two faces are the sides.
     let d = direction_at(&options.inlet, t);
     let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
     // A turning wind does not stay parallel to an axis, and its turning emits sound waves, which slip faces would reflect for
@@ -247,6 +250,7 @@ pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceConditio
             SideCondition::Slip if side => return FaceCondition::Slip,
             _ => {}
         }
+        // Component of the wind along the outward normal of face f: in, out, or parallel.
         let out = d[axis] * if f.is_multiple_of(2) { -1.0 } else { 1.0 };
         if out < -PARALLEL_COMPONENT {
             FaceCondition::Inlet
@@ -316,6 +320,7 @@ fn spin_up_steps(options: &LatticeOptions, dt: f64, size: DVec3, n: [usize; 3], 
     if let Some(seconds) = options.spin_up {
         return (seconds / dt).ceil() as u64;
     }
+    // Sound crosses one cell in sqrt(3) steps.
     let flow_through = size[along] / options.inlet.speed.max(0.01) / dt;
     let longest = n.iter().copied().max().unwrap_or(0) as f64;
     flow_through.max(SPIN_UP_SOUND_CROSSINGS * longest * osier_base::math::sqrt(3.0)).ceil() as u64

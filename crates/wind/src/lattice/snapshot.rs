@@ -33,7 +33,7 @@ impl WindSnapshot {
         self.grid.origin
     }
 
-    /// Edge of a cell, m.
+    /// Edge length of the cubic cells, m.
     pub fn spacing(&self) -> f64 {
         self.grid.spacing
     }
@@ -68,9 +68,11 @@ impl Wind for InterpolatedWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         let part = if self.t1 > self.t0 { ((t - self.t0) / (self.t1 - self.t0)).clamp(0.0, 1.0) } else { 0.0 };
         let part = osier_base::math::narrow(part);
+        // State of the undisturbed inflow, which applies outside the box, once per call.
         let (grid, inlet) = (&self.before.grid, &self.before.grid.inlet);
         let outside = inlet.state_at(t, inlet.gust_factor(t));
         for (place, u) in places.iter().zip(out) {
+            // Linear in time at the cells, before the interpolation in space.
             let value = |k: usize| {
                 let (a, b) = (self.before.values[k], self.after.values[k]);
                 let a = Vec3::new(a[0], a[1], a[2]);

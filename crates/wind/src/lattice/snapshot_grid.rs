@@ -17,7 +17,7 @@ pub(super) struct SnapshotGrid {
     pub n: [usize; 3],
     /// Lowest corner of the cells, m.
     pub origin: DVec3,
-    /// Edge of a cell, m.
+    /// Edge length of the cubic cells, m.
     pub spacing: f64,
     pub periodic: [bool; 3],
     /// By cell, halo included: solid, or below the ground.
@@ -56,6 +56,7 @@ impl SnapshotGrid {
     /// The part of the grid that covers some bounds, m, `margin` cells wider, and the part's lowest cell.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn crop(&self, bounds: Bounds, margin: f32) -> (Self, [usize; 3]) {
+        // Axis by axis the range of cells that the bounds touch, in cells from the corner.
         let (mut low, mut n) = ([0; 3], self.n);
         for a in 0..3 {
             let in_cells = |v: f32| narrow((f64::from(v) - self.origin[a]) / self.spacing);
@@ -142,6 +143,7 @@ impl SnapshotGrid {
             base[a] = (from as usize).min(self.n[a]);
             fraction[a] = narrow(from - base[a] as f64);
         }
+        // Interpolate between the eight cells around the point; outside the box, fade into the undisturbed inflow.
         let strides = self.strides();
         let first = base[0] + base[1] * strides[1] + base[2] * strides[2];
         let inner = self.interpolate_trilinear(first, fraction, values);

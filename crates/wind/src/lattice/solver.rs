@@ -77,6 +77,7 @@ impl LatticeSolver {
     /// `Range` for options that contradict each other; `Limit` for too many cells; `Io` if the system cannot provide the
     /// memory; `Input` with S024 if all cells are solid.
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
+        // Refuse what is too large before any memory is allocated.
         let (mut setup, mut warnings) = LatticeSetup::new(options)?;
         limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
         LatticeMemory::estimate(options).check_limit(options, limits)?;
@@ -175,6 +176,7 @@ impl LatticeSolver {
     /// # Errors
     /// As [`LatticeSolver::advance`].
     pub fn spin_up(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+        // An even number of steps, so that they all run as fused pairs; the rest belongs to the first frame.
         let until = self.setup.spin_up.saturating_sub(1) & !1;
         if self.flow.step < until {
             progress.stage("wind", self.setup.spin_up);
@@ -220,6 +222,7 @@ impl LatticeSolver {
 
     /// Runs to the next frame and writes its snapshot.
     fn run_to_frame(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+        // Frame k is reached after the spin-up and k frames' worth of steps.
         let until = self.setup.spin_up + u64::from(self.frames) * u64::from(self.setup.steps);
         if self.frames == 0 && self.flow.step == 0 {
             progress.stage("wind", until);
@@ -233,6 +236,7 @@ impl LatticeSolver {
         }
         while self.flow.step < until {
             cancel.check()?;
+            // The snapshot is written by the pass that does the last step.
             let left = until - self.flow.step;
             let last = left == 1 || left == 2 && self.flow.next_parity() == StepParity::Even;
             let target = last.then(|| SnapshotTarget { grid: &grid, speed_unit, values: &mut *values });
@@ -247,6 +251,7 @@ impl LatticeSolver {
 
     /// One step, or two in one pass if as many are left and the first is even. Returns how many.
     fn advance_one_or_two_steps(&mut self, left: u64, target: Option<SnapshotTarget<'_>>) -> Result<u64> {
+        // Inflow and outlet targets of both steps of a pass are needed before it begins.
         let two = left >= 2 && self.flow.next_parity() == StepParity::Even;
         let now = self.update_inlet(0);
         let inflow = [now, if two { self.update_inlet(1) } else { now }];
@@ -277,6 +282,7 @@ impl LatticeSolver {
     /// While the inflow ramps up, gives the air inside its profile. The pressure that drives the start-up accelerates all
     /// heights alike, and the slow air near the ground would only come in from the inlet at its own speed.
     fn add_profile_while_ramping(&mut self, before: u64) {
+        // The share by which the ramp rose in this pass; 0 when it is over.
         let rise = spin_up_ramp(self.flow.step) - spin_up_ramp(before);
         if rise > 0.0 {
             let t = self.step_time(before);
@@ -305,6 +311,7 @@ impl LatticeSolver {
     /// Sets the conditions that the faces have on the way to a frame, if the wind turns.
     fn update_faces(&mut self, frame: u64) -> Result<()> {
         let Some(options) = &self.turning else { return Ok(()) };
+        // Half a frame earlier: the conditions in the middle of the interval that leads to the frame.
         let faces = face_conditions(options, ((frame as f64 - 0.5) / self.setup.fps).max(0.0));
         if faces != self.flow.domain.faces {
             self.flow.set_faces(faces, self.setup.sponge_strength(faces))?;
@@ -334,6 +341,7 @@ impl LatticeSolver {
 
     /// Fails if a density is out of range; warns of a checkerboard.
     fn check_flow(&mut self, diagnostics: &FlowDiagnostics) -> Result<()> {
+        // Report the first cell out of range, with what is known of it.
         let planes = &diagnostics.planes;
         let bad = planes.iter().enumerate().find_map(|(z, p)| p.out_of_range.map(|[x, y]| [x, y, z]));
         if let Some(cell) = bad {
@@ -346,6 +354,7 @@ impl LatticeSolver {
                 1.0 + drho, DENSITY_RANGE[0], DENSITY_RANGE[1], u.x, u.y, u.z, cell[0], cell[1], cell[2], at.x, at.y, at.z
             )));
         }
+        // Mean density error (drift of the total mass) and mean checkerboard, over fluid cells.
         let sum = |f: &dyn Fn(&PlaneDiagnostics) -> f64| planes.iter().map(f).sum::<f64>();
         self.stats.density_error = sum(&|p| p.mass) / self.fluid_cells as f64;
         let checkerboard = (sum(&|p| p.checkerboard) / self.fluid_cells as f64).abs();
@@ -390,6 +399,7 @@ impl LatticeSolver {
     /// `Input` if the checkpoint is of another lattice wind.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<()> {
         let (head, body) = bytes.split_at_checked(CHECKPOINT_HEADER).ok_or_else(checkpoint_mismatch_error)?;
+        // Header: fingerprint, step, frame.
         let word = |k: usize| head[8 * k..].first_chunk::<8>().map_or(0, |b| u64::from_le_bytes(*b));
         let frames = u32::try_from(word(2)).map_err(|_| checkpoint_mismatch_error())?;
         self.update_faces(word(2).saturating_sub(1))?;

@@ -49,6 +49,7 @@ pub(super) const fn opposite(i: usize) -> usize {
 pub(super) fn reflect(i: usize, axis: usize) -> usize {
     let mut c = VELOCITIES[i];
     c[axis] = -c[axis];
+    // Every reflection of a D3Q15 velocity is one of the fifteen, so that the search always succeeds.
     VELOCITIES.iter().position(|d| *d == c).unwrap_or(i)
 }
 

@@ -37,7 +37,7 @@ pub(super) struct AirBlockRange {
 pub(super) struct StepTables {
     pub(super) grid: LatticeGrid,
     pub(super) params: FlowParams,
-    /// By plane.
+    /// Runs of blocks with air, by plane.
     block_ranges: Vec<Vec<AirBlockRange>>,
     /// Relaxation time where no sponge is in z.
     pub(super) base_tau: Vec<f32>,
@@ -58,10 +58,12 @@ impl StepTables {
     /// `Limit` for more nodes than an index of 32 bits counts.
     pub(super) fn new(domain: &Domain, params: FlowParams) -> Result<Self> {
         let grid = domain.grid;
+        // One more block than the plane has: the kernel reads whole registers.
         let nodes = 0..grid.plane_span() + BLOCK;
         let row = grid.row_stride;
         let base_tau = nodes.clone().map(|k| tau_without_z_sponge(&params, [k % row, k / row])).collect();
         let sponge_tau = nodes.map(|k| params.ground.sponge_tau(k / row, params.tau)).collect();
+        // Drag acts on the first row only; halo nodes and the rest of the last block get none.
         let drag_nodes = if params.ground.drag > 0.0 { grid.n[0] + BLOCK } else { 0 };
         let drag = (0..drag_nodes).map(|k| if k < grid.n[0] { params.ground.drag } else { 0.0 }).collect();
         let drag_sponge = (0..drag_nodes).map(|k| params.sponge[0].get(k).copied().unwrap_or(0.0)).collect();
@@ -96,6 +98,7 @@ fn find_air_blocks(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec
     let grid = domain.grid;
     let in_sponge = params.sponge[1].get(z).is_some_and(|strength| *strength > 0.0);
     let mut ranges: Vec<AirBlockRange> = Vec::new();
+    // Blocks without a fluid cell are left out; runs of blocks split where tau begins or ceases to vary.
     for block in 0..grid.plane_span().div_ceil(BLOCK) {
         let nodes = block * BLOCK..(block + 1) * BLOCK;
         let air = |k: usize| {

@@ -107,6 +107,8 @@ impl StepContext<'_> {
         if self.parity == StepParity::Even {
             exchange.mean_outflow = exchange.open_boundary.mean_outflow(&exchange.previous.open_cells.moments);
         }
+        // Ghosts first, since they read the moments of the step before; then the chunks, and last the seams, which
+        // need all chunks' even steps.
         self.compute_ghosts(exchange);
         let bounds = self.chunk_bounds();
         let mut snapshot: SnapshotPlanes<'_> =
@@ -128,6 +130,7 @@ impl StepContext<'_> {
     /// Computes the ghost populations of the first step.
     fn compute_ghosts(&self, exchange: &mut BoundaryExchange) {
         let (open_boundary, open_cells) = (&exchange.open_boundary, &exchange.previous.open_cells);
+        // The first step's ghosts read the open cells of the previous pass.
         let state = OpenBoundaryState {
             moments: open_cells.moments.each_ref().map(|a| &a[..]),
             first_cell: 0,
@@ -141,6 +144,7 @@ impl StepContext<'_> {
         let mut planes: Vec<_> =
             split_slice(&mut exchange.ghost_populations[0], &ranges).into_iter().enumerate().collect();
         planes.retain(|(_, out)| !out.is_empty());
+        // Each plane's ghosts fill a range of their own, so that planes are independent.
         par::par_each(&mut planes, |(z, out)| {
             self.tables.arch.dispatch(GhostKernel { open_boundary, z: *z, state, out });
         });
@@ -149,6 +153,7 @@ impl StepContext<'_> {
     /// First planes of the chunks, and the number of planes.
     fn chunk_bounds(&self) -> Vec<usize> {
         let n = self.tables.grid.n[2];
+        // One chunk per thread, unless chunks would be shorter than two seams.
         let count = par::threads().min(n / MIN_CHUNK).max(1);
         (0..=count).map(|k| k * n / count).collect()
     }
@@ -166,6 +171,7 @@ impl StepContext<'_> {
         let elements: Vec<_> = ranges.iter().map(|r| r.start * stride..r.end * stride).collect();
         let slices = |r: &Range<usize>| PlaneSlices { arrays: Vec::with_capacity(Q), first_plane: r.start };
         let mut planes: Vec<_> = ranges.iter().map(slices).collect();
+        // Borrow disjoint planes of all fifteen arrays, so that threads need no locks.
         for array in populations.arrays_mut() {
             let parts = split_slice(array, &elements);
             planes.iter_mut().zip(parts).for_each(|(planes, part)| planes.arrays.push(part));
@@ -197,6 +203,7 @@ impl StepContext<'_> {
         let inner = |r: &Range<usize>| if r.len() < MIN_CHUNK { r.start..r.start } else { r.start + 1..r.end - 1 };
         let inner: Vec<_> = chunks.iter().map(inner).collect();
         let [ghosts, second_ghosts] = ghost_populations;
+        // Ghosts of a chunk's planes are contiguous in the buffer: each chunk borrows its own part.
         let ghost_range =
             |r: &Range<usize>| open_boundary.buffer_range(r.start).start..open_boundary.buffer_range(r.end - 1).end;
         let ghost_ranges: Vec<_> = chunks.iter().map(ghost_range).collect();
@@ -214,6 +221,7 @@ impl StepContext<'_> {
             populations: BufferSlice::full(&previous.populations),
             ghosts: BufferSlice::full(ghosts),
         };
+        // One job per chunk, with exclusive slices of populations, buffers and ghosts.
         let planes = self.plane_slices(populations, &chunks, 0);
         let speeds = split_slice(max_speed_squared, &chunks);
         let parts = planes.into_iter().zip(speeds).zip(outputs).zip(ghost_parts).zip(chunks.iter().zip(&inner));
@@ -230,6 +238,7 @@ impl StepContext<'_> {
                 odd_planes: inner.clone(),
             })
             .collect();
+        // Outlet densities of the odd step use the mean outflow of the even one, taken once per pass.
         let second = self.second.map(|inputs| OddStepInputs {
             open_boundary,
             inputs,
@@ -252,6 +261,8 @@ impl StepContext<'_> {
         let seams = bounds.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
         // In a domain with too few planes for two seams, they are one.
         let seams: Vec<_> = if n < MIN_CHUNK { std::iter::once(0..n).collect() } else { seams.collect() };
+        // In a fused pass the seams' odd step reads what the even step of this pass has left; alone, what the previous
+        // pass has left.
         let (before, ghosts) = if self.pass_kind() == PassKind::EvenAndOdd {
             (intermediate, &ghost_populations[1])
         } else {
@@ -263,6 +274,7 @@ impl StepContext<'_> {
             ghosts: BufferSlice::full(ghosts),
         };
         let speeds = split_slice(max_speed_squared, &seams);
+        // A margin of one plane: an odd step writes one node downstream, into the neighbouring planes.
         let planes = self.plane_slices(populations, &seams, 1).into_iter().zip(speeds);
         let parts = planes.zip(next.split_by_planes(lists, &seams)).zip(&seams);
         let mut jobs: Vec<_> = parts
@@ -285,6 +297,7 @@ impl StepContext<'_> {
 
     /// Scratch of a thread, with those planes of the snapshot that are in a range.
     fn thread_scratch<'a>(&self, snapshot: &mut SnapshotPlanes<'a>, planes: &Range<usize>) -> ThreadScratch<'a> {
+        // Reversed, so that planes are taken from the end in ascending order.
         let mut own: Vec<_> = snapshot.extract_if(.., |(z, _)| planes.contains(z)).collect();
         own.reverse();
         ThreadScratch::new(&self.tables.grid, own)
@@ -293,6 +306,7 @@ impl StepContext<'_> {
     /// Runs a chunk with the machine's instructions, by the kernel that its flow needs.
     fn dispatch_kernel(&self, task: ChunkTask<'_, '_>) -> ChunkResult {
         let (arch, params) = (&self.tables.arch, &self.tables.params);
+        // Compile-time variants: the kernel of every wind has no force term, and without eddies no square root.
         let forced = params.force.iter().any(|f| f.abs() > 0.0);
         match (params.smagorinsky_factor > 0.0, forced) {
             (true, false) => arch.dispatch(ChunkKernel::<true, false>(task)),
@@ -404,6 +418,8 @@ impl ChunkTask<'_, '_> {
             odd_planes,
         } = chunk;
         let mut clamped = [0; 2];
+        // A wavefront over the planes: the even step of plane z is followed by the odd step of plane z - 1, whose
+        // neighbours z - 2, z - 1 and z have then all done their even step.
         for z in even_planes.start..even_planes.end + 1 {
             // Even step of plane z, then the ghosts that the odd step of the same plane will read.
             if let Some(output) = even_output.as_mut().filter(|_| z < even_planes.end) {
@@ -427,6 +443,7 @@ impl ChunkTask<'_, '_> {
                 }
             }
             // Odd step of the plane behind, which reads what the even step has just left.
+            // At z = 0 there is none behind; the wrapped index lies in no range.
             let behind = z.wrapping_sub(1);
             if let Some(output) = odd_output.as_mut().filter(|_| odd_planes.contains(&behind)) {
                 let input = match even_output {

@@ -64,6 +64,7 @@ pub(super) fn voxelize(grid: &LatticeGrid, origin: DVec3, spacing: f64, solids: 
     // Bounds and slab once per solid; a cell outside the bounds needs no exact test.
     let candidates: Vec<_> =
         solids.iter().map(|s| (s, candidate_bounds(s, half), slab_thinner_than_cell(s, half))).collect();
+    // One task per plane; within the plane each solid tests the cells inside its bounds.
     let planes = par::par_map(&planes, |z| {
         let mut plane = vec![false; grid.n[0] * grid.n[1]];
         for (solid, bounds, thin) in &candidates {

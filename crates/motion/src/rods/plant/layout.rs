@@ -21,13 +21,13 @@ pub struct RodPlantParams {
     /// Stems: stiffness, weight, drag of leaves and wood, factor on damping.
     pub wood: WoodParams,
     /// Gravity, m/s^2.
-    pub g: f64,
+    pub gravity: f64,
     /// Shear modulus over Young's, 0.02..0.5.
     pub shear: f64,
     /// Springs back, 0..4.
     pub recovery: f64,
     /// Divides all stiffness, 1..20.
-    pub gain: f64,
+    pub flexibility: f64,
     /// Young's modulus of stalks, Pa.
     pub stalk_young: f64,
     /// Radius of the stalk of each prototype in size 1, m.
@@ -39,11 +39,11 @@ pub struct RodPlantParams {
     /// Sections of a stem; `None` chooses.
     pub sections: Option<usize>,
     /// Thicker wood stands still, m.
-    pub thickest: f64,
+    pub max_rod_radius: f64,
     /// Most sections of all rods.
-    pub most_sections: usize,
+    pub max_sections: usize,
     /// Most leaves on stalks of their own.
-    pub most_leaves: usize,
+    pub max_leaf_stalks: usize,
 }
 
 /// How an axis moves.
@@ -118,7 +118,7 @@ impl RodPlantLayout {
             }
             let nodes = plant.nodes_of(axis);
             let radius = |k: usize| f64::from(plant.nodes.r[k]) * self.scale;
-            let first = nodes.clone().find(|k| radius(*k) <= params.thickest)?;
+            let first = nodes.clone().find(|k| radius(*k) <= params.max_rod_radius)?;
             let from = f64::from(plant.nodes.s[first]);
             let length = (f64::from(axis.length) - from) * self.scale;
             if length < MIN_AXIS_LENGTH[0].max(MIN_AXIS_LENGTH[1] * radius(first)) || first + 1 >= nodes.end {
@@ -155,7 +155,7 @@ impl RodPlantLayout {
             by_order.then(length(b).total_cmp(&length(a))).then(a.cmp(b))
         });
         let mut room = vec![false; rods.len()];
-        let most = if plant.organs.is_empty() { 1.0 } else { WOOD_SECTION_SHARE } * params.most_sections as f64;
+        let most = if plant.organs.is_empty() { 1.0 } else { WOOD_SECTION_SHARE } * params.max_sections as f64;
         let mut used = 0;
         for i in order {
             let count = rods[i].as_ref().map_or(0, |r| r.1.section_count());
@@ -182,8 +182,8 @@ impl RodPlantLayout {
     /// Leaves, on stalks as far as there is room.
     fn attach_leaves(&mut self, plant: &Plant, stand: &Trs, params: &RodPlantParams) {
         let used = self.rods.iter().fold(0, |s, r| s + r.section_count());
-        let room = params.most_sections.saturating_sub(used) / params.stalk_sections.max(1);
-        let (all, room) = (plant.organs.len(), room.min(params.most_leaves));
+        let room = params.max_sections.saturating_sub(used) / params.stalk_sections.max(1);
+        let (all, room) = (plant.organs.len(), room.min(params.max_leaf_stalks));
         let own = all.min(room);
         self.omitted[1] = all - own;
         for (i, organ) in plant.organs.iter().enumerate() {
@@ -220,8 +220,8 @@ impl RodPlantLayout {
         // What lies within the wood does not bend.
         let inside = (f64::from(site.r) * self.scale).min(0.5 * length);
         let points = [inside, 0.5 * (inside + length), length].map(|s| foot + along * s);
-        let drawn = params.stalk_radii.get(usize::from(organ.proto)).copied().unwrap_or(8e-4) * scale;
-        let radius = params.stalk_radius.unwrap_or(drawn).max(1e-4);
+        let prototype_radius = params.stalk_radii.get(usize::from(organ.proto)).copied().unwrap_or(8e-4) * scale;
+        let radius = params.stalk_radius.unwrap_or(prototype_radius).max(1e-4);
         hung.stalk = Some(self.rods.len());
         let rod = RodDescription {
             points: points.to_vec(),
@@ -237,7 +237,7 @@ impl RodPlantLayout {
 
 fn rod_material(params: &RodPlantParams, young: f64, damping_ratio: f64) -> RodMaterial {
     RodMaterial {
-        young: young / params.gain,
+        young: young / params.flexibility,
         shear: params.shear,
         density: params.wood.density,
         damping_ratio: (damping_ratio * params.wood.damping).min(1.0),

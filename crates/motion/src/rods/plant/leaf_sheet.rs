@@ -18,7 +18,7 @@ const SKIN_FRICTION: f64 = 0.06;
 const STROUHAL_NUMBER: f64 = 0.2;
 const PRESSURE_WANDER: f64 = 0.12;
 const BUFFET_COEFFICIENT: f64 = 0.25;
-/// Sheets whose triangles face so evenly all ways, of their area, are taken as closed: half of it faces the wind.
+/// Sheets whose triangles face so evenly all directions, of their area, are taken as closed: half of it faces the wind.
 const CLOSED_MESH_SHARE: f64 = 0.2;
 
 /// The mesh of a leaf as a uniform sheet, in the leaf's space and size 1.
@@ -40,7 +40,7 @@ pub struct LeafSheet {
 
 impl LeafSheet {
     /// Of a mesh whose stalk is not part of it.
-    pub fn of(mesh: &Mesh) -> Self {
+    pub fn from_mesh(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| mesh.points.get(i as usize).copied().unwrap_or_default().as_dvec3());
@@ -50,11 +50,11 @@ impl LeafSheet {
             faces += n;
             first += sum * (size / 3.0);
             // Exact for triangles: A / 12 (sum of p p^T + (sum of p) (sum of p)^T).
-            all += (outer(a) + outer(b) + outer(c) + outer(sum)) * (size / 12.0);
+            all += (outer_product(a) + outer_product(b) + outer_product(c) + outer_product(sum)) * (size / 12.0);
         }
         let area = area.max(1e-12);
         let centroid = first / area;
-        let spread = all - outer(centroid) * area;
+        let spread = all - outer_product(centroid) * area;
         let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
         let open = faces.length() > CLOSED_MESH_SHARE * area;
         Self {
@@ -74,13 +74,13 @@ impl LeafSheet {
     }
 }
 
-fn outer(a: DVec3) -> DMat3 {
+fn outer_product(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
 /// A blade in the wind: its shape, and how it stands.
 #[derive(Debug, Clone, Copy)]
-pub struct BladePose<'a> {
+pub struct LeafSheetPose<'a> {
     /// Area, centroid and extent in leaf space.
     pub sheet: &'a LeafSheet,
     /// World from leaf space.
@@ -111,8 +111,8 @@ impl VortexShedding {
     /// Force of the wind on a blade, N, and where it acts from the blade's middle, m. `wind`: velocity of the air relative to
     /// the middle, m/s; `h`: seconds until the next call.
     /// Own: a plate whose force across grows with the sine of the angle and saturates.
-    pub fn wind_force(&mut self, blade: &BladePose<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
-        let BladePose { sheet, q, scale, drag } = *blade;
+    pub fn wind_force(&mut self, blade: &LeafSheetPose<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
+        let LeafSheetPose { sheet, q, scale, drag } = *blade;
         let speed = wind.length();
         if speed < 1e-6 {
             return (DVec3::ZERO, DVec3::ZERO);
@@ -146,8 +146,8 @@ mod tests {
     }
 
     #[test]
-    fn a_plate_weighs_and_turns_as_one() {
-        let sheet = LeafSheet::of(&plate());
+    fn plate_mesh_has_the_area_and_inertia_of_a_plate() {
+        let sheet = LeafSheet::from_mesh(&plate());
         assert!((sheet.area - 0.004).abs() < 1e-9 && (sheet.centroid - DVec3::Y * 0.05).length() < 1e-8);
         let m = 0.2 * sheet.area * 4.0;
         let i = sheet.inertia(0.2, 2.0);
@@ -161,11 +161,11 @@ mod tests {
     }
 
     #[test]
-    fn wind_presses_a_plate_across_and_leaves_it_alone_edge_on() {
-        let sheet = LeafSheet::of(&plate());
+    fn wind_force_acts_across_a_plate_and_vanishes_edge_on() {
+        let sheet = LeafSheet::from_mesh(&plate());
         let mean = |wind: DVec3| {
             let mut eddies = VortexShedding::new(5);
-            let blade = BladePose { sheet: &sheet, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };
+            let blade = LeafSheetPose { sheet: &sheet, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };
             let all = (0..4000).map(|_| eddies.wind_force(&blade, wind, 0.02));
             all.fold((DVec3::ZERO, DVec3::ZERO), |s, f| (s.0 + f.0 / 4000.0, s.1 + f.1 / 4000.0))
         };

@@ -11,10 +11,10 @@ use glam::{DQuat, DVec3, Vec3};
 
 pub use self::layout::RodPlantParams;
 use self::layout::{AxisMotion, RodPlantLayout};
-use self::leaf_sheet::{BladePose, LeafSheet, VortexShedding};
+use self::leaf_sheet::{LeafSheet, LeafSheetPose, VortexShedding};
 use crate::rain::{LeafPose, RainTarget, WoodSegment};
 use crate::rods::StepFailure;
-use crate::rods::prism::{Matrix9, RigidSectionMap, SectionCorners, SectionFrame, dot};
+use crate::rods::prism::{Matrix9, RigidSectionMap, SectionCorners, SectionFrame, corner_dot};
 use crate::rods::record::MAX_STEP_HALVINGS;
 use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
 use osier_base::{Error, Result};
@@ -67,19 +67,19 @@ pub struct RodPlant {
     leaves: Vec<RodPlantLeaf>,
     wood: Vec<[WoodEnd; 2]>,
     /// Bodies on each section.
-    on: Vec<Vec<usize>>,
+    bodies_on_section: Vec<Vec<usize>>,
     /// Sections that are held.
     fixed: Vec<bool>,
     drags: Vec<f64>,
     leaf_drag: f64,
     wind: Option<Arc<dyn Wind>>,
     /// Blows, N s, and forces, N, of the next step: section, place, what.
-    impulse_forces: Vec<(usize, DVec3, DVec3)>,
-    presses: Vec<(usize, DVec3, DVec3)>,
+    impulses: Vec<(usize, DVec3, DVec3)>,
+    leaf_forces: Vec<(usize, DVec3, DVec3)>,
     /// Length of the last step, s.
-    last: f64,
+    last_step: f64,
     omitted: [usize; 2],
-    posed: bool,
+    hangs_at_rest: bool,
     name: String,
     /// Frames per second, and the number of the first.
     clock: (f64, u32),
@@ -91,7 +91,7 @@ impl RodPlant {
     pub fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams, name: &str) -> Self {
         let layout = RodPlantLayout::new(plant, stand, params);
         let rods = RodSystem::new(&layout.rods, &layout.holds);
-        let sheets: Vec<LeafSheet> = plant.protos.iter().map(|p| LeafSheet::of(&p.mesh)).collect();
+        let sheets: Vec<LeafSheet> = plant.protos.iter().map(|p| LeafSheet::from_mesh(&p.mesh)).collect();
         let mut leaves = Vec::with_capacity(layout.leaves.len());
         let (mut own, mut water) = (Vec::new(), Vec::new());
         for (organ, hung) in plant.organs.iter().zip(&layout.leaves) {
@@ -100,14 +100,14 @@ impl RodPlant {
                 (None, host) => host.map(|(rod, at)| rods.nearest_section(rod, at)),
             };
             let frame = section.map_or(WORLD_FRAME, |s| rods.section_frame(s));
-            let (turn, sheet) = (turn(&frame), sheets[usize::from(organ.proto)]);
+            let (turn, sheet) = (world_rotation(&frame), sheets[usize::from(organ.proto)]);
             let (p, q) = (turn.conjugate() * (hung.pivot - frame.p), (turn.conjugate() * hung.q).normalize());
             if let Some(section) = section {
                 let r = glam::DMat3::from_quat(q);
                 let inertia = r * sheet.inertia(params.wood.leaf_mass, hung.scale) * r.transpose();
                 let at = p + q * (sheet.centroid * hung.scale);
                 let mass = params.wood.leaf_mass * sheet.area * hung.scale * hung.scale;
-                own.push(AttachedBody { section, at, mass, inertia, own: true, reach: 0.0 });
+                own.push(AttachedBody { section, at, mass, inertia, of_plant: true, reach: 0.0 });
             }
             let none = glam::DMat3::ZERO;
             water.push(AttachedBody {
@@ -115,7 +115,7 @@ impl RodPlant {
                 at: DVec3::ZERO,
                 mass: 0.0,
                 inertia: none,
-                own: false,
+                of_plant: false,
                 reach: 0.0,
             });
             let now = LeafPose::at_rest(hung.pivot, hung.q);
@@ -124,7 +124,7 @@ impl RodPlant {
         }
         // Water comes first: body k is that of leaf k.
         let mut rods = if rods.is_empty() { rods } else { rods.with_bodies(water).with_bodies(own) };
-        rods.gravity = -DVec3::Y * params.g;
+        rods.gravity = -DVec3::Y * params.gravity;
         let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
         rods.weightless = !posed;
         let mut on = vec![Vec::new(); rods.len()];
@@ -138,19 +138,19 @@ impl RodPlant {
             scale: f64::from(stand.s.x),
             leaves,
             wood: Vec::new(),
-            on,
+            bodies_on_section: on,
             fixed,
             rods,
             wind: None,
-            impulse_forces: Vec::new(),
-            presses: Vec::new(),
-            last: 0.0,
+            impulses: Vec::new(),
+            leaf_forces: Vec::new(),
+            last_step: 0.0,
             omitted: layout.omitted,
-            posed,
+            hangs_at_rest: posed,
             name: name.into(),
             clock: (24.0, 1),
         };
-        all.wood = all.wood_ends(plant, stand);
+        all.wood = all.build_wood_ends(plant, stand);
         all
     }
 
@@ -178,7 +178,7 @@ impl RodPlant {
 
     /// Whether it hangs as it grew; else its own weight is left out.
     pub fn has_rest_shape(&self) -> bool {
-        self.posed
+        self.hangs_at_rest
     }
 
     /// Steps of a frame. `fps`: frames per second.
@@ -220,7 +220,7 @@ impl RodPlant {
     }
 
     /// Pieces of wood between sections, or between nodes of what does not bend.
-    fn wood_ends(&self, plant: &Plant, stand: &Trs) -> Vec<[WoodEnd; 2]> {
+    fn build_wood_ends(&self, plant: &Plant, stand: &Trs) -> Vec<[WoodEnd; 2]> {
         let mut out = Vec::new();
         let stems = plant.axes.iter().enumerate().filter(|(_, a)| a.kind == AxisKind::Stem);
         for (index, axis) in stems {
@@ -255,10 +255,10 @@ impl RodPlant {
     /// End of a piece of wood at `position`, m, in the world at rest, with `radius`, m, made rigid with a section.
     fn attach_wood_end(&self, section: Option<usize>, position: DVec3, radius: f64) -> WoodEnd {
         let frame = section.map_or(WORLD_FRAME, |s| self.rods.rest_frame(s));
-        WoodEnd { section, p: turn(&frame).conjugate() * (position - frame.p), r: radius }
+        WoodEnd { section, p: world_rotation(&frame).conjugate() * (position - frame.p), r: radius }
     }
 
-    fn end_position(&self, end: &WoodEnd) -> DVec3 {
+    fn wood_end_position(&self, end: &WoodEnd) -> DVec3 {
         end.section.map_or(end.p, |s| {
             let f = self.rods.section_frame(s);
             f.p + f.matrix() * end.p
@@ -276,19 +276,19 @@ impl RodPlant {
         if self.fixed[section] {
             return 0.0;
         }
-        let grip = RigidSectionMap::from_corners(&self.rods.x[section]);
-        let f = grip.corner_forces(along, (place - grip.p).cross(along));
-        dot(&f, &self.solve_section_mass(section, &f))
+        let rigid = RigidSectionMap::from_corners(&self.rods.x[section]);
+        let f = rigid.corner_forces(along, (place - rigid.p).cross(along));
+        corner_dot(&f, &self.apply_inverse_section_mass(section, &f))
     }
 
     /// M^-1 f of a section with what it carries now.
-    fn solve_section_mass(&self, section: usize, f: &SectionCorners) -> SectionCorners {
+    fn apply_inverse_section_mass(&self, section: usize, f: &SectionCorners) -> SectionCorners {
         let mut m: Matrix9 = [[0.0; 9]; 9];
         (0..9).for_each(|k| m[k][k] = self.rods.tree.sections[section].mass);
-        let (grip, frame) =
+        let (rigid, frame) =
             (RigidSectionMap::from_corners(&self.rods.x[section]), self.rods.section_frame(section).matrix());
-        for body in self.on[section].iter().map(|k| &self.rods.bodies[*k]).filter(|b| b.mass > 0.0) {
-            let block = grip.mass_matrix(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
+        for body in self.bodies_on_section[section].iter().map(|k| &self.rods.bodies[*k]).filter(|b| b.mass > 0.0) {
+            let block = rigid.mass_matrix(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
             m.as_flattened_mut().iter_mut().zip(block.as_flattened()).for_each(|(m, b)| *m += b);
         }
         solve_matrix9(&m, f)
@@ -300,7 +300,7 @@ impl RodPlant {
         for leaf in leaves {
             let Some(section) = leaf.section else { continue };
             let frame = rods.section_frame(section);
-            let turn = turn(&frame);
+            let turn = world_rotation(&frame);
             let arm = turn * leaf.p;
             let (v, spin) = rods.section_velocity(section);
             let (v, was) = (v + spin.cross(arm), leaf.now);
@@ -319,14 +319,14 @@ impl RodPlant {
     /// Sets the external forces of a step of `h` seconds that begins at time `t`, s. `with_impulses`: adds the impulses of
     /// the frame, too, which act in its first substep only.
     fn apply_external_forces(&mut self, t: f64, h: f64, with_impulses: bool) {
-        let Self { rods, impulse_forces: struck, presses, wind, drags, .. } = self;
+        let Self { rods, impulses, leaf_forces, wind, drags, .. } = self;
         rods.clear_forces();
-        for (section, place, force) in presses.iter() {
+        for (section, place, force) in leaf_forces.iter() {
             let arm = *place - rods.section_frame(*section).p;
             rods.add_wrench(*section, *force, arm.cross(*force));
         }
         if with_impulses {
-            struck.iter().for_each(|(section, place, blow)| rods.add_impulse(*section, *place, *blow, h));
+            impulses.iter().for_each(|(section, place, blow)| rods.add_impulse(*section, *place, *blow, h));
         }
         let Some(wind) = wind.clone() else { return };
         rods.add_wind_drag(drags, &*wind, t + h);
@@ -338,7 +338,7 @@ impl RodPlant {
         let Self { rods, leaves, leaf_drag, .. } = self;
         let centroid = |leaf: &RodPlantLeaf, section: usize| {
             let frame = rods.section_frame(section);
-            let turn = turn(&frame);
+            let turn = world_rotation(&frame);
             let q = turn * leaf.q;
             (frame.p + turn * leaf.p + q * (leaf.sheet.centroid * leaf.scale), q)
         };
@@ -352,7 +352,7 @@ impl RodPlant {
             let (v, spin) = rods.section_velocity(*section);
             let arm = *p - rods.section_frame(*section).p;
             let relative = air.as_dvec3() - v - spin.cross(arm);
-            let plate = BladePose { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
+            let plate = LeafSheetPose { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
             let (force, at) = leaf.eddies.wind_force(&plate, relative, h);
             rods.add_wrench(*section, force, (arm + at).cross(force));
         }
@@ -373,7 +373,7 @@ impl RodPlant {
 const WORLD_FRAME: SectionFrame = SectionFrame { p: DVec3::ZERO, u: DVec3::X, v: DVec3::Y, w: DVec3::Z };
 
 /// World from a frame's coordinates.
-fn turn(frame: &SectionFrame) -> DQuat {
+fn world_rotation(frame: &SectionFrame) -> DQuat {
     DQuat::from_mat3(&frame.matrix()).normalize()
 }
 
@@ -392,13 +392,13 @@ impl RainTarget for RodPlant {
 
     fn apply_impulse(&mut self, leaf: usize, place: DVec3, blow: DVec3) {
         if let Some(section) = self.leaves[leaf].section {
-            self.impulse_forces.push((section, place, blow));
+            self.impulses.push((section, place, blow));
         }
     }
 
     fn apply_force(&mut self, leaf: usize, place: DVec3, force: DVec3) {
         if let Some(section) = self.leaves[leaf].section {
-            self.presses.push((section, place, force));
+            self.leaf_forces.push((section, place, force));
         }
     }
 
@@ -411,17 +411,16 @@ impl RainTarget for RodPlant {
 
     fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
         out.clear();
-        out.extend(
-            self.wood
-                .iter()
-                .map(|[a, b]| WoodSegment { ends: [self.end_position(a), self.end_position(b)], radii: [a.r, b.r] }),
-        );
+        out.extend(self.wood.iter().map(|[a, b]| WoodSegment {
+            ends: [self.wood_end_position(a), self.wood_end_position(b)],
+            radii: [a.r, b.r],
+        }));
     }
 
     fn wood_inverse_effective_mass(&self, bough: usize, share: f64, along: DVec3) -> f64 {
         let part = |end: &WoodEnd, share: f64| {
             end.section.map_or(0.0, |section| {
-                share * share * self.section_inverse_effective_mass(section, self.end_position(end), along)
+                share * share * self.section_inverse_effective_mass(section, self.wood_end_position(end), along)
             })
         };
         let [a, b] = &self.wood[bough];
@@ -431,14 +430,14 @@ impl RainTarget for RodPlant {
     fn apply_wood_impulse(&mut self, bough: usize, share: f64, blow: DVec3) {
         for (end, share) in self.wood[bough].into_iter().zip([1.0 - share, share]) {
             if let Some(section) = end.section {
-                self.impulse_forces.push((section, self.end_position(&end), blow * share));
+                self.impulses.push((section, self.wood_end_position(&end), blow * share));
             }
         }
     }
 
     fn wood_velocity(&self, bough: usize, share: f64) -> DVec3 {
         let of = |end: &WoodEnd| {
-            end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.end_position(end)))
+            end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.wood_end_position(end)))
         };
         of(&self.wood[bough][0]).lerp(of(&self.wood[bough][1]), share)
     }
@@ -452,9 +451,9 @@ impl RainTarget for RodPlant {
         if self.rods.is_empty() {
             return Ok(());
         }
-        if (h - self.last).abs() > SAME_STEP_TOLERANCE * h {
+        if (h - self.last_step).abs() > SAME_STEP_TOLERANCE * h {
             self.rods.reset_history();
-            self.last = h;
+            self.last_step = h;
         }
         let saved = (self.rods.x.clone(), self.rods.v.clone());
         for halving in 0..=MAX_STEP_HALVINGS {
@@ -466,8 +465,8 @@ impl RainTarget for RodPlant {
                 if halving > 0 {
                     self.rods.reset_history();
                 }
-                self.impulse_forces.clear();
-                self.presses.clear();
+                self.impulses.clear();
+                self.leaf_forces.clear();
                 self.update_leaf_motion(Some(h));
                 return Ok(());
             }

@@ -65,42 +65,42 @@ pub(crate) fn twig() -> Plant {
     }
 }
 
-pub(crate) fn grain() -> RodPlantParams {
+pub(crate) fn plant_params() -> RodPlantParams {
     RodPlantParams {
-        g: 9.81,
+        gravity: 9.81,
         wood: WoodParams::default(),
         shear: 1.0 / 15.0,
         recovery: 0.25,
-        gain: 1.0,
+        flexibility: 1.0,
         stalk_young: 3e8,
         stalk_radii: vec![8e-4],
         stalk_radius: None,
         stalk_sections: 5,
         sections: None,
-        thickest: 0.015,
-        most_sections: 4000,
-        most_leaves: 400,
+        max_rod_radius: 0.015,
+        max_sections: 4000,
+        max_leaf_stalks: 400,
     }
 }
 
 /// A step in which springs do nothing, s.
 const SHORT: f64 = 5e-10;
 
-fn sprung(stand: &Trs) -> RodPlant {
-    RodPlant::new(&twig(), stand, &grain(), "twig")
+fn rod_plant(stand: &Trs) -> RodPlant {
+    RodPlant::new(&twig(), stand, &plant_params(), "twig")
 }
 
-fn steps(boughs: &mut RodPlant, seconds: f64, h: f64, mut each: impl FnMut(&RodPlant)) {
+fn run_steps(rod_plant: &mut RodPlant, seconds: f64, h: f64, mut each: impl FnMut(&RodPlant)) {
     let mut t = 0.0;
     while t < seconds {
-        boughs.step(t, h).expect("steps");
-        each(boughs);
+        rod_plant.step(t, h).expect("steps");
+        each(rod_plant);
         t += h;
     }
 }
 
 #[test]
-fn a_twig_hangs_as_it_grew_wherever_it_stands() {
+fn plant_hangs_in_its_grown_pose_at_any_placement() {
     let turned = Trs {
         t: Vec3::new(2.0, -1.0, 0.5),
         r: Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.2, -0.4),
@@ -108,23 +108,23 @@ fn a_twig_hangs_as_it_grew_wherever_it_stands() {
     };
     for stand in [Trs::IDENTITY, turned] {
         let plant = twig();
-        let mut boughs = sprung(&stand);
-        assert!(boughs.has_rest_shape() && boughs.omitted_stems_and_leaves() == [0, 0]);
-        assert_eq!(boughs.leaf_count(), 6);
+        let mut rod_plant = rod_plant(&stand);
+        assert!(rod_plant.has_rest_shape() && rod_plant.omitted_stems_and_leaves() == [0, 0]);
+        assert_eq!(rod_plant.leaf_count(), 6);
         for (i, organ) in plant.organs.iter().enumerate() {
             let (p, q) = plant.organ_site(organ);
-            let blade = boughs.leaf_pose(i);
+            let blade = rod_plant.leaf_pose(i);
             assert!((blade.position - stand.apply(p).as_dvec3()).length() < 1e-6);
             assert!(blade.orientation.dot((stand.r * q).as_dquat()).abs() > 1.0 - 1e-9);
         }
-        let start: Vec<DVec3> = (0..6).map(|i| boughs.leaf_pose(i).to_world(DVec3::Y * 0.07, 1.4)).collect();
+        let start: Vec<DVec3> = (0..6).map(|i| rod_plant.leaf_pose(i).to_world(DVec3::Y * 0.07, 1.4)).collect();
         let mut most = 0.0_f64;
-        steps(&mut boughs, 2.0, 1.0 / 384.0, |b| {
+        run_steps(&mut rod_plant, 2.0, 1.0 / 384.0, |b| {
             (0..6).for_each(|i| most = most.max((b.leaf_pose(i).to_world(DVec3::Y * 0.07, 1.4) - start[i]).length()));
         });
         assert!(most < 1e-4, "{most}");
         let mut pieces = Vec::new();
-        boughs.wood_segments(&mut pieces);
+        rod_plant.wood_segments(&mut pieces);
         assert!(pieces.len() >= 4);
         let (first, last) = (pieces[0].ends[0], pieces[pieces.len() - 1].ends[1]);
         assert!((first - stand.apply(plant.nodes.p[0]).as_dvec3()).length() < 1e-3);
@@ -133,8 +133,8 @@ fn a_twig_hangs_as_it_grew_wherever_it_stands() {
 }
 
 #[test]
-fn a_blow_changes_a_leaf_as_its_lightness_says() {
-    let mut free = grain();
+fn impulse_changes_velocity_by_inverse_effective_mass() {
+    let mut free = plant_params();
     // Damping by stiffness passes a blow on at once.
     free.wood.damping = 0.0;
     // Near the origin, where places are known to the last digits.
@@ -143,20 +143,20 @@ fn a_blow_changes_a_leaf_as_its_lightness_says() {
     let twice = |strike: &dyn Fn(&mut RodPlant, f64), look: &dyn Fn(&RodPlant) -> f64| {
         // There and back: what grows with the square of the blow falls out.
         let [forth, back] = [1e-3, -1e-3].map(|blow| {
-            let mut boughs = made();
-            strike(&mut boughs, blow);
-            steps(&mut boughs, 24.5 * SHORT, SHORT, |_| ());
-            look(&boughs)
+            let mut rod_plant = made();
+            strike(&mut rod_plant, blow);
+            run_steps(&mut rod_plant, 24.5 * SHORT, SHORT, |_| ());
+            look(&rod_plant)
         });
         (forth - back) / 2e-3
     };
     for (leaf, along) in [(1, DVec3::NEG_Y), (4, DVec3::new(0.6, 0.0, 0.8))] {
         let blade = made().leaf_pose(leaf);
         let [place, wet] = [DVec3::new(0.01, 0.05, 0.0), DVec3::Y * 0.03].map(|p| blade.to_world(p, 1.0));
-        let mut boughs = made();
-        boughs.set_attached_mass(leaf, 2e-5, wet);
-        // A blade of 0.56 g, struck off its middle, gives way more than its weight says.
-        let light = boughs.inverse_effective_mass(leaf, place, along);
+        let mut rod_plant = made();
+        rod_plant.set_attached_mass(leaf, 2e-5, wet);
+        // A blade of 0.56 g, impulses off its middle, gives direction more than its weight says.
+        let light = rod_plant.inverse_effective_mass(leaf, place, along);
         assert!(light > 1.0 / 6e-4 && light < 1e5, "{light}");
         let strike = |b: &mut RodPlant, blow: f64| {
             b.set_attached_mass(leaf, 2e-5, wet);
@@ -171,35 +171,35 @@ fn a_blow_changes_a_leaf_as_its_lightness_says() {
 }
 
 #[test]
-fn what_was_loaded_and_let_go_swings_through_and_settles() {
-    let mut free = grain();
+fn released_leaf_oscillates_and_comes_to_rest() {
+    let mut free = plant_params();
     free.wood.damping = 0.3;
-    let mut boughs = RodPlant::new(&twig(), &Trs::IDENTITY, &free, "twig");
+    let mut rod_plant = RodPlant::new(&twig(), &Trs::IDENTITY, &free, "twig");
     let tip = |b: &RodPlant| b.leaf_pose(3).to_world(DVec3::Y * 0.07, 1.0).y;
-    let rest = tip(&boughs);
-    let place = boughs.leaf_pose(3).to_world(DVec3::Y * 0.05, 1.0);
-    boughs.set_attached_mass(3, 2e-4, place);
-    steps(&mut boughs, 3.0, 1.0 / 384.0, |_| ());
-    let sunk = rest - tip(&boughs);
+    let rest = tip(&rod_plant);
+    let place = rod_plant.leaf_pose(3).to_world(DVec3::Y * 0.05, 1.0);
+    rod_plant.set_attached_mass(3, 2e-4, place);
+    run_steps(&mut rod_plant, 3.0, 1.0 / 384.0, |_| ());
+    let sunk = rest - tip(&rod_plant);
     assert!(sunk > 5e-4, "{sunk}");
-    boughs.set_attached_mass(3, 0.0, place);
+    rod_plant.set_attached_mass(3, 0.0, place);
     let (mut crossings, mut above) = (0, false);
-    steps(&mut boughs, 4.0, 1.0 / 384.0, |b| {
+    run_steps(&mut rod_plant, 4.0, 1.0 / 384.0, |b| {
         let now = tip(b) > rest;
         crossings += usize::from(now != above);
         above = now;
     });
     assert!(crossings >= 2, "{crossings}");
-    assert!((tip(&boughs) - rest).abs() < 0.05 * sunk, "{} of {sunk}", tip(&boughs) - rest);
+    assert!((tip(&rod_plant) - rest).abs() < 0.05 * sunk, "{} of {sunk}", tip(&rod_plant) - rest);
 }
 
 #[test]
-fn leaves_shiver_each_for_itself_and_turn_over_never() {
+fn leaves_flutter_independently_and_never_flip() {
     let wind = Arc::new(UniformWind(Vec3::new(2.5, 0.0, 1.0)));
-    let mut boughs = sprung(&Trs::IDENTITY).with_wind(Some(wind));
-    let start: Vec<_> = (0..6).map(|i| boughs.leaf_pose(i).orientation).collect();
+    let mut rod_plant = rod_plant(&Trs::IDENTITY).with_wind(Some(wind));
+    let start: Vec<_> = (0..6).map(|i| rod_plant.leaf_pose(i).orientation).collect();
     let (mut most, mut swings) = (0.0_f64, vec![Vec::new(); 6]);
-    steps(&mut boughs, 6.0, 1.0 / 384.0, |b| {
+    run_steps(&mut rod_plant, 6.0, 1.0 / 384.0, |b| {
         for i in 0..6 {
             most = most.max(b.leaf_pose(i).orientation.angle_between(start[i]));
             swings[i].push(b.leaf_pose(i).angular_velocity.length());
@@ -217,14 +217,14 @@ fn leaves_shiver_each_for_itself_and_turn_over_never() {
 }
 
 #[test]
-fn what_has_no_room_is_rigid_and_counted() {
-    let mut small = grain();
-    small.most_leaves = 2;
-    let boughs = RodPlant::new(&twig(), &Trs::IDENTITY, &small, "twig");
-    assert_eq!(boughs.omitted_stems_and_leaves(), [0, 4]);
-    assert_eq!((0..6).filter(|i| boughs.leaf_stalk(*i).is_some()).count(), 2);
-    assert!((0..6).all(|i| boughs.leaf_section(i).is_some()));
-    small.thickest = 1e-4;
+fn stems_and_leaves_beyond_the_budget_are_rigid_and_counted() {
+    let mut small = plant_params();
+    small.max_leaf_stalks = 2;
+    let rod_plant = RodPlant::new(&twig(), &Trs::IDENTITY, &small, "twig");
+    assert_eq!(rod_plant.omitted_stems_and_leaves(), [0, 4]);
+    assert_eq!((0..6).filter(|i| rod_plant.leaf_stalk(*i).is_some()).count(), 2);
+    assert!((0..6).all(|i| rod_plant.leaf_section(i).is_some()));
+    small.max_rod_radius = 1e-4;
     let still = RodPlant::new(&twig(), &Trs::IDENTITY, &small, "twig");
     assert!((0..6).filter(|i| still.leaf_section(*i).is_none()).count() == 4 && still.has_rest_shape());
     assert!(still.inverse_effective_mass(1, DVec3::ZERO, DVec3::Y) >= 0.0);

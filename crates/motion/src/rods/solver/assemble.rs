@@ -1,4 +1,4 @@
-//! Forces of all springs at once, and the matrix of their stiffness.
+//! Assembly of spring forces and of their tangent stiffness matrix.
 
 use pulp::{Arch, NullaryFnOnce};
 
@@ -8,43 +8,44 @@ use crate::rods::prism::{
 };
 use crate::rods::solver::block::{BlockRow, PREDECESSOR, SECOND_PREDECESSOR};
 use crate::rods::springs::{
-    FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION, SpringState, scatter_forces, spring_forces,
+    FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION, SpringState, scatter_spring_forces, spring_forces,
     spring_state, spring_vectors,
 };
 use osier_scene::plant::NONE;
 
-/// A base that rides on a section of another rod, at one moment.
+/// Kinematic state of a base that is rigid with a section of the parent rod.
 #[derive(Debug, Clone)]
-pub(crate) struct AttachedBase {
+pub(crate) struct AttachedBaseState {
     x: SectionCorners,
     v: SectionCorners,
-    /// How it moves with that section.
+    /// Jacobian of its corners with respect to those of the carrying section.
     j: Matrix9,
 }
 
-impl Default for AttachedBase {
+impl Default for AttachedBaseState {
     fn default() -> Self {
         Self { x: [0.0; 9], v: [0.0; 9], j: [[0.0; 9]; 9] }
     }
 }
 
-/// What the springs of a tree do in a place and motion.
+/// Inputs and outputs of one assembly over all springs of a tree.
 pub(crate) struct SpringAssembly<'a> {
     pub tree: &'a RodTree,
     pub x: &'a [SectionCorners],
     pub v: &'a [SectionCorners],
-    /// Damping by stiffness of each rod, s.
+    /// Stiffness-proportional damping coefficient of each rod, s.
     pub damping: &'a [f64],
-    pub attached_bases: &'a mut [AttachedBase],
+    pub attached_bases: &'a mut [AttachedBaseState],
     /// Forces on the sections, N.
     pub force: &'a mut [SectionCorners],
-    /// Where stiffness goes, and its factor for each rod.
+    /// Block rows of the tangent stiffness, and its factor for each rod; none for forces only.
     pub rows: Option<(&'a mut [BlockRow], &'a [f64])>,
 }
 
 impl SpringAssembly<'_> {
-    /// Fills forces, and rows if they are wanted. Allocates nothing.
-    pub(crate) fn run(self) {
+    /// Computes forces, and block rows if they are wanted, with the widest instructions of the machine. Allocates
+    /// nothing.
+    pub(crate) fn assemble(self) {
         Arch::new().dispatch(self);
     }
 }
@@ -64,25 +65,26 @@ impl NullaryFnOnce for SpringAssembly<'_> {
         for (i, section) in tree.sections.iter().enumerate() {
             // Corners at the far ends of the springs: the previous section and the one before it, each a free section or
             // the attached base of the rod. Where there is none the springs have zero stiffness and may end anywhere.
-            let ends = [0, 1].map(|k| match (section.base[k], tree.above[i][k]) {
+            let ends = [0, 1].map(|k| match (section.base[k], tree.predecessors[i][k]) {
                 (NONE, NONE) => (&x[i], &v[i]),
                 (NONE, on) => (&x[on as usize], &v[on as usize]),
                 (base, _) => (&attached_bases[base as usize].x, &attached_bases[base as usize].v),
             });
             // Tension k (|d| - L0) along e = d/|d|; damping acts as b K v with the same tangent stiffness K.
-            let state = spring_state(&spring_vectors(&x[i], ends[0].0, ends[1].0), &section.k, &section.l);
+            let state =
+                spring_state(&spring_vectors(&x[i], ends[0].0, ends[1].0), &section.stiffness, &section.rest_lengths);
             let dv = spring_vectors(&v[i], ends[0].1, ends[1].1);
-            let f = spring_forces(&state, &section.k, &dv, damping[section.rod]);
+            let f = spring_forces(&state, &section.stiffness, &dv, damping[section.rod]);
             // Newton's third law: each spring pulls with +f at this section and -f at its far end.
             let (mut own, mut others) = ([0.0; 9], [[0.0; 9]; 2]);
             let [up, over] = &mut others;
-            scatter_forces(&f, &mut own, up, over);
-            accumulate(&mut force[i], &own);
+            scatter_spring_forces(&f, &mut own, up, over);
+            add_forces(&mut force[i], &own);
             for k in 0..2 {
-                match (section.base[k], tree.above[i][k]) {
+                match (section.base[k], tree.predecessors[i][k]) {
                     (NONE, NONE) => {}
-                    (NONE, on) => accumulate(&mut force[on as usize], &others[k]),
-                    (base, on) => accumulate(
+                    (NONE, on) => add_forces(&mut force[on as usize], &others[k]),
+                    (base, on) => add_forces(
                         &mut force[on as usize],
                         &transposed_matrix_vector(&attached_bases[base as usize].j, &others[k]),
                     ),
@@ -90,15 +92,15 @@ impl NullaryFnOnce for SpringAssembly<'_> {
             }
             // Tangent stiffness blocks, scaled per rod by 1 + b/ht for the implicit damping.
             if let Some((rows, factors)) = &mut rows {
-                let spring_stiffness = spring_stiffness(&state, &section.k, factors[section.rod]);
-                add_stiffness(&spring_stiffness, tree, i, attached_bases, rows);
+                let spring_stiffness = spring_stiffness(&state, &section.stiffness, factors[section.rod]);
+                add_spring_blocks(&spring_stiffness, tree, i, attached_bases, rows);
             }
         }
     }
 }
 
 #[inline(always)]
-fn accumulate(to: &mut SectionCorners, by: &SectionCorners) {
+fn add_forces(to: &mut SectionCorners, by: &SectionCorners) {
     for k in 0..9 {
         to[k] += by[k];
     }
@@ -110,24 +112,25 @@ fn update_attached_bases(
     tree: &RodTree,
     x: &[SectionCorners],
     v: &[SectionCorners],
-    attached_bases: &mut [AttachedBase],
+    attached_bases: &mut [AttachedBaseState],
 ) {
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
-        rider.x = SectionFrame::from_corners(&x[on]).to_world(&base.local);
+        rider.x = SectionFrame::from_corners(&x[on]).corners_to_world(&base.local);
         rider.j = RigidSectionMap::from_corners(&x[on]).attachment_jacobian(&rider.x);
         rider.v = matrix_vector(&rider.j, &v[on]);
     }
 }
 
-/// xx, yy, zz, xy, xz, yz of each spring's stiffness.
-type SpringStiffness = [[f64; SPRINGS_PER_SECTION]; 6];
+/// Components xx, yy, zz, xy, xz, yz of each spring's symmetric 3x3 stiffness.
+type SpringStiffnessMatrices = [[f64; SPRINGS_PER_SECTION]; 6];
 
-/// K = k [e e^T + max(0, 1 - L0/|d|) (1 - e e^T)].
+/// Tangent stiffness K = k [e e^T + max(0, 1 - L0/|d|) (1 - e e^T)] of each spring, times `factor`.
 #[inline(always)]
-fn spring_stiffness(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64) -> SpringStiffness {
+fn spring_stiffness(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64) -> SpringStiffnessMatrices {
     let mut out = [[0.0; SPRINGS_PER_SECTION]; 6];
     for i in 0..SPRINGS_PER_SECTION {
+        // across 1 + (k - across) e e^T, the same expression with one product per component.
         let across = factor * s.across[i];
         let along = factor * k[i] - across;
         let e = [s.e[0][i], s.e[1][i], s.e[2][i]];
@@ -142,18 +145,18 @@ fn spring_stiffness(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64
 }
 
 #[inline(always)]
-fn spring_block(p: &SpringStiffness, lane: usize) -> [[f64; 3]; 3] {
+fn stiffness_block(p: &SpringStiffnessMatrices, lane: usize) -> [[f64; 3]; 3] {
     let [xx, yy, zz, xy, xz, yz] = [p[0][lane], p[1][lane], p[2][lane], p[3][lane], p[4][lane], p[5][lane]];
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
 
-/// Adds the stiffness of the springs of section `i` to the rows.
+/// Adds the stiffness blocks of the springs of section `i` to the block rows.
 #[inline(always)]
-fn add_stiffness(
-    p: &SpringStiffness,
+fn add_spring_blocks(
+    p: &SpringStiffnessMatrices,
     tree: &RodTree,
     i: usize,
-    attached_bases: &[AttachedBase],
+    attached_bases: &[AttachedBaseState],
     rows: &mut [BlockRow],
 ) {
     // A spring between corners c and o adds its 3x3 block B to (c, c) and (o, o) and -B to (c, o) and (o, c); only
@@ -161,8 +164,9 @@ fn add_stiffness(
     let mut own: Matrix9 = [[0.0; 9]; 9];
     let mut cross = [[[0.0; 9]; 9]; 2];
     let mut other = [[[[0.0; 3]; 3]; 3]; 2];
+    // Springs around the section join corners c and c + 1 of the same section.
     for c in 0..3 {
-        let (n, b) = ((c + 1) % 3, spring_block(p, c));
+        let (n, b) = ((c + 1) % 3, stiffness_block(p, c));
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];
@@ -173,7 +177,7 @@ fn add_stiffness(
         }
     }
     let mut tie = |lane: usize, which: usize, c: usize, o: usize| {
-        let b = spring_block(p, lane);
+        let b = stiffness_block(p, lane);
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];
@@ -188,6 +192,7 @@ fn add_stiffness(
         }
         tie(FIRST_BEND_SPRING + c, 1, c, c);
     }
+    // Accumulated locally first: each block row is touched once per section instead of once per spring.
     for r in 0..9 {
         for q in 0..9 {
             rows[i].0[r][q] += own[r][q];
@@ -195,7 +200,7 @@ fn add_stiffness(
     }
     let section = &tree.sections[i];
     for (which, at) in [PREDECESSOR, SECOND_PREDECESSOR].into_iter().enumerate() {
-        let on = tree.above[i][which];
+        let on = tree.predecessors[i][which];
         if on == NONE {
             continue;
         }
@@ -215,8 +220,8 @@ struct CouplingBlock<'a> {
     column: usize,
 }
 
-/// Adds what couples section `i` to its predecessor `on`, and the predecessor's own share. `j`: Jacobian of the attached base
-/// that the springs end on, where they do not end on the predecessor's corners.
+/// Adds the block that couples section `i` to its predecessor `on`, and the predecessor's diagonal share. `j`:
+/// Jacobian of the attached base at which the springs end, where they do not end at the predecessor's own corners.
 #[inline(always)]
 fn add_coupling(coupling: &CouplingBlock<'_>, j: Option<&Matrix9>, rows: &mut [BlockRow], i: usize, on: usize) {
     let CouplingBlock { cross, other, column } = *coupling;

@@ -1,18 +1,18 @@
-//! Linear systems over the sections of a plant: blocks of nine, eliminated from the tips to the roots.
+//! Direct solver for linear systems over a tree of sections: 9x9 blocks, eliminated from the tips to the roots.
 
 use pulp::{Arch, NullaryFnOnce};
 
 use crate::rods::prism::SectionCorners;
 use osier_scene::plant::NONE;
 
-/// Numbers of a row: own block, block to the section above, block to the one above that, right side, room.
+/// Elements of a row: diagonal block, blocks to both predecessors, right-hand side, and padding to whole cache lines.
 pub(crate) const ROW_LENGTH: usize = 32;
-/// Where in a row the blocks and the right side begin.
+/// First column of either predecessor's block, and the column of the right-hand side.
 pub(crate) const PREDECESSOR: usize = 9;
 pub(crate) const SECOND_PREDECESSOR: usize = 18;
 pub(crate) const RIGHT_HAND_SIDE: usize = 27;
 
-/// The nine rows of a section.
+/// The nine rows of a section, aligned to cache lines.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct BlockRow(pub [[f64; ROW_LENGTH]; 9]);
@@ -24,26 +24,31 @@ impl Default for BlockRow {
 }
 
 impl BlockRow {
-    /// The right side.
-    pub(crate) fn set_right(&mut self, r: &SectionCorners) {
+    /// Sets the right-hand side.
+    pub(crate) fn set_right_hand_side(&mut self, r: &SectionCorners) {
         for k in 0..9 {
             self.0[k][RIGHT_HAND_SIDE] = r[k];
         }
     }
 
-    /// Largest number on the diagonal.
-    pub(crate) fn peak(&self) -> f64 {
+    /// Largest entry on the diagonal.
+    pub(crate) fn max_diagonal(&self) -> f64 {
         (0..9).fold(0.0, |m, k| self.0[k][k].max(m))
     }
 }
 
-/// The section above, and the one above that, or [`NONE`]; both have lower indices.
+/// Index of the preceding section and of the one before that, or [`NONE`]; both are lower than the section's own.
 pub(crate) type Predecessors = [u32; 2];
 
-/// Solves a symmetric positive system in place. `predecessors[i][1]` is what `predecessors[predecessors[i][0]][0]` is: then nothing fills in.
-/// Returns whether all pivots were positive; `out` holds the solution.
+/// Solves a symmetric positive definite system in place and writes the solution to `out`; false if a pivot was not
+/// positive. Where a section has a second predecessor, that is the first predecessor of its first: then no fill-in
+/// occurs.
 /// Own: block Cholesky in elimination-tree order; a section is coupled to two others only.
-pub(crate) fn solve(rows: &mut [BlockRow], predecessors: &[Predecessors], out: &mut [SectionCorners]) -> bool {
+pub(crate) fn solve_block_system(
+    rows: &mut [BlockRow],
+    predecessors: &[Predecessors],
+    out: &mut [SectionCorners],
+) -> bool {
     Arch::new().dispatch(BlockCholesky { rows, predecessors, out })
 }
 
@@ -84,7 +89,7 @@ impl NullaryFnOnce for BlockCholesky<'_> {
     }
 }
 
-/// Rows of A become rows of U with A = U^T U; the rest of the rows is divided by U^T on the way.
+/// Factorizes the diagonal block A = U^T U in place and multiplies the rest of the rows by U^-T on the way.
 #[inline(always)]
 fn factorize_block(own: &mut BlockRow) -> bool {
     for k in 0..9 {
@@ -110,7 +115,8 @@ fn factorize_block(own: &mut BlockRow) -> bool {
     true
 }
 
-/// What eliminating a section leaves on the one above: blocks (up, up) and (up, over), and its right side.
+/// Schur complement of an eliminated section on its predecessor: blocks (up, up) and (up, over), and the right-hand
+/// side.
 #[inline(always)]
 fn eliminate_into_predecessor(own: &BlockRow, up: &mut BlockRow) {
     for a in 0..9 {
@@ -129,7 +135,7 @@ fn eliminate_into_predecessor(own: &BlockRow, up: &mut BlockRow) {
     }
 }
 
-/// The same on the one above that: block (over, over).
+/// Schur complement on the second predecessor: block (over, over) and the right-hand side.
 #[inline(always)]
 fn eliminate_into_second_predecessor(own: &BlockRow, over: &mut BlockRow) {
     for a in 0..9 {
@@ -148,7 +154,7 @@ fn eliminate_into_second_predecessor(own: &BlockRow, over: &mut BlockRow) {
     }
 }
 
-/// The unknowns of a section, once those above are known.
+/// Back substitution for one section, given the solution at its predecessors.
 #[inline(always)]
 fn back_substitute(own: &BlockRow, up: &SectionCorners, over: &SectionCorners) -> SectionCorners {
     let mut x = [0.0; 9];
@@ -172,7 +178,7 @@ mod tests {
 
     /// A chain of five with a branch of three at its third: A = B^T B + 1 with the pattern of rods.
     #[test]
-    fn a_branched_system_is_solved_and_the_rest_of_it_is_what_was_asked() {
+    fn branched_block_system_is_solved_exactly() {
         let predecessors: Vec<Predecessors> =
             vec![[NONE, NONE], [0, NONE], [1, 0], [2, 1], [3, 2], [2, NONE], [5, 2], [6, 5]];
         let n = predecessors.len();
@@ -213,10 +219,10 @@ mod tests {
             }
         }
         let mut out = vec![[0.0; 9]; n];
-        assert!(solve(&mut rows, &predecessors, &mut out));
+        assert!(solve_block_system(&mut rows, &predecessors, &mut out));
         let worst = out.as_flattened().iter().zip(&wanted).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
         assert!(worst < 1e-11, "{worst}");
         rows[2].0[0][0] = f64::NAN;
-        assert!(!solve(&mut rows, &predecessors, &mut out), "what is no number is no pivot");
+        assert!(!solve_block_system(&mut rows, &predecessors, &mut out), "what is no number is no pivot");
     }
 }

@@ -1,18 +1,21 @@
-//! Integrators for comparison: Euler's, and springs one by one.
+//! Integrators for comparison with the literature: symplectic and explicit Euler, and XPBD by single Gauss-Seidel
+//! passes.
 
 use crate::rods::StepFailure;
-use crate::rods::prism::{RigidSectionMap, SectionCorners, SectionFrame, add, corner, dot, transposed_matrix_vector};
+use crate::rods::prism::{
+    RigidSectionMap, SectionCorners, SectionFrame, add_to_corner, corner, corner_dot, transposed_matrix_vector,
+};
 use crate::rods::springs::{FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION};
 use crate::rods::system::RodSystem;
 use osier_base::math;
 use osier_scene::plant::NONE;
 
-/// Largest k h^2 / m for which single passes over the springs still hold a rod up.
+/// Largest k h^2 / m at which one Gauss-Seidel pass per step still carries a rod's weight.
 pub const MAX_GAUSS_SEIDEL_STIFFNESS: f64 = 10.0;
 
 impl RodSystem {
-    /// Acceleration, m/s^2, by springs and loads at the present places, without damping.
-    fn compute_accelerations(&mut self, h: f64) {
+    /// Computes accelerations `step.change`, m/s^2, from springs and loads at the present positions, without damping.
+    fn compute_undamped_accelerations(&mut self, h: f64) {
         self.share = 1.0;
         self.prepare_step(h);
         let Self { x, v, step, .. } = self;
@@ -22,20 +25,21 @@ impl RodSystem {
         self.assemble_springs(false);
         for i in 0..self.x.len() {
             let back = self.dampings[self.tree.sections[i].rod].recovery;
-            let drawn = self.restoring_displacement_force(i);
-            let f = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * drawn[k]);
-            self.step.change[i] = self.solve_mass(i, &f);
+            let displacement = self.mass_times_displacement(i);
+            let f = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * displacement[k]);
+            self.step.change[i] = self.apply_inverse_mass(i, &f);
         }
     }
 
-    /// Damping by mass alone, 1/s: twice the implicit one's, which leaves half to stiffness.
+    /// Mass damping coefficient, 1/s, of the explicit integrators: twice the implicit one's, which leaves half of the
+    /// damping to the stiffness part.
     pub(crate) fn explicit_mass_damping(&self, i: usize) -> f64 {
         2.0 * self.dampings[self.tree.sections[i].rod].mass
     }
 
-    /// v = (v + h F/m) / (1 + a h), x = x + h v: stable for h < 2 / w_max.
+    /// Symplectic Euler: v = (v + h F/m) / (1 + a h), then x = x + h v; stable for h < 2 / w_max.
     pub fn step_symplectic_euler(&mut self, h: f64) {
-        self.compute_accelerations(h);
+        self.compute_undamped_accelerations(h);
         for i in 0..self.x.len() {
             let a = self.explicit_mass_damping(i);
             for k in 0..9 {
@@ -48,9 +52,10 @@ impl RodSystem {
         }
     }
 
-    /// [yang-wu]'s own: x = x + h v with the velocity before; stable only for h <= a / w_max^2, never without damping.
+    /// Explicit Euler of [yang-wu]: x = x + h v with the velocity before the step; stable only for h <= a / w_max^2,
+    /// never without damping.
     pub fn step_explicit_euler(&mut self, h: f64) {
-        self.compute_accelerations(h);
+        self.compute_undamped_accelerations(h);
         let mut to: Vec<SectionCorners> = self.x.clone();
         for i in 0..self.x.len() {
             let a = self.explicit_mass_damping(i);
@@ -60,6 +65,7 @@ impl RodSystem {
             }
         }
         self.project_clamp_velocities(h);
+        // Clamped sections follow their corrected velocity, so that they reach their targets in this step.
         for clamp in 0..self.clamps.len() {
             let i = self.clamps[clamp].section;
             to[i] = std::array::from_fn(|k| self.x[i][k] + h * self.v[i][k]);
@@ -67,23 +73,24 @@ impl RodSystem {
         self.x = to;
     }
 
-    /// Bound of the fastest swing of all, rad/s: w^2 <= max 2 sum(k) / m.
+    /// Upper bound of the highest angular frequency, rad/s: w^2 <= max 2 sum(k) / m.
     /// Source: Gershgorin's circles.
     pub fn max_angular_frequency_bound(&mut self) -> f64 {
         self.update_section_masses();
         let mut sums = vec![[0.0; 3]; self.x.len()];
+        // Sum the stiffness of all springs at each corner; those of a section also end at its predecessors.
         for (i, s) in self.tree.sections.iter().enumerate() {
-            let [up, over] = self.tree.above[i];
+            let [up, over] = self.tree.predecessors[i];
             for c in 0..3 {
-                sums[i][c] += s.k[c] + s.k[FIRST_BEND_SPRING + c];
-                sums[i][(c + 1) % 3] += s.k[c];
+                sums[i][c] += s.stiffness[c] + s.stiffness[FIRST_BEND_SPRING + c];
+                sums[i][(c + 1) % 3] += s.stiffness[c];
                 if over != NONE {
-                    sums[over as usize][c] += s.k[FIRST_BEND_SPRING + c];
+                    sums[over as usize][c] += s.stiffness[FIRST_BEND_SPRING + c];
                 }
                 for o in 0..3 {
-                    sums[i][c] += s.k[FIRST_LINK_SPRING + 3 * c + o];
+                    sums[i][c] += s.stiffness[FIRST_LINK_SPRING + 3 * c + o];
                     if up != NONE {
-                        sums[up as usize][o] += s.k[FIRST_LINK_SPRING + 3 * c + o];
+                        sums[up as usize][o] += s.stiffness[FIRST_LINK_SPRING + 3 * c + o];
                     }
                 }
             }
@@ -96,16 +103,17 @@ impl RodSystem {
         math::sqrt(sums.iter().enumerate().map(bound).fold(0.0, f64::max))
     }
 
-    /// Springs one after another, once: for soft ropes only.
+    /// One XPBD step with a single Gauss-Seidel pass over the springs: converges for soft ropes only.
     /// Source: M. Macklin et al., "XPBD", 2016, with the springs of [yang-wu] as constraints.
     /// # Errors
-    /// [`StepFailure`] for what is not finite.
+    /// [`StepFailure`] if a coordinate is not finite.
     pub fn step_gauss_seidel(&mut self, h: f64) -> Result<(), StepFailure> {
         self.share = 1.0;
         self.prepare_step(h);
+        // Predict velocities and positions from external loads, with implicit mass damping.
         for i in 0..self.x.len() {
             let m = self.dampings[self.tree.sections[i].rod];
-            let push = self.solve_mass(i, &self.step.load[i]);
+            let push = self.apply_inverse_mass(i, &self.step.load[i]);
             for k in 0..9 {
                 self.v[i][k] = (self.v[i][k] + h * push[k]) / (1.0 + 2.0 * m.mass * h);
             }
@@ -115,13 +123,15 @@ impl RodSystem {
             self.step.next[i] = std::array::from_fn(|k| self.x[i][k] + h * self.v[i][k]);
         }
         for i in 0..self.x.len() {
+            // Project spring after spring; the last lane is padding without stiffness.
             for lane in 0..SPRINGS_PER_SECTION - 1 {
-                self.project_spring(i, lane, h);
+                self.project_spring_xpbd(i, lane, h);
             }
             self.project_to_rest_position(i, h);
         }
         for i in 0..self.x.len() {
             for k in 0..9 {
+                // Velocities follow from the projected positions.
                 self.v[i][k] = (self.step.next[i][k] - self.x[i][k]) / h;
             }
         }
@@ -137,8 +147,9 @@ impl RodSystem {
         Ok(())
     }
 
-    /// Corners that a spring ties: this section's and the other end's section (0 up, 1 over), or its own.
-    fn spring_ends(lane: usize) -> (usize, Option<usize>, usize) {
+    /// Corner of this section, predecessor at the far end (0 or 1; none for this section), and corner there, of a
+    /// spring lane.
+    fn spring_corners(lane: usize) -> (usize, Option<usize>, usize) {
         match lane {
             0..FIRST_LINK_SPRING => (lane, None, (lane + 1) % 3),
             FIRST_LINK_SPRING..FIRST_BEND_SPRING => {
@@ -148,25 +159,27 @@ impl RodSystem {
         }
     }
 
-    /// XPBD projection of one spring: moves both its ends. `i`: section; `lane`: spring of the section; `h`: step, s.
-    fn project_spring(&mut self, i: usize, lane: usize, h: f64) {
+    /// XPBD projection of one spring: moves both of its ends. `i`: section; `lane`: spring of the section; `h`: step,
+    /// s.
+    fn project_spring_xpbd(&mut self, i: usize, lane: usize, h: f64) {
         let section = &self.tree.sections[i];
-        let (k, rest) = (section.k[lane], section.l[lane]);
+        let (k, rest) = (section.stiffness[lane], section.rest_lengths[lane]);
         if k <= 0.0 {
             return;
         }
-        let (c, other, o) = Self::spring_ends(lane);
+        let (c, other, o) = Self::spring_corners(lane);
         let (on, base) = match other {
             None => (i, NONE),
-            Some(which) => (self.tree.above[i][which] as usize, section.base[which]),
+            Some(which) => (self.tree.predecessors[i][which] as usize, section.base[which]),
         };
         let held =
             |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::ClampKind::Fixed);
         let light = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
         let here = corner(&self.step.next[i], c);
+        // An attached base is evaluated anew at the present positions of the section that carries it.
         let rider = (base != NONE).then(|| {
             let b = &self.tree.bases[base as usize];
-            let x = SectionFrame::from_corners(&self.step.next[on]).to_world(&b.local);
+            let x = SectionFrame::from_corners(&self.step.next[on]).corners_to_world(&b.local);
             (RigidSectionMap::from_corners(&self.step.next[on]).attachment_jacobian(&x), x)
         });
         let there = rider.as_ref().map_or_else(|| corner(&self.step.next[on], o), |(_, x)| corner(x, o));
@@ -179,16 +192,17 @@ impl RodSystem {
         // XPBD correction: lambda = (|d| - L0) / (w_a + w_b + alpha), compliance alpha = 1/(k h^2); an attached base
         // maps its share onto its section by J^T.
         let mut pull = [0.0; 9];
-        add(&mut pull, o, e);
+        add_to_corner(&mut pull, o, e);
         let pull = rider.map_or(pull, |(j, _)| transposed_matrix_vector(&j, &pull));
-        let (a, b) = (light(i), light(on) * dot(&pull, &pull));
+        let (a, b) = (light(i), light(on) * corner_dot(&pull, &pull));
         let f = (length - rest) / (a + b + 1.0 / (k * h * h));
-        add(&mut self.step.next[i], c, e * (f * a));
+        add_to_corner(&mut self.step.next[i], c, e * (f * a));
         let by = light(on) * f;
         (0..9).for_each(|k| self.step.next[on][k] -= by * pull[k]);
     }
 
-    /// The springs back to the rest place of a section.
+    /// XPBD projection of a section to its rest position: with mass-proportional stiffness the share k h^2 / (1 + k
+    /// h^2).
     fn project_to_rest_position(&mut self, i: usize, h: f64) {
         let back = self.dampings[self.tree.sections[i].rod].recovery * h * h;
         let share = back / (1.0 + back);
@@ -197,9 +211,10 @@ impl RodSystem {
         }
     }
 
-    /// Largest k h^2 / m of all springs: above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single passes let a rod hang limp.
+    /// Largest k h^2 / m of all springs; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single passes let a rod sag.
     pub fn stiffness_per_step(&self, h: f64) -> f64 {
-        let one = |s: &crate::rods::layout::RodSection| s.k.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass;
+        let one =
+            |s: &crate::rods::layout::RodSection| s.stiffness.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass;
         self.tree.sections.iter().map(one).fold(0.0, f64::max)
     }
 }

@@ -1,26 +1,28 @@
-//! The default integrator: all springs of a plant solved together, second order in time.
+//! The default integrator: BDF2 with Newton's method on the whole system.
 
-use crate::rods::system::{RodSystem, difference};
+use crate::rods::system::{RodSystem, subtract_corners};
 
-/// Most rounds of Newton's method in a step.
+/// Newton iterations per step, at most: more gain nothing that is visible at automatic substeps.
 const MAX_NEWTON_ITERATIONS: usize = 4;
-/// A step is found when nothing moves by more than this share of the shortest spring along the rods.
+/// Newton's method has converged when no corner moves by more than this share of the shortest interval.
 const NEWTON_TOLERANCE: f64 = 1e-5;
-/// Beyond so many lengths of everything a step has failed.
+/// Total rod lengths from the start beyond which a step counts as diverged.
 const DIVERGENCE_LENGTHS: f64 = 100.0;
-/// Share of a blow that a first step gives, so that with what the next ones make of it the whole is just the blow.
+/// Share of an impulse that enters a first (implicit Euler) step; the BDF2 steps that follow add the remaining third
+/// of its momentum.
 const FIRST_STEP_IMPULSE_SHARE: f64 = 2.0 / 3.0;
 
-/// Why a step was not taken.
+/// A step failed: the system was not positive definite, not finite, or diverged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StepFailure;
 
 impl RodSystem {
-    /// One step of `h` seconds, if it succeeds; else everything is as before.
-    /// Source: springs as constraints of compliance 1/k of [yang-wu]'s network, solved directly; Own: BDF2 in time, damping
-    /// a M + b K, Newton's method with a stiffness that is never indefinite.
+    /// Advances by `h` seconds; on failure positions and velocities stay as before.
+    /// Source: springs as constraints of compliance 1/k of [yang-wu]'s network, solved directly; Own: BDF2 in time,
+    /// damping a M + b K, Newton's method with a stiffness that is never indefinite.
     /// # Errors
-    /// [`StepFailure`] for what is not finite, flies apart, or grows in three rounds running.
+    /// [`StepFailure`] if a value is not finite, leaves the divergence limit, or if Newton updates grow three times
+    /// running.
     pub fn step_implicit(&mut self, h: f64) -> Result<(), StepFailure> {
         let ht = if self.history_reset { h } else { 2.0 * h / 3.0 };
         // An impulse J enters a first (Euler) step as 2/3 J/h: the BDF2 steps that follow carry the rest of it, so that
@@ -81,7 +83,7 @@ impl RodSystem {
         for i in 0..self.x.len() {
             let m = self.dampings[self.tree.sections[i].rod];
             let back = m.recovery;
-            // Inertia: the change of velocity since what two steps foretell.
+            // Inertia: -M (v - v_hat) / ht, v_hat the BDF2 combination of the last two velocities.
             let mut all = [0.0; 9];
             for k in 0..9 {
                 let foretold = now * self.v[i][k] - then * self.before[1][i][k];
@@ -89,26 +91,28 @@ impl RodSystem {
             }
             // Restoring force and damping of the plant's own mass: -M_own [k (x - x_rest) + (a + b k) v], k the recovery
             // per mass; bodies that are only attached take part in inertia alone.
-            let away = difference(&self.step.next[i], &self.step.places[i]);
+            let away = subtract_corners(&self.step.next[i], &self.step.places[i]);
             let own: [f64; 9] =
                 std::array::from_fn(|k| -back * away[k] - (m.mass + m.stiffness * back) * self.step.speed[i][k]);
             let (all, own) = (self.apply_mass(i, &all, false), self.apply_mass(i, &own, true));
             let right = std::array::from_fn(|k| all[k] + own[k] + self.step.force[i][k] + self.step.load[i][k]);
             // Diagonal block: M / ht^2 + M_own [a / ht + k (1 + b / ht)], the derivative of the right-hand side above.
             self.add_mass_to_block(i, inverse * inverse, m.mass * inverse + back * (1.0 + m.stiffness * inverse));
-            self.step.rows[i].set_right(&right);
+            self.step.rows[i].set_right_hand_side(&right);
         }
         self.add_clamp_penalties();
     }
 
-    /// What the next step starts from: shares of now and of the step before. A first step is Euler's implicit one, whose
-    /// error is that of a single step: with a made-up step before, velocities would be late by a third of a step for ever.
+    /// Weights of the present and the preceding state in the BDF2 formula. A first step is implicit Euler (weights 1,
+    /// 0), whose error is that of a single step: with an invented state before the start, velocities would lag by a
+    /// third of a step for ever.
     fn bdf_coefficients(&self) -> [f64; 2] {
         if self.history_reset { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
     }
 
     fn accept_step(&mut self, ht: f64) {
         let [share, then] = self.bdf_coefficients();
+        // Shift the history: the new velocity is the BDF2 difference of positions.
         for i in 0..self.x.len() {
             for k in 0..9 {
                 let (next, now) = (self.step.next[i][k], self.x[i][k]);
@@ -120,19 +124,19 @@ impl RodSystem {
         self.history_reset = false;
     }
 
-    /// Forgets the step before, as at the start and where steps change their length.
+    /// Invalidates the BDF2 history, as at the start and where the step length changes.
     pub fn reset_history(&mut self) {
         self.history_reset = true;
     }
 
-    /// Shortest interval, m.
+    /// Length of the shortest interval of all rods, m.
     fn shortest_interval(&self) -> f64 {
-        self.tree.spans.iter().flat_map(|s| &s.intervals).fold(f64::MAX, |m, l| m.min(l.length))
+        self.tree.rods.iter().flat_map(|s| &s.intervals).fold(f64::MAX, |m, l| m.min(l.length))
     }
 
-    /// How far from the origin nothing ever goes, m.
+    /// Distance from the origin, m, beyond which the motion counts as diverged.
     pub(crate) fn divergence_radius(&self) -> f64 {
-        let length = self.tree.spans.iter().fold(0.0, |s, r| s + r.length);
+        let length = self.tree.rods.iter().fold(0.0, |s, r| s + r.length);
         let far = self.x.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
         far + DIVERGENCE_LENGTHS * length
     }

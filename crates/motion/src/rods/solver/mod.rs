@@ -1,4 +1,4 @@
-//! Time integration and statics of a tree of rods.
+//! Integrators and static solver of a [`crate::rods::RodSystem`].
 
 pub(crate) mod assemble;
 pub(crate) mod block;

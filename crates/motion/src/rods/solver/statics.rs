@@ -1,28 +1,28 @@
-//! Where rods hang still, the shape from which they do so as drawn, and their energy.
+//! Static equilibrium, rest shapes whose equilibrium is the reference shape, and energies.
 
-use crate::rods::prism::{SectionCorners, dot};
+use crate::rods::prism::{SectionCorners, corner_dot};
 use crate::rods::springs::{spring_energy, spring_vectors};
-use crate::rods::system::{RodSystem, difference};
+use crate::rods::system::{RodSystem, subtract_corners};
 
-/// Most rounds of Newton's method, and the change, in lengths of everything, that ends them.
+/// Newton iterations, at most, and the displacement over total length at which they have converged.
 const MAX_NEWTON_ITERATIONS: usize = 600;
 const EQUILIBRIUM_TOLERANCE: f64 = 1e-10;
-/// A round moves nothing by more than this share of the length of everything.
+/// Largest displacement of a Newton step over the total length: larger steps leave the range of the linearisation.
 const MAX_NEWTON_STEP: f64 = 0.1;
-/// Share of the error that a round of the search for the shape without load takes back, its rounds, and its end, m.
+/// Under-relaxation of the rest-shape iteration, its greatest number of equilibrium solves, and its tolerance, m.
 const REST_SHAPE_RELAXATION: f64 = 0.7;
 const MAX_EQUILIBRIUM_SOLVES: usize = 20;
 const REST_SHAPE_TOLERANCE: f64 = 1e-5;
-/// Rounds of the search that does not wait for rest, and its end, m.
+/// Iterations, at most, of the search by residuals, and its tolerance, m.
 const MAX_RESIDUAL_ITERATIONS: usize = 300;
 const RESIDUAL_TOLERANCE: f64 = 1e-7;
 
 impl RodSystem {
-    /// Moves to where all forces balance, from where it is, with the forces from outside; velocities become zero.
-    /// Returns whether it got there.
+    /// Moves from the present shape to static equilibrium with the external forces; velocities become zero. Returns
+    /// whether it converged.
     /// Own: Newton's method with steps that never raise the energy.
     pub fn solve_equilibrium(&mut self) -> bool {
-        let length = self.tree.spans.iter().fold(0.0, |s, r| s + r.length);
+        let length = self.tree.rods.iter().fold(0.0, |s, r| s + r.length);
         self.v.iter_mut().for_each(|v| *v = [0.0; 9]);
         self.step.factors.fill(1.0);
         self.step.damping.fill(0.0);
@@ -41,8 +41,8 @@ impl RodSystem {
         still
     }
 
-    /// Fills `step.change` with how far everything gives way where it is, by its stiffness there, and returns the most of
-    /// that, m; none for what has no stiffness.
+    /// Fills `step.change` with the Newton displacement K^-1 f at the present shape and returns its largest component,
+    /// m; none if the stiffness is singular.
     fn newton_displacement(&mut self) -> Option<f64> {
         self.prepare_step(0.0);
         self.step.next.copy_from_slice(&self.x);
@@ -50,11 +50,11 @@ impl RodSystem {
         self.assemble_springs(true);
         for i in 0..self.x.len() {
             let back = self.dampings[self.tree.sections[i].rod].recovery;
-            let drawn = self.restoring_displacement_force(i);
-            let right = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * drawn[k]);
-            // A trace of mass keeps what hangs on a thread from being singular.
+            let displacement = self.mass_times_displacement(i);
+            let right = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * displacement[k]);
+            // Regularization: a trace of mass keeps mechanisms, such as a rod on a slack thread, from being singular.
             self.add_mass_to_block(i, 1e-6, back);
-            self.step.rows[i].set_right(&right);
+            self.step.rows[i].set_right_hand_side(&right);
         }
         self.add_clamp_penalties();
         if !self.solve_newton_update() {
@@ -64,9 +64,9 @@ impl RodSystem {
         Some(most).filter(|m| m.is_finite())
     }
 
-    /// Goes along the change, half as far until the energy does not rise.
+    /// Moves along `step.change` by at most the share `most`, which is halved until the potential energy does not
+    /// rise.
     fn line_search(&mut self, most: f64) {
-        // Backtracking: halve the step, at most 12 times, until the potential energy does not rise.
         let from = self.x.clone();
         let start = self.potential_energy();
         let mut share = most;
@@ -81,63 +81,65 @@ impl RodSystem {
         }
     }
 
-    /// Energy of springs and of loads as they were prepared, J.
+    /// Potential energy of springs and prepared loads, J.
     fn potential_energy(&self) -> f64 {
         // Potential energy = elastic energy - f . x for loads that do not depend on the position.
-        let loads = self.x.iter().zip(&self.step.load).fold(0.0, |s, (x, f)| s + dot(x, f));
+        let loads = self.x.iter().zip(&self.step.load).fold(0.0, |s, (x, f)| s + corner_dot(x, f));
         self.elastic_energy() - loads
     }
 
-    /// Energy of all springs, J.
+    /// Elastic energy of springs and restoring springs, J.
     pub fn elastic_energy(&self) -> f64 {
         let mut sum = 0.0;
         for (i, s) in self.tree.sections.iter().enumerate() {
             let [up, over] = self.tree.predecessor_corners(i, &self.x);
-            sum += spring_energy(&spring_vectors(&self.x[i], &up, &over), &s.k, &s.l);
-            let away = difference(&self.x[i], &self.step.places[i]);
-            sum += 0.5 * self.dampings[s.rod].recovery * dot(&away, &self.apply_mass(i, &away, true));
+            sum += spring_energy(&spring_vectors(&self.x[i], &up, &over), &s.stiffness, &s.rest_lengths);
+            let away = subtract_corners(&self.x[i], &self.step.places[i]);
+            sum += 0.5 * self.dampings[s.rod].recovery * corner_dot(&away, &self.apply_mass(i, &away, true));
         }
         sum
     }
 
-    /// Energy of motion, J.
+    /// Kinetic energy, J.
     pub fn kinetic_energy(&self) -> f64 {
-        (0..self.x.len()).fold(0.0, |s, i| s + 0.5 * dot(&self.v[i], &self.apply_mass(i, &self.v[i], false)))
+        (0..self.x.len()).fold(0.0, |s, i| s + 0.5 * corner_dot(&self.v[i], &self.apply_mass(i, &self.v[i], false)))
     }
 
-    /// Finds the shape without load from which the rods hang as they are drawn; false if none was found, and nothing is
-    /// changed then. Own: fixed-point search, X <- X - 0.7 (x_eq(X) - drawn).
+    /// Finds the stress-free shape whose equilibrium under load is the reference shape; false, with nothing changed,
+    /// if the search does not converge.
+    /// Own: fixed-point search, X <- X - 0.7 (x_eq(X) - reference).
     pub fn find_rest_shape_by_equilibrium(&mut self) -> bool {
-        let drawn = self.tree.drawn.clone();
-        let mut shape = drawn.clone();
+        let reference = self.tree.reference.clone();
+        let mut shape = reference.clone();
         // Fixed point for the rest shape X: with springs relaxed at X the rods sag to x_eq(X); moving X against the
         // error x_eq - drawn by a damped share converges where the sagged shape is the drawn one.
         for _ in 0..MAX_EQUILIBRIUM_SOLVES {
             self.set_rest_shape(&shape);
-            self.x.copy_from_slice(&drawn);
+            self.x.copy_from_slice(&reference);
             if !self.solve_equilibrium() {
                 break;
             }
-            let error = self.x.iter().zip(&drawn).map(|(a, b)| difference(a, b)).collect::<Vec<SectionCorners>>();
+            let error =
+                self.x.iter().zip(&reference).map(|(a, b)| subtract_corners(a, b)).collect::<Vec<SectionCorners>>();
             if error.iter().flatten().all(|e| e.abs() < REST_SHAPE_TOLERANCE) {
-                self.x.copy_from_slice(&drawn);
+                self.x.copy_from_slice(&reference);
                 return true;
             }
             for (x, e) in shape.iter_mut().zip(&error) {
                 (0..9).for_each(|k| x[k] -= REST_SHAPE_RELAXATION * e[k]);
             }
         }
-        self.set_rest_shape(&drawn);
-        self.x.copy_from_slice(&drawn);
+        self.set_rest_shape(&reference);
+        self.x.copy_from_slice(&reference);
         false
     }
 
-    /// The same as [`RodSystem::find_rest_shape_by_equilibrium`] for many rods: a round asks how far the drawn pose gives way, not where it would come
-    /// to rest. Own.
+    /// As [`RodSystem::find_rest_shape_by_equilibrium`], but cheaper for many rods: an iteration takes one Newton
+    /// displacement at the reference shape in place of an equilibrium. Own.
     pub fn find_rest_shape_by_residual(&mut self) -> bool {
-        let drawn = self.tree.drawn.clone();
-        let mut shape = drawn.clone();
-        self.x.copy_from_slice(&drawn);
+        let reference = self.tree.reference.clone();
+        let mut shape = reference.clone();
+        self.x.copy_from_slice(&reference);
         self.v.fill([0.0; 9]);
         self.step.factors.fill(1.0);
         self.step.damping.fill(0.0);
@@ -158,12 +160,12 @@ impl RodSystem {
                 (0..9).for_each(|k| x[k] -= REST_SHAPE_RELAXATION * e[k]);
             }
         }
-        self.set_rest_shape(&drawn);
+        self.set_rest_shape(&reference);
         self.reset_history();
         false
     }
 
-    /// Makes these corners the shape without load.
+    /// Makes `x` the stress-free shape and the rest positions.
     fn set_rest_shape(&mut self, x: &[SectionCorners]) {
         self.tree.set_rest_lengths(x);
         self.store_rest_positions(x);
