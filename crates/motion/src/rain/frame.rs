@@ -161,6 +161,7 @@ impl RainFrame {
     /// Bytes of memory that its lists hold, for limits.
     pub fn memory_bytes(&self) -> u64 {
         let caps: usize = self.sessile.iter().map(|d| d.caps.len()).sum();
+        // Lengths, not capacities: what counts is what all frames of a clip need together.
         let lists = [
             self.leaf_poses.len() * (size_of::<LeafPose>() + size_of::<f64>()),
             self.sessile.len() * size_of::<SessileDrop>(),

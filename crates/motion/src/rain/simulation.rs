@@ -191,6 +191,7 @@ impl RainSimulation {
             counters: DropCounters::default(),
             events: Vec::new(),
         };
+        // The first step sweeps leaves from these poses.
         simulation.poses = simulation.leaf_poses();
         simulation.wood = simulation.wood_segments();
         simulation
@@ -271,6 +272,7 @@ impl RainSimulation {
 
     /// Volumes of water by where they are now.
     pub fn water_budget(&self) -> WaterBudget {
+        // Drops are summed each time instead of kept as totals, so that the check finds water that a drop lost or gained.
         let mut budget = WaterBudget {
             emitted: self.emitted,
             ground: self.water_on_ground,
@@ -335,6 +337,7 @@ impl RainSimulation {
 
     /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
     fn advance_falling(&mut self, before: &[LeafPose], h: f64) -> Vec<StruckDrop> {
+        // Leaves sweep from their poses before the step to those after it; wood, which is slower, is taken as at rest.
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();
         let moving: Vec<MovingLeaf> = (0..self.leaves.len())
             .map(|i| MovingLeaf {
@@ -424,6 +427,7 @@ impl RainSimulation {
         // Velocity relative to the material point of the leaf, and the normal of the side that it comes from.
         let point = pose.position + pose.orientation * surface.p;
         let mut relative = drop.v - pose.velocity_at(point);
+        // `n` points against the relative motion, so the speed of approach is not negative.
         let up = pose.orientation * surface.n;
         let side = if relative.dot(up) <= 0.0 { 1.0 } else { -1.0 };
         let n = up * side;
@@ -448,6 +452,7 @@ impl RainSimulation {
         if weber > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
             volume -= self.splash(drop, i, point, n, relative);
         }
+        // The water that has not splashed stays on the leaf.
         let event = RainEvent::new(DropEventKind::Struck, drop.id, self.t, point, volume);
         self.events.push(RainEvent { leaf: Some(i), impulse: j * self.params.impulse_factor, ..event });
         // The drop keeps a part of its tangential velocity relative to the leaf.

@@ -233,6 +233,7 @@ impl SourceTracer {
     /// Drift of drops of diameter `d`, m, that start at points of the emission plane at time `t`, s.
     fn trace_drift(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByBand {
         let mut drift = [LevelRect::EMPTY; HEIGHT_BANDS];
+        // Bands reach a little beyond the bounds, as the regions do.
         let (low, high) = (f64::from(self.bounds.min.y) - SOURCE_MARGIN, f64::from(self.bounds.max.y) + SOURCE_MARGIN);
         // The time step takes a drop in still air down in `TRACE_STEPS` steps; an updraft makes it take more.
         let h = (self.emission_height() - low) / terminal_speed(d) / f64::from(TRACE_STEPS);

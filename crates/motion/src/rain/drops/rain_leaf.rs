@@ -180,6 +180,7 @@ impl RainLeaf {
             let a = d.head_cap(params, 1.0).a;
             std::f64::consts::PI * a * a
         };
+        // Pendant drops cover next to nothing of the blade.
         let sessile = self.drops.iter().filter(|d| d.pendant.is_none() && d.side > 0.0).map(base);
         // The blade has its area at scale 1.
         let area = self.blade.area() * self.scale * self.scale;

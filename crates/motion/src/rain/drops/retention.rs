@@ -75,6 +75,7 @@ impl RainLeaf {
 
     /// Gradient noise of the leaf's pinning at texture coordinates, about -1 to 1; constant over time, different from leaf to leaf.
     pub(super) fn pinning_noise(&self, uv: DVec2, params: &DropParams) -> f64 {
+        // The key differs from leaf to leaf; the noise repeats only far beyond the texture.
         let p = [math::narrow(uv.x * PINNING_NOISE_CELLS), math::narrow(uv.y * PINNING_NOISE_CELLS)];
         let key = Rng::key(params.seed, &["pin".into(), self.index.into()]);
         f64::from(gradient2(key, p, [4096, 4096]))

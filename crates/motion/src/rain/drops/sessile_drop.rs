@@ -8,7 +8,7 @@ use super::rain_leaf::{LeafStep, LeafStepResult, RainLeaf};
 use super::retention::EffectiveGravity;
 use super::spherical_cap::SphericalCap;
 use super::surface_drop::SurfaceDrop;
-use crate::rain::params::FrictionModel;
+use crate::rain::params::{DropParams, FrictionModel};
 use crate::rain::tuning::{
     AXIS_TURN_TIME, DYNAMIC_RETENTION, MARGIN_DISTANCE, MARGIN_ESCAPE_SPEED, MARGIN_INSET, MAX_SUBSTEPS,
     MIN_CAP_RADIUS, REST_SPEED, STEER_DIRECTIONS, STEER_DOWNHILL, STEER_INTERVAL, STEER_LOOKAHEAD, STEER_NOISE,
@@ -16,6 +16,11 @@ use crate::rain::tuning::{
 };
 use osier_base::math;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
+
+/// Friction of [yang-wu] eq. 7 on a drop of mass `m`, kg: mu m g_n + H, N.
+fn paper_friction(params: &DropParams, m: f64, gravity: &EffectiveGravity) -> f64 {
+    params.friction_coefficient * m * gravity.onto.abs() + params.friction_force
+}
 
 impl RainLeaf {
     /// Advances a sessile drop: it detaches, rests or runs.
@@ -58,9 +63,7 @@ impl RainLeaf {
         // Depinning: the drop moves once the force along the surface exceeds what holds it.
         let pinned = match params.friction {
             FrictionModel::Retention => force <= retention,
-            FrictionModel::Paper => {
-                force <= params.friction_coefficient * m * gravity.onto.abs() + params.friction_force
-            }
+            FrictionModel::Paper => force <= paper_friction(params, m, &gravity),
         };
         if rests && pinned {
             drop.step_tail(cap.a, step.h, params);
@@ -87,7 +90,7 @@ impl RainLeaf {
             FrictionModel::Retention => {
                 DYNAMIC_RETENTION * retention + params.friction_coefficient * m * gravity.onto.abs()
             }
-            FrictionModel::Paper => params.friction_coefficient * m * gravity.onto.abs() + params.friction_force,
+            FrictionModel::Paper => paper_friction(params, m, gravity),
         };
         // Dry friction takes a constant h F / m, at most the whole speed; viscous drag v / tau is implicit, hence unconditionally
         // stable: v' = v / (1 + h / tau).

@@ -76,6 +76,7 @@ impl WettingParams {
     /// Height factor by which gravity flattens a cap of `height`, m. It blends between a sphere and a puddle, whose height is
     /// 2 l sin(theta / 2) with the capillary length l: heights approach that limit and never exceed it.
     fn flattening(&self, height: f64) -> f64 {
+        // With k = height / puddle the factor is (1 + k^3)^(-1/2): 1 for small drops.
         let puddle = 2.0 * self.capillary_length * math::sin(0.5 * self.contact_angle);
         let k = height / puddle;
         1.0 / math::sqrt(1.0 + k * k * k)

@@ -106,6 +106,7 @@ impl SurfaceDrop {
 
     /// Stretch of its footprint by speed and by a recent merger. Source: own, after photographs.
     pub fn stretch(&self) -> f64 {
+        // Two drops that merge begin as an elongated one, which surface tension rounds exponentially.
         let moving = SPEED_STRETCH * (self.v.length() / FULL_TAIL_SPEED).min(1.0);
         1.0 + moving + MERGE_STRETCH * math::exp(-self.since_merge / MERGE_STRETCH_TIME)
     }

@@ -129,6 +129,7 @@ impl LeafSurface {
             area += 0.5 * e.cross(f).length();
         }
         let margin = LeafMargin::new(&triangles, &points);
+        // Leaf space has its origin at the end of the stalk: the tip is the margin's farthest vertex.
         let starts = margin.edges.iter().map(|e| points[e[0] as usize]);
         let tip = starts.max_by(|a, b| a.length().total_cmp(&b.length()))?;
         let cells = overlapping_triangles(&triangles, &uvs);
@@ -287,6 +288,7 @@ impl LeafSurface {
 /// Indices of the triangles whose bounding boxes in the texture overlap each grid cell, row by row.
 fn overlapping_triangles(triangles: &[[u32; 3]], uvs: &[DVec2]) -> Vec<Vec<usize>> {
     let mut cells = vec![Vec::new(); GRID_CELLS * GRID_CELLS];
+    // A box may overlap cells that its triangle does not; lookups test the triangle itself.
     for (i, t) in triangles.iter().enumerate() {
         let corners = t.map(|k| uvs[k as usize]);
         let lo = grid_cell(corners[0].min(corners[1]).min(corners[2]));
@@ -335,7 +337,7 @@ impl LeafMargin {
             }
         }
         let edges: Vec<[u32; 2]> = count.values().filter(|(n, _)| *n == 1).map(|(_, e)| *e).collect();
-        // Link the edges by their common vertices.
+        // Link the edges by their common vertices. Edges keep the winding of their triangles, so that one starts where another ends.
         let mut starting: BTreeMap<u32, usize> = BTreeMap::new();
         let mut ending: BTreeMap<u32, usize> = BTreeMap::new();
         for (i, e) in edges.iter().enumerate() {

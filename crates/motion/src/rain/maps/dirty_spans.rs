@@ -136,6 +136,7 @@ fn marked_spans(words: &[u64], n: usize) -> impl Iterator<Item = ColumnSpan> + '
         }
         segments
     };
+    // Alternate between the next marked and the next unmarked segment.
     let mut k = 0;
     std::iter::from_fn(move || {
         let from = next(k, 0);

@@ -170,13 +170,14 @@ fn raise_texels<S: Simd, const FOLDED: bool>(
     for (g, ((texels, px), (py, pz))) in texels.iter_mut().zip(px).zip(py.iter().zip(pz)).enumerate() {
         let p = [F32Lanes::new(simd, *px), F32Lanes::new(simd, *py), F32Lanes::new(simd, *pz)];
         let mut h = kernel.evaluate(origin.offset(p));
+        // The sign of n . n0 tells the side of a fold.
         if FOLDED {
             let n = [F32Lanes::new(simd, nx[g]), F32Lanes::new(simd, ny[g]), F32Lanes::new(simd, nz[g])];
             h = dot(n, origin.n).select_gt(0.0, h, h.splat(0.0));
         }
         *texels = F32Lanes::new(simd, *texels).max(h).value;
     }
-    // What is left of the row is less than a vector.
+    // The rest of the span is less than a vector: missing lanes load zeros and are not stored.
     if !rest.is_empty() {
         let p = [F32Lanes::partial_load(simd, x), F32Lanes::partial_load(simd, y), F32Lanes::partial_load(simd, z)];
         let mut h = kernel.evaluate(origin.offset(p));
@@ -210,6 +211,7 @@ impl<T: TexelKernel> WithSimd for MaxBlendPass<'_, T> {
         let last = window.hi[1].min(rows.end);
         for first in (window.lo[1].max(rows.start)..last).step_by(TILE) {
             for (y, bounds) in (first..last).zip(window.column_bounds(first)) {
+                // Intersect the window's columns of this row with the spans to process.
                 let columns = window.clamp_columns(bounds);
                 for span in spans.row(y) {
                     let (from, to) = (columns.start.max(span.start), columns.end.min(span.end));
@@ -286,6 +288,7 @@ impl WithSimd for NormalPass<'_> {
                 *out = [*x, *y, *z];
             }
         }
+        // The rest of the span, less than a vector, one by one.
         let rest = groups.into_remainder();
         let done = n - rest.len();
         for (i, out) in (done..n).zip(rest) {

@@ -148,6 +148,7 @@ impl LeafWaterMaps {
         let dirty = self.dirty_spans(&stamps);
         self.stamps = stamps;
         let decay = self.advance_decay(t, params);
+        // A dry leaf whose drops rest costs no more than this comparison.
         if wet_spots.is_empty() && !dirty.any() && !self.damp.contains(&true) {
             return;
         }
@@ -301,6 +302,7 @@ impl LeafWaterMaps {
         let inverse_distance = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
         let WetMaps { height, normal, .. } = maps;
         let (inner, outer) = (start.max(1), end.min(n - 1));
+        // Texels with neighbours on both sides, by vectors.
         let texels = y * n + inner..y * n + outer;
         let inputs = NormalInputs {
             row: &height[texels.start - 1..texels.end + 1],
@@ -381,6 +383,7 @@ impl LeafWaterMaps {
                 any |= arch.dispatch(DryingPass { decay, wetness });
                 self.counters.drying += (end - start) as u64;
             }
+            // A run of tiles stays damp as a whole while any of it is.
             if !any {
                 damp[start / TILE..end.div_ceil(TILE)].fill(false);
             }
@@ -409,6 +412,7 @@ fn for_each_tile(w: &TexelWindow, tiles: usize, mut f: impl FnMut(usize)) {
         return;
     }
     for y in w.lo[1] / TILE..=(w.hi[1] - 1) / TILE {
+        // Tiles of this row of tiles that the ellipse meets, not all of its bounding box.
         let columns = w.columns_of_rows(y * TILE..(y + 1) * TILE);
         if columns.start < columns.end {
             (columns.start / TILE..=(columns.end - 1) / TILE).for_each(|x| f(y * tiles + x));

@@ -68,6 +68,7 @@ impl TexelWindow {
         let y = first as f64 + 0.5 - self.center.y;
         let [starts, ends] = &mut bounds;
         for (i, (start, end)) in starts.iter_mut().zip(ends).enumerate() {
+            // The middle of the row shifts linearly with dy, the square of the half width falls with dy^2.
             let dy = y + i as f64;
             let middle = self.center.x + self.shear * dy;
             // Texels whose center lies inside of the ellipse, and a tenth of a texel for rounding.

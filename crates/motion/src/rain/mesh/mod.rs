@@ -192,6 +192,7 @@ impl DropMesh {
             let q = ring_angle(k);
             let azimuths = (0..sides).map(|i| TAU * f64::from(i) / f64::from(sides));
             let ring: Vec<u32> = azimuths.map(|phi| self.add_point(sphere_point(q, phi), carrier)).collect();
+            // The first ring surrounds the pole, each other one the ring before it.
             if k == 1 {
                 self.add_fan(pole, &ring, flip);
             } else {
@@ -221,6 +222,7 @@ impl DropMesh {
         let (carrier, flip) = (placement.carrier(), placement.flip());
         // The contact line is a crease: copies of its points have the normals of the skirt.
         let mut before: Vec<u32> = rim.iter().map(|i| self.duplicate_point(*i)).collect();
+        // Rings from the contact line inwards, at a constant depth below the leaf.
         for k in (1..=rings).rev() {
             let fraction = f64::from(k) / f64::from(rings);
             let azimuths = (0..sides).map(|i| TAU * f64::from(i) / f64::from(sides));
@@ -228,6 +230,7 @@ impl DropMesh {
             self.add_ring_strip(&before, &ring, flip);
             before = ring;
         }
+        // The last fan is seen from below, hence wound the other way round.
         let center = self.add_point(point(0.0, 0.0), carrier);
         for i in 0..before.len() {
             self.add_triangle([center, before[(i + 1) % before.len()], before[i]], flip);
@@ -349,6 +352,7 @@ impl DropMesh {
             }
             before = ring;
         }
+        // Close the part over the leaf's edge.
         let top = self.add_point(attachment - down * (SEAT_HEIGHT * rim), carrier);
         for i in 0..before.len() {
             self.add_triangle([top, before[(i + 1) % before.len()], before[i]], false);
@@ -371,6 +375,7 @@ fn facet_volume_factor(ring_angles: &[f64], sides: u32) -> f64 {
     let mut faceted = 0.0;
     for pair in ring_angles.windows(2) {
         let ([r, s], [y, z]) = ([math::sin(pair[0]), math::sin(pair[1])], [math::cos(pair[0]), math::cos(pair[1])]);
+        // Frustum between polygons of radii r and s: (A_r + A_s + sqrt(A_r A_s)) height / 3.
         faceted += polygon * (r * r + s * s + r * s) * (y - z) / 3.0;
     }
     let c = ring_angles.last().map_or(1.0, |q| math::cos(*q));
