@@ -1,4 +1,4 @@
-//! What a grammar's own commands draw: `turtle:`, `define-angle:`, `bind`.
+//! Bindings of symbols to turtle actions: the items `turtle:`, `define-angle:` and `bind`.
 
 use std::collections::BTreeMap;
 
@@ -7,73 +7,73 @@ use super::symbols::{SymbolId, Symbols};
 use super::token::{NameTable, SourcePlace};
 use osier_base::rng::word;
 
-/// Which commands the turtle knows before any is bound.
+/// Turtle commands that symbols have before `bind` changes them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Dialect {
-    /// All of cpfg's.
+    /// All turtle commands of cpfg.
     #[default]
     Cpfg,
-    /// Brackets alone.
+    /// No commands but the brackets.
     None,
-    /// Brackets, and those of a catkin.
+    /// Brackets and the rotations of the catkin model.
     Catkin,
 }
 
 /// An axis of the turtle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TurtleAxis {
-    /// Where it goes.
+    /// The direction of movement, H.
     Heading,
-    /// To its left.
+    /// The direction to the left, L.
     Left,
-    /// Above it.
+    /// The direction up, U = H x L.
     Up,
 }
 
-/// What a bound symbol draws.
+/// Turtle action that `bind` gives to a symbol.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum TurtleAction {
-    /// Draws a segment.
+    /// Moves forward by the number, drawing a segment.
     Forward,
-    /// Goes without drawing.
+    /// Moves forward by the number without drawing.
     Move,
-    /// Turns the frame about x, y or z of the world, which leaves its place.
+    /// Rotates the turtle about the x, y or z axis (0, 1, 2) of the world; its position stays.
     RotateWorld(usize),
-    /// Turns about an axis of its own, right-handed.
+    /// Rotates the turtle about one of its own axes, right-handed, degrees.
     RotateTurtle(TurtleAxis),
-    /// Sets the width.
+    /// Sets the line width to the number.
     Width,
-    /// Adds to the width.
+    /// Adds the number to the line width.
     Widen,
     /// Sets the colour index.
     Colour,
-    /// Opens a polygon.
+    /// Begins a polygon.
     Polygon,
-    /// Adds a vertex to it.
+    /// Adds the current position to the polygon.
     Vertex,
-    /// Closes and fills it.
+    /// Closes the polygon and fills it.
     Fill,
-    /// Puts up an organ of this name.
+    /// Places the organ of this name, scaled by the number.
     Organ(String),
-    /// Puts up a ball.
+    /// Places a sphere whose diameter is the number.
     Sphere,
     /// Does what cpfg does for this symbol.
     SameAs(char),
-    /// Nothing.
+    /// No action: the symbol is not drawn.
     Nothing,
 }
 
-/// A bound symbol.
+/// Binding of one symbol to a turtle action.
 #[derive(Debug, Clone)]
 pub(crate) struct SymbolBinding {
     pub action: TurtleAction,
-    /// Its number without a parameter, in terms of the angles.
+    /// Number of the action for modules without a parameter, an expression of the angles.
     pub value: Option<Bytecode>,
     /// Where it was bound; `None`: by the dialect.
     pub place: Option<SourcePlace>,
 }
 
-/// A number that every occurrence of a symbol draws anew.
+/// A value that every module draws for itself (`define-angle:`).
 #[derive(Debug, Clone)]
 pub(crate) struct AngleDefinition {
     pub name: u32,
@@ -84,7 +84,7 @@ pub(crate) struct AngleDefinition {
     pub place: Option<SourcePlace>,
 }
 
-/// Everything that a grammar says of its turtle.
+/// The `turtle:`, `define-angle:` and `bind` items of a grammar.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TurtleBindings {
     pub dialect: Dialect,

@@ -52,7 +52,7 @@ pub(crate) enum RandomFunction {
     Uniform,
 }
 
-/// One instruction.
+/// Instruction of the stack machine; most pop their operands and push their result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Op {
     Const(f64),
@@ -60,32 +60,32 @@ pub(crate) enum Op {
     Global(u16),
     StoreLocal(u16),
     StoreGlobal(u16),
-    /// `Q`.
+    /// Pushes `Q`, the number of the current step.
     Step,
-    /// `Z`.
+    /// Pushes `Z`, the derivation length.
     Length,
-    /// `Z` - `Q`.
+    /// Pushes `remaining` = `Z` - `Q`.
     Remaining,
     Unary(UnaryOp),
     /// Operator and index into [`Bytecode::places`], for division by zero.
-    Binary(BinaryOp, u32),
+    Binary(BinaryOp, usize),
     Random(RandomFunction),
     /// Pairs of (value, share) on the stack.
-    Choose(u16),
+    Choose(usize),
     Srand,
     Stop,
     Pop,
-    Jump(u32),
+    Jump(usize),
     /// Pops; jumps if zero.
-    JumpIfZero(u32),
+    JumpIfZero(usize),
     /// Pops; if zero pushes 0 and jumps.
-    And(u32),
+    And(usize),
     /// Pops; if not zero pushes 1 and jumps.
-    Or(u32),
+    Or(usize),
     /// Pops; pushes 1 or 0.
     Bool,
-    /// Counts a statement or a turn of a loop; index into [`Bytecode::places`].
-    Count(u32),
+    /// Counts a statement or an iteration of a loop against the budgets; index into [`Bytecode::places`].
+    Count(usize),
 }
 
 /// A sequence of instructions.
@@ -95,7 +95,7 @@ pub(crate) struct Bytecode {
     pub places: Vec<SourcePlace>,
 }
 
-/// An expression, with the common cases ready.
+/// A parameter of a successor. Constants and plain variables, the common cases, need no machine.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Expr {
     Const(f64),
@@ -170,7 +170,7 @@ impl UnaryOp {
     }
 }
 
-/// 1 or 0.
+/// A truth value as a number of the language: 1 or 0.
 pub(crate) fn truth(b: bool) -> f64 {
     if b { 1.0 } else { 0.0 }
 }

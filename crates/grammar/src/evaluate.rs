@@ -31,7 +31,7 @@ fn required_angles(code: &Bytecode, angles: &[AngleDefinition]) -> Vec<usize> {
     (0..angles.len()).filter(|i| wanted[*i]).collect()
 }
 
-/// Gives each module what its symbol is bound to.
+/// Looks up the action that a symbol is bound to and evaluates its number for each module.
 #[derive(Debug)]
 pub struct BindingEvaluator<'g> {
     bindings: Option<&'g TurtleBindings>,
@@ -85,7 +85,7 @@ impl<'g> BindingEvaluator<'g> {
         self.vm.run(code, &mut self.angles).ok()
     }
 
-    /// What was odd.
+    /// Warnings of the evaluations so far, such as division by zero.
     pub fn warnings(&self, grammar: &Grammar) -> Vec<Diagnostic> {
         derive::runtime_diagnostics(grammar, &self.vm.warnings)
     }

@@ -1,6 +1,7 @@
 //! A compiled grammar, and how errors met while deriving it are reported.
 
 use osier_base::Error;
+use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span};
 
 use super::binding::{Dialect, TurtleAction, TurtleBindings};
@@ -18,14 +19,14 @@ pub struct Grammar {
     pub(crate) description: String,
     pub(crate) defines: Vec<Define>,
     pub(crate) notes: Vec<Diagnostic>,
-    /// The texts, for complaints while deriving.
+    /// Texts that diagnostics of the derivation point into.
     pub(crate) sources: Sources,
     pub(crate) expansions: Vec<(String, SourcePlace)>,
     pub(crate) start: SourcePlace,
 }
 
 impl Grammar {
-    /// What stands behind `Lsystem:`.
+    /// Text after `Lsystem:`.
     pub fn label(&self) -> &str {
         &self.label
     }
@@ -40,7 +41,7 @@ impl Grammar {
         &self.defines
     }
 
-    /// Remarks that only a verbose run shows.
+    /// Notes that only a verbose run shows.
     pub fn notes(&self) -> &[Diagnostic] {
         &self.notes
     }
@@ -62,7 +63,7 @@ impl Grammar {
         turtle.is_some_and(|t| t.dialect == Dialect::Catkin || stalk(t))
     }
 
-    /// Its symbols.
+    /// Symbols of the grammar; numbers of modules index into them.
     pub fn symbols(&self) -> &Symbols {
         &self.program.symbols
     }
@@ -76,6 +77,8 @@ impl Grammar {
             let pairs = s.windows(2).filter(|w| symbol(w[0].symbol) == '~').map(|w| symbol(w[1].symbol));
             pairs.collect::<Vec<_>>()
         };
+        // Organs are the symbols after `~`, unless the turtle dialect gives `~` another meaning, and single letters
+        // bound as organs.
         let mut all = std::collections::BTreeSet::new();
         if !self.program.overrides_cpfg('~') {
             all.extend(successors.flat_map(behind));
@@ -101,13 +104,14 @@ impl Grammar {
         out
     }
 
-    /// Where the derivation length stands.
+    /// Location of the derivation length, or the start of the file.
     pub(crate) fn length_place(&self) -> Span {
         self.program.length_place.unwrap_or(self.start).span
     }
 
-    /// A complaint with the macros that led to its place.
+    /// Adds a label for each macro use that led to `place`, at most four.
     pub(crate) fn with_macro_chain(&self, mut d: Diagnostic, place: SourcePlace) -> Diagnostic {
+        // Origins are one-based indices of macro uses; each use has an origin of its own, up to one written in place.
         let mut at = place;
         for _ in 0..4 {
             let Some((name, used_at)) = (at.origin as usize).checked_sub(1).and_then(|i| self.expansions.get(i)) else {
@@ -119,7 +123,8 @@ impl Grammar {
         d
     }
 
-    /// Where a symbol (behind `prefix`, if given) is first made; the start of the file if nowhere.
+    /// Location of the first occurrence of a symbol in the axiom or a successor, after `prefix` if given; the start of the file
+    /// if there is none.
     pub fn place_of(&self, prefix: Option<char>, c: char) -> Span {
         let symbol = |t: &SuccessorModule| self.program.symbols.get(t.symbol);
         let successors = || [&self.program.axiom].into_iter().chain(self.program.productions().map(|p| &p.successor));
@@ -134,12 +139,12 @@ impl Grammar {
         place.unwrap_or(self.start).span
     }
 
-    /// Complaints about this grammar as an error.
+    /// Diagnostics about this grammar as an error that quotes its text.
     pub fn report(&self, diagnostics: Vec<Diagnostic>) -> Error {
         Error::Input(Box::new(Report { sources: self.sources.clone(), diagnostics }))
     }
 
-    /// The texts that complaints of this grammar point into.
+    /// Texts that the diagnostics of this grammar point into.
     pub fn sources(&self) -> &Sources {
         &self.sources
     }
@@ -150,6 +155,7 @@ fn format_g(x: f64) -> String {
     if !x.is_finite() || super::code::is_zero(x) {
         return format!("{x}");
     }
+    // Rust has no %g: take the six digits and the exponent from %e, then choose the form as C does, by the exponent.
     let exponent = format!("{x:.5e}");
     let Some((digits, power)) = exponent.split_once('e') else { return exponent };
     let power: i32 = power.parse().unwrap_or(0);
@@ -159,16 +165,16 @@ fn format_g(x: f64) -> String {
         let sign = if power < 0 { '-' } else { '+' };
         return format!("{}e{sign}{:02}", trim(digits), power.abs());
     }
-    let decimals = usize::try_from(5 - power).unwrap_or(0);
+    let decimals = to_usize((5 - power).unsigned_abs());
     trim(&format!("{x:.decimals$}"))
 }
 
-/// An error met while deriving, as a report.
+/// A runtime error as a report that quotes the grammar.
 pub(crate) fn runtime_report(grammar: &Grammar, diagnostic: Diagnostic) -> Error {
     grammar.report(vec![diagnostic])
 }
 
-/// An error met while deriving, at one place, with a way out.
+/// A runtime error at one location with a help text.
 pub(crate) fn runtime_error(
     grammar: &Grammar,
     code: &'static str,

@@ -1,7 +1,7 @@
 //! L-system files in the cpfg notation, and their derivation.
 //!
-//! [`parse`] turns text into a [`Grammar`] (or into complaints, all of them at once), [`derive()`] makes its final string,
-//! [`interpret`] hands that string to whoever draws it. Text is data: nothing in a grammar opens files or runs programs.
+//! [`parse`] turns text into a [`Grammar`] (or into diagnostics, all of them at once), [`derive()`] rewrites its axiom step by step,
+//! [`interpret`] passes the modules of the final string to a turtle. Text is data: nothing in a grammar opens files or runs programs.
 
 mod binding;
 mod code;
@@ -32,11 +32,11 @@ use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use token::{ParseSession, SourcePlace};
 
-/// The file to read.
+/// A grammar file in memory, with its includes and overrides.
 pub struct GrammarSource<'a> {
-    /// Name shown in complaints.
+    /// Name shown in diagnostics.
     pub name: &'a str,
-    /// Its content.
+    /// Content of the file: UTF-8, or Latin-1 with a warning.
     pub bytes: &'a [u8],
     /// Finds the files it includes.
     pub includes: &'a mut Includes<'a>,
@@ -44,7 +44,7 @@ pub struct GrammarSource<'a> {
     pub defines: &'a BTreeMap<String, String>,
 }
 
-/// Reads a grammar. The texts are added to `sources`, into which all complaints point.
+/// Reads a grammar. The texts are added to `sources`, into which all diagnostics point.
 /// Returns the grammar with its warnings.
 /// # Errors
 /// `Input` with everything that is wrong with the file.
@@ -79,7 +79,7 @@ pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) 
     Ok((grammar, std::mem::take(&mut session.diagnostics)))
 }
 
-/// All that was found wrong, as an error.
+/// The collected diagnostics as an error.
 fn input_error(session: &mut ParseSession, sources: &Sources) -> Error {
     let diagnostics = std::mem::take(&mut session.diagnostics);
     Error::Input(Box::new(Report { sources: sources.clone(), diagnostics }))

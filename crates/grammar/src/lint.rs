@@ -1,4 +1,4 @@
-//! What is legal in a grammar but hardly meant.
+//! Warnings about constructs that are legal but probably mistakes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +9,7 @@ use super::token::{ParseSession, SourcePlace};
 use super::vm;
 use osier_base::diagnostic::Diagnostic;
 
-/// Runs all checks.
+/// Reports L023, L030, L031, L032, L035, L036 and L055: legal constructs that are probably mistakes.
 pub(super) fn check(session: &mut ParseSession, program: &Program) {
     check_arities(session, program);
     check_reachability(session, program);
@@ -26,7 +26,7 @@ pub(super) fn check(session: &mut ParseSession, program: &Program) {
     check_ignored_contexts(session, program);
 }
 
-/// Numbers of parameters that each symbol is made with.
+/// Numbers of parameters that each symbol is produced with, and where first.
 fn produced_arities(program: &Program) -> BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> {
     let mut out: BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> = BTreeMap::new();
     for t in program.productions().flat_map(|p| &p.successor).chain(&program.axiom) {
@@ -55,6 +55,7 @@ fn check_arities(session: &mut ParseSession, program: &Program) {
             let Some((&other, &at)) = known.iter().next() else { continue };
             let c = program.symbols.get(f.symbol);
             let message = format!("{c} with {} never matches: it is made with {other}", plural(arity));
+            // Suggest the module as the successor produces it, with as many formal parameters.
             let names = ["x", "y", "z", "u", "v", "w"];
             let list: Vec<&str> = names.iter().cycle().take(other).copied().collect();
             let call = if other == 0 { c.to_string() } else { format!("{c}({})", list.join(",")) };
@@ -75,6 +76,7 @@ fn check_reachability(session: &mut ParseSession, program: &Program) {
             makes.entry(f.symbol).or_default().extend(p.successor.iter().map(|t| t.symbol));
         }
     }
+    // Breadth-first search over "a production for s produces t", from the symbols of the axiom.
     let mut queue: Vec<SymbolId> = seen.iter().copied().collect();
     while let Some(s) = queue.pop() {
         for next in makes.get(&s).into_iter().flatten() {
@@ -92,7 +94,7 @@ fn check_reachability(session: &mut ParseSession, program: &Program) {
     for (symbol, (count, place)) in idle {
         let c = program.symbols.get(symbol);
         let idle = if count == 1 { "1 production is".to_owned() } else { format!("{count} productions are") };
-        let message = format!("{c} cannot be reached from the axiom, {idle} idle");
+        let message = format!("{c} cannot be reached from the axiom: {idle} never applied");
         session.warning("L030", message, place, format!("put {c} into the axiom or a successor that is reached"));
     }
 }
@@ -141,6 +143,7 @@ fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &Prod
         let constant = |p: &&Production| p.weight.as_ref().and_then(|c: &Bytecode| vm::constant_value(c));
         let Some(weights) = list.iter().map(constant).collect::<Option<Vec<f64>>>() else { continue };
         let sum = weights.iter().fold(0.0, |s, w| s + w);
+        // Sums exactly at 1 or 100 are meant; sums within 15 % of them look like a slip in one weight.
         let near = |whole: f64| (sum - whole).abs() > whole * 1e-3 && (sum - whole).abs() < whole * 0.15;
         if near(1.0) || near(100.0) {
             let c = program.symbols.get(symbol);

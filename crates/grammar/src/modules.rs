@@ -1,4 +1,4 @@
-//! A string of modules, structure of arrays.
+//! The string of an L-system: modules with parameters, stored as a structure of arrays.
 
 use crate::symbols::SymbolId;
 
@@ -7,15 +7,15 @@ use crate::symbols::SymbolId;
 pub struct Module<'a> {
     /// Its symbol, an index into the grammar's symbols.
     pub symbol: SymbolId,
-    /// Parameters.
+    /// Actual parameters, stored in single precision.
     pub params: &'a [f32],
-    /// Names the module by its ancestry; equal in every derivation that makes it in the same way.
+    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
     pub lineage: u64,
     /// Step in which it was made; 0 = the axiom.
     pub birth: u32,
 }
 
-/// A string of modules.
+/// A bracketed string of modules in the order of the grammar's text.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ModuleString {
     symbols: Vec<SymbolId>,
@@ -27,7 +27,7 @@ pub struct ModuleString {
 }
 
 impl ModuleString {
-    /// Number of modules.
+    /// Number of modules, brackets included.
     pub fn len(&self) -> usize {
         self.symbols.len()
     }
@@ -79,6 +79,7 @@ impl ModuleString {
     #[inline]
     pub(crate) fn finish_module(&mut self, symbol: SymbolId, lineage: u64, birth: u32) {
         self.symbols.push(symbol);
+        // Always fits: derivation stops at 2^27 parameters.
         self.ends.push(u32::try_from(self.params.len()).unwrap_or(u32::MAX));
         self.lineage.push(lineage);
         self.birth.push(birth);
@@ -97,8 +98,9 @@ impl ModuleString {
             return;
         }
         let params = other.param_range(range.start).start..other.param_range(range.end - 1).end;
-        let base = u32::try_from(self.params.len()).unwrap_or(u32::MAX);
-        let first = u32::try_from(params.start).unwrap_or(u32::MAX);
+        // The copied ends count from `first` in the other string and from `base` here.
+        let base = self.ends.last().copied().unwrap_or(0);
+        let first = range.start.checked_sub(1).map_or(0, |k| other.ends[k]);
         self.params.extend_from_slice(&other.params[params]);
         self.ends.extend(other.ends[range.clone()].iter().map(|e| (e - first).saturating_add(base)));
         self.symbols.extend_from_slice(&other.symbols[range.clone()]);
@@ -106,7 +108,7 @@ impl ModuleString {
         self.birth.extend_from_slice(&other.birth[range]);
     }
 
-    /// Its modules in pieces of `n`, the last one shorter.
+    /// Consecutive substrings of `n` modules, the last one shorter.
     pub(crate) fn chunks(&self, n: usize) -> Vec<Self> {
         let chunk = |start: usize| {
             let mut chunk = Self::default();

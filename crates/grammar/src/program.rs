@@ -18,7 +18,7 @@ pub(crate) struct FormalModule {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum ContextElement {
     Module(FormalModule),
-    /// `[`
+    /// `[`: the next module begins a branch.
     Open,
     /// `]`: nothing but branches may be left in the branch.
     Close,
@@ -26,17 +26,17 @@ pub(crate) enum ContextElement {
     CloseRest,
 }
 
-/// A module to be made.
+/// A module of a successor or of the axiom, with expressions as parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SuccessorModule {
     pub symbol: SymbolId,
     pub args: Vec<Expr>,
-    /// Which of its symbol in the successor, from 0.
+    /// Occurrence of its symbol in the successor, from 0: a part of the lineage.
     pub occurrence: u32,
     pub place: SourcePlace,
 }
 
-/// One production.
+/// A compiled production: left < predecessor > right : before condition after --> successor : weight.
 #[derive(Debug, Clone)]
 pub(crate) struct Production {
     pub left: Vec<ContextElement>,
@@ -48,8 +48,8 @@ pub(crate) struct Production {
     pub successor: Vec<SuccessorModule>,
     pub weight: Option<Bytecode>,
     /// Number of local variables, formal parameters included.
-    pub locals: u16,
-    /// The predecessor.
+    pub locals: usize,
+    /// Location of the predecessor, for messages about the production.
     pub place: SourcePlace,
 }
 
@@ -79,9 +79,9 @@ pub(crate) struct ProductionSet {
     pub list: Vec<Production>,
     /// Per symbol: (arity, production) in file order.
     by_symbol: Vec<Vec<(u8, u32)>>,
-    /// `maximum depth`.
+    /// Expansions of one module by a decomposition or homomorphism (`maximum depth`).
     pub depth: u32,
-    /// `warnings`.
+    /// True to report L052 where the maximum depth ends an expansion (`warnings`).
     pub warn_depth: bool,
     /// `seed:` of a homomorphism.
     pub seed: Option<i64>,
@@ -102,39 +102,38 @@ impl ProductionSet {
     }
 
     /// Productions whose (first) predecessor is this kind of module, in file order.
-    pub fn matching(&self, symbol: SymbolId, arity: u8) -> impl Iterator<Item = &Production> {
+    pub fn matching(&self, symbol: SymbolId, arity: usize) -> impl Iterator<Item = &Production> {
         let row = self.by_symbol.get(usize::from(symbol)).map_or(&[][..], Vec::as_slice);
-        row.iter().filter(move |(a, _)| *a == arity).filter_map(|(_, i)| self.list.get(*i as usize))
+        row.iter().filter(move |(a, _)| usize::from(*a) == arity).filter_map(|(_, i)| self.list.get(*i as usize))
     }
 
-    /// Is there any production for this symbol?
+    /// True if some production has this symbol as its (first) predecessor.
     #[inline]
     pub fn has_productions(&self, symbol: SymbolId) -> bool {
         self.by_symbol.get(usize::from(symbol)).is_some_and(|row| !row.is_empty())
     }
 }
 
-/// What contexts look past.
+/// Symbols that context matching skips.
 #[derive(Debug, Clone, Default)]
 pub(crate) enum IgnoredSymbols {
     #[default]
     Nothing,
-    /// `Ignore:`
+    /// `Ignore:` these symbols.
     Listed(Vec<SymbolId>),
     /// `Consider:` - all but these.
     AllExcept(Vec<SymbolId>),
 }
 
 impl IgnoredSymbols {
-    /// One flag per symbol.
+    /// Per symbol number: true if contexts skip it. Brackets are never skipped by `Consider:`.
     pub fn flags(&self, symbols: &Symbols) -> Vec<bool> {
-        let ids = (0..symbols.len()).map(|i| SymbolId::try_from(i).unwrap_or(SymbolId::MAX));
-        ids.map(|i| match self {
+        let is_ignored = |(i, c): (SymbolId, char)| match self {
             Self::Nothing => false,
             Self::Listed(list) => list.contains(&i),
-            Self::AllExcept(list) => !list.contains(&i) && !matches!(symbols.get(i), '[' | ']'),
-        })
-        .collect()
+            Self::AllExcept(list) => !list.contains(&i) && !matches!(c, '[' | ']'),
+        };
+        symbols.iter().map(is_ignored).collect()
     }
 }
 
@@ -145,8 +144,8 @@ pub(crate) struct ControlBlocks {
     pub start_each: Option<Bytecode>,
     pub end_each: Option<Bytecode>,
     pub end: Option<Bytecode>,
-    /// Local variables of the blocks (none: what they assign is global).
-    pub globals: u16,
+    /// Number of global variables: every variable that a block assigns.
+    pub globals: usize,
 }
 
 /// A compiled L-system.
@@ -157,7 +156,7 @@ pub(crate) struct Program {
     pub length: u32,
     pub length_place: Option<SourcePlace>,
     pub seed: Option<i64>,
-    /// With a `turtle:`.
+    /// Bindings of symbols to turtle actions; `None` without a `turtle:` line.
     pub turtle: Option<TurtleBindings>,
     pub ignored: IgnoredSymbols,
     pub blocks: ControlBlocks,
@@ -172,17 +171,17 @@ impl Program {
         self.rules.list.iter().chain(&self.decomposition.list).chain(&self.homomorphism.list)
     }
 
-    /// Do productions compete by weight?
+    /// True if productions compete by weight: with a `Seed:` or a `turtle:`.
     pub fn is_stochastic(&self) -> bool {
         self.seed.is_some() || self.turtle.is_some()
     }
 
-    /// Has a symbol lost what it means to cpfg?
+    /// True if the `turtle:` item takes away the meaning that a symbol has in cpfg.
     pub fn overrides_cpfg(&self, c: char) -> bool {
         self.turtle.as_ref().is_some_and(|t| t.overrides_cpfg(self.symbols.find(c)))
     }
 
-    /// Must modules be rewritten one after the other, because productions write globals or take several modules?
+    /// True if modules must be rewritten one after the other, because productions write globals or consume several modules.
     pub fn is_serial(&self) -> bool {
         let writes = |p: &Production| p.codes().any(Bytecode::writes_globals);
         self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1)

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// Turtle commands of two characters.
+/// Turtle commands of cpfg that are spelled with two characters, each a symbol of its own in the string.
 pub(crate) const TWO_CHARACTER_COMMANDS: [(char, char); 20] = [
     ('@', 'v'),
     ('@', 'M'),
@@ -58,7 +58,12 @@ impl Symbols {
         self.list.get(usize::from(id)).copied().unwrap_or('?')
     }
 
-    /// Number of symbols.
+    /// Every symbol with its number, in order of appearance in the file.
+    pub fn iter(&self) -> impl Iterator<Item = (SymbolId, char)> {
+        (0..).zip(self.list.iter().copied())
+    }
+
+    /// Number of different symbols, brackets included.
     pub fn len(&self) -> usize {
         self.list.len()
     }

@@ -1,4 +1,4 @@
-//! Tokens of a grammar file, and the complaints about them.
+//! Tokens of a grammar file, and the diagnostics about them.
 
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
@@ -17,7 +17,7 @@ impl SourcePlace {
         Self { span, origin: 0 }
     }
 
-    /// Start of a source.
+    /// The empty range at the start of a source.
     pub fn start_of(source: SourceId) -> Self {
         Self::bare(Span::new(source, 0, 0))
     }
@@ -35,14 +35,14 @@ pub(crate) struct Expansion {
     pub used_at: SourcePlace,
 }
 
-/// What a token is.
+/// Lexical class of a token; spellings are indices into [`NameTable`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum TokenKind {
     /// `[A-Za-z_][A-Za-z0-9_]*`, an index into [`NameTable`].
     Ident(u32),
     /// A number; its spelling is an index into [`NameTable`].
     Number(u32),
-    /// A quoted string.
+    /// A string in double quotes, without them.
     Text(u32),
     /// Any other character.
     Char(char),
@@ -50,7 +50,7 @@ pub(crate) enum TokenKind {
     Newline { indented: bool, tab: bool },
 }
 
-/// One token.
+/// A token of the grammar language with its source location.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Token {
     pub kind: TokenKind,
@@ -76,6 +76,8 @@ impl Token {
 pub(crate) struct NameTable {
     list: Vec<String>,
     index: std::collections::BTreeMap<String, u32>,
+    /// Number of the next new spelling.
+    next: u32,
 }
 
 impl NameTable {
@@ -84,7 +86,8 @@ impl NameTable {
         if let Some(&i) = self.index.get(text) {
             return i;
         }
-        let i = u32::try_from(self.list.len()).unwrap_or(u32::MAX);
+        let i = self.next;
+        self.next += 1;
         self.list.push(text.to_owned());
         self.index.insert(text.to_owned(), i);
         i
@@ -96,27 +99,29 @@ impl NameTable {
     }
 }
 
-/// What the whole reading of a file shares: spellings, macro uses, complaints.
+/// State shared by preprocessor and compiler while one file is read: spellings, macro uses, diagnostics.
 #[derive(Debug, Default)]
 pub(crate) struct ParseSession {
     pub names: NameTable,
     pub expansions: Vec<Expansion>,
+    /// Length of `expansions`.
+    expansion_count: u32,
     pub diagnostics: Vec<Diagnostic>,
     /// Remarks that only a verbose run shows.
     pub notes: Vec<Diagnostic>,
 }
 
-/// Macro uses named under a complaint.
+/// Macro uses listed below a diagnostic; deeper nesting is left out.
 const MAX_MACRO_LABELS: usize = 4;
-/// Complaints kept; a damaged file would otherwise make one per byte.
+/// Diagnostics kept per file; a damaged file could otherwise produce one per byte.
 const MAX_DIAGNOSTICS: usize = 200;
 
 /// What mends an error of this code, where its message alone does not tell.
 fn help_for(code: &str) -> Option<&'static str> {
     Some(match code {
         "L001" => "mend this line; docs/grammars.md shows the form of every line, and `osier new` makes one that works",
-        "L004" => "close what is open, or break it into parts",
-        "L005" => "write what the macro's #define asks for, and no macro that leads back to itself",
+        "L004" => "close the parenthesis, brace, comment or #if, or split a construct that is too large",
+        "L005" => "give the macro as many arguments as its #define has parameters; a macro must not expand to itself",
         "L006" => "name a file beside this one, in quotes and with '/', that does not include this one",
         "L010" => "write it as: left < predecessor > right : condition --> successor",
         "L022" => "give the function as many values, between commas, as it takes",
@@ -126,6 +131,13 @@ fn help_for(code: &str) -> Option<&'static str> {
 }
 
 impl ParseSession {
+    /// Records a use of a macro; returns its one-based index, the origin of the tokens that it produces.
+    pub fn record_expansion(&mut self, name: u32, used_at: SourcePlace) -> u32 {
+        self.expansions.push(Expansion { name, used_at });
+        self.expansion_count += 1;
+        self.expansion_count
+    }
+
     /// Records an error whose remedy follows from its code.
     pub fn error(&mut self, code: &'static str, message: impl Into<String>, place: SourcePlace, label: &str) {
         let mut d = Diagnostic::error(code, message, place.span, label);

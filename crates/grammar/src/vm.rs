@@ -5,12 +5,12 @@ use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
 
-/// Turns of a loop, or statements of one block, before it counts as endless.
+/// Iterations of one run of a block before a loop counts as infinite (L044).
 const LOOP_LIMIT: u64 = 1_000_000;
-/// Largest n of `biran(n, p)`.
+/// Largest n of `biran(n, p)`, whose trials are drawn one by one; a larger n counts as this many.
 const BIRAN_LIMIT: f64 = 1e6;
 
-/// What random draws are for: the first part of their address.
+/// What random draws are for. It is a part of their address, so that draws for one purpose do not shift those of another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum DrawPurpose {
     Choice,
@@ -36,7 +36,7 @@ impl DrawPurpose {
     }
 }
 
-/// Where the draws of a run live.
+/// Seeds that every random stream of a run is derived from.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RandomStreams {
     pub seed: u64,
@@ -47,6 +47,8 @@ pub(crate) struct RandomStreams {
 impl RandomStreams {
     /// Key of everything drawn for a purpose by module `h` (in `step`, if the purpose depends on it).
     pub fn key(&self, purpose: DrawPurpose, h: u64, step: Option<u32>) -> u64 {
+        // Address of a stream: plant, generator, seed of the file, purpose, module, and the step where draws differ
+        // from step to step.
         let path: [Key; 5] =
             [self.plant_id.into(), "lsys".into(), self.file_seed.into(), purpose.label().into(), h.into()];
         let key = Rng::key(self.seed, &path);
@@ -54,10 +56,10 @@ impl RandomStreams {
     }
 }
 
-/// Something that ended a run.
+/// Reason why a run ended before its code did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Halt {
-    /// A loop without end.
+    /// More than [`LOOP_LIMIT`] iterations.
     Loop(SourcePlace),
     /// The budget of statements is used up.
     Statements(SourcePlace),
@@ -69,7 +71,7 @@ pub(crate) enum Halt {
     Work,
 }
 
-/// A remark of a run, with how often it came.
+/// A warning of a run, with the number of its occurrences.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RuntimeWarning {
     pub code: &'static str,
@@ -78,14 +80,14 @@ pub(crate) struct RuntimeWarning {
     pub count: u64,
 }
 
-/// Adds remarks of the same code and place up.
+/// Warnings of a run, one for each code and place.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RuntimeWarnings {
     pub list: Vec<RuntimeWarning>,
 }
 
 impl RuntimeWarnings {
-    /// Counts one remark.
+    /// Adds one occurrence of a warning.
     pub fn add(&mut self, code: &'static str, place: SourcePlace, message: &str) {
         match self.list.iter_mut().find(|e| e.code == code && e.place == place) {
             Some(e) => e.count += 1,
@@ -93,7 +95,7 @@ impl RuntimeWarnings {
         }
     }
 
-    /// Adds another list.
+    /// Adds the counts of another run, whose new warnings follow the known ones.
     pub fn merge(&mut self, other: Self) {
         for e in other.list {
             match self.list.iter_mut().find(|o| o.code == e.code && o.place == e.place) {
@@ -104,7 +106,7 @@ impl RuntimeWarnings {
     }
 }
 
-/// Where a sequence of draws stands.
+/// Address of the next random draw, to return to it later.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DrawState {
     purpose: DrawPurpose,
@@ -115,7 +117,7 @@ pub(crate) struct DrawState {
     reseeded: Option<i64>,
 }
 
-/// Machine state.
+/// State of the stack machine: variables, the address of the next random draw, budgets, warnings.
 #[derive(Debug, Clone)]
 pub(crate) struct Vm {
     pub globals: Vec<f64>,
@@ -123,7 +125,7 @@ pub(crate) struct Vm {
     pub streams: RandomStreams,
     pub step: u32,
     pub length: u32,
-    /// Whose draws, in which step, for what.
+    /// Lineage of the module that draws.
     owner: u64,
     owner_step: Option<u32>,
     purpose: DrawPurpose,
@@ -133,7 +135,7 @@ pub(crate) struct Vm {
     pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
-    /// Set by `stop(n)`.
+    /// Set by `stop(n)`: the derivation ends after this step.
     pub stopped: bool,
 }
 
@@ -169,7 +171,7 @@ impl Vm {
         self.number = number;
     }
 
-    /// What identifies the next draw.
+    /// Saves the address of the next draw.
     pub fn save_draws(&self) -> DrawState {
         DrawState {
             purpose: self.purpose,
@@ -181,7 +183,7 @@ impl Vm {
         }
     }
 
-    /// Goes on with draws left earlier.
+    /// Returns to an address that [`Vm::save_draws`] gave.
     pub fn restore_draws(&mut self, d: DrawState) {
         (self.purpose, self.owner, self.owner_step) = (d.purpose, d.owner, d.step);
         (self.number, self.key, self.reseeded) = (d.number, d.key, d.reseeded);
@@ -194,6 +196,7 @@ impl Vm {
 
     /// The next stream of the present owner.
     fn next_stream(&mut self) -> Rng {
+        // The key is hashed once per owner and kept; each draw is a numbered child stream of it.
         let streams = RandomStreams { file_seed: self.reseeded.unwrap_or(self.streams.file_seed), ..self.streams };
         let key = *self.key.get_or_insert_with(|| streams.key(self.purpose, self.owner, self.owner_step));
         let stream = Rng::from_key(rng::child(key, self.number));
@@ -254,28 +257,28 @@ impl Vm {
                     let b = self.pop();
                     let a = self.pop();
                     let (v, by_zero) = f.apply(a, b);
-                    if by_zero && let Some(place) = code.places.get(place as usize) {
+                    if by_zero && let Some(place) = code.places.get(place) {
                         self.warnings.add("L040", *place, "division by zero");
                     }
                     self.stack.push(v);
                 }
                 // Control flow. `&&` and `||` leave their result and skip the right side once the left one decides.
-                Op::Jump(t) => pc = t as usize,
+                Op::Jump(t) => pc = t,
                 Op::JumpIfZero(t) => {
                     if is_zero(self.pop()) {
-                        pc = t as usize;
+                        pc = t;
                     }
                 }
                 Op::And(t) => {
                     if is_zero(self.pop()) {
                         self.stack.push(0.0);
-                        pc = t as usize;
+                        pc = t;
                     }
                 }
                 Op::Or(t) => {
                     if !is_zero(self.pop()) {
                         self.stack.push(1.0);
-                        pc = t as usize;
+                        pc = t;
                     }
                 }
                 Op::Bool => {
@@ -291,7 +294,7 @@ impl Vm {
                     self.pop();
                 }
                 Op::Random(f) => self.push_random(f),
-                Op::Choose(n) => self.choose(usize::from(n)),
+                Op::Choose(n) => self.choose(n),
                 Op::Srand => self.srand(),
                 Op::Stop => self.stopped = true,
             }
@@ -299,9 +302,9 @@ impl Vm {
         Ok(self.pop())
     }
 
-    fn count_statement(&mut self, code: &Bytecode, place: u32, iterations: u64) -> Result<(), Halt> {
+    fn count_statement(&mut self, code: &Bytecode, place: usize, iterations: u64) -> Result<(), Halt> {
         self.statements += 1;
-        let place = || code.places.get(place as usize).copied();
+        let place = || code.places.get(place).copied();
         if iterations > LOOP_LIMIT
             && let Some(p) = place()
         {
@@ -341,6 +344,7 @@ impl Vm {
 
     /// One of `n` values in proportion to its share.
     fn choose(&mut self, n: usize) {
+        // The stack holds value, share, value, share …; a share is picked in proportion to its size.
         let first = self.stack.len().saturating_sub(2 * n);
         let pairs: Vec<f64> = self.stack.split_off(first);
         let shares: Vec<f64> = pairs.iter().skip(1).step_by(2).copied().collect();
@@ -370,6 +374,7 @@ fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
 
 /// Successes in `n` trials of chance `p`, counted one by one.
 fn binomial(stream: &mut Rng, n: f64, p: f64) -> f64 {
+    // n is clamped to the range that counts one by one in reasonable time; NaN and infinity give no trials.
     let mut left = if n.is_finite() { n.clamp(0.0, BIRAN_LIMIT).floor() } else { 0.0 };
     let mut hits = 0.0;
     while left > 0.0 {
@@ -381,6 +386,7 @@ fn binomial(stream: &mut Rng, n: f64, p: f64) -> f64 {
 
 /// Value of code that needs nothing from outside; `None` if it does.
 pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
+    // Variables, steps, random draws and side effects make code depend on its run.
     let needs = |op: &Op| {
         matches!(
             op,

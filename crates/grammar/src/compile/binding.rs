@@ -35,13 +35,23 @@ impl ItemParser<'_> {
             };
             let head = line.tokens.first().map_or(place, |t| t.place);
             if past_header {
-                let help = "move it above the axiom and the productions";
-                self.session.error_help("L001", "the turtle is told too late".into(), head, help);
+                let help = "move this line above the axiom and the productions";
+                self.session.error_help(
+                    "L001",
+                    "'turtle:', 'define-angle:' and 'bind' must precede the axiom and the productions".into(),
+                    head,
+                    help,
+                );
                 continue;
             }
             if k != Keyword::Turtle && self.program.turtle.is_none() {
                 let help = "add 'turtle: none', or 'turtle: cpfg' to keep its commands";
-                self.session.error_help("L001", "this needs a 'turtle:' before it".into(), head, help);
+                self.session.error_help(
+                    "L001",
+                    "'define-angle:' and 'bind' need a 'turtle:' line before them".into(),
+                    head,
+                    help,
+                );
                 continue;
             }
             let colon = usize::from(k != Keyword::Bind && line.tokens.get(n).is_some_and(|t| t.is(':')));
@@ -58,7 +68,7 @@ impl ItemParser<'_> {
         let spelled = self.spelling(value);
         let place = value.first().map_or(head, |t| t.place);
         if self.program.turtle.is_some() {
-            return self.session.error_help("L001", "a second 'turtle:'".into(), place, "leave one of them");
+            return self.session.error_help("L001", "a second 'turtle:'".into(), place, "remove one of them");
         }
         if let Some((_, dialect)) = DIALECTS.iter().find(|(w, _)| *w == spelled) {
             let bindings = TurtleBindings::new(*dialect, &mut self.program.symbols, &mut self.session.names);
@@ -99,7 +109,7 @@ impl ItemParser<'_> {
             };
             cursor.bump();
             if !cursor.eat('=') {
-                return self.session.error("L001", "expected '=' behind the name of an angle", cursor.place(), "here");
+                return self.session.error("L001", "expected '=' after the name of an angle", cursor.place(), "here");
             }
             let names = self.angle_names();
             let mut compiler = self.compiler(NameScope::Angle);
@@ -132,6 +142,7 @@ impl ItemParser<'_> {
         while let Some(symbol) = rest.first() {
             // The symbol may be a semicolon itself.
             let mut depth = 0_usize;
+            // Bindings are separated by semicolons outside parentheses.
             let end = rest.iter().enumerate().skip(1).find(|(_, t)| {
                 depth = (depth + usize::from(t.is('('))).saturating_sub(usize::from(t.is(')')));
                 depth == 0 && t.is(';')
@@ -147,7 +158,7 @@ impl ItemParser<'_> {
         let Some((_, tokens)) = tokens.split_first().filter(|(t, _)| t.is(':')) else {
             let at = tokens.first().map_or(symbol.place, |t| t.place);
             let help = "write: bind SYMBOL : ACTION ; SYMBOL : ACTION";
-            return self.session.error_help("L001", "expected ':' behind the symbol".into(), at, help);
+            return self.session.error_help("L001", "expected ':' after the symbol".into(), at, help);
         };
         let Some((action, value)) = self.action(tokens, symbol.place) else { return };
         let Some(id) = self.program.symbols.intern(c) else { return };
@@ -155,7 +166,7 @@ impl ItemParser<'_> {
         let binding = SymbolBinding { action, value, place: Some(symbol.place) };
         if let Some(Some(first)) = turtle.symbols.get(&id).map(|b| b.place) {
             let d = Diagnostic::error("L038", format!("'{c}' is bound twice"), symbol.place.span, "the second one");
-            let d = d.label(first.span, "the first one").help("leave one of them");
+            let d = d.label(first.span, "the first one").help("remove one of them");
             return self.session.push(d, head);
         }
         turtle.symbols.insert(id, binding);
@@ -184,6 +195,7 @@ impl ItemParser<'_> {
     fn action(&mut self, tokens: &[Token], at: SourcePlace) -> Option<(TurtleAction, Option<Bytecode>)> {
         let mut cursor = TokenCursor::new(tokens, at);
         let place = cursor.place();
+        // The first word names the action; some actions take further words.
         let first = self.word(&mut cursor);
         let action = match first.as_str() {
             "forward" => TurtleAction::Forward,
@@ -212,6 +224,7 @@ impl ItemParser<'_> {
                 return None;
             }
         };
+        // Actions without a number; an organ may have one, its size.
         let plain = matches!(
             action,
             TurtleAction::Polygon
@@ -221,6 +234,7 @@ impl ItemParser<'_> {
                 | TurtleAction::Nothing
                 | TurtleAction::Organ(_)
         );
+        // What remains is the number of the action, an expression of the angles defined so far.
         let rest = tokens.get(cursor.pos..).unwrap_or(&[]);
         if rest.is_empty() {
             return if plain { Some((action, None)) } else { self.missing("a number", cursor.place()) };
@@ -237,7 +251,7 @@ impl ItemParser<'_> {
     }
 
     fn missing<T>(&mut self, what: &str, place: SourcePlace) -> Option<T> {
-        self.session.error("L001", format!("expected {what} behind this"), place, "after this");
+        self.session.error("L001", format!("expected {what} after this"), place, "after this");
         None
     }
 

@@ -6,12 +6,12 @@ use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::nearest;
 use osier_base::math::narrow;
 
-/// Something waiting for its right side.
+/// An operator on the parser's stack whose right operand is not complete.
 #[derive(Debug)]
 enum PendingOperator {
     Unary(UnaryOp),
     Binary(BinaryOp, u8, SourcePlace),
-    /// Jump to patch, precedence.
+    /// `&&` or `||`: index of the jump to patch, precedence.
     Short(usize, u8),
     Question(usize),
     Colon(usize),
@@ -28,7 +28,7 @@ const PREC_OR: u8 = 2;
 const PREC_AND: u8 = 3;
 const PREC_UNARY: u8 = 9;
 
-/// Names every function of the language, for suggestions.
+/// All functions of the language, for suggestions.
 const FUNCTIONS: [&str; 21] = [
     "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "fabs", "floor", "ceil", "trunc", "sign", "ran",
     "nran", "bran", "biran", "srand", "choose", "stop",
@@ -44,7 +44,7 @@ struct ExpressionCompiler<'c, 'r> {
     compiler: &'c mut Compiler<'r>,
     code: Bytecode,
     pending: Vec<PendingOperator>,
-    /// Instructions before this one must stay: a jump lands here.
+    /// Instructions before this index must not be folded away: a jump lands here.
     barrier: usize,
     /// The last token's place.
     last: SourcePlace,
@@ -88,6 +88,8 @@ fn operator(cursor: &TokenCursor<'_>) -> Option<(&'static str, u8, usize)> {
 impl ExpressionCompiler<'_, '_> {
     fn run(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         loop {
+            // Operator-precedence parsing: prefix operators and one operand, then closing parentheses and an infix
+            // operator, until neither follows.
             while self.prefix(cursor)? {}
             self.operand(cursor)?;
             loop {
@@ -119,6 +121,7 @@ impl ExpressionCompiler<'_, '_> {
     /// Takes one prefix operator or opening parenthesis.
     fn prefix(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
+        // A unary plus changes nothing and leaves no pending operator.
         let pending = match t.kind {
             TokenKind::Char('-') => Some(PendingOperator::Unary(UnaryOp::Neg)),
             TokenKind::Char('!') => Some(PendingOperator::Unary(UnaryOp::Not)),
@@ -176,7 +179,7 @@ impl ExpressionCompiler<'_, '_> {
         Some(())
     }
 
-    /// Was the last token the opening of a call?
+    /// True if the last token opened the innermost call, which then has no argument yet.
     fn at_call(&self) -> bool {
         matches!(self.pending.last(), Some(PendingOperator::Call { place, .. }) if *place == self.last)
     }
@@ -188,6 +191,7 @@ impl ExpressionCompiler<'_, '_> {
         if !inside || !t.is(')') {
             return Some(false);
         }
+        // Everything inside the parenthesis is complete: emit it, then the call itself.
         let empty = matches!(self.pending.last(), Some(PendingOperator::Call { args: 0, .. })) && self.at_call();
         self.reduce(0);
         match self.pending.pop() {
@@ -205,6 +209,7 @@ impl ExpressionCompiler<'_, '_> {
     /// Takes a binary operator, `?`, `:` or the comma of a call; false if the expression ends here.
     fn infix(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
+        // Binary operators are left-associative: emit what binds at least as tightly before pushing this one.
         if let Some((op, prec, length)) = operator(cursor) {
             for _ in 0..length {
                 cursor.bump();
@@ -217,6 +222,8 @@ impl ExpressionCompiler<'_, '_> {
         match t.kind {
             TokenKind::Char('?') => {
                 self.reduce(PREC_TERNARY + 1);
+                // `c ? a : b`: the condition is complete. Its jump to b is patched when the ":" is reached, the jump
+                // over b at the end.
                 self.code.ops.push(Op::JumpIfZero(0));
                 let jump = self.code.ops.len() - 1;
                 self.push_pending(PendingOperator::Question(jump), t.place)?;
@@ -236,6 +243,8 @@ impl ExpressionCompiler<'_, '_> {
                     return Some(false);
                 }
                 self.reduce(0);
+                // A comma ends an argument of the innermost call; outside a call it belongs to whoever reads the
+                // expression.
                 match self.pending.last_mut() {
                     Some(PendingOperator::Call { args, .. }) => *args += 1,
                     _ => return self.error("L001", "unexpected ',', expected ')'".into(), t.place, "here"),
@@ -260,6 +269,8 @@ impl ExpressionCompiler<'_, '_> {
     fn push_operator(&mut self, op: &str, prec: u8, place: SourcePlace) -> Option<()> {
         let binary = match op {
             "&&" | "||" => {
+                // Short circuit: the left side leaves its truth value and jumps over the right side if that decides the
+                // result.
                 let is_or = op == "||";
                 self.code.ops.push(if is_or { Op::Or(0) } else { Op::And(0) });
                 let jump = self.code.ops.len() - 1;
@@ -307,9 +318,9 @@ impl ExpressionCompiler<'_, '_> {
         }
     }
 
-    /// Lets the jump at `index` land here.
+    /// Sets the target of the jump at `index` to the next instruction.
     fn patch_jump(&mut self, index: usize) {
-        let here = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
+        let here = self.code.ops.len();
         self.barrier = self.code.ops.len();
         if let Some(op) = self.code.ops.get_mut(index) {
             *op = match *op {
@@ -325,6 +336,7 @@ impl ExpressionCompiler<'_, '_> {
     fn emit_unary(&mut self, op: UnaryOp) {
         let n = self.code.ops.len();
         match self.code.ops.last_mut() {
+            // Constant folding, unless a jump lands between the operand and the operator.
             Some(Op::Const(c)) if n > self.barrier => *c = op.apply(*c),
             _ => self.code.ops.push(Op::Unary(op)),
         }
@@ -332,6 +344,7 @@ impl ExpressionCompiler<'_, '_> {
 
     fn emit_binary(&mut self, op: BinaryOp, place: SourcePlace) {
         let n = self.code.ops.len();
+        // Constant folding of two operands. A division by zero is kept, so that it is reported where it runs.
         if n >= self.barrier + 2
             && let [.., Op::Const(a), Op::Const(b)] = self.code.ops[..]
             && let (value, false) = op.apply(a, b)
@@ -343,9 +356,10 @@ impl ExpressionCompiler<'_, '_> {
         if matches!(op, BinaryOp::Eq | BinaryOp::Ne) {
             self.check_equality(op, place);
         }
+        // Only division and remainder can fail at run time and need a location.
         let index = if matches!(op, BinaryOp::Div | BinaryOp::Rem) {
             self.code.places.push(place);
-            u32::try_from(self.code.places.len() - 1).unwrap_or(0)
+            self.code.places.len() - 1
         } else {
             0
         };
@@ -359,6 +373,7 @@ impl ExpressionCompiler<'_, '_> {
             [.., Op::Local(slot), Op::Const(v)] | [.., Op::Const(v), Op::Local(slot)] => (slot, v),
             _ => return,
         };
+        // A parameter passed through f32: it equals the constant only if the constant is exact in f32.
         let exact = is_zero(f64::from(narrow(value)) - value);
         if exact || !self.compiler.parameter_slots.contains(&slot) {
             return;
@@ -375,6 +390,7 @@ impl ExpressionCompiler<'_, '_> {
     fn call(&mut self, name: u32, place: SourcePlace, args: usize) -> Option<()> {
         let word = self.compiler.session.names.get(name).to_owned();
         let wrong = |wanted: &str| format!("{word} takes {wanted}, got {args}");
+        // Random functions with their number of arguments; `uniform` and `normal` exist in angle definitions only.
         let random = match word.as_str() {
             "ran" => Some((RandomFunction::Ran, 1)),
             "nran" => Some((RandomFunction::Nran, 2)),
@@ -406,13 +422,14 @@ impl ExpressionCompiler<'_, '_> {
 
     fn special_call(&mut self, word: &str, place: SourcePlace, args: usize) -> Option<()> {
         match word {
+            // Value and share alternate on the stack; the machine receives the number of pairs.
             "choose" => {
                 if args == 0 || !args.is_multiple_of(2) {
                     let message = format!("choose takes pairs of value and share, got {args} arguments");
                     return self.error("L022", message, place, "this call");
                 }
                 self.check_shares(place, args);
-                self.code.ops.push(Op::Choose(u16::try_from(args / 2).unwrap_or(u16::MAX)));
+                self.code.ops.push(Op::Choose(args / 2));
                 Some(())
             }
             "srand" | "stop" if args != 1 => {
@@ -428,8 +445,9 @@ impl ExpressionCompiler<'_, '_> {
                 self.compiler.session.error_help("L043", message, place, "remove this call");
                 None
             }
+            // Functions on data files of cpfg: drop the arguments and push 0, so that the grammar still derives.
             w if DATA_FUNCTIONS.contains(&w) => {
-                let help = "it counts as 0 here";
+                let help = "its value is 0";
                 self.compiler.session.warning("L008", format!("{w} is not supported"), place, help);
                 for _ in 0..args {
                     self.code.ops.push(Op::Pop);

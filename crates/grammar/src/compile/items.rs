@@ -8,14 +8,14 @@ use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::{Diagnostic, nearest};
 
-/// A compiled file.
+/// Result of compiling the main L-system of a file.
 #[derive(Debug)]
 pub(crate) struct ParsedGrammar {
     pub program: Program,
     pub label: String,
 }
 
-/// Where productions go.
+/// Section of the file, which decides where productions are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum ProductionSection {
     Productions,
@@ -49,10 +49,12 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
     };
     p.program.decomposition.depth = 1;
     p.program.homomorphism.depth = 1;
+    // Brackets and the cut symbol have fixed meanings and get the first numbers.
     for c in ['[', ']', '%'] {
         p.program.symbols.intern(c);
     }
     let main = p.main_lines(lines);
+    // Global variables and the turtle are known before any production is compiled, wherever their items stand.
     p.collect_globals(&main);
     for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k))) {
         p.block_item(line);
@@ -66,7 +68,7 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
     p.program.rules.index(symbols);
     p.program.decomposition.index(symbols);
     p.program.homomorphism.index(symbols);
-    p.program.blocks.globals = u16::try_from(p.globals.len()).unwrap_or(u16::MAX);
+    p.program.blocks.globals = p.globals.len();
     ParsedGrammar { program: p.program, label: p.label }
 }
 
@@ -103,6 +105,7 @@ impl ItemParser<'_> {
         for line in blocks {
             for (i, t) in line.tokens.iter().enumerate() {
                 let TokenKind::Ident(name) = t.kind else { continue };
+                // `name =` but not `name ==`.
                 let assigned = line.tokens.get(i + 1).is_some_and(|t| t.is('='))
                     && !line.tokens.get(i + 2).is_some_and(|t| t.is('=') && t.glued);
                 if assigned && !self.globals.contains(&name) {
@@ -124,7 +127,7 @@ impl ItemParser<'_> {
         let (Some((key, n)), Some(place)) = (line.keyword, line.place()) else { return };
         if key == Keyword::Define {
             let help = "use single variables in Start: { .. }";
-            self.session.warning("L008", "arrays are not supported, Define is left out".into(), place, help);
+            self.session.warning("L008", "arrays are not supported, Define is ignored".into(), place, help);
             return;
         }
         let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
@@ -161,6 +164,7 @@ impl ItemParser<'_> {
         let Some((key, n)) = line.keyword else { return self.unknown_line(line, place) };
         let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
         let head = line.tokens.first().map_or(place, |t| t.place);
+        // The value of an item follows its keyword and the optional colon.
         let value = &line.tokens[(n + colon).min(line.tokens.len())..];
         match key {
             Keyword::Lsystem => self.label = self.spelling(value),
@@ -176,18 +180,26 @@ impl ItemParser<'_> {
                 }
             }
             Keyword::Length => {
-                let length = self.integer(value, head);
-                self.program.length = length.and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
                 self.program.length_place = Some(place);
-                if length.is_some_and(|n| u32::try_from(n).is_err()) {
-                    self.session.error("L001", "derivation length must lie in 0 to 1,000,000", place, "here");
+                match self.integer(value, head).map(u32::try_from) {
+                    Some(Ok(length)) => self.program.length = length,
+                    Some(Err(_)) => {
+                        self.session.error("L001", "derivation length must lie in 0 to 1,000,000", place, "here");
+                    }
+                    None => {}
                 }
             }
             Keyword::Axiom => self.axiom_item(value, place),
             Keyword::Ignore | Keyword::Consider => self.set_ignored(key, value, head),
             Keyword::Decomposition | Keyword::Homomorphism => self.begin_section(key, value, head),
             Keyword::Depth => {
-                let depth = self.integer(value, head).and_then(|n| u32::try_from(n).ok()).unwrap_or(1);
+                let depth = match self.integer(value, head).map(u32::try_from) {
+                    Some(Ok(depth)) => depth,
+                    Some(Err(_)) => {
+                        return self.session.error("L001", "maximum depth must be 0 or more", place, "here");
+                    }
+                    None => return,
+                };
                 match self.section {
                     ProductionSection::Homomorphism => self.program.homomorphism.depth = depth,
                     _ => self.program.decomposition.depth = depth,
@@ -244,7 +256,7 @@ impl ItemParser<'_> {
     fn axiom_item(&mut self, value: &[Token], place: SourcePlace) {
         if let Some(first) = self.axiom {
             let d = Diagnostic::error("L001", "second axiom", place.span, "here").label(first.span, "the first one");
-            return self.session.push(d.help("leave one of them, with the modules of both"), place);
+            return self.session.push(d.help("keep one axiom with the modules of both"), place);
         }
         self.axiom = Some(place);
         let globals = self.globals.clone();
@@ -292,6 +304,7 @@ impl ItemParser<'_> {
 
     /// A line that is neither an item nor a production.
     fn unknown_line(&mut self, line: &LogicalLine, place: SourcePlace) {
+        // A few plain words before a ":" look like a misspelled item; anything else lacks its arrow.
         let colon = line.tokens.iter().position(|t| t.is(':') || t.is('{'));
         let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
         let all_words = !words.is_empty() && words.iter().all(|t| matches!(t.kind, TokenKind::Ident(_)));

@@ -71,6 +71,7 @@ impl LogicalLine {
 
 /// The keyword that a list of tokens begins with and how many tokens it takes.
 fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
+    // Keywords are matched without blanks and case, the longest first: "derivation length", "define-angle".
     let mut word = String::new();
     let mut best = None;
     for (i, t) in tokens.iter().take(3).enumerate() {
@@ -164,6 +165,7 @@ impl LineSplitter<'_> {
         if self.current.is_empty() {
             return false;
         }
+        // A logical line continues over indented physical lines, inside braces, and inside open parentheses.
         let next = self.next_line();
         if self.braces > 0 {
             // An unclosed block must not swallow the rest of the file.
@@ -175,6 +177,7 @@ impl LineSplitter<'_> {
             let recover = next_is_rule || keyword(&self.session.names, next).is_some();
             return recover && (self.arrow.is_some() || !indented);
         }
+        // The brace of a block may stand on the line after its keyword.
         let key = keyword(&self.session.names, &self.current);
         if next.first().is_some_and(|t| t.is('{')) && key.is_some_and(|(k, _)| is_block(k)) {
             return false;

@@ -96,7 +96,7 @@ impl<'r> Compiler<'r> {
         Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false }
     }
 
-    /// How a token is called in a message.
+    /// A token as messages quote it.
     pub fn describe(&self, t: &Token) -> String {
         describe(&self.session.names, t)
     }
@@ -121,6 +121,7 @@ impl<'r> Compiler<'r> {
             _ if self.scope == NameScope::Preprocessor => return Op::Const(0.0),
             _ => {}
         }
+        // Unknown names count as 0, as in cpfg, with a suggestion.
         let known = self.locals.iter().chain(&self.globals).map(|n| self.session.names.get(*n));
         let help = match nearest(&word, known.filter(|k| *k != word)) {
             Some(n) => format!("did you mean '{n}'?"),
@@ -131,7 +132,12 @@ impl<'r> Compiler<'r> {
         Op::Const(0.0)
     }
 
-    /// Code that writes a variable, which comes into being with it.
+    /// Slot of the next local variable; `None` after an error if the table is full.
+    pub fn next_slot(&mut self, place: SourcePlace) -> Option<u16> {
+        next_slot(self.session, &self.locals, place)
+    }
+
+    /// Instruction that writes a variable. The first assignment of a name declares it.
     pub fn store_variable(&mut self, name: u32, place: SourcePlace) -> Option<Op> {
         if let Some(slot) = Self::slot(&self.locals, name) {
             self.parameter_slots.retain(|s| *s != slot);
@@ -142,16 +148,22 @@ impl<'r> Compiler<'r> {
         }
         let is_local = self.scope == NameScope::Production;
         let list = if is_local { &mut self.locals } else { &mut self.globals };
-        let Ok(slot) = u16::try_from(list.len()) else {
-            self.session.error("L004", "more than 65,535 variables", place, "this one is too many");
-            return None;
-        };
+        let slot = next_slot(self.session, list, place)?;
         list.push(name);
         Some(if is_local { Op::StoreLocal(slot) } else { Op::StoreGlobal(slot) })
     }
 }
 
-/// How a token is called in a message.
+/// Slot behind the last variable of a table; `None` after an error if the table is full.
+fn next_slot(session: &mut ParseSession, variables: &[u32], place: SourcePlace) -> Option<u16> {
+    let slot = u16::try_from(variables.len()).ok();
+    if slot.is_none() {
+        session.error("L004", "more than 65,535 variables", place, "this one is too many");
+    }
+    slot
+}
+
+/// A token as messages quote it.
 pub(super) fn describe(names: &NameTable, t: &Token) -> String {
     match t.kind {
         TokenKind::Ident(n) | TokenKind::Number(n) => format!("'{}'", names.get(n)),

@@ -1,14 +1,14 @@
 //! Productions: contexts, predecessor, blocks, condition, successor, weight.
 
 use super::lines::LogicalLine;
-use super::symbol::{MAX_ARITY, intern, symbols_of};
+use super::symbol::{intern, symbols_of};
 use super::{Compiler, statement, successor, whole_expression};
 use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::symbols::Symbols;
 use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::Diagnostic;
 
-/// The parts of a production before its arrow.
+/// Token ranges of a production before its arrow.
 struct ProductionHead<'t> {
     left: &'t [Token],
     predecessor: &'t [Token],
@@ -26,6 +26,7 @@ pub(super) fn production(
     arrow: usize,
 ) -> Option<Production> {
     let place = line.place()?;
+    // Head first: its formal parameters become the local variables that blocks, condition, successor and weight use.
     let head = split_head(compiler, line.tokens.get(..arrow)?, place)?;
     let mut heads = HeadCompiler { compiler, symbols, place };
     let predecessor = heads.predecessor(head.predecessor)?;
@@ -38,6 +39,7 @@ pub(super) fn production(
     let before = block(compiler, head.before)?;
     let condition = statement::condition(compiler, head.condition, place)?;
     let after = block(compiler, head.after)?;
+    // The arrow is three tokens. Behind the successor a ":" begins the weight.
     let tail = line.tokens.get(arrow + 3..).unwrap_or(&[]);
     let arrow_place = line.tokens.get(arrow).map_or(place, |t| t.place);
     let (successor, rest) = successor::successor(compiler, symbols, tail, arrow_place)?;
@@ -48,7 +50,7 @@ pub(super) fn production(
     let first = head.predecessor.first().map_or(place, |t| t.place);
     let place = head.predecessor.last().map_or(first, |t| first.to(t.place));
     check_balance(compiler, &successor, symbols, place);
-    let locals = u16::try_from(compiler.locals.len()).unwrap_or(u16::MAX);
+    let locals = compiler.locals.len();
     Some(Production { left, predecessor, right, before, condition, after, successor, weight, locals, place })
 }
 
@@ -67,6 +69,7 @@ fn braced(tokens: &[Token], i: usize) -> Option<(&[Token], usize)> {
 }
 
 fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: SourcePlace) -> Option<ProductionHead<'t>> {
+    // Find the first "<" and ">" outside parentheses and the ":" or "{" that ends the strict part of the head.
     let (mut depth, mut less, mut greater) = (0_usize, None, None);
     let mut end = tokens.len();
     for (i, t) in tokens.iter().enumerate() {
@@ -85,6 +88,7 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
     let left = less.map_or(&[][..], |l| &tokens[..l]);
     let right = greater.map_or(&[][..], |g| &tokens[g + 1..end]);
     let predecessor = &tokens[less.map_or(0, |l| l + 1)..greater.unwrap_or(end)];
+    // Optional block before the condition, condition, optional block after it.
     let mut i = end + usize::from(tokens.get(end).is_some_and(|t| t.is(':')));
     let mut blocks: [Option<&[Token]>; 2] = [None, None];
     let mut condition: &[Token] = &[];
@@ -164,6 +168,7 @@ impl HeadCompiler<'_, '_, '_> {
                 continue;
             }
             for s in symbols_of(self.compiler, t) {
+                // `=]` is one element: it skips the rest of a branch.
                 let closes = s.c == '=' && tokens.get(i).is_some_and(|t| t.is(']'));
                 match s.c {
                     '[' => out.push((ContextElement::Open, s.place)),
@@ -202,7 +207,8 @@ impl HeadCompiler<'_, '_, '_> {
         let Some((ContextElement::Module(formal), _)) = out.last_mut() else {
             return self.ill_formed("'(' without a module before it", open);
         };
-        formal.slot = u16::try_from(self.compiler.locals.len()).unwrap_or(u16::MAX);
+        let slot = self.compiler.next_slot(open)?;
+        formal.slot = slot;
         let mut count = 0_usize;
         loop {
             let Some(t) = tokens.get(i) else { return self.ill_formed("parameters are never closed", open) };
@@ -211,7 +217,7 @@ impl HeadCompiler<'_, '_, '_> {
                     return Some(i + 1);
                 }
                 let word = self.compiler.describe(t);
-                let help = "conditions on values stand behind ':'";
+                let help = "write conditions on values after ':'";
                 let message = format!("unexpected {word}, expected the name of a parameter");
                 self.compiler.session.error_help("L001", message, t.place, help);
                 return None;
@@ -222,14 +228,16 @@ impl HeadCompiler<'_, '_, '_> {
                 self.compiler.session.error("L024", message, t.place, "the second one");
                 return None;
             }
-            self.compiler.parameter_slots.extend(u16::try_from(self.compiler.locals.len()));
+            let slot = self.compiler.next_slot(t.place)?;
+            self.compiler.parameter_slots.push(slot);
             self.compiler.locals.push(name);
             count += 1;
-            if let Some((ContextElement::Module(f), _)) = out.last_mut() {
-                f.arity = u8::try_from(count).unwrap_or(u8::MAX);
-            }
-            if count > MAX_ARITY {
+            // The arity of the module grows with each parameter that is read.
+            let Ok(arity) = u8::try_from(count) else {
                 return self.ill_formed("a module has at most 255 parameters", t.place);
+            };
+            if let Some((ContextElement::Module(f), _)) = out.last_mut() {
+                f.arity = arity;
             }
             match tokens.get(i + 1) {
                 Some(n) if n.is(',') => i += 2,

@@ -5,14 +5,14 @@ use super::{Compiler, TokenCursor, whole_expression};
 use crate::code::{Bytecode, Op};
 use crate::token::{SourcePlace, Token, TokenKind};
 
-/// An open brace and what happens when it closes.
+/// An open brace with the jumps to patch when it closes.
 enum OpenBrace {
     /// Jump over the block, jumps to the end of the whole chain.
     If(usize, Vec<usize>),
     Else(Vec<usize>),
     /// Start of the condition, jump out.
     While(usize, usize),
-    /// Start of the body.
+    /// Index of the first instruction of the body, where the loop continues.
     Do(usize),
 }
 
@@ -56,8 +56,7 @@ impl BlockCompiler<'_, '_> {
 
     fn count_statement(&mut self, place: SourcePlace) {
         self.code.places.push(place);
-        let index = u32::try_from(self.code.places.len() - 1).unwrap_or(0);
-        self.code.ops.push(Op::Count(index));
+        self.code.ops.push(Op::Count(self.code.places.len() - 1));
     }
 
     fn statement(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
@@ -78,6 +77,8 @@ impl BlockCompiler<'_, '_> {
                         cursor.bump();
                         self.begin_if(cursor, Vec::new())
                     }
+                    // A loop jumps back to its counter, the instruction before the condition, so that every iteration
+                    // is counted.
                     "while" => {
                         cursor.bump();
                         let start = self.position() - 1;
@@ -126,11 +127,12 @@ impl BlockCompiler<'_, '_> {
         self.open_brace(cursor, OpenBrace::If(jump, ends))
     }
 
-    /// Compiles an expression behind what is there already.
+    /// Compiles an expression and appends its code.
     fn append_expression(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let code = compile_expression(self.compiler, cursor)?;
-        let shift = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
-        let places = u32::try_from(self.code.places.len()).unwrap_or(u32::MAX);
+        // The expression was compiled from index 0: move its jump targets and locations behind the code so far.
+        let shift = self.code.ops.len();
+        let places = self.code.places.len();
         self.code.places.extend(code.places);
         self.code.ops.extend(code.ops.into_iter().map(|op| match op {
             Op::Jump(t) => Op::Jump(t + shift),
@@ -144,7 +146,7 @@ impl BlockCompiler<'_, '_> {
     }
 
     fn patch_jump(&mut self, at: usize) {
-        let here = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
+        let here = self.position();
         if let Some(Op::Jump(t) | Op::JumpIfZero(t)) = self.code.ops.get_mut(at) {
             *t = here;
         }
@@ -155,12 +157,12 @@ impl BlockCompiler<'_, '_> {
     }
 
     fn close_brace(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
-        let target = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
         match self.open.pop() {
             None => self.error("unexpected '}', no block is open".to_owned(), place),
             Some(OpenBrace::If(jump, mut ends)) if self.next_is_word(cursor, "else") => {
                 cursor.bump();
                 self.code.ops.push(Op::Jump(0));
+                // `else`: the block before it jumps to the end of the whole if-chain; its failed condition lands here.
                 ends.push(self.position() - 1);
                 self.patch_jump(jump);
                 if self.next_is_word(cursor, "if") {
@@ -178,8 +180,9 @@ impl BlockCompiler<'_, '_> {
                 ends.into_iter().for_each(|e| self.patch_jump(e));
                 Some(())
             }
+            // End of a `while` body: back to the condition; a failed condition lands behind that jump.
             Some(OpenBrace::While(start, jump)) => {
-                self.code.ops.push(Op::Jump(target(start)));
+                self.code.ops.push(Op::Jump(start));
                 self.patch_jump(jump);
                 Some(())
             }
@@ -188,8 +191,9 @@ impl BlockCompiler<'_, '_> {
                     return self.error("'do' block without 'while'".to_owned(), place);
                 }
                 cursor.bump();
+                // `do { } while (c)`: the jump back is skipped when the condition fails.
                 let out = self.condition(cursor)?;
-                self.code.ops.push(Op::Jump(target(start)));
+                self.code.ops.push(Op::Jump(start));
                 self.patch_jump(out);
                 Some(())
             }
@@ -212,6 +216,7 @@ impl BlockCompiler<'_, '_> {
             return None;
         }
         cursor.bump();
+        // Compound assignments such as += do not exist in the language; suggest the long form.
         if let (Some(op), Some('=')) = (cursor.peek(), cursor.glued_char(1)) {
             let help = "write the variable on both sides: v = v + 1";
             let message = format!("unexpected {}, expected '='", self.compiler.describe(op));

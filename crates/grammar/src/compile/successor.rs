@@ -9,13 +9,13 @@ use crate::token::{SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::Diagnostic;
 
-/// Modules that one successor may spell.
+/// Modules that one successor may contain after its repeats are expanded; larger counts belong into productions.
 const MAX_SUCCESSOR_MODULES: usize = 1 << 20;
 
 /// An open `repeat`.
 #[derive(Debug)]
 struct OpenRepeat {
-    /// First module of its body.
+    /// Index of the first module of its body.
     start: usize,
     times: usize,
     /// Polygons that its body has opened.
@@ -70,6 +70,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         let has_turtle = self.compiler.has_turtle;
         match t.kind {
             TokenKind::Char('(') => {
+                // Parameters belong to the module right before the parenthesis, once.
                 let known = self.accepts_parameters && self.out.last().is_some_and(|m| m.args.is_empty());
                 if !known {
                     return self.error("unexpected '(', expected a module before it", t.place);
@@ -89,6 +90,7 @@ impl SuccessorCompiler<'_, '_, '_> {
             }
             TokenKind::Char('}') if self.repeats.last().is_some_and(|r| r.polygons == 0) => return self.close_repeat(),
             _ => {
+                // Braces of polygons nest inside a `repeat`: only the brace that balances the `repeat` ends it.
                 if let (Some(r), TokenKind::Char(c)) = (self.repeats.last_mut(), t.kind) {
                     r.polygons = (r.polygons + usize::from(c == '{')).saturating_sub(usize::from(c == '}'));
                 }
@@ -111,7 +113,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         };
         if !cursor.eat('{') {
             let at = cursor.place();
-            return self.error("unexpected token, expected '{' behind the number of 'repeat'", at);
+            return self.error("unexpected token, expected '{' after the number of 'repeat'", at);
         }
         if self.repeats.len() >= self.compiler.max_depth {
             self.compiler.session.error("L004", "'repeat' nested too deep", place, "too deep here");
@@ -128,11 +130,12 @@ impl SuccessorCompiler<'_, '_, '_> {
     fn close_repeat(&mut self) -> Option<()> {
         let Some(r) = self.repeats.pop() else { return Some(()) };
         let body = self.out.split_off(r.start.min(self.out.len()));
+        // Check the size before copying: nested repeats multiply.
         let wanted = body.len().saturating_mul(r.times).saturating_add(self.out.len());
         if wanted > MAX_SUCCESSOR_MODULES {
             let message =
-                format!("this 'repeat' would spell {wanted} modules, at most {MAX_SUCCESSOR_MODULES} are allowed");
-            let help = "repeat less, or let productions make them";
+                format!("this 'repeat' would produce {wanted} modules, at most {MAX_SUCCESSOR_MODULES} are allowed");
+            let help = "reduce the count, or produce the modules by productions";
             self.compiler.session.error_help("L050", message, r.place, help);
             return None;
         }
@@ -149,8 +152,9 @@ impl SuccessorCompiler<'_, '_, '_> {
             return None;
         }
         if let Some(place) = self.star.filter(|_| !self.out.is_empty()) {
-            return self.error("unexpected '*', expected a module: '*' alone means nothing", place);
+            return self.error("unexpected '*', expected a module: '*' is the empty successor and stands alone", place);
         }
+        // Occurrences are counted after repeats are expanded, so that every module has a lineage of its own.
         let mut counts = vec![0_u32; self.symbols.len()];
         for m in &mut self.out {
             if let Some(count) = counts.get_mut(usize::from(m.symbol)) {
@@ -173,7 +177,7 @@ fn arguments(compiler: &mut Compiler<'_>, cursor: &mut TokenCursor<'_>, open: So
         args.push(code.into_expr());
         if args.len() > MAX_ARITY {
             let message = "a module has at most 255 parameters".to_owned();
-            compiler.session.error_help("L010", message, cursor.place(), "share them out among several modules");
+            compiler.session.error_help("L010", message, cursor.place(), "distribute them over several modules");
             return None;
         }
         if cursor.eat(')') {

@@ -21,9 +21,11 @@ pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<LocatedSymbo
             let text = compiler.session.names.get(n);
             let at = |i: usize, c: char| {
                 let mut place = t.place;
-                let start = place.span.start + u32::try_from(i).unwrap_or(0);
-                let length = u32::try_from(c.len_utf8()).unwrap_or(1);
-                if start + length <= place.span.end {
+                // A macro may have changed the text: a character that its token does not contain gets the whole token.
+                if let (Ok(offset), Ok(length)) = (u32::try_from(i), u32::try_from(c.len_utf8()))
+                    && place.span.start + offset + length <= place.span.end
+                {
+                    let start = place.span.start + offset;
                     (place.span.start, place.span.end) = (start, start + length);
                 }
                 LocatedSymbol { c, place }

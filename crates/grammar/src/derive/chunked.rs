@@ -10,6 +10,7 @@ use super::step::rewrite_range;
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
 use crate::vm::Halt;
+use osier_base::convert;
 use osier_base::par::par_map;
 
 /// Modules of the shortest string that is derived in chunks; shorter ones do not repay the set-up.
@@ -68,6 +69,7 @@ impl Derivation<'_> {
             return Ok(false);
         }
         let counters = SharedCounters { finished: AtomicU64::new(0), rewritten: AtomicU64::new(self.work) };
+        // All chunks add to the same counters, so that a limit on the whole string stops every thread.
         let chunks = self.derive_chunks(step, &counters);
         if counters.rewritten.into_inner() > self.limits.get("work") {
             return Err(Halt::Work);
@@ -80,6 +82,8 @@ impl Derivation<'_> {
         self.string.clear();
         chunks.iter().for_each(|g| self.string.extend(&g.modules, 0..g.modules.len()));
         let changed = chunks.iter().map(|g| g.changed).max().unwrap_or(0);
+        // Restore what the serial loop would know now: the first step from which nothing changed, and the last step
+        // taken.
         if changed > 0 {
             self.unchanged_since = (changed < self.length).then_some(changed + 1);
         } else {
@@ -158,7 +162,7 @@ impl Derivation<'_> {
     }
 }
 
-/// Derives chunks one after the other.
+/// Derives chunks one after the other with one set of buffers.
 struct ChunkDeriver<'d, 'g> {
     derivation: &'d Derivation<'g>,
     rewriter: Rewriter<'d>,
@@ -170,13 +174,13 @@ struct ChunkDeriver<'d, 'g> {
     /// Length after each step, over the chunks so far.
     lengths: Vec<StringLength>,
     changed: u32,
-    /// Modules rewritten.
+    /// Modules rewritten by this worker, over all steps: its share of the limit `work`.
     work: u64,
 }
 
 impl ChunkDeriver<'_, '_> {
-    /// Derives a chunk until it must be split or all steps are done; returns the last step done. `None` as of
-    /// [`Derivation::grown`].
+    /// Derives a chunk until it must be split or all steps are done; returns the last step done. `None` after a
+    /// warning, `stop(n)` or a passed limit: the string must be derived step by step.
     fn advance(&mut self, chunk: &mut ModuleString, done: u32, limit: u64) -> Option<u32> {
         let length = self.derivation.length;
         for step in done + 1..=length {
@@ -184,10 +188,13 @@ impl ChunkDeriver<'_, '_> {
                 (step, Some(step), step);
             self.next_string.clear();
             self.work = self.work.saturating_add(chunk.len() as u64);
+            // Independent modules have no contexts, so that the view needs no bracket table.
             let view = ContextView { modules: chunk, partner: &[], ignored: &self.derivation.ignored };
-            let max_modules = usize::try_from(limit).unwrap_or(usize::MAX);
+            let max_modules = convert::limit(limit);
             let changed =
                 rewrite_range(&mut self.rewriter, view, 0..chunk.len(), &mut self.next_string, max_modules).ok()?;
+            // A warning must name the step at which it occurs first in the whole string; only the serial derivation
+            // knows it.
             if !self.rewriter.vm.warnings.list.is_empty() || self.rewriter.vm.stopped {
                 return None;
             }

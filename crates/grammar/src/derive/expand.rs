@@ -8,11 +8,13 @@ use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
 use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
+use osier_base::convert;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::rng::word;
 
-/// Homomorphism may draw this many times the modules that may be stored.
+/// Factor on the limit `modules` for modules that a homomorphism draws: they take time but no memory. Raising it lets
+/// `interpret` run longer before L051.
 const MAX_DRAWN_PER_STORED: u64 = 10;
 
 /// Modules waiting to be expanded, the next one on top; parameters lie behind one another in the same order.
@@ -63,6 +65,7 @@ impl<'p> Expander<'p> {
     ) -> std::result::Result<(), Halt> {
         let rules = self.rewriter.settings.rules;
         let module = view.modules.get(at);
+        // Modules without productions, and all modules where the maximum depth is 0, pass unchanged.
         if rules.depth == 0 || !rules.has_productions(module.symbol) {
             return if sink(module) { Ok(()) } else { Err(Halt::Modules) };
         }
@@ -71,6 +74,8 @@ impl<'p> Expander<'p> {
         self.stack.modules.push(module);
         self.stack.depth.push(0);
         while let Some(depth) = self.stack.depth.pop() {
+            // Pop the topmost module into a buffer of its own: the production reads its parameters while successors are
+            // pushed.
             let n = self.stack.modules.len() - 1;
             self.current.clear();
             self.current.push(self.stack.modules.get(n));
@@ -78,6 +83,7 @@ impl<'p> Expander<'p> {
             let module = self.current.get(0);
             let applicable =
                 if rules.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
+            // A module that no production applies to, or that has reached the maximum depth, is final.
             let Some(p) = applicable.filter(|_| depth < rules.depth) else {
                 if let Some(p) = applicable.filter(|_| rules.warn_depth) {
                     self.rewriter.vm.warnings.add("L052", p.place, "depth limit reached");
@@ -88,6 +94,7 @@ impl<'p> Expander<'p> {
                 return Err(Halt::Modules);
             };
             self.successor.clear();
+            // Expansion refines a module within its step: successors keep its birth.
             self.rewriter.settings.birth = module.birth;
             self.rewriter.append_successor(p, module.lineage, &mut self.successor)?;
             self.stack.push_reversed(&self.successor, depth + 1);
@@ -122,7 +129,7 @@ impl Derivation<'_> {
             tag: 0,
             brackets: self.brackets,
         };
-        let limit = usize::try_from(self.limits.get("modules")).unwrap_or(usize::MAX);
+        let limit = convert::limit(self.limits.get("modules"));
         let mut expander = Expander::new(settings, self.vm.clone(), limit);
         self.next_string.clear();
         let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
@@ -157,6 +164,7 @@ pub fn interpret(
         return Ok(Vec::new());
     }
     let brackets = brackets(program);
+    // The machine continues where the derivation ended: same seeds, last step, final values of the global variables.
     let file_seed = rules.seed.unwrap_or(derived.file_seed);
     let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed };
     let mut vm = Vm::new(streams, 0, derived.length);
@@ -166,6 +174,7 @@ pub fn interpret(
     let settings = RewriteSettings {
         program,
         rules,
+        // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
         stochastic: derived.stochastic || rules.seed.is_some(),
         purposes: DrawPurposes::all(DrawPurpose::Homomorphism),
         step: None,
@@ -177,14 +186,17 @@ pub fn interpret(
     let partner = if needs_partners { matching::matching_brackets(&derived.modules, brackets) } else { Vec::new() };
     let ignored = program.ignored.flags(&program.symbols);
     let view = ContextView { modules: &derived.modules, partner: &partner, ignored: &ignored };
-    let max_stack = usize::try_from(limits.get("modules")).unwrap_or(usize::MAX);
+    let max_stack = convert::limit(limits.get("modules"));
     let mut expander = Expander::new(settings, vm, max_stack);
+    // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
+    // hold.
     let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
     for i in 0..derived.modules.len() {
         let result = expander.expand(view, i, &mut |m| {
             drawn += 1;
             sink(m);
+            // The callback ends the expansion when the budget is used up.
             drawn <= limit
         });
         result.map_err(|h| halt_error(grammar, h, derived.steps, limits))?;

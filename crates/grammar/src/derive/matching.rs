@@ -4,8 +4,8 @@ use crate::modules::{Module, ModuleString};
 use crate::program::{ContextElement, FormalModule};
 use crate::symbols::SymbolId;
 
-/// No partner.
-const NONE: u32 = u32::MAX;
+/// Stands for "no matching bracket" in a table of indices.
+const NO_PARTNER: u32 = u32::MAX;
 
 /// A string prepared for context matching.
 #[derive(Debug, Clone, Copy)]
@@ -13,22 +13,23 @@ pub(super) struct ContextView<'a> {
     pub modules: &'a ModuleString,
     /// Partner of each bracket; empty if no production asks for contexts.
     pub partner: &'a [u32],
-    /// Per symbol: contexts look past it.
+    /// Per symbol: true if contexts ignore it.
     pub ignored: &'a [bool],
 }
 
-/// The brackets' numbers.
+/// Symbol numbers of `[` and `]`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Brackets {
     pub open: SymbolId,
     pub close: SymbolId,
 }
 
-/// Partner of every bracket; `NONE` for all else and for brackets without one.
+/// Partner of every bracket; `NO_PARTNER` for all else and for brackets without one.
 pub(super) fn matching_brackets(modules: &ModuleString, brackets: Brackets) -> Vec<u32> {
-    let mut partner = vec![NONE; modules.len()];
+    let mut partner = vec![NO_PARTNER; modules.len()];
     let mut stack: Vec<usize> = Vec::new();
-    let short = |i: usize| u32::try_from(i).unwrap_or(NONE);
+    // A module beyond 2^32 counts as unmatched; a string of that length exceeds any memory limit.
+    let short = |i: usize| u32::try_from(i).unwrap_or(NO_PARTNER);
     for (i, &s) in modules.symbols().iter().enumerate() {
         if s == brackets.open {
             stack.push(i);
@@ -42,7 +43,7 @@ pub(super) fn matching_brackets(modules: &ModuleString, brackets: Brackets) -> V
     partner
 }
 
-/// Stores the parameters of a matched module in the production's variables.
+/// Copies the parameters of a matched module to the local variables of the formal module.
 fn bind_parameters(formal: &FormalModule, module: Module<'_>, locals: &mut [f64]) {
     let first = usize::from(formal.slot);
     for (i, v) in module.params.iter().enumerate() {
@@ -64,7 +65,7 @@ pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &m
 
 impl ContextView<'_> {
     fn partner(&self, i: usize) -> Option<usize> {
-        self.partner.get(i).filter(|p| **p != NONE).map(|p| *p as usize)
+        self.partner.get(i).filter(|p| **p != NO_PARTNER).map(|p| *p as usize)
     }
 
     fn is_ignored(&self, symbol: SymbolId) -> bool {
@@ -75,6 +76,7 @@ impl ContextView<'_> {
     /// over, openings are stepped over: a branch sees the axis that carries it.
     pub fn matches_left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
+        // The context is matched from its last module, the neighbour, outwards.
         let mut wanted = context.iter().rev();
         let mut next = wanted.next();
         while let Some(element) = next {
@@ -102,6 +104,7 @@ impl ContextView<'_> {
     pub fn matches_right(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
         for element in context {
+            // Each element continues after the module that matched the element before it.
             let found = match element {
                 ContextElement::Module(formal) => self.next_on_axis(brackets, formal, i, locals),
                 ContextElement::Open => self.skip_ignored(i).filter(|k| self.modules.symbols()[*k] == brackets.open),
@@ -121,7 +124,7 @@ impl ContextView<'_> {
         (from..self.modules.len()).find(|&i| !self.is_ignored(self.modules.symbols()[i]))
     }
 
-    /// The next module of this axis, if it is the wanted one.
+    /// Index of the next module on this axis, if it matches `formal`; branches in between are jumped over.
     fn next_on_axis(
         &self,
         brackets: Brackets,

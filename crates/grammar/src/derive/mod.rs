@@ -26,7 +26,7 @@ use osier_base::rng::{child, mix64};
 /// How a grammar is derived.
 #[derive(Debug, Clone, Default)]
 pub struct DeriveOptions {
-    /// Seed of all draws.
+    /// Seed of every random draw of the derivation and of its drawing.
     pub seed: u64,
     /// Names the plant in lineages; holds no seed.
     pub plant_id: u32,
@@ -41,13 +41,13 @@ pub struct DeriveOptions {
 pub struct DerivedString {
     /// The final string, without homomorphism.
     pub modules: ModuleString,
-    /// Steps taken.
+    /// Derivation steps that were carried out; fewer than the length after `stop(n)` or once nothing changes.
     pub steps: u32,
-    /// As in the options.
+    /// [`DeriveOptions::plant_id`], which addresses the draws of the interpretation too.
     pub plant_id: u32,
-    /// As in the options.
+    /// [`DeriveOptions::seed`], which the interpretation draws from too.
     pub seed: u64,
-    /// What was odd on the way.
+    /// Warnings of the run: division by zero (L040), weights (L033, L034), depth (L052), idle steps (L054).
     pub warnings: Vec<Diagnostic>,
     pub(crate) stochastic: bool,
     pub(crate) length: u32,
@@ -55,7 +55,8 @@ pub struct DerivedString {
     pub(crate) globals: Vec<f64>,
 }
 
-/// Memory for parameters, in values: half a gibibyte.
+/// Parameters of a string: 2^27 values of 4 bytes are half a gibibyte. It also keeps every end in [`ModuleString`] within
+/// 32 bits.
 const MAX_PARAMS: usize = 1 << 27;
 
 /// Derives a grammar.
@@ -73,6 +74,7 @@ pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Re
     }
 }
 
+/// State of one derivation.
 pub(super) struct Derivation<'g> {
     grammar: &'g Grammar,
     program: &'g Program,
@@ -100,8 +102,9 @@ impl<'g> Derivation<'g> {
         let program = &grammar.program;
         let file_seed = program.seed.unwrap_or(0);
         let streams = RandomStreams { seed: options.seed, plant_id: options.plant_id, file_seed };
-        let mut vm = Vm::new(streams, usize::from(program.blocks.globals), length);
+        let mut vm = Vm::new(streams, program.blocks.globals, length);
         vm.statement_limit = limits.get("statements");
+        // Only symbols that some successor or the axiom produces can occur in the string.
         let is_produced = |c: char| {
             let id = program.symbols.find(c)?;
             let templates = program.productions().flat_map(|p| &p.successor).chain(&program.axiom);
@@ -129,6 +132,7 @@ impl<'g> Derivation<'g> {
 
     fn run(&mut self) -> std::result::Result<(), Halt> {
         let blocks = &self.program.blocks;
+        // The Start block assigns the global variables; its `srand` replaces the seed of the file for all later draws.
         self.run_block(blocks.start.as_ref(), 0)?;
         if let Some(seed) = self.vm.reseeded() {
             self.vm.streams.file_seed = seed;
@@ -161,6 +165,8 @@ impl<'g> Derivation<'g> {
             } else if changed {
                 self.unchanged_since = None;
             }
+            // End early after `stop`, once no later step can change the string, or when the remaining steps were
+            // derived in chunks.
             if self.vm.stopped || (!changed && self.nothing_can_change()) || self.derive_rest_in_chunks(step)? {
                 break;
             }
@@ -195,6 +201,7 @@ impl<'g> Derivation<'g> {
                 let value = self.vm.eval(arg, &mut [])?;
                 self.string.push_param(narrow(value));
             }
+            // Lineages of the axiom begin with the plant, not with its seed: equal plants of two seeds share lineages.
             let symbol = u64::from(u32::from(self.program.symbols.get(t.symbol)));
             let plant = u64::from(self.vm.streams.plant_id);
             // The second number is the L-system's: 0 is the main one.
@@ -210,6 +217,8 @@ impl<'g> Derivation<'g> {
             return;
         }
         self.next_string.clear();
+        // `cut_at`: bracket depth of the `%` that is in force. The closing bracket of that depth ends its effect and is
+        // kept.
         let (mut depth, mut cut_at) = (0_usize, None);
         for i in 0..self.string.len() {
             let m = self.string.get(i);
@@ -232,6 +241,7 @@ impl<'g> Derivation<'g> {
     }
 
     fn finish(mut self, options: &DeriveOptions) -> DerivedString {
+        // L054: the derivation length is larger than the grammar can use.
         if let (Some(step), Some(place)) = (self.unchanged_since, self.program.length_place)
             && step > 1
             && step < self.length
@@ -256,15 +266,16 @@ impl<'g> Derivation<'g> {
     }
 }
 
-/// The numbers of `[` and `]`.
+/// Symbol numbers of `[` and `]`; `SymbolId::MAX`, which no symbol has, for a bracket that does not occur.
 fn brackets(program: &Program) -> Brackets {
     let find = |c| program.symbols.find(c).unwrap_or(SymbolId::MAX);
     Brackets { open: find('['), close: find(']') }
 }
 
-/// Remarks of runs as diagnostics.
+/// Warnings collected by the virtual machine as diagnostics of the grammar's source.
 pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings) -> Vec<Diagnostic> {
     let diagnostic = |e: &RuntimeWarning| {
+        // Warnings of one place are added up during the run; the message tells how often they occurred.
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
         let help = match e.code {
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
@@ -281,12 +292,12 @@ pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings)
     warnings.list.iter().map(diagnostic).collect()
 }
 
-/// An ended run as an error.
+/// The error of a halted run; `step`: the step that was running.
 pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limits) -> osier_base::Error {
     let at = grammar.length_place();
     match halt {
         Halt::Loop(place) => {
-            let d = Diagnostic::error("L044", "this loop does not end", place.span, "after 1,000,000 turns");
+            let d = Diagnostic::error("L044", "this loop does not end", place.span, "after 1,000,000 iterations");
             runtime_report(grammar, grammar.with_macro_chain(d.help("change what its condition tests"), place))
         }
         Halt::Statements(place) => {

@@ -1,4 +1,4 @@
-//! How long the string will be, before it is made: the growth matrix over kinds of modules.
+//! Predicts the length of the string from the growth matrix over symbols and numbers of parameters, before deriving it.
 
 use std::collections::BTreeMap;
 
@@ -17,13 +17,13 @@ pub struct Prediction {
     pub lower: u128,
     /// No more than this (saturating).
     pub upper: u128,
-    /// What weights make likely; half-way knowledge where conditions decide.
+    /// Expected number by the weights; conditions are taken as equally likely alternatives.
     pub expected: f64,
 }
 
 /// A module's symbol and number of parameters.
-type ModuleSignature = (SymbolId, u8);
-/// Counts by kind, sparse.
+type ModuleSignature = (SymbolId, usize);
+/// Sparse row of the growth matrix: (index of a signature, number of such modules in the successor).
 type SparseRow<T> = Vec<(usize, T)>;
 
 #[derive(Debug, Default)]
@@ -40,7 +40,7 @@ struct GrowthMatrix {
 fn successor_counts(kinds: &BTreeMap<ModuleSignature, usize>, p: &Production) -> BTreeMap<usize, u128> {
     let mut out = BTreeMap::new();
     for t in &p.successor {
-        if let Some(&k) = kinds.get(&(t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX))) {
+        if let Some(&k) = kinds.get(&(t.symbol, t.args.len())) {
             *out.entry(k).or_insert(0) += 1;
         }
     }
@@ -53,7 +53,7 @@ impl GrowthMatrix {
         let templates = program.rules.list.iter().flat_map(|p| &p.successor).chain(&program.axiom);
         let mut m = Self::default();
         for t in templates {
-            let kind = (t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX));
+            let kind = (t.symbol, t.args.len());
             let next = m.kinds.len();
             m.kinds.entry(kind).or_insert(next);
         }
@@ -61,11 +61,13 @@ impl GrowthMatrix {
         (m.lower, m.upper, m.expected) = (vec![Vec::new(); n], vec![Vec::new(); n], vec![Vec::new(); n]);
         m.start = vec![0; n];
         for t in &program.axiom {
-            let kind = (t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX));
+            let kind = (t.symbol, t.args.len());
             if let Some(&k) = m.kinds.get(&kind) {
                 m.start[k] += 1;
             }
         }
+        // Lower bounds hold only while every module is rewritten alone: `%`, predecessors of several modules and
+        // decomposition can remove modules that the matrix does not see.
         let cut_symbol = program.symbols.find('%');
         let has_cut = m.kinds.keys().any(|k| Some(k.0) == cut_symbol);
         let several = program.rules.list.iter().any(|p| p.predecessor.len() > 1);
@@ -94,6 +96,8 @@ impl GrowthMatrix {
     fn set_row(&mut self, k: usize, rules: &[&Production], stochastic: bool) {
         let copy = BTreeMap::from([(k, 1)]);
         let mut alternatives: Vec<(BTreeMap<usize, u128>, f64)> = Vec::new();
+        // One alternative for each production that may apply, in file order; an unconditional one hides the later ones
+        // of a deterministic grammar.
         let mut always = false;
         for p in rules {
             let weight = p.weight.as_ref().map_or(Some(1.0), crate::vm::constant_value).unwrap_or(1.0);
@@ -107,6 +111,7 @@ impl GrowthMatrix {
             alternatives.push((copy.clone(), 1.0));
         }
         let total = alternatives.iter().fold(0.0, |s, o| s + o.1);
+        // Per symbol of the successors: the fewest, the most and the weighted mean number over the alternatives.
         let columns: std::collections::BTreeSet<usize> =
             alternatives.iter().flat_map(|o| o.0.keys().copied()).collect();
         for c in columns {
@@ -143,6 +148,8 @@ fn saturating_sum(v: &[u128]) -> u128 {
 /// Source: the growth matrix of the textbook, length = v0 M^n 1; bounds take element-wise extremes over alternatives.
 pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
     let m = GrowthMatrix::new(grammar, stochastic);
+    // Row vectors of counts, multiplied by the matrix once a step. The loop ends early at a fixed point, or beyond 2^64
+    // modules.
     let (mut low, mut high) = (m.start.clone(), m.start.clone());
     let mut expected: Vec<f64> = m.start.iter().map(|x| *x as f64).collect();
     for _ in 0..steps {
@@ -166,8 +173,9 @@ pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
     Prediction { lower, upper, expected: expected.iter().fold(0.0, |s, x| s + x) }
 }
 
-/// Refuses a derivation that must pass a limit.
+/// L050 for a derivation that certainly exceeds the limit on steps, modules or work.
 pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOptions, limits: &Limits) -> Result<()> {
+    // First the number of steps itself: the loops below run once a step.
     let max_steps = limits.get("steps");
     if u64::from(steps) > max_steps {
         let (wanted, limit) = (grouped(u64::from(steps)), grouped(max_steps));
@@ -183,6 +191,8 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
     let limit = u128::from(limits.get("modules"));
     let mut v = m.start.clone();
     let mut work = 0_u128;
+    // Follow the lower bound step by step. A step costs the length of its string, but only if some module in it is
+    // certainly rewritten: a string at rest ends the derivation early.
     let rewritten = m.always_rewritten(grammar);
     for step in 0..=steps {
         if saturating_sum(&v) > limit {
@@ -191,6 +201,7 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
         let busy = rewritten.iter().zip(&v).any(|(rewritten, n)| *rewritten && *n > 0);
         let each = if busy { saturating_sum(&v) } else { 0 };
         let next = GrowthMatrix::next_counts(&m.lower, &v);
+        // Counts at a fixed point stay the same; all remaining steps cost the same.
         if next == v {
             work = work.saturating_add(each.saturating_mul(u128::from(steps - step)));
             break;
@@ -199,7 +210,7 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
         v = next;
     }
     if work > u128::from(limits.get("work")) {
-        let (wanted, limit) = (grouped(u64::try_from(work).unwrap_or(u64::MAX)), grouped(limits.get("work")));
+        let (wanted, limit) = (grouped_wide(work), grouped(limits.get("work")));
         let message =
             format!("{} steps would rewrite {wanted} modules, the limit is {limit}", grouped(u64::from(steps)));
         let help = "raise it with --max-work, or shorten the derivation";
@@ -208,15 +219,18 @@ pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOption
     Ok(())
 }
 
+/// A count with grouped digits, as messages print it.
+fn grouped_wide(n: u128) -> String {
+    u64::try_from(n).map_or_else(|_| "more than 10^19".to_owned(), grouped)
+}
+
+/// L050 for a derivation that would exceed the modules allowed; `first_over`: the first step that does.
 fn limit_error(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
     let mut v = m.start.clone();
     for _ in 0..steps.min(4096) {
         v = GrowthMatrix::next_counts(&m.lower, &v);
     }
-    let wanted = match u64::try_from(saturating_sum(&v)) {
-        Ok(n) => grouped(n),
-        Err(_) => "more than 10^19".to_owned(),
-    };
+    let wanted = grouped_wide(saturating_sum(&v));
     let limit = limits.get("modules");
     let allowed = first_over.saturating_sub(1);
     let message = format!("step {steps} would make {wanted} modules; --max-modules {limit} allows {allowed}");

@@ -66,8 +66,7 @@ pub(super) struct Rewriter<'p> {
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
         let symbols = &settings.program.symbols;
-        let code = |i: usize| u64::from(u32::from(symbols.get(u16::try_from(i).unwrap_or(u16::MAX))));
-        let symbol_codes = (0..symbols.len()).map(code).collect();
+        let symbol_codes = symbols.iter().map(|(_, c)| u64::from(u32::from(c))).collect();
         Self {
             settings,
             vm,
@@ -84,10 +83,12 @@ impl<'p> Rewriter<'p> {
         self.vm.begin_draws(purpose, h, self.settings.step);
     }
 
-    /// Does the production apply to `module`, which stands at `at`? Its variables are set if so.
+    /// Tests a production at `module`, the module of index `at`: predecessor, contexts, condition. Local variables hold its
+    /// parameters afterwards if it applies.
     fn applies(&mut self, p: &Production, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<bool, Halt> {
         self.locals.clear();
-        self.locals.resize(usize::from(p.locals), 0.0);
+        self.locals.resize(p.locals, 0.0);
+        // Strict predecessor: the module itself, then its right neighbours one by one.
         let Some((first, others)) = p.predecessor.split_first() else { return Ok(false) };
         if !matching::match_module(first, module, &mut self.locals) {
             return Ok(false);
@@ -98,12 +99,14 @@ impl<'p> Rewriter<'p> {
                 return Ok(false);
             }
         }
+        // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
         if !view.matches_left(brackets, &p.left, at, &mut self.locals)
             || !view.matches_right(brackets, &p.right, at + p.predecessor.len(), &mut self.locals)
         {
             return Ok(false);
         }
+        // The block before the condition may assign variables that the condition reads.
         if let Some(code) = &p.before {
             self.vm.run(code, &mut self.locals)?;
         }
@@ -118,14 +121,14 @@ impl<'p> Rewriter<'p> {
         Ok(true)
     }
 
-    /// The production for a module, with its variables set; `None` = copy.
+    /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged.
     pub fn select(
         &mut self,
         module: Module<'_>,
         view: ContextView<'_>,
         at: usize,
     ) -> Result<Option<&'p Production>, Halt> {
-        let arity = u8::try_from(module.params.len()).unwrap_or(u8::MAX);
+        let arity = module.params.len();
         let rules = self.settings.rules;
         self.begin_draws(self.settings.purposes.statement, module.lineage);
         // Deterministic L-system: the first production in file order that applies.
@@ -146,6 +149,7 @@ impl<'p> Rewriter<'p> {
                 self.saved_locals.extend_from_slice(&self.locals);
             }
         }
+        // A single candidate is taken without a draw, whatever its weight.
         let chosen = match self.candidates.len() {
             0 => return Ok(None),
             1 => 0,
@@ -153,7 +157,8 @@ impl<'p> Rewriter<'p> {
         };
         let Some(&Candidate { production: p, offset }) = self.candidates.get(chosen) else { return Ok(None) };
         self.locals.clear();
-        self.locals.extend_from_slice(&self.saved_locals[offset..offset + usize::from(p.locals)]);
+        // Testing later candidates overwrote the local variables; restore those of the chosen one.
+        self.locals.extend_from_slice(&self.saved_locals[offset..offset + p.locals]);
         Ok(Some(p))
     }
 
@@ -169,10 +174,11 @@ impl<'p> Rewriter<'p> {
             let weight = match &p.weight {
                 None => 1.0,
                 Some(code) => {
-                    let locals = &mut self.saved_locals[offset..offset + usize::from(p.locals)];
+                    let locals = &mut self.saved_locals[offset..offset + p.locals];
                     self.vm.run(code, locals)?
                 }
             };
+            // Invalid weights are reported and count as 0, so that the rest still forms a distribution.
             if weight.is_nan() || weight < 0.0 {
                 self.vm.warnings.add("L033", p.place, "negative or NaN weight counts as 0");
             }
@@ -188,12 +194,15 @@ impl<'p> Rewriter<'p> {
             return Ok(0);
         }
         let streams: RandomStreams = self.vm.streams;
+        // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
+        // 2^32, cannot reach.
         let key = streams.key(self.settings.purposes.choice, h, self.settings.step);
         Ok(Rng::from_key(rng::child(key, u64::MAX)).pick(&self.weights))
     }
 
     /// Appends the successor of a production that [`Rewriter::select`] chose for the module of lineage `h`.
     pub fn append_successor(&mut self, p: &Production, h: u64, out: &mut ModuleString) -> Result<(), Halt> {
+        // The tag separates the lineages of a homomorphism from those of the string that it draws.
         let h = if self.settings.tag == 0 { h } else { rng::child(h, self.settings.tag) };
         for t in &p.successor {
             for arg in &t.args {
@@ -201,6 +210,8 @@ impl<'p> Rewriter<'p> {
                 out.push_param(narrow(value));
             }
             let code = self.symbol_codes.get(usize::from(t.symbol)).copied().unwrap_or(0);
+            // Lineage: a hash of the parent's lineage, the symbol and its occurrence among equal symbols of the
+            // successor. It does not depend on the position in the string.
             let lineage = rng::child(rng::child(h, code), u64::from(t.occurrence));
             out.finish_module(t.symbol, lineage, self.settings.birth);
         }

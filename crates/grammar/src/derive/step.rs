@@ -6,9 +6,10 @@ use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
 use crate::program::ProductionSet;
 use crate::vm::{DrawPurpose, Halt};
-use osier_base::par;
+use osier_base::{convert, par};
 
-/// Modules a block holds.
+/// Modules of a block that one thread rewrites. Smaller blocks balance the threads better, larger ones cost fewer copies of
+/// the machine.
 const BLOCK_MODULES: usize = 65_536;
 
 /// A block while it is rewritten.
@@ -24,13 +25,16 @@ impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
         let rules = &self.program.rules;
+        // Matching brackets are only needed by productions with contexts; without them the table stays empty.
         let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = self.rewrite_settings(rules, step);
         let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
-        let limit = usize::try_from(self.limits.get("modules")).unwrap_or(usize::MAX);
+        let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
+        // Serial grammars see the effects of one module on the next (global variables, predecessors of several
+        // modules). Short strings do not repay the cost of parallel blocks.
         if self.program.is_serial() || n <= BLOCK_MODULES {
             let mut rewriter = Rewriter::new(settings, self.vm.clone());
             self.next_string.clear();
@@ -39,9 +43,12 @@ impl<'g> Derivation<'g> {
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
         }
+        // Every block begins with the state of the machine before the step. Random draws are addressed by lineage, not
+        // by order, so that the blocks give the string of a serial pass.
         let mut start = self.vm.clone();
         start.warnings.list.clear();
         let block = |i: usize| {
+            // Buffers of the step before are reused: touching fresh memory pages costs more than the rewriting itself.
             let mut modules = self.block_buffers.pop().unwrap_or_default();
             modules.clear();
             let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
@@ -58,7 +65,7 @@ impl<'g> Derivation<'g> {
         self.join_blocks(blocks, limit)
     }
 
-    /// How modules are rewritten in a step.
+    /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
     pub(super) fn rewrite_settings<'p>(&self, rules: &'p ProductionSet, step: u32) -> RewriteSettings<'p>
     where
         'g: 'p,
@@ -79,14 +86,16 @@ impl<'g> Derivation<'g> {
         }
     }
 
-    /// Joins rewritten blocks in order.
+    /// Concatenates the rewritten blocks in order and merges their warnings and counters.
     fn join_blocks(&mut self, blocks: Vec<BlockTask>, limit: usize) -> Result<bool, Halt> {
+        // Each block counted its statements from the same start; only the differences are added.
         let before = self.vm.statements;
         let mut changed = false;
         self.next_string.clear();
         for block in blocks {
             self.vm.warnings.merge(block.vm.warnings);
             self.vm.statements += block.vm.statements - before;
+            // The error of the first block in string order is reported, as a serial pass would report it.
             if let Some(halt) = block.halt {
                 return Err(halt);
             }
@@ -100,7 +109,7 @@ impl<'g> Derivation<'g> {
     }
 }
 
-/// Is there room for `out` beside what was made already?
+/// Checks the budgets of modules and parameters for `out` appended to `modules` modules with `params` parameters.
 pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limit: usize) -> Result<(), Halt> {
     if out.len() + modules > limit {
         return Err(Halt::Modules);
@@ -135,10 +144,12 @@ pub(super) fn rewrite_range(
             i += 1;
             continue;
         };
+        // A production applies: copy the unchanged run before the module, then append the successor.
         out.extend(view.modules, copied_to..i);
         rewriter.append_successor(p, module.lineage, out)?;
         check_size(out, 0, 0, limit)?;
         changed = true;
+        // A predecessor of several modules consumes all of them.
         i += p.predecessor.len();
         copied_to = i;
     }

@@ -8,7 +8,7 @@ use crate::token::{SourcePlace, Token, TokenKind};
 
 const DIRECTIVES: [&str; 11] =
     ["define", "undef", "include", "if", "ifdef", "ifndef", "elif", "else", "endif", "pragma", "error"];
-/// Files inside files.
+/// Nesting of included files before L006.
 const MAX_INCLUDE_DEPTH: usize = 32;
 
 impl Preprocessor<'_> {
@@ -77,7 +77,7 @@ impl Preprocessor<'_> {
                 self.session.error("L001", "#endif without #if", place, "no #if is open here");
             }
             "error" => {
-                let help = "the file refuses to be read this way: change the macros that its #if lines ask for";
+                let help = "an #if selected this #error: change the macros that it tests";
                 self.session.error_help("L005", "#error reached".into(), place, help);
             }
             _ => {}
@@ -93,6 +93,7 @@ impl Preprocessor<'_> {
 
     /// Skips lines up to the part of the innermost `#if` that holds.
     fn skip_inactive(&mut self) {
+        // Conditionals inside an inactive part are counted and skipped as a whole.
         let mut nested = 0_u32;
         loop {
             self.rest_of_line();
@@ -163,6 +164,7 @@ impl Preprocessor<'_> {
         let TokenKind::Ident(name) = head.kind else {
             return self.session.error("L001", "unexpected token, expected a macro name", head.place, "not a name");
         };
+        // C rule: a parenthesis that touches the name begins a parameter list.
         let is_function = rest.get(1).is_some_and(|t| t.is('(') && t.glued);
         let (params, body) = if is_function {
             let Some(close) = rest.iter().position(|t| t.is(')')) else {
@@ -196,6 +198,7 @@ impl Preprocessor<'_> {
             _ => String::new(),
         };
         let end = line.last().map_or(place.span.end, |t| t.place.span.end);
+        // The comment behind a definition on its line describes it in `osier list options`.
         let behind = |c: &&osier_base::diagnostic::Span| {
             c.source == place.span.source && c.start >= end && !slice(end, c.start).contains('\n')
         };
@@ -215,7 +218,7 @@ impl Preprocessor<'_> {
         let at = rest.first().map_or(place, |t| t.place);
         self.included += 1;
         if self.included > self.limits.get("includes") || self.files.len() >= MAX_INCLUDE_DEPTH {
-            let help = "join some of them, or raise --max-includes";
+            let help = "merge some of them, or raise --max-includes";
             return self.session.error_help("L006", "too many files included".into(), at, help);
         }
         let from = self.files.last().cloned().unwrap_or_default();

@@ -3,12 +3,12 @@
 use std::rc::Rc;
 
 use super::{FrameKind, MacroDefinition, Preprocessor, TokenFrame};
-use crate::token::{Expansion, SourcePlace, Token, TokenKind};
+use crate::token::{SourcePlace, Token, TokenKind};
 
-/// Macros inside macros.
+/// Nesting of macro expansions before L005.
 const MAX_MACRO_DEPTH: u32 = 256;
 
-/// Origins with this bit are identifiers that must not be expanded again.
+/// Bit of [`SourcePlace::origin`] that marks identifiers which must not be expanded again (C11 6.10.3.4).
 const EXPANSION_DISABLED: u32 = 1 << 31;
 
 impl Preprocessor<'_> {
@@ -27,6 +27,7 @@ impl Preprocessor<'_> {
                 continue;
             }
             self.produced += 1;
+            // Nested macros can grow exponentially: stop at the budget and report it once.
             if self.produced > self.limits.get("macro-tokens") && !self.exhausted {
                 self.exhausted = true;
                 let flag = "raise it with --max-macro-tokens";
@@ -97,6 +98,7 @@ impl Preprocessor<'_> {
                     return false;
                 }
                 let Some(args) = self.call_arguments(token.place) else { return true };
+                // C rule: `M()` of a macro without parameters has no argument, not one that is empty.
                 let given = if args.len() == 1 && params.is_empty() && args[0].is_empty() { 0 } else { args.len() };
                 if given != params.len() {
                     let (word, n) = (self.session.names.get(name).to_owned(), params.len());
@@ -104,6 +106,7 @@ impl Preprocessor<'_> {
                     self.session.error("L005", message, token.place, "used here");
                     return true;
                 }
+                // Arguments are fully expanded before they are substituted.
                 let args: Vec<Vec<Token>> = args.into_iter().map(|a| self.expand_list(a)).collect();
                 self.push_body(name, &definition, token.place, &args);
             }
@@ -138,6 +141,7 @@ impl Preprocessor<'_> {
                 continue;
             };
             match token.kind {
+                // Only commas at depth 1 separate arguments; line ends inside a call are blanks.
                 TokenKind::Char('(') => depth += 1,
                 TokenKind::Char(')') => depth -= 1,
                 TokenKind::Newline { .. } => continue,
@@ -180,12 +184,12 @@ impl Preprocessor<'_> {
     }
 
     fn push_body(&mut self, name: u32, definition: &MacroDefinition, used_at: SourcePlace, args: &[Vec<Token>]) {
-        self.session.expansions.push(Expansion { name, used_at });
-        let origin = u32::try_from(self.session.expansions.len()).unwrap_or(0) & !EXPANSION_DISABLED;
+        let origin = self.session.record_expansion(name, used_at) & !EXPANSION_DISABLED;
         let params: &[u32] = definition.params.as_deref().unwrap_or(&[]);
         let mut body = Vec::with_capacity(definition.body.len());
         let mut after_arg = false;
         for token in definition.body.iter() {
+            // Parameters are replaced by their arguments; other tokens point to this use of the macro.
             let arg = match token.kind {
                 TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i)),
                 _ => None,

@@ -2,7 +2,7 @@
 
 use crate::token::{NameTable, SourcePlace, Token, TokenKind};
 
-/// The program that a file is written for, and the line that tells, if it is one whose language is not read.
+/// The program that a file is written for, and the line that tells, if it is one whose language is not supported.
 pub(super) fn detect(names: &NameTable, tokens: &[Token]) -> Option<(&'static str, SourcePlace)> {
     tokens.split(Token::is_newline).find_map(|line| {
         let (first, last) = (line.first()?, line.last()?);

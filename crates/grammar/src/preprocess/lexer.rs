@@ -127,6 +127,7 @@ impl Lexer<'_> {
     }
 
     fn token(&mut self, c: char) -> TokenKind {
+        // Numbers begin with a digit or with a dot before a digit; a lone dot is a symbol.
         let digit_after_dot = c == '.' && self.peek(1).is_some_and(|d| d.is_ascii_digit());
         if c.is_ascii_alphabetic() || c == '_' {
             let text = self.take_while(|c| c.is_ascii_alphanumeric() || c == '_');
@@ -150,6 +151,7 @@ impl Lexer<'_> {
             self.i += 1;
             text.push_str(&self.take_while(|c| c.is_ascii_digit()));
         }
+        // `2e` without digits is the number 2 and the symbol e.
         if matches!(self.peek(0), Some('e' | 'E')) {
             let signed = matches!(self.peek(1), Some('+' | '-'));
             if self.peek(1 + usize::from(signed)).is_some_and(|c| c.is_ascii_digit()) {

@@ -16,10 +16,10 @@ use osier_base::limits::Limits;
 /// Finds an included file: (reference as written, shown name of the including file) to (shown name, bytes).
 pub type Includes<'a> = dyn FnMut(&str, &str) -> Result<(String, Vec<u8>)> + 'a;
 
-/// A `#define` without arguments: a knob that `--set` turns.
+/// A `#define` without arguments: a parameter that `--set` changes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Define {
-    /// Name.
+    /// Name of the macro, as `--set` takes it.
     pub name: String,
     /// Its replacement as written, or the override's text.
     pub value: String,
@@ -54,7 +54,7 @@ struct TokenFrame {
     kind: FrameKind,
 }
 
-/// One open `#if`.
+/// An `#if` without its `#endif` so far; `taken`: one of its branches was active.
 #[derive(Debug, Clone, Copy)]
 struct OpenConditional {
     active: bool,
@@ -86,7 +86,7 @@ struct Preprocessor<'a> {
     limits: &'a Limits,
 }
 
-/// What the preprocessor hands on.
+/// Output of the preprocessor.
 pub(super) struct Preprocessed {
     pub tokens: Vec<Token>,
     pub defines: Vec<Define>,
@@ -107,6 +107,7 @@ pub(super) struct PreprocessorInput<'a> {
 
 /// Runs the preprocessor.
 pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: PreprocessorInput<'_>) -> Preprocessed {
+    // Values of `--set` are lexed like a macro's body, so that they can be expressions.
     let mut overrides = BTreeMap::new();
     for (name, value) in input.defines {
         let source = sources.add(format!("--set {name}"), value.as_str());
@@ -175,7 +176,7 @@ impl Preprocessor<'_> {
         }
         let lexed = lexer::lex(self.session, source, &text);
         if let Some((program, place)) = foreign::detect(&self.session.names, &lexed.tokens) {
-            let message = format!("\"{name}\" is written for {program}, whose language is not read");
+            let message = format!("\"{name}\" is written for {program}, whose language is not supported");
             let help = "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'";
             self.session.error_help("L007", message, place, help);
             self.is_foreign = true;
@@ -220,7 +221,7 @@ impl Preprocessor<'_> {
             let place = place.or_else(|| self.sources.ids().next().map(SourcePlace::start_of));
             if let Some(place) = place {
                 let message = format!("no #define is named '{word}'");
-                let d = Diagnostic::error("L002", message, place.span, "this value has no place to go").help(help);
+                let d = Diagnostic::error("L002", message, place.span, "no macro takes this value").help(help);
                 self.session.push(d, place);
             }
         }
