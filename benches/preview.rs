@@ -30,7 +30,7 @@ fn material() -> Material {
         height_range: 0.0,
         tile: 1.0,
         maps: Maps::default(),
-        wet: None,
+        coat: None,
     }
 }
 
@@ -108,7 +108,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         code_lists: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
-        wet: Vec::new(),
+        map_sequences: Vec::new(),
     }
 }
 

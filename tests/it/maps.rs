@@ -117,7 +117,10 @@ fn wet(
     exporter.finish()
 }
 
-const WATER: ExrOptions = ExrOptions { water: true, atlas: false };
+/// Adds the layer of water alone.
+fn with_water(scene: &mut Scene, _: &mut Vec<Frame>) {
+    scene.map_sequences[0].layers.push(synthetic::WATER_LAYER);
+}
 
 /// What maps of the wet sheet hold at a frame, 0..1.
 fn meant(map: &str, frame: u32) -> Vec<f64> {
@@ -150,7 +153,7 @@ fn flat(value: &serde_json::Value) -> Vec<f64> {
 #[test]
 fn openexr_reads_the_maps_of_a_wet_leaf() {
     let dir = tempfile::tempdir().expect("dir");
-    let summary = wet(dir.path(), WATER, |_, _| ()).expect("written");
+    let summary = wet(dir.path(), ExrOptions::default(), with_water).expect("written");
     assert!(summary.warnings.is_empty(), "{:?}", summary.warnings);
     let Some(python) = clients::python() else { return };
     for (map, channel) in [("height", "Y"), ("water", "Y"), ("wetness", "Y"), ("normal", "RGB")] {
@@ -229,7 +232,7 @@ fn maps_of_wet_leaves_do_not_depend_on_threads() {
     let all = |threads: usize| {
         let dir = tempfile::tempdir().expect("dir");
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
-        pool.install(|| wet(dir.path(), WATER, |_, _| ())).expect("written");
+        pool.install(|| wet(dir.path(), ExrOptions::default(), with_water)).expect("written");
         let names = osier::files::list_files(dir.path()).expect("files");
         let maps: Vec<PathBuf> =
             names.iter().filter(|n| n.starts_with("maps/cache")).map(|n| dir.path().join(n)).collect();
@@ -242,12 +245,14 @@ fn maps_of_wet_leaves_do_not_depend_on_threads() {
 #[test]
 fn what_no_map_may_hold_stops_the_bake() {
     let dir = tempfile::tempdir().expect("dir");
-    let spoil = |f: fn(&mut WetMaps)| {
-        wet(dir.path(), ExrOptions::default(), |_, frames| f(Arc::make_mut(&mut frames[3].wet[0])))
+    let spoil = |f: fn(&mut synthetic::WetMaps)| {
+        let mut maps = synthetic::wet_maps(3);
+        f(&mut maps);
+        wet(dir.path(), ExrOptions::default(), |_, frames| frames[3].maps = vec![maps.clone().frame()])
             .expect_err("refused")
             .to_string()
     };
-    assert_eq!(spoil(|m| m.wetness[33] = 1.5), "X001: sheet cache_l0, wetness, frame 4: texel 1, 1 is 1.5");
+    assert_eq!(spoil(|m| m.wetness[33] = 1.5), "X001: map sequence cache_l0, wetness, frame 4: texel 1, 1 is 1.5");
     assert!(spoil(|m| m.normal[0][1] = f32::NAN).starts_with("X001"));
     assert!(spoil(|m| m.height.truncate(9)).starts_with("X012"));
 }
@@ -255,7 +260,12 @@ fn what_no_map_may_hold_stops_the_bake() {
 #[test]
 fn what_is_higher_than_the_range_is_cut_and_counted() {
     let dir = tempfile::tempdir().expect("dir");
-    let high = |frames: &mut Vec<Frame>| frames.iter_mut().for_each(|f| Arc::make_mut(&mut f.wet[0]).height[5] = 0.005);
+    let high = |frames: &mut Vec<Frame>| {
+        for frame in frames {
+            let MapTexels::Scalar(height) = &mut frame.maps[0].layers[0] else { panic!("heights come first") };
+            Arc::make_mut(height)[5] = 0.005;
+        }
+    };
     let summary = wet(dir.path(), ExrOptions::default(), |_, frames| high(frames)).expect("written");
     assert_eq!(summary.warnings.len(), 1);
     let w = &summary.warnings[0];
@@ -266,12 +276,13 @@ fn what_is_higher_than_the_range_is_cut_and_counted() {
 fn an_atlas_holds_each_sheet_where_its_list_says() {
     let dir = tempfile::tempdir().expect("dir");
     let two = |scene: &mut Scene, frames: &mut Vec<Frame>| {
-        scene.wet.push(Wet { name: "other".into(), ..scene.wet[0].clone() });
+        scene.map_sequences.push(MapSequence { name: "other".into(), ..scene.map_sequences[0].clone() });
         frames.truncate(1);
-        let blank = WetMaps { wetness: vec![0.25; synthetic::SIDE * synthetic::SIDE], ..synthetic::wet_maps(0) };
-        frames[0].wet.push(Arc::new(blank));
+        let blank =
+            synthetic::WetMaps { wetness: vec![0.25; synthetic::SIDE * synthetic::SIDE], ..synthetic::wet_maps(0) };
+        frames[0].maps.push(blank.frame());
     };
-    wet(dir.path(), ExrOptions { water: false, atlas: true }, two).expect("written");
+    wet(dir.path(), ExrOptions { atlas: true }, two).expect("written");
     let text = fs::read_to_string(dir.path().join("maps/atlas.json")).expect("list");
     let list: serde_json::Value = serde_json::from_str(&text).expect("json");
     let texel = |i: usize| {

@@ -36,7 +36,7 @@ fn a_still_scene_and_a_moving_one_without_frames_parse() {
     bake(&dir.path().join("rest"), &scene, &[], PovOptions::default());
     scene.clip = Clip { start: 1, end: 1, fps: (24, 1) };
     scene.placements.retain(|p| p.asset == 4);
-    scene.wet.clear();
+    scene.map_sequences.clear();
     for asset in &mut scene.assets {
         asset.meshes.iter_mut().for_each(|m| m.motion = MeshMotion::Still);
         (asset.points, asset.curves, asset.instancers) = (Vec::new(), Vec::new(), Vec::new());

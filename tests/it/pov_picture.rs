@@ -42,7 +42,7 @@ fn the_synthetic_scene_makes_a_picture() {
 /// A sheet that stands still, wet on one side: half of it is darker, and the frame's file says which half.
 #[test]
 fn the_wet_half_of_a_leaf_differs_from_the_dry_one() {
-    use osier::scene::{Mesh, MeshObject, Subset, WetMaps};
+    use osier::scene::{Mesh, MeshObject, Subset};
     let dir = tempfile::tempdir().expect("dir");
     let (mut scene, frames) = synthetic::scene();
     let mut frames = frames[..2].to_vec();
@@ -68,7 +68,7 @@ fn the_wet_half_of_a_leaf_differs_from_the_dry_one() {
     for (k, frame) in frames.iter_mut().enumerate() {
         let wet = |i: usize| if (i % side < side / 2) == (k == 0) { 1.0 } else { 0.0 };
         let wetness = (0..side * side).map(wet).collect();
-        frame.wet = vec![std::sync::Arc::new(WetMaps { wetness, ..synthetic::wet_maps(0) })];
+        frame.maps = vec![synthetic::WetMaps { wetness, ..synthetic::wet_maps(0) }.frame()];
         frame.assets.truncate(1);
         frame.assets[0] = osier::scene::AssetFrame::default();
         (frame.shifted, frame.rows, frame.fields) = Default::default();

@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use osier_scene::{Asset, InstancerMotion, MeshMotion, Scene};
+use osier_scene::{Asset, InstancerMotion, MapSequence, MeshMotion, Scene};
 
 use super::options::ExportOptions;
 
@@ -38,9 +38,15 @@ impl EstimateInput<'_> {
         self.assets.iter().map(|a| a.weight * bytes(a)).sum()
     }
 
-    /// Texels of one map of every image sequence.
+    /// Texels of one map of every map sequence.
     pub fn map_texels(&self) -> u64 {
-        self.scene.wet.iter().map(|w| (w.side * w.side) as u64).sum()
+        self.scene.map_sequences.iter().map(|s| s.texels() as u64).sum()
+    }
+
+    /// Numbers in all maps of every map sequence at one frame.
+    pub fn map_samples(&self) -> u64 {
+        let channels = |s: &MapSequence| s.layers.iter().map(|l| l.encoding.channels() as u64).sum::<u64>();
+        self.scene.map_sequences.iter().map(|s| s.texels() as u64 * channels(s)).sum()
     }
 }
 

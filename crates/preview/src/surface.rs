@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::looks::ShadingParams;
 use super::solid::{CornerData, Primitives};
 use super::texture::footprint;
-use super::wet::WetMap;
+use super::wet::CoatMap;
 use super::world::{Hit, SolidInstance, World};
 use osier_base::math::normalize_or;
 use osier_scene::MaterialId;
@@ -80,7 +80,7 @@ impl World<'_> {
             finish.albedo = color;
         }
         if let Some(sheet) = self.sheet(flat.material) {
-            sheet.wet(&mut finish, flat.uv, width);
+            sheet.apply(&mut finish, flat.uv, width);
         }
         // What light does not go through has no far side.
         let thick = if finish.translucency > 0.0 { thick } else { 0.0 };
@@ -88,7 +88,7 @@ impl World<'_> {
     }
 
     /// Water on a material.
-    fn sheet(&self, material: MaterialId) -> Option<&WetMap> {
+    fn sheet(&self, material: MaterialId) -> Option<&CoatMap> {
         self.sheets.get(material as usize)?.as_ref()
     }
 

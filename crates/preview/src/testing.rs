@@ -62,6 +62,6 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
         code_lists: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
-        wet: Vec::new(),
+        map_sequences: Vec::new(),
     }
 }

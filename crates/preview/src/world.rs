@@ -11,7 +11,7 @@ use super::film::RenderRequest;
 use super::grain::{Detail, Grain};
 use super::looks::Looks;
 use super::solid::{PrimitiveHit, Solid, sorted};
-use super::wet::WetMap;
+use super::wet::CoatMap;
 use osier_base::geometry::Bounds;
 use osier_base::par::par_map;
 use osier_scene::{
@@ -44,7 +44,7 @@ pub struct World<'a> {
     solids: Vec<Solid<'a>>,
     showings: Vec<SolidInstance>,
     /// Water on each material.
-    pub(super) sheets: Vec<Option<WetMap>>,
+    pub(super) sheets: Vec<Option<CoatMap>>,
     /// Empty where no rays are cast.
     tree: CwBvh,
     /// Box of everything, m.
@@ -103,7 +103,7 @@ impl<'a> World<'a> {
         let (showings, tree, all) = sorted(showings, boxed, around);
         let bounds = all.map_or_else(Bounds::default, Bounds::of);
         let reach = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
-        let (sheets, gap) = (WetMap::of_materials(scene, frame), if bounds.is_empty() { 1e-6 } else { reach * 1e-5 });
+        let (sheets, gap) = (CoatMap::of_materials(scene, frame), if bounds.is_empty() { 1e-6 } else { reach * 1e-5 });
         Self { looks, boxed, solids, showings, sheets, tree, bounds, gap }
     }
 

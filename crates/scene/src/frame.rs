@@ -1,11 +1,10 @@
 //! What changes.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{InstanceState, Mesh, Placement, RecordTable, Trs, WetMaps};
+use super::{InstanceState, MapFrame, Mesh, Placement, RecordTable, Trs};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
 #[derive(Debug, Clone, Default)]
@@ -20,8 +19,8 @@ pub struct Frame {
     pub fields: Vec<Vec<f32>>,
     /// Velocities of the air, m/s, one list per grid of the scene and empty where it is not due; empty without any.
     pub air: Vec<Vec<Vec3>>,
-    /// One per wet sheet of the scene, or empty.
-    pub wet: Vec<Arc<WetMaps>>,
+    /// One per map sequence of the scene, or empty.
+    pub maps: Vec<MapFrame>,
     /// What simulations know of single elements, in the order of the motions that record it.
     pub records: Vec<RecordTable>,
     /// Assets at other times of the clip, by asset and phase, where somebody asked for them.

@@ -10,6 +10,7 @@ mod field;
 mod frame;
 mod instancer;
 mod look;
+mod maps;
 mod material;
 mod measure;
 mod mesh;
@@ -21,7 +22,6 @@ pub mod solid;
 mod stilled;
 mod strands;
 mod validate;
-mod wet;
 
 pub use air::AirGrid;
 pub use attribute::{Attribute, AttributeData, AttributeDomain};
@@ -33,7 +33,8 @@ pub use field::HeightField;
 pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
 pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
-pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
+pub use maps::{MapEncoding, MapFrame, MapLayer, MapSequence, MapTexels};
+pub use material::{Coat, Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
 pub use measure::{Field, Table, Watch, largest};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
 pub use points::{Curves, Points, PointsNow};
@@ -42,7 +43,6 @@ pub use skeleton::{Joint, Skeleton, Trs};
 pub use stilled::stilled;
 pub use strands::{ribbons, tubes, turned_ribbons};
 pub use validate::{check_frame, check_scene};
-pub use wet::{WET_ALBEDO, Wet, WetMaps};
 
 /// Frames of a clip. A still scene has `start == end`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -227,6 +227,6 @@ pub struct Scene {
     pub fields: Vec<Field>,
     /// Where frames tell the wind.
     pub air: Vec<AirGrid>,
-    /// Sheets with maps that frames fill.
-    pub wet: Vec<Wet>,
+    /// Maps of surfaces that frames fill.
+    pub map_sequences: Vec<MapSequence>,
 }

@@ -45,6 +45,18 @@ pub struct Maps {
     pub height: Option<u32>,
 }
 
+/// A thin clear film over a surface, such as water on a leaf, shown where a map sequence gives it weight. OpenPBR: coat.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coat {
+    /// Maps of the surface: index into [`crate::Scene::map_sequences`].
+    pub sequence: u32,
+    /// Layer of the sequence that holds the film's weight, from 0 for a bare surface to 1 for a closed film.
+    pub weight: &'static str,
+    /// Albedo under a closed film as a share of that of the bare surface, 0 to 1. Under the weight w the albedo is multiplied by
+    /// 1 + w (darkening - 1). OpenPBR: coat darkening.
+    pub darkening: f32,
+}
+
 /// One surface.
 #[derive(Debug, Clone)]
 pub struct Material {
@@ -70,8 +82,8 @@ pub struct Material {
     pub tile: f32,
     /// Pictures.
     pub maps: Maps,
-    /// Water on it: index into [`crate::Scene::wet`].
-    pub wet: Option<u32>,
+    /// A film over it whose weight frames change.
+    pub coat: Option<Coat>,
 }
 
 impl Material {
@@ -89,7 +101,7 @@ impl Material {
             height_range: 0.0,
             tile: 1.0,
             maps: Maps::default(),
-            wet: None,
+            coat: None,
         }
     }
 }

@@ -1,7 +1,6 @@
 //! A moment of a moving scene as a scene of its own that stands still.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use super::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, MeshObject, Scene, instance_states,
@@ -16,8 +15,8 @@ pub fn stilled(scene: &Scene, frame: &Frame) -> Scene {
     for (i, (asset, source)) in out.assets.iter_mut().zip(&scene.assets).enumerate() {
         still(asset, source, frame.assets.get(i).unwrap_or(&rest));
     }
-    for (sheet, maps) in out.wet.iter_mut().zip(&frame.wet) {
-        sheet.rest = Some(Arc::clone(maps));
+    for (sequence, maps) in out.map_sequences.iter_mut().zip(&frame.maps) {
+        sequence.rest = Some(maps.clone());
     }
     let mut later: BTreeMap<(usize, u32), usize> = BTreeMap::new();
     for placement in out.placements.iter_mut().filter(|p| p.phase > 0) {

@@ -137,7 +137,7 @@ fn surface(
         height_range: RELIEF * narrow(size),
         tile: narrow(size),
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
-        wet: None,
+        coat: None,
     };
     (material, images)
 }

@@ -5,7 +5,7 @@
 //! rod             recorded poses             │
 //! rod_plant       steps from frame to frame  ├─ AssetMotion::frame ─► AssetFrame ┐
 //! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
-//! rain            recorded drops and plants  ├─ row, fields, wet_maps, records ──┘
+//! rain            recorded drops and plants  ├─ row, fields, maps, records ──────┘
 //! attractor_morph coefficients at a time     ┘
 //! ```
 //!
@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use osier_base::Result;
 use osier_base::par::par_map;
-use osier_scene::{Asset, AssetFrame, Frame, RecordTable, Scene, WetMaps};
+use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene};
 
 /// A time of the clip at which an asset is evaluated.
 #[derive(Debug, Clone, Copy)]
@@ -79,8 +79,8 @@ pub trait AssetMotion: Debug + Send + Sync {
         Ok(Vec::new())
     }
 
-    /// Maps of the wet leaves, parallel to the scene's wet map targets; empty if the motion wets none.
-    fn wet_maps(&self, _frame: u64) -> Vec<Arc<WetMaps>> {
+    /// Values of the scene's map sequences, one for each; empty if the motion fills none.
+    fn maps(&self, _frame: u64) -> Vec<MapFrame> {
         Vec::new()
     }
 
@@ -126,9 +126,9 @@ pub fn evaluate_frame(
     let rows = table_rows(scene, motions, number)?;
     let moving = || motions.iter().flatten();
     let fields = moving().map(|m| m.fields(index)).collect::<Result<Vec<_>>>()?.concat();
-    let wet = moving().map(|m| m.wet_maps(index)).find(|maps| !maps.is_empty()).unwrap_or_default();
+    let maps = moving().map(|m| m.maps(index)).find(|maps| !maps.is_empty()).unwrap_or_default();
     let records = moving().flat_map(|m| m.records(index)).collect();
-    Ok(Frame { number, assets, shifted, rows, fields, wet, records, ..Frame::default() })
+    Ok(Frame { number, assets, shifted, rows, fields, maps, records, ..Frame::default() })
 }
 
 /// The rows of all tables of a scene at a frame, in the order of the tables.

@@ -70,7 +70,7 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
         },
         gltf_profiles: output.gltf.profiles.iter().map(|p| profile(*p)).collect(),
         pov: pov_options(output),
-        exr: exr::ExrOptions { water: recipe.maps.water, atlas: recipe.maps.atlas },
+        exr: exr::ExrOptions { atlas: recipe.maps.atlas },
     }
 }
 

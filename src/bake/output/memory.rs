@@ -35,7 +35,7 @@ pub fn predict_memory(
     recipe: &Recipe,
     counts: &BakeEstimate,
 ) -> Vec<(&'static str, u64)> {
-    let texels: u64 = scene.wet.iter().map(|w| (w.side * w.side) as u64).sum();
+    let texels: u64 = scene.map_sequences.iter().map(|s| s.texels() as u64).sum();
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
     let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();
     let point = if formats.iter().any(|f| f.word == usd::FORMAT.word) { POINT + USD_POINT } else { POINT };

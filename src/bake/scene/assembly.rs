@@ -50,7 +50,7 @@ use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::plant::AxisKind;
 use osier_scene::{
-    Asset, AssetKind, Field, Image, Material, Mesh, MeshMotion, MeshObject, Placement, Scene, Table, Trs, Wet,
+    Asset, AssetKind, Field, Image, MapSequence, Material, Mesh, MeshMotion, MeshObject, Placement, Scene, Table, Trs,
 };
 
 /// Which parts of a recipe are made.
@@ -175,7 +175,7 @@ fn assemble(
     let short = meant.map(dry_run::first_rain_frame);
     let raining = short.as_ref().unwrap_or(recipe);
     let rain_ground = rain_ground(recipe, land.as_ref(), soil.as_ref().map(|(shape, middle)| (shape, *middle)));
-    let (wet, rained) =
+    let (map_sequences, rained) =
         add_rain(raining, meant.is_some(), &layout, &grown, air.as_ref(), rain_ground, &mut made, context)?;
     add_attractors(recipe, &mut made, context)?;
     let twigs = twig_tips(recipe, &layout, &grown);
@@ -216,7 +216,7 @@ fn assemble(
         code_lists: rain::code_lists(),
         fields: measures.into_iter().flat_map(|m| m.1).collect(),
         air: if breeze.is_some() { recipe.output.wind.grids.clone() } else { Vec::new() },
-        wet,
+        map_sequences,
     };
     Ok(AssembledScene {
         animated: AnimatedScene { scene: Arc::new(scene), motions: made.motions, wind: breeze },
@@ -576,7 +576,7 @@ fn add_rain(
     soil: rain::RainGround,
     made: &mut SceneBuilder,
     context: &BakeContext<'_>,
-) -> Result<(Vec<Wet>, Option<Table>)> {
+) -> Result<(Vec<MapSequence>, Option<Table>)> {
     let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
     let stands = layout.first_stands();
     let plants: Vec<&osier_scene::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
@@ -600,7 +600,7 @@ fn add_rain(
     }
     let moves = recipe.clip.len() > 1;
     made.add_placed(fallen.asset, Trs::IDENTITY, moves.then_some(fallen.rain as Arc<dyn AssetMotion>));
-    Ok((fallen.wet, moves.then_some(fallen.table)))
+    Ok((fallen.map_sequences, moves.then_some(fallen.table)))
 }
 
 /// Adds rods; `draft`: without their motion.

@@ -185,7 +185,7 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         code_lists: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
-        wet: Vec::new(),
+        map_sequences: Vec::new(),
     };
     let stage = AnimatedScene { scene: Arc::new(scene), motions: vec![None], wind: None };
     Ok(Loaded { stage, has_camera: false, name, report: read.warnings })

@@ -40,7 +40,7 @@ pub fn material() -> Material {
         height_range: 0.01,
         tile: 1.0,
         maps: Maps::default(),
-        wet: None,
+        coat: None,
     }
 }
 
@@ -64,7 +64,7 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         code_lists: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
-        wet: Vec::new(),
+        map_sequences: Vec::new(),
     }
 }
 

@@ -54,7 +54,13 @@ pub fn scene() -> (Scene, Vec<Frame>) {
         }],
         code_lists: Vec::new(),
         air: Vec::new(),
-        wet: vec![Wet { name: "cache_l0".into(), side: SIDE, height_range: 0.004, rest: Some(Arc::new(wet_maps(0))) }],
+        map_sequences: vec![MapSequence {
+            name: "cache_l0".into(),
+            side: SIDE,
+            height_range: 0.004,
+            layers: MAP_LAYERS.to_vec(),
+            rest: Some(wet_maps(0).frame()),
+        }],
     };
     let frames = (START..=END).map(|n| frame(&scene, n)).collect();
     (scene, frames)
@@ -96,16 +102,16 @@ fn materials() -> Vec<Material> {
         height_range: 0.01,
         tile: 0.5,
         maps: Maps::default(),
-        wet: None,
+        coat: None,
     };
     let bark = Material {
         maps: Maps { color: Some(0), normal: Some(1), ..Maps::default() },
-        wet: None,
+        coat: None,
         ..plain("bark", MaterialClass::Bark)
     };
     let leaf = Material {
         maps: Maps { color: Some(2), ..Maps::default() },
-        wet: None,
+        coat: None,
         translucency: 0.3,
         double_sided: true,
         alpha_cutoff: Some(0.5),
@@ -113,8 +119,35 @@ fn materials() -> Vec<Material> {
         ..plain("leaf", MaterialClass::Leaf)
     };
     let water = Material { roughness: 0.0, ior: 1.333, base_color: [1.0; 3], ..plain("water", MaterialClass::Water) };
-    let wet = Material { name: "cache_l0".into(), wet: Some(0), ..leaf.clone() };
+    let coat = Some(Coat { sequence: 0, weight: "wetness", darkening: 0.55 });
+    let wet = Material { name: "cache_l0".into(), coat, ..leaf.clone() };
     vec![bark, leaf, water, plain("ground", MaterialClass::Ground), wet]
+}
+
+/// Maps of the wet leaf; water alone comes last, where tests ask for it.
+pub const MAP_LAYERS: [MapLayer; 3] = [
+    MapLayer { name: "height", file_kind: "exr.height", encoding: MapEncoding::Height },
+    MapLayer { name: "wetness", file_kind: "exr.wetness", encoding: MapEncoding::Unit },
+    MapLayer { name: "normal", file_kind: "exr.normal", encoding: MapEncoding::Normal },
+];
+pub const WATER_LAYER: MapLayer = MapLayer { name: "water", file_kind: "exr.water", encoding: MapEncoding::Thickness };
+
+/// Maps of the wet leaf at a frame.
+#[derive(Debug, Clone, Default)]
+pub struct WetMaps {
+    pub height: Vec<f32>,
+    pub water: Vec<f32>,
+    pub wetness: Vec<f32>,
+    pub normal: Vec<[f32; 3]>,
+}
+
+impl WetMaps {
+    /// With a layer for water alone, which a sequence without that layer passes over.
+    pub fn frame(self) -> MapFrame {
+        let scalar = |v| MapTexels::Scalar(Arc::new(v));
+        let normal = MapTexels::Vector(Arc::new(self.normal));
+        MapFrame { layers: vec![scalar(self.height), scalar(self.wetness), normal, scalar(self.water)] }
+    }
 }
 
 /// A round drop that slides down a leaf of even relief, and leaves it wet where it was: `k` frames after the first.
@@ -357,16 +390,16 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         rows: vec![vec![f64::from(number), f64::from(t) * 0.5]],
         fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
         air: Vec::new(),
-        wet: vec![wet_at(number)],
+        maps: vec![wet_at(number)],
         records: Vec::new(),
     }
 }
 
 /// The sheet's maps, those of the first two frames one value.
-fn wet_at(number: u32) -> Arc<WetMaps> {
-    static FIRST: std::sync::LazyLock<Arc<WetMaps>> = std::sync::LazyLock::new(|| Arc::new(wet_maps(0)));
+fn wet_at(number: u32) -> MapFrame {
+    static FIRST: std::sync::LazyLock<MapFrame> = std::sync::LazyLock::new(|| wet_maps(0).frame());
     let k = (number - START) as usize;
-    if k < 2 { Arc::clone(&FIRST) } else { Arc::new(wet_maps(k)) }
+    if k < 2 { FIRST.clone() } else { wet_maps(k).frame() }
 }
 
 fn rig_frame(scene: &Scene, number: u32) -> AssetFrame {

@@ -1,10 +1,11 @@
-//! The maps of all sheets laid together: `maps/atlas_00/<map>.####.exr`, and `maps/atlas.json`, which tells where each lies.
+//! The maps of all map sequences packed into atlases: `maps/atlas_00/<layer>.####.exr`, and `maps/atlas.json` with the place of
+//! each sequence.
 
-use super::wet::{MapLabel, Stamped};
-use crate::sheets::{Kept, Map, values};
+use super::sequences::{MapLabel, Stamped};
+use crate::map_sequences::{EncodedMap, values};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
-use osier_scene::{Frame, Scene, Wet};
+use osier_scene::{Frame, MapLayer, MapSequence, Scene};
 
 /// Texels of a side of an atlas.
 pub const ATLAS: usize = 4096;
@@ -18,7 +19,7 @@ pub(super) struct Atlas {
     row: usize,
     pitch: usize,
     /// What was last encoded, by atlas and map.
-    made: Vec<(usize, Map, Stamped)>,
+    made: Vec<(usize, MapLayer, Stamped)>,
 }
 
 /// Where a tile lies: its atlas, and the texel of its upper left corner, without the border.
@@ -29,17 +30,17 @@ struct Place {
 }
 
 impl Atlas {
-    fn place(&self, sheet: usize) -> Place {
+    fn place(&self, sequence: usize) -> Place {
         let row = self.row.max(1);
-        let (atlas, tile) = (sheet / (row * row), sheet % (row * row));
+        let (atlas, tile) = (sequence / (row * row), sequence % (row * row));
         Place { atlas, corner: [tile % row, tile / row].map(|k| k * self.pitch + BORDER) }
     }
 
-    /// Lays the sheets out and writes `atlas.json`.
+    /// Gives each sequence a tile and writes `atlas.json`.
     /// # Errors
-    /// X012 if a sheet is larger than an atlas.
+    /// X012 if the maps of a sequence are larger than an atlas.
     pub(super) fn begin(&mut self, folder: &Folder, scene: &Scene) -> Result<()> {
-        let side = scene.wet.iter().map(|w| w.side).max().unwrap_or(0);
+        let side = scene.map_sequences.iter().map(|s| s.side).max().unwrap_or(0);
         self.pitch = side + 2 * BORDER;
         self.row = ATLAS / self.pitch;
         if self.row == 0 {
@@ -47,60 +48,68 @@ impl Atlas {
         }
         #[allow(clippy::cast_precision_loss, reason = "texels of an atlas")]
         let share = |texels: usize| texels as f64 / ATLAS as f64;
-        let entry = |(i, sheet): (usize, &Wet)| {
+        let entry = |(i, sequence): (usize, &MapSequence)| {
             let Place { atlas, corner: [x, y] } = self.place(i);
             serde_json::json!({
-                "leaf": sheet.name, "atlas": name(atlas), "scale": [share(sheet.side), share(sheet.side)],
-                "offset": [share(x), share(ATLAS - y - sheet.side)],
+                "leaf": sequence.name, "atlas": name(atlas), "scale": [share(sequence.side), share(sequence.side)],
+                "offset": [share(x), share(ATLAS - y - sequence.side)],
             })
         };
-        let sheets: Vec<serde_json::Value> = scene.wet.iter().enumerate().map(entry).collect();
+        let sheets: Vec<serde_json::Value> = scene.map_sequences.iter().enumerate().map(entry).collect();
         let text = serde_json::json!({ "side": ATLAS, "border": BORDER, "sheets": sheets });
         folder.write("maps/atlas.json", "json", format!("{text:#}\n").as_bytes())
     }
 
-    /// Writes a frame; `kept`: what was made of the sheets' own maps.
+    /// Writes a frame; `maps`: the files of the sequences' own maps.
     pub(super) fn frame(
         &mut self,
         folder: &Folder,
         scene: &Scene,
         number: u32,
         frame: Option<&Frame>,
-        kept: &[Kept<Stamped>],
+        maps: &[EncodedMap<Stamped>],
     ) -> Result<()> {
-        let mut wanted: Vec<(usize, Map, bool)> = Vec::new();
-        for k in kept {
-            let atlas = self.place(k.sheet).atlas;
-            match wanted.iter_mut().find(|(a, m, _)| (*a, *m) == (atlas, k.map)) {
+        let mut wanted: Vec<(usize, MapLayer, bool)> = Vec::new();
+        for k in maps {
+            let atlas = self.place(k.sequence).atlas;
+            match wanted.iter_mut().find(|(a, m, _)| (*a, *m) == (atlas, k.layer)) {
                 Some((_, _, fresh)) => *fresh |= k.fresh,
-                None => wanted.push((atlas, k.map, k.fresh)),
+                None => wanted.push((atlas, k.layer, k.fresh)),
             }
         }
-        for (atlas, map, fresh) in wanted {
+        for (atlas, layer, fresh) in wanted {
             if fresh {
-                let file = self.encode(scene, number, frame, atlas, map)?;
-                self.made.retain(|(a, m, _)| (*a, *m) != (atlas, map));
-                self.made.push((atlas, map, file));
+                let file = self.encode(scene, number, frame, atlas, layer)?;
+                self.made.retain(|(a, m, _)| (*a, *m) != (atlas, layer));
+                self.made.push((atlas, layer, file));
             }
-            let Some((.., file)) = self.made.iter().find(|(a, m, _)| (*a, *m) == (atlas, map)) else { continue };
-            let path = format!("maps/{}/{}.{}.exr", name(atlas), map.word(), scene.clip.tag(number));
-            file.write(folder, scene, &path, map, number)?;
+            let Some((.., file)) = self.made.iter().find(|(a, m, _)| (*a, *m) == (atlas, layer)) else { continue };
+            let path = format!("maps/{}/{}.{}.exr", name(atlas), layer.name, scene.clip.tag(number));
+            file.write(folder, scene, &path, layer, number)?;
         }
         Ok(())
     }
 
-    fn encode(&self, scene: &Scene, number: u32, frame: Option<&Frame>, atlas: usize, map: Map) -> Result<Stamped> {
-        let channels = map.channels();
+    fn encode(
+        &self,
+        scene: &Scene,
+        number: u32,
+        frame: Option<&Frame>,
+        atlas: usize,
+        layer: MapLayer,
+    ) -> Result<Stamped> {
+        let channels = layer.encoding.channels();
         let mut all = vec![0.0; ATLAS * ATLAS * channels];
-        for ((i, sheet), maps) in scene.wet.iter().enumerate().zip(scene.wet_now(frame)) {
+        for ((i, sequence), maps) in scene.map_sequences.iter().enumerate().zip(scene.maps_at(frame)) {
             let place = self.place(i);
-            if let Some(maps) = maps.filter(|_| place.atlas == atlas) {
-                let own = values(map, sheet, &maps, number)?.samples;
-                tile(&mut all, place.corner, &own, sheet.side, channels);
+            let maps = maps.filter(|_| place.atlas == atlas);
+            if let Some((maps, layer)) = maps.zip(sequence.layer(layer.name)) {
+                let own = values(sequence, layer, &maps, number)?.samples;
+                tile(&mut all, place.corner, &own, sequence.side, channels);
             }
         }
-        let range = scene.wet.first().map_or(0.0, |w| w.height_range);
-        Stamped::new(scene, MapLabel { name: &name(atlas), height_range: range }, map, ATLAS, &all)
+        let range = scene.map_sequences.first().map_or(0.0, |s| s.height_range);
+        Stamped::new(scene, MapLabel { name: &name(atlas), height_range: range }, layer, ATLAS, &all)
     }
 }
 

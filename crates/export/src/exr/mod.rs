@@ -1,22 +1,23 @@
 //! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`; land's own heights in 32-bit floats.
 //!
 //! Fields that frames fill come as `maps/<what>/<field>.exr` with the last frame's values, and as `<field>.####.exr` where
-//! the scene asks for more. Wet sheets have `maps/<sheet>/<map>.####.exr` (`wet.rs`), on request laid together (`atlas.rs`).
+//! the scene asks for more. Map sequences have `maps/<sequence>/<layer>.####.exr`
+//! (`sequences.rs`), on request packed into atlases (`atlas.rs`).
 //!
 //! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1],
 //! for land metres.
 
 mod atlas;
 pub(crate) mod options;
+mod sequences;
 mod sky;
-mod wet;
 
 use std::sync::Arc;
 
 use exr::prelude::*;
 use half::f16;
 
-use self::wet::Sheets;
+use self::sequences::SequenceWriter;
 use super::estimate::EstimateInput;
 use super::format::FormatInfo;
 use super::{Exporter, GENERATOR, Summary};
@@ -43,10 +44,9 @@ pub const FORMAT: FormatInfo = FormatInfo {
 /// Own: bytes a texel as measured on leaves in rain, in tenths; a file of each map per frame.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = input.options.exr;
-    // Height 1, wetness 1, normals 3, water alone 1; atlases hold all of them once more.
-    let tenths = if options.water { 6 } else { 5 };
+    // A tenth for each number of a texel; atlases hold all of them once more.
     let files = if options.atlas { 2 } else { 1 };
-    let sequences = input.map_texels() * input.frames.max(1) * tenths * files / 10;
+    let sequences = input.map_samples() * input.frames.max(1) * files / 10;
     // Per asset, four maps of half floats at the default size, packed to about half.
     sequences + input.per_asset(|_| 4 << 20)
 }
@@ -58,13 +58,13 @@ pub struct ExrExporter {
     scene: Option<Arc<Scene>>,
     /// The last values of each field.
     last: Vec<Vec<f32>>,
-    sheets: Sheets,
+    sequences: SequenceWriter,
 }
 
 impl ExrExporter {
     /// Writes into `folder`.
     pub fn new(folder: Folder, options: ExrOptions) -> Self {
-        Self { folder, scene: None, last: Vec::new(), sheets: Sheets::new(options) }
+        Self { folder, scene: None, last: Vec::new(), sequences: SequenceWriter::new(options) }
     }
 
     fn height(&self, scene: &Scene, material: &Material, image: u32) -> osier_base::Result<()> {
@@ -110,7 +110,7 @@ impl Exporter for ExrExporter {
         if let Some(land) = &scene.land {
             self.land(scene, land)?;
         }
-        self.sheets.begin(&self.folder, scene)?;
+        self.sequences.begin(&self.folder, scene)?;
         self.scene = Some(Arc::clone(scene));
         self.last = vec![Vec::new(); scene.fields.len()];
         Ok(())
@@ -125,7 +125,7 @@ impl Exporter for ExrExporter {
             }
             last.clone_from(values);
         }
-        self.sheets.frame(&self.folder, scene, frame.number, Some(frame))
+        self.sequences.frame(&self.folder, scene, frame.number, Some(frame))
     }
 
     fn finish(&mut self) -> osier_base::Result<Summary> {
@@ -133,7 +133,7 @@ impl Exporter for ExrExporter {
         for (field, values) in scene.fields.iter().zip(&self.last).filter(|(_, v)| !v.is_empty()) {
             put_field(&self.folder, scene, field, values, None)?;
         }
-        self.sheets.finish(&self.folder, scene)
+        self.sequences.finish(&self.folder, scene)
     }
 }
 

@@ -39,7 +39,7 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
     let paths: Vec<&str> = files.iter().map(path).collect();
     let is_leaf = |m: &&Material| m.class == MaterialClass::Leaf && m.maps.height.is_some();
     let dry = || scene.materials.iter().find(is_leaf).map(|m| m.height_range);
-    let height = scene.wet.first().map(|w| w.height_range).or_else(dry).unwrap_or(HEIGHT_RANGE);
+    let height = scene.map_sequences.first().map(|s| s.height_range).or_else(dry).unwrap_or(HEIGHT_RANGE);
     let mut manifest = Manifest {
         schema: 1,
         generator: "osier".into(),
@@ -145,8 +145,8 @@ fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry 
         picture("normal", m.maps.normal),
         picture("rough", m.maps.roughness),
     ];
-    let sheet = m.wet.and_then(|i| scene.wet.get(i as usize)).map(|w| w.name.clone());
-    let folders = [Some(&m.name), sheet.as_ref()];
+    let sequence = m.coat.and_then(|c| scene.map_sequences.get(c.sequence as usize)).map(|s| s.name.clone());
+    let folders = [Some(&m.name), sequence.as_ref()];
     let map = |path: &&str| {
         let (folder, name) = path.strip_prefix("maps/")?.split_once('/')?;
         let mine = folders.contains(&Some(&folder.to_owned())) && name.ends_with(".exr");
@@ -157,7 +157,7 @@ fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry 
         class: m.class.word().into(),
         slots: slots.into_iter().flatten().collect(),
         maps: paths.iter().filter_map(map).collect(),
-        leaf_ids: sheet.into_iter().collect(),
+        leaf_ids: sequence.into_iter().collect(),
         params: ParamsEntry {
             base_color: m.base_color,
             roughness: m.roughness,

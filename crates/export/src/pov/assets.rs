@@ -1,7 +1,7 @@
 //! What an asset puts into prototypes.inc, static.inc and the frame files.
 //!
 //! Identifiers carry indices: `P_a_i_p` prototype, `G_a_m` mesh, `R_a_m` the unchanging part of a moving mesh,
-//! (still ones that are wet are macros, as their texture comes with the frame), `L_a_i` instances, `J_a_i_j` the instances that ride on joint j, `D_a_p` points, `H_a_c` curves, `A_a` the asset.
+//! (still ones with a coat are macros, as their texture comes with the frame), `L_a_i` instances, `J_a_i_j` the instances that ride on joint j, `D_a_p` points, `H_a_c` curves, `A_a` the asset.
 
 use super::mesh::{Faces, mesh2, shows, topology, unhaired, vectors};
 use super::objects::{Cloud, SPHERES, View, cloud, curves, group, instances};
@@ -105,7 +105,7 @@ impl Part<'_> {
                 continue;
             }
             match object.motion {
-                MeshMotion::Still if self.is_wet(&object.mesh) => self.macro_mesh(text, m, &object.mesh),
+                MeshMotion::Still if self.is_coated(&object.mesh) => self.macro_mesh(text, m, &object.mesh),
                 MeshMotion::Still => self.declare_mesh(text, m, &object.mesh),
                 MeshMotion::Skinned | MeshMotion::Deforming => {
                     text.put(&format!("#macro R_{a}_{m}()\n"));
@@ -183,8 +183,8 @@ impl Part<'_> {
     }
 
     /// True if maps of the frame lie on a mesh.
-    fn is_wet(&self, mesh: &Mesh) -> bool {
-        mesh.subsets.iter().any(|s| self.materials.get(s.material as usize).is_some_and(|m| m.wet.is_some()))
+    fn is_coated(&self, mesh: &Mesh) -> bool {
+        mesh.subsets.iter().any(|s| self.materials.get(s.material as usize).is_some_and(|m| m.coat.is_some()))
     }
 
     fn moving_mesh(&self, text: &mut Text, m: usize, object: &MeshObject, frame: &AssetFrame) {
@@ -289,7 +289,7 @@ impl Part<'_> {
         let mut count = 0;
         for (m, object) in self.asset.meshes.iter().enumerate() {
             if shows(shape(object, frame.mesh(m))) {
-                let call = if object.motion == MeshMotion::Still && self.is_wet(&object.mesh) { "()" } else { "" };
+                let call = if object.motion == MeshMotion::Still && self.is_coated(&object.mesh) { "()" } else { "" };
                 parts.put(&format!("object{{G_{a}_{m}{call}}}\n"));
                 count += 1;
             }

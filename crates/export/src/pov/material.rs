@@ -1,10 +1,10 @@
-//! Surfaces: four identifiers per material: `F_` finish, `C_` flat colour, `M_` with maps, `I_` interior of water. Those of wet
-//! leaves have three more: `V_` wet finish, `D_` dry and `W_` wet with maps; frames mix the two into `M_`.
+//! Surfaces: four identifiers per material: `F_` finish, `C_` flat colour, `M_` with maps, `I_` interior of water. Coated
+//! ones have three more: `V_` finish of the coat, `D_` bare and `W_` under a closed coat, with maps; frames mix the two into `M_`.
 
 use super::space::rgb;
 use crate::text::Text;
 use osier_base::{Error, Result};
-use osier_scene::{Material, MaterialClass, Scene, WET_ALBEDO};
+use osier_scene::{Material, MaterialClass, Scene};
 
 /// Declares all materials. `pictures`: folder of the PNG files as POV-Ray finds it, with its `/`.
 /// # Errors
@@ -21,24 +21,24 @@ pub(super) fn declare(text: &mut Text, scene: &Scene, pictures: &str) -> Result<
             rgb(text, material.base_color);
         }
         text.put(" } finish { F_").int(i).put(" } }\n");
-        if material.wet.is_some() {
+        if material.coat.is_some() {
             text.put("#declare V_").int(i).put(" = finish { ");
-            wet_finish(text, material);
+            coat_finish(text, material);
             text.put(" }\n");
             // Leaves of one kind share their pictures in memory.
             let before = scene.materials.iter().take(i as usize);
-            let twin = (0_u32..).zip(before).find(|(_, m)| m.wet.is_some() && looks_like(m, own)).map(|(j, _)| j);
-            for (name, coat) in [("D_", Coat::Dry), ("W_", Coat::Wet)] {
+            let twin = (0_u32..).zip(before).find(|(_, m)| m.coat.is_some() && looks_like(m, own)).map(|(j, _)| j);
+            for (name, layering) in [("D_", Layering::Bare), ("W_", Layering::Coated)] {
                 text.put("#declare ").put(name).int(i).put(" = ");
                 match twin {
                     Some(j) => drop(text.put("texture { ").put(name).int(j).put(" }\n")),
-                    None => mapped(text, scene, i, coat, material, pictures)?,
+                    None => mapped(text, scene, i, layering, material, pictures)?,
                 }
             }
             text.put("#declare M_").int(i).put(" = texture { D_").int(i).put(" }\n");
         } else {
             text.put("#declare M_").int(i).put(" = ");
-            mapped(text, scene, i, Coat::Dry, material, pictures)?;
+            mapped(text, scene, i, Layering::Bare, material, pictures)?;
         }
         if material.class == MaterialClass::Water {
             text.put("#declare I_").int(i).put(" = interior { ior ").num(material.ior).put(" }\n");
@@ -86,12 +86,12 @@ fn diffuse(text: &mut Text, m: &Material) {
     }
 }
 
-/// Share of a leaf's relief that shows through a film of water. Own: chosen by eye.
+/// Share of a surface's relief that shows through a film of water. Own: chosen by eye.
 const FILLED: f32 = 0.4;
 
 /// What light does on a film of water: it mirrors, most at flat angles. Not by POV-Ray's own fresnel, which asks for an
 /// interior: that would bend what is seen through the parts that are cut out.
-fn wet_finish(text: &mut Text, m: &Material) {
+fn coat_finish(text: &mut Text, m: &Material) {
     diffuse(text, m);
     text.put(" specular 0.7 roughness 0.005 reflection { 0.02, 0.35 falloff 4 } conserve_energy");
 }
@@ -106,16 +106,21 @@ fn looks_like(a: &Material, b: &Material) -> bool {
     (a.class, a.double_sided, a.maps) == (b.class, b.double_sided, b.maps) && numbers(a) == numbers(b)
 }
 
-/// A leaf as it grew, or with a film of water on it.
+/// A surface as it is, or under a closed coat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Coat {
-    Dry,
-    Wet,
+enum Layering {
+    Bare,
+    Coated,
+}
+
+/// Albedo under the closed coat of a material as a share of the bare one.
+fn darkening(m: &Material) -> f32 {
+    m.coat.map_or(1.0, |c| c.darkening)
 }
 
 /// The texture with its pictures, looked up by the mesh's texture coordinates.
-fn mapped(text: &mut Text, scene: &Scene, i: u32, coat: Coat, m: &Material, pictures: &str) -> Result<()> {
-    if m.maps.color.is_none() && m.maps.height.is_none() && coat == Coat::Dry {
+fn mapped(text: &mut Text, scene: &Scene, i: u32, layering: Layering, m: &Material, pictures: &str) -> Result<()> {
+    if m.maps.color.is_none() && m.maps.height.is_none() && layering == Layering::Bare {
         text.put("texture { C_").int(i).put(" }\n");
         return Ok(());
     }
@@ -126,12 +131,12 @@ fn mapped(text: &mut Text, scene: &Scene, i: u32, coat: Coat, m: &Material, pict
         picture(text, scene, m, image, ("image_pattern", pictures))?;
         // The pattern rises with transparency.
         text.put(" texture_map { [").num(1.0 - cutoff).put(" ");
-        surface(text, scene, i, coat, m, pictures)?;
+        surface(text, scene, i, layering, m, pictures)?;
         text.put("] [").num(1.0 - cutoff).put(" pigment { rgbt 1 } finish { ambient 0 diffuse 0 }] } }\n");
         return Ok(());
     }
     text.put("texture { ");
-    surface(text, scene, i, coat, m, pictures)?;
+    surface(text, scene, i, layering, m, pictures)?;
     text.put(" }\n");
     Ok(())
 }
@@ -141,18 +146,18 @@ fn has_alpha(scene: &Scene, image: u32) -> bool {
 }
 
 /// Pigment, relief and finish.
-fn surface(text: &mut Text, scene: &Scene, i: u32, coat: Coat, m: &Material, pictures: &str) -> Result<()> {
+fn surface(text: &mut Text, scene: &Scene, i: u32, layering: Layering, m: &Material, pictures: &str) -> Result<()> {
     text.put("uv_mapping pigment { ");
-    match (m.maps.color, coat) {
-        (Some(image), Coat::Dry) => picture(text, scene, m, image, ("image_map", pictures))?,
-        (Some(image), Coat::Wet) => {
+    match (m.maps.color, layering) {
+        (Some(image), Layering::Bare) => picture(text, scene, m, image, ("image_map", pictures))?,
+        (Some(image), Layering::Coated) => {
             // A mean with black is the one way to darken a picture.
-            text.put("average pigment_map { [").num(WET_ALBEDO).put(" ");
+            text.put("average pigment_map { [").num(darkening(m)).put(" ");
             picture(text, scene, m, image, ("image_map", pictures))?;
-            text.put("] [").num(1.0 - WET_ALBEDO).put(" rgb 0] }");
+            text.put("] [").num(1.0 - darkening(m)).put(" rgb 0] }");
         }
-        (None, Coat::Dry) => rgb(text, m.base_color),
-        (None, Coat::Wet) => rgb(text, m.base_color.map(|c| c * WET_ALBEDO)),
+        (None, Layering::Bare) => rgb(text, m.base_color),
+        (None, Layering::Coated) => rgb(text, m.base_color.map(|c| c * darkening(m))),
     }
     text.put(" }");
     if let Some(image) = m.maps.height {
@@ -161,10 +166,11 @@ fn surface(text: &mut Text, scene: &Scene, i: u32, coat: Coat, m: &Material, pic
         let width = scene.images.get(image as usize).map_or(0, |p| p.width);
         // The map's slope counts in pixels: one step of height is range / (tile / width) pixels of the surface.
         #[allow(clippy::cast_precision_loss, reason = "picture widths are far below 2^24")]
-        let slope = m.height_range * width as f32 / m.tile.max(1e-6) * if coat == Coat::Wet { FILLED } else { 1.0 };
+        let slope =
+            m.height_range * width as f32 / m.tile.max(1e-6) * if layering == Layering::Coated { FILLED } else { 1.0 };
         text.put(" bump_size ").num(slope).put(" }");
     }
-    text.put(if coat == Coat::Wet { " finish { V_" } else { " finish { F_" }).int(i).put(" }");
+    text.put(if layering == Layering::Coated { " finish { V_" } else { " finish { F_" }).int(i).put(" }");
     Ok(())
 }
 

@@ -1,9 +1,10 @@
 //! POV-Ray 3.7: a scene with include files, one of them per frame. `cd pov && povray render.ini` renders the clip.
 //!
 //! Layout of a bake: `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, pictures in
-//! `textures/`, those of wet leaves in `maps/`. A single asset: `<stem>.pov` and everything else in `<stem>_files/`.
+//! `textures/`, those of map sequences in `maps/`. A single asset: `<stem>.pov` and everything else in `<stem>_files/`.
 
 mod assets;
+mod coat;
 mod look;
 mod main_file;
 mod material;
@@ -12,7 +13,6 @@ mod objects;
 pub(crate) mod options;
 mod photons;
 mod space;
-mod wet;
 
 pub use options::PovOptions;
 
@@ -66,7 +66,7 @@ fn estimate(input: &EstimateInput) -> u64 {
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
         still + points + moving + posed
     });
-    // Height and wetness of each map, a tenth of a byte a texel.
+    // A height and a weight of each map sequence, a tenth of a byte a texel.
     assets + input.map_texels() * written(input.frames.max(1)).max(1) * 2 / 10
 }
 
@@ -81,15 +81,15 @@ pub struct PovExporter {
     /// First frame that was asked for.
     first: Option<u32>,
     instances: usize,
-    sheets: wet::Sheets,
+    coats: coat::CoatWriter,
     warnings: Vec<Warning>,
 }
 
 impl PovExporter {
     /// Writes into `folder`; `textures`: the scene's pictures.
     pub fn new(folder: Folder, textures: Arc<Textures>, options: PovOptions) -> Self {
-        let (written, warnings, sheets) = (Vec::new(), Vec::new(), wet::Sheets::new());
-        Self { folder, textures, options, scene: None, written, first: None, instances: 0, sheets, warnings }
+        let (written, warnings, coats) = (Vec::new(), Vec::new(), coat::CoatWriter::new());
+        Self { folder, textures, options, scene: None, written, first: None, instances: 0, coats, warnings }
     }
 
     /// Path of one of our files below the output folder.
@@ -158,7 +158,7 @@ impl PovExporter {
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
         let maps = self.maps();
         // Its pictures belong to the bake even where its own file is kept from a run that was broken off.
-        self.sheets.frame(&mut text, &self.folder, &maps, scene, number, frame)?;
+        self.coats.frame(&mut text, &self.folder, &maps, scene, number, frame)?;
         let file = self.folder.create(&path, "inc", Some(number))?;
         let rest = AssetFrame::default();
         let parts = self.parts(scene);
@@ -192,7 +192,7 @@ fn is_heavy<'p>(now: impl Iterator<Item = (&'p Part<'p>, &'p AssetFrame)>) -> bo
 
 /// True if frames change anything.
 fn moves(scene: &Scene) -> bool {
-    !scene.wet.is_empty() || scene.assets.iter().any(Asset::moves)
+    !scene.map_sequences.is_empty() || scene.assets.iter().any(Asset::moves)
 }
 
 fn not_finite(path: &str) -> Error {
@@ -258,7 +258,7 @@ impl Exporter for PovExporter {
             let message = format!("POV-Ray reads {} instances again for every frame", self.instances);
             self.warnings.push(Warning { code: "X013", message });
         }
-        self.warnings.extend(self.sheets.warning(&scene));
+        self.warnings.extend(self.coats.warning(&scene));
         let main = main_file::main_file(&scene, self.space(), &self.includes(), &self.written);
         let (path, name) = match &self.options.target {
             FileTarget::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),

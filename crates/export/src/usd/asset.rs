@@ -2,7 +2,7 @@
 
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, LayerBuilder};
-use super::{instancer, mesh, points, skel, wetness_primvar};
+use super::{coat_primvar, instancer, mesh, points, skel};
 use osier_base::Result;
 use osier_base::files::Names;
 use osier_scene::Asset;
@@ -24,7 +24,7 @@ pub(super) fn define_asset(
         let varying = object.motion == osier_scene::MeshMotion::Varying;
         let place = mesh::MeshPrim { root, path: &path, skinned: false, varying };
         parts.extend(mesh::define_unskinned(cx, layer, i, &place, object)?);
-        parts.extend(wetness_primvar::define_wetness(cx, layer, i, &path, object)?);
+        parts.extend(coat_primvar::define_coat_weight(cx, layer, i, &path, object)?);
     }
     for (i, instances) in asset.instancers.iter().enumerate() {
         let path = format!("{root}/{}", names.unique(&instances.name));

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use super::Tolerance;
 use super::axis::UpAxis;
 use super::layer_writer::AttrHandle;
-use crate::sheets::Map;
-use osier_scene::{Material, Scene};
+use osier_scene::{Coat, Material, Scene};
 
 /// The scene and the options that hold for all layers.
 #[derive(Debug, Clone)]
@@ -15,7 +14,7 @@ pub(super) struct UsdContext {
     pub(super) up: UpAxis,
     /// Folder of the textures, relative to the layer, with a slash at the end.
     pub(super) pictures: String,
-    /// Folder of the wet maps, relative to the layer, with a slash at the end; none if no maps are written.
+    /// Folder of the map sequences, relative to the layer, with a slash at the end; none if no maps are written.
     pub(super) maps: Option<String>,
     /// First frame that is written.
     pub(super) first: u32,
@@ -24,26 +23,25 @@ pub(super) struct UsdContext {
 }
 
 impl UsdContext {
-    /// The sheet of a material whose maps are there.
-    pub(super) fn map_sequence(&self, material: &Material) -> Option<usize> {
-        let sheet = material.wet.filter(|_| self.maps.is_some())? as usize;
-        self.scene.wet.get(sheet).map(|_| sheet)
+    /// The coat of a material if the maps of its weight are written.
+    pub(super) fn mapped_coat(&self, material: &Material) -> Option<Coat> {
+        let coat = material.coat.filter(|_| self.maps.is_some())?;
+        self.scene.map_sequences.get(coat.sequence as usize).map(|_| coat)
     }
 
-    /// The file of a sheet's map at a frame.
-    pub(super) fn map_file(&self, sheet: usize, map: Map, frame: u32) -> String {
-        let name = self.scene.wet.get(sheet).map_or("", |w| w.name.as_str());
+    /// The file of a coat's weight at a frame.
+    pub(super) fn coat_weight_file(&self, coat: &Coat, frame: u32) -> String {
+        let name = self.scene.map_sequences.get(coat.sequence as usize).map_or("", |s| s.name.as_str());
         let folder = self.maps.as_deref().unwrap_or_default();
-        format!("{folder}{name}/{}.{}.exr", map.word(), self.scene.clip.tag(frame))
+        format!("{folder}{name}/{}.{}.exr", coat.weight, self.scene.clip.tag(frame))
     }
 }
 
 /// A texture whose file is another one at every frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MapTexture {
-    /// Index of the sheet.
-    pub(super) sheet: usize,
-    pub(super) map: Map,
+    /// The coat whose weight the texture holds.
+    pub(super) coat: Coat,
     /// The attribute `inputs:file`.
     pub(super) attr: AttrHandle,
 }

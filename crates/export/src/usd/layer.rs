@@ -1,7 +1,6 @@
 //! A layer being written, and the interface of the prims in it that have time samples.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use super::context::{MapTexture, UsdContext};
 use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMetadata};
@@ -9,7 +8,7 @@ use super::value::UsdValue;
 use osier_base::Result;
 use osier_base::files::safe_name;
 use osier_base::geometry::Bounds;
-use osier_scene::{Asset, AssetFrame, Material, MaterialId, Trs, WetMaps};
+use osier_scene::{Asset, AssetFrame, MapFrame, Material, MaterialId, Trs};
 
 /// A layer being written, with its materials, which are defined when a prim is first bound to them.
 pub(super) struct LayerBuilder {
@@ -35,8 +34,8 @@ pub(super) struct AssetSample<'a> {
     pub(super) state: &'a AssetFrame,
     /// Time code: the number of the frame.
     pub(super) time: f64,
-    /// Maps of the scene's wet sheets, or empty.
-    pub(super) wet: &'a [Arc<WetMaps>],
+    /// Maps of the scene's map sequences, or empty.
+    pub(super) maps: &'a [MapFrame],
 }
 
 /// A prim with time samples.
@@ -77,7 +76,7 @@ impl LayerBuilder {
             self.writer.set_time_sample(
                 s.attr,
                 f64::from(frame),
-                UsdValue::Asset(&cx.map_file(s.sheet, s.map, frame)),
+                UsdValue::Asset(&cx.coat_weight_file(&s.coat, frame)),
             )?;
         }
         Ok(())

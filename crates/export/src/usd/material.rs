@@ -3,9 +3,8 @@
 use super::context::{MapTexture, UsdContext};
 use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMetadata};
 use super::value::UsdValue;
-use crate::sheets::Map;
 use osier_base::Result;
-use osier_scene::{Material, MaterialClass};
+use osier_scene::{Coat, Material, MaterialClass};
 
 /// Roughness of a film of water on a leaf. Own: 0 would be a mirror of single bright pixels.
 const FILM: f32 = 0.05;
@@ -17,7 +16,7 @@ pub(super) fn define_material(
     path: &str,
     m: &Material,
 ) -> Result<Vec<MapTexture>> {
-    let sheet = cx.map_sequence(m);
+    let coat = cx.mapped_coat(m);
     writer.define_prim(path, "Material", &PrimMetadata::default())?;
     let surface = format!("{path}/surface");
     writer.create_attr(
@@ -40,9 +39,9 @@ pub(super) fn define_material(
     }
     define_shader(writer, &surface, "UsdPreviewSurface")?;
     let mut s = ShaderPrim { writer, path: &surface, network: path };
-    s.surface(m, sheet.is_some())?;
+    s.surface(m, coat)?;
     let maps = [m.maps.color, m.maps.normal, m.maps.roughness, m.maps.height];
-    if sheet.is_some() || maps.iter().any(Option::is_some) {
+    if coat.is_some() || maps.iter().any(Option::is_some) {
         define_st_reader(writer, path)?;
     }
     let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
@@ -51,11 +50,11 @@ pub(super) fn define_material(
         let file = format!("{}{}.png", cx.pictures, image.name);
         define_texture(writer, path, &TextureNode { name, file, material: m })?;
     }
-    let Some(sheet) = sheet else { return Ok(Vec::new()) };
+    let Some(coat) = coat else { return Ok(Vec::new()) };
     // What stands without a time is read by programs that know no times.
-    let file = cx.map_file(sheet, Map::Wetness, cx.first);
-    let attr = define_texture(writer, path, &TextureNode { name: "wetness", file, material: m })?;
-    Ok(vec![MapTexture { sheet, map: Map::Wetness, attr }])
+    let file = cx.coat_weight_file(&coat, cx.first);
+    let attr = define_texture(writer, path, &TextureNode { name: coat.weight, file, material: m })?;
+    Ok(vec![MapTexture { coat, attr }])
 }
 
 fn define_shader(writer: &mut dyn LayerWriter, path: &str, id: &str) -> Result<()> {
@@ -90,7 +89,7 @@ impl ShaderPrim<'_> {
     }
 
     /// Inputs of the surface shader, from maps where there are any.
-    fn surface(&mut self, m: &Material, wet: bool) -> Result<()> {
+    fn surface(&mut self, m: &Material, coat: Option<Coat>) -> Result<()> {
         match m.maps.color {
             Some(_) => self.connect("diffuseColor", "color3f", "color.outputs:rgb")?,
             None => self.input("diffuseColor", "color3f", UsdValue::Float3(m.base_color))?,
@@ -105,9 +104,9 @@ impl ShaderPrim<'_> {
             Some(_) => self.connect("roughness", "float", "rough.outputs:r")?,
             None => self.input("roughness", "float", UsdValue::Float(m.roughness))?,
         }
-        if wet {
-            // A film of water over the leaf, which keeps its own roughness and relief.
-            self.connect("clearcoat", "float", "wetness.outputs:r")?;
+        if let Some(coat) = coat {
+            // A film over the surface, which keeps its own roughness and relief.
+            self.connect("clearcoat", "float", &format!("{}.outputs:r", coat.weight))?;
             self.input("clearcoatRoughness", "float", UsdValue::Float(FILM))?;
         }
         self.input("ior", "float", UsdValue::Float(m.ior))?;

@@ -19,6 +19,7 @@ mod asset;
 mod axis;
 mod byte_sink;
 mod camera_light;
+mod coat_primvar;
 mod context;
 mod instancer;
 mod instancer_extent;
@@ -36,7 +37,6 @@ mod usda;
 mod usdc;
 mod usdz;
 mod value;
-mod wetness_primvar;
 
 pub use axis::UpAxis;
 pub use options::{CopyStyle, Tolerance, UsdOptions};
@@ -401,8 +401,8 @@ fn payload_arc(cx: &UsdContext, asset: usize, phase: u32, folder: &str) -> Optio
 }
 
 /// Binds the prims of the payload at `path` to the materials of the scene's root. Readers such as Blender create a material for
-/// each one they find bound: this way one for all payloads. Wet leaves keep their own materials, whose maps change, and so do
-/// prims inside variants.
+/// each one they find bound: this way one for all payloads. Coated materials, whose maps change, stay
+/// the payload's own, and so do those of prims inside variants.
 fn rebind_materials(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -411,7 +411,7 @@ fn rebind_materials(
     bindings: &[MaterialBinding],
 ) -> Result<()> {
     let own = |b: &MaterialBinding| {
-        b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.wet.is_some())
+        b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.coat.is_some())
     };
     if !bindings.is_empty() && !bindings.iter().any(own) {
         // No prim is bound to the payload's own materials any more, so they need not be composed.
@@ -478,7 +478,7 @@ impl Exporter for UsdExporter {
             let OpenLayer { layer, animated, failed, .. } = layer;
             for (i, prim) in animated {
                 let Some((asset, state)) = cx.scene.assets.get(*i).zip(frame.assets.get(*i)) else { continue };
-                if let Err(e) = prim.sample_frame(cx, layer, &AssetSample { asset, state, time, wet: &frame.wet }) {
+                if let Err(e) = prim.sample_frame(cx, layer, &AssetSample { asset, state, time, maps: &frame.maps }) {
                     *failed = Some(e);
                     return;
                 }

@@ -2,7 +2,7 @@
 
 use super::axis::UpAxis;
 
-/// Options of the USD writer; the default is the full bake without wet maps.
+/// Options of the USD writer; the default is the full bake without map sequences.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UsdOptions {
     /// Up axis of the stage.
@@ -11,7 +11,7 @@ pub struct UsdOptions {
     pub file: Option<String>,
     /// Write camera and lights.
     pub look: bool,
-    /// Materials of wet leaves refer to the maps that the EXR writer writes; without, wet leaves look dry.
+    /// Coated materials refer to the maps that the EXR writer writes; without, they look bare.
     pub maps: bool,
     /// First frame that is written; the clip's if none.
     pub first: Option<u32>,

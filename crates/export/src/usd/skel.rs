@@ -78,7 +78,7 @@ pub(super) fn define_skel_root(
         if let Some(skin) = &object.skin {
             bind_skin(layer, &path, &mesh, skin)?;
         }
-        parts.extend(super::wetness_primvar::define_wetness(cx, layer, i, &mesh, object)?);
+        parts.extend(super::coat_primvar::define_coat_weight(cx, layer, i, &mesh, object)?);
     }
     Ok(parts)
 }

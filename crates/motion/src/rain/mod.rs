@@ -78,7 +78,7 @@ pub use frame::{AirborneDrop, LeafWater, PendantDrop, RainFrame, SessileDrop};
 pub use leaf::alpha_mask::AlphaMask;
 pub use leaf::surface::LeafSurface;
 pub use leaf::veins::VeinMap;
-pub use maps::{CapOnLeaf, LeafWaterMaps, TexelCounters, UvRaster};
+pub use maps::{CapOnLeaf, LeafMaps, LeafWaterMaps, TexelCounters, UvRaster};
 pub use mesh::DropMesh;
 pub use params::{DropParams, FrictionModel, ImpactLaw, LeverArm, MergeRule, capillary_length};
 pub use simulation::{GroundHeight, LeafAttachment, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};

@@ -206,7 +206,7 @@ pub fn ground_material(colors: &GroundColors, name: &str, side: u32, tile: f32, 
         height_range: RELIEF,
         tile,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
-        wet: None,
+        coat: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

@@ -31,8 +31,8 @@ use osier_motion::rain::{
 use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
-    Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, InstancerFrame, Material, MaterialClass, MeshFrame,
-    MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs, Wet, WetMaps,
+    Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, InstancerFrame, MapFrame, MapSequence, Material,
+    MaterialClass, MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs,
 };
 use osier_wind::Wind;
 
@@ -90,6 +90,8 @@ pub struct RainPlayback {
     shapes: BTreeMap<u64, PendantShapes>,
     material: u32,
     maps: Mutex<LeafMapState>,
+    /// Whether water alone has maps, too.
+    water_maps: bool,
 }
 
 #[derive(Debug)]
@@ -106,7 +108,7 @@ pub struct RainAsset {
     /// It, through the clip.
     pub rain: Arc<RainPlayback>,
     /// Sheets that maps are made of.
-    pub wet: Vec<Wet>,
+    pub map_sequences: Vec<MapSequence>,
     /// What is measured.
     pub table: Table,
 }
@@ -184,7 +186,7 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
     let side = recipe.maps.resolution as usize;
     let charts = leaf_maps::charts(&found, &mapped_leaves, side);
     let rate = rain.keys.falls.then_some(rain.keys.rate);
-    let (wet, kept) = leaf_maps::show((assets, materials), &found, (&mapped_leaves, stands), recipe)?;
+    let (mut map_sequences, kept) = leaf_maps::show((assets, materials), &found, (&mapped_leaves, stands), recipe)?;
     for (frames, masks) in plants.iter_mut().zip(&kept) {
         frames.iter_mut().for_each(|frame| leaf_maps::thin_frame(frame, masks));
     }
@@ -195,6 +197,7 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
         shapes: shapes(&moments, manner.g),
         numbers: drop_records::numbers(&moments),
         maps: Mutex::new(LeafMapState { done: 0, wet: Vec::new() }),
+        water_maps: recipe.maps.water,
         leaves: dry,
         plants,
         moments,
@@ -206,14 +209,13 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
     };
     let moves = frames > 1;
     let asset = rain.asset(moves, over);
-    let mut wet = wet;
     if !moves {
-        for (sheet, maps) in wet.iter_mut().zip(rain.maps(0)) {
-            sheet.rest = Some(maps);
+        for (sequence, maps) in map_sequences.iter_mut().zip(rain.map_frames(0)) {
+            sequence.rest = Some(maps);
         }
     }
     let table = stats::table(&rain.manner, rate.zip(area));
-    Ok(RainAsset { asset, rain: Arc::new(rain), wet, table })
+    Ok(RainAsset { asset, rain: Arc::new(rain), map_sequences, table })
 }
 
 /// Every blade of the scene, plant by plant.
@@ -494,7 +496,7 @@ impl RainPlayback {
     }
 
     /// Maps of the leaves that have some, at a frame from the first. Asked in order they go on from the last.
-    pub fn maps(&self, nth: u64) -> Vec<Arc<WetMaps>> {
+    pub fn map_frames(&self, nth: u64) -> Vec<MapFrame> {
         let mut now = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
         if now.done > nth + 1 || now.wet.is_empty() {
             let dry = |h: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&h.chart), self.leaves[h.leaf].scale);
@@ -510,7 +512,7 @@ impl RainPlayback {
             });
             now.done += 1;
         }
-        now.wet.iter().map(|w| Arc::clone(w.maps())).collect()
+        now.wet.iter().map(|w| leaf_maps::map_frame(w.maps(), self.water_maps)).collect()
     }
 }
 
@@ -523,8 +525,8 @@ impl AssetMotion for RainPlayback {
         Ok(Some(TableRow { table: stats::TABLE, values: stats::row(self.moment(frame)) }))
     }
 
-    fn wet_maps(&self, frame: u64) -> Vec<Arc<WetMaps>> {
-        self.maps(frame)
+    fn maps(&self, frame: u64) -> Vec<MapFrame> {
+        self.map_frames(frame)
     }
 
     fn records(&self, frame: u64) -> Vec<RecordTable> {

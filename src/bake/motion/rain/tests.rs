@@ -56,15 +56,15 @@ fn leaves_get_maps_and_drops_show() {
     let built = built("[rain.impact]\ntangent_keep = 0.05\n");
     let scene = &built.animated.scene;
     check_scene(scene).expect("sound");
-    assert_eq!(scene.wet.len(), 6);
-    let worn = scene.materials.iter().filter(|m| m.wet.is_some()).count();
+    assert_eq!(scene.map_sequences.len(), 6);
+    let worn = scene.materials.iter().filter(|m| m.coat.is_some()).count();
     assert_eq!(worn, 6);
     let rain = scene.assets.iter().position(|a| a.id == "rain").expect("rain");
     for number in [1, 5, 8] {
         let frame = at(&built, number);
         check_frame(scene, &frame).expect("sound");
-        assert_eq!(frame.wet.len(), 6);
-        assert!(frame.wet.iter().any(|m| m.water().iter().any(|h| *h > 0.0)));
+        assert_eq!(frame.maps.len(), 6);
+        assert!(frame.maps.iter().any(|m| m.layers[0].as_flat().iter().any(|h| *h > 0.0)));
         let MeshFrame::Whole { mesh, velocities } = frame.assets[rain].mesh(0) else { panic!("no drops") };
         assert!(!mesh.triangles.is_empty() && velocities.len() == mesh.points.len());
         let PointsFrame::State { widths, .. } = frame.assets[rain].points(0) else { panic!("nothing falls") };
@@ -93,9 +93,9 @@ fn the_table_tells_where_all_water_is() {
 #[test]
 fn frames_do_not_depend_on_the_order_in_which_they_are_asked_for() {
     let built = built("");
-    let first: Vec<_> = (1..=8).map(|n| at(&built, n).wet).collect();
+    let first: Vec<_> = (1..=8).map(|n| at(&built, n).maps).collect();
     for number in [8_u32, 2, 5] {
-        assert!(at(&built, number).wet == first[number as usize - 1], "frame {number}");
+        assert!(at(&built, number).maps == first[number as usize - 1], "frame {number}");
     }
 }
 

@@ -11,7 +11,6 @@ use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use crate::rain::params::DropParams;
 use crate::rain::tuning::WET_RADIUS_FACTOR;
 use osier_base::math::{self, narrow};
-use osier_scene::WetMaps;
 
 mod dirty_spans;
 mod kernels;
@@ -77,6 +76,24 @@ impl TexelCounters {
     }
 }
 
+/// Maps of one leaf: `side * side` texels, row 0 at v = 1. What holds a clone shares the memory until the maps go on.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LeafMaps {
+    /// Height of water over the leaf, m.
+    pub height: Arc<Vec<f32>>,
+    /// Share of the leaf that is wet, 0 to 1.
+    pub wetness: Arc<Vec<f32>>,
+    /// Unit normals in tangent space of leaf and water: along u, along v, out.
+    pub normal: Arc<Vec<[f32; 3]>>,
+}
+
+/// The maps of one leaf while a frame updates them.
+struct MapBuffers<'a> {
+    height: &'a mut Vec<f32>,
+    wetness: &'a mut Vec<f32>,
+    normal: &'a mut Vec<[f32; 3]>,
+}
+
 /// The water maps of one leaf over a clip.
 #[derive(Debug, Clone)]
 pub struct LeafWaterMaps {
@@ -90,7 +107,7 @@ pub struct LeafWaterMaps {
     decay_residual: f64,
     /// Caps of the last frame in the order of their keys.
     stamps: Vec<CapStamp>,
-    maps: Arc<WetMaps>,
+    maps: LeafMaps,
     /// Tiles that may hold wetness above [`MIN_WETNESS`](crate::rain::tuning::MIN_WETNESS), row by row.
     damp: Vec<bool>,
     counters: TexelCounters,
@@ -109,7 +126,11 @@ impl LeafWaterMaps {
     pub fn new(raster: Arc<UvRaster>, scale: f64) -> Self {
         let n = raster.side * raster.side;
         let tiles = raster.side.div_ceil(TILE);
-        let maps = WetMaps { height: vec![0.0; n], water: Vec::new(), wetness: vec![0.0; n], normal: vec![FLAT; n] };
+        let maps = LeafMaps {
+            height: Arc::new(vec![0.0; n]),
+            wetness: Arc::new(vec![0.0; n]),
+            normal: Arc::new(vec![FLAT; n]),
+        };
         Self {
             full: RowSpans::full(raster.side),
             raster,
@@ -117,14 +138,14 @@ impl LeafWaterMaps {
             half_lives: 0.0,
             decay_residual: 1.0,
             stamps: Vec::new(),
-            maps: Arc::new(maps),
+            maps,
             damp: vec![false; tiles * tiles],
             counters: TexelCounters::default(),
         }
     }
 
     /// The maps at the last frame.
-    pub fn maps(&self) -> &Arc<WetMaps> {
+    pub fn maps(&self) -> &LeafMaps {
         &self.maps
     }
 
@@ -179,7 +200,11 @@ impl LeafWaterMaps {
     /// Applies an update band by band of tile rows, so that a band stays in the processor's cache from its caps to its wet spots.
     fn update(&mut self, update: &FrameUpdate) {
         let mut maps = std::mem::take(&mut self.maps);
-        let own = Arc::make_mut(&mut maps);
+        let own = &mut MapBuffers {
+            height: Arc::make_mut(&mut maps.height),
+            wetness: Arc::make_mut(&mut maps.wetness),
+            normal: Arc::make_mut(&mut maps.normal),
+        };
         let tiles = self.raster.side.div_ceil(TILE);
         for band in 0..tiles {
             self.update_heights(own, &update.dirty, band);
@@ -269,7 +294,7 @@ impl LeafWaterMaps {
     }
 
     /// Recomputes the heights of a band's dirty texels: the maximum over all caps.
-    fn update_heights(&mut self, maps: &mut WetMaps, dirty: &DirtySpans, band: usize) {
+    fn update_heights(&mut self, maps: &mut MapBuffers<'_>, dirty: &DirtySpans, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_rows(band));
         // Caps that have not changed are drawn again where they overlap dirty texels. The maximum does not depend on their order.
@@ -285,14 +310,14 @@ impl LeafWaterMaps {
     }
 
     /// Recomputes the normals of a band's texels whose own or neighbouring heights are dirty.
-    fn update_normals(&mut self, maps: &mut WetMaps, dirty: &DirtySpans, band: usize) {
+    fn update_normals(&mut self, maps: &mut MapBuffers<'_>, dirty: &DirtySpans, band: usize) {
         for y in self.band_rows(band) {
             dirty.normals.row(y).iter().for_each(|span| self.update_row_normals(maps, y, *span));
         }
     }
 
     /// Recomputes the normals of a span of row `y` by central differences of the heights, one-sided at the edges of the map.
-    fn update_row_normals(&mut self, maps: &mut WetMaps, y: usize, span: ColumnSpan) {
+    fn update_row_normals(&mut self, maps: &mut MapBuffers<'_>, y: usize, span: ColumnSpan) {
         let ColumnSpan { start, end } = span;
         let n = self.raster.side;
         self.counters.normals += (end - start) as u64;
@@ -300,7 +325,7 @@ impl LeafWaterMaps {
         // raster's slope factors are those of scale 1.
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
         let inverse_distance = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
-        let WetMaps { height, normal, .. } = maps;
+        let MapBuffers { height, normal, .. } = maps;
         let (inner, outer) = (start.max(1), end.min(n - 1));
         // Texels with neighbours on both sides, by vectors.
         let texels = y * n + inner..y * n + outer;
@@ -358,7 +383,7 @@ impl LeafWaterMaps {
     }
 
     /// Raises the wetness of a band's texels to that of the spots over them.
-    fn stamp_wet_spots(&mut self, maps: &mut WetMaps, stamps: &[WetSpotStamp], band: usize) {
+    fn stamp_wet_spots(&mut self, maps: &mut MapBuffers<'_>, stamps: &[WetSpotStamp], band: usize) {
         let arch = kernels::arch();
         let rows = self.band_rows(band);
         let spans = &self.full;
@@ -370,7 +395,7 @@ impl LeafWaterMaps {
     }
 
     /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped from then on.
-    fn dry(&mut self, maps: &mut WetMaps, decay: f32, band: usize) {
+    fn dry(&mut self, maps: &mut MapBuffers<'_>, decay: f32, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_rows(band));
         let tiles = n.div_ceil(TILE);

@@ -25,7 +25,7 @@ fn maps_hold_the_volume_of_a_drop() {
             let mut wet = LeafWaterMaps::new(Arc::clone(&raster), 1.0);
             wet.advance(&blade, &[cap], &[], 0.0, &params);
             let texel = 0.0032 / (512.0 * 512.0);
-            let sum: f64 = wet.maps().water().iter().map(|h| f64::from(*h) * texel).sum();
+            let sum: f64 = wet.maps().height.iter().map(|h| f64::from(*h) * texel).sum();
             assert!((sum / volume - 1.0).abs() < 0.01, "{theta} {q}: {sum}");
         }
     }

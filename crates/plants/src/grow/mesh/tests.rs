@@ -74,7 +74,7 @@ fn material(name: &str) -> Material {
         height_range: 0.0,
         tile: 1.0,
         maps: osier_scene::Maps::default(),
-        wet: None,
+        coat: None,
     }
 }
 

@@ -102,7 +102,7 @@ pub fn bark(spec: &BarkSpec, grain: Option<&BarkGrain>, name: &str) -> Result<Su
         height_range: spec.depth,
         tile: spec.tile,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
-        wet: None,
+        coat: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

@@ -106,7 +106,7 @@ pub fn leaf_material(
         height_range: scale,
         tile: spec.length,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: relief.then_some(3) },
-        wet: None,
+        coat: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

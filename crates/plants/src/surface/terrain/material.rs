@@ -99,7 +99,7 @@ pub fn terrain_material(
         height_range: RELIEF,
         tile: land.size,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: None },
-        wet: None,
+        coat: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

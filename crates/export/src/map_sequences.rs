@@ -1,0 +1,263 @@
+//! Map sequences as files hold them: checked, brought to 0..1, encoded once for as long as they stay the same.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::Warning;
+use osier_base::{Error, Result};
+use osier_scene::{MapEncoding, MapFrame, MapLayer, MapSequence};
+
+/// A stored number.
+struct StoredSample {
+    /// From 0 to 1.
+    value: f32,
+    /// True if it lay above the range.
+    cut: bool,
+}
+
+/// The stored number of what is `v`, or none if the map must not hold it. `range`: of heights, m.
+fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
+    let cut = |x: f32| StoredSample { value: x.clamp(0.0, 1.0), cut: x > 1.0 };
+    let whole = |value: f32| StoredSample { value, cut: false };
+    match encoding {
+        _ if !v.is_finite() => None,
+        // What lies below the surface becomes 0 without a warning: heights count from the surface upwards.
+        MapEncoding::Height => Some(cut(v / range)),
+        MapEncoding::Thickness => (v >= 0.0).then(|| cut(v / range)),
+        MapEncoding::Unit => (0.0..=1.0).contains(&v).then(|| whole(v)),
+        // A hundredth covers the rounding of normals that are sums of single-precision numbers.
+        MapEncoding::Normal => (v.abs() <= 1.01).then(|| whole((0.5 * v + 0.5).clamp(0.0, 1.0))),
+    }
+}
+
+/// A map's numbers, all of 0..1, rows from the top.
+#[derive(Debug, Clone, Default)]
+pub struct Values {
+    /// Texel after texel.
+    pub samples: Vec<f32>,
+    /// Numbers above the range, which are cut.
+    pub cut: usize,
+}
+
+/// The stored numbers of a layer of a sequence. `number`: of the frame, for messages.
+/// # Errors
+/// X012 for a wrong number of texels; X001 for a number that the layer's encoding does not admit, with its place.
+pub fn values(sequence: &MapSequence, layer: usize, maps: &MapFrame, number: u32) -> Result<Values> {
+    let MapLayer { name, encoding, .. } = sequence.layers[layer];
+    let place = || format!("map sequence {}, {name}, frame {number}", sequence.name);
+    let raw = maps.layers.get(layer).map_or(&[][..], |l| l.as_flat());
+    let wanted = sequence.texels().saturating_mul(encoding.channels());
+    if raw.len() != wanted {
+        return Err(Error::export("X012", format!("{}: {} values where {wanted} are due", place(), raw.len())));
+    }
+    let mut out = Values { samples: Vec::with_capacity(raw.len()), cut: 0 };
+    for (i, v) in raw.iter().enumerate() {
+        let Some(sample) = stored(encoding, *v, sequence.height_range) else {
+            let texel = i / encoding.channels();
+            let (column, row) = (texel % sequence.side.max(1), texel / sequence.side.max(1));
+            return Err(Error::export("X001", format!("{}: texel {column}, {row} is {v}", place())));
+        };
+        out.samples.push(sample.value);
+        out.cut += usize::from(sample.cut);
+    }
+    Ok(out)
+}
+
+/// What was made of a map.
+#[derive(Debug)]
+struct Made<T> {
+    file: Arc<T>,
+    cut: usize,
+}
+
+/// Files of the maps of all sequences, encoded anew only where their maps changed.
+#[derive(Debug)]
+pub struct MapEncoder<T> {
+    /// Layers of a sequence that are written, in order.
+    select: fn(&MapSequence) -> Vec<usize>,
+    /// Maps of each sequence at the last frame.
+    last: Vec<Option<MapFrame>>,
+    /// The last file of each map.
+    made: BTreeMap<LayerIndex, Made<T>>,
+    /// Numbers cut so far, and where the first was.
+    cut: u64,
+    first: Option<(String, u32)>,
+}
+
+/// A layer of a sequence by indices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct LayerIndex {
+    sequence: usize,
+    layer: usize,
+}
+
+/// The file of one map at a frame.
+#[derive(Debug)]
+pub struct EncodedMap<T> {
+    /// Index of the sequence.
+    pub sequence: usize,
+    /// Which of its maps.
+    pub layer: MapLayer,
+    /// What the encoder made of it.
+    pub file: Arc<T>,
+    /// False if it is the last frame's.
+    pub fresh: bool,
+}
+
+impl<T: Send + Sync> MapEncoder<T> {
+    /// Nothing encoded so far; `select`: layers of a sequence that are wanted.
+    pub fn new(select: fn(&MapSequence) -> Vec<usize>) -> Self {
+        Self { select, last: Vec::new(), made: BTreeMap::new(), cut: 0, first: None }
+    }
+
+    /// Everything that belongs to frame `number`, sequence after sequence, in parallel. `now`: the sequences' maps; `encode`: the
+    /// file of a layer.
+    /// # Errors
+    /// As [`values`] and `encode`.
+    pub fn frame(
+        &mut self,
+        sequences: &[MapSequence],
+        number: u32,
+        now: Vec<Option<MapFrame>>,
+        encode: impl Fn(&MapSequence, MapLayer, &Values) -> Result<T> + Sync + Send,
+    ) -> Result<Vec<EncodedMap<T>>> {
+        self.last.resize(sequences.len(), None);
+        let layers = |(i, s): (usize, &MapSequence)| {
+            (self.select)(s).into_iter().map(move |layer| LayerIndex { sequence: i, layer }).collect::<Vec<_>>()
+        };
+        let jobs: Vec<LayerIndex> = sequences.iter().enumerate().flat_map(layers).collect();
+        let done = osier_base::par::par_map(&jobs, |&at| -> Result<Option<Made<T>>> {
+            let Some(maps) = now[at.sequence].as_ref().filter(|maps| !self.is_kept(at, maps)) else { return Ok(None) };
+            let sequence = &sequences[at.sequence];
+            let values = values(sequence, at.layer, maps, number)?;
+            let file = Arc::new(encode(sequence, sequence.layers[at.layer], &values)?);
+            Ok(Some(Made { file, cut: values.cut }))
+        });
+        let mut out = Vec::with_capacity(jobs.len());
+        for (at, made) in jobs.into_iter().zip(done) {
+            let made = made?;
+            let fresh = made.is_some();
+            if let Some(made) = made {
+                self.made.insert(at, made);
+            }
+            let Some(kept) = self.made.get(&at) else { continue };
+            let sequence = &sequences[at.sequence];
+            if kept.cut > 0 {
+                self.cut += kept.cut as u64;
+                self.first.get_or_insert_with(|| (sequence.name.clone(), number));
+            }
+            let layer = sequence.layers[at.layer];
+            out.push(EncodedMap { sequence: at.sequence, layer, file: Arc::clone(&kept.file), fresh });
+        }
+        self.last = now;
+        Ok(out)
+    }
+
+    /// True if the last file of a layer still holds its map.
+    fn is_kept(&self, at: LayerIndex, now: &MapFrame) -> bool {
+        let Some(last) = self.last[at.sequence].as_ref().filter(|_| self.made.contains_key(&at)) else { return false };
+        let both = last.layers.get(at.layer).zip(now.layers.get(at.layer));
+        both.is_some_and(|(a, b)| a.is_shared_with(b) || a == b)
+    }
+
+    /// X007 if anything was cut. `ending`: of the files.
+    pub fn warning(&self, sequences: &[MapSequence], ending: &str) -> Option<Warning> {
+        let (name, number) = self.first.as_ref()?;
+        let range = sequences.iter().find(|s| s.name == *name).map_or(0.0, |s| s.height_range);
+        let message = format!(
+            "{} texels of height maps ({ending}) lie above {} mm and are cut there, first in map sequence {name}, frame {number}; \
+             raise maps.height_range_m",
+            self.cut,
+            range * 1000.0
+        );
+        Some(Warning { code: "X007", message })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use osier_scene::MapTexels;
+
+    /// Maps of two by two texels: height, water alone, a weight and normals.
+    struct Texels {
+        height: Vec<f32>,
+        water: Vec<f32>,
+        wetness: Vec<f32>,
+        normal: Vec<[f32; 3]>,
+    }
+
+    impl Texels {
+        fn frame(self) -> MapFrame {
+            let scalar = |v| MapTexels::Scalar(Arc::new(v));
+            let normal = MapTexels::Vector(Arc::new(self.normal));
+            MapFrame { layers: vec![scalar(self.height), scalar(self.water), scalar(self.wetness), normal] }
+        }
+    }
+
+    /// Indices of the layers.
+    const HEIGHT: usize = 0;
+    const WATER: usize = 1;
+    const WETNESS: usize = 2;
+    const NORMAL: usize = 3;
+
+    fn sequence() -> MapSequence {
+        let layer = |name, encoding| MapLayer { name, file_kind: "exr", encoding };
+        let layers = vec![
+            layer("height", MapEncoding::Height),
+            layer("water", MapEncoding::Thickness),
+            layer("wetness", MapEncoding::Unit),
+            layer("normal", MapEncoding::Normal),
+        ];
+        MapSequence { name: "a".into(), side: 2, height_range: 0.002, layers, rest: None }
+    }
+
+    fn maps(height: f32) -> Texels {
+        Texels {
+            height: vec![0.0, height, 0.001, -1e-4],
+            water: vec![0.0, 0.0005, 0.002, 0.0],
+            wetness: vec![0.0, 0.25, 1.0, 0.5],
+            normal: vec![[0.0, 0.6, 0.8]; 4],
+        }
+    }
+
+    #[test]
+    fn numbers_are_brought_to_0_to_1_and_what_is_cut_is_counted() {
+        let at = |layer, maps: Texels| values(&sequence(), layer, &maps.frame(), 3).expect("good");
+        let height = at(HEIGHT, maps(0.003));
+        assert_eq!((height.samples, height.cut), (vec![0.0, 1.0, 0.5, 0.0], 1));
+        assert_eq!(at(WATER, maps(0.0)).samples, [0.0, 0.25, 1.0, 0.0]);
+        assert_eq!(at(NORMAL, maps(0.0)).samples[..3], [0.5, 0.8, 0.9]);
+    }
+
+    #[test]
+    fn what_no_map_may_hold_is_an_error_with_its_place() {
+        let bad = |f: &dyn Fn(&mut Texels), layer| {
+            let mut m = maps(0.0);
+            f(&mut m);
+            values(&sequence(), layer, &m.frame(), 3).expect_err("refused").to_string()
+        };
+        assert_eq!(bad(&|m| m.wetness[3] = 1.1, WETNESS), "X001: map sequence a, wetness, frame 3: texel 1, 1 is 1.1");
+        assert!(bad(&|m| m.wetness[0] = -1e-6, WETNESS).starts_with("X001"));
+        assert!(bad(&|m| m.water[2] = -1e-6, WATER).contains("texel 0, 1"));
+        assert!(bad(&|m| m.height[2] = f32::NAN, HEIGHT).starts_with("X001"));
+        assert!(bad(&|m| m.normal[1][2] = f32::INFINITY, NORMAL).contains("texel 1, 0"));
+        assert!(bad(&|m| m.height.truncate(3), HEIGHT).starts_with("X012"));
+    }
+
+    #[test]
+    fn only_what_changed_is_made_anew() {
+        let mut wetter = maps(0.003);
+        wetter.wetness[0] = 0.5;
+        let frames = [(1, maps(0.003).frame()), (2, maps(0.003).frame()), (3, wetter.frame())];
+        let mut encoder = MapEncoder::new(|_| vec![HEIGHT, WETNESS]);
+        let mut fresh = |(number, maps): &(u32, MapFrame)| -> Vec<bool> {
+            let now = vec![Some(maps.clone())];
+            let kept = encoder.frame(&[sequence()], *number, now, |_, layer, v| Ok((layer, v.samples.clone())));
+            kept.expect("good").iter().map(|k| k.fresh).collect()
+        };
+        assert_eq!(frames.each_ref().map(&mut fresh), [vec![true; 2], vec![false; 2], vec![false, true]]);
+        let warning = encoder.warning(&[sequence()], "exr").expect("cut in every frame");
+        assert!(warning.message.starts_with("3 texels") && warning.message.contains("frame 1"), "{}", warning.message);
+    }
+}

@@ -1,0 +1,82 @@
+//! Map sequences: 16-bit grey pictures of weights and heights, and the texture that a frame gives a coated material.
+
+use super::material::quoted;
+use crate::Warning;
+use crate::map_sequences::{EncodedMap, MapEncoder, Values};
+use crate::text::Text;
+use crate::textures;
+use osier_base::Result;
+use osier_base::files::Folder;
+use osier_scene::{Frame, Image, ImageKind, MapEncoding, MapLayer, MapSequence, Material, Pixels, Scene};
+
+/// Writes the pictures.
+#[derive(Debug)]
+pub(super) struct CoatWriter {
+    encoder: MapEncoder<Arc>,
+}
+
+/// Bytes of a picture.
+type Arc = std::sync::Arc<[u8]>;
+
+impl CoatWriter {
+    pub(super) fn new() -> Self {
+        // Weights first; POV-Ray has no use for normals, nor for the thickness of a coat beside the height.
+        let select = |sequence: &MapSequence| {
+            let encoded = |wanted| (0..sequence.layers.len()).filter(move |i| sequence.layers[*i].encoding == wanted);
+            encoded(MapEncoding::Unit).chain(encoded(MapEncoding::Height)).collect()
+        };
+        Self { encoder: MapEncoder::new(select) }
+    }
+
+    /// Writes a frame's pictures into `maps`, a folder with its `/`, and declares the textures of coated materials.
+    pub(super) fn frame(
+        &mut self,
+        text: &mut Text,
+        folder: &Folder,
+        maps: &str,
+        scene: &Scene,
+        number: u32,
+        frame: Option<&Frame>,
+    ) -> Result<()> {
+        let encoded = self.encoder.frame(&scene.map_sequences, number, scene.maps_at(frame), grey)?;
+        for EncodedMap { sequence, layer, file, .. } in &encoded {
+            let name = &scene.map_sequences[*sequence].name;
+            let path = format!("{maps}{name}/{}.{}.png", layer.name, scene.clip.tag(number));
+            if let Some(mut out) = folder.create(&path, "png", Some(number))? {
+                out.put(file)?;
+                out.commit()?;
+            }
+            for (i, _) in (0_u32..).zip(&scene.materials).filter(|(_, m)| is_weight(m, *sequence, *layer)) {
+                text.put("#declare M_").int(i).put(" = texture { uv_mapping image_pattern { png ").put(&quoted(&path));
+                text.put(" interpolate 2 } texture_map { [0 D_").int(i).put("] [1 W_").int(i).put("] } }\n");
+            }
+        }
+        Ok(())
+    }
+
+    /// What was cut.
+    pub(super) fn warning(&self, scene: &Scene) -> Option<Warning> {
+        self.encoder.warning(&scene.map_sequences, "png")
+    }
+}
+
+/// True if a layer holds the weight of a material's coat.
+fn is_weight(material: &Material, sequence: usize, layer: MapLayer) -> bool {
+    material.coat.is_some_and(|c| c.sequence as usize == sequence && c.weight == layer.name)
+}
+
+/// A map as a picture of 16 bits: POV-Ray takes 2 bytes a texel for it, and 20 for an EXR file.
+fn grey(sequence: &MapSequence, layer: MapLayer, values: &Values) -> Result<Arc> {
+    let side = u32::try_from(sequence.side).unwrap_or(u32::MAX);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..1")]
+    let pixels = values.samples.iter().map(|v| (v * 65535.0 + 0.5) as u16).collect();
+    let name = format!("{}, {}", sequence.name, layer.name);
+    textures::png(&Image {
+        name,
+        kind: ImageKind::Data,
+        width: side,
+        height: side,
+        channels: 1,
+        pixels: Pixels::U16(pixels),
+    })
+}

@@ -1,0 +1,126 @@
+//! Map sequences: maps over the texture coordinates of a surface that change from frame to frame, such as the height of water on
+//! a leaf. The simulation that fills a sequence names its layers, exporters write whatever they find.
+
+use std::sync::Arc;
+
+use super::{Frame, Scene};
+
+/// What the numbers of a map are, which of them are admitted, and how files hold them from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MapEncoding {
+    /// Height over the surface, m; held as a share of the sequence's range of heights, what lies below the surface as 0.
+    Height,
+    /// Thickness of a coat, m, not negative; held as a share of the sequence's range of heights.
+    Thickness,
+    /// A share or weight from 0 to 1; held as it is.
+    Unit,
+    /// Unit normals in tangent space: along u, along v, out; held as 0.5 n + 0.5.
+    Normal,
+}
+
+/// A map of a sequence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MapLayer {
+    /// File stem, `[a-z0-9_]+`, unique in the sequence.
+    pub name: &'static str,
+    /// Kind of its files in the manifest, `exr.NAME`.
+    pub file_kind: &'static str,
+    /// What its numbers are.
+    pub encoding: MapEncoding,
+}
+
+/// Maps of one surface at all frames.
+#[derive(Debug, Clone)]
+pub struct MapSequence {
+    /// Folder in `maps/`, `[a-z0-9_]+`, unique in the scene: `twig_l0012`.
+    pub name: String,
+    /// Texels of a side.
+    pub side: usize,
+    /// Height that 1 in a map of heights stands for, m.
+    pub height_range: f32,
+    /// Its maps, in the order in which files are written.
+    pub layers: Vec<MapLayer>,
+    /// The maps where nothing moves; none before the first frame.
+    pub rest: Option<MapFrame>,
+}
+
+/// Texels of a map, row 0 at v = 1. Frames share the memory of maps that stay the same.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MapTexels {
+    /// One number per texel.
+    Scalar(Arc<Vec<f32>>),
+    /// Three numbers per texel.
+    Vector(Arc<Vec<[f32; 3]>>),
+}
+
+/// Maps of one surface at one frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MapFrame {
+    /// `side * side` texels for each layer of the sequence.
+    pub layers: Vec<MapTexels>,
+}
+
+impl MapEncoding {
+    /// Numbers of a texel.
+    pub fn channels(self) -> usize {
+        if self == Self::Normal { 3 } else { 1 }
+    }
+}
+
+impl MapSequence {
+    /// Index of the layer of a name.
+    pub fn layer(&self, name: &str) -> Option<usize> {
+        self.layers.iter().position(|l| l.name == name)
+    }
+
+    /// Index of the first layer with an encoding.
+    pub fn layer_encoded(&self, encoding: MapEncoding) -> Option<usize> {
+        self.layers.iter().position(|l| l.encoding == encoding)
+    }
+
+    /// Texels of one map.
+    pub fn texels(&self) -> usize {
+        self.side.saturating_mul(self.side)
+    }
+}
+
+impl MapTexels {
+    /// All numbers, texel after texel.
+    pub fn as_flat(&self) -> &[f32] {
+        match self {
+            Self::Scalar(v) => v,
+            Self::Vector(v) => v.as_flattened(),
+        }
+    }
+
+    /// True if both are the same memory, and hence equal.
+    pub fn is_shared_with(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Scalar(a), Self::Scalar(b)) => Arc::ptr_eq(a, b),
+            (Self::Vector(a), Self::Vector(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
+impl MapFrame {
+    /// The numbers of a layer of single numbers.
+    pub fn scalars(&self, layer: usize) -> Option<&Arc<Vec<f32>>> {
+        if let MapTexels::Scalar(v) = self.layers.get(layer)? { Some(v) } else { None }
+    }
+
+    /// The vectors of a layer of normals.
+    pub fn vectors(&self, layer: usize) -> Option<&Arc<Vec<[f32; 3]>>> {
+        if let MapTexels::Vector(v) = self.layers.get(layer)? { Some(v) } else { None }
+    }
+}
+
+impl Scene {
+    /// The maps of each sequence at a frame: the frame's, or those at rest.
+    pub fn maps_at(&self, frame: Option<&Frame>) -> Vec<Option<MapFrame>> {
+        let one = |(i, sequence): (usize, &MapSequence)| {
+            frame.and_then(|f| f.maps.get(i)).or(sequence.rest.as_ref()).cloned()
+        };
+        self.map_sequences.iter().enumerate().map(one).collect()
+    }
+}
