@@ -29,12 +29,14 @@ const SIDE: u32 = 1024;
 /// What growth and skin refuse.
 pub fn build_billboards(
     look: &mut MaterialSet,
-    (plant, name): (&PlantRecipe, &str),
-    (stems, keys): (&TreeSystem, &IfsTreeKeys),
+    plant: &PlantRecipe,
+    name: &str,
+    stems: &TreeSystem,
+    keys: &IfsTreeKeys,
     seed: u64,
     context: &BakeContext<'_>,
 ) -> Result<SubtreeBillboards> {
-    let base = tree_options(plant, (stems, keys), look);
+    let base = tree_options(plant, stems, keys, look);
     let eps = (keys.eps * f64::from(1_u32 << keys.lod.min(16))).min(1.0);
     let limits = ifs::word_limits(&base, context.limits);
     let told = |d: Box<osier_base::diagnostic::Diagnostic>| {
@@ -56,7 +58,7 @@ pub fn build_billboards(
             ..base.clone()
         };
         let key = mix64(&[seed, word(&plant.name), word("card"), u64::from(*variant)]);
-        subtree((stems, plant), &options, (*variant, key), (tile, context))
+        subtree_mesh(stems, plant, &options, (*variant, key), tile, context)
     })
     .into_iter()
     .collect::<Result<_>>()?;
@@ -78,11 +80,13 @@ pub fn build_billboards(
 }
 
 /// Bark and leaves of one subtree, m, on materials of the plant.
-fn subtree(
-    (stems, plant): (&TreeSystem, &PlantRecipe),
+fn subtree_mesh(
+    stems: &TreeSystem,
+    plant: &PlantRecipe,
     options: &TreeOptions,
     individual: (u32, u64),
-    (tile, context): (f32, &BakeContext<'_>),
+    tile: f32,
+    context: &BakeContext<'_>,
 ) -> Result<Mesh> {
     let grown = ifs::grow(stems, individual, options, context.limits)?;
     branchlet_mesh(&grown, &branch_skin_options(plant, tile, context))

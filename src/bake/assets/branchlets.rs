@@ -20,7 +20,8 @@ use osier_scene::{Mesh, Trs};
 pub fn add_branchlet_meshes(
     tree: &mut Plant,
     twigs: &[Branchlet],
-    (recipe, tile): (&PlantRecipe, f32),
+    recipe: &PlantRecipe,
+    tile: f32,
     context: &BakeContext<'_>,
 ) -> Result<()> {
     let options = branch_skin_options(recipe, tile, context);

@@ -62,16 +62,16 @@ pub struct CatkinModel {
 impl CatkinModel {
     /// What instances show: the level shown, and those beside it. `first`: index in the scene of the first of [`materials`].
     pub fn prototype(&self, levels: &CatkinLods, first: u32) -> Prototype {
-        let mut proto = self.at(levels.shown, (levels, first));
+        let mut proto = self.level_prototype(levels.shown, levels, first);
         if !levels.others.is_empty() {
-            let named = |lod: u32| Prototype { level: format!("lod{lod}"), ..self.at(lod, (levels, first)) };
+            let named = |lod: u32| Prototype { level: format!("lod{lod}"), ..self.level_prototype(lod, levels, first) };
             proto = Prototype { others: levels.others.iter().map(|l| named(*l)).collect(), ..named(levels.shown) };
         }
         proto
     }
 
     /// One level: 0 curves, 1 tubes, 2 ribbons, 3 fewer ribbons, 4 three crossed pictures, 5 one.
-    fn at(&self, lod: u32, (levels, first): (&CatkinLods, u32)) -> Prototype {
+    fn level_prototype(&self, lod: u32, levels: &CatkinLods, first: u32) -> Prototype {
         let mut proto = match lod {
             0 => self.tuft.curves_prototype(&self.name),
             1 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Tubes)),

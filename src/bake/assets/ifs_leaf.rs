@@ -33,14 +33,16 @@ pub fn build_ifs_leaf(
     look: &mut MaterialSet,
     recipe: &OrganRecipe,
     table: &Ifs,
-    (plant, name, seed): (&str, &str, u64),
+    plant: &str,
+    name: &str,
+    seed: u64,
 ) -> Result<OrganSpec> {
     let keys = &recipe.keys;
     let (spec, colors) = parameters(keys);
     let made = recipe.drawn.get_or_init(|| leaf::mapped(table, &spec, &colors));
     let made = made.as_ref().map_err(|d| told((**d).clone()))?;
     let size = keys.size.unwrap_or(SIZE);
-    let (material, images) = surface(made, &colors, keys, (&format!("{plant}_{name}"), size));
+    let (material, images) = leaf_material(made, &colors, keys, &format!("{plant}_{name}"), size);
     let id = look.add(material, images);
     let mut draw = Rng::at(mix64(&[seed, word(plant), word(name)]), &["ifs-blade".into()]);
     let petiole = keys.petiole.unwrap_or(0.18 * size);
@@ -105,11 +107,12 @@ fn told(d: Diagnostic) -> Error {
     Error::Input(Box::new(report))
 }
 
-fn surface(
+fn leaf_material(
     made: &DrawnLeaf,
     colors: &LeafColors,
     keys: &OrganKeys,
-    (name, size): (&str, f64),
+    name: &str,
+    size: f64,
 ) -> (Material, Vec<Image>) {
     let image = |kind, suffix: &str, channels, pixels| Image {
         name: format!("{name}_{suffix}"),

@@ -51,12 +51,12 @@ pub fn grow_plant(
     let grammar = match &recipe.growth {
         Growth::Grammar(grammar) => grammar,
         Growth::Ifs(stems, keys) => {
-            let options = tree_options(recipe, (stems, keys), look);
+            let options = tree_options(recipe, stems, keys, look);
             let of = (individual.id, individual.seed);
             let plant = if keys.twigs {
                 let (mut tree, twigs) = ifs::branchlets::grow(stems, of, &options, context.limits)?;
                 let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
-                branchlets::add_branchlet_meshes(&mut tree, &twigs, (recipe, tile), context)?;
+                branchlets::add_branchlet_meshes(&mut tree, &twigs, recipe, tile, context)?;
                 tree
             } else {
                 ifs::grow(stems, of, &options, context.limits)?
@@ -88,7 +88,8 @@ pub fn grow_plant(
 
 pub(crate) fn tree_options(
     recipe: &PlantRecipe,
-    (stems, keys): (&TreeSystem, &IfsTreeKeys),
+    stems: &TreeSystem,
+    keys: &IfsTreeKeys,
     look: &MaterialSet,
 ) -> ifs::TreeOptions {
     let short = |v: u32| u16::try_from(v).unwrap_or(u16::MAX);

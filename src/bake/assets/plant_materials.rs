@@ -37,7 +37,7 @@ const LEAF_LIGHT: f32 = 0.3;
 pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>) -> Result<MaterialSet> {
     let mut look = MaterialSet::default();
     if let Growth::Mesh(import, keys) = &plant.growth {
-        return mesh_plant_materials(plant, (import, keys), seed, context.cancel);
+        return mesh_plant_materials(plant, import, keys, seed, context.cancel);
     }
     let tuft = matches!(&plant.growth, Growth::Grammar(grammar) if grammar.is_tuft());
     let [bark_grain, shoot_grain] = &plant.grains;
@@ -54,8 +54,8 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
     for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
         let organ = match (&recipe.mesh, &recipe.ifs) {
             (Some(mesh), _) => imported_organ(&mut look, mesh, recipe, &plant.id, &name),
-            (None, Some(table)) => ifs_leaf::build_ifs_leaf(&mut look, recipe, table, (&plant.id, &name, seed))?,
-            (None, None) => build_leaf(&mut look, recipe, (&plant.id, &name, seed), plant.rods.is_some())?,
+            (None, Some(table)) => ifs_leaf::build_ifs_leaf(&mut look, recipe, table, &plant.id, &name, seed)?,
+            (None, None) => build_leaf(&mut look, recipe, &plant.id, &name, seed, plant.rods.is_some())?,
         };
         look.organs.insert(recipe.letter, organ);
         look.names.push(name);
@@ -66,7 +66,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
     if let (Growth::Ifs(stems, keys), Some(card)) = (&plant.growth, plant.organs.iter().position(|o| o.letter == CARD))
     {
         let name = organ_names(plant).swap_remove(card);
-        look.cards = Some(billboards::build_billboards(&mut look, (plant, &name), (stems, keys), seed, context)?);
+        look.cards = Some(billboards::build_billboards(&mut look, plant, &name, stems, keys, seed, context)?);
         look.names.push(name);
     }
     if matches!(&plant.growth, Growth::Ifs(_, keys) if keys.twigs) {
@@ -99,7 +99,8 @@ fn add_stalk(look: &mut MaterialSet, plant: &str) {
 /// An artist's plant with its own materials, and the skeleton that is found in it.
 fn mesh_plant_materials(
     plant: &PlantRecipe,
-    (import, keys): (&Imported, &ImportedMeshKeys),
+    import: &Imported,
+    keys: &ImportedMeshKeys,
     seed: u64,
     cancel: &Cancel,
 ) -> Result<MaterialSet> {
@@ -158,7 +159,9 @@ fn add_imported(look: &mut MaterialSet, import: &Imported, prefix: &str) -> u32 
 fn build_leaf(
     look: &mut MaterialSet,
     recipe: &OrganRecipe,
-    (plant, name, seed): (&str, &str, u64),
+    plant: &str,
+    name: &str,
+    seed: u64,
     bare: bool,
 ) -> Result<OrganSpec> {
     let keys = &recipe.keys;

@@ -53,7 +53,8 @@ pub fn mark_shader_wind(recipe: &Recipe, layout: &PlantLayout, kinds: &mut [Plan
 pub fn build_plant_asset(
     grown: &GrownPlant,
     recipe: &PlantRecipe,
-    (kind, individual): (&PlantMaterials, &Individual),
+    kind: &PlantMaterials,
+    individual: &Individual,
     moving: Option<(&PlantWind, Trs)>,
     context: &BakeContext<'_>,
 ) -> Result<(Asset, Option<SwayMotion>)> {
@@ -68,9 +69,8 @@ pub fn build_plant_asset(
             let manner = air.manner(&recipe.wood, stand);
             let separate = groups.iter().filter(|_| !shaded);
             let leaves: Vec<FlutterGroup> = separate.map(|(o, organs)| FlutterGroup::of(recipe, *o, organs)).collect();
-            let limits = (context.limits, context.cancel);
             let shown = SwaySurface { points: &mesh.points, bindings: &bindings, leaves: &leaves };
-            Some(SwayMotion::new(plant, &recipe.keys, (air, manner), &shown, limits)?)
+            Some(SwayMotion::new(plant, &recipe.keys, air, manner, &shown, context)?)
         }
         None => None,
     };
@@ -82,15 +82,14 @@ pub fn build_plant_asset(
     };
     let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
     let separate = groups.iter().filter(|_| !shaded);
-    let instancers = separate.map(|(o, organs)| instancer(plant, kind, (*o, organs), joint_motion(organs, rig)));
+    let instancers = separate.map(|(o, organs)| instancer(plant, kind, *o, organs, joint_motion(organs, rig)));
     let mut merged = Vec::new();
     if shaded || kind.shader_wind {
         mesh.attributes = WindWeights::new(plant).bark(&bindings);
     }
     if shaded {
         let attributes = WindWeights::new(plant);
-        merged =
-            groups.iter().map(|(o, organs)| merged_leaves(&attributes, kind, (*o, organs), (rig, motion))).collect();
+        merged = groups.iter().map(|(o, organs)| merged_leaves(&attributes, kind, *o, organs, rig, motion)).collect();
     }
     let bark = MeshObject { name: "bark".into(), mesh, motion, skin: weights };
     let asset = Asset {
@@ -159,8 +158,10 @@ pub fn group_organs<'a>(plant: &'a Plant, kind: &PlantMaterials) -> BTreeMap<usi
 fn merged_leaves(
     attributes: &WindWeights<'_>,
     kind: &PlantMaterials,
-    (organ, organs): (usize, &[&Organ]),
-    (rig, motion): (Option<&JointRig>, MeshMotion),
+    organ: usize,
+    organs: &[&Organ],
+    rig: Option<&JointRig>,
+    motion: MeshMotion,
 ) -> MeshObject {
     let (mesh, sizes) = attributes.leaves(organs, kind.first_material);
     let skin = rig.map(|rig| {
@@ -188,7 +189,8 @@ fn joint_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
 pub fn instancer(
     plant: &Plant,
     kind: &PlantMaterials,
-    (organ, organs): (usize, &[&Organ]),
+    organ: usize,
+    organs: &[&Organ],
     motion: InstancerMotion,
 ) -> Instancer {
     let mine: Vec<usize> =

@@ -1,35 +1,30 @@
-//! Air that a bake keeps after its run-up, so that a stopped bake, or the next of the same wind, need not run up again.
+//! The lattice wind after its spin-up, stored so that a stopped bake, or the next one with the same wind, need not spin up again.
 //!
-//! `wind/air_KEY.state` holds a line that says what it is, the hash of what follows, and the lattice's state; KEY is of its
-//! options, seed and solid cells. What does not fit in every byte is made again, and said.
+//! `wind/air_KEY.state` holds a line that says what it is, the hash of what follows, and the state of the lattice; KEY hashes the
+//! options, seed and solid cells. A file that differs in any byte is not used: the bake spins up again and says so.
 
+use crate::bake::BakeContext;
 use osier_base::Result;
-use osier_base::files::{BakeCache, Folder, read_below};
+use osier_base::files::{Folder, read_below};
 use osier_base::limits::Limits;
-use osier_base::progress::{Cancel, Progress};
 use osier_export::GENERATOR;
 use osier_scene::solid::Solid;
 use osier_wind::{LatticeOptions, LatticeSolver};
 
-/// A lattice that stands before its run-up or, where a folder keeps it, after it: as it was found there, or run up and kept.
+/// Without a cache, a lattice before its spin-up; with one, the lattice after it, loaded from the cache or simulated and stored there.
 /// # Errors
 /// Those of [`LatticeSolver::new`] and [`LatticeSolver::spin_up`]; what cannot be written.
-pub fn load_or_spin_up(
-    (options, solids): (&LatticeOptions, &[Solid]),
-    shelf: Option<&BakeCache>,
-    limits: &Limits,
-    (progress, cancel): (&dyn Progress, &Cancel),
-) -> Result<LatticeSolver> {
-    let mut lattice = LatticeSolver::new(options, solids, limits)?;
-    let Some(shelf) = shelf else { return Ok(lattice) };
-    let folder = shelf.folder();
+pub fn load_or_spin_up(options: &LatticeOptions, solids: &[Solid], context: &BakeContext<'_>) -> Result<LatticeSolver> {
+    let mut lattice = LatticeSolver::new(options, solids, context.limits)?;
+    let Some(cache) = context.cache else { return Ok(lattice) };
+    let folder = cache.folder();
     let path = format!("wind/air_{:016x}.state", lattice.fingerprint());
-    match load(&mut lattice, folder, (&path, limits)) {
+    match load(&mut lattice, folder, &path, context.limits) {
         Ok(true) => {}
-        Ok(false) => lattice.spin_up(progress, cancel)?,
+        Ok(false) => lattice.spin_up(context.progress, context.cancel)?,
         Err(why) => {
-            shelf.say(format!("\"{path}\" {why}: the air runs up again"));
-            lattice.spin_up(progress, cancel)?;
+            cache.say(format!("\"{path}\" {why}: the air runs up again"));
+            lattice.spin_up(context.progress, context.cancel)?;
         }
     }
     folder.write(&path, "state.wind", &file_bytes(&lattice.save_state()))?;
@@ -40,7 +35,8 @@ pub fn load_or_spin_up(
 fn load(
     lattice: &mut LatticeSolver,
     folder: &Folder,
-    (path, limits): (&str, &Limits),
+    path: &str,
+    limits: &Limits,
 ) -> std::result::Result<bool, &'static str> {
     // Beside the air there are a few lines.
     let most = lattice.bytes().saturating_add(limits.get("text-bytes"));

@@ -89,8 +89,10 @@ pub struct SkinBinding {
 pub fn build_rod_plant(
     grown: &GrownPlant,
     recipe: &PlantRecipe,
-    (kind, individual): (&PlantMaterials, &Individual),
-    (stand, clock): (Trs, (f64, u32)),
+    kind: &PlantMaterials,
+    individual: &Individual,
+    stand: Trs,
+    clock: (f64, u32),
     g: f64,
     context: &BakeContext<'_>,
 ) -> Result<RodPlantAsset> {
@@ -98,7 +100,7 @@ pub fn build_rod_plant(
     let own = RodPlantKeys::defaults();
     let keys = recipe.rods.as_ref().unwrap_or(&own);
     let plant = &grown.plant;
-    let grain = discretisation(plant, recipe, (kind, keys), g);
+    let grain = discretisation(plant, recipe, kind, keys, g);
     let boughs = RodPlant::new(plant, &stand, &grain, &individual.asset).with_frame_clock(clock.0, clock.1);
     let (mesh, bindings) = bark(grown, recipe, kind, context)?;
     let most = if recipe.keys.motion == BarkMotion::Game {
@@ -120,7 +122,7 @@ pub fn build_rod_plant(
     };
     let mut shown = vec![("bark".to_owned(), mesh, bindings.iter().map(around).collect::<Vec<_>>())];
     for (organ, leaves) in groups.keys().zip(&dressing.groups) {
-        let (mesh, bound) = stalks(plant, &boughs, (&dressing, leaves), kind.first_material);
+        let (mesh, bound) = petiole_mesh(plant, &boughs, &dressing, leaves, kind.first_material);
         if !mesh.points.is_empty() {
             shown.push((format!("{}_stalks", instancer_name(kind, *organ)), mesh, bound));
         }
@@ -137,7 +139,7 @@ pub fn build_rod_plant(
     let instancers = groups
         .iter()
         .zip(&dressing.groups)
-        .map(|((o, organs), leaves)| instancer(plant, kind, (*o, organs), riding(leaves)));
+        .map(|((o, organs), leaves)| instancer(plant, kind, *o, organs, riding(leaves)));
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
@@ -155,7 +157,8 @@ pub fn build_rod_plant(
 fn discretisation(
     plant: &Plant,
     recipe: &PlantRecipe,
-    (kind, keys): (&PlantMaterials, &RodPlantKeys),
+    kind: &PlantMaterials,
+    keys: &RodPlantKeys,
     g: f64,
 ) -> RodPlantParams {
     let radius = |proto: usize| {
@@ -197,10 +200,11 @@ fn diagnostics(boughs: &RodPlant, name: &str, keys: &RodPlantKeys) -> Vec<Diagno
 }
 
 /// Stalks of some leaves as one mesh. They wear what their blades do, at the place where these begin.
-fn stalks(
+fn petiole_mesh(
     plant: &Plant,
     boughs: &RodPlant,
-    (dressing, leaves): (&SkinBinding, &[usize]),
+    dressing: &SkinBinding,
+    leaves: &[usize],
     first_material: u32,
 ) -> (Mesh, Vec<VertexBinding>) {
     let (mut mesh, mut bound) = (Mesh::default(), Vec::new());
@@ -324,7 +328,7 @@ impl SkinBinding {
         let meshes = asset.meshes.iter().zip(&self.bound);
         AssetFrame {
             pose: [Trs::IDENTITY].into_iter().chain(self.jointed.iter().map(joint)).collect(),
-            meshes: meshes.map(|(m, bound)| self.points(&m.mesh, bound, (&now, rods))).collect(),
+            meshes: meshes.map(|(m, bound)| self.posed_points(&m.mesh, bound, &now, rods)).collect(),
             instancers: self.groups.iter().map(|leaves| InstancerFrame::State(self.leaves(leaves, plant))).collect(),
             ..AssetFrame::default()
         }
@@ -343,7 +347,7 @@ impl SkinBinding {
         }
     }
 
-    fn points(&self, mesh: &Mesh, bound: &[VertexBinding], (now, rods): (&[(Vec3, Quat)], &RodSystem)) -> MeshFrame {
+    fn posed_points(&self, mesh: &Mesh, bound: &[VertexBinding], now: &[(Vec3, Quat)], rods: &RodSystem) -> MeshFrame {
         if bound.is_empty() {
             return MeshFrame::Same;
         }

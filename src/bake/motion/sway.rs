@@ -4,15 +4,14 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 
+use crate::bake::BakeContext;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::scene::{BarkMotion, PlantKeys};
 use crate::recipe::{Growth, PlantRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
-use osier_base::limits::Limits;
 use osier_base::math::narrow;
-use osier_base::progress::Cancel;
 use osier_motion::sway::{
     BeamElements, BendTrack, ElementBudget, ElementLocation, JointRig, LeafFlutter, OrganBindings, PaperSimulation,
     PointBinding, PosedSkeleton, SwayParams,
@@ -36,15 +35,15 @@ pub struct SwayMotion {
     /// One per instancer, in the instancer's order of organs.
     leaves: Vec<LeafMotion>,
     wind: Arc<dyn Wind>,
-    manner: SwayParams,
+    params: SwayParams,
 }
 
 /// Leaves of one instancer.
 #[derive(Debug, Clone)]
 struct LeafMotion {
     flutter: LeafFlutter,
-    hangers: OrganBindings,
-    spots: Vec<ElementLocation>,
+    bindings: OrganBindings,
+    locations: Vec<ElementLocation>,
 }
 
 /// The organs of one instancer, with what the recipe says of their flutter.
@@ -75,9 +74,12 @@ pub struct SwaySurface<'a> {
     pub leaves: &'a [FlutterGroup<'a>],
 }
 
-/// Bends half a frame before, now, and half a frame later.
+/// The bends of all elements around one frame.
 struct SwaySample {
+    /// Half a frame before, at the frame, and half a frame after it.
     bends: [Vec<[f32; 2]>; 3],
+    /// Rotation of each element's base half a frame before and after.
+    base_rotations: [Vec<Quat>; 2],
     seconds: f64,
     step: f32,
 }
@@ -89,10 +91,12 @@ impl SwayMotion {
     pub fn new(
         plant: &Plant,
         keys: &PlantKeys,
-        (air, manner): (&PlantWind, SwayParams),
-        shown: &SwaySurface<'_>,
-        (limits, cancel): (&Limits, &Cancel),
+        air: &PlantWind,
+        params: SwayParams,
+        surface: &SwaySurface<'_>,
+        context: &BakeContext<'_>,
     ) -> Result<Self> {
+        let (limits, cancel) = (context.limits, context.cancel);
         let cached = keys.motion == BarkMotion::Cache;
         let most = if keys.motion == BarkMotion::Game { MAX_GAME_JOINTS } else { u32::MAX };
         let joints = keys.max_joints.min(most) as usize;
@@ -101,7 +105,7 @@ impl SwayMotion {
             BarkMotion::Game => ElementBudget::Coarse(joints),
             BarkMotion::Skin | BarkMotion::Static | BarkMotion::Still => ElementBudget::Joints(joints),
         };
-        let elements = BeamElements::build(plant, &manner.wood, budget);
+        let elements = BeamElements::build(plant, &params.wood, budget);
         osier_motion::sway::check_key_limit(&elements, air.take, limits)?;
         let take = if air.draft {
             osier_motion::sway::ClipOptions { frames: 1, repeats: false, from_rest: true, ..air.take }
@@ -110,29 +114,29 @@ impl SwayMotion {
         };
         let track = match air.paper {
             Some(paper) => {
-                let simulation = PaperSimulation::new(plant, &elements, &*air.wind, manner, paper);
+                let simulation = PaperSimulation::new(plant, &elements, &*air.wind, params, paper);
                 BendTrack::record_as_printed(simulation, take, limits, cancel)?
             }
-            None => BendTrack::record(&elements, &*air.wind, manner, take, limits, cancel)?,
+            None => BendTrack::record(&elements, &*air.wind, params, take, limits, cancel)?,
         };
         let foliage = |l: &FlutterGroup<'_>| {
             let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
-            let speed = air.wind.mean_at(manner.stand.apply(Vec3::Y * middle).y).length();
+            let speed = air.wind.mean_at(params.stand.apply(Vec3::Y * middle).y).length();
             let flutter = LeafFlutter::new(l.organs, speed, air.wind.period(), l.flutter);
             LeafMotion {
                 flutter: if air.paper.is_some() { flutter.as_printed() } else { flutter },
-                hangers: OrganBindings::new(plant, l.organs),
-                spots: l.organs.iter().map(|o| elements.locate(o.axis, o.s)).collect(),
+                bindings: OrganBindings::new(plant, l.organs),
+                locations: l.organs.iter().map(|o| elements.locate(o.axis, o.s)).collect(),
             }
         };
         Ok(Self {
             rig: JointRig::build(plant, &elements, joints),
-            body: cached.then(|| PointBinding::new(plant, &elements, shown.points, shown.bindings)),
-            leaves: shown.leaves.iter().map(foliage).collect(),
+            body: cached.then(|| PointBinding::new(plant, &elements, surface.points, surface.bindings)),
+            leaves: surface.leaves.iter().map(foliage).collect(),
             wind: Arc::clone(&air.wind),
             elements,
             track,
-            manner,
+            params,
         })
     }
 
@@ -145,78 +149,79 @@ impl SwayMotion {
     fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         let (number, step) = (seconds / step, narrow(step));
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
-        let moment = SwaySample { bends, seconds, step };
-        let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &moment.bends[1]), ..AssetFrame::default() };
-        let posture = self.body.as_ref().map(|body| body.pose(&self.elements, &moment.bends[1]));
-        if let Some((body, posture)) = self.body.as_ref().zip(posture.as_ref()) {
-            frame.meshes = self.meshes(asset, (body, posture), &moment);
+        let base_rotations = [&bends[0], &bends[2]].map(|b| self.elements.base_rotations(b));
+        let sample = SwaySample { bends, base_rotations, seconds, step };
+        let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
+        let skeleton = self.body.as_ref().map(|body| body.pose(&self.elements, &sample.bends[1]));
+        if let Some((body, skeleton)) = self.body.as_ref().zip(skeleton.as_ref()) {
+            frame.meshes = self.meshes(asset, body, skeleton, &sample);
         }
-        let around = [&moment.bends[0], &moment.bends[2]].map(|b| self.elements.base_rotations(b));
-        frame.instancers = (0..asset.instancers.len())
-            .map(|i| self.instancer(asset, i, (&frame, posture.as_ref()), (&moment, &around)))
-            .collect();
+        frame.instancers =
+            (0..asset.instancers.len()).map(|i| self.instancer(asset, i, &frame, skeleton.as_ref(), &sample)).collect();
         frame
     }
 
+    /// Points, normals and velocities of the meshes that deform.
     fn meshes(
         &self,
         asset: &Asset,
-        (body, posture): (&PointBinding, &PosedSkeleton),
-        moment: &SwaySample,
+        body: &PointBinding,
+        skeleton: &PosedSkeleton,
+        sample: &SwaySample,
     ) -> Vec<MeshFrame> {
         let one = |m: &osier_scene::MeshObject| {
             if m.motion != MeshMotion::Deforming {
                 return MeshFrame::Same;
             }
-            let [before, after] = [0, 2].map(|k| body.bark(&body.pose(&self.elements, &moment.bends[k])));
+            let [before, after] = [0, 2].map(|k| body.bark(&body.pose(&self.elements, &sample.bends[k])));
             MeshFrame::Points {
-                points: body.bark(posture),
-                normals: body.normals(posture, &m.mesh.normals),
-                velocities: before.iter().zip(&after).map(|(a, b)| (*b - *a) / moment.step).collect(),
+                points: body.bark(skeleton),
+                normals: body.normals(skeleton, &m.mesh.normals),
+                velocities: before.iter().zip(&after).map(|(a, b)| (*b - *a) / sample.step).collect(),
             }
         };
         asset.meshes.iter().map(one).collect()
     }
 
+    /// Places of one instancer's leaves, with their flutter.
     fn instancer(
         &self,
         asset: &Asset,
         i: usize,
-        (frame, posture): (&AssetFrame, Option<&PosedSkeleton>),
-        (moment, around): (&SwaySample, &[Vec<Quat>; 2]),
+        frame: &AssetFrame,
+        skeleton: Option<&PosedSkeleton>,
+        sample: &SwaySample,
     ) -> InstancerFrame {
         let (Some(instancer), Some(leaves)) = (asset.instancers.get(i), self.leaves.get(i)) else {
             return InstancerFrame::Same;
         };
-        let mut state = match posture {
-            Some(posture) => {
-                let (positions, orientations) = leaves.hangers.at(posture);
+        let mut state = match skeleton {
+            Some(skeleton) => {
+                let (positions, orientations) = leaves.bindings.at(skeleton);
                 InstanceState { positions, orientations, ..InstanceState::default() }
             }
             None => instance_states(asset, instancer, i, frame).into_owned(),
         };
-        self.flutter(leaves, &mut state, (moment, around));
+        self.flutter(leaves, &mut state, sample);
         InstancerFrame::State(state)
     }
 
     /// Lets leaves flutter about where their twigs hold them.
-    fn flutter(
-        &self,
-        leaves: &LeafMotion,
-        state: &mut InstanceState,
-        (moment, around): (&SwaySample, &[Vec<Quat>; 2]),
-    ) {
-        let stand = self.manner.stand;
+    fn flutter(&self, leaves: &LeafMotion, state: &mut InstanceState, sample: &SwaySample) {
+        let stand = self.params.stand;
         let places: Vec<Vec3> = state.positions.iter().map(|p| stand.apply(*p)).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
-        self.wind.sample(&places, moment.seconds, &mut air);
+        self.wind.sample(&places, sample.seconds, &mut air);
         for (k, q) in state.orientations.iter_mut().enumerate() {
-            let spot = leaves.spots[k];
+            let spot = leaves.locations[k];
             let wind = stand.r.conjugate() * air[k] * self.elements.wind_exposure(spot);
-            let [before, after] = [0, 1].map(|n| self.elements.rotation_at(&around[n], &moment.bends[2 * n], spot));
+            let [before, after] =
+                [0, 1].map(|n| self.elements.rotation_at(&sample.base_rotations[n], &sample.bends[2 * n], spot));
+            // Angular velocity of the twig over the frame, for small turns: twice the vector part of the rotation from half a frame
+            // before to half a frame after, divided by the frame's length.
             let turned = after * before.conjugate();
-            let spin = turned.xyz() * (2.0 * turned.w.signum() / moment.step);
-            *q = leaves.flutter.turned(k, *q, moment.seconds, osier_motion::sway::LeafAir { wind, spin }).normalize();
+            let spin = turned.xyz() * (2.0 * turned.w.signum() / sample.step);
+            *q = leaves.flutter.turned(k, *q, sample.seconds, osier_motion::sway::LeafAir { wind, spin }).normalize();
         }
     }
 }

@@ -369,7 +369,7 @@ fn add_plants(
         let stand = stands.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let still = matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static);
         let clock = (recipe.clip.fps(), recipe.clip.start);
-        let rods = || build_rod_plant(grown, plant, (kind, individual), (stand, clock), recipe.gravity(), context);
+        let rods = || build_rod_plant(grown, plant, kind, individual, stand, clock, recipe.gravity(), context);
         let springs = plant.rods.is_some() && !still;
         let dressed = if springs && recipe.rain.is_some() && recipe.clip.len() > 1 {
             let rod_plants = rods()?;
@@ -385,7 +385,7 @@ fn add_plants(
         } else if plant.rods.is_some() {
             BuiltPlant::new(rods()?.stilled(), Vec::new())
         } else {
-            let (asset, mover) = build_plant_asset(grown, plant, (kind, individual), air.map(|a| (a, stand)), context)?;
+            let (asset, mover) = build_plant_asset(grown, plant, kind, individual, air.map(|a| (a, stand)), context)?;
             BuiltPlant {
                 clamped_angles: mover.as_ref().map_or(0, SwayMotion::clamped),
                 motion: mover.map(|m| Arc::new(m) as Arc<dyn AssetMotion>),

@@ -58,7 +58,7 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
             let kind = copy % kinds.max(1) as usize;
             // Copies that share a motion lean one way: they face the wind alike.
             let transform =
-                stand(recipe.general.seed, index, (copy, if recipe.moves { kind } else { copy }), place, *spot);
+                copy_transform(recipe.general.seed, index, copy, if recipe.moves { kind } else { copy }, place, *spot);
             let individual = first + kind;
             layout.standings.push(PlantInstance { individual, transform, slope: None });
         }
@@ -156,7 +156,7 @@ impl PlacementGrid {
 }
 
 /// `facing`: the copy whose turn this one shares.
-fn stand(seed: u64, index: usize, (copy, facing): (usize, usize), place: &PlaceRecipe, spot: Vec2) -> Trs {
+fn copy_transform(seed: u64, index: usize, copy: usize, facing: usize, place: &PlaceRecipe, spot: Vec2) -> Trs {
     let keys = &place.keys;
     let stream = |copy: usize| Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
     let drawn_turn = stream(facing).range(0.0, std::f64::consts::TAU);

@@ -63,7 +63,7 @@ pub(crate) fn scatter_plants(
                 let seed = layout.individuals.get(individual).map_or(0, |i| u64::from(i.id));
                 Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
-            let (transform, slope) = stand(land, sown, (spot.at, facing), &mut rng);
+            let (transform, slope) = scattered_transform(land, sown, spot.at, facing, &mut rng);
             layout.standings.push(PlantInstance { individual, transform, slope: Some(slope) });
         }
         taken.extend(
@@ -94,7 +94,13 @@ fn sowing(sown: &ScatterRecipe) -> ScatterParams {
 }
 
 /// `facing`: a turn that is given instead of drawn.
-fn stand(land: &Terrain, sown: &ScatterRecipe, ([x, z], facing): ([f32; 2], Option<f64>), rng: &mut Rng) -> (Trs, f32) {
+fn scattered_transform(
+    land: &Terrain,
+    sown: &ScatterRecipe,
+    [x, z]: [f32; 2],
+    facing: Option<f64>,
+    rng: &mut Rng,
+) -> (Trs, f32) {
     let keys = &sown.keys;
     let normal = land.normal_at(x, z);
     let drawn = rng.range(0.0, std::f64::consts::TAU);

@@ -129,8 +129,7 @@ pub fn run_lattice(
         WindSolver::Analytic => return Ok(Arc::new(analytic_inlet(&options))),
         WindSolver::Lbm => {}
     }
-    let told = (context.progress, context.cancel);
-    let mut lattice = wind_spin_up::load_or_spin_up((&options, wanted.solids), context.cache, context.limits, told)?;
+    let mut lattice = wind_spin_up::load_or_spin_up(&options, wanted.solids, context)?;
     let repeats = wanted.repeats.is_some();
     let frames = wanted.repeats.unwrap_or(recipe.clip.len());
     let take = RecordingOptions { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };

@@ -43,7 +43,7 @@ struct LatticeConfig {
     solids: Vec<Solid>,
     limits: Limits,
     cancel: Cancel,
-    shelf: Option<BakeCache>,
+    cache: Option<BakeCache>,
     scale: f32,
 }
 
@@ -58,9 +58,8 @@ struct LatticeState {
 
 impl LatticeConfig {
     fn begin(&self, progress: &dyn Progress) -> Result<LatticeState> {
-        let of = (&self.options, &*self.solids);
-        let mut lattice =
-            wind_spin_up::load_or_spin_up(of, self.shelf.as_ref(), &self.limits, (progress, &self.cancel))?;
+        let context = BakeContext { limits: &self.limits, cancel: &self.cancel, progress, cache: self.cache.as_ref() };
+        let mut lattice = wind_spin_up::load_or_spin_up(&self.options, &self.solids, &context)?;
         let before = lattice.advance(progress, &self.cancel)?;
         let after = lattice.advance(progress, &self.cancel)?;
         Ok(LatticeState { lattice, before, after, frame: 0 })
@@ -99,7 +98,7 @@ impl WindPlayback {
             solids: solids.to_vec(),
             limits: context.limits.clone(),
             cancel: context.cancel.clone(),
-            shelf: context.cache.cloned(),
+            cache: context.cache.cloned(),
             scale: narrow(recipe.wind.scale),
         });
         Self { others: plant_wind::analytic_winds(recipe), before, source, flow: None }

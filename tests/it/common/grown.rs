@@ -81,7 +81,7 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
             ..PlantMaterials::default()
         };
         let skin = with_work(|w| skin(&grown.plant, &skin_options(&keys.skin, kind.tile, w))).expect("skin");
-        let asset = with_work(|w| build_plant_asset(&grown, keys, (&kind, individual), None, w)).expect("asset").0;
+        let asset = with_work(|w| build_plant_asset(&grown, keys, &kind, individual, None, w)).expect("asset").0;
         Grown { plant: grown.plant, skin, asset, bury: osier::math::narrow(keys.skin.bury) }
     };
     layout.individuals.iter().map(one).collect()

@@ -111,7 +111,7 @@ impl FlightPlayback {
     pub fn measures(&self, keys: &FlightKeys, said: Vec<(&'static str, String)>) -> (Table, &[osier_scene::Field]) {
         let lattice = self.now.lock().unwrap_or_else(PoisonError::into_inner).stream.health();
         let solids: Vec<&str> = self.start.solids().list().iter().map(|s| s.name.as_str()).collect();
-        (stats::table(keys, (self.start.len(), &solids), lattice, said), &self.deposits.fields)
+        (stats::table(keys, self.start.len(), &solids, lattice, said), &self.deposits.fields)
     }
 
     /// The asset at rest: as it starts, or in a `still` scene as its one frame has it. `material`: of the lines behind them.
@@ -337,12 +337,12 @@ fn starts(setting: &FlightContext<'_>, options: &FlightParams) -> Vec<CatkinStar
             let start = |p: &[f64; 3]| CatkinStart { at: DVec3::from_array(*p), wait: ReleaseCondition::Until(0.0) };
             flight.starts.iter().map(start).collect()
         }
-        FlightRelease::Canopy => canopy(setting.twigs, (keys.count, seed)),
+        FlightRelease::Canopy => canopy_starts(setting.twigs, keys.count, seed),
     }
 }
 
 /// Twigs drawn by weight, each seed with a patience of its own.
-fn canopy(twigs: &[(Vec3, f64)], (count, seed): (u32, u64)) -> Vec<CatkinStart> {
+fn canopy_starts(twigs: &[(Vec3, f64)], count: u32, seed: u64) -> Vec<CatkinStart> {
     let mut sums = Vec::with_capacity(twigs.len());
     let mut sum = 0.0;
     for (_, weight) in twigs {

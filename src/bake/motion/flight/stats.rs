@@ -45,7 +45,8 @@ const COMPARED: usize = 4;
 /// `said`: warnings so far.
 pub fn table(
     keys: &FlightKeys,
-    (count, solids): (usize, &[&str]),
+    count: usize,
+    solids: &[&str],
     lattice: Option<LatticeStats>,
     said: Vec<(&'static str, String)>,
 ) -> Table {
@@ -146,7 +147,7 @@ mod tests {
             ..FlightStats::default()
         };
         for lattice in [None, Some(HEALTH)] {
-            let (table, row) = (table(&keys, (5, &["wall"]), lattice, Vec::new()), row(&tally, &[7], lattice));
+            let (table, row) = (table(&keys, 5, &["wall"], lattice, Vec::new()), row(&tally, &[7], lattice));
             assert_eq!(table.columns.len(), row.len());
             let of = |name: &str| table.columns.iter().position(|c| c.0 == name).map(|i| row[i]);
             assert_eq!((of("pending"), of("penetrations"), of("flight_distance")), (Some(1.0), Some(10.0), Some(15.0)));
@@ -158,7 +159,7 @@ mod tests {
     /// A clamped cell of the run-up was told before; what comes later is told with its number.
     #[test]
     fn what_went_wrong_is_told_once() {
-        let table = table(&FlightKeys::defaults(), (5, &[]), Some(HEALTH), Vec::new());
+        let table = table(&FlightKeys::defaults(), 5, &[], Some(HEALTH), Vec::new());
         let told = |t: &FlightStats, h: LatticeStats| -> Vec<&str> {
             table.warnings(&row(t, &[], Some(h))).iter().map(|w| w.0).collect()
         };

@@ -134,7 +134,7 @@ pub(super) fn tables(
 fn drops(moment: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -> u32) -> Vec<DropRecord> {
     let mut now = Vec::new();
     for d in &moment.sessile {
-        lies(moment, (d, &leaves[d.leaf]), number(&d.id), &mut now);
+        record_sessile_drop(moment, d, &leaves[d.leaf], number(&d.id), &mut now);
     }
     now.extend(moment.pendant.iter().map(|d| {
         let blade = &moment.leaf_poses[d.leaf];
@@ -265,7 +265,7 @@ fn plain(id: u32, state: DropState, volume: f64) -> DropRecord {
 }
 
 /// A drop on a leaf, and its tail.
-fn lies(moment: &RainFrame, (d, leaf): (&SessileDrop, &RainLeaf), id: u32, out: &mut Vec<DropRecord>) {
+fn record_sessile_drop(moment: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: u32, out: &mut Vec<DropRecord>) {
     let blade = &moment.leaf_poses[d.leaf];
     let running = d.v.length() > RUNS;
     let head = if running { DropState::Runs } else { DropState::Rests };

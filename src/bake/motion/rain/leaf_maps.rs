@@ -57,10 +57,12 @@ pub fn charts(found: &[SceneLeaf], mapped_leaves: &[usize], side: usize) -> Vec<
 }
 
 /// Takes leaves with maps out of their instancers and shows each as a mesh with a material of its own.
-pub fn show(
-    (assets, materials): (&mut [Asset], &mut Vec<Material>),
+pub fn add_leaf_maps(
+    assets: &mut [Asset],
+    materials: &mut Vec<Material>,
     found: &[SceneLeaf],
-    (mapped_leaves, stands): (&[usize], &[Trs]),
+    mapped_leaves: &[usize],
+    stands: &[Trs],
     recipe: &Recipe,
 ) -> Result<(Vec<MapSequence>, InstanceMasks)> {
     let mut numbers = vec![0_usize; stands.len()];
@@ -82,7 +84,7 @@ pub fn show(
         let trs = instancer.transform(&instancer.rest, k);
         let mut mesh = moved(&prototype.mesh, &trs);
         let index = u32::try_from(sequences.len()).map_err(|_| Error::export("S004", "too many leaves with maps"))?;
-        dress(&mut mesh, materials, (&name, index));
+        assign_wet_material(&mut mesh, materials, &name, index);
         let skin = f.joint.map(|j| SkinWeights {
             joints: vec![[j, 0, 0, 0]; mesh.points.len()],
             weights: vec![[1.0, 0.0, 0.0, 0.0]; mesh.points.len()],
@@ -110,7 +112,7 @@ pub fn show(
 }
 
 /// Each material that a leaf wears as one of its own, with water.
-fn dress(mesh: &mut Mesh, materials: &mut Vec<Material>, (name, index): (&str, u32)) {
+fn assign_wet_material(mesh: &mut Mesh, materials: &mut Vec<Material>, name: &str, index: u32) {
     let mut own: BTreeMap<u32, u32> = BTreeMap::new();
     for Subset { material, .. } in &mut mesh.subsets {
         let next = u32::try_from(materials.len()).unwrap_or(u32::MAX);

@@ -140,7 +140,7 @@ pub struct RainScene<'a> {
 /// `Simulation`, `Limit`, `Cancelled`.
 pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeContext<'_>) -> Result<RainAsset> {
     let RainScene { recipe, assets, materials, images, stands, plants, rod_plants, wind, soil } = under;
-    let found = leaves(assets, (materials, images), stands, &rod_plants);
+    let found = scene_leaves(assets, materials, images, stands, &rod_plants);
     let mapped_leaves = nearest(recipe, &found);
     let steps = steps(rain, recipe, &rod_plants);
     let (boughs, dressings): (Vec<Option<RodPlant>>, Vec<Option<SkinBinding>>) =
@@ -159,7 +159,7 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
     let rainfall = params::rainfall(rain, recipe);
     let shower = rain.keys.falls.then(|| RainEmitter::new(rainfall, over, wind.clone()));
     let area = shower.as_ref().map(RainEmitter::area);
-    afford(&shower, over, (frames, found.len()), context)?;
+    check_memory(&shower, over, frames, found.len(), context)?;
     let hung = found.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
         (leaf, LeafAttachment { plant: f.at.0, leaf: f.number, collider: Arc::clone(&f.target) })
@@ -176,7 +176,7 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
     let mut storm = RainSimulation::new(parts);
     let dry = storm.leaves().to_vec();
     initial_drops::check(&rain.lying, &dry)?;
-    let (moments, mut plants) = record(&mut storm, (rain, recipe, steps), (assets, &dressings, &found), context)?;
+    let (moments, mut plants) = record_frames(&mut storm, rain, recipe, steps, assets, &dressings, &found, context)?;
     let material = u32::try_from(materials.len()).unwrap_or(u32::MAX);
     materials.push(Material {
         ior: WATER,
@@ -186,7 +186,8 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
     let side = recipe.maps.resolution as usize;
     let charts = leaf_maps::charts(&found, &mapped_leaves, side);
     let rate = rain.keys.falls.then_some(rain.keys.rate);
-    let (mut map_sequences, kept) = leaf_maps::show((assets, materials), &found, (&mapped_leaves, stands), recipe)?;
+    let (mut map_sequences, kept) =
+        leaf_maps::add_leaf_maps(assets, materials, &found, &mapped_leaves, stands, recipe)?;
     for (frames, masks) in plants.iter_mut().zip(&kept) {
         frames.iter_mut().for_each(|frame| leaf_maps::thin_frame(frame, masks));
     }
@@ -219,9 +220,10 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
 }
 
 /// Every blade of the scene, plant by plant.
-fn leaves(
+fn scene_leaves(
     assets: &[Asset],
-    (materials, images): (&[Material], &[Image]),
+    materials: &[Material],
+    images: &[Image],
     stands: &[Trs],
     rod_plants: &[Option<(RodPlant, SkinBinding)>],
 ) -> Vec<SceneLeaf> {
@@ -304,10 +306,11 @@ fn bounds(assets: &[Asset], stands: &[Trs]) -> Bounds {
 }
 
 /// Leaves and drops that are in the air at once, times frames, must fit. Drops on leaves are counted as they come ([`record`]).
-fn afford(
+fn check_memory(
     shower: &Option<RainEmitter>,
     over: Bounds,
-    (frames, leaves): (u64, usize),
+    frames: u64,
+    leaves: usize,
     context: &BakeContext<'_>,
 ) -> Result<()> {
     // The slowest fall at 2 m/s.
@@ -329,10 +332,14 @@ fn steps(rain: &RainRecipe, recipe: &Recipe, rod_plants: &[Option<(RodPlant, Ski
 type RainRecord = (Vec<RainFrame>, Vec<Vec<AssetFrame>>);
 
 /// Steps through the clip.
-fn record(
+fn record_frames(
     storm: &mut RainSimulation,
-    (rain, recipe, steps): (&RainRecipe, &Recipe, u32),
-    (assets, dressings, found): (&[Asset], &[Option<SkinBinding>], &[SceneLeaf]),
+    rain: &RainRecipe,
+    recipe: &Recipe,
+    steps: u32,
+    assets: &[Asset],
+    dressings: &[Option<SkinBinding>],
+    found: &[SceneLeaf],
     context: &BakeContext<'_>,
 ) -> Result<RainRecord> {
     let fps = recipe.clip.fps();
