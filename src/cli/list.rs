@@ -93,8 +93,9 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
 }
 
 fn options_text(tables: &[TableInfo]) -> String {
-    let mut out =
-        String::from("Keys of a scene file (TOML). Without unit: SI units; angles are in degrees and say so.\n");
+    let mut out = String::from(
+        "Keys of a scene file (TOML). Values without a unit are in SI units; keys in degrees end in `_deg`.\n",
+    );
     for table in tables {
         let header = if table.path.is_empty() { String::new() } else { format!("[{}]  ", heading(table)) };
         out += &format!("\n{header}{}\n", table.about);

@@ -12,13 +12,13 @@ use osier_base::files::{ReadError, SearchPaths};
 pub struct ReferencedFile {
     /// Name for messages: the path, or `preset:oak.l`.
     pub shown: String,
-    /// What it holds.
+    /// Its bytes, at most as many as the limit allows.
     pub bytes: Bytes,
     /// Where it is; for a preset its bare name, beside which there is nothing.
     pub path: PathBuf,
 }
 
-/// Where to look.
+/// Folders that references are searched in.
 #[derive(Debug, Clone, Default)]
 pub struct Library {
     roots: SearchPaths,

@@ -37,7 +37,7 @@ recipe! {
         name: String;
         /// Title, as the artist wrote it or the file's name, and the seed of all draws.
         general: scene::SceneKeys;
-        /// Frames.
+        /// First and last frame, frames per second.
         clip: Clip;
         /// Kinds of plants, in the order of the file.
         plants: Vec<PlantRecipe>;
@@ -51,29 +51,29 @@ recipe! {
         layers: Vec<LayerRecipe>, hashed by element;
         /// Groups of copies of plants.
         places: Vec<PlaceRecipe>;
-        /// Ground.
+        /// Disc of ground around the plants, used without a terrain.
         ground: scene::GroundKeys;
         /// Terrain, which replaces the ground.
         terrain: Option<scene::TerrainKeys>, hashed by element;
         /// Plants scattered over the terrain.
         scatters: Vec<ScatterRecipe>, hashed by element;
-        /// Catkins that fly.
+        /// Catkins in flight: release, motion, deposition.
         flight: Option<FlightRecipe>, hashed by element;
         /// Obstacles to wind and catkins.
         solids: Vec<SolidRecipe>, hashed by element;
         /// Rods, each after the one that its base is fixed to.
         rods: Vec<RodRecipe>, hashed by element;
-        /// Rain.
+        /// Rainfall and drops, if the scene has a `[rain]`.
         rain: Option<scene::RainRecipe>, hashed by element;
         /// Maps of wet leaves.
         maps: scene::LeafMapKeys, hashed if asks_for_maps;
-        /// Haze.
+        /// Haze: visibility distance and scale height.
         fog: scene::FogKeys;
-        /// View.
+        /// Camera, fitted to the plants unless its eye is set.
         camera: scene::CameraKeys;
-        /// Sunlight.
+        /// Direction, colour and irradiance of the sun.
         sun: scene::SunKeys;
-        /// Sky.
+        /// Colours and brightness of the sky dome.
         sky: scene::SkyKeys;
         /// Wind; its speed already accounts for Beaufort numbers.
         wind: scene::WindKeys;
@@ -83,7 +83,7 @@ recipe! {
         added: Vec<scene::WindKeys>, hashed by element;
         /// How plants answer the wind.
         sway: scene::SwayKeys;
-        /// What is written.
+        /// Formats and their options.
         output: OutputRecipe;
         derived {
             /// True if the scene has a clip with wind in it, whichever frame is drawn.
@@ -98,7 +98,7 @@ recipe! {
 const EARTH: f64 = osier_base::physics::GRAVITY;
 
 impl Recipe {
-    /// False in a calm.
+    /// True if some wind of the scene reaches [`osier_wind::CALM_SPEED`].
     pub fn blows(&self) -> bool {
         self.wind.blows() || self.added.iter().any(scene::WindKeys::blows)
     }
@@ -158,21 +158,21 @@ impl RecipePart for Clip {
 }
 
 recipe! {
-    /// One kind of plant.
+    /// A plant of `[plants.NAME]`, of which places and scatters put up copies.
     PlantRecipe {
         /// As written in the scene.
         name: String;
         /// Keys of its own table.
         keys: scene::PlantKeys;
-        /// What grows it.
+        /// Grammar, coefficient table or mesh that it is grown from.
         growth: Growth;
         /// How its string is drawn.
         turtle: scene::TurtleKeys;
-        /// Organs by letter.
+        /// Organs: one for each letter after `~` of the grammar.
         organs: Vec<OrganRecipe>;
         /// Bark of thick axes.
         bark: scene::BarkKeys;
-        /// Bark of thin axes.
+        /// Bark of axes below 8 mm radius.
         shoot: scene::BarkKeys;
         /// How bark becomes a mesh.
         skin: scene::SkinKeys;
@@ -196,7 +196,7 @@ recipe! {
     OrganRecipe {
         /// The letter after `~` in the grammar.
         letter: char;
-        /// Shape and colours.
+        /// Outline, size, colours and maps.
         keys: scene::OrganKeys;
         derived {
             /// The table that draws it, if one replaces the procedural blade.
@@ -210,11 +210,11 @@ recipe! {
 }
 
 recipe! {
-    /// An attractor.
+    /// An attractor whose points are drawn or exported.
     AttractorRecipe {
         /// As written in the scene.
         name: String;
-        /// Keys of its table.
+        /// Keys of its table in the scene.
         keys: scene::AttractorKeys;
         /// How it changes; the system is then the first one.
         morph: Option<scene::MorphRecipe>, hashed by element;
@@ -223,7 +223,7 @@ recipe! {
             id: String;
             /// Name of its file for people.
             source: String;
-            /// The system.
+            /// The iterated function system.
             system: Ifs;
             /// Where its probabilities come from.
             rule: WeightRule;
@@ -252,7 +252,7 @@ recipe! {
     PlaceRecipe {
         /// Index into [`Recipe::plants`].
         plant: usize;
-        /// Where they stand.
+        /// Position, spread and number of copies.
         keys: scene::PlaceKeys;
     }
 }
@@ -272,7 +272,7 @@ recipe! {
 }
 
 recipe! {
-    /// Catkins that fly.
+    /// Catkins in flight: release, motion, deposition.
     FlightRecipe {
         /// Emission, motion and deposition.
         keys: scene::FlightKeys;
@@ -292,7 +292,7 @@ recipe! {
 recipe! {
     /// Something in the way.
     SolidRecipe {
-        /// Shape and place.
+        /// Form, size and position.
         keys: scene::SolidKeys;
         derived {
             /// `[a-z0-9_]+`, unique among the solids.
@@ -304,13 +304,13 @@ recipe! {
 }
 
 recipe! {
-    /// A rod.
+    /// An elastic rod of `[[rod]]`.
     RodRecipe {
         /// Shape and material.
         keys: scene::RodKeys;
-        /// Constraints.
+        /// Boundary conditions along the rod.
         clamps: Vec<scene::RodClampKeys>;
-        /// Loads.
+        /// Forces, moments, masses and impulses on it.
         loads: Vec<scene::RodLoadKeys>, hashed by element;
         derived {
             /// `[a-z0-9_]+`, unique among the rods.
@@ -322,17 +322,17 @@ recipe! {
 }
 
 recipe! {
-    /// What is written.
+    /// Formats and their options.
     OutputRecipe {
-        /// Formats.
+        /// The list of formats.
         keys: scene::OutputKeys;
-        /// POV-Ray.
+        /// Options of the POV-Ray files.
         pov: scene::PovKeys;
         /// POV-Ray's photons, if they are wanted.
         photons: Option<scene::PhotonKeys>, hashed by element;
-        /// USD.
+        /// Options of the USD files.
         usd: scene::UsdKeys;
-        /// glTF.
+        /// Options of the glTF files.
         gltf: scene::GltfKeys;
         /// Files of the wind itself.
         wind: WindOutputRecipe, hashed if writes_wind;
@@ -354,7 +354,7 @@ impl OutputRecipe {
 recipe! {
     /// Which files of the wind itself are written.
     WindOutputRecipe {
-        /// Keys of its table.
+        /// Keys of its table in the scene.
         keys: scene::WindOutputKeys;
         /// Planes, as written.
         slices: Vec<scene::WindSliceKeys>, hashed by element;

@@ -9,14 +9,14 @@ use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::Clip;
 
-/// What to resolve.
+/// A scene text with all that [`resolve`] needs beside it.
 #[derive(Debug, Clone, Default)]
 pub struct Request {
     /// Scene name: the file's stem.
     pub name: String,
     /// Name of the text for messages.
     pub shown: String,
-    /// The scene.
+    /// Text of the scene, TOML.
     pub text: String,
     /// Where references lead.
     pub library: Library,
@@ -30,7 +30,7 @@ pub struct Request {
     pub seed: Option<u64>,
     /// Replaces every plant's derivation length.
     pub steps: Option<u32>,
-    /// Limits in force.
+    /// Limits on sizes and counts that the scene is checked against.
     pub limits: Limits,
 }
 

@@ -136,7 +136,7 @@ fn rain_falls_on_land_of_any_height() {
 fn lying_drops_are_there_when_the_clip_begins() {
     let dir = tempfile::tempdir().expect("dir");
     let lying = "falls = false\n[[rain.lying]]\nvolume_mm3 = 60\nat = [0.5, 0.95]\n";
-    let text = scene(dir.path(), ("steep", 150.0), lying).replace("before_s = 1", "before_s = 3");
+    let text = scene(dir.path(), ("steep", 150.0), lying).replace("spin_up_s = 1", "spin_up_s = 3");
     let (file, out) = (dir.path().join("lying.toml"), dir.path().join("lying"));
     fs::write(&file, &text).expect("scene");
     ends(0, &["-q", "bake", arg(&file), "-o", arg(&out), "--frames", "1"]);

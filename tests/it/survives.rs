@@ -131,7 +131,7 @@ fn killed_again_and_again_in_one_folder_a_bake_still_ends_right() {
 fn rain_ends_with_the_same_bytes_on_any_threads_and_after_any_kill() {
     let bake = |out: &Path, threads: &str| {
         let mut said = osier(&["bake", "rain-leaves", "-q", "-j", threads, "-o", arg(out)]);
-        said.args(["--set", "frames.end=6", "--set", "maps.resolution=64", "--set", "rain.before_s=0.5"]);
+        said.args(["--set", "frames.end=6", "--set", "maps.resolution=64", "--set", "rain.spin_up_s=0.5"]);
         said.args(["--set", "output.formats=[\"usd\",\"pov\",\"exr\",\"csv\",\"tracks\"]"]);
         said
     };

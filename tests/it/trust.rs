@@ -66,8 +66,8 @@ fn a_look_at_a_scene_simulates_nothing() {
     let dir = folder();
     for (args, sets) in [
         (&["check", "grass"][..], &["frames.end=999999"][..]),
-        (&["check", "pole"], &["wind.lattice.preroll=3600"]),
-        (&["check", "wet-leaf"], &["rain.before_s=600"]),
+        (&["check", "pole"], &["wind.lattice.spin_up_s=3600"]),
+        (&["check", "wet-leaf"], &["rain.spin_up_s=600"]),
         (&["check", "struck-twig"], &["rod.0.substeps=200000"]),
         (&["bake", "catkins-street", "-n"], &[]),
         (&["check", "young-tree"], &["plants.tree.import.spacing=0.0001"]),

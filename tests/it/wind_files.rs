@@ -150,7 +150,7 @@ fn a_curve_of_speeds_lets_a_storm_come_up() {
     let rising = LATTICE
         .replace("end = 5", "end = 49")
         .replace("speed = 2", "direction_deg = 180")
-        .replace("preroll = 2", "preroll = 2\ngust = 0\nturbulence = 0\nspeed_curve = [[0.5, 1], [1.5, 3]]")
+        .replace("spin_up_s = 2", "spin_up_s = 2\ngust = 0\nturbulence = 0\nspeed_curve = [[0.5, 1], [1.5, 3]]")
         .replace("vti_every = 4", "vti_every = 12");
     let out = baked(dir.path(), "storm", &rising, &[]);
     // Where it comes in, at 4.25 m: the log profile's share of 1, 1, 2 and 3 m/s.
@@ -170,7 +170,7 @@ fn a_curve_of_directions_turns_the_wind() {
     let dir = tempfile::tempdir().expect("dir");
     let turning = LATTICE
         .replace("end = 5", "end = 193")
-        .replace("preroll = 2", "preroll = 2\ngust = 0\nturbulence = 0\ndirection_curve = [[0.5, 0], [2, 90]]")
+        .replace("spin_up_s = 2", "spin_up_s = 2\ngust = 0\nturbulence = 0\ndirection_curve = [[0.5, 0], [2, 90]]")
         .replace("vti_every = 4", "vti_every = 192");
     let out = baked(dir.path(), "turning", &turning, &[]);
     // Above the middle: towards +x, then towards -z.
@@ -246,7 +246,7 @@ fn kept(out: &Path) -> PathBuf {
 #[test]
 fn air_that_was_kept_gives_the_same_bytes() {
     let dir = tempfile::tempdir().expect("dir");
-    let text = LATTICE.replace("preroll = 2", "preroll = 2\nkeep = true");
+    let text = LATTICE.replace("spin_up_s = 2", "spin_up_s = 2\nkeep = true");
     let used = baked(dir.path(), "used", &text, &[]);
     let manifest = String::from_utf8(files(&used)["manifest.json"].clone()).expect("text");
     assert!(manifest.contains("\"state.wind\""));

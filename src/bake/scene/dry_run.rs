@@ -41,7 +41,7 @@ pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
 pub fn first_rain_frame(recipe: &Recipe) -> Recipe {
     let mut short = recipe.clone();
     short.clip = Clip { end: recipe.clip.end.min(recipe.clip.start + 1), ..recipe.clip };
-    short.rain.iter_mut().for_each(|rain| rain.keys.before = 0.0);
+    short.rain.iter_mut().for_each(|rain| rain.keys.spin_up = 0.0);
     short
 }
 

@@ -42,13 +42,13 @@ choices! {
         File = "file",
         /// The file's column as it is.
         FileRaw = "file-raw",
-        /// The maps' areas.
+        /// Absolute determinants of the maps: their areas, or volumes in 3D.
         Det = "det",
         /// The maps' shares of the similarity dimension.
         Moran = "moran",
-        /// All the same.
+        /// The same probability for every map.
         Equal = "equal",
-        /// As Fractint draws.
+        /// Probabilities as Fractint computes them from its file.
         Fractint = "fractint",
     }
     /// What of an attractor stands where the scene puts it.
@@ -61,33 +61,33 @@ choices! {
 }
 
 keys! {
-    /// The points of an attractor; NAME is yours.
+    /// Points of an attractor; NAME is any name.
     AttractorKeys at "clouds.NAME" {
-        /// The coefficient table that makes it.
+        /// Coefficient table that defines the maps.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
-        /// Which system of the table; the first without a name.
+        /// System of the table; empty selects the first.
         system: String = "system" StringType("");
-        /// Where the probabilities of maps come from.
-        weights: Option<WeightsFrom> = "weights" OptionalKey(OneOf(WeightsFrom::File), "the file's");
-        /// Number of points.
+        /// Source of the probabilities of the maps.
+        weights: Option<WeightsFrom> = "weights" OptionalKey(OneOf(WeightsFrom::File), "those of the file");
+        /// Number of points that the chaos game draws.
         points: u32 = "points" integer(1_000_000, 1, 1_000_000_000);
-        /// What the colour of a point stands for.
+        /// What determines the colour of a point.
         color_by: ColorBy = "color_by" OneOf(ColorBy::Map);
-        /// Maps that count for the colour by word.
+        /// With `color_by = "word"`: number of maps that determine the colour.
         prefix: u32 = "prefix" integer(2, 1, 4);
-        /// Colours by map, or along the palette.
+        /// Colours of the maps, or of the palette.
         colors: Vec<[f32; 3]> = "colors" ColorList;
-        /// Height of the attractor; without it a unit of the table is a metre.
+        /// Height of the attractor; without it one table unit is one metre.
         height: Option<f64> = "height" OptionalKey(number(1.0, 1e-4, 1e5, "m"), "1 m per unit");
         /// Diameter of a point.
-        point: Option<f64> = "point_mm" OptionalKey(millimetres(2.0, 1e-4, 1e5), "the size over 800");
-        /// One point per cube of this size, the first that falls in; 0 keeps all.
+        point: Option<f64> = "point_mm" OptionalKey(millimetres(2.0, 1e-4, 1e5), "1/800 of the size");
+        /// Keeps one point per cube of this size; 0 keeps all points.
         voxel: f64 = "voxel_mm" millimetres(0.0, 0.0, 1e6);
-        /// Where its foot stands.
+        /// Position of the foot (see `foot`).
         at: [f64; 3] = "at" point([0.0; 3]);
-        /// What of it stands there.
+        /// Point that is placed at `at`: bottom centre of the bounding box, or origin of the table.
         foot: AttractorOrigin = "foot" OneOf(AttractorOrigin::Box);
-        /// Turn about the vertical.
+        /// Rotation about the vertical axis.
         turn: f64 = "turn_deg" degrees(0.0, -360.0, 360.0);
     }
 }

@@ -6,10 +6,10 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 
 /// Where a bark's number comes from without its key.
-const KIND: &str = "the kind's own";
+const KIND: &str = "by kind";
 
 choices! {
-    /// Character of bark.
+    /// Pattern of the procedural bark.
     BarkKind {
         /// Long ridges between deep cracks: oak, willow.
         Furrowed = "furrowed",
@@ -23,7 +23,7 @@ choices! {
         Diamond = "diamond",
         /// Fibrous strips: vine, cedar.
         Stringy = "stringy",
-        /// Young green wood.
+        /// Young green wood, nearly smooth.
         Shoot = "shoot",
         /// Green and waxy with fine fibres: bamboo.
         Culm = "culm",
@@ -38,38 +38,38 @@ choices! {
 }
 
 keys! {
-    /// Bark of the thick axes; `[plants.NAME.shoot]` has the same keys for axes below 8 mm radius, and is of kind "shoot".
+    /// Bark of thick axes. `[plants.NAME.shoot]` has the same keys for axes below 8 mm radius; its default kind is "shoot".
     BarkKeys at "plants.NAME.bark" also "plants.NAME.shoot" {
-        /// Character.
+        /// Pattern of the bark, which sets the defaults below.
         kind: BarkKind = "kind" OneOf(BarkKind::Furrowed);
-        /// A coefficient table of the plane whose density tiles the bark, in relief and tint.
+        /// Coefficient table (2D) whose density is tiled as relief and tint.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
-        /// Which system of the table; the first without a name.
+        /// System of the table; empty selects the first.
         system: String = "system" StringType("");
-        /// Ridges, or the ground colour.
+        /// Colour of ridges, or base colour.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#8a7a66"), KIND);
-        /// Cracks, or the marks.
+        /// Colour of cracks or marks.
         color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#3a2f26"), KIND);
-        /// Size of one repeat of the maps.
+        /// Size of one repeat of the textures.
         tile: Option<f64> = "tile" OptionalKey(number(0.5, 0.001, 100.0, "m"), KIND);
-        /// From crack to ridge.
+        /// Height from crack to ridge.
         depth: Option<f64> = "depth_mm" OptionalKey(millimetres(12.0, 0.0, 100.0), KIND);
-        /// Weathered patches, lichen: none to much.
+        /// Amount of weathered patches and lichen.
         patches: Option<f64> = "patches" OptionalKey(number(0.3, 0.0, 1.0, ""), KIND);
-        /// Pixels along a side of the maps.
+        /// Side length of the textures in pixels.
         side: u32 = "side" PowerOfTwo(1024);
     }
-    /// How bark becomes a mesh.
+    /// Meshing of axes (loft).
     SkinKeys at "plants.NAME.skin" {
-        /// Length of edges around an axis.
+        /// Edge length around an axis.
         edge: f64 = "edge" number(0.04, 1e-5, 10.0, "m");
-        /// A new ring after so much bend.
+        /// Bending angle after which a new ring is inserted.
         turn: f64 = "turn_deg" degrees(12.0, 0.6, 85.0);
-        /// How the maps follow the taper.
+        /// Texture coordinates: scaled with the circumference ("conformal") or of constant size ("metric").
         uv: BarkUv = "uv" OneOf(BarkUv::Conformal);
-        /// Widening at the foot.
+        /// Root flare: widening of the trunk at its base.
         flare: f64 = "flare" number(0.6, 0.0, 2.0, "of the radius");
-        /// How far the foot goes on below the ground.
+        /// Depth to which the trunk continues below the ground.
         bury: f64 = "bury" number(0.15, 0.0, 10.0, "m");
     }
 }

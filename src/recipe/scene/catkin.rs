@@ -21,39 +21,38 @@ choices! {
 }
 
 keys! {
-    /// The tufts of hairs that carry the seeds of willows and poplars. Without anything that lets them fly they are shown side by
-    /// side.
+    /// Tufts of hairs that carry the seeds of willows and poplars. Without `[flight]` they are placed side by side.
     CatkinKeys at "catkin" {
         /// Length of each of the three sections of a hair.
         section: f64 = "section_m" number(0.0058, 1e-4, 0.1, "m");
-        /// By which share hairs are longer or shorter.
+        /// Random variation of the length of hairs, as a fraction.
         jitter: f64 = "jitter" number(0.15, 0.0, 0.9, "");
-        /// Radius of a hair where it begins; wider than life, so that it is met by rays.
+        /// Radius of a hair at its base; larger than in nature by default, so that renderers need fewer samples.
         hair_radius: f64 = "hair_radius_m" number(30e-6, 1e-6, 5e-3, "m");
-        /// Radius at the tip as a share of that.
+        /// Radius at the tip divided by that at the base.
         tip: f64 = "tip" number(0.25, 0.0, 1.0, "");
-        /// Number of hairs.
+        /// Number of hairs of a tuft.
         hairs: u32 = "hairs" integer(100, 2, 5000);
-        /// Farthest that a hair is tilted from the middle.
+        /// Largest inclination of a hair to the axis of the tuft.
         fluffiness: Option<f64> = "fluffiness_deg" OptionalKey(degrees(60.0, 0.0, 180.0), "25, 25, 60, 105, 105 by variant");
-        /// Farthest that its second and third sections turn away.
+        /// Largest bend between the sections of a hair.
         bend: Option<f64> = "bend_deg" OptionalKey(degrees(15.0, 0.0, 90.0), "10, 35, 24, 14, 45 by variant");
-        /// Farthest that it is swung round the middle.
+        /// Largest rotation of a hair about the axis of the tuft.
         spin: f64 = "spin_deg" degrees(180.0, 0.0, 180.0);
-        /// Small semi-axis of the stalk; 0 = none.
+        /// Small semi-axis of the stalk; 0 for no stalk.
         stalk_radius: f64 = "stalk_radius_m" number(0.4e-3, 0.0, 0.02, "m");
-        /// Different tufts; beyond five the list of variants begins again with other draws.
+        /// Number of different tufts; beyond five the variants repeat with other random numbers.
         variants: u32 = "variants" integer(5, 1, 64);
-        /// Where the angles lie.
+        /// Distribution of angles: with either sign ("signed"), or as printed in the paper.
         angles: HairAngles = "angles" OneOf(HairAngles::Signed);
-        /// How hairs are spread over their tilts.
+        /// Distribution of inclinations: uniform in the angle ("tilt") or in the solid angle.
         polar: HairDistribution = "polar" OneOf(HairDistribution::Tilt);
-        /// Points of a hair smoothed by a spline; 0 leaves its straight sections.
+        /// Number of points of a spline along a hair; 0 keeps three straight sections.
         smooth: u32 = "smooth" integer(0, 0, 16);
-        /// How finely tufts are shown: 0 hairs as curves (ribbons where a format has none), 1 tubes, 2 ribbons, 3 a third of
-        /// them, 4 pictures on three crossed quads, 5 on one.
+        /// Level of detail: 0 hairs as curves (ribbons in formats without curves), 1 tubes, 2 ribbons, 3 a third of the
+        /// ribbons, 4 three crossed billboards, 5 one billboard.
         lod: u32 = "lod" integer(0, 0, 5);
-        /// Levels that USD files hold beside it, to be chosen by the variant set LOD of each prototype; each makes them larger.
+        /// Further levels of detail in USD files, as a variant set LOD of each prototype.
         lods: Vec<u32> = "lods" IntegerList(0, 5);
     }
 }

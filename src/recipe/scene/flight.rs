@@ -28,14 +28,14 @@ choices! {
     }
     /// What becomes of one that leaves the box of air.
     FlightBoundary {
-        /// It is gone.
+        /// It leaves the simulation.
         Exit = "exit",
         /// It comes back where the wind enters.
         Recycle = "recycle",
         /// It comes in at the other side.
         Periodic = "periodic",
     }
-    /// Sets of defaults.
+    /// Source of the default values of a flight.
     FlightPreset {
         /// With masses, lag, glide and turning clusters.
         Full = "full",
@@ -44,94 +44,95 @@ choices! {
     }
     /// What a map of deposits counts.
     DepositQuantity {
-        /// Catkins.
+        /// Number of catkins per area.
         Count = "count",
-        /// Their mass, mg.
+        /// Mass of catkins per area, mg.
         Mass = "mass",
     }
 }
 
 keys! {
-    /// Catkins that fly: how many, where from, how they move, stick, and come to rest. What they look like stands in
-    /// `[catkin]`, the wind in `[wind]`.
+    /// Catkins in flight: release, motion, adhesion and deposition. `[catkin]` sets their shape, `[wind]` the wind.
     FlightKeys at "flight" {
-        /// How many.
+        /// Number of catkins that are released.
         count: u32 = "count" integer(1000, 1, 100_000_000);
-        /// Where defaults come from.
+        /// Source of the defaults: all additions ("full"), or the equations of the paper only.
         preset: FlightPreset = "preset" OneOf(FlightPreset::Full);
-        /// Where they start.
+        /// Where catkins are released: in a layer of the sky at once ("sky") or over time ("rain"), from plants ("canopy"),
+        /// at positions of a file ("points").
         release: FlightRelease = "release" OneOf(FlightRelease::Sky);
-        /// With "rain": they start within so much time.
+        /// With "rain": period of release.
         duration: f64 = "duration" number(10.0, 0.0, 86_400.0, "s");
-        /// With "sky" and "rain": part of the height that they start in.
+        /// With "sky" and "rain": layer of release, as fractions of the height of the domain.
         band: [f64; 2] = "band" NumberArray([0.3, 0.95], number(0.0, 0.0, 1.0, ""));
-        /// With "canopy": plants with their weights, as in { poplar = 1 }; without it all plants.
+        /// With "canopy": plants with weights: { poplar = 1 }.
         canopy: Vec<(String, f64)> = "canopy" NamedNumbers;
-        /// With "points": a text file with x, y, z in metres on each line.
+        /// With "points": text file with x, y, z in metres on each line.
         points: Option<Reference> = "points" FileReference(".csv, .txt");
-        /// They have been flying for so long at the first frame.
-        spin_up: f64 = "preroll" number(0.0, 0.0, 3600.0, "s");
-        /// Box of air around the origin: width, height, depth. A lattice wind brings its own.
+        /// Duration of flight before the first frame (spin-up).
+        spin_up: f64 = "spin_up_s" number(0.0, 0.0, 3600.0, "s");
+        /// Domain around the origin: width, height, depth. A lattice wind has its own domain.
         size: [f64; 3] = "size" NumberArray([35.0, 35.0, 35.0], number(35.0, 0.5, 1e4, "m"));
-        /// What becomes of those that leave it.
-        sides: Option<FlightBoundary> = "sides" OptionalKey(OneOf(FlightBoundary::Recycle), "recycle from the sky, exit else");
-        /// Smallest and largest factor on a catkin's size.
+        /// What happens at the sides: catkins leave ("exit"), re-enter at the inflow ("recycle"), or at the opposite side
+        /// ("periodic").
+        sides: Option<FlightBoundary> = "sides" OptionalKey(OneOf(FlightBoundary::Recycle), "recycle with release \"sky\", else exit");
+        /// Smallest and largest scale of a catkin.
         scale: [f64; 2] = "scale" NumberArray([0.8, 1.2], number(1.0, 0.05, 20.0, ""));
-        /// Weights of the catkins' forms (v0 sleek to v4 fluffy and bent); without it all alike.
+        /// Weights of the variants v0 (sleek) to v4 (fluffy, bent).
         forms: Vec<(String, f64)> = "forms" NamedNumbers;
-        /// Mass of one.
+        /// Mass of a catkin with its seed.
         mass: f64 = "mass_mg" milligrams(1.0, 0.001, 1000.0);
-        /// Settling speed.
+        /// Settling speed in still air, the mean over catkins.
         fall: f64 = "fall_speed" number(0.24, 0.02, 3.0, "m/s");
-        /// Its spread: standard deviation over the mean.
+        /// Standard deviation of the settling speed divided by its mean.
         fall_spread: f64 = "fall_spread" number(0.125, 0.0, 0.4, "");
-        /// How far tilted ones glide.
+        /// Amount of gliding of tilted tufts.
         glide: f64 = "glide" number(0.5, 0.0, 1.0, "");
-        /// Whether they lag behind changes of the wind.
+        /// Whether the velocity relaxes to that of the wind with a time constant, instead of at once.
         inertia: bool = "inertia" BooleanType(true);
-        /// How much they tumble.
+        /// Factor on tumbling.
         flutter: f64 = "flutter" number(1.0, 0.0, 3.0, "");
-        /// Reach of hairs and charge: those that come so near stick together; 0 for their own radius.
+        /// Reach of hairs and charge; catkins that come closer adhere. 0 uses their radius.
         stick_radius: f64 = "stick_radius" number(0.2, 0.0, 1.0, "m");
-        /// Chance that they do.
+        /// Probability of adhesion.
         stick_probability: f64 = "stick_probability" number(1.0, 0.0, 1.0, "");
-        /// How close they draw then, as a share of both radii.
+        /// Distance of adhering catkins, as a fraction of the sum of their radii.
         stick_close: f64 = "stick_close" number(0.8, 0.2, 1.0, "");
-        /// Steps between two looks for contacts.
+        /// Time steps between two tests for contacts.
         check_every: u32 = "check_every" integer(4, 1, 64);
-        /// Whether clusters turn in the air.
+        /// Whether clusters rotate in the air.
         cluster_rotation: bool = "cluster_rotation" BooleanType(true);
-        /// Clusters of n sink n^beta times as fast.
+        /// Exponent b: clusters of n catkins settle n^b times as fast.
         beta: f64 = "cluster_fall_power" number(0.0, 0.0, 0.5, "");
-        /// How fast the attraction of heaps fades with distance; 4.605 ends it at 1 m.
+        /// Decay of the attraction of heaps with the squared distance; 4.605 reduces it to 1 % at 1 m.
         gamma: f64 = "gamma" number(4.605, 0.1, 1e4, "1/m^2");
-        /// Steps a frame.
+        /// Time steps per frame.
         substeps: u32 = "substeps" integer(1, 1, 16);
-        /// How wet the ground is: 0 lets go at once, 1 never.
+        /// Humidity of the ground: at 0 deposits lift off easily, at 1 never.
         humidity: f64 = "humidity" number(0.3, 0.0, 1.0, "");
-        /// A picture of it over the box of air, its top at -z, white wet; instead of `humidity`.
+        /// Image of the humidity over the domain, top at -z, white is wet; instead of `humidity`.
         humidity_map: Option<Reference> = "humidity_map" FileReference(".png, .jpg");
-        /// Wind at 0.1 m that takes a dry one up again.
+        /// Wind speed at 0.1 m above the ground that lifts a dry catkin.
         lift_speed: f64 = "lift_speed" number(0.25, 0.01, 20.0, "m/s");
-        /// How much wet ground adds to it.
+        /// Factor k of humidity h in the lift-off threshold: 1 + k h / (1 - h).
         lift_wet: f64 = "lift_wet" number(3.0, 0.0, 100.0, "");
-        /// With "canopy": chance a second that one lets go where the air is twice as fast as `release_speed`.
+        /// With "canopy": probability per second of release in wind of twice `release_speed`.
         release_rate: f64 = "release_rate" number(0.2, 0.0, 100.0, "1/s");
-        /// With "canopy": no slower air tears any off.
+        /// With "canopy": wind speed below which no catkin is released.
         release_speed: f64 = "release_speed" number(0.6, 0.01, 60.0, "m/s");
-        /// Each draws a line behind it, of the places it was in for so long: curves in USD; 0 for none.
+        /// Duration of the trajectory drawn behind each catkin; 0 for none.
         trails: f64 = "trails" number(0.0, 0.0, 600.0, "s");
-        /// How thick that line is at the catkin; it tapers to nothing.
+        /// Width of the trajectory at the catkin; it tapers to zero.
         trail_width: f64 = "trail_width" number(0.01, 1e-4, 1.0, "m");
-        /// Resting ones are shown lowered until their lowest hair touches.
+        /// Whether catkins at rest are lowered until their lowest hair touches the surface.
         settle: bool = "settle" BooleanType(true);
-        /// Side of a texel of the maps of what came to rest.
+        /// Texel size of deposition maps.
         map_texel: f64 = "map_texel" number(0.25, 0.01, 10.0, "m");
-        /// Frames between two maps; without it only the last frame's are written.
+        /// Frames between two deposition maps.
         map_every: Option<u32> = "map_every" OptionalKey(integer(24, 1, 1_000_000), "the last frame only");
-        /// What the maps count.
+        /// Quantity of deposition maps: number or mass per area.
         map_of: DepositQuantity = "map_of" OneOf(DepositQuantity::Count);
-        /// Radius over which each catkin is spread in the maps; the sum stays.
+        /// Radius of the filter of deposition maps, which conserves the sum.
         map_blur: f64 = "map_blur" number(0.0, 0.0, 10.0, "m");
     }
 }

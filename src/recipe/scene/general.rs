@@ -4,11 +4,11 @@ use crate::recipe::syntax::{FrameRate, OptionalKey, SeedType, StringType, intege
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
-    /// An upward axis.
+    /// Axis that points up in a file.
     UpAxis {
-        /// Y, as glTF.
+        /// Y is up, as in glTF.
         Y = "y",
-        /// Z, as Blender.
+        /// Z is up, as in Blender.
         Z = "z",
     }
 }
@@ -18,16 +18,16 @@ keys! {
     SceneKeys at "" {
         /// Shown in files and listings.
         title: String = "title" StringType("");
-        /// Start of every random draw; each whole number is another individual.
+        /// Seed of all random numbers; another integer gives another individual.
         seed: u64 = "seed" SeedType(1);
     }
-    /// Which frames there are.
+    /// Frame range and frame rate of the clip.
     FramesKeys at "frames" {
-        /// First frame.
+        /// First frame of the clip.
         start: u32 = "start" integer(1, 0, 999_999);
-        /// Last frame; without it the scene stands still.
+        /// Last frame; without it the scene has one frame and does not move.
         end: Option<u32> = "end" OptionalKey(integer(1, 0, 999_999), "start");
-        /// Frames per second.
+        /// Frame rate in frames per second.
         fps: (u32, u32) = "fps" FrameRate;
     }
 }

@@ -14,31 +14,31 @@ choices! {
 }
 
 keys! {
-    /// How a coefficient table grows a tree (`ifs` of its plant).
+    /// Growth of a tree from a coefficient table (`ifs` of the plant).
     IfsTreeKeys at "plants.NAME.tree" {
-        /// Which system of the table; the first without a name.
+        /// System of the table; empty selects the first.
         system: String = "system" StringType("");
-        /// Height.
+        /// Height of the tree.
         height: f64 = "height" number(6.0, 0.01, 1000.0, "m");
-        /// Branches shorter than this share of the trunk become leaf sites.
+        /// Branches shorter than this fraction of the trunk become leaf sites.
         eps: f64 = "eps" number(0.09, 1e-4, 1.0, "");
-        /// Most branchings between the ground and a tip.
+        /// Largest number of branchings between ground and tip.
         max_depth: u32 = "max_depth" integer(65_535, 0, 65_535);
-        /// Highest order of branches.
+        /// Highest branching order.
         max_order: u32 = "max_order" integer(65_535, 0, 65_535);
-        /// How much individuals differ: 0 not at all.
+        /// Variation between individuals; 0 makes them equal.
         variation: f64 = "variation" number(1.0, 0.0, 2.0, "");
-        /// Radius of the trunk at its foot.
-        radius: Option<f64> = "radius" OptionalKey(number(0.05, 1e-4, 100.0, "m"), "the table's");
-        /// Where radii come from.
+        /// Radius of the trunk at its base.
+        radius: Option<f64> = "radius" OptionalKey(number(0.05, 1e-4, 100.0, "m"), "that of the table");
+        /// Source of the radii: the maps of the table ("maps") or the pipe model ("pipe").
         radii: BranchRadii = "radii" OneOf(BranchRadii::Maps);
-        /// Share of the leaf sites that bear leaves.
+        /// Fraction of leaf sites with leaves.
         leaf_density: f64 = "leaf_density" number(1.0, 0.0, 1.0, "");
-        /// Leaves at a site.
+        /// Number of leaves per site.
         leaves: u32 = "leaves" integer(3, 1, 100);
-        /// Level of detail: branches shorter than 2^lod eps are pictures on crossed quads. 0: all of them grow.
+        /// Level of detail: branches shorter than 2^lod eps become billboards; 0 grows all branches.
         lod: u32 = "lod" integer(0, 0, 6);
-        /// Ends of branches, below four times `eps`, are copies of a few twigs: large trees in small files.
+        /// Whether branch ends below four times `eps` are instances of a few twigs, which reduces file size.
         twigs: bool = "twigs" BooleanType(false);
     }
 }

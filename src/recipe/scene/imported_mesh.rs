@@ -5,19 +5,20 @@ use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{OneOf, OptionalKey, StringType, number, point};
 
 keys! {
-    /// How the mesh of a whole plant gets its skeleton.
+    /// Extraction of the skeleton of a plant mesh (`mesh` of the plant).
     ImportedMeshKeys at "plants.NAME.import" {
-        /// Objects and materials whose name holds one of these words are leaves. If none is, small flat parts are.
+        /// Words, separated by bars; objects and materials whose name contains one are leaves. If no name matches, small
+        /// flat parts are leaves.
         leaf_pattern: String = "leaf_pattern" StringType("leaf|leaves|blade|needle|frond");
-        /// Distance of the points of the skeleton along the wood.
+        /// Distance between points of the skeleton along the wood.
         spacing: Option<f64> = "spacing" OptionalKey(number(0.1, 1e-4, 100.0, "m"), "three radii of the wood");
-        /// Where the trunk begins, in the mesh's place.
-        root: Option<[f64; 3]> = "root" OptionalKey(point([0.0; 3]), "its lowest thick end");
+        /// Base of the trunk, in coordinates of the mesh.
+        root: Option<[f64; 3]> = "root" OptionalKey(point([0.0; 3]), "the lowest thick end");
         /// Metres per unit of the mesh.
         mesh_scale: f64 = "mesh_scale" number(1.0, 1e-6, 1e6, "m");
-        /// Upward axis of the mesh.
+        /// Up axis of the mesh.
         mesh_up: UpAxis = "mesh_up" OneOf(UpAxis::Y);
-        /// Flutter of the leaves: 1 for round stalks, 2 to 3 for the flat ones of poplars.
+        /// Factor on leaf flutter: 1 for round petioles, 2 to 3 for the flat petioles of poplars.
         flutter: f64 = "flutter" number(1.0, 0.0, 10.0, "");
     }
 }

@@ -12,26 +12,26 @@ use crate::recipe::syntax::{
 use osier_base::diagnostic::Diagnostic;
 
 keys! {
-    /// One layer of a picture laid over those before it: a table's points, or without `ifs` a plain box
+    /// A layer of a composite picture, above the layers before it: the points of a table, or without `ifs` a rectangle
     /// (`osier grow NAME -o NAME.png`).
     LayerKeys at "layer" {
-        /// The coefficient table that draws it.
+        /// Coefficient table whose attractor the layer shows.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// Which system of the table; the first without a name.
         system: String = "system" StringType("");
         /// Where the probabilities of maps come from.
         weights: Option<WeightsFrom> = "weights" OptionalKey(OneOf(WeightsFrom::File), "the file's");
-        /// Number of points.
+        /// Number of points that the chaos game draws.
         points: Option<u32> = "points" OptionalKey(integer(1_000_000, 1, 1_000_000_000), "20 per pixel of its box");
-        /// Middle of its foot, in shares of the picture's width and height from the lower left corner.
+        /// Bottom centre, as fractions of the width and height of the picture from its lower left corner.
         at: [f64; 2] = "at" NumberArray([0.5, 0.0], number(0.0, -10.0, 10.0, ""));
-        /// Its height, share of the picture's.
+        /// Height as a fraction of the picture.
         height: Option<f64> = "height" OptionalKey(number(1.0, 1e-3, 10.0, ""), "from width");
-        /// Its width, share of the picture's; with `height` it is stretched to both.
+        /// Width as a fraction of the picture; with `height` the layer is stretched.
         width: Option<f64> = "width" OptionalKey(number(1.0, 1e-3, 10.0, ""), "from height");
-        /// One colour for all of it.
+        /// Single colour of the layer.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#000000"), "by color_by");
-        /// Colour at the upper edge of a box, a gradient from `color`.
+        /// Colour at the top of a rectangle, as a gradient from `color`.
         color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#000000"), "color");
         /// What the colour of a point stands for.
         color_by: ColorBy = "color_by" OneOf(ColorBy::Map);
@@ -39,12 +39,12 @@ keys! {
         prefix: u32 = "prefix" integer(2, 1, 4);
         /// Colours by map, or along the palette.
         colors: Vec<[f32; 3]> = "colors" ColorList;
-        /// How much it covers.
+        /// Factor on the opacity of the layer.
         opacity: f64 = "opacity" number(1.0, 0.0, 1.0, "");
-        /// Brightness of thin places.
-        exposure: Option<f64> = "exposure" OptionalKey(number(16.0, 1e-6, 1e9, ""), "the picture's");
+        /// Brightness of low densities.
+        exposure: Option<f64> = "exposure" OptionalKey(number(16.0, 1e-6, 1e9, ""), "that of the picture");
         /// Exponent of opacity.
-        gamma: Option<f64> = "gamma" OptionalKey(number(0.6, 0.05, 10.0, ""), "the picture's");
+        gamma: Option<f64> = "gamma" OptionalKey(number(0.6, 0.05, 10.0, ""), "that of the picture");
     }
 }
 

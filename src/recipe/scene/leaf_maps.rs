@@ -9,17 +9,17 @@ use osier_base::diagnostic::Diagnostic;
 use osier_export::exr::{ATLAS, BORDER};
 
 keys! {
-    /// Maps of the leaves that rain falls on: relief, wetness and normals, a file of each per leaf and frame.
+    /// Texture maps of leaves in rain: height, wetness and normals, one file per leaf and frame.
     LeafMapKeys at "maps" {
         /// Texels along a side of a map.
         resolution: u32 = "resolution" integer(512, 32, 8192);
-        /// Height that 1 in a height map stands for; what is higher is cut off.
+        /// Height of the value 1 of a height map; greater heights are clamped.
         height_range: f64 = "height_range_m" number(0.004, 1e-4, 0.1, "m");
-        /// Largest number of leaves with maps: those nearest to the camera. The others show drops only.
+        /// Largest number of leaves with maps, nearest to the camera first; other leaves have drops only.
         max_mapped_leaves: u32 = "max_mapped_leaves" integer(32, 0, 512);
-        /// Whether all leaves' maps are also laid together on sheets of 4096 texels a side.
+        /// Whether the maps of all leaves are also written as atlases of 4096 texels a side.
         atlas: bool = "atlas" BooleanType(false);
-        /// Whether the height of water alone has maps too.
+        /// Whether the height of the water is also written as a map of its own.
         water: bool = "water" BooleanType(false);
     }
 }

@@ -17,16 +17,16 @@ use std::sync::Arc;
 choices! {
     /// How time passes between two tables.
     MorphEase {
-        /// Evenly.
+        /// Linear in time.
         Linear = "linear",
         /// Slow at the tables, fast between.
         Smooth = "smooth",
     }
     /// What of a map's place goes straight.
     MorphShift {
-        /// Its shift b.
+        /// The translation b of each map.
         Straight = "straight",
-        /// Its fixed point.
+        /// The fixed point of each map.
         FixedPoint = "fixed-point",
     }
     /// What becomes of the maps' weights.
@@ -39,26 +39,27 @@ choices! {
 }
 
 keys! {
-    /// An attractor that changes with time, from table to table: turns go the shortest way, all else goes straight.
+    /// Interpolates an attractor between tables over time. Rotations take the shortest path; all other parts are
+    /// interpolated linearly.
     MorphKeys at "clouds.NAME.morph" {
-        /// How time passes between two tables.
+        /// Interpolation in time between two tables.
         ease: MorphEase = "ease" OneOf(MorphEase::Linear);
-        /// What of a map's place goes straight.
+        /// What is interpolated linearly: the translations of the maps ("straight") or their fixed points ("fixed-point").
         shift: MorphShift = "shift" OneOf(MorphShift::Straight);
-        /// What becomes of the maps' weights.
+        /// Whether weights are interpolated ("follow") or stay those of the first table ("hold").
         weights: MorphWeights = "weights" OneOf(MorphWeights::Follow);
     }
-    /// One table at one time, in the order of time; all tables have the same number of maps.
+    /// A table at a time. Keys are in order of time; all tables have the same number of maps.
     MorphKeyframe at "clouds.NAME.morph.key" {
         /// The coefficient table.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// Which system of the table; the first without a name.
         system: String = "system" StringType("");
-        /// When, from the first frame.
+        /// Time from the first frame.
         at: f64 = "at" number(0.0, 0.0, 1e6, "s");
-        /// Full turns that maps make on their way here, besides the shortest turn.
+        /// Additional full rotations of the maps before this key.
         turns: Vec<f64> = "turns" TurnList;
-        /// Colours by map, or along the palette, at this time; without them the cloud's or the table's.
+        /// Colours at this time.
         colors: Vec<[f32; 3]> = "colors" ColorList;
     }
 }
@@ -84,7 +85,7 @@ recipe! {
 /// The table `morph` of a cloud.
 pub(super) struct MorphTable<'a> {
     pub(super) table: &'a TomlTable,
-    /// Of its name.
+    /// Place of its name in the scene, for messages.
     pub(super) span: Span,
 }
 

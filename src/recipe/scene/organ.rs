@@ -8,7 +8,7 @@ use crate::recipe::syntax::{
 use crate::recipe::syntax::{choices, keys};
 
 /// Where an organ's number comes from without its key.
-const OWN: &str = "the blade's own";
+const OWN: &str = "by outline";
 
 choices! {
     /// Outline of a leaf blade.
@@ -36,70 +36,73 @@ choices! {
 }
 
 keys! {
-    /// What an organ looks like: NAME is the letter that follows '~' in the grammar. `[plants.NAME.leaf]` is short for the
+    /// Appearance of an organ; LETTER is the letter after '~' in the grammar. `[plants.NAME.leaf]` is a short form of the
     /// organ "l".
     OrganKeys at "plants.NAME.organs.LETTER" also "plants.NAME.leaf" {
-        /// Outline of a made blade.
+        /// Outline of a parametric blade.
         blade: BladeOutline = "blade" OneOf(BladeOutline::Elliptic);
-        /// A mesh of your own instead of a made blade: petiole base at the origin, +Y along the midrib, +Z the upper side.
+        /// Mesh file instead of a parametric blade: base of the petiole at the origin, midrib along +Y, upper side towards
+        /// +Z.
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb");
-        /// A coefficient table that draws the leaf, instead of a made blade.
+        /// Coefficient table whose attractor is the leaf, instead of a parametric blade.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
-        /// Which system of the table; the first without a name.
+        /// System of the table; empty selects the first.
         system: String = "system" StringType("");
-        /// Where the stalk meets the leaf of a table, in its units.
-        anchor: Option<[f64; 2]> = "anchor" OptionalKey(NumberArray([0.0, 0.0], number(0.0, -1e12, 1e12, "")), "found");
-        /// Gaps in the leaf of a table that are closed, in pixels of a map of 1024.
+        /// With `ifs`: point where the petiole meets the blade, in table units.
+        anchor: Option<[f64; 2]> = "anchor" OptionalKey(NumberArray([0.0, 0.0], number(0.0, -1e12, 1e12, "")), "computed");
+        /// With `ifs`: width of gaps that are closed, in pixels of a mask of 1024 pixels.
         close: f64 = "close_px" number(2.0, 0.0, 8.0, "pixels");
-        /// Largest hole in the leaf of a table that is filled, share of the map.
+        /// With `ifs`: largest hole that is filled, as a fraction of the mask.
         fill: f64 = "fill" number(0.005, 0.0, 1.0, "");
-        /// Whether holes in the leaf of a table are cut into its mesh.
+        /// With `ifs`: whether holes are cut into the mesh.
         holes: bool = "holes" BooleanType(false);
-        /// Length of the blade; the turtle's size factor multiplies it.
+        /// Length of the blade; multiplied by the size factor of the turtle.
         size: Option<f64> = "size" OptionalKey(number(0.08, 1e-3, 2.0, "m"), OWN);
-        /// Width over length.
+        /// Width divided by length.
         width: Option<f64> = "width" OptionalKey(number(0.6, 0.02, 3.0, ""), OWN);
-        /// Lobes or teeth along one side.
+        /// Number of lobes or teeth on each side.
         lobes: Option<u32> = "lobes" OptionalKey(integer(5, 0, 60), OWN);
         /// Depth of lobes or teeth.
         depth: Option<f64> = "depth" OptionalKey(number(0.35, 0.0, 0.9, "of the half width"), OWN);
-        /// Smaller teeth after each large one.
+        /// Number of smaller teeth after each large one.
         minor_teeth: Option<u32> = "minor_teeth" OptionalKey(integer(0, 0, 4), OWN);
-        /// Side veins on each side; lobed blades have one for each lobe.
+        /// Number of secondary veins on each side; lobed blades have one per lobe.
         veins: Option<u32> = "veins" OptionalKey(integer(6, 1, 16), OWN);
-        /// Angle between midrib and side veins.
+        /// Angle between midrib and secondary veins.
         vein_angle: Option<f64> = "vein_angle_deg" OptionalKey(degrees(48.0, 18.0, 80.0), OWN);
-        /// Fold along the midrib.
+        /// Fold angle along the midrib.
         fold: Option<f64> = "fold_deg" OptionalKey(degrees(10.0, -68.0, 68.0), OWN);
-        /// Droop from base to tip.
+        /// Downward curl from base to tip.
         curl: Option<f64> = "curl_deg" OptionalKey(degrees(20.0, -170.0, 170.0), OWN);
-        /// Height of the waves of the margin.
+        /// Amplitude of the waves of the margin.
         waviness: Option<f64> = "waviness" OptionalKey(number(0.04, 0.0, 0.3, "of the width"), OWN);
-        /// Length of the stalk.
+        /// Length of the petiole.
         petiole: Option<f64> = "petiole" OptionalKey(number(0.02, 0.0, 1.0, "m"), OWN);
-        /// Radius of the stalk.
+        /// Radius of the petiole.
         petiole_radius: Option<f64> = "petiole_radius_mm" OptionalKey(millimetres(0.8, 0.1, 10.0), OWN);
-        /// Thickness of the stalk over its width: 1 round, 2 flattened as a poplar's.
+        /// Thickness of the petiole normal to the blade, divided by its width: 1 is round, 2 is flattened laterally as in
+        /// poplars.
         petiole_flatness: Option<f64> = "petiole_flatness" OptionalKey(number(1.0, 0.3, 3.0, ""), OWN);
-        /// Blade.
+        /// Colour of the blade.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#4f7a33"), OWN);
-        /// Veins and margin.
+        /// Colour of veins and margin.
         color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#86a05a"), OWN);
-        /// So many blades are made, different in fold, curl and proportions.
+        /// Number of different meshes, which vary in fold, curl and proportions.
         variants: u32 = "variants" integer(4, 1, 32);
-        /// How finely a blade is cut.
+        /// Resolution of the mesh: "crown" for trees with many thousand leaves, "light", "hero" for close-ups, "close" with
+        /// a relief map.
         detail: BladeDetail = "detail" OneOf(BladeDetail::Light);
-        /// Pixels along a side of the maps.
+        /// Side length of the textures in pixels.
         side: u32 = "side" integer(512, 16, 4096);
-        /// Metres per unit of a mesh of your own.
+        /// With `mesh`: metres per unit of the file.
         mesh_scale: f64 = "mesh_scale" number(1.0, 1e-6, 1e6, "m");
-        /// Upward axis of a mesh of your own.
+        /// With `mesh`: up axis of the file.
         mesh_up: UpAxis = "mesh_up" OneOf(UpAxis::Y);
-        /// Light let through.
+        /// Fraction of light that is transmitted.
         translucency: f64 = "translucency" number(0.35, 0.0, 1.0, "");
-        /// 0 mirror to 1 matt.
+        /// Roughness: 0 is a mirror, 1 is matt.
         roughness: Option<f64> = "roughness" OptionalKey(number(0.45, 0.0, 1.0, ""), OWN);
-        /// Flutter in the wind: 1 for round stalks, 2 to 3 for the flat ones of poplars.
+        /// Factor on leaf flutter: 1 for round petioles, 2 to 3 for the flat petioles of poplars.
         flutter: f64 = "flutter" number(1.0, 0.0, 10.0, "");
     }
 }

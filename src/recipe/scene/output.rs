@@ -27,50 +27,49 @@ choices! {
 }
 
 keys! {
-    /// What is written.
+    /// Files that a bake writes.
     OutputKeys at "output" {
-        /// File formats.
+        /// File formats that a bake writes.
         formats: Vec<OutputFormat> = "formats" ListOf(&[OutputFormat(&usd::FORMAT), OutputFormat(&gltf::FORMAT)]);
     }
-    /// POV-Ray files.
+    /// Options of POV-Ray files.
     PovKeys at "output.pov" {
-        /// Frames between two written ones.
+        /// Frames between two written frames.
         step: u32 = "step" integer(1, 1, 1_000_000);
-        /// Width and height of the picture.
+        /// Width and height of the picture in pixels.
         size: [f64; 2] = "size" NumberArray([800.0, 600.0], number(800.0, 8.0, 16384.0, "pixels"));
-        /// Share of the time between two frames for which the shutter is open: how long the streaks of falling water are.
+        /// Fraction of the frame interval for which the shutter is open, which sets the length of streaks of falling water.
         shutter: f64 = "shutter" number(0.5, 0.0, 1.0, "");
         /// Scene units per metre.
         units: f64 = "units_per_m" number(100.0, 1.0, 1e5, "");
     }
-    /// Light that drops gather: photons are shot through them, and a frame takes half as long again to twice as long. The table alone
-    /// switches it on.
+    /// Photon mapping of drops (caustics); the table alone enables it. A frame takes 1.5 to 2 times as long.
     PhotonKeys at "output.pov.photons" {
-        /// Radius of the smallest drops that gather light; smaller ones are lit as everything else.
+        /// Radius of the smallest drops that receive photons.
         smallest: f64 = "smallest_mm" millimetres(1.0, 0.2, 10.0);
     }
-    /// USD files.
+    /// Options of USD files.
     UsdKeys at "output.usd" {
-        /// Upward axis.
+        /// Axis that points up in the files.
         up: UpAxis = "up" OneOf(UpAxis::Y);
-        /// How several placements of a plant are shown: by one point instancer, or by a prim each, to edit single copies.
+        /// How copies of a plant are written: one point instancer, or a prim for each copy, which can be edited.
         copies: CopyStyle = "copies" OneOf(CopyStyle::Instancer);
-        /// How far leaves that ride on branches may be from where they were simulated, between two frames that are kept; 0 keeps all.
+        /// Largest position error of leaves on branches between kept samples; 0 keeps every frame.
         tolerance: f64 = "tolerance_mm" millimetres(1.0, 0.0, 100.0);
-        /// The same of their rotations.
+        /// Largest rotation error of leaves on branches between kept samples.
         turn_tolerance: f64 = "turn_tolerance_deg" degrees(0.5, 0.0, 45.0);
     }
-    /// glTF files.
+    /// Options of glTF files.
     GltfKeys at "output.gltf" {
-        /// For which readers.
+        /// Readers that the files are made for.
         profiles: Vec<GltfProfile> = "profiles" ListOf(&[GltfProfile::Web]);
-        /// Only this frame, standing still: any number of things that fly, as instances in the web profile.
-        frame: Option<u32> = "frame" OptionalKey(integer(1, 0, 999_999), "the whole clip, moving");
-        /// Most things that fly that a moving file holds, a node and a track each.
+        /// Writes only this frame, static: any number of flying objects, as instances in profile "web".
+        frame: Option<u32> = "frame" OptionalKey(integer(1, 0, 999_999), "the whole clip, animated");
+        /// Largest number of animated nodes of flying objects.
         nodes: u32 = "nodes" integer(500, 1, 100_000);
-        /// Most plants that sway by a skeleton of their own; those beyond, farthest from the camera, stand still and share meshes.
+        /// Largest number of plants with an animated skin; others, farthest from the camera, are static and share meshes.
         skins: u32 = "skins" integer(64, 0, 100_000);
-        /// Whether each asset has a file of its own, beside the one of the whole scene.
+        /// Whether each asset is also written to a file of its own.
         assets: bool = "assets" BooleanType(false);
     }
 }

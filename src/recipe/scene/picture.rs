@@ -8,7 +8,7 @@ choices! {
     PictureFit {
         /// The view that a flame names; all of it where the file names none.
         View = "view",
-        /// All of it.
+        /// The bounding box of the attractor.
         Bounds = "bounds",
         /// All but the outermost points.
         Quantile = "quantile",
@@ -16,35 +16,35 @@ choices! {
 }
 
 keys! {
-    /// How an attractor becomes a picture (`osier grow NAME.ifs -o NAME.png`, or `.exr` for its density).
+    /// Picture of an attractor (`osier grow NAME.ifs -o NAME.png`; `.exr` for its density).
     PictureKeys at "picture" {
-        /// Pixels in a row.
+        /// Width of the picture in pixels.
         width: u32 = "width" integer(1024, 1, 16_384);
-        /// Rows.
+        /// Height of the picture in pixels.
         height: u32 = "height" integer(1024, 1, 16_384);
-        /// Number of points.
+        /// Number of points that the chaos game draws.
         points: Option<u32> = "points" OptionalKey(integer(20_000_000, 1, 1_000_000_000), "20 per pixel");
-        /// Which part is shown.
+        /// Part of the attractor that is shown.
         fit: PictureFit = "fit" OneOf(PictureFit::View);
-        /// Middle of the picture in table units, instead of `fit`.
+        /// Centre of the picture in table units, instead of `fit`.
         center: Option<[f64; 2]> = "center" OptionalKey(NumberArray([0.0, 0.0], number(0.0, -1e12, 1e12, "")), "fitted");
         /// Width of the picture in table units, with `center`.
         span: Option<f64> = "span" OptionalKey(number(1.0, 1e-12, 1e12, ""), "fitted");
-        /// Brightness of thin places.
+        /// Exposure: brightness of low densities.
         exposure: f64 = "exposure" number(16.0, 1e-6, 1e9, "");
         /// Exponent of opacity.
         gamma: f64 = "gamma" number(0.6, 0.05, 10.0, "");
-        /// Behind it; without it the picture is transparent.
+        /// Colour behind the attractor.
         background: Option<[f32; 3]> = "background" OptionalKey(ColorType("#ffffff"), "transparent");
-        /// Counted at so many times the size.
+        /// Supersampling factor.
         oversample: u32 = "oversample" integer(1, 1, 4);
-        /// Thin places are spread over discs of this radius; 0 is off.
+        /// Largest radius of the density estimation at low densities; 0 disables it.
         spread: f64 = "spread_px" number(0.0, 0.0, 64.0, "pixels");
-        /// Smallest radius of such a disc.
+        /// Smallest radius of the density estimation.
         spread_min: f64 = "spread_min_px" number(0.0, 0.0, 64.0, "pixels");
-        /// How fast discs shrink with hits.
+        /// How fast the radius decreases with the density.
         spread_curve: f64 = "spread_curve" number(0.4, 0.0, 4.0, "");
-        /// Bits of a channel of a PNG: 8 or 16.
+        /// Bits per channel of a PNG: 8 or 16.
         bits: u32 = "bits" integer(8, 8, 16);
     }
 }

@@ -4,33 +4,33 @@ use crate::recipe::syntax::keys;
 use crate::recipe::syntax::{OptionalKey, SeedType, StringType, degrees, integer, number, point};
 
 keys! {
-    /// Puts plants into the scene.
+    /// Places plants in the scene.
     PlaceKeys at "place" {
-        /// Which plant.
+        /// Name of the plant, as in `[plants.NAME]`.
         plant: String = "plant" StringType("");
-        /// Where; with `count` the middle of the group.
+        /// Position; with `count` the centre of the group.
         at: [f64; 3] = "at" point([0.0; 3]);
-        /// Turn about the vertical; drawn for each copy of a group.
-        turn: Option<f64> = "turn_deg" OptionalKey(degrees(0.0, -360.0, 360.0), "0, random in groups");
-        /// Size.
+        /// Rotation about the vertical axis.
+        turn: Option<f64> = "turn_deg" OptionalKey(degrees(0.0, -360.0, 360.0), "0; random in groups");
+        /// Factor on the size of the copies.
         scale: f64 = "scale" number(1.0, 1e-3, 1e3, "");
-        /// Random share added to or taken from the size.
+        /// Random variation of the scale, as a fraction.
         vary: f64 = "vary" number(0.0, 0.0, 0.9, "");
-        /// Lean from the vertical.
+        /// Inclination from the vertical.
         lean: f64 = "lean_deg" degrees(0.0, 0.0, 90.0);
-        /// Where it leans: 0 towards +X, 90 towards -Z.
+        /// Direction of the inclination: 0 is +X, 90 is -Z.
         lean_to: f64 = "lean_to_deg" degrees(0.0, -360.0, 360.0);
-        /// Another individual for the same place.
+        /// Selects another individual.
         seed: u64 = "seed" SeedType(0);
-        /// Number of copies, spread over `radius`.
+        /// Number of copies within `radius`.
         count: u32 = "count" integer(1, 1, 100_000);
-        /// Copies stand within this distance.
+        /// Radius of the group.
         radius: f64 = "radius" number(10.0, 0.0, 1e5, "m");
-        /// Copies keep this distance where they can.
+        /// Smallest distance between copies, where there is room.
         spacing: f64 = "spacing" number(0.0, 0.0, 1e5, "m");
-        /// Copies keep this distance from what the places before this one put up.
+        /// Smallest distance to plants of earlier `[[place]]` tables.
         clear: f64 = "clear" number(0.0, 0.0, 1e5, "m");
-        /// Copies share so many individuals.
-        individuals: Option<u32> = "individuals" OptionalKey(integer(1, 1, 10_000), "count: each grows its own");
+        /// Number of individuals that the copies share.
+        individuals: Option<u32> = "individuals" OptionalKey(integer(1, 1, 10_000), "count: one each");
     }
 }

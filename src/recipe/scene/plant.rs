@@ -31,33 +31,34 @@ choices! {
         Game = "game",
         /// Nothing but attributes for shaders.
         Static = "static",
-        /// Not at all.
+        /// The plant stands still.
         Still = "still",
     }
 }
 
 keys! {
-    /// One kind of plant; NAME is yours.
+    /// A plant; NAME is any name.
     PlantKeys at "plants.NAME" {
-        /// The grammar that grows it.
+        /// Grammar (L-system) of the plant.
         grammar: Option<Reference> = "grammar" FileReference(".l");
-        /// The coefficient table of a tree, instead of a grammar.
+        /// Coefficient table of a tree, instead of a grammar.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml");
-        /// A mesh of a whole plant, instead of a grammar: it gets a skeleton and sways as it is.
+        /// Mesh of a whole plant, instead of a grammar; osier extracts its skeleton.
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
-        /// Derivation length.
-        steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "the grammar's");
-        /// Values for the grammar's #defines.
+        /// Number of derivation steps.
+        steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "that of the grammar");
+        /// Values that replace `#define`s of the grammar.
         set: Vec<(String, f64)> = "set" NamedNumbers;
         /// Added to the scene's seed for this plant.
         seed: u64 = "seed" SeedType(0);
-        /// Whether weights of productions count.
-        stochastic: Option<bool> = "stochastic" OptionalKey(BooleanType(true), "true if the grammar has a Seed");
-        /// How the bark moves.
+        /// Whether productions are selected at random by their weights.
+        stochastic: Option<bool> = "stochastic" OptionalKey(BooleanType(true), "true if the grammar has a `Seed:`");
+        /// How motion is written: joints ("skin"), points of every frame ("cache"), few joints and shader attributes
+        /// ("game"), shader attributes only ("static"), or no motion ("still").
         motion: BarkMotion = "motion" OneOf(BarkMotion::Skin);
-        /// Most joints of its skeleton.
+        /// Largest number of joints of the skeleton.
         max_joints: u32 = "max_joints" integer(256, 1, 300);
-        /// Most branches that bend by themselves with `motion = "cache"`.
+        /// With `motion = "cache"`: largest number of branches that bend individually.
         max_branches: u32 = "max_branches" integer(2000, 1, 100_000);
     }
 }

@@ -13,21 +13,21 @@ choices! {
     RainSize {
         /// As in rain of its strength, by Marshall and Palmer.
         Natural = "natural",
-        /// All of `size_mm`.
+        /// All drops have the diameter `size_mm`.
         Fixed = "fixed",
         /// Around `size_mm`, spread by `size_spread`.
         LogNormal = "log_normal",
     }
     /// How rain's strength changes over a clip.
     RainEnvelope {
-        /// It does not.
+        /// The rate is constant.
         Constant = "constant",
         /// A bell around `middle_s`, as the paper by Yang and Wu has it.
         Bell = "bell",
         /// As `envelope_keyframes` say.
         Keys = "keys",
     }
-    /// Sets of defaults.
+    /// Source of the default values of rain.
     RainPreset {
         /// What is measured of water on leaves.
         Measured = "measured",
@@ -36,7 +36,7 @@ choices! {
     }
     /// What a drop's blow does.
     ImpactModel {
-        /// Momentum is kept.
+        /// Momentum along the normal is conserved.
         Momentum = "momentum",
         /// A share of its energy moves the leaf, as the paper has it.
         PaperEnergy = "paper_energy",
@@ -59,14 +59,14 @@ choices! {
     }
     /// When drops become one.
     DropMerge {
-        /// When they touch.
+        /// They coalesce when their contact circles touch.
         Touch = "touch",
         /// Nearer than touching, as the paper's attraction has it.
         Paper = "paper",
     }
     /// With what arm a drop's weight turns its leaf.
     DropLever {
-        /// Its own.
+        /// Distance from the leaf joint to the drop.
         Physical = "physical",
         /// Less near the stalk, as the paper has it.
         Paper = "paper",
@@ -74,130 +74,130 @@ choices! {
 }
 
 keys! {
-    /// Rain on the plants of a scene: drops fall, strike, run, merge, hang and drip. Leaves give way where their plant has
-    /// `[plants.NAME.rods]`.
+    /// Rain on the plants of the scene. Leaves of plants with `[plants.NAME.rods]` move under impacts and the weight of
+    /// water.
     RainKeys at "rain" {
-        /// Where defaults come from.
+        /// Source of the defaults: measured properties of rain and leaves, or the rules of the paper.
         preset: RainPreset = "preset" OneOf(RainPreset::Measured);
-        /// Whether rain falls; without it only drops of `[[rain.lying]]` are there.
+        /// Whether rain falls; without it only drops of `[[rain.lying]]` exist.
         falls: bool = "falls" BooleanType(true);
-        /// How much.
+        /// Mean rainfall rate, which the envelope and `jitter` vary.
         rate: f64 = "rate_mm_per_h" rain_rate(10.0, 0.1, 200.0);
-        /// Distribution of drop sizes.
+        /// Distribution of drop diameters: Marshall-Palmer ("natural"), one size, or log-normal.
         size: RainSize = "size_distribution" OneOf(RainSize::Natural);
-        /// Diameter of drops that are not natural.
+        /// Diameter of "fixed" drops, median diameter of "log_normal" drops.
         diameter: f64 = "size_mm" millimetres(2.0, 0.5, 6.0);
-        /// How much they differ: deviation of the logarithm.
+        /// With "log_normal": standard deviation of the logarithm of the diameter.
         spread: f64 = "size_spread" number(0.3, 0.01, 1.5, "");
-        /// Drops of the whole clip, instead of a rate.
+        /// Number of drops of the whole clip, instead of a rate.
         total: Option<u32> = "total" OptionalKey(integer(1000, 1, 100_000_000), "by rate_mm_per_h");
-        /// How its strength changes.
+        /// Variation of the rate over time.
         envelope: RainEnvelope = "envelope" OneOf(RainEnvelope::Constant);
-        /// With "bell": when it is strongest.
+        /// With "bell": time of the maximum.
         middle: Option<f64> = "middle_s" OptionalKey(number(5.0, -1e4, 1e5, "s"), "half the clip");
-        /// With "bell": its width.
+        /// With "bell": standard deviation in time.
         width: Option<f64> = "width_s" OptionalKey(number(2.5, 0.01, 1e5, "s"), "a quarter of the clip");
-        /// With envelope "keys": [s, factor], times rising.
+        /// With "keys": keyframes [s, factor].
         envelope_keyframes: Vec<Vec<f64>> = "envelope_keyframes" timed_rows();
-        /// How much its strength changes by chance.
+        /// Amplitude of random variation of the rate.
         jitter: f64 = "jitter" number(0.2, 0.0, 1.0, "");
-        /// Time for which it has rained before the first frame.
-        before: f64 = "before_s" number(0.0, 0.0, 600.0, "s");
-        /// Steps a frame.
-        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the plants' rods need");
-        /// Acceleration of gravity, of drops and of all rods of the scene.
+        /// Duration of rain before the first frame (spin-up).
+        spin_up: f64 = "spin_up_s" number(0.0, 0.0, 600.0, "s");
+        /// Time steps per frame.
+        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the rods need");
+        /// Gravitational acceleration, of drops and of all rods of the scene.
         gravity: f64 = "gravity" number(9.81, 0.01, 30.0, "m/s^2");
     }
-    /// What drops do when they strike.
+    /// Impacts of raindrops on leaves.
     ImpactKeys at "rain.impact" {
-        /// What a blow does.
+        /// Impact law: conservation of momentum along the normal, or the energy of the paper.
         model: ImpactModel = "model" OneOf(ImpactModel::Momentum);
-        /// With "paper_energy": share of energy that is lost.
+        /// With "paper_energy": fraction of energy that is lost.
         energy_loss: f64 = "energy_loss" number(0.1, 0.0, 1.0, "");
-        /// With "momentum": share of the speed of approach that is given back.
+        /// With "momentum": coefficient of restitution of the impulse; drops do not bounce.
         restitution: f64 = "restitution" number(0.0, 0.0, 0.9, "");
         /// Factor on impulses of impacts, for exaggerated motion.
         impulse_factor: f64 = "impulse_factor" number(1.0, 1.0, 10.0, "");
-        /// Share of a hard-striking drop that leaves as droplets.
+        /// Fraction of the volume that a fast drop ejects as droplets.
         splash: f64 = "splash" number(0.0, 0.0, 0.8, "");
-        /// Share of its speed along the leaf that a drop keeps.
+        /// Fraction of the tangential velocity that a drop keeps.
         tangent_keep: f64 = "tangent_keep" number(0.3, 0.0, 1.0, "");
     }
-    /// Drops on leaves.
+    /// Drops on leaves: shape, friction, coalescence, tails.
     DropKeys at "rain.drop" {
-        /// Contact angle: 40 where leaves are wettable, 110 where they are waxy, 150 on lotus.
+        /// Contact angle at rest: 40 on wettable, 110 on waxy leaves, 150 on lotus.
         contact_angle: f64 = "contact_angle_deg" degrees(60.0, 1.0, 175.0);
-        /// Angle at which the rim behind gives way.
+        /// Receding contact angle.
         receding: f64 = "receding_deg" degrees(52.0, 0.0, 180.0);
-        /// Angle at which the rim in front moves on.
+        /// Advancing contact angle.
         advancing: f64 = "advancing_deg" degrees(68.0, 0.0, 180.0);
-        /// How drops are shaped.
+        /// Shape of drops: caps flattened by gravity, or the formulas of the paper.
         shape: DropShape = "shape" OneOf(DropShape::Flattened);
-        /// Height of a drop as a share of a cap's.
-        omega: Option<f64> = "omega" OptionalKey(number(0.5, 0.01, 1.0, ""), "by its weight");
-        /// With "paper_wedge": base of the factor.
+        /// Height of a drop divided by that of its spherical cap.
+        omega: Option<f64> = "omega" OptionalKey(number(0.5, 0.01, 1.0, ""), "from its weight");
+        /// With "paper_wedge": base of the factor on the height.
         lambda: f64 = "lambda" number(1.05, 1.0, 1.5, "");
-        /// What holds a drop back.
+        /// Law of friction: retention by contact-angle hysteresis, or the constant force of the paper.
         friction: DropFriction = "friction" OneOf(DropFriction::Retention);
-        /// Coefficient of sliding friction of a drop on the leaf.
+        /// Coefficient of sliding friction between drop and leaf.
         friction_coefficient: f64 = "friction_coefficient" number(0.0, 0.0, 2.0, "");
         /// With friction "paper": the constant H of its resisting force.
         paper_friction: f64 = "paper_friction_n" number(2e-5, 0.0, 1e-2, "N");
         /// Factor on the retention force of contact-angle hysteresis.
         retention_factor: f64 = "retention_factor" number(1.0, 0.0, 2.0, "");
-        /// Time constant with which viscosity slows running water.
+        /// Time constant of the viscous friction of running drops.
         velocity_decay: f64 = "velocity_decay_s" number(0.05, 0.005, 1.0, "s");
-        /// How unevenly a leaf holds drops.
+        /// Spatial variation of pinning over the leaf.
         pin_noise: f64 = "pin_noise" number(0.3, 0.0, 0.9, "");
-        /// When drops become one.
+        /// Condition for coalescence: contact, or the distance of the paper.
         merge: DropMerge = "merge" OneOf(DropMerge::Touch);
-        /// With merge "paper": strength of the attraction between drops.
+        /// With merge "paper": constant k_H of the distance of coalescence.
         paper_attraction: f64 = "paper_attraction_n" number(1e-4, 1e-7, 1.0, "N");
-        /// With what arm weight turns a leaf.
+        /// Lever arm of the weight of drops: physical, or with the additional factor of the paper.
         lever: DropLever = "lever" OneOf(DropLever::Physical);
-        /// With lever "paper": largest lever arm, as a share.
+        /// With lever "paper": largest lever factor.
         paper_lever_max: f64 = "paper_lever_max" number(0.8, 0.0, 1.0, "");
-        /// Ratio of the radii of successive drops of a tail.
+        /// Ratio of the radii of successive caps of a tail.
         tail_ratio: f64 = "tail_ratio" number(0.8, 0.3, 0.95, "");
-        /// Largest number of drops of a tail.
+        /// Largest number of caps of a tail.
         tail_drops: u32 = "tail_drops" integer(8, 1, 16);
-        /// How much of a tail there is: roughness of the leaf.
+        /// Length of tails: roughness of the leaf.
         rough: f64 = "rough" number(1.0, 0.0, 1.0, "");
-        /// Chance that a drop of a tail stays behind.
+        /// Probability that a cap of a tail is deposited as a bead.
         bead: f64 = "bead" number(0.25, 0.0, 1.0, "");
-        /// Radius at which a drop hangs at a tip.
+        /// Radius of the circle from which drops hang at a tip.
         tip_radius: f64 = "tip_radius_mm" millimetres(1.0, 0.3, 2.25);
     }
-    /// How leaves become wet and dry again.
+    /// Wetting and drying of leaves.
     WettingKeys at "rain.wet" {
-        /// Share of its wetness that a leaf keeps after `decay_time_s`; 0.5 makes that time a half-life.
+        /// Fraction of the wetness that remains after `decay_time_s`; 0.5 makes that time a half-life.
         decay_fraction: f64 = "decay_fraction" number(0.5, 0.01, 0.99, "");
-        /// Time in which wetness falls to `decay_fraction` of itself.
+        /// Time after which the wetness has decayed to `decay_fraction`.
         decay_time: f64 = "decay_time_s" number(20.0, 0.05, 1e5, "s");
-        /// Length on which wetness falls from a drop's middle.
+        /// Length over which wetness decreases from the centre of a drop.
         length: f64 = "length_mm" millimetres(3.0, 0.1, 100.0);
     }
-    /// A drop that lies on a leaf when the clip begins.
+    /// A sessile drop at the first frame.
     SessileDropKeys at "rain.lying" {
-        /// Leaf, counted from 0 over all plants in the order of their places.
+        /// Index of the leaf, from 0 over all plants in the order of placement.
         leaf: u32 = "leaf" integer(0, 0, 1_000_000);
-        /// Where: u across the leaf, v from its base to its tip.
+        /// Position: u across the leaf, v from base to tip.
         at: [f64; 2] = "at" NumberArray([0.5, 0.5], number(0.5, 0.0, 1.0, ""));
-        /// How much water.
+        /// Volume of the drop.
         volume: f64 = "volume_mm3" cubic_millimetres(10.0, 0.01, 1000.0);
-        /// Speed along the leaf, towards its tip and to its right.
+        /// Initial velocity along the leaf: towards its tip, and to its right.
         speed: [f64; 2] = "speed" NumberArray([0.0; 2], number(0.0, -5.0, 5.0, "m/s"));
     }
 }
 
 recipe! {
-    /// Rain of a scene.
+    /// Rain of a scene, as its tables describe it.
     RainRecipe {
-        /// Rainfall.
+        /// Rate, drop sizes and envelope.
         keys: RainKeys;
-        /// Impacts on leaves.
+        /// Impact law of drops on leaves.
         impact: ImpactKeys;
-        /// Drops on leaves.
+        /// Drops on leaves: shape, friction, coalescence, tails.
         drop: DropKeys;
         /// Wetting and drying of leaves.
         wet: WettingKeys;

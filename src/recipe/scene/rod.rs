@@ -56,75 +56,76 @@ choices! {
 }
 
 keys! {
-    /// A rod that bends, twists and swings: a pole, a twig, a stalk. Its base is fixed if no `[[rod.clamp]]` says otherwise.
+    /// An elastic rod: a pole, a twig, a petiole. Its base is fixed unless a `[[rod.clamp]]` says otherwise.
     RodKeys at "rod" {
-        /// Its name; others stand on it by it.
+        /// Name, to which other rods refer by `on`.
         name: String = "name" StringType("");
-        /// From base to tip; a smooth curve goes through them.
+        /// Points of the axis from base to tip, interpolated by a smooth curve.
         points: Vec<[f64; 3]> = "points" PointList;
-        /// Radius at its base and at its tip.
+        /// Radius at the base and at the tip.
         radius: [f64; 2] = "radius_mm" NumberArray([3.0, 2.0], millimetres(3.0, 0.05, 2000.0));
-        /// Rod in which its base is fixed.
+        /// Name of the rod to which the base is clamped.
         on: String = "on" StringType("");
-        /// Where on that, 0 at its base to 1 at its tip.
+        /// Position on that rod: 0 is its base, 1 its tip.
         on_at: f64 = "on_at" number(1.0, 0.0, 1.0, "");
-        /// Young's modulus.
+        /// Young's modulus along the rod.
         elasticity: f64 = "elasticity_gpa" gigapascals(5.0, 1e-5, 1000.0);
-        /// Stiffness against bending at its base, instead of the modulus.
-        bending_stiffness: Option<f64> = "bending_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from elasticity_gpa and radius");
-        /// Shear modulus over Young's.
+        /// Bending stiffness EI at the base, instead of Young's modulus.
+        bending_stiffness: Option<f64> = "bending_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from elasticity_gpa and radius_mm");
+        /// Shear modulus divided by Young's modulus.
         shear_ratio: f64 = "shear_ratio" number(1.0 / 15.0, 0.02, 0.5, "");
-        /// Stiffness against twisting at its base, instead of the shear modulus.
+        /// Torsional stiffness GJ at the base, instead of the shear modulus.
         torsional_stiffness: Option<f64> = "torsional_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from shear_ratio");
-        /// Density.
+        /// Density of the material.
         density: f64 = "density" number(900.0, 1.0, 20_000.0, "kg/m^3");
-        /// Damping ratio of the slowest mode: 1 is critical.
+        /// Damping ratio of the lowest mode; 1 is critical.
         damping_ratio: f64 = "damping_ratio" number(0.2, 0.0, 1.0, "");
-        /// Strength of the springs back to where it was drawn.
+        /// Stiffness of the springs that restore the drawn pose, as a fraction of the bending stiffness.
         recovery: f64 = "recovery" number(0.25, 0.0, 4.0, "");
         /// Divides the stiffness, for exaggerated bending.
         compliance: f64 = "compliance" number(1.0, 1.0, 20.0, "");
-        /// Drag of the wind on it; 0 for none.
+        /// Drag coefficient; 0 disables wind.
         drag: f64 = "drag" number(1.1, 0.0, 3.0, "");
-        /// Cross-sections that it is made of.
+        /// Number of cross-sections.
         sections: Option<u32> = "sections" OptionalKey(integer(9, 2, 64), "an interval of 3 radii, 5 to 16");
-        /// How it is stepped through time; that of the lowest rod counts.
+        /// Time integrator; connected rods use that of the lowest rod.
         integrator: RodIntegrator = "integrator" OneOf(RodIntegrator::Xpbd);
-        /// Steps a frame; those of the lowest rod count.
-        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 200_000), "8 to 64, by its slowest swing");
-        /// What weight does to its shape; that of the lowest rod counts.
+        /// Time steps per frame; connected rods use those of the lowest rod.
+        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 200_000), "8 to 64, from the lowest natural frequency");
+        /// Effect of gravity: the drawn pose is in equilibrium ("posed"), no self-weight ("compensated"), or the drawn pose
+        /// is the rest shape ("droop"). Connected rods use that of the lowest rod.
         gravity: RodGravity = "gravity" OneOf(RodGravity::Posed);
-        /// Velocity of its tip at the start, falling to none at its base.
+        /// Initial velocity of the tip, decreasing to zero at the base.
         launch: [f64; 3] = "launch" NumberArray([0.0; 3], number(0.0, -1000.0, 1000.0, "m/s"));
-        /// Its colour.
+        /// Colour of the rod.
         color: [f32; 3] = "color" ColorType("#8a6f4d");
     }
-    /// Where a rod is held.
+    /// A boundary condition of a rod.
     RodClampKeys at "rod.clamp" {
-        /// Where, 0 at its base to 1 at its tip.
+        /// Position along the rod: 0 is the base, 1 the tip.
         at: f64 = "at" number(0.0, 0.0, 1.0, "");
-        /// How.
+        /// Type: position and direction fixed ("fixed"), position fixed ("pinned"), or guided along a line ("guided").
         hold: RodHold = "hold" OneOf(RodHold::Fixed);
-        /// With "guided": the line's direction.
+        /// With "guided": direction of the line.
         line: [f64; 3] = "line" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
-        /// How the held place is moved: keys of [s, x, y, z], m from where it is drawn.
+        /// Displacement of the clamp: keyframes [s, x, y, z], in metres from the drawn position.
         keyframes: Vec<Vec<f64>> = "keyframes" timed_rows();
-        /// With "fixed": axis about which it is turned.
+        /// With "fixed": axis of rotation.
         axis: [f64; 3] = "axis" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
-        /// With "fixed": how far it is turned: keys of [s, degrees].
+        /// With "fixed": rotation about `axis`: keyframes [s, degrees].
         turn_keyframes: Vec<Vec<f64>> = "turn_keyframes" timed_degrees();
     }
-    /// What acts on a rod.
+    /// A load at a point of a rod.
     RodLoadKeys at "rod.load" {
-        /// Where, 0 at its base to 1 at its tip.
+        /// Position along the rod: 0 is the base, 1 the tip.
         at: f64 = "at" number(1.0, 0.0, 1.0, "");
-        /// What.
+        /// Type: force (N), wrench (force and moment), mass (kg), or impulse ("blow", N s).
         kind: RodLoadKind = "kind" OneOf(RodLoadKind::Force);
-        /// When and how much, linear between keys, as the first before them and as the last after them.
+        /// Time and value; linear between keyframes, constant before the first and after the last.
         keyframes: Vec<Vec<f64>> = "keyframes" timed_rows();
-        /// With "mass": whether it is seen, as a ball as heavy as water.
+        /// With "mass": whether it is visible, as a sphere with the density of water.
         show: bool = "show" BooleanType(true);
-        /// With "mass": its colour.
+        /// With "mass": colour.
         color: [f32; 3] = "color" ColorType("#a83a2c");
     }
 }

@@ -31,41 +31,42 @@ choices! {
     SwayStart {
         /// In the middle of the wind.
         Moving = "moving",
-        /// From rest.
+        /// At rest, without deflection.
         Rest = "rest",
     }
 }
 
 keys! {
-    /// How plants answer the wind.
+    /// Motion of plants in the wind.
     SwayKeys at "sway" {
-        /// By which equations.
+        /// Equations of motion: elastic beams, or those of the paper.
         model: SwayModel = "model" OneOf(SwayModel::Beam);
-        /// With "paper": what is mended; [] for nothing, and then nothing is seen to move.
+        /// With "paper": misprints that are corrected; with [] no motion is visible.
         fixes: Vec<PaperFix> = "paper_fixes" ListOf(&[PaperFix::Radius, PaperFix::Air, PaperFix::Damping]);
-        /// With "paper": share of the last force that is taken back.
+        /// With "paper": fraction of the last force that is subtracted.
         recoil: f64 = "paper_recoil" number(0.3, 0.0, 0.999, "");
-        /// With "paper": damping for the square of the turning rate.
+        /// With "paper": damping coefficient of the squared angular velocity.
         paper_damping: f64 = "paper_damping" number(0.01, 0.0, 1000.0, "N s^2");
-        /// Factor on the swings; 1 is honest, 3 to 10 is usual where a tree shall look alive from afar.
+        /// Factor on the oscillation; 1 is realistic, 3 to 10 is visible from a distance.
         exaggerate: f64 = "exaggerate" number(1.0, 0.0, 20.0, "");
-        /// Factor on the steady lean.
+        /// Factor on the mean deflection.
         lean: f64 = "lean" number(1.0, 0.0, 5.0, "");
-        /// Factor on how twigs lag behind the branch that throws them.
+        /// Factor on the lag of twigs behind their branch.
         whip: f64 = "whip" number(1.0, 0.0, 3.0, "");
-        /// Trunks and limbs also swing in their second mode: a tremor in gusts, 6.27 times as fast.
+        /// Number of bending modes of trunks and limbs; the second has 6.27 times the frequency.
         modes: u32 = "modes" integer(1, 1, 2);
-        /// How bends grow along a branch.
+        /// Deflection shape along a branch: the same for all ("uniform"), or from taper and load ("measured").
         profile: BendProfile = "profile" OneOf(BendProfile::Uniform);
-        /// A branch that others lean over presses on them with its weight in its new direction.
+        /// Whether the weight of a deflected branch acts in its new direction.
         gravity: bool = "gravity_change" BooleanType(false);
-        /// The motion repeats after so many seconds, rounded to frames, however long the clip is.
-        loop_duration: Option<f64> = "loop" OptionalKey(number(4.0, 2.0, 3600.0, "s"), "the whole clip, if it repeats");
-        /// Whether the frame after the last is the first.
+        /// Period of the motion, rounded to frames.
+        loop_duration: Option<f64> = "loop" OptionalKey(number(4.0, 2.0, 3600.0, "s"), "the clip, if it loops");
+        /// Whether the clip loops: the frame after the last equals the first.
         repeat: Option<bool> = "repeat" OptionalKey(BooleanType(true), "true for clips of 2 s and more");
-        /// Copies of a plant show a repeating motion at so many different times, as gusts reach them; 1 for all as one.
+        /// Number of time offsets of copies of a plant, by which gusts reach them at different times; 1 moves all copies in
+        /// step.
         phases: u32 = "phases" integer(12, 1, 1000);
-        /// How a clip that does not repeat begins.
+        /// State at the start of a clip that does not loop: after a spin-up ("moving"), or at rest.
         start: SwayStart = "start" OneOf(SwayStart::Moving);
     }
 }

@@ -13,42 +13,41 @@ use osier_import::Grey;
 use osier_scene::MaterialClass;
 
 keys! {
-    /// Land with hills, raised by midpoint displacement around the origin; it takes the place of the ground, and what
-    /// `[[place]]` puts up stands on it.
+    /// Terrain by midpoint displacement around the origin, instead of the ground. Plants stand on it.
     TerrainKeys at "terrain" {
-        /// Another land of the same kind.
+        /// Selects another terrain.
         seed: u64 = "seed" SeedType(0);
-        /// Subdivisions of midpoint displacement: 2^n + 1 heights along a side.
+        /// Number of subdivisions n: 2^n + 1 heights along a side.
         subdivisions: u32 = "subdivisions" integer(9, 1, 13);
-        /// Length of a side.
+        /// Side length of the square terrain.
         size: f64 = "size" number(200.0, 1.0, 1e5, "m");
         /// Height of the largest hills.
         amplitude: f64 = "amplitude" number(25.0, 0.0, 1e4, "m");
-        /// How fast smaller hills are lower: 0 jagged, 1 gentle.
+        /// How fast the amplitude decreases with scale: 0 is jagged, 1 is smooth.
         exponent: f64 = "exponent" number(0.8, 0.0, 1.0, "");
-        /// Heights of the corners: -x -z, +x -z, -x +z, +x +z.
-        corners: Option<[f64; 4]> = "corners" OptionalKey(NumberArray([0.0; 4], number(0.0, -1e5, 1e5, "m")), "drawn");
-        /// Opposite edges are equal, so that copies join; of `corners` the first counts.
+        /// Heights of the corners at -x -z, +x -z, -x +z, +x +z.
+        corners: Option<[f64; 4]> = "corners" OptionalKey(NumberArray([0.0; 4], number(0.0, -1e5, 1e5, "m")), "random");
+        /// Whether opposite edges are equal, so that copies join; only the first of `corners` is used.
         tileable: bool = "tileable" BooleanType(false);
-        /// Both half steps displace alike, as in the paper: a little rougher.
+        /// Whether both half steps displace by the same amplitude, as in the paper; slightly rougher.
         paper: bool = "paper" BooleanType(false);
-        /// Nothing is lower: a plain, a lake's bed.
+        /// Minimum height, for plains and lake beds.
         floor: Option<f64> = "floor" OptionalKey(number(0.0, -1e5, 1e5, "m"), "none");
-        /// Smoothing passes over the finished heights.
+        /// Number of smoothing passes.
         smooth: u32 = "smooth" integer(0, 0, 8);
-        /// The mesh takes every so many heights: 1, 2, 4 ...
+        /// Interval of heights that the mesh uses: 1, 2, 4 ...
         stride: u32 = "stride" integer(1, 1, 8192);
-        /// Bare earth.
+        /// Colour of bare soil.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#5c4d3d"), "brown");
-        /// Grass.
+        /// Colour of grass on gentle slopes.
         color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#4d5d2c"), "green");
-        /// Rock.
+        /// Colour of rock on steep slopes.
         rock: Option<[f32; 3]> = "rock" OptionalKey(ColorType("#77726c"), "grey");
-        /// Share of grass on gentle land.
+        /// Fraction of grass on gentle slopes.
         cover: f64 = "cover" number(0.9, 0.0, 1.0, "");
-        /// Slope at which grass gives way to rock.
+        /// Slope above which there is rock.
         steep: f64 = "steep_deg" degrees(37.0, 1.0, 90.0);
-        /// Pixels along a side of the map that covers all of it.
+        /// Side length of the texture of the whole terrain in pixels.
         side: u32 = "side" PowerOfTwo(2048);
     }
 }

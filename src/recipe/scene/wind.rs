@@ -18,7 +18,7 @@ use osier_wind::{CALM_SPEED, beaufort_speed, fit_gust_length};
 choices! {
     /// What wind there is.
     WindModel {
-        /// None.
+        /// No wind: nothing moves.
         Calm = "calm",
         /// The same everywhere and always.
         Uniform = "uniform",
@@ -32,34 +32,34 @@ choices! {
 }
 
 keys! {
-    /// Wind. Speeds are those at 10 m above the ground. Each [[wind.add]] is one more wind, with the same keys: their
-    /// velocities add up.
+    /// Wind. Speeds are those 10 m above the ground. Each `[[wind.add]]` table adds another wind with the same keys;
+    /// velocities are summed.
     WindKeys at "wind" also "wind.add" {
-        /// What kind.
+        /// Model of the velocity field.
         model: WindModel = "model" OneOf(WindModel::Gust);
-        /// Mean speed.
+        /// Mean speed 10 m above the ground.
         speed: f64 = "speed" number(4.5, 0.0, 60.0, "m/s");
-        /// Mean speed as a number of Beaufort's scale, instead of `speed`.
+        /// Mean speed as a Beaufort number, instead of `speed`.
         beaufort: Option<f64> = "beaufort" OptionalKey(number(3.0, 0.0, 12.0, "Bft"), "none");
-        /// Factor on all of its velocities; what travels in it keeps its pace.
+        /// Factor on all velocities, but not on the speed at which gusts travel.
         scale: f64 = "scale" number(1.0, 0.0, 10.0, "");
-        /// Where it blows to: 0 towards +X, 90 towards -Z.
+        /// Direction in which the wind blows: 0 is +X, 90 is -Z.
         direction: f64 = "direction_deg" degrees(0.0, -360.0, 360.0);
-        /// Share of the mean that gusts add and take; 0.3 to 0.5 is natural.
+        /// Relative amplitude of gusts; 0.3 to 0.5 is natural.
         gust: f64 = "gust" number(0.4, 0.0, 1.0, "");
-        /// Length of gusts.
+        /// Length of gusts along the wind.
         gust_length: f64 = "gust_length" number(40.0, 2.0, 200.0, "m");
-        /// Strength of eddies over the mean; 0.15 to 0.25 is natural.
+        /// Turbulence intensity of eddies; 0.15 to 0.25 is natural.
         turbulence: f64 = "turbulence" number(0.2, 0.0, 1.0, "");
-        /// Size of eddies.
+        /// Diameter of the largest eddies.
         eddy_size: f64 = "eddy_size" number(4.0, 0.5, 20.0, "m");
-        /// Strength of the flicker that each branch has for itself, over the mean.
+        /// Relative amplitude of random variation for each branch.
         flicker: f64 = "flicker" number(0.15, 0.0, 1.0, "");
-        /// How far the direction wanders.
+        /// Amplitude of the variation of direction.
         wander: f64 = "wander_deg" degrees(15.0, 0.0, 90.0);
-        /// Power of the height with which the mean grows; 0 for the same at all heights.
+        /// Exponent of the power-law profile; 0 for a uniform profile.
         power: f64 = "height_power" number(0.2, 0.0, 1.0, "");
-        /// With "perlin": exactly as printed, the same everywhere, down to nothing in every period.
+        /// With "perlin": the equation as printed, uniform in space, zero once per period.
         literal: bool = "literal" BooleanType(false);
     }
 }
@@ -436,7 +436,7 @@ fn as_printed(keys: &mut LatticeKeys, table: &TomlTable) {
 }
 
 impl WindKeys {
-    /// False in a calm.
+    /// True if the speed reaches [`CALM_SPEED`] and the model is not calm.
     pub fn blows(&self) -> bool {
         self.model != WindModel::Calm && self.speed * self.scale >= CALM_SPEED
     }

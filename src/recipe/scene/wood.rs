@@ -34,27 +34,27 @@ choices! {
 }
 
 keys! {
-    /// What a plant is made of, as far as wind can tell.
+    /// Mechanical properties of a plant, for sway and rods.
     WoodKeys at "plants.NAME.wood" {
-        /// Kind of wood.
+        /// Species, which sets Young's modulus of the green wood.
         timber: Option<WoodSpecies> = "timber" OptionalKey(OneOf(WoodSpecies::WhiteOak), "8 GPa in thick wood, 5 GPa in twigs");
         /// Young's modulus, instead of `timber`.
-        elasticity: Option<f64> = "elasticity_gpa" OptionalKey(gigapascals(8.0, 0.1, 30.0), "the timber's");
-        /// Factor on it.
+        elasticity: Option<f64> = "elasticity_gpa" OptionalKey(gigapascals(8.0, 0.1, 30.0), "by timber");
+        /// Factor on Young's modulus.
         stiffness: f64 = "stiffness" number(1.0, 0.05, 20.0, "");
-        /// Of green wood.
+        /// Density of green wood.
         density: f64 = "density" number(900.0, 100.0, 1500.0, "kg/m^3");
-        /// Of leaves, for each m^2 of one side.
+        /// Mass of leaves per square metre of one side.
         leaf_mass: f64 = "leaf_mass" number(0.2, 0.0, 2.0, "kg/m^2");
         /// Drag coefficient of wood.
         drag: f64 = "drag" number(1.1, 0.0, 3.0, "");
         /// Drag coefficient of leaves.
         leaf_drag: f64 = "leaf_drag" number(0.4, 0.0, 3.0, "");
-        /// First frequency of the trunk.
-        trunk_frequency: Option<f64> = "trunk_hz" OptionalKey(number(0.5, 0.05, 20.0, "Hz"), "what its shape and load say");
-        /// Factor on all frequencies.
+        /// Natural frequency of the trunk.
+        trunk_frequency: Option<f64> = "trunk_hz" OptionalKey(number(0.5, 0.05, 20.0, "Hz"), "from shape and load");
+        /// Factor on all natural frequencies.
         frequency_scale: f64 = "hz_scale" number(1.0, 0.1, 10.0, "");
-        /// Factor on all damping.
+        /// Factor on all damping ratios.
         damping: f64 = "damping" number(1.0, 0.0, 10.0, "");
     }
 }

@@ -2,7 +2,7 @@
 
 /// Feeds a hash: integers and float bits little endian, texts and lists with their length as u64 before them.
 pub trait Digest {
-    /// Feeds `self`.
+    /// Feeds the bytes that stand for the value into `hasher`.
     fn digest(&self, hasher: &mut blake3::Hasher);
 }
 
@@ -36,7 +36,7 @@ impl Digest for String {
     }
 }
 
-/// As its code point.
+/// Hashed as its code point, a u32.
 impl Digest for char {
     fn digest(&self, hasher: &mut blake3::Hasher) {
         u32::from(*self).digest(hasher);

@@ -18,7 +18,7 @@ pub trait ValueType {
     /// # Errors
     /// S003 for another type, S004 for a value outside its range.
     fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault>;
-    /// For listings.
+    /// What `osier list options` says of the key.
     fn listing(&self) -> KeyListing;
     /// Feeds a value to the scene hash.
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher);
@@ -33,7 +33,7 @@ pub struct KeyListing {
     pub accepts: String,
     /// Value without the key; empty if it comes from elsewhere.
     pub default: String,
-    /// Unit, or empty.
+    /// Unit in which the value is written; empty without one.
     pub unit: &'static str,
 }
 
@@ -42,9 +42,9 @@ pub struct KeyListing {
 pub struct KeyInfo {
     /// Its name in its table.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning of the key, one sentence or two.
     pub help: String,
-    /// What it accepts.
+    /// Accepted values, default and unit.
     pub listing: KeyListing,
 }
 
@@ -56,7 +56,7 @@ pub trait KeyTable: Sized + RecipePart {
     const ALSO: &'static [&'static str];
     /// What the table is for.
     fn about() -> String;
-    /// Its keys.
+    /// Its keys, in the order of declaration.
     fn keys() -> Vec<KeyInfo>;
     /// Reads its keys; faults go into the reader's report, and the default stands in.
     fn read_keys(reader: &mut TableReader<'_>) -> Self;
@@ -66,7 +66,7 @@ pub trait KeyTable: Sized + RecipePart {
         Self::read_keys(&mut TableReader { table, path: path.to_owned(), report })
     }
 
-    /// All defaults.
+    /// The table with every key at its default.
     fn defaults() -> Self {
         Self::read(None, Self::PATH, &mut Report::default())
     }

@@ -16,7 +16,7 @@ pub struct TableInfo {
     pub path: &'static str,
     /// Paths of further tables with the same keys.
     pub also: &'static [&'static str],
-    /// What it is for.
+    /// Purpose of the table, one sentence or two.
     pub about: String,
     /// Its keys, in the order of declaration.
     pub keys: Vec<KeyInfo>,

@@ -30,6 +30,9 @@ const RENAMED: &[(&str, &str, &str)] = &[
     ("rain.wet", "half_life_s", "decay_time_s"),
     ("maps", "hero_max", "max_mapped_leaves"),
     ("wind.lattice", "reference", "reference_height"),
+    ("flight", "preroll", "spin_up_s"),
+    ("wind.lattice", "preroll", "spin_up_s"),
+    ("rain", "before_s", "spin_up_s"),
     ("terrain", "n", "subdivisions"),
 ];
 

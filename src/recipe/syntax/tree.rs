@@ -8,22 +8,22 @@ use osier_base::diagnostic::{Diagnostic, Report, SourceId, Span};
 /// A value with its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TomlNode {
-    /// Where it stands.
+    /// Place of the value in the text.
     pub span: Span,
-    /// What it is.
+    /// Value, with nested tables and lists.
     pub value: TomlValue,
 }
 
 /// What TOML can hold, as far as scenes use it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TomlValue {
-    /// `"..."`.
+    /// A string in quotes.
     Text(String),
     /// A whole number; those beyond 64 bits are refused while reading.
     Integer(i64),
     /// A number with a point; finite.
     Number(f64),
-    /// `true`, `false`.
+    /// A boolean, `true` or `false`.
     Flag(bool),
     /// `[...]` or repeated `[[...]]`.
     List(Vec<TomlNode>),
@@ -58,11 +58,11 @@ pub struct TomlTable {
 /// One key of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TomlEntry {
-    /// The key.
+    /// Name of the key, without quotes.
     pub key: String,
     /// Where the key stands.
     pub key_span: Span,
-    /// Its value.
+    /// Value with its place.
     pub node: TomlNode,
 }
 

@@ -25,7 +25,7 @@ impl Unit {
         Self { symbol, factor: 1.0, divisor: 1.0, hashed_as_written: false }
     }
 
-    /// `factor` SI units.
+    /// A unit of `factor` SI units.
     const fn times(symbol: &'static str, factor: f64) -> Self {
         Self { symbol, factor, divisor: 1.0, hashed_as_written: false }
     }
@@ -149,7 +149,7 @@ pub struct IntegerType {
     max: u32,
 }
 
-/// A whole number.
+/// A whole number from `min` to `max`.
 pub const fn integer(default: u32, min: u32, max: u32) -> IntegerType {
     IntegerType { default, min, max }
 }
@@ -251,7 +251,7 @@ impl ValueType for SeedType {
     }
 }
 
-/// `true` or `false`.
+/// A boolean, `true` or `false`.
 #[derive(Debug, Clone, Copy)]
 pub struct BooleanType(pub bool);
 
@@ -271,7 +271,7 @@ impl ValueType for BooleanType {
     }
 }
 
-/// Any text.
+/// A string of any length.
 #[derive(Debug, Clone, Copy)]
 pub struct StringType(pub &'static str);
 
@@ -293,7 +293,7 @@ impl ValueType for StringType {
 
 /// An enum whose members are words in scenes.
 pub trait Choice: Copy + Digest + 'static {
-    /// Words and members.
+    /// Each word of a scene with the member that it stands for.
     const ALL: &'static [(&'static str, Self)];
 }
 
@@ -306,7 +306,7 @@ fn choices<W: Choice>() -> String {
     W::ALL.iter().map(|(w, _)| format!("\"{w}\"")).collect::<Vec<_>>().join(", ")
 }
 
-/// One of some words.
+/// One word of an enum; the field is the default.
 #[derive(Debug, Clone, Copy)]
 pub struct OneOf<W>(pub W);
 
@@ -463,7 +463,7 @@ impl ValueType for ColorType {
     }
 }
 
-/// A list of colours.
+/// A list of colours, each as in [`ColorType`].
 #[derive(Debug, Clone, Copy)]
 pub struct ColorList;
 
@@ -584,9 +584,9 @@ impl ValueType for NamedNumbers {
 /// A reference to a file, with its place for messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reference {
-    /// As written.
+    /// File name as written in the scene.
     pub text: String,
-    /// Where.
+    /// Place of the name, for messages.
     pub span: Span,
 }
 
@@ -654,7 +654,7 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
     }
 }
 
-/// Points, m.
+/// A list of points in metres.
 #[derive(Debug, Clone, Copy)]
 pub struct PointList;
 

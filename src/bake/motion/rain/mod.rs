@@ -346,7 +346,7 @@ fn record_frames(
     let h = 1.0 / (fps * f64::from(steps));
     let frames = recipe.clip.len() as u64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
-    let before = (rain.keys.before / h).round() as u64;
+    let before = (rain.keys.spin_up / h).round() as u64;
     context.progress.stage("raining", frames + before / u64::from(steps));
     // Wet traces from before the clip are kept for its first frame.
     for k in 0..before {

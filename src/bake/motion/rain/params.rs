@@ -65,7 +65,7 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
 
 pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
     let keys = &rain.keys;
-    let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
+    let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.spin_up;
     RainfallParams {
         seed: recipe.general.seed,
         intensity: keys.rate,
@@ -78,14 +78,14 @@ pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
         envelope: match keys.envelope {
             RainEnvelope::Constant => IntensityEnvelope::Constant,
             RainEnvelope::Bell => {
-                let half = keys.before + (duration - keys.before) / 2.0;
-                let middle = keys.middle.map_or(half, |t| t + keys.before);
-                IntensityEnvelope::Bell { center: middle, width: keys.width.unwrap_or((duration - keys.before) / 4.0) }
+                let half = keys.spin_up + (duration - keys.spin_up) / 2.0;
+                let middle = keys.middle.map_or(half, |t| t + keys.spin_up);
+                IntensityEnvelope::Bell { center: middle, width: keys.width.unwrap_or((duration - keys.spin_up) / 4.0) }
             }
             RainEnvelope::Keys => IntensityEnvelope::Keys(
                 keys.envelope_keyframes
                     .iter()
-                    .map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)])
+                    .map(|k| [k[0] + keys.spin_up, k.get(1).copied().unwrap_or(0.0)])
                     .collect(),
             ),
         },
