@@ -27,8 +27,21 @@ pub struct Affine {
     pub b: DVec3,
 }
 
+/// Placement of a branch on its parent, as botanical tables state it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Branch {
+    /// Height on the parent's segment, 0..1.
+    pub h: f64,
+    /// Turn about the parent, rad.
+    pub roll: f64,
+    /// Tilt off the parent, rad.
+    pub pitch: f64,
+    /// Length over the parent's length, (0, 1).
+    pub scale: f64,
+}
+
 impl Affine {
-    /// The identity map.
+    /// Leaves every point in place; also the neutral element of [`Affine::after`].
     pub const IDENTITY: Self = Self { a: DMat3::IDENTITY, b: DVec3::ZERO };
 
     /// The map of the plane x' = a x + b y + e, y' = c x + d y + f of `[a, b, c, d, e, f]`.
@@ -61,7 +74,8 @@ impl Affine {
     }
 
     /// The map T(0, h, 0) Ry(roll) Rz(pitch) scale of a branch; angles in rad.
-    pub fn branch(b: &super::Branch) -> Self {
+    pub fn branch(b: &Branch) -> Self {
+        // The child is scaled, tilted about z, turned about its parent, then moved to its height on the parent.
         let a = turn_y(b.roll) * turn_z(b.pitch) * b.scale;
         Self { a, b: DVec3::new(0.0, b.h, 0.0) }
     }
@@ -110,6 +124,7 @@ impl Affine {
     /// Singular values, largest first; the third of a map of the plane is 0. Relative error about 1e-8 of the largest.
     /// Source: eigenvalues of A^T A by cyclic Jacobi rotations.
     pub fn singular_values(&self) -> [f64; 3] {
+        // Largest entry of A: dividing by it keeps A^T A within range.
         let scale = self.a.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         if scale <= 0.0 || !scale.is_finite() {
             return [scale; 3];
@@ -147,6 +162,7 @@ impl Affine {
 
     /// The point that the map leaves where it is; `None` if there is no single one.
     pub fn fixed_point(&self) -> Option<DVec3> {
+        // x = A x + b has the solution (I - A)^-1 b, unless I - A is singular.
         let m = DMat3::IDENTITY - self.a;
         (m.determinant().abs() > 1e-12).then(|| m.inverse() * self.b).filter(|p| p.is_finite())
     }
@@ -155,6 +171,7 @@ impl Affine {
     #[must_use]
     pub fn conjugated(&self, scale: DVec3, shift: DVec3) -> Self {
         let (s, inverse) = (DMat3::from_diagonal(scale), DMat3::from_diagonal(scale.recip()));
+        // u = S x + t with x = w(x): A' = S A S^-1 and b' = S b + t - A' t.
         let a = s * self.a * inverse;
         Self { a, b: scale * self.b + shift - a * shift }
     }
@@ -201,6 +218,7 @@ fn rotate(m: &mut [[f64; 3]; 3], p: usize, q: usize) {
     let t = theta.signum() / (theta.abs() + math::sqrt(theta * theta + 1.0));
     let c = 1.0 / math::sqrt(t * t + 1.0);
     let s = t * c;
+    // The third index. Only the rows and columns p and q change.
     let r = 3 - p - q;
     let (mpq, mrp, mrq) = (m[p][q], m[r][p], m[r][q]);
     m[p][p] -= t * mpq;
@@ -232,7 +250,7 @@ mod tests {
 
     #[test]
     fn branches_point_where_they_are_said_to() {
-        let b = super::super::Branch { h: 0.4, roll: radians(90.0), pitch: radians(62.0), scale: 0.42 };
+        let b = Branch { h: 0.4, roll: radians(90.0), pitch: radians(62.0), scale: 0.42 };
         let tip = Affine::branch(&b).apply(DVec3::Y);
         // Pitch leans towards -X, a roll of 90 degrees takes -X to +Z.
         let want = DVec3::new(0.0, 0.4 + 0.42 * math::cos(radians(62.0)), 0.42 * math::sin(radians(62.0)));

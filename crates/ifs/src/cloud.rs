@@ -7,11 +7,12 @@ use super::affine::AxisScaling;
 use super::color::ColorLabels;
 use super::dynamics::SystemAnalysis;
 use super::game::{CHUNK, ChaosGame, Chunk, Escapes, Extent, InstructionSet, LANES, PointSink};
+use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::par::par_each;
 
-/// Box diagonals beyond which a lane starts again.
-const GUARD: f64 = 1e4;
+/// Distance from the origin, in diagonals of the attractor's box, beyond which a lane has escaped and restarts.
+const ESCAPE_DIAGONALS: f64 = 1e4;
 
 /// Points as structure of arrays, in the order block, step, lane.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -107,13 +108,21 @@ pub fn cloud(
     origin: DVec3,
     scale: f64,
 ) -> AttractorPoints {
-    let n = usize::try_from(request.points).unwrap_or(usize::MAX);
+    let n = limit(request.points);
+    // The escape radius is relative to the size of the attractor in the units of the points.
     let diagonal = (extent.bounds.1 - extent.bounds.0).length().max(1e-30) * scale;
     let frame = AxisScaling { scale: DVec3::splat(scale), shift: -origin * scale };
-    let game = ChaosGame::new(request.system, request.study, request.seed, frame, narrow((diagonal * GUARD).min(1e15)));
+    // Maps are conjugated with u = scale (x - origin), so that points come out in these units without a further step.
+    let game = ChaosGame::new(
+        request.system,
+        request.study,
+        request.seed,
+        frame,
+        narrow((diagonal * ESCAPE_DIAGONALS).min(1e15)),
+    );
     let game = game.with_tier(request.tier);
     let (_, steps) = ChaosGame::plan(request.points);
-    let size = usize::try_from(steps).unwrap_or(usize::MAX).saturating_mul(LANES).max(1);
+    let size = limit(steps).saturating_mul(LANES).max(1);
     let last = request.system.last.map(|l| l.conjugated(frame.scale, frame.shift));
     let mut out = AttractorPoints {
         positions: vec![Vec3::ZERO; n],
@@ -129,7 +138,7 @@ pub fn cloud(
         .zip(out.colors.chunks_mut(size))
         .zip(out.maps.chunks_mut(size))
         .zip(out.depths.chunks_mut(size));
-    let count = u32::try_from(game.maps()).unwrap_or(u32::MAX);
+    let count = game.map_count();
     let block = |(index, (((positions, colors), maps), depths))| PointBlock {
         index,
         at: 0,
@@ -160,8 +169,9 @@ pub fn voxels(cloud: &mut AttractorPoints, size: f32) -> Vec<u32> {
     order.sort_unstable_by(|a, b| cells[*a].cmp(&cells[*b]).then(a.cmp(b)));
     let mut kept: Vec<(usize, u32)> = Vec::new();
     for group in order.chunk_by(|a, b| cells[*a] == cells[*b]) {
-        kept.extend(group.first().map(|i| (*i, u32::try_from(group.len()).unwrap_or(u32::MAX))));
+        kept.extend(group.first().map(|i| (*i, group.iter().fold(0, |n: u32, _| n.saturating_add(1)))));
     }
+    // Back to the order in which the points were drawn.
     kept.sort_unstable();
     cloud.positions = kept.iter().map(|k| cloud.positions[k.0]).collect();
     cloud.colors = kept.iter().map(|k| cloud.colors[k.0]).collect();

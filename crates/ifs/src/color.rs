@@ -21,16 +21,16 @@ pub enum ColorMode {
     Density,
 }
 
-/// Most colours that prefixes are told apart by.
-const LABELS: usize = 4096;
+/// Largest number of words with a colour each; longer words share colours by their newest letters.
+const MAX_LABELS: usize = 4096;
 /// Steps of the palette and of depth.
-const STEPS: usize = 256;
-/// Orders that are told apart.
-const ORDERS: u32 = 5;
+const PALETTE_STEPS: usize = 256;
+/// Branching orders with a colour each; higher ones share the last.
+const MAX_ORDER: u32 = 5;
 /// Wood, for maps that squash the whole into a stem.
-const WOOD: [f32; 3] = [0.110, 0.062, 0.032];
+const DEFAULT_WOOD: [f32; 3] = [0.110, 0.062, 0.032];
 /// Greens and warm hues for the other maps, in turn.
-const LEAVES: [[f32; 3]; 6] = [
+const DEFAULT_GREENS: [[f32; 3]; 6] = [
     [0.060, 0.195, 0.028],
     [0.210, 0.340, 0.055],
     [0.028, 0.125, 0.050],
@@ -84,19 +84,20 @@ impl ColorLabels {
     pub fn new(ifs: &Ifs, mode: ColorMode, own: &[[f32; 3]]) -> Self {
         let maps = ifs.maps.len();
         let mode = match mode {
-            ColorMode::Prefix(k) => ColorMode::Prefix(longest(maps, k.clamp(1, 4))),
+            ColorMode::Prefix(k) => ColorMode::Prefix(max_word_length(maps, k.clamp(1, 4))),
             other => other,
         };
         let by_map = map_colors(ifs, own);
         let palette = if own.is_empty() { &ifs.palette } else { own };
         let colors = match mode {
             ColorMode::Map => by_map,
-            ColorMode::Prefix(k) => prefixes(&by_map, maps, k),
+            ColorMode::Prefix(k) => word_colors(&by_map, maps, k),
             ColorMode::Coord | ColorMode::Depth | ColorMode::Order | ColorMode::Density => {
-                (0..STEPS).map(|i| along(palette, &by_map, i)).collect()
+                (0..PALETTE_STEPS).map(|i| palette_color(palette, &by_map, i)).collect()
             }
         };
-        let base = u32::try_from(maps).unwrap_or(1).max(1);
+        // Words of k letters are numbers in base m with the newest letter as the highest digit.
+        let base = ifs.maps.iter().fold(0_u32, |n, _| n + 1).max(1);
         let top = if let ColorMode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
         let pull = ifs.maps.iter().map(|m| (math::narrow(1.0 - m.speed), math::narrow(m.speed * m.coord)));
         // Jumps leave the coordinate.
@@ -144,17 +145,17 @@ impl ColorLabels {
         }
         for step in 0..chunk.steps.min(CHUNK) {
             if self.mode == ColorMode::Coord {
-                out[step] = self.pulled(&chunk.map[step]).map(of_coord);
+                out[step] = self.color_coords(&chunk.map[step]).map(palette_step);
                 continue;
             }
             for lane in 0..LANES {
-                out[step][lane] = self.one(lane, chunk.map[step][lane]);
+                out[step][lane] = self.point_label(lane, chunk.map[step][lane]);
             }
         }
     }
 
     /// Coordinates of one step of all lanes: every map pulls the coordinate to its own, jumps leave it.
-    pub fn pulled(&mut self, maps: &[u32; LANES]) -> [f32; LANES] {
+    pub fn color_coords(&mut self, maps: &[u32; LANES]) -> [f32; LANES] {
         let last = self.pull.len() - 1;
         for (coord, map) in self.lanes.coord.iter_mut().zip(maps) {
             let (keep, add) = self.pull[(*map as usize).min(last)];
@@ -163,12 +164,13 @@ impl ColorLabels {
         self.lanes.coord
     }
 
-    fn one(&mut self, lane: usize, map: u32) -> u32 {
+    fn point_label(&mut self, lane: usize, map: u32) -> u32 {
         let l = &mut self.lanes;
         let jumped = map >= self.maps;
         match self.mode {
             ColorMode::Map | ColorMode::Coord => map,
             ColorMode::Prefix(_) => {
+                // Shift the word by one letter: the new map becomes the highest digit, the oldest one is dropped.
                 l.word[lane] = map.min(self.maps - 1) * self.top + l.word[lane] / self.maps;
                 l.word[lane]
             }
@@ -182,9 +184,9 @@ impl ColorLabels {
                     // Jumps into the condensation set are stems as well.
                     None | Some(Branching::Begins) => 0,
                     Some(Branching::Keeps) => *order,
-                    Some(Branching::Adds) => (*order + 1).min(ORDERS),
+                    Some(Branching::Adds) => (*order + 1).min(MAX_ORDER),
                 };
-                *order * (255 / ORDERS)
+                *order * (255 / MAX_ORDER)
             }
             ColorMode::Density => 0,
         }
@@ -198,36 +200,36 @@ impl ColorLabels {
 
 /// Step of the palette of a coordinate: 255 c to the nearest whole number.
 #[inline(always)]
-pub fn of_coord(c: f32) -> u32 {
+pub fn palette_step(c: f32) -> u32 {
     // Beyond 2^23 there are no fractions: the sum's last bits are the number, found without a cast that saturates.
     (c * 255.0 + 8_388_608.0).to_bits() & 255
 }
 
-/// Largest word length up to `k` with no more than [`LABELS`] words.
-fn longest(maps: usize, k: u32) -> u32 {
-    (1..=k).rev().find(|k| maps.checked_pow(*k).is_some_and(|n| n <= LABELS)).unwrap_or(1)
+/// Largest word length up to `k` with no more than [`MAX_LABELS`] words.
+fn max_word_length(maps: usize, k: u32) -> u32 {
+    (1..=k).rev().find(|k| maps.checked_pow(*k).is_some_and(|n| n <= MAX_LABELS)).unwrap_or(1)
 }
 
 /// One colour per map and one for the condensation set.
 pub fn map_colors(ifs: &Ifs, own: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let mut leaves = LEAVES.iter().cycle();
+    let mut leaves = DEFAULT_GREENS.iter().cycle();
     let pick = |(i, map): (usize, &Map)| {
         if !own.is_empty() {
             return own[i % own.len()];
         }
         match map.color {
             Some(c) => c,
-            None if is_squash(map) || map.stem => WOOD,
-            None => leaves.next().copied().unwrap_or(WOOD),
+            None if is_squash(map) || map.stem => DEFAULT_WOOD,
+            None => leaves.next().copied().unwrap_or(DEFAULT_WOOD),
         }
     };
     let mut colors: Vec<[f32; 3]> = ifs.maps.iter().enumerate().map(pick).collect();
-    colors.push(if own.is_empty() { WOOD } else { own[ifs.maps.len() % own.len()] });
+    colors.push(if own.is_empty() { DEFAULT_WOOD } else { own[ifs.maps.len() % own.len()] });
     colors
 }
 
 /// The newest map's colour, shaded by the older ones.
-fn prefixes(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
+fn word_colors(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
     let maps = maps.max(1);
     let count = maps.pow(k);
     let color = |word: usize| {
@@ -238,10 +240,11 @@ fn prefixes(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
             *l = rest % maps;
             rest /= maps;
         }
-        let mut c = by_map.get(letters[0]).copied().unwrap_or(WOOD);
+        let mut c = by_map.get(letters[0]).copied().unwrap_or(DEFAULT_WOOD);
+        // Older maps shade the colour of the newest one, each half as much as the one after it.
         let mut share = 0.45;
         for l in letters.iter().take(k as usize).skip(1) {
-            let other = by_map.get(*l).copied().unwrap_or(WOOD);
+            let other = by_map.get(*l).copied().unwrap_or(DEFAULT_WOOD);
             for (x, y) in c.iter_mut().zip(other) {
                 *x = math::lerp(*x, y, share);
             }
@@ -259,13 +262,14 @@ fn prefixes(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
     clippy::cast_sign_loss,
     reason = "a place in a list"
 )]
-fn along(palette: &[[f32; 3]], by_map: &[[f32; 3]], i: usize) -> [f32; 3] {
-    let fallback = [LEAVES[0], LEAVES[1]];
+fn palette_color(palette: &[[f32; 3]], by_map: &[[f32; 3]], i: usize) -> [f32; 3] {
+    let fallback = [DEFAULT_GREENS[0], DEFAULT_GREENS[1]];
     let list = match (palette, by_map) {
         ([], _) => &fallback[..],
         (p, _) => p,
     };
-    let at = i as f32 / (STEPS - 1) as f32 * (list.len() - 1) as f32;
+    // Position on the list of colours, interpolated between its neighbours.
+    let at = i as f32 / (PALETTE_STEPS - 1) as f32 * (list.len() - 1) as f32;
     let low = (at as usize).min(list.len() - 1);
     let high = (low + 1).min(list.len() - 1);
     std::array::from_fn(|c| math::lerp(list[low][c], list[high][c], at - low as f32))

@@ -54,7 +54,7 @@ impl PointSink for PointPool {
                 list.extend_from_slice(&row[step]);
             }
             if let Some(labels) = &mut self.labels {
-                self.coord.extend(labels.pulled(&chunk.map[step]));
+                self.coord.extend(labels.color_coords(&chunk.map[step]));
             }
         }
     }
@@ -114,7 +114,7 @@ pub(super) struct Cylinder {
 /// How many points are drawn, and how many at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Batches {
-    /// Number of batches.
+    /// Batches to draw, each with a pool of its own.
     pub count: u64,
     /// Points of each batch.
     pub points: u64,
@@ -122,13 +122,13 @@ pub(super) struct Batches {
 
 impl Batches {
     /// Batches for at least `points` points.
-    pub fn of(points: u64) -> Self {
+    pub fn new(points: u64) -> Self {
         let count = points.div_ceil((points / TARGET_BATCHES).clamp(MIN_BATCH, MAX_BATCH)).max(1);
         Self { count, points: points.div_ceil(count).max(1) }
     }
 
     /// Points of a pool, a whole number of steps of all lanes.
-    fn pool(self) -> u64 {
+    fn pool_points(self) -> u64 {
         (self.points / POOL_SHARE).max(MIN_POOL).next_multiple_of(LANES as u64)
     }
 }
@@ -153,7 +153,7 @@ struct OpenWord {
 
 /// True if an attractor can be cut: maps follow each other freely, nothing is condensed, and labels need not know a
 /// whole word.
-pub(super) fn suits(ifs: &Ifs, study: &SystemAnalysis, labels: Option<&ColorLabels>) -> bool {
+pub(super) fn is_applicable(ifs: &Ifs, study: &SystemAnalysis, labels: Option<&ColorLabels>) -> bool {
     study.next.is_none() && ifs.condensation.is_empty() && !labels.is_some_and(ColorLabels::is_by_order)
 }
 
@@ -163,18 +163,21 @@ impl CylinderCut {
     /// Source: J. Hutchinson, "Fractals and self similarity", 1981: A is the union of w(A) over any full set of words.
     pub fn new(request: &DrawRequest<'_>, game: &ChaosGame, window: AxisScaling, labels: Option<&ColorLabels>) -> Self {
         let DrawRequest { system, study, .. } = *request;
-        let batches = Batches::of(request.points);
+        let batches = Batches::new(request.points);
         let mut pool = PointPool::default();
-        game.play(0, batches.pool() / LANES as u64, &mut pool);
+        game.play(0, batches.pool_points() / LANES as u64, &mut pool);
         let bounds = pool.bounds();
         let window = Affine::scaling(window.scale, window.shift);
+        // From table units to pixels, the final map included.
         let shown = system.last.map_or(window, |l| window.after(&l));
         let AxisScaling { scale, shift } = game.frame();
         let table = Affine::scaling(scale.recip(), -shift / scale);
         #[allow(clippy::cast_precision_loss, reason = "some million points")]
-        let (all, most) = (batches.points as f64, batches.pool() as f64 / batches.points as f64);
+        let (all, most) = (batches.points as f64, batches.pool_points() as f64 / batches.points as f64);
         let letters = labels.map_or(1, ColorLabels::letters);
         let mut cut = Self { cylinders: Vec::new(), batches };
+        // Depth-first search over words from the empty word; `end` is the running sum of the shares of finished
+        // cylinders.
         let mut open = vec![OpenWord::empty()];
         let mut end = 0.0;
         while let Some(word) = open.pop() {
@@ -182,19 +185,19 @@ impl CylinderCut {
             // the pool, or while labels need more letters.
             // In double precision from unit to pixels, so that a deep look into a part is as sharp as one at the whole.
             let map = shown.after(&word.affine).after(&table);
-            let wide = area(&map, &bounds) > MAX_CYLINDER_PIXELS && word.share * all >= MIN_POINTS_TO_SPLIT;
+            let wide = covered_pixels(&map, &bounds) > MAX_CYLINDER_PIXELS && word.share * all >= MIN_POINTS_TO_SPLIT;
             let short = word.letters.len() < letters;
-            let room = word.length < MAX_WORD_LENGTH && cut.cylinders.len() + open.len() < MAX_WORDS;
-            if short || ((wide || word.share > most) && room) {
+            let may_split = word.length < MAX_WORD_LENGTH && cut.cylinders.len() + open.len() < MAX_WORDS;
+            if short || ((wide || word.share > most) && may_split) {
                 let drawn = |i: &usize| study.probabilities.get(*i).is_some_and(|p| *p > 0.0);
                 open.extend((0..system.maps.len()).rev().filter(drawn).map(|i| {
                     let (map, share) = (&system.maps[i], study.probabilities[i]);
-                    word.longer(i, map, share, letters)
+                    word.append_map(i, map, share, letters)
                 }));
                 continue;
             }
             end += word.share;
-            cut.cylinders.push(word.close(&map, labels, end));
+            cut.cylinders.push(word.finish(&map, labels, end));
         }
         cut
     }
@@ -211,23 +214,27 @@ impl CylinderCut {
         batch: u64,
         game: &ChaosGame,
         pool: &mut PointPool,
-        mut lay: impl FnMut(&Cylinder, &PointPool, Range<usize>),
+        mut emit: impl FnMut(&Cylinder, &PointPool, Range<usize>),
     ) -> Escapes {
-        let steps = self.batches.pool() / LANES as u64;
+        let steps = self.batches.pool_points() / LANES as u64;
         let escapes = game.play(batch, steps, pool);
         let size = pool.place[0].len();
         let mut draw = game.draws("cylinders", batch);
+        // Systematic sampling: cylinder k takes the points between its running shares plus one random offset, so that
+        // each gets its share to within one point and the sum is exact.
         let offset = draw.unit_f64();
         let total = self.cylinders.last().map_or(1.0, |c| c.end);
         let mut done = 0;
         for cylinder in &self.cylinders {
-            let until = self.until(cylinder.end / total, offset);
+            let until = self.points_until(cylinder.end / total, offset);
             let mut left = until - done;
             done = until;
+            // The pool holds at most 2^24 / POOL_SHARE points.
             let mut at = draw.below(u32::try_from(size).unwrap_or(u32::MAX)) as usize;
             while left > 0 {
+                // A window of the pool from a random start, continued from the beginning.
                 let n = left.min(size - at);
-                lay(cylinder, pool, at..at + n);
+                emit(cylinder, pool, at..at + n);
                 (left, at) = (left - n, 0);
             }
         }
@@ -241,7 +248,7 @@ impl CylinderCut {
         clippy::cast_precision_loss,
         reason = "between 0 and some million"
     )]
-    fn until(&self, end: f64, offset: f64) -> usize {
+    fn points_until(&self, end: f64, offset: f64) -> usize {
         if end >= 1.0 { self.batches.points as usize } else { (end * self.batches.points as f64 + offset) as usize }
     }
 }
@@ -252,7 +259,7 @@ impl OpenWord {
     }
 
     /// The word with one map more, applied before all others.
-    fn longer(&self, i: usize, map: &Map, probability: f64, letters: usize) -> Self {
+    fn append_map(&self, i: usize, map: &Map, probability: f64, letters: usize) -> Self {
         let mut all = self.letters.clone();
         if all.len() < letters {
             all.push(i);
@@ -263,11 +270,12 @@ impl OpenWord {
             newest: if self.length == 0 { i } else { self.newest },
             letters: all,
             length: self.length + 1,
+            // Composition of c -> (1 - speed) c + speed coord before the maps applied so far.
             pull: (self.pull.0 * (1.0 - map.speed), self.pull.1 + self.pull.0 * map.speed * map.coord),
         }
     }
 
-    fn close(&self, map: &Affine, labels: Option<&ColorLabels>, end: f64) -> Cylinder {
+    fn finish(&self, map: &Affine, labels: Option<&ColorLabels>, end: f64) -> Cylinder {
         Cylinder {
             map: map.single(),
             newest: self.newest,
@@ -284,14 +292,16 @@ pub(super) fn unit_frame(system: &Ifs, study: &SystemAnalysis) -> AxisScaling {
     let mut pool = PointPool::default();
     game.play(0, MIN_POOL / LANES as u64, &mut pool);
     let bounds = pool.bounds().map(|[low, high]| [(low + high) * 0.5, (high - low) * 0.5]);
+    // One scale for all axes keeps shapes; the widest axis spans -1 to 1.
     let half = bounds.iter().fold(0.0, |h: f64, b| h.max(b[1]));
     let scale = if half > 1e-300 { 1.0 / half } else { 1.0 };
     AxisScaling { scale: DVec3::splat(scale), shift: DVec3::from_array(bounds.map(|b| -b[0] * scale)) }
 }
 
 /// Pixels of the box around the image of a box.
-fn area(map: &Affine, bounds: &[[f64; 2]; 3]) -> f64 {
+fn covered_pixels(map: &Affine, bounds: &[[f64; 2]; 3]) -> f64 {
     let c = map.coefficients(3);
+    // Width of the image of a box along an axis: sum over k of |a_k| times the side k.
     let side = |row: usize| (0..3).fold(0.0, |s, k| s + (c[row * 3 + k] * (bounds[k][1] - bounds[k][0])).abs());
     (side(0) + 1.0) * (side(1) + 1.0)
 }

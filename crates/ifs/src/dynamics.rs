@@ -9,11 +9,11 @@ use osier_base::math;
 use osier_base::rng::Rng;
 use osier_base::units;
 
-/// Exponents beyond this are not zero.
-const NEUTRAL: f64 = 1e-3;
-/// Chains of the exponent, and steps of each.
-const CHAINS: u64 = 64;
-const STEPS: u32 = 4096;
+/// Magnitude of an exponent per step below which growth and decay cannot be told apart from the sampling error.
+const NEUTRAL_EXPONENT: f64 = 1e-3;
+/// Independent chains of maps for the Lyapunov exponent, and steps of each.
+const LYAPUNOV_CHAINS: u64 = 64;
+const LYAPUNOV_STEPS: u32 = 4096;
 /// Singular values below this share of the largest coefficient are 0.
 const SINGULAR_RATIO: f64 = 1e-9;
 
@@ -35,7 +35,7 @@ pub struct SystemAnalysis {
     /// The map whose fixed point chains start from.
     pub first: usize,
     /// Warnings and errors found by the analysis.
-    pub told: Vec<Diagnostic>,
+    pub diagnostics: Vec<Diagnostic>,
 }
 
 impl SystemAnalysis {
@@ -44,7 +44,7 @@ impl SystemAnalysis {
     /// `Input` with all that is odd.
     pub fn into_result(self, sources: &Report) -> osier_base::Result<(Self, Report)> {
         let mut report = Report { sources: sources.sources.clone(), diagnostics: Vec::new() };
-        self.told.iter().for_each(|d| report.push(d.clone()));
+        self.diagnostics.iter().for_each(|d| report.push(d.clone()));
         report.into_result(self)
     }
 
@@ -60,35 +60,48 @@ impl SystemAnalysis {
 /// Differs: contraction on average is enough (E1 <= -1e-3, or a negative exponent): a quarter of the tables in
 /// circulation holds a map that stretches and has an attractor all the same.
 pub fn study(ifs: &Ifs, rule: WeightRule) -> SystemAnalysis {
-    let (mut shares, mut told) = probabilities(ifs, rule);
-    let next = ifs.chaos.as_ref().and_then(|c| transitions(ifs, c, &shares, &mut told));
+    let (mut shares, mut diagnostics) = probabilities(ifs, rule);
+    // With a chaos matrix the maps form a Markov chain; their long-run shares are its stationary distribution.
+    let next = ifs.chaos.as_ref().and_then(|c| transition_matrix(ifs, c, &shares, &mut diagnostics));
     if let Some(next) = &next {
-        shares = stationary(next, shares);
+        shares = stationary_distribution(next, shares);
     }
     let norms: Vec<f64> = ifs.maps.iter().map(|m| m.affine.norm()).collect();
     let drawn = |i: &usize| shares.get(*i).is_some_and(|p| *p > 0.0);
     for (i, map) in ifs.maps.iter().enumerate().filter(|(i, _)| norms.get(*i).is_some_and(|n| *n >= 1.0)) {
-        told.push(stretches(ifs, i, map, norms.get(i).copied().unwrap_or(0.0)));
+        diagnostics.push(expanding_map_warning(ifs, i, map, norms.get(i).copied().unwrap_or(0.0)));
     }
+    // Iterating one map alone diverges if its spectral radius is 1 or more, even where the random product contracts.
     let radius: Vec<f64> = ifs.maps.iter().map(|m| m.affine.spectral_radius()).collect();
-    let wild = (0..ifs.maps.len()).filter(drawn).find(|i| radius.get(*i).is_some_and(|r| *r >= 1.0));
-    if let Some(i) = wild {
+    let expanding = (0..ifs.maps.len()).filter(drawn).find(|i| radius.get(*i).is_some_and(|r| *r >= 1.0));
+    if let Some(i) = expanding {
         let text = format!("map {} alone runs away: its spectral radius is {:.4}", i + 1, radius[i]);
         let d = Diagnostic::warning("I026", text, ifs.maps[i].span, "this map");
-        told.push(d.help("the attractor has no bounds; the picture shows where all but 0.1 % of the points are"));
+        diagnostics
+            .push(d.help("the attractor has no bounds; the picture shows where all but 0.1 % of the points are"));
     }
     if ifs.maps.iter().all(|m| is_flat(ifs, m)) {
         let text = "every map flattens what it is given";
         let d = Diagnostic::warning("I025", text, ifs.span, "in this system");
-        told.push(
+        diagnostics.push(
             d.help("the attractor is a few lines or points; are the columns r q alpha beta rather than a b c d?"),
         );
     }
+    // E1 = sum p_i ln |A_i|: negative is enough for an attractor, as the exponent is at most E1.
     let mean_log = shares.iter().zip(&norms).fold(0.0, |s, (p, n)| s + p * math::ln(n.max(1e-12)));
-    let (exponent, error) = exponent(ifs, &shares, next.as_deref());
-    judge_contraction(ifs, mean_log, exponent, &mut told);
+    let (exponent, error) = lyapunov_exponent(ifs, &shares, next.as_deref());
+    judge_contraction(ifs, mean_log, exponent, &mut diagnostics);
     let first = likeliest(&shares);
-    SystemAnalysis { probabilities: shares, next, mean_log, exponent, error, unbounded: wild.is_some(), first, told }
+    SystemAnalysis {
+        probabilities: shares,
+        next,
+        mean_log,
+        exponent,
+        error,
+        unbounded: expanding.is_some(),
+        first,
+        diagnostics,
+    }
 }
 
 fn is_flat(ifs: &Ifs, map: &Map) -> bool {
@@ -97,23 +110,23 @@ fn is_flat(ifs: &Ifs, map: &Map) -> bool {
 }
 
 /// Reports I021 for a system that expands on average and I022 for one that does neither.
-fn judge_contraction(ifs: &Ifs, mean_log: f64, exponent: f64, told: &mut Vec<Diagnostic>) {
-    if mean_log <= -NEUTRAL || told.iter().any(|d| d.severity == Severity::Error) {
+fn judge_contraction(ifs: &Ifs, mean_log: f64, exponent: f64, diagnostics: &mut Vec<Diagnostic>) {
+    if mean_log <= -NEUTRAL_EXPONENT || diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return;
     }
-    if exponent > NEUTRAL {
+    if exponent > NEUTRAL_EXPONENT {
         let text = format!("\"{}\" does not contract: distances grow by {:.3} per step", ifs.name, math::exp(exponent));
         let d = Diagnostic::error("I021", text, ifs.span, "no attractor");
-        told.push(d.help("points run away; make the maps smaller, or the weights of those that shrink larger"));
-    } else if exponent > -NEUTRAL {
+        diagnostics.push(d.help("points run away; make the maps smaller, or the weights of those that shrink larger"));
+    } else if exponent > -NEUTRAL_EXPONENT {
         let text = format!("\"{}\" neither contracts nor grows on average", ifs.name);
         let d = Diagnostic::warning("I022", text, ifs.span, "in this system");
-        told.push(d.help("its picture depends on where the points start"));
+        diagnostics.push(d.help("its picture depends on where the points start"));
     }
 }
 
 /// I020 with the map's numbers and, where one changed digit makes both angles equal, that digit.
-fn stretches(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagnostic {
+fn expanding_map_warning(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagnostic {
     let text = format!("map {} stretches: its norm is {norm:.3}", index + 1);
     if ifs.dim != 2 {
         let d = Diagnostic::warning("I020", text, map.span, "norm of 1 or more");
@@ -123,7 +136,7 @@ fn stretches(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagnostic {
     let degrees = |a: f64| a / units::radians(1.0);
     let label = format!("r {r:.3} q {q:.3} alpha {:.1} beta {:.1}", degrees(alpha), degrees(beta));
     let d = Diagnostic::warning("I020", text, map.span, label);
-    match misprint(map) {
+    match likely_misprint(map) {
         Some((column, from, to)) => d.help(format!(
             "with {column} = {to} instead of {from} both angles would agree: a misprint? It may stay as long as the \
              system contracts on average"
@@ -133,7 +146,9 @@ fn stretches(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagnostic {
 }
 
 /// A change of one digit of one coefficient that makes alpha and beta equal within a degree, and the norm less than 1.
-fn misprint(map: &Map) -> Option<(char, String, String)> {
+fn likely_misprint(map: &Map) -> Option<(char, String, String)> {
+    // Maps of printed tables are mostly similarities, alpha = beta. Try every other digit in every place and keep the
+    // change that brings the angles closest together.
     let numbers = map.affine.coefficients(2);
     let gap = |c: [f64; 6]| {
         let m = super::affine::Affine::plane(c);
@@ -162,10 +177,15 @@ fn misprint(map: &Map) -> Option<(char, String, String)> {
 }
 
 /// Rows of next-map probabilities q_j c_ij, normalised; `None` with I016 if the matrix makes no sense.
-fn transitions(ifs: &Ifs, chaos: &[Vec<f64>], shares: &[f64], told: &mut Vec<Diagnostic>) -> Option<Vec<Vec<f64>>> {
+fn transition_matrix(
+    ifs: &Ifs,
+    chaos: &[Vec<f64>],
+    shares: &[f64],
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Vec<Vec<f64>>> {
     let m = ifs.maps.len();
     let mut bad = |text: String, help: &str| {
-        told.push(Diagnostic::error("I016", text, ifs.span, "in this system").help(help));
+        diagnostics.push(Diagnostic::error("I016", text, ifs.span, "in this system").help(help));
     };
     if chaos.len() != m || chaos.iter().any(|r| r.len() != m) {
         bad(format!("the chaos matrix is not {m} x {m}"), "one row per map, each with one factor per map");
@@ -173,6 +193,7 @@ fn transitions(ifs: &Ifs, chaos: &[Vec<f64>], shares: &[f64], told: &mut Vec<Dia
     }
     let mut next = Vec::with_capacity(m);
     for (i, row) in chaos.iter().enumerate() {
+        // Probability of j after i: the share of j times the factor of the matrix, normalized by row.
         let weights: Vec<f64> = row.iter().zip(shares).map(|(c, q)| c.max(0.0) * q).collect();
         let sum = weights.iter().fold(0.0, |s, w| s + w);
         if sum <= 0.0 {
@@ -182,6 +203,7 @@ fn transitions(ifs: &Ifs, chaos: &[Vec<f64>], shares: &[f64], told: &mut Vec<Dia
         next.push(weights.iter().map(|w| w / sum).collect::<Vec<f64>>());
     }
     let start = likeliest(shares);
+    // Every map with a share must be reachable from the most probable one, or the chain has no single distribution.
     let mut reached = vec![false; m];
     let mut stack = vec![start];
     while let Some(i) = stack.pop() {
@@ -208,7 +230,7 @@ fn likeliest(shares: &[f64]) -> usize {
 }
 
 /// Long-run shares of a Markov chain, by averaged powers.
-fn stationary(next: &[Vec<f64>], mut shares: Vec<f64>) -> Vec<f64> {
+fn stationary_distribution(next: &[Vec<f64>], mut shares: Vec<f64>) -> Vec<f64> {
     for _ in 0..4096 {
         let step = |j: usize| shares.iter().zip(next).fold(0.0, |s, (p, row)| s + p * row[j]);
         // Half a step: chains that go round in circles settle as well.
@@ -220,16 +242,17 @@ fn stationary(next: &[Vec<f64>], mut shares: Vec<f64>) -> Vec<f64> {
 
 /// Top exponent of the random product and its standard error; seed 0, so that the verdict never depends on a scene's.
 /// Source: H. Furstenberg, H. Kesten, "Products of random matrices", 1960; by simulation.
-fn exponent(ifs: &Ifs, shares: &[f64], next: Option<&[Vec<f64>]>) -> (f64, f64) {
+fn lyapunov_exponent(ifs: &Ifs, shares: &[f64], next: Option<&[Vec<f64>]>) -> (f64, f64) {
     if shares.iter().all(|p| *p <= 0.0) {
         return (0.0, 0.0);
     }
     let mut means = Vec::new();
-    for chain in 0..CHAINS {
+    for chain in 0..LYAPUNOV_CHAINS {
+        // Follow a unit vector through the random product and average the logarithm of its stretch.
         let mut draw = Rng::at(0, &["ifs-exponent".into(), chain.into()]);
         let mut direction = random_direction(&mut draw, ifs.dim);
         let (mut sum, mut last) = (0.0, draw.pick(shares));
-        for _ in 0..STEPS {
+        for _ in 0..LYAPUNOV_STEPS {
             let row = next.and_then(|n| n.get(last)).map_or(shares, Vec::as_slice);
             last = draw.pick(row);
             let Some(map) = ifs.maps.get(last) else { continue };
@@ -240,13 +263,15 @@ fn exponent(ifs: &Ifs, shares: &[f64], next: Option<&[Vec<f64>]>) -> (f64, f64) 
             } else {
                 direction = random_direction(&mut draw, ifs.dim);
             }
+            // A singular map may send the vector to 0: it restarts in a new direction, its stretch clamped.
             sum += math::ln(length.clamp(1e-12, 1e300));
         }
-        means.push(sum / f64::from(STEPS));
+        means.push(sum / f64::from(LYAPUNOV_STEPS));
     }
     #[allow(clippy::cast_precision_loss, reason = "64 chains")]
     let n = means.len() as f64;
     let mean = means.iter().fold(0.0, |s, v| s + v) / n;
+    // The spread of the independent chains gives the standard error of their mean.
     let variance = means.iter().fold(0.0, |s, v| s + (v - mean) * (v - mean)) / (n - 1.0);
     (mean, math::sqrt(variance / n))
 }

@@ -58,6 +58,7 @@ impl WeightedTriangles {
     /// Source: G. Turk, "Generating random points in triangles", Graphics Gems, 1990, for the place in a triangle.
     pub fn point(&self, [u, v, w]: [f64; 3]) -> DVec3 {
         let Some(total) = self.sums.last() else { return DVec3::ZERO };
+        // Inversion of the running area sum: a triangle is picked in proportion to its area.
         let pick = self.sums.partition_point(|s| *s <= u * total).min(self.sums.len() - 1);
         within(self.corners[pick].map(Vec3::as_dvec3), v, w)
     }

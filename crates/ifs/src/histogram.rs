@@ -1,65 +1,27 @@
 //! Hits and colours per pixel. All sums are of whole numbers, so their order does not matter.
 
-use crate::affine::AxisScaling;
 use std::collections::BTreeMap;
 
-use glam::DVec3;
-
 use super::cloud::DrawRequest;
-use super::color::{ColorLabels, of_coord};
+use super::color::{ColorLabels, palette_step};
 use super::cylinders::Cylinder;
 use super::game::Escapes;
 use super::splat::{CellCounter, CountingPlan, SLICE};
+pub use super::window::PictureWindow;
 
 /// A cell is emptied before its colour sums could overflow: 2^20 hits of 12 bits.
 const SPILL_LIMIT: u32 = (1 << 20) - 1024;
-/// Largest linear colour.
+/// Largest linear colour component, 12 bits.
 const COLOR: f32 = 4095.0;
-/// Units of a whole hit where maps show a share of their points.
+/// Units of one hit where maps have an opacity below 1.
 const SHARES: f64 = 256.0;
-
-/// A rectangle of table units seen as pixels; row 0 at the top.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PictureWindow {
-    /// Width, pixels.
-    pub width: usize,
-    /// Height, pixels.
-    pub height: usize,
-    /// Middle, table units.
-    pub center: [f64; 2],
-    /// Table units per pixel.
-    pub pixel: f64,
-}
-
-impl PictureWindow {
-    /// Scale and shift from table units to pixels.
-    #[allow(clippy::cast_precision_loss, reason = "pixels")]
-    pub fn frame(&self) -> AxisScaling {
-        let k = 1.0 / self.pixel;
-        let (w, h) = (self.width as f64 * 0.5, self.height as f64 * 0.5);
-        let shift = DVec3::new(w - self.center[0] * k, h + self.center[1] * k, 0.0);
-        AxisScaling { scale: DVec3::new(k, -k, k), shift }
-    }
-
-    /// Shows the box from `low` to `high`, table units, whole, with a margin of 3 % of its longer side.
-    #[allow(clippy::cast_precision_loss, reason = "pixels")]
-    pub fn fitted(low: DVec3, high: DVec3, width: usize, height: usize) -> Self {
-        let size = high - low;
-        let margin = 0.03 * size.x.max(size.y);
-        let (w, h) = (size.x + 2.0 * margin, size.y + 2.0 * margin);
-        let pixel = (w / width.max(1) as f64).max(h / height.max(1) as f64);
-        let middle = (low + high) * 0.5;
-        let pixel = if pixel > 0.0 && pixel.is_finite() { pixel } else { 1.0 };
-        Self { width, height, center: [middle.x, middle.y], pixel }
-    }
-}
 
 /// Points counted by pixel, with the sums of their colours where they are coloured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Width, pixels.
+    /// Width of the picture, pixels.
     pub width: usize,
-    /// Height, pixels.
+    /// Height of the picture, pixels.
     pub height: usize,
     /// Hits times `unit`, rows from the top.
     pub hits: Vec<u64>,
@@ -71,7 +33,7 @@ pub struct Histogram {
     pub points: u64,
     /// Hits outside the window, times `unit`.
     pub outside: u64,
-    /// What the guard found.
+    /// Tests for escaped lanes and how many had escaped.
     pub escapes: Escapes,
 }
 
@@ -114,6 +76,7 @@ impl ColorCounter<'_> {
     #[inline(always)]
     fn one(&mut self, index: u32, add: [u32; 4]) {
         let cell = &mut self.cells[index as usize].0;
+        // Four 32-bit lanes in one aligned add: hits and three colours.
         *cell = std::array::from_fn(|i| cell[i] + add[i]);
         if cell[0] >= SPILL_LIMIT {
             spill(&mut self.spilled, index, cell);
@@ -122,6 +85,7 @@ impl ColorCounter<'_> {
 
     /// Hits (0) or a colour's sum (1 to 3) of a cell.
     fn sum(&self, i: usize, k: usize) -> u64 {
+        // Current cell plus what was spilled from it before.
         let kept = u64::from(self.cells[i].0[k]);
         if self.spilled.is_empty() {
             return kept;
@@ -153,9 +117,11 @@ impl CellCounter for ColorCounter<'_> {
             cells.iter().for_each(|i| self.one(*i, add));
             return;
         }
+        // The word's last maps act on the colour coordinate as c' = keep c + pull, composed when the cylinder was cut.
         let (keep, pull) = cylinder.pull;
         let mut steps = [0; SLICE];
-        steps.iter_mut().zip(coord).for_each(|(s, c)| *s = of_coord(keep * c + pull));
+        steps.iter_mut().zip(coord).for_each(|(s, c)| *s = palette_step(keep * c + pull));
+        // Without opacities no multiplication is needed.
         let adds = self.adds;
         if share == 1 {
             cells.iter().zip(&steps).for_each(|(i, s)| self.one(*i, adds[*s as usize]));
@@ -165,6 +131,7 @@ impl CellCounter for ColorCounter<'_> {
     }
 }
 
+/// Moves the sums of a cell to 64-bit overflow sums and clears it.
 #[cold]
 fn spill(spilled: &mut BTreeMap<u32, [u64; 4]>, index: u32, cell: &mut [u32; 4]) {
     let sums = spilled.entry(index).or_default();
@@ -225,10 +192,12 @@ impl Histogram {
 /// What a point of a label adds, and by map the share that is shown: empty where all maps show all of their points.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
 fn weights(labels: &ColorLabels, request: &DrawRequest<'_>) -> (Vec<[u32; 4]>, Vec<u32>) {
+    // Linear colours in 12 bits: 2^20 hits of them fit into 32 bits, see SPILL_LIMIT.
     let twelve = |v: f32| (v.clamp(0.0, 1.0) * COLOR + 0.5) as u32;
     let adds = labels.colors.iter().map(|c| [1, twelve(c[0]), twelve(c[1]), twelve(c[2])]).collect();
     let share = |o: f64| (o.clamp(0.0, 1.0) * SHARES + 0.5) as u32;
     let maps = &request.system.maps;
+    // Opacities become whole shares of 256, so that sums stay exact.
     let shown = maps.iter().any(|m| m.opacity < 1.0);
     (adds, if shown { maps.iter().map(|m| share(m.opacity)).collect() } else { Vec::new() })
 }

@@ -22,10 +22,12 @@ mod splat;
 pub mod stems;
 pub mod tile;
 pub mod weights;
+mod window;
 pub mod words;
 pub mod write;
 
 use affine::Affine;
+pub use affine::Branch;
 use osier_base::diagnostic::Span;
 
 /// Largest magnitude of a coefficient.
@@ -103,19 +105,6 @@ impl Map {
             span,
         }
     }
-}
-
-/// A branch: where on its parent it sits and how it turns.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Branch {
-    /// Height on the parent's segment, 0..1.
-    pub h: f64,
-    /// Turn about the parent, rad.
-    pub roll: f64,
-    /// Tilt off the parent, rad.
-    pub pitch: f64,
-    /// Length over the parent's length, (0, 1).
-    pub scale: f64,
 }
 
 /// A set that belongs to the attractor as it is.

@@ -7,7 +7,7 @@ use super::dynamics::SystemAnalysis;
 use super::polar::{Turn, parts};
 use super::{Ifs, Map};
 
-/// Places along a leg where the fixed points are judged.
+/// Places along a segment where the fixed points are judged.
 const FIXED_POINT_SAMPLES: u32 = 32;
 /// |det(I - A)| below which a fixed point runs away.
 const MIN_FIXED_POINT_DET: f64 = 1e-6;
@@ -21,7 +21,7 @@ pub struct MorphKey {
     pub system: Ifs,
     /// Analysis of `system`.
     pub study: SystemAnalysis,
-    /// Full turns that each map makes on its way to this key besides the shortest turn; empty: none.
+    /// Full turns that each map makes on its path to this key besides the shortest turn; empty: none.
     pub turns: Vec<f64>,
 }
 
@@ -49,14 +49,14 @@ pub struct MorphMismatch {
     pub help: &'static str,
 }
 
-/// One map on its way from a key to the next.
+/// One map on its path from a key to the next.
 #[derive(Debug, Clone)]
 struct MapPath {
     turn: [Turn; 2],
     stretch: [glam::DMat3; 2],
     /// Shifts, or fixed points.
     shift: [DVec3; 2],
-    more: f64,
+    extra_turns: f64,
 }
 
 /// All maps, and the final one, between two keys.
@@ -70,7 +70,7 @@ struct MorphSegment {
 #[derive(Debug, Clone)]
 pub struct Morph {
     keys: Vec<MorphKey>,
-    legs: Vec<MorphSegment>,
+    segments: Vec<MorphSegment>,
     options: MorphOptions,
     /// Exponent that is nearest to 0: its warm-up does for all keys.
     exponent: f64,
@@ -83,41 +83,45 @@ impl Morph {
     /// moved does not stay single.
     pub fn new(keys: Vec<MorphKey>, options: MorphOptions) -> Result<Self, MorphMismatch> {
         let Some(first) = keys.first() else {
-            return Err(misfit(0, "I070", "a morph without keys".into(), "give it two keys at least"));
+            return Err(mismatch(0, "I070", "a morph without keys".into(), "give it two keys at least"));
         };
         for (i, key) in keys.iter().enumerate() {
-            fits(&first.system, key, i)?;
+            check_match(&first.system, key, i)?;
         }
         let count = first.system.maps.len();
         let dim = first.system.dim;
         let column =
             |m: usize| -> Vec<Affine> { keys.iter().filter_map(|k| k.system.maps.get(m).map(|m| m.affine)).collect() };
-        let lanes: Vec<Vec<(Turn, glam::DMat3)>> =
+        let decompositions: Vec<Vec<(Turn, glam::DMat3)>> =
             (0..count).map(|m| parts(&column(m).iter().map(|a| a.a).collect::<Vec<_>>(), dim)).collect();
+        // The final map moves too; keys without one have the identity.
         let finals: Vec<Affine> = keys.iter().map(|k| k.system.last.unwrap_or(Affine::IDENTITY)).collect();
         let shown = keys.iter().any(|k| k.system.last.is_some());
         let final_parts = parts(&finals.iter().map(|a| a.a).collect::<Vec<_>>(), dim);
-        let mut legs = Vec::new();
+        let mut segments = Vec::new();
         for k in 1..keys.len() {
             let mut maps = Vec::with_capacity(count);
-            for (m, lane) in lanes.iter().enumerate() {
+            for (m, decomposition) in decompositions.iter().enumerate() {
+                // Map m between keys k - 1 and k: polar factors of both ends, and their shifts or fixed points.
                 let ends = [keys[k - 1].system.maps[m].affine, keys[k].system.maps[m].affine];
-                let more = keys[k].turns.get(m).copied().unwrap_or(0.0);
-                let mut way = MapPath::new([lane[k - 1], lane[k]], ends.map(|a| a.b), more);
+                let extra_turns = keys[k].turns.get(m).copied().unwrap_or(0.0);
+                let mut path = MapPath::new([decomposition[k - 1], decomposition[k]], ends.map(|a| a.b), extra_turns);
                 if options.fixed_points {
-                    way.fix(ends).map_err(|message| {
+                    path.use_fixed_points(ends).map_err(|message| {
                         let help = "keep this map's norm below 1, or leave shift = \"straight\"";
-                        misfit(k, "I071", format!("map {}: {message}", m + 1), help)
+                        mismatch(k, "I071", format!("map {}: {message}", m + 1), help)
                     })?;
                 }
-                maps.push(way);
+                maps.push(path);
             }
             let last =
                 shown.then(|| MapPath::new([final_parts[k - 1], final_parts[k]], [finals[k - 1].b, finals[k].b], 0.0));
-            legs.push(MorphSegment { maps, last });
+            segments.push(MorphSegment { maps, last });
         }
+        // The slowest contraction decides the warm-up of all frames, so that every frame draws the same number of
+        // steps.
         let exponent = keys.iter().fold(f64::NEG_INFINITY, |m, k| m.max(-k.study.exponent.abs()));
-        Ok(Self { keys, legs, options, exponent })
+        Ok(Self { keys, segments, options, exponent })
     }
 
     /// Keys in order of time.
@@ -139,19 +143,20 @@ impl Morph {
 
     /// The system at a time, s. At the keys' own times it is exactly theirs, but for the name, which is the first one's:
     /// the chaos game's streams are named by it.
-    /// Own: turns go the shortest way, everything else goes straight. As ||R S|| = ||S|| and the norm is convex, a map's
+    /// Own: turns go the shortest path, everything else goes straight. As ||R S|| = ||S|| and the norm is convex, a map's
     /// norm never exceeds the larger of its keys': what contracts at the keys contracts in every frame.
     pub fn system(&self, seconds: f64) -> Ifs {
         let (k, t) = self.place(seconds);
+        // Everything without a value in between (weights rule, palette, condensation) is that of the key before.
         let mut system = Ifs { name: self.keys[0].system.name.clone(), ..self.keys[k].system.clone() };
-        let (Some(leg), Some(next)) = (self.legs.get(k).filter(|_| t > 0.0), self.keys.get(k + 1)) else {
+        let (Some(segment), Some(next)) = (self.segments.get(k).filter(|_| t > 0.0), self.keys.get(k + 1)) else {
             return system;
         };
-        for ((map, to), way) in system.maps.iter_mut().zip(&next.system.maps).zip(&leg.maps) {
-            blend(map, to, t);
-            map.affine = way.at(t, self.options.fixed_points);
+        for ((map, to), path) in system.maps.iter_mut().zip(&next.system.maps).zip(&segment.maps) {
+            blend_attributes(map, to, t);
+            map.affine = path.at(t, self.options.fixed_points);
         }
-        system.last = leg.last.as_ref().map(|way| way.at(t, false));
+        system.last = segment.last.as_ref().map(|path| path.at(t, false));
         system
     }
 
@@ -163,7 +168,7 @@ impl Morph {
         let b = self.keys.get(k + 1).map_or(a, |k| &k.study);
         let rows = self.keys.iter().any(|k| k.study.next.is_some()) && !(self.options.hold_weights && a.next.is_none());
         let next = rows.then(|| {
-            let row = |i: usize| blended(&chances(a, i), &chances(b, i), t);
+            let row = |i: usize| blended(&next_probabilities(a, i), &next_probabilities(b, i), t);
             (0..a.probabilities.len()).map(row).collect()
         });
         SystemAnalysis {
@@ -172,7 +177,7 @@ impl Morph {
             exponent: self.exponent,
             first: self.keys[0].study.first,
             unbounded: self.keys.iter().any(|k| k.study.unbounded),
-            told: Vec::new(),
+            diagnostics: Vec::new(),
             ..a.clone()
         }
     }
@@ -187,7 +192,7 @@ impl Morph {
 }
 
 /// Probabilities of the map after map `i`.
-fn chances(study: &SystemAnalysis, i: usize) -> Vec<f64> {
+fn next_probabilities(study: &SystemAnalysis, i: usize) -> Vec<f64> {
     study.next.as_ref().and_then(|n| n.get(i)).unwrap_or(&study.probabilities).clone()
 }
 
@@ -196,58 +201,59 @@ fn blended(a: &[f64], b: &[f64], t: f64) -> Vec<f64> {
     if t <= 0.0 || a == b {
         return a.to_vec();
     }
-    let mixed: Vec<f64> = a.iter().zip(b).map(|(p, q)| mix(*p, *q, t)).collect();
+    let mixed: Vec<f64> = a.iter().zip(b).map(|(p, q)| lerp(*p, *q, t)).collect();
     let sum = mixed.iter().fold(0.0, |s, p| s + p);
     mixed.iter().map(|p| p / sum).collect()
 }
 
-fn mix(a: f64, b: f64, t: f64) -> f64 {
+fn lerp(a: f64, b: f64, t: f64) -> f64 {
     a * (1.0 - t) + b * t
 }
 
-fn misfit(key: usize, code: &'static str, message: String, help: &'static str) -> MorphMismatch {
+fn mismatch(key: usize, code: &'static str, message: String, help: &'static str) -> MorphMismatch {
     MorphMismatch { key, code, message, help }
 }
 
-fn fits(first: &Ifs, key: &MorphKey, i: usize) -> Result<(), MorphMismatch> {
+fn check_match(first: &Ifs, key: &MorphKey, i: usize) -> Result<(), MorphMismatch> {
     let system = &key.system;
     if system.dim != first.dim {
         let text = format!("\"{}\" has {} dimensions, \"{}\" has {}", system.name, system.dim, first.name, first.dim);
-        return Err(misfit(i, "I070", text, "take tables that all lie in the plane or all in space"));
+        return Err(mismatch(i, "I070", text, "take tables that all lie in the plane or all in space"));
     }
     let (n, m) = (system.maps.len(), first.maps.len());
     if n != m {
         let text = format!("\"{}\" has {n} maps, \"{}\" has {m}", system.name, first.name);
-        return Err(misfit(i, "I070", text, "map i becomes map i: give the shorter table further maps of weight 0"));
+        return Err(mismatch(i, "I070", text, "map i becomes map i: give the shorter table further maps of weight 0"));
     }
     if system.condensation != first.condensation {
         let text = format!("\"{}\" and \"{}\" have other condensation sets", system.name, first.name);
-        return Err(misfit(i, "I070", text, "condensation sets stand still: write the same ones in all tables"));
+        return Err(mismatch(i, "I070", text, "condensation sets stand still: write the same ones in all tables"));
     }
     Ok(())
 }
 
 /// What a map has besides its coefficients.
-fn blend(map: &mut Map, to: &Map, t: f64) {
-    map.weight = map.weight.zip(to.weight).map(|(a, b)| mix(a, b, t));
+fn blend_attributes(map: &mut Map, to: &Map, t: f64) {
+    map.weight = map.weight.zip(to.weight).map(|(a, b)| lerp(a, b, t));
     map.color = map
         .color
         .zip(to.color)
         .map(|(a, b)| [0, 1, 2].map(|i| osier_base::math::lerp(a[i], b[i], osier_base::math::narrow(t))));
-    map.coord = mix(map.coord, to.coord, t);
-    map.speed = mix(map.speed, to.speed, t);
-    map.opacity = mix(map.opacity, to.opacity, t);
-    map.radius = map.radius.zip(to.radius).map(|(a, b)| mix(a, b, t));
+    map.coord = lerp(map.coord, to.coord, t);
+    map.speed = lerp(map.speed, to.speed, t);
+    map.opacity = lerp(map.opacity, to.opacity, t);
+    map.radius = map.radius.zip(to.radius).map(|(a, b)| lerp(a, b, t));
     map.branch = None;
 }
 
 impl MapPath {
-    fn new(ends: [(Turn, glam::DMat3); 2], shift: [DVec3; 2], more: f64) -> Self {
-        Self { turn: ends.map(|e| e.0), stretch: ends.map(|e| e.1), shift, more }
+    fn new(ends: [(Turn, glam::DMat3); 2], shift: [DVec3; 2], extra_turns: f64) -> Self {
+        Self { turn: ends.map(|e| e.0), stretch: ends.map(|e| e.1), shift, extra_turns }
     }
 
     fn linear(&self, t: f64) -> glam::DMat3 {
-        let r = self.turn[0].toward(self.turn[1], self.more, t).matrix();
+        // A(t) = R(t) S(t): the rotation on the shortest path, the symmetric factor linearly.
+        let r = self.turn[0].toward(self.turn[1], self.extra_turns, t).matrix();
         r * (self.stretch[0] * (1.0 - t) + self.stretch[1] * t)
     }
 
@@ -258,14 +264,15 @@ impl MapPath {
     }
 
     /// Leads the fixed points instead of the shifts.
-    fn fix(&mut self, ends: [Affine; 2]) -> Result<(), String> {
+    fn use_fixed_points(&mut self, ends: [Affine; 2]) -> Result<(), String> {
         let det = |i: u32| {
             let t = f64::from(i) / f64::from(FIXED_POINT_SAMPLES);
             (t, (glam::DMat3::IDENTITY - self.linear(t)).determinant())
         };
+        // det(I - A) must keep its sign along the path; near 0 the fixed point would run to infinity.
         let sign = det(0).1.signum();
         if let Some((t, d)) = (0..=FIXED_POINT_SAMPLES).map(det).find(|(_, d)| *d * sign <= MIN_FIXED_POINT_DET) {
-            return Err(format!("it has no single fixed point {:.0} % of the way, det(I - A) = {d:.2e}", t * 100.0));
+            return Err(format!("it has no single fixed point {:.0} % of the path, det(I - A) = {d:.2e}", t * 100.0));
         }
         for (shift, end) in self.shift.iter_mut().zip(ends) {
             *shift = (glam::DMat3::IDENTITY - end.a).inverse() * end.b;
@@ -366,7 +373,7 @@ mod tests {
         }
         let straight = morph(vec![key(0.0, curled()), key(1.0, fern())], MorphOptions::default());
         assert!((straight.system(0.5).maps[1].affine.b - DVec3::new(0.0, 1.3, 0.0)).length() < 1e-12);
-        // A map that passes the identity has no single fixed point on the way.
+        // A map that passes the identity has no single fixed point on the path.
         let wide = |k: f64| system(&[[k, 0.0, 0.0, k, 1.0, 0.0, 0.1], [0.3, 0.0, 0.0, 0.3, 0.0, 0.0, 0.9]]);
         let fault = Morph::new(vec![key(0.0, wide(0.5)), key(1.0, wide(1.5))], options).expect_err("no fixed point");
         assert_eq!((fault.code, fault.key), ("I071", 1));
@@ -401,7 +408,7 @@ mod tests {
         // Each point is the image of its word: a step of the next map leads from one to the next.
         let farthest = before.positions.iter().zip(&now.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
         assert!(farthest > 0.0 && farthest < 1e-3, "{farthest} m in 0.1 ms");
-        // Other weights are told, and held if that is asked for.
+        // Other weights are diagnostics, and held if that is asked for.
         let mut heavy = fern();
         for (map, w) in heavy.maps.iter_mut().zip([0.25; 4]) {
             map.weight = Some(w);
@@ -440,11 +447,11 @@ mod tests {
                 let of = |c: [f64; 12]| {
                     if dim == 3 { Affine::space(c) } else { Affine::plane([c[0], c[1], c[2], c[3], c[4], c[5]]) }
                 };
-                let lane = parts(&[of(a).a, of(b).a], dim);
-                let way = MapPath::new([lane[0], lane[1]], [of(a).b, of(b).b], 0.0);
+                let decomposition = parts(&[of(a).a, of(b).a], dim);
+                let path = MapPath::new([decomposition[0], decomposition[1]], [of(a).b, of(b).b], 0.0);
                 let most = of(a).norm().max(of(b).norm());
-                prop_assert!(way.at(t, false).norm() <= most + 1e-7, "{} {most}", way.at(t, false).norm());
-                prop_assert!((way.at(1.0, false).a - of(b).a).to_cols_array().iter().all(|v| v.abs() < 1e-12));
+                prop_assert!(path.at(t, false).norm() <= most + 1e-7, "{} {most}", path.at(t, false).norm());
+                prop_assert!((path.at(1.0, false).a - of(b).a).to_cols_array().iter().all(|v| v.abs() < 1e-12));
             }
         }
     }

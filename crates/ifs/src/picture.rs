@@ -39,9 +39,9 @@ impl Default for ToneMapping {
 /// Density and mean colour per pixel, linear, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Density {
-    /// Width, pixels.
+    /// Width of the picture, pixels.
     pub width: usize,
-    /// Height, pixels.
+    /// Height of the picture, pixels.
     pub height: usize,
     /// hits W H / N: 1 on average when nothing lies outside.
     pub value: Vec<f32>,
@@ -60,12 +60,13 @@ pub fn density(h: &Histogram, oversample: usize, estimator: Option<DensityEstima
     let k = oversample.max(1);
     let (width, height) = (h.width / k, h.height / k);
     let rows: Vec<usize> = (0..height).collect();
-    let boxed = par_map(&rows, |y| (0..width).map(|x| boxed(h, k, x, *y)).collect::<Vec<PixelSums>>());
+    let boxed = par_map(&rows, |y| (0..width).map(|x| box_sums(h, k, x, *y)).collect::<Vec<PixelSums>>());
     let mut samples: Vec<PixelSums> = boxed.into_iter().flatten().collect();
     if let Some(e) = estimator.filter(|e| e.radius > 0.0) {
-        samples = spread(&samples, width, height, &e);
+        samples = spread_hits(&samples, width, height, &e);
     }
     let all = h.points as f64 * h.unit as f64;
+    // Density relative to an even spread over the picture: D = hits W H / N.
     let scale = (width * height) as f64 / all.max(1.0);
     let colored = !h.sums.is_empty();
     let color = |s: &PixelSums| std::array::from_fn(|c| narrow(s[c + 1] / (s[0].max(1e-300) * 4095.0)));
@@ -79,7 +80,7 @@ pub fn density(h: &Histogram, oversample: usize, estimator: Option<DensityEstima
 
 #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
 /// Sums of the k x k cells of one pixel.
-fn boxed(h: &Histogram, k: usize, x: usize, y: usize) -> PixelSums {
+fn box_sums(h: &Histogram, k: usize, x: usize, y: usize) -> PixelSums {
     let mut sums = [0_u64; 4];
     for row in y * k..(y + 1) * k {
         for i in row * h.width + x * k..row * h.width + (x + 1) * k {
@@ -101,9 +102,10 @@ fn boxed(h: &Histogram, k: usize, x: usize, y: usize) -> PixelSums {
     clippy::cast_sign_loss,
     reason = "offsets of a few pixels inside the picture"
 )]
-fn spread(samples: &[PixelSums], width: usize, height: usize, e: &DensityEstimator) -> Vec<PixelSums> {
+fn spread_hits(samples: &[PixelSums], width: usize, height: usize, e: &DensityEstimator) -> Vec<PixelSums> {
     let radius = |hits: f64| (e.radius / math::pow(hits.max(1.0), e.curve)).max(e.minimum);
     let reach = e.radius.ceil() as isize;
+    // Discs of all radii in steps of a quarter pixel, as lists of offsets.
     let discs: Vec<Vec<(isize, isize)>> = (0..=reach * 4)
         .map(|quarter| {
             let r = quarter as f64 * 0.25;
@@ -113,6 +115,7 @@ fn spread(samples: &[PixelSums], width: usize, height: usize, e: &DensityEstimat
         .collect();
     let mut out = vec![[0.0; 4]; samples.len()];
     for (i, s) in samples.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
+        // Dense pixels keep their hits; thin ones spread over max(minimum, radius / hits^curve) pixels.
         let quarter = (radius(s[0]) * 4.0 + 0.5) as usize;
         let Some(disc) = discs.get(quarter.min(discs.len() - 1)) else { continue };
         let (x, y) = ((i % width) as isize, (i / width) as isize);
@@ -146,6 +149,7 @@ pub fn opacity(d: &Density, tone: &ToneMapping) -> Vec<f32> {
         return vec![0.0; d.value.len()];
     }
     let at = ((full.len() - 1) as f64 * WHITE_QUANTILE) as usize;
+    // The 99.5 % quantile over non-empty pixels is drawn fully opaque.
     let white = f64::from(*full.select_nth_unstable_by(at, f32::total_cmp).1);
     let top = math::ln(1.0 + tone.exposure * white).max(1e-12);
     let one = |v: &f32| {

@@ -18,7 +18,7 @@ pub enum Turn {
 }
 
 impl Turn {
-    /// Rotation matrix.
+    /// Its matrix, a rotation with determinant 1.
     pub fn matrix(self) -> DMat3 {
         match self {
             Self::Plane(angle) => turn_z(angle),
@@ -40,6 +40,7 @@ impl Turn {
             (Self::Plane(a), Self::Plane(b)) => Self::Plane(a + (shortest(b - a) + more * std::f64::consts::TAU) * t),
             (Self::Space(a), Self::Space(b)) => {
                 let way = a.conjugate() * b;
+                // q and -q are the same rotation; the one with w >= 0 is the shorter path.
                 let way = if way.w < 0.0 { -way } else { way };
                 let v = DVec3::new(way.x, way.y, way.z);
                 let length = math::sqrt(v.dot(v));
@@ -58,6 +59,7 @@ fn shortest(angle: f64) -> f64 {
     angle - turns * std::f64::consts::TAU
 }
 
+/// Rotation by `angle`, rad, about a unit axis.
 fn about(axis: DVec3, angle: f64) -> DQuat {
     let (s, c) = (math::sin(0.5 * angle), math::cos(0.5 * angle));
     DQuat::from_xyzw(axis.x * s, axis.y * s, axis.z * s, c)
@@ -70,6 +72,7 @@ fn smallest(from: DVec3, to: DVec3) -> DQuat {
         let axis = from.any_orthonormal_vector();
         return DQuat::from_xyzw(axis.x, axis.y, axis.z, 0.0);
     }
+    // Half-angle form without trigonometry: q ~ (from x to, 1 + from . to).
     let c = from.cross(to);
     DQuat::from_xyzw(c.x, c.y, c.z, 1.0 + d).normalize()
 }
@@ -84,6 +87,7 @@ fn svd(a: DMat3) -> (DMat3, DVec3, DMat3) {
         let mut turned = false;
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let (alpha, beta, gamma) = (m[p].dot(m[p]), m[q].dot(m[q]), m[p].dot(m[q]));
+            // Columns orthogonal to rounding error need no rotation.
             if gamma * gamma <= 1e-32 * alpha * beta || gamma.abs() < 1e-290 {
                 continue;
             }
@@ -131,6 +135,7 @@ fn turn(a: DMat3, dim: usize) -> Result<Turn, Option<(DVec3, DVec3)>> {
     if s.x <= 0.0 {
         return Err(None);
     }
+    // The third direction from the first two: U becomes a rotation whatever the sign of det A.
     let third = u.x_axis.cross(u.y_axis);
     if s.y + third.dot(u.z_axis) * s.z <= SINGULAR_RATIO * s.x {
         return Err(Some((v.x_axis, u.x_axis)));

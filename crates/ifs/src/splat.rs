@@ -6,18 +6,19 @@ use super::cloud::DrawRequest;
 use super::color::ColorLabels;
 use super::cylinders::{self, Cylinder, CylinderCut, PointPool};
 use super::game::{CHUNK, ChaosGame, Chunk, Escapes, InstructionSet, LANES, PointSink, TileLayout, images};
-use super::histogram::PictureWindow;
+use super::window::PictureWindow;
+use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, threads};
 
-/// Bytes that the cells of all threads may take together.
-const MEMORY: usize = 1 << 30;
-/// Box diagonals beyond which a lane starts again.
-const GUARD: f64 = 1e4;
+/// Bytes that the cells of all threads may take together; more pixels mean fewer threads.
+const MAX_CELL_BYTES: usize = 1 << 30;
+/// Diagonals of the picture, or of the unit box, beyond which a lane has escaped and restarts.
+const ESCAPE_DIAGONALS: f64 = 1e4;
 /// Points whose pixels are found at once.
 pub(super) const SLICE: usize = 1024;
 /// The map that leaves everything where it is.
-const STILL: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
 /// Finds the pixels of points, slice after slice.
 struct PixelIndexer {
@@ -30,7 +31,7 @@ struct PixelIndexer {
 
 impl PixelIndexer {
     /// Cells of the images of up to [`SLICE`] places.
-    fn of(&mut self, map: &[f32; 12], [x, y, z]: [&[f32]; 3]) -> &[u32] {
+    fn cells(&mut self, map: &[f32; 12], [x, y, z]: [&[f32]; 3]) -> &[u32] {
         let out = &mut self.index[..x.len()];
         images(self.tier, map, [x, y, if self.deep { z } else { &[] }], self.layout, out);
         out
@@ -64,7 +65,7 @@ impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
             labels.label(chunk, &mut self.label);
         }
         let place = [&chunk.x, &chunk.y, &chunk.z].map(|row| row[steps].as_flattened());
-        let pixels = self.pixels.of(&self.last, place);
+        let pixels = self.pixels.cells(&self.last, place);
         self.cells.add_each(pixels, chunk.map[steps].as_flattened(), self.label[steps].as_flattened());
     }
 
@@ -102,16 +103,18 @@ impl CountingPlan {
         let frame = window.frame();
         #[allow(clippy::cast_precision_loss, reason = "pixels")]
         let diagonal = (window.width + window.height) as f64;
-        let by_cylinders = cylinders::suits(system, study, labels);
+        let by_cylinders = cylinders::is_applicable(system, study, labels);
+        // Pools are drawn in units of the attractor, points of the chaos game directly in pixels.
         let (units, size) = if by_cylinders { (cylinders::unit_frame(system, study), 2.0) } else { (frame, diagonal) };
-        let game = ChaosGame::new(system, study, seed, units, narrow((size * GUARD).min(1e15))).with_tier(tier);
+        let game =
+            ChaosGame::new(system, study, seed, units, narrow((size * ESCAPE_DIAGONALS).min(1e15))).with_tier(tier);
         let cut = by_cylinders.then(|| CylinderCut::new(request, &game, frame, labels));
         let (blocks, steps) = ChaosGame::plan(points);
         let (blocks, points) = match &cut {
             Some(cut) => (cut.batches().count, cut.batches().count * cut.batches().points),
             None => (blocks, blocks * steps * LANES as u64),
         };
-        let last = system.last.map(|l| l.conjugated(frame.scale, frame.shift).single()).unwrap_or(STILL);
+        let last = system.last.map(|l| l.conjugated(frame.scale, frame.shift).single()).unwrap_or(IDENTITY);
         Self {
             game,
             cut,
@@ -127,24 +130,27 @@ impl CountingPlan {
     /// Counts all points. Each thread has cells of its own, of `bytes` bytes each, while they fit the memory; `make`:
     /// empty cells for a [`TileLayout`].
     pub fn count<C: CellCounter + Send>(&self, bytes: usize, make: impl Fn() -> C + Sync) -> (Vec<C>, Escapes) {
-        let blocks = usize::try_from(self.blocks).unwrap_or(usize::MAX);
-        let workers = threads().min(MEMORY / (bytes * self.layout.cells())).clamp(1, blocks.max(1));
+        let blocks = limit(self.blocks);
+        // Each thread counts into cells of its own, without atomics; sums of whole numbers do not depend on the
+        // division of the work.
+        let workers = threads().min(MAX_CELL_BYTES / (bytes * self.layout.cells())).clamp(1, blocks.max(1));
         let jobs: Vec<u64> = (0..workers as u64).collect();
-        let parts = par_map(&jobs, |worker| self.some(make(), (*worker..self.blocks).step_by(workers)));
+        let parts = par_map(&jobs, |worker| self.count_blocks(make(), (*worker..self.blocks).step_by(workers)));
         let escapes = parts.iter().fold(Escapes::default(), |s, p| s.plus(p.1));
         (parts.into_iter().map(|p| p.0).collect(), escapes)
     }
 
     /// Counts the points of some blocks.
-    fn some<C: CellCounter>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
+    fn count_blocks<C: CellCounter>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
         let tier = self.game.tier();
         let mut pixels = PixelIndexer { tier, layout: self.layout, deep: self.deep, index: Box::new([0; SLICE]) };
         let none = Escapes::default();
         if let Some(cut) = &self.cut {
             let mut pool = PointPool::new(cells.labels());
-            let mut lay =
-                |c: &Cylinder, pool: &PointPool, range: Range<usize>| lay(&mut cells, &mut pixels, c, pool, range);
-            let escapes = blocks.fold(none, |s, b| s.plus(cut.draw(b, &self.game, &mut pool, &mut lay)));
+            let mut count_cylinder = |c: &Cylinder, pool: &PointPool, range: Range<usize>| {
+                count_range(&mut cells, &mut pixels, c, pool, range)
+            };
+            let escapes = blocks.fold(none, |s, b| s.plus(cut.draw(b, &self.game, &mut pool, &mut count_cylinder)));
             return (cells, escapes);
         }
         let labels = cells.labels().cloned();
@@ -156,7 +162,7 @@ impl CountingPlan {
 }
 
 /// Counts a window of the pool laid into a cylinder.
-fn lay(
+fn count_range(
     cells: &mut impl CellCounter,
     pixels: &mut PixelIndexer,
     cylinder: &Cylinder,
@@ -164,8 +170,9 @@ fn lay(
     range: Range<usize>,
 ) {
     for start in range.clone().step_by(SLICE) {
+        // Slices that fit the nearest cache: pixels first, then counts.
         let part = start..range.end.min(start + SLICE);
-        let index = pixels.of(&cylinder.map, pool.place.each_ref().map(|row| &row[part.clone()]));
+        let index = pixels.cells(&cylinder.map, pool.place.each_ref().map(|row| &row[part.clone()]));
         cells.add(index, cylinder, pool.coord.get(part).unwrap_or(&[]));
     }
 }

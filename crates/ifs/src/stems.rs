@@ -45,12 +45,14 @@ pub fn is_tree(ifs: &Ifs) -> bool {
 /// I041 for a branch that does not shrink, I023 if the system has no attractor.
 pub fn stems(ifs: &Ifs) -> Result<TreeSystem, Box<Diagnostic>> {
     let mut system = ifs.clone();
+    // Maps given as matrices: those that flatten the whole to a line draw stems.
     for map in system.maps.iter_mut().filter(|m| m.branch.is_none()) {
         map.stem |= is_squash(map);
     }
     let (trunk, radius) = trunk(&system)?;
     if system.maps.iter().all(|m| m.branch.is_none()) {
         let norms: Vec<f64> = system.maps.iter().filter(|m| !m.stem).map(|m| m.affine.norm()).collect();
+        // sum s^D = 1 makes the cross-sections r^2 = s^D of the branches sum to that of their parent.
         let half = 0.5 * similarity_dimension(&norms, 3.0);
         for map in system.maps.iter_mut().filter(|m| !m.stem && m.radius.is_none()) {
             map.radius = Some(math::pow(map.affine.norm(), half));
@@ -89,12 +91,14 @@ fn trunk(ifs: &Ifs) -> Result<((DVec3, DVec3), f64), Box<Diagnostic>> {
     let study = dynamics::study(ifs, WeightRule::File);
     let (low, high) = extent(ifs, &study)?.bounds;
     let middle = (low + high) * 0.5;
+    // The stem map takes the axis of the attractor's box to the trunk.
     let end = |y: f64| stem.affine.apply(DVec3::new(middle.x, y, middle.z));
     let (foot, tip) = (end(low.y), end(high.y));
     let half = 0.5 * (high.x - low.x).max(high.z - low.z);
     let widths = stem.affine.singular_values();
     // The image of the crown is thin outside: its densest part has four fifths of the width.
     let radius = (widths[1] * half / 0.8).max(1e-6);
+    // Close to the unit segment the trunk is that segment, so that words keep round numbers.
     let near = |p: DVec3, q: DVec3| (p - q).length() < UNIT_TRUNK_TOLERANCE;
     if near(foot, unit.0) && near(tip, unit.1) { Ok((unit, radius)) } else { Ok(((foot, tip), radius)) }
 }
@@ -102,6 +106,7 @@ fn trunk(ifs: &Ifs) -> Result<((DVec3, DVec3), f64), Box<Diagnostic>> {
 /// The branch at the trunk's tip that leans least, if it leans less than 35 degrees.
 fn apex(ifs: &Ifs, foot: DVec3, tip: DVec3) -> Option<usize> {
     let along = tip - foot;
+    // Angle between a branch and the trunk.
     let lean = |i: &usize| {
         let map = &ifs.maps[*i].affine;
         let dir = (map.a * along).try_normalize().unwrap_or(DVec3::NEG_Y);

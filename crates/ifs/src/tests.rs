@@ -45,13 +45,13 @@ fn every_table_holds_what_it_should() {
     }
     let printed = systems("as_printed.ifs");
     assert_eq!(printed.len(), 8);
-    let told: Vec<(String, Vec<&str>)> = printed
+    let warnings: Vec<(String, Vec<&str>)> = printed
         .iter()
-        .map(|s| (s.name.clone(), study(s, WeightRule::File).told.iter().map(|d| d.code).collect()))
+        .map(|s| (s.name.clone(), study(s, WeightRule::File).diagnostics.iter().map(|d| d.code).collect()))
         .filter(|(_, t): &(String, Vec<&str>)| !t.is_empty())
         .collect();
-    assert_eq!(told, [("raw_bamboo_node".into(), vec!["I025"]), ("raw_hill".into(), vec!["I020"])]);
-    let hint = study(&printed[3], WeightRule::File).told.remove(0).help.unwrap_or_default();
+    assert_eq!(warnings, [("raw_bamboo_node".into(), vec!["I025"]), ("raw_hill".into(), vec!["I020"])]);
+    let hint = study(&printed[3], WeightRule::File).diagnostics.remove(0).help.unwrap_or_default();
     assert!(hint.starts_with("with b = -0.105 instead of -1.105"), "{hint}");
 }
 
@@ -169,10 +169,10 @@ fn doubled_fern_does_not_contract() {
     }
     let s = study(&fern, WeightRule::File);
     assert!((s.mean_log - 0.394).abs() < 1e-3, "{}", s.mean_log);
-    assert!(s.told.iter().any(|d| d.code == "I021"));
+    assert!(s.diagnostics.iter().any(|d| d.code == "I021"));
     assert!(extent(&fern, &s).is_err_and(|d| d.code == "I023"));
-    let (_, told) = probabilities(&system("sun"), WeightRule::Det);
-    assert_eq!(told.iter().map(|d| d.code).collect::<Vec<_>>(), ["I027"]);
+    let (_, warnings) = probabilities(&system("sun"), WeightRule::Det);
+    assert_eq!(warnings.iter().map(|d| d.code).collect::<Vec<_>>(), ["I027"]);
 }
 
 #[test]

@@ -25,11 +25,13 @@ pub fn tile(ifs: &Ifs, n: usize) -> Result<Vec<f32>, Box<Diagnostic>> {
     let (low, high) = if study.unbounded { extent.quantile } else { extent.bounds };
     let (size, middle) = (high - low, (low + high) * 0.5);
     #[allow(clippy::cast_precision_loss, reason = "some hundred cells")]
+    // The longer side of the attractor fills the tile.
     let pixel = (size.x.max(size.y) / n.max(1) as f64).max(1e-12);
     let window = PictureWindow { width: n, height: n, center: [middle.x, middle.y], pixel };
     let points = POINTS_PER_CELL * (n * n) as u64;
     let request = DrawRequest { system: ifs, study: &study, seed: 0, points, tier: InstructionSet::Best };
     let hits = histogram(&request, None, &window).hits;
+    // The brightest percent of the cells is clipped, or single dense cells would leave the rest dark.
     let mut sorted = hits.clone();
     sorted.sort_unstable();
     #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]

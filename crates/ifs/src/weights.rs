@@ -22,20 +22,22 @@ pub enum WeightRule {
     Fractint,
 }
 
-/// Smallest share of the largest weight that a map gets by [`WeightRule::Det`] and [`WeightRule::Moran`].
-const FLOOR: f64 = 0.01;
-/// Tolerance for sums.
-const SUM: f64 = 0.005;
-/// Norm beyond which weights by area starve what is left.
-const ROTATION: f64 = 0.99;
+/// Smallest weight, as a share of the largest one, that a map gets by [`WeightRule::Det`] and [`WeightRule::Moran`].
+const MIN_WEIGHT_SHARE: f64 = 0.01;
+/// Deviation of a sum of weights from 1 that is taken as rounding.
+const SUM_TOLERANCE: f64 = 0.005;
+/// Norm from which weights by area give one map nearly all points (I027).
+const MAX_AREA_NORM: f64 = 0.99;
 
-/// Probabilities, one per map, sum 1, with what is odd about them (I012 to I017, I024, I027).
+/// Probabilities, one per map, sum 1, with warnings about them (I012 to I017, I024, I027).
 /// Source: [wang-hao] eq. (3) for weights by area, here with a floor.
 /// Differs: eq. (3) divides by the sum of |det| and starves singular maps.
 pub fn probabilities(ifs: &Ifs, rule: WeightRule) -> (Vec<f64>, Vec<Diagnostic>) {
-    let mut told = Vec::new();
+    let mut warnings = Vec::new();
     let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
     let positive = |w: &[f64]| w.iter().any(|p| *p > 0.0);
+    // Without usable weights in the file: by area in the plane, by similarity dimension in space, where areas of thin
+    // maps are 0.
     let fallback = if ifs.dim == 2 { WeightRule::Det } else { WeightRule::Moran };
     let rule = match (rule, &column) {
         (WeightRule::File | WeightRule::Raw | WeightRule::Fractint, None) => fallback,
@@ -48,19 +50,19 @@ pub fn probabilities(ifs: &Ifs, rule: WeightRule) -> (Vec<f64>, Vec<Diagnostic>)
         WeightRule::Raw => {
             if !positive(&column) {
                 let d = Diagnostic::error("I017", "every weight is 0", ifs.span, "in this system");
-                told.push(d.help("give a map a weight, or choose weights = \"det\""));
+                warnings.push(d.help("give a map a weight, or choose weights = \"det\""));
             }
             column.iter().map(|p| p.max(0.0)).collect()
         }
-        WeightRule::Det => by_area(ifs, &mut told),
-        WeightRule::Moran => by_dimension(ifs),
+        WeightRule::Det => area_weights(ifs, &mut warnings),
+        WeightRule::Moran => moran_weights(ifs),
         WeightRule::Equal => vec![1.0; ifs.maps.len()],
-        WeightRule::Fractint => scanned(&column),
+        WeightRule::Fractint => fractint_shares(&column),
     };
-    (normalised(weights), told)
+    (normalized(weights), warnings)
 }
 
-fn normalised(mut weights: Vec<f64>) -> Vec<f64> {
+fn normalized(mut weights: Vec<f64>) -> Vec<f64> {
     let sum = weights.iter().fold(0.0, |s, w| s + w);
     let n = weights.len();
     for w in &mut weights {
@@ -74,22 +76,25 @@ fn normalised(mut weights: Vec<f64>) -> Vec<f64> {
 /// Differences of a column that is a running sum, else `None`.
 fn differences(column: &[f64]) -> Option<Vec<f64>> {
     let sum = column.iter().fold(0.0, |s, w| s + w);
+    // A running sum rises from 0 or more to 1; shares of 1 would not sum to more than 1.
     let rises =
         column.len() >= 2 && column.windows(2).all(|w| w[1] > w[0]) && column.first().is_some_and(|p| *p >= 0.0);
-    let ends = column.last().is_some_and(|p| (p - 1.0).abs() <= SUM);
-    (rises && ends && sum > 1.0 + SUM).then(|| {
+    let ends = column.last().is_some_and(|p| (p - 1.0).abs() <= SUM_TOLERANCE);
+    (rises && ends && sum > 1.0 + SUM_TOLERANCE).then(|| {
         let mut before = 0.0;
+        // Undo the running sum: p_i = P_i - P_(i-1).
         column.iter().map(|p| p - std::mem::replace(&mut before, *p)).collect()
     })
 }
 
-fn by_area(ifs: &Ifs, told: &mut Vec<Diagnostic>) -> Vec<f64> {
+fn area_weights(ifs: &Ifs, warnings: &mut Vec<Diagnostic>) -> Vec<f64> {
     let areas: Vec<f64> = ifs.maps.iter().map(|m| m.affine.det(ifs.dim).abs()).collect();
     let largest = areas.iter().fold(0.0_f64, |m, a| m.max(*a));
-    if let Some(turn) = ifs.maps.iter().find(|m| m.affine.norm() > ROTATION) {
+    // A near-rotation keeps its area: by area it would take nearly all points.
+    if let Some(turn) = ifs.maps.iter().find(|m| m.affine.norm() > MAX_AREA_NORM) {
         let text = "weights by area do not suit a map that hardly shrinks";
         let d = Diagnostic::warning("I027", text, turn.span, format!("norm {:.6}", turn.affine.norm()));
-        told.push(d.help("the weights of the file are used; they keep the other maps alive"));
+        warnings.push(d.help("the weights of the file are used; they keep the other maps alive"));
         let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight.map(|w| w.max(0.0))).collect();
         if let Some(column) = column.filter(|c| c.iter().any(|w| *w > 0.0)) {
             return column;
@@ -97,27 +102,29 @@ fn by_area(ifs: &Ifs, told: &mut Vec<Diagnostic>) -> Vec<f64> {
     }
     if largest <= 0.0 {
         let d = Diagnostic::warning("I024", "no map has an area", ifs.span, "every determinant is 0");
-        told.push(d.help("weights by the square of the norm are used"));
+        warnings.push(d.help("weights by the square of the norm are used"));
         return ifs.maps.iter().map(|m| m.affine.norm() * m.affine.norm()).collect();
     }
-    areas.iter().map(|a| a.max(FLOOR * largest)).collect()
+    areas.iter().map(|a| a.max(MIN_WEIGHT_SHARE * largest)).collect()
 }
 
 /// q_i ~ s_i^D with sum s_i^D = 1, s_i = |det A_i|^(1/d), D clamped to 0.1..d.
-fn by_dimension(ifs: &Ifs) -> Vec<f64> {
+fn moran_weights(ifs: &Ifs) -> Vec<f64> {
     #[allow(clippy::cast_precision_loss, reason = "2 or 3")]
     let d = ifs.dim as f64;
+    // The mean contraction of a map: |det A| is the d-th power of a length ratio.
     let ratios: Vec<f64> = ifs.maps.iter().map(|m| math::pow(m.affine.det(ifs.dim).abs(), 1.0 / d)).collect();
     let dimension = similarity_dimension(&ratios, d);
     let weights: Vec<f64> = ratios.iter().map(|s| math::pow(*s, dimension)).collect();
     let largest = weights.iter().fold(0.0_f64, |m, w| m.max(*w));
-    weights.iter().map(|w| w.max(FLOOR * largest)).collect()
+    weights.iter().map(|w| w.max(MIN_WEIGHT_SHARE * largest)).collect()
 }
 
 /// The D with sum s_i^D = 1, clamped to 0.1..`most`; ratios of 0 do not count.
 /// Source: P. Moran, "Additive functions of intervals and Hausdorff measure", 1946.
 pub fn similarity_dimension(ratios: &[f64], most: f64) -> f64 {
     let excess = |d: f64| ratios.iter().filter(|s| **s > 0.0).fold(-1.0, |t, s| t + math::pow(*s, d));
+    // sum s_i^D falls strictly with D for ratios below 1: bisection to 2^-60 of the interval.
     let (mut low, mut high) = (0.1, most);
     if excess(low) <= 0.0 {
         return low;
@@ -132,8 +139,8 @@ pub fn similarity_dimension(ratios: &[f64], most: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// What Fractint's running sum gives: beyond 1 nothing is left, the last map takes what is.
-fn scanned(column: &[f64]) -> Vec<f64> {
+/// Shares as Fractint draws them from the running sum: maps beyond a sum of 1 get nothing, the last map gets the rest.
+fn fractint_shares(column: &[f64]) -> Vec<f64> {
     let mut left = 1.0;
     let last = column.len().saturating_sub(1);
     column
@@ -147,34 +154,35 @@ fn scanned(column: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// What is odd about the column of weights as written (I012 to I015).
-pub fn notes(ifs: &Ifs) -> Vec<Diagnostic> {
-    let mut told = Vec::new();
+/// Warnings about the column of weights as written (I012 to I015).
+pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
+    let mut warnings = Vec::new();
     let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
-    let Some(column) = column.filter(|c| c.iter().any(|p| *p != 0.0)) else { return told };
+    let Some(column) = column.filter(|c| c.iter().any(|p| *p != 0.0)) else { return warnings };
     let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);
     for (i, _) in column.iter().enumerate().filter(|(_, p)| **p < 0.0) {
         let text = format!("the weight of map {} is negative", i + 1);
-        told.push(Diagnostic::warning("I013", text, row(i), "taken as 0").help("weights are shares of the points"));
+        warnings.push(Diagnostic::warning("I013", text, row(i), "taken as 0").help("weights are shares of the points"));
     }
+    // Negative weights are reported above and count as 0.
     let sum = column.iter().fold(0.0, |s, w| s + w.max(0.0));
     if differences(&column).is_some() {
         let d = Diagnostic::warning("I012", "the weights look like a running sum", ifs.span, "in this system");
-        told.push(d.help("their differences are used; weights = \"file-raw\" takes them as they are"));
-    } else if (sum - 1.0).abs() > SUM && ifs.chaos.is_none() && ifs.condensation.is_empty() {
+        warnings.push(d.help("their differences are used; weights = \"file-raw\" takes them as they are"));
+    } else if (sum - 1.0).abs() > SUM_TOLERANCE && ifs.chaos.is_none() && ifs.condensation.is_empty() {
         let text = format!("the weights sum to {sum:.4}, not to 1");
         let effect = if sum < 1.0 { "the last map takes the rest" } else { "the last maps are starved" };
         let d = Diagnostic::warning("I014", text, ifs.span, "in this system");
-        told.push(d.help(format!("they are divided by their sum; in Fractint {effect}")));
+        warnings.push(d.help(format!("they are divided by their sum; in Fractint {effect}")));
     }
     let unused: Vec<usize> = (0..column.len()).filter(|i| column[*i] == 0.0).collect();
     if let Some(first) = unused.first() {
         let text = format!("{} of {} maps have the weight 0", unused.len(), column.len());
         let d = Diagnostic::warning("I015", text, row(*first), "the first of them");
-        told.push(d.help("they are not drawn; expansion by words uses them"));
+        warnings.push(d.help("they are not drawn; expansion by words uses them"));
     }
-    debug_assert!(told.iter().all(|d| d.severity == Severity::Warning));
-    told
+    debug_assert!(warnings.iter().all(|d| d.severity == Severity::Warning));
+    warnings
 }
 
 #[cfg(test)]
@@ -204,22 +212,22 @@ mod tests {
         system(&p.iter().map(|p| [0.5, 0.0, 0.0, 0.5, 0.0, 0.0, *p]).collect::<Vec<_>>())
     }
 
-    fn codes(told: &[Diagnostic]) -> Vec<&'static str> {
-        told.iter().map(|d| d.code).collect()
+    fn codes(warnings: &[Diagnostic]) -> Vec<&'static str> {
+        warnings.iter().map(|d| d.code).collect()
     }
 
     #[test]
     fn running_sums_are_seen_and_equal_weights_are_not() {
         let fern = with_weights(&[0.01, 0.86, 0.93, 1.0]);
-        assert_eq!(codes(&notes(&fern)), ["I012"]);
+        assert_eq!(codes(&column_warnings(&fern)), ["I012"]);
         let q = probabilities(&fern, WeightRule::File).0;
         for (a, b) in q.iter().zip([0.01, 0.85, 0.07, 0.07]) {
             assert!((a - b).abs() < 1e-12);
         }
         assert!((probabilities(&fern, WeightRule::Raw).0[0] - 0.01 / 2.8).abs() < 1e-12);
-        assert_eq!(codes(&notes(&with_weights(&[1.0, 1.0, 1.0]))), ["I014"]);
-        assert_eq!(codes(&notes(&with_weights(&[0.5, 0.5]))), [] as [&str; 0]);
-        assert_eq!(codes(&notes(&with_weights(&[0.5, -0.1, 0.0, 0.5]))), ["I013", "I015"]);
+        assert_eq!(codes(&column_warnings(&with_weights(&[1.0, 1.0, 1.0]))), ["I014"]);
+        assert_eq!(codes(&column_warnings(&with_weights(&[0.5, 0.5]))), [] as [&str; 0]);
+        assert_eq!(codes(&column_warnings(&with_weights(&[0.5, -0.1, 0.0, 0.5]))), ["I013", "I015"]);
     }
 
     #[test]
@@ -229,11 +237,11 @@ mod tests {
             [0.85, 0.04, -0.04, 0.85, 0.0, 1.6, 0.85],
             [0.2, -0.26, 0.23, 0.22, 0.0, 1.6, 0.07],
         ]);
-        let (q, told) = probabilities(&fern, WeightRule::Det);
-        assert!((q[0] / q[1] - 0.01).abs() < 1e-12 && told.is_empty());
+        let (q, warnings) = probabilities(&fern, WeightRule::Det);
+        assert!((q[0] / q[1] - 0.01).abs() < 1e-12 && warnings.is_empty());
         let flat = system(&[[0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5], [0.5, 0.5, 0.0, 0.0, 50.0, 0.0, 0.5]]);
-        let (q, told) = probabilities(&flat, WeightRule::Det);
-        assert!((q[0] - 0.5).abs() < 1e-9 && codes(&told) == ["I024"]);
+        let (q, warnings) = probabilities(&flat, WeightRule::Det);
+        assert!((q[0] - 0.5).abs() < 1e-9 && codes(&warnings) == ["I024"]);
         let none = with_weights(&[0.0, 0.0]);
         assert_eq!(codes(&probabilities(&none, WeightRule::Raw).1), ["I017"]);
     }

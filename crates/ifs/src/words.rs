@@ -18,7 +18,7 @@ pub struct Word {
     pub parent: u32,
     /// Its last letter; 0 for the empty word.
     pub letter: u16,
-    /// Number of letters.
+    /// Number of letters; 0 for the empty word, the trunk.
     pub depth: u16,
     /// Letters that are no axis.
     pub order: u16,
@@ -32,7 +32,18 @@ pub struct Word {
     pub id: u64,
 }
 
-/// What may become of the words.
+/// Size, length and branching order of a word: what decides whether it is expanded further.
+#[derive(Debug, Clone, Copy)]
+struct WordMeasure {
+    /// Product of the scales of its letters.
+    size: f64,
+    /// Number of letters.
+    depth: u16,
+    /// Number of letters that do not continue an axis.
+    order: u16,
+}
+
+/// Limits of an expansion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExpansionLimits {
     /// Words smaller than this are cut.
@@ -84,6 +95,7 @@ impl Letters {
     pub fn new(ifs: &Ifs) -> Result<Self, Box<Diagnostic>> {
         let mut out = Self { scale: Vec::new(), radius: Vec::new() };
         for (i, map) in ifs.maps.iter().enumerate() {
+            // Branches state their scale; other maps shrink by their norm.
             let s = map.branch.map_or_else(|| map.affine.norm(), |b| b.scale);
             let shrinks = s > 0.0 && s < 1.0;
             if !(map.stem || shrinks) {
@@ -100,16 +112,20 @@ impl Letters {
     /// Words and cuts that an expansion will make, or `None` beyond `max_words`.
     pub fn count(&self, ifs: &Ifs, limits: &ExpansionLimits) -> Option<(u64, u64)> {
         let (mut words, mut cuts) = (0_u64, 0_u64);
-        let mut stack: Vec<(f64, u16, u16)> = vec![(1.0, 0, 0)];
-        while let Some((size, depth, order)) = stack.pop() {
+        let mut stack = vec![WordMeasure { size: 1.0, depth: 0, order: 0 }];
+        while let Some(word) = stack.pop() {
             words += 1;
             if words > limits.max_words {
                 return None;
             }
             for (scale, map) in self.scale.iter().zip(&ifs.maps) {
                 let Some(scale) = scale else { continue };
-                let next = (size * scale, depth.saturating_add(1), order + u16::from(!map.axis));
-                if limits.admits(next.0, next.1, next.2) { stack.push(next) } else { cuts += 1 }
+                let next = WordMeasure {
+                    size: word.size * scale,
+                    depth: word.depth.saturating_add(1),
+                    order: word.order + u16::from(!map.axis),
+                };
+                if limits.admit(next) { stack.push(next) } else { cuts += 1 }
             }
         }
         Some((words, cuts))
@@ -117,8 +133,9 @@ impl Letters {
 }
 
 impl ExpansionLimits {
-    fn admits(&self, size: f64, depth: u16, order: u16) -> bool {
-        size >= self.eps && depth <= self.max_depth && order <= self.max_order
+    /// True if a word is shown and expanded, false if growth is cut at it.
+    fn admit(&self, word: WordMeasure) -> bool {
+        word.size >= self.eps && word.depth <= self.max_depth && word.order <= self.max_order
     }
 }
 
@@ -141,19 +158,24 @@ pub fn expand(
     let root =
         Word { parent: NONE, letter: 0, depth: 0, order: 0, size: 1.0, radius: 1.0, map: Affine::IDENTITY, id: 0 };
     let mut out = Expansion::default();
+    // Length of `out.words`: the index of the next word.
+    let mut word_count = 0_u32;
     let mut stack = vec![(root, vary.map_or(0, |v| v.key))];
     while let Some((word, key)) = stack.pop() {
-        if !limits.admits(word.size, word.depth, word.order) {
+        if !limits.admit(WordMeasure { size: word.size, depth: word.depth, order: word.order }) {
             out.cuts.push(word);
             continue;
         }
-        let index = u32::try_from(out.words.len()).unwrap_or(NONE);
+        let index = word_count;
+        word_count += 1;
         out.words.push(word);
         for (i, map) in ifs.maps.iter().enumerate().rev() {
             let Some(scale) = letters.scale.get(i).copied().flatten() else { continue };
+            // Letters beyond 65,535 are not told apart; no table comes near that number of maps.
             let letter = u16::try_from(i).unwrap_or(u16::MAX);
             let key = child(key, Key::from(i).0);
-            let step = vary.map_or(map.affine, |v| varied(map, key, v.amount));
+            // The key of a word is the path of its letters: the same word varies in the same way at every eps.
+            let varied_map = vary.map_or(map.affine, |v| varied(map, key, v.amount));
             let next = Word {
                 parent: index,
                 letter,
@@ -161,15 +183,17 @@ pub fn expand(
                 order: word.order + u16::from(!map.axis),
                 size: word.size * scale,
                 radius: word.radius * letters.radius.get(i).copied().unwrap_or(scale),
-                map: word.map.after(&step),
+                map: word.map.after(&varied_map),
                 id: child(word.id, Key::from(i).0),
             };
+            // Pushed in reverse order of the file, so that the stack yields words depth first in its order.
             stack.push((next, key));
         }
     }
     Ok(out)
 }
 
+/// I040 with the smallest eps, in steps of a quarter, that keeps within the limit.
 fn too_many(ifs: &Ifs, letters: &Letters, limits: &ExpansionLimits) -> Diagnostic {
     let mut fits = limits.eps.max(1e-6);
     while fits < 1.0 && letters.count(ifs, &ExpansionLimits { eps: fits, ..*limits }).is_none() {
@@ -180,10 +204,12 @@ fn too_many(ifs: &Ifs, letters: &Letters, limits: &ExpansionLimits) -> Diagnosti
     d.help(format!("eps = {fits:.4} fits"))
 }
 
-/// A map as one word has it: roll and pitch vary by 8 and 5 degrees, the scale by 6 %, normal and cut at two deviations.
+/// A map with the random variation of one word: standard deviations of 8 degrees in roll, 5 degrees in pitch and 6 % in
+/// scale, normal, truncated at two deviations.
 fn varied(map: &Map, key: u64, amount: f64) -> Affine {
     let mut draw = Rng::from_key(key);
     let mut n = || draw.normal().clamp(-2.0, 2.0) * amount;
+    // The three draws happen in this order for every kind of map.
     let (roll, pitch, scale) = (n() * 8.0_f64.to_radians(), n() * 5.0_f64.to_radians(), 1.0 + 0.06 * n());
     match map.branch {
         Some(b) => {
@@ -202,6 +228,7 @@ fn varied(map: &Map, key: u64, amount: f64) -> Affine {
 pub fn height(ifs: &Ifs, letters: &Letters, trunk: (DVec3, DVec3)) -> f64 {
     let limits = ExpansionLimits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
     let words = expand(ifs, letters, &limits, None).map(|e| e.words).unwrap_or_default();
+    // The trunk's tip under every word gives the ends of all segments.
     let top = words.iter().fold(0.0_f64, |h, w| h.max(w.map.apply(trunk.1).y));
     (top - trunk.0.y).max(math::sqrt((trunk.1 - trunk.0).length_squared())).max(1e-9)
 }

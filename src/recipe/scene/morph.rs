@@ -257,7 +257,7 @@ impl Resolver<'_> {
                     map.weight = Some(p);
                 }
                 let study = dynamics::study(&system, osier_ifs::weights::WeightRule::Raw);
-                if study.told.iter().any(|d| d.code == "I021") {
+                if study.diagnostics.iter().any(|d| d.code == "I021") {
                     let text = format!("at {at:.2} s the system does not contract: there is no attractor between");
                     let d = Diagnostic::error("I021", text, pair[1].ifs, "on the way to this table");
                     self.report.push(d.help("keep the norms of all maps below 1, or put a table between"));

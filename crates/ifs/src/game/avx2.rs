@@ -11,7 +11,7 @@ use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 /// Lanes of a register.
 const WIDTH: usize = 8;
 /// Registers stepped side by side: enough to hide how long an addition takes.
-const PAIR: usize = 2;
+const REGISTERS: usize = 2;
 
 /// Coefficients by map: a b c d e f, each as two registers of eight maps.
 struct CoefficientTable {
@@ -25,6 +25,7 @@ struct CoefficientTable {
 impl CoefficientTable {
     fn new(game: &ChaosGame) -> Self {
         let mut t = Self { low: [[0.0; WIDTH]; 6], high: [[0.0; WIDTH]; 6], thresholds: [i32::MAX; 15], count: 0 };
+        // Maps 0 to 7 go to the low register of each coefficient, 8 to 15 to the high one.
         for (i, c) in game.maps.iter().enumerate() {
             let half = if i < WIDTH { &mut t.low } else { &mut t.high };
             for (row, v) in half.iter_mut().zip([c[0], c[1], c[3], c[4], c[9], c[10]]) {
@@ -34,8 +35,8 @@ impl CoefficientTable {
         let row = game.rows.first().map_or(&[][..], Vec::as_slice);
         t.count = row.len();
         for (to, from) in t.thresholds.iter_mut().zip(row) {
-            // A draw has 31 bits, so "at least t" is "more than t - 1" for signed numbers as well.
-            *to = i32::try_from(i64::from(*from) - 1).unwrap_or(i32::MAX);
+            // A draw has 31 bits, so "at least t" is "more than t - 1" for signed numbers as well; t is at most 2^31.
+            *to = from.wrapping_sub(1).cast_signed();
         }
         t
     }
@@ -63,11 +64,11 @@ struct AdvanceKernel<'a, const WIDE: bool> {
     chunk: &'a mut Chunk,
 }
 
-/// State of [`PAIR`] registers.
-struct LaneBlock {
-    s: [[__m256i; PAIR]; 4],
-    x: [__m256; PAIR],
-    y: [__m256; PAIR],
+/// State of [`REGISTERS`] registers.
+struct LaneRegisters {
+    s: [[__m256i; REGISTERS]; 4],
+    x: [__m256; REGISTERS],
+    y: [__m256; REGISTERS],
 }
 
 #[inline(always)]
@@ -96,16 +97,18 @@ impl<const WIDE: bool> pulp::NullaryFnOnce for AdvanceKernel<'_, WIDE> {
     #[inline(always)]
     fn call(self) {
         let Self { simd, table, lanes, chunk } = self;
-        for part in 0..LANES / (WIDTH * PAIR) {
-            let at = |k: usize| (part * PAIR + k) * WIDTH;
-            let mut p = LaneBlock {
+        for part in 0..LANES / (WIDTH * REGISTERS) {
+            // State of 16 lanes in registers for all steps of the chunk.
+            let at = |k: usize| (part * REGISTERS + k) * WIDTH;
+            let mut p = LaneRegisters {
                 s: std::array::from_fn(|w| std::array::from_fn(|k| load_i(&lanes.s[w], at(k)))),
                 x: std::array::from_fn(|k| load_f(&lanes.x, at(k))),
                 y: std::array::from_fn(|k| load_f(&lanes.y, at(k))),
             };
-            let mut map = [simd.avx._mm256_set1_epi32(0); PAIR];
+            let mut map = [simd.avx._mm256_set1_epi32(0); REGISTERS];
             for step in 0..chunk.steps {
-                for k in 0..PAIR {
+                for k in 0..REGISTERS {
+                    // Two independent chains alternate, so that one computes while the other waits for its additions.
                     map[k] = pick(simd, table, draw(simd, &mut p.s, k));
                     apply_map::<WIDE>(simd, table, map[k], &mut p.x[k], &mut p.y[k]);
                     store_f(&mut chunk.x[step], at(k), p.x[k]);
@@ -113,7 +116,7 @@ impl<const WIDE: bool> pulp::NullaryFnOnce for AdvanceKernel<'_, WIDE> {
                     store_i(&mut chunk.map[step], at(k), map[k]);
                 }
             }
-            for k in 0..PAIR {
+            for k in 0..REGISTERS {
                 for w in 0..4 {
                     store_i(&mut lanes.s[w], at(k), p.s[w][k]);
                 }
@@ -130,9 +133,10 @@ impl<const WIDE: bool> pulp::NullaryFnOnce for AdvanceKernel<'_, WIDE> {
 
 /// Eight draws of 31 bits.
 #[inline(always)]
-fn draw(simd: V3, s: &mut [[__m256i; PAIR]; 4], k: usize) -> __m256i {
+fn draw(simd: V3, s: &mut [[__m256i; REGISTERS]; 4], k: usize) -> __m256i {
     let i = simd.avx2;
     let [mut a, mut b, mut c, mut d] = [s[0][k], s[1][k], s[2][k], s[3][k]];
+    // xoshiro128+ on eight lanes, the same steps as in `Lanes::draw`.
     let result = i._mm256_add_epi32(a, d);
     let t = i._mm256_slli_epi32::<9>(b);
     c = i._mm256_xor_si256(c, a);
@@ -159,6 +163,7 @@ fn pick(simd: V3, table: &CoefficientTable, draw: __m256i) -> __m256i {
 
 #[inline(always)]
 fn coefficient<const WIDE: bool>(simd: V3, table: &CoefficientTable, which: usize, map: __m256i) -> __m256 {
+    // A register of eight coefficients is a lookup table: permute selects by the low three bits of the map.
     let low = simd.avx2._mm256_permutevar8x32_ps(bytemuck::cast(table.low[which]), map);
     if !WIDE {
         return low;
@@ -235,6 +240,7 @@ impl<const DEEP: bool> pulp::NullaryFnOnce for ImageKernel<'_, DEEP> {
             let (x, y) = (image(0), image(1));
             let inside = i._mm256_and_ps(within(x, w), within(y, h));
             let (x, y) = (i._mm256_cvttps_epi32(x), i._mm256_cvttps_epi32(y));
+            // Cell index of the tile layout: tile number, row within the tile, column within the tile.
             let tile = i2._mm256_mullo_epi32(i2._mm256_srli_epi32::<5>(y), across);
             let tile = i2._mm256_add_epi32(tile, i2._mm256_srli_epi32::<5>(x));
             let line = i2._mm256_slli_epi32::<5>(i2._mm256_and_si256(y, within_tile));
@@ -242,6 +248,7 @@ impl<const DEEP: bool> pulp::NullaryFnOnce for ImageKernel<'_, DEEP> {
             let index = i2._mm256_or_si256(i2._mm256_slli_epi32::<10>(tile), cell);
             *out = bytemuck::cast(i._mm256_blendv_ps(bytemuck::cast(outside), bytemuck::cast(index), inside));
         }
+        // The rest of fewer than eight points takes the scalar loop.
         let done = full.len();
         super::lanes::images(map, place.map(|p| p.get(done..).unwrap_or(&[])), layout, rest);
     }

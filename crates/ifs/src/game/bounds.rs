@@ -64,6 +64,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
         }
         escapes = escapes.plus(found);
     }
+    // The extent is that of the shown points: after the final map.
     if let Some(last) = &ifs.last {
         show(last, &mut all);
     }
@@ -76,6 +77,7 @@ pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnosti
     }
     let mut out = Extent { bounds: (DVec3::ZERO, DVec3::ZERO), quantile: (DVec3::ZERO, DVec3::ZERO) };
     for axis in 0..ifs.dim.min(3) {
+        // Bounds and quantiles by selection, each axis on its own.
         let mut values: Vec<f32> = kept.iter().map(|i| all[axis][*i]).collect();
         let end = values.len() - 1;
         #[allow(
@@ -101,6 +103,7 @@ fn show(last: &Affine, [xs, ys, zs]: &mut [Vec<f32>; 3]) {
 }
 
 fn escaped(ifs: &Ifs, all: &[Vec<f32>; 3], share: f64) -> Diagnostic {
+    // The last point of a lane that was still within range, for the message.
     let near = |i: &usize| all.iter().all(|l| l[*i].abs() <= ESCAPE_RADIUS);
     let last = (0..all[0].len())
         .rev()

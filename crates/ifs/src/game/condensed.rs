@@ -14,9 +14,10 @@ pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) {
     let total = game.condensation.iter().fold(0.0, |s, c| s + c.weight).clamp(0.0, 1.0);
     for step in 0..chunk.steps {
         for lane in 0..LANES {
-            let chance = unit(lanes, lane);
+            // One draw decides between a jump into a set and a map, which takes a draw of its own.
+            let chance = uniform(lanes, lane);
             if chance < total {
-                jump(game, lanes, lane, chance);
+                jump_into_set(game, lanes, lane, chance);
             } else {
                 let draw = lanes.draw(lane) >> 1;
                 if lanes.map[lane] as usize >= game.maps.len() {
@@ -32,26 +33,28 @@ pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) {
 }
 
 /// A uniform draw in [0, 1) from 31 random bits of a lane.
-fn unit(lanes: &mut Lanes, lane: usize) -> f64 {
+fn uniform(lanes: &mut Lanes, lane: usize) -> f64 {
     f64::from(lanes.draw(lane) >> 1) / 2_147_483_648.0
 }
 
 /// Moves a lane to a random point of the condensation set that `chance`, uniform in [0, sum of weights), picks.
-fn jump(game: &ChaosGame, lanes: &mut Lanes, lane: usize, chance: f64) {
+fn jump_into_set(game: &ChaosGame, lanes: &mut Lanes, lane: usize, chance: f64) {
     let mut sum = 0.0;
     let set = game.condensation.iter().find(|c| {
         sum += c.weight;
         chance < sum
     });
     let Some(set) = set.or(game.condensation.last()) else { return };
-    let draws = [unit(lanes, lane), unit(lanes, lane), unit(lanes, lane)];
+    // Always three draws, whatever the shape, so that streams stay aligned.
+    let draws = [uniform(lanes, lane), uniform(lanes, lane), uniform(lanes, lane)];
     let p = point(&set.shape, draws, game.dim) * game.frame.scale + game.frame.shift;
     [lanes.x[lane], lanes.y[lane], lanes.z[lane]] = p.to_array().map(narrow);
-    lanes.map[lane] = u32::try_from(game.maps.len()).unwrap_or(u32::MAX);
+    lanes.map[lane] = game.map_count;
 }
 
 /// A point of the set, uniform by three uniform draws.
 fn point(shape: &CondensationShape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
+    // Uniform on a disc: angle uniform, radius with the square root of a uniform draw.
     let around = |radius: f64| {
         let (angle, r) = (v * std::f64::consts::TAU, radius * math::sqrt(w));
         (math::cos(angle) * r, math::sin(angle) * r)
@@ -68,16 +71,17 @@ fn point(shape: &CondensationShape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
             let (x, y) = around(*radius);
             DVec3::from_array(*center) + DVec3::new(x, y, 0.0)
         }
-        CondensationShape::Polygon { points } => fan(points, [u, v, w]),
+        CondensationShape::Polygon { points } => polygon_point(points, [u, v, w]),
         CondensationShape::Mesh(model) => model.faces.point([u, v, w]),
     }
 }
 
 /// A point of a convex polygon: a triangle of its fan by area, then a place in it.
-fn fan(points: &[[f64; 2]], [u, v, w]: [f64; 3]) -> DVec3 {
+fn polygon_point(points: &[[f64; 2]], [u, v, w]: [f64; 3]) -> DVec3 {
     let corner = |i: usize| points.get(i).map_or(DVec3::ZERO, |p| DVec3::new(p[0], p[1], 0.0));
     let area = |i: usize| (corner(i) - corner(0)).cross(corner(i + 1) - corner(0)).z.abs();
     let last = points.len().saturating_sub(1);
+    // The fan of triangles from the first corner covers a convex polygon.
     let total = (1..last).fold(0.0, |s, i| s + area(i));
     let mut left = u * total;
     let mut pick = 1;

@@ -39,6 +39,7 @@ impl Lanes {
     pub fn draw(&mut self, lane: usize) -> u32 {
         let [a, b, c, d] = &mut self.s;
         let result = a[lane].wrapping_add(d[lane]);
+        // xoshiro128+: the sum of the outer words is the output, then the linear step.
         let t = b[lane] << 9;
         c[lane] ^= a[lane];
         d[lane] ^= b[lane];
@@ -68,6 +69,7 @@ impl Lanes {
             [only] => only,
             rows => &rows[self.map[lane] as usize],
         };
+        // Few maps: counting thresholds without branches is faster than a search. Both give the same index.
         let map = if row.len() <= 16 {
             row.iter().map(|t| usize::from(*t <= draw)).sum()
         } else {
@@ -106,6 +108,7 @@ pub(super) fn images(c: &Coefficients, place: [&[f32]; 3], layout: TileLayout, o
             (x, y) = (x + c[2] * pz, y + c[5] * pz);
         }
         (x, y) = (x + c[9], y + c[10]);
+        // Comparisons are false for NaN, which falls into the outside cell.
         let inside = x >= 0.0 && x < w && y >= 0.0 && y < h;
         *out = if inside { layout.cell(x as usize, y as usize) as u32 } else { outside };
     }

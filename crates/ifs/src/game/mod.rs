@@ -18,6 +18,7 @@ use super::{Condensation, Ifs};
 pub use bounds::{Extent, extent};
 use lanes::Lanes;
 pub(super) use layout::TileLayout;
+use osier_base::convert::limit;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, word};
 
@@ -25,11 +26,11 @@ use osier_base::rng::{Rng, word};
 pub const LANES: usize = 32;
 /// Steps that are handed over at once.
 pub const CHUNK: usize = 32;
-/// Least number of blocks, and most points of one.
-const BLOCKS: u64 = 32;
-const BLOCK_POINTS: u64 = 1 << 20;
-/// Escaping lanes are looked for every so many chunks.
-const GUARD: usize = 2;
+/// Least number of blocks, and most points of one. Both fix the result: other values draw other points.
+const MIN_BLOCKS: u64 = 32;
+const MAX_BLOCK_POINTS: u64 = 1 << 20;
+/// Chunks between two tests for escaped lanes.
+const CHUNKS_PER_ESCAPE_TEST: usize = 2;
 
 /// Instructions that the steps are made with; all give the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,7 +102,10 @@ pub struct ChaosGame {
     /// Sums of probabilities as 31-bit numbers, one row, or with a chaos matrix one per last map.
     rows: Vec<Vec<u32>>,
     start: [f32; 3],
+    /// Map that counts as the last one before the first step.
     first: u32,
+    /// Number of maps: what points of the condensation set are labelled with.
+    map_count: u32,
     warm_up: u32,
     guard: f32,
     condensation: Vec<Condensation>,
@@ -118,6 +122,7 @@ impl ChaosGame {
     pub fn new(ifs: &Ifs, study: &SystemAnalysis, seed: u64, frame: AxisScaling, guard: f32) -> Self {
         let AxisScaling { scale, shift } = frame;
         let best = study.first;
+        // With a chaos matrix the start must be a fixed point that the chain can stay at.
         let stays = study.next.as_ref().is_none_or(|n| n.get(best).and_then(|r| r.get(best)).is_some_and(|p| *p > 0.0));
         let fixed = ifs.maps.get(best).filter(|m| stays && m.affine.spectral_radius() < 1.0);
         let start = fixed.and_then(|m| m.affine.fixed_point()).unwrap_or(DVec3::ZERO) * scale + shift;
@@ -131,7 +136,9 @@ impl ChaosGame {
             dim: ifs.dim,
             rows,
             start: start.to_array().map(narrow),
+            // An index of a map: far below 2^32.
             first: u32::try_from(best).unwrap_or(0),
+            map_count: ifs.maps.iter().fold(0, |n, _| n + 1),
             warm_up: study.warm_up(),
             guard,
             condensation: ifs.condensation.clone(),
@@ -153,6 +160,11 @@ impl ChaosGame {
         self.maps.len()
     }
 
+    /// [`ChaosGame::maps`] in the type of the labels of [`Chunk::map`].
+    pub(super) fn map_count(&self) -> u32 {
+        self.map_count
+    }
+
     /// A stream of draws beside those of the lanes.
     pub(super) fn draws(&self, what: &str, block: u64) -> Rng {
         Rng::at(self.seed, &["ifs".into(), self.id.into(), what.into(), block.into()])
@@ -170,7 +182,7 @@ impl ChaosGame {
 
     /// Blocks, and steps of each lane, for `points` points.
     pub fn plan(points: u64) -> (u64, u64) {
-        let blocks = points.div_ceil(BLOCK_POINTS).max(BLOCKS);
+        let blocks = points.div_ceil(MAX_BLOCK_POINTS).max(MIN_BLOCKS);
         (blocks, points.div_ceil(blocks * LANES as u64))
     }
 
@@ -180,6 +192,7 @@ impl ChaosGame {
         let mut lanes = self.lanes(block);
         let mut chunk = Chunk::new();
         sink.begin();
+        // Warm-up: steps until the start is forgotten; their points are not handed over.
         let mut left = u64::from(self.warm_up);
         while left > 0 {
             left -= self.advance(&mut lanes, &mut chunk, left);
@@ -190,16 +203,18 @@ impl ChaosGame {
             left -= self.advance(&mut lanes, &mut chunk, left);
             count += 1;
             sink.take(&chunk);
-            if count % GUARD == 0 {
-                escapes = escapes.plus(self.guard(&mut lanes, sink));
+            if count % CHUNKS_PER_ESCAPE_TEST == 0 {
+                escapes = escapes.plus(self.restart_escaped(&mut lanes, sink));
             }
         }
         escapes
     }
 
+    /// All lanes of a block at the start point, each with its own random stream.
     fn lanes(&self, block: u64) -> Lanes {
         let mut lanes = Lanes::at(self.start, self.first);
         for lane in 0..LANES {
+            // A lane is addressed by system, block and lane, so that any thread can play any block.
             let mut draw = Rng::at(self.seed, &["ifs".into(), self.id.into(), block.into(), lane.into()]);
             let words = [draw.next_u64(), draw.next_u64()];
             lanes.seed(lane, words);
@@ -209,9 +224,10 @@ impl ChaosGame {
 
     /// Up to `left` steps, at most a chunk; returns how many.
     fn advance(&self, lanes: &mut Lanes, chunk: &mut Chunk, left: u64) -> u64 {
-        chunk.steps = usize::try_from(left).unwrap_or(CHUNK).min(CHUNK);
+        chunk.steps = limit(left).min(CHUNK);
         let steps = chunk.steps as u64;
         if !self.condensation.is_empty() {
+            // Condensation needs a draw more per step; it has loops of its own.
             condensed::advance(self, lanes, chunk);
             return steps;
         }
@@ -223,7 +239,8 @@ impl ChaosGame {
         steps
     }
 
-    fn guard(&self, lanes: &mut Lanes, sink: &mut impl PointSink) -> Escapes {
+    /// Restarts lanes beyond the guard radius, or not finite, at the start point.
+    fn restart_escaped(&self, lanes: &mut Lanes, sink: &mut impl PointSink) -> Escapes {
         let mut found = 0;
         for lane in 0..LANES {
             let inside = |v: f32| v.abs() <= self.guard;
@@ -259,6 +276,8 @@ pub(super) fn images(
 fn thresholds(q: &[f64]) -> Vec<u32> {
     let last = q.iter().rposition(|p| *p > 0.0).unwrap_or(0);
     let mut sum = 0.0;
+    // A draw d selects the number of thresholds t with t <= d. Rounding must not select maps behind the last one of
+    // positive probability.
     let bound = |(i, p): (usize, &f64)| {
         sum += p;
         if i >= last { 1 << 31 } else { (sum * 2_147_483_648.0).clamp(0.0, 2_147_483_648.0) as u32 }

@@ -4,7 +4,7 @@ use glam::{DVec2, Vec2, Vec3};
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
 
 use super::outline::inside;
-use super::rib::beside;
+use super::rib::project_onto_line;
 use osier_base::math::{self, narrow};
 use osier_scene::Mesh;
 
@@ -33,6 +33,7 @@ pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> FlatBlade {
             }
         }
     }
+    // Even-odd rule over all rings: inside the outline and outside the holes.
     let within = |p: DVec2| rings.iter().filter(|r| inside(r, p)).count() % 2 == 1;
     let kept: Vec<DVec2> = midrib.iter().copied().filter(|p| within(*p)).collect();
     let handles: Vec<_> = kept.iter().filter_map(|p| cdt.insert(Point2::new(p.x, p.y)).ok()).collect();
@@ -41,8 +42,9 @@ pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> FlatBlade {
             lines.push((ends[0], ends[1]));
         }
     }
-    for p in grid(rings, spacing) {
-        if within(p) && lines.iter().all(|(a, b)| apart(*a, *b, p) > 0.5 * spacing) {
+    // Inner points keep half a spacing from constrained edges, or thin triangles would appear.
+    for p in hexagonal_grid(rings, spacing) {
+        if within(p) && lines.iter().all(|(a, b)| distance_to_segment(*a, *b, p) > 0.5 * spacing) {
             let _ = cdt.insert(Point2::new(p.x, p.y));
         }
     }
@@ -51,26 +53,30 @@ pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> FlatBlade {
     for face in cdt.inner_faces() {
         let corners = face.vertices();
         let at = corners.map(|v| DVec2::new(v.position().x, v.position().y));
+        // The triangulation covers the convex hull: keep triangles whose centroid lies in the leaf.
         if within((at[0] + at[1] + at[2]) / 3.0) {
-            triangles.push(corners.map(|v| u32::try_from(v.fix().index()).unwrap_or(u32::MAX)));
+            triangles.push(corners.map(|v| v.fix().index()));
         }
     }
+    // The order of the library's faces is not specified; sorting fixes the written bytes.
     triangles.sort_unstable();
     compact(points, triangles)
 }
 
-/// Points that no triangle uses are left out.
-fn compact(points: Vec<DVec2>, triangles: Vec<[u32; 3]>) -> FlatBlade {
+/// Drops points that no triangle uses and renumbers the corners.
+fn compact(points: Vec<DVec2>, triangles: Vec<[usize; 3]>) -> FlatBlade {
     let mut new = vec![u32::MAX; points.len()];
-    let mut kept = Vec::new();
+    // `kept_count`: length of `kept`, the index of the next point.
+    let (mut kept, mut kept_count) = (Vec::new(), 0_u32);
     let triangles = triangles
         .iter()
         .map(|t| {
             t.map(|i| {
-                let slot = &mut new[i as usize];
+                let slot = &mut new[i];
                 if *slot == u32::MAX {
-                    *slot = u32::try_from(kept.len()).unwrap_or(u32::MAX);
-                    kept.push(points[i as usize]);
+                    *slot = kept_count;
+                    kept_count += 1;
+                    kept.push(points[i]);
                 }
                 *slot
             })
@@ -79,7 +85,7 @@ fn compact(points: Vec<DVec2>, triangles: Vec<[u32; 3]>) -> FlatBlade {
     FlatBlade { points: kept, triangles }
 }
 
-fn apart(a: DVec2, b: DVec2, p: DVec2) -> f64 {
+fn distance_to_segment(a: DVec2, b: DVec2, p: DVec2) -> f64 {
     let d = b - a;
     let t = ((p - a).dot(d) / d.length_squared().max(1e-30)).clamp(0.0, 1.0);
     (p - a - d * t).length()
@@ -91,7 +97,7 @@ fn apart(a: DVec2, b: DVec2, p: DVec2) -> f64 {
     clippy::cast_sign_loss,
     reason = "some thousand cells"
 )]
-fn grid(rings: &[Vec<DVec2>], spacing: f64) -> Vec<DVec2> {
+fn hexagonal_grid(rings: &[Vec<DVec2>], spacing: f64) -> Vec<DVec2> {
     let all = || rings.iter().flatten();
     let low = all().fold(DVec2::INFINITY, |m, p| m.min(*p));
     let high = all().fold(DVec2::NEG_INFINITY, |m, p| m.max(*p));
@@ -145,38 +151,43 @@ pub struct BladePlacement {
 pub fn bent(flat: &FlatBlade, place: &BladePlacement, pose: &BladePose) -> Mesh {
     let length = place.midrib.last().map_or(1.0, |t| t.distance(place.anchor)).max(1e-9);
     let unit = pose.size / length;
-    let wide = widening(flat, length, pose.width);
+    let wide = width_factor(flat, length, pose.width);
     let mut mesh = Mesh { triangles: flat.triangles.clone(), ..Mesh::default() };
     for p in &flat.points {
-        let (u, span) = beside(&place.midrib, *p);
+        let (u, span) = project_onto_line(&place.midrib, *p);
         let local = (*p - place.anchor) * DVec2::new(unit * wide, unit);
         let side = -span * unit * wide;
+        // Fold: each half rotates up about the midrib, less towards the tip.
         let fold = pose.fold * (1.0 - 0.3 * u);
         let (up, out) = (side.abs() * math::sin(fold), side * (math::cos(fold) - 1.0));
+        // Twist about the midrib, proportional to the position along it.
         let turn = pose.twist * u;
         let (x, z) = (local.x + out, up);
         let (x, z) = (x * math::cos(turn) - z * math::sin(turn), x * math::sin(turn) + z * math::cos(turn));
-        let (at, normal) = curled(local.y / pose.size, pose);
+        // Curl: the midrib bends in the plane of y and z; points follow its normal.
+        let (at, normal) = midrib_frame(local.y / pose.size, pose);
         let q = at + normal * z;
         mesh.points.push(Vec3::new(narrow(x), narrow(q.x + pose.petiole.0), narrow(q.y)));
         mesh.uvs.push(Vec2::new(narrow(p.x / place.side), narrow(p.y / place.side)));
     }
-    mesh.normals = smooth(&mesh);
-    stalk(&mut mesh, place, pose);
+    mesh.normals = vertex_normals(&mesh);
+    add_petiole(&mut mesh, place, pose);
     mesh.with_material(0)
 }
 
 /// Factor across the blade that gives it `width`, shares of its length.
-fn widening(flat: &FlatBlade, length: f64, width: Option<f64>) -> f64 {
+fn width_factor(flat: &FlatBlade, length: f64, width: Option<f64>) -> f64 {
     let x = || flat.points.iter().map(|p| p.x);
+    // Width of the drawn blade over its length.
     let own = (x().fold(f64::MIN, f64::max) - x().fold(f64::MAX, f64::min)) / length;
     width.filter(|_| own > 1e-9).map_or(1.0, |w| w / own)
 }
 
 /// The midrib at `v` (0 at the anchor, 1 at the tip; straight beyond both): place and normal in the plane of y and z.
-fn curled(v: f64, pose: &BladePose) -> (DVec2, DVec2) {
+fn midrib_frame(v: f64, pose: &BladePose) -> (DVec2, DVec2) {
     const STEPS: u32 = 16;
     let clamped = v.clamp(0.0, 1.0);
+    // The angle grows with the square of the arc length; integrated by the midpoint rule.
     let angle = |t: f64| pose.curl * t * t;
     let mut at = DVec2::ZERO;
     let step = clamped / f64::from(STEPS);
@@ -189,10 +200,11 @@ fn curled(v: f64, pose: &BladePose) -> (DVec2, DVec2) {
     (at + along * ((v - clamped) * pose.size), DVec2::new(math::sin(a), math::cos(a)))
 }
 
-fn smooth(mesh: &Mesh) -> Vec<Vec3> {
+fn vertex_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; mesh.points.len()];
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+        // Not normalized: the cross product weights each triangle by its area.
         let n = (b - a).cross(c - a);
         for i in t {
             normals[*i as usize] += n;
@@ -202,15 +214,17 @@ fn smooth(mesh: &Mesh) -> Vec<Vec3> {
 }
 
 /// A thin tube from the origin to the blade, on the colours of the blade's foot.
-fn stalk(mesh: &mut Mesh, place: &BladePlacement, pose: &BladePose) {
+fn add_petiole(mesh: &mut Mesh, place: &BladePlacement, pose: &BladePose) {
     const SIDES: u32 = 4;
     let (length, radius) = pose.petiole;
     if length <= 0.0 || radius <= 0.0 {
         return;
     }
+    // A blade has some thousand points.
     let first = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
     let foot = place.solid / place.side;
     let blade = place.midrib.last().map_or(1.0, |t| t.distance(place.anchor)).max(1e-9);
+    // The tube ends inside the blade, a quarter of its length beyond its base.
     let neck = length + place.start / blade * pose.size;
     for (y, r) in [(0.0, 1.4 * radius), (neck, radius), (neck + 0.25 * pose.size, 0.35 * radius)] {
         for k in 0..SIDES {

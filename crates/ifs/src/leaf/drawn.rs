@@ -33,30 +33,31 @@ pub struct DrawnLeaf {
     pub ends: [DVec2; 2],
 }
 
-/// A leaf that is made when it is first asked for, or why it cannot be made.
+/// A leaf that is made when it is first asked for, or why it cannot be traced.
 pub type LazyLeaf = OnceLock<Result<DrawnLeaf, Box<Diagnostic>>>;
 
 /// Makes a leaf with its maps.
 /// # Errors
 /// As [`leaf`].
 pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<DrawnLeaf, Box<Diagnostic>> {
-    let made = leaf(table, spec)?;
-    let f = fields(&made.raster, colors, 1.0);
-    let n = made.raster.mask.side;
+    let traced = leaf(table, spec)?;
+    let f = fields(&traced.raster, colors, 1.0);
+    let n = traced.raster.mask.side;
     let rgba = |c: &[f32; 4]| {
         [byte(srgb_from_linear(c[0])), byte(srgb_from_linear(c[1])), byte(srgb_from_linear(c[2])), byte(c[3])]
     };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
     let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
     Ok(DrawnLeaf {
+        // At most 4096.
         side: u32::try_from(n).unwrap_or(u32::MAX),
         color: f.color.iter().flat_map(rgba).collect(),
-        normal: normals(&f.height, &made.raster.mask.set, n),
+        normal: normals(&f.height, &traced.raster.mask.set, n),
         rough: f.rough.iter().map(|r| byte(*r)).collect(),
         height: f.height.iter().map(deep).collect(),
-        flat: made.flat,
-        place: made.place,
-        ends: made.ends,
+        flat: traced.flat,
+        place: traced.place,
+        ends: traced.ends,
     })
 }
 

@@ -1,30 +1,34 @@
 //! Exact distances on pixels.
 
+/// Row of columns without a set pixel.
+const NO_ROW: usize = usize::MAX;
+
 /// For every pixel the nearest pixel that is set, and the squared distance to it in pixels (`f64::INFINITY` and
 /// `u32::MAX` if none is set).
 /// Source: P. Felzenszwalb, D. Huttenlocher, "Distance transforms of sampled functions", 2012: lower envelopes of
 /// parabolas, first down the columns, then along the rows.
 pub fn nearest(set: &[bool], width: usize, height: usize) -> (Vec<f64>, Vec<u32>) {
     // Down the columns: the nearest set pixel of the same column.
-    let mut row_of = vec![u32::MAX; set.len()];
+    let mut row_of = vec![NO_ROW; set.len()];
     for x in 0..width {
         let mut last: Option<usize> = None;
         for y in 0..height {
             if set[y * width + x] {
                 last = Some(y);
             }
-            row_of[y * width + x] = short(last);
+            row_of[y * width + x] = last.unwrap_or(NO_ROW);
         }
         last = None;
+        // Upwards: take the set pixel below where it is nearer than the one above.
         for y in (0..height).rev() {
             if set[y * width + x] {
                 last = Some(y);
             }
             let above = row_of[y * width + x];
             if let Some(below) = last
-                && (above == u32::MAX || below - y < y - above as usize)
+                && (above == NO_ROW || below - y < y - above)
             {
-                row_of[y * width + x] = short(last);
+                row_of[y * width + x] = last.unwrap_or(NO_ROW);
             }
         }
     }
@@ -37,10 +41,6 @@ pub fn nearest(set: &[bool], width: usize, height: usize) -> (Vec<f64>, Vec<u32>
     (squares, index)
 }
 
-fn short(v: Option<usize>) -> u32 {
-    v.and_then(|v| u32::try_from(v).ok()).unwrap_or(u32::MAX)
-}
-
 /// Columns whose parabolas form the lower envelope of a row, and where each takes over.
 #[derive(Default)]
 struct Envelope {
@@ -50,19 +50,21 @@ struct Envelope {
 
 impl Envelope {
     #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "pixels")]
-    fn line(&mut self, y: usize, width: usize, row_of: &[u32], squares: &mut [f64], index: &mut [u32]) {
+    fn line(&mut self, y: usize, width: usize, row_of: &[usize], squares: &mut [f64], index: &mut [u32]) {
         self.at.clear();
         self.from.clear();
         let depth = |x: usize| {
-            let d = y as f64 - f64::from(row_of[x]);
+            let d = y as f64 - row_of[x] as f64;
             d * d
         };
-        for x in (0..width).filter(|x| row_of[*x] != u32::MAX) {
+        for x in (0..width).filter(|x| row_of[*x] != NO_ROW) {
+            // Abscissa where the parabolas of columns x and v intersect.
             let meets = |v: usize| {
                 let (a, b) = (x as f64, v as f64);
                 ((depth(x) + a * a) - (depth(v) + b * b)) / (2.0 * (a - b))
             };
             let mut start = f64::NEG_INFINITY;
+            // Remove parabolas that the new one hides before they take over.
             while let Some(&v) = self.at.last() {
                 start = meets(v);
                 if self.from.last().is_some_and(|f| start <= *f) {
@@ -76,6 +78,7 @@ impl Envelope {
             self.at.push(x);
             self.from.push(start);
         }
+        // Walk along the row through the envelope; k is the parabola that is lowest at x.
         let mut k = 0;
         for x in 0..width {
             while self.from.get(k + 1).is_some_and(|f| *f < x as f64) {
@@ -84,7 +87,7 @@ impl Envelope {
             if let Some(&v) = self.at.get(k) {
                 let d = x as f64 - v as f64;
                 squares[x] = d * d + depth(v);
-                index[x] = row_of[v] * width as u32 + v as u32;
+                index[x] = (row_of[v] * width + v) as u32;
             }
         }
     }

@@ -46,7 +46,8 @@ pub struct LeafFields {
 pub fn fields(raster: &LeafRaster, colors: &LeafColors, vein_share: f32) -> LeafFields {
     let n = raster.mask.side;
     let side = size(n);
-    let fine = blurred(&logged(&raster.hits), n, 2.0 * side / 1024.0);
+    // Veins show as ridges of the density: the difference of a narrow and a wide blur.
+    let fine = blurred(&log_density(&raster.hits), n, 2.0 * side / 1024.0);
     let wide = blurred(&fine, n, 12.0 * side / 1024.0);
     // At least a pixel, or small maps would show stairs.
     let rib = blurred(&raster.vein, n, (1.2 * side / 1024.0).max(1.0));
@@ -71,7 +72,7 @@ fn size(n: usize) -> f32 {
 }
 
 /// ln(1 + hits) over the value at the 99 % quantile, 0..1.
-fn logged(hits: &[u32]) -> Vec<f32> {
+fn log_density(hits: &[u32]) -> Vec<f32> {
     let mut full: Vec<u32> = hits.iter().copied().filter(|h| *h > 0).collect();
     let at = full.len().saturating_sub(1) * 99 / 100;
     let white = if full.is_empty() { 1 } else { *full.select_nth_unstable(at).1 };
@@ -110,12 +111,14 @@ fn paint(r: &LeafRaster, c: &LeafColors, i: usize, f: &PixelFields) -> PaintedPi
     let sd = r.sd[i];
     let depth = r.sd.get(inner).copied().unwrap_or(0.0).max(0.0);
     let u = r.along.get(inner).copied().unwrap_or(0.0);
+    // Colour from the margin to the centre with a decay length of 6 % of the side.
     let rise = 1.0 - exp_f32(-depth / (0.06 * side));
     let mix = |a: [f32; 3], b: [f32; 3], t: f32| -> [f32; 3] { std::array::from_fn(|k| lerp(a[k], b[k], t)) };
     let mut rgb = mix(c.edge, c.centre, rise);
     rgb = mix(rgb, c.tip, 0.35 * u * u);
     rgb = mix(rgb, c.vein, 0.5 * ((fine - wide) / 0.2).clamp(0.0, 1.0) * share.min(1.0));
     rgb = mix(rgb, c.vein, 0.62 * rib);
+    // Parts made by different maps differ slightly in brightness.
     let shade = match r.letter.get(inner).copied().unwrap_or(0) % 4 {
         0 => 1.0,
         1 => 1.06,
@@ -124,6 +127,7 @@ fn paint(r: &LeafRaster, c: &LeafColors, i: usize, f: &PixelFields) -> PaintedPi
     };
     // Distances of whole pixels make stairs; their mean over the neighbours crosses one half where the margin runs.
     let alpha = (0.5 + margin).clamp(0.0, 1.0);
+    // The blade bulges from the margin inwards with a decay length of 4 % of the side.
     let dome = if sd > 0.0 { 1.0 - exp_f32(-sd / (0.04 * side)) } else { 0.0 };
     // Veins are sunk on the upper side; thin hits ripple the blade between them.
     let height = if sd > 0.0 { (0.75 * dome + 0.25 * share * wide - 0.22 * rib).clamp(0.0, 1.0) } else { 0.0 };
@@ -140,6 +144,7 @@ pub fn normals(height: &[f32], set: &[bool], n: usize) -> Vec<u8> {
     let row = |y: &usize| {
         let mut out = Vec::with_capacity(n * 3);
         for x in 0..n {
+            // Central differences; one-sided at the border, where the neighbour repeats.
             let dx = (at(x + 1, *y) - at(x.saturating_sub(1), *y)) * 0.5;
             let dy = (at(x, y.saturating_sub(1)) - at(x, y + 1)) * 0.5;
             let v = if set[y * n + x] { glam::Vec3::new(-k * dx, -k * dy, 1.0).normalize() } else { glam::Vec3::Z };
@@ -169,6 +174,7 @@ fn box_rows(field: &[f32], n: usize, radius: usize) -> Vec<f32> {
     let share = 1.0 / size(2 * radius + 1);
     par_chunks(field, n, |_, row| {
         let at = |i: usize| row[i.saturating_sub(radius).min(n - 1)];
+        // Running sum in double precision: one addition and one subtraction a pixel whatever the radius.
         let mut sum = (0..=2 * radius).fold(0.0_f64, |s, i| s + f64::from(at(i)));
         let mut out = Vec::with_capacity(n);
         for x in 0..n {
@@ -184,6 +190,7 @@ fn transposed(field: &[f32], n: usize) -> Vec<f32> {
     let mut out = vec![0.0; field.len()];
     for y in (0..n).step_by(32) {
         for x in 0..n {
+            // Blocks of 32 rows keep both sides of the transposition in the cache.
             for v in y..(y + 32).min(n) {
                 out[x * n + v] = field[v * n + x];
             }

@@ -13,7 +13,7 @@ pub struct Mask {
 
 /// What was done to a mask.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Cleaned {
+pub struct CleaningReport {
     /// Components before all but the largest were dropped.
     pub components: usize,
     /// Share of the set pixels in the largest.
@@ -27,15 +27,17 @@ pub struct Cleaned {
 impl Mask {
     /// Closes by a disc of `close` pixels, keeps the largest 8-connected part, fills holes of at most `hole` pixels.
     /// `None` for an empty mask.
-    pub fn clean(self, close: f64, hole: usize) -> Option<(Self, Cleaned)> {
+    pub fn clean(self, close: f64, hole: usize) -> Option<(Self, CleaningReport)> {
         let closed = if close > 0.0 { self.closed(close) } else { self };
-        let (labels, sizes) = closed.parts(true, true);
+        // Largest 8-connected part of the set pixels; ties go to the first.
+        let (labels, sizes) = closed.components(true, true);
         let all: usize = sizes.iter().sum();
         let best = (0..sizes.len()).max_by_key(|i| (sizes[*i], usize::MAX - i))?;
         let keep = u32::try_from(best).ok()?;
         let mut mask = Self { side: closed.side, set: labels.iter().map(|l| *l == keep).collect() };
-        let (labels, sizes) = mask.parts(false, false);
-        let border = mask.border_parts(&labels, sizes.len());
+        let (labels, sizes) = mask.components(false, false);
+        // Unset parts that touch the border are the outside, the others are holes.
+        let border = mask.border_components(&labels, sizes.len());
         let small: Vec<bool> = (0..sizes.len()).map(|i| !border[i] && sizes[i] <= hole).collect();
         for (set, l) in mask.set.iter_mut().zip(&labels) {
             *set |= small.get(*l as usize).copied().unwrap_or(false);
@@ -43,13 +45,14 @@ impl Mask {
         let filled = small.iter().filter(|s| **s).count();
         let holes = (0..sizes.len()).filter(|i| !border[*i]).count() - filled;
         #[allow(clippy::cast_precision_loss, reason = "pixels")]
-        let largest = sizes_share(all, best, &closed.parts(true, true).1);
-        Some((mask, Cleaned { components: closed.parts(true, true).1.len(), largest, filled, holes }))
+        let largest = size_share(all, best, &closed.components(true, true).1);
+        Some((mask, CleaningReport { components: closed.components(true, true).1.len(), largest, filled, holes }))
     }
 
     fn closed(&self, radius: f64) -> Self {
         let n = self.side;
         let limit = radius * radius;
+        // Morphological closing by a disc: dilation, then erosion, both by thresholds of the exact distance.
         let grown: Vec<bool> = edt::nearest(&self.set, n, n).0.iter().map(|d| *d <= limit).collect();
         let rest: Vec<bool> = grown.iter().map(|g| !g).collect();
         let shrunk = edt::nearest(&rest, n, n).0.iter().map(|d| *d > limit).collect();
@@ -57,22 +60,25 @@ impl Mask {
     }
 
     /// Labels of the connected parts of set (or unset) pixels and their sizes; `u32::MAX` for other pixels.
-    fn parts(&self, of_set: bool, diagonal: bool) -> (Vec<u32>, Vec<usize>) {
+    fn components(&self, of_set: bool, diagonal: bool) -> (Vec<u32>, Vec<usize>) {
         let n = self.side;
         let mut labels = vec![u32::MAX; self.set.len()];
         let mut sizes = Vec::new();
+        let mut next_label = 0_u32;
         let mut stack = Vec::new();
         for start in 0..labels.len() {
             if self.set[start] != of_set || labels[start] != u32::MAX {
                 continue;
             }
-            let label = u32::try_from(sizes.len()).unwrap_or(u32::MAX - 1);
+            let label = next_label;
+            next_label += 1;
             labels[start] = label;
             stack.push(start);
             let mut size = 0;
+            // Flood fill with an explicit stack.
             while let Some(i) = stack.pop() {
                 size += 1;
-                for j in around(i, n, diagonal) {
+                for j in neighbours(i, n, diagonal) {
                     if self.set[j] == of_set && labels[j] == u32::MAX {
                         labels[j] = label;
                         stack.push(j);
@@ -85,7 +91,7 @@ impl Mask {
     }
 
     /// Which parts touch the border of the picture.
-    fn border_parts(&self, labels: &[u32], count: usize) -> Vec<bool> {
+    fn border_components(&self, labels: &[u32], count: usize) -> Vec<bool> {
         let n = self.side;
         let mut out = vec![false; count];
         for k in 0..n {
@@ -106,12 +112,12 @@ impl Mask {
 }
 
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
-fn sizes_share(all: usize, best: usize, sizes: &[usize]) -> f64 {
+fn size_share(all: usize, best: usize, sizes: &[usize]) -> f64 {
     sizes.get(best).copied().unwrap_or(0) as f64 / all.max(1) as f64
 }
 
 /// The four or eight pixels around one, those in the picture.
-pub(super) fn around(i: usize, n: usize, diagonal: bool) -> impl Iterator<Item = usize> {
+pub(super) fn neighbours(i: usize, n: usize, diagonal: bool) -> impl Iterator<Item = usize> {
     const STEPS: [(isize, isize); 8] = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)];
     let (x, y) = (i % n, i / n);
     STEPS.into_iter().take(if diagonal { 8 } else { 4 }).filter_map(move |(dx, dy)| {
@@ -131,8 +137,8 @@ mod tests {
     #[test]
     fn pinholes_are_filled_and_crumbs_dropped() {
         let m = mask(&["######.#", "#....#..", "#.##.#..", "#.##.#..", "#....#..", "######..", "..##.#..", "..####.."]);
-        let (clean, told) = m.clean(0.0, 1).expect("some");
-        assert_eq!((told.components, told.filled, told.holes), (3, 1, 1), "{told:?}");
+        let (clean, report) = m.clean(0.0, 1).expect("some");
+        assert_eq!((report.components, report.filled, report.holes), (3, 1, 1), "{report:?}");
         assert!(!clean.set[7] && clean.set[6 * 8 + 4] && !clean.set[8 + 1]);
         assert!(mask(&["..", ".."]).clean(2.0, 1).is_none());
     }
@@ -140,7 +146,7 @@ mod tests {
     #[test]
     fn closing_bridges_gaps_and_keeps_the_rest() {
         let m = mask(&["........", "........", "........", "###.####", "........", "........", "........", "........"]);
-        let (clean, told) = m.clean(1.5, 0).expect("some");
-        assert_eq!((told.components, clean.set.iter().filter(|s| **s).count()), (1, 8));
+        let (clean, report) = m.clean(1.5, 0).expect("some");
+        assert_eq!((report.components, clean.set.iter().filter(|s| **s).count()), (1, 8));
     }
 }

@@ -15,7 +15,7 @@ use glam::{DMat3, DVec2, DVec3};
 pub use blade::{BladePlacement, BladePose, FlatBlade, bent};
 pub use drawn::{DrawnLeaf, LazyLeaf, hash, mapped};
 pub use maps::{LeafColors, LeafFields, fields, normals};
-pub use mask::{Cleaned, Mask};
+pub use mask::{CleaningReport, Mask};
 
 use super::Ifs;
 use super::affine::{Affine, turn_z};
@@ -23,17 +23,17 @@ use super::cloud::DrawRequest;
 use super::color::is_squash;
 use super::dynamics::{SystemAnalysis, study};
 use super::game::{InstructionSet, extent};
-use super::histogram::PictureWindow;
 use super::weights::WeightRule;
+use super::window::PictureWindow;
 use osier_base::diagnostic::Diagnostic;
-use rib::MidribPaths;
+use rib::VeinPaths;
 
-/// Share of the set pixels that a leaf's largest part should hold.
-const WHOLE: f64 = 0.98;
-/// Share of the side that an anchor may lie beside the leaf.
-const ASIDE: f64 = 0.02;
-/// Sides of pictures are in pixels of this side.
-const UNIT: f64 = 1024.0;
+/// Share of the set pixels below which the largest part does not count as the whole leaf (I060).
+const MIN_LARGEST_PART: f64 = 0.98;
+/// Distance of a given anchor from the leaf, as a share of the side, from which I061 is reported.
+const MAX_ANCHOR_OFFSET: f64 = 0.02;
+/// Side of the picture, pixels, that lengths of [`LeafSpec`] refer to.
+const REFERENCE_SIDE: f64 = 1024.0;
 
 /// How a leaf is made. Lengths in pixels are those of a picture of 1024 pixels.
 #[derive(Debug, Clone, PartialEq)]
@@ -110,9 +110,9 @@ pub struct TracedLeaf {
     /// Anchor and tip, table units.
     pub ends: [DVec2; 2],
     /// What was done to the mask.
-    pub cleaned: Cleaned,
-    /// What is odd (I060, I061).
-    pub told: Vec<Diagnostic>,
+    pub cleaned: CleaningReport,
+    /// Warnings about the silhouette and the anchor (I060, I061).
+    pub warnings: Vec<Diagnostic>,
 }
 
 /// Makes a leaf of a system.
@@ -122,48 +122,55 @@ pub struct TracedLeaf {
 /// I023 for a system without attractor, I060 for an empty picture.
 pub fn leaf(ifs: &Ifs, spec: &LeafSpec) -> Result<TracedLeaf, Box<Diagnostic>> {
     let rule = ifs.weights.unwrap_or(WeightRule::Det);
-    let ends = ends(ifs, rule, spec)?;
+    // First a coarse picture: anchor and tip give the direction of the leaf.
+    let ends = anchor_and_tip(ifs, rule, spec)?;
     let along = ends[1] - ends[0];
+    // Turn the system so that the tip points up, and draw it at full size.
     let turn = std::f64::consts::FRAC_PI_2 - osier_base::math::atan2(along.y, along.x);
     let turned = turned(ifs, turn);
     let up = |p: DVec2| (turn_z(turn) * p.extend(0.0)).truncate();
-    let (counts, window) = drawn(&turned, &study(&turned, rule), spec.side, spec.points)?;
-    let (n, unit) = (spec.side, side(spec.side) / UNIT);
-    let mut told = Vec::new();
+    let (counts, window) = count_hits(&turned, &study(&turned, rule), spec.side, spec.points)?;
+    let (n, unit) = (spec.side, side(spec.side) / REFERENCE_SIDE);
+    let mut warnings = Vec::new();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the pixels")]
+    // Silhouette: close gaps, keep the largest part, fill small holes.
     let hole = (spec.fill * side(n * n)) as usize;
     let (mask, cleaned) = counts.mask(n, spec.min_hits).clean(spec.close * unit, hole).ok_or_else(|| empty(ifs))?;
-    if cleaned.largest < WHOLE {
+    if cleaned.largest < MIN_LARGEST_PART {
         let text = format!(
             "the leaf falls into {} parts, the largest holds {:.1} %",
             cleaned.components,
             cleaned.largest * 100.0
         );
         let d = Diagnostic::warning("I060", text, ifs.span, "in this system");
-        told.push(d.help("the largest is used; raise close_px to bridge the gaps"));
+        warnings.push(d.help("the largest is used; raise close_px to bridge the gaps"));
     }
     let (sd, nearest) = edt::signed(&mask.set, n, n);
-    let foot = pixel(&window, up(ends[0]));
+    // The anchor must be a pixel of the leaf for paths to start from.
+    let foot = pixel_index(&window, up(ends[0]));
     let anchor = if mask.set[foot] { foot } else { nearest[foot] as usize };
-    if f64::from(sd[foot]) < -ASIDE * side(n) && spec.anchor.is_some() {
+    if f64::from(sd[foot]) < -MAX_ANCHOR_OFFSET * side(n) && spec.anchor.is_some() {
         let d = Diagnostic::warning("I061", "the anchor lies outside the leaf", ifs.span, "in this system");
-        told.push(d.help("it was moved to the nearest place of the leaf"));
+        warnings.push(d.help("it was moved to the nearest place of the leaf"));
     }
-    let ways = MidribPaths::new(&mask, &sd, anchor);
-    let reached = |i: &usize| mask.set[*i] && (*i == anchor || ways.back(*i).len() > 1);
-    let far = |i: &usize| ways.point(*i).distance_squared(ways.point(anchor));
+    let paths = VeinPaths::new(&mask, &sd, anchor);
+    // The tip is the farthest pixel that a path connects to the anchor.
+    let reached = |i: &usize| mask.set[*i] && (*i == anchor || paths.path_to_anchor(*i).len() > 1);
+    let far = |i: &usize| paths.point(*i).distance_squared(paths.point(anchor));
     let tip =
         (0..n * n).filter(|i| mask.set[*i]).max_by(|a, b| far(a).total_cmp(&far(b))).filter(reached).unwrap_or(anchor);
     let outline = outline_of(&mask, unit);
-    let tips = lobes(&outline, &mask, &nearest, unit);
-    let vein = veins(&ways, &tips, unit);
-    let (a, t) = (ways.point(anchor), ways.point(tip));
+    // Veins run from the tips of the lobes to the anchor and are wider where more of them join.
+    let tips = lobe_tips(&outline, &mask, &nearest, unit);
+    let vein = veins(&paths, &tips, unit);
+    let (a, t) = (paths.point(anchor), paths.point(tip));
     let length = (a.y - t.y).max(1.0);
     #[allow(clippy::cast_precision_loss, reason = "rows")]
     let place_of = |i: usize| osier_base::math::narrow((a.y - (i / n) as f64 - 0.5) / length).clamp(0.0, 1.0);
     let flip = |p: DVec2| DVec2::new(p.x, side(n) - p.y);
-    let mut line: Vec<DVec2> = ways.back(tip).iter().rev().map(|i| flip(ways.point(*i))).collect();
-    line = softened(&line, 0.02 * side(n));
+    // Midrib: the path from the anchor to the tip, smoothed and resampled at even steps.
+    let mut line: Vec<DVec2> = paths.path_to_anchor(tip).iter().rev().map(|i| flip(paths.point(*i))).collect();
+    line = smoothed_line(&line, 0.02 * side(n));
     let midrib = rib::resampled(&line, spec.rib);
     let rings: Vec<Vec<DVec2>> = outline
         .iter()
@@ -172,12 +179,14 @@ pub fn leaf(ifs: &Ifs, spec: &LeafSpec) -> Result<TracedLeaf, Box<Diagnostic>> {
         .filter(|r| r.len() >= 3)
         .collect();
     #[allow(clippy::cast_precision_loss, reason = "a few points")]
+    // The mesh: simplified rings, the midrib as an edge to fold along, points between them.
     let spacing = flip(t).distance(flip(a)) / spec.rib.max(2) as f64;
     let flat = blade::flat(&rings, &midrib, spacing.max(4.0 * unit));
-    let solid = ways.back(tip).into_iter().rev().find(|i| f64::from(sd[*i]) > 2.5 * unit).unwrap_or(tip);
+    // A pixel well inside the blade near the anchor gives the petiole its colour.
+    let solid = paths.path_to_anchor(tip).into_iter().rev().find(|i| f64::from(sd[*i]) > 2.5 * unit).unwrap_or(tip);
     let starts = midrib.iter().find(|p| rings.first().is_some_and(|r| outline::inside(r, **p)));
     let start = starts.map_or(0.0, |p| (p.y - flip(a).y).max(0.0));
-    let place = BladePlacement { side: side(n), anchor: flip(a), midrib, solid: flip(ways.point(solid)), start };
+    let place = BladePlacement { side: side(n), anchor: flip(a), midrib, solid: flip(paths.point(solid)), start };
     let raster = LeafRaster {
         along: (0..n * n).map(place_of).collect(),
         hits: counts.hits(),
@@ -187,7 +196,7 @@ pub fn leaf(ifs: &Ifs, spec: &LeafSpec) -> Result<TracedLeaf, Box<Diagnostic>> {
         nearest,
         vein,
     };
-    Ok(TracedLeaf { raster, rings, flat, place, ends, cleaned, told })
+    Ok(TracedLeaf { raster, rings, flat, place, ends, cleaned, warnings })
 }
 
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
@@ -213,12 +222,12 @@ fn turned(ifs: &Ifs, angle: f64) -> Ifs {
 }
 
 /// Counts of a square picture that shows all of a system.
-fn drawn(
+fn count_hits(
     ifs: &Ifs,
     study: &SystemAnalysis,
     n: usize,
     points: u64,
-) -> Result<(raster::LetterCounts, PictureWindow), Box<Diagnostic>> {
+) -> Result<(raster::MapHitCounts, PictureWindow), Box<Diagnostic>> {
     let extent = extent(ifs, study)?;
     let bounds = if study.unbounded { extent.quantile } else { extent.bounds };
     let window = PictureWindow::fitted(bounds.0, bounds.1, n, n);
@@ -228,19 +237,19 @@ fn drawn(
 }
 
 /// Anchor and tip, table units, found on a picture of a quarter of the size.
-fn ends(ifs: &Ifs, rule: WeightRule, spec: &LeafSpec) -> Result<[DVec2; 2], Box<Diagnostic>> {
+fn anchor_and_tip(ifs: &Ifs, rule: WeightRule, spec: &LeafSpec) -> Result<[DVec2; 2], Box<Diagnostic>> {
     let n = (spec.side / 4).max(64);
-    let unit = side(n) / UNIT;
-    let (counts, window) = drawn(ifs, &study(ifs, rule), n, spec.points)?;
+    let unit = side(n) / REFERENCE_SIDE;
+    let (counts, window) = count_hits(ifs, &study(ifs, rule), n, spec.points)?;
     let (mask, _) = counts.mask(n, spec.min_hits).clean(spec.close * unit, 0).ok_or_else(|| empty(ifs))?;
     let set: Vec<usize> = (0..n * n).filter(|i| mask.set[*i]).collect();
-    let at = |i: usize| table(&window, i);
+    let at = |i: usize| table_point(&window, i);
     let stem = ifs.maps.iter().filter(|m| m.stem || is_squash(m)).filter_map(|m| m.affine.fixed_point());
     let lowest = stem.min_by(|a, b| a.y.total_cmp(&b.y)).map(|p| p.truncate());
     let anchor = match (spec.anchor, lowest) {
         (Some(a), _) => DVec2::from_array(a),
         (None, Some(p)) => p,
-        (None, None) => foot(&set.iter().map(|i| at(*i)).collect::<Vec<_>>(), window.pixel),
+        (None, None) => base_point(&set.iter().map(|i| at(*i)).collect::<Vec<_>>(), window.pixel),
     };
     let far = |i: &usize| at(*i).distance_squared(anchor);
     let tip = set.iter().max_by(|a, b| far(a).total_cmp(&far(b))).map_or(anchor, |i| at(*i));
@@ -249,7 +258,7 @@ fn ends(ifs: &Ifs, rule: WeightRule, spec: &LeafSpec) -> Result<[DVec2; 2], Box<
 
 /// The lowest point on the principal axis of some points.
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
-fn foot(points: &[DVec2], pixel: f64) -> DVec2 {
+fn base_point(points: &[DVec2], pixel: f64) -> DVec2 {
     let n = points.len().max(1) as f64;
     let mean = points.iter().fold(DVec2::ZERO, |s, p| s + *p) / n;
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
@@ -257,6 +266,7 @@ fn foot(points: &[DVec2], pixel: f64) -> DVec2 {
         let d = *p - mean;
         (xx, xy, yy) = (xx + d.x * d.x, xy + d.x * d.y, yy + d.y * d.y);
     }
+    // Principal axis of the second moments: tan 2a = 2 Sxy / (Sxx - Syy).
     let angle = 0.5 * osier_base::math::atan2(2.0 * xy, xx - yy);
     let axis = DVec2::new(osier_base::math::cos(angle), osier_base::math::sin(angle));
     // A leaf that is wider than long still hangs from its foot.
@@ -266,14 +276,14 @@ fn foot(points: &[DVec2], pixel: f64) -> DVec2 {
 }
 
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
-fn table(window: &PictureWindow, i: usize) -> DVec2 {
+fn table_point(window: &PictureWindow, i: usize) -> DVec2 {
     let AxisScaling { scale, shift } = window.frame();
     let p = DVec2::new((i % window.width) as f64 + 0.5, (i / window.width) as f64 + 0.5);
     (p - shift.truncate()) / scale.truncate()
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped into the picture")]
-fn pixel(window: &PictureWindow, p: DVec2) -> usize {
+fn pixel_index(window: &PictureWindow, p: DVec2) -> usize {
     let AxisScaling { scale, shift } = window.frame();
     let q = p * scale.truncate() + shift.truncate();
     let inside = |v: f64, n: usize| v.clamp(0.0, side(n) - 1.0) as usize;
@@ -288,6 +298,7 @@ fn outline_of(mask: &Mask, unit: f64) -> Vec<Vec<DVec2>> {
     let mut rings = outline::rings(&soft, n);
     rings.sort_by(|a, b| outline::area2(b).abs().total_cmp(&outline::area2(a).abs()));
     let sign = rings.first().map_or(0.0, |r| outline::area2(r).signum());
+    // Holes run opposite to the outline; other outer rings are leftover specks.
     let mut first = true;
     rings.retain(|r| std::mem::take(&mut first) || outline::area2(r) * sign < 0.0);
     rings
@@ -295,11 +306,12 @@ fn outline_of(mask: &Mask, unit: f64) -> Vec<Vec<DVec2>> {
 
 /// Ends of lobes: sharp corners of a coarse outline, as pixels of the leaf.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the picture")]
-fn lobes(rings: &[Vec<DVec2>], mask: &Mask, nearest: &[u32], unit: f64) -> Vec<usize> {
+fn lobe_tips(rings: &[Vec<DVec2>], mask: &Mask, nearest: &[u32], unit: f64) -> Vec<usize> {
     let Some(ring) = rings.first() else { return Vec::new() };
     let coarse = outline::simplified(ring, 14.0 * unit);
     let n = coarse.len();
     let sign = outline::area2(&coarse).signum();
+    // A convex corner turned by more than 78 degrees between two edges of some length.
     let sharp = |i: &usize| {
         let (a, b, c) = (coarse[(i + n - 1) % n], coarse[*i], coarse[(i + 1) % n]);
         let (u, v) = ((b - a).normalize_or_zero(), (c - b).normalize_or_zero());
@@ -315,12 +327,13 @@ fn lobes(rings: &[Vec<DVec2>], mask: &Mask, nearest: &[u32], unit: f64) -> Vec<u
 
 /// Veins as wide as what they serve.
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "a few pixels")]
-fn veins(ways: &MidribPaths, tips: &[usize], unit: f64) -> Vec<f32> {
-    let loads = ways.loads(tips);
+fn veins(paths: &VeinPaths, tips: &[usize], unit: f64) -> Vec<f32> {
+    let loads = paths.tip_counts(tips);
     let most = loads.iter().copied().max().unwrap_or(0).max(1);
     let n = osier_base::math::sqrt(side(loads.len())) as isize;
     let mut out = vec![0.0_f32; loads.len()];
     for (i, load) in loads.iter().enumerate().filter(|(_, l)| **l > 0) {
+        // Width with the square root of the tips served: cross-sections add up (pipe model).
         let share = osier_base::math::sqrt(f64::from(*load) / f64::from(most));
         let radius = (0.7 + 3.6 * share) * unit;
         let strength = osier_base::math::narrow(0.45 + 0.55 * share);
@@ -341,7 +354,7 @@ fn veins(ways: &MidribPaths, tips: &[usize], unit: f64) -> Vec<f32> {
 }
 
 /// A line averaged over `window` pixels to each side; its ends stay.
-fn softened(line: &[DVec2], window: f64) -> Vec<DVec2> {
+fn smoothed_line(line: &[DVec2], window: f64) -> Vec<DVec2> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few pixels")]
     let reach = window.max(1.0) as usize;
     (0..line.len())

@@ -7,11 +7,11 @@ use glam::DVec2;
 /// seen with y up, holes clockwise.
 /// Own: every cell edge is crossed at most once, so rings never branch; saddles are cut so that set corners stay apart.
 pub fn rings(field: &[f32], n: usize) -> Vec<Vec<DVec2>> {
-    let at = |x: i64, y: i64| match (usize::try_from(x), usize::try_from(y)) {
+    let at = |x: isize, y: isize| match (usize::try_from(x), usize::try_from(y)) {
         (Ok(x), Ok(y)) if x < n && y < n => field[y * n + x],
         _ => 0.0,
     };
-    let size = i64::try_from(n).unwrap_or(0);
+    let size = n.cast_signed();
     // Where a ring goes on from the edge of a cell: edges are named by their cell and 0 left, 1 top.
     let mut next = std::collections::BTreeMap::new();
     for y in -1..size {
@@ -32,14 +32,16 @@ pub fn rings(field: &[f32], n: usize) -> Vec<Vec<DVec2>> {
         }
     }
     #[allow(clippy::cast_precision_loss, reason = "pixels")]
-    let point = |(x, y, side): (i64, i64, u8)| {
+    let point = |(x, y, side): (isize, isize, u8)| {
         let (u, v) = (x as f64 + 0.5, y as f64 + 0.5);
         let (a, b) = (at(x, y), if side == 0 { at(x, y + 1) } else { at(x + 1, y) });
+        // Linear interpolation of the crossing of 0.5 on the edge between two pixel centres.
         let t = f64::from((0.5 - a) / (b - a)).clamp(0.0, 1.0);
         if side == 0 { DVec2::new(u, v + t) } else { DVec2::new(u + t, v) }
     };
     let mut out = Vec::new();
     while let Some((&start, _)) = next.iter().next() {
+        // Follow the edges from the smallest one left until the ring closes; each edge is used once.
         let mut ring = Vec::new();
         let mut edge = start;
         while let Some(following) = next.remove(&edge) {
@@ -79,6 +81,7 @@ pub fn simplified(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
             stack.extend([(a, k), (k, b)]);
         }
     }
+    // Restore points where the simplified ring crosses itself; each round adds at least one point per crossing edge.
     for _ in 0..32 {
         let kept: Vec<usize> = (0..n).filter(|i| keep[*i]).collect();
         let edges: Vec<(usize, usize)> =
@@ -114,6 +117,7 @@ fn farthest(ring: &[DVec2], a: usize, b: usize) -> Option<(usize, f64)> {
 pub fn crossings(segments: &[(DVec2, DVec2)]) -> Vec<usize> {
     let longest = segments.iter().fold(1.0_f64, |m, (a, b)| m.max(a.distance(*b)));
     #[allow(clippy::cast_possible_truncation, reason = "cells of a picture")]
+    // Cells as wide as the longest segment: crossing segments have midpoints in neighbouring cells.
     let cell = |p: DVec2| ((p.x / longest).floor() as i64, (p.y / longest).floor() as i64);
     let mut grid: std::collections::BTreeMap<(i64, i64), Vec<usize>> = std::collections::BTreeMap::new();
     for (i, (a, b)) in segments.iter().enumerate() {

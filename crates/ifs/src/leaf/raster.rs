@@ -4,31 +4,31 @@ use super::mask::Mask;
 use crate::cloud::DrawRequest;
 use crate::color::ColorLabels;
 use crate::cylinders::Cylinder;
-use crate::histogram::PictureWindow;
 use crate::splat::{CellCounter, CountingPlan};
+use crate::window::PictureWindow;
 
-/// Kinds of maps told apart.
-pub(super) const KINDS: usize = 4;
+/// Classes that maps are counted in: the index of the map modulo this number.
+pub(super) const MAP_CLASSES: usize = 4;
 
-/// Hits by last map modulo [`KINDS`]: by cell while they are counted, then by pixel, rows from the top.
+/// Hits by last map modulo [`MAP_CLASSES`]: by cell while they are counted, then by pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct LetterCounts {
-    cells: Vec<[u32; KINDS]>,
+pub(super) struct MapHitCounts {
+    cells: Vec<[u32; MAP_CLASSES]>,
 }
 
-impl CellCounter for LetterCounts {
+impl CellCounter for MapHitCounts {
     fn labels(&self) -> Option<&ColorLabels> {
         None
     }
 
     fn add_each(&mut self, cells: &[u32], maps: &[u32], _labels: &[u32]) {
         for (i, map) in cells.iter().zip(maps) {
-            self.cells[*i as usize][*map as usize % KINDS] += 1;
+            self.cells[*i as usize][*map as usize % MAP_CLASSES] += 1;
         }
     }
 
     fn add(&mut self, cells: &[u32], cylinder: &Cylinder, _coord: &[f32]) {
-        let kind = cylinder.newest % KINDS;
+        let kind = cylinder.newest % MAP_CLASSES;
         for i in cells {
             self.cells[*i as usize][kind] += 1;
         }
@@ -36,16 +36,16 @@ impl CellCounter for LetterCounts {
 }
 
 /// Counts the points of a request; the same at any thread count.
-pub(super) fn count(request: &DrawRequest<'_>, window: &PictureWindow) -> LetterCounts {
+pub(super) fn count(request: &DrawRequest<'_>, window: &PictureWindow) -> MapHitCounts {
     let plan = CountingPlan::new(request, None, window);
     let layout = plan.layout;
-    let empty = || LetterCounts { cells: vec![[0; KINDS]; layout.cells()] };
-    let (parts, _) = plan.count(size_of::<[u32; KINDS]>(), empty);
+    let empty = || MapHitCounts { cells: vec![[0; MAP_CLASSES]; layout.cells()] };
+    let (parts, _) = plan.count(size_of::<[u32; MAP_CLASSES]>(), empty);
     let sum = |i: usize| std::array::from_fn(|k| parts.iter().map(|p| p.cells[i][k]).sum());
-    LetterCounts { cells: layout.rows(sum) }
+    MapHitCounts { cells: layout.rows(sum) }
 }
 
-impl LetterCounts {
+impl MapHitCounts {
     /// Number of points by pixel, rows from the top.
     pub fn hits(&self) -> Vec<u32> {
         self.cells.iter().map(|c| c.iter().sum()).collect()
@@ -53,7 +53,7 @@ impl LetterCounts {
 
     /// The commonest kind of map by pixel, the first of several.
     pub fn letters(&self) -> Vec<u8> {
-        let best = |c: &[u32; KINDS]| (0_u8..).zip(c).max_by_key(|(i, n)| (**n, u8::MAX - i)).map_or(0, |b| b.0);
+        let best = |c: &[u32; MAP_CLASSES]| (0_u8..).zip(c).max_by_key(|(i, n)| (**n, u8::MAX - i)).map_or(0, |b| b.0);
         self.cells.iter().map(best).collect()
     }
 

@@ -5,23 +5,26 @@ use std::collections::BinaryHeap;
 
 use glam::DVec2;
 
-use super::mask::{Mask, around};
+use super::mask::{Mask, neighbours};
+
+/// Stands for "no pixel" in a table of indices.
+const NO_PIXEL: usize = usize::MAX;
 
 /// Steps of the way back from any pixel of a leaf to its anchor.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MidribPaths {
+pub struct VeinPaths {
     side: usize,
     /// The pixel before each one on its cheapest way from the anchor.
-    before: Vec<u32>,
+    before: Vec<usize>,
 }
 
-impl MidribPaths {
+impl VeinPaths {
     /// Cheapest 8-connected ways from a pixel to all others of the mask; a step costs its length over (1 + sd)^2, so
     /// that ways keep to the middle.
     /// Source: E. Dijkstra, "A note on two problems in connexion with graphs", 1959.
     pub fn new(mask: &Mask, sd: &[f32], anchor: usize) -> Self {
         let n = mask.side;
-        let mut before = vec![u32::MAX; mask.set.len()];
+        let mut before = vec![NO_PIXEL; mask.set.len()];
         let mut cost = vec![f32::INFINITY; mask.set.len()];
         let mut queue = BinaryHeap::new();
         cost[anchor] = 0.0;
@@ -31,13 +34,14 @@ impl MidribPaths {
             if bits > cost[i].to_bits() {
                 continue;
             }
-            for j in around(i, n, true).filter(|j| mask.set[*j]) {
+            for j in neighbours(i, n, true).filter(|j| mask.set[*j]) {
                 let straight = i % n == j % n || i / n == j / n;
+                // Cost of a step: its length over the squared mean distance to the margin.
                 let middle = 1.0 + 0.5 * (sd[i].max(0.0) + sd[j].max(0.0));
                 let next = cost[i] + if straight { 1.0 } else { std::f32::consts::SQRT_2 } / (middle * middle);
                 if next < cost[j] {
                     cost[j] = next;
-                    before[j] = u32::try_from(i).unwrap_or(u32::MAX);
+                    before[j] = i;
                     queue.push(Reverse((next.to_bits(), j)));
                 }
             }
@@ -46,11 +50,11 @@ impl MidribPaths {
     }
 
     /// Pixels from `end` back to the anchor.
-    pub fn back(&self, end: usize) -> Vec<usize> {
+    pub fn path_to_anchor(&self, end: usize) -> Vec<usize> {
         let mut out = vec![end];
         let mut at = end;
-        while let Some(&b) = self.before.get(at).filter(|b| **b != u32::MAX) {
-            at = b as usize;
+        while let Some(&b) = self.before.get(at).filter(|b| **b != NO_PIXEL) {
+            at = b;
             out.push(at);
         }
         out
@@ -63,10 +67,10 @@ impl MidribPaths {
     }
 
     /// How many of `tips` each pixel serves: 0 off the veins.
-    pub fn loads(&self, tips: &[usize]) -> Vec<u32> {
+    pub fn tip_counts(&self, tips: &[usize]) -> Vec<u32> {
         let mut loads = vec![0_u32; self.before.len()];
         for tip in tips {
-            for i in self.back(*tip) {
+            for i in self.path_to_anchor(*tip) {
                 loads[i] += 1;
             }
         }
@@ -84,6 +88,7 @@ pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
     let count = count.max(2);
     #[allow(clippy::cast_precision_loss, reason = "a few points")]
     let at = |k: usize| {
+        // The segment that contains the arc length s, then linear interpolation in it.
         let s = total * k as f64 / (count - 1) as f64;
         let i = arcs.partition_point(|a| *a <= s).clamp(1, line.len().max(2) - 1);
         let (Some(p), Some(q)) = (line.get(i - 1), line.get(i)) else {
@@ -96,7 +101,7 @@ pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
 }
 
 /// Place along a line (0..1), signed distance (above 0 to its left, y up) and nearest point for `p`.
-pub fn beside(line: &[DVec2], p: DVec2) -> (f64, f64) {
+pub fn project_onto_line(line: &[DVec2], p: DVec2) -> (f64, f64) {
     let total: f64 = line.windows(2).map(|w| w[0].distance(w[1])).sum();
     let (mut best, mut arc) = ((f64::MAX, 0.0, 0.0), 0.0);
     for w in line.windows(2) {

@@ -13,7 +13,7 @@ fn leaves_have_their_anchor_and_tip() {
         let size = DVec2::from_array(tip).distance(DVec2::from_array(anchor));
         assert!(made.ends[0].distance(DVec2::from_array(anchor)) < 0.01 * size, "{name}: {:?}", made.ends);
         assert!(made.ends[1].distance(DVec2::from_array(tip)) < 0.03 * size, "{name}: {:?}", made.ends);
-        assert!(made.told.is_empty(), "{:?}", made.told);
+        assert!(made.warnings.is_empty(), "{:?}", made.warnings);
         assert!(made.cleaned.largest > 0.98, "{:?}", made.cleaned);
     }
 }

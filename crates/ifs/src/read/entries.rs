@@ -5,11 +5,11 @@ use crate::Ifs;
 use osier_base::diagnostic::{Diagnostic, Severity};
 use std::ops::Range;
 
-/// Longest name of a system.
-const NAME: usize = 40;
+/// Characters of a system's name that are kept.
+const MAX_NAME_LENGTH: usize = 40;
 
 /// Where an entry begins.
-struct Header {
+struct EntryHeader {
     start: usize,
     end: usize,
     /// The name stands on a line above its brace.
@@ -19,24 +19,26 @@ struct Header {
 /// Reads all entries, or the whole file as one system if there is no brace.
 pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
     let clean = without_comments(reader.text);
-    long_lines(reader);
+    warn_long_lines(reader);
     let mut systems = Vec::new();
     if !clean.contains(&b'{') {
         if let Some(stray) = clean.iter().position(|b| *b == b'}') {
             let span = reader.span(stray, stray + 1);
-            reader.tell(Diagnostic::warning("I003", "a '}' without '{'", span, "left out"));
+            reader.push(Diagnostic::warning("I003", "a '}' without '{'", span, "left out"));
         }
         let body: Vec<u8> = clean.iter().map(|b| if *b == b'}' { b' ' } else { *b }).collect();
+        // Without braces the whole file is one system, named after the file.
         let stem = reader.stem.clone();
         let span = reader.span(0, 0);
-        systems.extend(fractint::system(reader, &body, 0, fractint::Title { name: stem, dim: None, span }));
+        systems.extend(fractint::system(reader, &body, 0, fractint::EntryTitle { name: stem, dim: None, span }));
         return systems;
     }
     let mut at = 0;
     while let Some(open) = find(&clean, at, b"{") {
         let header = header(&clean, at, open);
-        outside(reader, &clean, at, header.start);
+        warn_stray_text(reader, &clean, at, header.start);
         let close = find(&clean, open + 1, b"{}");
+        // An entry without its closing brace ends where the header of the next one begins.
         let (end, next) = match close {
             Some(c) if clean.get(c) == Some(&b'}') => (c, c + 1),
             Some(c) => {
@@ -48,11 +50,11 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
         let closed = close.is_some_and(|c| clean.get(c) == Some(&b'}'));
         systems.extend(entry(reader, &clean, &header, open + 1..end, closed));
         at = next;
-        if reader.is_hopeless() {
+        if reader.has_too_many_diagnostics() {
             return systems;
         }
     }
-    outside(reader, &clean, at, clean.len());
+    warn_stray_text(reader, &clean, at, clean.len());
     systems
 }
 
@@ -76,14 +78,14 @@ fn without_comments(text: &str) -> Vec<u8> {
         .collect()
 }
 
-fn long_lines(reader: &mut Reader<'_>) {
+fn warn_long_lines(reader: &mut Reader<'_>) {
     let mut start = 0;
     for line in reader.text.split('\n') {
         if line.len() > 200 && !line.trim_start().starts_with(';') {
             let span = reader.span(start, start + line.chars().next().map_or(0, char::len_utf8));
             let text = format!("a line of {} characters", line.len());
             let d = Diagnostic::warning("I009", text, span, "this line");
-            reader.tell(d.help("Fractint reads 200 characters of a line and loses the rest"));
+            reader.push(d.help("Fractint reads 200 characters of a line and loses the rest"));
             return;
         }
         start += line.len() + 1;
@@ -91,7 +93,7 @@ fn long_lines(reader: &mut Reader<'_>) {
 }
 
 /// The header of the brace at `open`: its line, or the last line with text above it.
-fn header(clean: &[u8], from: usize, open: usize) -> Header {
+fn header(clean: &[u8], from: usize, open: usize) -> EntryHeader {
     let line = |before: usize| {
         let text = clean.get(from..before).unwrap_or_default();
         from + text.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1)
@@ -99,63 +101,63 @@ fn header(clean: &[u8], from: usize, open: usize) -> Header {
     let blank = |a: usize, b: usize| clean.get(a..b).unwrap_or_default().iter().all(|c| matches!(c, b' ' | b'\n'));
     let start = line(open);
     if !blank(start, open) {
-        return Header { start, end: open, above: false };
+        return EntryHeader { start, end: open, above: false };
     }
     let mut end = start;
     while end > from {
         let start = line(end - 1);
         if !blank(start, end) {
-            return Header { start, end, above: true };
+            return EntryHeader { start, end, above: true };
         }
         end = start;
     }
-    Header { start: open, end: open, above: false }
+    EntryHeader { start: open, end: open, above: false }
 }
 
 /// I003 for text that belongs to no entry.
-fn outside(reader: &mut Reader<'_>, clean: &[u8], from: usize, to: usize) {
+fn warn_stray_text(reader: &mut Reader<'_>, clean: &[u8], from: usize, to: usize) {
     let text = clean.get(from..to).unwrap_or_default();
     let Some(first) = text.iter().position(|b| !matches!(b, b' ' | b'\n')) else { return };
     let length = text[first..].iter().position(|b| *b == b'\n').unwrap_or(text.len() - first);
     let span = reader.span(from + first, from + first + length);
     let d = Diagnostic::warning("I003", "text outside entries", span, "left out");
-    reader.tell(d.help("an entry is NAME { numbers }; comments begin with ';'"));
+    reader.push(d.help("an entry is NAME { numbers }; comments begin with ';'"));
 }
 
 /// Reads one entry; `body`: the bytes between its braces. `None` for a comment or an entry with errors.
-fn entry(reader: &mut Reader<'_>, clean: &[u8], header: &Header, body: Range<usize>, closed: bool) -> Option<Ifs> {
+fn entry(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader, body: Range<usize>, closed: bool) -> Option<Ifs> {
     let title = title(reader, clean, header);
     if title.name.eq_ignore_ascii_case("comment") {
         return None;
     }
-    let told = errors(reader);
+    let errors_before = error_count(reader);
     if title.name.is_empty() {
         let span = reader.span(body.start - 1, body.start);
         let d = Diagnostic::warning("I003", "an entry without a name", span, "no name before this brace");
-        reader.tell(d.help("write NAME { ... }"));
+        reader.push(d.help("write NAME { ... }"));
     }
     if !closed {
         let d =
             Diagnostic::error("I006", format!("\"{}\" has no closing brace", title.name), title.span, "begins here");
-        reader.tell(d.help("end the entry with a line that holds only }"));
+        reader.push(d.help("end the entry with a line that holds only }"));
     }
-    portability(reader, clean, header, body.clone(), closed);
+    warn_portability(reader, clean, header, body.clone(), closed);
     let text = clean.get(body.clone()).unwrap_or_default();
     let system = fractint::system(reader, text, body.start, title);
-    system.filter(|_| errors(reader) == told)
+    system.filter(|_| error_count(reader) == errors_before)
 }
 
-fn errors(reader: &Reader<'_>) -> usize {
+fn error_count(reader: &Reader<'_>) -> usize {
     reader.report.diagnostics.iter().filter(|d| d.severity == Severity::Error).count()
 }
 
-fn title(reader: &mut Reader<'_>, clean: &[u8], header: &Header) -> fractint::Title {
+fn title(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader) -> fractint::EntryTitle {
     let blank = |i: &usize| clean.get(*i).is_none_or(|b| matches!(b, b' ' | b'\n'));
     let start = (header.start..header.end).find(|i| !blank(i)).unwrap_or(header.end);
     let end = (header.start..header.end).rev().find(|i| !blank(i)).map_or(start, |i| i + 1);
     let span = reader.span(start, end);
     let text = reader.text.get(start..end).unwrap_or_default();
-    let mut name: String = text.chars().take_while(|c| !c.is_whitespace() && *c != '(').take(NAME).collect();
+    let mut name: String = text.chars().take_while(|c| !c.is_whitespace() && *c != '(').take(MAX_NAME_LENGTH).collect();
     if name.get(..4).is_some_and(|p| p.eq_ignore_ascii_case("ifs:")) {
         name = name.split_off(4);
     }
@@ -169,20 +171,20 @@ fn title(reader: &mut Reader<'_>, clean: &[u8], header: &Header) -> fractint::Ti
             } else {
                 let text = format!("unknown word \"{word}\" in the header");
                 let d = Diagnostic::warning("I004", text, span, "in this header");
-                reader.tell(d.help("only (3D) is known here"));
+                reader.push(d.help("only (3D) is known here"));
             }
         }
         rest = tail;
     }
-    fractint::Title { name, dim: Some(dim.unwrap_or(2)), span }
+    fractint::EntryTitle { name, dim: Some(dim.unwrap_or(2)), span }
 }
 
 /// Reports I009 for what Fractint and programs after it would drop.
-fn portability(reader: &mut Reader<'_>, clean: &[u8], header: &Header, body: Range<usize>, closed: bool) {
+fn warn_portability(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader, body: Range<usize>, closed: bool) {
     let (open, end) = (body.start - 1, body.end);
     let note = |reader: &mut Reader<'_>, text: &str, help: &str, (a, b): (usize, usize)| {
         let span = reader.span(a, b);
-        reader.tell(Diagnostic::warning("I009", text, span, "here").help(help));
+        reader.push(Diagnostic::warning("I009", text, span, "here").help(help));
     };
     if header.above {
         let help = "Fractint wants the brace on the line of the name";

@@ -11,7 +11,7 @@ use osier_base::files::number;
 use osier_base::units;
 
 /// Attributes of a map that are read.
-const KNOWN: &[&str] = &[
+const MAP_ATTRIBUTES: &[&str] = &[
     "weight",
     "color",
     "color_speed",
@@ -26,10 +26,10 @@ const KNOWN: &[&str] = &[
     "name",
 ];
 /// Attributes that change nothing when they have this value or are only for show.
-const HARMLESS: &[(&str, &str)] =
+const IGNORED_ATTRIBUTES: &[(&str, &str)] =
     &[("animate", ""), ("var_color", ""), ("enabled", "1"), ("solo", "0"), ("density", "1")];
 /// Attributes of a flame that are read or say nothing about the attractor.
-const FLAME: &[&str] = &[
+const FLAME_ATTRIBUTES: &[&str] = &[
     "name",
     "version",
     "size",
@@ -70,11 +70,11 @@ const FLAME: &[&str] = &[
     "new_linear",
 ];
 /// Deepest nesting and most nodes of a document.
-const NODES: u32 = 1_000_000;
+const MAX_XML_NODES: u32 = 1_000_000;
 
 /// Reads all flames of a document.
 pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
-    let options = ParsingOptions { allow_dtd: false, nodes_limit: NODES, ..ParsingOptions::default() };
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_XML_NODES, ..ParsingOptions::default() };
     // Apophysis writes several flames without a root; one is put around them, and positions are moved back.
     let text = reader.text;
     let several = text.matches("<flame").count() > 1 && !text.contains("<flames") && !text.contains("<Flames");
@@ -86,16 +86,16 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
             let at = offset(source, e.pos()).saturating_sub(shift).min(text.len());
             let span = reader.span(at, at);
             let d = Diagnostic::error("I033", format!("not valid XML: {e}"), span, "here");
-            reader.tell(d.help("a flame file is XML: <flame name=\"...\"> <xform .../> ... </flame>"));
+            reader.push(d.help("a flame file is XML: <flame name=\"...\"> <xform .../> ... </flame>"));
             return Vec::new();
         }
     };
     let flames = document.descendants().filter(|n| n.has_tag_name("flame"));
-    let systems: Vec<Ifs> = flames.filter_map(|f| Flame { reader, shift }.flame(f)).collect();
+    let systems: Vec<Ifs> = flames.filter_map(|f| FlameReader { reader, shift }.flame(f)).collect();
     if systems.is_empty() && !reader.report.has_errors() {
         let span = reader.span(0, 0);
         let d = Diagnostic::error("I033", "no flame in this file", span, "no <flame>");
-        reader.tell(d.help("a flame file is XML: <flame name=\"...\"> <xform .../> ... </flame>"));
+        reader.push(d.help("a flame file is XML: <flame name=\"...\"> <xform .../> ... </flame>"));
     }
     systems
 }
@@ -108,13 +108,13 @@ fn offset(text: &str, at: roxmltree::TextPos) -> usize {
     start + rest.chars().take(column).map(char::len_utf8).sum::<usize>()
 }
 
-struct Flame<'a, 'r> {
+struct FlameReader<'a, 'r> {
     reader: &'a mut Reader<'r>,
     /// Bytes that were put before the text.
     shift: usize,
 }
 
-impl Flame<'_, '_> {
+impl FlameReader<'_, '_> {
     fn span(&self, range: std::ops::Range<usize>) -> Span {
         let end = self.reader.text.len();
         let back = |v: usize| v.saturating_sub(self.shift).min(end);
@@ -130,8 +130,8 @@ impl Flame<'_, '_> {
     fn flame(&mut self, node: Node<'_, '_>) -> Option<Ifs> {
         let span = self.tag(node);
         let before = self.reader.report.diagnostics.len();
-        for a in node.attributes().filter(|a| !FLAME.contains(&a.name())) {
-            self.unknown(&a);
+        for a in node.attributes().filter(|a| !FLAME_ATTRIBUTES.contains(&a.name())) {
+            self.warn_unknown(&a);
         }
         let mut ifs = Ifs {
             name: node.attribute("name").unwrap_or(&self.reader.stem).to_owned(),
@@ -150,25 +150,26 @@ impl Flame<'_, '_> {
             match child.tag_name().name() {
                 "xform" => {
                     let map = self.map(child)?;
-                    rows.push(self.list(child, "chaos"));
+                    rows.push(self.numbers_attribute(child, "chaos"));
                     ifs.maps.push(map);
                 }
                 "finalxform" => ifs.last = Some(self.map(child)?.affine),
                 "color" | "palette" | "edit" | "colors" => {}
-                other => self.refuse(self.tag(child), &format!("<{other}>")),
+                other => self.reject_nonlinear(self.tag(child), &format!("<{other}>")),
             }
         }
         if ifs.maps.is_empty() {
             let d = Diagnostic::error("I007", format!("\"{}\" holds no maps", ifs.name), span, "no <xform>");
-            self.reader.tell(d.help("a map is <xform weight=\"1\" linear=\"1\" coefs=\"a c b d e f\"/>"));
+            self.reader.push(d.help("a map is <xform weight=\"1\" linear=\"1\" coefs=\"a c b d e f\"/>"));
         }
         if ifs.maps.len() > self.reader.max_maps() {
             let text = format!("\"{}\" has {} maps, the limit is {}", ifs.name, ifs.maps.len(), self.reader.max_maps());
             let d = Diagnostic::error("I008", text, span, "too many maps");
-            self.reader.tell(d.help("fewer maps, or raise the limit with --max-maps"));
+            self.reader.push(d.help("fewer maps, or raise the limit with --max-maps"));
         }
         if rows.iter().any(Option::is_some) {
             let n = ifs.maps.len();
+            // Chaos rows are optional: maps without one may be followed by any map.
             let full = |r: Option<Vec<f64>>| {
                 let mut row = r.unwrap_or_default();
                 // Missing entries at the end are 1.
@@ -186,8 +187,8 @@ impl Flame<'_, '_> {
     fn map(&mut self, node: Node<'_, '_>) -> Option<Map> {
         let span = self.tag(node);
         for a in node.attributes() {
-            let quiet = HARMLESS.iter().any(|(n, v)| *n == a.name() && (v.is_empty() || *v == a.value()));
-            if KNOWN.contains(&a.name()) || quiet {
+            let quiet = IGNORED_ATTRIBUTES.iter().any(|(n, v)| *n == a.name() && (v.is_empty() || *v == a.value()));
+            if MAP_ATTRIBUTES.contains(&a.name()) || quiet {
                 continue;
             }
             let zero = number(a.value()).is_ok_and(|v| v == 0.0);
@@ -195,36 +196,42 @@ impl Flame<'_, '_> {
                 continue;
             }
             let place = self.span(a.range());
-            self.refuse(place, a.name());
+            self.reject_nonlinear(place, a.name());
         }
-        let coefs = self.six(node, "coefs", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
-        let post = self.six(node, "post", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
-        let mut amount = self.one(node, "linear", 0.0) + self.one(node, "linear3D", 0.0);
+        let coefs = self.affine_attribute(node, "coefs", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        let post = self.affine_attribute(node, "post", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        // The variation "linear" scales the map; without it, in old files, it is 1.
+        let mut amount = self.number_attribute(node, "linear", 0.0) + self.number_attribute(node, "linear3D", 0.0);
         if node.attribute("linear").is_none() && node.attribute("linear3D").is_none() {
             amount = 1.0;
         }
         let scaled = Affine { a: coefs.a * amount, b: coefs.b * amount };
+        // Flames have y down: w' = F w F with F = diag(1, -1).
         let flip = DVec3::new(1.0, -1.0, 1.0);
-        let weight = self.one(node, "weight", 0.0);
+        let weight = self.number_attribute(node, "weight", 0.0);
         let mut map = Map::new(post.after(&scaled).conjugated(flip, DVec3::ZERO), Some(weight), span);
-        map.coord = self.one(node, "color", 0.0).clamp(0.0, 1.0);
+        map.coord = self.number_attribute(node, "color", 0.0).clamp(0.0, 1.0);
+        // Older files state the speed of the colour as symmetry = 1 - 2 speed.
         map.speed = match node.attribute("symmetry") {
-            Some(_) if node.attribute("color_speed").is_none() => (1.0 - self.one(node, "symmetry", 0.0)) * 0.5,
-            _ => self.one(node, "color_speed", 0.5),
+            Some(_) if node.attribute("color_speed").is_none() => {
+                (1.0 - self.number_attribute(node, "symmetry", 0.0)) * 0.5
+            }
+            _ => self.number_attribute(node, "color_speed", 0.5),
         };
-        map.opacity = if node.attribute("plotmode") == Some("off") { 0.0 } else { self.one(node, "opacity", 1.0) };
+        map.opacity =
+            if node.attribute("plotmode") == Some("off") { 0.0 } else { self.number_attribute(node, "opacity", 1.0) };
         Some(map)
     }
 
     /// `a d b e c f` of the file, where x' = a x + b y + c, y' = d x + e y + f.
-    fn six(&mut self, node: Node<'_, '_>, name: &str, fallback: [f64; 6]) -> Affine {
-        let c = match self.list(node, name) {
+    fn affine_attribute(&mut self, node: Node<'_, '_>, name: &str, fallback: [f64; 6]) -> Affine {
+        let c = match self.numbers_attribute(node, name) {
             Some(v) if v.len() == 6 => std::array::from_fn(|i| v.get(i).copied().unwrap_or(0.0)),
             Some(v) => {
                 let text = format!("{name} has {} numbers", v.len());
-                let span = self.place(node, name);
+                let span = self.attribute_span(node, name);
                 let d = Diagnostic::error("I007", text, span, "six are needed");
-                self.reader.tell(d.help("columns of the matrix, then the shift"));
+                self.reader.push(d.help("columns of the matrix, then the shift"));
                 fallback
             }
             None => fallback,
@@ -232,22 +239,22 @@ impl Flame<'_, '_> {
         Affine::plane([c[0], c[2], c[1], c[3], c[4], c[5]])
     }
 
-    fn place(&self, node: Node<'_, '_>, name: &str) -> Span {
+    fn attribute_span(&self, node: Node<'_, '_>, name: &str) -> Span {
         let range = node.attribute_node(name).map(|a| a.range());
         range.map_or_else(|| self.tag(node), |r| self.span(r))
     }
 
-    fn list(&mut self, node: Node<'_, '_>, name: &str) -> Option<Vec<f64>> {
+    fn numbers_attribute(&mut self, node: Node<'_, '_>, name: &str) -> Option<Vec<f64>> {
         let words: Vec<&str> = node.attribute(name)?.split_whitespace().collect();
         let mut out = Vec::with_capacity(words.len());
         for word in words {
             match number(word) {
                 Ok(v) if v.abs() <= MAX_COEFFICIENT => out.push(v),
                 _ => {
-                    let span = self.place(node, name);
+                    let span = self.attribute_span(node, name);
                     let text = format!("\"{}\" is not a finite number", word.chars().take(64).collect::<String>());
                     let d = Diagnostic::error("I005", text, span, format!("in {name}"));
-                    self.reader.tell(d.help("write finite decimals of at most 1e12, separated by blanks"));
+                    self.reader.push(d.help("write finite decimals of at most 1e12, separated by blanks"));
                     return None;
                 }
             }
@@ -255,37 +262,38 @@ impl Flame<'_, '_> {
         Some(out)
     }
 
-    fn one(&mut self, node: Node<'_, '_>, name: &str, fallback: f64) -> f64 {
-        self.list(node, name).and_then(|v| v.first().copied()).unwrap_or(fallback)
+    fn number_attribute(&mut self, node: Node<'_, '_>, name: &str, fallback: f64) -> f64 {
+        self.numbers_attribute(node, name).and_then(|v| v.first().copied()).unwrap_or(fallback)
     }
 
-    fn refuse(&mut self, span: Span, what: &str) {
+    fn reject_nonlinear(&mut self, span: Span, what: &str) {
         let d = Diagnostic::error("I030", format!("{what} is no affine map"), span, "not supported");
-        self.reader.tell(d.help("only linear maps with post transforms are read; take this variation out"));
+        self.reader.push(d.help("only linear maps with post transforms are read; take this variation out"));
     }
 
-    fn unknown(&mut self, a: &Attribute<'_, '_>) {
+    fn warn_unknown(&mut self, a: &Attribute<'_, '_>) {
         let text = format!("unknown attribute \"{}\"", a.name());
         let known = self.reader.report.diagnostics.iter().any(|d| d.code == "I031" && d.message == text);
         if !known {
             let span = self.span(a.range());
-            self.reader.tell(Diagnostic::warning("I031", text, span, "left out").help("it does not change the maps"));
+            self.reader.push(Diagnostic::warning("I031", text, span, "left out").help("it does not change the maps"));
         }
     }
 
     /// Size and scale of the picture: `scale` pixels per unit, doubled by each step of `zoom`.
     fn view(&mut self, node: Node<'_, '_>) -> Option<PictureView> {
-        let size = self.list(node, "size").filter(|s| s.len() == 2 && s[0] >= 1.0 && s[1] >= 1.0)?;
-        let scale =
-            self.one(node, "scale", 50.0) * osier_base::math::pow(2.0, self.one(node, "zoom", 0.0).clamp(-60.0, 60.0));
-        let center = self.list(node, "center").filter(|c| c.len() == 2).unwrap_or_else(|| vec![0.0, 0.0]);
-        let background = self.list(node, "background").filter(|c| c.len() == 3).unwrap_or_else(|| vec![0.0; 3]);
+        let size = self.numbers_attribute(node, "size").filter(|s| s.len() == 2 && s[0] >= 1.0 && s[1] >= 1.0)?;
+        let scale = self.number_attribute(node, "scale", 50.0)
+            * osier_base::math::pow(2.0, self.number_attribute(node, "zoom", 0.0).clamp(-60.0, 60.0));
+        let center = self.numbers_attribute(node, "center").filter(|c| c.len() == 2).unwrap_or_else(|| vec![0.0, 0.0]);
+        let background =
+            self.numbers_attribute(node, "background").filter(|c| c.len() == 3).unwrap_or_else(|| vec![0.0; 3]);
         let linear =
             |i: usize| units::linear_from_srgb(osier_base::math::narrow(background.get(i).copied().unwrap_or(0.0)));
         (scale > 0.0).then(|| PictureView {
             center: [center[0], -center[1]],
             width: size[0] / scale,
-            rotate: units::radians(self.one(node, "rotate", 0.0)),
+            rotate: units::radians(self.number_attribute(node, "rotate", 0.0)),
             aspect: size[0] / size[1],
             background: [linear(0), linear(1), linear(2)],
         })
@@ -295,8 +303,8 @@ impl Flame<'_, '_> {
         let linear = |v: f64| units::linear_from_srgb(osier_base::math::narrow((v / 255.0).clamp(0.0, 1.0)));
         let mut out: Vec<(f64, [f32; 3])> = Vec::new();
         for child in node.children().filter(|c| c.has_tag_name("color")) {
-            let index = self.one(child, "index", 0.0);
-            if let Some(rgb) = self.list(child, "rgb").filter(|v| v.len() >= 3) {
+            let index = self.number_attribute(child, "index", 0.0);
+            if let Some(rgb) = self.numbers_attribute(child, "rgb").filter(|v| v.len() >= 3) {
                 out.push((index, [linear(rgb[0]), linear(rgb[1]), linear(rgb[2])]));
             }
         }

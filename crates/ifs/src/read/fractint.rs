@@ -7,50 +7,51 @@ use osier_base::diagnostic::{Diagnostic, Span};
 use osier_base::files::{NumberError, number};
 
 /// Most characters of a number that a diagnostic points at.
-const TOKEN: usize = 64;
+const MAX_NUMBER_LENGTH: usize = 64;
 
 /// What the header says.
-pub(super) struct Title {
+pub(super) struct EntryTitle {
     pub name: String,
     /// `None` without a header: to be found out.
     pub dim: Option<usize>,
     pub span: Span,
 }
 
-struct Token {
+struct NumberToken {
     value: f64,
     span: Span,
     line: usize,
 }
 
 /// Reads the numbers of an entry whose body begins at byte `start` of the file. `None` after an error.
-pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: Title) -> Option<Ifs> {
+pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: EntryTitle) -> Option<Ifs> {
     let tokens = tokens(reader, body, start)?;
     if tokens.is_empty() {
         let text = format!("\"{}\" holds no numbers", title.name);
         let d = Diagnostic::error("I007", text, title.span, "an empty entry");
-        reader.tell(d.help("a map is 7 numbers: a b c d e f p, for x' = a x + b y + e, y' = c x + d y + f"));
+        reader.push(d.help("a map is 7 numbers: a b c d e f p, for x' = a x + b y + e, y' = c x + d y + f"));
         return None;
     }
-    let dim = title.dim.unwrap_or_else(|| guess(&tokens));
+    let dim = title.dim.unwrap_or_else(|| guess_dimension(&tokens));
+    // A row is the matrix, the shift and the weight.
     let columns = if dim == 3 { 13 } else { 7 };
     if tokens.len() % columns != 0 {
-        odd(reader, &tokens, &title, columns);
+        report_number_count(reader, &tokens, &title, columns);
         return None;
     }
     let maps = tokens.len() / columns;
     if maps > reader.max_maps() {
         let text = format!("\"{}\" has {maps} maps, the limit is {}", title.name, reader.max_maps());
         let d = Diagnostic::error("I008", text, title.span, "too many maps");
-        reader.tell(d.help("fewer maps, or raise the limit with --max-maps"));
+        reader.push(d.help("fewer maps, or raise the limit with --max-maps"));
         return None;
     }
     if maps > 32 {
         let text = format!("\"{}\" has {maps} maps", title.name);
         let help = if maps > 64 { "Fractint reads 32 maps, Iterated Dynamics 64" } else { "Fractint reads 32 maps" };
-        reader.tell(Diagnostic::warning("I009", text, title.span, "more than others read").help(help));
+        reader.push(Diagnostic::warning("I009", text, title.span, "more than others read").help(help));
     }
-    let row = |row: &[Token]| -> Option<Map> {
+    let row = |row: &[NumberToken]| -> Option<Map> {
         let value = |i: usize| row.get(i).map_or(0.0, |t| t.value);
         let affine = if dim == 3 {
             Affine::space(std::array::from_fn(value))
@@ -75,7 +76,7 @@ pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: 
 }
 
 /// All numbers of a body; `None` if one is none.
-fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<Token>> {
+fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<NumberToken>> {
     let mut out = Vec::new();
     let (mut at, mut line, mut comma, mut bad_ones) = (0, 0, None, 0);
     while let Some(b) = body.get(at) {
@@ -88,7 +89,7 @@ fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<Toke
                     body[at..].iter().position(|b| matches!(b, b' ' | b'\n' | b',')).unwrap_or(body.len() - at);
                 let (a, b) = (start + at, start + at + length);
                 match value(reader.text.get(a..b).unwrap_or_default()) {
-                    Ok(value) => out.push(Token { value, span: reader.span(a, b), line }),
+                    Ok(value) => out.push(NumberToken { value, span: reader.span(a, b), line }),
                     Err(why) => {
                         report_number(reader, a..b, out.len() + bad_ones, &why);
                         bad_ones += 1;
@@ -98,20 +99,20 @@ fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<Toke
             }
         }
         at += 1;
-        if reader.is_hopeless() {
+        if reader.has_too_many_diagnostics() {
             return None;
         }
     }
     if let Some(comma) = comma {
         let span = reader.span(start + comma, start + comma + 1);
         let d = Diagnostic::warning("I009", "commas between numbers", span, "the first one");
-        reader.tell(d.help("Fractint separates numbers by blanks; a decimal comma must be a point"));
+        reader.push(d.help("Fractint separates numbers by blanks; a decimal comma must be a point"));
     }
     (bad_ones == 0).then_some(out)
 }
 
 fn value(word: &str) -> Result<f64, String> {
-    if word.len() > TOKEN {
+    if word.len() > MAX_NUMBER_LENGTH {
         return Err(format!("a number of {} characters", word.len()));
     }
     let value = number(word).map_err(|why| match why {
@@ -128,25 +129,33 @@ fn value(word: &str) -> Result<f64, String> {
 fn report_number(reader: &mut Reader<'_>, word: std::ops::Range<usize>, index: usize, why: &str) {
     // Long words are pointed at by their start.
     let end = word.start
-        + reader.text.get(word.clone()).unwrap_or_default().chars().take(TOKEN).map(char::len_utf8).sum::<usize>();
+        + reader
+            .text
+            .get(word.clone())
+            .unwrap_or_default()
+            .chars()
+            .take(MAX_NUMBER_LENGTH)
+            .map(char::len_utf8)
+            .sum::<usize>();
     let span = reader.span(word.start, end);
     let d = Diagnostic::error("I005", why, span, format!("number {} of the entry", index + 1));
-    reader.tell(d.help("write finite decimals such as 0.85, -.04 or 1e-3, separated by blanks"));
+    reader.push(d.help("write finite decimals such as 0.85, -.04 or 1e-3, separated by blanks"));
 }
 
 /// Columns of a file without header: 7, or 13 where only that fits.
-fn guess(tokens: &[Token]) -> usize {
+fn guess_dimension(tokens: &[NumberToken]) -> usize {
     let n = tokens.len();
     let mut per_line: Vec<usize> = Vec::new();
     for pair in tokens.chunk_by(|a, b| a.line == b.line) {
         per_line.push(pair.len());
     }
+    // 13 numbers on every line, or a count that only 13 divides.
     let lines_of_13 = per_line.iter().all(|c| *c == 13);
     if lines_of_13 || (n.is_multiple_of(13) && !n.is_multiple_of(7)) { 3 } else { 2 }
 }
 
 /// I007 with the first line that has another number of numbers.
-fn odd(reader: &mut Reader<'_>, tokens: &[Token], title: &Title, columns: usize) {
+fn report_number_count(reader: &mut Reader<'_>, tokens: &[NumberToken], title: &EntryTitle, columns: usize) {
     let line = tokens.chunk_by(|a, b| a.line == b.line).find(|l| l.len() % columns != 0);
     let text = format!("\"{}\" has {} numbers, which is no multiple of {columns}", title.name, tokens.len());
     let (span, label) = match line {
@@ -158,7 +167,7 @@ fn odd(reader: &mut Reader<'_>, tokens: &[Token], title: &Title, columns: usize)
     };
     let d = Diagnostic::error("I007", text, span, label);
     let (two, three) = (tokens.len().is_multiple_of(7), tokens.len().is_multiple_of(13));
-    reader.tell(match columns {
+    reader.push(match columns {
         7 if three => d.help("13 columns would fit: is it 3D? Then write (3D) behind the name"),
         13 if two => d.help("7 columns would fit: is it plane? Then take (3D) out of the header"),
         7 => d.help("a map of the plane has 7 numbers: a b c d e f p"),

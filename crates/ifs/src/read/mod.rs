@@ -8,6 +8,7 @@ mod table;
 mod tests;
 
 use super::Ifs;
+use osier_base::convert;
 use osier_base::diagnostic::{Diagnostic, Report, Severity, SourceId, Span, nearest};
 use osier_base::files::{Encoding, decode};
 use osier_base::limits::{Limits, grouped};
@@ -17,8 +18,8 @@ use osier_base::{Error, Result};
 const MAX_BYTES: usize = 16 << 20;
 /// Most systems in a file.
 const MAX_SYSTEMS: usize = 10_000;
-/// Most complaints about one file.
-const MAX_TOLD: usize = 100;
+/// Diagnostics printed about one file; a damaged file could otherwise produce one per number.
+const MAX_DIAGNOSTICS: usize = 100;
 
 /// What a file is, by what stands in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +59,7 @@ impl TableFormat {
 /// `Input` with I codes and places.
 pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Report)> {
     let mut report = Report::default();
-    let limit = usize::try_from(limits.get("text-bytes")).unwrap_or(usize::MAX).min(MAX_BYTES);
+    let limit = convert::limit(limits.get("text-bytes")).min(MAX_BYTES);
     if bytes.len() > limit {
         let text =
             format!("\"{name}\" has {} bytes, the limit is {}", grouped(bytes.len() as u64), grouped(limit as u64));
@@ -68,6 +69,7 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
     // DOS editors end a file with 0x1A.
     let end = bytes.iter().position(|b| *b == 0x1A).unwrap_or(bytes.len());
     let body = bytes.get(..end).unwrap_or(bytes);
+    // Old tables are often in Latin-1; anything that is neither is refused.
     let text = match decode(body, Encoding::OrLatin1) {
         Ok(text) => text,
         Err(bad) => {
@@ -76,10 +78,11 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
         }
     };
     let source = report.sources.add(name, text.text.as_str());
-    let mut reader = Reader { text: &text.text, source, stem: stem(name), report: &mut report, told: 0, limits };
+    let mut reader =
+        Reader { text: &text.text, source, stem: stem(name), report: &mut report, diagnostic_count: 0, limits };
     if let Some((line, _)) = text.latin1 {
         let d = Diagnostic::about("I003", format!("\"{name}\" is not UTF-8 from line {line} on, read as Latin-1"));
-        reader.tell(d.help("save the file as UTF-8 to keep names as they are"));
+        reader.push(d.help("save the file as UTF-8 to keep names as they are"));
     }
     let kind = TableFormat::of(&text.text);
     reader.check_suffix(name, kind);
@@ -89,7 +92,7 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
         TableFormat::Table => table::read(&mut reader),
     };
     if kind == TableFormat::Fractint && !systems.is_empty() {
-        reader.leave_out();
+        reader.skip_faulty_entries();
     }
     reader.check_names(&systems);
     reader.check_weights(&systems);
@@ -137,35 +140,36 @@ pub(super) struct Reader<'a> {
     /// File name without folder and ending: the name of a system without one.
     pub stem: String,
     pub report: &'a mut Report,
-    told: usize,
+    /// Diagnostics so far, those beyond the limit included.
+    diagnostic_count: usize,
     pub limits: &'a Limits,
 }
 
 impl Reader<'_> {
     /// Most maps of a system.
     fn max_maps(&self) -> usize {
-        usize::try_from(self.limits.get("maps")).unwrap_or(usize::MAX)
+        convert::limit(self.limits.get("maps"))
     }
 
     fn span(&self, start: usize, end: usize) -> Span {
         Span::new(self.source, start, end)
     }
 
-    /// Adds a complaint, up to a number that nobody reads to the end.
-    fn tell(&mut self, d: Diagnostic) {
-        self.told += 1;
-        if self.told <= MAX_TOLD {
+    /// Adds a diagnostic, at most [`MAX_DIAGNOSTICS`] of them.
+    fn push(&mut self, d: Diagnostic) {
+        self.diagnostic_count += 1;
+        if self.diagnostic_count <= MAX_DIAGNOSTICS {
             self.report.push(d);
         }
     }
 
-    /// True once so much was said that more reading is of no use.
-    fn is_hopeless(&self) -> bool {
-        self.told > MAX_TOLD
+    /// True beyond the limit of diagnostics, where reading on is of no use.
+    fn has_too_many_diagnostics(&self) -> bool {
+        self.diagnostic_count > MAX_DIAGNOSTICS
     }
 
-    /// Faults of entries cost these entries, not the others of the file.
-    fn leave_out(&mut self) {
+    /// Turns errors of entries into warnings: a faulty entry is skipped, the other entries of the file are kept.
+    fn skip_faulty_entries(&mut self) {
         for d in self.report.diagnostics.iter_mut().filter(|d| d.severity == Severity::Error) {
             d.severity = Severity::Warning;
             d.message += "; the entry is left out";
@@ -174,13 +178,14 @@ impl Reader<'_> {
 
     fn check_suffix(&mut self, name: &str, kind: TableFormat) {
         let lower = name.to_ascii_lowercase();
+        // The longest ending first: .ifs.toml also ends like other names.
         let claims = [TableFormat::Table, TableFormat::Flame, TableFormat::Fractint]
             .into_iter()
             .find(|k| lower.ends_with(k.suffix()));
         if let Some(claimed) = claims.filter(|c| *c != kind) {
             let text = format!("the name ends in {}, but this is what {} files hold", claimed.suffix(), kind.suffix());
             let span = self.span(0, self.text.chars().next().map_or(0, char::len_utf8));
-            self.tell(Diagnostic::warning("I002", text, span, "read by its content"));
+            self.push(Diagnostic::warning("I002", text, span, "read by its content"));
         }
     }
 
@@ -189,23 +194,24 @@ impl Reader<'_> {
         if systems.len() > MAX_SYSTEMS {
             let text =
                 format!("the file holds {} systems, the limit is {}", systems.len(), grouped(MAX_SYSTEMS as u64));
-            self.tell(Diagnostic::about("I008", text).help("split the file"));
+            self.push(Diagnostic::about("I008", text).help("split the file"));
             return;
         }
         let mut seen: std::collections::BTreeMap<String, (Span, String)> = std::collections::BTreeMap::new();
         for s in systems {
             let lower = s.name.to_lowercase();
+            // Fractint compares 18 characters without case.
             let short: String = lower.chars().take(18).collect();
             match seen.get(&short).cloned() {
                 Some((first, full)) if full == lower => {
                     let text = format!("the name \"{}\" is used twice", s.name);
                     let d = Diagnostic::error("I010", text, s.span, "second").label(first, "first");
-                    self.tell(d.help("give each system of a file a name of its own"));
+                    self.push(d.help("give each system of a file a name of its own"));
                 }
                 Some((first, _)) => {
                     let text = format!("\"{}\" and another name are equal in their first 18 characters", s.name);
                     let d = Diagnostic::warning("I009", text, s.span, "second").label(first, "first");
-                    self.tell(d.help("Fractint looks at 18 characters and would take the first"));
+                    self.push(d.help("Fractint looks at 18 characters and would take the first"));
                 }
                 None => {
                     seen.insert(short, (s.span, lower));
@@ -216,8 +222,8 @@ impl Reader<'_> {
 
     fn check_weights(&mut self, systems: &[Ifs]) {
         for s in systems {
-            for d in super::weights::notes(s) {
-                self.tell(d);
+            for d in super::weights::column_warnings(s) {
+                self.push(d);
             }
         }
     }

@@ -12,8 +12,8 @@ use crate::{Branch, Condensation, CondensationShape, Ifs, MAX_COEFFICIENT, Map};
 use osier_base::diagnostic::{Diagnostic, Severity, Span, nearest};
 use osier_base::units;
 
-const TOP: &[&str] = &["name", "dim", "weights", "chaos", "map", "condensation", "palette"];
-const MAP: &[&str] = &[
+const SYSTEM_KEYS: &[&str] = &["name", "dim", "weights", "chaos", "map", "condensation", "palette"];
+const MAP_KEYS: &[&str] = &[
     "abcdef",
     "abcdefghijkl",
     "rq",
@@ -30,9 +30,9 @@ const MAP: &[&str] = &[
     "leaf",
     "stem",
 ];
-const BRANCH: &[&str] = &["h", "roll", "pitch", "scale"];
-const CONDENSATION: &[&str] = &["segment", "disc", "polygon", "mesh", "weight"];
-const MESH: &[&str] = &["file", "scale", "up"];
+const BRANCH_KEYS: &[&str] = &["h", "roll", "pitch", "scale"];
+const CONDENSATION_KEYS: &[&str] = &["segment", "disc", "polygon", "mesh", "weight"];
+const MESH_KEYS: &[&str] = &["file", "scale", "up"];
 const MESH_ENDINGS: &[&str] = &[".obj", ".glb", ".gltf"];
 
 /// The table `[ifs]`, or each of `[[ifs]]`.
@@ -42,12 +42,12 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
         let at = e.span().unwrap_or(0..0);
         let message = e.message().lines().collect::<Vec<_>>().join(", ");
         let d = Diagnostic::error("I033", message, reader.span(at.start, at.end), "here");
-        reader.tell(d.help("a table is TOML: [ifs], then name = \"...\" and map = [{ ... }, ...]"));
+        reader.push(d.help("a table is TOML: [ifs], then name = \"...\" and map = [{ ... }, ...]"));
     }
     if !errors.is_empty() {
         return Vec::new();
     }
-    let mut parser = Parser { reader };
+    let mut parser = TableReader { reader };
     let Some(value) = document.get_ref().get("ifs") else { return Vec::new() };
     match value.get_ref() {
         DeValue::Table(t) => parser.system(t, value.span()).into_iter().collect(),
@@ -61,7 +61,7 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
             all
         }
         _ => {
-            parser.wrong(value, "ifs", "a table");
+            parser.report_type(value, "ifs", "a table");
             Vec::new()
         }
     }
@@ -69,26 +69,26 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
 
 type TomlItem<'i> = Spanned<DeValue<'i>>;
 
-struct Parser<'a, 'r> {
+struct TableReader<'a, 'r> {
     reader: &'a mut Reader<'r>,
 }
 
-impl Parser<'_, '_> {
+impl TableReader<'_, '_> {
     fn at(&self, range: std::ops::Range<usize>) -> Span {
         self.reader.span(range.start, range.end)
     }
 
-    fn wrong(&mut self, item: &TomlItem<'_>, key: &str, wanted: &str) {
+    fn report_type(&mut self, item: &TomlItem<'_>, key: &str, wanted: &str) {
         let d = Diagnostic::error("I033", format!("{key} must be {wanted}"), self.at(item.span()), "another type");
-        self.reader.tell(d.help("see the page on attractors for every key"));
+        self.reader.push(d.help("see the page on attractors for every key"));
     }
 
-    fn outside(&mut self, item: &TomlItem<'_>, key: &str, range: &str) {
+    fn report_range(&mut self, item: &TomlItem<'_>, key: &str, range: &str) {
         let d = Diagnostic::error("I041", format!("{key} must be {range}"), self.at(item.span()), "outside");
-        self.reader.tell(d.help(format!("give {key} a value of {range}")));
+        self.reader.push(d.help(format!("give {key} a value of {range}")));
     }
 
-    fn known(&mut self, table: &DeTable<'_>, place: &str, known: &[&str]) {
+    fn check_keys(&mut self, table: &DeTable<'_>, place: &str, known: &[&str]) {
         for (key, _) in table.iter().filter(|(k, _)| !known.contains(&k.get_ref().as_ref())) {
             let text = format!("{place} has no key \"{}\"", key.get_ref());
             let d = Diagnostic::error("I032", text, self.at(key.span()), "unknown key");
@@ -96,7 +96,7 @@ impl Parser<'_, '_> {
                 Some(near) => d.help(format!("did you mean \"{near}\"?")),
                 None => d.help(format!("known here: {}", known.join(", "))),
             };
-            self.reader.tell(d);
+            self.reader.push(d);
         }
     }
 
@@ -104,7 +104,7 @@ impl Parser<'_, '_> {
         if let DeValue::Table(t) = item.get_ref() {
             return Some(t);
         }
-        self.wrong(item, key, "a table");
+        self.report_type(item, key, "a table");
         None
     }
 
@@ -112,16 +112,16 @@ impl Parser<'_, '_> {
         if let DeValue::Array(list) = item.get_ref() {
             return Some(list);
         }
-        self.wrong(item, key, "a list");
+        self.report_type(item, key, "a list");
         None
     }
 
     fn number(&mut self, item: &TomlItem<'_>, key: &str) -> Option<f64> {
         let value = match item.get_ref() {
-            DeValue::Integer(i) => i64::from_str_radix(&i.as_str().replace('_', ""), i.radix()).ok().map(whole),
+            DeValue::Integer(i) => i64::from_str_radix(&i.as_str().replace('_', ""), i.radix()).ok().map(integer_value),
             DeValue::Float(f) => f.as_str().replace('_', "").parse::<f64>().ok(),
             _ => {
-                self.wrong(item, key, "a number");
+                self.report_type(item, key, "a number");
                 return None;
             }
         };
@@ -129,13 +129,13 @@ impl Parser<'_, '_> {
         if finite.is_none() {
             let text = format!("{key} is not a finite number up to 1e12");
             let d = Diagnostic::error("I005", text, self.at(item.span()), "here");
-            self.reader.tell(d.help("write a finite decimal such as 0.5 or 1e-3"));
+            self.reader.push(d.help("write a finite decimal such as 0.5 or 1e-3"));
         }
         finite
     }
 
     /// A number in a range, or I-diagnostic naming the range.
-    fn ranged(&mut self, item: &TomlItem<'_>, key: &str, range: impl RangeBounds<f64>) -> Option<f64> {
+    fn number_in(&mut self, item: &TomlItem<'_>, key: &str, range: impl RangeBounds<f64>) -> Option<f64> {
         let v = self.number(item, key)?;
         if !range.contains(&v) {
             let from = match range.start_bound() {
@@ -148,7 +148,7 @@ impl Parser<'_, '_> {
                 Bound::Included(max) => format!("at most {max}"),
                 Bound::Unbounded => "finite".to_owned(),
             };
-            self.outside(item, key, &format!("{from}{to}"));
+            self.report_range(item, key, &format!("{from}{to}"));
             return None;
         }
         Some(v)
@@ -163,7 +163,7 @@ impl Parser<'_, '_> {
         if values.len() != count {
             let text = format!("{key} has {} numbers, but needs {count}", values.len());
             let d = Diagnostic::error("I007", text, self.at(item.span()), "here");
-            self.reader.tell(d.help("one number per letter of the key, in this order"));
+            self.reader.push(d.help("one number per letter of the key, in this order"));
             return None;
         }
         Some(values)
@@ -173,7 +173,7 @@ impl Parser<'_, '_> {
         match table.get(key).map(|i| (i, i.get_ref())) {
             Some((_, DeValue::Boolean(b))) => *b,
             Some((item, _)) => {
-                self.wrong(item, key, "true or false");
+                self.report_type(item, key, "true or false");
                 fallback
             }
             None => fallback,
@@ -181,7 +181,7 @@ impl Parser<'_, '_> {
     }
 
     fn share(&mut self, table: &DeTable<'_>, key: &str, fallback: f64) -> f64 {
-        table.get(key).and_then(|i| self.ranged(i, key, 0.0..=1.0)).unwrap_or(fallback)
+        table.get(key).and_then(|i| self.number_in(i, key, 0.0..=1.0)).unwrap_or(fallback)
     }
 
     fn color(&mut self, item: &TomlItem<'_>, key: &str) -> Option<[f32; 3]> {
@@ -193,19 +193,19 @@ impl Parser<'_, '_> {
         };
         let color = part(0).zip(part(1)).zip(part(2)).map(|((r, g), b)| [r, g, b]);
         if color.is_none() {
-            self.wrong(item, key, "a color such as \"#4f7a2b\"");
+            self.report_type(item, key, "a color such as \"#4f7a2b\"");
         }
         color
     }
 
     fn system(&mut self, table: &DeTable<'_>, range: std::ops::Range<usize>) -> Option<Ifs> {
-        self.known(table, "[ifs]", TOP);
+        self.check_keys(table, "[ifs]", SYSTEM_KEYS);
         let before = self.reader.report.diagnostics.len();
         let name = match table.get("name").map(Spanned::get_ref) {
             Some(DeValue::String(s)) => s.to_string(),
             _ => {
                 let d = Diagnostic::error("I033", "a system needs a name", self.at(range.clone()), "no name here");
-                self.reader.tell(d.help("add name = \"...\""));
+                self.reader.push(d.help("add name = \"...\""));
                 String::new()
             }
         };
@@ -224,9 +224,10 @@ impl Parser<'_, '_> {
             condensation: self.condensation(table, dim),
             view: None,
             palette: self.palette(table),
-            weights: table.get("weights").and_then(|i| self.rule(i)),
+            weights: table.get("weights").and_then(|i| self.weight_rule(i)),
             span,
         };
+        // A system with errors is dropped; later systems of the file are still read, so that all errors show at once.
         let sound = self.reader.report.diagnostics.iter().skip(before).all(|d| d.severity == Severity::Warning);
         sound.then_some(ifs)
     }
@@ -237,7 +238,7 @@ impl Parser<'_, '_> {
         list.iter().filter_map(|i| self.color(i, "palette")).collect()
     }
 
-    fn rule(&mut self, item: &TomlItem<'_>) -> Option<WeightRule> {
+    fn weight_rule(&mut self, item: &TomlItem<'_>) -> Option<WeightRule> {
         const WORDS: &[(&str, WeightRule)] = &[
             ("file", WeightRule::File),
             ("file-raw", WeightRule::Raw),
@@ -250,7 +251,7 @@ impl Parser<'_, '_> {
         let found = WORDS.iter().find(|(w, _)| *w == word).map(|w| w.1);
         if found.is_none() {
             let list: Vec<&str> = WORDS.iter().map(|w| w.0).collect();
-            self.wrong(item, "weights", &format!("one of {}", list.join(", ")));
+            self.report_type(item, "weights", &format!("one of {}", list.join(", ")));
         }
         found
     }
@@ -269,12 +270,12 @@ impl Parser<'_, '_> {
         let list = table.get("map").and_then(|i| self.list(i, "map")).unwrap_or_default();
         if list.is_empty() {
             let d = Diagnostic::error("I007", "the system holds no maps", span, "no map here");
-            self.reader.tell(d.help("add map = [{ abcdef = [a, b, c, d, e, f], p = 0.5 }, ...]"));
+            self.reader.push(d.help("add map = [{ abcdef = [a, b, c, d, e, f], p = 0.5 }, ...]"));
         }
         if list.len() > self.reader.max_maps() {
             let text = format!("the system has {} maps, the limit is {}", list.len(), self.reader.max_maps());
             let d = Diagnostic::error("I008", text, span, "too many maps");
-            self.reader.tell(d.help("fewer maps, or raise the limit with --max-maps"));
+            self.reader.push(d.help("fewer maps, or raise the limit with --max-maps"));
             return Vec::new();
         }
         let mut out = Vec::new();
@@ -287,9 +288,10 @@ impl Parser<'_, '_> {
     }
 
     fn map(&mut self, t: &DeTable<'_>, item: &TomlItem<'_>, dim: usize) -> Option<Map> {
-        self.known(t, "a map", MAP);
+        self.check_keys(t, "a map", MAP_KEYS);
         let span = self.at(item.span());
         let mut branch = None;
+        // A map is given in one of four forms, two for the plane and two for space.
         let affine = if let Some(i) = t.get("abcdef").filter(|_| dim == 2) {
             let c = self.numbers(i, "abcdef", 6)?;
             Affine::plane(std::array::from_fn(|k| c[k]))
@@ -310,7 +312,7 @@ impl Parser<'_, '_> {
         } else {
             let forms = if dim == 2 { "abcdef or rq" } else { "abcdefghijkl or branch" };
             let d = Diagnostic::error("I033", format!("a map of {dim} dimensions needs {forms}"), span, "none here");
-            self.reader.tell(d.help("every map is one of these forms; dim = 3 for maps of space"));
+            self.reader.push(d.help("every map is one of these forms; dim = 3 for maps of space"));
             return None;
         };
         let mut map = Map::new(affine, t.get("p").and_then(|i| self.number(i, "p")), span);
@@ -321,7 +323,7 @@ impl Parser<'_, '_> {
         map.speed = self.share(t, "speed", 0.5);
         map.opacity = self.share(t, "opacity", 1.0);
         map.radius =
-            t.get("radius").and_then(|i| self.ranged(i, "radius", (Bound::Excluded(0.0), Bound::Included(1.0))));
+            t.get("radius").and_then(|i| self.number_in(i, "radius", (Bound::Excluded(0.0), Bound::Included(1.0))));
         map.axis = self.flag(t, "axis", false);
         map.leaf = self.flag(t, "leaf", true);
         map.stem = self.flag(t, "stem", false);
@@ -330,13 +332,13 @@ impl Parser<'_, '_> {
 
     fn branch(&mut self, item: &TomlItem<'_>) -> Option<Branch> {
         let t = self.table(item, "branch")?;
-        self.known(t, "a branch", BRANCH);
+        self.check_keys(t, "a branch", BRANCH_KEYS);
         let mut angle = |key: &str| t.get(key).map_or(Some(0.0), |i| self.number(i, key)).map(units::radians);
         let (roll, pitch) = (angle("roll")?, angle("pitch")?);
-        let h = t.get("h").map_or(Some(1.0), |i| self.ranged(i, "h", 0.0..=1.0))?;
+        let h = t.get("h").map_or(Some(1.0), |i| self.number_in(i, "h", 0.0..=1.0))?;
         let scale = t
             .get("scale")
-            .map_or(Some(0.5), |i| self.ranged(i, "scale", (Bound::Excluded(0.0), Bound::Included(0.999_999))))?;
+            .map_or(Some(0.5), |i| self.number_in(i, "scale", (Bound::Excluded(0.0), Bound::Included(0.999_999))))?;
         Some(Branch { h, roll, pitch, scale })
     }
 
@@ -345,14 +347,14 @@ impl Parser<'_, '_> {
         let mut out = Vec::new();
         for item in list {
             let Some(t) = self.table(item, "condensation") else { continue };
-            self.known(t, "a condensation set", CONDENSATION);
+            self.check_keys(t, "a condensation set", CONDENSATION_KEYS);
             let weight = self.share(t, "weight", 0.05);
             let shape = match t.get("mesh") {
                 Some(mesh) => self.mesh(mesh, dim).map(CondensationShape::Mesh),
                 None => {
                     let shape = self.shape(t);
                     if shape.is_none() {
-                        self.wrong(item, "condensation", "a segment, disc, polygon or mesh");
+                        self.report_type(item, "condensation", "a segment, disc, polygon or mesh");
                     }
                     shape
                 }
@@ -363,7 +365,7 @@ impl Parser<'_, '_> {
         if sum >= 1.0
             && let Some(item) = table.get("condensation")
         {
-            self.outside(item, "the sum of condensation weights", "less than 1");
+            self.report_range(item, "the sum of condensation weights", "less than 1");
         }
         out
     }
@@ -373,19 +375,19 @@ impl Parser<'_, '_> {
         if dim != 3 {
             let text = "a mesh lies in space, this system in the plane";
             let d = Diagnostic::error("I033", text, self.at(item.span()), "needs dim = 3");
-            self.reader.tell(d.help("add dim = 3 and maps abcdefghijkl or branch, or take a polygon"));
+            self.reader.push(d.help("add dim = 3 and maps abcdefghijkl or branch, or take a polygon"));
             return None;
         }
         let (name, scale, up_z) = match item.get_ref() {
             DeValue::Table(t) => {
-                self.known(t, "a mesh", MESH);
-                let scale = t.get("scale").map_or(Some(1.0), |i| self.ranged(i, "scale", 1e-6..=1e6))?;
+                self.check_keys(t, "a mesh", MESH_KEYS);
+                let scale = t.get("scale").map_or(Some(1.0), |i| self.number_in(i, "scale", 1e-6..=1e6))?;
                 let up = t.get("up").map(|i| (i, i.get_ref()));
                 let up_z = match up {
                     None => false,
                     Some((_, DeValue::String(s))) if s == "y" || s == "z" => s == "z",
                     Some((i, _)) => {
-                        self.wrong(i, "up", "\"y\" or \"z\"");
+                        self.report_type(i, "up", "\"y\" or \"z\"");
                         return None;
                     }
                 };
@@ -399,7 +401,7 @@ impl Parser<'_, '_> {
         };
         let ends = |s: &str| MESH_ENDINGS.iter().any(|e| s.to_ascii_lowercase().ends_with(e));
         let Some((named, file)) = file.filter(|(_, s)| ends(s)) else {
-            self.wrong(name.unwrap_or(item), "mesh", "the name of a file .obj, .glb or .gltf");
+            self.report_type(name.unwrap_or(item), "mesh", "the name of a file .obj, .glb or .gltf");
             return None;
         };
         Some(MeshReference { file, scale, up_z, span: self.at(named.span()), faces: std::sync::Arc::default() })
@@ -437,6 +439,6 @@ impl Parser<'_, '_> {
 }
 
 #[allow(clippy::cast_precision_loss, reason = "whole numbers of tables are small")]
-fn whole(v: i64) -> f64 {
+fn integer_value(v: i64) -> f64 {
     v as f64
 }

@@ -23,7 +23,7 @@ pub fn flames(items: &[TableItem]) -> Result<(String, Vec<Diagnostic>), Box<Diag
         }
         out += &flame(item, &name);
     }
-    Ok((out + "</flames>\n", items.iter().filter_map(|i| told(&i.system)).collect()))
+    Ok((out + "</flames>\n", items.iter().filter_map(|i| lost_features(&i.system)).collect()))
 }
 
 fn flame(item: &TableItem, name: &str) -> String {
@@ -63,6 +63,7 @@ fn flame(item: &TableItem, name: &str) -> String {
 /// Column by column with y down.
 fn coefs(map: &Affine) -> String {
     let [a, b, c, d, e, f] = {
+        // y down again: F w F, columns first.
         let turned = map.conjugated(DVec3::new(1.0, -1.0, 1.0), DVec3::ZERO).coefficients(2);
         std::array::from_fn(|i| turned.get(i).copied().unwrap_or(0.0))
     };
@@ -86,7 +87,7 @@ fn view(v: &PictureView) -> String {
     )
 }
 
-fn told(ifs: &Ifs) -> Option<Diagnostic> {
+fn lost_features(ifs: &Ifs) -> Option<Diagnostic> {
     let features = [
         ("condensation sets", !ifs.condensation.is_empty()),
         ("radii of branches", ifs.maps.iter().any(|m| m.radius.is_some())),

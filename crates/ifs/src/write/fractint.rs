@@ -21,7 +21,7 @@ pub fn entries(items: &[TableItem]) -> (String, Vec<Diagnostic>) {
         let space = if item.system.dim == 3 { " (3D)" } else { "" };
         out += &format!("{name}{space} {{\n{}}}\n", rows(item));
     }
-    (out, items.iter().filter_map(|i| told(&i.system)).collect())
+    (out, items.iter().filter_map(|i| lost_features(&i.system)).collect())
 }
 
 /// One line per map; columns are as wide as their widest number.
@@ -39,12 +39,13 @@ fn rows(item: &TableItem) -> String {
         })
         .collect();
     let columns = table.first().map_or(0, Vec::len);
+    // Right-aligned columns keep the file readable; readers only split at blanks.
     let widths: Vec<usize> = (0..columns).map(|c| table.iter().map(|r| r[c].len()).max().unwrap_or(0)).collect();
     let cells = |row: &Vec<String>| row.iter().zip(&widths).map(|(v, w)| format!("  {v:>w$}")).collect::<String>();
     table.iter().map(|row| cells(row) + "\n").collect()
 }
 
-fn told(ifs: &Ifs) -> Option<Diagnostic> {
+fn lost_features(ifs: &Ifs) -> Option<Diagnostic> {
     let features = [
         ("the chaos matrix", ifs.chaos.is_some()),
         ("the final map", ifs.last.is_some()),

@@ -16,13 +16,13 @@ use osier_base::diagnostic::Diagnostic;
 
 /// Shares are written in millionths.
 const MILLION: u64 = 1_000_000;
-/// Longest name of a system.
-const NAME: usize = 40;
+/// Characters of a system's name that are kept.
+const MAX_NAME_LENGTH: usize = 40;
 
 /// A system to write and its name in the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableItem {
-    /// The system.
+    /// System to write; features that the format lacks are reported as I011.
     pub system: Ifs,
     /// Weight of each map, as it is drawn; sum 1.
     pub weights: Vec<f64>,
@@ -80,10 +80,11 @@ fn names(items: &[TableItem]) -> Vec<String> {
         .map(|item| {
             let mut base = plain(&item.system.name);
             let mut n = 1;
+            // Readers compare names without case; equal ones get a number.
             while !taken.insert(base.to_ascii_lowercase()) {
                 n += 1;
                 let tail = format!("_{n}");
-                base.truncate(NAME - tail.len());
+                base.truncate(MAX_NAME_LENGTH - tail.len());
                 base += &tail;
             }
             base
@@ -97,7 +98,7 @@ fn plain(name: &str) -> String {
         name = &name[4..];
     }
     let sound = |c: char| if c.is_ascii_graphic() && !"(){};<>&\"'".contains(c) { c } else { '_' };
-    let out: String = name.chars().take(NAME).map(sound).collect();
+    let out: String = name.chars().take(MAX_NAME_LENGTH).map(sound).collect();
     match out.as_str() {
         "" => "system".into(),
         o if o.eq_ignore_ascii_case("comment") => format!("{o}_"),

@@ -57,10 +57,10 @@ fn every_table_is_written_read_and_written_the_same() {
 #[test]
 fn the_form_is_what_fractint_reads() {
     let fern = systems("f.ifs", "fern {\n 0 0 0 .16 0 0 .01\n .85 .04 -.04 .85 0 1.6 .99\n}\n");
-    let (text, told) = entries(&items(&fern));
+    let (text, warnings) = entries(&items(&fern));
     let body: Vec<&str> = text.lines().filter(|l| !l.starts_with(';')).collect();
     let rows = ["fern {", "     0     0      0  0.16  0    0  0.01", "  0.85  0.04  -0.04  0.85  0  1.6  0.99", "}"];
-    assert_eq!((body, told.len()), (rows.to_vec(), 0));
+    assert_eq!((body, warnings.len()), (rows.to_vec(), 0));
     let odd =
         systems("a.ifs", "IFS:a {\n 1e-7 -0. 1e12 .333333333333333 .1 0 1\n .1 0 0 .1 0 0 2\n .1 0 0 .1 1 0 0\n}");
     let (text, _) = entries(&items(&odd));
@@ -87,12 +87,16 @@ fn what_a_file_cannot_hold_is_said() {
         { abcdef = [0.5, 0, 0, 0.5, 1, 0], p = 0.5 },\n]\n\
         condensation = [{ disc = { center = [0, 0], radius = 2 }, weight = 0.1 }]\n";
     let all = systems("t.ifs.toml", text);
-    let (text, told) = entries(&items(&all));
-    assert_eq!(told.len(), 1);
-    insta::assert_snapshot!("I011", format!("{}\n{text}", told[0].message));
-    let (text, told) = flames(&items(&all)).expect("plane");
+    let (text, warnings) = entries(&items(&all));
+    assert_eq!(warnings.len(), 1);
+    insta::assert_snapshot!("I011", format!("{}\n{text}", warnings[0].message));
+    let (text, warnings) = flames(&items(&all)).expect("plane");
     assert!(text.contains("chaos=\"0 1\"") && text.contains("opacity=\"0.5\""), "{text}");
-    assert!(told[0].message.contains("condensation") && !told[0].message.contains("chaos"), "{}", told[0].message);
+    assert!(
+        warnings[0].message.contains("condensation") && !warnings[0].message.contains("chaos"),
+        "{}",
+        warnings[0].message
+    );
     let tree = systems("monopodial.ifs.toml", &table("monopodial.ifs.toml"));
     assert_eq!(flames(&items(&tree)).expect_err("space").code, "I030");
 }

@@ -9,9 +9,9 @@ use crate::stems::TreeSystem;
 use crate::words::{ExpansionLimits, expand, height};
 use osier_base::math;
 
-/// A crown is thin outside: its densest part has so much of its width.
+/// Width of the dense part of a crown over its whole width: outliers must not make the trunk too thin.
 const DENSE: f64 = 0.8;
-/// Least weight before they are divided by their sum.
+/// Least weight of a map before normalization: thin maps must get enough points to show.
 const LEAST: f64 = 0.02;
 
 /// The tree's branching maps after one that squashes the whole into the trunk. Systems that hold such a map stay as they
@@ -37,6 +37,7 @@ fn squash(stems: &TreeSystem) -> Affine {
     let ends = words.iter().map(|w| w.map.apply(tip) - foot);
     let wide = ends.fold(0.0_f64, |m, p| m.max(p.x.abs()).max(p.z.abs())).max(1e-9);
     let along = tip - foot;
+    // The squash map takes the crown's height to the trunk and its width to the trunk's diameter.
     let thin = DENSE * stems.radius / wide;
     let up = along.try_normalize().unwrap_or(DVec3::Y);
     let side = (DVec3::X - up * up.x).try_normalize().unwrap_or(DVec3::Z);
