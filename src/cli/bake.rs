@@ -7,12 +7,13 @@ use serde_json::json;
 use super::Context;
 use super::args::Bake;
 use super::progress::{Show, Timed};
-use super::{numbers, report, source, sweep};
+use super::{numbers, report, sweep};
 use crate::bake::cache::ifs_leaves;
 use crate::bake::output::single_file::refuse_invisible;
 use crate::bake::scene::{self, AnimatedScene};
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
+use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
 use osier_export::VERSION;
@@ -21,15 +22,12 @@ use osier_export::manifest::{self, Manifest};
 /// Hash of the sources that this program was built from: what another program of the same version wrote is made anew.
 const SOURCES: &str = env!("OSIER_SOURCES");
 
-/// Bakes that are predicted to be larger want to be asked for, bytes.
-pub(super) const LARGE: u64 = 2_000_000_000;
-
 /// Runs it.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);
     }
-    let mut request = source::request(context, args.scene.as_deref().unwrap_or("showcase"))?;
+    let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
     if let Some(formats) = &args.formats {
         let words: Vec<String> = formats.split(',').map(|f| format!("\"{}\"", f.trim())).collect();
         request.set.push(format!("output.formats=[{}]", words.join(",")));
@@ -82,14 +80,13 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     refuse_invisible(&built.animated.scene)?;
     let counts = built.counts(&recipe, &frames);
-    context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
-    context.limits.check("memory", counts.peak(), "the predicted peak of memory, in bytes,")?;
+    counts.check_limits(&context.limits)?;
     if context.common.dry_run {
         report::counts(context, &root.display().to_string(), &counts)?;
         return Ok(context.strict(warned));
     }
-    if counts.bytes > LARGE && !args.force {
-        let (size, most) = (report::size(counts.bytes), report::size(LARGE));
+    if counts.bytes > report::CONFIRM_BYTES && !args.force {
+        let (size, most) = (report::size(counts.bytes), report::size(report::CONFIRM_BYTES));
         context.console.complain(&format!(
             "this would write about {size}, more than {most}: --dry-run tells what for; fewer --formats, motion = \"skin\", a larger \
              output.pov.step or fewer frames make it smaller, --force writes it"

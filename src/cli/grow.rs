@@ -1,123 +1,203 @@
-//! `osier grow`.
+//! `osier grow`: one still plant or scene, picture or coefficient table as one file.
 
 use std::io::IsTerminal as _;
 use std::path::Path;
-use std::sync::Arc;
 
 use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
-use super::bake::LARGE;
-use super::list::endings;
 use super::progress::Show;
-use super::{Context, report, source};
-use crate::bake::output::{exporters, frame_loop, single_file};
-use crate::bake::{BakeContext, scene};
-use crate::recipe::resolve;
+use super::{Context, report};
+use crate::bake::BakeContext;
+use crate::recipe::{Growth, Recipe, resolve};
+use crate::single_file::{
+    CoefficientTables, PictureEncoding, SingleFileFormat, StillScene, TableFormat, endings, write_picture,
+};
+use crate::source::{find_picture, find_scene};
 use osier_base::Result;
-use osier_base::files::{Folder, WriteOptions};
-use osier_export::registry;
-use osier_export::textures::Textures;
+use osier_base::diagnostic::Report;
+use osier_base::files::{FileRecord, Folder, WriteOptions};
+use osier_export::format::FormatInfo;
+use osier_export::gltf::Profile;
 
-/// Runs it.
+/// Runs `osier grow`; the result is the exit code.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let to_pipe = args.output == Path::new("-");
     let name = if to_pipe { "stdout.glb".into() } else { file_name(&args.output) };
-    let ending = name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
-    if !endings().any(|(e, _)| e == ending) {
+    let Some(format) = SingleFileFormat::of_file(&name) else {
         let known: Vec<String> = endings().map(|(e, _)| format!(".{e}")).collect();
         let why = format!("\"{}\" has no known ending; one of {}", args.output.display(), known.join(" "));
         context.console.complain(&why);
         return Ok(2);
-    }
+    };
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("a binary file would fill the terminal; send it into a file or program: -o - > x.glb");
         return Ok(2);
     }
-    let picture = matches!(ending.as_str(), "png" | "exr");
-    let mut request =
-        if picture { source::picture(context, &args.source)? } else { source::request(context, &args.source)? };
+    let is_picture = matches!(format, SingleFileFormat::Picture(_));
+    let find = if is_picture { find_picture } else { find_scene };
+    let mut request = find(&args.source, &context.sources)?;
     request.steps = args.steps;
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
     recipe.clip.end = recipe.clip.start;
-    if matches!(ending.as_str(), "ifs" | "flame") {
-        return super::coefficients::run(context, args, &recipe, &warnings);
+    let output = OutputFile { args, name: &name, to_pipe };
+    match format {
+        SingleFileFormat::Scene(format) => write_scene(context, &output, &recipe, format, &warnings),
+        SingleFileFormat::Picture(encoding) => write_attractor(context, &output, &recipe, encoding, &warnings),
+        SingleFileFormat::Coefficients(format) => write_coefficients(context, &output, &recipe, format, &warnings),
     }
+}
+
+/// The file that was asked for.
+struct OutputFile<'a> {
+    args: &'a Grow,
+    name: &'a str,
+    /// Written to standard output.
+    to_pipe: bool,
+}
+
+impl<'a> OutputFile<'a> {
+    fn parent(&self) -> &'a Path {
+        self.args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+    }
+
+    /// The folder that the file is written into; memory for standard output.
+    fn folder(&self, context: &Context) -> Result<Folder> {
+        if self.to_pipe {
+            return Ok(Folder::memory());
+        }
+        let options =
+            WriteOptions { force: self.args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
+        Folder::plain(self.parent(), options)
+    }
+
+    /// Closes the folder, then sends the file to standard output or lists what was written.
+    fn finish(&self, context: &Context, folder: &Folder) -> Result<()> {
+        folder.finish()?;
+        if self.to_pipe {
+            return context.console.artefact(&folder.take(self.name).unwrap_or_default());
+        }
+        let parent = self.parent();
+        let is_here = parent == Path::new(".");
+        let path = |p: &str| if is_here { p.to_owned() } else { parent.join(p).display().to_string() };
+        let files = folder.files();
+        if context.console.json {
+            let row =
+                |f: &FileRecord| json!({ "path": path(&f.path), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+            let value: Vec<serde_json::Value> = files.iter().map(row).collect();
+            return context.console.result(&format!("{:#}\n", json!({ "files": value })));
+        }
+        if context.console.quiet {
+            return Ok(());
+        }
+        let lines: Vec<String> = files.iter().map(|f| path(&f.path)).collect();
+        context.console.result(&format!("{}\n", lines.join("\n")))
+    }
+}
+
+fn write_scene(
+    context: &Context,
+    output: &OutputFile<'_>,
+    recipe: &Recipe,
+    format: &'static FormatInfo,
+    warnings: &Report,
+) -> Result<u8> {
     let show = Show::new(&context.console);
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
-    let mut warned = !warnings.diagnostics.is_empty();
-    if picture {
-        return super::picture::run(context, args, &recipe, warned);
-    }
-    let parts = scene::SceneParts { ground: false };
-    let dry = context.common.dry_run;
-    let built = if dry {
-        scene::assemble_for_estimate(&recipe, parts, &work)
-    } else {
-        scene::assemble_scene(&recipe, parts, &work)
-    };
+    let is_dry_run = context.common.dry_run;
+    let scene =
+        if is_dry_run { StillScene::assemble_for_estimate(recipe, &work) } else { StillScene::assemble(recipe, &work) };
     show.done();
-    let built = built?;
-    context.console.report(&built.report);
-    warned |= !built.report.diagnostics.is_empty();
-    let web = args.profile == ProfileArg::Web;
-    let Some(format) = registry::by_ending(&ending) else { return Ok(2) };
-    single_file::refuse_empty(&built.animated, &ending)?;
-    let counts = single_file::estimate_file(&built, &recipe, format, web);
-    context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
-    context.limits.check("memory", counts.peak(), "the predicted peak of memory, in bytes,")?;
-    if context.common.dry_run {
-        report::counts(context, &args.output.display().to_string(), &counts)?;
+    let scene = scene?;
+    context.console.report(scene.report());
+    let warned = !warnings.diagnostics.is_empty() || !scene.report().diagnostics.is_empty();
+    // The estimate is refused, shown or confirmed before any file is opened.
+    let profile = if output.args.profile == ProfileArg::Web { Profile::Web } else { Profile::Blender };
+    let estimate = scene.estimate(format, profile)?;
+    estimate.check_limits(&context.limits)?;
+    if is_dry_run {
+        report::counts(context, &output.args.output.display().to_string(), &estimate)?;
         return Ok(context.strict(warned));
     }
-    if counts.bytes > LARGE && !args.force {
-        let (size, most) = (report::size(counts.bytes), report::size(LARGE));
+    if estimate.bytes > report::CONFIRM_BYTES && !output.args.force {
+        let (size, most) = (report::size(estimate.bytes), report::size(report::CONFIRM_BYTES));
         let why = format!("this would write about {size}, more than {most}; --force writes it");
         context.console.complain(&why);
         return Ok(2);
     }
-    let (folder, parent) = if to_pipe { (Folder::memory(), Path::new(".")) } else { beside(context, args)? };
-    let textures = Arc::new(Textures::encode(&built.animated.scene)?);
-    let Some(writer) = exporters::file_exporter(folder.clone(), &name, &textures, &recipe, web) else { return Ok(2) };
-    let told = frame_loop::write_frames(&built.animated, &mut [writer], &[], &work);
+    let folder = output.folder(context)?;
+    let written = scene.write(output.name, &folder, profile, &work);
     show.done();
-    let told = told?;
-    folder.finish()?;
-    for w in &told {
+    let export_warnings = written?;
+    for w in &export_warnings {
         context.console.note(&format!("warning[{}]: {}", w.code, w.message));
     }
-    if to_pipe {
-        context.console.artefact(&folder.take(&name).unwrap_or_default())?;
-    } else {
-        result(context, parent, &folder)?;
+    output.finish(context, &folder)?;
+    Ok(context.strict(warned || !export_warnings.is_empty()))
+}
+
+fn write_attractor(
+    context: &Context,
+    output: &OutputFile<'_>,
+    recipe: &Recipe,
+    encoding: PictureEncoding,
+    warnings: &Report,
+) -> Result<u8> {
+    let warned = !warnings.diagnostics.is_empty();
+    if !recipe.layers.is_empty() && encoding != PictureEncoding::Png {
+        context.console.complain("a picture of layers is written as .png");
+        return Ok(2);
     }
-    Ok(context.strict(warned || !told.is_empty()))
+    if recipe.layers.is_empty() && recipe.clouds.is_empty() {
+        let source = &output.args.source;
+        let why = format!("\"{source}\" holds no attractor; .png and .exr are for coefficient tables");
+        context.console.complain(&why);
+        return Ok(2);
+    }
+    if context.common.dry_run {
+        let keys = &recipe.picture;
+        let text = format!("{}\n  {} x {} pixels\n", output.args.output.display(), keys.width, keys.height);
+        context.console.result(&text)?;
+        return Ok(context.strict(warned));
+    }
+    let show = Show::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let folder = output.folder(context)?;
+    let written = write_picture(recipe, encoding, output.name, &folder, &work);
+    show.done();
+    written?;
+    output.finish(context, &folder)?;
+    Ok(context.strict(warned))
 }
 
-/// The folder that the file asked for goes to, and where it is.
-pub(super) fn beside<'a>(context: &Context, args: &'a Grow) -> Result<(Folder, &'a Path)> {
-    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-    Ok((Folder::plain(parent, options)?, parent))
+fn write_coefficients(
+    context: &Context,
+    output: &OutputFile<'_>,
+    recipe: &Recipe,
+    format: TableFormat,
+    warnings: &Report,
+) -> Result<u8> {
+    if recipe.clouds.is_empty() && !recipe.plants.iter().any(|p| matches!(p.growth, Growth::Ifs(..))) {
+        let source = &output.args.source;
+        let why = format!("\"{source}\" holds no coefficients; .ifs and .flame are for tables and their trees");
+        context.console.complain(&why);
+        return Ok(2);
+    }
+    let tables = CoefficientTables::encode(recipe, format)?;
+    let warned = !warnings.diagnostics.is_empty() || !tables.report.diagnostics.is_empty();
+    context.console.report(&tables.report);
+    if context.common.dry_run {
+        let text = format!("{}\n  {} systems\n", output.args.output.display(), tables.systems);
+        context.console.result(&text)?;
+        return Ok(context.strict(warned));
+    }
+    let folder = output.folder(context)?;
+    folder.write(output.name, "ifs", tables.text.as_bytes())?;
+    output.finish(context, &folder)?;
+    Ok(context.strict(warned))
 }
 
-pub(super) fn file_name(path: &Path) -> String {
+fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-pub(super) fn result(context: &Context, parent: &Path, folder: &Folder) -> Result<()> {
-    let here = parent == Path::new(".");
-    let path = |p: &str| if here { p.to_owned() } else { parent.join(p).display().to_string() };
-    let files = folder.files();
-    if context.console.json {
-        let row = |f: &osier_base::files::FileRecord| json!({ "path": path(&f.path), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
-        let value: Vec<serde_json::Value> = files.iter().map(row).collect();
-        return context.console.result(&format!("{:#}\n", json!({ "files": value })));
-    }
-    if context.console.quiet {
-        return Ok(());
-    }
-    let lines: Vec<String> = files.iter().map(|f| path(&f.path)).collect();
-    context.console.result(&format!("{}\n", lines.join("\n")))
 }

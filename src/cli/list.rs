@@ -6,24 +6,12 @@ use super::args::{List, What};
 use super::{Context, knobs};
 use crate::presets;
 use crate::recipe::{KeyInfo, TableInfo, options};
+use crate::single_file::endings;
 use osier_base::Result;
 use osier_base::diagnostic::Severity;
 use osier_base::diagnostic::codes::CODES;
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
-
-/// Endings of attractors and coefficient tables, which no format of a bake writes, with what they are.
-const COEFFICIENT_ENDINGS: [(&str, &str); 4] = [
-    ("png", "picture of an attractor (a coefficient table)"),
-    ("ifs", "coefficients of tables and trees, Fractint's columns"),
-    ("flame", "coefficients of tables of the plane, for flam3 and Apophysis"),
-    ("exr", "density of an attractor, 32-bit floats, linear"),
-];
-
-/// Endings that `osier grow -o` writes, without the dot, with what they are.
-pub fn endings() -> impl Iterator<Item = (&'static str, &'static str)> {
-    registry::endings().chain(COEFFICIENT_ENDINGS)
-}
 
 /// Runs it.
 pub fn run(context: &Context, args: &List) -> Result<u8> {

@@ -3,7 +3,6 @@
 mod args;
 mod bake;
 mod check;
-mod coefficients;
 mod console;
 mod grow;
 mod info;
@@ -11,12 +10,10 @@ mod knobs;
 mod list;
 mod new;
 mod numbers;
-mod picture;
 mod preview;
 mod progress;
 mod report;
 mod shell;
-mod source;
 mod sweep;
 mod watch;
 
@@ -24,6 +21,7 @@ use std::process::ExitCode;
 
 use clap::Parser as _;
 
+use crate::source::SourceOptions;
 use args::{Cli, Command, Common};
 use console::Console;
 use osier_base::limits::Limits;
@@ -33,12 +31,14 @@ use osier_base::progress::Cancel;
 #[cfg(feature = "parallel")]
 const THREADS: usize = 256;
 
-/// What every command gets.
+/// What every command receives: common flags, console, limits and cancellation.
 pub(crate) struct Context {
     pub common: Common,
     pub console: Console,
     pub limits: Limits,
     pub cancel: Cancel,
+    /// Search folders, overrides and seed of the common flags, for the sources that a command names.
+    pub sources: SourceOptions,
 }
 
 impl Context {
@@ -106,7 +106,13 @@ fn start(cli: Cli) -> u8 {
         console.error(&e);
         return e.exit_code();
     }
-    let context = Context { common: cli.common, console, limits, cancel };
+    let sources = SourceOptions {
+        search: cli.common.search.clone(),
+        set: cli.common.set.clone(),
+        seed: cli.common.seed,
+        limits: limits.clone(),
+    };
+    let context = Context { common: cli.common, console, limits, cancel, sources };
     let done = match &cli.command {
         Command::List(a) => list::run(&context, a),
         Command::New(a) => new::run(&context, a),

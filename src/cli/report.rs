@@ -7,7 +7,10 @@ use crate::bake::BakeEstimate;
 use osier_base::Result;
 use osier_base::limits::grouped;
 
-/// Prints what a run would make.
+/// Predicted bytes of output beyond which `--force` is needed: a directory of 2 GB is seldom meant, and takes minutes to write.
+pub const CONFIRM_BYTES: u64 = 2_000_000_000;
+
+/// Prints the estimate of a run under the name of its target, as text or JSON.
 /// # Errors
 /// As standard output.
 pub fn counts(context: &Context, what: &str, counts: &BakeEstimate) -> Result<()> {

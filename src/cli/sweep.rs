@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use super::Context;
 use super::args::Bake;
 use super::numbers::{self, Sweep as Choice, sweep};
 use super::progress::Show;
-use super::{Context, source};
 use crate::bake::motion::table_rows;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
+use crate::source::find_scene;
 use osier_base::Result;
 use osier_base::files::{Folder, WriteOptions};
 use osier_base::progress::{Progress as _, Silent};
@@ -37,7 +38,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let mut recipes = Vec::new();
     let mut warned = false;
     for (values, seed) in &wanted {
-        let mut request = source::request(context, args.scene.as_deref().unwrap_or("showcase"))?;
+        let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
         request.set.extend(keys.iter().zip(values).map(|(k, v)| format!("{k}={v}")));
         request.seed = seed.or(request.seed);
         let (recipe, report) = resolve(&request)?;

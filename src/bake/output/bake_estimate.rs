@@ -1,5 +1,8 @@
 //! The counts and bytes that an estimate holds.
 
+use osier_base::Result;
+use osier_base::limits::Limits;
+
 /// Numbers of things, over all assets.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct BakeEstimate {
@@ -33,5 +36,13 @@ impl BakeEstimate {
     /// Bytes of memory at the peak of the run.
     pub fn peak(&self) -> u64 {
         self.memory.iter().map(|p| p.1).sum()
+    }
+
+    /// Compares the bytes written and the peak of memory with the limits `output-bytes` and `memory`.
+    /// # Errors
+    /// `Limit` for the first that is exceeded.
+    pub fn check_limits(&self, limits: &Limits) -> Result<()> {
+        limits.check("output-bytes", self.bytes, "the predicted size of the output, in bytes,")?;
+        limits.check("memory", self.peak(), "the predicted peak of memory, in bytes,")
     }
 }

@@ -1,10 +1,9 @@
-//! `osier preview`: pictures with no other program.
+//! `osier preview`: pictures, contact sheets, turntables and clips.
 
 mod clips;
-mod layered;
-mod load;
+mod flags;
 mod sheets;
-mod shots;
+mod source;
 
 use std::path::{Path, PathBuf};
 
@@ -14,61 +13,86 @@ use super::Context;
 use super::args::Preview;
 use super::progress::Show;
 use crate::bake::BakeContext;
+use crate::bake::assets::layered_picture;
+use crate::recipe::Recipe;
+use crate::single_file::canvas_image;
+use flags::PreviewFlags;
 use osier_base::Result;
-use osier_base::files::{Folder, WriteOptions};
-use osier_export::GENERATOR;
+use osier_base::files::{FileRecord, Folder, WriteOptions};
+use osier_export::{GENERATOR, textures};
 use osier_preview::{Picture, Quality};
 use osier_scene::Scene;
 
-/// Runs it.
+/// Runs `osier preview`; the result is the exit code.
 pub fn run(context: &Context, args: &Preview) -> Result<u8> {
-    let wish = match shots::Wish::new(context, args) {
-        Ok(wish) => wish,
+    let flags = match PreviewFlags::new(context, args) {
+        Ok(flags) => flags,
         Err(why) => {
             context.console.complain(&why);
             return Ok(2);
         }
     };
-    if let Some((recipe, report)) = layered::of(context, args)? {
+    if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
-        return layered::run(context, args, recipe, &wish, !report.diagnostics.is_empty());
+        return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
     }
     let show = Show::new(&context.console);
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
-    let done = if wish.is_sheet() {
-        sheets::run(context, args, &wish, &work)
-    } else if !wish.frames.is_empty() || args.turntable.is_some() {
-        clips::run(context, args, &wish, &work)
+    let outcome = if flags.is_sheet() {
+        sheets::run(context, args, &flags, &work)
+    } else if !flags.frames.is_empty() || args.turntable.is_some() {
+        clips::run(context, args, &flags, &work)
     } else {
-        sheets::single(context, args, &wish, &work)
+        sheets::single(context, args, &flags, &work)
     };
     show.done();
-    match done? {
-        Done::Kept { warned } => Ok(context.strict(warned)),
-        Done::Refused(why) => {
+    match outcome? {
+        Outcome::Written { warned } => Ok(context.strict(warned)),
+        Outcome::Refused(why) => {
             context.console.complain(&why);
             Ok(2)
         }
     }
 }
 
-/// How a run ends.
-enum Done {
-    /// The file is there.
-    Kept { warned: bool },
-    /// A flag does not fit the source.
+/// Composes a picture of layers in its own size, or in that of `--size`.
+fn write_layers(
+    context: &Context,
+    args: &Preview,
+    mut recipe: Recipe,
+    flags: &PreviewFlags,
+    warned: bool,
+) -> Result<u8> {
+    if args.size.is_some() {
+        [recipe.picture.width, recipe.picture.height] = flags.options.size;
+    }
+    let show = Show::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let canvas = layered_picture::compose(&recipe, &work)?;
+    show.done();
+    let target = OutputPicture::new(context, args, &recipe.name, "png")?;
+    target.folder.write(&target.name, "preview", &textures::png(&canvas_image(&canvas, &recipe)?)?)?;
+    target.finish(context, [recipe.picture.width, recipe.picture.height], 1)?;
+    Ok(context.strict(warned))
+}
+
+/// How a run ends that no error ended.
+enum Outcome {
+    /// The file is complete.
+    Written { warned: bool },
+    /// A flag does not fit the source: usage error with this message.
     Refused(String),
 }
 
-/// Where a result goes and what is said about it.
-struct Target {
+/// The file that a preview is written into.
+struct OutputPicture {
     folder: Folder,
     name: String,
     path: PathBuf,
 }
 
-impl Target {
-    /// `out/NAME.ENDING` unless `-o` says otherwise.
+impl OutputPicture {
+    /// `out/NAME.ENDING` unless `-o` names another file.
     fn new(context: &Context, args: &Preview, name: &str, ending: &str) -> Result<Self> {
         let path = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}.{ending}")));
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -77,26 +101,19 @@ impl Target {
         Ok(Self { folder: Folder::plain(parent, options)?, name, path })
     }
 
-    /// Writes a picture and prints its path.
-    fn write_picture(
-        &self,
-        context: &Context,
-        picture: &Picture,
-        quality: Quality,
-        scene: &Scene,
-        about: &str,
-    ) -> Result<()> {
-        let made = format!("scene {}, seed {}", scene.hash, scene.seed);
-        let notes = [("Software", GENERATOR.to_owned()), ("Title", about.to_owned()), ("Source", made)];
+    /// Writes a picture with hash and seed of its scene as PNG text chunks, and prints its path.
+    fn write(&self, context: &Context, picture: &Picture, quality: Quality, scene: &Scene, title: &str) -> Result<()> {
+        let origin = format!("scene {}, seed {}", scene.hash, scene.seed);
+        let notes = [("Software", GENERATOR.to_owned()), ("Title", title.to_owned()), ("Source", origin)];
         self.folder.write(&self.name, "preview", &picture.png(&notes, quality.hurries())?)?;
-        self.tell(context, [picture.width, picture.height], 1)
+        self.finish(context, [picture.width, picture.height], 1)
     }
 
-    /// Names the finished file.
-    fn tell(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
+    /// Closes the folder and prints the path, size and number of frames of the file.
+    fn finish(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
         self.folder.finish()?;
         if context.console.json {
-            let row = |f: &osier_base::files::FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+            let row = |f: &FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
             let files: Vec<_> = self.folder.files().iter().map(row).collect();
             let value = json!({ "files": files, "width": width, "height": height, "frames": frames });
             return context.console.result(&format!("{value:#}\n"));

@@ -1,162 +1,150 @@
-//! One picture, two side by side, or a sheet of many.
+//! One picture, two for comparison, or a contact sheet of many.
 
 use super::super::Context;
 use super::super::args::Preview;
-use super::load::{Change, Loaded, load};
-use super::shots::{self, Wish};
-use super::{Done, Target};
+use super::flags::{MAX_CELLS, PreviewFlags, check_picture_limits};
+use super::source::{Variation, load};
+use super::{Outcome, OutputPicture};
 use crate::bake::BakeContext;
+use crate::scene_preview::{PreviewScene, preview_together};
+use osier_base::Result;
 use osier_base::par::par_map;
-use osier_base::{Error, Result};
-use osier_preview::{
-    ContactSheetCell, Looks, Picture, Quality, RenderRequest, Subject, World, columns, render, sheet, sheet_size, tiles,
-};
-use osier_scene::Frame;
+use osier_base::progress::Silent;
+use osier_preview::{ContactSheetCell, columns, sheet, sheet_size};
 
-/// Renders a loaded source at a frame.
-pub fn render_source(
-    loaded: &Loaded,
-    frame: Option<&Frame>,
-    quality: Quality,
-    shot: &RenderRequest,
-    work: &BakeContext<'_>,
-) -> Result<Picture> {
-    let looks = Looks::new(loaded.scene(), quality);
-    let world = World::seen_by(loaded.scene(), frame, &looks, &[*shot]);
-    render(&world, shot, work.cancel, work.progress)
-}
-
-/// What stands in the picture.
-/// # Errors
-/// P001 if there is nothing.
-pub fn subject(loaded: &Loaded, frame: Option<&Frame>) -> Result<Subject> {
-    let subject = Subject::of(loaded.scene(), frame);
-    if subject.is_empty() {
-        let why = format!("\"{}\" draws nothing: no line, leaf, polygon or ground; see `osier check`", loaded.name);
-        return Err(Error::export("P001", why));
-    }
-    Ok(subject)
-}
-
-/// One picture, or two with `--compare`.
-pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_>) -> Result<Done> {
-    let sources: Vec<&str> =
-        [Some(&args.source), args.compare.as_ref()].into_iter().flatten().map(String::as_str).collect();
-    let moving = args.frame.is_some();
-    let mut all = Vec::new();
-    for source in &sources {
-        let loaded = load(context, args, source, wish.quality, moving, &Change::default(), work)?;
-        context.console.report(&loaded.report);
-        let frame = match shots::frame_of(&loaded, args.frame) {
-            Ok(frame) => frame,
-            Err(why) => return Ok(Done::Refused(why)),
-        };
-        let subject = subject(&loaded, frame.as_ref())?;
-        all.push((loaded, frame, subject));
-    }
-    let warned = all.iter().any(|a| !a.0.report.diagnostics.is_empty());
-    let count = all.len() as u64;
-    work.progress.stage("drawing", tiles(wish.size) * count);
-    let both = all.iter().skip(1).fold(all.first().map(|a| a.2.clone()).unwrap_or_default(), |s, a| s.with(&a.2));
-    let mut cells = Vec::new();
-    for (loaded, frame, own) in &all {
-        let shot = wish.shot(loaded, own, wish.camera(loaded, &both));
-        cells.push(ContactSheetCell {
-            picture: render_source(loaded, frame.as_ref(), wish.quality, &shot, work)?,
-            caption: loaded.name.clone(),
-        });
-    }
-    let Some((first, _, _)) = all.first() else { return Ok(Done::Kept { warned }) };
-    let (name, picture) = match &cells[..] {
-        [one] => (first.name.clone(), one.picture.clone()),
-        _ => (format!("{}-compared", first.name), sheet("", "", &cells, cells.len())),
-    };
-    Target::new(context, args, &name, "png")?.write_picture(context, &picture, wish.quality, first.scene(), &name)?;
-    Ok(Done::Kept { warned })
-}
-
-/// Pictures of several seeds, or of several values of one or two keys.
-pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_>) -> Result<Done> {
-    let (changes, across) = plan(wish);
-    let across = args.columns.map_or(across, |c| c.max(1) as usize);
-    if changes.len() as u64 > shots::CELLS {
-        return Ok(Done::Refused(format!("a sheet of {} pictures; at most {}", changes.len(), shots::CELLS)));
-    }
-    if let Err(why) = shots::within(sheet_size(changes.len(), across, wish.size), context) {
-        return Ok(Done::Refused(why));
-    }
-    let grow = |change: &(Change, String)| {
-        work.cancel.check()?;
-        let quiet = BakeContext { progress: &osier_base::progress::Silent, ..*work };
-        let loaded = load(context, args, &args.source, wish.quality, args.frame.is_some(), &change.0, &quiet)?;
-        work.progress.advance(1);
-        Ok(loaded)
-    };
-    work.progress.stage("growing", changes.len() as u64);
-    // The first alone: a fault in the file is then told once.
-    let mut list = vec![grow(&changes[0])?];
-    context.console.report(&list[0].report);
-    let warned = !list[0].report.diagnostics.is_empty();
-    list.extend(par_map(changes.get(1..).unwrap_or_default(), grow).into_iter().collect::<Result<Vec<_>>>()?);
-    let mut frames = Vec::new();
-    for loaded in &list {
-        match shots::frame_of(loaded, args.frame) {
-            Ok(frame) => frames.push(frame),
-            Err(why) => return Ok(Done::Refused(why)),
+/// Renders and writes one picture, or two side by side for `--compare`.
+pub fn single(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
+    let mut scenes = Vec::new();
+    for source in std::iter::once(&args.source).chain(&args.compare) {
+        let scene =
+            load(context, args, source, flags.options.quality, args.frame.is_some(), &Variation::default(), work)?;
+        context.console.report(scene.report());
+        if let Some(why) = outside_clip(&scene, args.frame) {
+            return Ok(Outcome::Refused(why));
         }
+        scenes.push(scene);
     }
-    let subjects = list.iter().zip(&frames).map(|(l, f)| subject(l, f.as_ref())).collect::<Result<Vec<_>>>()?;
-    let union = subjects.iter().skip(1).fold(subjects[0].clone(), |s, o| s.with(o));
-    work.progress.stage("drawing", tiles(wish.size) * list.len() as u64);
-    let mut cells = Vec::new();
-    for (((loaded, frame), own), (_, caption)) in list.iter().zip(&frames).zip(&subjects).zip(&changes) {
-        let shot = wish.shot(loaded, own, wish.camera(loaded, &union));
-        cells.push(ContactSheetCell {
-            picture: render_source(loaded, frame.as_ref(), wish.quality, &shot, work)?,
-            caption: caption.clone(),
-        });
-    }
-    let first = &list[0];
-    let name = format!("{}-sheet", first.name);
-    let picture = sheet(&first.name, &about(wish), &cells, across);
-    Target::new(context, args, &name, "png")?.write_picture(context, &picture, wish.quality, first.scene(), &name)?;
-    Ok(Done::Kept { warned })
+    let warned = scenes.iter().any(|scene| !scene.report().diagnostics.is_empty());
+    let mut cells = render_cells(&scenes, args, flags, work)?;
+    let first = &scenes[0];
+    let (name, picture) = if cells.len() == 1 {
+        (first.name().to_owned(), cells.swap_remove(0).picture)
+    } else {
+        (format!("{}-compared", first.name()), sheet("", "", &cells, cells.len()))
+    };
+    let target = OutputPicture::new(context, args, &name, "png")?;
+    target.write(context, &picture, flags.options.quality, first.scene(), &name)?;
+    Ok(Outcome::Written { warned })
 }
 
-/// What is varied, for the title line.
-fn about(wish: &Wish) -> String {
-    let keys: Vec<&str> = wish.sweeps.iter().map(|s| s.key.as_str()).collect();
-    match (wish.seeds.is_empty(), keys.is_empty()) {
-        (false, true) => format!("{} seeds", wish.seeds.len()),
-        (false, false) => format!("{} seeds, {}", wish.seeds.len(), keys.join(" and ")),
+/// Renders and writes a contact sheet of several seeds, or of several values of one or two keys.
+pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
+    let (cells, columns) = plan(flags);
+    let columns = args.columns.map_or(columns, |c| c.max(1) as usize);
+    if cells.len() as u64 > MAX_CELLS {
+        return Ok(Outcome::Refused(format!("a sheet of {} pictures; at most {MAX_CELLS}", cells.len())));
+    }
+    if let Err(why) = check_picture_limits(sheet_size(cells.len(), columns, flags.options.size), context) {
+        return Ok(Outcome::Refused(why));
+    }
+    let quiet = BakeContext { progress: &Silent, ..*work };
+    let load_cell = |cell: &PlannedCell| {
+        work.cancel.check()?;
+        let with_motion = args.frame.is_some();
+        let quality = flags.options.quality;
+        let scene = load(context, args, &args.source, quality, with_motion, &cell.variation, &quiet)?;
+        work.progress.advance(1);
+        Ok(scene)
+    };
+    work.progress.stage("growing", cells.len() as u64);
+    // The first cell is loaded alone, so that a fault of the file is reported once and not by every cell.
+    let mut scenes = vec![load_cell(&cells[0])?];
+    context.console.report(scenes[0].report());
+    let warned = !scenes[0].report().diagnostics.is_empty();
+    scenes.extend(par_map(cells.get(1..).unwrap_or_default(), load_cell).into_iter().collect::<Result<Vec<_>>>()?);
+    if let Some(why) = scenes.iter().find_map(|scene| outside_clip(scene, args.frame)) {
+        return Ok(Outcome::Refused(why));
+    }
+    let mut pictures = render_cells(&scenes, args, flags, work)?;
+    for (picture, cell) in pictures.iter_mut().zip(cells) {
+        picture.caption = cell.caption;
+    }
+    let first = &scenes[0];
+    let name = format!("{}-sheet", first.name());
+    let picture = sheet(first.name(), &about(flags), &pictures, columns);
+    let target = OutputPicture::new(context, args, &name, "png")?;
+    target.write(context, &picture, flags.options.quality, first.scene(), &name)?;
+    Ok(Outcome::Written { warned })
+}
+
+/// Why `--frame` does not fit a scene.
+fn outside_clip(scene: &PreviewScene, frame: Option<u32>) -> Option<String> {
+    let range = scene.frame_range();
+    let outside = frame.filter(|n| !range.contains(n))?;
+    Some(format!("--frame: frame {outside} is outside the scene's {} to {}", range.start(), range.end()))
+}
+
+/// Renders scenes with cameras fitted to all of them, captioned by their names.
+fn render_cells(
+    scenes: &[PreviewScene],
+    args: &Preview,
+    flags: &PreviewFlags,
+    work: &BakeContext<'_>,
+) -> Result<Vec<ContactSheetCell>> {
+    let states =
+        scenes.iter().map(|scene| Ok((scene, scene.frame_or_rest(args.frame)?))).collect::<Result<Vec<_>>>()?;
+    let pictures = preview_together(&states, &flags.options, work)?;
+    let cells = pictures.into_iter().zip(scenes);
+    Ok(cells.map(|(picture, scene)| ContactSheetCell { picture, caption: scene.name().to_owned() }).collect())
+}
+
+/// Second line of the sheet's title: what differs between its cells.
+fn about(flags: &PreviewFlags) -> String {
+    let keys: Vec<&str> = flags.sweeps.iter().map(|s| s.key.as_str()).collect();
+    match (flags.seeds.is_empty(), keys.is_empty()) {
+        (false, true) => format!("{} seeds", flags.seeds.len()),
+        (false, false) => format!("{} seeds, {}", flags.seeds.len(), keys.join(" and ")),
         _ => keys.join(" across, ") + if keys.len() == 2 { " down" } else { "" },
     }
 }
 
-/// All cells in order with their captions, and how many stand in a row.
-fn plan(wish: &Wish) -> (Vec<(Change, String)>, usize) {
-    let seeds: Vec<(Option<u64>, Vec<String>)> = wish.seeds.iter().map(|s| (Some(u64::from(*s)), Vec::new())).collect();
-    let lines: Vec<Vec<(Option<u64>, Vec<String>)>> = wish
+/// A cell before its scene is loaded.
+struct PlannedCell {
+    variation: Variation,
+    caption: String,
+}
+
+impl PlannedCell {
+    fn new(variation: Variation) -> Self {
+        let seed = variation.seed.map(|s| format!("seed {s}"));
+        let values = variation.set.iter().map(|s| s.replace('=', " = "));
+        let caption = seed.into_iter().chain(values).collect::<Vec<_>>().join(", ");
+        Self { variation, caption }
+    }
+}
+
+/// All cells row by row, and the number of columns. Of two axes the first runs across and the second down; seeds are the last.
+fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
+    let seeds: Vec<Variation> =
+        flags.seeds.iter().map(|s| Variation { seed: Some(u64::from(*s)), set: Vec::new() }).collect();
+    let axes: Vec<Vec<Variation>> = flags
         .sweeps
         .iter()
-        .map(|sweep| sweep.values.iter().map(|v| (None, vec![format!("{}={v}", sweep.key)])).collect())
+        .map(|sweep| {
+            let value = |v: &String| Variation { seed: None, set: vec![format!("{}={v}", sweep.key)] };
+            sweep.values.iter().map(value).collect()
+        })
         .chain((!seeds.is_empty()).then_some(seeds))
         .collect();
-    let caption = |seed: Option<u64>, set: &[String]| {
-        let parts = seed.map(|s| format!("seed {s}")).into_iter().chain(set.iter().map(|s| s.replace('=', " = ")));
-        parts.collect::<Vec<_>>().join(", ")
-    };
-    let cell = |seed: Option<u64>, set: Vec<String>| {
-        let text = caption(seed, &set);
-        (Change { seed, set }, text)
-    };
-    match &lines[..] {
+    match &axes[..] {
         [across, down] => {
-            let cells = down.iter().flat_map(|d| across.iter().map(move |a| (a, d)));
-            let all = cells.map(|(a, d)| cell(a.0.or(d.0), [a.1.clone(), d.1.clone()].concat()));
-            (all.collect(), across.len())
+            let pairs = down.iter().flat_map(|d| across.iter().map(move |a| (a, d)));
+            let both = |(a, d): (&Variation, &Variation)| {
+                PlannedCell::new(Variation { seed: a.seed.or(d.seed), set: [&a.set[..], &d.set].concat() })
+            };
+            (pairs.map(both).collect(), across.len())
         }
-        [line, ..] => (line.iter().map(|(s, set)| cell(*s, set.clone())).collect(), columns(line.len())),
+        [one, ..] => (one.iter().cloned().map(PlannedCell::new).collect(), columns(one.len())),
         [] => (Vec::new(), 1),
     }
 }

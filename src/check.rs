@@ -1,0 +1,96 @@
+//! Validation of a scene without drawing or simulating it: every fault, and an estimate of what a bake would write.
+
+use crate::bake::output::single_file::refuse_invisible;
+use crate::bake::scene::{SceneParts, assemble_for_estimate};
+use crate::bake::{BakeContext, BakeEstimate};
+use crate::recipe::{Growth, Recipe, Request, resolve};
+use osier_base::diagnostic::Report;
+use osier_base::{Error, Result};
+
+/// A `#define` of a plant's grammar, which a scene may override.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GrammarParameter {
+    /// Scene key that overrides it: `plants.oak.set.CROOK`.
+    pub key: String,
+    /// Value as the grammar or the scene writes it.
+    pub value: String,
+    /// Comment beside the `#define`.
+    pub about: String,
+}
+
+/// The `#define`s of all grammars of a recipe, plant by plant in the order of their grammars.
+pub fn grammar_parameters(recipe: &Recipe) -> Vec<GrammarParameter> {
+    let mut parameters = Vec::new();
+    for plant in &recipe.plants {
+        let Growth::Grammar(grammar) = &plant.growth else { continue };
+        parameters.extend(grammar.defines().iter().map(|d| GrammarParameter {
+            key: format!("plants.{}.set.{}", plant.name, d.name),
+            value: d.value.clone(),
+            about: d.comment.clone(),
+        }));
+    }
+    parameters
+}
+
+/// What [`check`] found in one scene.
+#[derive(Debug, Default)]
+pub struct CheckResult {
+    /// All faults and warnings of the scene and of the files that it names.
+    pub report: Report,
+    /// What a bake of the whole clip would write; `None` if the scene has errors or is a picture of layers.
+    pub estimate: Option<BakeEstimate>,
+    /// Parameters of its grammars.
+    pub parameters: Vec<GrammarParameter>,
+    /// Why the check ended early, if not by a fault of the scene: `Limit`, `Cancelled`, or X030 for a scene in which nothing is
+    /// visible.
+    pub failure: Option<Error>,
+}
+
+/// Resolves a scene, grows its plants and estimates its bake. Maps are not drawn and no wind, rain or motion is simulated.
+/// `with_notes`: the report also holds the notes of the grammars.
+/// # Examples
+/// ```
+/// use osier::bake::BakeContext;
+/// use osier::limits::Limits;
+/// use osier::progress::Cancel;
+/// use osier::recipe::Request;
+///
+/// let (limits, cancel) = (Limits::default(), Cancel::default());
+/// let context = BakeContext::quiet(&limits, &cancel);
+/// let request = |text: &str| Request { name: "tuft".into(), text: text.into(), ..Request::default() };
+/// let good = osier::check(&request("[plants.tuft]\ngrammar = \"grass.l\"\n"), false, &context);
+/// assert!(!good.report.has_errors() && good.estimate.is_some_and(|e| e.triangles > 0));
+/// let misspelt = osier::check(&request("[plants.tuft]\ngramar = \"grass.l\"\n"), false, &context);
+/// assert!(misspelt.report.diagnostics.iter().any(|d| d.code == "S002"));
+/// ```
+pub fn check(request: &Request, with_notes: bool, context: &BakeContext<'_>) -> CheckResult {
+    let mut result = CheckResult::default();
+    match check_into(request, with_notes, context, &mut result) {
+        Ok(()) => {}
+        Err(Error::Input(report)) => result.report.extend(*report),
+        Err(other) => result.failure = Some(other),
+    }
+    result
+}
+
+fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, result: &mut CheckResult) -> Result<()> {
+    let (recipe, warnings) = resolve(&Request { thorough: true, ..request.clone() })?;
+    result.report.extend(warnings);
+    result.parameters = grammar_parameters(&recipe);
+    if with_notes {
+        for plant in &recipe.plants {
+            let Growth::Grammar(grammar) = &plant.growth else { continue };
+            result.report.extend(Report { sources: grammar.sources().clone(), diagnostics: grammar.notes().to_vec() });
+        }
+    }
+    // A picture of layers has no geometry to estimate.
+    if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
+        return Ok(());
+    }
+    let assembled = assemble_for_estimate(&recipe, SceneParts::default(), context)?;
+    result.report.extend(assembled.report.clone());
+    let frames: Vec<u32> =
+        if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
+    result.estimate = Some(assembled.counts(&recipe, &frames));
+    refuse_invisible(&assembled.animated.scene)
+}

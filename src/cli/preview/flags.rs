@@ -1,0 +1,131 @@
+//! Parsing of the flags of `osier preview`.
+
+use super::super::Context;
+use super::super::args::{Preview, QualityArg};
+use super::super::numbers::{self, Sweep, sweep};
+use crate::scene_preview::{PreviewBackground, PreviewOptions, PreviewView};
+use osier_preview::{CameraView, Quality};
+
+/// The flags of `osier preview`, parsed and checked against each other.
+#[derive(Debug, Clone)]
+pub struct PreviewFlags {
+    pub options: PreviewOptions,
+    /// Seeds of a contact sheet.
+    pub seeds: Vec<u32>,
+    /// Axes of a contact sheet, at most two together with the seeds.
+    pub sweeps: Vec<Sweep>,
+    /// Frames of a clip, in rising order.
+    pub frames: Vec<u32>,
+}
+
+impl PreviewFlags {
+    /// Parses the flags.
+    /// # Errors
+    /// A message for the first flag that cannot be read or that excludes another.
+    pub fn new(context: &Context, args: &Preview) -> Result<Self, String> {
+        let seeds = match &args.seeds {
+            Some(list) => numbers::parse(list, MAX_CELLS).map_err(|e| format!("--seeds: {e}"))?,
+            None => Vec::new(),
+        };
+        let frames = match &args.frames {
+            Some(list) => numbers::parse(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?,
+            None => Vec::new(),
+        };
+        let sweeps = args.sweep.iter().map(|s| sweep(s)).collect::<Result<Vec<_>, _>>()?;
+        if sweeps.len() > 2 || (sweeps.len() == 2 && !seeds.is_empty()) {
+            return Err("a sheet has two directions: give two --sweep, or --seeds and one --sweep".into());
+        }
+        let sheet = !seeds.is_empty() || !sweeps.is_empty();
+        let modes = [sheet, !frames.is_empty(), args.turntable.is_some(), args.compare.is_some()];
+        if modes.iter().filter(|m| **m).count() > 1 {
+            return Err("choose one of --seeds/--sweep, --frames, --turntable and --compare".into());
+        }
+        let moving = !frames.is_empty() || args.turntable.is_some();
+        let size = match &args.size {
+            Some(text) => size(text, context)?,
+            None if sheet => [320, 320],
+            None if moving => [480, 480],
+            None => [800, 800],
+        };
+        let quality = match args.quality {
+            QualityArg::Draft => Quality::Draft,
+            QualityArg::Normal => Quality::Normal,
+            QualityArg::Fine => Quality::Fine,
+        };
+        let view = args.view.as_deref().map(view).transpose()?;
+        let sun = args.sun.as_deref().map(|t| pair(t, "--sun", "ELEVATION,AZIMUTH in degrees")).transpose()?;
+        let background = background(args.background.as_deref())?;
+        Ok(Self { options: PreviewOptions { size, quality, view, sun, background }, seeds, sweeps, frames })
+    }
+
+    /// True if a contact sheet is asked for.
+    pub fn is_sheet(&self) -> bool {
+        !self.seeds.is_empty() || !self.sweeps.is_empty()
+    }
+}
+
+/// Cells of a contact sheet at most: 32 by 32, beyond which captions and pictures are too small to compare.
+pub const MAX_CELLS: u64 = 1024;
+
+/// `WIDTHxHEIGHT`, or one side of a square.
+fn size(text: &str, context: &Context) -> Result<[u32; 2], String> {
+    let bad = || format!("--size: \"{text}\" is not WIDTHxHEIGHT, such as 800x600");
+    let (w, h) = text.split_once(['x', 'X']).unwrap_or((text, text));
+    let side = |t: &str| t.trim().parse::<u32>().ok().filter(|n| *n > 0).ok_or_else(bad);
+    let size = [side(w)?, side(h)?];
+    check_picture_limits(size.map(u64::from), context).map(|()| size)
+}
+
+/// Compares the size of a picture with the limits `image-side` and `image-bytes`, before memory is allocated.
+pub fn check_picture_limits([width, height]: [u64; 2], context: &Context) -> Result<(), String> {
+    let limits = &context.limits;
+    limits.check("image-side", width.max(height), "a side of the picture, in pixels,").map_err(|e| e.to_string())?;
+    let bytes = width.saturating_mul(height).saturating_mul(4);
+    limits.check("image-bytes", bytes, "the picture, in bytes,").map_err(|e| e.to_string())
+}
+
+/// Two finite numbers of at most 3600 with a comma between. `shape`: what the message says that they are.
+fn pair(text: &str, flag: &str, shape: &str) -> Result<[f32; 2], String> {
+    let bad = || format!("{flag}: \"{text}\" is not {shape}, such as 40,120");
+    let (a, b) = text.split_once(',').ok_or_else(bad)?;
+    let number = |t: &str| t.trim().parse::<f32>().ok().filter(|v| v.is_finite() && v.abs() <= 3600.0).ok_or_else(bad);
+    Ok([number(a)?, number(b)?])
+}
+
+/// A named view, or azimuth and elevation in degrees.
+fn view(text: &str) -> Result<PreviewView, String> {
+    let angles = |azimuth, elevation| PreviewView::Fitted(CameraView::Angles { azimuth, elevation });
+    match text {
+        "scene" => Ok(PreviewView::Scene),
+        "portrait" => Ok(PreviewView::Fitted(CameraView::Portrait)),
+        "front" => Ok(angles(0.0, 0.0)),
+        "right" => Ok(angles(90.0, 0.0)),
+        "back" => Ok(angles(180.0, 0.0)),
+        "left" => Ok(angles(270.0, 0.0)),
+        "top" => Ok(angles(0.0, 90.0)),
+        _ => {
+            let shape = "one of portrait, front, back, left, right, top, scene, nor AZIMUTH,ELEVATION in degrees";
+            pair(text, "--view", shape).map(|[a, e]| angles(a, e))
+        }
+    }
+}
+
+/// A named background, or an sRGB colour `#rrggbb`.
+fn background(text: Option<&str>) -> Result<PreviewBackground, String> {
+    let bad = |t: &str| format!("--background: \"{t}\" is not auto, sky, studio, none or a colour such as #f4f1ea");
+    match text.unwrap_or("auto") {
+        "auto" => Ok(PreviewBackground::Auto),
+        "sky" => Ok(PreviewBackground::Sky),
+        "studio" => Ok(PreviewBackground::Studio),
+        "none" | "transparent" => Ok(PreviewBackground::Clear),
+        t => {
+            let hex = t.strip_prefix('#').filter(|h| h.len() == 6 && h.is_ascii()).ok_or_else(|| bad(t))?;
+            let channel =
+                |i: usize| hex.get(i..i + 2).and_then(|h| u8::from_str_radix(h, 16).ok()).map(|b| f32::from(b) / 255.0);
+            match [channel(0), channel(2), channel(4)] {
+                [Some(r), Some(g), Some(b)] => Ok(PreviewBackground::Color([r, g, b])),
+                _ => Err(bad(t)),
+            }
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! From the name of a source to the scene that is previewed.
+
+use std::path::Path;
+
+use super::super::Context;
+use super::super::args::Preview;
+use crate::bake::BakeContext;
+use crate::recipe::{Recipe, resolve};
+use crate::scene_preview::PreviewScene;
+use crate::source::find_scene;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::{Error, Result};
+use osier_preview::Quality;
+
+/// Endings of mesh files, which are read as they are.
+const MESH_ENDINGS: [&str; 3] = ["glb", "gltf", "obj"];
+/// Endings of outputs that osier writes but does not read.
+const WRITE_ONLY_ENDINGS: [&str; 7] = ["usda", "usdc", "usdz", "ply", "pov", "pc2", "exr"];
+
+/// A cell of a contact sheet: the source with another seed or other values of keys.
+#[derive(Debug, Clone, Default)]
+pub struct Variation {
+    pub seed: Option<u64>,
+    /// Overrides `PATH=VALUE`, applied after those of the command line.
+    pub set: Vec<String>,
+}
+
+/// Loads a mesh file or the folder of a bake as it is, and assembles the scene of any other source. `with_motion`: frames of the
+/// clip are asked for.
+/// # Errors
+/// `Input` with the faults of the source, `Io` if it cannot be read, `Limit`, `Cancelled`.
+pub fn load(
+    context: &Context,
+    args: &Preview,
+    name: &str,
+    quality: Quality,
+    with_motion: bool,
+    variation: &Variation,
+    work: &BakeContext<'_>,
+) -> Result<PreviewScene> {
+    let path = Path::new(name);
+    let ending = ending(path);
+    if path.is_dir() {
+        return PreviewScene::of_bake(path, &context.common.search, &context.limits);
+    }
+    if MESH_ENDINGS.contains(&ending.as_str()) {
+        return PreviewScene::of_mesh_file(path, &context.common.search, &context.limits);
+    }
+    if WRITE_ONLY_ENDINGS.contains(&ending.as_str()) {
+        let message = format!("\"{name}\" (.{ending}) is a file for other programs");
+        let help = "preview its scene, or the .glb of the same bake (--formats glb)";
+        let mut report = Report::default();
+        report.push(Diagnostic::about("S001", message).help(help));
+        return Err(Error::Input(Box::new(report)));
+    }
+    let mut request = find_scene(name, &context.sources)?;
+    request.steps = args.steps;
+    request.set.extend(variation.set.iter().cloned());
+    request.seed = variation.seed.or(request.seed);
+    let (recipe, warnings) = resolve(&request)?;
+    Ok(PreviewScene::of_recipe(recipe, quality, with_motion, work)?.with_warnings(warnings))
+}
+
+/// The recipe of a source that is a picture of layers, which needs no scene in space; `None` for any other.
+/// # Errors
+/// As [`load`].
+pub fn layered_picture(context: &Context, args: &Preview) -> Result<Option<(Recipe, Report)>> {
+    let path = Path::new(&args.source);
+    // Standard input can be read only once, and meshes and folders are no scenes.
+    if args.source == "-" || path.is_dir() || (args.source.contains('.') && ending(path) != "toml") {
+        return Ok(None);
+    }
+    let request = find_scene(&args.source, &context.sources)?;
+    // A text without the word has no layers and need not be resolved twice.
+    if !request.text.contains("layer") {
+        return Ok(None);
+    }
+    Ok(Some(resolve(&request)?).filter(|(recipe, _)| !recipe.layers.is_empty()))
+}
+
+/// Ending of a file name, in lower case, without its dot.
+pub fn ending(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}

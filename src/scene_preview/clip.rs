@@ -1,0 +1,162 @@
+//! Turntables and frame ranges as GIF or APNG.
+
+use std::io::Write;
+
+use super::{PreviewOptions, PreviewScene};
+use crate::bake::BakeContext;
+use osier_base::Result;
+use osier_base::convert::index;
+use osier_preview::{ClipFormat, ClipTiming, ClipWriter, Looks, RenderRequest, Subject, World, render, tiles};
+use osier_scene::{Camera, Frame};
+
+use super::options::PreviewBackground;
+
+/// Frame rate of a turntable, frames per second.
+const TURNTABLE_FPS: (u32, u32) = (16, 1);
+
+/// What the pictures of a clip show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ClipContent<'f> {
+    /// The camera goes once round the subject.
+    Turntable {
+        /// Number of pictures, 1 or more.
+        steps: u32,
+        /// The frame that all of them show; `None` for rest.
+        frame: Option<u32>,
+    },
+    /// Frames of the scene's clip, in rising order, from one camera.
+    Frames(&'f [u32]),
+}
+
+/// A clip with its subject and its camera, ready to be rendered.
+#[derive(Debug)]
+pub struct PreviewClip<'a> {
+    scene: &'a PreviewScene,
+    options: &'a PreviewOptions,
+    content: ClipContent<'a>,
+    /// State of the scene that the camera is fitted to: the first that is shown, `None` for rest.
+    first: Option<Frame>,
+    subject: Subject,
+    camera: Camera,
+}
+
+impl<'a> PreviewClip<'a> {
+    /// Evaluates the first frame of a clip and fits the camera to it; for a turntable to the volume that the subject sweeps.
+    /// # Errors
+    /// `Range` for a frame outside of the scene's clip, P001 if nothing is visible, those of the simulation.
+    /// # Examples
+    /// ```
+    /// use osier::bake::BakeContext;
+    /// use osier::limits::Limits;
+    /// use osier::preview::{ClipFormat, Quality};
+    /// use osier::progress::Cancel;
+    /// use osier::scene_preview::{ClipContent, PreviewClip, PreviewOptions, PreviewScene};
+    /// use osier::source::{SourceOptions, find_scene};
+    ///
+    /// # fn main() -> osier::Result<()> {
+    /// let (limits, cancel) = (Limits::default(), Cancel::default());
+    /// let context = BakeContext::quiet(&limits, &cancel);
+    /// let (recipe, _warnings) = osier::recipe::resolve(&find_scene("koch.l", &SourceOptions::default())?)?;
+    /// let options = PreviewOptions { size: [32, 32], quality: Quality::Draft, ..PreviewOptions::default() };
+    /// let scene = PreviewScene::of_recipe(recipe, options.quality, false, &context)?;
+    /// let clip = PreviewClip::new(&scene, &options, ClipContent::Turntable { steps: 4, frame: None })?;
+    /// let mut gif = Vec::new();
+    /// clip.write(&mut gif, ClipFormat::Gif, &context)?;
+    /// assert!(gif.starts_with(b"GIF89a"));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn new(scene: &'a PreviewScene, options: &'a PreviewOptions, content: ClipContent<'a>) -> Result<Self> {
+        let first = match content {
+            ClipContent::Turntable { frame, .. } => frame,
+            ClipContent::Frames(numbers) => numbers.first().copied(),
+        };
+        let first = first.map(|n| scene.frame(n)).transpose()?;
+        let subject = scene.subject(first.as_ref())?;
+        let camera = match content {
+            ClipContent::Turntable { .. } => options.camera(scene, &subject.spun()),
+            ClipContent::Frames(_) => options.camera(scene, &subject),
+        };
+        Ok(Self { scene, options, content, first, subject, camera })
+    }
+
+    /// Number of pictures.
+    pub fn len(&self) -> usize {
+        match self.content {
+            ClipContent::Turntable { steps, .. } => steps as usize,
+            ClipContent::Frames(numbers) => numbers.len(),
+        }
+    }
+
+    /// True for a clip without pictures.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Renders all pictures and encodes them one after another.
+    /// # Errors
+    /// P003 if the format cannot hold the clip or the sink fails, those of the simulation, `Cancelled`.
+    pub fn write(&self, sink: impl Write, format: ClipFormat, context: &BakeContext<'_>) -> Result<()> {
+        let (scene, options) = (self.scene.scene(), self.options);
+        let looks = Looks::new(scene, options.quality);
+        let length = index(self.len(), "pictures of a clip")?;
+        let fps = match self.content {
+            ClipContent::Turntable { .. } => TURNTABLE_FPS,
+            ClipContent::Frames(numbers) => frame_rate_of(scene.clip.fps, numbers),
+        };
+        let is_opaque = options.background != PreviewBackground::Clear;
+        let mut writer = ClipWriter::new(sink, format, options.size, ClipTiming { frames: length, fps }, is_opaque)?;
+        context.progress.stage("drawing frames", tiles(options.size) * u64::from(length));
+        match self.content {
+            ClipContent::Turntable { steps, .. } => {
+                // All views share one state of the scene, so it is prepared once for all of them.
+                let requests: Vec<RenderRequest> = (0..steps).map(|i| self.request(self.turned(i, steps))).collect();
+                let world = World::seen_by(scene, self.first.as_ref(), &looks, &requests);
+                for request in &requests {
+                    writer.frame(&render(&world, request, context.cancel, context.progress)?)?;
+                }
+            }
+            ClipContent::Frames(numbers) => {
+                let request = self.request(self.camera);
+                for number in numbers {
+                    let frame = self.scene.frame(*number)?;
+                    let world = World::seen_by(scene, Some(&frame), &looks, &[request]);
+                    writer.frame(&render(&world, &request, context.cancel, context.progress)?)?;
+                }
+            }
+        }
+        writer.finish()
+    }
+
+    fn request(&self, camera: Camera) -> RenderRequest {
+        self.options.request(self.scene, &self.subject, camera)
+    }
+
+    /// The camera turned by `i` of `steps` parts of a full turn about the vertical axis of the subject.
+    #[allow(clippy::cast_precision_loss, reason = "thousands of steps at most")]
+    fn turned(&self, i: u32, steps: u32) -> Camera {
+        let rotation = glam::Quat::from_rotation_y(std::f32::consts::TAU * i as f32 / steps.max(1) as f32);
+        let axis = self.subject.bounds.center();
+        let about_axis = |p: glam::Vec3| axis + rotation * (p - axis);
+        Camera { eye: about_axis(self.camera.eye), target: about_axis(self.camera.target), ..self.camera }
+    }
+}
+
+/// Frame rate of a selection of frames, as a fraction: the smallest step between two of them is shown for as long as it takes in
+/// the scene. `fps`: of the scene.
+fn frame_rate_of(fps: (u32, u32), numbers: &[u32]) -> (u32, u32) {
+    let step = numbers.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1).max(1);
+    (fps.0, fps.1.saturating_mul(step))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::frame_rate_of;
+
+    #[test]
+    fn skipped_frames_are_shown_longer() {
+        assert_eq!(frame_rate_of((24, 1), &[1, 2, 3]), (24, 1));
+        assert_eq!(frame_rate_of((24, 1), &[1, 5, 9]), (24, 4));
+        assert_eq!(frame_rate_of((24, 1), &[7]), (24, 1));
+    }
+}

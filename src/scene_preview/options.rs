@@ -1,0 +1,97 @@
+//! Size, quality, camera, sun and background of previews.
+
+use super::PreviewScene;
+use osier_base::units::{linear_from_srgb, radians_f32};
+use osier_preview::{Backdrop, CameraView, Light, Quality, RenderRequest, Subject};
+use osier_scene::Camera;
+
+/// Vertical field of view of fitted cameras at most, degrees: wider ones distort what stands at the edge.
+const MAX_FITTED_FOV: f32 = 60.0;
+
+/// How previews are rendered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PreviewOptions {
+    /// Width and height of a picture, pixels.
+    pub size: [u32; 2],
+    /// Trade-off between speed and noise.
+    pub quality: Quality,
+    /// `None`: the scene's own camera if it places one, else [`CameraView::Portrait`].
+    pub view: Option<PreviewView>,
+    /// Elevation and azimuth of the sun in place of the scene's, degrees.
+    pub sun: Option<[f32; 2]>,
+    /// What lies behind the subject.
+    pub background: PreviewBackground,
+}
+
+impl Default for PreviewOptions {
+    /// A picture of 800 x 800 pixels of normal quality.
+    fn default() -> Self {
+        Self { size: [800, 800], quality: Quality::Normal, view: None, sun: None, background: PreviewBackground::Auto }
+    }
+}
+
+/// Position of the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PreviewView {
+    /// That of the scene.
+    Scene,
+    /// Fitted to the subject from a direction.
+    Fitted(CameraView),
+}
+
+/// Background of a preview.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PreviewBackground {
+    /// The sky for scenes with ground or with a colour below the horizon, the studio for all others.
+    Auto,
+    /// The scene's sky.
+    Sky,
+    /// A bright paper sweep that receives shadows.
+    Studio,
+    /// Transparent, with the shadow on the floor.
+    Clear,
+    /// One sRGB colour, channels 0 to 1.
+    Color([f32; 3]),
+}
+
+impl PreviewOptions {
+    /// Width over height.
+    #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
+    pub fn aspect(&self) -> f32 {
+        self.size[0] as f32 / self.size[1] as f32
+    }
+
+    /// The camera for a scene; a fitted one frames `subject`.
+    pub fn camera(&self, scene: &PreviewScene, subject: &Subject) -> Camera {
+        let own = scene.scene().camera;
+        let vfov = own.vfov.min(radians_f32(MAX_FITTED_FOV));
+        match self.view {
+            Some(PreviewView::Scene) => own,
+            Some(PreviewView::Fitted(view)) => subject.camera(view, self.aspect(), vfov),
+            None if scene.has_camera() => own,
+            None => subject.camera(CameraView::Portrait, self.aspect(), vfov),
+        }
+    }
+
+    /// The request that renders a scene with a camera. `subject`: of this scene; its lowest point may carry the studio's floor.
+    pub fn request(&self, scene: &PreviewScene, subject: &Subject, camera: Camera) -> RenderRequest {
+        let scene = scene.scene();
+        let mut sun = scene.sun;
+        if let Some([elevation, azimuth]) = self.sun {
+            (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(azimuth));
+        }
+        // Trunks reach a little below the ground that they stand on, so a subject whose lowest point is near 0 stands on the
+        // plane y = 0; any other stands on its lowest point.
+        let (low, height) = (subject.bounds.min.y, subject.bounds.size().y);
+        let floor_height = if low > -0.25 * height && low < 0.1 * height { 0.0 } else { low };
+        let floor = if subject.ground { None } else { Some(floor_height) };
+        let backdrop = match self.background {
+            PreviewBackground::Auto if subject.ground || scene.sky.below.is_some() => Backdrop::Sky,
+            PreviewBackground::Sky => Backdrop::Sky,
+            PreviewBackground::Auto | PreviewBackground::Studio => Backdrop::Studio { floor },
+            PreviewBackground::Clear => Backdrop::Clear { floor },
+            PreviewBackground::Color(c) => Backdrop::Plain { color: c.map(linear_from_srgb), floor },
+        };
+        RenderRequest { camera, size: self.size, light: Light::new(&sun, &scene.sky), backdrop, seed: 0 }
+    }
+}
