@@ -10,7 +10,9 @@
 use std::time::Instant;
 
 use glam::{Quat, Vec3};
-use osier::preview::{Backdrop, CameraView, Light, Looks, Quality, RenderRequest, Subject, World, render};
+use osier::preview::{
+    Backdrop, CameraView, Light, PreviewMaterials, Quality, RenderRequest, RenderScene, Subject, render,
+};
 use osier::progress::{Cancel, Silent};
 use osier::scene::{
     Asset, AssetKind, Camera, Clip, InstanceState, Instancer, InstancerMotion, Maps, Material, MaterialClass, Mesh,
@@ -113,9 +115,9 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
 }
 
 fn row(what: &str, scene: &Scene, side: u32, quality: Quality) {
-    let looks = Looks::new(scene, quality);
+    let materials = PreviewMaterials::new(scene, quality);
     let start = Instant::now();
-    let world = World::new(scene, None, &looks);
+    let world = RenderScene::new(scene, None, &materials);
     let built = start.elapsed().as_secs_f64();
     let subject = Subject::of(scene, None);
     let shot = RenderRequest {

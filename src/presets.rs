@@ -1,11 +1,16 @@
-//! Grammars, scenes, coefficient tables and meshes that travel in the binary.
+//! Presets: grammars, scenes, coefficient tables and meshes that are part of the library.
+//!
+//! ```
+//! let preset = osier::presets::find("oak.l").expect("a preset");
+//! assert!(preset.text.contains("Axiom") && !osier::presets::about(preset).is_empty());
+//! ```
 
-/// A text in the binary.
+/// A file that is part of the library.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Preset {
     /// File name with ending, such as `oak.l`.
     pub name: &'static str,
-    /// What it holds.
+    /// Content of the file.
     pub text: &'static str,
 }
 
@@ -15,7 +20,7 @@ macro_rules! presets {
     };
 }
 
-/// All of them, sorted by file name.
+/// All presets, sorted by file name.
 pub const PRESETS: &[Preset] = presets! {
     "ifs-tables" / "as_printed.ifs",
     "grammars" / "bamboo.l",
@@ -75,12 +80,12 @@ pub const PRESETS: &[Preset] = presets! {
     "scenes" / "young-tree.toml",
 };
 
-/// The preset of exactly this file name.
+/// The preset with exactly this file name, ending included.
 pub fn find(name: &str) -> Option<&'static Preset> {
     PRESETS.iter().find(|p| p.name == name)
 }
 
-/// The first line of a preset's leading comment or title, for listings.
+/// Description of a preset for listings: the first line of its leading comment.
 pub fn about(preset: &Preset) -> String {
     let line = preset.text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
     line.trim_start_matches(['#', '/', '*', ';', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()

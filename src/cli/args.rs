@@ -1,4 +1,4 @@
-//! What can be typed.
+//! Commands and flags of the program.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -7,31 +7,31 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use osier_base::limits::{LIMITS, Limits};
 
-/// Printed below every long help.
+/// Table of exit codes, printed below every long help.
 pub const EXIT_CODES: &str = "\
 Exit codes:
-  0    done, also with nothing to do or only warnings
-  1    input or run failed: faults in files, missing input, a limit, a foreign file in the way
-  2    usage: unknown flag, bad flag value, no arguments
-  3    --strict and there were warnings; outputs are complete
+  0    success, also with warnings or with nothing to do
+  1    the input or the run failed: faults in files, missing input, a limit, a foreign file in the way
+  2    wrong usage: unknown flag, bad value of a flag, no arguments
+  3    warnings under --strict; the output is complete
   74   reading or writing failed: disk full, no permission, closed pipe of -o -
-  75   a retry may help: network or busy file systems
+  75   a temporary failure, try again: network or busy file systems
   101  internal error: please report it
-  130  interrupted (Ctrl-C); finished files are kept, run again to go on
+  130  interrupted (Ctrl-C); finished files are kept, run again to continue
   143  terminated; likewise";
 
-/// Ten lines for someone who typed nothing.
+/// Printed when the program is called without arguments.
 pub const GUIDE: &str = "\
 osier turns small text files into plants and bakes them into files that Blender, POV-Ray, USD and glTF programs open.
 
   osier bake                         the showcase, complete and moving, into out/showcase
   osier grow oak -o oak.glb          one plant as one file; the ending picks the format
-  osier preview oak                  a picture of it, out/oak.png
-  osier list presets                 what there is to grow
+  osier preview oak                  a picture of it into out/oak.png
+  osier list presets                 the plants and scenes in the program
   osier new mytree --from oak        a folder of your own to change
   osier bake mytree/mytree.toml      the scene you changed
-  osier check mytree/mytree.toml     every fault in it, and what it would make
-`osier COMMAND --help` tells the rest.
+  osier check mytree/mytree.toml     every fault in it, and an estimate of its bake
+`osier COMMAND --help` describes the flags of a command.
 ";
 
 /// Grows plants from small text files and bakes them for other programs.
@@ -39,15 +39,13 @@ osier turns small text files into plants and bakes them into files that Blender,
 #[command(name = "osier", version, about, after_long_help = EXIT_CODES, max_term_width = 100)]
 #[command(disable_help_subcommand = true, propagate_version = true)]
 pub struct Cli {
-    /// What to do.
     #[command(subcommand)]
     pub command: Command,
-    /// Flags of every command.
     #[command(flatten)]
     pub common: Common,
 }
 
-/// The commands.
+/// The command, with its own flags.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Simulate a scene and write all of its files.
@@ -56,56 +54,56 @@ pub enum Command {
     /// Write one still plant or scene as one file.
     #[command(after_long_help = EXIT_CODES)]
     Grow(Grow),
-    /// Draw a picture, a contact sheet, a turntable or a moving picture.
+    /// Render a picture, a contact sheet, a turntable or a clip.
     #[command(after_long_help = EXIT_CODES)]
     Preview(Preview),
-    /// Show every fault of scenes and grammars, and what they would make.
+    /// Report every fault of scenes and grammars, and estimate their bakes.
     #[command(after_long_help = EXIT_CODES)]
     Check(Check),
-    /// Show what exists: presets, scene keys, formats, codes, limits.
+    /// List presets, scene keys, formats, codes or limits.
     #[command(after_long_help = EXIT_CODES)]
     List(List),
-    /// Make a folder with a small working scene.
+    /// Create a folder with a small working scene.
     #[command(after_long_help = EXIT_CODES)]
     New(New),
-    /// Tell what an output holds, and check a bake against its manifest.
+    /// Describe the files of a bake, and verify them against its manifest.
     #[command(after_long_help = EXIT_CODES)]
     Info(Info),
-    /// Print completions of the command line for a shell.
+    /// Print shell completions.
     Completions(Completions),
-    /// Print the manual page, as troff.
+    /// Print the manual page in troff.
     Man,
 }
 
-/// `osier completions`.
+/// Arguments of `osier completions`.
 #[derive(Debug, Args)]
 pub struct Completions {
-    /// The shell that is to complete.
+    /// Shell to complete for.
     #[arg(value_enum)]
     pub shell: clap_complete::Shell,
 }
 
-/// `osier bake`.
+/// Arguments of `osier bake`.
 #[derive(Debug, Args)]
 pub struct Bake {
-    /// Scene file or preset; without it the showcase.
+    /// Scene file or preset [default: showcase].
     #[arg(value_name = "SCENE")]
     pub scene: Option<String>,
     /// Output folder [default: out/NAME].
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// Write only these frames: 1-240, 1-240:10, 1,5,9.
-    // Limits are named in one space with all other arguments, and one of them is `frames`.
+    // The id differs from the flag, as every limit is an argument too and one of them is named `frames`.
     #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
     /// Write only these formats.
     #[arg(long, value_name = "LIST", help = format!("Write only these formats: {}", osier_export::registry::words()))]
     pub formats: Option<String>,
-    /// Run the scene once for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write one table of what its [flight]
-    /// came to, with a plot, into out/NAME-sweep; several for all their choices.
+    /// Run the scene for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write the statistics of its [flight] as one
+    /// table with a plot into out/NAME-sweep. Several flags run all combinations.
     #[arg(id = "swept-values", long = "sweep", value_name = "KEY=A:B:N")]
     pub sweep: Vec<String>,
-    /// The same for seeds: 0-7.
+    /// Run the scene for each of these seeds, as --sweep does: 0-7.
     #[arg(id = "swept-seeds", long = "seeds", value_name = "LIST")]
     pub seeds: Option<String>,
     /// Overwrite files that osier did not write, and write more than 2 GB.
@@ -113,20 +111,20 @@ pub struct Bake {
     pub force: bool,
 }
 
-/// `osier grow`.
+/// Arguments of `osier grow`.
 #[derive(Debug, Args)]
 pub struct Grow {
-    /// Grammar (.l), scene (.toml) or preset.
+    /// Grammar (.l), scene (.toml), coefficient table (.ifs .flame) or preset.
     #[arg(value_name = "SOURCE")]
     pub source: String,
     /// File to write: .glb .gltf .usda .usdc .usdz .obj .ply .pov, or - for a glb on standard output.
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: PathBuf,
-    /// Derivation length instead of the grammar's.
-    // Limits are named in one space with all other arguments, and one of them is `steps`.
+    /// Derivation length in place of that of the grammar.
+    // The id differs from the flag, as every limit is an argument too and one of them is named `steps`.
     #[arg(id = "derivation-steps", long = "steps", value_name = "N")]
     pub steps: Option<u32>,
-    /// Which readers a glb is made for.
+    /// Programs that a glb is written for.
     #[arg(long, value_enum, default_value = "blender")]
     pub profile: ProfileArg,
     /// Overwrite a file that osier did not write, and write more than 2 GB.
@@ -137,59 +135,59 @@ pub struct Grow {
 /// Values of `--profile`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ProfileArg {
-    /// Any Blender.
+    /// Blender.
     Blender,
-    /// Browsers and engines.
+    /// Browsers and game engines.
     Web,
 }
 
-/// `osier preview`.
+/// Arguments of `osier preview`.
 #[derive(Debug, Args)]
 pub struct Preview {
-    /// Grammar (.l), scene (.toml), preset, mesh (.glb .gltf .obj) or the folder of a bake.
+    /// Grammar (.l), scene (.toml), preset, mesh (.glb .gltf .obj) or folder of a bake.
     #[arg(value_name = "SOURCE")]
     pub source: String,
-    /// File to write [default: out/NAME.png, .gif for what moves]; .apng and .png also hold what moves.
+    /// File to write [default: out/NAME.png, out/NAME.gif for a clip]; a clip may also be .apng or .png.
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Pixels [default: 800x800; 320x320 for each picture of a sheet, 480x480 for what moves].
+    /// Width and height in pixels [default: 800x800; 320x320 per picture of a contact sheet, 480x480 for a clip].
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
-    /// How much work goes into it.
+    /// Trade-off between speed and noise.
     #[arg(long, value_enum, default_value = "normal")]
     pub quality: QualityArg,
-    /// From where: portrait, front, back, left, right, top, scene (its own camera), or AZIMUTH,ELEVATION in degrees.
+    /// Camera: portrait, front, back, left, right, top, scene (the camera of the scene), or AZIMUTH,ELEVATION in degrees.
     #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
     pub view: Option<String>,
-    /// Where the sun stands, degrees.
+    /// Position of the sun, degrees.
     #[arg(long, value_name = "ELEVATION,AZIMUTH", allow_hyphen_values = true)]
     pub sun: Option<String>,
-    /// What lies behind: auto, sky, studio, none (transparent), or a colour such as #f4f1ea.
+    /// Background: auto, sky, studio, none (transparent), or a colour such as #f4f1ea.
     #[arg(long, value_name = "WHAT")]
     pub background: Option<String>,
-    /// One frame of a moving scene.
+    /// Render this frame of an animated scene.
     #[arg(long, value_name = "N")]
     pub frame: Option<u32>,
-    /// A moving picture of these frames: 1-72, 1-72:2.
-    // Limits are named in one space with all other arguments, and one of them is `frames`.
+    /// Render a clip of these frames: 1-72, 1-72:2.
+    // The id differs from the flag, as every limit is an argument too and one of them is named `frames`.
     #[arg(id = "shown-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
-    /// A moving picture that goes once round, in N steps.
+    /// Render a clip in which the camera goes once round the subject, in N steps.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "48", value_parser = clap::value_parser!(u32).range(1..=3600))]
     pub turntable: Option<u32>,
-    /// A contact sheet of these seeds: 0-15.
+    /// Render a contact sheet of these seeds: 0-15.
     #[arg(long, value_name = "LIST")]
     pub seeds: Option<String>,
-    /// A contact sheet of a key's values: KEY=FROM:TO:COUNT or KEY=V,V; a second one runs down.
+    /// Render a contact sheet of values of a key: KEY=FROM:TO:COUNT or KEY=V,V. A second --sweep runs down the sheet.
     #[arg(long, value_name = "KEY=A:B:N")]
     pub sweep: Vec<String>,
-    /// Pictures in a row of a sheet.
+    /// Columns of a contact sheet.
     #[arg(long, value_name = "N")]
     pub columns: Option<u32>,
-    /// Another source, shown beside the first with the same camera.
+    /// Render another source beside the first, at the same scale.
     #[arg(long, value_name = "SOURCE")]
     pub compare: Option<String>,
-    /// Derivation length instead of the grammar's.
+    /// Derivation length in place of that of the grammar.
     #[arg(id = "preview-steps", long = "steps", value_name = "N")]
     pub steps: Option<u32>,
     /// Overwrite a file that osier did not write.
@@ -200,15 +198,15 @@ pub struct Preview {
 /// Values of `--quality`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum QualityArg {
-    /// A glance, sun and shadow only: for shapes.
+    /// One sample per pixel, sunlight and its shadows only: to judge shapes.
     Draft,
-    /// For every day.
+    /// 3 to 24 samples per pixel: for everyday use.
     Normal,
-    /// For keeping.
+    /// 32 to 192 samples per pixel: for final pictures.
     Fine,
 }
 
-/// `osier check`.
+/// Arguments of `osier check`.
 #[derive(Debug, Args)]
 pub struct Check {
     /// Scenes, grammars or presets.
@@ -216,88 +214,87 @@ pub struct Check {
     pub files: Vec<String>,
 }
 
-/// `osier list`.
+/// Arguments of `osier list`.
 #[derive(Debug, Args)]
 pub struct List {
     /// What to list.
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
-    /// With `options`: only keys in whose name, table or help all of these words occur. With `knobs`: the scene or grammar.
+    /// With `options`: only keys whose name, table or help contains all of these words. With `knobs`: the scene or grammar.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
 }
 
-/// What can be listed.
+/// Values of the first argument of `osier list`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum What {
-    /// Grammars and scenes in the program.
+    /// Grammars, scenes, coefficient tables and meshes in the program.
     Presets,
     /// Keys of scene files.
     Options,
-    /// The #defines of a scene's grammars, with their values and what they say of themselves: osier list knobs oak.
+    /// Parameters (#defines) of the grammars of a scene, with their values and comments: osier list knobs oak.
     Knobs,
     /// File formats.
     Formats,
-    /// Codes of faults.
+    /// Codes of errors and warnings.
     Codes,
     /// Limits and the flags that change them.
     Limits,
 }
 
-/// `osier new`.
+/// Arguments of `osier new`.
 #[derive(Debug, Args)]
 pub struct New {
-    /// Folder to make; its last part names the scene.
+    /// Folder to create; the last part of its path names the scene.
     #[arg(value_name = "NAME")]
     pub name: PathBuf,
-    /// Preset to start from.
+    /// Preset to copy.
     #[arg(long, value_name = "PRESET", default_value = "oak")]
     pub from: String,
 }
 
-/// `osier info`.
+/// Arguments of `osier info`.
 #[derive(Debug, Args)]
 pub struct Info {
-    /// A bake's folder, or one file of it.
+    /// Folder of a bake, one file of it, or a mesh file.
     #[arg(value_name = "PATH")]
     pub path: PathBuf,
 }
 
-/// Flags of every command.
+/// Flags that every command accepts.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Common flags")]
 pub struct Common {
-    /// Seed of every random draw: another whole number, another individual.
+    /// Seed of all random draws; each whole number gives another individual.
     #[arg(long, value_name = "N", global = true)]
     pub seed: Option<u64>,
-    /// Change a key of the scene, or a #define of a bare grammar: wind.speed=6, angle=30.
+    /// Override a key of the scene, or a #define of a bare grammar: wind.speed=6, angle=30.
     #[arg(long, value_name = "PATH=VALUE", global = true)]
     pub set: Vec<String>,
-    /// Look for referenced files in this folder as well.
+    /// Also look up referenced files in this folder.
     #[arg(long, value_name = "DIR", global = true)]
     pub search: Vec<PathBuf>,
-    /// Threads [default: all that the system allows].
+    /// Threads [default: all available].
     #[arg(short = 'j', long = "jobs", value_name = "N", global = true)]
     pub jobs: Option<usize>,
-    /// Only say what would be made.
+    /// Print an estimate and write nothing.
     #[arg(short = 'n', long, global = true)]
     pub dry_run: bool,
     /// Print the result as JSON.
     #[arg(long, global = true)]
     pub json: bool,
-    /// Say nothing but errors.
+    /// Print errors only.
     #[arg(short = 'q', long, global = true)]
     pub quiet: bool,
-    /// Say more.
+    /// Print more detail.
     #[arg(short = 'v', long, global = true)]
     pub verbose: bool,
-    /// Colours on the terminal.
+    /// Use of colours.
     #[arg(long, value_enum, value_name = "WHEN", default_value = "auto", global = true)]
     pub color: Color,
-    /// Exit with 3 if there were warnings.
+    /// Exit with code 3 if there were warnings.
     #[arg(long, global = true)]
     pub strict: bool,
-    /// Limits that were changed.
     #[command(flatten)]
     pub max: MaxFlags,
 }
@@ -307,13 +304,13 @@ pub struct Common {
 pub enum Color {
     /// On terminals.
     Auto,
-    /// Also into files and pipes.
+    /// Also in files and pipes.
     Always,
-    /// Nowhere.
+    /// Never.
     Never,
 }
 
-/// One `--max-NAME VALUE` per limit; `osier list limits` shows them.
+/// The flags `--max-NAME VALUE`, one per limit, as they were given; help hides them and `osier list limits` shows them.
 #[derive(Debug, Clone, Default)]
 pub struct MaxFlags(pub Vec<(&'static str, String)>);
 
@@ -342,16 +339,16 @@ impl clap::FromArgMatches for MaxFlags {
     }
 }
 
-/// A short file of the system; empty if there is none.
+/// Content of a short file of the system; empty if it cannot be read.
 fn system_text(file: &str) -> String {
     let bytes = osier_base::files::read_input(std::path::Path::new(file), 1 << 16).unwrap_or_default();
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
 impl Common {
-    /// Limits in force: flags over `OSIER_MAX=name=value,...` over defaults.
+    /// Limits in force: flags override `OSIER_MAX=name=value,...`, which overrides the defaults of this machine.
     /// # Errors
-    /// What is wrong with a flag or with the variable.
+    /// A message for a flag or a variable that cannot be read.
     pub fn limits(&self, environment: Option<OsString>) -> Result<Limits, String> {
         let [machine, container] = ["/proc/meminfo", "/sys/fs/cgroup/memory.max"].map(system_text);
         let mut limits = Limits::of_machine(&machine, &container).within_process(&system_text("/proc/self/limits"));

@@ -1,4 +1,4 @@
-//! `osier bake`.
+//! `osier bake`: all files of a scene into a folder.
 
 use std::path::Path;
 
@@ -19,10 +19,10 @@ use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
 use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
 
-/// Hash of the sources that this program was built from: what another program of the same version wrote is made anew.
+/// Hash of the sources that this program was built from: the output of another build of the same version is not up to date.
 const SOURCES: &str = env!("OSIER_SOURCES");
 
-/// Runs it.
+/// Runs `osier bake`; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if !args.sweep.is_empty() || args.seeds.is_some() {
         return sweep::run(context, args);
@@ -54,14 +54,14 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let timed = Timed::new(&show);
     let memory = bake::lattice_memory(&recipe);
     if context.common.dry_run && !memory.is_empty() {
-        // Before any of it is spent.
+        // Shown even if the scene itself then exceeds a limit.
         context.console.note(&report::lattice(&memory));
     }
     ifs_leaves::load(&recipe, &root, &context.limits);
-    let keeps = !context.common.dry_run && keeps_air(&recipe);
-    let shelf = if keeps { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
+    let stores = !context.common.dry_run && stores_spin_up(&recipe);
+    let cache = if stores { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
     let work =
-        BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timed, cache: shelf.as_ref() };
+        BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timed, cache: cache.as_ref() };
     let parts = scene::SceneParts::default();
     let dry = context.common.dry_run;
     let built = if dry {
@@ -70,11 +70,11 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         scene::assemble_scene(&recipe, parts, &work)?
     };
     show.done();
-    let said = shelf.iter().flat_map(BakeCache::said);
-    said.for_each(|text| context.console.note(&format!("note: {text}")));
+    let messages = cache.iter().flat_map(BakeCache::said);
+    messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
-    if let Some(why) = lacking(&recipe, &built.animated, &frames) {
+    if let Some(why) = missing_frames(&recipe, &built.animated, &frames) {
         context.console.complain(&why);
         return Ok(2);
     }
@@ -88,27 +88,29 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if counts.bytes > report::CONFIRM_BYTES && !args.force {
         let (size, most) = (report::size(counts.bytes), report::size(report::CONFIRM_BYTES));
         context.console.complain(&format!(
-            "this would write about {size}, more than {most}: --dry-run tells what for; fewer --formats, motion = \"skin\", a larger \
-             output.pov.step or fewer frames make it smaller, --force writes it"
+            "the bake would write about {size}, more than {most}; --dry-run shows the size of each format. Fewer --formats, \
+             motion = \"skin\", a larger output.pov.step or fewer frames reduce it; --force writes it"
         ));
         return Ok(2);
     }
     context.console.note(&format!("writing about {}", sizes(counts.bytes, &counts.sizes)));
-    let folder = match &shelf {
-        Some(shelf) => shelf.folder().clone(),
+    let folder = match &cache {
+        Some(cache) => cache.folder().clone(),
         None => open(context, args, &recipe, &root)?,
     };
-    let told = bake::save(&recipe, &built.animated, &frames, &folder, &work);
+    let written = bake::save(&recipe, &built.animated, &frames, &folder, &work);
     show.done();
-    let (manifest, told) = told?;
-    for w in &told {
+    let (manifest, export_warnings) = written?;
+    for w in &export_warnings {
         context.console.note(&format!("warning[{}]: {}", w.code, w.message));
     }
     summary(context, &root, &recipe, &manifest, Some(&timed.seconds()))?;
-    Ok(context.strict(warned || !told.is_empty()))
+    Ok(context.strict(warned || !export_warnings.is_empty()))
 }
 
-/// The frames to write; none for a still scene. A selection becomes part of the scene's hash.
+/// The frames to write; none for a still scene. A selection becomes part of the scene's hash, since it changes the output.
+/// # Errors
+/// A message for a list that cannot be read or that leaves the clip.
 fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result::Result<Vec<u32>, String> {
     if recipe.clip.len() == 1 {
         return Ok(Vec::new());
@@ -128,37 +130,38 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     Ok(frames)
 }
 
-/// Why a part of a clip cannot be written: copies, or a still file, show times of it that are left out.
-fn lacking(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
+/// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames that are not
+/// selected.
+fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
     let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
     if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
-        return Some(format!("--frames: frame {frame}, which output.gltf.frame shows, is not among them"));
+        return Some(format!("--frames: frame {frame} of output.gltf.frame is not selected"));
     }
     let part = !frames.is_empty() && frames.len() < recipe.clip.len();
     let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
     (part && phased > 0).then(|| {
         format!(
-            "--frames: {phased} copies show other times of the clip, which a part of it lacks; bake the whole clip, \
-             or let all copies move as one with --set sway.phases=1"
+            "--frames: {phased} copies are animated with a phase offset and need frames that are not selected; bake the whole \
+             clip, or animate all copies in phase with --set sway.phases=1"
         )
     })
 }
 
-/// The manifest of the folder if it holds exactly what this run would write, and the run that wrote it came to its very
-/// end.
+/// The manifest of the folder if it is up to date: complete, written by this program from the same scene, and closed by the run
+/// that wrote it.
 fn current(context: &Context, root: &Path, recipe: &Recipe) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
     let is_same = m.scene.hash == recipe.hash && m.version == VERSION;
     (is_same && found.is_complete() && is_settled(root, &key(recipe))).then_some(m)
 }
 
-/// What decides the bytes of a bake: the program, down to the sources that it was built from, and the scene.
+/// Key that determines the bytes of a bake: version and sources of the program, and the scene.
 fn key(recipe: &Recipe) -> String {
     format!("{VERSION} {SOURCES} {}", recipe.hash)
 }
 
-/// Whether the air of a lattice is kept after its run-up.
-fn keeps_air(recipe: &Recipe) -> bool {
+/// Whether the lattice wind is stored after its spin-up.
+fn stores_spin_up(recipe: &Recipe) -> bool {
     recipe.lattice.keep && !bake::lattice_memory(recipe).is_empty()
 }
 
@@ -168,8 +171,8 @@ fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<
     Folder::open_with(root, options)
 }
 
-/// What was made, how to open it, and how long each stage took; without stages it was up to date.
-/// It is told from the manifest in memory: another process may have begun to write the folder anew.
+/// Prints what was written, how to open it, and how long each stage took; `stages` is `None` for a folder that was up to date. The
+/// manifest comes from memory, since another process may already rewrite the folder.
 fn summary(
     context: &Context,
     root: &Path,
@@ -215,7 +218,7 @@ fn summary(
     if let Some(path) = has(".obj") {
         open("anything", format!("meshes at rest: {}", shown(path)));
     }
-    text += &took(stages.unwrap_or_default());
+    text += &stage_times(stages.unwrap_or_default());
     context.console.result(&text)
 }
 
@@ -237,19 +240,20 @@ fn by_folder(files: &[(&str, u64)]) -> Vec<(String, u64)> {
     sum.into_iter().map(|(name, n)| (name.to_owned(), n)).collect()
 }
 
-/// Stages that took a while, with their seconds.
-fn took(stages: &[(String, f64)]) -> String {
+/// Line with the seconds of the whole run and of every stage of at least 2 % of it.
+fn stage_times(stages: &[(String, f64)]) -> String {
     let whole: f64 = stages.iter().map(|s| s.1).sum();
     let long = stages.iter().filter(|s| s.1 >= 0.02 * whole);
     let each: Vec<String> = long.map(|(name, s)| format!("{name} {s:.1}")).collect();
     if stages.is_empty() { String::new() } else { format!("  {:12} {whole:.1}: {}\n", "seconds", each.join(", ")) }
 }
 
-/// What Blender must be told: it takes the frames from a file, not how many a second there are.
+/// Note for Blender, whose importers take the frames of a file but not its frame rate: a scene of another rate than its default of
+/// 24 frames per second would play at the wrong speed.
 fn frame_rate(recipe: &Recipe) -> String {
-    const BLENDERS_OWN: f64 = 24.0;
+    const BLENDER_DEFAULT: f64 = 24.0;
     let fps = recipe.clip.fps();
-    if recipe.moves && fps != BLENDERS_OWN {
+    if recipe.moves && fps != BLENDER_DEFAULT {
         format!(" (first set Output > Frame Rate to {fps})")
     } else {
         String::new()

@@ -1,4 +1,4 @@
-//! Standard output for results, standard error for everything else.
+//! Console: results on standard output, everything else on standard error.
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,18 +9,19 @@ use super::args::{Color, Common};
 use osier_base::diagnostic::{Report, Style, is_hidden, render, visible};
 use osier_base::{Error, Result};
 
-/// Where a command talks to.
+/// Output of a command.
 #[derive(Debug)]
 pub struct Console {
-    /// No progress, no summaries.
+    /// Without progress and summaries.
     pub quiet: bool,
-    /// Results as JSON.
+    /// Results are printed as JSON.
     pub json: bool,
+    /// Standard output was closed by its reader.
     closed: AtomicBool,
 }
 
 impl Console {
-    /// As the flags say.
+    /// A console with the choices of `-q`, `--json` and `--color`.
     pub fn new(common: &Common) -> Self {
         let choice = match common.color {
             Color::Auto => ColorChoice::Auto,
@@ -31,19 +32,19 @@ impl Console {
         Self { quiet: common.quiet, json: common.json, closed: AtomicBool::new(false) }
     }
 
-    /// True if bars can be drawn.
+    /// True if standard error is a terminal that can show a progress bar.
     pub fn has_bars(&self) -> bool {
         !self.quiet && io::stderr().is_terminal()
     }
 
-    /// Prints a result. A reader that went away is no error; the work goes on quietly.
+    /// Prints a result. A closed pipe is no error: the command completes its work without further output.
     /// # Errors
     /// `Io` if standard output cannot be written for another reason.
     pub fn result(&self, text: &str) -> Result<()> {
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
-        let text = if self.json { escaped(text) } else { shown(text) };
+        let text = if self.json { escaped(text) } else { made_visible(text) };
         let mut out = anstream::stdout().lock();
         match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
             Err(e) if e.kind() == io::ErrorKind::BrokenPipe => {
@@ -54,7 +55,7 @@ impl Console {
         }
     }
 
-    /// Prints bytes as the artefact of `-o -`: a reader that went away ends the work.
+    /// Writes the file of `-o -` to standard output; a closed pipe is an error.
     /// # Errors
     /// `Io`.
     pub fn artefact(&self, bytes: &[u8]) -> Result<()> {
@@ -62,14 +63,14 @@ impl Console {
         out.write_all(bytes).and_then(|()| out.flush()).map_err(|e| Error::io("write", "standard output", e))
     }
 
-    /// A line for people on standard error, unless quiet. Errors of standard error are ignored.
+    /// Prints a line on standard error, unless quiet. Errors of standard error are ignored.
     pub fn note(&self, text: &str) {
         if !self.quiet {
             let _ = writeln!(anstream::stderr(), "{}", visible(text));
         }
     }
 
-    /// Faults and warnings of files. Warnings are kept back by `-q`.
+    /// Prints faults and warnings of files with their source lines; warnings alone are suppressed by `-q`.
     pub fn report(&self, report: &Report) {
         if report.diagnostics.is_empty() || (self.quiet && !report.has_errors()) {
             return;
@@ -79,7 +80,7 @@ impl Console {
         let _ = writeln!(anstream::stderr(), "{}\n", render(report, style));
     }
 
-    /// Why the run ends.
+    /// Prints the error that ends a run.
     pub fn error(&self, error: &Error) {
         match error {
             Error::Input(report) => self.report(report),
@@ -87,19 +88,19 @@ impl Console {
         }
     }
 
-    /// One line that begins with `error:`.
+    /// Prints one line that begins with `error:`.
     pub fn complain(&self, text: &str) {
         let _ = writeln!(anstream::stderr(), "\u{1b}[1;31merror\u{1b}[0m: {}", visible(text));
     }
 }
 
-/// A result of several lines: what is hidden in them is shown, beside the ends of lines.
-fn shown(text: &str) -> String {
+/// A text with its invisible characters made visible, except line breaks: a hostile file name cannot control the terminal.
+fn made_visible(text: &str) -> String {
     let lines: Vec<String> = text.split('\n').map(visible).collect();
     lines.join("\n")
 }
 
-/// JSON with what is hidden in its texts escaped; beside texts JSON has only blanks and ends of lines.
+/// JSON with invisible characters escaped. Outside of strings JSON has no such characters except line breaks.
 fn escaped(json: &str) -> String {
     let plain = |c: char| if is_hidden(c) && c != '\n' { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
     if json.chars().any(|c| is_hidden(c) && c != '\n') { json.chars().map(plain).collect() } else { json.to_owned() }

@@ -31,7 +31,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         return Ok(2);
     };
     if to_pipe && std::io::stdout().is_terminal() {
-        context.console.complain("a binary file would fill the terminal; send it into a file or program: -o - > x.glb");
+        context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");
         return Ok(2);
     }
     let is_picture = matches!(format, SingleFileFormat::Picture(_));
@@ -122,7 +122,7 @@ fn write_scene(
     }
     if estimate.bytes > report::CONFIRM_BYTES && !output.args.force {
         let (size, most) = (report::size(estimate.bytes), report::size(report::CONFIRM_BYTES));
-        let why = format!("this would write about {size}, more than {most}; --force writes it");
+        let why = format!("the file would take about {size}, more than {most}; --force writes it");
         context.console.complain(&why);
         return Ok(2);
     }

@@ -1,4 +1,4 @@
-//! `osier info`.
+//! `osier info`: description and verification of a bake, and description of single files.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use osier_export::manifest::{Manifest, Verification, verify};
 use osier_import as import;
 use osier_scene::MaterialClass;
 
-/// Runs it.
+/// Runs `osier info`; the result is the exit code.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = &args.path;
     if path.is_dir() {
@@ -33,7 +33,7 @@ fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// The bake that a file belongs to, and its path there.
+/// The folder of the bake that a file belongs to, and its path in it. Bakes have files at most three folders deep.
 fn bake_of(path: &Path) -> Option<(PathBuf, String)> {
     let mut inside = path.file_name()?.to_string_lossy().into_owned();
     let mut folder = parent(path);
@@ -49,7 +49,8 @@ fn bake_of(path: &Path) -> Option<(PathBuf, String)> {
 
 fn folder(context: &Context, root: &Path, only: Option<&str>) -> Result<u8> {
     if !root.join(MANIFEST).is_file() {
-        let why = format!("\"{}\" holds no {MANIFEST}: no bake, or one that has not finished", root.display());
+        let why =
+            format!("\"{}\" contains no {MANIFEST}: it is not a bake, or the bake did not finish", root.display());
         context.console.complain(&why);
         return Ok(1);
     }
@@ -119,16 +120,16 @@ fn verdict(context: &Context, found: &Verification) {
         context.console.note(&format!("not part of the bake: {path}"));
     }
     if !found.sum_holds {
-        context.console.complain("the manifest does not fit its own sum");
+        context.console.complain("the checksum of the manifest does not match its content");
     }
     if found.is_complete() {
-        context.console.note("complete: every file is as it was written");
+        context.console.note("complete: every file has the size and hash of the manifest");
     } else {
-        context.console.note("bake again to mend it");
+        context.console.note("bake again to repair it");
     }
 }
 
-/// A file on its own.
+/// Describes a file that belongs to no bake: its hash, and the size of a mesh.
 fn single(context: &Context, path: &Path) -> Result<u8> {
     let bytes = read_input(path, context.limits.get("mesh-bytes"))?;
     let hash = blake3::hash(&bytes).to_hex().to_string();

@@ -1,4 +1,4 @@
-//! `osier list`.
+//! `osier list`: presets, scene keys, parameters of grammars, formats, codes and limits.
 
 use serde_json::json;
 
@@ -13,7 +13,7 @@ use osier_base::diagnostic::codes::CODES;
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
 
-/// Runs it.
+/// Runs `osier list`; the result is the exit code.
 pub fn run(context: &Context, args: &List) -> Result<u8> {
     if let Some(why) = misplaced(args) {
         context.console.complain(&why);
@@ -21,7 +21,9 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
     }
     let tables = matching(&args.words);
     if args.what == What::Options && tables.is_empty() {
-        context.console.complain(&format!("no key has {}; `osier list options` shows all", quoted(&args.words)));
+        context
+            .console
+            .complain(&format!("no key contains {}; `osier list options` lists all keys", quoted(&args.words)));
         return Ok(2);
     }
     let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
@@ -48,7 +50,7 @@ fn presets_text() -> String {
     out
 }
 
-/// Why the words of a command line do not fit what is listed.
+/// Why the words after the first argument do not fit it.
 fn misplaced(args: &List) -> Option<String> {
     match args.what {
         What::Options => None,

@@ -1,4 +1,4 @@
-//! The command line: the only code that knows terminals, clocks, threads and the paths that a user typed.
+//! The command line: a thin caller of the library, and the only code that uses terminals, clocks, signals and the thread pool.
 
 mod args;
 mod bake;
@@ -27,7 +27,7 @@ use console::Console;
 use osier_base::limits::Limits;
 use osier_base::progress::Cancel;
 
-/// Most threads: more wait for each other longer than they work.
+/// Threads at most: more spend their time waiting for each other.
 #[cfg(feature = "parallel")]
 const THREADS: usize = 256;
 
@@ -42,7 +42,7 @@ pub(crate) struct Context {
 }
 
 impl Context {
-    /// The exit code of a complete run.
+    /// Exit code of a complete run: 3 for warnings under `--strict`, else 0.
     fn strict(&self, warned: bool) -> u8 {
         if warned && self.common.strict { 3 } else { 0 }
     }
@@ -64,7 +64,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// A panic is a bug of ours: one line, code 101.
+/// Runs the command; a panic is a bug of the program and is reported in two lines with exit code 101.
 fn guarded(cli: Cli) -> ExitCode {
     let verbose = cli.common.verbose;
     let hook = std::panic::take_hook();
@@ -130,7 +130,7 @@ fn start(cli: Cli) -> u8 {
     })
 }
 
-/// Threads for everything parallel.
+/// Starts the global thread pool with `jobs` threads, or as many as the machine has.
 #[cfg(feature = "parallel")]
 fn pool(jobs: Option<usize>) -> Result<(), String> {
     if jobs == Some(0) {
@@ -143,7 +143,7 @@ fn pool(jobs: Option<usize>) -> Result<(), String> {
         .map_err(|e| format!("cannot start {threads} threads: {e}"))
 }
 
-/// Without the feature `parallel` there is one thread whatever was asked for.
+/// Without the feature `parallel` everything runs on one thread.
 #[cfg(not(feature = "parallel"))]
 fn pool(jobs: Option<usize>) -> Result<(), String> {
     if jobs == Some(0) { Err("-j takes at least one thread".into()) } else { Ok(()) }

@@ -1,4 +1,4 @@
-//! `osier new`.
+//! `osier new`: a folder with a copy of a preset.
 
 use std::path::Path;
 
@@ -11,18 +11,18 @@ use osier_base::Result;
 use osier_base::diagnostic::nearest;
 use osier_base::files::{Folder, WriteOptions, safe_name};
 
-/// Makes the folder: the scene, and the grammars that it names, all free to be changed.
+/// Runs `osier new`; the result is the exit code. The folder receives the scene and the grammars that it names.
 pub fn run(context: &Context, args: &New) -> Result<u8> {
     let name = args.name.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if name.is_empty() {
-        context.console.complain(&format!("\"{}\" is no folder name", args.name.display()));
+        context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
     let Some((scene, grammars)) = parts(&args.from, &name) else {
         let stems = presets::PRESETS.iter().map(|p| stem(p.name));
         let hint = match nearest(&args.from, stems) {
             Some(near) => format!("did you mean \"{near}\"?"),
-            None => "`osier list presets` shows them".into(),
+            None => "`osier list presets` lists them".into(),
         };
         context.console.complain(&format!("there is no preset \"{}\"; {hint}", args.from));
         return Ok(1);
@@ -32,7 +32,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     files.extend(grammars.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
     if let Some(path) = files.iter().map(|(f, _)| args.name.join(f)).find(|p| p.symlink_metadata().is_ok()) {
         let path = path.display();
-        context.console.complain(&format!("\"{path}\" is there already and stays as it is; choose another name"));
+        context.console.complain(&format!("\"{path}\" already exists and is not overwritten; choose another name"));
         return Ok(1);
     }
     if !context.common.dry_run {
@@ -57,7 +57,8 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
     files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes()))
 }
 
-/// The scene's text and the grammars it needs.
+/// The text of the scene and the grammars that it names; for the name of a grammar a scene with one plant. `None` for an unknown
+/// preset.
 fn parts(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
     let bare = stem(from);
     if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| !from.ends_with(".l")) {

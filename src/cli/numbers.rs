@@ -1,8 +1,8 @@
-//! Lists of whole numbers as they are typed everywhere: `A`, `A-B`, `A-B:STEP`, comma separated; keys with values.
+//! Values of flags: lists of whole numbers (`A`, `A-B`, `A-B:STEP`, separated by commas), and keys with several values.
 
-/// The numbers of a list, sorted, each once. At most `limit` of them.
+/// The numbers of a list in rising order without duplicates.
 /// # Errors
-/// What cannot be read.
+/// A message for a part that cannot be read or that has more than `limit` numbers.
 pub fn parse(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     let mut out = Vec::new();
     for part in text.split(',') {
@@ -26,16 +26,18 @@ pub fn parse(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     Ok(out)
 }
 
-/// A key and the values it takes.
+/// A key with the values of a sweep.
 #[derive(Debug, Clone)]
 pub struct Sweep {
-    /// As after `--set`.
+    /// Path of the key, as in `--set`.
     pub key: String,
-    /// As written into the scene.
+    /// Values as text, as in `--set`.
     pub values: Vec<String>,
 }
 
-/// `KEY=A:B:N`, N values from A to B, or `KEY=V1,V2,...`.
+/// Reads `KEY=A:B:N`, N values from A to B, or `KEY=V1,V2,...`. Whole numbers stay whole if all steps are.
+/// # Errors
+/// A message for a text of another form; N is 1 to 64.
 pub fn sweep(text: &str) -> Result<Sweep, String> {
     let bad = || format!("--sweep: \"{text}\" is not KEY=FROM:TO:COUNT nor KEY=VALUE,VALUE,...");
     let (key, range) = text.split_once('=').filter(|(k, r)| !k.is_empty() && !r.is_empty()).ok_or_else(bad)?;
@@ -45,17 +47,17 @@ pub fn sweep(text: &str) -> Result<Sweep, String> {
             let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(bad);
             let (a, b) = (number(a)?, number(b)?);
             let n: u32 = n.trim().parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(bad)?;
-            let whole = a.fract() == 0.0 && b.fract() == 0.0 && ((b - a) / f64::from((n - 1).max(1))).fract() == 0.0;
-            let at = |i: u32| a + (b - a) * f64::from(i) / f64::from((n - 1).max(1));
-            let shown = |v: f64| if whole { format!("{v:.0}") } else { trimmed(v) };
-            (0..n).map(|i| shown(at(i))).collect()
+            let is_whole = a.fract() == 0.0 && b.fract() == 0.0 && ((b - a) / f64::from((n - 1).max(1))).fract() == 0.0;
+            let value = |i: u32| a + (b - a) * f64::from(i) / f64::from((n - 1).max(1));
+            let text = |v: f64| if is_whole { format!("{v:.0}") } else { trimmed(v) };
+            (0..n).map(|i| text(value(i))).collect()
         }
         _ => return Err(bad()),
     };
     Ok(Sweep { key: key.to_owned(), values })
 }
 
-/// Four significant digits without needless zeros.
+/// Four decimals without trailing zeros, but at least one.
 fn trimmed(v: f64) -> String {
     let text = format!("{v:.4}");
     let text = text.trim_end_matches('0');

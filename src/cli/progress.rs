@@ -1,4 +1,4 @@
-//! Progress on a terminal as a bar, elsewhere as a line per stage.
+//! Progress: a bar on a terminal, elsewhere one line per stage.
 
 use std::io::Write as _;
 use std::sync::Mutex;
@@ -11,19 +11,19 @@ use super::console::Console;
 use osier_base::diagnostic::visible;
 use osier_base::progress::Progress;
 
-/// How work is shown.
+/// Display of progress.
 #[derive(Debug)]
 pub enum Show {
     /// One bar, replaced by the next stage's.
     Bar(Mutex<Option<ProgressBar>>),
     /// A line when a stage begins.
     Lines,
-    /// Nothing.
+    /// Without any output.
     Nothing,
 }
 
 impl Show {
-    /// What suits the console.
+    /// The display that suits the console.
     pub fn new(console: &Console) -> Self {
         if console.quiet {
             Self::Nothing
@@ -34,7 +34,7 @@ impl Show {
         }
     }
 
-    /// Clears the bar away before the summary.
+    /// Removes the bar, so that the summary starts on an empty line.
     pub fn done(&self) {
         self.replace(None);
     }
@@ -95,7 +95,7 @@ impl Progress for Show {
     }
 }
 
-/// Progress that also keeps the time that each stage took.
+/// A display that also measures the time of each stage.
 #[derive(Debug)]
 pub struct Timed<'a> {
     show: &'a Show,
@@ -103,13 +103,13 @@ pub struct Timed<'a> {
 }
 
 impl<'a> Timed<'a> {
-    /// Nothing has begun.
+    /// A measurement without any stage yet.
     pub fn new(show: &'a Show) -> Self {
         Self { show, begun: Mutex::new(Vec::new()) }
     }
 
-    /// Seconds of each stage so far, those of one name together, in the order of their beginnings. They are shown and never
-    /// written: files of one input are the same whenever they are made.
+    /// Seconds of each stage so far, in order of first occurrence; stages of one name are added up. Times are printed and never
+    /// written into files, which are the same for every run.
     pub fn seconds(&self) -> Vec<(String, f64)> {
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
         let mut out: Vec<(String, f64)> = Vec::new();

@@ -1,4 +1,4 @@
-//! Estimates and diagnostics as text and as JSON.
+//! Estimates as text and as JSON.
 
 use serde_json::{Value, json};
 
@@ -12,7 +12,7 @@ pub const CONFIRM_BYTES: u64 = 2_000_000_000;
 
 /// Prints the estimate of a run under the name of its target, as text or JSON.
 /// # Errors
-/// As standard output.
+/// `Io` if standard output cannot be written.
 pub fn counts(context: &Context, what: &str, counts: &BakeEstimate) -> Result<()> {
     if context.console.json {
         let value = json!({ "target": what, "would_make": as_json(counts) });
@@ -21,7 +21,7 @@ pub fn counts(context: &Context, what: &str, counts: &BakeEstimate) -> Result<()
     context.console.result(&format!("{what}\n{}", as_text(counts)))
 }
 
-/// The estimate as indented lines.
+/// An estimate as indented lines.
 pub fn as_text(c: &BakeEstimate) -> String {
     let row = |name: &str, n: u64| format!("  {name:12} {}\n", grouped(n));
     [
@@ -42,12 +42,12 @@ pub fn as_text(c: &BakeEstimate) -> String {
         + &rows(&c.memory)
 }
 
-/// Parts of a number of bytes, a line each.
+/// Parts of a number of bytes, one per line.
 fn rows(parts: &[(&'static str, u64)]) -> String {
     parts.iter().map(|(what, bytes)| format!("    {what:13} {}\n", size(*bytes))).collect()
 }
 
-/// Memory of a lattice wind on a line.
+/// Memory of a lattice wind and its parts on one line.
 pub fn lattice(parts: &[(&'static str, u64)]) -> String {
     let all = size(parts.iter().map(|p| p.1).sum());
     let each: Vec<String> = parts.iter().map(|(what, bytes)| format!("{what} {}", size(*bytes))).collect();
@@ -58,7 +58,7 @@ fn by_name(parts: &[(&'static str, u64)]) -> Value {
     Value::Object(parts.iter().map(|(what, bytes)| ((*what).to_owned(), Value::from(*bytes))).collect())
 }
 
-/// The estimate as an object.
+/// An estimate as a JSON object.
 pub fn as_json(c: &BakeEstimate) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
@@ -69,7 +69,7 @@ pub fn as_json(c: &BakeEstimate) -> Value {
     })
 }
 
-/// 12.3 MB.
+/// Bytes with one decimal and a decimal prefix: `12.3 MB`.
 pub fn size(bytes: u64) -> String {
     let steps = [(1_000_000_000, "GB"), (1_000_000, "MB"), (1_000, "kB")];
     match steps.iter().find(|(s, _)| bytes >= *s) {

@@ -1,4 +1,4 @@
-//! `osier completions` and `osier man`: what shells and `man` read of the command line.
+//! `osier completions` and `osier man`: shell completions and the manual page.
 
 use clap::CommandFactory as _;
 
@@ -8,7 +8,7 @@ use osier_base::{Error, Result};
 
 /// Prints completions for a shell.
 /// # Errors
-/// As standard output.
+/// `Io` if standard output cannot be written.
 pub fn completions(context: &Context, args: &Completions) -> Result<u8> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "osier", &mut text);
@@ -18,7 +18,7 @@ pub fn completions(context: &Context, args: &Completions) -> Result<u8> {
 
 /// Prints the manual page of the program, with its commands, their flags and the exit codes.
 /// # Errors
-/// As standard output.
+/// `Io` if standard output cannot be written.
 pub fn man(context: &Context) -> Result<u8> {
     let mut text = Vec::new();
     let page = |e| Error::io("write", "the manual page", e);

@@ -1,4 +1,4 @@
-//! `osier bake --sweep`: a scene run with other values and seeds, and what each run came to as one table.
+//! `osier bake --sweep`: a scene run with several values and seeds, and the statistics of all runs as one table.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,13 +20,13 @@ use osier_export::VERSION;
 use osier_export::stats::{Run, Sweep, Whole};
 use osier_scene::Scene;
 
-/// Most runs of a sweep.
+/// Runs of a sweep at most: each is a simulation of the whole clip.
 const RUNS: u64 = 1000;
 
 /// What is run: values of the keys and a seed.
 type Wanted = (Vec<String>, Option<u64>);
 
-/// Runs it.
+/// Runs `osier bake --sweep`; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let (keys, wanted) = match plan(args) {
         Ok(plan) => plan,
@@ -52,7 +52,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if first.flight.is_none() {
         let name = &first.name;
         context.console.complain(&format!(
-            "--sweep: nothing in \"{name}\" is counted; take a scene with [flight], such as catkins-wall"
+            "--sweep: \"{name}\" has no [flight], whose statistics a sweep compares; use a scene with one, such as catkins-wall"
         ));
         return Ok(2);
     }
@@ -109,7 +109,7 @@ fn plan(args: &Bake) -> std::result::Result<(Vec<String>, Vec<Wanted>), String> 
     Ok((sweeps.into_iter().map(|s| s.key).collect(), wanted))
 }
 
-/// A run over its clip, and what it came to.
+/// Simulates the clip of one run and summarises its statistics.
 fn one(context: &Context, recipe: &Recipe, show: &Show) -> Result<(Arc<Scene>, Whole)> {
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
     let stage = scene::assemble_scene(recipe, scene::SceneParts::default(), &work)?.animated;
@@ -137,7 +137,7 @@ fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<
     folder.finish()
 }
 
-/// Means over the seeds as a table, or as JSON.
+/// Prints the means over the seeds as a table, or the number of runs as JSON.
 fn tell(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let means = all.means();
     if context.console.json {

@@ -1,4 +1,4 @@
-//! What ends a run from outside of its work: signals, and memory beyond the limit.
+//! Termination of a run by signals, or by the limit of memory.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,16 +10,17 @@ use osier_base::files::{drop_parts, read_input};
 use osier_base::limits::{Limits, grouped};
 use osier_base::progress::Cancel;
 
-/// Time that work has to stop by itself after a signal.
-const PATIENCE: Duration = Duration::from_millis(1400);
-/// Time between two looks at the memory in use.
-const LOOK: Duration = Duration::from_millis(10);
-/// Time before the first look: what can be foretold is refused by name before.
-const GRACE: Duration = Duration::from_millis(500);
-/// Bytes of a page, by which the system counts.
-const PAGE: u64 = 4096;
+/// Time between a signal and forced exit, in which the work can stop and close its files.
+const SHUTDOWN_TIME: Duration = Duration::from_millis(1400);
+/// Time between two measurements of memory.
+const MEMORY_INTERVAL: Duration = Duration::from_millis(10);
+/// Time before the first measurement: an excess that the estimate predicts is refused with its reason before.
+const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);
+/// Bytes of a memory page, the unit of `/proc/self/statm`.
+const PAGE_BYTES: u64 = 4096;
 
-/// The first signal asks the work to stop, and ends what has not stopped soon after; the second ends it at once.
+/// Installs handlers of SIGINT and SIGTERM: the first signal requests cancellation and forces the exit if the work has not stopped
+/// within SHUTDOWN_TIME; a second signal exits at once.
 pub(super) fn listen(cancel: &Cancel) -> std::io::Result<()> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::flag;
@@ -32,50 +33,50 @@ pub(super) fn listen(cancel: &Cancel) -> std::io::Result<()> {
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
     std::thread::Builder::new().name("signals".into()).spawn(move || {
         if let Some(signal) = signals.forever().next() {
-            std::thread::sleep(PATIENCE);
+            std::thread::sleep(SHUTDOWN_TIME);
             end(Error::Cancelled { signal });
         }
     })?;
     Ok(())
 }
 
-/// Ends the run once it takes more memory than it may: what nobody could foretell.
+/// Starts a thread that ends the run once it takes more memory than its limit, for what no estimate predicted.
 /// # Errors
-/// `Limit` if it takes more already.
+/// `Limit` for a limit of 0, `Io` if the thread cannot be started.
 pub(super) fn watch(limits: &Limits) -> std::result::Result<(), Error> {
     let most = limits.get("memory");
     if most == 0 {
-        return Err(over(in_use().unwrap_or(PAGE), most));
+        return Err(limit_error(resident_bytes().unwrap_or(PAGE_BYTES), most));
     }
     let spawned = std::thread::Builder::new().name("memory".into()).spawn(move || {
-        std::thread::sleep(GRACE);
-        while let Some(bytes) = in_use() {
+        std::thread::sleep(FIRST_MEASUREMENT);
+        while let Some(bytes) = resident_bytes() {
             if bytes > most {
-                end(over(bytes, most));
+                end(limit_error(bytes, most));
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(MEMORY_INTERVAL);
         }
     });
     spawned.map(drop).map_err(|e| Error::io("start", "a thread", e))
 }
 
-fn over(bytes: u64, most: u64) -> Error {
+fn limit_error(bytes: u64, most: u64) -> Error {
     let name = "memory in use, in bytes,".into();
     Error::Limit { name, wanted: grouped(bytes), limit: grouped(most), flag: "--max-memory".into() }
 }
 
-/// Bytes of memory in use; none where the system does not tell.
-fn in_use() -> Option<u64> {
+/// Resident memory of the process in bytes; `None` where the system does not report it.
+fn resident_bytes() -> Option<u64> {
     let text = read_input(Path::new("/proc/self/statm"), 4096).ok()?;
     let text = String::from_utf8(text).ok()?;
-    text.split_whitespace().nth(1)?.parse::<u64>().ok()?.checked_mul(PAGE)
+    text.split_whitespace().nth(1)?.parse::<u64>().ok()?.checked_mul(PAGE_BYTES)
 }
 
-/// Ends a run that cannot be called from where it is, such as a wait for the other end of a pipe.
+/// Exits the process with the code of an error, while other threads still work or block, as in a write to a full pipe.
 fn end(why: Error) -> ! {
     drop_parts();
     let code = i32::from(why.exit_code());
-    // Standard error may be what is waited for.
+    // Writing to standard error may block as well, so it happens on a thread that the exit does not wait for.
     let _ = std::thread::Builder::new().spawn(move || {
         use std::io::Write as _;
         let _ = writeln!(std::io::stderr(), "error: {why}");

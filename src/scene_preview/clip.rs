@@ -6,7 +6,9 @@ use super::{PreviewOptions, PreviewScene};
 use crate::bake::BakeContext;
 use osier_base::Result;
 use osier_base::convert::index;
-use osier_preview::{ClipFormat, ClipTiming, ClipWriter, Looks, RenderRequest, Subject, World, render, tiles};
+use osier_preview::{
+    ClipFormat, ClipTiming, ClipWriter, PreviewMaterials, RenderRequest, RenderScene, Subject, render, tile_count,
+};
 use osier_scene::{Camera, Frame};
 
 use super::options::PreviewBackground;
@@ -98,7 +100,7 @@ impl<'a> PreviewClip<'a> {
     /// P003 if the format cannot hold the clip or the sink fails, those of the simulation, `Cancelled`.
     pub fn write(&self, sink: impl Write, format: ClipFormat, context: &BakeContext<'_>) -> Result<()> {
         let (scene, options) = (self.scene.scene(), self.options);
-        let looks = Looks::new(scene, options.quality);
+        let materials = PreviewMaterials::new(scene, options.quality);
         let length = index(self.len(), "pictures of a clip")?;
         let fps = match self.content {
             ClipContent::Turntable { .. } => TURNTABLE_FPS,
@@ -106,12 +108,12 @@ impl<'a> PreviewClip<'a> {
         };
         let is_opaque = options.background != PreviewBackground::Clear;
         let mut writer = ClipWriter::new(sink, format, options.size, ClipTiming { frames: length, fps }, is_opaque)?;
-        context.progress.stage("drawing frames", tiles(options.size) * u64::from(length));
+        context.progress.stage("drawing frames", tile_count(options.size) * u64::from(length));
         match self.content {
             ClipContent::Turntable { steps, .. } => {
                 // All views share one state of the scene, so it is prepared once for all of them.
                 let requests: Vec<RenderRequest> = (0..steps).map(|i| self.request(self.turned(i, steps))).collect();
-                let world = World::seen_by(scene, self.first.as_ref(), &looks, &requests);
+                let world = RenderScene::for_requests(scene, self.first.as_ref(), &materials, &requests);
                 for request in &requests {
                     writer.frame(&render(&world, request, context.cancel, context.progress)?)?;
                 }
@@ -120,7 +122,7 @@ impl<'a> PreviewClip<'a> {
                 let request = self.request(self.camera);
                 for number in numbers {
                     let frame = self.scene.frame(*number)?;
-                    let world = World::seen_by(scene, Some(&frame), &looks, &[request]);
+                    let world = RenderScene::for_requests(scene, Some(&frame), &materials, &[request]);
                     writer.frame(&render(&world, &request, context.cancel, context.progress)?)?;
                 }
             }

@@ -187,7 +187,7 @@ impl PreviewScene {
         let subject = Subject::of(self.scene(), frame);
         if subject.is_empty() {
             let reason =
-                format!("\"{}\" draws nothing: no line, leaf, polygon or ground; see `osier check`", self.name);
+                format!("\"{}\" is empty: no line, leaf, polygon or ground is visible; see `osier check`", self.name);
             return Err(Error::export("P001", reason));
         }
         Ok(subject)

@@ -12,7 +12,7 @@ mod options;
 
 use crate::bake::BakeContext;
 use osier_base::Result;
-use osier_preview::{Looks, Picture, World, render, tiles};
+use osier_preview::{Picture, PreviewMaterials, RenderScene, render, tile_count};
 use osier_scene::Frame;
 
 pub use clip::{ClipContent, PreviewClip};
@@ -68,12 +68,12 @@ pub fn preview_together(
     let subjects = scenes.iter().map(|(scene, frame)| scene.subject(frame.as_ref())).collect::<Result<Vec<_>>>()?;
     let Some((first, others)) = subjects.split_first() else { return Ok(Vec::new()) };
     let union = others.iter().fold(first.clone(), |union, subject| union.with(subject));
-    context.progress.stage("drawing", tiles(options.size) * scenes.len() as u64);
+    context.progress.stage("drawing", tile_count(options.size) * scenes.len() as u64);
     let mut pictures = Vec::with_capacity(scenes.len());
     for ((scene, frame), subject) in scenes.iter().zip(&subjects) {
         let request = options.request(scene, subject, options.camera(scene, &union));
-        let looks = Looks::new(scene.scene(), options.quality);
-        let world = World::seen_by(scene.scene(), frame.as_ref(), &looks, &[request]);
+        let materials = PreviewMaterials::new(scene.scene(), options.quality);
+        let world = RenderScene::for_requests(scene.scene(), frame.as_ref(), &materials, &[request]);
         pictures.push(render(&world, &request, context.cancel, context.progress)?);
     }
     Ok(pictures)

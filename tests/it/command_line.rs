@@ -304,7 +304,7 @@ fn a_new_folder_bakes_and_is_never_overwritten() {
         assert!(baked.join("manifest.json").is_file());
         let before = tree(&mine);
         let (_, err) = ends(1, &["new", arg(&mine), "--from", preset]);
-        assert!(err.contains("is there already") && err.contains("choose another name"), "{err}");
+        assert!(err.contains("already exists") && err.contains("choose another name"), "{err}");
         assert_same(&tree(&mine), &before, "new, twice");
     }
 }

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use osier::bake::{BakeContext, motion, scene};
 use osier::limits::Limits;
 use osier::preview::{
-    Backdrop, CameraView, ContactSheetCell, Light, Looks, Picture, Quality, RenderRequest, Subject, World, render,
-    sheet,
+    Backdrop, CameraView, ContactSheetCell, Light, Picture, PreviewMaterials, Quality, RenderRequest, RenderScene,
+    Subject, contact_sheet, render,
 };
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Library, Request, resolve};
@@ -26,8 +26,8 @@ fn folder() -> PathBuf {
 }
 
 fn draw(scene: &Scene, frame: Option<&Frame>, own_camera: bool, size: [u32; 2]) -> Picture {
-    let looks = Looks::new(scene, Quality::Normal);
-    let world = World::new(scene, frame, &looks);
+    let materials = PreviewMaterials::new(scene, Quality::Normal);
+    let world = RenderScene::new(scene, frame, &materials);
     let subject = Subject::of(scene, frame);
     #[allow(clippy::cast_precision_loss, reason = "small pictures")]
     let aspect = size[0] as f32 / size[1] as f32;
@@ -133,7 +133,8 @@ fn judge(name: &str, actual: &Picture) -> Option<String> {
     let strip = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/golden-diff");
     std::fs::create_dir_all(&strip).expect("folder");
     let strip = strip.join(format!("{name}.png"));
-    std::fs::write(&strip, sheet(name, "", &cells, 3).png(&[], false).expect("png")).expect("write");
+    std::fs::write(&strip, contact_sheet(name, "", &cells, 3).expect("a sheet").png(&[], false).expect("png"))
+        .expect("write");
     Some(format!("{name}: a channel differs by {worst}; see {}", strip.display()))
 }
 

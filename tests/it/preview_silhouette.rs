@@ -16,7 +16,7 @@ use osier::bake::motion;
 use osier::bake::scene::SceneParts;
 use osier::export::pov::PovOptions;
 use osier::presets;
-use osier::preview::{Backdrop, Light, Looks, Quality, RenderRequest, World, render};
+use osier::preview::{Backdrop, Light, PreviewMaterials, Quality, RenderRequest, RenderScene, render};
 use osier::progress::{Cancel, Silent};
 use osier::scene::{Frame, Scene};
 
@@ -24,8 +24,8 @@ const SIZE: [u32; 2] = [640, 480];
 
 /// Where things are, as the preview sees it: one look through the middle of each pixel.
 fn ours(scene: &Scene, frame: Option<&Frame>) -> Vec<bool> {
-    let looks = Looks::new(scene, Quality::Draft);
-    let world = World::new(scene, frame, &looks);
+    let materials = PreviewMaterials::new(scene, Quality::Draft);
+    let world = RenderScene::new(scene, frame, &materials);
     let shot = RenderRequest {
         camera: scene.camera,
         size: SIZE,

@@ -1,24 +1,98 @@
-//! A small ray tracer that renders a [`Scene`](osier_scene::Scene) at any frame.
+//! A small renderer that draws a [`Scene`](osier_scene::Scene) at any frame.
 //!
-//! [`Looks`] holds materials and their pictures, [`World`] the shapes of one frame with a tree of boxes over them,
-//! [`render`] turns both into a [`Picture`]. Light comes from the sun, whose size softens shadows, and from the sky, what
-//! occludes it seen in its mean colour; leaves glow where light comes through, water bends it.
+//! ```text
+//! Scene ─► PreviewMaterials ─┐
+//! Scene, Frame ──────────────┴─► RenderScene ─┬─ render (ray tracing, anti-aliased) ─┬─► Picture ─► PNG, ClipWriter,
+//!                                RenderRequest ┴─ draft  (rasterised, one sample)   ─┘              contact_sheet
+//! ```
+//!
+//! Light comes from a sun with an angular radius, which softens its shadows, and from the sky. Surfaces in the way of the sky
+//! send back their mean colour; leaves transmit light; water refracts it.
+//!
+//! ```
+//! use osier_base::progress::{Cancel, Silent};
+//! use osier_preview::{Backdrop, CameraView, Light, PreviewMaterials, Quality, RenderRequest, RenderScene, Subject, render};
+//! use osier_scene::{
+//!     Asset, AssetKind, Camera, Clip, Material, MaterialClass, Placement, Points, Scene, Sky, Sun, Trs,
+//! };
+//! use glam::Vec3;
+//!
+//! # fn main() -> osier_base::Result<()> {
+//! // One red ball of 20 mm.
+//! let ball = Points {
+//!     name: "ball".into(),
+//!     material: 0,
+//!     positions: vec![Vec3::ZERO],
+//!     widths: vec![0.02],
+//!     colors: Vec::new(),
+//!     attributes: Vec::new(),
+//!     moving: false,
+//!     reach: Default::default(),
+//! };
+//! let asset = Asset {
+//!     id: "ball".into(),
+//!     kind: AssetKind::Plant,
+//!     group: String::new(),
+//!     skeleton: None,
+//!     meshes: Vec::new(),
+//!     instancers: Vec::new(),
+//!     points: vec![ball],
+//!     curves: Vec::new(),
+//! };
+//! let scene = Scene {
+//!     name: "ball".into(),
+//!     title: String::new(),
+//!     seed: 0,
+//!     hash: String::new(),
+//!     clip: Clip::default(),
+//!     camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vfov: 0.6, roll: 0.0 },
+//!     sun: Sun::default(),
+//!     sky: Sky::default(),
+//!     images: Vec::new(),
+//!     materials: vec![Material::plain("red".into(), MaterialClass::Leaf, [0.6, 0.05, 0.05], 0.5)],
+//!     assets: vec![asset],
+//!     placements: vec![Placement { name: "ball".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
+//!     land: None,
+//!     tables: Vec::new(),
+//!     fields: Vec::new(),
+//!     air: Vec::new(),
+//!     wet: Vec::new(),
+//! };
+//! let materials = PreviewMaterials::new(&scene, Quality::Normal);
+//! let render_scene = RenderScene::new(&scene, None, &materials);
+//! let request = RenderRequest {
+//!     camera: Subject::of(&scene, None).camera(CameraView::Portrait, 1.0, 0.6),
+//!     size: [32, 32],
+//!     light: Light::new(&scene.sun, &scene.sky),
+//!     backdrop: Backdrop::Clear { floor: None },
+//!     seed: 0,
+//! };
+//! let picture = render(&render_scene, &request, &Cancel::default(), &Silent)?;
+//! let [r, g, _, alpha] = picture.at(16, 16);
+//! assert!(r > g && alpha == 255 && picture.at(0, 0) == [0; 4]);
+//! # Ok(())
+//! # }
+//! ```
 
 mod backdrop;
 mod clip;
-mod cone;
+mod contact_sheet;
+mod detail;
 mod draft;
-mod film;
+mod font;
 mod framing;
-mod grain;
-mod lens;
-mod lettering;
 mod light;
-mod looks;
+mod light_transport;
+mod materials;
+mod perspective;
 mod picture;
+mod pixel;
 mod quality;
+mod render;
+mod render_scene;
+mod request;
+mod round_cone;
 mod sampler;
-mod sheet;
 mod solid;
 mod surface;
 #[cfg(test)]
@@ -26,16 +100,16 @@ mod testing;
 mod texture;
 mod tone;
 mod wet;
-mod world;
 
 pub use backdrop::Backdrop;
 pub use clip::{ClipFormat, ClipTiming, ClipWriter};
-pub use film::{RenderRequest, render, tiles};
+pub use contact_sheet::{ContactSheetCell, contact_sheet, contact_sheet_columns, contact_sheet_size};
 pub use framing::{CameraView, Subject};
-pub use lettering::Letters;
 pub use light::Light;
-pub use looks::Looks;
+pub use materials::PreviewMaterials;
 pub use picture::Picture;
+pub use pixel::tile_count;
 pub use quality::Quality;
-pub use sheet::{ContactSheetCell, columns, sheet, size as sheet_size};
-pub use world::World;
+pub use render::render;
+pub use render_scene::RenderScene;
+pub use request::RenderRequest;

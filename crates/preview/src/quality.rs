@@ -1,21 +1,41 @@
-//! How much work goes into a picture: every choice between speed and looks in one place.
-
-use super::light::LightDepth;
+//! Quality levels: every trade-off between speed and noise in one place.
 
 /// How much work goes into a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quality {
-    /// One sample a pixel, projected instead of traced: to judge the shape.
+    /// One sample per pixel, rasterised instead of traced, with sunlight and shadows: to judge shapes.
     Draft,
-    /// For contact sheets and everyday use.
+    /// Ray traced with 3 to 24 samples per pixel: for contact sheets and everyday use.
     Normal,
-    /// For final pictures: up to 192 samples a pixel.
+    /// Ray traced with 32 to 192 samples per pixel and one more bounce: for final pictures.
     Fine,
 }
 
+/// How far light is followed from a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LightDepth {
+    /// The sun and its shadows; the sky as an open place sees it.
+    Sun,
+    /// The occluders of the sky, with a mean brightness.
+    Sky,
+    /// The light that reaches those occluders.
+    Surroundings,
+}
+
+/// Adaptive sampling of pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SampleRange {
+    /// Samples of every pixel.
+    pub(super) min: u32,
+    /// Samples of the noisiest pixels.
+    pub(super) max: u32,
+    /// Difference in displayed brightness (0 to 1, gamma 2) between even and odd samples above which a pixel takes more.
+    pub(super) tolerance: f32,
+}
+
 impl Quality {
-    /// Samples for every pixel of a dense_foliage picture on average: what covers little may have more.
-    pub(super) fn budget(self) -> f32 {
+    /// Samples per pixel on average over a picture of dense foliage; a subject that covers less of the picture may have more.
+    pub(super) fn mean_samples(self) -> f32 {
         match self {
             Self::Draft => 1.0,
             Self::Normal => 2.0,
@@ -23,17 +43,16 @@ impl Quality {
         }
     }
 
-    /// Fewest and most samples a pixel, and the disagreement of shown values that asks for more.
-    pub(super) fn samples(self) -> (u32, u32, f32) {
+    pub(super) fn sample_range(self) -> SampleRange {
         match self {
-            Self::Draft => (1, 1, 1.0),
-            Self::Normal => (3, 24, 0.05),
-            Self::Fine => (32, 192, 0.008),
+            Self::Draft => SampleRange { min: 1, max: 1, tolerance: 1.0 },
+            Self::Normal => SampleRange { min: 3, max: 24, tolerance: 0.05 },
+            Self::Fine => SampleRange { min: 32, max: 192, tolerance: 0.008 },
         }
     }
 
-    /// True where looks are so few that in a crowd of leaves a pixel's light from around is taken from its neighbours' as well.
-    pub(super) fn smooths(self) -> bool {
+    /// True where samples are so few that pixels of dense foliage share their ambient light.
+    pub(super) fn shares_ambient_light(self) -> bool {
         self == Self::Normal
     }
 
@@ -41,12 +60,12 @@ impl Quality {
         match self {
             Self::Draft => LightDepth::Sun,
             Self::Normal => LightDepth::Sky,
-            Self::Fine => LightDepth::Around,
+            Self::Fine => LightDepth::Surroundings,
         }
     }
 
-    /// Smallest detail of a leaf that is drawn, pixels; 0 for every one.
-    pub(super) fn grain(self) -> f32 {
+    /// Width of the smallest detail of an instanced mesh that is drawn, pixels; 0 draws every one.
+    pub(super) fn smallest_detail(self) -> f32 {
         match self {
             Self::Draft => 1.5,
             Self::Normal => 0.75,
@@ -54,7 +73,7 @@ impl Quality {
         }
     }
 
-    /// Widest picture on a surface that is read in full, pixels.
+    /// Side of the largest texture that is read in full, texels.
     pub fn texture_side(self) -> u32 {
         match self {
             Self::Draft => 128,
@@ -63,8 +82,8 @@ impl Quality {
         }
     }
 
-    /// True where a second of waiting for a smaller file is too long.
-    pub fn hurries(self) -> bool {
+    /// True where files are compressed for speed rather than for size.
+    pub fn prefers_speed(self) -> bool {
         self == Self::Draft
     }
 }

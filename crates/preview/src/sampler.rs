@@ -1,22 +1,23 @@
-//! Sample points that fill the unit square evenly, different in every pixel.
+//! Scrambled Sobol points: well distributed in the unit square, different in every pixel.
 
-/// The samples of one pixel.
+/// Sample points of one pixel.
 #[derive(Debug, Clone, Copy)]
-pub struct Sampler {
+pub(super) struct Sampler {
     seed: u32,
 }
 
 impl Sampler {
-    /// `pixel`: its number in the picture.
-    pub fn new(pixel: u32, seed: u32) -> Self {
+    /// `pixel`: its index in the picture, row by row.
+    pub(super) fn new(pixel: u32, seed: u32) -> Self {
         Self { seed: hash(pixel ^ hash(seed)) }
     }
 
-    /// Sample `index` of the two-dimensional purpose `purpose`: both coordinates in [0, 1).
-    /// Points of one pixel and purpose are a scrambled Sobol sequence: any first 2^n of them fill a grid of 2^n cells.
+    /// Sample `index` of the two-dimensional dimension `dimension` (lens, sun, sky …): both coordinates in [0, 1).
+    /// Points of one pixel and dimension are a scrambled Sobol sequence: any first 2^n of them fill a grid of 2^n cells.
     /// Source: B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020.
-    pub fn point(&self, index: u32, purpose: u32) -> [f32; 2] {
-        let seed = hash(self.seed ^ purpose.wrapping_mul(0x9e37_79b9));
+    pub(super) fn point(&self, index: u32, dimension: u32) -> [f32; 2] {
+        let seed = hash(self.seed ^ dimension.wrapping_mul(0x9e37_79b9));
+        // Shuffling the order decorrelates pixels and dimensions; scrambling the digits of x and y shifts the points themselves.
         let index = scramble(index, seed);
         let x = scramble(index.reverse_bits(), hash(seed ^ 0xa511_e9b3));
         let y = scramble(second(index), hash(seed ^ 0x63d8_3595));
@@ -24,7 +25,7 @@ impl Sampler {
     }
 }
 
-/// The second dimension of Sobol's sequence, as 32 bits after the point.
+/// The second dimension of Sobol's sequence, as 32 bits after the binary point. The first is the reversed index.
 fn second(mut index: u32) -> u32 {
     let mut direction = 1_u32 << 31;
     let mut result = 0;
@@ -38,7 +39,8 @@ fn second(mut index: u32) -> u32 {
     result
 }
 
-/// Nested uniform scrambling: bits of every digit are flipped depending on the digits before it.
+/// Nested uniform (Owen) scrambling in base 2: every bit is flipped depending on the bits above it. The hash works on the reversed
+/// number, where a multiplication by an even constant carries only from those bits.
 fn scramble(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits().wrapping_add(seed);
     x ^= x.wrapping_mul(0x6c50_b47c);
@@ -48,8 +50,8 @@ fn scramble(x: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// Mixes 32 bits.
-pub fn hash(mut x: u32) -> u32 {
+/// An integer hash in which every input bit changes about half of the output bits.
+pub(super) fn hash(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x21f0_aaad);
     x ^= x >> 15;
@@ -84,8 +86,8 @@ mod tests {
     }
 
     #[test]
-    fn pixels_and_purposes_differ() {
-        let at = |pixel, purpose| Sampler::new(pixel, 0).point(0, purpose).map(f32::to_bits);
+    fn pixels_and_dimensions_differ() {
+        let at = |pixel, dimension| Sampler::new(pixel, 0).point(0, dimension).map(f32::to_bits);
         assert_ne!(at(0, 0), at(1, 0));
         assert_ne!(at(0, 0), at(0, 1));
     }

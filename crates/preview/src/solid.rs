@@ -1,4 +1,5 @@
-//! What rays meet: triangles, points as balls, and curves as round cones, each kind with its tree of boxes.
+//! Geometry in its own space: triangles, points as balls and curves as round cones, each solid with its bounding volume
+//! hierarchy (BVH). Instances of it share one [`Solid`].
 
 use std::borrow::Cow;
 use std::time::Duration;
@@ -10,139 +11,145 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::Ray;
 
-use super::cone::RoundCone;
-use super::grain::{Detail, merged};
-use super::looks::Looks;
+use super::detail::{MeshDetail, cluster_vertices};
+use super::materials::PreviewMaterials;
+use super::round_cone::RoundCone;
 use osier_base::math;
 use osier_base::par::par_chunks;
 use osier_scene::{Curves, MaterialId, Mesh, PointsNow};
 
-/// Meshes of no more triangles than this have boxes fitted to each showing.
-const HULL: usize = 500;
-/// How much of what is behind it a streak of water hides, were it as long as wide. Own: chosen by eye, 0..2.
-const VEIL: f32 = 0.6;
-/// Radius of its ends, in radii of its middle.
-const POINTED: f32 = 0.1;
-/// Up to how many things are sorted slowly, fairly and fast.
-const SORTING: [usize; 3] = [4_000, 100_000, 1_500_000];
+/// Triangles of the largest mesh whose instances get boxes around their transformed corners. The boxes of larger meshes enclose the
+/// transformed box of the solid: looser, but without a copy of every corner.
+const MAX_TIGHT_BOX_TRIANGLES: usize = 500;
+/// Opacity of a motion-blurred drop that moves by its own radius. Own: chosen by eye, 0 to 2; larger ones make rain denser.
+const STREAK_OPACITY: f32 = 0.6;
+/// Radius at the ends of a streak relative to its middle: a drop is at each end for the shortest part of the exposure.
+const STREAK_END_RADIUS: f32 = 0.1;
+/// Most primitives for a BVH of high, of medium and of low build effort: small trees are built in no time and traversed often, the
+/// largest would delay the picture by seconds.
+const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
 
-/// A triangle as rays want it.
+/// A triangle prepared for intersection.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Face {
+pub(super) struct RayTriangle {
     /// First corner.
     pub(super) a: Vec3,
-    /// From the first corner to the second and the third.
+    /// Edge from the first corner to the second.
     ab: Vec3,
+    /// Edge from the first corner to the third.
     ac: Vec3,
     /// Index into the mesh's triangles.
-    pub(super) triangle: u32,
+    pub(super) index: u32,
     pub(super) material: MaterialId,
 }
 
-/// Where in a primitive a ray meets it.
+/// Intersection of a ray with a primitive of a solid.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PrimitiveHit {
     /// Along the ray, in lengths of its direction.
     pub(super) t: f32,
-    /// Primitive in the order of the tree.
+    /// Index of the primitive in the order of the BVH.
     pub(super) primitive: u32,
-    /// Weights of the second and third corner of a triangle.
-    pub(super) at: Vec2,
+    /// Barycentric coordinates of the second and third corner of a triangle; zero for cones.
+    pub(super) barycentric: Vec2,
 }
 
 /// Primitives of one kind.
 #[derive(Debug)]
 pub(super) enum Primitives<'a> {
-    Faces { faces: Vec<Face>, mesh: CornerData<'a> },
+    Triangles { triangles: Vec<RayTriangle>, vertices: VertexData<'a> },
     Cones { cones: Vec<RoundCone>, material: MaterialId },
 }
 
-/// What triangles look up at their corners.
+/// Attributes of vertices, interpolated over triangles.
 #[derive(Debug)]
-pub(super) struct CornerData<'a> {
+pub(super) struct VertexData<'a> {
     pub(super) triangles: &'a [[u32; 3]],
-    /// The point that stands for each; empty where each stands for itself.
-    stand_ins: Vec<u32>,
-    /// Empty for solids with boxes.
+    /// Index of the vertex that replaces each after clustering; empty without clustering.
+    replacements: Vec<u32>,
+    /// Kept for rasterisation only; empty for solids with a BVH.
     pub(super) points: Vec<Vec3>,
     pub(super) normals: Cow<'a, [Vec3]>,
     pub(super) uvs: &'a [Vec2],
     pub(super) colors: &'a [[f32; 4]],
 }
 
-/// Primitives with their tree.
+/// Primitives with their BVH.
 #[derive(Debug)]
 pub(super) struct Solid<'a> {
     pub(super) kind: Primitives<'a>,
-    /// Empty where no rays are cast.
-    tree: CwBvh,
-    /// Box of everything.
+    /// Empty if the scene is rasterised.
+    bvh: CwBvh,
+    /// Lower and upper corner of the box around all primitives; `None` without any.
     bounds: Option<[Vec3; 2]>,
-    /// Set if some triangles let rays through where a map says so: how wide the smallest detail that is seen is on that map,
-    /// in texture coordinates.
-    pub(super) cut: Option<f32>,
+    /// Width of the smallest visible detail in texture coordinates, if the alpha of a texture cuts some triangles out.
+    pub(super) cutout_footprint: Option<f32>,
     /// Sum of its triangles' areas, m2; zero for cones.
     pub(super) area: f32,
-    /// Corners, for close boxes around showings; empty where they would be too many.
-    pub(super) hull: Vec<Vec3>,
+    /// Corners of all triangles for tight boxes around instances; empty beyond [`MAX_TIGHT_BOX_TRIANGLES`].
+    pub(super) corners: Vec<Vec3>,
 }
 
 impl<'a> Solid<'a> {
-    /// A mesh with its points and normals of the moment.
+    /// A mesh with the points and normals of the frame.
     pub(super) fn of_mesh(
         mesh: &'a Mesh,
         points: &[Vec3],
         normals: Cow<'a, [Vec3]>,
-        looks: &Looks,
-        boxed: bool,
-        detail: Detail,
+        materials: &PreviewMaterials,
+        with_bvh: bool,
+        detail: MeshDetail,
     ) -> Self {
-        let stand_ins = merged(points, detail.merged);
-        let faces = faces_of(mesh, points, &stand_ins);
-        let (faces, tree, bounds) = sorted(faces, boxed, Face::bounds);
-        let area = faces.iter().map(|f| 0.5 * f.normal().length()).sum();
-        let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
-        let cut = cut.then(|| detail.seen * math::sqrt_f32(uv_area(mesh) / f32::max(area, f32::MIN_POSITIVE)));
-        let kept = if boxed { Vec::new() } else { points.to_vec() };
-        let skin = CornerData {
+        let replacements = cluster_vertices(points, detail.cluster_size);
+        let triangles = prepare_triangles(mesh, points, &replacements);
+        let Bvh { primitives: triangles, bvh, bounds } = build_bvh(triangles, with_bvh, RayTriangle::bounds);
+        let area = triangles.iter().map(|f| 0.5 * f.normal().length()).sum();
+        // One width for the whole mesh: that of the smallest visible detail, scaled by the mean ratio of texture to surface.
+        let has_cutout = mesh.subsets.iter().any(|s| materials.has_alpha_cutout(s.material));
+        let cutout_footprint =
+            has_cutout.then(|| detail.smallest * math::sqrt_f32(uv_area(mesh) / f32::max(area, f32::MIN_POSITIVE)));
+        let kept = if with_bvh { Vec::new() } else { points.to_vec() };
+        let vertices = VertexData {
             triangles: &mesh.triangles,
-            stand_ins,
+            replacements,
             points: kept,
             normals,
             uvs: &mesh.uvs,
             colors: &mesh.colors,
         };
-        let hull =
-            if boxed && faces.len() <= HULL { faces.iter().flat_map(Face::corners).collect() } else { Vec::new() };
-        Self { kind: Primitives::Faces { faces, mesh: skin }, tree, bounds, cut, area, hull }
+        let is_small = with_bvh && triangles.len() <= MAX_TIGHT_BOX_TRIANGLES;
+        let corners = if is_small { triangles.iter().flat_map(RayTriangle::corners).collect() } else { Vec::new() };
+        Self { kind: Primitives::Triangles { triangles, vertices }, bvh, bounds, cutout_footprint, area, corners }
     }
 
-    /// Points as balls; those of no width are not there.
-    pub(super) fn of_points(material: MaterialId, now: PointsNow<'_>, boxed: bool) -> Self {
+    /// Points as balls; points of width 0 are left out.
+    pub(super) fn of_points(material: MaterialId, now: PointsNow<'_>, with_bvh: bool) -> Self {
         let color = |i: usize| now.colors.get(i).copied();
-        let seen = now.positions.iter().zip(now.widths).enumerate().filter(|(_, (_, w))| **w > 0.0);
-        let balls = seen.map(|(i, (p, w))| RoundCone::ball(*p, w * 0.5, color(i))).collect();
-        Self::of_cones(balls, material, boxed)
+        let visible = now.positions.iter().zip(now.widths).enumerate().filter(|(_, (_, w))| **w > 0.0);
+        let balls = visible.map(|(i, (p, w))| RoundCone::ball(*p, w * 0.5, color(i))).collect();
+        Self::of_cones(balls, material, with_bvh)
     }
 
-    /// Drops that fall, along their way in `shutter` seconds: veils that are pointed at both ends, as each drop is at each place
-    /// for a part of the time only.
-    pub(super) fn of_drops(material: MaterialId, now: PointsNow<'_>, shutter: f32, boxed: bool) -> Self {
-        let seen = now.positions.iter().zip(now.widths).zip(now.velocities).filter(|((_, w), _)| **w > 0.0);
-        let streaks = seen.flat_map(|((p, w), v)| {
+    /// Falling drops as motion-blurred streaks over `shutter` seconds: translucent double cones, since a drop covers each point of
+    /// its way for a part of the exposure only.
+    pub(super) fn of_drops(material: MaterialId, now: PointsNow<'_>, shutter: f32, with_bvh: bool) -> Self {
+        let visible = now.positions.iter().zip(now.widths).zip(now.velocities).filter(|((_, w), _)| **w > 0.0);
+        let streaks = visible.flat_map(|((p, w), v)| {
             let (half, radius) = (*v * (shutter * 0.5), w * 0.5);
             if half.length() < w * 0.5 {
                 return vec![RoundCone::ball(*p, radius, None)];
             }
-            let share = (VEIL * radius / half.length()).min(1.0);
-            let cone = |end: Vec3| RoundCone::new([*p, end], [radius, radius * POINTED]).veiled(share);
+            // The drop is spread over its way, so opacity falls with the length of the streak.
+            let opacity = (STREAK_OPACITY * radius / half.length()).min(1.0);
+            let cone =
+                |end: Vec3| RoundCone::new([*p, end], [radius, radius * STREAK_END_RADIUS]).with_opacity(opacity);
             vec![cone(*p + half), cone(*p - half)]
         });
-        Self::of_cones(streaks.collect(), material, boxed)
+        Self::of_cones(streaks.collect(), material, with_bvh)
     }
 
     /// Curves as chains of round cones.
-    pub(super) fn of_curves(curves: &Curves, points: &[Vec3], boxed: bool) -> Self {
+    pub(super) fn of_curves(curves: &Curves, points: &[Vec3], with_bvh: bool) -> Self {
         let mut cones = Vec::with_capacity(points.len());
         let mut first = 0;
         for count in &curves.counts {
@@ -153,24 +160,26 @@ impl<'a> Solid<'a> {
             }
             first = end;
         }
-        Self::of_cones(cones, curves.material, boxed)
+        Self::of_cones(cones, curves.material, with_bvh)
     }
 
-    fn of_cones(cones: Vec<RoundCone>, material: MaterialId, boxed: bool) -> Self {
-        let (cones, tree, bounds) = sorted(cones, boxed, RoundCone::bounds);
-        Self { kind: Primitives::Cones { cones, material }, tree, bounds, cut: None, area: 0.0, hull: Vec::new() }
+    fn of_cones(cones: Vec<RoundCone>, material: MaterialId, with_bvh: bool) -> Self {
+        let Bvh { primitives: cones, bvh, bounds } = build_bvh(cones, with_bvh, RoundCone::bounds);
+        let kind = Primitives::Cones { cones, material };
+        Self { kind, bvh, bounds, cutout_footprint: None, area: 0.0, corners: Vec::new() }
     }
 
-    /// Box of everything, or none if there is nothing.
+    /// Lower and upper corner of the box around all primitives; `None` without any.
     pub(super) fn bounds(&self) -> Option<[Vec3; 2]> {
         self.bounds
     }
 
-    /// False for a ray of the solid's own space that surely passes by: cheaper than to enter the tree, and most rays
-    /// that meet the upright box around a tilted leaf pass by the leaf.
+    /// False for a ray, in the space of the solid, that misses its box. The test is cheaper than the root of the BVH, and most rays
+    /// that hit the axis-aligned world box of a tilted leaf miss its own box.
     #[inline]
-    pub(super) fn is_near(&self, ray: &Ray) -> bool {
-        let b = &self.tree.total_aabb;
+    pub(super) fn hits_bounds(&self, ray: &Ray) -> bool {
+        let b = &self.bvh.total_aabb;
+        // Slab test; a slack keeps flat leaves whose box has no thickness.
         let slack = (b.max - b.min).max_element() * 1e-3;
         let (t1, t2) =
             ((b.min - slack - ray.origin) * ray.inv_direction, (b.max + slack - ray.origin) * ray.inv_direction);
@@ -181,33 +190,33 @@ impl<'a> Solid<'a> {
     /// Number of primitives.
     pub(super) fn len(&self) -> usize {
         match &self.kind {
-            Primitives::Faces { faces, .. } => faces.len(),
+            Primitives::Triangles { triangles, .. } => triangles.len(),
             Primitives::Cones { cones, .. } => cones.len(),
         }
     }
 
-    /// The nearest meeting within the ray's range.
-    pub(super) fn nearest(&self, ray: Ray, looks: &Looks) -> Option<PrimitiveHit> {
+    /// The closest intersection within the range of the ray.
+    pub(super) fn closest_hit(&self, ray: Ray, materials: &PreviewMaterials) -> Option<PrimitiveHit> {
         let mut best = None;
         let mut hit = obvhs::ray::RayHit::none();
-        self.tree.ray_traverse(ray, &mut hit, |ray, i| match self.meet(ray, i, looks) {
-            Some(spot) if spot.t < ray.tmax => {
-                best = Some(spot);
-                spot.t
+        self.bvh.ray_traverse(ray, &mut hit, |ray, i| match self.intersect(ray, i, materials) {
+            Some(hit) if hit.t < ray.tmax => {
+                best = Some(hit);
+                hit.t
             }
             _ => f32::INFINITY,
         });
         best
     }
 
-    /// Any meeting within the ray's range, the first that is found.
-    pub(super) fn any(&self, ray: Ray, looks: &Looks) -> Option<PrimitiveHit> {
+    /// Any intersection within the range of the ray: the first that the traversal finds.
+    pub(super) fn any_hit(&self, ray: Ray, materials: &PreviewMaterials) -> Option<PrimitiveHit> {
         let mut found = None;
         let mut hit = obvhs::ray::RayHit::none();
-        self.tree.ray_traverse(ray, &mut hit, |ray, i| match (&found, self.meet(ray, i, looks)) {
-            (None, Some(spot)) => {
-                found = Some(spot);
-                // Nothing is nearer than this: the search ends.
+        self.bvh.ray_traverse(ray, &mut hit, |ray, i| match (&found, self.intersect(ray, i, materials)) {
+            (None, Some(hit)) => {
+                found = Some(hit);
+                // A hit at the lower end of the range ends the traversal.
                 ray.tmin
             }
             _ => f32::INFINITY,
@@ -215,76 +224,90 @@ impl<'a> Solid<'a> {
         found
     }
 
-    /// True if nothing lies within the ray's range.
-    pub(super) fn lets_by(&self, ray: Ray, looks: &Looks) -> bool {
-        let share = match &self.kind {
-            Primitives::Cones { material, .. } => looks.passes(*material),
-            Primitives::Faces { .. } => 0.0,
+    /// True if nothing opaque lies within the range of a shadow ray.
+    pub(super) fn is_unoccluded(&self, ray: Ray, materials: &PreviewMaterials) -> bool {
+        let transmittance = match &self.kind {
+            Primitives::Cones { material, .. } => materials.hair_transmittance(*material),
+            Primitives::Triangles { .. } => 0.0,
         };
-        self.tree.ray_traverse_miss(ray, |ray, i| match self.meet(ray, i, looks) {
-            // Water gathers light in one place and misses it in another: on the whole it passes.
-            Some(_) if self.is_water(i, looks) => f32::INFINITY,
-            Some(spot) if share <= 0.0 || chance(ray, i) >= share => spot.t,
+        self.bvh.ray_traverse_miss(ray, |ray, i| match self.intersect(ray, i, materials) {
+            // Caustics are not computed: water focuses light in one place and lacks it in another, so on average it casts no shadow.
+            Some(_) if self.is_water(i, materials) => f32::INFINITY,
+            // Hair transmits a fraction of the light: a random choice per ray and hair has that mean.
+            Some(hit) if transmittance <= 0.0 || random_unit(ray, i) >= transmittance => hit.t,
             _ => f32::INFINITY,
         })
     }
 
-    fn is_water(&self, i: usize, looks: &Looks) -> bool {
+    fn is_water(&self, i: usize, materials: &PreviewMaterials) -> bool {
         match &self.kind {
-            Primitives::Faces { faces, .. } => faces.get(i).is_some_and(|f| looks.is_water(f.material)),
-            Primitives::Cones { material, .. } => looks.is_water(*material),
+            Primitives::Triangles { triangles, .. } => triangles.get(i).is_some_and(|f| materials.is_water(f.material)),
+            Primitives::Cones { material, .. } => materials.is_water(*material),
         }
     }
 
-    /// The meeting with primitive `i` in the order of the tree.
+    /// Intersection with primitive `i` in the order of the BVH; `None` where a texture cuts it out.
     #[inline]
-    pub(super) fn meet(&self, ray: &Ray, i: usize, looks: &Looks) -> Option<PrimitiveHit> {
+    pub(super) fn intersect(&self, ray: &Ray, i: usize, materials: &PreviewMaterials) -> Option<PrimitiveHit> {
         let primitive = u32::try_from(i).ok()?;
         match &self.kind {
-            Primitives::Faces { faces, mesh } => {
-                let face = faces.get(i)?;
-                let (t, at) = face.meet(ray)?;
-                let there = self.cut.is_none_or(|width| looks.is_kept(face.material, width, || mesh.uv(face, at)));
-                there.then_some(PrimitiveHit { t, primitive, at })
+            Primitives::Triangles { triangles, vertices } => {
+                let triangle = triangles.get(i)?;
+                let TriangleHit { t, barycentric } = triangle.intersect(ray)?;
+                let is_opaque = self.cutout_footprint.is_none_or(|width| {
+                    materials.is_opaque_at(triangle.material, width, || vertices.uv(triangle, barycentric))
+                });
+                is_opaque.then_some(PrimitiveHit { t, primitive, barycentric })
             }
             Primitives::Cones { cones, .. } => {
                 let cone = cones.get(i)?;
-                let t = cone.meet(ray)?;
-                (cone.share() >= 1.0 || chance(ray, i) < cone.share()).then_some(PrimitiveHit {
+                let t = cone.intersect(ray)?;
+                (cone.opacity() >= 1.0 || random_unit(ray, i) < cone.opacity()).then_some(PrimitiveHit {
                     t,
                     primitive,
-                    at: Vec2::ZERO,
+                    barycentric: Vec2::ZERO,
                 })
             }
         }
     }
 
-    /// Where a ray meets primitive `i`, known to be met but for rounding.
-    pub(super) fn spot(&self, ray: &Ray, i: usize) -> Option<PrimitiveHit> {
+    /// Intersection with primitive `i` that rasterisation found visible: for a triangle the intersection with its plane, as rounding
+    /// may put the ray just beside it.
+    pub(super) fn project_hit(&self, ray: &Ray, i: usize) -> Option<PrimitiveHit> {
         let primitive = u32::try_from(i).ok()?;
         match &self.kind {
-            Primitives::Faces { faces, .. } => {
-                let (t, at) = faces.get(i)?.plane(ray);
-                (t.is_finite() && at.is_finite()).then_some(PrimitiveHit { t, primitive, at })
+            Primitives::Triangles { triangles, .. } => {
+                let TriangleHit { t, barycentric } = triangles.get(i)?.intersect_plane(ray);
+                (t.is_finite() && barycentric.is_finite()).then_some(PrimitiveHit { t, primitive, barycentric })
             }
             Primitives::Cones { cones, .. } => {
-                Some(PrimitiveHit { t: cones.get(i)?.meet(ray)?, primitive, at: Vec2::ZERO })
+                Some(PrimitiveHit { t: cones.get(i)?.intersect(ray)?, primitive, barycentric: Vec2::ZERO })
             }
         }
     }
 }
 
-impl Face {
+/// Intersection of a ray with a triangle or its plane.
+#[derive(Debug, Clone, Copy)]
+struct TriangleHit {
+    /// Along the ray, in lengths of its direction.
+    t: f32,
+    /// Coordinates of the second and third corner.
+    barycentric: Vec2,
+}
+
+impl RayTriangle {
+    /// The intersection within the range of the ray, from either side.
     /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", JGT 2(1), 1997.
     #[inline]
-    fn meet(&self, ray: &Ray) -> Option<(f32, Vec2)> {
+    fn intersect(&self, ray: &Ray) -> Option<TriangleHit> {
         let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
         let p = direction.cross(self.ac);
         let det = self.ab.dot(p);
         let inverse = 1.0 / det;
         let s = origin - self.a;
         let u = s.dot(p) * inverse;
-        // Written so that NaN, from a triangle seen edge-on, is refused.
+        // These comparisons are false for the NaN of a triangle seen edge-on.
         if !(0.0..=1.0).contains(&u) {
             return None;
         }
@@ -294,15 +317,16 @@ impl Face {
             return None;
         }
         let t = self.ac.dot(q) * inverse;
-        (t >= ray.tmin && t <= ray.tmax).then_some((t, Vec2::new(u, v)))
+        (t >= ray.tmin && t <= ray.tmax).then_some(TriangleHit { t, barycentric: Vec2::new(u, v) })
     }
 
-    /// Where a ray meets the plane of the triangle: length along it, and weights of the second and third corner.
-    fn plane(&self, ray: &Ray) -> (f32, Vec2) {
+    /// The intersection with the plane of the triangle, by Cramer's rule as above but without the tests.
+    fn intersect_plane(&self, ray: &Ray) -> TriangleHit {
         let (s, direction) = (Vec3::from(ray.origin) - self.a, Vec3::from(ray.direction));
         let (p, q) = (direction.cross(self.ac), s.cross(self.ab));
         let inverse = 1.0 / self.ab.dot(p);
-        (self.ac.dot(q) * inverse, Vec2::new(s.dot(p), direction.dot(q)) * inverse)
+        let barycentric = Vec2::new(s.dot(p), direction.dot(q)) * inverse;
+        TriangleHit { t: self.ac.dot(q) * inverse, barycentric }
     }
 
     fn corners(&self) -> [Vec3; 3] {
@@ -325,79 +349,88 @@ impl Face {
     }
 }
 
-impl CornerData<'_> {
-    pub(super) fn corners(&self, face: &Face) -> [usize; 3] {
-        let own = self.triangles.get(face.triangle as usize).copied().unwrap_or_default();
-        own.map(|i| self.stand_ins.get(i as usize).copied().unwrap_or(i) as usize)
+impl VertexData<'_> {
+    /// Indices of the corners of a triangle after clustering.
+    pub(super) fn corners(&self, triangle: &RayTriangle) -> [usize; 3] {
+        let own = self.triangles.get(triangle.index as usize).copied().unwrap_or_default();
+        own.map(|i| self.replacements.get(i as usize).copied().unwrap_or(i) as usize)
     }
 
-    /// Texture coordinates; zero for a mesh without.
-    pub(super) fn uv(&self, face: &Face, at: Vec2) -> Vec2 {
-        let [a, b, c] = self.corners(face).map(|i| self.uvs.get(i).copied().unwrap_or_default());
-        a + (b - a) * at.x + (c - a) * at.y
+    /// Interpolated texture coordinates; zero for a mesh without.
+    pub(super) fn uv(&self, triangle: &RayTriangle, barycentric: Vec2) -> Vec2 {
+        let [a, b, c] = self.corners(triangle).map(|i| self.uvs.get(i).copied().unwrap_or_default());
+        a + (b - a) * barycentric.x + (c - a) * barycentric.y
     }
 }
 
-/// Area of a mesh's triangles on its maps, in texture coordinates.
+/// Total area of a mesh's triangles in texture coordinates.
 fn uv_area(mesh: &Mesh) -> f32 {
     let corner = |i: u32| mesh.uvs.get(i as usize).copied().unwrap_or_default();
     let area = |[a, b, c]: [Vec2; 3]| 0.5 * (b - a).perp_dot(c - a).abs();
     mesh.triangles.iter().map(|t| area(t.map(corner))).sum()
 }
 
-/// Triangles of a mesh, those left out that merging made into lines.
-fn faces_of(mesh: &Mesh, points: &[Vec3], stand_ins: &[u32]) -> Vec<Face> {
-    let mut faces = Vec::with_capacity(mesh.triangles.len());
+/// The triangles of a mesh without those that clustering collapsed into lines or points.
+fn prepare_triangles(mesh: &Mesh, points: &[Vec3], replacements: &[u32]) -> Vec<RayTriangle> {
+    let mut triangles = Vec::with_capacity(mesh.triangles.len());
     for subset in &mesh.subsets {
         for (i, t) in (subset.first..).zip(mesh.subset_triangles(subset)) {
-            let t = t.map(|k| stand_ins.get(k as usize).copied().unwrap_or(k));
-            if !stand_ins.is_empty() && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+            let t = t.map(|k| replacements.get(k as usize).copied().unwrap_or(k));
+            if !replacements.is_empty() && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
                 continue;
             }
             let [a, b, c] = t.map(|k| points.get(k as usize).copied().unwrap_or_default());
-            faces.push(Face { a, ab: b - a, ac: c - a, triangle: i, material: subset.material });
+            triangles.push(RayTriangle { a, ab: b - a, ac: c - a, index: i, material: subset.material });
         }
     }
-    faces
+    triangles
 }
 
-/// Things in the order of their tree, the tree, and the box around all; in their own order with an empty tree if not
-/// `boxed`.
-pub(super) fn sorted<T: Copy + Sync>(
+/// Primitives with a BVH over their boxes.
+pub(super) struct Bvh<T> {
+    /// In the order of the leaves of the BVH.
+    pub(super) primitives: Vec<T>,
+    pub(super) bvh: CwBvh,
+    /// Lower and upper corner of the box around all; `None` without any.
+    pub(super) bounds: Option<[Vec3; 2]>,
+}
+
+/// Builds the BVH of a list; without `with_bvh` only the box around all is computed and the order is kept.
+pub(super) fn build_bvh<T: Copy + Sync>(
     list: Vec<T>,
-    boxed: bool,
+    with_bvh: bool,
     bounds: impl Fn(&T) -> [Vec3; 2] + Sync + Send,
-) -> (Vec<T>, CwBvh, Option<[Vec3; 2]>) {
+) -> Bvh<T> {
     let around = |boxes: &[[Vec3; 2]]| boxes.iter().copied().reduce(|[lo, hi], [min, max]| [lo.min(min), hi.max(max)]);
-    if !boxed {
+    if !with_bvh {
         let parts = par_chunks(&list, 1 << 14, |_, c| around(&c.iter().map(&bounds).collect::<Vec<_>>()));
         let bounds = around(&parts.into_iter().flatten().collect::<Vec<_>>());
-        return (list, CwBvh::default(), bounds);
+        return Bvh { primitives: list, bvh: CwBvh::default(), bounds };
     }
     if list.is_empty() {
-        return (list, CwBvh::default(), None);
+        return Bvh { primitives: list, bvh: CwBvh::default(), bounds: None };
     }
     let bound = |[min, max]: [Vec3; 2]| Aabb::new(Vec3A::from(min), Vec3A::from(max));
     let boxes: Vec<Aabb> =
         par_chunks(&list, 1 << 14, |_, c| c.iter().map(|t| bound(bounds(t))).collect::<Vec<_>>()).concat();
-    // How well boxes are sorted: few are sorted in no time and met by many rays.
-    let rule = match SORTING.iter().position(|n| list.len() <= *n) {
+    let effort = match BUILD_EFFORT.iter().position(|n| list.len() <= *n) {
         Some(0) => BvhBuildParams::slow_build(),
         Some(1) => BvhBuildParams::medium_build(),
         Some(_) => BvhBuildParams::fast_build(),
         None => BvhBuildParams::very_fast_build(),
     };
-    let tree = build_cwbvh(&boxes, rule, &mut Duration::default());
-    let arranged = tree.primitive_indices.iter().filter_map(|i| list.get(*i as usize).copied()).collect();
-    let all = tree.total_aabb;
-    (arranged, tree, Some([all.min.into(), all.max.into()]))
+    let bvh = build_cwbvh(&boxes, effort, &mut Duration::default());
+    // Primitives are stored in the order of the leaves, so that a leaf reads consecutive memory and no index table.
+    let primitives = bvh.primitive_indices.iter().filter_map(|i| list.get(*i as usize).copied()).collect();
+    let all = bvh.total_aabb;
+    Bvh { primitives, bvh, bounds: Some([all.min.into(), all.max.into()]) }
 }
 
-/// A number in 0..1 that only a ray and the hair or veil in its way decide.
-fn chance(ray: &Ray, hair: usize) -> f32 {
+/// A random number in [0, 1) that depends on the ray and on the primitive only: the same for every thread and traversal order.
+fn random_unit(ray: &Ray, primitive: usize) -> f32 {
     let bits = |v: f32| u64::from(v.to_bits());
     let (o, d) = (ray.origin, ray.direction);
-    let key = osier_base::rng::mix64(&[bits(o.x) << 32 | bits(o.y), bits(o.z) << 32 | bits(d.x), hair as u64]);
+    let key = osier_base::rng::mix64(&[bits(o.x) << 32 | bits(o.y), bits(o.z) << 32 | bits(d.x), primitive as u64]);
     (key >> 40) as f32 / (1_u64 << 24) as f32
 }
 
@@ -409,13 +442,13 @@ mod tests {
 
     #[test]
     fn falling_water_is_met_by_few_rays_and_a_drop_at_rest_by_all() {
-        let looks = Looks::new(&scene_of(Vec::new()), Quality::Normal);
+        let materials = PreviewMaterials::new(&scene_of(Vec::new()), Quality::Normal);
         let met = |velocity: Vec3, y: f32| {
             let now = PointsNow { positions: &[Vec3::ZERO], widths: &[0.002], velocities: &[velocity], colors: &[] };
             let solid = Solid::of_drops(0, now, 0.005, true);
             let hit = |i: u16| {
                 let from = Vec3A::new(0.0, y + 1e-6 * f32::from(i), 1.0);
-                solid.nearest(Ray::new(from, Vec3A::NEG_Z, 0.0, f32::INFINITY), &looks).is_some()
+                solid.closest_hit(Ray::new(from, Vec3A::NEG_Z, 0.0, f32::INFINITY), &materials).is_some()
             };
             (solid.len(), (0..800).filter(|i| hit(*i)).count())
         };

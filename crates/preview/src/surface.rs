@@ -1,169 +1,212 @@
-//! The place where a ray met something: where it is, which way it faces, what it is made of.
+//! The point where a ray hits a surface: position, normals, material and wetness.
 
 use glam::{Vec2, Vec3};
 
-use super::looks::ShadingParams;
-use super::solid::{CornerData, Primitives};
+use super::materials::ShadingParams;
+use super::render_scene::{RenderScene, SceneHit, SolidInstance};
+use super::solid::{PrimitiveHit, Primitives, RayTriangle, VertexData};
 use super::texture::footprint;
-use super::wet::CoatMap;
-use super::world::{Hit, SolidInstance, World};
+use super::wet::WetMap;
 use osier_base::math::normalize_or;
 use osier_scene::MaterialId;
 
-/// A place on a surface, seen from one side.
+/// Smallest cosine between shading normal and direction to the viewer.
+const MIN_VIEW_COSINE: f32 = 0.02;
+
+/// A point on a surface with everything that shading needs.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Surface {
-    /// In the world, m.
+pub(super) struct SurfaceInteraction {
+    /// Position in the world, m.
     pub(super) p: Vec3,
-    /// Unit normal of the flat triangle, towards the viewer.
-    pub(super) face: Vec3,
-    /// Unit normal for light, towards the viewer.
-    pub(super) n: Vec3,
-    /// True if the viewer is on the outside.
-    pub(super) outside: bool,
-    /// How far light goes through it to its other side, m: hairs are thick, sheets are not.
-    pub(super) thick: f32,
-    pub(super) finish: ShadingParams,
+    /// Geometric unit normal on the side of the viewer.
+    pub(super) normal: Vec3,
+    /// Interpolated and normal-mapped unit normal on the side of the viewer.
+    pub(super) shading_normal: Vec3,
+    /// True if the viewer is on the outside of the surface.
+    pub(super) is_outside: bool,
+    /// Distance that transmitted light travels to the far side, m: the diameter of a hair, 0 for a leaf.
+    pub(super) thickness: f32,
+    pub(super) shading: ShadingParams,
     pub(super) material: MaterialId,
 }
 
-/// A place on its triangle, before anything is looked up there.
-struct TrianglePoint {
-    face: Vec3,
-    n: Vec3,
+/// Attributes of a hit before textures are evaluated.
+struct SurfaceAttributes {
+    normal: Vec3,
+    smooth_normal: Vec3,
     uv: Vec2,
     color: Option<Vec3>,
     material: MaterialId,
-    /// Edges of the triangle in the world and in texture coordinates.
+    /// Two edges of the triangle in the world, m.
     edges: [Vec3; 2],
+    /// The same edges in texture coordinates.
     uv_edges: [Vec2; 2],
 }
 
-impl World<'_> {
-    /// What lies at a hit. `spread`: width of the sample at unit distance.
-    pub(super) fn surface(&self, hit: &Hit, origin: Vec3, direction: Vec3, spread: f32) -> Option<Surface> {
-        let (showing, solid) = self.met(hit)?;
-        let p = origin + direction * hit.spot.t;
-        let mut thick = 0.0;
-        let flat = match &solid.kind {
-            Primitives::Faces { faces, mesh } => {
-                triangle(showing, faces.get(hit.spot.primitive as usize)?, mesh, hit.spot.at)
+/// Mean appearance of an occluder.
+pub(super) struct MeanSurface {
+    /// Linear mean colour of its material, or its vertex colour.
+    pub(super) color: Vec3,
+    /// Geometric unit normal on the side of the ray's origin.
+    pub(super) normal: Vec3,
+}
+
+impl RenderScene<'_> {
+    /// Evaluates the surface at a hit. `spread`: width of the sample at unit distance.
+    pub(super) fn surface(
+        &self,
+        hit: &SceneHit,
+        origin: Vec3,
+        direction: Vec3,
+        spread: f32,
+    ) -> Option<SurfaceInteraction> {
+        let (instance, solid) = self.hit_instance(hit)?;
+        let PrimitiveHit { t, primitive, barycentric } = hit.primitive;
+        let p = origin + direction * t;
+        let mut thickness = 0.0;
+        let attributes = match &solid.kind {
+            Primitives::Triangles { triangles, vertices } => {
+                triangle_attributes(instance, triangles.get(primitive as usize)?, vertices, barycentric)
             }
             Primitives::Cones { cones, material } => {
-                let cone = cones.get(hit.spot.primitive as usize)?;
-                thick = cone.width() * showing.world().0.x_axis.length();
-                let n = showing.normal(cone.normal(showing.to_local(p)));
-                let color = cone.color.map(Vec3::from_array);
-                TrianglePoint {
-                    face: n,
-                    n,
+                let cone = cones.get(primitive as usize)?;
+                thickness = cone.width() * instance.world_from_local().linear.x_axis.length();
+                let normal = instance.world_normal(cone.normal(instance.to_local(p)));
+                SurfaceAttributes {
+                    normal,
+                    smooth_normal: normal,
                     uv: Vec2::ZERO,
-                    color,
+                    color: cone.color.map(Vec3::from_array),
                     material: *material,
                     edges: [Vec3::X; 2],
                     uv_edges: [Vec2::ZERO; 2],
                 }
             }
         };
-        let width = footprint(spread * hit.spot.t * direction.length(), flat.edges, flat.uv_edges);
-        let outside = flat.face.dot(direction) <= 0.0;
-        let side = if outside { 1.0 } else { -1.0 };
-        let mut n = self.relief(&flat, width) * side;
-        // Relief and smooth normals may lean away from the viewer at the rim; light is then taken from the rim.
-        let toward = -normalize_or(direction, Vec3::Z);
-        let lean = n.dot(toward);
-        if lean < 0.02 {
-            n = normalize_or(n + toward * (0.02 - lean), flat.face * side);
+        let width = footprint(spread * t * direction.length(), attributes.edges, attributes.uv_edges);
+        let is_outside = attributes.normal.dot(direction) <= 0.0;
+        let side = if is_outside { 1.0 } else { -1.0 };
+        let mut shading_normal = self.mapped_normal(&attributes, width) * side;
+        // Normal maps and interpolated normals may turn away from the viewer near the silhouette, where reflection would be black:
+        // such a normal is bent back until its cosine to the viewer is at least MIN_VIEW_COSINE.
+        let to_viewer = -normalize_or(direction, Vec3::Z);
+        let cosine = shading_normal.dot(to_viewer);
+        if cosine < MIN_VIEW_COSINE {
+            shading_normal =
+                normalize_or(shading_normal + to_viewer * (MIN_VIEW_COSINE - cosine), attributes.normal * side);
         }
-        let mut finish = self.looks.finish(flat.material, flat.uv, width);
-        if let Some(color) = flat.color {
-            finish.albedo = color;
+        // Vertex colours replace the texture; wetness acts on either.
+        let mut shading = self.materials.shading(attributes.material, attributes.uv, width);
+        if let Some(color) = attributes.color {
+            shading.albedo = color;
         }
-        if let Some(sheet) = self.sheet(flat.material) {
-            sheet.apply(&mut finish, flat.uv, width);
+        if let Some(wet_map) = self.wet_map(attributes.material) {
+            wet_map.apply(&mut shading, attributes.uv, width);
         }
-        // What light does not go through has no far side.
-        let thick = if finish.translucency > 0.0 { thick } else { 0.0 };
-        Some(Surface { p, face: flat.face * side, n, outside, thick, finish, material: flat.material })
+        // An opaque hair transmits nothing to its far side.
+        let thickness = if shading.translucency > 0.0 { thickness } else { 0.0 };
+        let normal = attributes.normal * side;
+        Some(SurfaceInteraction {
+            p,
+            normal,
+            shading_normal,
+            is_outside,
+            thickness,
+            shading,
+            material: attributes.material,
+        })
     }
 
-    /// Water on a material.
-    fn sheet(&self, material: MaterialId) -> Option<&CoatMap> {
-        self.sheets.get(material as usize)?.as_ref()
+    fn wet_map(&self, material: MaterialId) -> Option<&WetMap> {
+        self.wet_maps.get(material as usize)?.as_ref()
     }
 
-    /// The smooth normal, turned by the normal map.
-    /// The map's x runs along growing u, its y along growing v.
-    fn relief(&self, flat: &TrianglePoint, width: f32) -> Vec3 {
-        let own = || self.looks.relief(flat.material, flat.uv, width);
-        let Some(m) = self.sheet(flat.material).map(|s| s.relief(flat.uv, width)).or_else(own) else { return flat.n };
-        let ([e1, e2], [d1, d2]) = (flat.edges, flat.uv_edges);
+    /// The interpolated normal, perturbed by the normal map of the water or of the material. The map's x runs along growing u, its
+    /// y along growing v.
+    fn mapped_normal(&self, s: &SurfaceAttributes, width: f32) -> Vec3 {
+        let from_material = || self.materials.normal_map(s.material, s.uv, width);
+        let water = self.wet_map(s.material).map(|map| map.normal(s.uv, width));
+        let Some(m) = water.or_else(from_material) else { return s.smooth_normal };
+        // Tangent vectors dp/du and dp/dv of the triangle: the solution of e = dp/du * d.x + dp/dv * d.y for both edges.
+        let ([e1, e2], [d1, d2]) = (s.edges, s.uv_edges);
         let det = d1.perp_dot(d2);
         if det.abs() < 1e-20 {
-            return flat.n;
+            return s.smooth_normal;
         }
-        let along_u = (e1 * d2.y - e2 * d1.y) / det;
-        let along_v = (e2 * d1.x - e1 * d2.x) / det;
-        let t = normalize_or(along_u - flat.n * flat.n.dot(along_u), Vec3::X);
-        let b = normalize_or(along_v - flat.n * flat.n.dot(along_v) - t * t.dot(along_v), Vec3::Z);
-        normalize_or(t * m.x + b * m.y + flat.n * m.z, flat.n)
+        let dp_du = (e1 * d2.y - e2 * d1.y) / det;
+        let dp_dv = (e2 * d1.x - e1 * d2.x) / det;
+        // Gram-Schmidt: an orthonormal frame about the interpolated normal.
+        let n = s.smooth_normal;
+        let tangent = normalize_or(dp_du - n * n.dot(dp_du), Vec3::X);
+        let bitangent = normalize_or(dp_dv - n * n.dot(dp_dv) - tangent * tangent.dot(dp_dv), Vec3::Z);
+        normalize_or(tangent * m.x + bitangent * m.y + n * m.z, n)
     }
 
-    /// Unit normal of what lies at a hit: that of the flat triangle, or of the cone at `p`.
-    pub(super) fn facing(&self, hit: &Hit, p: Vec3) -> Vec3 {
-        let Some((showing, solid)) = self.met(hit) else { return Vec3::Y };
-        let i = hit.spot.primitive as usize;
+    /// Geometric unit normal of a hit on the outside: that of the triangle, or of the cone at `p`.
+    pub(super) fn outer_normal(&self, hit: &SceneHit, p: Vec3) -> Vec3 {
+        let Some((instance, solid)) = self.hit_instance(hit) else { return Vec3::Y };
+        let i = hit.primitive.primitive as usize;
         let n = match &solid.kind {
-            Primitives::Faces { faces, .. } => faces.get(i).map(super::solid::Face::normal),
-            Primitives::Cones { cones, .. } => cones.get(i).map(|cone| cone.normal(showing.to_local(p))),
+            Primitives::Triangles { triangles, .. } => triangles.get(i).map(RayTriangle::normal),
+            Primitives::Cones { cones, .. } => cones.get(i).map(|cone| cone.normal(instance.to_local(p))),
         };
-        showing.normal(n.unwrap_or(Vec3::Y))
+        instance.world_normal(n.unwrap_or(Vec3::Y))
     }
 
-    /// Mean colour of what lies at a hit, and its unit normal against the ray.
-    pub(super) fn glimpse(&self, hit: &Hit, direction: Vec3) -> (Vec3, Vec3) {
-        let Some((showing, solid)) = self.met(hit) else { return (Vec3::ZERO, Vec3::Y) };
+    /// Mean colour and normal at a hit, without any texture look-up. `direction`: of the ray that hit it.
+    pub(super) fn mean_surface(&self, hit: &SceneHit, direction: Vec3) -> MeanSurface {
+        let Some((instance, solid)) = self.hit_instance(hit) else {
+            return MeanSurface { color: Vec3::ZERO, normal: Vec3::Y };
+        };
         let (n, color) = match &solid.kind {
-            Primitives::Faces { faces, mesh } => match faces.get(hit.spot.primitive as usize) {
-                Some(face) => {
-                    let color = vertex_color(mesh, mesh.corners(face), hit.spot.at);
-                    (face.normal(), color.unwrap_or_else(|| self.looks.mean(face.material)))
+            Primitives::Triangles { triangles, vertices } => match triangles.get(hit.primitive.primitive as usize) {
+                Some(triangle) => {
+                    let color = vertex_color(vertices, vertices.corners(triangle), hit.primitive.barycentric);
+                    (triangle.normal(), color.unwrap_or_else(|| self.materials.mean_color(triangle.material)))
                 }
                 None => (Vec3::Y, Vec3::ZERO),
             },
             Primitives::Cones { cones, material } => {
-                let own = cones.get(hit.spot.primitive as usize).and_then(|c| c.color);
-                (-direction, own.map_or_else(|| self.looks.mean(*material), Vec3::from_array))
+                let own = cones.get(hit.primitive.primitive as usize).and_then(|c| c.color);
+                (-direction, own.map_or_else(|| self.materials.mean_color(*material), Vec3::from_array))
             }
         };
-        let n = showing.normal(n);
-        (color, if n.dot(direction) > 0.0 { -n } else { n })
+        let n = instance.world_normal(n);
+        MeanSurface { color, normal: if n.dot(direction) > 0.0 { -n } else { n } }
     }
 }
 
-fn triangle(showing: &SolidInstance, face: &super::solid::Face, mesh: &CornerData<'_>, at: Vec2) -> TrianglePoint {
-    let corners = mesh.corners(face);
-    let flat = showing.normal(face.normal());
-    let world = showing.world().0;
-    let [na, nb, nc] = corners.map(|i| mesh.normals.get(i).copied().unwrap_or(Vec3::ZERO));
-    let smooth = na * (1.0 - at.x - at.y) + nb * at.x + nc * at.y;
-    let n = if smooth.length_squared() > 1e-12 { showing.normal(smooth) } else { flat };
-    let [ua, ub, uc] = corners.map(|i| mesh.uvs.get(i).copied().unwrap_or_default());
-    TrianglePoint {
-        face: flat,
-        n,
-        uv: mesh.uv(face, at),
-        color: vertex_color(mesh, corners, at),
-        material: face.material,
-        edges: face.edges().map(|e| world * e),
+/// Interpolates the attributes of a triangle.
+fn triangle_attributes(
+    instance: &SolidInstance,
+    triangle: &RayTriangle,
+    vertices: &VertexData<'_>,
+    barycentric: Vec2,
+) -> SurfaceAttributes {
+    let corners = vertices.corners(triangle);
+    let normal = instance.world_normal(triangle.normal());
+    let world_from_local = instance.world_from_local().linear;
+    let (u, v) = (barycentric.x, barycentric.y);
+    let [na, nb, nc] = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
+    let smooth = na * (1.0 - u - v) + nb * u + nc * v;
+    let smooth_normal = if smooth.length_squared() > 1e-12 { instance.world_normal(smooth) } else { normal };
+    let [ua, ub, uc] = corners.map(|i| vertices.uvs.get(i).copied().unwrap_or_default());
+    SurfaceAttributes {
+        normal,
+        smooth_normal,
+        uv: vertices.uv(triangle, barycentric),
+        color: vertex_color(vertices, corners, barycentric),
+        material: triangle.material,
+        edges: triangle.edges().map(|e| world_from_local * e),
         uv_edges: [ub - ua, uc - ua],
     }
 }
 
-fn vertex_color(mesh: &CornerData<'_>, corners: [usize; 3], at: Vec2) -> Option<Vec3> {
-    if mesh.colors.is_empty() {
+/// Interpolated linear vertex colour; `None` for a mesh without.
+fn vertex_color(vertices: &VertexData<'_>, corners: [usize; 3], barycentric: Vec2) -> Option<Vec3> {
+    if vertices.colors.is_empty() {
         return None;
     }
-    let [a, b, c] = corners.map(|i| mesh.colors.get(i).map_or(Vec3::ONE, |c| Vec3::new(c[0], c[1], c[2])));
-    Some(a + (b - a) * at.x + (c - a) * at.y)
+    let [a, b, c] = corners.map(|i| vertices.colors.get(i).map_or(Vec3::ONE, |c| Vec3::new(c[0], c[1], c[2])));
+    Some(a + (b - a) * barycentric.x + (c - a) * barycentric.y)
 }

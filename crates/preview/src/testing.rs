@@ -1,4 +1,4 @@
-//! Small scenes for the tests of this room.
+//! Small scenes for the unit tests of this crate.
 
 use glam::Vec3;
 
@@ -8,7 +8,7 @@ use osier_scene::{
     Sky, Sun, Trs,
 };
 
-/// A grey leaf.
+/// Leaf material of a grey albedo.
 pub(super) fn material(color: f32, translucency: f32, ior: f32) -> Material {
     let plain = Material::plain("m".into(), MaterialClass::Leaf, [color; 3], 0.4);
     Material { ior, translucency, double_sided: true, ..plain }
@@ -18,7 +18,7 @@ pub(super) fn object(name: &str, mesh: Mesh) -> MeshObject {
     MeshObject { name: name.into(), mesh, motion: MeshMotion::Still, skin: None }
 }
 
-/// Balls of one width.
+/// Balls of one diameter.
 pub(super) fn balls(positions: Vec<Vec3>, width: f32) -> Points {
     Points {
         name: "d".into(),

@@ -1,4 +1,4 @@
-//! Pictures on surfaces: ever smaller copies, so that a far surface reads as many pixels as a near one.
+//! Textures with mipmaps and alpha coverage that does not shrink with distance.
 
 use glam::{Vec2, Vec4};
 
@@ -6,7 +6,7 @@ use osier_base::math;
 use osier_base::units::{byte, linear_from_srgb, srgb_byte};
 use osier_scene::{Image, ImageKind, Pixels};
 
-/// One size of a picture, RGBA bytes, row 0 at the top.
+/// One level of a mipmap, RGBA bytes, row 0 at the top.
 #[derive(Debug)]
 struct MipLevel {
     width: u32,
@@ -14,16 +14,16 @@ struct MipLevel {
     texels: Vec<[u8; 4]>,
 }
 
-/// A picture in all its sizes.
+/// A texture with its mipmap levels, the largest first.
 #[derive(Debug)]
 pub(super) struct Texture {
     levels: Vec<MipLevel>,
     color: bool,
-    /// Mean over the picture: linear colour and alpha.
+    /// Mean over the texture: linear colour and alpha.
     pub(super) mean: Vec4,
 }
 
-/// Bytes of sRGB as linear numbers.
+/// Table from sRGB bytes to linear values.
 #[derive(Debug)]
 pub(super) struct Decoder([f32; 256]);
 
@@ -47,40 +47,42 @@ impl Decoder {
 }
 
 impl Texture {
-    /// Sizes larger than `side` are left out. `cutoff`: alpha from which a texel is there, for pictures that cut things out.
+    /// Builds the levels, without those larger than `side`. `cutoff`: alpha from which a texel is opaque, for textures with a
+    /// cut-out.
     pub(super) fn new(image: &Image, side: u32, cutoff: Option<f32>, decoder: &Decoder) -> Self {
         let color = image.kind == ImageKind::Color;
+        // A damaged image with too few samples is padded with black.
         let mut level = MipLevel { width: image.width.max(1), height: image.height.max(1), texels: bytes(image) };
         let wanted = level.width as usize * level.height as usize;
         level.texels.resize(wanted, [0, 0, 0, 255]);
         let mut levels = Vec::new();
-        let there = cutoff.map(|cutoff| (cutoff, level.share(cutoff, 1.0)));
-        let mut whole = true;
+        let coverage = cutoff.map(|cutoff| AlphaCoverage { cutoff, fraction: level.opaque_fraction(cutoff, 1.0) });
+        let mut is_finest = true;
         while level.width > 1 || level.height > 1 {
             let next = halved(&level, color, decoder);
             if level.width.max(level.height) <= side {
-                levels.push(if whole { level } else { level.covering(there) });
+                levels.push(if is_finest { level } else { level.with_coverage(coverage) });
             }
-            (level, whole) = (next, false);
+            (level, is_finest) = (next, false);
         }
         let mean = level.texels.first().map_or(Vec4::ONE, |t| decoder.texel(*t, color));
         levels.push(level);
         Self { levels, color, mean }
     }
 
-    /// Linear colour and alpha at texture coordinates, v up, repeated beyond 0..1. `footprint`: width of the sample in
+    /// Linear colour and alpha at texture coordinates, v up, repeated beyond 0 to 1. `footprint`: width of the sample in
     /// texture coordinates.
     pub(super) fn at(&self, uv: Vec2, footprint: f32, decoder: &Decoder) -> Vec4 {
         self.level(footprint).map_or(self.mean, |level| level.bilinear(uv, self.color, decoder))
     }
 
-    /// The size whose texels are about as wide as a sample.
+    /// The level whose texels are about as wide as a sample.
     fn level(&self, footprint: f32) -> Option<&MipLevel> {
         let finest = self.levels.first()?;
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let mut texels = footprint * finest.width.max(finest.height) as f32;
         let mut i = 0;
-        // Several samples meet in one pixel of the picture, so a finer size than one texel a pixel stays despeckle.
+        // A pixel averages several samples, so a level a little finer than one texel per sample is free of aliasing.
         while texels > 1.5 && i + 1 < self.levels.len() {
             texels *= 0.5;
             i += 1;
@@ -89,39 +91,51 @@ impl Texture {
     }
 }
 
+/// The part of a texture that its alpha leaves opaque.
+#[derive(Debug, Clone, Copy)]
+struct AlphaCoverage {
+    /// Alpha from which a texel is opaque.
+    cutoff: f32,
+    /// Fraction of opaque texels.
+    fraction: f32,
+}
+
 impl MipLevel {
-    /// PrimitiveRange of the texels whose alpha, `scale` times as large, is not below `cutoff`.
-    fn share(&self, cutoff: f32, scale: f32) -> f32 {
-        let there = self.texels.iter().filter(|t| f32::from(t[3]) * (1.0 / 255.0) * scale >= cutoff).count();
-        #[allow(clippy::cast_precision_loss, reason = "a share")]
-        let share = there as f32 / self.texels.len().max(1) as f32;
-        share
+    /// Fraction of the texels whose alpha, multiplied by `scale`, reaches `cutoff`.
+    fn opaque_fraction(&self, cutoff: f32, scale: f32) -> f32 {
+        let opaque = self.texels.iter().filter(|t| f32::from(t[3]) * (1.0 / 255.0) * scale >= cutoff).count();
+        #[allow(clippy::cast_precision_loss, reason = "a fraction")]
+        let fraction = opaque as f32 / self.texels.len().max(1) as f32;
+        fraction
     }
 
-    /// With alpha scaled until as much is there as in the finest size, else things grow thin from afar. `there`: alpha from
-    /// which a texel counts, and the share to be reached.
+    /// Scales alpha until the opaque fraction is that of the finest level; averaging alone would thin leaves out with distance.
     /// Source: I. Castano, "Computing alpha mipmaps", 2010.
-    fn covering(mut self, there: Option<(f32, f32)>) -> Self {
+    fn with_coverage(mut self, coverage: Option<AlphaCoverage>) -> Self {
+        /// Bisection steps: the scale is found to 4 / 2^16, finer than a byte of alpha.
         const STEPS: u32 = 16;
-        let Some((cutoff, wanted)) = there else { return self };
+        let Some(AlphaCoverage { cutoff, fraction: wanted }) = coverage else { return self };
+        // Bisection: the fraction grows with the scale.
         let [mut low, mut high] = [0.25_f32, 4.0];
         for _ in 0..STEPS {
             let middle = 0.5 * (low + high);
-            *(if self.share(cutoff, middle) < wanted { &mut low } else { &mut high }) = middle;
+            *(if self.opaque_fraction(cutoff, middle) < wanted { &mut low } else { &mut high }) = middle;
         }
-        let miss = |scale: f32| (self.share(cutoff, scale) - wanted).abs();
+        // The fraction is a step function: the better of the two ends is taken.
+        let miss = |scale: f32| (self.opaque_fraction(cutoff, scale) - wanted).abs();
         let scale = if miss(low) < miss(high) { low } else { high };
         self.texels.iter_mut().for_each(|t| t[3] = byte(f32::from(t[3]) * (1.0 / 255.0) * scale));
         self
     }
 
+    /// Bilinear interpolation between the middles of four texels, repeated beyond 0 to 1.
     fn bilinear(&self, uv: Vec2, color: bool, decoder: &Decoder) -> Vec4 {
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let size = Vec2::new(self.width as f32, self.height as f32);
         let p = Vec2::new(uv.x - floor(uv.x), 1.0 - (uv.y - floor(uv.y))) * size - 0.5;
         let cell = Vec2::new(floor(p.x), floor(p.y));
         let f = p - cell;
-        // From -1, the last of the texture before, to the last.
+        // The texel left of the first is the last of the repeated texture.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a picture's width")]
         let wrap = |v: f32, n: u32| if v < 0.0 { n as usize - 1 } else { v as usize };
         let next = |i: usize, n: u32| if i + 1 < n as usize { i + 1 } else { 0 };
@@ -136,13 +150,15 @@ impl MipLevel {
     }
 }
 
-/// Largest whole number not above x, of numbers far below 2^31; quicker than the library's.
+/// Largest integer not above x, for |x| far below 2^31. A conversion to i32 and back is several times as fast as libm's floor,
+/// and this is called for every texture look-up.
 #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "meant")]
 fn floor(x: f32) -> f32 {
     let whole = x as i32 as f32;
     if whole > x { whole - 1.0 } else { whole }
 }
 
+/// The samples of an image as RGBA bytes: grey is spread to three channels, missing alpha is opaque.
 fn bytes(image: &Image) -> Vec<[u8; 4]> {
     fn spread<T: Copy>(samples: &[T], channels: u8, byte: impl Fn(T) -> u8) -> Vec<[u8; 4]> {
         let n = usize::from(channels.max(1));
@@ -161,7 +177,8 @@ fn bytes(image: &Image) -> Vec<[u8; 4]> {
     }
 }
 
-/// Means of two by two texels; a colour counts as much as it covers.
+/// The next smaller level: means of two by two texels in linear light, colours weighted by their alpha so that the colour of
+/// transparent texels does not bleed into edges.
 fn halved(level: &MipLevel, color: bool, decoder: &Decoder) -> MipLevel {
     let (width, height) = (level.width.div_ceil(2), level.height.div_ceil(2));
     let texel = |x: u32, y: u32| {
@@ -237,7 +254,7 @@ mod tests {
         for cutoff in [0.5, 0.3] {
             let cut = Texture::new(&image, side, Some(cutoff), &decoder);
             let plain = Texture::new(&image, side, None, &decoder);
-            let share = |t: &Texture, i: usize| t.levels[i].share(cutoff, 1.0);
+            let share = |t: &Texture, i: usize| t.levels[i].opaque_fraction(cutoff, 1.0);
             let wanted = share(&cut, 0);
             for i in 1..=4 {
                 assert!((share(&cut, i) - wanted).abs() < 0.01, "size {i}: {} of {wanted}", share(&cut, i));

@@ -1,32 +1,35 @@
-//! From light to a picture: a film curve that keeps highlights from burning out.
+//! Tone mapping: a film-like curve that compresses highlights instead of clipping them.
 
 use glam::Vec3;
 
 use osier_base::units::{byte, srgb_byte};
 
-/// Factor on all light: a meadow in full sun lies a little above the middle.
+/// Factor on all radiance: a meadow in full sun lies a little above middle grey. A larger one brightens every picture.
 const EXPOSURE: f32 = 1.25;
 
-/// A linear colour as it is shown, linear in 0..1.
+/// The displayed colour of a radiance, linear, each channel 0 to 1.
 /// Own: a toe that deepens shade and a shoulder towards white, f(x) = x (1.2 x + 0.05) / (x (1.15 x + 0.62) + 0.14) with the
-/// colour's brightness as x; what rises beyond 1 is spilt towards white, so bright leaves pale instead of turning
-/// yellow.
-pub(super) fn film(color: Vec3) -> Vec3 {
+/// luminance of the colour as x; what exceeds 1 in a channel is mixed towards white, so that bright leaves become paler instead
+/// of turning yellow.
+pub(super) fn tone_map(color: Vec3) -> Vec3 {
     let c = color.max(Vec3::ZERO) * EXPOSURE;
+    // The curve acts on luminance; scaling all channels alike keeps the hue.
     let x = c.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(1e-6);
-    let shown = curve(x);
-    let kept = c * (shown / x);
-    let over = (kept.max_element() - 1.0).max(0.0);
-    let pale = over / (over + 0.6);
-    kept.lerp(Vec3::splat(shown), pale).clamp(Vec3::ZERO, Vec3::ONE)
+    let luminance = curve(x);
+    let scaled = c * (luminance / x);
+    // Channels beyond 1 are desaturated towards grey of the same luminance; `excess / (excess + 0.6)` rises smoothly from 0 to 1.
+    let excess = (scaled.max_element() - 1.0).max(0.0);
+    let desaturation = excess / (excess + 0.6);
+    scaled.lerp(Vec3::splat(luminance), desaturation).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
+/// Displayed luminance of a luminance.
 fn curve(x: f32) -> f32 {
     (x * (1.2 * x + 0.05) / (x * (1.15 * x + 0.62) + 0.14)).min(1.0)
 }
 
-/// Shown colour and coverage as sRGB bytes with straight alpha.
-pub(super) fn encode(color: Vec3, alpha: f32) -> [u8; 4] {
+/// A displayed colour and its coverage as sRGB bytes with straight alpha.
+pub(super) fn encode_srgb(color: Vec3, alpha: f32) -> [u8; 4] {
     let [r, g, b] = color.to_array().map(srgb_byte);
     [r, g, b, byte(alpha)]
 }
@@ -45,10 +48,10 @@ mod tests {
     #[test]
     fn greys_stay_grey_and_hues_stay_where_there_is_room() {
         for x in [0.01, 0.18, 1.0, 5.0] {
-            let c = film(Vec3::splat(x));
+            let c = tone_map(Vec3::splat(x));
             assert!((c.x - c.z).abs() < 1e-6);
         }
-        let green = film(Vec3::new(0.05, 0.2, 0.02));
+        let green = tone_map(Vec3::new(0.05, 0.2, 0.02));
         assert!((green.y / green.x - 4.0).abs() < 1e-3);
     }
 }

@@ -16,7 +16,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
         None | Some("gif") => ClipFormat::Gif,
         Some("png" | "apng") => ClipFormat::Apng,
         Some(other) => {
-            return Ok(Outcome::Refused(format!("a moving picture ends in .gif, .png or .apng, not .{other}")));
+            return Ok(Outcome::Refused(format!("a clip is written as .gif, .png or .apng, not as .{other}")));
         }
     };
     let with_motion = args.turntable.is_none() || args.frame.is_some();
@@ -32,7 +32,10 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
         return Ok(Outcome::Refused(format!("frame {n} is outside the scene's {} to {}", range.start(), range.end())));
     }
     if args.turntable.is_none() && !scene.is_animated() {
-        return Ok(Outcome::Refused(format!("nothing in \"{}\" moves; --turntable goes round it", scene.name())));
+        return Ok(Outcome::Refused(format!(
+            "\"{}\" is not animated; --turntable renders a clip of it from all sides",
+            scene.name()
+        )));
     }
     let clip = PreviewClip::new(&scene, &flags.options, content)?;
     let target = OutputPicture::new(context, args, scene.name(), "gif")?;

@@ -33,12 +33,12 @@ impl PreviewFlags {
         };
         let sweeps = args.sweep.iter().map(|s| sweep(s)).collect::<Result<Vec<_>, _>>()?;
         if sweeps.len() > 2 || (sweeps.len() == 2 && !seeds.is_empty()) {
-            return Err("a sheet has two directions: give two --sweep, or --seeds and one --sweep".into());
+            return Err("a contact sheet has two axes: give two --sweep, or --seeds and one --sweep".into());
         }
         let sheet = !seeds.is_empty() || !sweeps.is_empty();
         let modes = [sheet, !frames.is_empty(), args.turntable.is_some(), args.compare.is_some()];
         if modes.iter().filter(|m| **m).count() > 1 {
-            return Err("choose one of --seeds/--sweep, --frames, --turntable and --compare".into());
+            return Err("--seeds/--sweep, --frames, --turntable and --compare exclude each other".into());
         }
         let moving = !frames.is_empty() || args.turntable.is_some();
         let size = match &args.size {

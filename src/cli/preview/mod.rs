@@ -105,7 +105,7 @@ impl OutputPicture {
     fn write(&self, context: &Context, picture: &Picture, quality: Quality, scene: &Scene, title: &str) -> Result<()> {
         let origin = format!("scene {}, seed {}", scene.hash, scene.seed);
         let notes = [("Software", GENERATOR.to_owned()), ("Title", title.to_owned()), ("Source", origin)];
-        self.folder.write(&self.name, "preview", &picture.png(&notes, quality.hurries())?)?;
+        self.folder.write(&self.name, "preview", &picture.png(&notes, quality.prefers_speed())?)?;
         self.finish(context, [picture.width, picture.height], 1)
     }
 

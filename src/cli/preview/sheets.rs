@@ -10,7 +10,7 @@ use crate::scene_preview::{PreviewScene, preview_together};
 use osier_base::Result;
 use osier_base::par::par_map;
 use osier_base::progress::Silent;
-use osier_preview::{ContactSheetCell, columns, sheet, sheet_size};
+use osier_preview::{ContactSheetCell, contact_sheet, contact_sheet_columns, contact_sheet_size};
 
 /// Renders and writes one picture, or two side by side for `--compare`.
 pub fn single(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
@@ -30,7 +30,7 @@ pub fn single(context: &Context, args: &Preview, flags: &PreviewFlags, work: &Ba
     let (name, picture) = if cells.len() == 1 {
         (first.name().to_owned(), cells.swap_remove(0).picture)
     } else {
-        (format!("{}-compared", first.name()), sheet("", "", &cells, cells.len()))
+        (format!("{}-compared", first.name()), contact_sheet("", "", &cells, cells.len())?)
     };
     let target = OutputPicture::new(context, args, &name, "png")?;
     target.write(context, &picture, flags.options.quality, first.scene(), &name)?;
@@ -42,9 +42,12 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     let (cells, columns) = plan(flags);
     let columns = args.columns.map_or(columns, |c| c.max(1) as usize);
     if cells.len() as u64 > MAX_CELLS {
-        return Ok(Outcome::Refused(format!("a sheet of {} pictures; at most {MAX_CELLS}", cells.len())));
+        return Ok(Outcome::Refused(format!(
+            "a contact sheet of {} pictures; at most {MAX_CELLS} are possible",
+            cells.len()
+        )));
     }
-    if let Err(why) = check_picture_limits(sheet_size(cells.len(), columns, flags.options.size), context) {
+    if let Err(why) = check_picture_limits(contact_sheet_size(cells.len(), columns, flags.options.size), context) {
         return Ok(Outcome::Refused(why));
     }
     let quiet = BakeContext { progress: &Silent, ..*work };
@@ -71,7 +74,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     }
     let first = &scenes[0];
     let name = format!("{}-sheet", first.name());
-    let picture = sheet(first.name(), &about(flags), &pictures, columns);
+    let picture = contact_sheet(first.name(), &about(flags), &pictures, columns)?;
     let target = OutputPicture::new(context, args, &name, "png")?;
     target.write(context, &picture, flags.options.quality, first.scene(), &name)?;
     Ok(Outcome::Written { warned })
@@ -144,7 +147,7 @@ fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
             };
             (pairs.map(both).collect(), across.len())
         }
-        [one, ..] => (one.iter().cloned().map(PlannedCell::new).collect(), columns(one.len())),
+        [one, ..] => (one.iter().cloned().map(PlannedCell::new).collect(), contact_sheet_columns(one.len())),
         [] => (Vec::new(), 1),
     }
 }

@@ -1,164 +1,177 @@
-//! Drafts: everything is projected onto the pixels, then onto the light; no ray is cast and nothing sorted into boxes.
+//! Drafts: the scene is rasterised for the camera and then for the light. No ray is cast and no BVH built.
 //!
-//! One look a pixel: [`eye`] finds what it shows, [`sunlit`] whether the sun reaches it, [`openness`] how much of the sky
-//! does; colours and tones are made as for rays.
+//! One sample per pixel: a [`VisibilityBuffer`] finds what it shows, [`shadow_cells`] whether the sun reaches it, a
+//! [`SkyVisibility`] grid how much of the sky does; shading and tone mapping are those of ray tracing.
 
-mod eye;
-mod openness;
-mod project;
-mod sunlit;
-mod tasks;
+mod draw_list;
+mod projection;
+mod shadow_cells;
+mod sky_visibility;
+mod visibility_buffer;
 
 use glam::Vec3;
 
-use self::eye::{Band, Eye};
-use self::openness::Openness;
-use self::tasks::Tasks;
-use super::film::{ForegroundPixel, RenderRequest, TILE, finish};
-use super::lens::Lens;
-use super::light::{LightDepth, PrecomputedLight, SampleContext};
+use self::draw_list::DrawList;
+use self::sky_visibility::SkyVisibility;
+use self::visibility_buffer::{RowBand, VisibilityBuffer};
+use super::light_transport::{PrecomputedLight, SampleContext};
+use super::perspective::{PerspectiveCamera, PrimaryRay};
 use super::picture::Picture;
+use super::pixel::{ForegroundPixel, TILE, composite, tile_count};
+use super::quality::LightDepth;
+use super::render_scene::{RenderScene, SceneHit};
+use super::request::RenderRequest;
 use super::sampler::Sampler;
-use super::tone::film;
-use super::world::{Hit, World};
+use super::tone::tone_map;
 use osier_base::Result;
 use osier_base::par::{join, par_map};
 use osier_base::progress::{Cancel, Progress};
 
-/// Pixels that are held at a time.
-const HELD: u32 = 1 << 22;
+/// Pixels that are rasterised at a time; bounds the memory of large pictures to about 200 MB.
+const BAND_PIXELS: u32 = 1 << 22;
 
-/// Takes a draft. The world has no more primitives than 32 bits count.
+/// Renders a draft. The scene has no more primitives than 32 bits count.
 /// # Errors
 /// `Cancelled`.
 pub(super) fn render(
-    world: &World<'_>,
+    world: &RenderScene<'_>,
     request: &RenderRequest,
-    lens: &Lens,
+    camera: &PerspectiveCamera,
     cancel: &Cancel,
     progress: &dyn Progress,
 ) -> Result<Picture> {
     let [width, height] = request.size;
-    let draft = Draft::new(world, request, lens);
-    let rows = (HELD / width.max(1) / TILE).max(1) * TILE;
-    let bands: Vec<Band> =
-        (0..height).step_by(rows as usize).map(|top| Band { top, size: [width, rows.min(height - top)] }).collect();
+    let draft = DraftRenderer::new(world, request, camera);
+    let rows = (BAND_PIXELS / width.max(1) / TILE).max(1) * TILE;
+    let bands: Vec<RowBand> =
+        (0..height).step_by(rows as usize).map(|top| RowBand { top, size: [width, rows.min(height - top)] }).collect();
     let mut picture = Picture::new(width, height);
-    let mut openness = None;
+    let mut sky_visibility = None;
     for band in bands {
-        let seen = match openness {
-            Some(_) => draft.seen_in(band, cancel)?,
+        // The grid of sky visibility does not depend on the camera: it is computed beside the first band and used by all.
+        let visible = match sky_visibility {
+            Some(_) => draft.visible_points(band, cancel)?,
             None => {
-                let (seen, open) = join(|| draft.seen_in(band, cancel), || Openness::new(world));
-                openness = Some(open);
-                seen?
+                let (visible, grid) = join(|| draft.visible_points(band, cancel), || SkyVisibility::new(world));
+                sky_visibility = Some(grid);
+                visible?
             }
         };
-        let Some(openness) = &openness else { continue };
-        picture.put_block([0, band.top], width, &draft.developed(band, &seen, openness));
-        progress.advance(super::film::tiles(band.size));
+        let Some(sky_visibility) = &sky_visibility else { continue };
+        picture.put_block([0, band.top], width, &draft.shade(band, &visible, sky_visibility));
+        progress.advance(tile_count(band.size));
     }
     Ok(picture)
 }
 
-/// A draft at work.
-struct Draft<'d, 'w> {
-    world: &'d World<'w>,
+/// A draft of one picture.
+struct DraftRenderer<'d, 'w> {
+    world: &'d RenderScene<'w>,
     request: &'d RenderRequest,
-    lens: &'d Lens,
-    /// Height of the floor.
+    camera: &'d PerspectiveCamera,
+    /// Height of the floor, m.
     floor: Option<f32>,
-    tasks: Tasks,
+    draw_list: DrawList,
 }
 
-/// What some rows show.
-struct Rows {
-    seen: Vec<Vec<PixelHit>>,
-    places: Vec<Vec<Vec3>>,
-    /// True where the sun is seen.
-    lit: Vec<bool>,
+/// What the pixels of a band show.
+struct VisiblePoints {
+    /// By row and column.
+    hits: Vec<Vec<PixelHit>>,
+    /// Positions just off the surface, m, by row and column; NaN where nothing is hit.
+    positions: Vec<Vec<Vec3>>,
+    /// True where the sun is visible, row after row.
+    is_sunlit: Vec<bool>,
 }
 
 /// What a pixel shows.
 #[derive(Clone, Copy)]
 enum PixelHit {
-    Thing(Hit),
+    Object(SceneHit),
     Floor,
-    Nothing,
+    Background,
 }
 
-impl<'d, 'w> Draft<'d, 'w> {
-    fn new(world: &'d World<'w>, request: &'d RenderRequest, lens: &'d Lens) -> Self {
-        Self { world, request, lens, floor: request.backdrop.floor(world), tasks: Tasks::new(world) }
+impl<'d, 'w> DraftRenderer<'d, 'w> {
+    fn new(world: &'d RenderScene<'w>, request: &'d RenderRequest, camera: &'d PerspectiveCamera) -> Self {
+        let floor = request.backdrop.floor(&world.bounds);
+        Self { world, request, camera, floor, draw_list: DrawList::new(world) }
     }
 
-    /// What some rows show, and whether the sun reaches it.
-    fn seen_in(&self, band: Band, cancel: &Cancel) -> Result<Rows> {
+    /// Rasterises a band for the camera, then its visible points for the sun.
+    fn visible_points(&self, band: RowBand, cancel: &Cancel) -> Result<VisiblePoints> {
         cancel.check()?;
-        let eye = Eye::new(self.world, self.lens, band, &self.tasks);
+        let buffer = VisibilityBuffer::new(self.world, self.camera, band, &self.draw_list);
         cancel.check()?;
         let width = band.size[0] as usize;
         let rows: Vec<usize> = (0..band.size[1] as usize).collect();
-        let row = |y: &usize| (y * width..(y + 1) * width).map(|i| self.seen(&eye, band, i)).unzip();
-        let (seen, places): (Vec<Vec<PixelHit>>, Vec<Vec<Vec3>>) = par_map(&rows, row).into_iter().unzip();
-        let lit = sunlit::sunlit(self.world, self.request.light.direction(), &places, &self.tasks);
+        let row = |y: &usize| (y * width..(y + 1) * width).map(|i| self.visible_point(&buffer, band, i)).unzip();
+        let (hits, positions): (Vec<Vec<PixelHit>>, Vec<Vec<Vec3>>) = par_map(&rows, row).into_iter().unzip();
+        let is_sunlit =
+            shadow_cells::sunlit_points(self.world, self.request.light.sun_direction(), &positions, &self.draw_list);
         cancel.check()?;
-        Ok(Rows { seen, places, lit })
+        Ok(VisiblePoints { hits, positions, is_sunlit })
     }
 
-    /// Finished pixels of some rows.
-    fn developed(&self, band: Band, rows: &Rows, openness: &Openness) -> Vec<[u8; 4]> {
+    /// The finished pixels of a band.
+    fn shade(&self, band: RowBand, visible: &VisiblePoints, sky_visibility: &SkyVisibility) -> Vec<[u8; 4]> {
         let width = band.size[0] as usize;
-        let shaded = |y: &usize| -> Vec<[u8; 4]> {
-            let things = rows.seen[*y].iter().zip(&rows.places[*y]).zip(y * width..);
-            let one = |((seen, p), i): ((&PixelHit, &Vec3), usize)| {
-                self.shaded(band.place(i), seen, *p, PrecomputedLight { sun: rows.lit[i], sky: openness.at(*p) })
+        let row = |y: &usize| -> Vec<[u8; 4]> {
+            let points = visible.hits[*y].iter().zip(&visible.positions[*y]).zip(y * width..);
+            let pixel = |((hit, p), i): ((&PixelHit, &Vec3), usize)| {
+                let light = PrecomputedLight { sun: visible.is_sunlit[i], sky: sky_visibility.at(*p) };
+                self.shade_pixel(band.pixel_position(i), hit, *p, light)
             };
-            things.map(one).collect()
+            points.map(pixel).collect()
         };
-        let numbers: Vec<usize> = (0..band.size[1] as usize).collect();
-        par_map(&numbers, shaded).concat()
+        let rows: Vec<usize> = (0..band.size[1] as usize).collect();
+        par_map(&rows, row).concat()
     }
 
-    /// What pixel `i` of a band shows, and from where it looks for light.
-    fn seen(&self, eye: &Eye<'_>, band: Band, i: usize) -> (PixelHit, Vec3) {
-        let (d, sheet) = self.lens.aim(self.floor, band.place(i), [0.5, 0.5]);
-        let o = self.lens.eye;
-        let far = sheet.unwrap_or(f32::INFINITY);
-        // What goes on below the paper is hidden by it.
-        match (eye.hit(self.world, i, o, d, &self.tasks.starts), sheet) {
-            (Some(hit), _) if hit.spot.t <= far => {
-                let n = self.world.facing(&hit, o + d * hit.spot.t);
-                let side = if n.dot(self.request.light.direction()) > 0.0 { self.world.gap } else { -self.world.gap };
-                (PixelHit::Thing(hit), o + d * hit.spot.t + n * side)
+    /// What pixel `i` of a band shows, and the point from which sun and sky are looked for.
+    fn visible_point(&self, buffer: &VisibilityBuffer<'_>, band: RowBand, i: usize) -> (PixelHit, Vec3) {
+        let PrimaryRay { direction: d, floor_distance } =
+            self.camera.primary_ray(self.floor, band.pixel_position(i), [0.5, 0.5]);
+        let o = self.camera.eye;
+        let far = floor_distance.unwrap_or(f32::INFINITY);
+        // The floor is opaque: objects below it are hidden.
+        match (buffer.hit(self.world, i, o, d, &self.draw_list.first_numbers), floor_distance) {
+            (Some(hit), _) if hit.primitive.t <= far => {
+                let n = self.world.outer_normal(&hit, o + d * hit.primitive.t);
+                // Towards the side of the sun, so that a thin leaf is tested on the side that it lights.
+                let offset =
+                    if n.dot(self.request.light.sun_direction()) > 0.0 { self.world.gap } else { -self.world.gap };
+                (PixelHit::Object(hit), o + d * hit.primitive.t + n * offset)
             }
             (_, Some(t)) => (PixelHit::Floor, o + d * t + Vec3::Y * self.world.gap),
-            _ => (PixelHit::Nothing, Vec3::NAN),
+            _ => (PixelHit::Background, Vec3::NAN),
         }
     }
 
-    fn shaded(&self, place: [u32; 2], seen: &PixelHit, p: Vec3, known: PrecomputedLight) -> [u8; 4] {
+    fn shade_pixel(&self, position: [u32; 2], hit: &PixelHit, p: Vec3, light: PrecomputedLight) -> [u8; 4] {
         let sampler = Sampler::new(0, self.request.seed);
-        let draw = SampleContext {
+        let sample = SampleContext {
             sampler: &sampler,
             index: 0,
-            spread: self.lens.spread,
+            spread: self.camera.spread,
             light_depth: LightDepth::Sun,
-            around: true,
-            known: Some(known),
+            samples_ambient: true,
+            precomputed: Some(light),
         };
-        let (d, _) = self.lens.aim(None, place, [0.5, 0.5]);
+        let d = self.camera.direction(position, [0.5, 0.5]);
         let light = &self.request.light;
         let empty = ForegroundPixel { color: Vec3::ZERO, coverage: 0.0, floor_light: 1.0 };
-        let developed = match seen {
-            PixelHit::Thing(hit) => match self.world.sent(light, self.lens.eye, d, hit, &draw) {
-                Some(sent) => ForegroundPixel { color: film(sent.whole()), coverage: 1.0, floor_light: 1.0 },
+        let foreground = match hit {
+            PixelHit::Object(hit) => match self.world.shade(light, self.camera.eye, d, hit, &sample) {
+                Some(scattered) => {
+                    ForegroundPixel { color: tone_map(scattered.radiance()), coverage: 1.0, floor_light: 1.0 }
+                }
                 None => empty,
             },
-            PixelHit::Floor => ForegroundPixel { floor_light: self.world.floor_light(light, p, &draw), ..empty },
-            PixelHit::Nothing => empty,
+            PixelHit::Floor => ForegroundPixel { floor_light: self.world.floor_light(light, p, &sample), ..empty },
+            PixelHit::Background => empty,
         };
-        finish(self.request, self.lens, place, developed)
+        composite(self.request, self.camera, position, foreground)
     }
 }
 

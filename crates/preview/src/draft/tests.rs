@@ -3,9 +3,9 @@
 use glam::Quat;
 
 use super::*;
+use crate::render_scene::ray;
 use crate::testing::{balls, material, object, scene_of};
-use crate::world::ray;
-use crate::{Backdrop, Light, Looks, Quality};
+use crate::{Backdrop, Light, PreviewMaterials, Quality};
 use osier_scene::{Camera, InstanceState, Instancer, InstancerMotion, Mesh, Prototype, Scene};
 
 /// A fan of `n` triangles around the origin.
@@ -66,29 +66,30 @@ fn request(scene: &Scene, size: [u32; 2]) -> RenderRequest {
     }
 }
 
-/// Hands a scene as a draft sees it and as rays do.
-fn both(test: impl Fn(&Draft<'_, '_>, &World<'_>)) {
+/// Calls a test with a draft and with the same scene for ray tracing.
+fn both(test: impl Fn(&DraftRenderer<'_, '_>, &RenderScene<'_>)) {
     let scene = scene();
     let request = request(&scene, SIZE);
-    let lens = Lens::new(&request.camera, request.size);
-    let [plain, fine] = [Quality::Draft, Quality::Fine].map(|quality| Looks::new(&scene, quality));
-    let (world, boxed) = (World::new(&scene, None, &plain), World::new(&scene, None, &fine));
-    assert!(!world.boxed && boxed.boxed);
-    test(&Draft::new(&world, &request, &lens), &boxed);
+    let camera = PerspectiveCamera::new(&request.camera, request.size);
+    let [plain, fine] = [Quality::Draft, Quality::Fine].map(|quality| PreviewMaterials::new(&scene, quality));
+    let (world, traced) = (RenderScene::new(&scene, None, &plain), RenderScene::new(&scene, None, &fine));
+    assert!(!world.has_bvh && traced.has_bvh);
+    test(&DraftRenderer::new(&world, &request, &camera), &traced);
 }
 
 const SIZE: [u32; 2] = [600, 480];
-const BAND: Band = Band { top: 0, size: SIZE };
+const BAND: RowBand = RowBand { top: 0, size: SIZE };
 
 #[test]
 fn pixels_show_what_rays_meet() {
-    both(|draft, boxed| {
-        let eye = Eye::new(draft.world, draft.lens, BAND, &draft.tasks);
+    both(|draft, traced| {
+        let buffer = VisibilityBuffer::new(draft.world, draft.camera, BAND, &draft.draw_list);
         let (mut met, mut wrong) = (0, 0);
         for i in 0..BAND.pixels() {
-            let (d, _) = draft.lens.aim(None, BAND.place(i), [0.5, 0.5]);
-            let theirs = boxed.nearest(ray(draft.lens.eye, d, [0.0, f32::INFINITY])).map(|h| h.spot.t);
-            let ours = eye.hit(draft.world, i, draft.lens.eye, d, &draft.tasks.starts).map(|h| h.spot.t);
+            let d = draft.camera.direction(BAND.pixel_position(i), [0.5, 0.5]);
+            let theirs = traced.closest_hit(ray(draft.camera.eye, d, [0.0, f32::INFINITY])).map(|h| h.primitive.t);
+            let ours =
+                buffer.hit(draft.world, i, draft.camera.eye, d, &draft.draw_list.first_numbers).map(|h| h.primitive.t);
             met += usize::from(theirs.is_some());
             wrong += usize::from(match (ours, theirs) {
                 (Some(a), Some(b)) => (a - b).abs() > 1e-3 * b,
@@ -102,14 +103,14 @@ fn pixels_show_what_rays_meet() {
 
 #[test]
 fn shadows_lie_where_rays_find_them() {
-    both(|draft, boxed| {
-        let eye = Eye::new(draft.world, draft.lens, BAND, &draft.tasks);
-        let places: Vec<Vec3> = (0..BAND.pixels()).map(|i| draft.seen(&eye, BAND, i).1).collect();
-        let toward = draft.request.light.direction();
-        let lit = sunlit::sunlit(draft.world, toward, std::slice::from_ref(&places), &draft.tasks);
+    both(|draft, traced| {
+        let buffer = VisibilityBuffer::new(draft.world, draft.camera, BAND, &draft.draw_list);
+        let points: Vec<Vec3> = (0..BAND.pixels()).map(|i| draft.visible_point(&buffer, BAND, i).1).collect();
+        let toward = draft.request.light.sun_direction();
+        let lit = shadow_cells::sunlit_points(draft.world, toward, std::slice::from_ref(&points), &draft.draw_list);
         let (mut asked, mut shaded, mut wrong) = (0, 0, 0);
-        for (p, lit) in places.iter().zip(lit).filter(|(p, _)| p.is_finite()) {
-            let open = boxed.lets_by(ray(*p, toward, [0.0, f32::INFINITY]));
+        for (p, lit) in points.iter().zip(lit).filter(|(p, _)| p.is_finite()) {
+            let open = traced.is_unoccluded(ray(*p, toward, [0.0, f32::INFINITY]));
             asked += 1;
             shaded += usize::from(!open);
             wrong += usize::from(open != lit);
@@ -121,13 +122,15 @@ fn shadows_lie_where_rays_find_them() {
 #[test]
 fn bands_join_without_a_seam() {
     both(|draft, _| {
-        let openness = Openness::new(draft.world);
-        let of = |band| draft.developed(band, &draft.seen_in(band, &Cancel::default()).expect("a picture"), &openness);
+        let sky_visibility = SkyVisibility::new(draft.world);
+        let of = |band| {
+            draft.shade(band, &draft.visible_points(band, &Cancel::default()).expect("a picture"), &sky_visibility)
+        };
         let whole = of(BAND);
-        let parts = [0, 96].map(|top| Band { top, size: [SIZE[0], if top == 0 { 96 } else { SIZE[1] - 96 }] });
+        let parts = [0, 96].map(|top| RowBand { top, size: [SIZE[0], if top == 0 { 96 } else { SIZE[1] - 96 }] });
         let joined = parts.map(of).concat();
         let differing = whole.iter().zip(&joined).filter(|(a, b)| a != b).count();
-        // ShadowCells that shadows are looked up in are not the same, so places on the very edge may differ.
+        // The cells of shadow queries differ between bands, so points on the very edge of a shadow may differ.
         assert!(differing * 1000 < whole.len(), "{differing}");
     });
 }
@@ -135,8 +138,8 @@ fn bands_join_without_a_seam() {
 #[test]
 fn the_sky_is_open_above_and_beside_a_crown_and_hidden_below() {
     both(|draft, _| {
-        let openness = Openness::new(draft.world);
-        let at = |x: f32, y: f32| openness.at(Vec3::new(x, y, 0.0));
+        let sky_visibility = SkyVisibility::new(draft.world);
+        let at = |x: f32, y: f32| sky_visibility.at(Vec3::new(x, y, 0.0));
         assert!(at(0.0, 4.0) > 0.95 && at(9.0, 0.0) > 0.95, "{} {}", at(0.0, 4.0), at(9.0, 0.0));
         assert!(at(0.0, 0.1) < 0.9 && at(0.0, 0.1) < at(4.0, 0.1), "{} {}", at(0.0, 0.1), at(4.0, 0.1));
     });

@@ -1,10 +1,10 @@
-//! Light against closed forms.
+//! Light transport against closed forms.
 
 use glam::{Quat, Vec3};
 
 use super::*;
+use crate::PreviewMaterials;
 use crate::Quality;
-use crate::looks::Looks;
 use crate::testing::{balls, material, object, scene_of};
 use osier_scene::{Material, MaterialClass, Mesh, Scene, Sky, Sun};
 
@@ -25,24 +25,31 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Sce
 
 /// Mean radiance along one ray, grey.
 fn mean(scene: &Scene, origin: Vec3, direction: Vec3, samples: u32) -> Option<f32> {
-    [LightDepth::Sky, LightDepth::Around]
-        .map(|light_depth| seen_with(scene, (origin, direction), samples, light_depth))
+    [LightDepth::Sky, LightDepth::Surroundings]
+        .map(|light_depth| mean_at_depth(scene, origin, direction, samples, light_depth))
         .into_iter()
         .reduce(|a, b| {
             let (a, b) = (a?, b?);
-            assert!((a - b).abs() < 1e-3 * b.max(0.1), "{a} and {b}: less light_depth, the same light");
+            assert!((a - b).abs() < 1e-3 * b.max(0.1), "{a} and {b}: less depth, the same light");
             Some(b)
         })?
 }
 
-fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, light_depth: LightDepth) -> Option<f32> {
-    let looks = Looks::new(scene, Quality::Normal);
-    let world = World::new(scene, None, &looks);
+fn mean_at_depth(scene: &Scene, origin: Vec3, direction: Vec3, samples: u32, light_depth: LightDepth) -> Option<f32> {
+    let materials = PreviewMaterials::new(scene, Quality::Normal);
+    let world = RenderScene::new(scene, None, &materials);
     let light = Light::new(&scene.sun, &scene.sky);
     let sampler = Sampler::new(7, 0);
     let one = |index| {
-        let draw = SampleContext { sampler: &sampler, index, spread: 1e-3, light_depth, around: true, known: None };
-        world.radiance(&light, origin, direction, f32::INFINITY, &draw).map(|c| c.whole().y)
+        let sample = SampleContext {
+            sampler: &sampler,
+            index,
+            spread: 1e-3,
+            light_depth,
+            samples_ambient: true,
+            precomputed: None,
+        };
+        world.radiance(&light, origin, direction, f32::INFINITY, &sample).map(|c| c.radiance().y)
     };
     let sum = (0..samples).map(one).try_fold(0.0_f32, |s, v| v.map(|v| s + v));
     #[allow(clippy::cast_precision_loss, reason = "few samples")]
@@ -107,7 +114,7 @@ fn the_sun_lights_by_the_cosine_and_shadows_lie_where_they_must() {
         let (ox, oz) = (dx / 0.9 * 1.1, dz / 0.9 * 1.1);
         assert!(below(ox, oz) > 0.98 * full, "outside at {ox} {oz}");
     }
-    // SampleSums of the sun stands over the edge.
+    // Half of the sun stands over the edge.
     let edge = below(1.0, 0.0) / full;
     assert!((edge - 0.5).abs() < 0.06, "{edge}");
 }

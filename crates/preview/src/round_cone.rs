@@ -1,45 +1,44 @@
-//! Round cones: the hull of two balls. A point is one ball, a stretch of a curve a cone.
+//! Round cones, the convex hulls of two balls: a point is drawn as one ball, a segment of a curve as a cone.
 
 use glam::Vec3;
 use obvhs::ray::Ray;
 
-/// The hull of two balls.
+/// The convex hull of two balls.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RoundCone {
     ends: [Vec3; 2],
     radii: [f32; 2],
-    /// Linear colour of its own.
+    /// Linear colour in place of that of the material.
     pub(super) color: Option<[f32; 3]>,
-    /// See [`RoundCone::share`].
-    share: f32,
+    opacity: f32,
 }
 
 impl RoundCone {
     pub(super) fn new(ends: [Vec3; 2], radii: [f32; 2]) -> Self {
-        Self { ends, radii, color: None, share: 1.0 }
+        Self { ends, radii, color: None, opacity: 1.0 }
     }
 
-    /// The same, met by a share of the rays only, 0..1.
-    pub(super) fn veiled(self, share: f32) -> Self {
-        Self { share, ..self }
+    /// The same cone, hit only by a fraction `opacity` of the rays, 0 to 1.
+    pub(super) fn with_opacity(self, opacity: f32) -> Self {
+        Self { opacity, ..self }
     }
 
     pub(super) fn ball(center: Vec3, radius: f32, color: Option<[f32; 3]>) -> Self {
-        Self { ends: [center, center], radii: [radius, radius], color, share: 1.0 }
+        Self { ends: [center, center], radii: [radius, radius], color, opacity: 1.0 }
     }
 
-    /// PrimitiveRange of the rays on their way through it that meet it.
-    pub(super) fn share(&self) -> f32 {
-        self.share
+    /// Fraction of the rays through the cone that hit it.
+    pub(super) fn opacity(&self) -> f32 {
+        self.opacity
     }
 
-    /// About the area of its shadow, seen from its side.
-    pub(super) fn shadow(&self) -> f32 {
+    /// Area of its silhouette from the side, m2: a trapezium with a half disc at each end.
+    pub(super) fn silhouette_area(&self) -> f32 {
         let ([a, b], [ra, rb]) = (self.ends, self.radii);
         std::f32::consts::FRAC_PI_2 * (ra * ra + rb * rb) + a.distance(b) * (ra + rb)
     }
 
-    /// Largest thickness.
+    /// Diameter of its thicker end, m.
     pub(super) fn width(&self) -> f32 {
         2.0 * self.radii[0].max(self.radii[1])
     }
@@ -49,14 +48,15 @@ impl RoundCone {
         [(a - ra).min(b - rb), (a + ra).max(b + rb)]
     }
 
-    /// Where a ray enters, in lengths of its direction.
-    /// Own: the lateral surface is the cone that touches both balls; with `d = b - a`, `k = d.d - (ra - rb)^2` and `y` the
-    /// place along it, a point x lies on it where |k (x - a) - d y| = k-scaled radius, a quadratic in t.
-    pub(super) fn meet(&self, ray: &Ray) -> Option<f32> {
+    /// Where a ray enters the cone, in lengths of its direction.
+    /// Own: the lateral surface is the cone that touches both balls; with `v = b - a`,
+    /// `k = v.v - (ra - rb)^2` and `m = (x - a).v`, a point x lies on it where
+    /// `k |x - a|^2 - m^2 + 2 m (ra - rb) ra - v.v ra^2 = 0`, a quadratic in the ray's parameter.
+    pub(super) fn intersect(&self, ray: &Ray) -> Option<f32> {
         let (start, d) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
         let ([a, b], [ra, rb]) = (self.ends, self.radii);
-        // From the place on the ray that is nearest to the middle: hairs a thousandth as thick as they are far keep their
-        // digits.
+        // The ray is started from its point closest to the middle of the cone: at a distance a thousand times the radius of a hair,
+        // f32 would otherwise lose the radius.
         let near = d.dot((a + b) * 0.5 - start) / d.length_squared();
         let o = start + d * near;
         let within = |t: f32| {
@@ -66,41 +66,45 @@ impl RoundCone {
         let axis = b - a;
         let narrowing = ra - rb;
         let length2 = axis.length_squared();
+        // k above: squared length of the lateral surface between its circles of contact.
         let slant = length2 - narrowing * narrowing;
-        let enters = |c: Vec3, r: f32| -> Option<f32> {
+        let enters_ball = |c: Vec3, r: f32| -> Option<f32> {
             let w = o - c;
             let (dd, dw) = (d.length_squared(), d.dot(w));
-            // Perpendicular distance instead of the usual discriminant: small balls far away keep their digits.
+            // The usual discriminant (d.w)^2 - d.d (w.w - r^2) is a difference of large numbers; r^2 less the squared distance of
+            // the ray from the centre is not.
             let beside = (w - d * (dw / dd)).length_squared();
             let h = (r * r - beside) * dd;
             (h >= 0.0).then(|| (-dw - osier_base::math::sqrt_f32(h)) / dd)
         };
         if slant <= 0.0 {
-            // One ball holds the other.
+            // One ball contains the other.
             let (c, r) = if ra >= rb { (a, ra) } else { (b, rb) };
-            return enters(c, r).and_then(within);
+            return enters_ball(c, r).and_then(within);
         }
+        // Coefficients of qa t^2 + 2 qb t + qc = 0.
         let w = o - a;
         let (m1, m2, m3) = (w.dot(axis), axis.dot(d), d.dot(w));
         let qa = slant * d.length_squared() - m2 * m2;
         let qb = slant * m3 - m1 * m2 + m2 * narrowing * ra;
         let qc = slant * w.length_squared() - m1 * m1 + m1 * narrowing * ra * 2.0 - length2 * ra * ra;
         let h = qb * qb - qa * qc;
-        // The same root in two forms, each without a difference of equals. A ray within the opening of a cone (qa < 0) enters
-        // it once.
+        // The smaller root in the one of its two forms that subtracts no nearly equal numbers. A ray steeper than the opening of
+        // the cone (qa < 0) enters it once.
         let root = |h: f32| {
             let s = osier_base::math::sqrt_f32(h);
             if qb < 0.0 { qc / (s - qb) } else { (-s - qb) / qa }
         };
+        // A root counts only between the circles of contact; beyond them the ray may enter one of the balls.
         let side = (h >= 0.0 && qa != 0.0).then(|| root(h)).filter(|t| {
             let y = m1 - ra * narrowing + t * m2;
             y > 0.0 && y < slant
         });
-        let caps = [enters(a, ra), enters(b, rb)].into_iter().flatten();
+        let caps = [enters_ball(a, ra), enters_ball(b, rb)].into_iter().flatten();
         side.into_iter().chain(caps).filter_map(within).min_by(f32::total_cmp)
     }
 
-    /// Unit normal at a point of the surface.
+    /// Unit normal at a point of the surface: constant along each line of the lateral surface, radial on the balls.
     pub(super) fn normal(&self, p: Vec3) -> Vec3 {
         let ([a, b], [ra, rb]) = (self.ends, self.radii);
         let axis = b - a;
@@ -137,7 +141,7 @@ mod tests {
         let d = Vec3::new(0.511_563_3, 0.0, 0.801_616_1);
         let target = ends[0].lerp(ends[1], 0.4) + Vec3::Z * 0.105_383_72;
         let ray = Ray::new(Vec3A::from(target - d * 8.0 / d.length()), Vec3A::from(d), 0.0, f32::INFINITY);
-        let p = Vec3::from(ray.origin) + d * cone.meet(&ray).expect("it is met");
+        let p = Vec3::from(ray.origin) + d * cone.intersect(&ray).expect("a hit");
         assert!(distance(&cone, p).abs() < 2e-4, "distance {}", distance(&cone, p));
     }
 
@@ -148,7 +152,7 @@ mod tests {
             prop_assume!(d.length() > 0.1);
             let target = a.lerp(b, 0.4) + w * 0.5;
             let ray = Ray::new(Vec3A::from(target - d * 8.0 / d.length()), Vec3A::from(d), 0.0, f32::INFINITY);
-            match cone.meet(&ray) {
+            match cone.intersect(&ray) {
                 Some(t) => {
                     let p = Vec3::from(ray.origin) + d * t;
                     prop_assert!(distance(&cone, p).abs() < 2e-4, "distance {}", distance(&cone, p));

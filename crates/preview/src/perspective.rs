@@ -1,24 +1,34 @@
-//! A camera with a picture's shape: from pixels to directions.
+//! Perspective projection: from pixels to directions.
 
 use glam::Vec3;
 
 use osier_base::math;
 use osier_scene::Camera;
 
-/// A camera with a picture's shape.
+/// A camera together with the resolution of its picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lens {
+pub(super) struct PerspectiveCamera {
     pub(super) eye: Vec3,
-    /// Picture plane at unit distance: its upper left corner, and steps of a pixel to the right and down.
+    /// From the eye to the upper left corner of the picture plane at unit depth, and one pixel to the right and down on it.
     pub(super) corner: Vec3,
     pub(super) right: Vec3,
     pub(super) down: Vec3,
-    /// Width of a pixel at unit distance.
+    /// Width of a pixel at unit depth.
     pub(super) spread: f32,
+    /// Pixels.
     size: [f32; 2],
 }
 
-impl Lens {
+/// A ray through a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PrimaryRay {
+    /// Unit vector.
+    pub(super) direction: Vec3,
+    /// Distance to the floor, m; `None` if the ray does not meet it.
+    pub(super) floor_distance: Option<f32>,
+}
+
+impl PerspectiveCamera {
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
     pub(super) fn new(camera: &Camera, [width, height]: [u32; 2]) -> Self {
         let [right, up, back] = camera.axes();
@@ -29,32 +39,34 @@ impl Lens {
         Self { eye: camera.eye, corner, right: right * pixel, down: -up * pixel, spread: pixel, size: [w, h] }
     }
 
+    /// False for a camera with a position or direction that is not finite.
     pub(super) fn is_finite(&self) -> bool {
         [self.eye, self.corner, self.right, self.down].iter().all(|v| v.is_finite())
     }
 
-    /// Unit direction through a pixel. `inside`: place in the pixel, 0..1 from its upper left corner.
+    /// Unit vector through a pixel. `inside`: position in the pixel, 0 to 1 from its upper left corner.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
     pub(super) fn direction(&self, [x, y]: [u32; 2], inside: [f32; 2]) -> Vec3 {
         let d = self.corner + self.right * (x as f32 + inside[0]) + self.down * (y as f32 + inside[1]);
         math::normalize_or(d, -Vec3::Z)
     }
 
-    /// Direction through the middle of a pixel, as long as it takes to go one metre deep.
+    /// Vector through the middle of a pixel whose length spans one metre of depth.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
-    pub(super) fn span(&self, [x, y]: [u32; 2]) -> Vec3 {
+    pub(super) fn unit_depth_vector(&self, [x, y]: [u32; 2]) -> Vec3 {
         self.corner + self.right * (x as f32 + 0.5) + self.down * (y as f32 + 0.5)
     }
 
-    /// Place in the picture, 0..1 from its upper left corner.
+    /// Position of the middle of a pixel in the picture, 0 to 1 from its upper left corner.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
-    pub(super) fn place(&self, [x, y]: [u32; 2]) -> [f32; 2] {
+    pub(super) fn picture_position(&self, [x, y]: [u32; 2]) -> [f32; 2] {
         [(x as f32 + 0.5) / self.size[0], (y as f32 + 0.5) / self.size[1]]
     }
 
-    /// Where a look goes, and how far it is to the floor. `inside`: place in the pixel.
-    pub(super) fn aim(&self, floor: Option<f32>, place: [u32; 2], inside: [f32; 2]) -> (Vec3, Option<f32>) {
-        let direction = self.direction(place, inside);
-        (direction, floor.map(|y| (y - self.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite()))
+    /// The ray through a pixel. `floor`: height of the floor, m; `inside`: position in the pixel.
+    pub(super) fn primary_ray(&self, floor: Option<f32>, pixel: [u32; 2], inside: [f32; 2]) -> PrimaryRay {
+        let direction = self.direction(pixel, inside);
+        let floor_distance = floor.map(|y| (y - self.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite());
+        PrimaryRay { direction, floor_distance }
     }
 }

@@ -1,0 +1,20 @@
+//! What one picture shows.
+
+use super::backdrop::Backdrop;
+use super::light::Light;
+use osier_scene::Camera;
+
+/// What to render: camera, resolution, light, backdrop and seed of one picture.
+#[derive(Debug, Clone, Copy)]
+pub struct RenderRequest {
+    /// Position and direction of view, vertical field of view in radians.
+    pub camera: Camera,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Sun and sky of the scene.
+    pub light: Light,
+    /// What lies behind and below.
+    pub backdrop: Backdrop,
+    /// Seed of the sample pattern.
+    pub seed: u32,
+}
