@@ -41,13 +41,13 @@ pub struct CheckResult {
     pub estimate: Option<BakeEstimate>,
     /// Parameters of its grammars.
     pub parameters: Vec<GrammarParameter>,
-    /// Why the check ended early, if not by a fault of the scene: `Limit`, `Cancelled`, or X030 for a scene in which nothing is
-    /// visible.
+    /// Why the check ended early, if not by a fault of the scene: `Limit`, `Cancelled`, or X030 for a scene in which
+    /// nothing is visible.
     pub failure: Option<Error>,
 }
 
-/// Resolves a scene, grows its plants and estimates its bake. Maps are not drawn and no wind, rain or motion is simulated.
-/// `with_notes`: the report also holds the notes of the grammars.
+/// Resolves a scene, grows its plants and estimates its bake. Maps are not drawn and no wind, rain or motion is
+/// simulated. `with_notes`: the report also holds the notes of the grammars.
 /// # Examples
 /// ```
 /// use osier::bake::BakeContext;

@@ -4,8 +4,8 @@
 //! grammar, scene, artist mesh ─ parse ─► resolve ─► grow ─► Plant ─► surface ─► Scene ─► motion ─► Frame ─► exporters
 //! ```
 //!
-//! A source is a scene, a grammar, a coefficient table or a preset. [`source::find_scene`] finds it, [`recipe::resolve`] reads
-//! it into a [`recipe::Recipe`], and four calls do what the commands of the program do:
+//! A source is a scene, a grammar, a coefficient table or a preset. [`source::find_scene`] finds it,
+//! [`recipe::resolve`] reads it into a [`recipe::Recipe`], and four calls do what the commands of the program do:
 //!
 //! | call | command | result |
 //! |---|---|---|

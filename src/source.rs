@@ -27,8 +27,8 @@ use osier_ifs::read;
 pub struct SourceOptions {
     /// Folders in which referenced files are looked up after the folder of the source.
     pub search: Vec<PathBuf>,
-    /// Overrides `PATH=VALUE` of scene keys, or of the `#define`s of a bare grammar. `as=cloud` and `as=tree` choose what a
-    /// coefficient table is read as.
+    /// Overrides `PATH=VALUE` of scene keys, or of the `#define`s of a bare grammar. `as=cloud` and `as=tree` choose
+    /// what a coefficient table is read as.
     pub set: Vec<String>,
     /// Seed of all random draws in place of the scene's.
     pub seed: Option<u64>,
@@ -79,7 +79,8 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     if path.is_dir() {
         return Err(folder_error(source));
     }
-    // Read the file before its folder is opened for references: of a path that does not exist, the file is reported.
+    // Read the file before its folder is opened for references: of a path that does not exist, the
+    // file is reported.
     let bytes = files::read_input(path, options.limits.get("text-bytes"))?;
     if path.extension() == Some(OsStr::new("l")) {
         return Ok(Request {

@@ -93,14 +93,15 @@ pub struct Bake {
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// Write only these frames: 1-240, 1-240:10, 1,5,9.
-    // The id differs from the flag, as every limit is an argument too and one of them is named `frames`.
+    // The id differs from the flag, as every limit is an argument too and one of them is named
+    // `frames`.
     #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
     /// Write only these formats.
     #[arg(long, value_name = "LIST", help = format!("Write only these formats: {}", osier_export::registry::words()))]
     pub formats: Option<String>,
-    /// Run the scene for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write the statistics of its [flight] as one
-    /// table with a plot into out/NAME-sweep. Several flags run all combinations.
+    /// Run the scene for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write the statistics of its [flight]
+    /// as one table with a plot into out/NAME-sweep. Several flags run all combinations.
     #[arg(id = "swept-values", long = "sweep", value_name = "KEY=A:B:N")]
     pub sweep: Vec<String>,
     /// Run the scene for each of these seeds, as --sweep does: 0-7.
@@ -121,7 +122,8 @@ pub struct Grow {
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: PathBuf,
     /// Derivation length in place of that of the grammar.
-    // The id differs from the flag, as every limit is an argument too and one of them is named `steps`.
+    // The id differs from the flag, as every limit is an argument too and one of them is named
+    // `steps`.
     #[arg(id = "derivation-steps", long = "steps", value_name = "N")]
     pub steps: Option<u32>,
     /// Programs that a glb is written for.
@@ -156,7 +158,8 @@ pub struct Preview {
     /// Trade-off between speed and noise.
     #[arg(long, value_enum, default_value = "normal")]
     pub quality: QualityArg,
-    /// Camera: portrait, front, back, left, right, top, scene (the camera of the scene), or AZIMUTH,ELEVATION in degrees.
+    /// Camera: portrait, front, back, left, right, top, scene (the camera of the scene), or AZIMUTH,ELEVATION in
+    /// degrees.
     #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
     pub view: Option<String>,
     /// Position of the sun, degrees.
@@ -169,7 +172,8 @@ pub struct Preview {
     #[arg(long, value_name = "N")]
     pub frame: Option<u32>,
     /// Render a clip of these frames: 1-72, 1-72:2.
-    // The id differs from the flag, as every limit is an argument too and one of them is named `frames`.
+    // The id differs from the flag, as every limit is an argument too and one of them is named
+    // `frames`.
     #[arg(id = "shown-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
     /// Render a clip in which the camera goes once round the subject, in N steps.
@@ -220,7 +224,8 @@ pub struct List {
     /// What to list.
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
-    /// With `options`: only keys whose name, table or help contains all of these words. With `knobs`: the scene or grammar.
+    /// With `options`: only keys whose name, table or help contains all of these words. With `knobs`: the scene or
+    /// grammar.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
 }

@@ -19,7 +19,8 @@ use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
 use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
 
-/// Hash of the sources that this program was built from: the output of another build of the same version is not up to date.
+/// Hash of the sources that this program was built from: the output of another build of the same version is not up to
+/// date.
 const SOURCES: &str = env!("OSIER_SOURCES");
 
 /// Runs `osier bake`; the result is the exit code.
@@ -108,7 +109,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     Ok(context.strict(warned || !export_warnings.is_empty()))
 }
 
-/// The frames to write; none for a still scene. A selection becomes part of the scene's hash, since it changes the output.
+/// The frames to write; none for a still scene. A selection becomes part of the scene's hash, since it changes the
+/// output.
 /// # Errors
 /// A message for a list that cannot be read or that leaves the clip.
 fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result::Result<Vec<u32>, String> {
@@ -130,8 +132,8 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     Ok(frames)
 }
 
-/// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames that are not
-/// selected.
+/// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames
+/// that are not selected.
 fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
     let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
     if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
@@ -147,8 +149,8 @@ fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Opt
     })
 }
 
-/// The manifest of the folder if it is up to date: complete, written by this program from the same scene, and closed by the run
-/// that wrote it.
+/// The manifest of the folder if it is up to date: complete, written by this program from the same scene, and closed
+/// by the run that wrote it.
 fn current(context: &Context, root: &Path, recipe: &Recipe) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
     let is_same = m.scene.hash == recipe.hash && m.version == VERSION;
@@ -171,8 +173,8 @@ fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<
     Folder::open_with(root, options)
 }
 
-/// Prints what was written, how to open it, and how long each stage took; `stages` is `None` for a folder that was up to date. The
-/// manifest comes from memory, since another process may already rewrite the folder.
+/// Prints what was written, how to open it, and how long each stage took; `stages` is `None` for a folder that was up
+/// to date. The manifest comes from memory, since another process may already rewrite the folder.
 fn summary(
     context: &Context,
     root: &Path,
@@ -194,6 +196,7 @@ fn summary(
     if context.console.quiet {
         return Ok(());
     }
+    // Text: a line of totals, then one line per program that opens a file of the bake.
     let parts = by_folder(&files.iter().map(|f| (f.0.as_str(), f.1)).collect::<Vec<_>>());
     let mut text = format!("{}  {} files, {}\n", root.display(), files.len() + 1, sizes(bytes, &parts));
     let has = |ending: &str| files.iter().map(|f| f.0.as_str()).find(|p| p.ends_with(ending));
@@ -248,8 +251,8 @@ fn stage_times(stages: &[(String, f64)]) -> String {
     if stages.is_empty() { String::new() } else { format!("  {:12} {whole:.1}: {}\n", "seconds", each.join(", ")) }
 }
 
-/// Note for Blender, whose importers take the frames of a file but not its frame rate: a scene of another rate than its default of
-/// 24 frames per second would play at the wrong speed.
+/// Note for Blender, whose importers take the frames of a file but not its frame rate: a scene of another rate than
+/// its default of 24 frames per second would play at the wrong speed.
 fn frame_rate(recipe: &Recipe) -> String {
     const BLENDER_DEFAULT: f64 = 24.0;
     let fps = recipe.clip.fps();

@@ -22,6 +22,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
             Err(Error::Input(report)) => CheckResult { report: *report, ..CheckResult::default() },
             Err(other) => CheckResult { failure: Some(other), ..CheckResult::default() },
         };
+        // A cancelled check ends the run; any other failure is reported and the next file checked.
         context.cancel.check()?;
         let file_errors = found.report.diagnostics.iter().filter(|d| d.severity == Severity::Error).count();
         errors += file_errors;

@@ -94,7 +94,8 @@ impl Console {
     }
 }
 
-/// A text with its invisible characters made visible, except line breaks: a hostile file name cannot control the terminal.
+/// A text with its invisible characters made visible, except line breaks: a hostile file name cannot control the
+/// terminal.
 fn made_visible(text: &str) -> String {
     let lines: Vec<String> = text.split('\n').map(visible).collect();
     lines.join("\n")

@@ -86,6 +86,7 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         visible(&m.scene.hash),
         visible(&m.bake_hash),
     );
+    // One line per asset; for a single file only the assets that it holds.
     out += &format!(
         "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  size, m\n",
         "asset", "kind", "vertices", "triangles", "instances", "joints"
@@ -134,6 +135,8 @@ fn single(context: &Context, path: &Path) -> Result<u8> {
     let bytes = read_input(path, context.limits.get("mesh-bytes"))?;
     let hash = blake3::hash(&bytes).to_hex().to_string();
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    // Meshes are read as an imported file of a scene would be, so that their faults are reported as
+    // well.
     let mesh = if matches!(ending.as_str(), "glb" | "gltf" | "obj") {
         let roots = SearchPaths::new(path, &context.common.search)?;
         let options = import::Options {

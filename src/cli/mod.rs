@@ -1,4 +1,5 @@
-//! The command line: a thin caller of the library, and the only code that uses terminals, clocks, signals and the thread pool.
+//! The command line: a thin caller of the library, and the only code that uses terminals, clocks, signals and the
+//! thread pool.
 
 mod args;
 mod bake;
@@ -94,6 +95,8 @@ fn start(cli: Cli) -> u8 {
             return 2;
         }
     };
+    // Signals, threads and the watch over memory exist once per process and are set up before any
+    // work starts.
     let cancel = Cancel::default();
     if let Err(e) = watch::listen(&cancel) {
         console.complain(&format!("cannot listen to signals: {e}"));

@@ -57,8 +57,8 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
     files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes()))
 }
 
-/// The text of the scene and the grammars that it names; for the name of a grammar a scene with one plant. `None` for an unknown
-/// preset.
+/// The text of the scene and the grammars that it names; for the name of a grammar a scene with one plant. `None` for
+/// an unknown preset.
 fn parts(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
     let bare = stem(from);
     if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| !from.ends_with(".l")) {

@@ -108,8 +108,8 @@ impl<'a> Timed<'a> {
         Self { show, begun: Mutex::new(Vec::new()) }
     }
 
-    /// Seconds of each stage so far, in order of first occurrence; stages of one name are added up. Times are printed and never
-    /// written into files, which are the same for every run.
+    /// Seconds of each stage so far, in order of first occurrence; stages of one name are added up. Times are printed
+    /// and never written into files, which are the same for every run.
     pub fn seconds(&self) -> Vec<(String, f64)> {
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
         let mut out: Vec<(String, f64)> = Vec::new();

@@ -7,7 +7,8 @@ use crate::bake::BakeEstimate;
 use osier_base::Result;
 use osier_base::limits::grouped;
 
-/// Predicted bytes of output beyond which `--force` is needed: a directory of 2 GB is seldom meant, and takes minutes to write.
+/// Predicted bytes of output beyond which `--force` is needed: a directory of 2 GB is seldom meant, and takes minutes
+/// to write.
 pub const CONFIRM_BYTES: u64 = 2_000_000_000;
 
 /// Prints the estimate of a run under the name of its target, as text or JSON.

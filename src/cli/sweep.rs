@@ -35,6 +35,8 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
+    // Every recipe is resolved before the first run: a fault in a late value costs no simulation.
+    // Warnings are shown once.
     let mut recipes = Vec::new();
     let mut warned = false;
     for (values, seed) in &wanted {

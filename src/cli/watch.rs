@@ -19,8 +19,8 @@ const FIRST_MEASUREMENT: Duration = Duration::from_millis(500);
 /// Bytes of a memory page, the unit of `/proc/self/statm`.
 const PAGE_BYTES: u64 = 4096;
 
-/// Installs handlers of SIGINT and SIGTERM: the first signal requests cancellation and forces the exit if the work has not stopped
-/// within SHUTDOWN_TIME; a second signal exits at once.
+/// Installs handlers of SIGINT and SIGTERM: the first signal requests cancellation and forces the exit if the work
+/// has not stopped within SHUTDOWN_TIME; a second signal exits at once.
 pub(super) fn listen(cancel: &Cancel) -> std::io::Result<()> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::flag;
@@ -76,7 +76,8 @@ fn resident_bytes() -> Option<u64> {
 fn end(why: Error) -> ! {
     drop_parts();
     let code = i32::from(why.exit_code());
-    // Writing to standard error may block as well, so it happens on a thread that the exit does not wait for.
+    // Writing to standard error may block as well, so it happens on a thread that the exit does not
+    // wait for.
     let _ = std::thread::Builder::new().spawn(move || {
         use std::io::Write as _;
         let _ = writeln!(std::io::stderr(), "error: {why}");

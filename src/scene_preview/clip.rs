@@ -43,7 +43,8 @@ pub struct PreviewClip<'a> {
 }
 
 impl<'a> PreviewClip<'a> {
-    /// Evaluates the first frame of a clip and fits the camera to it; for a turntable to the volume that the subject sweeps.
+    /// Evaluates the first frame of a clip and fits the camera to it; for a turntable to the volume that the subject
+    /// sweeps.
     /// # Errors
     /// `Range` for a frame outside of the scene's clip, P001 if nothing is visible, those of the simulation.
     /// # Examples
@@ -144,8 +145,8 @@ impl<'a> PreviewClip<'a> {
     }
 }
 
-/// Frame rate of a selection of frames, as a fraction: the smallest step between two of them is shown for as long as it takes in
-/// the scene. `fps`: of the scene.
+/// Frame rate of a selection of frames, as a fraction: the smallest step between two of them is shown for as long as
+/// it takes in the scene. `fps`: of the scene.
 fn frame_rate_of(fps: (u32, u32), numbers: &[u32]) -> (u32, u32) {
     let step = numbers.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1).max(1);
     (fps.0, fps.1.saturating_mul(step))

@@ -28,8 +28,8 @@ pub struct PreviewScene {
 }
 
 impl PreviewScene {
-    /// Assembles the scene of a recipe with maps no larger than `quality` can show. `with_motion`: frames of the clip are
-    /// asked for; without it joints, skin weights and leaf flutter are left out.
+    /// Assembles the scene of a recipe with maps no larger than `quality` can show. `with_motion`: frames of the clip
+    /// are asked for; without it joints, skin weights and leaf flutter are left out.
     /// # Errors
     /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
     pub fn of_recipe(
@@ -47,7 +47,8 @@ impl PreviewScene {
         Ok(Self { animated: assembled.animated, has_camera, name: recipe.name, report: assembled.report })
     }
 
-    /// Reads a mesh file (`.glb`, `.gltf`, `.obj`). `search`: further folders in which the files that it names are looked up.
+    /// Reads a mesh file (`.glb`, `.gltf`, `.obj`). `search`: further folders in which the files that it names are
+    /// looked up.
     /// # Errors
     /// `Input` for a damaged file, `Io` if it cannot be read, `Limit`.
     pub fn of_mesh_file(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Self> {
@@ -67,6 +68,8 @@ impl PreviewScene {
             points: Vec::new(),
             curves: Vec::new(),
         };
+        // The hash covers the file and all files that it names; PNG previews carry it as their
+        // origin.
         let hash = imported.files.iter().fold(blake3::Hasher::new(), |mut h, f| {
             h.update(&f.blake3);
             h
@@ -125,7 +128,7 @@ impl PreviewScene {
         self
     }
 
-    /// The scene at rest.
+    /// The scene at rest, with its materials and placements.
     pub fn scene(&self) -> &Scene {
         &self.animated.scene
     }
@@ -168,8 +171,8 @@ impl PreviewScene {
         evaluate_frame(&self.animated.scene, &self.animated.motions, number, true)
     }
 
-    /// Evaluates a frame, or for `None` the frame that a still picture shows: the scene at rest (`None`), except that the first
-    /// frame is shown if catkins fly, because at rest none of them is in the air.
+    /// Evaluates a frame, or for `None` the frame that a still picture shows: the scene at rest (`None`), except that
+    /// the first frame is shown if catkins fly, because at rest none of them is in the air.
     /// # Errors
     /// As [`PreviewScene::frame`].
     pub fn frame_or_rest(&self, number: Option<u32>) -> Result<Option<Frame>> {

@@ -19,11 +19,11 @@ pub use clip::{ClipContent, PreviewClip};
 pub use load::PreviewScene;
 pub use options::{PreviewBackground, PreviewOptions, PreviewView};
 
-/// Renders one picture of a scene. `frame`: number of a frame; `None` for the scene at rest, or for the first frame if catkins
-/// fly in it.
+/// Renders one picture of a scene. `frame`: number of a frame; `None` for the scene at rest, or for the first frame
+/// if catkins fly in it.
 /// # Errors
-/// `Range` for a frame outside of the clip; P001 if nothing is visible; P002 for a camera that is not finite; those of the
-/// simulation; `Cancelled`.
+/// `Range` for a frame outside of the clip; P001 if nothing is visible; P002 for a camera that is not finite; those
+/// of the simulation; `Cancelled`.
 /// # Examples
 /// ```
 /// use osier::bake::BakeContext;
@@ -56,8 +56,8 @@ pub fn preview(
     Ok(pictures.pop().unwrap_or_else(|| Picture::new(options.size[0], options.size[1])))
 }
 
-/// Renders scenes for comparison: where the options fit the camera, it is fitted to all subjects together, so that the scale is
-/// the same in every picture. Each scene comes with the frame that is shown, `None` for rest.
+/// Renders scenes for comparison: where the options fit the camera, it is fitted to all subjects together, so that
+/// the scale is the same in every picture. Each scene comes with the frame that is shown, `None` for rest.
 /// # Errors
 /// P001 if nothing is visible in one of them; P002 for a camera that is not finite; `Cancelled`.
 pub fn preview_together(

@@ -33,7 +33,7 @@ impl Default for PreviewOptions {
 /// Position of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PreviewView {
-    /// That of the scene.
+    /// The camera of the scene.
     Scene,
     /// Fitted to the subject from a direction.
     Fitted(CameraView),
@@ -44,7 +44,7 @@ pub enum PreviewView {
 pub enum PreviewBackground {
     /// The sky for scenes with ground or with a colour below the horizon, the studio for all others.
     Auto,
-    /// The scene's sky.
+    /// The sky of the scene, with its sun glow and haze.
     Sky,
     /// A bright paper sweep that receives shadows.
     Studio,
@@ -55,7 +55,7 @@ pub enum PreviewBackground {
 }
 
 impl PreviewOptions {
-    /// Width over height.
+    /// Width divided by height of a picture.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
     pub fn aspect(&self) -> f32 {
         self.size[0] as f32 / self.size[1] as f32
@@ -73,15 +73,16 @@ impl PreviewOptions {
         }
     }
 
-    /// The request that renders a scene with a camera. `subject`: of this scene; its lowest point may carry the studio's floor.
+    /// The request that renders a scene with a camera. `subject`: of this scene; its lowest point may carry the
+    /// studio's floor.
     pub fn request(&self, scene: &PreviewScene, subject: &Subject, camera: Camera) -> RenderRequest {
         let scene = scene.scene();
         let mut sun = scene.sun;
         if let Some([elevation, azimuth]) = self.sun {
             (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(azimuth));
         }
-        // Trunks reach a little below the ground that they stand on, so a subject whose lowest point is near 0 stands on the
-        // plane y = 0; any other stands on its lowest point.
+        // Trunks reach a little below the ground that they stand on, so a subject whose lowest
+        // point is near 0 stands on the plane y = 0; any other stands on its lowest point.
         let (low, height) = (subject.bounds.min.y, subject.bounds.size().y);
         let floor_height = if low > -0.25 * height && low < 0.1 * height { 0.0 } else { low };
         let floor = if subject.ground { None } else { Some(floor_height) };

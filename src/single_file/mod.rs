@@ -82,12 +82,12 @@ pub struct GrownFile {
     pub warnings: Vec<Warning>,
 }
 
-/// Writes the first frame of a recipe as one file of a folder, without the ground. `name`: file name whose ending chooses the
-/// format. `profile`: which readers a glb is made for; other formats ignore it.
+/// Writes the first frame of a recipe as one file of a folder, without the ground. `name`: file name whose ending
+/// chooses the format. `profile`: which readers a glb is made for; other formats ignore it.
 /// # Errors
-/// `Input` with the faults of grammars; X030 if the file would hold nothing or nothing writes its ending; `Limit` if the
-/// predicted bytes or the predicted memory exceed the limits in force; `Export` and `Io` of what cannot be written; `Foreign`
-/// for a file of another origin; `Cancelled`.
+/// `Input` with the faults of grammars; X030 if the file would hold nothing or nothing writes its ending; `Limit` if
+/// the predicted bytes or the predicted memory exceed the limits in force; `Export` and `Io` of what cannot be
+/// written; `Foreign` for a file of another origin; `Cancelled`.
 /// # Examples
 /// ```
 /// use osier::bake::BakeContext;

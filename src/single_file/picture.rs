@@ -24,8 +24,8 @@ pub enum PictureEncoding {
 
 /// Renders the layers of a recipe, or else its first attractor, into a file of a folder.
 /// # Errors
-/// X030 if the recipe has neither, or if layers are asked for as `.exr`; I023 and I050 of the attractor; `Limit`; `Cancelled`;
-/// `Io` of what cannot be written.
+/// X030 if the recipe has neither, or if layers are asked for as `.exr`; I023 and I050 of the attractor; `Limit`;
+/// `Cancelled`; `Io` of what cannot be written.
 pub fn write_picture(
     recipe: &Recipe,
     encoding: PictureEncoding,
@@ -65,8 +65,7 @@ fn write_density(
     context: &BakeContext<'_>,
 ) -> Result<()> {
     let (density, ..) = attractor::render_attractor(cloud, recipe, context)?;
-    let comment =
-        json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash });
+    let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash });
     let (width, height) = (density.width, density.height);
     folder.write(name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment.to_string())?)?;
     if !density.color.is_empty() {

@@ -30,7 +30,8 @@ impl<'r> StillScene<'r> {
         Ok(Self { recipe, assembled: assemble_scene(recipe, SceneParts { ground: false }, context)? })
     }
 
-    /// As [`StillScene::assemble`] with the least work that [`StillScene::estimate`] needs; the scene cannot be written.
+    /// As [`StillScene::assemble`] with the least work that [`StillScene::estimate`] needs; the scene cannot be
+    /// written.
     /// # Errors
     /// As [`StillScene::assemble`].
     pub fn assemble_for_estimate(recipe: &'r Recipe, context: &BakeContext<'_>) -> Result<Self> {

@@ -52,11 +52,14 @@ impl Backdrop {
     }
 }
 
-/// Displayed colour of the studio's paper: brightest a little above the middle of the picture and warmer towards its bottom.
+/// Displayed colour of the studio's paper: brightest a little above the middle of the picture and warmer towards its
+/// bottom.
 /// Own: chosen by eye to set off green without tinting it.
 fn studio_paper([x, y]: [f32; 2]) -> Vec3 {
+    // Vignette: darker with the squared distance from a point above the middle, by at most 30 %.
     let (dx, dy) = (x - 0.5, y - 0.42);
     let falloff = (dx * dx + dy * dy).min(0.6);
+    // From a neutral grey above to a warm one below, as if the paper reflected the ground.
     let base = Vec3::new(0.86, 0.87, 0.86).lerp(Vec3::new(0.80, 0.78, 0.74), (y * 1.4 - 0.5).clamp(0.0, 1.0));
     base * (1.0 - 0.5 * falloff)
 }

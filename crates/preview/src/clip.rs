@@ -67,8 +67,8 @@ pub struct ClipTiming {
 }
 
 impl<W: Write> ClipWriter<W> {
-    /// Begins a clip of `size` pixels that loops forever. A GIF stores the delay of a frame in hundredths of a second, at least 2:
-    /// players slow down shorter ones. `opaque`: no frame has transparent pixels.
+    /// Begins a clip of `size` pixels that loops forever. A GIF stores the delay of a frame in hundredths of a
+    /// second, at least 2: players slow down shorter ones. `opaque`: no frame has transparent pixels.
     /// # Errors
     /// `Export` P003 if the format cannot hold it or the sink fails.
     pub fn new(sink: W, format: ClipFormat, size: [u32; 2], timing: ClipTiming, opaque: bool) -> Result<Self> {
@@ -81,7 +81,8 @@ impl<W: Write> ClipWriter<W> {
                     |n: u32| u16::try_from(n).map_err(|_| encoding_error("a side of a GIF has at most 65535 pixels"));
                 let mut encoder = gif::Encoder::new(sink, side(width)?, side(height)?, &[]).map_err(encoding_error)?;
                 encoder.set_repeat(gif::Repeat::Infinite).map_err(encoding_error)?;
-                // Rounded 100 / fps. A delay beyond the 655 s that the format holds is limited to it.
+                // Rounded 100 / fps. A delay beyond the 655 s that the format holds is limited to
+                // it.
                 let delay = (100 * u64::from(base) + u64::from(rate) / 2) / u64::from(rate);
                 #[allow(clippy::cast_possible_truncation, reason = "limited to 16 bits")]
                 let delay = delay.min(u64::from(u16::MAX)) as u16;
@@ -125,6 +126,8 @@ impl<W: Write> ClipWriter<W> {
                     width: narrow(picture.width, "columns of a GIF")?,
                     height: narrow(picture.height, "rows of a GIF")?,
                     delay: *delay,
+                    // Without disposal the transparent pixels of a frame would keep those of the
+                    // frame before.
                     dispose: if palette.has_transparency {
                         gif::DisposalMethod::Background
                     } else {
@@ -156,6 +159,8 @@ impl<W: Write> ClipWriter<W> {
 impl Palette {
     /// 255 colours fitted to the opaque pixels of a picture, after colour 0 for the transparent ones.
     fn of(picture: &Picture) -> Self {
+        // Half-transparent pixels count as opaque from alpha 128 on: GIF knows no partial
+        // transparency.
         let opaque: Vec<u8> =
             picture.pixels.iter().filter(|p| p[3] >= 128).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         let samples = if opaque.is_empty() { vec![0, 0, 0, 255] } else { opaque };
@@ -167,7 +172,8 @@ impl Palette {
 
     /// Index of the nearest colour of each pixel, with ordered dithering against banding.
     fn indices(&self, picture: &Picture) -> Vec<u8> {
-        /// Threshold matrix of 4 x 4 pixels, in half steps of 8-bit sRGB. A fixed pattern does not crawl from frame to frame.
+        /// Threshold matrix of 4 x 4 pixels, in half steps of 8-bit sRGB. A fixed pattern does not crawl from frame
+        /// to frame.
         const DITHER: [i8; 16] = [-8, 0, -6, 2, 4, -4, 6, -2, -5, 3, -7, 1, 7, -1, 5, -3];
         let width = picture.width.max(1) as usize;
         let index = |(i, p): (usize, &[u8; 4])| {

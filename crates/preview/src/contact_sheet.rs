@@ -65,6 +65,7 @@ pub fn contact_sheet(title: &str, note: &str, cells: &[ContactSheetCell], column
     let used = FontSize::Large.text_width(&title) + 2 * GAP;
     let note = FontSize::Small.cut(note, line_width.saturating_sub(used));
     out.draw_text(&note, [GAP + used, GAP / 2 + 8], FontSize::Small, FAINT_INK);
+    // Cells follow row by row; each row is as high as a picture and its caption.
     let top = FontSize::Large.height() + 2 * GAP;
     let caption_height = FontSize::Small.height() + 2 * GAP;
     for (i, cell) in cells.iter().enumerate() {

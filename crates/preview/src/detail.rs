@@ -12,7 +12,8 @@ use osier_scene::Mesh;
 
 /// Triangles of the smallest mesh that is clustered: in smaller ones there is little to save.
 const MIN_TRIANGLES: usize = 12;
-/// Triangles of the largest mesh that is clustered: larger ones are branches rather than leaves, whose thin twigs would break.
+/// Triangles of the largest mesh that is clustered: larger ones are branches rather than leaves, whose thin twigs
+/// would break.
 const MAX_TRIANGLES: usize = 2_000;
 
 /// How small a detail the cameras of some pictures resolve, depending on its distance.
@@ -48,15 +49,15 @@ impl DetailLimit {
         Self { cameras: if pixels > 0.0 { requests.iter().map(resolution).collect() } else { Vec::new() } }
     }
 
-    /// The detail of a mesh that its closest instance needs. Widths are rounded down to steps of a quarter octave, so that the
-    /// clusters of a moving leaf do not change from frame to frame.
+    /// The detail of a mesh that its closest instance needs. Widths are rounded down to steps of a quarter octave, so
+    /// that the clusters of a moving leaf do not change from frame to frame.
     pub(super) fn for_mesh(&self, mesh: &Mesh, transforms: impl Iterator<Item = Affine3A>) -> MeshDetail {
         if self.cameras.is_empty() {
             return MeshDetail::default();
         }
         let radius = mesh.points.iter().fold(0.0_f32, |r, p| r.max(p.length()));
-        // Visible width in the space of the mesh: the distance to the nearest point of its bounding sphere times the width at unit
-        // distance, divided by the mean scale of the instance.
+        // Visible width in the space of the mesh: the distance to the nearest point of its bounding
+        // sphere times the width at unit distance, divided by the mean scale of the instance.
         let visible_width = |transform: Affine3A| {
             let scale = math::pow_f32(transform.matrix3.determinant().abs(), 1.0 / 3.0);
             let for_camera = |camera: &CameraResolution| {
@@ -67,6 +68,8 @@ impl DetailLimit {
         };
         let least = transforms.map(visible_width).fold(f32::INFINITY, f32::min);
         let smallest = if least.is_finite() && least > 0.0 { rounded_to_step(least) } else { 0.0 };
+        // The alpha test of every mesh filters its texture by the smallest detail; vertices are
+        // clustered only in leaves.
         let is_clustered = (MIN_TRIANGLES..=MAX_TRIANGLES).contains(&mesh.triangles.len());
         MeshDetail { smallest, cluster_size: if is_clustered { smallest } else { 0.0 } }
     }
@@ -81,8 +84,8 @@ fn rounded_to_step(width: f32) -> f32 {
     )
 }
 
-/// For each point the index of the one that replaces it: of all points in a cell of side `cell` the one farthest from the
-/// centroid, so that a leaf keeps its outline. Empty if nothing is merged.
+/// For each point the index of the one that replaces it: of all points in a cell of side `cell` the one farthest from
+/// the centroid, so that a leaf keeps its outline. Empty if nothing is merged.
 pub(super) fn cluster_vertices(points: &[Vec3], cell: f32) -> Vec<u32> {
     if cell <= 0.0 || points.is_empty() {
         return Vec::new();
@@ -91,6 +94,8 @@ pub(super) fn cluster_vertices(points: &[Vec3], cell: f32) -> Vec<u32> {
     let centroid = points.iter().sum::<Vec3>() / points.len() as f32;
     #[allow(clippy::cast_possible_truncation, reason = "cells that far out share one")]
     let key = |p: &Vec3| (*p / cell).to_array().map(|v| (v + 0.5).floor() as i32);
+    // Of each cell the outermost vertex, and of equally distant ones the first: independent of the
+    // order of cells.
     let mut best: BTreeMap<[i32; 3], (u32, f32)> = BTreeMap::new();
     for (i, p) in (0..).zip(points) {
         let distance = p.distance_squared(centroid);

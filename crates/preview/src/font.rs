@@ -71,6 +71,7 @@ impl Picture {
     fn blend(&mut self, x: u32, y: u32, ink: [u8; 3], opacity: u8) {
         let old = self.at(x, y);
         let s = u32::from(opacity);
+        // Rounded linear interpolation in sRGB: the coverage of glyphs is antialiased for it.
         let mix = |a: u8, b: u8| saturating_byte((u32::from(a) * (255 - s) + u32::from(b) * s + 127) / 255);
         let alpha = mix(old[3], 255);
         self.set(x, y, [mix(old[0], ink[0]), mix(old[1], ink[1]), mix(old[2], ink[2]), alpha]);

@@ -15,7 +15,8 @@ const FILL: f32 = 0.90;
 /// Direction from which a fitted camera looks at its subject.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CameraView {
-    /// 28 degrees to the right of the front and slightly from below, so that the horizon lies low; flat subjects are seen from above.
+    /// 28 degrees to the right of the front and slightly from below, so that the horizon lies low; flat subjects are
+    /// seen from above.
     Portrait,
     /// Given angles.
     Angles {
@@ -38,7 +39,8 @@ impl CameraView {
                 (28.0, -6.0 + 44.0 * flatness)
             }
         };
-        // Just short of straight up and down, where the camera would have no upward direction; from above the top of the picture is -Z.
+        // Just short of straight up and down, where the camera would have no upward direction; from
+        // above the top of the picture is -Z.
         let (a, e) = (radians_f32(azimuth), radians_f32(elevation.clamp(-89.9, 89.9)));
         Vec3::new(math::cos_f32(e) * math::sin_f32(a), math::sin_f32(e), math::cos_f32(e) * math::cos_f32(a))
     }
@@ -86,17 +88,21 @@ impl Subject {
                 }
             }
             for (i, cloud) in asset.points.iter().enumerate() {
-                // Rain starts far upwind of the plants; only the box in which it falls on them is framed.
+                // Rain starts far upwind of the plants; only the box in which it falls on them is
+                // framed.
                 if asset.kind != AssetKind::Tracks || cloud.reach.is_empty() {
                     own.extend_from_slice(cloud.at(state.points(i)).positions);
                 }
-                // Moving points are framed by the box of all frames, so that the camera is the same for each.
+                // Moving points are framed by the box of all frames, so that the camera is the same
+                // for each.
                 let corners = cloud.reach.corners().into_iter().filter(|_| !cloud.reach.is_empty());
                 reach.extend(corners.map(|x| p.transform.apply(x)));
             }
             own.extend(asset.curves.iter().flat_map(|c| c.points.iter().copied()));
             points.extend(own.into_iter().map(|x| p.transform.apply(x)));
         }
+        // Every nth point is kept: neighbours in a mesh lie close together, so none of the outline
+        // is lost but by that distance.
         let bounds = Bounds::of(points.iter().chain(&reach).copied());
         let step = points.len().div_ceil(MAX_POINTS).max(1);
         Self { points: points.into_iter().step_by(step).chain(reach).collect(), bounds, ground }
@@ -112,7 +118,8 @@ impl Subject {
     /// The volume that the subject sweeps when it turns about the vertical axis through its centre.
     #[must_use]
     pub fn spun(&self) -> Self {
-        /// Rotations that sample the swept volume: 30 degrees apart, so that no point is missed by more than 3.4 % of its radius.
+        /// Rotations that sample the swept volume: 30 degrees apart, so that no point is missed by more than 3.4 % of
+        /// its radius.
         const ROTATIONS: u8 = 12;
         let axis = self.bounds.center();
         let step = (self.points.len() * usize::from(ROTATIONS)).div_ceil(MAX_POINTS).max(1);
@@ -127,28 +134,32 @@ impl Subject {
         self.points.is_empty()
     }
 
-    /// A camera that shows the whole subject as large as possible. `aspect`: width over height; `vfov`: vertical field of view, rad.
-    /// Own: for a fixed direction each point needs a distance, and the largest of them is taken; the target is then moved
-    /// until opposite margins are equal.
+    /// A camera that shows the whole subject as large as possible. `aspect`: width over height; `vfov`: vertical
+    /// field of view, rad.
+    /// Own: for a fixed direction each point needs a distance, and the largest of them is taken; the target is then
+    /// moved until opposite margins are equal.
     pub fn camera(&self, view: CameraView, aspect: f32, vfov: f32) -> Camera {
         let to_camera = view.direction_to_camera(self.bounds);
         let mut camera =
             Camera { eye: self.bounds.center() + to_camera, target: self.bounds.center(), vfov, roll: 0.0 };
         let [right, up, back] = camera.axes();
+        // The margin is a smaller field of view that the subject has to fit into.
         let tan = math::tan_f32(vfov * 0.5) * FILL;
         let mut target = self.bounds.center();
         let mut distance = self.bounds.size().length().max(1e-3);
-        // Alternating the two converges within a few steps; it stops at a shift of 1e-4 of the distance.
+        // Alternating the two converges within a few steps; it stops at a shift of 1e-4 of the
+        // distance.
         for _ in 0..12 {
-            // A point off the axis by x at depth z is inside if |x| <= z tan: it needs the distance |x| / tan plus its height above the
-            // target towards the camera.
+            // A point off the axis by x at depth z is inside if |x| <= z tan: it needs the distance
+            // |x| / tan plus its height above the target towards the camera.
             let distances = self.points.iter().map(|p| {
                 let w = *p - target;
                 let wide = (w.dot(right).abs() / (tan * aspect)).max(w.dot(up).abs() / tan);
                 wide + w.dot(back)
             });
             distance = distances.fold(1e-3, f32::max);
-            // Centre of the projected extent along an axis, back in metres at the depth of the target.
+            // Centre of the projected extent along an axis, back in metres at the depth of the
+            // target.
             let projected =
                 |axis: Vec3, p: Vec3| (p - target).dot(axis) / (distance - (p - target).dot(back)).max(1e-6);
             let center = |axis: Vec3| {
@@ -158,6 +169,8 @@ impl Subject {
             };
             let shift = right * center(right) + up * center(up);
             target += shift;
+            // Moving the target along the picture plane changes the distances again, by less each
+            // time.
             if shift.length() < 1e-4 * distance {
                 break;
             }

@@ -6,8 +6,8 @@
 //!                                RenderRequest ┴─ draft  (rasterised, one sample)   ─┘              contact_sheet
 //! ```
 //!
-//! Light comes from a sun with an angular radius, which softens its shadows, and from the sky. Surfaces in the way of the sky
-//! send back their mean colour; leaves transmit light; water refracts it.
+//! Light comes from a sun with an angular radius, which softens its shadows, and from the sky. Surfaces in the way of
+//! the sky send back their mean colour; leaves transmit light; water refracts it.
 //!
 //! ```
 //! use osier_base::progress::{Cancel, Silent};
@@ -54,6 +54,7 @@
 //!     placements: vec![Placement { name: "ball".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
 //!     land: None,
 //!     tables: Vec::new(),
+//!     code_lists: Vec::new(),
 //!     fields: Vec::new(),
 //!     air: Vec::new(),
 //!     wet: Vec::new(),

@@ -80,8 +80,8 @@ impl Light {
         })
     }
 
-    /// Mean radiance of the sky, weighted by the cosine on a level surface: the integral over sin(elevation) of a colour that
-    /// is linear in it puts a third of the weight on the horizon and two thirds on the zenith.
+    /// Mean radiance of the sky, weighted by the cosine on a level surface: the integral over sin(elevation) of a
+    /// colour that is linear in it puts a third of the weight on the horizon and two thirds on the zenith.
     pub(super) fn mean_sky(&self) -> Vec3 {
         self.horizon.lerp(self.zenith, 2.0 / 3.0)
     }
@@ -93,6 +93,7 @@ impl Light {
 
     /// A direction uniformly distributed over the sun's disc. `u`: in the unit square.
     pub(super) fn sample_sun(&self, u: [f32; 2]) -> Vec3 {
+        // Equal areas of a spherical cap have equal ranges of the cosine.
         let cos = 1.0 - u[0] * (1.0 - self.cos_radius);
         direction_about(self.to_sun, cos, u[1])
     }
@@ -100,6 +101,7 @@ impl Light {
 
 /// The unit vector at an angle of cosine `cos` from the unit vector `axis`, `turn` of a full turn about it.
 fn direction_about(axis: Vec3, cos: f32, turn: f32) -> Vec3 {
+    // An orthonormal frame about the axis; which one is irrelevant, as `turn` is uniform.
     let x = math::perpendicular(axis);
     let y = axis.cross(x);
     let sin = math::sqrt_f32((1.0 - cos * cos).max(0.0));
@@ -109,5 +111,6 @@ fn direction_about(axis: Vec3, cos: f32, turn: f32) -> Vec3 {
 
 /// A direction in the hemisphere about `n` with the density cos / pi of a diffuse surface. `u`: in the unit square.
 pub(super) fn sample_cosine(n: Vec3, u: [f32; 2]) -> Vec3 {
+    // Malley: a uniform point of the unit disc, projected up to the hemisphere, has cos^2 = 1 - u.
     direction_about(n, math::sqrt_f32(1.0 - u[0]), u[1])
 }

@@ -37,6 +37,8 @@ impl PreviewMaterials {
     pub fn new(scene: &Scene, quality: Quality) -> Self {
         let side = quality.texture_side();
         let decoder = Decoder::default();
+        // Textures that no material uses are not decoded. The alpha cutoff belongs to the material,
+        // but its mipmaps depend on it.
         let used =
             |i: u32| scene.materials.iter().any(|m| [m.maps.color, m.maps.normal, m.maps.roughness].contains(&Some(i)));
         let cutoff = |i: u32| scene.materials.iter().filter(|m| m.maps.color == Some(i)).find_map(|m| m.alpha_cutoff);
@@ -59,8 +61,8 @@ impl PreviewMaterials {
         self.material(id).is_some_and(|m| m.alpha_cutoff.is_some() && m.maps.color.is_some())
     }
 
-    /// False where the alpha of a texture cuts the material out; `uv` is evaluated only if it has one. `footprint`: width of the
-    /// smallest visible detail in texture coordinates.
+    /// False where the alpha of a texture cuts the material out; `uv` is evaluated only if it has one. `footprint`:
+    /// width of the smallest visible detail in texture coordinates.
     #[inline]
     pub(super) fn is_opaque_at(&self, id: MaterialId, footprint: f32, uv: impl FnOnce() -> Vec2) -> bool {
         !self.has_alpha_cutout(id) || self.passes_alpha_test(id, footprint, uv())
@@ -82,6 +84,7 @@ impl PreviewMaterials {
     /// Mean colour of a material over its texture.
     pub(super) fn mean_color(&self, id: MaterialId) -> Vec3 {
         let Some(m) = self.material(id) else { return Vec3::splat(0.5) };
+        // Water has no colour of its own: what it shows is mostly the bright sky.
         if m.class == MaterialClass::Water {
             return Vec3::splat(0.9);
         }
@@ -126,10 +129,12 @@ impl PreviewMaterials {
         Some(osier_base::math::normalize_or(n, Vec3::Z))
     }
 
-    /// Fraction of sunlight that continues past a hair in its way: what a translucent hair transmits, and half of what it
-    /// scatters back, which its neighbours scatter forward again. Without this the inside of a white tuft is dark.
+    /// Fraction of sunlight that continues past a hair in its way: what a translucent hair transmits, and half of
+    /// what it scatters back, which its neighbours scatter forward again. Without this the inside of a white tuft is
+    /// dark.
     pub(super) fn hair_transmittance(&self, id: MaterialId) -> f32 {
         let Some(m) = self.material(id).filter(|m| m.translucency > 0.0) else { return 0.0 };
+        // Mean albedo times (translucency + half of the reflected rest).
         let [r, g, b] = m.base_color;
         let t = m.translucency.clamp(0.0, 1.0);
         (r + g + b) / 3.0 * (t + 0.5 * (1.0 - t))

@@ -9,7 +9,8 @@ use osier_scene::Camera;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PerspectiveCamera {
     pub(super) eye: Vec3,
-    /// From the eye to the upper left corner of the picture plane at unit depth, and one pixel to the right and down on it.
+    /// From the eye to the upper left corner of the picture plane at unit depth, and one pixel to the right and down
+    /// on it.
     pub(super) corner: Vec3,
     pub(super) right: Vec3,
     pub(super) down: Vec3,
@@ -33,6 +34,8 @@ impl PerspectiveCamera {
     pub(super) fn new(camera: &Camera, [width, height]: [u32; 2]) -> Self {
         let [right, up, back] = camera.axes();
         let (w, h) = (width as f32, height as f32);
+        // Half the height of the picture plane at unit depth; pixels are square, so one width
+        // serves both axes.
         let half = math::tan_f32(camera.vfov * 0.5);
         let pixel = 2.0 * half / h;
         let corner = up * half - right * (half * w / h) - back;

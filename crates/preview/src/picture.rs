@@ -67,11 +67,13 @@ impl Picture {
         self.pixels.iter().all(|p| p[3] == 255)
     }
 
-    /// Encodes the picture as a PNG file, without alpha if it is opaque. `notes`: text chunks, keyword and text; `fast`: compress for
-    /// speed rather than for size.
+    /// Encodes the picture as a PNG file, without alpha if it is opaque. `notes`: text chunks, keyword and text;
+    /// `fast`: compress for speed rather than for size.
     /// # Errors
     /// P003 for a picture without pixels.
     pub fn png(&self, notes: &[(&str, String)], fast: bool) -> Result<Vec<u8>> {
+        // The colour space is declared, so that viewers with colour management show the same
+        // picture.
         let opaque = self.is_opaque();
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);

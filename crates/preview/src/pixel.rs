@@ -42,8 +42,8 @@ pub(super) fn composite(
     if let Some(backdrop) = request.backdrop.color(direction, camera.picture_position(pixel), &request.light) {
         return encode_srgb(color * coverage + backdrop * floor_light.min(1.0) * background_share, 1.0);
     }
-    // On a transparent one the shadow is black with the alpha of the light that it takes away. Straight alpha: the colour is
-    // divided by the alpha that it will be multiplied with.
+    // On a transparent one the shadow is black with the alpha of the light that it takes away.
+    // Straight alpha: the colour is divided by the alpha that it will be multiplied with.
     let shadow = (1.0 - floor_light).clamp(0.0, 1.0) * background_share;
     let alpha = coverage + shadow;
     encode_srgb(if alpha > 0.0 { color * (coverage / alpha) } else { Vec3::ZERO }, alpha)

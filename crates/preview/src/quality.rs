@@ -29,12 +29,14 @@ pub(super) struct SampleRange {
     pub(super) min: u32,
     /// Samples of the noisiest pixels.
     pub(super) max: u32,
-    /// Difference in displayed brightness (0 to 1, gamma 2) between even and odd samples above which a pixel takes more.
+    /// Difference in displayed brightness (0 to 1, gamma 2) between even and odd samples above which a pixel takes
+    /// more.
     pub(super) tolerance: f32,
 }
 
 impl Quality {
-    /// Samples per pixel on average over a picture of dense foliage; a subject that covers less of the picture may have more.
+    /// Samples per pixel on average over a picture of dense foliage; a subject that covers less of the picture may
+    /// have more.
     pub(super) fn mean_samples(self) -> f32 {
         match self {
             Self::Draft => 1.0,

@@ -1,5 +1,5 @@
-//! Ray tracing of pictures with adaptive anti-aliasing: tiles are rendered in parallel, and pixels whose even and odd samples
-//! disagree take more.
+//! Ray tracing of pictures with adaptive anti-aliasing: tiles are rendered in parallel, and pixels whose even and odd
+//! samples disagree take more.
 
 use glam::Vec3;
 
@@ -17,8 +17,8 @@ use osier_base::par::par_map;
 use osier_base::progress::{Cancel, Progress};
 use osier_base::{Error, Result, math};
 
-/// Pictures with at most this many samples per pixel count as dense foliage, whose pixels share their ambient light: with more
-/// samples the noise is low enough without.
+/// Pictures with at most this many samples per pixel count as dense foliage, whose pixels share their ambient light:
+/// with more samples the noise is low enough without.
 const DENSE_FOLIAGE_SAMPLES: u32 = 8;
 /// Ambient samples of a pixel in dense foliage: its 24 neighbours contribute theirs.
 const DENSE_FOLIAGE_AMBIENT_SAMPLES: f32 = 3.0;
@@ -94,6 +94,8 @@ impl SampleSums {
     fn resolve(&self, n: f32, ambient: Option<Vec3>) -> ForegroundPixel {
         let radiance =
             ambient.map_or(self.radiance, |ambient| self.direct + self.diffuse * ambient) / self.hits.max(1.0);
+        // Colours are means over the samples that hit an object; the others show the background and
+        // its floor.
         let misses = n - self.hits;
         ForegroundPixel {
             color: tone_map(radiance),
@@ -107,6 +109,8 @@ impl PixelSamples {
     fn add(&mut self, hit: SampleHit) {
         let instance = if let SampleHit::Object(light) = &hit { light.instance } else { NO_INSTANCE };
         self.instance = if self.samples == 0 || self.instance == instance { instance } else { MIXED_INSTANCES };
+        // Even and odd indices of a Sobol sequence are both well distributed, so either half
+        // estimates the pixel.
         let half = &mut self.halves[usize::from(self.samples % 2 == 1)];
         match hit {
             SampleHit::Object(light) => *half = half.plus(SampleSums::of(&light)),
@@ -126,12 +130,15 @@ impl PixelSamples {
         self.total().resolve(self.samples as f32, ambient)
     }
 
-    /// Difference in displayed brightness between even and odd samples, gamma 2. `ambient`: shared by both, if it is known.
+    /// Difference in displayed brightness between even and odd samples, gamma 2. `ambient`: shared by both, if it is
+    /// known.
     #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
     fn disagreement(&self, ambient: Option<Vec3>) -> f32 {
         let brightness = |i: usize| {
             let ForegroundPixel { color, coverage, floor_light } =
                 self.halves[i].resolve(self.samples as f32 * 0.5, ambient);
+            // A mid-grey backdrop stands for the real one: edges and shadows count as noise as far
+            // as they are visible.
             let c = color * coverage + Vec3::splat(FLOOR_BRIGHTNESS * (1.0 - coverage) * floor_light);
             math::sqrt_f32(c.dot(Vec3::new(0.3, 0.5, 0.2)).max(0.0))
         };
@@ -175,10 +182,13 @@ pub fn render(
     if !world.has_bvh {
         return draft::render(world, request, &camera, cancel, progress);
     }
+    // Upper left pixels of all tiles, row by row.
     let mut corners = Vec::new();
     for y in (0..height).step_by(TILE as usize) {
         corners.extend((0..width).step_by(TILE as usize).map(|x| [x, y]));
     }
+    // Noise depends on how much of the picture objects cover and how large they are: the budget is
+    // fixed per picture.
     let floor = request.backdrop.floor(&world.bounds);
     let max_samples = sample_budget(world, request, &camera);
     let dense_foliage = world.materials.quality.shares_ambient_light() && max_samples <= DENSE_FOLIAGE_SAMPLES;
@@ -191,7 +201,8 @@ pub fn render(
         progress.advance(1);
         Ok(pixels)
     };
-    // Tiles neither overlap nor look at each other, so the picture does not depend on the number of threads.
+    // Tiles neither overlap nor look at each other, so the picture does not depend on the number of
+    // threads.
     let tiles: Vec<Result<Vec<[u8; 4]>>> = par_map(&corners, render_tile);
     let mut picture = Picture::new(width, height);
     for (corner, pixels) in corners.iter().zip(tiles) {
@@ -200,8 +211,9 @@ pub fn render(
     Ok(picture)
 }
 
-/// Most samples per pixel. The budget of the quality is spread over the part of the picture that objects cover, and raised where
-/// the objects are large: noise is hidden among the leaves of a distant crown, but visible on a leaf that fills the picture.
+/// Most samples per pixel. The budget of the quality is spread over the part of the picture that objects cover, and
+/// raised where the objects are large: noise is hidden among the leaves of a distant crown, but visible on a leaf
+/// that fills the picture.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two small numbers")]
 fn sample_budget(world: &RenderScene<'_>, request: &RenderRequest, camera: &PerspectiveCamera) -> u32 {
     /// Pixels between two probing rays.
@@ -211,6 +223,7 @@ fn sample_budget(world: &RenderScene<'_>, request: &RenderRequest, camera: &Pers
     /// Factor on the budget where all objects are large.
     const LARGE_OBJECT_FACTOR: f32 = 9.0;
     let SampleRange { min, max, .. } = world.materials.quality.sample_range();
+    // Drafts have one sample whatever they show.
     if min == max {
         return max;
     }
@@ -228,7 +241,8 @@ fn sample_budget(world: &RenderScene<'_>, request: &RenderRequest, camera: &Pers
             }
         }
     }
-    // In dense foliage too, up to half of the pairs may hit the same branch or the ground: only what exceeds half counts.
+    // In dense foliage too, up to half of the pairs may hit the same branch or the ground: only
+    // what exceeds half counts.
     let large = (2.0 * same / hits.max(1.0) - 1.0).max(0.0);
     let budget = world.materials.quality.mean_samples() * math::lerp(1.0, LARGE_OBJECT_FACTOR, large * large);
     (budget * probes / hits.max(1.0)).clamp(min as f32, max as f32) as u32
@@ -260,6 +274,7 @@ impl Tile<'_, '_> {
     fn sample_pixel(&self, pixel: &mut PixelSamples, i: usize, goal: u32) {
         let position = self.pixel_position(i);
         let number = position[1].wrapping_mul(self.request.size[0]).wrapping_add(position[0]);
+        // The pattern depends on the pixel, not on tile or thread.
         let sampler = Sampler::new(number, self.request.seed);
         while pixel.samples < goal {
             let samples_ambient = !self.dense_foliage || pixel.total().ambient_samples < DENSE_FOLIAGE_AMBIENT_SAMPLES;
@@ -270,7 +285,8 @@ impl Tile<'_, '_> {
     /// One sample of a pixel. `samples_ambient`: with a ray for ambient light.
     fn sample(&self, sampler: &Sampler, position: [u32; 2], index: u32, samples_ambient: bool) -> SampleHit {
         let (world, light, camera) = (self.world, &self.request.light, self.camera);
-        // Anti-aliasing: the samples of a pixel are spread over its square. A draft has a single one, in the middle.
+        // Anti-aliasing: the samples of a pixel are spread over its square. A draft has a single
+        // one, in the middle.
         let inside = if world.materials.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
         let PrimaryRay { direction, floor_distance } = camera.primary_ray(self.floor, position, inside);
         let sample = SampleContext {
@@ -308,14 +324,16 @@ impl Tile<'_, '_> {
             if goal >= max_samples {
                 return pixels;
             }
+            // Doubling keeps whole prefixes of the Sobol sequence, which are evenly distributed.
             goal = (goal * 2).min(max_samples);
             is_noisy = noisy_pixels(&pixels, &self.shared_ambient(&pixels), self.size, tolerance);
         }
     }
 
-    /// Mean ambient radiance around each pixel in dense foliage, `None` elsewhere. A few rays to the sky are noise, but what a leaf
-    /// among leaves sees of the sky varies little from pixel to pixel, so a pixel takes the mean of the 5 x 5 pixels around it.
-    /// Where one instance fills the 5 x 5 pixels, only 3 x 3 are averaged: widely filtered noise would show as blotches there.
+    /// Mean ambient radiance around each pixel in dense foliage, `None` elsewhere. A few rays to the sky are noise,
+    /// but what a leaf among leaves sees of the sky varies little from pixel to pixel, so a pixel takes the mean of
+    /// the 5 x 5 pixels around it. Where one instance fills the 5 x 5 pixels, only 3 x 3 are averaged: widely
+    /// filtered noise would show as blotches there.
     fn shared_ambient(&self, pixels: &[PixelSamples]) -> Vec<Option<Vec3>> {
         if !self.dense_foliage {
             return vec![None; pixels.len()];
@@ -338,6 +356,7 @@ impl Tile<'_, '_> {
             instance != MIXED_INSTANCES && size.neighbourhood(i).all(|k| pixels[k].instance == instance)
         };
         let is_uniform: Vec<bool> = (0..pixels.len()).map(is_uniform).collect();
+        // Ratio of sums, not mean of ratios: pixels without an ambient sample carry no weight.
         let mean = |i: usize| {
             let sum = if size.neighbourhood(i).all(|k| is_uniform[k]) { near[i] } else { far[i] };
             (sum.samples > 0.0).then(|| sum.radiance / sum.samples)
@@ -349,6 +368,7 @@ impl Tile<'_, '_> {
     fn render(&self, max_samples: u32) -> Vec<[u8; 4]> {
         let pixels = self.sample_pixels(max_samples);
         let ambient = self.shared_ambient(&pixels);
+        // Averages first, then outliers among them, then the background behind them.
         let mut resolved: Vec<_> = pixels.iter().zip(ambient).map(|(p, a)| p.resolve(a)).collect();
         despeckle(&mut resolved, self.size);
         let finished = |(i, p)| composite(self.request, self.camera, self.pixel_position(i), p);
@@ -377,8 +397,9 @@ impl TileSize {
     }
 }
 
-/// Despeckling: where a pixel and all its neighbours are entirely covered or entirely open, its colour and floor light are clamped
-/// to the range of the neighbours. Few samples cannot tell a small shadow from noise; the neighbours can.
+/// Despeckling: where a pixel and all its neighbours are entirely covered or entirely open, its colour and floor
+/// light are clamped to the range of the neighbours. Few samples cannot tell a small shadow from noise; the
+/// neighbours can.
 fn despeckle(pixels: &mut [ForegroundPixel], size: TileSize) {
     let before = pixels.to_vec();
     for (i, pixel) in pixels.iter_mut().enumerate() {
@@ -400,8 +421,8 @@ fn despeckle(pixels: &mut [ForegroundPixel], size: TileSize) {
     }
 }
 
-/// Which pixels need more samples: those whose halves disagree on average over their neighbourhood. A single pixel of few samples
-/// may agree by chance. `ambient`: shared ambient light of each pixel.
+/// Which pixels need more samples: those whose halves disagree on average over their neighbourhood. A single pixel of
+/// few samples may agree by chance. `ambient`: shared ambient light of each pixel.
 fn noisy_pixels(pixels: &[PixelSamples], ambient: &[Option<Vec3>], size: TileSize, tolerance: f32) -> Vec<bool> {
     let disagreements: Vec<f32> = pixels.iter().zip(ambient).map(|(p, a)| p.disagreement(*a)).collect();
     let mean = |i: usize| {

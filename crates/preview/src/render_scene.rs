@@ -62,7 +62,8 @@ pub struct RenderScene<'a> {
     bvh: CwBvh,
     /// Box around everything, m.
     pub bounds: Bounds,
-    /// Offset of rays from the surface that they leave, m: 1e-5 of the largest coordinate, some hundred units of its last place.
+    /// Offset of rays from the surface that they leave, m: 1e-5 of the largest coordinate, some hundred units of its
+    /// last place.
     pub(super) gap: f32,
 }
 
@@ -96,8 +97,8 @@ impl<'a> RenderScene<'a> {
         Self::for_requests(scene, frame, materials, &[])
     }
 
-    /// Prepares a scene with the detail that some pictures of it resolve: vertices of instanced leaves that are less than a pixel
-    /// apart are clustered. `frame`: `None` for rest.
+    /// Prepares a scene with the detail that some pictures of it resolve: vertices of instanced leaves that are less
+    /// than a pixel apart are clustered. `frame`: `None` for rest.
     pub fn for_requests(
         scene: &'a Scene,
         frame: Option<&'a Frame>,
@@ -111,13 +112,15 @@ impl<'a> RenderScene<'a> {
         let details = mesh_details(&sources, &DetailLimit::new(requests, materials.quality));
         let jobs: Vec<_> = sources.solids.iter().zip(details).collect();
         let solids = par_map(&jobs, |(source, detail)| build_solid(source, materials, has_bvh, *detail));
-        // Top level: a BVH over the boxes of the instances. Empty solids and singular transforms are left out.
+        // Top level: a BVH over the boxes of the instances. Empty solids and singular transforms
+        // are left out.
         let is_visible = |solid: u32| solids.get(solid as usize).is_some_and(|s| s.bounds().is_some());
         let visible = sources.instances.iter().filter(|i| is_visible(i.solid));
         let instances = visible.filter_map(|i| SolidInstance::new(i.solid, i.world_from_local)).collect();
         let instance_bounds =
             |i: &SolidInstance| solids.get(i.solid as usize).map_or([Vec3::ZERO; 2], |solid| i.bounds(solid));
         let Bvh { primitives: instances, bvh, bounds } = build_bvh(instances, has_bvh, instance_bounds);
+        // Rays start off the surface by some units of the last place of the largest coordinate.
         let bounds = bounds.map_or_else(Bounds::default, Bounds::of);
         let largest = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
         let gap = if bounds.is_empty() { 1e-6 } else { largest * 1e-5 };
@@ -141,6 +144,8 @@ impl<'a> RenderScene<'a> {
         let mut hit = RayHit::none();
         self.bvh.ray_traverse(ray, &mut hit, |ray, i| {
             let Some((solid, local)) = self.enter_instance(i, ray) else { return f32::INFINITY };
+            // The range of the ray shrinks to the closest hit so far, so distant instances are
+            // culled by their boxes.
             match solid.closest_hit(local, self.materials) {
                 Some(primitive) if primitive.t < ray.tmax => {
                     best = u32::try_from(i).ok().map(|instance| SceneHit { instance, primitive });
@@ -204,13 +209,16 @@ impl SolidInstance {
     fn new(solid: u32, world_from_local: Affine3A) -> Option<Self> {
         let det = world_from_local.matrix3.determinant();
         (det.is_finite() && det.abs() > 1e-30).then(|| {
+            // The inverse is stored: rays are transformed far more often than points back into the
+            // world.
             let m = world_from_local.inverse();
             let local_from_world = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(Vec3::from);
             Self { solid, local_from_world, translation: m.translation.into() }
         })
     }
 
-    /// The ray in the space of the solid. The direction is not normalised, so that distances along the ray stay the same.
+    /// The ray in the space of the solid. The direction is not normalised, so that distances along the ray stay the
+    /// same.
     #[inline]
     pub(super) fn local_ray(&self, ray: &Ray) -> Ray {
         let (o, d) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
@@ -246,7 +254,8 @@ impl SolidInstance {
         x * p.x + y * p.y + z * p.z + self.translation
     }
 
-    /// A normal of the solid in the world, of unit length. Normals transform by the transpose of the inverse, which is at hand.
+    /// A normal of the solid in the world, of unit length. Normals transform by the transpose of the inverse, which
+    /// is at hand.
     pub(super) fn world_normal(&self, n: Vec3) -> Vec3 {
         osier_base::math::normalize_or(self.matrix().transpose() * n, Vec3::Y)
     }
@@ -288,7 +297,8 @@ impl<'s> SceneSources<'s> {
             self.place(solid, placements);
         }
         for (k, instancer) in asset.instancers.iter().enumerate() {
-            // A prototype with a fine level is up to two solids with the same transforms: its mesh and its curves.
+            // A prototype with a fine level is up to two solids with the same transforms: its mesh
+            // and its curves.
             let prototypes: Vec<Vec<u32>> = instancer
                 .prototypes
                 .iter()
@@ -302,6 +312,7 @@ impl<'s> SceneSources<'s> {
                     None => vec![self.add_solid(SolidSource::Prototype(&p.mesh))],
                 })
                 .collect();
+            // Shed leaves and drops that have not been born are not instanced.
             let states = instance_states(asset, instancer, k, state);
             for placement in placements {
                 for n in (0..instancer.len()).filter(|n| states.is_alive(*n)) {
@@ -338,6 +349,7 @@ fn collect_sources<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> SceneSourc
         let phases: BTreeSet<u32> = placements.iter().map(|p| p.phase).collect();
         for phase in phases {
             let same_phase = placements.iter().filter(|p| p.phase == phase);
+            // All placements of one phase show the same state, that of the first.
             let transforms: Vec<Affine3A> = same_phase.clone().map(|p| affine(&p.transform)).collect();
             let state = same_phase.take(1).find_map(|p| frame.and_then(|f| f.shown(p))).unwrap_or(&REST);
             sources.add_asset(asset, state, &transforms);
@@ -380,6 +392,7 @@ fn build_solid<'s>(
         SolidSource::Points { points, state } => {
             let now = points.at(state);
             if materials.is_water(points.material) && !now.velocities.is_empty() {
+                // Moving water is rain; drops at rest have no velocities.
                 Solid::of_drops(points.material, now, SHUTTER, with_bvh)
             } else {
                 Solid::of_points(points.material, now, with_bvh)

@@ -55,8 +55,8 @@ impl RoundCone {
     pub(super) fn intersect(&self, ray: &Ray) -> Option<f32> {
         let (start, d) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
         let ([a, b], [ra, rb]) = (self.ends, self.radii);
-        // The ray is started from its point closest to the middle of the cone: at a distance a thousand times the radius of a hair,
-        // f32 would otherwise lose the radius.
+        // The ray is started from its point closest to the middle of the cone: at a distance a
+        // thousand times the radius of a hair, f32 would otherwise lose the radius.
         let near = d.dot((a + b) * 0.5 - start) / d.length_squared();
         let o = start + d * near;
         let within = |t: f32| {
@@ -71,8 +71,8 @@ impl RoundCone {
         let enters_ball = |c: Vec3, r: f32| -> Option<f32> {
             let w = o - c;
             let (dd, dw) = (d.length_squared(), d.dot(w));
-            // The usual discriminant (d.w)^2 - d.d (w.w - r^2) is a difference of large numbers; r^2 less the squared distance of
-            // the ray from the centre is not.
+            // The usual discriminant (d.w)^2 - d.d (w.w - r^2) is a difference of large numbers;
+            // r^2 less the squared distance of the ray from the centre is not.
             let beside = (w - d * (dw / dd)).length_squared();
             let h = (r * r - beside) * dd;
             (h >= 0.0).then(|| (-dw - osier_base::math::sqrt_f32(h)) / dd)
@@ -89,13 +89,14 @@ impl RoundCone {
         let qb = slant * m3 - m1 * m2 + m2 * narrowing * ra;
         let qc = slant * w.length_squared() - m1 * m1 + m1 * narrowing * ra * 2.0 - length2 * ra * ra;
         let h = qb * qb - qa * qc;
-        // The smaller root in the one of its two forms that subtracts no nearly equal numbers. A ray steeper than the opening of
-        // the cone (qa < 0) enters it once.
+        // The smaller root in the one of its two forms that subtracts no nearly equal numbers. A
+        // ray steeper than the opening of the cone (qa < 0) enters it once.
         let root = |h: f32| {
             let s = osier_base::math::sqrt_f32(h);
             if qb < 0.0 { qc / (s - qb) } else { (-s - qb) / qa }
         };
-        // A root counts only between the circles of contact; beyond them the ray may enter one of the balls.
+        // A root counts only between the circles of contact; beyond them the ray may enter one of
+        // the balls.
         let side = (h >= 0.0 && qa != 0.0).then(|| root(h)).filter(|t| {
             let y = m1 - ra * narrowing + t * m2;
             y > 0.0 && y < slant
@@ -110,9 +111,11 @@ impl RoundCone {
         let axis = b - a;
         let narrowing = ra - rb;
         let slant = axis.length_squared() - narrowing * narrowing;
+        // One ball contains the other: the normal is radial.
         if slant <= 0.0 {
             return osier_base::math::normalize_or(p - if ra >= rb { a } else { b }, Vec3::Y);
         }
+        // Foot of the normal on the axis, k-scaled and held between the centres of the balls.
         let y = ((p - a).dot(axis) - ra * narrowing).clamp(0.0, slant);
         osier_base::math::normalize_or((p - a) * slant - axis * y, Vec3::Y)
     }

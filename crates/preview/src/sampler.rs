@@ -13,11 +13,13 @@ impl Sampler {
     }
 
     /// Sample `index` of the two-dimensional dimension `dimension` (lens, sun, sky …): both coordinates in [0, 1).
-    /// Points of one pixel and dimension are a scrambled Sobol sequence: any first 2^n of them fill a grid of 2^n cells.
+    /// Points of one pixel and dimension are a scrambled Sobol sequence: any first 2^n of them fill a grid of 2^n
+    /// cells.
     /// Source: B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020.
     pub(super) fn point(&self, index: u32, dimension: u32) -> [f32; 2] {
         let seed = hash(self.seed ^ dimension.wrapping_mul(0x9e37_79b9));
-        // Shuffling the order decorrelates pixels and dimensions; scrambling the digits of x and y shifts the points themselves.
+        // Shuffling the order decorrelates pixels and dimensions; scrambling the digits of x and y
+        // shifts the points themselves.
         let index = scramble(index, seed);
         let x = scramble(index.reverse_bits(), hash(seed ^ 0xa511_e9b3));
         let y = scramble(second(index), hash(seed ^ 0x63d8_3595));
@@ -27,6 +29,9 @@ impl Sampler {
 
 /// The second dimension of Sobol's sequence, as 32 bits after the binary point. The first is the reversed index.
 fn second(mut index: u32) -> u32 {
+    // XOR of the direction numbers of all set bits of the index. In the second dimension they are
+    // the rows of Pascal's triangle modulo 2, each of which follows from the one before by v ^ (v
+    // >> 1).
     let mut direction = 1_u32 << 31;
     let mut result = 0;
     while index != 0 {
@@ -39,9 +44,10 @@ fn second(mut index: u32) -> u32 {
     result
 }
 
-/// Nested uniform (Owen) scrambling in base 2: every bit is flipped depending on the bits above it. The hash works on the reversed
-/// number, where a multiplication by an even constant carries only from those bits.
+/// Nested uniform (Owen) scrambling in base 2: every bit is flipped depending on the bits above it. The hash works on
+/// the reversed number, where a multiplication by an even constant carries only from those bits.
 fn scramble(x: u32, seed: u32) -> u32 {
+    // Reversed, the most significant digit is the lowest bit and influences all others by carries.
     let mut x = x.reverse_bits().wrapping_add(seed);
     x ^= x.wrapping_mul(0x6c50_b47c);
     x ^= x.wrapping_mul(0xb82f_1e52);

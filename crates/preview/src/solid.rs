@@ -18,15 +18,16 @@ use osier_base::math;
 use osier_base::par::par_chunks;
 use osier_scene::{Curves, MaterialId, Mesh, PointsNow};
 
-/// Triangles of the largest mesh whose instances get boxes around their transformed corners. The boxes of larger meshes enclose the
-/// transformed box of the solid: looser, but without a copy of every corner.
+/// Triangles of the largest mesh whose instances get boxes around their transformed corners. The boxes of larger
+/// meshes enclose the transformed box of the solid: looser, but without a copy of every corner.
 const MAX_TIGHT_BOX_TRIANGLES: usize = 500;
-/// Opacity of a motion-blurred drop that moves by its own radius. Own: chosen by eye, 0 to 2; larger ones make rain denser.
+/// Opacity of a motion-blurred drop that moves by its own radius. Own: chosen by eye, 0 to 2; larger ones make rain
+/// denser.
 const STREAK_OPACITY: f32 = 0.6;
 /// Radius at the ends of a streak relative to its middle: a drop is at each end for the shortest part of the exposure.
 const STREAK_END_RADIUS: f32 = 0.1;
-/// Most primitives for a BVH of high, of medium and of low build effort: small trees are built in no time and traversed often, the
-/// largest would delay the picture by seconds.
+/// Most primitives for a BVH of high, of medium and of low build effort: small trees are built in no time and
+/// traversed often, the largest would delay the picture by seconds.
 const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
 
 /// A triangle prepared for intersection.
@@ -104,7 +105,8 @@ impl<'a> Solid<'a> {
         let triangles = prepare_triangles(mesh, points, &replacements);
         let Bvh { primitives: triangles, bvh, bounds } = build_bvh(triangles, with_bvh, RayTriangle::bounds);
         let area = triangles.iter().map(|f| 0.5 * f.normal().length()).sum();
-        // One width for the whole mesh: that of the smallest visible detail, scaled by the mean ratio of texture to surface.
+        // One width for the whole mesh: that of the smallest visible detail, scaled by the mean
+        // ratio of texture to surface.
         let has_cutout = mesh.subsets.iter().any(|s| materials.has_alpha_cutout(s.material));
         let cutout_footprint =
             has_cutout.then(|| detail.smallest * math::sqrt_f32(uv_area(mesh) / f32::max(area, f32::MIN_POSITIVE)));
@@ -130,11 +132,13 @@ impl<'a> Solid<'a> {
         Self::of_cones(balls, material, with_bvh)
     }
 
-    /// Falling drops as motion-blurred streaks over `shutter` seconds: translucent double cones, since a drop covers each point of
-    /// its way for a part of the exposure only.
+    /// Falling drops as motion-blurred streaks over `shutter` seconds: translucent double cones, since a drop covers
+    /// each point of its way for a part of the exposure only.
     pub(super) fn of_drops(material: MaterialId, now: PointsNow<'_>, shutter: f32, with_bvh: bool) -> Self {
         let visible = now.positions.iter().zip(now.widths).zip(now.velocities).filter(|((_, w), _)| **w > 0.0);
         let streaks = visible.flat_map(|((p, w), v)| {
+            // Half of the way of the drop during the exposure; a drop that moves less than its
+            // radius is drawn as a ball.
             let (half, radius) = (*v * (shutter * 0.5), w * 0.5);
             if half.length() < w * 0.5 {
                 return vec![RoundCone::ball(*p, radius, None)];
@@ -154,6 +158,7 @@ impl<'a> Solid<'a> {
         let mut first = 0;
         for count in &curves.counts {
             let end = (first + *count as usize).min(points.len());
+            // A curve of n points has n - 1 segments, each with the radii of its ends.
             for i in first..end.saturating_sub(1) {
                 let radius = |k: usize| curves.widths.get(k).map_or(0.0, |w| w * 0.5);
                 cones.push(RoundCone::new([points[i], points[i + 1]], [radius(i), radius(i + 1)]));
@@ -174,8 +179,8 @@ impl<'a> Solid<'a> {
         self.bounds
     }
 
-    /// False for a ray, in the space of the solid, that misses its box. The test is cheaper than the root of the BVH, and most rays
-    /// that hit the axis-aligned world box of a tilted leaf miss its own box.
+    /// False for a ray, in the space of the solid, that misses its box. The test is cheaper than the root of the BVH,
+    /// and most rays that hit the axis-aligned world box of a tilted leaf miss its own box.
     #[inline]
     pub(super) fn hits_bounds(&self, ray: &Ray) -> bool {
         let b = &self.bvh.total_aabb;
@@ -183,6 +188,7 @@ impl<'a> Solid<'a> {
         let slack = (b.max - b.min).max_element() * 1e-3;
         let (t1, t2) =
             ((b.min - slack - ray.origin) * ray.inv_direction, (b.max + slack - ray.origin) * ray.inv_direction);
+        // The ray is inside of all three slabs between the latest entry and the earliest exit.
         let (enter, leave) = (t1.min(t2).max_element().max(ray.tmin), t1.max(t2).min_element().min(ray.tmax));
         enter <= leave
     }
@@ -231,9 +237,11 @@ impl<'a> Solid<'a> {
             Primitives::Triangles { .. } => 0.0,
         };
         self.bvh.ray_traverse_miss(ray, |ray, i| match self.intersect(ray, i, materials) {
-            // Caustics are not computed: water focuses light in one place and lacks it in another, so on average it casts no shadow.
+            // Caustics are not computed: water focuses light in one place and lacks it in another,
+            // so on average it casts no shadow.
             Some(_) if self.is_water(i, materials) => f32::INFINITY,
-            // Hair transmits a fraction of the light: a random choice per ray and hair has that mean.
+            // Hair transmits a fraction of the light: a random choice per ray and hair has that
+            // mean.
             Some(hit) if transmittance <= 0.0 || random_unit(ray, i) >= transmittance => hit.t,
             _ => f32::INFINITY,
         })
@@ -271,8 +279,8 @@ impl<'a> Solid<'a> {
         }
     }
 
-    /// Intersection with primitive `i` that rasterisation found visible: for a triangle the intersection with its plane, as rounding
-    /// may put the ray just beside it.
+    /// Intersection with primitive `i` that rasterisation found visible: for a triangle the intersection with its
+    /// plane, as rounding may put the ray just beside it.
     pub(super) fn project_hit(&self, ray: &Ray, i: usize) -> Option<PrimitiveHit> {
         let primitive = u32::try_from(i).ok()?;
         match &self.kind {
@@ -302,6 +310,7 @@ impl RayTriangle {
     #[inline]
     fn intersect(&self, ray: &Ray) -> Option<TriangleHit> {
         let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
+        // Cramer's rule for origin + t direction = a + u ab + v ac.
         let p = direction.cross(self.ac);
         let det = self.ab.dot(p);
         let inverse = 1.0 / det;
@@ -379,6 +388,7 @@ fn prepare_triangles(mesh: &Mesh, points: &[Vec3], replacements: &[u32]) -> Vec<
             if !replacements.is_empty() && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
                 continue;
             }
+            // Points come from the frame, indices from the mesh at rest.
             let [a, b, c] = t.map(|k| points.get(k as usize).copied().unwrap_or_default());
             triangles.push(RayTriangle { a, ab: b - a, ac: c - a, index: i, material: subset.material });
         }
@@ -403,6 +413,7 @@ pub(super) fn build_bvh<T: Copy + Sync>(
 ) -> Bvh<T> {
     let around = |boxes: &[[Vec3; 2]]| boxes.iter().copied().reduce(|[lo, hi], [min, max]| [lo.min(min), hi.max(max)]);
     if !with_bvh {
+        // The union of boxes is exact, so chunks may be joined in any grouping.
         let parts = par_chunks(&list, 1 << 14, |_, c| around(&c.iter().map(&bounds).collect::<Vec<_>>()));
         let bounds = around(&parts.into_iter().flatten().collect::<Vec<_>>());
         return Bvh { primitives: list, bvh: CwBvh::default(), bounds };
@@ -411,6 +422,8 @@ pub(super) fn build_bvh<T: Copy + Sync>(
         return Bvh { primitives: list, bvh: CwBvh::default(), bounds: None };
     }
     let bound = |[min, max]: [Vec3; 2]| Aabb::new(Vec3A::from(min), Vec3A::from(max));
+    // Boxes are computed in parallel, in the order of the list: the BVH is the same with any number
+    // of threads.
     let boxes: Vec<Aabb> =
         par_chunks(&list, 1 << 14, |_, c| c.iter().map(|t| bound(bounds(t))).collect::<Vec<_>>()).concat();
     let effort = match BUILD_EFFORT.iter().position(|n| list.len() <= *n) {
@@ -420,16 +433,20 @@ pub(super) fn build_bvh<T: Copy + Sync>(
         None => BvhBuildParams::very_fast_build(),
     };
     let bvh = build_cwbvh(&boxes, effort, &mut Duration::default());
-    // Primitives are stored in the order of the leaves, so that a leaf reads consecutive memory and no index table.
+    // Primitives are stored in the order of the leaves, so that a leaf reads consecutive memory and
+    // no index table.
     let primitives = bvh.primitive_indices.iter().filter_map(|i| list.get(*i as usize).copied()).collect();
     let all = bvh.total_aabb;
     Bvh { primitives, bvh, bounds: Some([all.min.into(), all.max.into()]) }
 }
 
-/// A random number in [0, 1) that depends on the ray and on the primitive only: the same for every thread and traversal order.
+/// A random number in [0, 1) that depends on the ray and on the primitive only: the same for every thread and
+/// traversal order.
 fn random_unit(ray: &Ray, primitive: usize) -> f32 {
     let bits = |v: f32| u64::from(v.to_bits());
     let (o, d) = (ray.origin, ray.direction);
+    // Bits of the ray, not of the pixel: rays that start at one surface must not agree on every
+    // hair.
     let key = osier_base::rng::mix64(&[bits(o.x) << 32 | bits(o.y), bits(o.z) << 32 | bits(d.x), primitive as u64]);
     (key >> 40) as f32 / (1_u64 << 24) as f32
 }

@@ -83,12 +83,16 @@ impl RenderScene<'_> {
                 }
             }
         };
+        // Filter width of textures: the width of the sample on the surface, in texture coordinates.
         let width = footprint(spread * t * direction.length(), attributes.edges, attributes.uv_edges);
+        // Both normals are turned to the side of the viewer; the side itself matters to water
+        // alone.
         let is_outside = attributes.normal.dot(direction) <= 0.0;
         let side = if is_outside { 1.0 } else { -1.0 };
         let mut shading_normal = self.mapped_normal(&attributes, width) * side;
-        // Normal maps and interpolated normals may turn away from the viewer near the silhouette, where reflection would be black:
-        // such a normal is bent back until its cosine to the viewer is at least MIN_VIEW_COSINE.
+        // Normal maps and interpolated normals may turn away from the viewer near the silhouette,
+        // where reflection would be black: such a normal is bent back until its cosine to the
+        // viewer is at least MIN_VIEW_COSINE.
         let to_viewer = -normalize_or(direction, Vec3::Z);
         let cosine = shading_normal.dot(to_viewer);
         if cosine < MIN_VIEW_COSINE {
@@ -121,13 +125,14 @@ impl RenderScene<'_> {
         self.wet_maps.get(material as usize)?.as_ref()
     }
 
-    /// The interpolated normal, perturbed by the normal map of the water or of the material. The map's x runs along growing u, its
-    /// y along growing v.
+    /// The interpolated normal, perturbed by the normal map of the water or of the material. The map's x runs along
+    /// growing u, its y along growing v.
     fn mapped_normal(&self, s: &SurfaceAttributes, width: f32) -> Vec3 {
         let from_material = || self.materials.normal_map(s.material, s.uv, width);
         let water = self.wet_map(s.material).map(|map| map.normal(s.uv, width));
         let Some(m) = water.or_else(from_material) else { return s.smooth_normal };
-        // Tangent vectors dp/du and dp/dv of the triangle: the solution of e = dp/du * d.x + dp/dv * d.y for both edges.
+        // Tangent vectors dp/du and dp/dv of the triangle: the solution of e = dp/du * d.x + dp/dv
+        // * d.y for both edges.
         let ([e1, e2], [d1, d2]) = (s.edges, s.uv_edges);
         let det = d1.perp_dot(d2);
         if det.abs() < 1e-20 {
@@ -188,6 +193,7 @@ fn triangle_attributes(
     let world_from_local = instance.world_from_local().linear;
     let (u, v) = (barycentric.x, barycentric.y);
     let [na, nb, nc] = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
+    // Meshes without normals, or with opposite ones that cancel, are shaded flat.
     let smooth = na * (1.0 - u - v) + nb * u + nc * v;
     let smooth_normal = if smooth.length_squared() > 1e-12 { instance.world_normal(smooth) } else { normal };
     let [ua, ub, uc] = corners.map(|i| vertices.uvs.get(i).copied().unwrap_or_default());

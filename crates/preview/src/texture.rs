@@ -47,8 +47,8 @@ impl Decoder {
 }
 
 impl Texture {
-    /// Builds the levels, without those larger than `side`. `cutoff`: alpha from which a texel is opaque, for textures with a
-    /// cut-out.
+    /// Builds the levels, without those larger than `side`. `cutoff`: alpha from which a texel is opaque, for
+    /// textures with a cut-out.
     pub(super) fn new(image: &Image, side: u32, cutoff: Option<f32>, decoder: &Decoder) -> Self {
         let color = image.kind == ImageKind::Color;
         // A damaged image with too few samples is padded with black.
@@ -65,13 +65,14 @@ impl Texture {
             }
             (level, is_finest) = (next, false);
         }
+        // The last level is a single texel: the mean of the texture.
         let mean = level.texels.first().map_or(Vec4::ONE, |t| decoder.texel(*t, color));
         levels.push(level);
         Self { levels, color, mean }
     }
 
-    /// Linear colour and alpha at texture coordinates, v up, repeated beyond 0 to 1. `footprint`: width of the sample in
-    /// texture coordinates.
+    /// Linear colour and alpha at texture coordinates, v up, repeated beyond 0 to 1. `footprint`: width of the sample
+    /// in texture coordinates.
     pub(super) fn at(&self, uv: Vec2, footprint: f32, decoder: &Decoder) -> Vec4 {
         self.level(footprint).map_or(self.mean, |level| level.bilinear(uv, self.color, decoder))
     }
@@ -82,7 +83,8 @@ impl Texture {
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let mut texels = footprint * finest.width.max(finest.height) as f32;
         let mut i = 0;
-        // A pixel averages several samples, so a level a little finer than one texel per sample is free of aliasing.
+        // A pixel averages several samples, so a level a little finer than one texel per sample is
+        // free of aliasing.
         while texels > 1.5 && i + 1 < self.levels.len() {
             texels *= 0.5;
             i += 1;
@@ -109,7 +111,8 @@ impl MipLevel {
         fraction
     }
 
-    /// Scales alpha until the opaque fraction is that of the finest level; averaging alone would thin leaves out with distance.
+    /// Scales alpha until the opaque fraction is that of the finest level; averaging alone would thin leaves out with
+    /// distance.
     /// Source: I. Castano, "Computing alpha mipmaps", 2010.
     fn with_coverage(mut self, coverage: Option<AlphaCoverage>) -> Self {
         /// Bisection steps: the scale is found to 4 / 2^16, finer than a byte of alpha.
@@ -132,6 +135,7 @@ impl MipLevel {
     fn bilinear(&self, uv: Vec2, color: bool, decoder: &Decoder) -> Vec4 {
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let size = Vec2::new(self.width as f32, self.height as f32);
+        // Wrapped to 0 to 1, v turned down, in texels from the centre of the first.
         let p = Vec2::new(uv.x - floor(uv.x), 1.0 - (uv.y - floor(uv.y))) * size - 0.5;
         let cell = Vec2::new(floor(p.x), floor(p.y));
         let f = p - cell;
@@ -150,8 +154,8 @@ impl MipLevel {
     }
 }
 
-/// Largest integer not above x, for |x| far below 2^31. A conversion to i32 and back is several times as fast as libm's floor,
-/// and this is called for every texture look-up.
+/// Largest integer not above x, for |x| far below 2^31. A conversion to i32 and back is several times as fast as
+/// libm's floor, and this is called for every texture look-up.
 #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "meant")]
 fn floor(x: f32) -> f32 {
     let whole = x as i32 as f32;
@@ -177,8 +181,8 @@ fn bytes(image: &Image) -> Vec<[u8; 4]> {
     }
 }
 
-/// The next smaller level: means of two by two texels in linear light, colours weighted by their alpha so that the colour of
-/// transparent texels does not bleed into edges.
+/// The next smaller level: means of two by two texels in linear light, colours weighted by their alpha so that the
+/// colour of transparent texels does not bleed into edges.
 fn halved(level: &MipLevel, color: bool, decoder: &Decoder) -> MipLevel {
     let (width, height) = (level.width.div_ceil(2), level.height.div_ceil(2));
     let texel = |x: u32, y: u32| {
@@ -191,6 +195,7 @@ fn halved(level: &MipLevel, color: bool, decoder: &Decoder) -> MipLevel {
         for x in 0..width {
             let four =
                 [texel(2 * x, 2 * y), texel(2 * x + 1, 2 * y), texel(2 * x, 2 * y + 1), texel(2 * x + 1, 2 * y + 1)];
+            // Weighted by alpha; of four transparent texels the plain mean is kept.
             let alpha = four.iter().fold(0.0, |s, t| s + t.w);
             let sum = four.iter().fold(Vec4::ZERO, |s, t| s + *t * if alpha > 0.0 { t.w / alpha } else { 0.25 });
             let encode = |c: f32| if color { srgb_byte(c) } else { byte(c) };

@@ -8,16 +8,17 @@ use osier_base::units::{byte, srgb_byte};
 const EXPOSURE: f32 = 1.25;
 
 /// The displayed colour of a radiance, linear, each channel 0 to 1.
-/// Own: a toe that deepens shade and a shoulder towards white, f(x) = x (1.2 x + 0.05) / (x (1.15 x + 0.62) + 0.14) with the
-/// luminance of the colour as x; what exceeds 1 in a channel is mixed towards white, so that bright leaves become paler instead
-/// of turning yellow.
+/// Own: a toe that deepens shade and a shoulder towards white, f(x) = x (1.2 x + 0.05) / (x (1.15 x + 0.62) + 0.14)
+/// with the luminance of the colour as x; what exceeds 1 in a channel is mixed towards white, so that bright leaves
+/// become paler instead of turning yellow.
 pub(super) fn tone_map(color: Vec3) -> Vec3 {
     let c = color.max(Vec3::ZERO) * EXPOSURE;
     // The curve acts on luminance; scaling all channels alike keeps the hue.
     let x = c.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(1e-6);
     let luminance = curve(x);
     let scaled = c * (luminance / x);
-    // Channels beyond 1 are desaturated towards grey of the same luminance; `excess / (excess + 0.6)` rises smoothly from 0 to 1.
+    // Channels beyond 1 are desaturated towards grey of the same luminance; `excess / (excess +
+    // 0.6)` rises smoothly from 0 to 1.
     let excess = (scaled.max_element() - 1.0).max(0.0);
     let desaturation = excess / (excess + 0.6);
     scaled.lerp(Vec3::splat(luminance), desaturation).clamp(Vec3::ZERO, Vec3::ONE)

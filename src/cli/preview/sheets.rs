@@ -60,7 +60,8 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
         Ok(scene)
     };
     work.progress.stage("growing", cells.len() as u64);
-    // The first cell is loaded alone, so that a fault of the file is reported once and not by every cell.
+    // The first cell is loaded alone, so that a fault of the file is reported once and not by every
+    // cell.
     let mut scenes = vec![load_cell(&cells[0])?];
     context.console.report(scenes[0].report());
     let warned = !scenes[0].report().diagnostics.is_empty();
@@ -126,7 +127,8 @@ impl PlannedCell {
     }
 }
 
-/// All cells row by row, and the number of columns. Of two axes the first runs across and the second down; seeds are the last.
+/// All cells row by row, and the number of columns. Of two axes the first runs across and the second down; seeds are
+/// the last.
 fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
     let seeds: Vec<Variation> =
         flags.seeds.iter().map(|s| Variation { seed: Some(u64::from(*s)), set: Vec::new() }).collect();

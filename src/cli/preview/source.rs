@@ -25,8 +25,8 @@ pub struct Variation {
     pub set: Vec<String>,
 }
 
-/// Loads a mesh file or the folder of a bake as it is, and assembles the scene of any other source. `with_motion`: frames of the
-/// clip are asked for.
+/// Loads a mesh file or the folder of a bake as it is, and assembles the scene of any other source. `with_motion`:
+/// frames of the clip are asked for.
 /// # Errors
 /// `Input` with the faults of the source, `Io` if it cannot be read, `Limit`, `Cancelled`.
 pub fn load(

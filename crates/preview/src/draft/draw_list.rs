@@ -79,8 +79,8 @@ pub(super) trait RasterTarget {
         is_opaque: impl Fn(Vec2) -> bool,
     );
 
-    /// Draws the round cone with a number. `intersect`: distance at which a ray of the world, given by origin and direction, hits
-    /// it, in lengths of the direction.
+    /// Draws the round cone with a number. `intersect`: distance at which a ray of the world, given by origin and
+    /// direction, hits it, in lengths of the direction.
     fn draw_cone(&self, rect: RasterRect, number: u64, intersect: impl Fn(Vec3, Vec3) -> Option<f32>);
 }
 
@@ -93,6 +93,7 @@ impl PrimitiveRange {
         vertices: &mut ProjectedVertices,
     ) {
         let Some((instance, solid)) = world.instance(self.instance) else { return };
+        // One matrix from the space of the solid to the raster: vertices are transformed once.
         let projection = projection.for_instance(instance);
         // Instances outside of the raster are culled by their box.
         if solid.bounds().and_then(|b| target.covered_rect(&projection, &project_box(&projection, b))).is_none() {
@@ -101,6 +102,7 @@ impl PrimitiveRange {
         let range = self.first..self.end;
         match &solid.kind {
             Primitives::Triangles { triangles, vertices: attributes } => {
+                // Vertices are shared by about six triangles; each is projected once per batch.
                 let triangles = &triangles[range];
                 vertices.project(&projection, triangles, attributes);
                 for (number, triangle) in (self.number..).zip(triangles) {

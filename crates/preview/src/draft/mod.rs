@@ -42,13 +42,15 @@ pub(super) fn render(
 ) -> Result<Picture> {
     let [width, height] = request.size;
     let draft = DraftRenderer::new(world, request, camera);
+    // Bands are whole rows of tiles, so that progress counts the same steps as in ray tracing.
     let rows = (BAND_PIXELS / width.max(1) / TILE).max(1) * TILE;
     let bands: Vec<RowBand> =
         (0..height).step_by(rows as usize).map(|top| RowBand { top, size: [width, rows.min(height - top)] }).collect();
     let mut picture = Picture::new(width, height);
     let mut sky_visibility = None;
     for band in bands {
-        // The grid of sky visibility does not depend on the camera: it is computed beside the first band and used by all.
+        // The grid of sky visibility does not depend on the camera: it is computed beside the first
+        // band and used by all.
         let visible = match sky_visibility {
             Some(_) => draft.visible_points(band, cancel)?,
             None => {
@@ -105,6 +107,7 @@ impl<'d, 'w> DraftRenderer<'d, 'w> {
         cancel.check()?;
         let width = band.size[0] as usize;
         let rows: Vec<usize> = (0..band.size[1] as usize).collect();
+        // From the number of the visible primitive to a point on it, in parallel by rows.
         let row = |y: &usize| (y * width..(y + 1) * width).map(|i| self.visible_point(&buffer, band, i)).unzip();
         let (hits, positions): (Vec<Vec<PixelHit>>, Vec<Vec<Vec3>>) = par_map(&rows, row).into_iter().unzip();
         let is_sunlit =
@@ -138,7 +141,8 @@ impl<'d, 'w> DraftRenderer<'d, 'w> {
         match (buffer.hit(self.world, i, o, d, &self.draw_list.first_numbers), floor_distance) {
             (Some(hit), _) if hit.primitive.t <= far => {
                 let n = self.world.outer_normal(&hit, o + d * hit.primitive.t);
-                // Towards the side of the sun, so that a thin leaf is tested on the side that it lights.
+                // Towards the side of the sun, so that a thin leaf is tested on the side that it
+                // lights.
                 let offset =
                     if n.dot(self.request.light.sun_direction()) > 0.0 { self.world.gap } else { -self.world.gap };
                 (PixelHit::Object(hit), o + d * hit.primitive.t + n * offset)

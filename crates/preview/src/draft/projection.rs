@@ -20,8 +20,8 @@ pub(super) type RasterRect = [Range<u32>; 2];
 /// A projection onto a raster: perspective for a camera, orthographic for a distant light.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projection {
-    /// A point p has raster coordinates q = `raster_from_world` (p - `origin`). In perspective pixels are q.xy / q.z and q.z is
-    /// the depth; in orthographic projection they are q.xy, and q.z grows towards the light.
+    /// A point p has raster coordinates q = `raster_from_world` (p - `origin`). In perspective pixels are q.xy / q.z
+    /// and q.z is the depth; in orthographic projection they are q.xy, and q.z grows towards the light.
     raster_from_world: Mat3,
     world_from_raster: Mat3,
     origin: Vec3,
@@ -48,19 +48,20 @@ pub(super) struct ProjectedPoint {
 /// Edge functions and depth of a projected triangle, linear in pixel coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TriangleRaster {
-    /// Coefficients over (x, y, 1) of three functions that are not negative inside: up to a common factor the homogeneous
-    /// barycentric coordinates.
+    /// Coefficients over (x, y, 1) of three functions that are not negative inside: up to a common factor the
+    /// homogeneous barycentric coordinates.
     edges: [Vec3; 3],
     /// Coefficients over (x, y, 1) of the inverse depth in perspective, of the depth in orthographic projection.
     depth: Vec3,
 }
 
 impl Projection {
-    /// The projection of a camera; integer pixel coordinates are the centres of pixels. `top`: row of the picture that becomes
-    /// row 0.
+    /// The projection of a camera; integer pixel coordinates are the centres of pixels. `top`: row of the picture
+    /// that becomes row 0.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
     pub(super) fn of_camera(camera: &PerspectiveCamera, top: u32) -> Self {
-        // A point at depth z through pixel (x, y) is z (corner + x right + y down): the columns map (x z, y z, z) to it.
+        // A point at depth z through pixel (x, y) is z (corner + x right + y down): the columns map
+        // (x z, y z, z) to it.
         let first = camera.corner + camera.right * 0.5 + camera.down * (top as f32 + 0.5);
         let world_from_raster = Mat3::from_cols(camera.right, camera.down, first);
         let raster_from_world = world_from_raster.inverse();
@@ -69,6 +70,8 @@ impl Projection {
 
     /// The projection along the direction of a distant light. `to_light`: unit vector; `cell`: width of a pixel, m.
     pub(super) fn of_light(to_light: Vec3, origin: Vec3, cell: f32) -> Self {
+        // Rows of the matrix are the axes of the raster, scaled to one unit per cell; the third is
+        // the height towards the light.
         let x = math::perpendicular(to_light);
         let y = to_light.cross(x);
         let raster_from_world = Mat3::from_cols(x / cell, y / cell, to_light).transpose();
@@ -109,9 +112,11 @@ impl InstanceProjection {
         ProjectedPoint { q, pixel: q.truncate() * inverse_depth }
     }
 
-    /// Lower and upper pixel coordinates of points; the whole plane if some lie behind the near plane, `None` if all do.
+    /// Lower and upper pixel coordinates of points; the whole plane if some lie behind the near plane, `None` if all
+    /// do.
     #[inline]
     fn bounds<const N: usize>(&self, points: &[ProjectedPoint; N]) -> Option<[Vec2; 2]> {
+        // The maximum is taken as -min(-a, -b), so that NaN is treated alike at both ends.
         let [mut lo, mut hi] = [points.first()?.pixel; 2];
         for p in points {
             lo = Vec2::new(min_f32(lo.x, p.pixel.x), min_f32(lo.y, p.pixel.y));
@@ -124,7 +129,8 @@ impl InstanceProjection {
         points.iter().any(|p| p.q.z > NEAR_PLANE).then_some([Vec2::NEG_INFINITY, Vec2::INFINITY])
     }
 
-    /// Columns and rows of a raster of `size` in the bounding box of points. `clamped`: [`pixel_centers`] or [`touched_cells`].
+    /// Columns and rows of a raster of `size` in the bounding box of points. `clamped`: [`pixel_centers`] or
+    /// [`touched_cells`].
     #[inline]
     pub(super) fn covered_rect<const N: usize>(
         &self,
@@ -141,9 +147,9 @@ impl InstanceProjection {
         (!rows.is_empty()).then_some([columns, rows])
     }
 
-    /// Sets up the edge functions of a triangle; `None` if it is seen edge-on. Pixel coordinates count from `zero`, near the
-    /// triangle: small numbers keep their digits. No clipping is needed: edge functions of homogeneous vertices hold for
-    /// triangles that cross the plane of the eye.
+    /// Sets up the edge functions of a triangle; `None` if it is seen edge-on. Pixel coordinates count from `zero`,
+    /// near the triangle: small numbers keep their digits. No clipping is needed: edge functions of homogeneous
+    /// vertices hold for triangles that cross the plane of the eye.
     /// Source: M. Olano, T. Greer, "Triangle scan conversion using 2D homogeneous coordinates", Graphics Hardware 1997.
     #[inline]
     pub(super) fn set_up_triangle(&self, corners: &[ProjectedPoint; 3], zero: Vec2) -> Option<TriangleRaster> {
@@ -151,8 +157,9 @@ impl InstanceProjection {
             let w = if self.is_orthographic { 1.0 } else { p.q.z };
             Vec3::new(p.q.x - zero.x * w, p.q.y - zero.y * w, w)
         });
-        // Rows of the adjugate of the matrix of vertices: b x c is zero on the edge from b to c, and so on. Their sum over the
-        // determinant interpolates the value 1 of all three vertices, which is the inverse depth.
+        // Rows of the adjugate of the matrix of vertices: b x c is zero on the edge from b to c,
+        // and so on. Their sum over the determinant interpolates the value 1 of all three vertices,
+        // which is the inverse depth.
         let edges = [b.cross(c), c.cross(a), a.cross(b)];
         let determinant = a.dot(edges[0]);
         let inverse = 1.0 / determinant;
@@ -171,22 +178,24 @@ impl InstanceProjection {
 }
 
 impl TriangleRaster {
-    /// The smallest edge function at a pixel: not negative if the triangle covers it in front of the eye. One comparison for three
-    /// edges: half of all tested pixels lie inside, so three branches would be mispredicted at every other pixel.
+    /// The smallest edge function at a pixel: not negative if the triangle covers it in front of the eye. One
+    /// comparison for three edges: half of all tested pixels lie inside, so three branches would be mispredicted at
+    /// every other pixel.
     #[inline]
     pub(super) fn min_edge(&self, x: f32, y: f32) -> f32 {
         let [a, b, c] = self.edges.map(|e| e.x * x + e.y * y + e.z);
         min_f32(min_f32(a, b), c)
     }
 
-    /// The part of some columns that the triangle may touch between the rows `y0` and `y1`: of a thin slanting triangle only a
-    /// little of its bounding box. `zero`: column that pixel coordinates count from.
+    /// The part of some columns that the triangle may touch between the rows `y0` and `y1`: of a thin slanting
+    /// triangle only a little of its bounding box. `zero`: column that pixel coordinates count from.
     #[inline]
     pub(super) fn touched_columns(&self, columns: &Range<u32>, [y0, y1]: [f32; 2], zero: u32) -> Range<u32> {
         if columns.end - columns.start <= SHORT_SPAN {
             return columns.clone();
         }
-        // Each edge e.x x + e.y y + e.z >= 0 bounds x from one side; the bound is widest at one of the two rows.
+        // Each edge e.x x + e.y y + e.z >= 0 bounds x from one side; the bound is widest at one of
+        // the two rows.
         let (mut lo, mut hi) = (f32::NEG_INFINITY, f32::INFINITY);
         for e in &self.edges {
             let bound = -(e.z + (e.y * y0).max(e.y * y1)) / e.x;

@@ -1,8 +1,8 @@
 //! Alias-free shadows of a distant light, exact at every point that is queried.
 //!
-//! The points are sorted into cells of a raster that faces the light. All primitives are then drawn into this raster and shade the
-//! points that they cover and that lie behind them. There is no depth map, hence no resolution to choose and no bias against
-//! surfaces that shade themselves.
+//! The points are sorted into cells of a raster that faces the light. All primitives are then drawn into this raster
+//! and shade the points that they cover and that lie behind them. There is no depth map, hence no resolution to
+//! choose and no bias against surfaces that shade themselves.
 //! Source: T. Aila, S. Laine, "Alias-free shadow maps", EGSR 2004.
 
 use std::ops::Range;
@@ -22,8 +22,8 @@ const POINTS_PER_CELL: f32 = 0.2;
 /// Cells along a side at most; bounds the memory of the raster to 16 MB.
 const MAX_SIDE: f32 = 2048.0;
 
-/// Which points a distant light reaches, row after row. `to_light`: unit vector; `rows`: points just off their surfaces, m; those
-/// that are not finite count as lit.
+/// Which points a distant light reaches, row after row. `to_light`: unit vector; `rows`: points just off their
+/// surfaces, m; those that are not finite count as lit.
 pub(super) fn sunlit_points(
     world: &RenderScene<'_>,
     to_light: Vec3,
@@ -86,7 +86,8 @@ impl ShadowCells {
             projected.filter(|(_, q)| is_within(*q)).map(|(number, q)| ShadowQuery { number, q }).collect()
         };
         let queries = par_map(&numbered_rows, project_row);
-        // The raster spans the box of the queried points, with cells of the size that holds POINTS_PER_CELL on average.
+        // The raster spans the box of the queried points, with cells of the size that holds
+        // POINTS_PER_CELL on average.
         let extent = Bounds::of(queries.iter().flatten().map(|query| query.q));
         let sides = extent.size().truncate();
         let count: usize = queries.iter().map(Vec::len).sum();
@@ -102,7 +103,8 @@ impl ShadowCells {
         })
     }
 
-    /// Counting sort of the points by cell, stable within a cell. `to_raster`: raster coordinates of a position on the plane.
+    /// Counting sort of the points by cell, stable within a cell. `to_raster`: raster coordinates of a position on
+    /// the plane.
     fn sorted(
         to_light: Vec3,
         projection: Projection,
@@ -123,7 +125,8 @@ impl ShadowCells {
             sum += *start;
             *start = sum;
         }
-        // Filling the cells from their ends, the last point first, moves each end down to the start of its cell.
+        // Filling the cells from their ends, the last point first, moves each end down to the start
+        // of its cell.
         let (mut points, mut numbers) = (vec![Vec3::ZERO; sum as usize], vec![0; sum as usize]);
         for query in queries.iter().flatten().rev() {
             let q = to_raster(query.q);
@@ -135,7 +138,8 @@ impl ShadowCells {
         Self { to_light, projection, size, cell_starts, points, numbers, is_shaded }
     }
 
-    /// Shades the points in some cells of a row that a primitive covers and where it is opaque; `is_opaque` is evaluated last.
+    /// Shades the points in some cells of a row that a primitive covers and where it is opaque; `is_opaque` is
+    /// evaluated last.
     #[inline]
     fn shade_points(
         &self,
@@ -183,7 +187,8 @@ impl RasterTarget for ShadowCells {
         let Some(raster) = projection.set_up_triangle(corners, zero) else { return };
         for row in rows {
             let y = to_f32(row - top);
-            // A point is in shadow if it is inside of all edges and below the triangle as the light sees it.
+            // A point is in shadow if it is inside of all edges and below the triangle as the light
+            // sees it.
             let covers = |q: Vec3| {
                 let (x, y) = (q.x - zero.x, q.y - zero.y);
                 min_f32(raster.min_edge(x, y), raster.depth(x, y) - q.z) >= 0.0

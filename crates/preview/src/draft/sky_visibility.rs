@@ -15,7 +15,8 @@ const MARGIN: f32 = 0.8;
 const MAX_SINGLE_VOXEL_PRIMITIVES: usize = 500;
 /// Directions around the vertical one; seven directions represent the hemisphere.
 const SIDE_DIRECTIONS: u16 = 6;
-/// Sine and cosine of their elevation, 51 degrees: with the vertical one they have the mean height of a cosine-weighted hemisphere.
+/// Sine and cosine of their elevation, 51 degrees: with the vertical one they have the mean height of a
+/// cosine-weighted hemisphere.
 const SIDE_UP: f32 = 0.78;
 const SIDE_OUT: f32 = 0.626;
 
@@ -36,10 +37,13 @@ pub(super) struct SkyVisibility {
 
 impl SkyVisibility {
     pub(super) fn new(world: &RenderScene<'_>) -> Self {
+        // The margin around the scene lets the directions near its edge leave the grid upwards, and
+        // shades the ground beside it.
         let extent = world.bounds.size();
         let reach = Vec3::new(extent.y, 0.0, extent.y) * MARGIN;
         let low = world.bounds.min - reach;
         let sides = extent + reach * 2.0;
+        // Cubic voxels: their number along an axis follows from its length.
         let cell = (sides.max_element() / VOXELS).max(1e-6);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most VOXELS")]
         let size = sides.to_array().map(|s| (s / cell).min(VOXELS) as usize + 1);
@@ -52,8 +56,8 @@ impl SkyVisibility {
         grid
     }
 
-    /// Adds all primitives as a medium: a surface of area a, averaged over all orientations, has the projected area a / 2, and so adds
-    /// a / (2 cell^2) to the optical depth of its voxel.
+    /// Adds all primitives as a medium: a surface of area a, averaged over all orientations, has the projected area a
+    /// / 2, and so adds a / (2 cell^2) to the optical depth of its voxel.
     fn voxelize(&mut self, world: &RenderScene<'_>) {
         let depth_per_area = 0.5 / (self.cell * self.cell);
         for i in 0..world.primitive_counts().len() {
@@ -116,8 +120,8 @@ impl SkyVisibility {
         (sides.sum::<f32>() + self.transmittance(from, Vec3::Y)) / f32::from(SIDE_DIRECTIONS + 1)
     }
 
-    /// Transmittance exp(-depth) from a point to the sky along a unit direction, in steps of one voxel. The voxel of the point itself
-    /// is left out, else every leaf would occlude itself.
+    /// Transmittance exp(-depth) from a point to the sky along a unit direction, in steps of one voxel. The voxel of
+    /// the point itself is left out, else every leaf would occlude itself.
     fn transmittance(&self, from: Vec3, direction: Vec3) -> f32 {
         let (mut depth, mut p) = (0.0, from + direction * self.cell);
         while let Some(i) = self.voxel(p) {
@@ -127,8 +131,8 @@ impl SkyVisibility {
         math::exp_f32(-depth)
     }
 
-    /// Fraction of the sky that is visible from a point: trilinear between the middles of voxels, repeated beyond the outermost, where
-    /// the sky is almost open; 1 for a point that is not finite.
+    /// Fraction of the sky that is visible from a point: trilinear between the middles of voxels, repeated beyond the
+    /// outermost, where the sky is almost open; 1 for a point that is not finite.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

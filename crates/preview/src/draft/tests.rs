@@ -130,7 +130,8 @@ fn bands_join_without_a_seam() {
         let parts = [0, 96].map(|top| RowBand { top, size: [SIZE[0], if top == 0 { 96 } else { SIZE[1] - 96 }] });
         let joined = parts.map(of).concat();
         let differing = whole.iter().zip(&joined).filter(|(a, b)| a != b).count();
-        // The cells of shadow queries differ between bands, so points on the very edge of a shadow may differ.
+        // The cells of shadow queries differ between bands, so points on the very edge of a shadow
+        // may differ.
         assert!(differing * 1000 < whole.len(), "{differing}");
     });
 }

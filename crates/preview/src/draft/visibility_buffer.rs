@@ -34,8 +34,9 @@ impl RowBand {
 #[derive(Debug)]
 pub(super) struct VisibilityBuffer<'c> {
     camera: &'c PerspectiveCamera,
-    /// Depth as the bits of an f32 in the upper half, the number of the primitive in the lower. Bits of positive floats sort like
-    /// the floats, so the minimum is the closest primitive; ties go to the lower number, whatever the order of drawing.
+    /// Depth as the bits of an f32 in the upper half, the number of the primitive in the lower. Bits of positive
+    /// floats sort like the floats, so the minimum is the closest primitive; ties go to the lower number, whatever
+    /// the order of drawing.
     keys: Vec<AtomicU64>,
     band: RowBand,
 }
@@ -61,6 +62,8 @@ impl<'c> VisibilityBuffer<'c> {
     #[inline]
     fn test_and_set(&self, [x, y]: [u32; 2], depth: f32, number: u64, is_opaque: impl Fn() -> bool) {
         let Some(cell) = self.keys.get((y * self.band.size[0] + x) as usize) else { return };
+        // Relaxed order suffices: a stale value only costs a superfluous alpha test before the
+        // atomic minimum.
         let key = u64::from(depth.to_bits()) << 32 | number;
         if depth > 0.0 && key < cell.load(Ordering::Relaxed) && is_opaque() {
             cell.fetch_min(key, Ordering::Relaxed);
@@ -80,7 +83,8 @@ impl<'c> VisibilityBuffer<'c> {
         if key == EMPTY {
             return None;
         }
-        // From the number of the primitive to its instance: the last one that starts at or before it.
+        // From the number of the primitive to its instance: the last one that starts at or before
+        // it.
         let number = key & u64::from(u32::MAX);
         let instance = first_numbers.partition_point(|first| *first <= number).checked_sub(1)?;
         let primitive = usize::try_from(number - first_numbers.get(instance)?).ok()?;
@@ -110,6 +114,7 @@ impl RasterTarget for VisibilityBuffer<'_> {
         is_opaque: impl Fn(Vec2) -> bool,
     ) {
         let Some([columns, rows]) = self.covered_rect(projection, corners) else { return };
+        // Edge functions are evaluated relative to the corner of the bounding box.
         let zero = [columns.start, rows.start];
         let Some(raster) = projection.set_up_triangle(corners, Vec2::new(to_f32(zero[0]), to_f32(zero[1]))) else {
             return;

@@ -1,5 +1,5 @@
-//! Light transport: the radiance that surfaces send to the camera, by direct light of sun and sky and one diffuse bounce; water
-//! refracts and reflects recursively.
+//! Light transport: the radiance that surfaces send to the camera, by direct light of sun and sky and one diffuse
+//! bounce; water refracts and reflects recursively.
 
 use glam::Vec3;
 
@@ -13,7 +13,8 @@ use osier_base::math;
 
 /// Refractions and reflections in a row; beyond them the sky is seen.
 const MAX_DEPTH: u32 = 6;
-/// Radiance of one sample at most. Clamping loses the energy of rare fireflies: a glint on water is bright, not a speck of noise.
+/// Radiance of one sample at most. Clamping loses the energy of rare fireflies: a glint on water is bright, not a
+/// speck of noise.
 const MAX_SAMPLE_RADIANCE: f32 = 6.0;
 /// Fraction of sky and sun that surfaces around a point see, where no ray finds out. Own: chosen by eye.
 const SURROUNDINGS_OPENNESS: f32 = 0.3;
@@ -50,8 +51,8 @@ pub(super) struct PrecomputedLight {
     pub(super) sky: f32,
 }
 
-/// Radiance towards the viewer in two parts. The ambient part is noisy with few samples but smooth over a surface, so a picture
-/// may share it between pixels.
+/// Radiance towards the viewer in two parts. The ambient part is noisy with few samples but smooth over a surface, so
+/// a picture may share it between pixels.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ScatteredLight {
     /// From the sun, from mirror reflections and from haze.
@@ -121,8 +122,8 @@ impl RenderScene<'_> {
         let l = light.sample_sun(sample.sampler.point(sample.index, 1));
         let has_sun = l.y > 0.0 && light.sun_irradiance() != Vec3::ZERO && is_visible(l);
         let sun = if has_sun { light.open_sun() } else { Vec3::ZERO };
-        // Paper has no texture that could hide noise, so each sample of it takes several rays to the sky. With density cos / pi
-        // the estimate of the radiance is their plain mean.
+        // Paper has no texture that could hide noise, so each sample of it takes several rays to
+        // the sky. With density cos / pi the estimate of the radiance is their plain mean.
         let rays = if sample.light_depth == LightDepth::Sun { 1 } else { FLOOR_SKY_RAYS };
         let sky = (0..rays).fold(Vec3::ZERO, |sum, i| {
             let d = sample_cosine(Vec3::Y, sample.sampler.point(sample.index * rays + i, 2));
@@ -150,8 +151,8 @@ impl LightPath<'_, '_> {
         self.sample.sampler.point(self.sample.index, self.depth * DIMENSIONS_PER_DEPTH + dimension)
     }
 
-    /// Origin of a ray that leaves the surface along `d`: offset along the geometric normal, so that the ray does not hit the
-    /// surface that it starts from. Light that goes through a hair starts on its far side.
+    /// Origin of a ray that leaves the surface along `d`: offset along the geometric normal, so that the ray does not
+    /// hit the surface that it starts from. Light that goes through a hair starts on its far side.
     fn offset_origin(&self, s: &SurfaceInteraction, d: Vec3) -> Vec3 {
         s.p + s.normal * if d.dot(s.normal) > 0.0 { self.world.gap } else { -self.world.gap - s.thickness }
     }
@@ -177,7 +178,8 @@ impl LightPath<'_, '_> {
             self.shade_surface(d, &surface)
         };
         light.direct = light.direct.min(Vec3::splat(MAX_SAMPLE_RADIANCE));
-        // Haze lies between camera and surface only; paths behind a refraction are too short for it.
+        // Haze lies between camera and surface only; paths behind a refraction are too short for
+        // it.
         if self.depth == 0 {
             let haze = self.light.haze(o, d, hit.primitive.t);
             light.direct = light.direct * haze.transmittance + haze.in_scattered;
@@ -187,13 +189,14 @@ impl LightPath<'_, '_> {
         Some(light)
     }
 
-    /// Light that an opaque or thin surface sends back along `d`: a diffuse lobe, of which a fraction `translucency` leaves on the
-    /// other side, under the gloss of a rough dielectric. What the gloss reflects, the diffuse lobe lacks.
+    /// Light that an opaque or thin surface sends back along `d`: a diffuse lobe, of which a fraction `translucency`
+    /// leaves on the other side, under the gloss of a rough dielectric. What the gloss reflects, the diffuse lobe
+    /// lacks.
     fn shade_surface(&self, d: Vec3, s: &SurfaceInteraction) -> ScatteredLight {
         let f = &s.shading;
         let to_viewer = -math::normalize_or(d, Vec3::Z);
-        // Mirror-like fraction: Fresnel reflectance, less the rougher the surface. Own: (1 - roughness)^2 stands for the
-        // directional albedo of the microfacet lobe.
+        // Mirror-like fraction: Fresnel reflectance, less the rougher the surface. Own: (1 -
+        // roughness)^2 stands for the directional albedo of the microfacet lobe.
         let smoothness = 1.0 - f.roughness;
         let gloss = fresnel(f.f0, s.shading_normal.dot(to_viewer).max(0.0)) * smoothness * smoothness;
         let diffuse = f.albedo * (1.0 - gloss);
@@ -202,8 +205,8 @@ impl LightPath<'_, '_> {
             let sky = self.estimated_sky(s) * (diffuse + Vec3::splat(gloss));
             return ScatteredLight { direct: sun + sky, ..ScatteredLight::default() };
         }
-        // One ambient ray serves both sides: its first coordinate chooses the side with probability `translucency` and is then
-        // stretched to 0 to 1 again, so that it stays well distributed.
+        // One ambient ray serves both sides: its first coordinate chooses the side with probability
+        // `translucency` and is then stretched to 0 to 1 again, so that it stays well distributed.
         let u = self.point(2);
         let is_transmitted = u[0] < f.translucency;
         let rescaled = if is_transmitted {
@@ -217,8 +220,8 @@ impl LightPath<'_, '_> {
         let ambient =
             if samples_ambient { self.incident(s, d).min(Vec3::splat(MAX_SAMPLE_RADIANCE)) } else { Vec3::ZERO };
         let ambient_samples = f32::from(u8::from(samples_ambient));
-        // A rough gloss blurs what it mirrors about as much as the diffuse lobe does, so it takes the ambient sample; only a
-        // smooth one in the best quality traces its own ray.
+        // A rough gloss blurs what it mirrors about as much as the diffuse lobe does, so it takes
+        // the ambient sample; only a smooth one in the best quality traces its own ray.
         let traces_mirror = gloss > 0.0 && self.sample.light_depth == LightDepth::Surroundings && f.roughness < 0.5;
         if !traces_mirror {
             let diffuse = diffuse + Vec3::splat(gloss);
@@ -233,8 +236,8 @@ impl LightPath<'_, '_> {
         ScatteredLight { direct, diffuse, ambient, ambient_samples, ..ScatteredLight::default() }
     }
 
-    /// Light of the sky without a ray: that of the mean sky, for normals from straight down to straight up 0.12 to 1 of it; for
-    /// a translucent surface the other side counts as well.
+    /// Light of the sky without a ray: that of the mean sky, for normals from straight down to straight up 0.12 to 1
+    /// of it; for a translucent surface the other side counts as well.
     fn estimated_sky(&self, s: &SurfaceInteraction) -> Vec3 {
         let visibility = self.sample.precomputed.map_or(DEFAULT_SKY_VISIBILITY, |known| known.sky);
         let up = s.shading_normal.y * (1.0 - 2.0 * s.shading.translucency);
@@ -245,7 +248,8 @@ impl LightPath<'_, '_> {
     fn sunlight(&self, s: &SurfaceInteraction, to_viewer: Vec3, diffuse: Vec3) -> Vec3 {
         let light = self.light;
         let l = if self.sample.precomputed.is_some() { light.sun_direction() } else { light.sample_sun(self.point(1)) };
-        // Reflected if the sun is on the viewer's side for both normals, transmitted if it is on the far side for both.
+        // Reflected if the sun is on the viewer's side for both normals, transmitted if it is on
+        // the far side for both.
         let (cos, is_front) = (s.shading_normal.dot(l), s.normal.dot(l) > 0.0);
         let fraction = match (cos > 0.0, is_front) {
             (true, true) => 1.0 - s.shading.translucency,
@@ -262,12 +266,14 @@ impl LightPath<'_, '_> {
         if is_front {
             brdf += Vec3::splat(ggx_specular(&s.shading, s.shading_normal, to_viewer, l));
         }
-        // In a tuft half of the light has been scattered by neighbouring hairs and no longer comes from the sun's direction.
+        // In a tuft half of the light has been scattered by neighbouring hairs and no longer comes
+        // from the sun's direction.
         let cosine = if s.thickness > 0.0 { 0.5 * (cos.abs() + MEAN_HAIR_COSINE) } else { cos.abs() };
         light.sun_irradiance() * brdf * cosine
     }
 
-    /// Radiance that arrives along a ray from the surface in direction `d`: the sky, or the estimated radiance of what occludes it.
+    /// Radiance that arrives along a ray from the surface in direction `d`: the sky, or the estimated radiance of
+    /// what occludes it.
     fn incident(&self, s: &SurfaceInteraction, d: Vec3) -> Vec3 {
         let (light, from) = (self.light, self.offset_origin(s, d));
         let bounce = ray(from, d, [0.0, f32::INFINITY]);
@@ -278,7 +284,8 @@ impl LightPath<'_, '_> {
         };
         let Some(hit) = hit else { return light.sky(d) };
         let occluder = self.world.mean_surface(&hit, d);
-        // Diffuse reflection of the sun by the occluder, in full where a shadow ray reaches the sun, else by its usual openness.
+        // Diffuse reflection of the sun by the occluder, in full where a shadow ray reaches the
+        // sun, else by its usual openness.
         let l = light.sample_sun(self.point(3));
         let cos = occluder.normal.dot(l).max(0.0) * std::f32::consts::FRAC_1_PI;
         let sun_visibility = match self.sample.light_depth {
@@ -310,7 +317,8 @@ impl LightPath<'_, '_> {
         let (n, ior) = (s.shading_normal, self.world.materials.ior(s.material));
         let eta = if s.is_outside { 1.0 / ior } else { ior };
         let cos = -n.dot(d);
-        // cos^2 of the refracted angle, 1 - eta^2 sin^2; negative beyond the critical angle, where all light is reflected.
+        // cos^2 of the refracted angle, 1 - eta^2 sin^2; negative beyond the critical angle, where
+        // all light is reflected.
         let k = 1.0 - eta * eta * (1.0 - cos * cos);
         let reflected = d + n * (2.0 * cos);
         if k < 0.0 {
@@ -320,7 +328,8 @@ impl LightPath<'_, '_> {
         // Schlick's formula takes the angle on the side of air.
         let reflectance = fresnel(s.shading.f0, if s.is_outside { cos } else { -n.dot(refracted) });
         let mut radiance = continued(refracted) * (1.0 - reflectance);
-        // From inside, reflections are left out: they mostly return to the same water and would double the rays at each depth.
+        // From inside, reflections are left out: they mostly return to the same water and would
+        // double the rays at each depth.
         if s.is_outside {
             radiance += continued(reflected) * reflectance;
             let l = light.sun_direction();
@@ -333,8 +342,8 @@ impl LightPath<'_, '_> {
     }
 }
 
-/// Radiance in a concavity of openness o with walls of albedo c under a uniform sky L: c o L / (1 - c (1 - o)), the sum of all
-/// orders of reflection. A white concavity is as bright as the sky.
+/// Radiance in a concavity of openness o with walls of albedo c under a uniform sky L: c o L / (1 - c (1 - o)), the
+/// sum of all orders of reflection. A white concavity is as bright as the sky.
 fn interreflected(albedo: Vec3, sky: Vec3) -> Vec3 {
     let c = albedo.clamp(Vec3::ZERO, Vec3::ONE);
     sky * (c * SURROUNDINGS_OPENNESS / (Vec3::ONE - c * (1.0 - SURROUNDINGS_OPENNESS)))

@@ -89,7 +89,8 @@ fn a_wall_without_end_takes_half_the_sky() {
     let floor = quad(Vec3::ZERO, Vec3::Z * 1e4, Vec3::X * 1e4).with_material(0);
     let wall = quad(Vec3::X * -0.5, Vec3::Y * 1e4, Vec3::Z * 1e4).with_material(1);
     let s = scene(vec![floor, wall], vec![material(0.5, 0.0, 1.0), material(0.0, 0.0, 1.0)], 0.0, 1.0);
-    // At a foot's breadth from the wall, so that its own height covers half the sky to a ten-thousandth.
+    // At a foot's breadth from the wall, so that its own height covers half the sky to a
+    // ten-thousandth.
     let seen = mean(&s, Vec3::new(0.0, 2.0, 0.0), Vec3::NEG_Y, 4096).expect("floor");
     assert!((seen - 0.25).abs() < 2e-3, "{seen}: half the sky on a floor that sends back half");
     let open = mean(&s, Vec3::new(9e3, 2.0, 0.0), Vec3::NEG_Y, 4096).expect("floor");
