@@ -57,7 +57,7 @@
 //!     code_lists: Vec::new(),
 //!     fields: Vec::new(),
 //!     air: Vec::new(),
-//!     wet: Vec::new(),
+//!     map_sequences: Vec::new(),
 //! };
 //! let materials = PreviewMaterials::new(&scene, Quality::Normal);
 //! let render_scene = RenderScene::new(&scene, None, &materials);
@@ -77,6 +77,7 @@
 
 mod backdrop;
 mod clip;
+mod coat;
 mod contact_sheet;
 mod detail;
 mod draft;
@@ -100,7 +101,6 @@ mod surface;
 mod testing;
 mod texture;
 mod tone;
-mod wet;
 
 pub use backdrop::Backdrop;
 pub use clip::{ClipFormat, ClipTiming, ClipWriter};

@@ -7,11 +7,11 @@ use glam::{Affine3A, Mat3, Vec3, Vec3A};
 use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
 
+use super::coat::CoatMap;
 use super::detail::{DetailLimit, MeshDetail};
 use super::materials::PreviewMaterials;
 use super::request::RenderRequest;
 use super::solid::{Bvh, PrimitiveHit, Solid, build_bvh};
-use super::wet::WetMap;
 use osier_base::geometry::Bounds;
 use osier_base::par::par_map;
 use osier_scene::{
@@ -56,8 +56,8 @@ pub struct RenderScene<'a> {
     pub(super) has_bvh: bool,
     solids: Vec<Solid<'a>>,
     instances: Vec<SolidInstance>,
-    /// Wetness of each material.
-    pub(super) wet_maps: Vec<Option<WetMap>>,
+    /// Coat of each material.
+    pub(super) coats: Vec<Option<CoatMap>>,
     /// Over the boxes of the instances; empty for drafts.
     bvh: CwBvh,
     /// Box around everything, m.
@@ -124,8 +124,8 @@ impl<'a> RenderScene<'a> {
         let bounds = bounds.map_or_else(Bounds::default, Bounds::of);
         let largest = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
         let gap = if bounds.is_empty() { 1e-6 } else { largest * 1e-5 };
-        let wet_maps = WetMap::of_materials(scene, frame);
-        Self { materials, has_bvh, solids, instances, wet_maps, bvh, bounds, gap }
+        let coats = CoatMap::of_materials(scene, frame);
+        Self { materials, has_bvh, solids, instances, coats, bvh, bounds, gap }
     }
 
     /// Number of primitives of each instance.

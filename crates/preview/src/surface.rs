@@ -1,12 +1,12 @@
-//! The point where a ray hits a surface: position, normals, material and wetness.
+//! The point where a ray hits a surface: position, normals, material and coat.
 
 use glam::{Vec2, Vec3};
 
+use super::coat::CoatMap;
 use super::materials::ShadingParams;
 use super::render_scene::{RenderScene, SceneHit, SolidInstance};
 use super::solid::{PrimitiveHit, Primitives, RayTriangle, VertexData};
 use super::texture::footprint;
-use super::wet::WetMap;
 use osier_base::math::normalize_or;
 use osier_scene::MaterialId;
 
@@ -99,13 +99,13 @@ impl RenderScene<'_> {
             shading_normal =
                 normalize_or(shading_normal + to_viewer * (MIN_VIEW_COSINE - cosine), attributes.normal * side);
         }
-        // Vertex colours replace the texture; wetness acts on either.
+        // Vertex colours replace the texture; the coat acts on either.
         let mut shading = self.materials.shading(attributes.material, attributes.uv, width);
         if let Some(color) = attributes.color {
             shading.albedo = color;
         }
-        if let Some(wet_map) = self.wet_map(attributes.material) {
-            wet_map.apply(&mut shading, attributes.uv, width);
+        if let Some(coat) = self.coat(attributes.material) {
+            coat.apply(&mut shading, attributes.uv, width);
         }
         // An opaque hair transmits nothing to its far side.
         let thickness = if shading.translucency > 0.0 { thickness } else { 0.0 };
@@ -121,16 +121,16 @@ impl RenderScene<'_> {
         })
     }
 
-    fn wet_map(&self, material: MaterialId) -> Option<&WetMap> {
-        self.wet_maps.get(material as usize)?.as_ref()
+    fn coat(&self, material: MaterialId) -> Option<&CoatMap> {
+        self.coats.get(material as usize)?.as_ref()
     }
 
-    /// The interpolated normal, perturbed by the normal map of the water or of the material. The map's x runs along
+    /// The interpolated normal, perturbed by the normal map of the coat or of the material. The map's x runs along
     /// growing u, its y along growing v.
     fn mapped_normal(&self, s: &SurfaceAttributes, width: f32) -> Vec3 {
         let from_material = || self.materials.normal_map(s.material, s.uv, width);
-        let water = self.wet_map(s.material).map(|map| map.normal(s.uv, width));
-        let Some(m) = water.or_else(from_material) else { return s.smooth_normal };
+        let from_coat = self.coat(s.material).map(|map| map.normal(s.uv, width));
+        let Some(m) = from_coat.or_else(from_material) else { return s.smooth_normal };
         // Tangent vectors dp/du and dp/dv of the triangle: the solution of e = dp/du * d.x + dp/dv
         // * d.y for both edges.
         let ([e1, e2], [d1, d2]) = (s.edges, s.uv_edges);
