@@ -11,7 +11,7 @@ use osier_base::limits::{LIMITS, Limits};
 pub const EXIT_CODES: &str = "\
 Exit codes:
   0    success, also with warnings or with nothing to do
-  1    the input or the run failed: faults in files, missing input, a limit, a foreign file in the way
+  1    input or run failed: faults in files, missing input, a limit, a foreign file in the way
   2    wrong usage: unknown flag, bad value of a flag, no arguments
   3    warnings under --strict; the output is complete
   74   reading or writing failed: disk full, no permission, closed pipe of -o -
