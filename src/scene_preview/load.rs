@@ -191,7 +191,7 @@ impl PreviewScene {
         if subject.is_empty() {
             let reason =
                 format!("\"{}\" is empty: no line, leaf, polygon or ground is visible; see `osier check`", self.name);
-            return Err(Error::export("P001", reason));
+            return Err(Error::input("P001", reason));
         }
         Ok(subject)
     }

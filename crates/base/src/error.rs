@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::diagnostic::Report;
+use crate::diagnostic::{Diagnostic, Report};
 
 /// Everything that can end a run, one kind per remedy.
 #[derive(Debug, thiserror::Error)]
@@ -105,7 +105,12 @@ impl Error {
         Self::Io { action, path: path.into(), source }
     }
 
-    /// An export error with its stable code.
+    /// A fault of the input that shows only while it is used, so that it has no place in a file. `message`: subject, fact, next step.
+    pub fn input(code: &'static str, message: impl Into<String>) -> Self {
+        Self::Input(Box::new(Report { diagnostics: vec![Diagnostic::about(code, message)], ..Report::default() }))
+    }
+
+    /// An export error with its stable code, X001 to X030.
     pub fn export(code: &'static str, reason: impl Into<String>) -> Self {
         Self::Export { code, reason: reason.into() }
     }

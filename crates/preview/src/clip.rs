@@ -54,7 +54,7 @@ struct Palette {
 
 /// P003 with the reason of an encoder.
 fn encoding_error(e: impl std::fmt::Display) -> Error {
-    Error::export("P003", format!("cannot encode the clip: {e}"))
+    Error::input("P003", format!("cannot encode the clip: {e}"))
 }
 
 /// Length and frame rate of a clip.

@@ -81,7 +81,7 @@ impl Picture {
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         encoder.set_compression(if fast { png::Compression::Fastest } else { png::Compression::Balanced });
-        let failed = |e: png::EncodingError| Error::export("P003", format!("cannot encode a picture: {e}"));
+        let failed = |e: png::EncodingError| Error::input("P003", format!("cannot encode a picture: {e}"));
         for (keyword, text) in notes {
             encoder.add_itxt_chunk((*keyword).to_owned(), text.clone()).map_err(failed)?;
         }

@@ -177,7 +177,7 @@ pub fn render(
     }
     let camera = PerspectiveCamera::new(&request.camera, request.size);
     if !camera.is_finite() {
-        return Err(Error::export("P002", "the position or the direction of the camera is not finite"));
+        return Err(Error::input("P002", "the position or the direction of the camera is not finite"));
     }
     if !world.has_bvh {
         return draft::render(world, request, &camera, cancel, progress);

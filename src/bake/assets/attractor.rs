@@ -155,7 +155,7 @@ pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Resul
         return Ok(());
     }
     let reason = format!("\"{}\" runs away: {:.1} % of the tests find a lost point", recipe.system.name, share * 100.0);
-    Err(Error::export("I023", reason))
+    Err(Error::input("I023", reason))
 }
 
 /// Draws an attractor as densities and colours; with the tone that the keys ask for and the colour of pictures by
@@ -175,7 +175,7 @@ pub fn render_attractor(
     if pixels * CELL > MEMORY {
         let reason =
             format!("a picture of {pixels} pixels would take {} MB; make it smaller", pixels * CELL / 1_000_000);
-        return Err(Error::export("I050", reason));
+        return Err(Error::input("I050", reason));
     }
     let small = u64::from(keys.width) * u64::from(keys.height);
     let count = keys.points.map_or(PER_PIXEL * small, u64::from).max(1);

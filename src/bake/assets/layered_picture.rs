@@ -156,7 +156,7 @@ fn attractor_layer(
     if pixels.saturating_mul(CELL) > MEMORY {
         let reason =
             format!("layer {index} of {pixels} pixels would take {} MB; make it smaller", pixels * CELL / 1_000_000);
-        return Err(Error::export("I050", reason));
+        return Err(Error::input("I050", reason));
     }
     let count = keys.points.map_or(PER_PIXEL * pixels, u64::from);
     context.limits.check("points", count, "the number of points of a layer")?;

@@ -65,7 +65,7 @@ pub fn grow_plant(
         }
         Growth::Mesh(..) => {
             let own = look.tree.clone();
-            let tree = own.as_deref().ok_or_else(|| Error::export("S005", "a mesh without its skeleton"))?;
+            let tree = own.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
             let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
             plant.materials = look.materials.iter().map(|m| m.name.clone()).collect();
             return Ok(GrownPlant { plant, report: Report::default(), modules: 0, own });

@@ -110,7 +110,7 @@ fn assemble(
 ) -> Result<AssembledScene> {
     if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
         let reason = format!("\"{}\" is a picture, not a scene in space: osier grow {0} -o {0}.png", recipe.name);
-        return Err(Error::export("S006", reason));
+        return Err(Error::input("S006", reason));
     }
     let (mut layout, land) = lay_out_scene(recipe, context)?;
     let weights =
@@ -332,7 +332,7 @@ fn pair<'a, T>(
     individual: &Individual,
 ) -> Result<(&'a crate::recipe::PlantRecipe, &'a T)> {
     let both = recipe.plants.get(individual.plant).zip(list.get(individual.plant));
-    both.ok_or_else(|| Error::export("S005", "a place names a plant that is not there"))
+    both.ok_or_else(|| Error::input("S005", "a place names a plant that is not there"))
 }
 
 /// A plant as it is shown.

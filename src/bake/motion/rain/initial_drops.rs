@@ -18,7 +18,7 @@ pub fn check(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
                 drop.leaf,
                 leaves.len()
             );
-            return Err(Error::export("S004", text));
+            return Err(Error::input("S004", text));
         };
         let uv = DVec2::from_array(drop.at);
         if leaf.point_at(uv).is_none() || !leaf.blade.is_solid(uv) {
@@ -26,7 +26,7 @@ pub fn check(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
                 "rain.lying.{i}.at is [{}, {}], where leaf {} has no blade; [0.5, 0.5] is the middle of its picture",
                 drop.at[0], drop.at[1], drop.leaf
             );
-            return Err(Error::export("S004", text));
+            return Err(Error::input("S004", text));
         }
     }
     Ok(())

@@ -83,7 +83,7 @@ pub fn add_leaf_maps(
         let name = format!("{}_{id}", asset.id);
         let trs = instancer.transform(&instancer.rest, k);
         let mut mesh = moved(&prototype.mesh, &trs);
-        let index = u32::try_from(sequences.len()).map_err(|_| Error::export("S004", "too many leaves with maps"))?;
+        let index = u32::try_from(sequences.len()).map_err(|_| Error::input("S004", "too many leaves with maps"))?;
         assign_wet_material(&mut mesh, materials, &name, index);
         let skin = f.joint.map(|j| SkinWeights {
             joints: vec![[j, 0, 0, 0]; mesh.points.len()],
