@@ -8,14 +8,14 @@ use std::ops::{Add, Mul, RangeInclusive, Sub};
 use osier_base::simd::{F64Lanes, Lane as _};
 use pulp::Simd;
 
-/// Columns are padded to so many rows: the most lanes of any processor that is told apart.
+/// Rows to which columns are padded: the widest SIMD register of `f64` on any target.
 const WIDEST: usize = 8;
 
-/// Vectors side by side.
+/// One vector per SIMD lane.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Arrow<S: Simd>(pub(crate) [F64Lanes<S>; 3]);
+pub(crate) struct Vec3Lanes<S: Simd>(pub(crate) [F64Lanes<S>; 3]);
 
-impl<S: Simd> Arrow<S> {
+impl<S: Simd> Vec3Lanes<S> {
     #[inline(always)]
     pub(crate) fn dot(self, o: Self) -> F64Lanes<S> {
         self.0[0] * o.0[0] + self.0[1] * o.0[1] + self.0[2] * o.0[2]
@@ -33,7 +33,7 @@ impl<S: Simd> Arrow<S> {
     }
 }
 
-impl<S: Simd> Add for Arrow<S> {
+impl<S: Simd> Add for Vec3Lanes<S> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
@@ -41,7 +41,7 @@ impl<S: Simd> Add for Arrow<S> {
     }
 }
 
-impl<S: Simd> Sub for Arrow<S> {
+impl<S: Simd> Sub for Vec3Lanes<S> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
@@ -49,7 +49,7 @@ impl<S: Simd> Sub for Arrow<S> {
     }
 }
 
-impl<S: Simd> Mul<F64Lanes<S>> for Arrow<S> {
+impl<S: Simd> Mul<F64Lanes<S>> for Vec3Lanes<S> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, k: F64Lanes<S>) -> Self {
@@ -57,59 +57,59 @@ impl<S: Simd> Mul<F64Lanes<S>> for Arrow<S> {
     }
 }
 
-/// Rotations side by side, as matrices by rows.
+/// One rotation matrix per SIMD lane, by rows.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Turned<S: Simd>([Arrow<S>; 3]);
+pub(crate) struct RotationLanes<S: Simd>([Vec3Lanes<S>; 3]);
 
-impl<S: Simd> Turned<S> {
-    /// Of unit quaternions (x, y, z, w).
+impl<S: Simd> RotationLanes<S> {
+    /// Rotation matrices of unit quaternions (x, y, z, w).
     #[inline(always)]
-    pub(crate) fn of([x, y, z, w]: [F64Lanes<S>; 4]) -> Self {
+    pub(crate) fn from_quaternion([x, y, z, w]: [F64Lanes<S>; 4]) -> Self {
         let one = F64Lanes::from_scalar(x.simd, 1.0);
         let (x2, y2, z2) = (x + x, y + y, z + z);
         let (xx, yy, zz) = (x * x2, y * y2, z * z2);
         let (xy, xz, yz) = (x * y2, x * z2, y * z2);
         let (wx, wy, wz) = (w * x2, w * y2, w * z2);
         Self([
-            Arrow([one - (yy + zz), xy - wz, xz + wy]),
-            Arrow([xy + wz, one - (xx + zz), yz - wx]),
-            Arrow([xz - wy, yz + wx, one - (xx + yy)]),
+            Vec3Lanes([one - (yy + zz), xy - wz, xz + wy]),
+            Vec3Lanes([xy + wz, one - (xx + zz), yz - wx]),
+            Vec3Lanes([xz - wy, yz + wx, one - (xx + yy)]),
         ])
     }
 
     #[inline(always)]
-    pub(crate) fn apply(&self, v: Arrow<S>) -> Arrow<S> {
-        Arrow([self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v)])
+    pub(crate) fn apply(&self, v: Vec3Lanes<S>) -> Vec3Lanes<S> {
+        Vec3Lanes([self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v)])
     }
 
-    /// The other way round.
+    /// Applies the inverse rotation.
     #[inline(always)]
-    pub(crate) fn back(&self, v: Arrow<S>) -> Arrow<S> {
+    pub(crate) fn apply_inverse(&self, v: Vec3Lanes<S>) -> Vec3Lanes<S> {
         let [a, b, c] = self.0;
         a * v.0[0] + b * v.0[1] + c * v.0[2]
     }
 }
 
-/// Rows of `K` numbers, padded with zeros: [`WIDEST`] rows lie together, column after column.
+/// Table of `K` columns, padded with zero rows, in blocks: [`WIDEST`] rows lie together, column after column.
 #[derive(Debug, Clone)]
 pub(crate) struct Columns<const K: usize>(Vec<f64>);
 
 impl<const K: usize> Columns<K> {
-    /// `rows` rows of zeros.
+    /// A table of `rows` zero rows.
     pub(crate) fn new(rows: usize) -> Self {
-        Self(vec![0.0; padded(rows) * K])
+        Self(vec![0.0; padded_row_count(rows) * K])
     }
 
     pub(crate) fn clear(&mut self) {
         self.0.fill(0.0);
     }
 
-    /// Rows, padding included.
+    /// Number of rows, padding included.
     pub(crate) fn rows(&self) -> usize {
         self.0.len() / K
     }
 
-    /// From the first to the last number of a row.
+    /// Range of elements from the first to the last of a row.
     #[inline(always)]
     fn span(row: usize) -> RangeInclusive<usize> {
         let first = row / WIDEST * K * WIDEST + row % WIDEST;
@@ -138,17 +138,17 @@ impl<const K: usize> Columns<K> {
         }
     }
 
-    /// First of the `K` groups of lanes of a group of rows, and from each to the next.
+    /// First register of a group of rows, and registers from one column to the next.
     #[inline(always)]
-    fn lanes<S: Simd>(group: usize) -> (usize, usize) {
+    fn lane_group<S: Simd>(group: usize) -> (usize, usize) {
         let parts = WIDEST / S::F64_LANES;
         (group / parts * K * parts + group % parts, parts)
     }
 
-    /// The rows of a group, as many as there are lanes.
+    /// Loads a group of as many rows as there are lanes.
     #[inline(always)]
     pub(crate) fn get<S: Simd>(&self, simd: S, group: usize) -> [F64Lanes<S>; K] {
-        let (first, apart) = Self::lanes::<S>(group);
+        let (first, apart) = Self::lane_group::<S>(group);
         let all = &S::as_simd_f64s(&self.0).0[first..=first + (K - 1) * apart];
         let mut row = [F64Lanes::new(simd, all[0]); K];
         for k in 1..K {
@@ -159,7 +159,7 @@ impl<const K: usize> Columns<K> {
 
     #[inline(always)]
     pub(crate) fn put<S: Simd>(&mut self, group: usize, row: [F64Lanes<S>; K]) {
-        let (first, apart) = Self::lanes::<S>(group);
+        let (first, apart) = Self::lane_group::<S>(group);
         let all = &mut S::as_mut_simd_f64s(&mut self.0).0[first..=first + (K - 1) * apart];
         for k in 0..K {
             all[k * apart] = row[k].value;
@@ -167,7 +167,7 @@ impl<const K: usize> Columns<K> {
     }
 }
 
-/// Row count that all lane widths divide.
-pub(crate) fn padded(rows: usize) -> usize {
+/// Smallest row count that is a multiple of all lane counts.
+pub(crate) fn padded_row_count(rows: usize) -> usize {
     rows.next_multiple_of(WIDEST)
 }

@@ -1,4 +1,4 @@
-//! Catkins carried by the air: \[catkin\] eq. 10 with a lag.
+//! Integration of catkins in the air: \[catkin\] eq. 10 with inertia.
 
 use glam::{DVec3, Vec3};
 
@@ -10,23 +10,23 @@ use super::release::WindRelease;
 use super::{CATKINS_PER_TASK, FlightSimulation, ReleaseCondition};
 use osier_wind::Wind;
 
-/// Most members of a cluster that the wind is asked at.
+/// Members of a cluster at which the wind is sampled, at most. More: no visible change in its motion.
 const MAX_WIND_SAMPLES: usize = 64;
 
-/// Clusters a task takes at once.
+/// Clusters per task.
 const CLUSTERS_PER_TASK: usize = 64;
 
-/// Most that a cluster turns, rad/s, and how long it takes to take up a turn, s.
+/// Largest angular velocity of a cluster, rad/s, and the time constant with which it follows the wind's rotation, s.
 const MAX_CLUSTER_SPIN: f32 = 6.0;
 const CLUSTER_SPIN_TIME: f32 = 0.3;
 
-/// What the air does at a point for one that falls through it.
+/// Carrying velocity at a point, m/s: wind, updraft less settling, and glide along the tilted tuft.
 fn carrying_velocity(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) -> DVec3 {
     let level = Vec3::new(tuft.x, 0.0, tuft.z).as_dvec3();
     air.as_dvec3() + DVec3::Y * (lift - fall) + level * (glide * fall)
 }
 
-/// Half a step and a whole one for one body.
+/// Exact relaxation of one body towards a carrying velocity, over half a step and over a whole one.
 #[derive(Debug, Clone, Copy)]
 struct MidpointStep {
     lag: VelocityDecay,
@@ -35,20 +35,21 @@ struct MidpointStep {
 }
 
 impl MidpointStep {
-    fn half(self, x: DVec3, v: DVec3, u: DVec3) -> DVec3 {
+    fn half_step(self, x: DVec3, v: DVec3, u: DVec3) -> DVec3 {
         x + u * (self.dt / 2.0) + (v - u) * (self.tau * (1.0 - self.lag.half))
     }
 
-    /// Way and new velocity.
-    fn whole(self, v: DVec3, u: DVec3) -> (DVec3, DVec3) {
+    /// Displacement, m, and new velocity, m/s.
+    fn full_step(self, v: DVec3, u: DVec3) -> (DVec3, DVec3) {
+        // Integral of u + (v - u) exp(-t/tau) over the step, and its value at the end.
         (u * self.dt + (v - u) * (self.tau * (1.0 - self.lag.whole)), u + (v - u) * self.lag.whole)
     }
 }
 
-/// Members of a cluster that the wind is asked at; one after another, so that room for them is made but once.
+/// Buffers for sampling the wind at members of a cluster, reused from cluster to cluster.
 #[derive(Debug, Default)]
 struct WindProbe {
-    /// Their places among the members.
+    /// Indices into the cluster's members.
     which: Vec<usize>,
     places: Vec<Vec3>,
     air: Vec<Vec3>,
@@ -65,7 +66,7 @@ impl WindProbe {
 }
 
 impl FlightSimulation {
-    /// Lets go of those whose time has come.
+    /// Releases waiting catkins whose condition is met.
     pub(super) fn release_pending(&mut self, wind: &dyn Wind, t: f64) {
         if !self.present.pending {
             return;
@@ -87,7 +88,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Singles in the air.
+    /// Advances airborne singles and deposits those that touch a surface.
     pub(super) fn advance_singles(&mut self, wind: &dyn Wind, t: f64) {
         let (options, solids) = (&self.options, &*self.solids);
         let dt = options.time_step();
@@ -104,15 +105,16 @@ impl FlightSimulation {
             // The difference v - u to the carrying velocity u decays as exp(-dt / tau), tau = settling speed / g.
             wind.sample(&places, t, &mut air);
             for ((c, place), air) in those.iter().zip(&mut places).zip(&air) {
-                *place = step(c).half(c.x, c.v, pull(c, *air, t)).as_vec3();
+                *place = step(c).half_step(c.x, c.v, pull(c, *air, t)).as_vec3();
             }
             wind.sample(&places, t + dt / 2.0, &mut air);
             let (mut landed, mut escaped) = (0_u64, Vec::new());
             for (c, air) in those.iter_mut().zip(&air) {
-                let (way, v) = step(c).whole(c.v, pull(c, *air, t + dt / 2.0));
+                let (way, v) = step(c).full_step(c.v, pull(c, *air, t + dt / 2.0));
+                // Sweep the ball along its displacement: the first contact ends the flight.
                 let path = SweptBall { from: c.x, way, radius: c.radius };
                 c.flow = *air - v.as_vec3();
-                let landing = path.sweep_cluster(solids);
+                let landing = path.sweep(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
                 landed += u64::from(c.land_on(&landing));
@@ -120,14 +122,14 @@ impl FlightSimulation {
                     escaped.push(c.id);
                 }
             }
-            (landed, PresentStates::of(chunk), escaped)
+            (landed, PresentStates::of_catkins(chunk), escaped)
         });
         self.counters.deposits += landed.iter().map(|l| l.0).sum::<u64>();
-        self.present = landed.iter().fold(PresentStates::default(), |present, l| present.and(l.1));
+        self.present = landed.iter().fold(PresentStates::default(), |present, l| present.union(l.1));
         self.escaped = landed.into_iter().flat_map(|l| l.2).collect();
     }
 
-    /// Clusters in the air, each as one body.
+    /// Advances airborne clusters, each as one rigid body.
     pub(super) fn advance_clusters(&mut self, wind: &dyn Wind, t: f64) {
         let mut clusters = std::mem::take(&mut self.clusters);
         let mut flying: Vec<&mut CatkinCluster> =
@@ -143,11 +145,11 @@ impl FlightSimulation {
             }
             self.follow_cluster(cluster, &landing);
         }
-        self.present = clusters.values().fold(self.present, |present, c| present.with(c.state));
+        self.present = clusters.values().fold(self.present, |present, c| present.with_state(c.state));
         self.clusters = clusters;
     }
 
-    /// Moves a cluster by a step, not yet its members, and returns the first contact of its sweep.
+    /// Advances a cluster's centre and velocity, but not its members, and returns the first contact of its sweep.
     fn advance_cluster(
         &self,
         cluster: &mut CatkinCluster,
@@ -156,17 +158,18 @@ impl FlightSimulation {
         t: f64,
     ) -> SweepResult {
         let dt = self.options.time_step();
-        cluster.contract(dt, |id| self.catkin(id).mass);
+        cluster.contract_in_flight(dt, |id| self.catkin(id).mass);
         probe.which.clear();
         probe.which.extend(cluster.evenly_spaced_members(MAX_WIND_SAMPLES));
+        // The same midpoint rule as for singles, with the mean carrying velocity over the sampled members.
         let step = MidpointStep { lag: cluster.lag, tau: self.options.relaxation_time(cluster.fall), dt };
         probe.sample(cluster, cluster.x, wind, t);
-        let middle = step.half(cluster.x, cluster.v, self.mean_carrying_velocity(cluster, probe, t));
+        let middle = step.half_step(cluster.x, cluster.v, self.mean_carrying_velocity(cluster, probe, t));
         probe.sample(cluster, middle, wind, t + dt / 2.0);
-        let (way, v) = step.whole(cluster.v, self.mean_carrying_velocity(cluster, probe, t + dt / 2.0));
+        let (way, v) = step.full_step(cluster.v, self.mean_carrying_velocity(cluster, probe, t + dt / 2.0));
         if self.options.cluster_rotation {
             let spun = self.angular_velocity_from_wind(cluster, &probe.which, &probe.air);
-            cluster.turn_by(spun, dt);
+            cluster.rotate_by_step(spun, dt);
         }
         let landing = self.sweep_cluster(cluster, way);
         cluster.x = landing.at;
@@ -174,7 +177,7 @@ impl FlightSimulation {
         landing
     }
 
-    /// What the air at its members does to a cluster, by their masses.
+    /// Mass-weighted mean of the carrying velocity at the sampled members.
     fn mean_carrying_velocity(&self, cluster: &CatkinCluster, probe: &WindProbe, t: f64) -> DVec3 {
         let lift = cluster.lift_at(t);
         let (mut sum, mut mass) = (DVec3::ZERO, 0.0);
@@ -186,8 +189,8 @@ impl FlightSimulation {
         sum / mass
     }
 
-    /// How fast a cluster turns after this step: towards how the air around it turns.
-    /// omega = I^-1 sum m r x (u - mean u); a line of two has no inertia about itself and is not turned about it.
+    /// Angular velocity of a cluster after this step, rad/s, which relaxes towards the wind's rotation around it:
+    /// omega = I^-1 sum m r x (u - mean u); a pair has no inertia about its own line and does not rotate about it.
     fn angular_velocity_from_wind(&self, cluster: &CatkinCluster, probe: &[usize], air: &[Vec3]) -> Vec3 {
         let mean = air.iter().copied().sum::<Vec3>() / air.len().max(1) as f32;
         let (mut momentum, mut inertia) = (Vec3::ZERO, glam::Mat3::ZERO);
@@ -256,7 +259,7 @@ mod tests {
 
     /// Falling from rest in still air: v = -u_g (1 - e^(-t/tau)), y = -u_g (t - tau (1 - e^(-t/tau))).
     #[test]
-    fn it_settles_as_the_closed_form_says() {
+    fn settling_matches_the_closed_form() {
         let still = Field(|_, _| Vec3::ZERO);
         let mut flight = one(plain(), DVec3::new(0.0, 20.0, 0.0));
         let (fall, tau) = (0.24, 0.24 / 9.81);
@@ -273,7 +276,7 @@ mod tests {
 
     /// Without a lag it is eq. 10: what the air does, less the fall.
     #[test]
-    fn without_a_lag_it_is_the_papers_equation() {
+    fn without_inertia_the_step_is_equation_10() {
         let breeze = Field(|_, _| Vec3::new(1.5, 0.1, -0.4));
         let mut flight = one(FlightParams { inertia: false, ..plain() }, DVec3::new(0.0, 20.0, 0.0));
         (0..24).for_each(|_| flight.advance(&breeze));
@@ -303,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stays_in_an_eddy() {
+    fn midpoint_rule_keeps_a_catkin_in_an_eddy() {
         let ten = drift(200, 10);
         assert!(ten.abs() / 5.0 / 10.0 < 1e-4, "{ten}");
         // Of second order in place: the phase error falls with the square of the step.
@@ -320,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tilt_of_the_tuft_makes_it_glide() {
+    fn tilted_tufts_glide() {
         let level = carrying_velocity(Vec3::ZERO, Vec3::X, 0.24, 0.5, 0.0);
         assert!(level.distance(DVec3::new(0.12, -0.24, 0.0)) < 1e-12);
         assert!(carrying_velocity(Vec3::ZERO, Vec3::Y, 0.24, 0.5, 0.1).distance(DVec3::new(0.0, -0.14, 0.0)) < 1e-12);

@@ -1,26 +1,26 @@
-//! Singles are drawn to clusters and pile up (\[catkin\] 4.3, eq. 14).
+//! Attraction of singles to deposited clusters (\[catkin\] 4.3, eq. 14).
 //!
-//! The paper moves a single by its distance d times F = e^(-gamma d^2) every 0.3 s. Here F is fixed at such ticks and the
-//! way between them is walked evenly in the logarithm: x += (1 - (1 - F)^(dt / T)) (target - x). At ticks both agree for
-//! any step; taking F anew in every step would make the result hang on the step.
+//! The paper moves a single by its distance d times F = e^(-gamma d^2) every 0.3 s. Here F is fixed at such ticks, and
+//! the motion between them is uniform in the logarithm: x += (1 - (1 - F)^(dt / T)) (target - x). At ticks both agree
+//! for any step; evaluating F anew in every step would make the result depend on the step.
 
 use glam::{DVec3, Vec3};
 
-use super::deposit::{SweptBall, hold, out_of};
+use super::deposit::{SweptBall, push_out_of_solids, surface_contact};
 use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState, NO_TARGET};
 use super::{CATKINS_PER_TASK, FlightSimulation};
 use osier_base::math::{exp, ln, narrow};
 use osier_base::par::par_map;
 
-/// Rounds in which a joiner is pushed out of those that it lies in.
+/// Relaxation rounds that push a catkin out of the members that it overlaps, at most.
 const MAX_PUSH_OUT_ROUNDS: u32 = 8;
 
-/// Times closer than this are the same, s.
+/// Tolerance for equal times, s.
 const SAME_TIME: f64 = 1e-9;
 
-/// Whether a cluster's member draws a single: on the ground, at one wall, or out of the air into a corner.
-fn draws(single: &Catkin, member: &Catkin) -> bool {
+/// Whether a member of a cluster attracts a single: on the ground, at the same wall, or from the air into a corner.
+fn attracts(single: &Catkin, member: &Catkin) -> bool {
     use CatkinState::{Airborne, Corner, Grounded, OnWall};
     match (single.state, member.state) {
         (Grounded | Corner, Grounded | Corner) | (Airborne, Corner) => true,
@@ -29,8 +29,8 @@ fn draws(single: &Catkin, member: &Catkin) -> bool {
     }
 }
 
-/// Part of a way that keeps to what a single lies on.
-fn along(single: &Catkin, way: DVec3) -> DVec3 {
+/// Displacement projected onto the surface that the single rests on; unchanged in the air.
+fn project_onto_surface(single: &Catkin, way: DVec3) -> DVec3 {
     let normal = match single.state {
         CatkinState::Grounded | CatkinState::Corner => Vec3::Y,
         CatkinState::OnWall => single.normal,
@@ -41,7 +41,7 @@ fn along(single: &Catkin, way: DVec3) -> DVec3 {
 }
 
 impl FlightSimulation {
-    /// Moves singles towards what draws them, over this step, in parts between the ticks in it.
+    /// Moves attracted singles over this step, subdivided at the ticks in it.
     pub(super) fn attract_singles(&mut self, t: f64) {
         let (tick, end) = (self.options.tick, t + self.options.time_step());
         let mut now = t;
@@ -50,23 +50,25 @@ impl FlightSimulation {
         while next as f64 * tick < end - SAME_TIME {
             let at = next as f64 * tick;
             if at > now + SAME_TIME {
-                self.draw(at - now, at);
+                self.move_attracted(at - now, at);
                 now = at;
             }
             self.choose_targets();
             next += 1;
         }
-        self.draw(end - now, end);
+        self.move_attracted(end - now, end);
     }
 
-    /// Fixes for every single whom it is drawn to, and how strongly.
+    /// Chooses the target of every single, and its strength.
     fn choose_targets(&mut self) {
+        // Candidates are the members of deposited clusters; without any, and without targets to clear, nothing
+        // changes.
         let reach = self.options.attraction_radius();
         let members = self.clusters.values().filter(|c| c.state.is_deposited()).flat_map(|c| &c.members);
         let grid = CellGrid::new(narrow(reach), members.map(|id| (*id, self.catkin(*id).x.as_vec3())));
         let corners = self.clusters.values().any(|c| c.state == CatkinState::Corner);
         let gamma = self.options.gamma;
-        if grid.is_empty() && !self.drawn {
+        if grid.is_empty() && !self.any_attracted {
             return;
         }
         let chunks: Vec<&[Catkin]> = self.catkins.chunks(CATKINS_PER_TASK).collect();
@@ -76,51 +78,52 @@ impl FlightSimulation {
                 if grid.is_empty() || !may || c.clustered {
                     return (NO_TARGET, 0.0);
                 }
-                self.nearest_of(c, &grid, reach).map_or((NO_TARGET, 0.0), |(square, id)| {
+                self.nearest_attractor(c, &grid, reach).map_or((NO_TARGET, 0.0), |(square, id)| {
                     // ln(1 - F)
                     (id, ln(-osier_base::math::exp_m1(-gamma * square)))
                 })
             };
             chunk.iter().map(one).collect()
         });
-        self.drawn = false;
+        self.any_attracted = false;
         for (c, (target, pull)) in self.catkins.iter_mut().zip(chosen.into_iter().flatten()) {
             (c.target, c.pull) = (target, pull);
-            self.drawn |= target != NO_TARGET;
+            self.any_attracted |= target != NO_TARGET;
         }
     }
 
-    /// The nearest member that draws it, by square of the distance, ties by number.
-    fn nearest_of(&self, c: &Catkin, grid: &CellGrid, reach: f64) -> Option<(f64, u32)> {
+    /// The nearest member that attracts it, with the square of the distance; ties go to the lower index.
+    fn nearest_attractor(&self, c: &Catkin, grid: &CellGrid, reach: f64) -> Option<(f64, u32)> {
         let (at, arm) = (c.x.as_vec3(), Vec3::splat(narrow(reach)));
         let mut best: Option<(f64, u32)> = None;
-        grid.each(at - arm, at + arm, |id| {
+        grid.for_each_in_box(at - arm, at + arm, |id| {
             let member = self.catkin(id);
             let square = member.x.distance_squared(c.x);
             let nearer = best.is_none_or(|(d, i)| (square, id) < (d, i));
-            if square <= reach * reach && nearer && draws(c, member) {
+            if square <= reach * reach && nearer && attracts(c, member) {
                 best = Some((square, id));
             }
         });
         best
     }
 
-    /// Moves what is drawn for a time `dt` and joins what arrives.
-    fn draw(&mut self, dt: f64, t: f64) {
-        let drawn = if self.drawn { self.leader_ids(|c| c.target != NO_TARGET) } else { Vec::new() };
+    /// Moves attracted singles for `dt` seconds and joins those that arrive.
+    fn move_attracted(&mut self, dt: f64, t: f64) {
+        let drawn = if self.any_attracted { self.leader_ids(|c| c.target != NO_TARGET) } else { Vec::new() };
         if dt <= SAME_TIME || drawn.is_empty() {
             return;
         }
         let moved: Vec<Option<DVec3>> = par_map(&drawn, |id| {
             let c = self.catkin(*id);
             let target = self.catkin(c.target);
-            if !draws(c, target) {
+            if !attracts(c, target) {
                 return None;
             }
+            // 1 - (1 - F)^(dt/T), with pull = ln(1 - F).
             let share = 1.0 - exp(c.pull * dt / self.options.tick);
-            let way = along(c, (target.x - c.x) * share);
-            let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace(&self.solids);
-            Some(out_of(&self.solids, c.x + way * gone, c.radius))
+            let way = project_onto_surface(c, (target.x - c.x) * share);
+            let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&self.solids);
+            Some(push_out_of_solids(&self.solids, c.x + way * gone, c.radius))
         });
         for (id, at) in drawn.into_iter().zip(moved) {
             let step = self.options.time_step();
@@ -133,7 +136,7 @@ impl FlightSimulation {
             c.travel += at - c.x;
             if c.state.is_deposited() {
                 c.v = (at - c.x) / step;
-                if let Some(hold) = hold(&solids, at, c.radius) {
+                if let Some(hold) = surface_contact(&solids, at, c.radius) {
                     c.rest_on(hold);
                 }
             }
@@ -146,7 +149,7 @@ impl FlightSimulation {
         }
     }
 
-    /// A single joins a cluster and finds a place on it.
+    /// Joins a single to a cluster, at a position where it overlaps no member.
     fn join_heap(&mut self, id: u32, target: u32, t: f64) {
         let root = self.catkin(target).root;
         let (mut at, radius) = (self.catkin(id).x, self.catkin(id).radius);
@@ -162,10 +165,10 @@ impl FlightSimulation {
                     at += way.try_normalize().unwrap_or(DVec3::Y) * (least - far);
                 }
             }
-            at = out_of(&self.solids, at, radius);
+            at = push_out_of_solids(&self.solids, at, radius);
         }
         self.catkin_mut(id).x = at;
-        self.join(id, target, t);
+        self.join_catkins(id, target, t);
     }
 }
 
@@ -196,7 +199,7 @@ mod tests {
             c.state = CatkinState::Grounded;
             c.moved_since_check = true;
         }
-        flights.join(0, 1, 0.0);
+        flights.join_catkins(0, 1, 0.0);
         let still = UniformWind(Vec3::ZERO);
         while flights.seconds() < 1.5 - SAME_TIME {
             flights.advance(&still);
@@ -205,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_does_not_hang_on_the_step() {
+    fn attraction_is_independent_of_the_step() {
         // d <- d (1 - e^(-gamma d^2)), five times.
         let paper = (0..5).fold(0.8, |d: f64, _| d * (1.0 - exp(-4.605 * d * d)));
         assert!((paper - 0.3879).abs() < 1e-4, "{paper}");

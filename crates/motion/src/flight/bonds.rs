@@ -1,25 +1,25 @@
-//! What holds a cluster together: one bond a join, a tree of its members, along which they draw close.
+//! Bonds of a cluster: one per join, a tree over its members, along which they contract.
 
 use glam::DVec3;
 
 use osier_base::math::exp;
 
-/// Time in which what sticks together draws closer, s.
+/// Time constant of contraction, s. Shorter: joins look like jumps; longer: pairs fly apart visibly.
 const CONTRACTION_TIME: f64 = 0.6;
 
-/// Ways shorter than this are gone at once, squared, m^2.
+/// Square of the distance below which a contraction is completed at once, m^2.
 const NEGLIGIBLE_SQUARED: f64 = 1e-10;
 
-/// Two members that touched.
+/// Bond between two members that touched.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClusterBond {
     pub ends: [u32; 2],
-    /// What is left of the way of the first, and all that hangs on it, towards the second, m.
+    /// Remaining displacement of the first member, and of all that it carries, towards the second, m.
     pub left: DVec3,
 }
 
 impl ClusterBond {
-    /// Goes a part of what is left of the way.
+    /// Takes the share `gone` of the remaining displacement.
     fn close(&mut self, gone: f64) -> DVec3 {
         let way = if self.left.length_squared() < NEGLIGIBLE_SQUARED { self.left } else { self.left * gone };
         self.left -= way;
@@ -27,8 +27,9 @@ impl ClusterBond {
     }
 }
 
-/// Numbers in `members`, ascending, that bonds hold together; each group ascending.
+/// Connected components of `members` (ascending) under the bonds; each component ascending.
 pub(super) fn bonded_groups(bonds: &[ClusterBond], members: &[u32]) -> Vec<Vec<u32>> {
+    // Union-find without path compression: clusters are small.
     let mut group: Vec<usize> = (0..members.len()).collect();
     let top = |group: &[usize], mut i: usize| {
         while group[i] != i {
@@ -48,8 +49,8 @@ pub(super) fn bonded_groups(bonds: &[ClusterBond], members: &[u32]) -> Vec<Vec<u
     out
 }
 
-/// How far each member is moved in a step by bonds that draw in, the first of them not at all; none if no bond does.
-/// `members`: ascending.
+/// Displacement of each member in a step of contraction, relative to the first; none if no bond contracts. `members`:
+/// ascending.
 pub(super) fn contract_bonds(bonds: &mut [ClusterBond], members: &[u32], dt: f64) -> Option<Vec<DVec3>> {
     if bonds.iter().all(|b| b.left == DVec3::ZERO) {
         return None;
@@ -61,6 +62,7 @@ pub(super) fn contract_bonds(bonds: &mut [ClusterBond], members: &[u32], dt: f64
         let way = bond.close(gone);
         return Some(vec![DVec3::ZERO, if bond.ends[0] == members[0] { -way } else { way }]);
     }
+    // Walk the tree from the first member: each bond adds its displacement to all that hangs on its far end.
     let mut next: Vec<Vec<(usize, DVec3)>> = vec![Vec::new(); n];
     for bond in bonds {
         let way = bond.close(gone);

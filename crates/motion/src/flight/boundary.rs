@@ -1,4 +1,4 @@
-//! The sides of the box of air.
+//! Boundary conditions at the sides of the box.
 
 use glam::{DVec3, Vec3};
 
@@ -7,22 +7,22 @@ use super::release::inflow_point;
 use super::{FlightSimulation, ReleaseCondition, SideBoundary};
 use osier_base::rng::Rng;
 
-/// Frames that one is not seen between leaving and coming back: one at the old place, one at the new, so that nothing
-/// that interpolates draws a streak between them.
+/// Frames for which a recycled catkin is hidden: one at the old position, one at the new, so that interpolation
+/// between frames draws no streak between them.
 const HIDDEN_FRAMES: f64 = 2.0;
 
 impl FlightSimulation {
-    /// Wraps, lets go or brings back what is past a side, and keeps what flies below the top.
+    /// Applies the boundary conditions to everything past a side, and keeps airborne catkins below the top.
     pub(super) fn apply_side_boundaries(&mut self, t: f64) {
         self.count_long_steps();
         let top = f64::from(self.options.inside.max.y);
         for root in self.leaders_outside() {
-            self.wrap(root);
+            self.wrap_periodic(root);
             let x = self.clusters.get(&root).map_or_else(|| self.catkin(root).x, |k| k.x);
             if self.options.is_past_a_side(x) {
                 self.exit_box(root, t);
             } else if x.y > top {
-                self.push(root, DVec3::Y * (top - x.y));
+                self.translate(root, DVec3::Y * (top - x.y));
             }
         }
         if self.present.exited {
@@ -30,7 +30,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Numbers of singles, and of those that stand for their clusters, that are outside of the box, ascending.
+    /// Indices of singles and clusters outside of the box, ascending.
     fn leaders_outside(&mut self) -> Vec<u32> {
         let escaped = std::mem::take(&mut self.escaped);
         let single = |c: &Catkin| !c.clustered && c.state.is_seen() && self.options.is_outside(c.x);
@@ -46,7 +46,7 @@ impl FlightSimulation {
         all
     }
 
-    /// Counts those in the air that are so fast that a step takes them further than they should go.
+    /// Counts airborne catkins whose step is longer than [`super::FlightParams::longest_step`].
     fn count_long_steps(&mut self) {
         let (dt, longest) = (self.options.time_step(), self.options.longest_step);
         if longest.is_finite() {
@@ -55,8 +55,8 @@ impl FlightSimulation {
         }
     }
 
-    /// Moves a single or a cluster without its having travelled.
-    fn push(&mut self, root: u32, by: DVec3) {
+    /// Translates a single or a cluster without adding to its path.
+    fn translate(&mut self, root: u32, by: DVec3) {
         if let Some(c) = self.clusters.get_mut(&root) {
             c.x += by;
             let members = c.members.clone();
@@ -66,8 +66,8 @@ impl FlightSimulation {
         }
     }
 
-    /// Brings it back by periodic sides.
-    fn wrap(&mut self, root: u32) {
+    /// Wraps a single or a cluster at periodic sides.
+    fn wrap_periodic(&mut self, root: u32) {
         let inside = self.options.inside;
         let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
         let x = self.clusters.get(&root).map_or_else(|| self.catkin(root).x, |k| k.x);
@@ -77,14 +77,15 @@ impl FlightSimulation {
         let [ex, ez] = self.options.edges;
         let by = DVec3::new(by(ex, x.x, low.x, size.x), 0.0, by(ez, x.z, low.z, size.z));
         if by != DVec3::ZERO {
-            self.push(root, by);
+            self.translate(root, by);
         }
     }
 
-    /// Leaves by an open side, all members of a cluster each for itself.
+    /// Removes a single, or all members of a cluster one by one, through an open side.
     fn exit_box(&mut self, root: u32, t: f64) {
         let members = self.clusters.remove(&root).map_or_else(|| vec![root], |c| c.members);
         let dt = self.options.time_step();
+        // Recycling starts at the first whole frame after the exit.
         let back = ((t + dt) * self.options.fps).ceil() / self.options.fps + (HIDDEN_FRAMES - 1.0) / self.options.fps;
         let edges = self.options.edges;
         let inside = self.options.inside;
@@ -100,7 +101,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Those whose time is over: at the first hidden frame they are moved, at the next they fly.
+    /// Recycles exited catkins: at the first hidden frame they move to the inflow, at the next they fly.
     fn reenter_recycled(&mut self, t: f64) {
         let now = t + self.options.time_step();
         let frame = 1.0 / self.options.fps;
@@ -132,7 +133,7 @@ impl FlightSimulation {
 }
 
 impl Catkin {
-    /// Flies again from where it was put.
+    /// Starts a new flight at the present position, with the mean wind and settling.
     fn restart_flight(&mut self, wind: Vec3, t: f64, options: &super::FlightParams) {
         self.generation += 1;
         self.state = CatkinState::Airborne;
@@ -140,7 +141,7 @@ impl Catkin {
         self.travel = DVec3::ZERO;
         self.moved = false;
         self.rested = -1.0;
-        self.lag = VelocityDecay::of(self.fall, options);
+        self.lag = VelocityDecay::for_settling_speed(self.fall, options);
         (self.lift, self.from, self.since) = (0.0, self.x, t);
     }
 }

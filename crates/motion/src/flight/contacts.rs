@@ -1,4 +1,4 @@
-//! Who touches whom: \[catkin\] 4.2.1, with a test of the ways instead of the places, so that nobody passes through.
+//! Contact search: \[catkin\] 4.2.1, with swept spheres in place of positions, so that fast catkins cannot tunnel.
 
 use glam::{DVec3, IVec3, Vec3};
 
@@ -10,28 +10,28 @@ use osier_base::math::narrow;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 
-/// Most cubes along an axis.
+/// Grid cells along an axis, at most: bounds the memory.
 const MAX_CELLS_PER_AXIS: f32 = 256.0;
 
-/// Side of the cubes that resting ones are sorted into, m.
+/// Cell size of the grid of deposited catkins, m.
 const REST_CELL: f32 = 0.25;
 
-/// Planes of cubes a task takes at once.
+/// Planes of cells per task.
 const PLANES_PER_TASK: i32 = 4;
 
-/// One in the air over the time since the last check.
+/// An airborne catkin over the interval since the last search.
 #[derive(Debug, Clone, Copy)]
 struct SweptCatkin {
     id: u32,
     root: u32,
-    /// Way, m.
+    /// Displacement over the interval, m.
     way: Vec3,
     reach: f32,
 }
 
 impl SweptCatkin {
-    /// Whether the two came within reach of each other. `between`: from half of this one's way to half of the other's.
-    fn meets(&self, other: &Self, between: Vec3) -> bool {
+    /// Whether two catkins came within reach. `between`: from the midpoint of this one's path to that of the other's.
+    fn comes_within_reach(&self, other: &Self, between: Vec3) -> bool {
         // Swept spheres: the closest approach of two linear motions over the interval, in relative coordinates.
         let way = other.way - self.way;
         let start = between - way * 0.5;
@@ -42,42 +42,43 @@ impl SweptCatkin {
     }
 }
 
-/// Keeps a ball's radius from being rounded below what it must hold.
+/// Safety factor on bounding radii against rounding.
 const ROUNDING_MARGIN: f32 = 1.0 + 1e-5;
 
-/// What the search looks at first, side by side: where one was half way, and how far it reached from there on its own way,
-/// which is what is left of its way without that of all.
+/// Bounding sphere of a swept catkin: midpoint of its path, and its reach plus half of its path relative to the mean
+/// drift. Compact, since most pairs are rejected by it alone.
 #[derive(Debug, Clone, Copy, Default)]
 struct BoundingSphere {
     middle: Vec3,
     radius: f32,
 }
 
-/// Rows of cubes after a cube's own, in x and y; with its own and the next cube in z these hold half of its neighbours,
-/// so that every two cubes are met once.
+/// Rows of cells after a cell's own, in x and y; with its own and the next cell in z they cover half of its 26
+/// neighbours, so that every pair of cells is visited once.
 const FORWARD_ROWS: [(i32, i32); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
-/// Flyers by cubes of the box, side by side in memory; cubes that follow each other in z lie side by side too.
+/// Airborne catkins sorted into the cells of a uniform grid; cells along z are contiguous in memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ContactGrid {
-    /// In no order.
+    /// In the order of the catkins.
     flyers: Vec<SweptCatkin>,
     loose: Vec<BoundingSphere>,
-    /// The same by cubes, and whose they are.
+    /// The spheres in the order of cells, and the flyer of each.
     balls: Vec<BoundingSphere>,
     whose: Vec<u32>,
-    /// Where each cube's flyers begin; one more at the end.
+    /// Index of the first sphere of each cell, and the total.
     begins: Vec<u32>,
     count: IVec3,
-    /// Which axes go round.
+    /// Whether x and z are periodic.
     round: [bool; 2],
     low: Vec3,
     size: Vec3,
 }
 
 impl ContactGrid {
-    /// All that flew since the last check. Keeps the room that it has. `begin`: the time to the next check begins for them.
-    fn gather(&mut self, options: &FlightParams, catkins: &mut [Catkin], begin: bool) {
+    /// Collects catkins that were airborne since the last search. `begin`: also starts the next interval for all
+    /// catkins.
+    fn collect_flyers(&mut self, options: &FlightParams, catkins: &mut [Catkin], begin: bool) {
         self.flyers.clear();
         self.loose.clear();
         self.round = options.edges.map(|e| e == SideBoundary::Periodic);
@@ -91,13 +92,13 @@ impl ContactGrid {
                 self.loose.push(BoundingSphere { middle, radius: 0.0 });
             }
             if begin {
-                c.begin();
+                c.begin_contact_interval();
             }
         }
     }
 
-    /// Brings those of one cube together.
-    fn sort(&mut self) {
+    /// Counting sort of the spheres by cell.
+    fn sort_into_cells(&mut self) {
         // Remove the mean drift: what remains of the displacements is small, so bounding spheres and cells are too.
         let ways = Bounds::of(self.flyers.iter().map(|f| f.way));
         let (drift, stray) = (ways.center(), 0.5 * ways.size().length());
@@ -112,9 +113,11 @@ impl ContactGrid {
         let volume = (self.size.x * self.size.y * self.size.z).max(f32::MIN_POSITIVE);
         let side = (2.0 * reach + stray).max(osier_base::math::pow_f32(volume / n, 1.0 / 3.0)).max(1e-3);
         self.count = (self.size / side).floor().clamp(Vec3::ONE, Vec3::splat(MAX_CELLS_PER_AXIS)).as_ivec3();
-        let cubes: Vec<u32> = self.loose.iter().map(|b| self.index(self.cube(b.middle))).collect();
+        // Counting sort: histogram, prefix sum, scatter.
+        let cubes: Vec<u32> = self.loose.iter().map(|b| self.cell_index(self.cell_of(b.middle))).collect();
         let cells = (self.count.x * self.count.y * self.count.z).unsigned_abs() as usize;
-        // Counted two places on, so that while they are sorted in, the place before the next cube's is where this one's end.
+        // Counts are stored two cells ahead, so that during the scatter entry c + 1 is the running end of cell c and
+        // finally the begin of the next.
         let mut begins = std::mem::take(&mut self.begins);
         begins.clear();
         begins.resize(cells + 2, 0);
@@ -130,7 +133,7 @@ impl ContactGrid {
         self.begins = begins;
     }
 
-    /// A place in the box along axes that go round.
+    /// Wraps a position along periodic axes.
     fn wrap(&self, p: Vec3) -> Vec3 {
         let far = p - self.low;
         if far.cmpge(Vec3::ZERO).all() && far.cmplt(self.size).all() {
@@ -140,22 +143,22 @@ impl ContactGrid {
         Vec3::new(if self.round[0] { p.x - turns.x } else { p.x }, p.y, if self.round[1] { p.z - turns.z } else { p.z })
     }
 
-    fn cube(&self, p: Vec3) -> IVec3 {
-        // What is below the box goes to its first cube, as does what rounding down towards nought brings there.
+    fn cell_of(&self, p: Vec3) -> IVec3 {
+        // Positions outside go to the nearest cell.
         ((p - self.low) / self.size * self.count.as_vec3()).as_ivec3().clamp(IVec3::ZERO, self.count - IVec3::ONE)
     }
 
-    fn index(&self, c: IVec3) -> u32 {
+    fn cell_index(&self, c: IVec3) -> u32 {
         ((c.x * self.count.y + c.y) * self.count.z + c.z).unsigned_abs()
     }
 
-    /// Places of the flyers of some cubes that follow each other.
-    fn within(&self, cubes: std::ops::Range<usize>) -> std::ops::Range<usize> {
+    /// Range of spheres in consecutive cells.
+    fn flyers_in_cells(&self, cubes: std::ops::Range<usize>) -> std::ops::Range<usize> {
         self.begins[cubes.start] as usize..self.begins[cubes.end] as usize
     }
 
-    /// Pairs of numbers, the smaller first, that met; sorted, each once.
-    fn pairs(&self) -> Vec<(u32, u32)> {
+    /// Pairs of indices, the smaller first, that came within reach; sorted and unique.
+    fn contact_pairs(&self) -> Vec<(u32, u32)> {
         let starts: Vec<i32> = (0..self.count.x).step_by(PLANES_PER_TASK.unsigned_abs() as usize).collect();
         let found = par_map(&starts, |x0| {
             let mut pairs = Vec::new();
@@ -166,12 +169,12 @@ impl ContactGrid {
         });
         let mut pairs: Vec<(u32, u32)> = found.into_iter().flatten().collect();
         pairs.sort_unstable();
-        // Where an axis has but one or two cubes and goes round, cubes meet more than once.
+        // With one or two cells along a periodic axis, cells are visited more than once.
         pairs.dedup();
         pairs
     }
 
-    /// Rows of cubes after the one at (x, y): the first cube of each, and how far the row stands from where it is.
+    /// Rows of cells after the one at (x, y): first cell of each, and its periodic offset.
     fn neighbour_rows(&self, x: i32, y: i32) -> impl Iterator<Item = (usize, Vec3)> {
         FORWARD_ROWS.into_iter().filter_map(move |(dx, dy)| {
             let (mut x, y) = (x + dx, y + dy);
@@ -182,27 +185,28 @@ impl ContactGrid {
             if x == self.count.x {
                 (x, by.x) = (0, self.size.x);
             }
-            Some((self.index(IVec3::new(x, y, 0)) as usize, by))
+            Some((self.cell_index(IVec3::new(x, y, 0)) as usize, by))
         })
     }
 
-    /// Pairs of the flyers in a row of cubes along z with each other and with those of the rows after it.
+    /// Tests a row of cells along z against itself and the rows after it.
     fn pairs_along_row(&self, x: i32, y: i32, pairs: &mut Vec<(u32, u32)>) {
-        let own = self.index(IVec3::new(x, y, 0)) as usize;
+        let own = self.cell_index(IVec3::new(x, y, 0)) as usize;
         let rows: Vec<(usize, Vec3)> = self.neighbour_rows(x, y).collect();
         let (n, round) = (self.count.z.unsigned_abs() as usize, Vec3::Z * self.size.z);
         for z in 0..n {
-            let here = self.within(own + z..own + z + 1);
+            let here = self.flyers_in_cells(own + z..own + z + 1);
             if here.is_empty() {
                 continue;
             }
+            // Cells z - 1 to z + 1 of a neighbouring row are contiguous.
             let (before, after) = (z.saturating_sub(1), (z + 2).min(n));
             let next = self.begins[own + after] as usize;
-            here.clone().for_each(|i| self.meet(i, i + 1..next, Vec3::ZERO, pairs));
+            here.clone().for_each(|i| self.test_pairs(i, i + 1..next, Vec3::ZERO, pairs));
             let mut meet = |cubes: std::ops::Range<usize>, by: Vec3| {
-                let there = self.within(cubes);
+                let there = self.flyers_in_cells(cubes);
                 if !there.is_empty() {
-                    here.clone().for_each(|i| self.meet(i, there.clone(), by, pairs));
+                    here.clone().for_each(|i| self.test_pairs(i, there.clone(), by, pairs));
                 }
             };
             rows.iter().for_each(|(row, by)| meet(row + before..row + after, *by));
@@ -216,16 +220,16 @@ impl ContactGrid {
         }
     }
 
-    /// Pairs of one with others that stand `by` from where they are: the way round.
-    fn meet(&self, i: usize, others: std::ops::Range<usize>, by: Vec3, pairs: &mut Vec<(u32, u32)>) {
+    /// Tests one sphere against others, which are shifted by `by`: the periodic offset.
+    fn test_pairs(&self, i: usize, others: std::ops::Range<usize>, by: Vec3, pairs: &mut Vec<(u32, u32)>) {
         let a = self.balls[i];
         for (b, k) in self.balls[others.clone()].iter().zip(others) {
-            // In this order, so that it is the same the other way about.
+            // Written so that swapping both gives the same bits with the opposite sign.
             let between = (b.middle - a.middle) + by;
             let reach = a.radius + b.radius;
             if between.length_squared() <= reach * reach {
                 let [a, b] = [i, k].map(|at| &self.flyers[self.whose[at] as usize]);
-                if a.root != b.root && a.meets(b, between) {
+                if a.root != b.root && a.comes_within_reach(b, between) {
                     pairs.push((a.id.min(b.id), a.id.max(b.id)));
                 }
             }
@@ -233,18 +237,18 @@ impl ContactGrid {
     }
 }
 
-/// All catkins that rest, as the contact search looks them up.
+/// Deposited catkins for lookup by location.
 struct RestingCatkins<'a> {
     grid: &'a CellGrid,
-    /// Largest radius, m.
+    /// Largest radius of any deposited catkin, m.
     widest: f32,
-    /// Box around all of them with their radii, m.
+    /// Bounds of all deposited catkins with their radii, m.
     bounds: Bounds,
 }
 
 impl Catkin {
-    /// The time to the next check begins.
-    fn begin(&mut self) {
+    /// Starts the interval up to the next search.
+    fn begin_contact_interval(&mut self) {
         self.travel = DVec3::ZERO;
         self.free = self.state == CatkinState::Airborne;
         self.moved_since_check = false;
@@ -252,8 +256,9 @@ impl Catkin {
 }
 
 impl FlightSimulation {
-    /// Looks for contacts since the last look and joins what touched.
+    /// Finds contacts since the last search and joins the pairs that hold.
     pub(super) fn join_contacts(&mut self, t: f64) {
+        // One draw per pair and search, addressed by both indices and the number of the search.
         let check = self.step / u64::from(self.options.check_every.max(1));
         let pairs = self.airborne_contacts();
         let chance = self.options.stick_probability;
@@ -263,29 +268,29 @@ impl FlightSimulation {
                 Rng::at(self.options.seed, &address).chance(chance)
             };
             if holds {
-                self.join(i, j, t);
+                self.join_catkins(i, j, t);
             }
         }
         for (i, j) in self.resting_contacts() {
-            self.join(i, j, t);
+            self.join_catkins(i, j, t);
         }
         if self.present.deposited {
-            self.catkins.iter_mut().for_each(Catkin::begin);
+            self.catkins.iter_mut().for_each(Catkin::begin_contact_interval);
         }
     }
 
     fn airborne_contacts(&mut self) -> Vec<(u32, u32)> {
-        // Where nobody rests nothing else asks where they came from.
-        self.contact_grid.gather(&self.options, &mut self.catkins, !self.present.deposited);
+        // Without deposits no other search needs the paths of this interval.
+        self.contact_grid.collect_flyers(&self.options, &mut self.catkins, !self.present.deposited);
         if self.contact_grid.flyers.len() < 2 {
             return Vec::new();
         }
-        self.contact_grid.sort();
-        self.contact_grid.pairs()
+        self.contact_grid.sort_into_cells();
+        self.contact_grid.contact_pairs()
     }
 
-    /// Pairs of which one or both rest, by their own radii: who came to rest or moved since the last look with all who
-    /// rest, and who flies with all who rest.
+    /// Pairs with a deposited catkin, at distances of their own radii: newly deposited or displaced ones, and airborne
+    /// ones, against all deposited ones.
     fn resting_contacts(&self) -> Vec<(u32, u32)> {
         if !self.present.deposited {
             return Vec::new();
@@ -316,17 +321,17 @@ impl FlightSimulation {
         pairs
     }
 
-    /// Adds the pairs of a catkin with the resting ones that its path since the last check touches.
+    /// Adds the pairs of a catkin with the deposited ones that its path since the last search touches.
     fn pairs_with_resting(&self, c: &Catkin, resting: &RestingCatkins<'_>, pairs: &mut Vec<(u32, u32)>) {
         let RestingCatkins { grid, widest, bounds } = *resting;
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
-        // What lies has no way to look back on: where it was before is not where it rests.
+        // A deposited catkin is tested at its present position only.
         let start = if c.state == CatkinState::Airborne { (c.x - c.travel).as_vec3() } else { end };
         let (low, high) = (start.min(end) - Vec3::splat(reach), start.max(end) + Vec3::splat(reach));
         if high.cmplt(bounds.min).any() || low.cmpgt(bounds.max).any() {
             return;
         }
-        grid.each(low, high, |id| {
+        grid.for_each_in_box(low, high, |id| {
             let other = self.catkin(id);
             if other.root == c.root {
                 return;
@@ -367,7 +372,7 @@ mod tests {
                 let [from, to] = [a, b].map(|c| (c.x - c.travel * 0.5).as_vec3());
                 let (a, b) = (flyer(a), flyer(b));
                 let between = flights.nearest_image((to - from).as_dvec3()).as_vec3();
-                if a.meets(&b, between) {
+                if a.comes_within_reach(&b, between) {
                     pairs.push((a.id, b.id));
                 }
             }
@@ -376,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_finds_what_trying_all_finds() {
+    fn grid_contacts_equal_brute_force_contacts() {
         for edges in
             [[SideBoundary::Recycle; 2], [SideBoundary::Periodic; 2], [SideBoundary::Periodic, SideBoundary::Exit]]
         {
@@ -393,7 +398,7 @@ mod tests {
 
     /// A thousand pairs that cross at ten radii a check: all are seen.
     #[test]
-    fn nobody_tunnels() {
+    fn fast_catkins_do_not_tunnel() {
         let mut flights = some(2000, FlightParams { stick_radius: 0.0, ..FlightParams::default() });
         let inside = flights.options.inside.min.as_dvec3();
         let mut draw = Rng::at(9, &["cross".into()]);

@@ -1,4 +1,4 @@
-//! Ground and walls: nobody passes them, whoever meets them stays (\[catkin\] 4.2.2).
+//! Deposition: swept collision with ground and solids, and what deposits do there (\[catkin\] 4.2.2).
 
 use glam::{DVec3, Vec3};
 
@@ -9,23 +9,23 @@ use osier_base::math::narrow;
 use osier_scene::solid::{Near, Solids};
 use osier_wind::Wind;
 
-/// Steps of a search along a way, and the least of them, m.
+/// Sphere-tracing steps, at most, and the least of them, m.
 const MAX_TRACE_STEPS: u32 = 32;
 const MIN_TRACE_STEP: f32 = 1e-5;
 
-/// Rounds in which what is too deep is lifted out.
+/// Push-out passes for penetrating balls, at most.
 const MAX_PUSH_OUT_PASSES: u32 = 4;
 
-/// What counts as touching, as a factor on the radius.
+/// Distance that counts as contact, over the radius.
 const CONTACT_FACTOR: f32 = 1.05;
 
-/// Slopes gentler than this hold what falls on them: height of the normal.
+/// Surfaces whose normal's y is above this (slopes below 60 degrees) count as ground, others as walls.
 const GROUND_NORMAL_Y: f32 = 0.5;
 
-/// What is deeper in something than this is lifted out, m.
+/// Penetration below which nothing is pushed out, m.
 const PENETRATION_TOLERANCE: f32 = 1e-6;
 
-/// A ball's way in a step.
+/// A sphere and its displacement in a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SweptBall {
     pub from: DVec3,
@@ -33,41 +33,41 @@ pub(super) struct SweptBall {
     pub radius: f32,
 }
 
-/// What a ball lies on.
+/// Surface that supports a sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SurfaceContact {
     pub state: CatkinState,
-    /// Of the wall in a corner.
+    /// Surface normal; that of the wall in a corner.
     pub normal: Vec3,
     pub face: Option<u32>,
 }
 
-/// Where a way ends.
+/// End of a sweep: position, m, and the surface touched, if any.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SweepResult {
     pub at: DVec3,
-    pub hold: Option<SurfaceContact>,
+    pub contact: Option<SurfaceContact>,
 }
 
 impl SweepResult {
     pub fn touches(&self) -> bool {
-        self.hold.is_some()
+        self.contact.is_some()
     }
 }
 
 impl SweptBall {
-    /// As far as it comes: all the way, or to where it touches something.
-    pub fn sweep_cluster(&self, solids: &Solids) -> SweepResult {
-        let (gone, met) = self.trace(solids);
+    /// Moves as far as the sphere is free, and reports the surface that stopped it.
+    pub fn sweep(&self, solids: &Solids) -> SweepResult {
+        let (gone, met) = self.trace_free_share(solids);
         if met.is_none() {
-            return SweepResult { at: self.from + self.way, hold: None };
+            return SweepResult { at: self.from + self.way, contact: None };
         }
-        let at = out_of(solids, self.from + self.way * gone, self.radius);
-        SweepResult { at, hold: hold(solids, at, self.radius) }
+        let at = push_out_of_solids(solids, self.from + self.way * gone, self.radius);
+        SweepResult { at, contact: surface_contact(solids, at, self.radius) }
     }
 
-    /// Share of the way that is free, and what ends it.
-    pub fn trace(&self, solids: &Solids) -> (f64, Option<Near>) {
+    /// Free share of the displacement, and the surface that ends it, by sphere tracing.
+    pub fn trace_free_share(&self, solids: &Solids) -> (f64, Option<Near>) {
         let length = self.way.length();
         let reach = self.radius + narrow(length) + MIN_TRACE_STEP;
         let Some(first) = solids.near(self.from.as_vec3(), reach) else { return (1.0, None) };
@@ -75,6 +75,7 @@ impl SweptBall {
             return (0.0, Some(first));
         }
         let direction = (self.way / length.max(1e-12)).as_vec3();
+        // Sphere tracing: the gap to the nearest surface is a safe step.
         let mut gone = 0.0_f64;
         for _ in 0..MAX_TRACE_STEPS {
             let left = narrow(length - gone);
@@ -90,7 +91,7 @@ impl SweptBall {
             if gap <= MIN_TRACE_STEP && closing {
                 return (gone / length, Some(near));
             }
-            // Along a face or away from it the ball may go on; what it then meets is found at the next place.
+            // Tangential or receding motion may continue; contacts on the way are found at the next position.
             let step = if closing { gap } else { gap.max(0.25 * self.radius) };
             gone += f64::from(step.max(MIN_TRACE_STEP).min(left));
         }
@@ -98,22 +99,24 @@ impl SweptBall {
     }
 }
 
-/// A ball lifted out of all that it is in.
-pub(super) fn out_of(solids: &Solids, mut at: DVec3, radius: f32) -> DVec3 {
+/// Moves a sphere out of all solids along their normals.
+pub(super) fn push_out_of_solids(solids: &Solids, mut at: DVec3, radius: f32) -> DVec3 {
     for _ in 0..MAX_PUSH_OUT_PASSES {
-        let Some(near) = deepest(solids.all_near(at.as_vec3(), radius - PENETRATION_TOLERANCE)) else { break };
+        let Some(near) = deepest_penetration(solids.all_near(at.as_vec3(), radius - PENETRATION_TOLERANCE)) else {
+            break;
+        };
         at += near.nearest.normal.as_dvec3() * f64::from(radius - near.nearest.distance);
     }
     at
 }
 
-/// Whether ground, or the top of something, bears a ball.
-pub(super) fn borne(solids: &Solids, at: DVec3, radius: f32) -> bool {
+/// Whether ground or a top face supports a sphere.
+pub(super) fn is_supported(solids: &Solids, at: DVec3, radius: f32) -> bool {
     solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR).iter().any(|n| n.nearest.normal.y > GROUND_NORMAL_Y)
 }
 
-/// The ground first, then whatever is deepest.
-fn deepest(near: Vec<Near>) -> Option<Near> {
+/// The ground if penetrated, else the deepest penetration.
+fn deepest_penetration(near: Vec<Near>) -> Option<Near> {
     let rank = |n: &Near| (n.nearest.normal.y <= GROUND_NORMAL_Y, n.nearest.distance);
     near.into_iter().min_by(|a, b| {
         let ((a_wall, a_far), (b_wall, b_far)) = (rank(a), rank(b));
@@ -121,8 +124,8 @@ fn deepest(near: Vec<Near>) -> Option<Near> {
     })
 }
 
-/// What a ball lies on, if it touches anything.
-pub(super) fn hold(solids: &Solids, at: DVec3, radius: f32) -> Option<SurfaceContact> {
+/// Surface that a sphere touches, if any.
+pub(super) fn surface_contact(solids: &Solids, at: DVec3, radius: f32) -> Option<SurfaceContact> {
     let near = solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR);
     let ground = near.iter().find(|n| n.nearest.normal.y > GROUND_NORMAL_Y);
     let wall = near.iter().find(|n| n.nearest.normal.y <= GROUND_NORMAL_Y);
@@ -139,9 +142,9 @@ pub(super) fn hold(solids: &Solids, at: DVec3, radius: f32) -> Option<SurfaceCon
 }
 
 impl Catkin {
-    /// Takes up what it came upon; true if it came to rest by it.
+    /// Deposits the catkin if its sweep touched a surface; true if so.
     pub(super) fn land_on(&mut self, landing: &SweepResult) -> bool {
-        let Some(hold) = landing.hold else { return false };
+        let Some(hold) = landing.contact else { return false };
         self.rest_on(hold);
         self.v = DVec3::ZERO;
         self.lift = 0.0;
@@ -158,29 +161,31 @@ impl Catkin {
 }
 
 impl FlightSimulation {
-    /// A cluster's way: the member that comes least far decides for all.
+    /// Sweep of a cluster: the member with the least free share limits all.
     pub(super) fn sweep_cluster(&self, cluster: &CatkinCluster, way: DVec3) -> SweepResult {
         let mut least = 1.0_f64;
         let mut met = false;
         for (id, offset) in cluster.members.iter().zip(&cluster.offsets) {
             let path = SweptBall { from: cluster.x + *offset, way, radius: self.catkin(*id).radius };
-            let (gone, near) = path.trace(&self.solids);
+            let (gone, near) = path.trace_free_share(&self.solids);
             met |= near.is_some();
             least = least.min(gone);
         }
         let at = cluster.x + way * least;
         if !met {
-            return SweepResult { at, hold: None };
+            return SweepResult { at, contact: None };
         }
         self.resolve_penetration(cluster, at)
     }
 
-    /// A cluster that lies where none of its members is in anything, as far as can be.
+    /// Pushes a cluster out of solids until no member penetrates, as far as possible.
     pub(super) fn resolve_penetration(&self, cluster: &CatkinCluster, mut at: DVec3) -> SweepResult {
         for _ in 0..MAX_PUSH_OUT_PASSES {
             let each = cluster.members.iter().zip(&cluster.offsets).filter_map(|(id, offset)| {
                 let radius = self.catkin(*id).radius;
-                let near = deepest(self.solids.all_near((at + *offset).as_vec3(), radius - PENETRATION_TOLERANCE))?;
+                let near = deepest_penetration(
+                    self.solids.all_near((at + *offset).as_vec3(), radius - PENETRATION_TOLERANCE),
+                )?;
                 Some((near.nearest.normal, radius - near.nearest.distance))
             });
             let worst =
@@ -192,12 +197,12 @@ impl FlightSimulation {
             .members
             .iter()
             .zip(&cluster.offsets)
-            .filter_map(|(id, offset)| hold(&self.solids, at + *offset, self.catkin(*id).radius))
+            .filter_map(|(id, offset)| surface_contact(&self.solids, at + *offset, self.catkin(*id).radius))
             .collect();
-        SweepResult { at, hold: joint(&holds) }
+        SweepResult { at, contact: combined_contact(&holds) }
     }
 
-    /// What is at a wall slides down it, the slower the wetter the wall, and up if the air does; [`SurfaceContact`] is found anew.
+    /// Slides wall deposits down, the slower the wetter the wall, or up in an updraft; contacts are evaluated anew.
     pub(super) fn slide_down_walls(&mut self, wind: &dyn Wind, t: f64) {
         let sliding =
             if self.present.on_wall { self.leader_ids(|c| c.state == CatkinState::OnWall) } else { Vec::new() };
@@ -211,19 +216,20 @@ impl FlightSimulation {
         for (id, air) in sliding.into_iter().zip(air) {
             let c = self.catkin(id);
             let fall = self.clusters.get(&id).map_or(c.fall, |k| k.fall);
+            // Net vertical velocity, reduced by the humidity, along the wall's steepest direction.
             let speed = (1.0 - self.wall_humidity(c.face)) * (f64::from(air.y) - fall);
             let along = (Vec3::Y - c.normal * c.normal.y).normalize_or(Vec3::Y).as_dvec3();
-            self.slide(id, along * (speed * dt));
+            self.slide_deposit(id, along * (speed * dt));
         }
     }
 
-    /// How wet a solid is; the ground's own counts for none.
+    /// Humidity of a solid, 0 to 1; 0 for the ground, which has its own.
     pub(super) fn wall_humidity(&self, face: Option<u32>) -> f64 {
         face.and_then(|i| self.solids.list().get(i as usize)).map_or(0.0, |s| s.humidity)
     }
 
-    /// Moves a resting single or cluster along what it lies on; it may slide off and be in the air again.
-    pub(super) fn slide(&mut self, root: u32, way: DVec3) {
+    /// Moves a deposited single or cluster along its surface; without contact it becomes airborne.
+    pub(super) fn slide_deposit(&mut self, root: u32, way: DVec3) {
         if way.length_squared() < 1e-18 {
             return;
         }
@@ -234,27 +240,27 @@ impl FlightSimulation {
             let mut cluster = cluster.clone();
             cluster.v = (landing.at - cluster.x) / dt;
             cluster.x = landing.at;
-            if landing.hold.is_none() {
+            if landing.contact.is_none() {
                 cluster.state = CatkinState::Airborne;
             }
             self.clusters.insert(root, cluster);
-            self.place(root, &landing);
+            self.move_cluster_members(root, &landing);
             return;
         }
         let solids = std::sync::Arc::clone(&self.solids);
         let c = self.catkin_mut(root);
-        let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace(&solids);
-        let at = out_of(&solids, c.x + way * gone, c.radius);
+        let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&solids);
+        let at = push_out_of_solids(&solids, c.x + way * gone, c.radius);
         c.v = (at - c.x) / dt;
         c.travel += at - c.x;
         c.x = at;
-        match hold(&solids, at, c.radius) {
+        match surface_contact(&solids, at, c.radius) {
             Some(hold) => c.rest_on(hold),
             None => c.state = CatkinState::Airborne,
         }
     }
 
-    /// Singles and clusters that are deeper in anything than 0.1 mm: of all that rests, how many.
+    /// Number of deposited catkins that penetrate a surface by more than 0.1 mm.
     pub(super) fn count_penetrations(&self) -> u64 {
         let deep = |c: &Catkin| {
             let near = self.solids.near(c.x.as_vec3(), c.radius);
@@ -265,8 +271,8 @@ impl FlightSimulation {
     }
 }
 
-/// What many lie on together: a corner if some lie on the ground and some at a wall.
-pub(super) fn joint(holds: &[SurfaceContact]) -> Option<SurfaceContact> {
+/// Contact of a cluster: a corner if members touch both ground and wall.
+pub(super) fn combined_contact(holds: &[SurfaceContact]) -> Option<SurfaceContact> {
     let first = |state: CatkinState| holds.iter().find(|h| h.state == state);
     if let Some(corner) = first(CatkinState::Corner) {
         return Some(*corner);

@@ -1,28 +1,28 @@
-//! Who is near: places sorted by cubes of space.
+//! Sparse uniform grid of points for lookup by location.
 
 use glam::{IVec3, Vec3};
 
-/// Numbers of places by the cube that they are in.
+/// Indices of points, sorted by the cell that they are in.
 #[derive(Debug, Clone, Default)]
 pub(super) struct CellGrid {
     size: f32,
-    /// Cube and number, sorted.
+    /// Cell key and index, sorted.
     all: Vec<(u64, u32)>,
 }
 
-/// Cubes along an axis that a key tells apart, half of them below zero.
+/// Cells along an axis that a key distinguishes, half of them negative.
 const REACH: i32 = 1 << 20;
 
-fn key(cube: IVec3) -> u64 {
+fn cell_key(cube: IVec3) -> u64 {
     let part = |v: i32| u64::from((v.clamp(-REACH, REACH - 1) + REACH).cast_unsigned());
     (part(cube.x) << 42) | (part(cube.y) << 21) | part(cube.z)
 }
 
 impl CellGrid {
-    /// `size`: side of a cube, m, > 0. `places`: where each number is.
+    /// `size`: cell size, m, > 0. `places`: index and position, m, of each point.
     pub fn new(size: f32, places: impl Iterator<Item = (u32, Vec3)>) -> Self {
         let mut grid = Self { size, all: Vec::new() };
-        grid.all = places.map(|(id, p)| (key(grid.cube(p)), id)).collect();
+        grid.all = places.map(|(id, p)| (cell_key(grid.cell_of(p)), id)).collect();
         grid.all.sort_unstable();
         grid
     }
@@ -31,17 +31,17 @@ impl CellGrid {
         self.all.is_empty()
     }
 
-    fn cube(&self, p: Vec3) -> IVec3 {
+    fn cell_of(&self, p: Vec3) -> IVec3 {
         (p / self.size).floor().as_ivec3()
     }
 
-    /// Numbers in all cubes that a box meets.
-    pub fn each(&self, low: Vec3, high: Vec3, mut take: impl FnMut(u32)) {
-        let (a, b) = (self.cube(low), self.cube(high));
+    /// Calls `take` with the index of every point in the cells that a box touches.
+    pub fn for_each_in_box(&self, low: Vec3, high: Vec3, mut take: impl FnMut(u32)) {
+        let (a, b) = (self.cell_of(low), self.cell_of(high));
         for x in a.x..=b.x {
             for y in a.y..=b.y {
-                // Cubes of one row follow each other.
-                let (first, last) = (key(IVec3::new(x, y, a.z)), key(IVec3::new(x, y, b.z)));
+                // Cells of one row have consecutive keys: one binary search per row.
+                let (first, last) = (cell_key(IVec3::new(x, y, a.z)), cell_key(IVec3::new(x, y, b.z)));
                 let start = self.all.partition_point(|(k, _)| *k < first);
                 self.all[start..].iter().take_while(|(k, _)| *k <= last).for_each(|(_, id)| take(*id));
             }
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_box_finds_what_it_holds() {
+    fn box_query_returns_the_points_in_it() {
         let places: Vec<Vec3> = (0..500_u16)
             .map(|i| {
                 let f = f32::from(i);
@@ -64,7 +64,7 @@ mod tests {
         let grid = CellGrid::new(0.5, (0..).zip(places.iter().copied()));
         let (low, high) = (Vec3::new(-1.0, 0.7, -2.0), Vec3::new(0.6, 1.9, 1.1));
         let mut found = Vec::new();
-        grid.each(low, high, |i| found.push(i));
+        grid.for_each_in_box(low, high, |i| found.push(i));
         found.sort_unstable();
         let inside = |p: &Vec3| p.cmpge(low).all() && p.cmple(high).all();
         let wanted: Vec<u32> = (0..).zip(&places).filter(|(_, p)| inside(p)).map(|(i, _)| i).collect();

@@ -1,7 +1,7 @@
-//! Wind takes up again what lies, the more easily the drier the ground.
+//! Lift-off: the wind resuspends deposits, the more easily the drier the ground.
 //!
-//! Own: the paper names the humidity and the "viscosity of the ground" without an equation. A deposit of n leaves when the
-//! wind at 0.1 m passes u_t0 (1 + k h / (1 - h)) min(3, n^(1/3)).
+//! Own: the paper names the humidity and the "viscosity of the ground" without an equation. A deposit of n catkins
+//! lifts off when the wind at 0.1 m exceeds u_t0 (1 + k h / (1 - h)) min(3, n^(1/3)).
 
 use glam::{DVec3, Vec3};
 
@@ -10,16 +10,16 @@ use super::particles::CatkinState;
 use osier_base::math::{cbrt, ln};
 use osier_wind::Wind;
 
-/// Height at which lift-off asks for the wind, m.
+/// Reference height of the threshold wind, m.
 const LIFT_HEIGHT: f64 = 0.1;
 
-/// Share of the wind's speed that a dry single creeps with.
+/// Creep speed of a dry single over the wind speed.
 const CREEP_SHARE: f64 = 0.3;
 
-/// Rising air at lift-off: this much of what the wind has too much.
+/// Updraft at lift-off over the excess of the wind above the threshold.
 const UPDRAFT_SHARE: f64 = 0.5;
 
-/// A single or a cluster at rest.
+/// A deposited single or cluster, with what its threshold depends on.
 struct RestingDeposit {
     root: u32,
     count: usize,
@@ -31,12 +31,13 @@ struct RestingDeposit {
 }
 
 impl FlightSimulation {
-    /// Takes off what the wind can lift, and moves what it nearly can.
+    /// Lifts deposits above their threshold, and lets singles near it creep.
     pub(super) fn lift_off(&mut self, wind: &dyn Wind, t: f64) {
-        let deposits = if self.present.deposited { self.deposits() } else { Vec::new() };
+        let deposits = if self.present.deposited { self.resting_deposits() } else { Vec::new() };
         if deposits.is_empty() {
             return;
         }
+        // Sample the wind at the height where it is resolved, along the surface normal for wall deposits.
         let height = self.options.known_height.max(LIFT_HEIGHT);
         let above = |d: &RestingDeposit| {
             let out = if d.wall { d.normal } else { Vec3::Y }.as_dvec3();
@@ -46,7 +47,7 @@ impl FlightSimulation {
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t, &mut air);
         let z0 = self.options.roughness;
-        // By the logarithmic law, from where the wind is known.
+        // Logarithmic law: u(0.1 m) / u(height).
         let down = ln((LIFT_HEIGHT + z0) / z0) / ln((height + z0) / z0);
         let mut sum = 0.0;
         for (d, air) in deposits.iter().zip(&air) {
@@ -58,7 +59,7 @@ impl FlightSimulation {
         self.counters.ground_wind = sum / deposits.len() as f64;
     }
 
-    fn deposits(&self) -> Vec<RestingDeposit> {
+    fn resting_deposits(&self) -> Vec<RestingDeposit> {
         let rests = self.leader_ids(|c| c.state.is_deposited());
         rests
             .into_iter()
@@ -85,8 +86,8 @@ impl FlightSimulation {
             .collect()
     }
 
-    /// Wind at 0.1 m that lifts a deposit, m/s.
-    fn threshold(&self, d: &RestingDeposit) -> f64 {
+    /// Threshold wind at 0.1 m for a deposit, m/s.
+    fn lift_off_threshold(&self, d: &RestingDeposit) -> f64 {
         if d.humidity >= 1.0 {
             return f64::INFINITY;
         }
@@ -98,13 +99,13 @@ impl FlightSimulation {
     /// Lifts a deposit off, or lets a single catkin creep, at time `t`, s. `air`: wind above it, m/s; `speed`: that wind at
     /// 0.1 m from the surface, m/s.
     fn lift_or_creep(&mut self, d: &RestingDeposit, air: Vec3, speed: f64, t: f64) {
-        let least = self.threshold(d);
+        let least = self.lift_off_threshold(d);
         if speed > least {
             let fall = self.clusters.get(&d.root).map_or_else(|| self.catkin(d.root).fall, |c| c.fall);
             self.take_off(d.root, fall + UPDRAFT_SHARE * (speed - least), t);
         } else if d.count == 1 && !d.wall && speed > least / 2.0 {
             let level = Vec3::new(air.x, 0.0, air.z).normalize_or_zero().as_dvec3();
-            self.slide(d.root, level * (CREEP_SHARE * (1.0 - d.humidity) * speed * self.options.time_step()));
+            self.slide_deposit(d.root, level * (CREEP_SHARE * (1.0 - d.humidity) * speed * self.options.time_step()));
         } else if !d.wall {
             self.stop_creeping(d.root);
         }
@@ -117,7 +118,7 @@ impl FlightSimulation {
         }
     }
 
-    /// Into the air again, with air that rises at `rise`, m/s, and dies away.
+    /// Makes a deposit airborne with an updraft of initially `rise`, m/s.
     fn take_off(&mut self, root: u32, rise: f64, t: f64) {
         self.counters.lift_offs += 1;
         let members = self.clusters.get(&root).map_or_else(|| vec![root], |c| c.members.clone());

@@ -1,10 +1,10 @@
-//! Catkins in the air and on the ground: carried by a wind, sinking, tumbling, sticking to each other, coming to rest on
-//! ground and walls, drawn to heaps, lifted again.
+//! Flight of catkins: they are carried by the wind, settle, tumble, stick to each other, deposit on ground and walls,
+//! are attracted to deposited clusters, and lift off again.
 //!
-//! [`FlightSimulation`] holds all of them and goes forward in steps; the wind is asked at every step, so that it need not be known
-//! beforehand. Results do not depend on threads or on the order in memory: what concerns one catkin is computed for each
-//! by itself, what concerns two is collected, sorted by number and done in that order.
-//! Source: \[catkin\] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
+//! [`FlightSimulation`] holds all catkins and advances in steps; it samples the wind at every step, so that the wind
+//! can be simulated along with it. Results depend neither on threads nor on the order in memory: what concerns one
+//! catkin is computed independently, what concerns pairs is collected, sorted by index and applied in that order.
+//! Source: \[catkin\] sections 4.1 to 4.3; own: exact drag relaxation, masses, and a swept contact test.
 
 mod advance;
 mod attraction;
@@ -42,57 +42,59 @@ use clusters::CatkinClusters;
 use contacts::ContactGrid;
 use present_states::PresentStates;
 
-/// Records a task takes at once.
+/// Catkins per task: large enough that scheduling costs nothing, small enough for the L2 cache.
 const CATKINS_PER_TASK: usize = 512;
 
-/// Steps after which neighbours are brought together in memory.
+/// Steps between two spatial sorts. More often: the sort costs more than it saves; more rarely: neighbours drift apart
+/// in memory.
 const SORT_INTERVAL_STEPS: u64 = 64;
 
-/// All catkins of a clip.
+/// State of all catkins and clusters.
 #[derive(Debug, Clone)]
 pub struct FlightSimulation {
     options: FlightParams,
     solids: Arc<Solids>,
-    /// In an order of their own.
+    /// Spatially sorted; `slot` finds a catkin by its index.
     catkins: Vec<Catkin>,
-    /// Where each number is in `catkins`.
+    /// Position in `catkins` of each catkin, by its index.
     slot: Vec<u32>,
     clusters: CatkinClusters,
     step: u64,
-    /// Mean wind, m/s: by which sides it enters.
+    /// Mean wind, m/s: decides through which sides recycled catkins enter.
     mean_wind: Vec3,
-    /// What there is, as of the last flight of singles and clusters.
+    /// States that occur, as of the last advance of singles and clusters.
     present: PresentStates,
-    /// Some single is drawn to a cluster.
-    drawn: bool,
-    /// Singles that this step took out of the box.
+    /// Whether any single is attracted to a cluster.
+    any_attracted: bool,
+    /// Indices of singles that left the box in this step.
     escaped: Vec<u32>,
-    /// Room for the search for contacts.
+    /// Buffers of the contact search, reused.
     contact_grid: ContactGrid,
     counters: stats::EventCounters,
 }
 
-/// What is seen at one time, by number.
+/// Visible state of all catkins at one time, by index.
 #[derive(Debug, Clone, Default)]
 pub struct FlightFrame {
-    /// m; those not seen stay where they were last.
+    /// Positions, m; hidden catkins keep their last.
     pub positions: Vec<Vec3>,
-    /// Tufts point along +Y.
+    /// Rotations from the rest pose, whose tuft points along +Y.
     pub orientations: Vec<Quat>,
-    /// m/s.
+    /// Velocities, m/s; 0 for hidden catkins.
     pub velocities: Vec<Vec3>,
-    /// Axis times rad/s.
+    /// Angular velocity vectors, rad/s; 0 for hidden catkins.
     pub angular_velocities: Vec<Vec3>,
-    /// What each is doing.
+    /// State of each catkin.
     pub states: Vec<CatkinState>,
-    /// Smallest number of its cluster.
+    /// Smallest index in its cluster; its own for a single.
     pub clusters: Vec<u32>,
-    /// How often it has come back.
+    /// Number of times that it was recycled.
     pub generations: Vec<u32>,
 }
 
 impl FlightSimulation {
-    /// Catkins numbered in the order of `starts`. Those that start in a solid never fly; see [`FlightStats::buried`].
+    /// Catkins indexed in the order of `starts`. Those that start inside a solid never fly; see
+    /// [`FlightStats::buried`].
     pub fn new(options: FlightParams, solids: Arc<Solids>, starts: &[CatkinStart]) -> Self {
         let mut catkins: Vec<Catkin> = (0..).zip(starts).map(|(id, start)| Catkin::new(id, *start, &options)).collect();
         let mut counters = stats::EventCounters::default();
@@ -103,10 +105,10 @@ impl FlightSimulation {
                 counters.buried += 1;
             }
         }
-        let slot = (0..u32::try_from(catkins.len()).unwrap_or(u32::MAX)).collect();
+        let slot = catkins.iter().map(|c| c.id).collect();
         let (clusters, present) = (CatkinClusters::new(), PresentStates::UNKNOWN);
         let (escaped, contact_grid) = (Vec::new(), ContactGrid::default());
-        let (step, mean_wind, drawn) = (0, Vec3::X, false);
+        let (step, mean_wind) = (0, Vec3::X);
         Self {
             options,
             solids,
@@ -116,7 +118,7 @@ impl FlightSimulation {
             step,
             mean_wind,
             present,
-            drawn,
+            any_attracted: false,
             escaped,
             contact_grid,
             counters,
@@ -128,7 +130,7 @@ impl FlightSimulation {
         self.catkins.len()
     }
 
-    /// True without any.
+    /// Whether there are no catkins.
     pub fn is_empty(&self) -> bool {
         self.catkins.is_empty()
     }
@@ -138,48 +140,52 @@ impl FlightSimulation {
         self.step as f64 * self.options.time_step()
     }
 
-    /// What rules them.
+    /// Parameters of the simulation.
     pub fn options(&self) -> &FlightParams {
         &self.options
     }
 
-    /// All of them by number.
+    /// All catkins in the order of their indices.
     pub fn by_id(&self) -> impl Iterator<Item = &Catkin> {
         self.slot.iter().filter_map(|s| self.catkins.get(*s as usize))
     }
 
-    /// Goes on by the steps of one frame.
+    /// Advances by the substeps of one frame.
     pub fn advance_frame(&mut self, wind: &dyn Wind) {
         for _ in 0..self.options.substeps.max(1) {
             self.advance(wind);
         }
     }
 
-    /// Goes on by one step.
+    /// Advances by one step.
     pub fn advance(&mut self, wind: &dyn Wind) {
         let t = self.seconds();
         self.mean_wind = wind.mean();
         if self.options.sorted && self.step.is_multiple_of(SORT_INTERVAL_STEPS) {
-            self.sort();
+            self.sort_by_location();
         }
+        // Flight first, so that contacts and deposition see where everything went in this step.
         self.release_pending(wind, t);
         self.advance_singles(wind, t);
         self.advance_clusters(wind, t);
-        self.gather();
+        // Deposits: clusters contract, heaps collapse, wall deposits slide.
+        self.contract_resting_clusters();
         self.relax_heaps();
         self.slide_down_walls(wind, t);
         if (self.step + 1).is_multiple_of(u64::from(self.options.check_every.max(1))) {
             self.join_contacts(t);
         }
+        // Attraction to deposited clusters, lift-off by the wind, sides of the box, and last rotation.
         self.attract_singles(t);
         self.lift_off(wind, t);
         self.apply_side_boundaries(t);
-        self.turn();
+        self.tumble_all();
         self.step += 1;
     }
 
-    /// Brings neighbours together: wind and contacts then find in the cache what they need.
-    fn sort(&mut self) {
+    /// Sorts catkins by location (cells of 2 m, rows along x): samples of the wind and contact tests then hit the
+    /// cache.
+    fn sort_by_location(&mut self) {
         let key = |c: &Catkin| {
             let p = ((c.x.as_vec3() - self.options.inside.min) * 0.5).clamp(Vec3::ZERO, Vec3::splat(1023.0));
             let [x, y, z] = p.as_uvec3().to_array();
@@ -191,10 +197,11 @@ impl FlightSimulation {
         }
     }
 
-    /// Numbers of singles, and of those that stand for their clusters, that answer to `want`, ascending.
+    /// Indices of singles and of cluster leaders that satisfy `want`, ascending.
     fn leader_ids(&self, want: impl Fn(&Catkin) -> bool) -> Vec<u32> {
         // In the order of memory, which is far faster than by number.
-        let mut found: Vec<u32> = self.catkins.iter().filter(|c| c.leads() && want(c)).map(|c| c.id).collect();
+        let mut found: Vec<u32> =
+            self.catkins.iter().filter(|c| c.is_cluster_leader() && want(c)).map(|c| c.id).collect();
         found.sort_unstable();
         found
     }
@@ -207,7 +214,7 @@ impl FlightSimulation {
         &mut self.catkins[self.slot[id as usize] as usize]
     }
 
-    /// What is seen now.
+    /// Present visible state.
     pub fn frame(&self) -> FlightFrame {
         let mut out = FlightFrame::default();
         for c in self.by_id() {
@@ -222,8 +229,8 @@ impl FlightSimulation {
         out
     }
 
-    /// Counts of now and of all that happened so far.
+    /// Present statistics, and event counts so far.
     pub fn stats(&self) -> FlightStats {
-        stats::count(self)
+        stats::collect_stats(self)
     }
 }

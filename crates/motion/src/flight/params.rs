@@ -1,4 +1,4 @@
-//! What a flight is told.
+//! Parameters of a flight.
 
 use glam::{DVec3, Vec3};
 
@@ -7,53 +7,53 @@ use osier_base::geometry::Bounds;
 /// Acceleration of free fall, m/s^2.
 const GRAVITY: f64 = osier_base::physics::GRAVITY;
 
-/// A kind of catkin that flies.
+/// Size and frequency of one kind of catkin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatkinKind {
-    /// Of the ball around all its hairs, about the point that they start from, m, > 0.
+    /// Bounding radius of all hairs about their common origin, m, > 0.
     pub radius: f32,
-    /// How often it is met, >= 0.
+    /// Relative frequency, >= 0.
     pub weight: f64,
 }
 
-/// What happens at an open side of the box.
+/// Boundary condition at the vertical sides of the box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SideBoundary {
-    /// Out at one side is in at the other.
+    /// Periodic with the opposite side.
     Periodic,
-    /// It is gone.
+    /// Catkins leave for good.
     Exit,
-    /// It comes back on a side that the wind enters by.
+    /// Catkins reenter, after two hidden frames, through an inflow side.
     Recycle,
 }
 
-/// When a catkin starts, and from where.
+/// Start position and release condition of a catkin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatkinStart {
-    /// Where, m.
+    /// Start position, m.
     pub at: DVec3,
-    /// What it waits for.
+    /// Condition of its release.
     pub wait: ReleaseCondition,
 }
 
-/// What a start waits for.
+/// Condition under which a waiting catkin is released.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ReleaseCondition {
-    /// A time, s.
+    /// At a time since the start, s.
     Until(f64),
-    /// Wind at its place: it leaves when the integral of [`FlightParams::release_rate`] times what the air is faster than
-    /// [`FlightParams::release_speed`], as a share of that, reaches this.
+    /// By the wind: when the integral of [`FlightParams::release_rate`] times the relative excess of the local wind
+    /// over [`FlightParams::release_speed`] reaches this value.
     Wind(f64),
 }
 
-/// How wet the ground is, 0 to 1.
+/// Humidity of the ground, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GroundHumidity {
-    /// Everywhere alike.
+    /// Uniform humidity.
     Even(f64),
-    /// A picture over the box, its top at -z.
+    /// A raster over the box, its first row at -z.
     Map {
-        /// Pixels in x.
+        /// Pixels along x.
         width: usize,
         /// Rows from -z to +z, 0 to 1.
         values: Vec<f32>,
@@ -61,7 +61,7 @@ pub enum GroundHumidity {
 }
 
 impl GroundHumidity {
-    /// At (x, z) of a box, m.
+    /// Humidity at a position in the box `inside`, m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     pub fn at(&self, place: Vec3, inside: Bounds) -> f64 {
         match self {
@@ -76,70 +76,70 @@ impl GroundHumidity {
     }
 }
 
-/// All that rules a flight. Lengths in m, times in s, speeds in m/s.
+/// Parameters of a [`FlightSimulation`]. Lengths in m, times in s, speeds in m/s.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightParams {
-    /// Of all draws.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Frames a second, > 0.
+    /// Frames per second, > 0.
     pub fps: f64,
-    /// Steps a frame, >= 1.
+    /// Substeps per frame, >= 1.
     pub substeps: u32,
-    /// The box of air.
+    /// Bounds of the simulated air.
     pub inside: Bounds,
-    /// Sides in x and in z.
+    /// Boundary condition of the sides across x, and across z.
     pub edges: [SideBoundary; 2],
-    /// Part of the height that recycled ones come back in.
+    /// Range of heights in which recycled catkins reenter, over the height of the box.
     pub band: [f64; 2],
-    /// Which ones there are; at least one.
+    /// Kinds of catkins; at least one.
     pub kinds: Vec<CatkinKind>,
-    /// Smallest and largest factor on a kind's size.
+    /// Range of scale factors on a kind's size.
     pub scales: [f64; 2],
-    /// Mass of one of scale 1, kg.
+    /// Mass at scale 1, kg; mass grows with the square of the scale.
     pub mass: f64,
-    /// Settling speed.
+    /// Settling speed in calm air, m/s.
     pub fall: f64,
-    /// Its spread, as a share: standard deviation, cut at two.
+    /// Relative standard deviation of the settling speed, cut off at two.
     pub fall_spread: f64,
-    /// How far tilted ones glide: 0 not at all, 1 strongly.
+    /// Horizontal speed of a tilted catkin over its settling speed, 0 to 1.
     pub glide: f64,
-    /// Whether they lag behind changes of the wind.
+    /// Whether velocities relax towards the wind with the time constant v_s / g; else they follow at once.
     pub inertia: bool,
-    /// Whether clusters turn.
+    /// Whether clusters rotate with the vorticity of the wind.
     pub cluster_rotation: bool,
-    /// Clusters of n sink n^beta times as fast.
+    /// Exponent beta: clusters of n settle n^beta times as fast as a single.
     pub beta: f64,
-    /// Release by wind: chance a second where the air is twice as fast as `release_speed`, and that speed.
+    /// Release rate, 1/s, where the wind is twice `release_speed`.
     pub release_rate: f64,
-    /// See `release_rate`.
+    /// Wind speed above which catkins are released.
     pub release_speed: f64,
-    /// Reach of hairs and charge in the air, m; 0 for nothing but their own radius.
+    /// Contact radius in the air, m; 0 for the catkin's own radius.
     pub stick_radius: f64,
-    /// Chance that a contact in the air holds.
+    /// Probability that a contact in the air holds.
     pub stick_probability: f64,
-    /// How close those that stick draw, as a share of both radii.
+    /// Distance to which bonded catkins contract, over the sum of their radii.
     pub stick_close: f64,
-    /// Steps between two checks for contacts, >= 1.
+    /// Steps between two contact searches, >= 1.
     pub check_every: u32,
-    /// How fast attraction fades with distance, 1/m^2, > 0; see \[catkin\] eq. 14.
+    /// Decay of attraction with distance, 1/m^2, > 0; gamma of \[catkin\] eq. 14.
     pub gamma: f64,
-    /// Time between two looks for something to be drawn to.
+    /// Interval at which attraction targets are chosen anew.
     pub tick: f64,
-    /// Of the ground.
+    /// Humidity of the ground.
     pub humidity: GroundHumidity,
-    /// Wind at 0.1 m that lifts a dry one.
+    /// Wind speed at 0.1 m height that lifts a dry single.
     pub lift_speed: f64,
-    /// How much wet ground adds to it.
+    /// Increase of that speed with humidity, k in 1 + k h / (1 - h).
     pub lift_wet: f64,
-    /// Least height above a surface at which the wind is known, m.
+    /// Least height above a surface at which the wind field is resolved, m; below, the logarithmic law is used.
     pub known_height: f64,
-    /// Further than this nothing should move in a step, m: what does is counted.
+    /// Displacement per step above which steps are counted in [`FlightStats::long_steps`], m.
     pub longest_step: f64,
-    /// Roughness of the ground, m.
+    /// Aerodynamic roughness length of the ground, m.
     pub roughness: f64,
-    /// How much they turn about: 1 is natural, 0 not at all.
+    /// Strength of tumbling: 1 is natural, 0 for none.
     pub flutter: f64,
-    /// Keeps neighbours together in memory; changes no result.
+    /// Whether catkins are sorted by location now and then; changes no result.
     pub sorted: bool,
 }
 
@@ -187,23 +187,23 @@ impl FlightParams {
         1.0 / (self.fps * f64::from(self.substeps.max(1)))
     }
 
-    /// Time in which the difference between the velocity of what settles at `fall`, m/s, and the air's falls to 1/e, s.
+    /// Velocity relaxation time v_s / g of a body with settling speed `fall`, m/s, in s; 0 without inertia.
     pub(super) fn relaxation_time(&self, fall: f64) -> f64 {
         if self.inertia { fall / GRAVITY } else { 0.0 }
     }
 
-    /// Past a side of the box, or above its top.
+    /// Whether a position is past a side of the box or above its top.
     pub(super) fn is_outside(&self, x: DVec3) -> bool {
         self.is_past_a_side(x) || x.y > f64::from(self.inside.max.y)
     }
 
-    /// Past a side of the box.
+    /// Whether a position is past a side of the box.
     pub(super) fn is_past_a_side(&self, x: DVec3) -> bool {
         let (low, high) = (self.inside.min.as_dvec3(), self.inside.max.as_dvec3());
         x.x < low.x || x.x > high.x || x.z < low.z || x.z > high.z
     }
 
-    /// How far a single is drawn to a cluster, m: where the attraction has fallen to a hundredth.
+    /// Range of attraction, m: where it has decayed to a hundredth.
     pub fn attraction_radius(&self) -> f64 {
         osier_base::math::sqrt(osier_base::math::ln(100.0) / self.gamma)
     }

@@ -1,4 +1,4 @@
-//! One catkin in flight.
+//! State of a single catkin.
 
 use glam::{DVec3, Quat, Vec3};
 
@@ -6,106 +6,106 @@ use super::params::{CatkinStart, FlightParams, ReleaseCondition};
 use osier_base::math::{exp, narrow};
 use osier_base::rng::{self, Rng};
 
-/// What it is doing.
+/// Phase of a catkin's flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CatkinState {
-    /// Not yet released; not seen.
+    /// Waiting for its release; hidden.
     Pending,
-    /// In the air.
+    /// Carried by the wind.
     Airborne,
-    /// On the ground, a roof, the top of a wall.
+    /// Deposited on the ground or on the top of a solid.
     Grounded,
-    /// At a steep face, sinking.
+    /// At a steep face, sliding down.
     OnWall,
-    /// Between ground and wall.
+    /// In contact with ground and wall.
     Corner,
-    /// Out of the box, or between leaving and coming back; not seen.
+    /// Outside of the box, or hidden before it reenters.
     Exited,
 }
 
 impl CatkinState {
-    /// On something.
+    /// Whether it rests on a surface.
     pub fn is_deposited(self) -> bool {
         matches!(self, Self::Grounded | Self::OnWall | Self::Corner)
     }
 
-    /// There to be seen.
+    /// Whether it is visible.
     pub fn is_seen(self) -> bool {
         self == Self::Airborne || self.is_deposited()
     }
 }
 
-/// No other catkin.
+/// Marks a catkin without an attraction target.
 pub(super) const NO_TARGET: u32 = u32::MAX;
 
-/// One catkin. Its number is its place in the order of starts.
+/// One catkin. Its index is its position among the starts.
 ///
-/// Lines of 64 bytes by who reads them, for a step of many waits for memory: the search for contacts needs but the first,
-/// tumbling the first and the third, flying these and the second.
+/// Fields are grouped by cache lines of 64 bytes, since a step over many catkins is bound by memory: the contact
+/// search reads the first line only, tumbling the first and third, flight all three.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Catkin {
     pub(super) id: u32,
-    /// Smallest number of the cluster that it belongs to; its own if it is alone.
+    /// Smallest index in its cluster; its own for a single.
     pub(super) root: u32,
     pub(super) radius: f32,
     pub(super) state: CatkinState,
     /// Member of a cluster.
     pub(super) clustered: bool,
-    /// In the air at all times since the last check for contacts.
+    /// Airborne since the last contact search.
     pub(super) free: bool,
-    /// Came to rest or moved along since that check.
+    /// Deposited or displaced since that search.
     pub(super) moved_since_check: bool,
     pub(super) x: DVec3,
-    /// Way since that check, never wrapped.
+    /// Path since that search, not wrapped at periodic sides, m.
     pub(super) travel: DVec3,
 
     pub(super) v: DVec3,
     pub(super) mass: f64,
     pub(super) lag: VelocityDecay,
-    /// Upward air that took it off, m/s, and when.
+    /// Updraft at its lift-off, m/s, and time of the lift-off, s.
     pub(super) lift: f64,
     pub(super) lifted: f64,
 
     pub(super) q: Quat,
     pub(super) omega: Vec3,
-    /// Torque that nobody can foresee, rad/s^2.
+    /// Random angular acceleration, rad/s^2.
     pub(super) random_torque: Vec3,
-    /// Speed of the air that it is moved by, relative to it.
+    /// Velocity of the air relative to it, m/s.
     pub(super) flow: Vec3,
-    /// How often it has come back.
+    /// Number of times that it was recycled.
     pub(super) generation: u32,
     pub(super) fall: f64,
 
     pub(super) scale: f32,
     pub(super) kind: u16,
-    /// Out of sight and put where it will come back.
+    /// Hidden, already at the position where it will reenter.
     pub(super) moved: bool,
-    /// Of the surface that it lies on.
+    /// Normal of the supporting surface.
     pub(super) normal: Vec3,
     pub(super) face: Option<u32>,
-    /// Whom it is drawn to, and the logarithm of what is left of the way after a tick.
+    /// Attraction target, and ln(1 - F): the logarithm of the distance's share that is left after a tick.
     pub(super) target: u32,
     pub(super) pull: f64,
-    /// Where and when this flight began.
+    /// Start position, m, and time, s, of the present flight.
     pub(super) from: DVec3,
     pub(super) since: f64,
-    /// When it came to rest, s; below 0 while it flies.
+    /// Time of its deposition, s; negative in flight.
     pub(super) rested: f64,
     pub(super) wait: ReleaseCondition,
 }
 
-/// What a step leaves of the difference between a body's velocity and that of the air.
+/// Factors by which a step reduces the difference between a body's velocity and the carrying velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct VelocityDecay {
-    /// Left after a step, and after half of one.
+    /// exp(-dt/tau) after a whole step, and after half of one.
     pub whole: f64,
     pub half: f64,
 }
 
 impl VelocityDecay {
-    /// Of something that settles at `fall`, m/s.
-    pub fn of(fall: f64, options: &FlightParams) -> Self {
+    /// Decay for a body with settling speed `fall`, m/s.
+    pub fn for_settling_speed(fall: f64, options: &FlightParams) -> Self {
         if !options.inertia {
             return Self { whole: 0.0, half: 0.0 };
         }
@@ -115,21 +115,23 @@ impl VelocityDecay {
 }
 
 impl Catkin {
-    /// A catkin as it is drawn for number `id`.
+    /// Draws kind, size, settling speed and orientation of catkin `id`.
     pub(super) fn new(id: u32, start: CatkinStart, options: &FlightParams) -> Self {
+        // One stream of draws per catkin: its properties do not depend on how many catkins there are. Mass grows with
+        // the area of the tuft, the square of the scale.
         let mut draw = Rng::at(options.seed, &["flight".into(), id.into(), 0_u64.into(), "what".into()]);
         let weights: Vec<f64> = options.kinds.iter().map(|k| k.weight).collect();
         let kind = draw.pick(&weights).min(options.kinds.len().saturating_sub(1));
+        let (kind, base) = (0_u16..).zip(&options.kinds).nth(kind).map_or((0, 0.02), |(index, k)| (index, k.radius));
         let scale = draw.range(options.scales[0], options.scales[1]);
         let fall = options.fall * (1.0 + options.fall_spread * draw.normal().clamp(-2.0, 2.0));
-        let base = options.kinds.get(kind).map_or(0.02, |k| k.radius);
         let waits = !matches!(start.wait, ReleaseCondition::Until(t) if t <= 0.0);
         let state = if waits { CatkinState::Pending } else { CatkinState::Airborne };
         Self {
             id,
             root: id,
             clustered: false,
-            kind: u16::try_from(kind).unwrap_or(0),
+            kind,
             state,
             generation: 0,
             x: start.at,
@@ -137,14 +139,14 @@ impl Catkin {
             travel: DVec3::ZERO,
             free: state == CatkinState::Airborne,
             moved_since_check: false,
-            q: any_turn(&mut draw),
+            q: random_rotation(&mut draw),
             omega: Vec3::ZERO,
             random_torque: Vec3::ZERO,
             scale: narrow(scale),
             radius: base * narrow(scale),
             mass: options.mass * scale * scale,
             fall,
-            lag: VelocityDecay::of(fall, options),
+            lag: VelocityDecay::for_settling_speed(fall, options),
             lift: 0.0,
             lifted: 0.0,
             normal: Vec3::Y,
@@ -160,83 +162,83 @@ impl Catkin {
         }
     }
 
-    /// Its number.
+    /// Index among the starts.
     pub fn id(&self) -> u32 {
         self.id
     }
 
-    /// What it is doing.
+    /// Phase of its flight.
     pub fn state(&self) -> CatkinState {
         self.state
     }
 
-    /// Where the hairs start from, m.
+    /// Origin of the hairs, m.
     pub fn position(&self) -> DVec3 {
         self.x
     }
 
-    /// Its place among [`FlightParams::kinds`].
+    /// Index of its kind in [`FlightParams::kinds`].
     pub fn kind(&self) -> u16 {
         self.kind
     }
 
-    /// Factor on its kind's size.
+    /// Scale factor on its kind's size.
     pub fn scale(&self) -> f32 {
         self.scale
     }
 
-    /// Radius of its ball, m.
+    /// Bounding radius, m.
     pub fn radius(&self) -> f32 {
         self.radius
     }
 
-    /// kg.
+    /// Mass, kg.
     pub fn mass(&self) -> f64 {
         self.mass
     }
 
-    /// The way its tuft points, as a rotation of +Y.
+    /// Orientation: rotation from the rest pose, whose tuft points along +Y.
     pub fn turn(&self) -> Quat {
         self.q
     }
 
-    /// Smallest number in its cluster.
+    /// Smallest index in its cluster.
     pub fn root(&self) -> u32 {
         self.root
     }
 
-    /// The solid that it lies on, none for the level ground, and the way out of it.
+    /// Index of the supporting solid, none for level ground, and the surface normal.
     pub fn rests_on(&self) -> (Option<u32>, Vec3) {
         (self.face, self.normal)
     }
 
-    /// The way its tuft points.
+    /// Unit vector along its tuft.
     pub(super) fn tuft(&self) -> Vec3 {
         self.q * Vec3::Y
     }
 
-    /// Upward air that still carries it after taking off, m/s.
+    /// Updraft that remains of its lift-off, m/s.
     pub(super) fn lift_at(&self, t: f64) -> f64 {
-        rising(self.lift, t - self.lifted)
+        decayed_updraft(self.lift, t - self.lifted)
     }
 
-    /// The one that stands for its cluster, or a single.
-    pub(super) fn leads(&self) -> bool {
+    /// Whether it is single or the leader of its cluster.
+    pub(super) fn is_cluster_leader(&self) -> bool {
         self.root == self.id
     }
 }
 
-/// How long the air that lifts something keeps rising with it, s.
+/// Decay time of the updraft after a lift-off, s. Longer: lifted catkins rise out of sight; shorter: they drop at
+/// once.
 const UPDRAFT_TIME: f64 = 0.6;
 
-/// What is left after a time, s, of air that rose at `speed`, m/s.
-pub(super) fn rising(speed: f64, after: f64) -> f64 {
+/// Updraft of initially `speed`, m/s, after `after` seconds.
+pub(super) fn decayed_updraft(speed: f64, after: f64) -> f64 {
     if speed > 0.0 { speed * exp(-after / UPDRAFT_TIME) } else { 0.0 }
 }
 
-/// A rotation, all alike.
-/// Source: K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992.
-fn any_turn(draw: &mut Rng) -> Quat {
+/// Uniformly distributed random rotation.
+fn random_rotation(draw: &mut Rng) -> Quat {
     let (u, a, b) = (draw.unit_f64(), draw.unit_f64(), draw.unit_f64());
     let (s, c) = (osier_base::math::sqrt(1.0 - u), osier_base::math::sqrt(u));
     let (a, b) = (a * std::f64::consts::TAU, b * std::f64::consts::TAU);
@@ -244,12 +246,12 @@ fn any_turn(draw: &mut Rng) -> Quat {
     Quat::from_xyzw(narrow(s * sin(a)), narrow(s * cos(a)), narrow(c * sin(b)), narrow(c * cos(b))).normalize()
 }
 
-/// Key of the draws of all flutter.
-pub(super) fn flutter_root(seed: u64) -> u64 {
+/// Key of all tumbling noise.
+pub(super) fn flutter_seed(seed: u64) -> u64 {
     rng::child(seed, rng::word("flutter"))
 }
 
-/// Key of the draws of one catkin's flutter.
+/// Key of one catkin's tumbling noise.
 pub(super) fn flutter_key(root: u64, id: u32, generation: u32) -> u64 {
     rng::child(rng::child(root, u64::from(id)), u64::from(generation))
 }

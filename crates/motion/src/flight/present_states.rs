@@ -1,8 +1,8 @@
-//! Which states occur at all, so that a step need not look for what nobody does.
+//! Which states occur at all: lets a step skip searches for states that nobody is in.
 
 use super::particles::{Catkin, CatkinState};
 
-/// States of which there is at least one, or was at the beginning of this step.
+/// States that occur, or occurred at the beginning of this step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PresentStates {
     pub pending: bool,
@@ -12,17 +12,17 @@ pub(super) struct PresentStates {
 }
 
 impl PresentStates {
-    /// Before anybody has been looked at: anything may be.
+    /// Before the first step: all states may occur.
     pub const UNKNOWN: Self = Self { pending: true, exited: true, on_wall: true, deposited: true };
 
-    /// Those of `catkins`.
-    pub fn of(catkins: &[Catkin]) -> Self {
-        catkins.iter().fold(Self::default(), |present, c| present.with(c.state))
+    /// States of the given catkins.
+    pub fn of_catkins(catkins: &[Catkin]) -> Self {
+        catkins.iter().fold(Self::default(), |present, c| present.with_state(c.state))
     }
 
-    /// And one of these.
-    pub fn with(self, state: CatkinState) -> Self {
-        self.and(Self {
+    /// These states and one more.
+    pub fn with_state(self, state: CatkinState) -> Self {
+        self.union(Self {
             pending: state == CatkinState::Pending,
             exited: state == CatkinState::Exited,
             on_wall: state == CatkinState::OnWall,
@@ -30,8 +30,8 @@ impl PresentStates {
         })
     }
 
-    /// Both together.
-    pub fn and(self, other: Self) -> Self {
+    /// States that occur in either.
+    pub fn union(self, other: Self) -> Self {
         Self {
             pending: self.pending || other.pending,
             exited: self.exited || other.exited,

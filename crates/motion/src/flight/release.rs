@@ -1,4 +1,4 @@
-//! Where catkins come from.
+//! Start positions and release of catkins.
 
 use glam::{DVec3, Vec3};
 
@@ -7,26 +7,26 @@ use osier_base::geometry::Bounds;
 use osier_base::rng::Rng;
 use osier_scene::solid::Solids;
 
-/// A box of sky that catkins start in.
+/// Parameters of starts that are spread over the sky.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SkyRelease {
-    /// Of all draws.
+    /// Seed of the start positions and times.
     pub seed: u64,
-    /// How many.
+    /// Number of catkins.
     pub count: u32,
-    /// The box of air.
+    /// Bounds of the simulated air, m.
     pub inside: Bounds,
-    /// Part of its height that they start in.
+    /// Range of start heights, over the height of the box.
     pub band: [f64; 2],
-    /// They start at times spread over so many seconds; 0 for all at once.
+    /// Duration over which starts are spread, s; 0 for all at once.
     pub duration: f64,
 }
 
-/// Draws for a place that is not in a solid.
+/// Attempts to find a position outside of solids.
 const MAX_DRAWS: u32 = 64;
 
-/// Starts all over a box of sky. One that finds no place in 64 draws stays in the solid where it was drawn last, and is
-/// then told of.
+/// Random starts in the sky. If 64 draws find no position outside of solids, the catkin keeps the last, never flies,
+/// and is counted as buried.
 pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
     let (low, size) = (sky.inside.min.as_dvec3(), sky.inside.size().as_dvec3());
     let share = |draw: &mut Rng| {
@@ -49,12 +49,12 @@ pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
         .collect()
 }
 
-/// A point on an inflow side of the box for a catkin that comes back. `wind`: its mean, m/s; `band`: share of the height.
+/// Random point on an inflow side for a recycled catkin. `wind`: mean, m/s; `band`: range of heights over the box's.
 pub(super) fn inflow_point(wind: Vec3, inside: Bounds, band: [f64; 2], draw: &mut Rng) -> DVec3 {
     let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
     let [u, w] = [draw.unit_f64(), draw.unit_f64()];
     let y = low.y + size.y * (band[0] + (band[1] - band[0]) * draw.unit_f64());
-    // Both sides are entered by as much air as their faces and the wind across them have.
+    // Choose between the two inflow sides in proportion to the volume flux through each.
     let through = [f64::from(wind.x.abs()) * size.z, f64::from(wind.z.abs()) * size.x];
     let across = |positive: bool, along: f64| if positive { 0.0 } else { along };
     if through[0] + through[1] > 0.0 && u * (through[0] + through[1]) >= through[0] {
@@ -64,12 +64,12 @@ pub(super) fn inflow_point(wind: Vec3, inside: Bounds, band: [f64; 2], draw: &mu
     }
 }
 
-/// Wind that tears seeds off.
+/// Release of seeds by the wind.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WindRelease {
-    /// Chance a second where the air is twice as fast as `speed`.
+    /// Release rate, 1/s, at a wind of twice `speed`.
     pub rate: f64,
-    /// m/s.
+    /// Threshold wind speed, m/s.
     pub speed: f64,
 }
 
@@ -92,7 +92,7 @@ mod tests {
 
     /// The time of leaving does not hang on the step: an even wind at twice the speed takes E / rate seconds.
     #[test]
-    fn seeds_leave_after_the_same_wind_at_any_step() {
+    fn wind_release_is_independent_of_the_step() {
         for dt in [0.1, 0.01, 0.001] {
             let leaving = WindRelease { rate: 0.2, speed: 0.6 };
             let (mut wait, mut t) = (ReleaseCondition::Wind(0.5), 0.0);
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn starts_keep_out_of_solids() {
+    fn starts_avoid_solids() {
         use osier_scene::solid::{Form, Prism, Solid};
         let prism = Prism::block(Vec3::ZERO, Vec3::new(20.0, 30.0, 30.0), 0.0);
         let solids = Solids::new(vec![Solid { name: "hall".into(), form: Form::Prism(prism), humidity: 0.5 }], true);

@@ -1,10 +1,10 @@
-//! Counts.
+//! Statistics of a flight.
 
 use super::{CatkinState, FlightSimulation};
 use osier_base::math::sqrt;
 use osier_scene::solid::Solids;
 
-/// What happened so far.
+/// Event counts since the start.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EventCounters {
     pub merges: u64,
@@ -18,69 +18,69 @@ pub(super) struct EventCounters {
     pub ground_wind: f64,
 }
 
-/// Counts of one moment, and of all that happened until then.
+/// Number of catkins by state at one time, and event counts until then.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FlightStats {
-    /// Not yet released.
+    /// Waiting catkins.
     pub pending: u64,
-    /// In the air.
+    /// Airborne catkins.
     pub airborne: u64,
-    /// On ground, roofs, tops of walls.
+    /// Deposited on ground, roofs and tops of walls.
     pub grounded: u64,
-    /// At steep faces.
+    /// Deposited at steep faces.
     pub on_wall: u64,
-    /// Between ground and wall.
+    /// Deposited in corners of ground and wall.
     pub corner: u64,
-    /// Out of the box.
+    /// Outside of the box.
     pub exited: u64,
-    /// Clusters of two and more.
+    /// Clusters of two and more catkins.
     pub clusters: u64,
-    /// Seen ones that are in no cluster.
+    /// Visible catkins that belong to no cluster.
     pub singles: u64,
-    /// Members of the largest cluster.
+    /// Size of the largest cluster.
     pub largest: u64,
-    /// Joins so far.
+    /// Joins of two bodies so far.
     pub merges: u64,
-    /// Times that one came to rest so far.
+    /// Depositions so far.
     pub deposits: u64,
-    /// Times that a deposit was taken up again so far.
+    /// Lift-offs so far.
     pub lift_offs: u64,
-    /// Times that one came back so far.
+    /// Recycled catkins so far.
     pub recycled: u64,
-    /// Times that one left so far.
+    /// Exits from the box so far.
     pub left: u64,
-    /// Mean speed of those in the air, m/s.
+    /// Mean speed of airborne catkins, m/s.
     pub mean_speed: f64,
-    /// Largest speed of those in the air, m/s.
+    /// Largest speed of airborne catkins, m/s.
     pub max_speed: f64,
     /// Mean wind at 0.1 m over deposits, m/s.
     pub ground_wind: f64,
-    /// Mean time that those at rest flew, s.
+    /// Mean flight time of deposited catkins, s.
     pub flight_time: f64,
-    /// Mean level distance that they flew, m.
+    /// Mean horizontal flight distance of deposited catkins, m.
     pub flight_distance: f64,
-    /// Resting ones that are more than 0.1 mm too deep in something.
+    /// Deposited catkins that penetrate a surface by more than 0.1 mm.
     pub penetrations: u64,
-    /// Those that found no place to start outside of solids.
+    /// Catkins that start inside a solid and never fly.
     pub buried: u64,
-    /// Times so far that one moved further in a step than [`super::FlightParams::longest_step`].
+    /// Steps of a catkin longer than [`super::FlightParams::longest_step`] so far.
     pub long_steps: u64,
 }
 
 impl FlightStats {
-    /// On anything.
+    /// Deposited catkins of all kinds.
     pub fn deposited(&self) -> u64 {
         self.grounded + self.on_wall + self.corner
     }
 }
 
 impl FlightSimulation {
-    /// What is in their way.
+    /// The solids of the scene.
     pub fn solids(&self) -> &Solids {
         &self.solids
     }
 
-    /// How many of those at rest touch each solid, in the order of the solids: its walls, its roof, or its foot.
+    /// Number of deposited catkins at each solid, in the order of the solids.
     pub fn deposits_per_solid(&self) -> Vec<u64> {
         let mut out = vec![0; self.solids.list().len()];
         for c in self.by_id().filter(|c| c.state.is_deposited()) {
@@ -92,7 +92,7 @@ impl FlightSimulation {
     }
 }
 
-pub(super) fn count(flights: &FlightSimulation) -> FlightStats {
+pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
     let mut t = FlightStats::default();
     let (mut speeds, mut time, mut way) = (0.0, 0.0, 0.0);
     for c in flights.by_id() {

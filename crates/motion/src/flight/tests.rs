@@ -29,7 +29,7 @@ fn flights(n: u32, options: FlightParams, solids: &Arc<Solids>) -> FlightSimulat
 
 /// Nobody is in anything at any frame, and everybody is somewhere, at several lengths of a step.
 #[test]
-fn nobody_is_in_ground_or_walls_and_nobody_is_lost() {
+fn no_catkin_penetrates_solids_or_is_lost() {
     let solids = wall_and_house();
     let wind = gusts(3.0);
     for substeps in [1, 2, 5] {
@@ -51,7 +51,7 @@ fn nobody_is_in_ground_or_walls_and_nobody_is_lost() {
 }
 
 #[test]
-fn merging_keeps_momentum() {
+fn merging_conserves_momentum() {
     let mut all =
         flights(10_001, FlightParams { cluster_rotation: false, ..FlightParams::default() }, &wall_and_house());
     let mut draw = Rng::at(1, &["merge".into()]);
@@ -69,7 +69,7 @@ fn merging_keeps_momentum() {
         // Later most are in one heap already: those who are not are found by going through the numbers.
         let (i, j) = (pick(&mut draw), pick(&mut draw));
         let other = (0..10_001).map(|k| (j + k) % 10_001).find(|k| all.catkin(*k).root != all.catkin(i).root);
-        all.join(i, other.expect("not yet all one"), 0.0);
+        all.join_catkins(i, other.expect("not yet all one"), 0.0);
     }
     assert!((momentum(&all) - before).length() < 1e-6 * before.length());
     assert_eq!((all.clusters.len(), all.stats().largest), (1, 10_001));
@@ -77,7 +77,7 @@ fn merging_keeps_momentum() {
 }
 
 #[test]
-fn drawing_in_leaves_the_centre_and_comes_close() {
+fn contraction_keeps_the_centre_of_mass() {
     let mut all = flights(2, FlightParams { cluster_rotation: false, ..FlightParams::default() }, &wall_and_house());
     let places = [DVec3::new(0.0, 20.0, 0.0), DVec3::new(0.3, 20.0, 0.1)];
     places.iter().zip(0..).for_each(|(p, i)| all.catkin_mut(i).x = *p);
@@ -86,7 +86,7 @@ fn drawing_in_leaves_the_centre_and_comes_close() {
         sum / all.by_id().map(|c| c.mass).sum::<f64>()
     };
     let before = centre(&all);
-    all.join(0, 1, 0.0);
+    all.join_catkins(0, 1, 0.0);
     assert!(centre(&all).distance(before) < 1e-12);
     let still = UniformWind(Vec3::ZERO);
     for _ in 0..24 * 8 {
@@ -101,7 +101,7 @@ fn drawing_in_leaves_the_centre_and_comes_close() {
 
 /// Ten that stick together are one stiff body once they have drawn in.
 #[test]
-fn clusters_are_stiff() {
+fn clusters_move_rigidly() {
     for (cluster_rotation, within) in [(false, 1e-6), (true, 1e-5)] {
         let inside =
             osier_base::geometry::Bounds { min: Vec3::new(-500.0, 0.0, -500.0), max: Vec3::new(500.0, 500.0, 500.0) };
@@ -111,7 +111,7 @@ fn clusters_are_stiff() {
         for id in 0..10 {
             all.catkin_mut(id).x = DVec3::new(draw.unit_f64(), 400.0 + draw.unit_f64(), draw.unit_f64());
         }
-        (1..10).for_each(|id| all.join(id - 1, id, 0.0));
+        (1..10).for_each(|id| all.join_catkins(id - 1, id, 0.0));
         let wind = gusts(2.0);
         (0..400).for_each(|_| all.advance(&wind));
         let shape = |all: &FlightSimulation| -> Vec<DVec3> {
@@ -137,7 +137,7 @@ fn fingerprint(sample: &FlightFrame) -> u64 {
 
 /// Neither threads nor the order in memory change a bit.
 #[test]
-fn the_same_flight_at_any_order_and_number_of_threads() {
+fn results_are_independent_of_order_and_threads() {
     let solids = wall_and_house();
     let run = |threads: usize, check_every: u32, sorted: bool| {
         osier_base::par::on_threads(threads, || {
@@ -158,7 +158,7 @@ fn the_same_flight_at_any_order_and_number_of_threads() {
 
 /// Ground that is wetter holds longer and lets go less often; ground that is quite wet holds all.
 #[test]
-fn wet_ground_holds_more() {
+fn wet_ground_holds_more_catkins() {
     for seed in 0..8 {
         let runs = [0.0, 0.1, 0.2, 0.4, 1.0].map(|h| {
             let options = FlightParams { seed, humidity: GroundHumidity::Even(h), ..FlightParams::default() };
@@ -179,7 +179,7 @@ fn wet_ground_holds_more() {
 
 /// Who leaves comes back, not seen in between, and is then another generation.
 #[test]
-fn those_that_leave_come_back_unseen() {
+fn recycled_catkins_are_hidden_while_they_move() {
     let mut all = flights(300, FlightParams::default(), &wall_and_house());
     let wind = gusts(5.0);
     let mut before = all.frame();
@@ -204,7 +204,7 @@ fn those_that_leave_come_back_unseen() {
 }
 
 #[test]
-fn a_step_at_a_wall_sinks_to_its_foot() {
+fn upper_member_at_a_wall_sinks_to_its_foot() {
     let solids = wall_and_house();
     let mut all = flights(1, FlightParams { humidity: GroundHumidity::Even(1.0), ..FlightParams::default() }, &solids);
     let c = all.catkin_mut(0);
@@ -226,7 +226,7 @@ fn a_step_at_a_wall_sinks_to_its_foot() {
 
 /// What clings to something that comes to rest comes down to it, however far it was when both met.
 #[test]
-fn nothing_stays_hanging_above_what_it_clings_to() {
+fn no_deposit_hangs_above_its_support() {
     let options = FlightParams { humidity: GroundHumidity::Even(1.0), ..FlightParams::default() };
     let places = [0.08, 0.38, 0.68].map(|y| DVec3::new(0.1 * y, y, 0.0));
     let starts = places.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
@@ -246,7 +246,7 @@ fn nothing_stays_hanging_above_what_it_clings_to() {
 
 /// A pole of ten tufts sags to a heap, at the foot of a wall or from its top; nobody is left hanging.
 #[test]
-fn a_pole_at_a_wall_sags_to_a_heap() {
+fn column_at_a_wall_collapses_to_a_heap() {
     let (foot, top) = (DVec3::new(3.78, 0.02, 0.0), DVec3::new(4.0, 4.02, 0.0));
     for (first, up) in [(foot, 0.034), (top, 0.034), (DVec3::new(3.78, 4.02, 0.0), -0.034)] {
         let options =
@@ -263,7 +263,7 @@ fn a_pole_at_a_wall_sags_to_a_heap() {
             (c.x, c.wait) = (place(c.id), ReleaseCondition::Until(0.0));
             (c.state, c.face, c.normal) = (CatkinState::Corner, Some(0), Vec3::NEG_X);
         }
-        (1..10).for_each(|id| all.join(id - 1, id, 0.0));
+        (1..10).for_each(|id| all.join_catkins(id - 1, id, 0.0));
         let still = UniformWind(Vec3::ZERO);
         (0..24 * 40).for_each(|_| all.advance(&still));
         let tops: Vec<f64> = all.by_id().map(|c| c.x.y).collect();
@@ -276,7 +276,7 @@ fn a_pole_at_a_wall_sags_to_a_heap() {
 
 /// Of half metres before a wall the one at its foot holds the most.
 #[test]
-fn most_lie_at_the_foot_of_a_wall() {
+fn most_catkins_deposit_at_the_foot_of_a_wall() {
     let options = FlightParams { humidity: GroundHumidity::Even(1.0), stick_radius: 0.0, ..FlightParams::default() };
     let mut all = flights(1500, options, &wall_and_house());
     let wind = gusts(2.0);

@@ -1,44 +1,44 @@
-//! How catkins tumble: the tuft is dragged downstream, swings about that way, and never comes quite to rest.
+//! Tumbling: the tuft is dragged downstream, oscillates about that direction and is driven by random torque.
 
 use glam::{Quat, Vec3};
 
-use super::particles::{Catkin, CatkinState, flutter_key, flutter_root};
+use super::particles::{Catkin, CatkinState, flutter_key, flutter_seed};
 use super::{CATKINS_PER_TASK, FlightSimulation};
 use osier_base::math::narrow;
 use osier_base::rng;
 
 // Chosen by eye; none of it is in the paper.
-/// Swings a second in a fall at settling speed.
+/// Frequency of the oscillation at settling speed, Hz. Higher: nervous flutter.
 const SWING_HZ: f32 = 0.8;
-/// Part of critical damping.
+/// Damping ratio of the oscillation. Higher: tufts align without swinging.
 const DAMPING_RATIO: f32 = 0.35;
-/// Strength of unrest, rad/s^2, and how long it lasts, s.
+/// Random angular acceleration, rad/s^2, and its correlation time, s.
 const RANDOM_TORQUE: f32 = 6.0;
 const RANDOM_TORQUE_TIME: f32 = 0.4;
-/// Turning about the tuft's own axis: strength, rad/s, and how long it lasts, s.
+/// Random spin about the tuft's axis, rad/s, and its correlation time, s.
 const AXIAL_SPIN: f32 = 0.6;
 const AXIAL_SPIN_TIME: f32 = 1.5;
-/// Fastest turn, rad/s.
+/// Largest angular velocity, rad/s: above, frames at 24 Hz alias.
 const MAX_SPIN: f32 = 12.0;
-/// In which turning dies away on the ground, s.
+/// Decay time of rotation after deposition, s.
 const REST_DAMPING_TIME: f32 = 0.1;
 
-/// Numbers of a step that are the same for all.
+/// Constants of a step, common to all catkins.
 struct TumbleStep {
     dt: f32,
     random_torque: [f32; 2],
     spin: [f32; 2],
     rest: f32,
     flutter: f32,
-    /// Of all flutter of this flight.
+    /// Random key of this flight's tumbling.
     key: u64,
     step: u64,
-    /// s, at its end.
+    /// Time at the end of the step, s.
     now: f64,
 }
 
 impl TumbleStep {
-    fn of(flights: &FlightSimulation) -> Self {
+    fn new(flights: &FlightSimulation) -> Self {
         let dt = narrow(flights.options.time_step());
         let keeps = |time: f32| osier_base::math::exp_f32(-dt / time);
         let pair = |time: f32, strength: f32| {
@@ -51,23 +51,23 @@ impl TumbleStep {
             spin: pair(AXIAL_SPIN_TIME, AXIAL_SPIN),
             rest: keeps(REST_DAMPING_TIME),
             flutter: narrow(flights.options.flutter),
-            key: flutter_root(flights.options.seed),
+            key: flutter_seed(flights.options.seed),
             step: flights.step,
             now: flights.seconds() + flights.options.time_step(),
         }
     }
 
-    fn turn(&self, c: &mut Catkin) {
+    fn tumble(&self, c: &mut Catkin) {
         let tuft = c.tuft();
         let speed = c.flow.length();
         let along = if speed < 0.05 { Vec3::Y } else { c.flow / speed };
         // Torsional pendulum about the direction of the relative wind; its frequency grows with the wind speed.
         let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, 3.0);
         let omega_n = std::f32::consts::TAU * SWING_HZ * pace * self.flutter;
-        let (a, b) = noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
+        let (a, b) = unit_noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
         // Ornstein-Uhlenbeck noise: an exact step with correlation time and variance that do not depend on the step.
         c.random_torque = c.random_torque * self.random_torque[0] + a * self.random_torque[1];
-        // About the axis of the tuft it turns freely, and slowly; across it swings.
+        // Free, slow spin about the tuft's axis; oscillation across it.
         let spin = c.omega.dot(tuft) * self.spin[0] + b * self.spin[1];
         let across = c.omega - tuft * c.omega.dot(tuft);
         let torque = tuft.cross(along) * (omega_n * omega_n) + c.random_torque;
@@ -78,8 +78,8 @@ impl TumbleStep {
 }
 
 impl FlightSimulation {
-    pub(super) fn turn(&mut self) {
-        let beat = TumbleStep::of(self);
+    pub(super) fn tumble_all(&mut self) {
+        let tumble = TumbleStep::new(self);
         let clusters = std::mem::take(&mut self.clusters);
         for cluster in clusters.values().filter(|c| c.state == CatkinState::Airborne) {
             cluster.members.iter().for_each(|id| self.catkin_mut(*id).omega = cluster.omega);
@@ -89,18 +89,18 @@ impl FlightSimulation {
         osier_base::par::par_each(&mut chunks, |chunk| {
             for c in chunk.iter_mut() {
                 match c.state {
-                    // As their cluster turns: see above.
+                    // Members take the angular velocity of their cluster, set above.
                     CatkinState::Airborne if c.clustered => {}
-                    CatkinState::Airborne => beat.turn(c),
+                    CatkinState::Airborne => tumble.tumble(c),
                     _ => {
-                        c.omega *= beat.rest;
+                        c.omega *= tumble.rest;
                         if c.state.is_deposited() && c.rested < 0.0 {
-                            c.rested = beat.now;
+                            c.rested = tumble.now;
                         }
                     }
                 }
                 if c.state.is_seen() {
-                    c.q = turned(c.q, c.omega * beat.dt);
+                    c.q = rotate_by(c.q, c.omega * tumble.dt);
                 }
             }
         });
@@ -108,7 +108,7 @@ impl FlightSimulation {
 }
 
 /// `q` turned by a small rotation vector, rad: exp(r/2) q by its series.
-pub(super) fn turned(q: Quat, r: Vec3) -> Quat {
+pub(super) fn rotate_by(q: Quat, r: Vec3) -> Quat {
     let half = r * 0.5;
     let s = half.length_squared();
     // Terms up to the eighth power: 1e-7 at the fastest turn.
@@ -118,9 +118,9 @@ pub(super) fn turned(q: Quat, r: Vec3) -> Quat {
     (Quat::from_xyzw(v.x, v.y, v.z, cos) * q).normalize()
 }
 
-/// Three numbers and one more of unit variance, nearly normal: sums of four even draws of 16 bits.
+/// Three random numbers and one more, of unit variance and nearly normal: sums of four uniform draws of 16 bits.
 #[allow(clippy::cast_possible_truncation, reason = "16 bits of 64")]
-fn noise(key: u64) -> (Vec3, f32) {
+fn unit_noise(key: u64) -> (Vec3, f32) {
     let sum = |bits: u64| {
         let parts = [bits, bits >> 16, bits >> 32, bits >> 48].map(|b| f32::from(b as u16));
         ((parts[0] + parts[1]) + (parts[2] + parts[3]) - 2.0 * 65_535.0) * (1.732_050_8 / 65_536.0)
@@ -134,11 +134,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unrest_has_unit_variance_and_no_mean() {
+    fn noise_has_zero_mean_and_unit_variance() {
         let n = 50_000_u32;
         let (mut sum, mut square) = (Vec3::ZERO, Vec3::ZERO);
         for i in 0..n {
-            let (v, _) = noise(rng::child(7, u64::from(i)));
+            let (v, _) = unit_noise(rng::child(7, u64::from(i)));
             (sum, square) = (sum + v, square + v * v);
         }
         let (mean, variance) = (sum / n as f32, square / n as f32);
@@ -146,10 +146,10 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_is_a_turn() {
+    fn rotation_series_matches_the_exact_rotation() {
         let q = Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.7);
         let r = Vec3::new(0.2, -0.3, 0.35);
         let wanted = Quat::from_scaled_axis(r) * q;
-        assert!(turned(q, r).dot(wanted) > 1.0 - 1e-6);
+        assert!(rotate_by(q, r).dot(wanted) > 1.0 - 1e-6);
     }
 }

@@ -321,6 +321,8 @@ fn corner_masses(line: &SampledRod, density: f64) -> Vec<f64> {
     line.radii.iter().enumerate().map(one).collect()
 }
 
+/// Index of a section or base as it is stored.
 pub(crate) fn section_index(i: usize) -> u32 {
+    // A section takes hundreds of bytes: 2^32 of them exceed the memory long before the index overflows.
     u32::try_from(i).unwrap_or(NONE)
 }

@@ -1,34 +1,34 @@
-//! How a branch bends: its shape for a load, its frequency, and its swing.
+//! Beam theory of a branch: slope under load, natural frequency, large deflections, and time steps of an oscillator.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 use pulp::{Scalar, Simd};
 
-use crate::lanes::Arrow;
+use crate::lanes::Vec3Lanes;
 use osier_base::math;
 use osier_base::simd::{F64Lanes, Lane as _};
 
-/// Squares of slopes below which a short series of the arc tangent is exact.
-const SMALL: f64 = 0.05;
+/// Squared slope below which the series of the arc tangent is exact to 1e-10.
+const SERIES_LIMIT: f64 = 0.05;
 
-/// Share of the tip's slope at a place of an evenly loaded cantilever, 0 at its base, 1 at its tip:
-/// P = 3 x - 3 x^2 + x^3.
+/// Slope at `x`, 0 at the base to 1 at the tip, over that of the tip, for a cantilever under a uniform load: P = 3 x -
+/// 3 x^2 + x^3.
 pub fn uniform_load_slope(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * (3.0 - x * (3.0 - x))
 }
 
-/// How the slope of a bent branch grows from 0 at its base to 1 at its tip.
+/// Slope along a bent branch, relative to that of its tip.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum SlopeProfile {
-    /// As of an even rod under an even load.
+    /// A uniform cantilever under a uniform load.
     #[default]
     Even,
-    /// Measured: at places from base to tip, evenly spaced.
+    /// Computed from taper and load: values at equidistant points from base to tip.
     Table(Vec<f64>),
 }
 
 impl SlopeProfile {
-    /// Share of the tip's slope at a place, 0 to 1.
+    /// Slope at `x`, 0 to 1, over that of the tip.
     pub fn at(&self, x: f64) -> f64 {
         let Self::Table(table) = self else { return uniform_load_slope(x) };
         let last = table.len().saturating_sub(1);
@@ -42,11 +42,11 @@ impl SlopeProfile {
     }
 }
 
-/// Second over first frequency of an even rod.
+/// Second over first natural frequency of a uniform cantilever.
 pub const SECOND_MODE_FREQUENCY_RATIO: f64 = 6.27;
 
-/// Share of the tip's slope along an even rod that swings in its second mode: one node of the swing at 0.783, the
-/// slope is none at 0.471.
+/// Relative slope of a uniform cantilever's second mode: a node of the deflection lies at 0.783, and the slope
+/// vanishes at 0.471.
 /// Source: Euler's beam, clamped and free; b L = 4.694 solves cos(b L) cosh(b L) = -1.
 pub fn second_mode_slope(x: f64) -> f64 {
     const BETA: f64 = 4.694_091_132_974_175;
@@ -60,26 +60,26 @@ pub fn second_mode_slope(x: f64) -> f64 {
     slope(x) / slope(BETA)
 }
 
-/// Slope of the tip over the slope that small deflections would give, from the square of that: atan(x) / x keeps the tip
-/// below a right angle. Own: it meets the elastica within 1 % up to a load of F L^2 / (E I) = 2 at the tip.
+/// Factor on small-deflection slopes, from their square: atan(x) / x keeps the tip below a right angle. Own: it meets
+/// the elastica within 1 % up to a load of F L^2 / (E I) = 2 at the tip.
 #[inline(always)]
 pub(crate) fn large_deflection_factor<S: Simd>(square: F64Lanes<S>) -> F64Lanes<S> {
     let one = F64Lanes::from_scalar(square.simd, 1.0);
     let near = atan_series(square);
-    if square.all_lt(SMALL) {
+    if square.all_lt(SERIES_LIMIT) {
         return near;
     }
-    // Half the angle's tangent, three times: x / (1 + sqrt(1 + x^2)).
+    // Halve the angle three times, tan(a/2) = x / (1 + sqrt(1 + x^2)), until the series converges.
     let (mut s, mut k) = (square, one);
     for _ in 0..3 {
         let down = one + (one + s).sqrt();
         k = (k + k).div(down);
         s = s.div(down * down);
     }
-    square.select_lt(SMALL, near, atan_series(s) * k)
+    square.select_lt(SERIES_LIMIT, near, atan_series(s) * k)
 }
 
-/// The series of atan(x) / x in x^2, exact to 1e-10 below [`SMALL`].
+/// The series of atan(x) / x in x^2, exact to 1e-10 below [`SERIES_LIMIT`].
 #[inline(always)]
 fn atan_series<S: Simd>(s: F64Lanes<S>) -> F64Lanes<S> {
     let mut sum = F64Lanes::from_scalar(s.simd, 1.0 / 13.0);
@@ -89,61 +89,61 @@ fn atan_series<S: Simd>(s: F64Lanes<S>) -> F64Lanes<S> {
     sum
 }
 
-/// c0 + c1 h + c2 h^2 + ..., by threes and fours, which run side by side.
+/// Polynomial c0 + c1 h + c2 h^2 + ..., in two halves that the processor evaluates in parallel.
 #[inline(always)]
-fn powers<S: Simd>(c: &[f64; 7], h: F64Lanes<S>) -> F64Lanes<S> {
+fn power_series<S: Simd>(c: &[f64; 7], h: F64Lanes<S>) -> F64Lanes<S> {
     let (h2, h3) = (h * h, h * h * h);
     let low = F64Lanes::from_scalar(h.simd, c[0]) + h * c[1] + h2 * c[2];
     low + h3 * ((F64Lanes::from_scalar(h.simd, c[3]) + h * c[4] + h2 * c[5]) + h3 * c[6])
 }
 
-/// The turn about vectors by their lengths, rad, as (x, y, z, w). Exact to 1e-12 up to 1.6 rad: no branch bends farther.
+/// Quaternions (x, y, z, w) of rotation vectors, rad. Exact to 1e-12 up to 1.6 rad: no branch bends farther.
 #[inline(always)]
-pub(crate) fn rotation_lanes<S: Simd>(v: Arrow<S>) -> [F64Lanes<S>; 4] {
+pub(crate) fn rotation_lanes<S: Simd>(v: Vec3Lanes<S>) -> [F64Lanes<S>; 4] {
     // sin(a/2)/a and cos(a/2) as series of (a/2)^2: products only, this is called millions of times.
     const SIN: [f64; 7] =
         [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0, 1.0 / 6_227_020_800.0];
     const COS: [f64; 7] =
         [1.0, -0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0, 1.0 / 479_001_600.0];
     let h = v.dot(v) * 0.25;
-    let (Arrow([x, y, z]), cos) = (v * (powers(&SIN, h) * 0.5), powers(&COS, h));
+    let (Vec3Lanes([x, y, z]), cos) = (v * (power_series(&SIN, h) * 0.5), power_series(&COS, h));
     [x, y, z, cos]
 }
 
-/// The turn about `v` by its length, rad.
-pub fn turn(v: DVec3) -> DQuat {
+/// Quaternion of a rotation vector, rad.
+pub fn rotation_from_vector(v: DVec3) -> DQuat {
     let [x, y, z, w] =
-        rotation_lanes(Arrow(v.to_array().map(|c| F64Lanes::from_scalar(Scalar, c)))).map(F64Lanes::scalar);
+        rotation_lanes(Vec3Lanes(v.to_array().map(|c| F64Lanes::from_scalar(Scalar, c)))).map(F64Lanes::scalar);
     DQuat::from_xyzw(x, y, z, w)
 }
 
-/// The same for what is written.
+/// The same in single precision, for output.
 pub fn rotation_f32(v: Vec3) -> Quat {
-    turn(v.as_dvec3()).as_quat()
+    rotation_from_vector(v.as_dvec3()).as_quat()
 }
 
-/// A straight beam clamped at its base: stations along it with stiffness and load.
+/// A straight beam clamped at its base, discretized at stations of given stiffness and mass.
 #[derive(Debug, Clone, Default)]
 pub struct CantileverBeam {
     /// Distance from the base, m, rising from 0.
     pub x: Vec<f64>,
-    /// E I at the stations, N m^2.
+    /// Bending stiffness E I at the stations, N m^2.
     pub rigidity: Vec<f64>,
-    /// E I halfway to the next station.
+    /// Bending stiffness halfway to the next station, N m^2, for Simpson's rule.
     pub between: Vec<f64>,
     /// Mass at the stations, kg.
     pub mass: Vec<f64>,
 }
 
 impl CantileverBeam {
-    /// Slope of the tip for a unit force across at each station, 1/N: c(s) = integral of (s - x) / (E I) over 0..s.
+    /// Tip slope per unit transverse force at each station, 1/N: c(s) = integral of (s - x) / (E I) over 0..s.
     pub fn compliance(&self) -> Vec<f64> {
         let (mut c, mut slope) = (0.0, 0.0);
         let mut list = vec![0.0];
         for i in 1..self.x.len() {
             let h = self.x[i] - self.x[i - 1];
-            let [a, m, b] = [self.rigidity[i - 1], self.between[i - 1], self.rigidity[i]].map(inverse);
-            // c' = integral of 1 / (E I); c'' = 1 / (E I).
+            let [a, m, b] = [self.rigidity[i - 1], self.between[i - 1], self.rigidity[i]].map(inverse_rigidity);
+            // Simpson's rule on each interval, with c' = integral of 1 / (E I) and c'' = 1 / (E I).
             c += h * slope + h * h / 6.0 * (a + 2.0 * m);
             slope += h / 6.0 * (a + 4.0 * m + b);
             list.push(c);
@@ -153,19 +153,20 @@ impl CantileverBeam {
 
     /// Deflection of the stations under loads across, m. `load`: N, one per station.
     pub fn deflection(&self, load: &[f64]) -> Vec<f64> {
-        self.bent(load).into_iter().map(|b| b[0]).collect()
+        self.deflection_and_slope(load).into_iter().map(|b| b[0]).collect()
     }
 
-    /// Slope of the stations over the tip's under loads across, N: none for a beam that does not bend.
-    pub fn shape(&self, load: &[f64]) -> Option<Vec<f64>> {
-        let bent = self.bent(load);
+    /// Slope of the stations over that of the tip under transverse loads, N; none for a rigid beam.
+    pub fn relative_slope(&self, load: &[f64]) -> Option<Vec<f64>> {
+        let bent = self.deflection_and_slope(load);
         let tip = bent.last().map_or(0.0, |b| b[1]);
         (tip > 0.0).then(|| bent.iter().map(|b| b[1] / tip).collect())
     }
 
-    /// Deflection, m, and slope of the stations.
-    fn bent(&self, load: &[f64]) -> Vec<[f64; 2]> {
+    /// Deflection, m, and slope of the stations under transverse loads, N.
+    fn deflection_and_slope(&self, load: &[f64]) -> Vec<[f64; 2]> {
         let n = self.x.len();
+        // Shear force and bending moment from the tip inwards, then M / (E I) integrated twice from the base outwards.
         let (mut shear, mut moment) = (vec![0.0; n], vec![0.0; n]);
         for i in (0..n.saturating_sub(1)).rev() {
             shear[i] = shear[i + 1] + load[i + 1];
@@ -175,9 +176,9 @@ impl CantileverBeam {
         let mut list = vec![[0.0; 2]];
         for i in 1..n {
             let h = self.x[i] - self.x[i - 1];
-            let a = moment[i - 1] * inverse(self.rigidity[i - 1]);
-            let m = 0.5 * (moment[i - 1] + moment[i]) * inverse(self.between[i - 1]);
-            let b = moment[i] * inverse(self.rigidity[i]);
+            let a = moment[i - 1] * inverse_rigidity(self.rigidity[i - 1]);
+            let m = 0.5 * (moment[i - 1] + moment[i]) * inverse_rigidity(self.between[i - 1]);
+            let b = moment[i] * inverse_rigidity(self.rigidity[i]);
             y += h * slope + h * h / 6.0 * (a + 2.0 * m);
             slope += h / 6.0 * (a + 4.0 * m + b);
             list.push([y, slope]);
@@ -185,11 +186,13 @@ impl CantileverBeam {
         list
     }
 
-    /// First circular frequency, rad/s.
-    /// Source: A. Stodola, "Dampf- und Gasturbinen", 1922, with Rayleigh's quotient; two rounds are within 0.15 %.
-    pub fn frequency(&self) -> f64 {
+    /// Fundamental angular frequency, rad/s.
+    /// Source: A. Stodola, "Dampf- und Gasturbinen", 1922, with Rayleigh's quotient; two iterations are within 0.15 %.
+    pub fn fundamental_angular_frequency(&self) -> f64 {
         let mut load = self.mass.clone();
         let mut square = 0.0;
+        // The deflection under inertial loads of the last shape is a better shape; w^2 = work of the loads / sum m
+        // y^2.
         for _ in 0..2 {
             let y = self.deflection(&load);
             let work = load.iter().zip(&y).fold(0.0, |s, (q, y)| s + q * y);
@@ -205,33 +208,36 @@ impl CantileverBeam {
     }
 }
 
-/// Wood of no thickness carries nothing.
-fn inverse(rigidity: f64) -> f64 {
+/// 1 / (E I); 0 for wood of zero thickness, which carries no load.
+fn inverse_rigidity(rigidity: f64) -> f64 {
     if rigidity > 1e-12 { rigidity.recip() } else { 0.0 }
 }
 
-/// One step of a damped oscillator, exact for a load that stays: y' = a y + b v, v' = c y + d v.
+/// Exact step of a damped oscillator under constant load, y its distance from equilibrium: y' = a y + b v, v' = c y +
+/// d v.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OscillatorStep {
-    /// Of the place to the place.
+    /// From displacement to displacement.
     a: f64,
-    /// Of the rate to the place.
+    /// From velocity to displacement, s.
     b: f64,
-    /// Of the place to the rate.
+    /// From displacement to velocity, 1/s.
     c: f64,
-    /// Of the rate to the rate.
+    /// From velocity to velocity.
     d: f64,
 }
 
 impl OscillatorStep {
-    /// `w`: circular frequency, rad/s; `zeta`: share of critical damping; `h`: step, s.
+    /// `w`: natural angular frequency, rad/s; `zeta`: damping ratio; `h`: step, s.
     /// Source: the solution of b'' + 2 zeta w b' + w^2 b = 0.
     pub fn new(w: f64, zeta: f64, h: f64) -> Self {
+        // Critical damping: the limit of both other cases.
         if (1.0 - zeta).abs() < 1e-4 {
             let e = math::exp(-w * h);
             return Self { a: e * (1.0 + w * h), b: e * h, c: -e * w * w * h, d: e * (1.0 - w * h) };
         }
         let e = math::exp(-zeta * w * h);
+        // Damped frequency; with overdamping sine and cosine become hyperbolic.
         let wd = w * math::sqrt((1.0 - zeta * zeta).abs());
         let (c, s) = if zeta < 1.0 {
             (math::cos(wd * h), math::sin(wd * h))
@@ -243,12 +249,13 @@ impl OscillatorStep {
         Self { a: e * (c + k * s), b: e * s / wd, c: -e * w * w / wd * s, d: e * (c - k * s) }
     }
 
-    /// For what is too quick for the frames: follows its rest with a lag of 1 / w, without a rate.
-    pub fn follow(w: f64, h: f64) -> Self {
+    /// Quasi-static step for modes above the frame rate: relaxes to equilibrium with the time constant 1/w, without
+    /// oscillation.
+    pub fn first_order_lag(w: f64, h: f64) -> Self {
         Self { a: math::exp(-w * h), b: 0.0, c: 0.0, d: 0.0 }
     }
 
-    /// a, b, c, d.
+    /// The coefficients a, b, c, d.
     pub fn coefficients(&self) -> [f64; 4] {
         [self.a, self.b, self.c, self.d]
     }
@@ -288,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cantilever_bends_as_the_closed_form_says() {
+    fn cantilever_deflection_matches_the_closed_form() {
         for n in [16, 32, 64] {
             let beam = rod(1.2, 0.01, 0.01, (8e9, 900.0), n);
             let mut tip = vec![0.0; n + 1];
@@ -303,24 +310,25 @@ mod tests {
     }
 
     #[test]
-    fn frequencies_of_rods_and_cones_are_the_books() {
+    fn rod_and_cone_frequencies_match_beam_theory() {
         for (end, lambda) in [(1.0, 3.516), (0.5, 4.625), (0.25, 5.823), (0.1, 7.205), (0.0, 8.72)] {
             let (l, r, e, density) = (1.2, 0.01, 8e9, 900.0);
             let beam = rod(l, r, r * end, (e, density), 32);
             let unit = math::sqrt(e * PI / 4.0 * quad(r) / (density * PI * r * r)) / (l * l);
-            let found = beam.frequency() / unit;
+            let found = beam.fundamental_angular_frequency() / unit;
             assert!((found / lambda - 1.0).abs() < 5e-3, "radius to {end}: {found} for {lambda}");
         }
-        let hertz = |l: f64, r: f64| rod(l, r, r, (8e9, 900.0), 32).frequency() / (2.0 * PI);
+        let hertz = |l: f64, r: f64| rod(l, r, r, (8e9, 900.0), 32).fundamental_angular_frequency() / (2.0 * PI);
         for (l, r, f) in [(12.0, 0.2, 1.16), (3.5, 0.035, 2.38), (1.2, 0.01, 5.79), (0.4, 0.003, 15.6)] {
             assert!((hertz(l, r) / f - 1.0).abs() < 5e-3);
         }
     }
 
     #[test]
-    fn measured_shapes_are_the_closed_forms() {
+    fn measured_slopes_match_the_closed_form() {
         let even = |n: usize| -> Vec<f64> { (0..=n).map(|i| if i == 0 || i == n { 0.5 } else { 1.0 }).collect() };
-        let table = SlopeProfile::Table(rod(1.2, 0.01, 0.01, (8e9, 900.0), 32).shape(&even(32)).expect("bends"));
+        let table =
+            SlopeProfile::Table(rod(1.2, 0.01, 0.01, (8e9, 900.0), 32).relative_slope(&even(32)).expect("bends"));
         for x in [0.0, 0.1, 0.35, 0.5, 0.8, 1.0] {
             assert!(
                 (table.at(x) - uniform_load_slope(x)).abs() < 2e-3,
@@ -336,7 +344,7 @@ mod tests {
         };
         let curve = |x: f64| sum(&|s| (s - x) * r(s), x, 1.0) / quad(r(x));
         let load: Vec<f64> = even(32).iter().enumerate().map(|(i, w)| w * r(i as f64 / 32.0)).collect();
-        let table = SlopeProfile::Table(rod(1.2, 0.01, 0.005, (8e9, 900.0), 32).shape(&load).expect("bends"));
+        let table = SlopeProfile::Table(rod(1.2, 0.01, 0.005, (8e9, 900.0), 32).relative_slope(&load).expect("bends"));
         for x in [0.2, 0.5, 0.8] {
             let expected = sum(&curve, 0.0, x) / sum(&curve, 0.0, 1.0);
             assert!((table.at(x) - expected).abs() < 5e-3, "{x}: {} for {expected}", table.at(x));
@@ -345,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_mode_is_the_books() {
+    fn second_mode_matches_beam_theory() {
         assert!(second_mode_slope(0.0).abs() < 1e-12 && (second_mode_slope(1.0) - 1.0).abs() < 1e-12);
         assert!(
             second_mode_slope(0.4709).abs() < 2e-3 && second_mode_slope(0.3) < -0.2 && second_mode_slope(0.6) > 0.2
@@ -358,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn large_bends_follow_the_elastica() {
+    fn large_bends_match_the_elastica() {
         // Deflection over length for F L^2 / (E I), even load: as computed and exact.
         let table = [
             (0.1, 0.0125, 0.0125),
@@ -392,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_arc_tangents() {
+    fn large_deflection_factor_is_atan_over_x() {
         for x in [1e-9, 0.01, 0.1, 0.2235, 0.2237, 1.0, 3.0, 100.0, 1e6] {
             let found = large_deflection_factor(F64Lanes::from_scalar(Scalar, x * x)).scalar() * x;
             assert!((found - math::atan(x)).abs() < 1e-10 * math::atan(x), "{x}: {found}");
@@ -404,7 +412,8 @@ mod tests {
         let n = 2000;
         let (mut p, mut length) = (DVec3::ZERO, 0.0);
         for i in 0..n {
-            let step = turn(bend * uniform_load_slope((f64::from(i) + 0.5) / f64::from(n))) * DVec3::Y / f64::from(n);
+            let step = rotation_from_vector(bend * uniform_load_slope((f64::from(i) + 0.5) / f64::from(n))) * DVec3::Y
+                / f64::from(n);
             length += step.length();
             p += step;
         }
@@ -412,16 +421,16 @@ mod tests {
     }
 
     #[test]
-    fn turns_are_turns() {
+    fn rotation_series_matches_the_exact_rotation() {
         for a in [0.0, 1e-6, 0.3, 1.0, 1.57] {
             let axis = DVec3::new(0.6, 0.0, 0.8);
-            let (q, e) = (turn(axis * a), DQuat::from_axis_angle(axis, a));
+            let (q, e) = (rotation_from_vector(axis * a), DQuat::from_axis_angle(axis, a));
             assert!((q - e).length() < 1e-11, "{a}");
         }
     }
 
     #[test]
-    fn ringing_dies_as_the_logarithmic_decrement_says() {
+    fn oscillation_decays_by_the_logarithmic_decrement() {
         for (zeta, decrement) in [(0.05, 0.3146), (0.08, 0.5043), (0.12, 0.7595), (0.2, 1.2826)] {
             let (f, h) = (1.7, 1e-3);
             let swing = OscillatorStep::new(2.0 * PI * f, zeta, h);
@@ -445,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn the_step_is_exact_at_any_length_and_keeps_energy() {
+    fn oscillator_step_is_exact_and_conserves_energy() {
         for zeta in [0.0, 0.1, 0.99995, 1.0, 1.5, 3.0] {
             let w = 5.0;
             let ring = |h: f64, n: u32| (0..n).fold([1.0, 0.5], |s, _| step(&OscillatorStep::new(w, zeta, h), s, 0.2));

@@ -1,4 +1,5 @@
-//! The parts of a plant that bend: what they are made of, what they carry, where air presses.
+//! Bending elements of a plant: which stretches of axes bend, how stiff and heavy they are, and where the wind acts on
+//! them.
 
 use std::ops::Range;
 
@@ -11,131 +12,135 @@ use osier_base::math;
 use osier_base::rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
 
-/// Slowest swing, Hz.
+/// Lower bound of natural frequencies, Hz: below, spin-up would last minutes.
 const MIN_HZ: f64 = 0.1;
-/// Spread of frequencies between branches alike, and between the two ways a branch swings.
+/// Relative spread of frequencies between equal branches, and between the two bending directions of one. 0: neighbours
+/// sway in unison; higher: twins look unlike.
 const FREQUENCY_SPREAD: f64 = 0.18;
 const MODE_SPLIT: f64 = 0.03;
-/// Wind that the depth of a crown keeps off.
+/// Share of the wind that the centre of a crown is sheltered from.
 const CROWN_SHELTER: f64 = 0.6;
 
-/// A stretch of an axis that bends as one.
+/// A stretch of an axis that bends as one cantilever.
 #[derive(Debug, Clone)]
 pub struct BeamElement {
-    /// Axis that it is part of.
+    /// Index of its axis.
     pub axis: u32,
-    /// Where on the axis, m.
+    /// Range of arc length on the axis, m.
     pub span: [f32; 2],
-    /// Element that carries it, below its own index, or [`NONE`] for the ground.
+    /// Index of the carrying element, below its own, or [`NONE`] for the ground.
     pub parent: u32,
-    /// Where on that, 0 at its base to 1 at its tip.
+    /// Position on the carrier, 0 at its base to 1 at its tip.
     pub at: f64,
-    /// Branching order.
+    /// Branching order of its axis; 0 is the trunk.
     pub order: u8,
-    /// Stable id.
+    /// Random key, stable while the plant is edited elsewhere.
     pub id: u64,
-    /// Place at rest, m.
+    /// Base at rest, m.
     pub base: DVec3,
     /// Direction of growth at its base, at rest.
     pub up: DVec3,
-    /// The two ways that it bends: axes of turning, at rest, across `up`.
+    /// Rotation axes of its two bending directions, at rest, perpendicular to `up`.
     pub bend_axes: [DVec3; 2],
-    /// m.
+    /// Length, m.
     pub length: f64,
-    /// Its stations.
+    /// Range of its stations in [`BeamElements::stations`].
     pub stations: Range<usize>,
-    /// Slope of the carrier's tip for a unit force at this element's base, 1/N.
+    /// Tip slope of the carrier per unit force at this element's base, 1/N.
     pub carrier_compliance: f64,
-    /// Circular frequency of both ways, rad/s.
+    /// Natural angular frequency of both bending directions, rad/s.
     pub w: [f64; 2],
-    /// Share of critical damping.
+    /// Damping ratio.
     pub damping_ratio: f64,
-    /// How its slope grows along it.
+    /// Relative slope along it.
     pub shape: SlopeProfile,
-    /// Where the bends of its second mode stand in a list of bends: behind those of all elements.
+    /// Index of its second mode among all bends, behind the first modes of all elements.
     pub second_mode: Option<usize>,
 }
 
-/// Where air presses on an element, for one stretch of it.
+/// A stretch of an element over which wind and inertia are lumped.
 #[derive(Debug, Clone, Copy)]
 pub struct LoadStation {
-    /// Middle of its stretch along the element, 0 to 1.
+    /// Middle of the stretch along the element, 0 to 1.
     pub middle: f64,
-    /// Place at rest, m.
+    /// Position at rest, m.
     pub p: DVec3,
     /// Direction of growth at rest.
     pub along: DVec3,
-    /// Where the stretch begins at rest.
+    /// Start of the stretch at rest, m.
     pub from: DVec3,
-    /// From there to its end.
+    /// Vector from start to end of the stretch at rest, m.
     pub chord: DVec3,
-    /// Area of wood and of leaves, m^2, and mass, kg, of the stretch.
+    /// Drag areas, m^2, and mass, kg, of the stretch.
     pub load: BranchLoad,
-    /// Slope of the tip for a unit of drag, and of inertia, spread as area and mass are, 1/N.
+    /// Tip slope per unit force, 1/N, of drag and of inertia, weighted by area and by mass.
     pub tip_compliances: [f64; 2],
-    /// Share of the wind that reaches it.
+    /// Share of the undisturbed wind that reaches it.
     pub open: f32,
 }
 
-/// A place on a plant as motion sees it.
+/// A position on a plant in terms of bending elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElementLocation {
-    /// Element, or [`NONE`] for what stands still.
+    /// Index of the element, or [`NONE`] for what does not move.
     pub element: u32,
-    /// Where on it.
+    /// Position along it, 0 to 1.
     pub at: f64,
 }
 
-/// All elements of a plant, parents first.
+/// All bending elements of a plant, parents first.
 #[derive(Debug, Clone, Default)]
 pub struct BeamElements {
-    /// Elements.
+    /// Elements, parents first.
     pub list: Vec<BeamElement>,
-    /// Stations of all.
+    /// Stations of all elements.
     pub stations: Vec<LoadStation>,
-    /// Fewer joints to each.
+    /// Whether elements get the smaller number of joints.
     pub(crate) coarse: bool,
-    /// From the one that counts most to the one that counts least.
+    /// Indices of the elements in descending order of visible motion.
     pub ranked: Vec<u32>,
-    /// Per axis: where each part ends, m, and its element or [`NONE`].
+    /// Per axis: end of each segment, m, and its element or [`NONE`].
     parts: Vec<Vec<(f32, u32)>>,
-    /// Per axis: where its base stands.
+    /// Per axis: location of its base.
     carriers: Vec<ElementLocation>,
 }
 
 impl BeamElements {
-    /// Chooses and measures the elements of a plant. What is not chosen rides on what carries it and adds to its load.
+    /// Selects and measures the elements of a plant. Segments beyond the budget ride rigidly on their carrier and add
+    /// to its load.
     /// Source: the hierarchy of [zhao-zhang] 3.2, one element for a branch instead of for an internode.
     pub fn build(plant: &Plant, wood: &WoodParams, budget: ElementBudget) -> Self {
-        let pieces = AxisSegments::of(plant, wood);
-        let ranked = pieces.ranked_by_motion();
-        let kept = pieces.select(&ranked, budget);
-        let source = ElementContext { plant, wood, pieces: &pieces, kept: &kept, crown: CrownEllipsoid::of(plant) };
+        let segments = AxisSegments::from_plant(plant, wood);
+        let ranked = segments.ranked_by_motion();
+        let kept = segments.select(&ranked, budget);
+        let source =
+            ElementContext { plant, wood, segments: &segments, kept: &kept, crown: CrownEllipsoid::from_plant(plant) };
         let mut all = Self {
             parts: vec![Vec::new(); plant.axes.len()],
             carriers: vec![ElementLocation { element: NONE, at: 0.0 }; plant.axes.len()],
             coarse: matches!(budget, ElementBudget::Coarse(_)),
             ..Self::default()
         };
-        let mut index = vec![NONE; pieces.list.len()];
-        let mut slopes = vec![None; pieces.list.len()];
-        for (i, piece) in pieces.list.iter().enumerate() {
+        let mut index = vec![NONE; segments.list.len()];
+        let mut slopes = vec![None; segments.list.len()];
+        let mut next = 0_u32..;
+        for (i, segment) in segments.list.iter().enumerate() {
             if kept[i] {
-                index[i] = u32::try_from(all.list.len()).unwrap_or(NONE);
-                let parent = piece.parent.map_or(NONE, |p| index[p]);
-                let carrier = piece.parent.and_then(|p| slopes[p].as_ref());
+                index[i] = next.next().unwrap_or(NONE);
+                let parent = segment.parent.map_or(NONE, |p| index[p]);
+                let carrier = segment.parent.and_then(|p| slopes[p].as_ref());
                 slopes[i] = Some(all.add_element(&source, i, parent, carrier));
             }
-            all.parts[piece.axis as usize].push((piece.span[1], index[i]));
+            all.parts[segment.axis as usize].push((segment.span[1], index[i]));
         }
-        all.add_overtones(wood);
+        all.number_second_modes(wood);
         all.ranked = ranked.iter().filter(|i| kept[**i]).map(|i| index[*i]).collect();
         all.find_carriers(plant);
         all
     }
 
-    /// Adds the element of piece `i` and returns its tip compliance. `parent`: element that carries it, or [`NONE`];
-    /// `carrier`: tip compliance of that element.
+    /// Adds the element of segment `i` and returns its tip compliance. `parent`: index of the carrying element, or
+    /// [`NONE`]; `carrier`: tip compliance of that element.
     fn add_element(
         &mut self,
         source: &ElementContext<'_>,
@@ -143,19 +148,19 @@ impl BeamElements {
         parent: u32,
         carrier: Option<&TipCompliance>,
     ) -> TipCompliance {
-        let piece = &source.pieces.list[i];
-        let axis = source.axis(piece);
+        let segment = &source.segments.list[i];
+        let axis = source.axis(segment);
         let measured = ElementBeam::new(source, i);
-        let site = source.plant.frame(axis, piece.span[0]);
+        let site = source.plant.frame(axis, segment.span[0]);
         let frame = site.q.as_dquat();
-        let id = rng::child(axis.id, u64::from(piece.number));
-        let (at, carrier_compliance) = self.attachment(piece, parent, carrier);
+        let id = rng::child(axis.id, u64::from(segment.number));
+        let (at, carrier_compliance) = self.locate_on_carrier(segment, parent, carrier);
         let first = self.stations.len();
-        self.stations.extend(measured.load_stations(source, piece));
+        self.stations.extend(measured.load_stations(source, segment));
         let bare = if source.crown.bare { 0.5 } else { 1.0 };
         self.list.push(BeamElement {
-            axis: piece.axis,
-            span: piece.span,
+            axis: segment.axis,
+            span: segment.span,
             parent,
             at,
             order: axis.order,
@@ -163,10 +168,10 @@ impl BeamElements {
             base: site.p.as_dvec3(),
             up: frame * DVec3::Y,
             bend_axes: [frame * DVec3::X, frame * DVec3::Z],
-            length: f64::from(piece.span[1] - piece.span[0]),
+            length: f64::from(segment.span[1] - segment.span[0]),
             stations: first..self.stations.len(),
             carrier_compliance,
-            w: measured.mode_frequencies(source, piece, id),
+            w: measured.mode_frequencies(source, segment, id),
             damping_ratio: source.wood.damping * damping_ratio(axis.order, axis.kind == AxisKind::Petiole) * bare,
             shape: measured.shape,
             second_mode: None,
@@ -174,23 +179,23 @@ impl BeamElements {
         TipCompliance { x: measured.beam.x, compliance: measured.compliance }
     }
 
-    /// Where a piece stands on its carrier, and how far its pull bends that.
-    fn attachment(&self, piece: &AxisSegment, parent: u32, carrier: Option<&TipCompliance>) -> (f64, f64) {
+    /// Position of a segment on its carrier, 0 to 1, and the carrier's tip slope per unit force there, 1/N.
+    fn locate_on_carrier(&self, segment: &AxisSegment, parent: u32, carrier: Option<&TipCompliance>) -> (f64, f64) {
         let Some((element, slopes)) = self.list.get(parent as usize).zip(carrier) else { return (0.0, 0.0) };
-        let s = f64::from(piece.parent_s - element.span[0]);
+        let s = f64::from(segment.parent_s - element.span[0]);
         let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
         (at, interpolate(&slopes.x, &slopes.compliance, s))
     }
 
-    /// The second modes of trunks and limbs.
-    fn add_overtones(&mut self, wood: &WoodParams) {
+    /// Gives trunks and main branches an index for their second mode.
+    fn number_second_modes(&mut self, wood: &WoodParams) {
         let behind = self.list.len()..;
         for (place, element) in behind.zip(self.list.iter_mut().filter(|e| wood.second_modes && e.order <= 1)) {
             element.second_mode = Some(place);
         }
     }
 
-    /// Bends of all elements and of their second modes.
+    /// Number of bends: first modes of all elements, then second modes.
     pub fn bend_count(&self) -> usize {
         self.list.len() + self.list.iter().filter(|e| e.second_mode.is_some()).count()
     }
@@ -203,7 +208,7 @@ impl BeamElements {
         }
     }
 
-    /// What moves a place of an axis. `s`: arc length, m.
+    /// Location of arc length `s`, m, of an axis.
     pub fn locate(&self, axis: u32, s: f32) -> ElementLocation {
         let Some(parts) = self.parts.get(axis as usize) else { return ElementLocation { element: NONE, at: 0.0 } };
         let mut last = self.carriers[axis as usize];
@@ -218,7 +223,7 @@ impl BeamElements {
         last
     }
 
-    /// Turns of all elements' bases from rest. `bends`: per element, both ways, rad.
+    /// Rotations of the elements' bases from rest. `bends`: both angles of each element, rad.
     pub fn base_rotations(&self, bends: &[[f32; 2]]) -> Vec<Quat> {
         let mut bases: Vec<Quat> = Vec::with_capacity(self.list.len());
         for e in &self.list {
@@ -228,13 +233,14 @@ impl BeamElements {
         bases
     }
 
-    /// Turn of a place from rest. `bases`: from `BeamElements::base_rotations` for the same bends.
+    /// Rotation of a location from rest. `bases`: from [`BeamElements::base_rotations`] for the same bends.
     pub fn rotation_at(&self, bases: &[Quat], bends: &[[f32; 2]], spot: ElementLocation) -> Quat {
         let k = spot.element as usize;
         let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
         let Some(b) = bends.get(k) else { return *base };
         let along =
             |b: &[f32; 2], share: f64| (e.bend_axes[0] * f64::from(b[0]) + e.bend_axes[1] * f64::from(b[1])) * share;
+        // Small-angle composition: rotation vectors of both directions and both modes add up before the exponential.
         let mut bend = along(b, e.shape.at(spot.at));
         if let Some(b) = e.second_mode.and_then(|k| bends.get(k)) {
             bend += along(b, second_mode_slope(spot.at));
@@ -242,14 +248,14 @@ impl BeamElements {
         *base * rotation_f32(bend.as_vec3())
     }
 
-    /// Share of the wind that reaches a place.
+    /// Share of the undisturbed wind at a location, the mean of its element's stations.
     pub fn wind_exposure(&self, spot: ElementLocation) -> f32 {
         let stations = self.list.get(spot.element as usize).and_then(|e| self.stations.get(e.stations.clone()));
         stations.map_or(1.0, |list| list.iter().map(|s| s.open).sum::<f32>() / list.len().max(1) as f32)
     }
 }
 
-/// The leaves of a plant as one egg-shaped crown.
+/// Ellipsoid around the foliage, which shelters its inside.
 struct CrownEllipsoid {
     middle: DVec3,
     radii: DVec3,
@@ -257,7 +263,7 @@ struct CrownEllipsoid {
 }
 
 impl CrownEllipsoid {
-    fn of(plant: &Plant) -> Self {
+    fn from_plant(plant: &Plant) -> Self {
         let places = plant.organs.iter().map(|o| plant.organ_site(o).0);
         let b = osier_base::geometry::Bounds::of(places);
         if b.is_empty() {
@@ -266,7 +272,7 @@ impl CrownEllipsoid {
         Self { middle: b.center().as_dvec3(), radii: b.size().as_dvec3() * 0.5, bare: false }
     }
 
-    /// Share of the wind that reaches a place.
+    /// Share of the undisturbed wind at a position, m.
     fn wind_exposure(&self, p: DVec3) -> f32 {
         if self.radii.min_element() <= 0.0 {
             return 1.0;
@@ -276,82 +282,86 @@ impl CrownEllipsoid {
     }
 }
 
-/// What elements are made from.
+/// Inputs of the element construction.
 struct ElementContext<'a> {
     plant: &'a Plant,
     wood: &'a WoodParams,
-    pieces: &'a AxisSegments,
+    segments: &'a AxisSegments,
     kept: &'a [bool],
     crown: CrownEllipsoid,
 }
 
 impl ElementContext<'_> {
-    fn axis(&self, piece: &AxisSegment) -> &Axis {
-        &self.plant.axes[piece.axis as usize]
+    fn axis(&self, segment: &AxisSegment) -> &Axis {
+        &self.plant.axes[segment.axis as usize]
     }
 }
 
-/// Slope of the tip for a unit force at places along a piece.
+/// Tip slope per unit force at positions along a segment.
 #[derive(Debug, Clone)]
 struct TipCompliance {
     x: Vec<f64>,
     compliance: Vec<f64>,
 }
 
-/// A piece with everything on it, station by station of its beam.
+/// Beam of a segment with everything that it carries, lumped at its stations.
 struct ElementBeam {
     beam: CantileverBeam,
-    /// Own wood, leaves and what rides along, per station.
+    /// Per station: own wood and leaves, and segments that ride on it.
     own: Vec<BranchLoad>,
-    /// Slope of the tip for a unit force.
+    /// Tip slope per unit force at each station, 1/N.
     compliance: Vec<f64>,
     shape: SlopeProfile,
 }
 
 impl ElementBeam {
-    fn new(&ElementContext { plant, wood, pieces, kept, .. }: &ElementContext<'_>, i: usize) -> Self {
-        let piece = &pieces.list[i];
-        let mut beam = pieces.beam(plant, wood, i);
-        let mut own: Vec<BranchLoad> = pieces.wood_along(plant, wood, i, beam.x.len());
-        for (s, load) in &piece.leaves {
-            add_load(&beam.x, &mut own, f64::from(s - piece.span[0]), *load);
+    fn new(&ElementContext { plant, wood, segments, kept, .. }: &ElementContext<'_>, i: usize) -> Self {
+        let segment = &segments.list[i];
+        let mut beam = segments.beam(plant, wood, i);
+        let mut own: Vec<BranchLoad> = segments.wood_along(plant, wood, i, beam.x.len());
+        for (s, load) in &segment.leaves {
+            distribute_load(&beam.x, &mut own, f64::from(s - segment.span[0]), *load);
         }
         let mut hung = vec![BranchLoad::default(); beam.x.len()];
-        for child in &piece.children {
-            let (s, load) = (f64::from(pieces.list[*child].parent_s - piece.span[0]), pieces.list[*child].total);
+        // Loads of children: a child that is an element transmits its mass, but catches the wind at its own stations.
+        for child in &segment.children {
+            let (s, load) = (f64::from(segments.list[*child].parent_s - segment.span[0]), segments.list[*child].total);
             // What is kept catches the wind by itself, but its mass hangs here.
-            add_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
+            distribute_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
         }
         beam.mass = own.iter().zip(&hung).map(|(o, h)| o.mass + h.mass).collect();
         let drag = |l: &BranchLoad| wood.drag * l.wood + wood.leaf_drag * l.leaf;
         let wind: Vec<f64> = own.iter().zip(&hung).map(|(o, h)| drag(o) + drag(h)).collect();
-        let shape = wood.measured.then(|| beam.shape(&wind)).flatten().map_or(SlopeProfile::Even, SlopeProfile::Table);
+        let shape =
+            wood.measured.then(|| beam.relative_slope(&wind)).flatten().map_or(SlopeProfile::Even, SlopeProfile::Table);
         let compliance = beam.compliance();
         Self { beam, own, compliance, shape }
     }
 
-    fn mode_frequencies(&self, source: &ElementContext<'_>, piece: &AxisSegment, id: u64) -> [f64; 2] {
+    fn mode_frequencies(&self, source: &ElementContext<'_>, segment: &AxisSegment, id: u64) -> [f64; 2] {
         const TAU: f64 = std::f64::consts::TAU;
-        let (axis, wood) = (source.axis(piece), source.wood);
-        let trunk = wood.trunk_hertz.filter(|_| axis.parent == NONE && piece.number == 0);
-        let free = trunk.map_or_else(|| self.beam.frequency(), |f| f * TAU);
+        let (axis, wood) = (source.axis(segment), source.wood);
+        // A requested trunk frequency replaces the computed one.
+        let trunk = wood.trunk_hertz.filter(|_| axis.parent == NONE && segment.number == 0);
+        let free = trunk.map_or_else(|| self.beam.fundamental_angular_frequency(), |f| f * TAU);
         let mut draw = rng::Rng::from_key(rng::child(id, rng::word("frequency")));
         let w = free * wood.hertz * (1.0 + FREQUENCY_SPREAD * draw.range(-1.0, 1.0));
         let apart = MODE_SPLIT * draw.range(-1.0, 1.0);
         [w * (1.0 + apart), w * (1.0 - apart)].map(|w| w.max(MIN_HZ * TAU))
     }
 
-    /// Three stretches for what is thick, one for the rest.
-    fn load_stations(&self, source: &ElementContext<'_>, piece: &AxisSegment) -> Vec<LoadStation> {
-        let (axis, wood) = (source.axis(piece), source.wood);
+    /// Stations of the element: three on trunks and main branches, one on others.
+    fn load_stations(&self, source: &ElementContext<'_>, segment: &AxisSegment) -> Vec<LoadStation> {
+        let (axis, wood) = (source.axis(segment), source.wood);
         let places: &[f64] = if axis.order <= 1 { &[0.2, 0.5, 0.85] } else { &[0.75] };
         let n = places.len() as f64;
-        let length = piece.span[1] - piece.span[0];
-        let site = |at: f64| source.plant.frame(axis, piece.span[0] + length * math::narrow(at));
+        let length = segment.span[1] - segment.span[0];
+        let site = |at: f64| source.plant.frame(axis, segment.span[0] + length * math::narrow(at));
         let one = |(k, at): (usize, &f64)| {
             let (low, high) = (k as f64 / n, (k + 1) as f64 / n);
             let (mut load, mut tip_compliances, mut weight) = (BranchLoad::default(), [0.0; 2], 0.0);
             let last = self.own.len() - 1;
+            // Lump the beam's stations within the stretch, with force-weighted means of their compliances.
             for (j, own) in self.own.iter().enumerate() {
                 let x = j as f64 / last as f64;
                 if x >= low && (x < high || (k + 1 == places.len() && j == last)) {
@@ -386,22 +396,22 @@ fn ratio_or_zero(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
-/// Shares a load between the two stations around a place.
-fn add_load(x: &[f64], loads: &mut [BranchLoad], s: f64, load: BranchLoad) {
-    let (k, t) = bracket(x, s);
-    loads[k] = loads[k] + load.times(1.0 - t);
+/// Distributes a load linearly to the two stations around `s`.
+fn distribute_load(x: &[f64], loads: &mut [BranchLoad], s: f64, load: BranchLoad) {
+    let (k, t) = bracketing_stations(x, s);
+    loads[k] = loads[k] + load.scaled(1.0 - t);
     if let Some(next) = loads.get_mut(k + 1) {
-        *next = *next + load.times(t);
+        *next = *next + load.scaled(t);
     }
 }
 
-/// Linear between stations.
+/// Linear interpolation between stations.
 fn interpolate(x: &[f64], y: &[f64], s: f64) -> f64 {
-    let (k, t) = bracket(x, s);
+    let (k, t) = bracketing_stations(x, s);
     y.get(k + 1).map_or(y[k], |next| y[k] + (next - y[k]) * t)
 }
 
-fn bracket(x: &[f64], s: f64) -> (usize, f64) {
+fn bracketing_stations(x: &[f64], s: f64) -> (usize, f64) {
     let k = x.partition_point(|v| *v <= s).clamp(1, x.len().max(2) - 1) - 1;
     let span = x.get(k + 1).map_or(0.0, |b| b - x[k]);
     (k, if span > 0.0 { ((s - x[k]) / span).clamp(0.0, 1.0) } else { 0.0 })
@@ -413,7 +423,7 @@ mod tests {
     use crate::sway::testing::{leafy, rod, tree};
 
     #[test]
-    fn a_rod_is_one_element_with_the_frequency_of_the_books() {
+    fn rod_is_one_element_with_its_theoretical_frequency() {
         let plant = rod(3.5, 0.035, 0.035);
         let wood = WoodParams { elasticity: Some(8e9), ..WoodParams::default() };
         let all = BeamElements::build(&plant, &wood, ElementBudget::Elements(10));
@@ -434,14 +444,14 @@ mod tests {
     }
 
     #[test]
-    fn thin_ends_swing_by_themselves() {
+    fn thin_ends_are_elements_of_their_own() {
         let all = BeamElements::build(&rod(4.0, 0.04, 0.002), &WoodParams::default(), ElementBudget::Elements(10));
         assert!(all.list.len() == 2 && all.list[1].parent == 0 && (all.list[1].at - 1.0).abs() < 1e-9);
         assert!(all.list[1].w[0] > all.list[0].w[0]);
     }
 
     #[test]
-    fn parents_stand_first_and_what_does_not_fit_rides() {
+    fn parents_come_first_and_segments_beyond_the_budget_ride() {
         let plant = tree(40);
         let wood = WoodParams::default();
         let full = BeamElements::build(&plant, &wood, ElementBudget::Elements(1000));
@@ -460,7 +470,7 @@ mod tests {
     }
 
     #[test]
-    fn leaves_press_and_weigh_on_their_twigs() {
+    fn leaves_add_drag_and_mass_to_their_twigs() {
         let (bare, leafy) = (tree(5), leafy(5));
         let wood = WoodParams::default();
         let build = |p: &Plant| BeamElements::build(p, &wood, ElementBudget::Elements(100));
@@ -472,7 +482,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trunk_swings_as_asked() {
+    fn trunk_has_the_requested_frequency() {
         let wood = WoodParams { trunk_hertz: Some(0.51), ..WoodParams::default() };
         let all = BeamElements::build(&tree(5), &wood, ElementBudget::Elements(100));
         let hertz = all.list[0].w[0] / std::f64::consts::TAU;

@@ -1,7 +1,8 @@
-//! Branches that sway: from a plant in a wind to joints, poses and points over time.
+//! Sway of branches: from a plant in a wind to the motion of joints, skeletons and points over time.
 //!
-//! [`BeamElements`] are the stretches of branches that bend, chosen and measured once; [`BendTrack`] holds what the wind does to
-//! them, frame by frame. [`JointRig`] shows that with a few joints, [`PointBinding`] with every point, [`LeafFlutter`] moves the leaves.
+//! [`BeamElements`] are the stretches of branches that bend, chosen and measured once; [`SwaySimulation`] advances
+//! them, and [`BendTrack`] holds their bends frame by frame. [`JointRig`] poses a skeleton of few joints from them,
+//! [`PointBinding`] every point of the bark, [`LeafFlutter`] adds the motion of leaves.
 
 mod beam;
 mod elements;

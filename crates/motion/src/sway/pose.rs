@@ -1,4 +1,4 @@
-//! Where everything on a plant is while it bends: centrelines, bark and organs in full.
+//! Poses from bends without a joint budget: centrelines, bark points and organs.
 
 use glam::{Quat, Vec3};
 
@@ -7,42 +7,42 @@ use osier_base::math;
 use osier_base::par::par_chunks;
 use osier_scene::plant::{NONE, Organ, Plant};
 
-/// Rings within this many radii of the place where an axis leaves its parent follow the parent.
+/// Bark within this many radii of a fork follows the parent axis.
 pub(crate) const COLLAR_RADII: f32 = 1.5;
-/// Points that one thread moves at a time.
+/// Bark points per task.
 const POINTS_PER_TASK: usize = 4096;
 
-/// Moved centrelines: per node its place, m, and its turn from rest.
+/// Posed centrelines: position, m, and rotation from rest of each node.
 #[derive(Debug, Clone, Default)]
 pub struct PosedSkeleton {
     p: Vec<Vec3>,
     q: Vec<Quat>,
 }
 
-/// A place between two nodes.
+/// A point attached to a segment between two nodes.
 #[derive(Debug, Clone, Copy)]
 struct SegmentAttachment {
     node: u32,
     t: f32,
-    /// From the centreline to the point, at rest.
+    /// Vector from the centreline to the point at rest, m.
     arm: Vec3,
 }
 
-/// A point that hangs on one or two centrelines.
+/// A bark point attached to its own axis and, near a fork, to the parent axis.
 #[derive(Debug, Clone, Copy)]
 struct BoundPoint {
     own: SegmentAttachment,
     parent: SegmentAttachment,
-    /// Share of its own axis.
+    /// Weight of its own axis.
     share: f32,
 }
 
-/// The plant with what moves each of its nodes.
+/// Binding of a plant's nodes and bark points to bending elements.
 #[derive(Debug, Clone)]
 pub struct PointBinding {
-    /// Per node: what moves it, and what moves the middle of the segment that begins there.
+    /// Per node: its location, and that of the middle of the segment that begins there.
     nodes: Vec<[ElementLocation; 2]>,
-    /// Per axis: nodes, and the place on the parent where it stands.
+    /// Per axis: range of nodes, and the attachment of its base to the parent axis.
     axes: Vec<(std::ops::Range<usize>, Option<SegmentAttachment>)>,
     rest: Vec<Vec3>,
     bark: Vec<BoundPoint>,
@@ -53,85 +53,86 @@ impl PointBinding {
     pub fn new(plant: &Plant, elements: &BeamElements, points: &[Vec3], bark: &[(u32, f32)]) -> Self {
         let mut nodes = vec![[ElementLocation { element: NONE, at: 0.0 }; 2]; plant.nodes.len()];
         let mut axes = Vec::with_capacity(plant.axes.len());
-        for (i, axis) in plant.axes.iter().enumerate() {
+        for (index, axis) in (0_u32..).zip(&plant.axes) {
             let range = plant.nodes_of(axis);
-            let index = u32::try_from(i).unwrap_or(NONE);
             for k in range.clone() {
                 let s = plant.nodes.s[k];
                 let next = if k + 1 < range.end { plant.nodes.s[k + 1] } else { s };
                 nodes[k] = [s, (s + next) * 0.5].map(|s| elements.locate(index, s));
             }
-            let stem =
-                (axis.parent != NONE).then(|| attach(plant, axis.parent, axis.parent_s, plant.nodes.p[range.start]));
-            axes.push((range, stem));
+            let attachment = (axis.parent != NONE)
+                .then(|| attach_to_segment(plant, axis.parent, axis.parent_s, plant.nodes.p[range.start]));
+            axes.push((range, attachment));
         }
-        let bind = |((axis, s), p): (&(u32, f32), &Vec3)| bind(plant, *axis, *s, *p);
+        let bind = |((axis, s), p): (&(u32, f32), &Vec3)| bind_point(plant, *axis, *s, *p);
         Self { nodes, axes, rest: plant.nodes.p.clone(), bark: bark.iter().zip(points).map(bind).collect() }
     }
 
-    /// Where the centrelines are for bends of the elements.
+    /// Poses the centrelines for bends of the elements, rad.
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> PosedSkeleton {
         let bases = elements.base_rotations(bends);
         let turned = |s: ElementLocation| elements.rotation_at(&bases, bends, s);
-        let mut posture = PosedSkeleton { p: self.rest.clone(), q: vec![Quat::IDENTITY; self.rest.len()] };
+        let mut skeleton = PosedSkeleton { p: self.rest.clone(), q: vec![Quat::IDENTITY; self.rest.len()] };
         for (range, stem) in &self.axes {
             if let Some(stem) = stem {
-                posture.p[range.start] = posture.position(stem);
+                skeleton.p[range.start] = skeleton.position(stem);
             }
             for k in range.clone() {
+                // Each segment turns by the rotation at its middle, so that it keeps its length; nodes get the
+                // rotation at their own position.
                 let [at, middle] = self.nodes[k];
-                posture.q[k] = turned(at);
+                skeleton.q[k] = turned(at);
                 if k + 1 < range.end {
-                    // Along a rider both are the same turn.
-                    let q = if at == middle { posture.q[k] } else { turned(middle) };
-                    posture.p[k + 1] = posture.p[k] + q * (self.rest[k + 1] - self.rest[k]);
+                    // On rigid axes both locations coincide: one rotation serves both.
+                    let q = if at == middle { skeleton.q[k] } else { turned(middle) };
+                    skeleton.p[k + 1] = skeleton.p[k] + q * (self.rest[k + 1] - self.rest[k]);
                 }
             }
         }
-        posture
+        skeleton
     }
 
-    /// The bark's points, m.
-    pub fn bark(&self, posture: &PosedSkeleton) -> Vec<Vec3> {
+    /// Positions of the bark points, m.
+    pub fn bark(&self, skeleton: &PosedSkeleton) -> Vec<Vec3> {
         par_chunks(&self.bark, POINTS_PER_TASK, |_, part| {
-            part.iter().map(|b| posture.bound_position(b)).collect::<Vec<_>>()
+            part.iter().map(|b| skeleton.bound_position(b)).collect::<Vec<_>>()
         })
         .concat()
     }
 
-    /// The bark's normals. `normals`: at rest, one per point.
-    pub fn normals(&self, posture: &PosedSkeleton, normals: &[Vec3]) -> Vec<Vec3> {
+    /// Normals of the bark. `normals`: at rest, one per point.
+    pub fn normals(&self, skeleton: &PosedSkeleton, normals: &[Vec3]) -> Vec<Vec3> {
         let one = |(b, n): (&BoundPoint, &Vec3)| {
-            let own = posture.rotation(&b.own);
-            let q = if b.share >= 1.0 { own } else { math::nlerp(posture.rotation(&b.parent), own, b.share) };
+            let own = skeleton.rotation(&b.own);
+            let q = if b.share >= 1.0 { own } else { math::nlerp(skeleton.rotation(&b.parent), own, b.share) };
             q * *n
         };
         self.bark.iter().zip(normals).map(one).collect()
     }
 }
 
-/// Organs of a plant and where they hang.
+/// Attachment and rest orientation of some organs.
 #[derive(Debug, Clone)]
 pub struct OrganBindings(Vec<(SegmentAttachment, Quat)>);
 
 impl OrganBindings {
-    /// Of some organs.
+    /// Binds organs to the centrelines.
     pub fn new(plant: &Plant, organs: &[&Organ]) -> Self {
         let hang = |o: &&Organ| {
             let (p, q) = plant.organ_site(o);
-            (attach(plant, o.axis, o.s, p), q)
+            (attach_to_segment(plant, o.axis, o.s, p), q)
         };
         Self(organs.iter().map(hang).collect())
     }
 
-    /// Places, m, and rotations in a posture.
-    pub fn at(&self, posture: &PosedSkeleton) -> (Vec<Vec3>, Vec<Quat>) {
-        self.0.iter().map(|(h, q)| (posture.position(h), (posture.rotation(h) * *q).normalize())).unzip()
+    /// Positions, m, and orientations of the organs on a posed skeleton.
+    pub fn at(&self, skeleton: &PosedSkeleton) -> (Vec<Vec3>, Vec<Quat>) {
+        self.0.iter().map(|(h, q)| (skeleton.position(h), (skeleton.rotation(h) * *q).normalize())).unzip()
     }
 }
 
 impl PosedSkeleton {
-    /// Places of the nodes, m.
+    /// Positions of the nodes, m.
     #[cfg(test)]
     pub(crate) fn places(&self) -> &[Vec3] {
         &self.p
@@ -153,13 +154,14 @@ impl PosedSkeleton {
     }
 }
 
-fn attach(plant: &Plant, axis: u32, s: f32, point: Vec3) -> SegmentAttachment {
+fn attach_to_segment(plant: &Plant, axis: u32, s: f32, point: Vec3) -> SegmentAttachment {
     let (k, t) = plant.segment(&plant.axes[axis as usize], s);
     let center = plant.nodes.p[k].lerp(plant.nodes.p[k + 1], t);
+    // Axes store the indices of their nodes as u32 (`Axis::first`), so that every node has one.
     SegmentAttachment { node: u32::try_from(k).unwrap_or(NONE), t, arm: point - center }
 }
 
-/// How much a point at arc length `s` follows its own axis; the rest of it follows the parent.
+/// Weight of a point's own axis at arc length `s`, 0 to 1; the rest belongs to the parent axis.
 pub(crate) fn own_share(plant: &Plant, axis: u32, s: f32) -> f32 {
     let a = &plant.axes[axis as usize];
     if a.parent == NONE {
@@ -169,10 +171,10 @@ pub(crate) fn own_share(plant: &Plant, axis: u32, s: f32) -> f32 {
     math::smoothstep(a.s_exposed * 0.5, collar, s)
 }
 
-fn bind(plant: &Plant, axis: u32, s: f32, point: Vec3) -> BoundPoint {
-    let own = attach(plant, axis, s, point);
+fn bind_point(plant: &Plant, axis: u32, s: f32, point: Vec3) -> BoundPoint {
+    let own = attach_to_segment(plant, axis, s, point);
     let a = &plant.axes[axis as usize];
     let share = own_share(plant, axis, s);
-    let parent = if share < 1.0 { attach(plant, a.parent, a.parent_s, point) } else { own };
+    let parent = if share < 1.0 { attach_to_segment(plant, a.parent, a.parent_s, point) } else { own };
     BoundPoint { own, parent, share }
 }

@@ -1,7 +1,7 @@
-//! Joints for a plant within a budget, and what hangs on them.
+//! Skeleton of a plant within a joint budget, with skin weights.
 //!
-//! Elements that bend get joints: four on a trunk, two on main branches, one on the rest. A joint takes the turn of the
-//! middle of its stretch; what does not fit the budget rides rigidly on the nearest joint of what carries it.
+//! Elements get joints: four on a trunk, two on main branches, one on others. A joint has the rotation at the middle
+//! of its stretch; what is beyond the budget rides rigidly on the nearest joint of its carrier.
 
 use glam::Quat;
 
@@ -11,44 +11,44 @@ use super::segments::joints_per_order;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Joint, Skeleton, SkinWeights, Trs};
 
-/// One joint's place in the plant.
+/// Location of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct RigJoint {
-    /// Axis that it is on, or [`NONE`] for the root joint.
+    /// Index of its axis, or [`NONE`] for the root joint.
     axis: u32,
-    /// What turns it.
+    /// Location whose rotation it has.
     spot: ElementLocation,
-    /// Arc length on the axis of the middle of its stretch, m.
+    /// Arc length of the middle of its stretch, m.
     middle: f32,
-    /// The same of its pivot.
+    /// Arc length of its pivot, m.
     pivot: f32,
 }
 
-/// A skeleton with the elements that turn it. All rest rotations are the identity, so a joint's rotation is a turn about
-/// axes of the plant's own space.
+/// Skeleton whose joints follow bending elements. All rest rotations are the identity, so that a joint's rotation is
+/// about axes of the plant's space.
 #[derive(Debug, Clone)]
 pub struct JointRig {
-    /// Joints; joint 0 stands still at the origin.
+    /// Joints, parents first; joint 0 is fixed at the origin.
     pub skeleton: Skeleton,
-    /// Parallel to the joints.
+    /// Location of each joint.
     bones: Vec<RigJoint>,
-    /// Per axis its joints from base to tip; empty for an axis that rides on another.
+    /// Per axis: its joints from base to tip; empty for a rigid axis.
     chains: Vec<Vec<u16>>,
-    /// Per axis the joint that its base rides on.
+    /// Per axis: the joint that its base follows.
     carriers: Vec<u16>,
 }
 
-/// A joint that the depth-first walk has still to add.
+/// Pending joint of the depth-first traversal.
 struct JointTask {
     element: u32,
-    /// Which of the element's joints, from its base.
+    /// Index among the element's joints, from its base.
     ordinal: usize,
-    /// Joint that it is a child of.
+    /// Index of its parent joint.
     parent: u16,
 }
 
 impl JointRig {
-    /// Gives joints to the elements that count most. `budget`: most joints, at least 1 and at most 65,535.
+    /// Builds the skeleton. `budget`: number of joints, at least 1 and at most 65,535.
     pub fn build(plant: &Plant, elements: &BeamElements, budget: usize) -> Self {
         let counts = joints_per_element(elements, budget.clamp(1, 65_535));
         let still = ElementLocation { element: NONE, at: 0.0 };
@@ -63,13 +63,12 @@ impl JointRig {
         rig
     }
 
-    /// Walks joints depth first, as skeleton files want them: the children carried by a joint come before the joint that
+    /// Adds joints depth first, as skeleton formats require: children carried by a joint precede the joint that
     /// continues its element.
     fn add_in_depth_first_order(&mut self, plant: &Plant, elements: &BeamElements, counts: &[usize]) {
         let mut children: Vec<Vec<u32>> = vec![Vec::new(); elements.list.len()];
         let mut roots = Vec::new();
-        for (i, e) in elements.list.iter().enumerate().filter(|(i, _)| counts[*i] > 0) {
-            let index = u32::try_from(i).unwrap_or(NONE);
+        for (index, (e, _)) in (0_u32..).zip(elements.list.iter().zip(counts)).filter(|(_, (_, count))| **count > 0) {
             match children.get_mut(e.parent as usize) {
                 Some(list) => list.push(index),
                 None => roots.push(index),
@@ -77,10 +76,13 @@ impl JointRig {
         }
         let first = |element: u32, parent: u16| JointTask { element, ordinal: 0, parent };
         let mut tasks: Vec<JointTask> = roots.iter().rev().map(|e| first(*e, 0)).collect();
+        // Joint 0 is the root; the budget keeps the number of joints within u16.
+        let mut joint = 0_u16;
         while let Some(task) = tasks.pop() {
+            joint += 1;
             let (e, k) = (task.element, task.ordinal);
             let n = counts[e as usize];
-            let joint = self.add_joint(plant, elements, &task, n);
+            self.add_joint(plant, elements, &task, n, joint);
             if k + 1 < n {
                 tasks.push(JointTask { element: e, ordinal: k + 1, parent: joint });
             }
@@ -92,50 +94,48 @@ impl JointRig {
         }
     }
 
-    /// Adds one of the `n` joints of an element and returns its index.
-    fn add_joint(&mut self, plant: &Plant, elements: &BeamElements, task: &JointTask, n: usize) -> u16 {
+    /// Adds one of the `n` joints of an element, as joint `joint` of the skeleton.
+    fn add_joint(&mut self, plant: &Plant, elements: &BeamElements, task: &JointTask, n: usize, joint: u16) {
         let JointTask { element: e, ordinal: k, parent } = *task;
         let element = &elements.list[e as usize];
         let axis = &plant.axes[element.axis as usize];
         let place = |x: f32| element.span[0] + (element.span[1] - element.span[0]) * x / n as f32;
         let (pivot, middle) = (place(k as f32), place(k as f32 + 0.5));
-        let joint = u16::try_from(self.bones.len()).unwrap_or(u16::MAX);
         let chain = &mut self.chains[element.axis as usize];
         let name = format!("a{}_{}", element.axis, chain.len());
         chain.push(joint);
-        let t = plant.frame(axis, pivot).p - self.origin(plant, parent);
+        let t = plant.frame(axis, pivot).p - self.joint_origin(plant, parent);
         self.skeleton.joints.push(Joint { name, parent: Some(u32::from(parent)), rest: Trs::translation(t) });
         let at = (k as f64 + 0.5) / n as f64;
         self.bones.push(RigJoint { axis: element.axis, spot: ElementLocation { element: e, at }, middle, pivot });
-        joint
     }
 
-    /// Pivot of a joint at rest.
-    fn origin(&self, plant: &Plant, joint: u16) -> glam::Vec3 {
+    /// Pivot of a joint at rest, m.
+    fn joint_origin(&self, plant: &Plant, joint: u16) -> glam::Vec3 {
         let bone = &self.bones[usize::from(joint)];
         plant.axes.get(bone.axis as usize).map_or(glam::Vec3::ZERO, |axis| plant.frame(axis, bone.pivot).p)
     }
 
-    /// Parents stand before their children, so one pass suffices.
+    /// Finds the carrying joint of each axis; parents come first, so that one pass suffices.
     fn find_carriers(&mut self, plant: &Plant) {
         for (i, axis) in plant.axes.iter().enumerate() {
-            self.carriers[i] = if axis.parent == NONE { 0 } else { self.nearest(axis.parent as usize, axis.parent_s) };
+            self.carriers[i] = if axis.parent == NONE { 0 } else { self.joint_at(axis.parent as usize, axis.parent_s) };
         }
     }
 
-    /// The joint that moves axis `a` at arc length `s` as a rigid body: the one whose stretch holds `s`.
-    fn nearest(&self, a: usize, s: f32) -> u16 {
+    /// Joint whose stretch contains arc length `s`, m, of axis `a`; for a rigid axis, the joint that carries it.
+    fn joint_at(&self, a: usize, s: f32) -> u16 {
         let chain = &self.chains[a];
         let before = chain.partition_point(|j| self.bones[usize::from(*j)].pivot <= s);
         chain.get(before.saturating_sub(1)).copied().unwrap_or(self.carriers[a])
     }
 
-    /// The joint that an organ rides on.
+    /// Joint that an organ follows.
     pub fn organ_joint(&self, organ: &Organ) -> u16 {
-        self.nearest(organ.axis as usize, organ.s)
+        self.joint_at(organ.axis as usize, organ.s)
     }
 
-    /// Weights of bark vertices. `bindings`: axis and arc length (m) per vertex.
+    /// Skin weights of bark vertices. `bindings`: axis and arc length, m, of each vertex.
     pub fn skin(&self, plant: &Plant, bindings: impl IntoIterator<Item = (u32, f32)>) -> SkinWeights {
         let mut skin = SkinWeights::default();
         for (axis, s) in bindings {
@@ -146,22 +146,22 @@ impl JointRig {
         skin
     }
 
-    /// Up to four joints of one point, heaviest first, sum 1.
+    /// Up to four joints and weights of one vertex, heaviest first, with sum 1.
     fn weights(&self, plant: &Plant, a: u32, s: f32) -> ([u16; 4], [f32; 4]) {
         let mut mix = JointWeights::default();
         let own = own_share(plant, a, s);
         if own > 0.0 {
-            self.along(a as usize, s, own, &mut mix);
+            self.add_axis_weights(a as usize, s, own, &mut mix);
         }
         if own < 1.0 {
             let axis = &plant.axes[a as usize];
-            self.along(axis.parent as usize, axis.parent_s, 1.0 - own, &mut mix);
+            self.add_axis_weights(axis.parent as usize, axis.parent_s, 1.0 - own, &mut mix);
         }
-        mix.finish()
+        mix.normalize_heaviest()
     }
 
-    /// Weights along an axis: 1 at the middle of a joint's stretch, linear between the middles.
-    fn along(&self, a: usize, s: f32, share: f32, mix: &mut JointWeights) {
+    /// Adds weights along an axis: 1 at the middle of a joint's stretch, linear between the middles.
+    fn add_axis_weights(&self, a: usize, s: f32, share: f32, mix: &mut JointWeights) {
         let chain = &self.chains[a];
         let middle = |k: usize| self.bones[usize::from(chain[k])].middle;
         let after = chain.partition_point(|j| self.bones[usize::from(*j)].middle <= s);
@@ -177,7 +177,7 @@ impl JointRig {
         }
     }
 
-    /// Parent-from-joint transforms for bends of the elements, one per joint.
+    /// Parent-from-joint transforms of all joints for bends of the elements, rad.
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> Vec<Trs> {
         let bases = elements.base_rotations(bends);
         let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, bends, b.spot)).collect();
@@ -189,7 +189,7 @@ impl JointRig {
     }
 }
 
-/// Joints of each element under the budget (joint 0 is the root's).
+/// Number of joints of each element within the budget, most visible elements first; joint 0 is the root.
 fn joints_per_element(elements: &BeamElements, budget: usize) -> Vec<usize> {
     let mut counts = vec![0; elements.list.len()];
     let mut left = budget.saturating_sub(1);
@@ -205,7 +205,7 @@ fn joints_per_element(elements: &BeamElements, budget: usize) -> Vec<usize> {
     counts
 }
 
-/// A few joints with weights, summed per joint.
+/// Weights of a vertex, summed per joint.
 #[derive(Default)]
 struct JointWeights {
     items: [(u16, f32); 6],
@@ -223,7 +223,7 @@ impl JointWeights {
         }
     }
 
-    fn finish(mut self) -> ([u16; 4], [f32; 4]) {
+    fn normalize_heaviest(mut self) -> ([u16; 4], [f32; 4]) {
         let used = &mut self.items[..self.count];
         used.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let kept = used.iter().take(4).filter(|(_, w)| *w > 1e-4);
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_stand_parents_first_and_depth_first() {
+    fn joints_are_in_depth_first_order() {
         let plant = tree(5);
         let (elements, rig) = rig(&plant, 256);
         assert_eq!(rig.skeleton.joints.len(), 1 + 4 + 5 * 2 + 5);
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn the_budget_is_kept_and_riders_follow_their_carrier() {
+    fn joint_budget_is_kept_and_riders_follow_their_carrier() {
         let plant = tree(50);
         let (_, rig) = rig(&plant, 64);
         assert!(rig.skeleton.joints.len() <= 64);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_sum_to_one_and_collars_follow_the_parent() {
+    fn skin_weights_sum_to_one_and_collars_follow_the_parent() {
         let plant = tree(5);
         let (_, rig) = rig(&plant, 256);
         for a in 0..plant.axes.len() as u32 {
@@ -295,12 +295,12 @@ mod tests {
                 assert!(joints.iter().zip(weights).all(|(j, w)| w > 0.0 || *j == 0));
             }
         }
-        let stem = plant.axes[1].parent_s;
-        assert_eq!(rig.weights(&plant, 1, 0.0), rig.weights(&plant, 0, stem), "the base follows the trunk");
+        let fork = plant.axes[1].parent_s;
+        assert_eq!(rig.weights(&plant, 1, 0.0), rig.weights(&plant, 0, fork), "the base follows the trunk");
     }
 
     #[test]
-    fn bends_turn_joints_about_their_own_axes_and_nothing_else() {
+    fn bends_rotate_joints_about_their_own_axes_only() {
         let plant = tree(5);
         let (elements, rig) = rig(&plant, 256);
         let mut bends = vec![[0.0; 2]; elements.list.len()];

@@ -1,4 +1,4 @@
-//! A plant cut where thick wood turns into thin: what each piece weighs and how much wind it catches.
+//! Segmentation of axes where thick wood tapers to thin, with the mass and drag area of each segment.
 
 use std::ops::Add;
 
@@ -7,40 +7,40 @@ use super::wood::WoodParams;
 use osier_base::math;
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
 
-/// A piece ends where its radius falls below this share of what it began with.
+/// Radius at the end of a segment over that at its start. Higher: more, shorter elements.
 const SEGMENT_RADIUS_RATIO: f32 = 0.25;
-/// Most pieces of an axis.
+/// Segments per axis, at most.
 const MAX_SEGMENTS_PER_AXIS: u32 = 3;
-/// Shortest piece, as a share of its axis.
+/// Least length of a segment over its axis.
 const MIN_SEGMENT_SHARE: f32 = 0.05;
-/// Points of a beam: more where more is seen.
+/// Stations of the beam of a limb, and of a twig, whose bend is hardly visible.
 const LIMB_STATIONS: usize = 32;
 const TWIG_STATIONS: usize = 16;
 
-/// How many elements a plant may have.
+/// Budget of bending elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ElementBudget {
-    /// So many joints: 4, 2, 1 for an element of order 0, 1, 2 and more.
+    /// By joints: 4, 2, 1 for an element of order 0, 1, 2 and more.
     Joints(usize),
-    /// So many joints: 2, 1, 1.
+    /// By joints, coarse: 2, 1, 1.
     Coarse(usize),
-    /// So many elements.
+    /// By elements.
     Elements(usize),
 }
 
-/// What hangs on a place.
+/// Drag areas and mass of a part of a plant.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct BranchLoad {
-    /// Area of wood across the wind, m^2.
+    /// Projected area of wood, m^2.
     pub wood: f64,
     /// One-sided area of leaves, m^2.
     pub leaf: f64,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
 }
 
 impl BranchLoad {
-    pub(crate) fn times(self, k: f64) -> Self {
+    pub(crate) fn scaled(self, k: f64) -> Self {
         Self { wood: self.wood * k, leaf: self.leaf * k, mass: self.mass * k }
     }
 }
@@ -52,64 +52,64 @@ impl Add for BranchLoad {
     }
 }
 
-/// Part of an axis.
+/// A stretch of an axis that may become an element.
 #[derive(Debug, Clone)]
 pub(crate) struct AxisSegment {
     pub(crate) axis: u32,
-    /// 0 at the axis' base.
+    /// Index along the axis, 0 at its base.
     pub(crate) number: u32,
     pub(crate) span: [f32; 2],
-    /// Piece that carries it, below its own index, and where on that one's axis.
+    /// Carrying segment, of a lower index, and arc length on that one's axis, m.
     pub(crate) parent: Option<usize>,
     pub(crate) parent_s: f32,
     pub(crate) children: Vec<usize>,
-    /// Leaves by their place on the axis.
+    /// Leaves by arc length on the axis, m.
     pub(crate) leaves: Vec<(f32, BranchLoad)>,
-    /// Everything on it and on what it carries.
+    /// Total load of it and of everything that it carries.
     pub(crate) total: BranchLoad,
-    /// Length of it and of what it carries, m.
+    /// Total length of wood on it, its own included, m.
     reach: f32,
 }
 
-/// All pieces of a plant, parents first.
+/// All segments of a plant, parents first.
 pub(crate) struct AxisSegments {
     pub(crate) list: Vec<AxisSegment>,
-    /// Order and id of each piece's axis; roots below the ground count as the last.
+    /// Sort key of each segment: order and id of its axis; roots come last.
     keys: Vec<(u8, u64)>,
-    /// How far a wind turns the tip, of each.
+    /// Tip slope of each segment in a wind of unit dynamic pressure.
     bends: Vec<f64>,
 }
 
 impl AxisSegments {
-    pub(crate) fn of(plant: &Plant, wood: &WoodParams) -> Self {
+    pub(crate) fn from_plant(plant: &Plant, wood: &WoodParams) -> Self {
         let mut all = Self { list: Vec::new(), keys: Vec::new(), bends: Vec::new() };
         let mut first: Vec<usize> = Vec::with_capacity(plant.axes.len());
-        for (i, axis) in plant.axes.iter().enumerate() {
+        for (i, axis) in (0_u32..).zip(&plant.axes) {
             first.push(all.list.len());
-            let stem =
+            let attachment =
                 (axis.parent != NONE).then(|| all.segment_at(first[axis.parent as usize], axis.parent, axis.parent_s));
-            all.split_axis(plant, i, stem);
+            all.split_axis(plant, i, attachment);
         }
         for organ in &plant.organs {
-            let piece = all.segment_at(first[organ.axis as usize], organ.axis, organ.s);
-            let area = plant.protos.get(usize::from(organ.proto)).map_or(0.0, |p| area(&p.mesh));
+            let segment = all.segment_at(first[organ.axis as usize], organ.axis, organ.s);
+            let area = plant.protos.get(usize::from(organ.proto)).map_or(0.0, |p| mesh_area(&p.mesh));
             let leaf = area * f64::from(organ.scale) * f64::from(organ.scale);
-            all.list[piece].leaves.push((organ.s, BranchLoad { wood: 0.0, leaf, mass: leaf * wood.leaf_mass }));
+            all.list[segment].leaves.push((organ.s, BranchLoad { wood: 0.0, leaf, mass: leaf * wood.leaf_mass }));
         }
         all.accumulate_totals(plant, wood);
         all
     }
 
-    /// Cuts one axis.
-    fn split_axis(&mut self, plant: &Plant, i: usize, stem: Option<usize>) {
-        let axis = &plant.axes[i];
+    /// Splits axis `i` into segments. `stem`: segment that carries it.
+    fn split_axis(&mut self, plant: &Plant, i: u32, stem: Option<usize>) {
+        let axis = &plant.axes[i as usize];
         let (mut parent, mut parent_s, mut from) = (stem, axis.parent_s, 0.0);
         for number in 0..MAX_SEGMENTS_PER_AXIS {
             let last = number + 1 == MAX_SEGMENTS_PER_AXIS;
             let end = if last { axis.length } else { taper_point(plant, axis, from) };
             let index = self.list.len();
             self.list.push(AxisSegment {
-                axis: u32::try_from(i).unwrap_or(NONE),
+                axis: i,
                 number,
                 span: [from, end],
                 parent,
@@ -130,7 +130,7 @@ impl AxisSegments {
         }
     }
 
-    /// The piece of an axis that holds arc length `s`; `first`: the axis' first piece.
+    /// Index of the segment that contains arc length `s`, m; `first`: the axis' first segment.
     fn segment_at(&self, first: usize, axis: u32, s: f32) -> usize {
         let own = self.list[first..].iter().take_while(|p| p.axis == axis);
         let before = own.take_while(|p| p.span[1] <= s).count();
@@ -140,16 +140,17 @@ impl AxisSegments {
 
     fn accumulate_totals(&mut self, plant: &Plant, wood: &WoodParams) {
         self.bends = vec![0.0; self.list.len()];
+        // Children come after their parents: totals accumulate from the tips inwards.
         for i in (0..self.list.len()).rev() {
             let own = self.wood_along(plant, wood, i, 3).into_iter().fold(BranchLoad::default(), BranchLoad::add);
             let own = self.list[i].leaves.iter().fold(own, |sum, (_, l)| sum + *l);
-            let piece = &mut self.list[i];
-            piece.total = piece.total + own;
-            let (total, reach, parent) = (piece.total, piece.reach, piece.parent);
-            let axis = &plant.axes[piece.axis as usize];
-            let middle = plant.frame(axis, (piece.span[0] + piece.span[1]) * 0.5).r;
-            let length = f64::from(piece.span[1] - piece.span[0]);
-            // F L^2 / (6 E I) for a wind of unit pressure.
+            let segment = &mut self.list[i];
+            segment.total = segment.total + own;
+            let (total, reach, parent) = (segment.total, segment.reach, segment.parent);
+            let axis = &plant.axes[segment.axis as usize];
+            let middle = plant.frame(axis, (segment.span[0] + segment.span[1]) * 0.5).r;
+            let length = f64::from(segment.span[1] - segment.span[0]);
+            // Tip slope F L^2 / (6 E I) of a uniformly loaded cantilever at unit dynamic pressure.
             let force = wood.drag * total.wood + wood.leaf_drag * total.leaf;
             self.bends[i] = force * length * length / (6.0 * wood.rigidity(f64::from(middle)).max(1e-9));
             if let Some(p) = parent {
@@ -159,7 +160,7 @@ impl AxisSegments {
         }
     }
 
-    /// By order, then by how much of the plant moves how far, then by id.
+    /// Segments by branching order, then by length moved times slope, then by id.
     pub(crate) fn ranked_by_motion(&self) -> Vec<usize> {
         let mut ranked: Vec<usize> = (0..self.list.len()).collect();
         let weight = |i: usize| f64::from(self.list[i].reach) * self.bends[i];
@@ -171,7 +172,7 @@ impl AxisSegments {
         ranked
     }
 
-    /// Which pieces fit: each only if what carries it does.
+    /// Selects segments within the budget, each only if its carrier is selected.
     pub(crate) fn select(&self, ranked: &[usize], budget: ElementBudget) -> Vec<bool> {
         let mut kept = vec![false; self.list.len()];
         let mut left = match budget {
@@ -193,13 +194,13 @@ impl AxisSegments {
         kept
     }
 
-    /// The piece as a beam without load.
+    /// Beam of a segment, without mass.
     pub(crate) fn beam(&self, plant: &Plant, wood: &WoodParams, i: usize) -> CantileverBeam {
-        let piece = &self.list[i];
-        let axis = &plant.axes[piece.axis as usize];
+        let segment = &self.list[i];
+        let axis = &plant.axes[segment.axis as usize];
         let n = if axis.order <= 1 { LIMB_STATIONS } else { TWIG_STATIONS };
-        let length = f64::from(piece.span[1] - piece.span[0]);
-        let stiff = |k: f64| wood.rigidity(radius(plant, axis, piece, k / n as f64));
+        let length = f64::from(segment.span[1] - segment.span[0]);
+        let stiff = |k: f64| wood.rigidity(segment_radius(plant, axis, segment, k / n as f64));
         CantileverBeam {
             x: (0..=n).map(|k| length * k as f64 / n as f64).collect(),
             rigidity: (0..=n).map(|k| stiff(k as f64)).collect(),
@@ -208,17 +209,18 @@ impl AxisSegments {
         }
     }
 
-    /// Area and mass of its wood, shared out to `n` places from base to tip.
+    /// Projected area and mass of a segment's wood, lumped at `n` stations.
     pub(crate) fn wood_along(&self, plant: &Plant, wood: &WoodParams, i: usize, n: usize) -> Vec<BranchLoad> {
-        let piece = &self.list[i];
-        let axis = &plant.axes[piece.axis as usize];
+        let segment = &self.list[i];
+        let axis = &plant.axes[segment.axis as usize];
         if axis.kind == AxisKind::Root {
             return vec![BranchLoad::default(); n];
         }
-        let (length, last) = (f64::from(piece.span[1] - piece.span[0]), (n - 1) as f64);
+        let (length, last) = (f64::from(segment.span[1] - segment.span[0]), (n - 1) as f64);
         let one = |k: usize| {
             let (a, b) = ((k as f64 - 0.5).max(0.0) / last, (k as f64 + 0.5).min(last) / last);
-            let [ra, rm, rb] = [a, (a + b) * 0.5, b].map(|x| radius(plant, axis, piece, x));
+            // Simpson's rule over the stretch that belongs to the station.
+            let [ra, rm, rb] = [a, (a + b) * 0.5, b].map(|x| segment_radius(plant, axis, segment, x));
             let ds = (b - a) * length;
             let mean = |f: fn(f64) -> f64| (f(ra) + 4.0 * f(rm) + f(rb)) / 6.0 * ds;
             BranchLoad {
@@ -231,7 +233,7 @@ impl AxisSegments {
     }
 }
 
-/// Joints of an element: more where more is seen.
+/// Joints of an element of a branching order.
 pub(crate) fn joints_per_order(order: u8, coarse: bool) -> usize {
     match order {
         0 if coarse => 2,
@@ -241,18 +243,18 @@ pub(crate) fn joints_per_order(order: u8, coarse: bool) -> usize {
     }
 }
 
-fn radius(plant: &Plant, axis: &Axis, piece: &AxisSegment, x: f64) -> f64 {
-    let s = piece.span[0] + (piece.span[1] - piece.span[0]) * math::narrow(x.min(1.0));
+fn segment_radius(plant: &Plant, axis: &Axis, segment: &AxisSegment, x: f64) -> f64 {
+    let s = segment.span[0] + (segment.span[1] - segment.span[0]) * math::narrow(x.min(1.0));
     f64::from(plant.frame(axis, s).r)
 }
 
-/// Where an axis is a quarter as thick as at `from`, or its end.
+/// Arc length at which the radius has fallen to [`SEGMENT_RADIUS_RATIO`] of that at `from`, or the axis' end, m.
 fn taper_point(plant: &Plant, axis: &Axis, from: f32) -> f32 {
     let least = plant.frame(axis, from).r * SEGMENT_RADIUS_RATIO;
     let nodes = plant.nodes_of(axis);
     let thin = nodes.clone().find(|&k| plant.nodes.s[k] > from && plant.nodes.r[k] < least);
     let Some(k) = thin else { return axis.length };
-    // Between the node before and this one.
+    // Interpolate between the two nodes around that radius.
     let (i, j) = (k.saturating_sub(1).max(nodes.start), k);
     let (a, b) = (plant.nodes.r[i], plant.nodes.r[j]);
     let t = if a > b { ((a - least) / (a - b)).clamp(0.0, 1.0) } else { 0.0 };
@@ -262,7 +264,7 @@ fn taper_point(plant: &Plant, axis: &Axis, from: f32) -> f32 {
 }
 
 /// One-sided area of a mesh, m^2.
-fn area(mesh: &osier_scene::Mesh) -> f64 {
+fn mesh_area(mesh: &osier_scene::Mesh) -> f64 {
     let corner = |i: u32| mesh.points.get(i as usize).copied().unwrap_or_default().as_dvec3();
     mesh.triangles
         .iter()

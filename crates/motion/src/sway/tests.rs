@@ -13,7 +13,7 @@ use osier_wind::{GustWind, GustWindOptions, UniformWind, Wind};
 
 const FPS: f64 = 24.0;
 
-fn manner(wood: WoodParams) -> SwayParams {
+fn params(wood: WoodParams) -> SwayParams {
     SwayParams { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: FPS }
 }
 
@@ -25,8 +25,8 @@ fn take(frames: usize, repeats: bool) -> ClipOptions {
     ClipOptions { frames, repeats, from_rest: false, lean: 1.0, gain: 1.0 }
 }
 
-fn record(elements: &BeamElements, wind: &dyn Wind, manner: SwayParams, take: ClipOptions) -> BendTrack {
-    BendTrack::record(elements, wind, manner, take, &Limits::default(), &Cancel::default()).expect("track")
+fn record(elements: &BeamElements, wind: &dyn Wind, params: SwayParams, clip: ClipOptions) -> BendTrack {
+    BendTrack::record(elements, wind, params, clip, &Limits::default(), &Cancel::default()).expect("track")
 }
 
 /// Goes on for `seconds`, and returns the bends of element 0 after each step with the length of a step.
@@ -79,7 +79,7 @@ fn decay(series: &[f64], h: f64) -> f64 {
 }
 
 #[test]
-fn air_damps_along_the_wind_and_half_as_much_across() {
+fn aerodynamic_damping_is_half_as_strong_across_the_wind() {
     let plant = rod(3.5, 0.02, 0.02);
     let wood = WoodParams { elasticity: Some(8e9), damping: 0.0, density: 500.0, ..WoodParams::default() };
     let all = elements(&plant, &wood);
@@ -90,7 +90,7 @@ fn air_damps_along_the_wind_and_half_as_much_across() {
     let heavier = |way: usize| free * free / (all.list[0].w[way] * all.list[0].w[way]);
     let expected = |way: usize| 1.225 * 1.1 * 0.04 * speed / (2.0 * mass * heavier(way));
     let wind = UniformWind(Vec3::X * math::narrow(speed));
-    let mut sim = SwaySimulation::new(&all, &wind, manner(wood));
+    let mut sim = SwaySimulation::new(&all, &wind, params(wood));
     let h = 1.0 / (FPS * f64::from(sim.steps()));
     // Starts from rest: the swing about the lean is along the wind.
     let along: Vec<f64> = run(&mut sim, 0.0, 60.0).iter().map(|b| b[1]).collect();
@@ -98,7 +98,7 @@ fn air_damps_along_the_wind_and_half_as_much_across() {
     assert!((found / expected(1) - 1.0).abs() < 0.10, "along {found}, expected {}", expected(1));
     // A push from the side, then the same wind: the swing is across.
     let turning = Turning { first: Vec3::new(math::narrow(speed), 0.0, 2.0), then: wind.0, at: 90.0 };
-    let mut sim = SwaySimulation::new(&all, &turning, manner(wood));
+    let mut sim = SwaySimulation::new(&all, &turning, params(wood));
     run(&mut sim, 0.0, 90.0);
     let across: Vec<f64> = run(&mut sim, 90.0, 80.0).iter().map(|b| b[0]).collect();
     let found = decay(&across, h);
@@ -106,22 +106,22 @@ fn air_damps_along_the_wind_and_half_as_much_across() {
 }
 
 #[test]
-fn a_steady_wind_ends_in_balance_and_the_stem_leans_with_it() {
+fn steady_wind_reaches_equilibrium_with_a_downwind_lean() {
     let (plant, wood) = (rod(6.0, 0.03, 0.015), WoodParams::default());
     let all = elements(&plant, &wood);
     let mut bends = Vec::new();
     for wind in [Vec3::X * 8.0, Vec3::NEG_Z * 8.0] {
         let wind = UniformWind(wind);
-        let mut sim = SwaySimulation::new(&all, &wind, manner(wood));
+        let mut sim = SwaySimulation::new(&all, &wind, params(wood));
         let path = run(&mut sim, 0.0, 80.0);
         let (end, before) = (path[path.len() - 1], path[path.len() - 200]);
         assert!((end[0] - before[0]).abs() + (end[1] - before[1]).abs() < 1e-4);
-        let mut still = SwaySimulation::new(&all, &wind, manner(wood));
+        let mut still = SwaySimulation::new(&all, &wind, params(wood));
         still.relax_to_mean_wind();
         let b = still.bends()[0];
         assert!((b[0] - end[0]).abs() + (b[1] - end[1]).abs() < 1e-4, "{b:?} {end:?}");
         let element = &all.list[0];
-        let tip = beam::turn(element.bend_axes[0] * end[0] + element.bend_axes[1] * end[1]) * DVec3::Y;
+        let tip = beam::rotation_from_vector(element.bend_axes[0] * end[0] + element.bend_axes[1] * end[1]) * DVec3::Y;
         assert!(tip.dot(wind.0.as_dvec3()) > 1e-3, "leans with the wind: {tip}");
         bends.push(tip);
     }
@@ -133,11 +133,11 @@ fn gusts(period: Option<f64>) -> GustWind {
 }
 
 #[test]
-fn a_loop_closes_in_place_and_in_rate() {
+fn loops_close_in_angle_and_rate() {
     let (plant, wood) = (leafy(12), WoodParams::default());
     let all = elements(&plant, &wood);
     let wind = gusts(Some(5.0));
-    let shaken = SwayParams { flicker: 0.15, ..manner(wood) };
+    let shaken = SwayParams { flicker: 0.15, ..params(wood) };
     let track = record(&all, &wind, shaken, take(120, true));
     assert_eq!(track.len(), 120);
     assert_eq!(track.at(0.0), track.at(120.0));
@@ -159,10 +159,10 @@ fn a_loop_closes_in_place_and_in_rate() {
 }
 
 #[test]
-fn nothing_moves_in_a_calm() {
+fn nothing_moves_in_calm_air() {
     let (plant, wood) = (leafy(8), WoodParams::default());
     let all = elements(&plant, &wood);
-    let track = record(&all, &UniformWind(Vec3::ZERO), manner(wood), take(60, true));
+    let track = record(&all, &UniformWind(Vec3::ZERO), params(wood), take(60, true));
     let rig = JointRig::build(&plant, &all, 256);
     for k in 0..60_u16 {
         let pose = rig.pose(&all, &track.at(f64::from(k)));
@@ -171,10 +171,10 @@ fn nothing_moves_in_a_calm() {
 }
 
 #[test]
-fn twigs_are_quick_trunks_are_slow_and_neighbours_do_not_swing_in_unison() {
+fn twigs_are_faster_than_trunks_and_neighbours_are_uncorrelated() {
     let (plant, wood) = (leafy(24), WoodParams::default());
     let all = elements(&plant, &wood);
-    let shaken = SwayParams { flicker: 0.15, ..manner(wood) };
+    let shaken = SwayParams { flicker: 0.15, ..params(wood) };
     let track = record(&all, &gusts(Some(10.0)), shaken, take(240, true));
     let series = |e: usize| -> Vec<f32> { (0..240_u16).map(|k| track.at(f64::from(k))[e][0]).collect() };
     let swings = |b: &[f32]| {
@@ -198,7 +198,7 @@ fn correlation(a: &[f32], b: &[f32]) -> f32 {
 }
 
 #[test]
-fn a_skin_follows_the_full_motion_of_thick_wood() {
+fn skinning_follows_the_full_motion_of_thick_wood() {
     let (plant, wood) = (leafy(40), WoodParams::default());
     let all = BeamElements::build(&plant, &wood, ElementBudget::Joints(300));
     let rig = JointRig::build(&plant, &all, 300);
@@ -212,7 +212,7 @@ fn a_skin_follows_the_full_motion_of_thick_wood() {
     let (points, bindings): (Vec<Vec3>, Vec<(u32, f32)>) = bark.into_iter().unzip();
     let body = PointBinding::new(&plant, &all, &points, &bindings);
     let skin = rig.skin(&plant, bindings.iter().copied());
-    let track = record(&all, &gusts(Some(5.0)), manner(wood), take(120, true));
+    let track = record(&all, &gusts(Some(5.0)), params(wood), take(120, true));
     let (mut wrong, mut moved) = (0.0_f64, 0.0_f64);
     for k in (0..120_u16).step_by(10) {
         let bends = track.at(f64::from(k));
@@ -228,13 +228,13 @@ fn a_skin_follows_the_full_motion_of_thick_wood() {
 }
 
 #[test]
-fn bends_keep_lengths_and_joints_of_branches() {
+fn bends_preserve_branch_lengths_and_attachments() {
     let (plant, wood) = (tree(12), WoodParams::default());
     let all = elements(&plant, &wood);
     let body = PointBinding::new(&plant, &all, &plant.nodes.p, &[]);
     let bends: Vec<[f32; 2]> = (0..all.list.len()).map(|k| [0.4 - 0.03 * k as f32, 0.2]).collect();
-    let posture = body.pose(&all, &bends);
-    let p = posture.places();
+    let skeleton = body.pose(&all, &bends);
+    let p = skeleton.places();
     for axis in &plant.axes {
         for k in plant.nodes_of(axis).skip(1) {
             let (now, rest) = ((p[k] - p[k - 1]).length(), (plant.nodes.p[k] - plant.nodes.p[k - 1]).length());
@@ -245,10 +245,10 @@ fn bends_keep_lengths_and_joints_of_branches() {
 }
 
 #[test]
-fn same_bends_whatever_else_is_there() {
+fn bends_are_independent_of_other_plants() {
     let (plant, wood) = (leafy(12), WoodParams::default());
     let all = elements(&plant, &wood);
-    let shaken = SwayParams { flicker: 0.15, ..manner(wood) };
+    let shaken = SwayParams { flicker: 0.15, ..params(wood) };
     let (a, b) = (
         record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
         record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
@@ -257,11 +257,11 @@ fn same_bends_whatever_else_is_there() {
 }
 
 #[test]
-fn exaggeration_scales_swings_and_not_the_lean() {
+fn gain_scales_oscillation_and_not_the_mean() {
     let (plant, wood) = (leafy(8), WoodParams::default());
     let all = elements(&plant, &wood);
     let wind = gusts(Some(5.0));
-    let of = |gain: f64, lean: f64| record(&all, &wind, manner(wood), ClipOptions { gain, lean, ..take(120, true) });
+    let of = |gain: f64, lean: f64| record(&all, &wind, params(wood), ClipOptions { gain, lean, ..take(120, true) });
     let (one, still) = (of(1.0, 1.0), of(0.0, 1.0));
     let (three, upright) = (of(3.0, 1.0), of(1.0, 0.0));
     let at = |t: &BendTrack, k: u16| t.at(f64::from(k))[0][1];
@@ -273,7 +273,7 @@ fn exaggeration_scales_swings_and_not_the_lean() {
 }
 
 #[test]
-fn gravity_presses_on_what_leans_away_from_how_it_grew() {
+fn gravity_acts_on_deviations_from_the_grown_pose() {
     // A stick that stands upright on the tip of a soft stem which a wind bends by an angle feels m g sin(angle) across.
     let mut plant = rod(3.0, 0.02, 0.02);
     testing::axis(&mut plant, (0, 3.0), (Vec3::Y * 3.0, Vec3::Y), (0.01, 0.01));
@@ -281,7 +281,7 @@ fn gravity_presses_on_what_leans_away_from_how_it_grew() {
     let all = elements(&plant, &wood);
     let wind = UniformWind(Vec3::X * 5.0);
     let bends = |gravity: bool| {
-        let mut sim = SwaySimulation::new(&all, &wind, SwayParams { gravity, ..manner(wood) });
+        let mut sim = SwaySimulation::new(&all, &wind, SwayParams { gravity, ..params(wood) });
         sim.relax_to_mean_wind();
         sim.bends()
     };
@@ -296,13 +296,13 @@ fn gravity_presses_on_what_leans_away_from_how_it_grew() {
 }
 
 #[test]
-fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
+fn second_modes_respond_to_gusts_only() {
     let plant = rod(6.0, 0.05, 0.05);
     let wood = WoodParams { second_modes: true, ..WoodParams::default() };
     let all = elements(&plant, &wood);
     assert_eq!((all.list.len(), all.bend_count(), all.list[0].second_mode), (1, 2, Some(1)));
     let steady = UniformWind(Vec3::X * 8.0);
-    let mut sim = SwaySimulation::new(&all, &steady, manner(wood));
+    let mut sim = SwaySimulation::new(&all, &steady, params(wood));
     sim.relax_to_mean_wind();
     let rest = sim.bends()[0][1].abs();
     let most = |sim: &mut SwaySimulation<'_>, steps: u32| {
@@ -314,7 +314,7 @@ fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
     assert!(most(&mut sim, 600) < 1e-3 * rest, "a steady wind");
     // A wind that sets in: the second mode rings at 6.27 times the frequency.
     let gust = Turning { first: Vec3::ZERO, then: Vec3::X * 8.0, at: 0.25 };
-    let mut sim = SwaySimulation::new(&all, &gust, manner(wood));
+    let mut sim = SwaySimulation::new(&all, &gust, params(wood));
     sim.relax_to_mean_wind();
     let mut signs = Vec::new();
     let mut last = 0.0;
@@ -334,7 +334,7 @@ fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
 }
 
 #[test]
-fn measured_branches_turn_more_of_their_thin_ends() {
+fn measured_shapes_bend_more_at_thin_ends() {
     let plant = rod(4.0, 0.05, 0.02);
     let build = |measured: bool| elements(&plant, &WoodParams { measured, ..WoodParams::default() });
     let (even, measured) = (build(false), build(true));

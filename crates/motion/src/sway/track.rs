@@ -1,4 +1,4 @@
-//! What the wind did to a plant: the bends of its elements, frame by frame.
+//! Recorded sway: bends of all elements at every frame of a clip.
 
 use super::elements::BeamElements;
 use super::simulation::{SwayParams, SwaySimulation};
@@ -9,78 +9,79 @@ use osier_base::progress::Cancel;
 use osier_base::{Error, Result};
 use osier_wind::Wind;
 
-/// Most clips that are simulated before the one that is kept.
+/// Repetitions of a looping clip that are simulated as spin-up, at most.
 const MAX_SPIN_UP_CLIPS: f64 = 8.0;
-/// A swing is forgotten when it is this power of e smaller: what is left of it, 0.2 %, is taken out over the clip.
+/// Decay exponent after which the initial state counts as forgotten: e^-6 = 0.2 % is left and distributed over the
+/// loop.
 const SPIN_UP_DECAY: f64 = 6.0;
-/// Time before the first frame of a clip that does not repeat, s.
+/// Spin-up time of a clip that does not loop, s.
 const SPIN_UP_SECONDS: f64 = 5.0;
-/// Largest bend that is shown, rad.
+/// Limit of recorded bends, rad, approached by a hyperbolic tangent.
 const MAX_BEND: f32 = 1.4;
 
-/// Which time is kept, and how.
+/// Time range of a recording, and scaling of its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
-    /// The frame after the last is the first: the wind must repeat, too.
+    /// Loop: the frame after the last is the first; the wind must have the same period.
     pub repeats: bool,
-    /// Starts from rest instead of in the middle of it.
+    /// Start from rest, without spin-up.
     pub from_rest: bool,
-    /// Factor on the steady lean in the mean wind, 0..5.
+    /// Factor on the static bend in the mean wind, 0..5.
     pub lean: f64,
-    /// Factor on the swings about it, 0..20.
+    /// Factor on the oscillation about it, 0..20.
     pub gain: f64,
 }
 
-/// Both ways of each element, rad.
+/// Both bending angles of each element, rad.
 type ElementBends = Vec<[f64; 2]>;
 
-/// Bends over time.
+/// Bends of all elements over time.
 #[derive(Debug, Clone, Default)]
 pub struct BendTrack {
-    /// Per frame, per element: both ways, rad.
+    /// Per frame and element: both bending angles, rad.
     frames: Vec<Vec<[f32; 2]>>,
     repeats: bool,
-    /// Angles of the paper's equations that had to be clamped.
+    /// Number of angles in the paper's equations that were clamped.
     clamped: u64,
 }
 
 impl BendTrack {
-    /// Simulates a take.
+    /// Simulates a clip, with spin-up, and records it.
     /// # Errors
     /// `Limit` for too many elements times frames, `Cancelled`.
     pub fn record(
         elements: &BeamElements,
         wind: &dyn Wind,
-        manner: SwayParams,
-        take: ClipOptions,
+        params: SwayParams,
+        clip: ClipOptions,
         limits: &Limits,
         cancel: &Cancel,
     ) -> Result<Self> {
-        check_key_limit(elements, take, limits)?;
-        let (frames, mean_bends) = Self::simulate(elements, wind, manner, take, cancel)?;
-        Self::from_frames(frames, &mean_bends, take)
+        check_key_limit(elements, clip, limits)?;
+        let (frames, mean_bends) = Self::simulate(elements, wind, params, clip, cancel)?;
+        Self::from_frames(frames, &mean_bends, clip)
     }
 
-    /// The same by the equations of [zhao-zhang].
+    /// Records a clip by the equations of [zhao-zhang].
     /// # Errors
     /// As [`BendTrack::record`].
     pub fn record_as_printed(
         mut simulation: PaperSimulation<'_>,
-        take: ClipOptions,
+        clip: ClipOptions,
         limits: &Limits,
         cancel: &Cancel,
     ) -> Result<Self> {
         let (elements, fps) = (simulation.elements(), simulation.fps());
-        check_key_limit(elements, take, limits)?;
+        check_key_limit(elements, clip, limits)?;
         let rest = vec![[0.0; 2]; elements.list.len()];
         // A second is long enough to forget the first force, of which a share k is left in every frame.
-        let lead = if take.from_rest { 0 } else { 60_i64 };
+        let lead = if clip.from_rest { 0 } else { 60_i64 };
         let mut before = rest.clone();
-        let mut frames = Vec::with_capacity(take.frames + 1);
+        let mut frames = Vec::with_capacity(clip.frames + 1);
         let mut number = -lead;
-        for frame in 0..=take.frames {
+        for frame in 0..=clip.frames {
             cancel.check()?;
             let t = frame as f64 / fps * STEPS_PER_SECOND;
             #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
@@ -88,12 +89,12 @@ impl BendTrack {
                 before = simulation.advance(number as f64 / STEPS_PER_SECOND);
                 number += 1;
             }
-            frames.push(if take.from_rest && frame == 0 { rest.clone() } else { before.clone() });
+            frames.push(if clip.from_rest && frame == 0 { rest.clone() } else { before.clone() });
         }
-        Ok(Self { clamped: simulation.clamped, ..Self::from_frames(frames, &rest, take)? })
+        Ok(Self { clamped: simulation.clamped, ..Self::from_frames(frames, &rest, clip)? })
     }
 
-    /// Angles of the paper's equations that had to be clamped, over all internodes and frames.
+    /// Number of angles in the paper's equations that were clamped, over all internodes and frames.
     pub fn clamped(&self) -> u64 {
         self.clamped
     }
@@ -101,54 +102,55 @@ impl BendTrack {
     fn simulate(
         elements: &BeamElements,
         wind: &dyn Wind,
-        manner: SwayParams,
-        take: ClipOptions,
+        params: SwayParams,
+        clip: ClipOptions,
         cancel: &Cancel,
     ) -> Result<(Vec<ElementBends>, ElementBends)> {
-        let mut run = SwaySimulation::new(elements, wind, manner);
-        let length = take.frames as f64 / manner.fps;
+        let mut run = SwaySimulation::new(elements, wind, params);
+        let length = clip.frames as f64 / params.fps;
         let mut mean_bends = vec![[0.0; 2]; elements.bend_count()];
         run.relax_to_mean_wind();
-        let lead = if take.from_rest {
+        let lead = if clip.from_rest {
             run.reset_to_rest();
             0.0
         } else {
             mean_bends = run.bends();
-            if take.repeats { length * spin_up_clips(elements, length) } else { SPIN_UP_SECONDS }
+            if clip.repeats { length * spin_up_clips(elements, length) } else { SPIN_UP_SECONDS }
         };
         let steps = run.steps();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand frames")]
-        let lead = (lead * manner.fps).round() as i64;
-        let mut frames: Vec<ElementBends> = Vec::with_capacity(take.frames + 1);
-        for frame in -lead..=i64::try_from(take.frames).unwrap_or(i64::MAX) {
+        let lead = (lead * params.fps).round() as i64;
+        let mut frames: Vec<ElementBends> = Vec::with_capacity(clip.frames + 1);
+        // Spin-up before frame 0; one frame after the clip, by which a loop is closed.
+        for frame in (-lead..0).chain((0_i64..).take(clip.frames + 1)) {
             cancel.check()?;
             if frame >= 0 {
                 frames.push(run.bends());
             }
             for k in 0..steps {
                 #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
-                run.advance((frame as f64 + f64::from(k) / f64::from(steps)) / manner.fps);
+                run.advance((frame as f64 + f64::from(k) / f64::from(steps)) / params.fps);
             }
         }
         Ok((frames, mean_bends))
     }
 
-    /// What is shown of bends. The last of `frames` comes after the clip.
-    fn from_frames(mut frames: Vec<ElementBends>, mean_bends: &[[f64; 2]], take: ClipOptions) -> Result<Self> {
+    /// Closes the loop and scales bends for output. The last of `frames` is the one after the clip.
+    fn from_frames(mut frames: Vec<ElementBends>, mean_bends: &[[f64; 2]], clip: ClipOptions) -> Result<Self> {
         let after = frames.pop();
-        if let Some(after) = after.filter(|_| take.repeats) {
+        if let Some(after) = after.filter(|_| clip.repeats) {
             close_loop(&mut frames, &after);
         }
-        let scaled = |b: &ElementBends| b.iter().zip(mean_bends).map(|(b, m)| scaled_bend(*b, *m, &take)).collect();
+        let scaled = |b: &ElementBends| b.iter().zip(mean_bends).map(|(b, m)| scaled_bend(*b, *m, &clip)).collect();
         let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(scaled).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
-            return Ok(Self { frames, repeats: take.repeats, clamped: 0 });
+            return Ok(Self { frames, repeats: clip.repeats, clamped: 0 });
         }
         Err(Error::export("X001", "the wind made a branch bend without bounds"))
     }
 
-    /// Bends at a time. `frame`: counted from the first, fractions lie between; times outside a clip that does not repeat
-    /// show its ends. A millionth of a frame next to a whole one is that one.
+    /// Bends at a fractional frame, linearly interpolated; times outside a clip that does not loop are clamped. Within
+    /// a millionth of an integer the frame itself is returned.
     pub fn at(&self, frame: f64) -> Vec<[f32; 2]> {
         let n = self.frames.len();
         if n == 0 {
@@ -176,21 +178,21 @@ impl BendTrack {
     }
 }
 
-/// Refuses a motion of more numbers than the limit allows.
+/// Checks elements times frames against the limit of motion keys.
 /// # Errors
 /// `Limit`.
-pub fn check_key_limit(elements: &BeamElements, take: ClipOptions, limits: &Limits) -> Result<()> {
-    let keys = (elements.bend_count() as u64).saturating_mul(take.frames as u64);
+pub fn check_key_limit(elements: &BeamElements, clip: ClipOptions, limits: &Limits) -> Result<()> {
+    let keys = (elements.bend_count() as u64).saturating_mul(clip.frames as u64);
     limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
 }
 
-/// Clips until the start is forgotten.
+/// Repetitions of the clip until the initial state has decayed.
 fn spin_up_clips(elements: &BeamElements, length: f64) -> f64 {
     let slowest = elements.list.iter().map(|e| e.damping_ratio * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
     (SPIN_UP_DECAY / (slowest * length)).ceil().clamp(1.0, MAX_SPIN_UP_CLIPS)
 }
 
-/// Takes out what the frame after the clip, which is the first again, differs by: a little in every frame.
+/// Closes a loop: distributes the difference between the frame after the clip and the first linearly over all frames.
 fn close_loop(frames: &mut [ElementBends], after: &ElementBends) {
     let Some(first) = frames.first().cloned() else { return };
     let n = frames.len() as f64;
@@ -203,9 +205,9 @@ fn close_loop(frames: &mut [ElementBends], after: &ElementBends) {
     }
 }
 
-/// The bend as it is shown: lean and swing scaled, and no farther than a branch goes.
-fn scaled_bend(bend: [f64; 2], mean_bends: [f64; 2], take: &ClipOptions) -> [f32; 2] {
-    let [a, b] = [0, 1].map(|k| math::narrow(take.lean * mean_bends[k] + take.gain * (bend[k] - mean_bends[k])));
+/// Scales static bend and oscillation of one element, and limits the result.
+fn scaled_bend(bend: [f64; 2], mean_bends: [f64; 2], clip: &ClipOptions) -> [f32; 2] {
+    let [a, b] = [0, 1].map(|k| math::narrow(clip.lean * mean_bends[k] + clip.gain * (bend[k] - mean_bends[k])));
     let size = math::sqrt_f32(a * a + b * b);
     if size < 1e-9 {
         return [a, b];

@@ -1,11 +1,10 @@
-//! What shaders need to sway a plant by themselves: weights and phases at its vertices, as the attributes `wind`, `wind2` and
-//! `wind_axis`.
+//! Vertex attributes for shader-based wind: weights and phases.
 
 use osier_base::rng;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Attribute, AttributeData, Mesh, Trs};
 
-/// Share of its own sway that an axis has at its tip.
+/// Own sway of an axis at its tip.
 const TIP_SWAY_SHARE: f32 = 0.5;
 
 /// Sway of a vertex; all numbers but the axis from 0 to 1.
@@ -19,27 +18,26 @@ struct VertexSway {
     axis: i32,
 }
 
-/// Weights along the axes of a plant: w(s) = 1 - (1 - w(carrier)) (1 - (s / L)^2 / 2), none at the root, so that nothing
-/// tears where branches stand on each other.
+/// Sway weights along axes: w(s) = 1 - (1 - w(carrier)) (1 - (s / L)^2 / 2), 0 at the root, continuous at forks.
 #[derive(Debug)]
 pub struct WindWeights<'a> {
     plant: &'a Plant,
     /// Per axis, at its base: weight from the root on, and from the trunk on.
     bases: Vec<[f32; 2]>,
-    /// Per axis: phase of the limb that it grows on.
+    /// Per axis: phase of the main branch that it grows on, 0 to 1.
     phases: Vec<f32>,
 }
 
 impl<'a> WindWeights<'a> {
-    /// Of all axes.
+    /// Computes base weights and phases of all axes, parents first.
     pub fn new(plant: &'a Plant) -> Self {
         let mut all = Self { plant, bases: Vec::new(), phases: Vec::new() };
         for axis in &plant.axes {
             let (base, phase) = if axis.parent == NONE {
-                ([0.0; 2], hash01(axis.id))
+                ([0.0; 2], phase_from_id(axis.id))
             } else {
                 let limb = plant.axes[axis.parent as usize].order == 0 && axis.order > 0;
-                let phase = if limb { hash01(axis.id) } else { all.phases[axis.parent as usize] };
+                let phase = if limb { phase_from_id(axis.id) } else { all.phases[axis.parent as usize] };
                 (all.at(axis.parent, axis.parent_s), phase)
             };
             all.bases.push(base);
@@ -57,21 +55,22 @@ impl<'a> WindWeights<'a> {
         [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
     }
 
-    /// Weights of a point that moves with arc length `s`, m, of an axis. `id`: of the branch or leaf; `flutter`: 0 to 1.
+    /// Attributes of a point at arc length `s`, m, of an axis. `id`: of the branch or leaf; `flutter`: 0 to 1.
     fn point(&self, axis: u32, s: f32, id: u64, flutter: f32) -> VertexSway {
         let [whole, branch] = self.at(axis, s);
         let wind = [whole, self.phases[axis as usize], flutter, 1.0];
-        VertexSway { wind, branch: [branch, hash01(id)], axis: i32::try_from(axis).unwrap_or(i32::MAX) }
+        // Integer attributes are i32; axes have indices of u32, of which a plant uses far less than half.
+        VertexSway { wind, branch: [branch, phase_from_id(id)], axis: i32::try_from(axis).unwrap_or(i32::MAX) }
     }
 
-    /// Attributes of bark bound to axes at arc lengths, m.
+    /// Attributes of bark points bound to an axis and arc length, m.
     pub fn bark(&self, bindings: &[(u32, f32)]) -> Vec<Attribute> {
         let point = |b: &(u32, f32)| self.point(b.0, b.1, self.plant.axes[b.0 as usize].id, 0.0);
         attributes(&bindings.iter().map(point).collect::<Vec<_>>())
     }
 
-    /// Leaves as one mesh with its attributes, and how many points each has; flutter grows from the foot of the stalk to the
-    /// tip. `worn`: first material.
+    /// All leaves as one mesh with these attributes, and the number of points of each; flutter grows from the foot of
+    /// the stalk to the tip. `worn`: index of the first material.
     pub fn leaves(&self, organs: &[&Organ], worn: u32) -> (Mesh, Vec<usize>) {
         let (mut all, mut sizes) = (Mesh::default(), vec![0; organs.len()]);
         for (organ, size) in organs.iter().zip(&mut sizes) {
@@ -102,7 +101,7 @@ fn attributes(points: &[VertexSway]) -> Vec<Attribute> {
     ]
 }
 
-fn hash01(id: u64) -> f32 {
+fn phase_from_id(id: u64) -> f32 {
     osier_base::math::narrow(rng::Rng::from_key(rng::child(id, rng::word("wind phase"))).range(0.0, 1.0))
 }
 
@@ -116,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_begin_at_nothing_and_do_not_jump_where_branches_stand() {
+    fn weights_start_at_zero_and_are_continuous_at_forks() {
         let plant = leafy(6);
         let weights = WindWeights::new(&plant);
         assert!(near(weights.at(0, 0.0), [0.0, 0.0]));
@@ -126,12 +125,15 @@ mod tests {
             let [base, tip] = [0.0, axis.length].map(|s| weights.at(i, s));
             assert!(base[0] < tip[0] && base[1] < tip[1] && tip[0] < 1.0 && tip[1] <= tip[0]);
             let limb = if axis.order == 1 { i } else { axis.parent };
-            assert!((weights.phases[i as usize] - hash01(plant.axes[limb as usize].id)).abs() < 1e-9, "one per limb");
+            assert!(
+                (weights.phases[i as usize] - phase_from_id(plant.axes[limb as usize].id)).abs() < 1e-9,
+                "one per limb"
+            );
         }
     }
 
     #[test]
-    fn leaves_flutter_at_their_tips_and_sway_as_their_twigs() {
+    fn leaf_weights_flutter_at_tips_and_sway_with_twigs() {
         let plant = leafy(2);
         let weights = WindWeights::new(&plant);
         let organs: Vec<&Organ> = plant.organs.iter().collect();

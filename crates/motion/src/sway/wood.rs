@@ -1,22 +1,22 @@
-//! What wood and leaves are made of, as far as wind can tell.
+//! Material of wood and leaves.
 
 /// Density of air, kg/m^3.
 pub const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
-/// Wind at which leaves begin to fold away, m/s.
+/// Wind speed at which leaves reconfigure (fold), m/s: their drag grows linearly instead of quadratically above.
 pub const LEAF_FOLD_SPEED: f64 = 8.0;
 
-/// Stiffness of thick and of thin wood, Pa, and the radii between which it falls, m.
+/// Young's modulus, Pa, and radius, m, of thick and of thin wood; smooth in between.
 const THICK_WOOD: (f64, f64) = (8.0e9, 0.05);
 const THIN_WOOD: (f64, f64) = (5.0e9, 0.005);
 
-/// Material of a plant.
+/// Mechanical and aerodynamic properties of a plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WoodParams {
     /// Young's modulus of its wood, Pa; none for 8 GPa in thick wood falling to 5 GPa in twigs.
     pub elasticity: Option<f64>,
-    /// kg/m^3.
+    /// Density of wood, kg/m^3.
     pub density: f64,
-    /// Mass of leaves, kg for each m^2 of one side.
+    /// Mass of leaves per one-sided area, kg/m^2.
     pub leaf_mass: f64,
     /// Drag coefficient of wood.
     pub drag: f64,
@@ -24,15 +24,15 @@ pub struct WoodParams {
     pub leaf_drag: f64,
     /// Factor on the elasticity.
     pub stiffness: f64,
-    /// First frequency that the trunk shall have, Hz; none for what its shape says.
+    /// Fundamental frequency of the trunk, Hz; none to compute it from the shape.
     pub trunk_hertz: Option<f64>,
     /// Factor on all frequencies.
     pub hertz: f64,
     /// Factor on all damping.
     pub damping: f64,
-    /// Bends as its own taper and load have it, instead of as an even rod under an even load.
+    /// Compute slopes from taper and load, instead of assuming a uniform cantilever under a uniform load.
     pub measured: bool,
-    /// Trunks and limbs swing in their second mode, too.
+    /// Whether trunks and main branches also oscillate in their second mode.
     pub second_modes: bool,
 }
 
@@ -70,7 +70,7 @@ impl WoodParams {
     }
 }
 
-/// Share of critical damping by order: trunk and limbs with their crowns, branches, twigs.
+/// Damping ratio by branching order: trunk and main branches with their crowns, branches, twigs; petioles.
 pub fn damping_ratio(order: u8, petiole: bool) -> f64 {
     match order {
         _ if petiole => 0.30,

@@ -1,18 +1,18 @@
-//! Swaying by the equations of [zhao-zhang] 3.2, each internode a cantilever of its own.
+//! Reference implementation of sway by the equations of [zhao-zhang] 3.2, each internode a cantilever of its own.
 //!
-//! Sixty times a second: F = F_1 + F_2 + F_w, the drag of the wind, a share of the last force taken back, and a damping by
-//! the square of the turning rate; then deflection and angle of the internode. Angles add up along a branch and along what
-//! carries it. What the paper misprints can be mended one by one ([`PaperCorrections`]).
+//! At 60 Hz: F = F_1 + F_2 + F_w, the drag of the wind, less a share of the last force, less a damping force quadratic
+//! in the angular velocity; then deflection and angle of the internode. Angles add up along a branch and its carriers.
+//! Misprints of the paper can be corrected one by one ([`PaperCorrections`]).
 
 use glam::{DVec3, Vec3};
 
 use super::elements::BeamElements;
 use super::simulation::SwayParams;
 use osier_base::math;
-use osier_scene::plant::{NONE, Plant};
+use osier_scene::plant::Plant;
 use osier_wind::Wind;
 
-/// Frames of the formula a second.
+/// Time steps of the equations per second.
 pub(crate) const STEPS_PER_SECOND: f64 = 60.0;
 /// Coefficients of drag and lift, as printed.
 const DRAG: f64 = 0.013;
@@ -20,29 +20,29 @@ const LIFT: f64 = 0.75;
 /// Density of air as printed, 2.37e-3 g/m^3, and as it is, kg/m^3.
 const PRINTED_AIR: f64 = 2.37e-6;
 
-/// What is mended in the printed equations.
+/// Corrections of the printed equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PaperCorrections {
     /// delta = 4 F L^3 / (3 pi E R^4) instead of R^3.
     pub radius: bool,
     /// 1.225 kg/m^3 instead of the density of almost nothing.
     pub air: bool,
-    /// The damping works against the turning instead of always one way.
+    /// Damping opposes the rotation instead of always acting one way.
     pub damping: bool,
 }
 
-/// Numbers that the paper leaves open.
+/// Constants that the paper leaves open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperParams {
-    /// What is mended.
+    /// Corrections to apply.
     pub fixes: PaperCorrections,
-    /// Share of the last force that is taken back, k in F_2 = -k F(t-1), 0 to below 1.
+    /// Share k of the last force in F_2 = -k F(t-1), 0 to below 1.
     pub recoil: f64,
     /// k in F_w = k w^2, N s^2.
     pub damping: f64,
 }
 
-/// One internode.
+/// State of one internode as a cantilever.
 #[derive(Debug)]
 struct CantileverInternode {
     element: usize,
@@ -52,7 +52,7 @@ struct CantileverInternode {
     radius: f64,
     /// Young's modulus, Pa.
     elasticity: f64,
-    /// Force of the last frame, N; angle of the last two, rad.
+    /// Force of the last step, N, and angles of the last two, rad.
     force: DVec3,
     angles: [f64; 2],
 }
@@ -62,10 +62,10 @@ struct CantileverInternode {
 pub struct PaperSimulation<'a> {
     elements: &'a BeamElements,
     wind: &'a dyn Wind,
-    manner: SwayParams,
+    params: SwayParams,
     paper: PaperParams,
     internodes: Vec<CantileverInternode>,
-    /// Angles that had to be clamped: deflections of more than the internode's length.
+    /// Number of angles whose sine exceeded 1: deflections beyond the internode's length.
     pub(crate) clamped: u64,
 }
 
@@ -78,17 +78,16 @@ fn tip_deflection(force: f64, length: f64, radius: f64, elasticity: f64, fixed: 
 }
 
 impl<'a> PaperSimulation<'a> {
-    /// All internodes of the plant that bend, at rest.
+    /// All internodes of bending elements, at rest.
     pub fn new(
         plant: &Plant,
         elements: &'a BeamElements,
         wind: &'a dyn Wind,
-        manner: SwayParams,
+        params: SwayParams,
         paper: PaperParams,
     ) -> Self {
         let mut internodes = Vec::new();
-        for (a, axis) in plant.axes.iter().enumerate() {
-            let index = u32::try_from(a).unwrap_or(NONE);
+        for (index, axis) in (0_u32..).zip(&plant.axes) {
             let nodes: Vec<usize> = plant.nodes_of(axis).collect();
             for pair in nodes.windows(2) {
                 let (i, j) = (pair[0], pair[1]);
@@ -105,13 +104,13 @@ impl<'a> PaperSimulation<'a> {
                     along: span.as_dvec3().normalize(),
                     length: f64::from(span.length()),
                     radius,
-                    elasticity: manner.wood.elasticity_at(radius),
+                    elasticity: params.wood.elasticity_at(radius),
                     force: DVec3::ZERO,
                     angles: [0.0; 2],
                 });
             }
         }
-        Self { elements, wind, manner, paper, internodes, clamped: 0 }
+        Self { elements, wind, params, paper, internodes, clamped: 0 }
     }
 
     /// Elements whose bends it computes.
@@ -121,12 +120,12 @@ impl<'a> PaperSimulation<'a> {
 
     /// Frames per second of the clip.
     pub(crate) fn fps(&self) -> f64 {
-        self.manner.fps
+        self.params.fps
     }
 
-    /// Bends of the elements in the formula's next frame, at `t` s.
+    /// Bends of the elements after a step that ends at `t`, s.
     pub(crate) fn advance(&mut self, t: f64) -> Vec<[f64; 2]> {
-        let stand = self.manner.stand;
+        let stand = self.params.stand;
         let places: Vec<Vec3> = self.internodes.iter().map(|i| stand.apply(i.middle)).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         self.wind.sample(&places, t, &mut air);
@@ -144,7 +143,7 @@ impl<'a> PaperSimulation<'a> {
 }
 
 impl CantileverInternode {
-    /// The turn of this internode in wind `v`, as a vector, and whether its arcsine had to be clamped.
+    /// Rotation vector of this internode in wind `v`, m/s, and whether its arcsine was clamped.
     fn step(&mut self, v: DVec3, paper: &PaperParams) -> (DVec3, bool) {
         let air = if paper.fixes.air { super::wood::AIR_DENSITY } else { PRINTED_AIR };
         let area = 2.0 * self.radius * self.length;
@@ -168,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_printed_radius_is_too_small_by_the_radius() {
+    fn printed_deflection_lacks_one_power_of_the_radius() {
         for r in [0.035, 0.003] {
             let (printed, mended) = (tip_deflection(1.0, 0.3, r, 8e9, false), tip_deflection(1.0, 0.3, r, 8e9, true));
             assert!((mended / printed * r - 1.0).abs() < 1e-12);
@@ -194,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_share_of_the_last_force_is_taken_back() {
+    fn recoil_subtracts_a_share_of_the_last_force() {
         let fixes = PaperCorrections { radius: true, air: true, damping: true };
         let mut one = internode();
         let paper = PaperParams { fixes, recoil: 0.3, damping: 0.0 };
@@ -206,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_beyond_a_right_one_are_clamped_and_told() {
+    fn angles_beyond_90_degrees_are_clamped_and_counted() {
         let fixes = PaperCorrections { radius: true, air: true, damping: true };
         let paper = PaperParams { fixes, recoil: 0.0, damping: 0.0 };
         let mut soft = CantileverInternode { elasticity: 1e3, ..internode() };
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn as_printed_nothing_is_seen_to_move() {
+    fn printed_equations_give_invisible_motion() {
         let fixes = PaperCorrections { radius: false, air: false, damping: false };
         let (bend, _) = internode().step(DVec3::X * 10.0, &PaperParams { fixes, recoil: 0.3, damping: 0.01 });
         assert!(bend.length() < 1e-6 && bend.length() > 0.0, "{bend}");

@@ -1,4 +1,4 @@
-//! Which of a plant's axes and leaves move as rods, and which ride on those.
+//! Which axes and leaves of a plant become rods, and which are rigid with those.
 
 use glam::{DQuat, DVec3};
 
@@ -8,75 +8,75 @@ use crate::sway::{WoodParams, damping_ratio};
 use osier_scene::Trs;
 use osier_scene::plant::{Axis, AxisKind, NONE, Organ, Plant};
 
-/// Shorter axes ride on their parents, m and base radii.
+/// Least length of a rod, m and in base radii; shorter axes are rigid with their parent.
 const MIN_AXIS_LENGTH: [f64; 2] = [4e-3, 4.0];
-/// Least length of a stalk, m.
+/// Least length of a leaf stalk, m.
 const MIN_STALK_LENGTH: f64 = 2e-3;
-/// Share of all sections that wood may take.
+/// Share of the section budget that wood may take where there are leaves.
 const WOOD_SECTION_SHARE: f64 = 0.6;
 
-/// What a plant's rods are like.
+/// Parameters of a plant on rods.
 #[derive(Debug, Clone)]
 pub struct RodPlantParams {
-    /// Stems: stiffness, weight, drag of leaves and wood, factor on damping.
+    /// Wood and leaves: stiffness, density, drag, and factor on damping.
     pub wood: WoodParams,
-    /// Gravity, m/s^2.
+    /// Gravitational acceleration, m/s^2.
     pub gravity: f64,
-    /// Shear modulus over Young's, 0.02..0.5.
+    /// Shear modulus over Young's modulus, 0.02..0.5.
     pub shear: f64,
-    /// Springs back, 0..4.
+    /// Stiffness of restoring springs over that of the fundamental mode, 0..4.
     pub recovery: f64,
-    /// Divides all stiffness, 1..20.
+    /// Divisor of all Young's moduli, 1..20.
     pub flexibility: f64,
     /// Young's modulus of stalks, Pa.
     pub stalk_young: f64,
-    /// Radius of the stalk of each prototype in size 1, m.
+    /// Stalk radius of each prototype at scale 1, m.
     pub stalk_radii: Vec<f64>,
-    /// Radius of all stalks, m, instead.
+    /// Stalk radius of all leaves, m, in place of the prototypes'.
     pub stalk_radius: Option<f64>,
-    /// Sections of a stalk.
+    /// Number of sections of a stalk.
     pub stalk_sections: usize,
-    /// Sections of a stem; `None` chooses.
+    /// Number of sections of a stem; `None` chooses it from length and radius.
     pub sections: Option<usize>,
-    /// Thicker wood stands still, m.
+    /// Largest radius that bends, m; thicker wood is rigid.
     pub max_rod_radius: f64,
-    /// Most sections of all rods.
+    /// Budget of sections of all rods.
     pub max_sections: usize,
-    /// Most leaves on stalks of their own.
+    /// Largest number of leaves with a stalk rod.
     pub max_leaf_stalks: usize,
 }
 
-/// How an axis moves.
+/// Motion of an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum AxisMotion {
-    /// Not at all.
+    /// Rigid with the ground.
     Still,
-    /// As a rod from an arc length on, m in the plant; not at all before.
+    /// A rod from an arc length on, m in the plant; rigid below.
     Rod(usize, f64),
-    /// With a rod at an arc length, m.
+    /// Rigid with a rod at an arc length, m.
     Rider(usize, f64),
 }
 
-/// Where a leaf hangs: its foot on the wood, its pivot, its turn in the world, m.
+/// Attachment of a leaf: carrying rod, pivot and orientation in the world, m.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeafAttachment {
-    /// Its own rod.
+    /// Rod of its stalk, if it has one.
     pub stalk: Option<usize>,
-    /// Rod that carries it or its stalk, and where, m.
+    /// Rod that carries it or its stalk, and arc length there, m.
     pub host: Option<(usize, f64)>,
     pub pivot: DVec3,
     pub q: DQuat,
     pub scale: f64,
 }
 
-/// The rods of a plant in the world.
+/// Rods of a plant, in the world.
 #[derive(Debug, Default)]
 pub(crate) struct RodPlantLayout {
     pub rods: Vec<RodDescription>,
     pub holds: Vec<(usize, f64, ClampKind)>,
     pub axes: Vec<AxisMotion>,
     pub leaves: Vec<LeafAttachment>,
-    /// Stems, and leaves, for which there was no room.
+    /// Stems and leaves beyond the budget.
     pub omitted: [usize; 2],
     scale: f64,
 }
@@ -84,6 +84,8 @@ pub(crate) struct RodPlantLayout {
 impl RodPlantLayout {
     pub(crate) fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams) -> Self {
         let mut layout = Self { scale: f64::from(stand.s.x), ..Self::default() };
+        // Candidates first, then the selection within the budget, then rods in the order of axes, so that carriers
+        // come first.
         let rods = layout.stem_rods(plant, stand, params);
         let room = layout.stems_within_budget(plant, &rods, params);
         for (axis, rod) in plant.axes.iter().zip(rods) {
@@ -100,7 +102,7 @@ impl RodPlantLayout {
         layout
     }
 
-    /// The rod that carries a place of an axis, and where on it, m.
+    /// Rod that carries arc length `s`, m, of an axis, and arc length on that rod, m.
     fn host_rod(&self, axis: u32, s: f64) -> Option<(usize, f64)> {
         match self.axes.get(axis as usize).copied().unwrap_or(AxisMotion::Still) {
             AxisMotion::Still => None,
@@ -110,7 +112,7 @@ impl RodPlantLayout {
         }
     }
 
-    /// A rod for each axis that may move, without its place among the others, and the arc length from which on it is one.
+    /// Rod of each axis that may bend, without parent, and the arc length, m, from which on it is one.
     fn stem_rods(&self, plant: &Plant, stand: &Trs, params: &RodPlantParams) -> Vec<Option<(f64, RodDescription)>> {
         let one = |axis: &Axis| {
             if axis.kind == AxisKind::Root {
@@ -118,6 +120,7 @@ impl RodPlantLayout {
             }
             let nodes = plant.nodes_of(axis);
             let radius = |k: usize| f64::from(plant.nodes.r[k]) * self.scale;
+            // The rod starts where the wood becomes thin enough to bend.
             let first = nodes.clone().find(|k| radius(*k) <= params.max_rod_radius)?;
             let from = f64::from(plant.nodes.s[first]);
             let length = (f64::from(axis.length) - from) * self.scale;
@@ -141,7 +144,7 @@ impl RodPlantLayout {
         plant.axes.iter().map(one).collect()
     }
 
-    /// Which of the stems there is room for: lower orders first, then long ones.
+    /// Selects stems within the section budget: lower orders first, then longer ones.
     fn stems_within_budget(
         &mut self,
         plant: &Plant,
@@ -179,7 +182,7 @@ impl RodPlantLayout {
         AxisMotion::Rod(index, from)
     }
 
-    /// Leaves, on stalks as far as there is room.
+    /// Attaches all leaves, with stalk rods as far as the budget allows.
     fn attach_leaves(&mut self, plant: &Plant, stand: &Trs, params: &RodPlantParams) {
         let used = self.rods.iter().fold(0, |s, r| s + r.section_count());
         let room = params.max_sections.saturating_sub(used) / params.stalk_sections.max(1);
@@ -187,7 +190,7 @@ impl RodPlantLayout {
         let own = all.min(room);
         self.omitted[1] = all - own;
         for (i, organ) in plant.organs.iter().enumerate() {
-            // Spread evenly over the plant.
+            // Stalks are distributed evenly over the leaves.
             let chosen = (i + 1) * own / all > i * own / all;
             let hung = self.attach_leaf(plant, organ, stand, params, chosen);
             self.leaves.push(hung);
@@ -217,7 +220,7 @@ impl RodPlantLayout {
         let length = (f64::from(organ.petiole) * self.scale).max(MIN_STALK_LENGTH);
         let along = q * DVec3::Y;
         let foot = pivot - along * (f64::from(organ.petiole) * self.scale);
-        // What lies within the wood does not bend.
+        // The part of the stalk inside the wood is rigid.
         let inside = (f64::from(site.r) * self.scale).min(0.5 * length);
         let points = [inside, 0.5 * (inside + length), length].map(|s| foot + along * s);
         let prototype_radius = params.stalk_radii.get(usize::from(organ.proto)).copied().unwrap_or(8e-4) * scale;

@@ -1,4 +1,4 @@
-//! Blades of leaves as rigid sheets: what they weigh, and what the wind does to them.
+//! Leaf blades as rigid sheets: their inertia, and the aerodynamic force on them.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -8,42 +8,43 @@ use osier_base::rng;
 use osier_scene::Mesh;
 use osier_wind::TimeNoise;
 
-/// Share of the blade's extent by which the middle of pressure stands before the blade's where the wind comes along it.
-/// Source: a thin plate at a small angle is pressed on a quarter behind its leading edge (thin airfoils).
+/// Distance of the centre of pressure from the centroid over the chord, in a flow along the blade.
+/// Source: the centre of pressure of a thin plate at a small angle of attack lies at a quarter of the chord.
 const PRESSURE_OFFSET: f64 = 0.25;
-/// Friction along the blade, as a coefficient of its area on one side.
+/// Skin-friction coefficient, over the one-sided area.
 const SKIN_FRICTION: f64 = 0.06;
-/// Eddies that leave a blade: how many pass while the air goes its width (Strouhal's number), how far they shift the middle
-/// of pressure, in extents, and how much they press across, as a coefficient.
+/// Vortex shedding: Strouhal number f w / u, wander of the centre of pressure over the extent, and amplitude of the
+/// fluctuating normal-force coefficient. Higher amplitudes: leaves tremble more at the same wind.
 const STROUHAL_NUMBER: f64 = 0.2;
 const PRESSURE_WANDER: f64 = 0.12;
 const BUFFET_COEFFICIENT: f64 = 0.25;
-/// Sheets whose triangles face so evenly all directions, of their area, are taken as closed: half of it faces the wind.
+/// Vector area over area below which a mesh counts as closed: half of its area then faces the wind.
 const CLOSED_MESH_SHARE: f64 = 0.2;
 
-/// The mesh of a leaf as a uniform sheet, in the leaf's space and size 1.
+/// A leaf mesh as a uniform rigid sheet, in leaf space at scale 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafSheet {
-    /// m^2, one side.
+    /// One-sided area, m^2.
     pub area: f64,
-    /// Middle, m.
+    /// Centroid, m.
     pub centroid: DVec3,
-    /// Inertia about the middle by mass per area, m^4.
+    /// Inertia about the centroid per mass per area, m^4.
     inertia: DMat3,
-    /// Across it, unit.
+    /// Unit normal.
     normal: DVec3,
-    /// What faces the wind along the normal, m^2.
+    /// Projected area along the normal, m^2.
     facing: f64,
-    /// Along X and Y, m.
+    /// Effective width and length, m: of a rectangle with the same second moments.
     extent: [f64; 2],
 }
 
 impl LeafSheet {
-    /// Of a mesh whose stalk is not part of it.
+    /// Integrates a mesh, which must not contain the stalk.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| mesh.points.get(i as usize).copied().unwrap_or_default().as_dvec3());
+            // Vector area of the triangle; its centroid is (a + b + c) / 3.
             let n = 0.5 * (b - a).cross(c - a);
             let (size, sum) = (n.length(), a + b + c);
             area += size;
@@ -67,7 +68,7 @@ impl LeafSheet {
         }
     }
 
-    /// Inertia about the middle, kg m^2, in the leaf's space. `density`: kg/m^2; `scale`: of the leaf.
+    /// Inertia about the centroid, kg m^2, in leaf space. `density`: mass per area, kg/m^2; `scale`: of the leaf.
     pub fn inertia(&self, density: f64, scale: f64) -> DMat3 {
         let s2 = scale * scale;
         self.inertia * (density * s2 * s2)
@@ -78,7 +79,7 @@ fn outer_product(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
-/// A blade in the wind: its shape, and how it stands.
+/// A leaf sheet placed in the world, for aerodynamic forces.
 #[derive(Debug, Clone, Copy)]
 pub struct LeafSheetPose<'a> {
     /// Area, centroid and extent in leaf space.
@@ -91,16 +92,16 @@ pub struct LeafSheetPose<'a> {
     pub drag: f64,
 }
 
-/// The air around a blade, and its eddies so far.
+/// Vortex shedding of one blade.
 #[derive(Debug, Clone, Copy)]
 pub struct VortexShedding {
     noise: TimeNoise,
-    /// How many have left.
+    /// Number of vortices shed so far.
     passed: f64,
 }
 
 impl VortexShedding {
-    /// Those of an organ.
+    /// Vortex shedding of the organ `id`, with a random phase.
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
     pub fn new(id: u64) -> Self {
         let key = rng::child(id, rng::word("eddies"));
@@ -108,9 +109,9 @@ impl VortexShedding {
         Self { noise: TimeNoise::new((key >> 32) as u32, 1.0, None), passed }
     }
 
-    /// Force of the wind on a blade, N, and where it acts from the blade's middle, m. `wind`: velocity of the air relative to
-    /// the middle, m/s; `h`: seconds until the next call.
-    /// Own: a plate whose force across grows with the sine of the angle and saturates.
+    /// Aerodynamic force on a blade, N, and its point of action relative to the centroid, m. `wind`: velocity relative
+    /// to the centroid, m/s; `h`: time until the next call, s.
+    /// Own: a plate whose normal force grows with the sine of the angle of attack and saturates.
     pub fn wind_force(&mut self, blade: &LeafSheetPose<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
         let LeafSheetPose { sheet, q, scale, drag } = *blade;
         let speed = wind.length();
@@ -119,13 +120,17 @@ impl VortexShedding {
         }
         let normal = q * sheet.normal;
         let [wide, long] = sheet.extent.map(|e| e * scale);
+        // Vortices shed in this step, at the frequency St u / w; the noise runs at twice that rate.
         self.passed += h * STROUHAL_NUMBER * speed / wide.max(1e-4);
         let noise = |k: u32| f64::from(self.noise.with_seed_offset(k).at(2.0 * self.passed));
         let sine = normal.dot(wind) / speed;
+        // Normal-force coefficient 2 sin(a) / (1 + sin^2(a)), plus buffeting; skin friction acts along the blade.
         let across = 2.0 * sine / (1.0 + sine * sine) + BUFFET_COEFFICIENT * noise(0);
         let pressure = 0.5 * AIR_DENSITY * sheet.facing * scale * scale * speed * speed;
         let along = wind - normal * (sine * speed);
         let force = pressure * (drag * across * normal + SKIN_FRICTION * along / speed);
+        // Centre of pressure: a quarter chord upstream in a flow along the blade, at the centroid in a normal flow,
+        // plus its wander.
         let local = (q.conjugate() * along).normalize_or_zero();
         let chord = math::sqrt(wide * wide * local.x * local.x + long * long * local.y * local.y);
         let fore = -along.normalize_or_zero() * (PRESSURE_OFFSET * chord * (1.0 - sine.abs()));

@@ -1,4 +1,4 @@
-//! A plant on rods: twigs bend, leaves hang on stalks, wind drag and the impulses of raindrops act on them.
+//! A plant on rods: stems bend, leaves hang on stalks, and wind drag and the impulses of raindrops act on them.
 
 mod layout;
 mod leaf_sheet;
@@ -22,17 +22,17 @@ use osier_scene::Trs;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_wind::Wind;
 
-/// Most of how far a step's length may stray before the steps before it count no more.
+/// Relative change of the step length above which the BDF2 history is discarded.
 const SAME_STEP_TOLERANCE: f64 = 1e-9;
 
-/// A leaf on its section.
+/// A leaf that is rigid with a section.
 #[derive(Debug, Clone)]
 struct RodPlantLeaf {
-    /// What carries it; none for wood that stands still.
+    /// Carrying section; none for rigid wood.
     section: Option<usize>,
-    /// Its own stalk.
+    /// Rod of its stalk.
     stalk: Option<usize>,
-    /// Pivot and turn in the section's frame, or in the world.
+    /// Pivot, m, and orientation in the section's frame, or in the world.
     p: DVec3,
     q: DQuat,
     scale: f64,
@@ -41,7 +41,7 @@ struct RodPlantLeaf {
     now: LeafPose,
 }
 
-/// An end of a piece of wood: what carries it, and where on that, or in the world.
+/// End of a wood segment: carrying section, and position in its frame or in the world.
 #[derive(Debug, Clone, Copy)]
 struct WoodEnd {
     section: Option<usize>,
@@ -49,16 +49,16 @@ struct WoodEnd {
     r: f64,
 }
 
-/// The two sections that a place on an axis lies between, and the second one's share; none for what stands still.
+/// The two sections around a position on an axis, and the weight of the second; none for rigid wood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SectionBlend {
-    /// Sections.
+    /// Preceding and following section.
     pub sections: [Option<usize>; 2],
-    /// Of the second, 0 to 1.
+    /// Weight of the second, 0 to 1.
     pub share: f64,
 }
 
-/// A plant on rods, in the world.
+/// Simulation of a plant on rods, in the world.
 #[derive(Debug, Clone)]
 pub struct RodPlant {
     rods: RodSystem,
@@ -66,14 +66,14 @@ pub struct RodPlant {
     scale: f64,
     leaves: Vec<RodPlantLeaf>,
     wood: Vec<[WoodEnd; 2]>,
-    /// Bodies on each section.
+    /// Indices of the bodies attached to each section.
     bodies_on_section: Vec<Vec<usize>>,
-    /// Sections that are held.
+    /// Whether each section is clamped.
     fixed: Vec<bool>,
     drags: Vec<f64>,
     leaf_drag: f64,
     wind: Option<Arc<dyn Wind>>,
-    /// Blows, N s, and forces, N, of the next step: section, place, what.
+    /// Impulses, N s, and forces, N, of the next step: section, world position, vector.
     impulses: Vec<(usize, DVec3, DVec3)>,
     leaf_forces: Vec<(usize, DVec3, DVec3)>,
     /// Length of the last step, s.
@@ -81,12 +81,12 @@ pub struct RodPlant {
     omitted: [usize; 2],
     hangs_at_rest: bool,
     name: String,
-    /// Frames per second, and the number of the first.
+    /// Frame rate, frames per second, and number of the first frame, for messages.
     clock: (f64, u32),
 }
 
 impl RodPlant {
-    /// A plant that stands at `stand` (of even scale) and hangs as it grew. `sheets`: of its prototypes.
+    /// A plant placed by `stand` (of uniform scale), in equilibrium in its grown pose.
     /// Own: which axes and leaves move, and their stalks; springs and blades by [yang-wu] section 2.
     pub fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams, name: &str) -> Self {
         let layout = RodPlantLayout::new(plant, stand, params);
@@ -122,8 +122,9 @@ impl RodPlant {
             let (scale, eddies) = (hung.scale, VortexShedding::new(organ.id));
             leaves.push(RodPlantLeaf { section, stalk: hung.stalk, p, q, scale, sheet, eddies, now });
         }
-        // Water comes first: body k is that of leaf k.
+        // Water bodies come first, so that body k is the water on leaf k; then the blades.
         let mut rods = if rods.is_empty() { rods } else { rods.with_bodies(water).with_bodies(own) };
+        // Without a rest shape that balances gravity, the plant's own weight is left out.
         rods.gravity = -DVec3::Y * params.gravity;
         let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
         rods.weightless = !posed;
@@ -154,49 +155,49 @@ impl RodPlant {
         all
     }
 
-    /// The same in a wind.
+    /// Sets the wind.
     #[must_use]
     pub fn with_wind(self, wind: Option<Arc<dyn Wind>>) -> Self {
         Self { wind, ..self }
     }
 
-    /// The same with frames to be named by: frames per second, and the first one's number at time 0.
+    /// Sets frame rate, frames per second, and number of the first frame, at time 0, for messages.
     #[must_use]
     pub fn with_frame_clock(self, fps: f64, first: u32) -> Self {
         Self { clock: (fps, first), ..self }
     }
 
-    /// Its rods.
+    /// The rod system.
     pub fn rods(&self) -> &RodSystem {
         &self.rods
     }
 
-    /// Stems and leaves that were left to ride, as there was no room for rods of their own.
+    /// Number of stems and of leaves that are rigid because the budget was exhausted.
     pub fn omitted_stems_and_leaves(&self) -> [usize; 2] {
         self.omitted
     }
 
-    /// Whether it hangs as it grew; else its own weight is left out.
+    /// Whether the grown pose is in equilibrium under gravity; else its own weight is left out.
     pub fn has_rest_shape(&self) -> bool {
         self.hangs_at_rest
     }
 
-    /// Steps of a frame. `fps`: frames per second.
+    /// Substeps per frame. `fps`: frames per second.
     pub fn steps_per_frame(&self, fps: f64) -> u32 {
         if self.rods.is_empty() { 1 } else { self.rods.steps_per_frame(fps) }
     }
 
-    /// Section that a leaf is rigid with; none for wood that stands still.
+    /// Section that a leaf is rigid with; none on rigid wood.
     pub fn leaf_section(&self, leaf: usize) -> Option<usize> {
         self.leaves[leaf].section
     }
 
-    /// Rod of a leaf's stalk.
+    /// Index of the rod of a leaf's stalk.
     pub fn leaf_stalk(&self, leaf: usize) -> Option<usize> {
         self.leaves[leaf].stalk
     }
 
-    /// Sections around a place of an axis. `s`: arc length in the plant, m.
+    /// Sections around arc length `s`, m in the plant, of an axis.
     pub fn axis_sections(&self, axis: u32, s: f64) -> SectionBlend {
         let still = SectionBlend { sections: [None; 2], share: 0.0 };
         let (rod, at) = match self.axes.get(axis as usize).copied().unwrap_or(AxisMotion::Still) {
@@ -219,7 +220,7 @@ impl RodPlant {
         SectionBlend { sections: [before.0; 2], share: 0.0 }
     }
 
-    /// Pieces of wood between sections, or between nodes of what does not bend.
+    /// Wood segments between sections, and between nodes of rigid wood.
     fn build_wood_ends(&self, plant: &Plant, stand: &Trs) -> Vec<[WoodEnd; 2]> {
         let mut out = Vec::new();
         let stems = plant.axes.iter().enumerate().filter(|(_, a)| a.kind == AxisKind::Stem);
@@ -230,6 +231,7 @@ impl RodPlant {
             let carrier =
                 if let AxisMotion::Rider(rod, at) = carried { Some(self.rods.nearest_section(rod, at)) } else { None };
             let until = if let AxisMotion::Rod(_, from) = carried { from } else { f64::MAX };
+            // The rigid part of the axis, node by node; then the bending part, section by section.
             for k in nodes.clone().skip(1).filter(|k| f64::from(plant.nodes.s[*k]) <= until) {
                 let ends = [k - 1, k].map(|k| {
                     let (position, radius) = place(k);
@@ -252,7 +254,7 @@ impl RodPlant {
         out
     }
 
-    /// End of a piece of wood at `position`, m, in the world at rest, with `radius`, m, made rigid with a section.
+    /// End of a wood segment at `position`, m, in the world at rest, with `radius`, m, made rigid with a section.
     fn attach_wood_end(&self, section: Option<usize>, position: DVec3, radius: f64) -> WoodEnd {
         let frame = section.map_or(WORLD_FRAME, |s| self.rods.rest_frame(s));
         WoodEnd { section, p: world_rotation(&frame).conjugate() * (position - frame.p), r: radius }
@@ -265,13 +267,14 @@ impl RodPlant {
         })
     }
 
-    /// Velocity of a place that is rigid with a section.
+    /// Velocity, m/s, of a world position that is rigid with a section.
     fn point_velocity(&self, section: usize, place: DVec3) -> DVec3 {
         let (v, spin) = self.rods.section_velocity(section);
         v + spin.cross(place - self.rods.section_frame(section).p)
     }
 
-    /// b^T M^-1 b of a unit blow at a place that is rigid with a section, 1/kg.
+    /// Inverse effective mass b^T M^-1 b, 1/kg, for a unit impulse along `along` at a position that is rigid with a
+    /// section; 0 for clamped sections.
     fn section_inverse_effective_mass(&self, section: usize, place: DVec3, along: DVec3) -> f64 {
         if self.fixed[section] {
             return 0.0;
@@ -281,7 +284,7 @@ impl RodPlant {
         corner_dot(&f, &self.apply_inverse_section_mass(section, &f))
     }
 
-    /// M^-1 f of a section with what it carries now.
+    /// M^-1 f of a section with its present bodies.
     fn apply_inverse_section_mass(&self, section: usize, f: &SectionCorners) -> SectionCorners {
         let mut m: Matrix9 = [[0.0; 9]; 9];
         (0..9).for_each(|k| m[k][k] = self.rods.tree.sections[section].mass);
@@ -294,7 +297,7 @@ impl RodPlant {
         solve_matrix9(&m, f)
     }
 
-    /// Blades where they are after a step of `h` seconds from `before`, or at rest.
+    /// Updates poses, velocities and accelerations of all leaves after a step of `h` seconds, or at rest.
     fn update_leaf_motion(&mut self, h: Option<f64>) {
         let Self { rods, leaves, .. } = self;
         for leaf in leaves {
@@ -369,10 +372,10 @@ impl RodPlant {
     }
 }
 
-/// The frame of what stands still: the world's.
+/// Frame of rigid wood: the world.
 const WORLD_FRAME: SectionFrame = SectionFrame { p: DVec3::ZERO, u: DVec3::X, v: DVec3::Y, w: DVec3::Z };
 
-/// World from a frame's coordinates.
+/// Rotation from a frame's coordinates to the world.
 fn world_rotation(frame: &SectionFrame) -> DQuat {
     DQuat::from_mat3(&frame.matrix()).normalize()
 }
@@ -446,7 +449,7 @@ impl RainTarget for RodPlant {
         Some(&self.rods)
     }
 
-    /// A step that fails is taken again in halves, up to sixteenths.
+    /// A failed step is repeated in halves, down to sixteenths.
     fn step(&mut self, t: f64, h: f64) -> Result<()> {
         if self.rods.is_empty() {
             return Ok(());

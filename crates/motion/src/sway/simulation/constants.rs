@@ -1,114 +1,115 @@
-//! What does not change while a plant moves, laid out for lanes.
+//! Constants of a simulation, laid out for SIMD lanes.
 
 use glam::DVec3;
 
 use super::SwayParams;
-use crate::lanes::{Columns, padded};
+use crate::lanes::{Columns, padded_row_count};
 use crate::sway::beam::{OscillatorStep, SECOND_MODE_FREQUENCY_RATIO, second_mode_slope};
 use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
 use crate::sway::wood::{AIR_DENSITY, WoodParams};
 
-/// m/s^2.
+/// Gravitational acceleration, m/s^2.
 const GRAVITY: f64 = osier_base::physics::GRAVITY;
-/// Damping of a second mode over the first's.
+/// Damping ratio of the second mode over that of the first.
 const SECOND_MODE_DAMPING: f64 = 1.5;
 
-/// How an element hangs on its carrier.
+/// Connection of an element to its carrier.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CarrierLink {
-    /// Its row.
+    /// Row of the element.
     pub(crate) row: usize,
-    /// Carrier's row; none for what stands on the ground.
+    /// Row of the carrier; none for elements on the ground.
     pub(crate) carrier: Option<usize>,
     /// Row of the carrier's station that it stands on.
     pub(crate) stand: usize,
-    /// Slope of the carrier's tip for a unit force here, 1/N.
+    /// Tip slope of the carrier per unit force here, 1/N.
     pub(crate) carrier_compliance: f64,
-    /// Share of the carrier's bend here, and of its second mode's.
+    /// Relative slope of the carrier here, in its first and second mode.
     pub(crate) shares: [f64; 2],
 }
 
-/// Elements and stations as rows: first those of more stations, station after station.
+/// Per-element and per-station constants in rows. Elements are sorted by descending number of stations; all first
+/// stations come before all second ones.
 #[derive(Debug)]
 pub(crate) struct SimulationConstants {
     /// Row of each element, and of each station.
     pub(crate) rows: Vec<usize>,
     pub(crate) stations: Vec<usize>,
-    /// Elements, carriers first.
+    /// Connections in the order of elements, carriers first.
     pub(crate) order: Vec<CarrierLink>,
-    /// Rows of the first, second, ... stations: where they begin, and how many.
-    pub(crate) slots: Vec<(usize, usize)>,
-    /// Both ways to bend.
+    /// First row and number of rows of all first, second, ... stations.
+    pub(crate) station_slots: Vec<(usize, usize)>,
+    /// Axes of both bending directions.
     pub(crate) bend_axes: Columns<6>,
-    /// Both ways' next place and rate from place and rate: a, b, c, d.
-    pub(crate) swing: Columns<8>,
-    /// Place at rest from where the carrier's stretch begins.
-    pub(crate) hold: Columns<3>,
-    /// Slope for 1 m/s^2 on it and on all that it carries.
+    /// Coefficients a, b, c, d of [`OscillatorStep`] for both directions.
+    pub(crate) oscillator: Columns<8>,
+    /// Base at rest relative to the start of the carrier's stretch, m.
+    pub(crate) base_offset: Columns<3>,
+    /// Tip slope per 1 m/s^2 acting on it and on everything that it carries.
     pub(crate) weight: Columns<1>,
-    /// Gravity in the plant's space, where its change counts.
+    /// Gravity in the plant's space, m/s^2; none if it is compensated.
     pub(crate) gravity: Option<[f64; 3]>,
-    /// Second modes of the elements that have one, which stand first, if any do.
+    /// Second modes of the elements that have one; these have the first rows.
     pub(crate) second_modes: Option<SecondModes>,
-    /// Per station: place from where the stretch begins, the stretch, share of the bend.
+    /// Per station: position from the start of its stretch, vector of the stretch, m, and relative slope.
     pub(crate) shape: Columns<7>,
-    /// Per station: place at rest from the element's base, direction of growth.
+    /// Per station: position at rest from the element's base, m, and direction of growth.
     pub(crate) rest: Columns<6>,
-    /// Per station: drag of wood and of leaves at 1 m/s, N; slope for a unit of drag; slope for 1 m/s^2; rate at which
-    /// air of 1 m/s stops it, 1/s.
-    pub(crate) press: Columns<5>,
+    /// Per station: drag of wood and of leaves at 1 m/s, N; tip slope per unit drag, 1/N; tip slope per 1 m/s^2; and
+    /// aerodynamic damping rate per 1 m/s of wind, 1/m.
+    pub(crate) load_terms: Columns<5>,
 }
 
-/// Second modes, as [`SimulationConstants`] has the first.
+/// Constants of the second modes, in the layout of [`SimulationConstants`].
 #[derive(Debug)]
 pub(crate) struct SecondModes {
-    pub(crate) swing: Columns<8>,
-    /// Per station: share of the bend.
+    pub(crate) oscillator: Columns<8>,
+    /// Per station: relative slope.
     pub(crate) shape: Columns<1>,
-    /// Elements that have one.
+    /// Rows of the elements that have one.
     pub(crate) rows: Vec<usize>,
 }
 
 impl SimulationConstants {
-    pub(crate) fn new(elements: &BeamElements, manner: &SwayParams, step: f64) -> Self {
+    pub(crate) fn new(elements: &BeamElements, params: &SwayParams, step: f64) -> Self {
         let places = RowLayout::new(elements);
-        let (n, m) = (places.slots.first().map_or(0, |s| s.1), places.slots.iter().map(|s| s.1).sum());
+        let (n, m) = (places.station_slots.first().map_or(0, |s| s.1), places.station_slots.iter().map(|s| s.1).sum());
         let mut constants = Self {
             order: Vec::with_capacity(elements.list.len()),
             bend_axes: Columns::new(n),
-            swing: Columns::new(n),
-            hold: Columns::new(n),
+            oscillator: Columns::new(n),
+            base_offset: Columns::new(n),
             weight: Columns::new(n),
-            gravity: manner
+            gravity: params
                 .gravity
-                .then(|| (manner.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * GRAVITY)).to_array()),
+                .then(|| (params.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * GRAVITY)).to_array()),
             second_modes: None,
             shape: Columns::new(m),
             rest: Columns::new(m),
-            press: Columns::new(m),
+            load_terms: Columns::new(m),
             rows: places.rows,
             stations: places.stations,
-            slots: places.slots,
+            station_slots: places.station_slots,
         };
         for (e, element) in elements.list.iter().enumerate() {
             let row = constants.rows[e];
             let [a, b] = element.bend_axes;
             constants.bend_axes.set(row, [a.x, a.y, a.z, b.x, b.y, b.z]);
-            let [a, b] = element.w.map(|w| oscillator_step(w, element.damping_ratio, manner.fps, step).coefficients());
-            constants.swing.set(row, [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+            let [a, b] = element.w.map(|w| oscillator_step(w, element.damping_ratio, params.fps, step).coefficients());
+            constants.oscillator.set(row, [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
             constants.link_to_carrier(elements, element, row);
             for i in element.stations.clone() {
-                constants.set_station(i, &elements.stations[i], element, &manner.wood);
+                constants.set_station(i, &elements.stations[i], element, &params.wood);
             }
         }
         constants.set_gravity_levers(elements);
-        constants.second_modes = SecondModes::new(&constants, elements, manner.fps, step);
+        constants.second_modes = SecondModes::new(&constants, elements, params.fps, step);
         constants
     }
 
     fn link_to_carrier(&mut self, elements: &BeamElements, element: &BeamElement, row: usize) {
         let Some(carrier) = elements.list.get(element.parent as usize) else {
-            self.hold.set(row, element.base.to_array());
+            self.base_offset.set(row, element.base.to_array());
             self.order.push(CarrierLink { row, carrier: None, stand: 0, carrier_compliance: 0.0, shares: [0.0; 2] });
             return;
         };
@@ -116,14 +117,14 @@ impl SimulationConstants {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
         let i = carrier.stations.start + ((element.at * n as f64) as usize).min(n - 1);
         let arm = element.base - elements.stations[i].from;
-        self.hold.set(row, arm.to_array());
+        self.base_offset.set(row, arm.to_array());
         let second = if carrier.second_mode.is_some() { second_mode_slope(element.at) } else { 0.0 };
         let shares = [carrier.shape.at(element.at), second];
         let (carrier, stand) = (Some(self.rows[element.parent as usize]), self.stations[i]);
         self.order.push(CarrierLink { row, carrier, stand, carrier_compliance: element.carrier_compliance, shares });
     }
 
-    /// What a change of gravity presses on: own stations, and whole children where they stand.
+    /// Levers of gravity: own stations, and the total mass of children at their bases.
     fn set_gravity_levers(&mut self, elements: &BeamElements) {
         let mut masses = vec![0.0; elements.list.len()];
         for (e, element) in elements.list.iter().enumerate().rev() {
@@ -144,48 +145,49 @@ impl SimulationConstants {
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
         let stops = (bark + leaf) / s.load.mass.max(1e-12);
-        self.press.set(row, [0.5 * bark, 0.5 * leaf, s.tip_compliances[0], s.load.mass * s.tip_compliances[1], stops]);
+        self.load_terms
+            .set(row, [0.5 * bark, 0.5 * leaf, s.tip_compliances[0], s.load.mass * s.tip_compliances[1], stops]);
     }
 }
 
 impl SecondModes {
-    /// Oscillators of the elements that have a second mode; none without any. `fps`: frames per second; `step`: s.
+    /// Oscillators of all second modes; none without any. `fps`: frames per second; `step`: s.
     fn new(constants: &SimulationConstants, elements: &BeamElements, fps: f64, step: f64) -> Option<Self> {
         let with: Vec<usize> = (0..elements.list.len()).filter(|e| elements.list[*e].second_mode.is_some()).collect();
         let last = with.iter().map(|e| constants.rows[*e] + 1).max()?;
-        let stations = constants.slots.iter().map(|s| s.1).sum();
-        let (mut swing_columns, mut shape) = (Columns::new(last), Columns::new(stations));
+        let stations = constants.station_slots.iter().map(|s| s.1).sum();
+        let (mut oscillator_columns, mut shape) = (Columns::new(last), Columns::new(stations));
         for e in &with {
             let element = &elements.list[*e];
             let [a, b] = element.w.map(|w| {
                 oscillator_step(w * SECOND_MODE_FREQUENCY_RATIO, element.damping_ratio * SECOND_MODE_DAMPING, fps, step)
                     .coefficients()
             });
-            swing_columns.set(constants.rows[*e], [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+            oscillator_columns.set(constants.rows[*e], [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
             for i in element.stations.clone() {
                 shape.set(constants.stations[i], [second_mode_slope(elements.stations[i].middle)]);
             }
         }
-        Some(Self { swing: swing_columns, shape, rows: with.iter().map(|e| constants.rows[*e]).collect() })
+        Some(Self { oscillator: oscillator_columns, shape, rows: with.iter().map(|e| constants.rows[*e]).collect() })
     }
 
-    /// Rows up to the last that has one.
+    /// Number of rows up to the last element with a second mode.
     pub(crate) fn count(&self) -> usize {
-        self.swing.rows()
+        self.oscillator.rows()
     }
 }
 
-/// How one way of an element swings in steps of `step` s.
+/// Step coefficients of one mode; modes above the Nyquist frequency of the frames are quasi-static.
 fn oscillator_step(w: f64, zeta: f64, fps: f64, step: f64) -> OscillatorStep {
     let fast = w > std::f64::consts::PI * fps;
-    if fast { OscillatorStep::follow(w, step) } else { OscillatorStep::new(w, zeta, step) }
+    if fast { OscillatorStep::first_order_lag(w, step) } else { OscillatorStep::new(w, zeta, step) }
 }
 
-/// Who gets which row.
+/// Assignment of elements and stations to rows.
 struct RowLayout {
     rows: Vec<usize>,
     stations: Vec<usize>,
-    slots: Vec<(usize, usize)>,
+    station_slots: Vec<(usize, usize)>,
 }
 
 impl RowLayout {
@@ -194,13 +196,14 @@ impl RowLayout {
         let most = list.iter().map(|e| e.stations.len()).max().unwrap_or(0);
         let (mut rows, mut next) = (vec![0; list.len()], 0);
         let mut slots = vec![(0, 0); most];
-        // Groups of equal numbers of stations begin at a full group of lanes.
+        // Each group of equal station count starts at a full SIMD register, so that lanes of a register have equal
+        // counts.
         for count in (1..=most).rev() {
             for (e, _) in list.iter().enumerate().filter(|(_, e)| e.stations.len() == count) {
                 rows[e] = next;
                 next += 1;
             }
-            next = padded(next);
+            next = padded_row_count(next);
             slots[count - 1].1 = next;
         }
         let mut begin = 0;
@@ -214,6 +217,6 @@ impl RowLayout {
                 stations[i] = slot.0 + rows[e];
             }
         }
-        Self { rows, stations, slots }
+        Self { rows, stations, station_slots: slots }
     }
 }

@@ -1,58 +1,59 @@
-//! A step of a plant in the wind: from the ground up for places, over all stations for the air, from the tips down for
-//! forces. All that does not lead from one element to the next goes through lanes.
+//! One time step: positions from the ground up, loads at all stations, forces from the tips down, then oscillators.
+//! Only the passes along the hierarchy are scalar, all others run in SIMD lanes.
 
 use pulp::{Simd, WithSimd};
 
 use super::constants::{SecondModes, SimulationConstants};
-use crate::lanes::{Arrow, Columns, Turned};
+use crate::lanes::{Columns, RotationLanes, Vec3Lanes};
 use crate::sway::beam::{large_deflection_factor, rotation_lanes};
 use crate::sway::wood::LEAF_FOLD_SPEED;
 use osier_base::simd::{F64Lanes, Lane as _};
 
-/// Strongest inertia, m/s^2.
+/// Limit of the inertial acceleration, m/s^2: a jolt must not throw twigs.
 const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
-/// Air across a branch of less than this sheds no eddies, m/s: it divides.
+/// Wind across a branch below which vortex shedding vanishes, m/s; avoids a division by zero.
 const MIN_CROSS_SPEED: f64 = 1e-30;
-/// Part of the changing load that makes second modes swing.
+/// Share of the load's deviation from its mean that excites second modes.
 const SECOND_MODE_FORCING: f64 = 0.15;
 
-/// What changes from step to step, in rows of [`SimulationConstants`].
+/// State of a simulation, in rows of [`SimulationConstants`].
 #[derive(Debug)]
 pub(crate) struct SimulationState {
-    /// Place and rate of both ways, rad and rad/s.
+    /// Angle, rad, and angular velocity, rad/s, of both directions.
     pub(crate) first_mode: Columns<4>,
-    /// The same of second modes, and where the mean wind holds the first.
+    /// The same of second modes, and the static bend in the mean wind.
     pub(crate) second_mode: Columns<4>,
     pub(crate) mean: Columns<2>,
-    /// The bend as a turn about an axis of the plant's space, and the second mode's.
+    /// Rotation vectors of the tip in both modes, in the plant's space.
     bend: Columns<3>,
-    ring: Columns<3>,
-    /// Per station, in the frame of its element's base: turn, where its stretch begins, place.
+    second_bend: Columns<3>,
+    /// Per station, in the frame of its element's base: rotation, start of its stretch, position.
     turns: Columns<4>,
     from: Columns<3>,
-    own: Columns<3>,
-    /// Bend at the place on the carrier, where the stretch begins and its turn; then turn and place of the base in its frame.
+    local_positions: Columns<3>,
+    /// Inputs of [`place_on_carriers`] per element; then rotation and position of its base in the carrier's frame.
     carrier: Columns<10>,
     link: Columns<7>,
-    /// Turn from rest and place of each element's base, in the plant's space; once more row by row.
+    /// Rotation from rest and position of each element's base in the plant's space, by columns and by rows.
     carried: Columns<7>,
     bases: Vec<[f64; 7]>,
-    /// Per station: place, place a step ago, places if carried rigidly one and two steps ago.
+    /// Per station: position, position one step ago, and positions if rigidly carried one and two steps ago.
     pub(crate) places: Columns<3>,
     before: Columns<3>,
     rigid: Columns<6>,
-    /// Force of a subtree on its carrier, N, and its sum with levers; load of the own stations in the element's frame.
+    /// Force of a subtree on its carrier, N, and its tip slope there; load of the own stations in the element's frame.
     forces: Columns<6>,
     loads: Columns<3>,
-    /// Air when it was last looked up and when it will be next, per station in the plant's space, m/s.
+    /// Wind at the last sample and the next, per station in the plant's space, m/s.
     pub(crate) air: [Columns<3>; 2],
-    /// Push of shed eddies at both times, over the drag, per element.
+    /// Vortex-shedding force over drag at both samples, per element.
     pub(crate) shed: [Columns<1>; 2],
 }
 
 impl SimulationState {
     pub(crate) fn new(constants: &SimulationConstants) -> Self {
-        let (n, m) = (constants.slots.first().map_or(0, |s| s.1), constants.slots.iter().map(|s| s.1).sum());
+        let (n, m) =
+            (constants.station_slots.first().map_or(0, |s| s.1), constants.station_slots.iter().map(|s| s.1).sum());
         let unturned = |rows: usize| {
             let mut carrier = Columns::<10>::new(rows);
             (0..rows).for_each(|i| carrier.set(i, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]));
@@ -63,10 +64,10 @@ impl SimulationState {
             second_mode: Columns::new(n),
             mean: Columns::new(n),
             bend: Columns::new(n),
-            ring: Columns::new(n),
+            second_bend: Columns::new(n),
             turns: Columns::new(m),
             from: Columns::new(m),
-            own: Columns::new(m),
+            local_positions: Columns::new(m),
             carrier: unturned(n),
             link: Columns::new(n),
             carried: Columns::new(n),
@@ -82,48 +83,48 @@ impl SimulationState {
     }
 }
 
-/// Number of groups of elements as wide as the lanes.
+/// Number of SIMD registers of elements.
 #[inline(always)]
 fn element_groups<S: Simd>(constants: &SimulationConstants) -> usize {
-    constants.slots.first().map_or(0, |s| s.1) / S::F64_LANES
+    constants.station_slots.first().map_or(0, |s| s.1) / S::F64_LANES
 }
 
-/// Stations of each element of a group.
+/// Number of stations of the elements in a register.
 #[inline(always)]
 fn station_count<S: Simd>(constants: &SimulationConstants, group: usize) -> usize {
     let mut count = 0;
-    while count < constants.slots.len() && group * S::F64_LANES < constants.slots[count].1 {
+    while count < constants.station_slots.len() && group * S::F64_LANES < constants.station_slots[count].1 {
         count += 1;
     }
     count
 }
 
-/// Group of the `k`-th stations of a group of elements.
+/// Register of the `k`-th stations of a register of elements.
 #[inline(always)]
 fn station_group<S: Simd>(constants: &SimulationConstants, k: usize, group: usize) -> usize {
-    constants.slots[k].0 / S::F64_LANES + group
+    constants.station_slots[k].0 / S::F64_LANES + group
 }
 
 #[inline(always)]
-fn vector_pair<S: Simd>([a, b, c, d, e, f]: [F64Lanes<S>; 6]) -> [Arrow<S>; 2] {
-    [Arrow([a, b, c]), Arrow([d, e, f])]
+fn vector_pair<S: Simd>([a, b, c, d, e, f]: [F64Lanes<S>; 6]) -> [Vec3Lanes<S>; 2] {
+    [Vec3Lanes([a, b, c]), Vec3Lanes([d, e, f])]
 }
 
-/// Drag of wood and leaves in relative wind, N, and the wind's speed across the wood: wood takes the part across it,
-/// leaves fold away as it grows. `wood`, `leaf`: half of density, coefficient and area.
+/// Drag of wood and leaves in relative wind, N, and the wind speed across the wood. Wood feels the component across
+/// it; leaves reconfigure, so that their drag becomes linear in fast wind. `wood`, `leaf`: rho C A / 2.
 #[inline(always)]
 pub(crate) fn drag<S: Simd>(
     [wood, leaf]: [F64Lanes<S>; 2],
-    along: Arrow<S>,
-    wind: Arrow<S>,
-) -> (Arrow<S>, F64Lanes<S>) {
+    along: Vec3Lanes<S>,
+    wind: Vec3Lanes<S>,
+) -> (Vec3Lanes<S>, F64Lanes<S>) {
     let across = wind - along * wind.dot(along);
     let (slow, speed) = (across.length(), wind.length());
     let one = F64Lanes::from_scalar(speed.simd, 1.0);
     (across * (wood * slow) + wind * (leaf * speed).div(one + speed * (1.0 / LEAF_FOLD_SPEED)), slow)
 }
 
-/// Finds where everything is. `fresh`: nothing is known of the step before.
+/// Computes positions of all stations. `fresh`: there is no previous step.
 pub(crate) struct UpdatePositions<'a> {
     pub(crate) constants: &'a SimulationConstants,
     pub(crate) state: &'a mut SimulationState,
@@ -143,7 +144,7 @@ impl WithSimd for UpdatePositions<'_> {
     }
 }
 
-/// Each element in the frame of its own base.
+/// Bends each element in the frame of its own base.
 #[inline(always)]
 fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, simd: S) {
     let zero = F64Lanes::from_scalar(simd, 0.0);
@@ -154,44 +155,44 @@ fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut Simulatio
         // Rotation vector of the tip: both bend axes times their angles.
         let bend = x * a + z * b;
         state.bend.put(g, bend.0);
-        let over = constants.second_modes.as_ref().filter(|o| g * S::F64_LANES < o.count());
-        let mut ring = Arrow([zero; 3]);
-        if over.is_some() {
+        let second_mode = constants.second_modes.as_ref().filter(|o| g * S::F64_LANES < o.count());
+        let mut second_bend = Vec3Lanes([zero; 3]);
+        if second_mode.is_some() {
             let [a, _, b, _] = state.second_mode.get(simd, g);
-            ring = x * a + z * b;
-            state.ring.put(g, ring.0);
+            second_bend = x * a + z * b;
+            state.second_bend.put(g, second_bend.0);
         }
-        let mut from = Arrow([zero; 3]);
+        let mut from = Vec3Lanes([zero; 3]);
         for k in 0..count {
             let s = station_group::<S>(constants, k, g);
             let [ax, ay, az, cx, cy, cz, share] = constants.shape.get(simd, s);
             let mut here = bend * share;
-            if let Some(over) = over {
-                let [share] = over.shape.get(simd, s);
-                here = here + ring * share;
+            if let Some(second_mode) = second_mode {
+                let [share] = second_mode.shape.get(simd, s);
+                here = here + second_bend * share;
             }
             // The rotation at a station is the tip's times the slope profile there; stretches are chained, each turned by
             // the rotation of its own station, so that a branch keeps its length at any bend.
             let q = rotation_lanes(here);
-            let turned = Turned::of(q);
+            let turned = RotationLanes::from_quaternion(q);
             state.turns.put(s, q);
             state.from.put(s, from.0);
-            state.own.put(s, (from + turned.apply(Arrow([ax, ay, az]))).0);
+            state.local_positions.put(s, (from + turned.apply(Vec3Lanes([ax, ay, az]))).0);
             if k + 1 < count {
-                from = from + turned.apply(Arrow([cx, cy, cz]));
+                from = from + turned.apply(Vec3Lanes([cx, cy, cz]));
             }
         }
     }
 }
 
-/// Each element's base in the frame of its carrier's.
+/// Positions each element's base in the frame of its carrier's base.
 #[inline(always)]
 fn place_on_carriers<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, simd: S) {
     for link in &constants.order {
         let Some(carrier) = link.carrier else { continue };
         let [first, second] = link.shares;
         // Rotation of the carrier at the place where this element stands, and the station from which it is offset.
-        let ([a, b, c], [u, v, w]) = (state.bend.row(carrier), state.ring.row(carrier));
+        let ([a, b, c], [u, v, w]) = (state.bend.row(carrier), state.second_bend.row(carrier));
         let [a, b, c] = [a * first + u * second, b * first + v * second, c * first + w * second];
         let [d, e, f] = state.from.row(link.stand);
         let [x, y, z, w] = state.turns.row(link.stand);
@@ -199,13 +200,14 @@ fn place_on_carriers<S: Simd>(constants: &SimulationConstants, state: &mut Simul
     }
     for g in 0..element_groups::<S>(constants) {
         let [a, b, c, d, e, f, x, y, z, w] = state.carrier.get(simd, g);
-        let place = Arrow([d, e, f]) + Turned::of([x, y, z, w]).apply(Arrow(constants.hold.get(simd, g)));
-        let [x, y, z, w] = rotation_lanes(Arrow([a, b, c]));
+        let place = Vec3Lanes([d, e, f])
+            + RotationLanes::from_quaternion([x, y, z, w]).apply(Vec3Lanes(constants.base_offset.get(simd, g)));
+        let [x, y, z, w] = rotation_lanes(Vec3Lanes([a, b, c]));
         state.link.put(g, [x, y, z, w, place.0[0], place.0[1], place.0[2]]);
     }
 }
 
-/// From the ground up: each base in the plant's space.
+/// Composes the base transforms from the ground up, in the plant's space.
 #[inline(always)]
 fn accumulate_base_transforms(constants: &SimulationConstants, state: &mut SimulationState) {
     for link in &constants.order {
@@ -232,37 +234,37 @@ fn accumulate_base_transforms(constants: &SimulationConstants, state: &mut Simul
     }
 }
 
-/// All stations in the plant's space.
+/// Transforms all stations to the plant's space.
 #[inline(always)]
 fn place_stations<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, fresh: bool, simd: S) {
     for g in 0..element_groups::<S>(constants) {
         let count = station_count::<S>(constants, g);
         let [x, y, z, w, px, py, pz] = state.carried.get(simd, g);
-        let (turned, base) = (Turned::of([x, y, z, w]), Arrow([px, py, pz]));
+        let (turned, base) = (RotationLanes::from_quaternion([x, y, z, w]), Vec3Lanes([px, py, pz]));
         for k in 0..count {
             let s = station_group::<S>(constants, k, g);
-            let place = base + turned.apply(Arrow(state.own.get(simd, s)));
+            let place = base + turned.apply(Vec3Lanes(state.local_positions.get(simd, s)));
             // Positions of the step before give the velocities of stations by a backward difference.
-            let before = if fresh { place } else { Arrow(state.places.get(simd, s)) };
+            let before = if fresh { place } else { Vec3Lanes(state.places.get(simd, s)) };
             state.before.put(s, before.0);
             state.places.put(s, place.0);
         }
     }
 }
 
-/// Presses on everything and goes on by a step.
+/// Computes loads and advances all oscillators by a step.
 pub(crate) struct IntegrateStep<'a> {
     pub(crate) constants: &'a SimulationConstants,
     pub(crate) state: &'a mut SimulationState,
-    /// Length of a step, s.
+    /// Time step, s.
     pub(crate) step: f64,
-    /// Nothing is known of the step before.
+    /// There is no previous step.
     pub(crate) fresh: bool,
-    /// Where between the two looks at the air, 0 to 1.
+    /// Position between the two wind samples, 0 to 1.
     pub(crate) between: f64,
-    /// Factor on inertia; 0 while too little is known of the steps before.
+    /// Factor on inertial loads; 0 while too few previous steps are known.
     pub(crate) whip: f64,
-    /// Goes most of the way to the balance, without swinging.
+    /// Relaxes towards equilibrium without dynamics.
     pub(crate) settle: bool,
 }
 
@@ -278,33 +280,34 @@ impl WithSimd for IntegrateStep<'_> {
 }
 
 impl IntegrateStep<'_> {
-    /// Air and inertia at every station.
+    /// Aerodynamic and inertial loads at every station.
     #[inline(always)]
     fn apply_station_loads<S: Simd>(&mut self, simd: S) {
         let (constants, state) = (self.constants, &mut *self.state);
-        let zero = Arrow([F64Lanes::from_scalar(simd, 0.0); 3]);
+        let zero = Vec3Lanes([F64Lanes::from_scalar(simd, 0.0); 3]);
         let between = F64Lanes::from_scalar(simd, self.between);
         let (rate, square, whip) = (1.0 / self.step, 1.0 / (self.step * self.step), -self.whip);
         for g in 0..element_groups::<S>(constants) {
             let count = station_count::<S>(constants, g);
             let [x, y, z, w, px, py, pz] = state.carried.get(simd, g);
-            let (turned, base) = (Turned::of([x, y, z, w]), Arrow([px, py, pz]));
+            let (turned, base) = (RotationLanes::from_quaternion([x, y, z, w]), Vec3Lanes([px, py, pz]));
             let ([last], [next]) = (state.shed[0].get(simd, g), state.shed[1].get(simd, g));
             let shed = last + (next - last) * between;
-            let (mut total, mut load, mut thrown) = (zero, zero, zero);
+            let (mut total, mut load, mut inertial_load) = (zero, zero, zero);
             for k in 0..count {
                 let s = station_group::<S>(constants, k, g);
-                let [wood, leaf, lever, inertia, stops] = constants.press.get(simd, s);
+                let [wood, leaf, lever, inertia, stops] = constants.load_terms.get(simd, s);
                 let [rest, along] = vector_pair(constants.rest.get(simd, s));
-                let (last, next) = (Arrow(state.air[0].get(simd, s)), Arrow(state.air[1].get(simd, s)));
+                let (last, next) = (Vec3Lanes(state.air[0].get(simd, s)), Vec3Lanes(state.air[1].get(simd, s)));
                 let air = last + (next - last) * between;
-                // Drag feels less of a speed that the air would stop within a step.
+                // Semi-implicit drag: scale down velocities that drag would reverse within the step.
                 let slowed =
                     F64Lanes::from_scalar(simd, 0.5).div((stops * air.length() * self.step).max(between.splat(0.5)));
-                let speed = (Arrow(state.places.get(simd, s)) - Arrow(state.before.get(simd, s))) * (slowed * rate);
+                let speed =
+                    (Vec3Lanes(state.places.get(simd, s)) - Vec3Lanes(state.before.get(simd, s))) * (slowed * rate);
                 // Wind relative to the station, in the frame of the element's base.
-                let relative = turned.back(air - speed);
-                let along = Turned::of(state.turns.get(simd, s)).apply(along);
+                let relative = turned.apply_inverse(air - speed);
+                let along = RotationLanes::from_quaternion(state.turns.get(simd, s)).apply(along);
                 let (drag, slow) = drag([wood, leaf], along, relative);
                 // Vortex shedding pushes across wind and branch with the strength of the drag.
                 let sideways = (shed * drag.length()).div(slow.max(slow.splat(MIN_CROSS_SPEED)));
@@ -315,21 +318,21 @@ impl IntegrateStep<'_> {
                 // element, capped so that a jolt cannot throw twigs.
                 let rigid = base + turned.apply(rest);
                 let [one, two] = if self.fresh { [rigid; 2] } else { vector_pair(state.rigid.get(simd, s)) };
-                let thrust = (rigid - one - (one - two)) * F64Lanes::from_scalar(simd, square);
+                let acceleration = (rigid - one - (one - two)) * F64Lanes::from_scalar(simd, square);
                 let most = F64Lanes::from_scalar(simd, MAX_INERTIAL_ACCELERATION)
-                    .div(thrust.length().max(between.splat(MAX_INERTIAL_ACCELERATION)));
-                thrown = thrown + thrust * (most * inertia * whip);
+                    .div(acceleration.length().max(between.splat(MAX_INERTIAL_ACCELERATION)));
+                inertial_load = inertial_load + acceleration * (most * inertia * whip);
                 let ([a, b, c], [d, e, f]) = (rigid.0, one.0);
                 state.rigid.put(s, [a, b, c, d, e, f]);
             }
             let [a, b, c] = turned.apply(total).0;
-            let [d, e, f] = thrown.0;
+            let [d, e, f] = inertial_load.0;
             state.forces.put(g, [a, b, c, d, e, f]);
             state.loads.put(g, load.0);
         }
     }
 
-    /// From the tips down: what is carried pulls on what carries it.
+    /// Accumulates forces of subtrees on their carriers, from the tips down.
     #[inline(always)]
     fn sum_subtree_forces(&mut self) {
         for link in self.constants.order.iter().rev() {
@@ -342,7 +345,7 @@ impl IntegrateStep<'_> {
         }
     }
 
-    /// Every element towards where the load of the moment would hold it.
+    /// Advances each oscillator about the static bend under the present load.
     #[inline(always)]
     fn advance_oscillators<S: Simd>(&mut self, simd: S) {
         let (constants, state) = (self.constants, &mut *self.state);
@@ -350,31 +353,33 @@ impl IntegrateStep<'_> {
         for g in 0..element_groups::<S>(constants) {
             let [x, y, z, w, ..] = state.carried.get(simd, g);
             let [_, pulled] = vector_pair(state.forces.get(simd, g));
-            let turned = Turned::of([x, y, z, w]);
-            let mut load = Arrow(state.loads.get(simd, g)) + turned.back(pulled);
+            let turned = RotationLanes::from_quaternion([x, y, z, w]);
+            let mut load = Vec3Lanes(state.loads.get(simd, g)) + turned.apply_inverse(pulled);
             if let Some([gx, gy, gz]) = constants.gravity {
-                let down = Arrow([
+                let down = Vec3Lanes([
                     F64Lanes::from_scalar(simd, gx),
                     F64Lanes::from_scalar(simd, gy),
                     F64Lanes::from_scalar(simd, gz),
                 ]);
                 let [weight] = constants.weight.get(simd, g);
-                load = load + (turned.back(down) - down) * weight;
+                load = load + (turned.apply_inverse(down) - down) * weight;
             }
             let bend_axes = vector_pair(constants.bend_axes.get(simd, g));
-            // The turn that a force makes, growth x force, seen along both ways across the growth.
+            // Rotation vector of a force, growth x force, in components along both bend axes.
             let (a, b) = (bend_axes[1].dot(load), -bend_axes[0].dot(load));
+            // Large deflections: the static bend saturates below a right angle.
             let share = large_deflection_factor(a * a + b * b);
             let [c0, c1, c2, c3, d0, d1, d2, d3] = if self.settle {
                 [left, none, none, none, left, none, none, none]
             } else {
-                constants.swing.get(simd, g)
+                constants.oscillator.get(simd, g)
             };
             let [p, v, q, u] = state.first_mode.get(simd, g);
             let (a, b) = (a * share, b * share);
-            if let Some(over) = constants.second_modes.as_ref().filter(|o| !self.settle && g * S::F64_LANES < o.count())
+            if let Some(second_mode) =
+                constants.second_modes.as_ref().filter(|o| !self.settle && g * S::F64_LANES < o.count())
             {
-                advance_second_modes(over, state, g, [a, b]);
+                advance_second_modes(second_mode, state, g, [a, b]);
             }
             let (y, z) = (p - a, q - b);
             state.first_mode.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
@@ -382,11 +387,16 @@ impl IntegrateStep<'_> {
     }
 }
 
-/// Second modes towards a share of what the wind adds to its mean. `goal`: of the first modes.
+/// Advances second modes about a share of the load's deviation from its mean. `goal`: static bend of the first modes.
 #[inline(always)]
-fn advance_second_modes<S: Simd>(over: &SecondModes, state: &mut SimulationState, g: usize, goal: [F64Lanes<S>; 2]) {
+fn advance_second_modes<S: Simd>(
+    second_mode: &SecondModes,
+    state: &mut SimulationState,
+    g: usize,
+    goal: [F64Lanes<S>; 2],
+) {
     let simd = goal[0].simd;
-    let [c0, c1, c2, c3, d0, d1, d2, d3] = over.swing.get(simd, g);
+    let [c0, c1, c2, c3, d0, d1, d2, d3] = second_mode.oscillator.get(simd, g);
     let ([still, level], [p, v, q, u]) = (state.mean.get(simd, g), state.second_mode.get(simd, g));
     let (a, b) = ((goal[0] - still) * SECOND_MODE_FORCING, (goal[1] - level) * SECOND_MODE_FORCING);
     let (y, z) = (p - a, q - b);
@@ -404,11 +414,11 @@ mod tests {
     fn along_wind([wood, leaf]: [f64; 2], growth: [f64; 3], u: f64) -> f64 {
         let lane = |v: f64| F64Lanes::from_scalar(Scalar, v);
         let areas = [wood * 1.1, leaf * 0.4].map(|a| lane(0.5 * AIR_DENSITY * a));
-        drag(areas, Arrow(growth.map(lane)), Arrow([u, 0.0, 0.0].map(lane))).0.0[0].scalar()
+        drag(areas, Vec3Lanes(growth.map(lane)), Vec3Lanes([u, 0.0, 0.0].map(lane))).0.0[0].scalar()
     }
 
     #[test]
-    fn wood_feels_the_square_of_the_wind_and_leaves_fold_away() {
+    fn wood_drag_is_quadratic_and_leaf_drag_saturates() {
         const UP: [f64; 3] = [0.0, 1.0, 0.0];
         let (wood, leaf) = ([0.1, 0.0], [0.0, 1.0]);
         assert!((along_wind(wood, UP, 10.0) / along_wind(wood, UP, 5.0) - 4.0).abs() < 1e-9);
