@@ -3,25 +3,17 @@
 use glam::{DVec3, Vec3};
 
 use super::clusters::CatkinCluster;
-use super::deposit::{SweepResult, SweptBall};
+use super::collision::{SweepResult, SweptBall};
 use super::particles::{Catkin, CatkinState, VelocityDecay};
 use super::present_states::PresentStates;
 use super::release::WindRelease;
 use super::{CATKINS_PER_TASK, FlightSimulation, ReleaseCondition};
+use crate::flight::tuning::{CLUSTER_SPIN_TIME, CLUSTERS_PER_TASK, MAX_CLUSTER_SPIN, MAX_WIND_SAMPLES};
 use osier_wind::Wind;
-
-/// Members of a cluster at which the wind is sampled, at most. More: no visible change in its motion.
-const MAX_WIND_SAMPLES: usize = 64;
-
-/// Clusters per task.
-const CLUSTERS_PER_TASK: usize = 64;
-
-/// Largest angular velocity of a cluster, rad/s, and the time constant with which it follows the wind's rotation, s.
-const MAX_CLUSTER_SPIN: f32 = 6.0;
-const CLUSTER_SPIN_TIME: f32 = 0.3;
 
 /// Carrying velocity at a point, m/s: wind, updraft less settling, and glide along the tilted tuft.
 fn carrying_velocity(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) -> DVec3 {
+    // Only the horizontal part of the tuft's axis makes it glide.
     let level = Vec3::new(tuft.x, 0.0, tuft.z).as_dvec3();
     air.as_dvec3() + DVec3::Y * (lift - fall) + level * (glide * fall)
 }
@@ -36,6 +28,7 @@ struct MidpointStep {
 
 impl MidpointStep {
     fn half_step(self, x: DVec3, v: DVec3, u: DVec3) -> DVec3 {
+        // Integral of u + (v - u) exp(-t/tau) over half a step.
         x + u * (self.dt / 2.0) + (v - u) * (self.tau * (1.0 - self.lag.half))
     }
 
@@ -73,6 +66,7 @@ impl FlightSimulation {
         }
         let leaving = WindRelease { rate: self.options.release_rate, speed: self.options.release_speed };
         let dt = self.options.time_step();
+        // The wind is sampled only if some catkin waits for it; releases by time need none.
         let mut pending: Vec<&mut Catkin> =
             self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending).collect();
         let places: Vec<Vec3> = pending.iter().map(|c| c.x.as_vec3()).collect();
@@ -94,6 +88,7 @@ impl FlightSimulation {
         let dt = options.time_step();
         let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CATKINS_PER_TASK).collect();
         let landed = osier_base::par::par_map_mut(&mut chunks, |chunk| {
+            // Members of clusters move with their cluster, in `advance_clusters`.
             let flying = |c: &Catkin| c.state == CatkinState::Airborne && !c.clustered;
             let mut those: Vec<&mut Catkin> = chunk.iter_mut().filter(|c| flying(c)).collect();
             let mut places: Vec<Vec3> = those.iter().map(|c| c.x.as_vec3()).collect();
@@ -124,6 +119,7 @@ impl FlightSimulation {
             }
             (landed, PresentStates::of_catkins(chunk), escaped)
         });
+        // Join the results of all tasks in the order of tasks, not of threads.
         self.counters.deposits += landed.iter().map(|l| l.0).sum::<u64>();
         self.present = landed.iter().fold(PresentStates::default(), |present, l| present.union(l.1));
         self.escaped = landed.into_iter().flat_map(|l| l.2).collect();
@@ -131,6 +127,7 @@ impl FlightSimulation {
 
     /// Advances airborne clusters, each as one rigid body.
     pub(super) fn advance_clusters(&mut self, wind: &dyn Wind, t: f64) {
+        // Clusters are taken out while tasks read the catkins, then put back.
         let mut clusters = std::mem::take(&mut self.clusters);
         let mut flying: Vec<&mut CatkinCluster> =
             clusters.values_mut().filter(|c| c.state == CatkinState::Airborne).collect();
@@ -158,6 +155,7 @@ impl FlightSimulation {
         t: f64,
     ) -> SweepResult {
         let dt = self.options.time_step();
+        // Contract first: offsets must be final before the wind is sampled at the members.
         cluster.contract_in_flight(dt, |id| self.catkin(id).mass);
         probe.which.clear();
         probe.which.extend(cluster.evenly_spaced_members(MAX_WIND_SAMPLES));
@@ -171,6 +169,7 @@ impl FlightSimulation {
             let spun = self.angular_velocity_from_wind(cluster, &probe.which, &probe.air);
             cluster.rotate_by_step(spun, dt);
         }
+        // Sweep all members along the common displacement; the first contact stops the cluster.
         let landing = self.sweep_cluster(cluster, way);
         cluster.x = landing.at;
         cluster.v = v;
@@ -183,6 +182,7 @@ impl FlightSimulation {
         let (mut sum, mut mass) = (DVec3::ZERO, 0.0);
         for (i, air) in probe.which.iter().zip(&probe.air) {
             let c = self.catkin(cluster.members[*i]);
+            // Settling is that of the cluster as a whole, glide that of each member's orientation.
             sum += carrying_velocity(*air, c.tuft(), cluster.fall, self.options.glide, lift) * c.mass;
             mass += c.mass;
         }
@@ -192,6 +192,7 @@ impl FlightSimulation {
     /// Angular velocity of a cluster after this step, rad/s, which relaxes towards the wind's rotation around it:
     /// omega = I^-1 sum m r x (u - mean u); a pair has no inertia about its own line and does not rotate about it.
     fn angular_velocity_from_wind(&self, cluster: &CatkinCluster, probe: &[usize], air: &[Vec3]) -> Vec3 {
+        // Subtract the mean wind: what remains rotates or strains the cluster.
         let mean = air.iter().copied().sum::<Vec3>() / air.len().max(1) as f32;
         let (mut momentum, mut inertia) = (Vec3::ZERO, glam::Mat3::ZERO);
         for (i, u) in probe.iter().zip(air) {
@@ -209,6 +210,7 @@ impl FlightSimulation {
         }
         let whole = inertia + glam::Mat3::IDENTITY * (trace * 1e-3);
         let wanted = (whole.inverse() * momentum).clamp_length_max(MAX_CLUSTER_SPIN);
+        // Relax towards the target rate exactly, for any step.
         let share =
             1.0 - osier_base::math::exp_f32(-osier_base::math::narrow(self.options.time_step()) / CLUSTER_SPIN_TIME);
         cluster.omega + (wanted - cluster.omega) * share

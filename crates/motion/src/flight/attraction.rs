@@ -6,18 +6,13 @@
 
 use glam::{DVec3, Vec3};
 
-use super::deposit::{SweptBall, push_out_of_solids, surface_contact};
+use super::collision::{SweptBall, push_out_of_solids, surface_contact};
 use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState, NO_TARGET};
 use super::{CATKINS_PER_TASK, FlightSimulation};
+use crate::flight::tuning::{MAX_JOIN_PUSH_OUT_ROUNDS, SAME_TIME};
 use osier_base::math::{exp, ln, narrow};
 use osier_base::par::par_map;
-
-/// Relaxation rounds that push a catkin out of the members that it overlaps, at most.
-const MAX_PUSH_OUT_ROUNDS: u32 = 8;
-
-/// Tolerance for equal times, s.
-const SAME_TIME: f64 = 1e-9;
 
 /// Whether a member of a cluster attracts a single: on the ground, at the same wall, or from the air into a corner.
 fn attracts(single: &Catkin, member: &Catkin) -> bool {
@@ -43,6 +38,7 @@ fn project_onto_surface(single: &Catkin, way: DVec3) -> DVec3 {
 impl FlightSimulation {
     /// Moves attracted singles over this step, subdivided at the ticks in it.
     pub(super) fn attract_singles(&mut self, t: f64) {
+        // Split the step at ticks: targets are constant in between.
         let (tick, end) = (self.options.tick, t + self.options.time_step());
         let mut now = t;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks of a clip")]
@@ -66,6 +62,7 @@ impl FlightSimulation {
         let reach = self.options.attraction_radius();
         let members = self.clusters.values().filter(|c| c.state.is_deposited()).flat_map(|c| &c.members);
         let grid = CellGrid::new(narrow(reach), members.map(|id| (*id, self.catkin(*id).x.as_vec3())));
+        // Airborne singles are attracted to corners only; without any they need no search.
         let corners = self.clusters.values().any(|c| c.state == CatkinState::Corner);
         let gamma = self.options.gamma;
         if grid.is_empty() && !self.any_attracted {
@@ -94,6 +91,7 @@ impl FlightSimulation {
 
     /// The nearest member that attracts it, with the square of the distance; ties go to the lower index.
     fn nearest_attractor(&self, c: &Catkin, grid: &CellGrid, reach: f64) -> Option<(f64, u32)> {
+        // Search the cells within reach; ties in distance go to the lower index, so that the result is unique.
         let (at, arm) = (c.x.as_vec3(), Vec3::splat(narrow(reach)));
         let mut best: Option<(f64, u32)> = None;
         grid.for_each_in_box(at - arm, at + arm, |id| {
@@ -122,6 +120,7 @@ impl FlightSimulation {
             // 1 - (1 - F)^(dt/T), with pull = ln(1 - F).
             let share = 1.0 - exp(c.pull * dt / self.options.tick);
             let way = project_onto_surface(c, (target.x - c.x) * share);
+            // Solids stop the motion; what still overlaps is pushed out.
             let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&self.solids);
             Some(push_out_of_solids(&self.solids, c.x + way * gone, c.radius))
         });
@@ -129,6 +128,7 @@ impl FlightSimulation {
             let step = self.options.time_step();
             let solids = std::sync::Arc::clone(&self.solids);
             let c = self.catkin_mut(id);
+            // The target moved or changed its state: choose another at the next tick.
             let Some(at) = at else {
                 c.target = NO_TARGET;
                 continue;
@@ -143,6 +143,7 @@ impl FlightSimulation {
             c.x = at;
             let (target, radius) = (c.target, f64::from(c.radius));
             let other = self.catkin(target);
+            // Close enough to touch: the single becomes a member.
             if other.x.distance(at) <= self.options.stick_close * (radius + f64::from(other.radius)) {
                 self.join_heap(id, target, t);
             }
@@ -153,10 +154,11 @@ impl FlightSimulation {
     fn join_heap(&mut self, id: u32, target: u32, t: f64) {
         let root = self.catkin(target).root;
         let (mut at, radius) = (self.catkin(id).x, self.catkin(id).radius);
+        // Only members within a few radii can overlap.
         let near = |m: &&u32| self.catkin(**m).x.distance(at) < 8.0 * f64::from(radius);
         let members: Vec<u32> =
             self.clusters.get(&root).iter().flat_map(|c| &c.members).filter(near).copied().collect();
-        for _ in 0..MAX_PUSH_OUT_ROUNDS {
+        for _ in 0..MAX_JOIN_PUSH_OUT_ROUNDS {
             for other in members.iter().map(|m| self.catkin(*m)) {
                 let way = at - other.x;
                 let least = self.options.stick_close * f64::from(radius + other.radius);

@@ -1,14 +1,9 @@
 //! Bonds of a cluster: one per join, a tree over its members, along which they contract.
 
+use crate::flight::tuning::{CONTRACTION_TIME, NEGLIGIBLE_SQUARED};
 use glam::DVec3;
 
 use osier_base::math::exp;
-
-/// Time constant of contraction, s. Shorter: joins look like jumps; longer: pairs fly apart visibly.
-const CONTRACTION_TIME: f64 = 0.6;
-
-/// Square of the distance below which a contraction is completed at once, m^2.
-const NEGLIGIBLE_SQUARED: f64 = 1e-10;
 
 /// Bond between two members that touched.
 #[derive(Debug, Clone, Copy)]
@@ -21,6 +16,7 @@ pub(super) struct ClusterBond {
 impl ClusterBond {
     /// Takes the share `gone` of the remaining displacement.
     fn close(&mut self, gone: f64) -> DVec3 {
+        // Exponential approach, completed at once when it becomes invisible.
         let way = if self.left.length_squared() < NEGLIGIBLE_SQUARED { self.left } else { self.left * gone };
         self.left -= way;
         way
@@ -31,6 +27,7 @@ impl ClusterBond {
 pub(super) fn bonded_groups(bonds: &[ClusterBond], members: &[u32]) -> Vec<Vec<u32>> {
     // Union-find without path compression: clusters are small.
     let mut group: Vec<usize> = (0..members.len()).collect();
+    // Root of a component: its lowest position.
     let top = |group: &[usize], mut i: usize| {
         while group[i] != i {
             i = group[i];
@@ -55,6 +52,7 @@ pub(super) fn contract_bonds(bonds: &mut [ClusterBond], members: &[u32], dt: f64
     if bonds.iter().all(|b| b.left == DVec3::ZERO) {
         return None;
     }
+    // Share of the remaining displacement that a step takes, exact for any step.
     let gone = 1.0 - exp(-dt / CONTRACTION_TIME);
     let n = members.len();
     if let ([bond], 2) = (&mut *bonds, n) {

@@ -5,15 +5,13 @@ use glam::{DVec3, Vec3};
 use super::particles::{Catkin, CatkinState, NO_TARGET, VelocityDecay};
 use super::release::inflow_point;
 use super::{FlightSimulation, ReleaseCondition, SideBoundary};
+use crate::flight::tuning::HIDDEN_FRAMES;
 use osier_base::rng::Rng;
-
-/// Frames for which a recycled catkin is hidden: one at the old position, one at the new, so that interpolation
-/// between frames draws no streak between them.
-const HIDDEN_FRAMES: f64 = 2.0;
 
 impl FlightSimulation {
     /// Applies the boundary conditions to everything past a side, and keeps airborne catkins below the top.
     pub(super) fn apply_side_boundaries(&mut self, t: f64) {
+        // Periodic sides first; what is still past a side then leaves the box.
         self.count_long_steps();
         let top = f64::from(self.options.inside.max.y);
         for root in self.leaders_outside() {
@@ -71,6 +69,7 @@ impl FlightSimulation {
         let inside = self.options.inside;
         let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
         let x = self.clusters.get(&root).map_or_else(|| self.catkin(root).x, |k| k.x);
+        // floor((x - low)/size) whole sizes, none along open axes.
         let by = |edge: SideBoundary, x: f64, low: f64, size: f64| {
             if edge == SideBoundary::Periodic { -((x - low) / size).floor() * size } else { 0.0 }
         };
@@ -92,6 +91,7 @@ impl FlightSimulation {
         for id in members {
             let deposited = self.catkin(id).state.is_deposited();
             let c = self.catkin_mut(id);
+            // The side that was left decides between recycling and exit.
             let x_side = c.x.x < f64::from(inside.min.x) || c.x.x > f64::from(inside.max.x);
             let recycles = edges[usize::from(!x_side)] == SideBoundary::Recycle && !deposited;
             (c.state, c.root, c.free, c.target, c.face) = (CatkinState::Exited, id, false, NO_TARGET, None);
@@ -115,6 +115,7 @@ impl FlightSimulation {
             if when.is_finite() && !c.moved && now + frame * 1e-6 >= when {
                 let mut draw =
                     Rng::at(seed, &["flight".into(), c.id.into(), (c.generation + 1).into(), "entry".into()]);
+                // Draw until the position is outside of solids; the last draw counts.
                 c.x = inflow_point(wind, inside, band, &mut draw);
                 for _ in 1..64 {
                     if !solids.contains(c.x.as_vec3()) {

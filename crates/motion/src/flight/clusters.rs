@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3, Vec3};
 
 use super::FlightSimulation;
 use super::bonds::{ClusterBond, bonded_groups, contract_bonds};
-use super::deposit::SweepResult;
+use super::collision::SweepResult;
 use super::params::FlightParams;
 use super::particles::{Catkin, CatkinState, VelocityDecay, decayed_updraft};
 use osier_base::math::pow;
@@ -63,6 +63,7 @@ impl CatkinCluster {
 
     /// Cluster of the catkins `all`, ascending by index, in one state, held together by `bonds`.
     pub fn from_members(all: &[&Catkin], bonds: Vec<ClusterBond>, options: &FlightParams) -> Self {
+        // Mass-weighted centre, and the settling speed n^beta times the mean of the members' own.
         let mass: f64 = all.iter().fold(0.0, |sum, c| sum + c.mass);
         let x = all.iter().fold(DVec3::ZERO, |sum, c| sum + c.x * c.mass) / mass;
         let sum_of_fall_speeds: f64 = all.iter().fold(0.0, |sum, c| sum + c.fall);
@@ -82,6 +83,7 @@ impl CatkinCluster {
 
     /// Components that remain when the bonds `cut` break: members and bonds of each.
     pub fn split_at_bonds(&self, cut: &[[u32; 2]]) -> Vec<(Vec<u32>, Vec<ClusterBond>)> {
+        // Bonds that survive, then the components that they connect.
         let whole = |b: &&ClusterBond| !cut.iter().any(|[i, k]| b.ends == [*i, *k] || b.ends == [*k, *i]);
         let bonds: Vec<ClusterBond> = self.bonds.iter().filter(whole).copied().collect();
         let own = |members: Vec<u32>| {
@@ -102,6 +104,7 @@ impl CatkinCluster {
     /// Contracts bonds of a deposited cluster about its deepest member, which stays. `out`: normal of the supporting
     /// surface.
     fn contract_at_rest(&mut self, dt: f64, out: DVec3, mass: impl Fn(u32) -> f64) {
+        // The deepest member touches the surface and must not be pulled off it.
         let depth = |i: &usize| self.offsets[*i].dot(out);
         let Some(deepest) = (0..self.offsets.len()).min_by(|a, b| depth(a).total_cmp(&depth(b))) else { return };
         if let Some(moved) = contract_bonds(&mut self.bonds, &self.members, dt) {
@@ -143,6 +146,7 @@ impl CatkinCluster {
     /// Rotates by `omega`, rad/s, for a step of `dt` seconds.
     pub fn rotate_by_step(&mut self, omega: Vec3, dt: f64) {
         self.omega = omega;
+        // Rotate offsets and remaining contractions alike: the cluster is rigid.
         let turn = DQuat::from_scaled_axis(omega.as_dvec3() * dt);
         self.offsets.iter_mut().for_each(|o| *o = turn * *o);
         self.bonds.iter_mut().for_each(|b| b.left = turn * b.left);
@@ -167,6 +171,7 @@ impl CatkinCluster {
     /// Both clusters as one body. In the air linear momentum is conserved (\[catkin\] eq. 13); a deposited cluster
     /// stops the other.
     fn merged_with(self, other: Self, t: f64) -> Self {
+        // Conserve momentum: velocities, updrafts and spins average by mass.
         let mass = self.mass + other.mass;
         let (a, b) = (self.mass / mass, other.mass / mass);
         let flies = self.state == CatkinState::Airborne && other.state == CatkinState::Airborne;
@@ -237,6 +242,7 @@ impl FlightSimulation {
         if a == b {
             return;
         }
+        // Across a periodic seam the second cluster is shifted to the image next to the first.
         let (one, mut other) = (self.take_cluster(a, t), self.take_cluster(b, t));
         other.x += self.periodic_shift(one.x - other.x);
         let (ci, cj) = (self.catkin(i), self.catkin(j));
@@ -249,6 +255,7 @@ impl FlightSimulation {
         // The deposited one determines the surface that both rest on.
         let resting = if one.state == CatkinState::Airborne { b } else { a };
         let (normal, face) = (self.catkin(resting).normal, self.catkin(resting).face);
+        // The merged body with its new bond, settling speed and decay.
         let mut whole = one.merged_with(other, t);
         whole.bonds.push(ClusterBond { ends: [i, j], left });
         let n = whole.members.len() as f64;
@@ -256,6 +263,7 @@ impl FlightSimulation {
         whole.lag = VelocityDecay::for_settling_speed(whole.fall, &self.options);
         let root = a.min(b);
         let mut landed = 0;
+        // All members take over the state of the merged body.
         for id in &whole.members {
             let state = whole.state;
             let c = self.catkin_mut(*id);
@@ -295,6 +303,7 @@ impl FlightSimulation {
 
     /// As [`FlightSimulation::move_cluster_members`], for a cluster that is out of the map.
     pub(super) fn follow_cluster(&mut self, cluster: &mut CatkinCluster, landing: &SweepResult) {
+        // A first contact stops the cluster; a sliding deposit keeps its velocity.
         if let Some(hold) = landing.contact {
             if cluster.state == CatkinState::Airborne {
                 cluster.v = DVec3::ZERO;

@@ -5,19 +5,11 @@ use glam::{DVec3, IVec3, Vec3};
 use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState};
 use super::{FlightParams, FlightSimulation, SideBoundary};
+use crate::flight::tuning::{MAX_CELLS_PER_AXIS, PLANES_PER_TASK, REST_CELL, ROUNDING_MARGIN};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
-
-/// Grid cells along an axis, at most: bounds the memory.
-const MAX_CELLS_PER_AXIS: f32 = 256.0;
-
-/// Cell size of the grid of deposited catkins, m.
-const REST_CELL: f32 = 0.25;
-
-/// Planes of cells per task.
-const PLANES_PER_TASK: i32 = 4;
 
 /// An airborne catkin over the interval since the last search.
 #[derive(Debug, Clone, Copy)]
@@ -41,9 +33,6 @@ impl SweptCatkin {
         (start + way * s).length_squared() <= reach * reach
     }
 }
-
-/// Safety factor on bounding radii against rounding.
-const ROUNDING_MARGIN: f32 = 1.0 + 1e-5;
 
 /// Bounding sphere of a swept catkin: midpoint of its path, and its reach plus half of its path relative to the mean
 /// drift. Compact, since most pairs are rejected by it alone.
@@ -83,6 +72,7 @@ impl ContactGrid {
         self.loose.clear();
         self.round = options.edges.map(|e| e == SideBoundary::Periodic);
         (self.low, self.size) = (options.inside.min, options.inside.size());
+        // Only catkins that were airborne for the whole interval have a straight path.
         let stick = narrow(options.stick_radius);
         for c in catkins {
             if c.free && c.state == CatkinState::Airborne {
@@ -135,6 +125,7 @@ impl ContactGrid {
 
     /// Wraps a position along periodic axes.
     fn wrap(&self, p: Vec3) -> Vec3 {
+        // Most positions are inside: test before dividing.
         let far = p - self.low;
         if far.cmpge(Vec3::ZERO).all() && far.cmplt(self.size).all() {
             return p;
@@ -159,6 +150,7 @@ impl ContactGrid {
 
     /// Pairs of indices, the smaller first, that came within reach; sorted and unique.
     fn contact_pairs(&self) -> Vec<(u32, u32)> {
+        // Each task owns some planes of cells; sorting makes the list independent of the tasks.
         let starts: Vec<i32> = (0..self.count.x).step_by(PLANES_PER_TASK.unsigned_abs() as usize).collect();
         let found = par_map(&starts, |x0| {
             let mut pairs = Vec::new();
@@ -181,6 +173,7 @@ impl ContactGrid {
             if y < 0 || y >= self.count.y || (x == self.count.x && !self.round[0]) {
                 return None;
             }
+            // Beyond the last plane of a periodic axis comes the first, one box size further.
             let mut by = Vec3::ZERO;
             if x == self.count.x {
                 (x, by.x) = (0, self.size.x);
@@ -201,6 +194,7 @@ impl ContactGrid {
             }
             // Cells z - 1 to z + 1 of a neighbouring row are contiguous.
             let (before, after) = (z.saturating_sub(1), (z + 2).min(n));
+            // Within the cell and its successor along z, which are contiguous.
             let next = self.begins[own + after] as usize;
             here.clone().for_each(|i| self.test_pairs(i, i + 1..next, Vec3::ZERO, pairs));
             let mut meet = |cubes: std::ops::Range<usize>, by: Vec3| {
@@ -210,6 +204,7 @@ impl ContactGrid {
                 }
             };
             rows.iter().for_each(|(row, by)| meet(row + before..row + after, *by));
+            // Across the periodic seam in z, in both directions.
             if self.round[1] && z + 1 == n {
                 meet(own..own + 1, round);
                 rows.iter().for_each(|(row, by)| meet(*row..row + 1, *by + round));
@@ -222,6 +217,7 @@ impl ContactGrid {
 
     /// Tests one sphere against others, which are shifted by `by`: the periodic offset.
     fn test_pairs(&self, i: usize, others: std::ops::Range<usize>, by: Vec3, pairs: &mut Vec<(u32, u32)>) {
+        // Bounding spheres reject most pairs; the exact swept test decides the rest.
         let a = self.balls[i];
         for (b, k) in self.balls[others.clone()].iter().zip(others) {
             // Written so that swapping both gives the same bits with the opposite sign.
@@ -295,6 +291,7 @@ impl FlightSimulation {
         if !self.present.deposited {
             return Vec::new();
         }
+        // Deposits in a sparse grid, and their common bounds for a quick rejection.
         let rests = self.catkins.iter().filter(|c| c.state.is_deposited());
         let grid = CellGrid::new(REST_CELL, rests.clone().map(|c| (c.id, c.x.as_vec3())));
         if grid.is_empty() {

@@ -1,145 +1,15 @@
-//! Deposition: swept collision with ground and solids, and what deposits do there (\[catkin\] 4.2.2).
+//! Deposition: what happens to catkins and clusters at ground and walls (\[catkin\] 4.2.2).
 
 use glam::{DVec3, Vec3};
 
 use super::clusters::CatkinCluster;
+use super::collision::{
+    SurfaceContact, SweepResult, SweptBall, combined_contact, deepest_penetration, push_out_of_solids, surface_contact,
+};
 use super::particles::{Catkin, CatkinState};
+use super::tuning::{GROUND_NORMAL_Y, MAX_PUSH_OUT_PASSES, PENETRATION_TOLERANCE};
 use super::{FlightSimulation, ReleaseCondition};
-use osier_base::math::narrow;
-use osier_scene::solid::{Near, Solids};
 use osier_wind::Wind;
-
-/// Sphere-tracing steps, at most, and the least of them, m.
-const MAX_TRACE_STEPS: u32 = 32;
-const MIN_TRACE_STEP: f32 = 1e-5;
-
-/// Push-out passes for penetrating balls, at most.
-const MAX_PUSH_OUT_PASSES: u32 = 4;
-
-/// Distance that counts as contact, over the radius.
-const CONTACT_FACTOR: f32 = 1.05;
-
-/// Surfaces whose normal's y is above this (slopes below 60 degrees) count as ground, others as walls.
-const GROUND_NORMAL_Y: f32 = 0.5;
-
-/// Penetration below which nothing is pushed out, m.
-const PENETRATION_TOLERANCE: f32 = 1e-6;
-
-/// A sphere and its displacement in a step.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct SweptBall {
-    pub from: DVec3,
-    pub way: DVec3,
-    pub radius: f32,
-}
-
-/// Surface that supports a sphere.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct SurfaceContact {
-    pub state: CatkinState,
-    /// Surface normal; that of the wall in a corner.
-    pub normal: Vec3,
-    pub face: Option<u32>,
-}
-
-/// End of a sweep: position, m, and the surface touched, if any.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct SweepResult {
-    pub at: DVec3,
-    pub contact: Option<SurfaceContact>,
-}
-
-impl SweepResult {
-    pub fn touches(&self) -> bool {
-        self.contact.is_some()
-    }
-}
-
-impl SweptBall {
-    /// Moves as far as the sphere is free, and reports the surface that stopped it.
-    pub fn sweep(&self, solids: &Solids) -> SweepResult {
-        let (gone, met) = self.trace_free_share(solids);
-        if met.is_none() {
-            return SweepResult { at: self.from + self.way, contact: None };
-        }
-        let at = push_out_of_solids(solids, self.from + self.way * gone, self.radius);
-        SweepResult { at, contact: surface_contact(solids, at, self.radius) }
-    }
-
-    /// Free share of the displacement, and the surface that ends it, by sphere tracing.
-    pub fn trace_free_share(&self, solids: &Solids) -> (f64, Option<Near>) {
-        let length = self.way.length();
-        let reach = self.radius + narrow(length) + MIN_TRACE_STEP;
-        let Some(first) = solids.near(self.from.as_vec3(), reach) else { return (1.0, None) };
-        if first.nearest.distance < self.radius - 1e-4 {
-            return (0.0, Some(first));
-        }
-        let direction = (self.way / length.max(1e-12)).as_vec3();
-        // Sphere tracing: the gap to the nearest surface is a safe step.
-        let mut gone = 0.0_f64;
-        for _ in 0..MAX_TRACE_STEPS {
-            let left = narrow(length - gone);
-            if left <= 0.0 {
-                break;
-            }
-            let place = self.from + self.way * (gone / length);
-            let Some(near) = solids.near(place.as_vec3(), self.radius + left + MIN_TRACE_STEP) else {
-                return (1.0, None);
-            };
-            let gap = near.nearest.distance - self.radius;
-            let closing = direction.dot(near.nearest.normal) < -1e-4;
-            if gap <= MIN_TRACE_STEP && closing {
-                return (gone / length, Some(near));
-            }
-            // Tangential or receding motion may continue; contacts on the way are found at the next position.
-            let step = if closing { gap } else { gap.max(0.25 * self.radius) };
-            gone += f64::from(step.max(MIN_TRACE_STEP).min(left));
-        }
-        if gone >= length { (1.0, None) } else { (gone / length, solids.near(self.from.as_vec3(), reach)) }
-    }
-}
-
-/// Moves a sphere out of all solids along their normals.
-pub(super) fn push_out_of_solids(solids: &Solids, mut at: DVec3, radius: f32) -> DVec3 {
-    for _ in 0..MAX_PUSH_OUT_PASSES {
-        let Some(near) = deepest_penetration(solids.all_near(at.as_vec3(), radius - PENETRATION_TOLERANCE)) else {
-            break;
-        };
-        at += near.nearest.normal.as_dvec3() * f64::from(radius - near.nearest.distance);
-    }
-    at
-}
-
-/// Whether ground or a top face supports a sphere.
-pub(super) fn is_supported(solids: &Solids, at: DVec3, radius: f32) -> bool {
-    solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR).iter().any(|n| n.nearest.normal.y > GROUND_NORMAL_Y)
-}
-
-/// The ground if penetrated, else the deepest penetration.
-fn deepest_penetration(near: Vec<Near>) -> Option<Near> {
-    let rank = |n: &Near| (n.nearest.normal.y <= GROUND_NORMAL_Y, n.nearest.distance);
-    near.into_iter().min_by(|a, b| {
-        let ((a_wall, a_far), (b_wall, b_far)) = (rank(a), rank(b));
-        a_wall.cmp(&b_wall).then(a_far.total_cmp(&b_far))
-    })
-}
-
-/// Surface that a sphere touches, if any.
-pub(super) fn surface_contact(solids: &Solids, at: DVec3, radius: f32) -> Option<SurfaceContact> {
-    let near = solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR);
-    let ground = near.iter().find(|n| n.nearest.normal.y > GROUND_NORMAL_Y);
-    let wall = near.iter().find(|n| n.nearest.normal.y <= GROUND_NORMAL_Y);
-    match (ground, wall) {
-        (None, None) => None,
-        (Some(g), None) => {
-            Some(SurfaceContact { state: CatkinState::Grounded, normal: g.nearest.normal, face: g.which })
-        }
-        (None, Some(w)) => Some(SurfaceContact { state: CatkinState::OnWall, normal: w.nearest.normal, face: w.which }),
-        (Some(_), Some(w)) => {
-            Some(SurfaceContact { state: CatkinState::Corner, normal: w.nearest.normal, face: w.which })
-        }
-    }
-}
 
 impl Catkin {
     /// Deposits the catkin if its sweep touched a surface; true if so.
@@ -181,6 +51,7 @@ impl FlightSimulation {
     /// Pushes a cluster out of solids until no member penetrates, as far as possible.
     pub(super) fn resolve_penetration(&self, cluster: &CatkinCluster, mut at: DVec3) -> SweepResult {
         for _ in 0..MAX_PUSH_OUT_PASSES {
+            // Push the cluster out by its worst penetration, ground before walls, and repeat.
             let each = cluster.members.iter().zip(&cluster.offsets).filter_map(|(id, offset)| {
                 let radius = self.catkin(*id).radius;
                 let near = deepest_penetration(
@@ -204,6 +75,7 @@ impl FlightSimulation {
 
     /// Slides wall deposits down, the slower the wetter the wall, or up in an updraft; contacts are evaluated anew.
     pub(super) fn slide_down_walls(&mut self, wind: &dyn Wind, t: f64) {
+        // Leaders only: members follow their cluster.
         let sliding =
             if self.present.on_wall { self.leader_ids(|c| c.state == CatkinState::OnWall) } else { Vec::new() };
         if sliding.is_empty() {
@@ -234,6 +106,7 @@ impl FlightSimulation {
             return;
         }
         let dt = self.options.time_step();
+        // A cluster slides as a body; without contact it falls off.
         if let Some(cluster) = self.clusters.get(&root) {
             let moved = self.sweep_cluster(cluster, way);
             let landing = self.resolve_penetration(cluster, moved.at);
@@ -268,17 +141,5 @@ impl FlightSimulation {
         };
         let never = |c: &Catkin| matches!(c.wait, ReleaseCondition::Until(t) if t.is_infinite());
         self.catkins.iter().filter(|c| deep(c) && !never(c)).count() as u64
-    }
-}
-
-/// Contact of a cluster: a corner if members touch both ground and wall.
-pub(super) fn combined_contact(holds: &[SurfaceContact]) -> Option<SurfaceContact> {
-    let first = |state: CatkinState| holds.iter().find(|h| h.state == state);
-    if let Some(corner) = first(CatkinState::Corner) {
-        return Some(*corner);
-    }
-    match (first(CatkinState::Grounded), first(CatkinState::OnWall)) {
-        (Some(_), Some(wall)) => Some(SurfaceContact { state: CatkinState::Corner, ..*wall }),
-        (ground, wall) => ground.or(wall).copied(),
     }
 }

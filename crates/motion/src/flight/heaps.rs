@@ -8,30 +8,17 @@ use glam::DVec3;
 
 use super::FlightSimulation;
 use super::clusters::CatkinCluster;
-use super::deposit::{combined_contact, is_supported, push_out_of_solids, surface_contact};
+use super::collision::{combined_contact, is_supported, push_out_of_solids, surface_contact};
 use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState};
+use crate::flight::tuning::{
+    MAX_HEAP_PUSH_OUT_ROUNDS, MIN_SINK_SHARE, PACKING_SHARE, POSITION_TOLERANCE, SUPPORT_FACTOR,
+};
 use osier_base::math::{cos, narrow, sin};
 use osier_base::par::par_map;
 
-/// Least distance in a heap over the sum of both radii: under their weight hairs interpenetrate. Smaller: flatter
-/// heaps.
-const PACKING_SHARE: f64 = 0.5;
-
-/// Distance within which a lower member counts as support, over the least distance.
-const SUPPORT_FACTOR: f64 = 1.2;
-
 /// Golden angle, rad: its multiples are evenly spread directions.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-
-/// Relaxation rounds that push a sinking member out of others, at most.
-const MAX_PUSH_OUT_ROUNDS: u32 = 4;
-
-/// A member that sinks by less than this share of its displacement is supported.
-const MIN_SINK_SHARE: f64 = 0.05;
-
-/// Tolerance on positions, m.
-const POSITION_TOLERANCE: f64 = 1e-4;
 
 /// A member of a heap.
 struct HeapMember {
@@ -62,6 +49,7 @@ enum SinkOutcome {
 
 impl<'a> HeapRelaxation<'a> {
     fn new(flights: &'a FlightSimulation, cluster: &CatkinCluster) -> Self {
+        // Work on copies of positions and bonds: the simulation stays readable by all tasks.
         let each = cluster.members.iter().zip(&cluster.offsets);
         let mut all: Vec<HeapMember> = each
             .map(|(id, offset)| {
@@ -109,6 +97,7 @@ impl<'a> HeapRelaxation<'a> {
             let other = &self.all[**k];
             other.at.y < at.y && at.distance(other.at) < SUPPORT_FACTOR * PACKING_SHARE * (radius + other.radius)
         };
+        // The nearest lower member within contact distance is the support.
         let near = |k: &usize| at.distance_squared(self.all[*k].at);
         let bearer = others.iter().filter(bears).min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)));
         let Some(bearer) = bearer.map(|k| &self.all[*k]) else { return DVec3::ZERO };
@@ -130,8 +119,9 @@ impl<'a> HeapRelaxation<'a> {
 
     /// Position without overlap with solids and other members.
     fn resolve_overlaps(&self, mut at: DVec3, radius: f64, others: &[usize]) -> DVec3 {
-        for _ in 0..MAX_PUSH_OUT_ROUNDS {
+        for _ in 0..MAX_HEAP_PUSH_OUT_ROUNDS {
             for other in others.iter().map(|k| &self.all[*k]) {
+                // Project out of each overlap in turn, then out of the solids.
                 let (apart, least) = (at - other.at, PACKING_SHARE * (radius + other.radius));
                 if apart.length_squared() < least * least {
                     at = other.at + apart.try_normalize().unwrap_or(DVec3::Y) * least;
@@ -172,6 +162,7 @@ struct RelaxedHeap {
 impl FlightSimulation {
     /// Relaxes all heaps on the ground and at the foot of walls, there the slower the wetter the wall.
     pub(super) fn relax_heaps(&mut self) {
+        // Clusters that have come to rest stay out until something touches them.
         let lies = |c: &CatkinCluster| c.loose && matches!(c.state, CatkinState::Grounded | CatkinState::Corner);
         let roots: Vec<u32> = self.clusters.iter().filter(|(_, c)| lies(c)).map(|(root, _)| *root).collect();
         let sagged = par_map(&roots, |root| self.relaxed_heap(self.clusters.get(root)?));
@@ -196,6 +187,7 @@ impl FlightSimulation {
     /// Relaxes one cluster; none if no member sinks.
     fn relaxed_heap(&self, cluster: &CatkinCluster) -> Option<RelaxedHeap> {
         let dt = self.options.time_step();
+        // A member sinks at its own settling speed, reduced by the wall's humidity in a corner.
         let way = |id: &u32| {
             let c = self.catkin(*id);
             let wet = if cluster.state == CatkinState::Corner { self.wall_humidity(c.face) } else { 0.0 };

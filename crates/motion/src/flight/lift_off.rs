@@ -7,17 +7,9 @@ use glam::{DVec3, Vec3};
 
 use super::FlightSimulation;
 use super::particles::CatkinState;
+use crate::flight::tuning::{CREEP_SHARE, LIFT_HEIGHT, UPDRAFT_SHARE};
 use osier_base::math::{cbrt, ln};
 use osier_wind::Wind;
-
-/// Reference height of the threshold wind, m.
-const LIFT_HEIGHT: f64 = 0.1;
-
-/// Creep speed of a dry single over the wind speed.
-const CREEP_SHARE: f64 = 0.3;
-
-/// Updraft at lift-off over the excess of the wind above the threshold.
-const UPDRAFT_SHARE: f64 = 0.5;
 
 /// A deposited single or cluster, with what its threshold depends on.
 struct RestingDeposit {
@@ -49,6 +41,7 @@ impl FlightSimulation {
         let z0 = self.options.roughness;
         // Logarithmic law: u(0.1 m) / u(height).
         let down = ln((LIFT_HEIGHT + z0) / z0) / ln((height + z0) / z0);
+        // On walls only the wind away from the wall counts, elsewhere the horizontal wind.
         let mut sum = 0.0;
         for (d, air) in deposits.iter().zip(&air) {
             let speed = if d.wall { air.dot(d.normal).max(0.0) } else { Vec3::new(air.x, 0.0, air.z).length() };
@@ -67,6 +60,7 @@ impl FlightSimulation {
                 let c = self.catkin(id);
                 let wall = c.state == CatkinState::OnWall;
                 let ground = || self.options.humidity.at(c.x.as_vec3(), self.options.inside);
+                // In a corner the wetter surface holds.
                 let humidity = match c.state {
                     CatkinState::OnWall => self.wall_humidity(c.face),
                     CatkinState::Corner => ground().max(self.wall_humidity(c.face)),
@@ -99,6 +93,7 @@ impl FlightSimulation {
     /// Lifts a deposit off, or lets a single catkin creep, at time `t`, s. `air`: wind above it, m/s; `speed`: that wind at
     /// 0.1 m from the surface, m/s.
     fn lift_or_creep(&mut self, d: &RestingDeposit, air: Vec3, speed: f64, t: f64) {
+        // Above the threshold a deposit lifts off; a single creeps from half of it on.
         let least = self.lift_off_threshold(d);
         if speed > least {
             let fall = self.clusters.get(&d.root).map_or_else(|| self.catkin(d.root).fall, |c| c.fall);

@@ -5,12 +5,28 @@
 //! can be simulated along with it. Results depend neither on threads nor on the order in memory: what concerns one
 //! catkin is computed independently, what concerns pairs is collected, sorted by index and applied in that order.
 //! Source: \[catkin\] sections 4.1 to 4.3; own: exact drag relaxation, masses, and a swept contact test.
+//! ```
+//! use std::sync::Arc;
+//!
+//! use glam::{DVec3, Vec3};
+//! use osier_motion::flight::{CatkinStart, FlightParams, FlightSimulation, ReleaseCondition};
+//! use osier_scene::solid::Solids;
+//! use osier_wind::UniformWind;
+//!
+//! // One catkin in a breeze: after a second it has drifted downwind and settled a little.
+//! let start = CatkinStart { at: DVec3::new(0.0, 10.0, 0.0), wait: ReleaseCondition::Until(0.0) };
+//! let mut flight = FlightSimulation::new(FlightParams::default(), Arc::new(Solids::default()), &[start]);
+//! (0..24).for_each(|_| flight.advance_frame(&UniformWind(Vec3::X)));
+//! let position = flight.frame().positions[0];
+//! assert!(position.x > 0.5 && position.y < 10.0);
+//! ```
 
 mod advance;
 mod attraction;
 mod bonds;
 mod boundary;
 mod clusters;
+mod collision;
 mod contacts;
 mod deposit;
 mod grid;
@@ -22,6 +38,7 @@ mod present_states;
 mod release;
 mod stats;
 mod tumble;
+mod tuning;
 
 #[cfg(test)]
 mod tests;

@@ -3,6 +3,7 @@
 use glam::{DVec3, Quat, Vec3};
 
 use super::params::{CatkinStart, FlightParams, ReleaseCondition};
+use crate::flight::tuning::UPDRAFT_TIME;
 use osier_base::math::{exp, narrow};
 use osier_base::rng::{self, Rng};
 
@@ -125,6 +126,7 @@ impl Catkin {
         let (kind, base) = (0_u16..).zip(&options.kinds).nth(kind).map_or((0, 0.02), |(index, k)| (index, k.radius));
         let scale = draw.range(options.scales[0], options.scales[1]);
         let fall = options.fall * (1.0 + options.fall_spread * draw.normal().clamp(-2.0, 2.0));
+        // Catkins released at time 0 are airborne from the first frame.
         let waits = !matches!(start.wait, ReleaseCondition::Until(t) if t <= 0.0);
         let state = if waits { CatkinState::Pending } else { CatkinState::Airborne };
         Self {
@@ -227,10 +229,6 @@ impl Catkin {
         self.root == self.id
     }
 }
-
-/// Decay time of the updraft after a lift-off, s. Longer: lifted catkins rise out of sight; shorter: they drop at
-/// once.
-const UPDRAFT_TIME: f64 = 0.6;
 
 /// Updraft of initially `speed`, m/s, after `after` seconds.
 pub(super) fn decayed_updraft(speed: f64, after: f64) -> f64 {

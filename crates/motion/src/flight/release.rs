@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::params::{CatkinStart, ReleaseCondition};
+use crate::flight::tuning::MAX_START_DRAWS;
 use osier_base::geometry::Bounds;
 use osier_base::rng::Rng;
 use osier_scene::solid::Solids;
@@ -22,13 +23,11 @@ pub struct SkyRelease {
     pub duration: f64,
 }
 
-/// Attempts to find a position outside of solids.
-const MAX_DRAWS: u32 = 64;
-
 /// Random starts in the sky. If 64 draws find no position outside of solids, the catkin keeps the last, never flies,
 /// and is counted as buried.
 pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
     let (low, size) = (sky.inside.min.as_dvec3(), sky.inside.size().as_dvec3());
+    // Uniform in x and z, and in height within the band.
     let share = |draw: &mut Rng| {
         let [a, b] = sky.band;
         DVec3::new(draw.unit_f64(), a + (b - a) * draw.unit_f64(), draw.unit_f64())
@@ -38,7 +37,7 @@ pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
             let mut draw = Rng::at(sky.seed, &["flight".into(), id.into(), 0_u64.into(), "start".into()]);
             let when = sky.duration * draw.unit_f64();
             let mut at = low + size * share(&mut draw);
-            for _ in 1..MAX_DRAWS {
+            for _ in 1..MAX_START_DRAWS {
                 if !solids.contains(at.as_vec3()) {
                     break;
                 }
@@ -79,6 +78,7 @@ impl WindRelease {
         match wait {
             ReleaseCondition::Until(when) => t >= *when,
             ReleaseCondition::Wind(left) => {
+                // Cumulative hazard: the release time does not depend on the step.
                 *left -= self.rate * (f64::from(air.length()) / self.speed - 1.0).max(0.0) * dt;
                 *left <= 0.0
             }

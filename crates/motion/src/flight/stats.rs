@@ -109,6 +109,7 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
             speeds += speed;
             t.max_speed = t.max_speed.max(speed);
         }
+        // Flight time and horizontal distance of each deposit.
         if c.state.is_deposited() {
             let d = c.x - c.from;
             time += c.rested - c.since;

@@ -4,24 +4,12 @@ use glam::{Quat, Vec3};
 
 use super::particles::{Catkin, CatkinState, flutter_key, flutter_seed};
 use super::{CATKINS_PER_TASK, FlightSimulation};
+use crate::flight::tuning::{
+    AXIAL_SPIN, AXIAL_SPIN_TIME, DAMPING_RATIO, MAX_SPIN, RANDOM_TORQUE, RANDOM_TORQUE_TIME, REST_DAMPING_TIME,
+    SWING_HZ,
+};
 use osier_base::math::narrow;
 use osier_base::rng;
-
-// Chosen by eye; none of it is in the paper.
-/// Frequency of the oscillation at settling speed, Hz. Higher: nervous flutter.
-const SWING_HZ: f32 = 0.8;
-/// Damping ratio of the oscillation. Higher: tufts align without swinging.
-const DAMPING_RATIO: f32 = 0.35;
-/// Random angular acceleration, rad/s^2, and its correlation time, s.
-const RANDOM_TORQUE: f32 = 6.0;
-const RANDOM_TORQUE_TIME: f32 = 0.4;
-/// Random spin about the tuft's axis, rad/s, and its correlation time, s.
-const AXIAL_SPIN: f32 = 0.6;
-const AXIAL_SPIN_TIME: f32 = 1.5;
-/// Largest angular velocity, rad/s: above, frames at 24 Hz alias.
-const MAX_SPIN: f32 = 12.0;
-/// Decay time of rotation after deposition, s.
-const REST_DAMPING_TIME: f32 = 0.1;
 
 /// Constants of a step, common to all catkins.
 struct TumbleStep {
@@ -41,6 +29,7 @@ impl TumbleStep {
     fn new(flights: &FlightSimulation) -> Self {
         let dt = narrow(flights.options.time_step());
         let keeps = |time: f32| osier_base::math::exp_f32(-dt / time);
+        // Ornstein-Uhlenbeck step: keep exp(-dt/T), add sqrt(1 - keep^2) times the strength.
         let pair = |time: f32, strength: f32| {
             let keep = keeps(time);
             [keep, strength * narrow(flights.options.flutter) * osier_base::math::sqrt_f32(1.0 - keep * keep)]
@@ -80,6 +69,7 @@ impl TumbleStep {
 impl FlightSimulation {
     pub(super) fn tumble_all(&mut self) {
         let tumble = TumbleStep::new(self);
+        // Members rotate with their cluster.
         let clusters = std::mem::take(&mut self.clusters);
         for cluster in clusters.values().filter(|c| c.state == CatkinState::Airborne) {
             cluster.members.iter().for_each(|id| self.catkin_mut(*id).omega = cluster.omega);

@@ -8,17 +8,9 @@ use crate::rods::prism::{SectionCorners, SectionFrame};
 use crate::rods::springs::{
     CORNER_RADIUS_RATIO, RodInterval, SPRINGS_PER_SECTION, spring_lengths, spring_stiffnesses, spring_vectors,
 };
+use crate::rods::tuning::{INTERVAL_RADII, SECTION_COUNT_RANGE, SPLINE_SUBDIVISIONS};
 use osier_base::math;
 use osier_scene::plant::NONE;
-
-/// Samples of the spline between two given points: chords and arc length agree to better than a thousandth.
-const SPLINE_SUBDIVISIONS: usize = 24;
-/// Least and greatest number of sections that is chosen automatically. Fewer: visibly angular bends; more: cost
-/// without a visible change.
-const SECTION_COUNT_RANGE: [usize; 2] = [5, 16];
-/// Length of an interval in radii where the number of sections is chosen automatically. Longer intervals are too soft
-/// in torsion (see [`RodInterval::torsion_softening`]).
-const INTERVAL_RADII: f64 = 3.0;
 
 /// Elastic material of a rod.
 #[derive(Debug, Clone, Copy, PartialEq)]

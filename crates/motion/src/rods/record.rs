@@ -4,6 +4,7 @@ use glam::{DQuat, DVec3, Quat, Vec3};
 
 use crate::rods::StepFailure;
 use crate::rods::system::RodSystem;
+use crate::rods::tuning::{MAX_STEP_HALVINGS, STABILITY_MARGIN};
 use osier_base::keyframes::Keyframes;
 use osier_base::math;
 use osier_base::progress::Cancel;
@@ -12,13 +13,9 @@ use osier_wind::Wind;
 
 /// Density of air, kg/m^3.
 pub(crate) const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
-/// Times that the substeps of a frame are halved before the simulation fails.
-pub(crate) const MAX_STEP_HALVINGS: u32 = 4;
 /// Largest number of substeps per frame that an explicit integrator may need; beyond, the limit error suggests the
 /// implicit one.
 pub const MAX_SUBSTEPS: u32 = 200_000;
-/// Substep of the explicit integrators over the longest stable one; closer to 1 the fastest mode decays too slowly.
-const STABILITY_MARGIN: f64 = 0.9;
 
 /// Time integration scheme.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -123,7 +120,7 @@ impl RodSystem {
         let wanted = (1.0 / (clip.fps * STABILITY_MARGIN * longest)).ceil();
         if wanted > f64::from(MAX_SUBSTEPS) || wanted.is_nan() {
             return Err(Error::Limit {
-                name: format!("the number of steps a frame of rod \"{}\"", clip.name),
+                name: format!("the number of substeps per frame of rod \"{}\"", clip.name),
                 wanted: format!("{wanted:.0}"),
                 limit: MAX_SUBSTEPS.to_string(),
                 flag: "integrator = \"xpbd\"".into(),

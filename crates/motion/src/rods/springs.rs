@@ -1,6 +1,7 @@
 //! The springs between the corners of neighbouring sections: families, stiffness and forces.
 
 use crate::rods::prism::SectionCorners;
+use crate::rods::tuning::{SHEAR_SHARE_RANGE, TWO_INTERVAL_BENDING_SHARE};
 use osier_base::math;
 
 /// Springs that belong to a section: 3 around it, 9 to its predecessor, 3 to the one before that, and one of zero
@@ -9,12 +10,6 @@ pub(crate) const SPRINGS_PER_SECTION: usize = 16;
 /// Index of the first spring to the predecessor, and of the first to the section before that.
 pub(crate) const FIRST_LINK_SPRING: usize = 3;
 pub(crate) const FIRST_BEND_SPRING: usize = 12;
-/// Share of the bending stiffness that springs over two intervals carry (flexion springs, S_fl of [yang-wu]). Higher:
-/// the longitudinal springs reach their lower bound.
-const TWO_INTERVAL_BENDING_SHARE: f64 = 0.2;
-/// Bounds of the share of axial stiffness that diagonal springs carry. Lower: the prism shears at no cost; higher:
-/// longitudinal springs vanish.
-const SHEAR_SHARE_RANGE: [f64; 2] = [0.1, 0.5];
 /// Circumradius of a section's triangle over the rod's radius: bending and axial stiffness are then those of a solid
 /// round rod.
 pub(crate) const CORNER_RADIUS_RATIO: f64 = std::f64::consts::FRAC_1_SQRT_2;

@@ -9,18 +9,9 @@ use crate::rods::prism::{
 };
 use crate::rods::solver::assemble::{AttachedBaseState, SpringAssembly};
 use crate::rods::solver::block::{BlockRow, Predecessors, solve_block_system};
+use crate::rods::tuning::{CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, STEP_COUNT_RANGE, STEP_PHASE};
 use osier_base::math;
 use osier_scene::plant::NONE;
-
-/// Penalty stiffness of a clamp over the largest diagonal entry of its section. Higher: rounding errors in the
-/// factorization; lower: the clamp visibly gives way.
-const CLAMP_STIFFNESS_FACTOR: f64 = 1e7;
-/// Phase, rad, of the fastest visible mode per automatic substep, and the highest frequency, Hz, that counts as
-/// visible: above, implicit damping may smear it.
-const STEP_PHASE: f64 = 0.4;
-const MAX_VISIBLE_HZ: f64 = 25.0;
-/// Least and greatest number of automatic substeps per frame.
-const STEP_COUNT_RANGE: [f64; 2] = [8.0, 64.0];
 
 /// Boundary condition of a clamped section.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -31,6 +31,7 @@ impl SlopeProfile {
     /// Slope at `x`, 0 to 1, over that of the tip.
     pub fn at(&self, x: f64) -> f64 {
         let Self::Table(table) = self else { return uniform_load_slope(x) };
+        // Linear interpolation between the entries around x.
         let last = table.len().saturating_sub(1);
         let place = x.clamp(0.0, 1.0) * last as f64;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few dozen")]
@@ -51,6 +52,7 @@ pub const SECOND_MODE_FREQUENCY_RATIO: f64 = 6.27;
 pub fn second_mode_slope(x: f64) -> f64 {
     const BETA: f64 = 4.694_091_132_974_175;
     let x = x.clamp(0.0, 1.0) * BETA;
+    // Derivative of the mode shape cosh - cos - sigma (sinh - sin), up to a factor.
     let slope = |x: f64| {
         let (up, down) = (math::exp(x), math::exp(-x));
         let sigma = (math::exp(BETA) - math::exp(-BETA) - 2.0 * math::sin(BETA))
@@ -92,6 +94,7 @@ fn atan_series<S: Simd>(s: F64Lanes<S>) -> F64Lanes<S> {
 /// Polynomial c0 + c1 h + c2 h^2 + ..., in two halves that the processor evaluates in parallel.
 #[inline(always)]
 fn power_series<S: Simd>(c: &[f64; 7], h: F64Lanes<S>) -> F64Lanes<S> {
+    // Estrin's scheme: two short dependency chains in place of one of seven products.
     let (h2, h3) = (h * h, h * h * h);
     let low = F64Lanes::from_scalar(h.simd, c[0]) + h * c[1] + h2 * c[2];
     low + h3 * ((F64Lanes::from_scalar(h.simd, c[3]) + h * c[4] + h2 * c[5]) + h3 * c[6])
@@ -236,6 +239,7 @@ impl OscillatorStep {
             let e = math::exp(-w * h);
             return Self { a: e * (1.0 + w * h), b: e * h, c: -e * w * w * h, d: e * (1.0 - w * h) };
         }
+        // Solution of the homogeneous equation over the step h.
         let e = math::exp(-zeta * w * h);
         // Damped frequency; with overdamping sine and cosine become hyperbolic.
         let wd = w * math::sqrt((1.0 - zeta * zeta).abs());

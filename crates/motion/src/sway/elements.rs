@@ -8,18 +8,10 @@ use glam::{DVec3, Quat};
 use super::beam::{CantileverBeam, SlopeProfile, rotation_f32, second_mode_slope};
 use super::segments::{AxisSegment, AxisSegments, BranchLoad, ElementBudget};
 use super::wood::{WoodParams, damping_ratio};
+use crate::sway::tuning::{CROWN_SHELTER, FREQUENCY_SPREAD, MIN_HZ, MODE_SPLIT};
 use osier_base::math;
 use osier_base::rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
-
-/// Lower bound of natural frequencies, Hz: below, spin-up would last minutes.
-const MIN_HZ: f64 = 0.1;
-/// Relative spread of frequencies between equal branches, and between the two bending directions of one. 0: neighbours
-/// sway in unison; higher: twins look unlike.
-const FREQUENCY_SPREAD: f64 = 0.18;
-const MODE_SPLIT: f64 = 0.03;
-/// Share of the wind that the centre of a crown is sheltered from.
-const CROWN_SHELTER: f64 = 0.6;
 
 /// A stretch of an axis that bends as one cantilever.
 #[derive(Debug, Clone)]
@@ -110,6 +102,7 @@ impl BeamElements {
     /// to its load.
     /// Source: the hierarchy of [zhao-zhang] 3.2, one element for a branch instead of for an internode.
     pub fn build(plant: &Plant, wood: &WoodParams, budget: ElementBudget) -> Self {
+        // Rank all segments by visible motion, then select within the budget.
         let segments = AxisSegments::from_plant(plant, wood);
         let ranked = segments.ranked_by_motion();
         let kept = segments.select(&ranked, budget);
@@ -125,6 +118,7 @@ impl BeamElements {
         let mut slopes = vec![None; segments.list.len()];
         let mut next = 0_u32..;
         for (i, segment) in segments.list.iter().enumerate() {
+            // Parents precede their children, so that their element exists already.
             if kept[i] {
                 index[i] = next.next().unwrap_or(NONE);
                 let parent = segment.parent.map_or(NONE, |p| index[p]);
@@ -150,6 +144,7 @@ impl BeamElements {
     ) -> TipCompliance {
         let segment = &source.segments.list[i];
         let axis = source.axis(segment);
+        // Beam properties first: they need the loads of everything that the segment carries.
         let measured = ElementBeam::new(source, i);
         let site = source.plant.frame(axis, segment.span[0]);
         let frame = site.q.as_dquat();
@@ -182,6 +177,7 @@ impl BeamElements {
     /// Position of a segment on its carrier, 0 to 1, and the carrier's tip slope per unit force there, 1/N.
     fn locate_on_carrier(&self, segment: &AxisSegment, parent: u32, carrier: Option<&TipCompliance>) -> (f64, f64) {
         let Some((element, slopes)) = self.list.get(parent as usize).zip(carrier) else { return (0.0, 0.0) };
+        // Position along the carrier, and the carrier's compliance there.
         let s = f64::from(segment.parent_s - element.span[0]);
         let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
         (at, interpolate(&slopes.x, &slopes.compliance, s))
@@ -211,6 +207,7 @@ impl BeamElements {
     /// Location of arc length `s`, m, of an axis.
     pub fn locate(&self, axis: u32, s: f32) -> ElementLocation {
         let Some(parts) = self.parts.get(axis as usize) else { return ElementLocation { element: NONE, at: 0.0 } };
+        // Walk along the axis' segments; a segment without an element follows the last one that has.
         let mut last = self.carriers[axis as usize];
         for (end, element) in parts {
             let Some(e) = self.list.get(*element as usize) else { break };
@@ -277,6 +274,7 @@ impl CrownEllipsoid {
         if self.radii.min_element() <= 0.0 {
             return 1.0;
         }
+        // 0 at the surface of the ellipsoid, 1 at its centre.
         let depth = (1.0 - ((p - self.middle) / self.radii).length()).clamp(0.0, 1.0);
         math::narrow(1.0 - CROWN_SHELTER * depth)
     }
@@ -345,6 +343,7 @@ impl ElementBeam {
         let trunk = wood.trunk_hertz.filter(|_| axis.parent == NONE && segment.number == 0);
         let free = trunk.map_or_else(|| self.beam.fundamental_angular_frequency(), |f| f * TAU);
         let mut draw = rng::Rng::from_key(rng::child(id, rng::word("frequency")));
+        // Detune equal branches, and both directions of one, so that they do not oscillate in unison.
         let w = free * wood.hertz * (1.0 + FREQUENCY_SPREAD * draw.range(-1.0, 1.0));
         let apart = MODE_SPLIT * draw.range(-1.0, 1.0);
         [w * (1.0 + apart), w * (1.0 - apart)].map(|w| w.max(MIN_HZ * TAU))

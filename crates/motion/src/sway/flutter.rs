@@ -1,25 +1,14 @@
 //! Flutter of leaves: oscillation about the stalk, alignment with the flow, and lag behind the twig.
 
+use crate::sway::tuning::{
+    FLOW_ALIGNMENT, FLUTTER_SPEED, LAG_TIME, MAX_LAG, MAX_NOD, MAX_TWIST, MAX_YAW, TWIST_PER_NOD,
+};
 use glam::{Quat, Vec3};
 
 use osier_base::math;
 use osier_base::rng;
 use osier_scene::plant::Organ;
 use osier_wind::TimeNoise;
-
-/// Largest flutter angles, rad: about the width of the blade, about its normal, about its midrib.
-const MAX_NOD: f32 = 0.611;
-const MAX_YAW: f32 = 0.436;
-const MAX_TWIST: f32 = 0.785;
-/// Twist that accompanies a nod: lambda as printed.
-const TWIST_PER_NOD: f32 = 0.4;
-/// Wind speed, m/s, at which flutter reaches 1 - 1/e of its amplitude.
-const FLUTTER_SPEED: f32 = 4.0;
-/// Scale of the alignment angle with the flow; in a storm a leaf turns by up to pi/2 of it, rad.
-const FLOW_ALIGNMENT: f32 = 0.6;
-/// Lag time of a leaf behind its twig, s, and the largest angle of lag, rad.
-const LAG_TIME: f32 = 0.06;
-const MAX_LAG: f32 = 0.349;
 
 /// Wind and twig motion at a leaf, in the plant's space.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -66,21 +55,29 @@ impl LeafFlutter {
     /// Source: [zhao-zhang] 3.3, with noise of either sign and an amplitude that grows with the wind.
     pub fn orientation(&self, i: usize, q: Quat, seconds: f64, air: LeafAir) -> Quat {
         let Some(leaf) = self.leaves.get(i) else { return q };
-        let speed = air.wind.length();
-        let lively = self.strength * if self.printed { 1.0 } else { 1.0 - math::exp_f32(-speed / FLUTTER_SPEED) };
-        let noise = |k: u32| {
-            let n = leaf.with_seed_offset(k).at(seconds);
-            if self.printed { 0.5 + 0.5 * n } else { n }
-        };
-        let nod = MAX_NOD * lively * noise(0);
-        let turn = Vec3::new(nod, MAX_TWIST * lively * noise(1) + TWIST_PER_NOD * nod, MAX_YAW * lively * noise(2));
         if self.printed {
-            return q * rotation_from_vector(turn);
+            return self.printed_orientation(*leaf, q, seconds);
         }
+        // The amplitude saturates with the wind speed.
+        let speed = air.wind.length();
+        let amplitude = self.strength * (1.0 - math::exp_f32(-speed / FLUTTER_SPEED));
+        let flutter = flutter_angles(amplitude, |k| leaf.with_seed_offset(k).at(seconds));
         // Alignment acts in the plant's space, flutter in the leaf's, and the lag turns against the twig's rotation.
-        let q = align_with_flow(q, air.wind, speed) * rotation_from_vector(turn);
+        let q = align_with_flow(q, air.wind, speed) * rotation_from_vector(flutter);
         rotation_from_vector((air.spin * -LAG_TIME).clamp_length_max(MAX_LAG)) * q
     }
+
+    /// Reference implementation of [zhao-zhang] 3.3 as printed: noise in [0, 1] and an amplitude independent of the wind.
+    fn printed_orientation(&self, leaf: TimeNoise, q: Quat, seconds: f64) -> Quat {
+        let noise = |k: u32| 0.5 + 0.5 * leaf.with_seed_offset(k).at(seconds);
+        q * rotation_from_vector(flutter_angles(self.strength, noise))
+    }
+}
+
+/// Rotation vector of a leaf's flutter in its own frame, rad: nod, twist and yaw. `noise`: of each of the three.
+fn flutter_angles(amplitude: f32, noise: impl Fn(u32) -> f32) -> Vec3 {
+    let nod = MAX_NOD * amplitude * noise(0);
+    Vec3::new(nod, MAX_TWIST * amplitude * noise(1) + TWIST_PER_NOD * nod, MAX_YAW * amplitude * noise(2))
 }
 
 /// Rotates the blade's tip towards the flow by at most a share of the angle that grows with the dynamic pressure.
@@ -91,6 +88,7 @@ fn align_with_flow(q: Quat, air: Vec3, speed: f32) -> Quat {
     if sin < 1e-6 {
         return q;
     }
+    // Angle between tip and flow, and how much of it the wind can turn the leaf.
     let apart = math::narrow(math::atan2(f64::from(sin), f64::from(cos)));
     let share = FLOW_ALIGNMENT * math::atan_f32(speed * speed / (FLUTTER_SPEED * FLUTTER_SPEED));
     rotation_from_vector(axis / sin * apart.min(share)) * q

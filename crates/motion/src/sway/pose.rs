@@ -3,14 +3,10 @@
 use glam::{Quat, Vec3};
 
 use super::elements::{BeamElements, ElementLocation};
+use crate::sway::tuning::{COLLAR_RADII, POINTS_PER_TASK};
 use osier_base::math;
 use osier_base::par::par_chunks;
 use osier_scene::plant::{NONE, Organ, Plant};
-
-/// Bark within this many radii of a fork follows the parent axis.
-pub(crate) const COLLAR_RADII: f32 = 1.5;
-/// Bark points per task.
-const POINTS_PER_TASK: usize = 4096;
 
 /// Posed centrelines: position, m, and rotation from rest of each node.
 #[derive(Debug, Clone, Default)]
@@ -74,6 +70,7 @@ impl PointBinding {
         let turned = |s: ElementLocation| elements.rotation_at(&bases, bends, s);
         let mut skeleton = PosedSkeleton { p: self.rest.clone(), q: vec![Quat::IDENTITY; self.rest.len()] };
         for (range, stem) in &self.axes {
+            // The base of the axis moves with its parent.
             if let Some(stem) = stem {
                 skeleton.p[range.start] = skeleton.position(stem);
             }
@@ -156,6 +153,7 @@ impl PosedSkeleton {
 
 fn attach_to_segment(plant: &Plant, axis: u32, s: f32, point: Vec3) -> SegmentAttachment {
     let (k, t) = plant.segment(&plant.axes[axis as usize], s);
+    // Store the offset from the centreline: it turns with the segment.
     let center = plant.nodes.p[k].lerp(plant.nodes.p[k + 1], t);
     // Axes store the indices of their nodes as u32 (`Axis::first`), so that every node has one.
     SegmentAttachment { node: u32::try_from(k).unwrap_or(NONE), t, arm: point - center }
@@ -167,6 +165,7 @@ pub(crate) fn own_share(plant: &Plant, axis: u32, s: f32) -> f32 {
     if a.parent == NONE {
         return 1.0;
     }
+    // Smooth transition over the collar, so that the bark does not tear at forks.
     let collar = a.s_exposed + COLLAR_RADII * plant.nodes.r[a.first as usize];
     math::smoothstep(a.s_exposed * 0.5, collar, s)
 }

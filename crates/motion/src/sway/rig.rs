@@ -99,6 +99,7 @@ impl JointRig {
         let JointTask { element: e, ordinal: k, parent } = *task;
         let element = &elements.list[e as usize];
         let axis = &plant.axes[element.axis as usize];
+        // Joints divide the element's length evenly; each pivots at the start of its stretch.
         let place = |x: f32| element.span[0] + (element.span[1] - element.span[0]) * x / n as f32;
         let (pivot, middle) = (place(k as f32), place(k as f32 + 0.5));
         let chain = &mut self.chains[element.axis as usize];
@@ -149,6 +150,7 @@ impl JointRig {
     /// Up to four joints and weights of one vertex, heaviest first, with sum 1.
     fn weights(&self, plant: &Plant, a: u32, s: f32) -> ([u16; 4], [f32; 4]) {
         let mut mix = JointWeights::default();
+        // Near a fork the weights of both axes blend, as the bark does.
         let own = own_share(plant, a, s);
         if own > 0.0 {
             self.add_axis_weights(a as usize, s, own, &mut mix);
@@ -181,6 +183,7 @@ impl JointRig {
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> Vec<Trs> {
         let bases = elements.base_rotations(bends);
         let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, bends, b.spot)).collect();
+        // Rotations are absolute; a joint stores its rotation relative to the parent.
         let local = |(joint, q): (&Joint, &Quat)| {
             let parent = joint.parent.and_then(|p| turns.get(p as usize)).copied().unwrap_or(Quat::IDENTITY);
             Trs { r: (parent.conjugate() * *q).normalize(), ..joint.rest }
@@ -192,6 +195,7 @@ impl JointRig {
 /// Number of joints of each element within the budget, most visible elements first; joint 0 is the root.
 fn joints_per_element(elements: &BeamElements, budget: usize) -> Vec<usize> {
     let mut counts = vec![0; elements.list.len()];
+    // Greedy in the order of visibility; an element needs a carrier with joints.
     let mut left = budget.saturating_sub(1);
     for &e in &elements.ranked {
         let element = &elements.list[e as usize];

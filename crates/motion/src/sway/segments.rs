@@ -4,18 +4,11 @@ use std::ops::Add;
 
 use super::beam::CantileverBeam;
 use super::wood::WoodParams;
+use crate::sway::tuning::{
+    LIMB_STATIONS, MAX_SEGMENTS_PER_AXIS, MIN_SEGMENT_SHARE, SEGMENT_RADIUS_RATIO, TWIG_STATIONS,
+};
 use osier_base::math;
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
-
-/// Radius at the end of a segment over that at its start. Higher: more, shorter elements.
-const SEGMENT_RADIUS_RATIO: f32 = 0.25;
-/// Segments per axis, at most.
-const MAX_SEGMENTS_PER_AXIS: u32 = 3;
-/// Least length of a segment over its axis.
-const MIN_SEGMENT_SHARE: f32 = 0.05;
-/// Stations of the beam of a limb, and of a twig, whose bend is hardly visible.
-const LIMB_STATIONS: usize = 32;
-const TWIG_STATIONS: usize = 16;
 
 /// Budget of bending elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,6 +96,7 @@ impl AxisSegments {
     /// Splits axis `i` into segments. `stem`: segment that carries it.
     fn split_axis(&mut self, plant: &Plant, i: u32, stem: Option<usize>) {
         let axis = &plant.axes[i as usize];
+        // Cut where the wood has tapered enough; the last segment takes the rest.
         let (mut parent, mut parent_s, mut from) = (stem, axis.parent_s, 0.0);
         for number in 0..MAX_SEGMENTS_PER_AXIS {
             let last = number + 1 == MAX_SEGMENTS_PER_AXIS;
@@ -132,6 +126,7 @@ impl AxisSegments {
 
     /// Index of the segment that contains arc length `s`, m; `first`: the axis' first segment.
     fn segment_at(&self, first: usize, axis: u32, s: f32) -> usize {
+        // Segments of an axis are contiguous.
         let own = self.list[first..].iter().take_while(|p| p.axis == axis);
         let before = own.take_while(|p| p.span[1] <= s).count();
         let holds = |i: usize| self.list.get(i).is_some_and(|p| p.axis == axis);
@@ -163,6 +158,7 @@ impl AxisSegments {
     /// Segments by branching order, then by length moved times slope, then by id.
     pub(crate) fn ranked_by_motion(&self) -> Vec<usize> {
         let mut ranked: Vec<usize> = (0..self.list.len()).collect();
+        // Visible motion: length that moves times tip slope.
         let weight = |i: usize| f64::from(self.list[i].reach) * self.bends[i];
         ranked.sort_by(|&a, &b| {
             let by_order = self.keys[a].0.cmp(&self.keys[b].0);

@@ -3,21 +3,12 @@
 use super::elements::BeamElements;
 use super::simulation::{SwayParams, SwaySimulation};
 use super::zhao_zhang::{PaperSimulation, STEPS_PER_SECOND};
+use crate::sway::tuning::{MAX_BEND, MAX_SPIN_UP_CLIPS, SPIN_UP_DECAY, SPIN_UP_SECONDS};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;
 use osier_base::{Error, Result};
 use osier_wind::Wind;
-
-/// Repetitions of a looping clip that are simulated as spin-up, at most.
-const MAX_SPIN_UP_CLIPS: f64 = 8.0;
-/// Decay exponent after which the initial state counts as forgotten: e^-6 = 0.2 % is left and distributed over the
-/// loop.
-const SPIN_UP_DECAY: f64 = 6.0;
-/// Spin-up time of a clip that does not loop, s.
-const SPIN_UP_SECONDS: f64 = 5.0;
-/// Limit of recorded bends, rad, approached by a hyperbolic tangent.
-const MAX_BEND: f32 = 1.4;
 
 /// Time range of a recording, and scaling of its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -146,7 +137,7 @@ impl BendTrack {
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
             return Ok(Self { frames, repeats: clip.repeats, clamped: 0 });
         }
-        Err(Error::export("X001", "the wind made a branch bend without bounds"))
+        Err(Error::export("X001", "the simulated sway of a branch diverged"))
     }
 
     /// Bends at a fractional frame, linearly interpolated; times outside a clip that does not loop are clamped. Within
@@ -156,6 +147,7 @@ impl BendTrack {
         if n == 0 {
             return Vec::new();
         }
+        // Times from frame rates such as 29.97 carry rounding errors: snap to whole frames.
         let near = frame.round();
         let frame = if (frame - near).abs() < 1e-6 { near } else { frame };
         let (floor, t) = (frame.floor(), math::narrow(frame - frame.floor()));
@@ -188,6 +180,7 @@ pub fn check_key_limit(elements: &BeamElements, clip: ClipOptions, limits: &Limi
 
 /// Repetitions of the clip until the initial state has decayed.
 fn spin_up_clips(elements: &BeamElements, length: f64) -> f64 {
+    // The slowest decay rate zeta w of all elements determines how long the start is remembered.
     let slowest = elements.list.iter().map(|e| e.damping_ratio * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
     (SPIN_UP_DECAY / (slowest * length)).ceil().clamp(1.0, MAX_SPIN_UP_CLIPS)
 }
@@ -208,6 +201,7 @@ fn close_loop(frames: &mut [ElementBends], after: &ElementBends) {
 /// Scales static bend and oscillation of one element, and limits the result.
 fn scaled_bend(bend: [f64; 2], mean_bends: [f64; 2], clip: &ClipOptions) -> [f32; 2] {
     let [a, b] = [0, 1].map(|k| math::narrow(clip.lean * mean_bends[k] + clip.gain * (bend[k] - mean_bends[k])));
+    // Saturate the magnitude, keep the direction.
     let size = math::sqrt_f32(a * a + b * b);
     if size < 1e-9 {
         return [a, b];

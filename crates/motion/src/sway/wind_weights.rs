@@ -1,11 +1,9 @@
 //! Vertex attributes for shader-based wind: weights and phases.
 
+use crate::sway::tuning::TIP_SWAY_SHARE;
 use osier_base::rng;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Attribute, AttributeData, Mesh, Trs};
-
-/// Own sway of an axis at its tip.
-const TIP_SWAY_SHARE: f32 = 0.5;
 
 /// Sway of a vertex; all numbers but the axis from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]

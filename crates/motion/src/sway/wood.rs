@@ -1,13 +1,11 @@
 //! Material of wood and leaves.
 
+use crate::sway::tuning::{THICK_WOOD, THIN_WOOD};
+
 /// Density of air, kg/m^3.
 pub const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
 /// Wind speed at which leaves reconfigure (fold), m/s: their drag grows linearly instead of quadratically above.
 pub const LEAF_FOLD_SPEED: f64 = 8.0;
-
-/// Young's modulus, Pa, and radius, m, of thick and of thin wood; smooth in between.
-const THICK_WOOD: (f64, f64) = (8.0e9, 0.05);
-const THIN_WOOD: (f64, f64) = (5.0e9, 0.005);
 
 /// Mechanical and aerodynamic properties of a plant.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -88,6 +88,7 @@ impl<'a> PaperSimulation<'a> {
     ) -> Self {
         let mut internodes = Vec::new();
         for (index, axis) in (0_u32..).zip(&plant.axes) {
+            // One cantilever per internode of a bending axis.
             let nodes: Vec<usize> = plant.nodes_of(axis).collect();
             for pair in nodes.windows(2) {
                 let (i, j) = (pair[0], pair[1]);
@@ -126,6 +127,7 @@ impl<'a> PaperSimulation<'a> {
     /// Bends of the elements after a step that ends at `t`, s.
     pub(crate) fn advance(&mut self, t: f64) -> Vec<[f64; 2]> {
         let stand = self.params.stand;
+        // One sample of the wind per internode, then its own equations.
         let places: Vec<Vec3> = self.internodes.iter().map(|i| stand.apply(i.middle)).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         self.wind.sample(&places, t, &mut air);
@@ -145,6 +147,7 @@ impl<'a> PaperSimulation<'a> {
 impl CantileverInternode {
     /// Rotation vector of this internode in wind `v`, m/s, and whether its arcsine was clamped.
     fn step(&mut self, v: DVec3, paper: &PaperParams) -> (DVec3, bool) {
+        // Drag and lift act along the wind; F = F_1 - k F(t-1) - k w^2.
         let air = if paper.fixes.air { super::wood::AIR_DENSITY } else { PRINTED_AIR };
         let area = 2.0 * self.radius * self.length;
         let wind = v * (0.5 * (DRAG + LIFT) * air * area * v.length());
@@ -153,6 +156,7 @@ impl CantileverInternode {
         let force =
             wind - self.force * paper.recoil - wind.normalize_or_zero() * (against * paper.damping * rate * rate);
         self.force = force;
+        // Only the force across the internode bends it.
         let across = force - self.along * force.dot(self.along);
         let delta = tip_deflection(across.length(), self.length, self.radius, self.elasticity, paper.fixes.radius);
         let sine = delta / self.length;

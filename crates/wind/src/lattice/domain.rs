@@ -1,7 +1,7 @@
 //! The simulated box: solid cells, the boundary condition of each face, and from where each population arrives.
 
 use super::grid::LatticeGrid;
-use super::stencil::{VELOCITIES, opposite, reflect};
+use super::stencil::{VELOCITIES, opposite, reflected_direction};
 
 /// Boundary condition of one face of the domain. Faces are numbered -x, +x, -y, +y, -z, +z.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,7 +110,7 @@ impl Domain {
         let mut direction = i;
         for (a, face) in self.faces_outside_of(node).into_iter().enumerate() {
             if face.is_some_and(|f| matches!(self.faces[f], FaceCondition::Slip | FaceCondition::Rough)) {
-                direction = reflect(direction, a);
+                direction = reflected_direction(direction, a);
                 node[a] = x[a] as isize;
             }
         }

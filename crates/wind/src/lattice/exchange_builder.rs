@@ -104,7 +104,7 @@ impl ExchangeBuilder<'_> {
     /// Lists the population that arrives at a cell in direction `i`, unless it simply streams from its neighbour.
     fn link_population(&mut self, x: [usize; 3], i: usize) {
         let to = self.plane_node(x);
-        let halo_index = RowHalo::index_of(&self.domain.grid, i, [x[0], x[1]]);
+        let halo_index = RowHalo::halo_index_of(&self.domain.grid, i, [x[0], x[1]]);
         let one = NodeRun { first: to, count: 1, stride: 1 };
         let link =
             |outgoing, from, wall_momentum| RunLink { incoming: i, outgoing, to: one, from, wall_momentum, halo_index };
@@ -272,9 +272,9 @@ impl ExchangeBuilder<'_> {
         let mut last: Option<PlaneNode> = None;
         for GhostLink { incoming, to, ghost, sent } in &self.ghost_links {
             // A population that arrives at the end of a row goes to the row halo, consecutive ones in one copy.
-            let at = slots[*ghost].index_of(*sent);
+            let at = slots[*ghost].buffer_index_of(*sent);
             let cell = [to.element % grid.row_stride, to.element / grid.row_stride];
-            if let Some(halo_index) = RowHalo::index_of(grid, *incoming, cell) {
+            if let Some(halo_index) = RowHalo::halo_index_of(grid, *incoming, cell) {
                 let range = &mut planes[to.plane].ghost_halo;
                 let (halo_index, buffer_index) = (boundary_index(halo_index)?, boundary_index(at)?);
                 let follows = |c: &&mut RowHaloCopy| {

@@ -131,7 +131,7 @@ pub(super) struct GhostSlots {
 
 impl GhostSlots {
     /// Index of the population in a direction.
-    pub(super) fn index_of(self, direction: usize) -> usize {
+    pub(super) fn buffer_index_of(self, direction: usize) -> usize {
         self.first + self.stride * (self.directions & ((1 << direction) - 1)).count_ones() as usize
     }
 }

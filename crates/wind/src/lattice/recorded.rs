@@ -58,7 +58,7 @@ impl RecordedWind {
         let lead = if options.repeats { ((LOOP_FADE * options.fps).ceil() as usize).min(options.frames) } else { 0 };
         // One frame more than the clip: the last one is the end of the last interval.
         let count = lead + options.frames + 1;
-        limits.check("wind-bytes", (count * grid.count() * 6) as u64, "the bytes of the recorded wind")?;
+        limits.check("wind-bytes", (count * grid.value_count() * 6) as u64, "the bytes of the recorded wind")?;
         let mut frames = Vec::with_capacity(count);
         for frame in 0..count {
             let snapshot = lattice.advance(progress, cancel)?;
@@ -75,7 +75,7 @@ impl RecordedWind {
 
     /// Bytes of memory that the velocities take.
     pub fn bytes(&self) -> u64 {
-        (self.frames.len() * self.grid.count() * 6) as u64
+        (self.frames.len() * self.grid.value_count() * 6) as u64
     }
 
     /// Adds `weight` times the velocities at `frame`, a fractional index into the recorded frames: linear in time, trilinear in
@@ -109,7 +109,7 @@ fn vec3_from_f16(v: [f16; 3]) -> Vec3 {
 
 /// Velocities of a snapshot at the values of a cropped grid that begins at the cell `low`.
 fn crop_to_half_precision(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f16; 3]> {
-    let values = (0..part.count()).map(|k| snapshot.values[snapshot.grid.index_in_uncropped(part, low, k)]);
+    let values = (0..part.value_count()).map(|k| snapshot.values[snapshot.grid.index_in_uncropped(part, low, k)]);
     values.map(|[x, y, z, _]| [x, y, z].map(f16::from_f32)).collect()
 }
 

@@ -49,7 +49,7 @@ impl RowHalo {
 
     /// Index of the population that arrives in direction `i` at the cell (x, y) of a plane; none if it comes from within
     /// the row.
-    pub(super) fn index_of(grid: &LatticeGrid, i: usize, [x, y]: [usize; 2]) -> Option<usize> {
+    pub(super) fn halo_index_of(grid: &LatticeGrid, i: usize, [x, y]: [usize; 2]) -> Option<usize> {
         let end = match VELOCITIES[i][0] {
             1 if x == 0 => 0,
             -1 if x + 1 == grid.n[0] => 1,

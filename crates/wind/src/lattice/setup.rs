@@ -276,10 +276,16 @@ pub(super) fn faces_ever_open(options: &LatticeOptions) -> [FaceCondition; 6] {
 fn check_direction_curve(options: &LatticeOptions) -> Result<()> {
     let turns = &options.inlet.direction_curve;
     if let Some(first) = turns.first().filter(|row| row[0] < 0.0) {
-        return Err(range_error("the first time of a wind that turns", first[0], 0.0, 1e9, "s"));
+        return Err(range_error("the first time of the wind's direction curve", first[0], 0.0, 1e9, "s"));
     }
     if turns.windows(2).any(|w| w[0][0] >= w[1][0]) || !turns.is_empty() && options.sides == SideCondition::Slip {
-        return Err(range_error("turns that rise in time, and open sides", 0.0, 1.0, 1.0, ""));
+        return Err(range_error(
+            "the validity of the wind's direction curve (ascending times, sides other than slip)",
+            0.0,
+            1.0,
+            1.0,
+            "",
+        ));
     }
     Ok(())
 }

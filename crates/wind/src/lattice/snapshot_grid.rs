@@ -37,7 +37,7 @@ impl SnapshotGrid {
         let periodic = [0, 2, 4].map(|f| domain.faces[f] == FaceCondition::Periodic);
         let ground = matches!(domain.faces[2], FaceCondition::Wall(_) | FaceCondition::Rough);
         let mut grid = Self { n, origin, spacing, periodic, solid: Vec::new(), near_solid: Vec::new(), inlet, ground };
-        grid.solid = (0..grid.count())
+        grid.solid = (0..grid.value_count())
             .map(|k| {
                 let at = grid.halo_coordinates(k);
                 ground && at[1] == 0 || domain.is_solid(grid.source_of_halo_cell(at))
@@ -50,7 +50,7 @@ impl SnapshotGrid {
     fn mark_cells_near_solids(&mut self) {
         let strides = self.strides();
         let any = |k: usize| (0..8).any(|c| self.solid.get(k + corner_offset(c, strides)).copied().unwrap_or(false));
-        self.near_solid = (0..self.count()).map(any).collect();
+        self.near_solid = (0..self.value_count()).map(any).collect();
     }
 
     /// The part of the grid that covers some bounds, m, `margin` cells wider, and the part's lowest cell.
@@ -74,7 +74,7 @@ impl SnapshotGrid {
         let (spacing, inlet) = (self.spacing, Arc::clone(&self.inlet));
         let ground = self.ground && low[1] == 0;
         let mut part = Self { n, origin, spacing, periodic, solid: Vec::new(), near_solid: Vec::new(), inlet, ground };
-        part.solid = (0..part.count()).map(|k| self.solid[self.index_in_uncropped(&part, low, k)]).collect();
+        part.solid = (0..part.value_count()).map(|k| self.solid[self.index_in_uncropped(&part, low, k)]).collect();
         part.mark_cells_near_solids();
         (part, low)
     }
@@ -86,7 +86,7 @@ impl SnapshotGrid {
     }
 
     /// Number of values: cells and halo.
-    pub(super) fn count(&self) -> usize {
+    pub(super) fn value_count(&self) -> usize {
         self.n.iter().map(|n| n + 2).product()
     }
 

@@ -83,7 +83,7 @@ impl LatticeSolver {
         LatticeMemory::estimate(options).check_limit(options, limits)?;
         let n = setup.n;
         if LatticeGrid::population_bytes(n) / 60 > u64::from(u32::MAX) {
-            let (wanted, limit) = ("more than 4,294,967,295 places".into(), "that".into());
+            let (wanted, limit) = ("more than 4,294,967,295 nodes".into(), "that".into());
             let flag = "a larger dx".into();
             return Err(Error::Limit { name: "an array of the wind's lattice".into(), wanted, limit, flag });
         }
@@ -217,7 +217,7 @@ impl LatticeSolver {
         while self.past.len() >= REUSED_SNAPSHOTS {
             self.past.pop_front();
         }
-        vec![[0.0; 4]; self.grid.count()]
+        vec![[0.0; 4]; self.grid.value_count()]
     }
 
     /// Runs to the next frame and writes its snapshot.

@@ -461,7 +461,7 @@ fn interpolation_reproduces_linear_fields() {
             let u = wind(grid.origin + at * grid.spacing, time).as_vec3();
             [u.x, u.y, u.z, 0.0]
         };
-        Arc::new(WindSnapshot { grid: Arc::clone(&grid), values: (0..grid.count()).map(value).collect(), time })
+        Arc::new(WindSnapshot { grid: Arc::clone(&grid), values: (0..grid.value_count()).map(value).collect(), time })
     };
     let between = InterpolatedWind { before: snapshot(0.0), after: snapshot(0.25), t0: 0.0, t1: 0.25 };
     let mut rng = osier_base::rng::Rng::at(7, &["places".into()]);

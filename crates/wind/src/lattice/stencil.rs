@@ -46,7 +46,7 @@ pub(super) const fn opposite(i: usize) -> usize {
 }
 
 /// Direction `i` with its component along an axis reversed: where a population goes by specular reflection.
-pub(super) fn reflect(i: usize, axis: usize) -> usize {
+pub(super) fn reflected_direction(i: usize, axis: usize) -> usize {
     let mut c = VELOCITIES[i];
     c[axis] = -c[axis];
     // Every reflection of a D3Q15 velocity is one of the fifteen, so that the search always succeeds.
@@ -76,16 +76,16 @@ mod tests {
     }
 
     #[test]
-    fn opposite_and_reflect_match_the_velocities() {
+    fn opposite_and_reflected_directions_match_the_velocities() {
         for i in 0..Q {
             assert_eq!(VELOCITIES[opposite(i)], VELOCITIES[i].map(|c| -c));
             for axis in 0..3 {
                 let mut c = VELOCITIES[i];
                 c[axis] = -c[axis];
-                assert_eq!(VELOCITIES[reflect(i, axis)], c);
+                assert_eq!(VELOCITIES[reflected_direction(i, axis)], c);
             }
         }
         let pairs = [(3, 4), (7, 11), (8, 12), (9, 14), (10, 13)];
-        assert!(pairs.iter().all(|&(a, b)| reflect(a, 1) == b && reflect(b, 1) == a));
+        assert!(pairs.iter().all(|&(a, b)| reflected_direction(a, 1) == b && reflected_direction(b, 1) == a));
     }
 }

@@ -4,16 +4,10 @@ use glam::{DQuat, DVec3};
 
 use crate::rods::layout::{RodDescription, RodMaterial};
 use crate::rods::system::ClampKind;
+use crate::rods::tuning::{MIN_AXIS_LENGTH, MIN_STALK_LENGTH, WOOD_SECTION_SHARE};
 use crate::sway::{WoodParams, damping_ratio};
 use osier_scene::Trs;
 use osier_scene::plant::{Axis, AxisKind, NONE, Organ, Plant};
-
-/// Least length of a rod, m and in base radii; shorter axes are rigid with their parent.
-const MIN_AXIS_LENGTH: [f64; 2] = [4e-3, 4.0];
-/// Least length of a leaf stalk, m.
-const MIN_STALK_LENGTH: f64 = 2e-3;
-/// Share of the section budget that wood may take where there are leaves.
-const WOOD_SECTION_SHARE: f64 = 0.6;
 
 /// Parameters of a plant on rods.
 #[derive(Debug, Clone)]
@@ -87,11 +81,11 @@ impl RodPlantLayout {
         // Candidates first, then the selection within the budget, then rods in the order of axes, so that carriers
         // come first.
         let rods = layout.stem_rods(plant, stand, params);
-        let room = layout.stems_within_budget(plant, &rods, params);
+        let selected = layout.stems_within_budget(plant, &rods, params);
         for (axis, rod) in plant.axes.iter().zip(rods) {
             let host = (axis.parent != NONE).then(|| layout.host_rod(axis.parent, f64::from(axis.parent_s))).flatten();
             let index = layout.axes.len();
-            let carried = match (rod.filter(|_| room[index]), host) {
+            let carried = match (rod.filter(|_| selected[index]), host) {
                 (Some((from, rod)), host) => layout.push_rod(rod, from, host),
                 (None, Some((rod, at))) => AxisMotion::Rider(rod, at),
                 (None, None) => AxisMotion::Still,
@@ -157,19 +151,19 @@ impl RodPlantLayout {
             let by_order = plant.axes[*a].order.cmp(&plant.axes[*b].order);
             by_order.then(length(b).total_cmp(&length(a))).then(a.cmp(b))
         });
-        let mut room = vec![false; rods.len()];
+        let mut selected = vec![false; rods.len()];
         let most = if plant.organs.is_empty() { 1.0 } else { WOOD_SECTION_SHARE } * params.max_sections as f64;
         let mut used = 0;
         for i in order {
             let count = rods[i].as_ref().map_or(0, |r| r.1.section_count());
             if (used + count) as f64 <= most {
                 used += count;
-                room[i] = true;
+                selected[i] = true;
             } else {
                 self.omitted[0] += 1;
             }
         }
-        room
+        selected
     }
 
     /// Adds a rod that begins at arc length `from`, m, of its axis; without a host its base is clamped.
@@ -185,15 +179,15 @@ impl RodPlantLayout {
     /// Attaches all leaves, with stalk rods as far as the budget allows.
     fn attach_leaves(&mut self, plant: &Plant, stand: &Trs, params: &RodPlantParams) {
         let used = self.rods.iter().fold(0, |s, r| s + r.section_count());
-        let room = params.max_sections.saturating_sub(used) / params.stalk_sections.max(1);
-        let (all, room) = (plant.organs.len(), room.min(params.max_leaf_stalks));
-        let own = all.min(room);
+        let affordable = params.max_sections.saturating_sub(used) / params.stalk_sections.max(1);
+        let (all, max_stalks) = (plant.organs.len(), affordable.min(params.max_leaf_stalks));
+        let own = all.min(max_stalks);
         self.omitted[1] = all - own;
         for (i, organ) in plant.organs.iter().enumerate() {
             // Stalks are distributed evenly over the leaves.
             let chosen = (i + 1) * own / all > i * own / all;
-            let hung = self.attach_leaf(plant, organ, stand, params, chosen);
-            self.leaves.push(hung);
+            let attachment = self.attach_leaf(plant, organ, stand, params, chosen);
+            self.leaves.push(attachment);
         }
     }
 
@@ -213,9 +207,9 @@ impl RodPlantLayout {
         let scale = f64::from(organ.scale) * self.scale;
         let host = self.host_rod(organ.axis, f64::from(organ.s));
         let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
-        let mut hung = LeafAttachment { stalk: None, host, pivot, q, scale };
+        let mut attachment = LeafAttachment { stalk: None, host, pivot, q, scale };
         if !with_stalk || on_petiole {
-            return hung;
+            return attachment;
         }
         let length = (f64::from(organ.petiole) * self.scale).max(MIN_STALK_LENGTH);
         let along = q * DVec3::Y;
@@ -225,7 +219,7 @@ impl RodPlantLayout {
         let points = [inside, 0.5 * (inside + length), length].map(|s| foot + along * s);
         let prototype_radius = params.stalk_radii.get(usize::from(organ.proto)).copied().unwrap_or(8e-4) * scale;
         let radius = params.stalk_radius.unwrap_or(prototype_radius).max(1e-4);
-        hung.stalk = Some(self.rods.len());
+        attachment.stalk = Some(self.rods.len());
         let rod = RodDescription {
             points: points.to_vec(),
             radii: vec![radius; 3],
@@ -234,7 +228,7 @@ impl RodPlantLayout {
             parent: None,
         };
         self.push_rod(rod, 0.0, host);
-        hung
+        attachment
     }
 }
 

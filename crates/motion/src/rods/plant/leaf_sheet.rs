@@ -3,23 +3,13 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::rods::record::AIR_DENSITY;
+use crate::rods::tuning::{
+    BUFFET_COEFFICIENT, CLOSED_MESH_SHARE, PRESSURE_OFFSET, PRESSURE_WANDER, SKIN_FRICTION, STROUHAL_NUMBER,
+};
 use osier_base::math;
 use osier_base::rng;
 use osier_scene::Mesh;
 use osier_wind::TimeNoise;
-
-/// Distance of the centre of pressure from the centroid over the chord, in a flow along the blade.
-/// Source: the centre of pressure of a thin plate at a small angle of attack lies at a quarter of the chord.
-const PRESSURE_OFFSET: f64 = 0.25;
-/// Skin-friction coefficient, over the one-sided area.
-const SKIN_FRICTION: f64 = 0.06;
-/// Vortex shedding: Strouhal number f w / u, wander of the centre of pressure over the extent, and amplitude of the
-/// fluctuating normal-force coefficient. Higher amplitudes: leaves tremble more at the same wind.
-const STROUHAL_NUMBER: f64 = 0.2;
-const PRESSURE_WANDER: f64 = 0.12;
-const BUFFET_COEFFICIENT: f64 = 0.25;
-/// Vector area over area below which a mesh counts as closed: half of its area then faces the wind.
-const CLOSED_MESH_SHARE: f64 = 0.2;
 
 /// A leaf mesh as a uniform rigid sheet, in leaf space at scale 1.
 #[derive(Debug, Clone, Copy, PartialEq)]

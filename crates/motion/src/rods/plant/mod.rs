@@ -15,8 +15,8 @@ use self::leaf_sheet::{LeafSheet, LeafSheetPose, VortexShedding};
 use crate::rain::{LeafPose, RainTarget, WoodSegment};
 use crate::rods::StepFailure;
 use crate::rods::prism::{Matrix9, RigidSectionMap, SectionCorners, SectionFrame, corner_dot};
-use crate::rods::record::MAX_STEP_HALVINGS;
 use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
+use crate::rods::tuning::MAX_STEP_HALVINGS;
 use osier_base::{Error, Result};
 use osier_scene::Trs;
 use osier_scene::plant::{AxisKind, Plant};
@@ -94,19 +94,20 @@ impl RodPlant {
         let sheets: Vec<LeafSheet> = plant.protos.iter().map(|p| LeafSheet::from_mesh(&p.mesh)).collect();
         let mut leaves = Vec::with_capacity(layout.leaves.len());
         let (mut own, mut water) = (Vec::new(), Vec::new());
-        for (organ, hung) in plant.organs.iter().zip(&layout.leaves) {
-            let section = match (hung.stalk, hung.host) {
+        for (organ, attachment) in plant.organs.iter().zip(&layout.leaves) {
+            let section = match (attachment.stalk, attachment.host) {
                 (Some(stalk), _) => rods.sections(stalk).last(),
                 (None, host) => host.map(|(rod, at)| rods.nearest_section(rod, at)),
             };
             let frame = section.map_or(WORLD_FRAME, |s| rods.section_frame(s));
             let (turn, sheet) = (world_rotation(&frame), sheets[usize::from(organ.proto)]);
-            let (p, q) = (turn.conjugate() * (hung.pivot - frame.p), (turn.conjugate() * hung.q).normalize());
+            let (p, q) =
+                (turn.conjugate() * (attachment.pivot - frame.p), (turn.conjugate() * attachment.q).normalize());
             if let Some(section) = section {
                 let r = glam::DMat3::from_quat(q);
-                let inertia = r * sheet.inertia(params.wood.leaf_mass, hung.scale) * r.transpose();
-                let at = p + q * (sheet.centroid * hung.scale);
-                let mass = params.wood.leaf_mass * sheet.area * hung.scale * hung.scale;
+                let inertia = r * sheet.inertia(params.wood.leaf_mass, attachment.scale) * r.transpose();
+                let at = p + q * (sheet.centroid * attachment.scale);
+                let mass = params.wood.leaf_mass * sheet.area * attachment.scale * attachment.scale;
                 own.push(AttachedBody { section, at, mass, inertia, of_plant: true, reach: 0.0 });
             }
             let none = glam::DMat3::ZERO;
@@ -118,9 +119,9 @@ impl RodPlant {
                 of_plant: false,
                 reach: 0.0,
             });
-            let now = LeafPose::at_rest(hung.pivot, hung.q);
-            let (scale, eddies) = (hung.scale, VortexShedding::new(organ.id));
-            leaves.push(RodPlantLeaf { section, stalk: hung.stalk, p, q, scale, sheet, eddies, now });
+            let now = LeafPose::at_rest(attachment.pivot, attachment.q);
+            let (scale, eddies) = (attachment.scale, VortexShedding::new(organ.id));
+            leaves.push(RodPlantLeaf { section, stalk: attachment.stalk, p, q, scale, sheet, eddies, now });
         }
         // Water bodies come first, so that body k is the water on leaf k; then the blades.
         let mut rods = if rods.is_empty() { rods } else { rods.with_bodies(water).with_bodies(own) };
@@ -350,8 +351,8 @@ impl RodPlant {
         let places: Vec<Vec3> = held.iter().map(|(_, (p, _))| p.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t + h, &mut air);
-        let hung = leaves.iter_mut().filter(|l| l.section.is_some());
-        for ((leaf, (section, (p, q))), air) in hung.zip(&held).zip(&air) {
+        let attached = leaves.iter_mut().filter(|l| l.section.is_some());
+        for ((leaf, (section, (p, q))), air) in attached.zip(&held).zip(&air) {
             let (v, spin) = rods.section_velocity(*section);
             let arm = *p - rods.section_frame(*section).p;
             let relative = air.as_dvec3() - v - spin.cross(arm);

@@ -113,9 +113,9 @@ impl RodSystem {
         // Predict velocities and positions from external loads, with implicit mass damping.
         for i in 0..self.x.len() {
             let m = self.dampings[self.tree.sections[i].rod];
-            let push = self.apply_inverse_mass(i, &self.step.load[i]);
+            let response = self.apply_inverse_mass(i, &self.step.load[i]);
             for k in 0..9 {
-                self.v[i][k] = (self.v[i][k] + h * push[k]) / (1.0 + 2.0 * m.mass * h);
+                self.v[i][k] = (self.v[i][k] + h * response[k]) / (1.0 + 2.0 * m.mass * h);
             }
         }
         self.project_clamp_velocities(h);
@@ -174,7 +174,7 @@ impl RodSystem {
         };
         let held =
             |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::ClampKind::Fixed);
-        let light = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
+        let inverse_mass = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
         let here = corner(&self.step.next[i], c);
         // An attached base is evaluated anew at the present positions of the section that carries it.
         let rider = (base != NONE).then(|| {
@@ -194,10 +194,10 @@ impl RodSystem {
         let mut pull = [0.0; 9];
         add_to_corner(&mut pull, o, e);
         let pull = rider.map_or(pull, |(j, _)| transposed_matrix_vector(&j, &pull));
-        let (a, b) = (light(i), light(on) * corner_dot(&pull, &pull));
+        let (a, b) = (inverse_mass(i), inverse_mass(on) * corner_dot(&pull, &pull));
         let f = (length - rest) / (a + b + 1.0 / (k * h * h));
         add_to_corner(&mut self.step.next[i], c, e * (f * a));
-        let by = light(on) * f;
+        let by = inverse_mass(on) * f;
         (0..9).for_each(|k| self.step.next[on][k] -= by * pull[k]);
     }
 

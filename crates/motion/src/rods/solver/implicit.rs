@@ -1,13 +1,8 @@
 //! The default integrator: BDF2 with Newton's method on the whole system.
 
 use crate::rods::system::{RodSystem, subtract_corners};
+use crate::rods::tuning::{DIVERGENCE_LENGTHS, MAX_STEP_ITERATIONS, NEWTON_TOLERANCE};
 
-/// Newton iterations per step, at most: more gain nothing that is visible at automatic substeps.
-const MAX_NEWTON_ITERATIONS: usize = 4;
-/// Newton's method has converged when no corner moves by more than this share of the shortest interval.
-const NEWTON_TOLERANCE: f64 = 1e-5;
-/// Total rod lengths from the start beyond which a step counts as diverged.
-const DIVERGENCE_LENGTHS: f64 = 100.0;
 /// Share of an impulse that enters a first (implicit Euler) step; the BDF2 steps that follow add the remaining third
 /// of its momentum.
 const FIRST_STEP_IMPULSE_SHARE: f64 = 2.0 / 3.0;
@@ -37,28 +32,28 @@ impl RodSystem {
         }
         self.step.next.copy_from_slice(&self.x);
         let tolerance = NEWTON_TOLERANCE * self.shortest_interval();
-        let (mut previous, mut growing) = (f64::MAX, 0);
+        let (mut previous_update, mut growing) = (f64::MAX, 0);
         // Newton: solve J dx = r at the current iterate, update, and stop once no corner moves by more than the
         // tolerance. Updates that grow three times running, or corners beyond the divergence limit, fail the step.
-        for _ in 0..MAX_NEWTON_ITERATIONS {
+        for _ in 0..MAX_STEP_ITERATIONS {
             self.assemble_newton_system(ht);
             if !self.solve_newton_update() {
                 return Err(StepFailure);
             }
-            let mut most = 0.0_f64;
+            let mut largest_update = 0.0_f64;
             for (x, d) in self.step.next.iter_mut().zip(&self.step.change) {
                 for k in 0..9 {
                     x[k] += d[k];
-                    most = most.max(d[k].abs());
+                    largest_update = largest_update.max(d[k].abs());
                 }
             }
-            growing = if most > previous { growing + 1 } else { 0 };
+            growing = if largest_update > previous_update { growing + 1 } else { 0 };
             let far = self.step.next.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
-            if !most.is_finite() || growing >= 3 || far > self.divergence_limit {
+            if !largest_update.is_finite() || growing >= 3 || far > self.divergence_limit {
                 return Err(StepFailure);
             }
-            previous = most;
-            if most < tolerance {
+            previous_update = largest_update;
+            if largest_update < tolerance {
                 break;
             }
         }
@@ -86,8 +81,8 @@ impl RodSystem {
             // Inertia: -M (v - v_hat) / ht, v_hat the BDF2 combination of the last two velocities.
             let mut all = [0.0; 9];
             for k in 0..9 {
-                let foretold = now * self.v[i][k] - then * self.before[1][i][k];
-                all[k] = (foretold - self.step.speed[i][k]) * inverse;
+                let predicted = now * self.v[i][k] - then * self.before[1][i][k];
+                all[k] = (predicted - self.step.speed[i][k]) * inverse;
             }
             // Restoring force and damping of the plant's own mass: -M_own [k (x - x_rest) + (a + b k) v], k the recovery
             // per mass; bodies that are only attached take part in inertia alone.

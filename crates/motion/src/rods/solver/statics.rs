@@ -3,19 +3,10 @@
 use crate::rods::prism::{SectionCorners, corner_dot};
 use crate::rods::springs::{spring_energy, spring_vectors};
 use crate::rods::system::{RodSystem, subtract_corners};
-
-/// Newton iterations, at most, and the displacement over total length at which they have converged.
-const MAX_NEWTON_ITERATIONS: usize = 600;
-const EQUILIBRIUM_TOLERANCE: f64 = 1e-10;
-/// Largest displacement of a Newton step over the total length: larger steps leave the range of the linearisation.
-const MAX_NEWTON_STEP: f64 = 0.1;
-/// Under-relaxation of the rest-shape iteration, its greatest number of equilibrium solves, and its tolerance, m.
-const REST_SHAPE_RELAXATION: f64 = 0.7;
-const MAX_EQUILIBRIUM_SOLVES: usize = 20;
-const REST_SHAPE_TOLERANCE: f64 = 1e-5;
-/// Iterations, at most, of the search by residuals, and its tolerance, m.
-const MAX_RESIDUAL_ITERATIONS: usize = 300;
-const RESIDUAL_TOLERANCE: f64 = 1e-7;
+use crate::rods::tuning::{
+    EQUILIBRIUM_TOLERANCE, MAX_EQUILIBRIUM_ITERATIONS, MAX_EQUILIBRIUM_SOLVES, MAX_NEWTON_STEP,
+    MAX_RESIDUAL_ITERATIONS, RESIDUAL_TOLERANCE, REST_SHAPE_RELAXATION, REST_SHAPE_TOLERANCE,
+};
 
 impl RodSystem {
     /// Moves from the present shape to static equilibrium with the external forces; velocities become zero. Returns
@@ -26,19 +17,19 @@ impl RodSystem {
         self.v.iter_mut().for_each(|v| *v = [0.0; 9]);
         self.step.factors.fill(1.0);
         self.step.damping.fill(0.0);
-        let mut still = false;
-        for _ in 0..MAX_NEWTON_ITERATIONS {
+        let mut converged = false;
+        for _ in 0..MAX_EQUILIBRIUM_ITERATIONS {
             // Newton step on the equilibrium K dx = f(x), cut to a share of the total length so that large rotations stay
             // within reach of the linearisation, then shortened until the energy does not rise.
-            let Some(most) = self.newton_displacement() else { return false };
-            self.line_search((MAX_NEWTON_STEP * length / most.max(1e-300)).min(1.0));
-            still = most < EQUILIBRIUM_TOLERANCE * length;
-            if still {
+            let Some(largest) = self.newton_displacement() else { return false };
+            self.line_search((MAX_NEWTON_STEP * length / largest.max(1e-300)).min(1.0));
+            converged = largest < EQUILIBRIUM_TOLERANCE * length;
+            if converged {
                 break;
             }
         }
         self.reset_history();
-        still
+        converged
     }
 
     /// Fills `step.change` with the Newton displacement K^-1 f at the present shape and returns its largest component,
@@ -60,16 +51,16 @@ impl RodSystem {
         if !self.solve_newton_update() {
             return None;
         }
-        let most = self.step.change.iter().flatten().fold(0.0_f64, |m, d| m.max(d.abs()));
-        Some(most).filter(|m| m.is_finite())
+        let largest = self.step.change.iter().flatten().fold(0.0_f64, |m, d| m.max(d.abs()));
+        Some(largest).filter(|m| m.is_finite())
     }
 
-    /// Moves along `step.change` by at most the share `most`, which is halved until the potential energy does not
+    /// Moves along `step.change` by at most the share `max_share`, which is halved until the potential energy does not
     /// rise.
-    fn line_search(&mut self, most: f64) {
+    fn line_search(&mut self, max_share: f64) {
         let from = self.x.clone();
         let start = self.potential_energy();
-        let mut share = most;
+        let mut share = max_share;
         for _ in 0..12 {
             for i in 0..from.len() {
                 self.x[i] = std::array::from_fn(|k| from[i][k] + share * self.step.change[i][k]);
@@ -146,16 +137,16 @@ impl RodSystem {
         let mut least = f64::MAX;
         for _ in 0..MAX_RESIDUAL_ITERATIONS {
             self.set_rest_shape(&shape);
-            let Some(most) = self.newton_displacement() else { break };
-            if most < RESIDUAL_TOLERANCE {
+            let Some(largest) = self.newton_displacement() else { break };
+            if largest < RESIDUAL_TOLERANCE {
                 self.reset_history();
                 return true;
             }
             // The residual grows again: this plant cannot hold its own weight in the drawn pose.
-            if most > 100.0 * least {
+            if largest > 100.0 * least {
                 break;
             }
-            least = least.min(most);
+            least = least.min(largest);
             for (x, e) in shape.iter_mut().zip(&self.step.change) {
                 (0..9).for_each(|k| x[k] -= REST_SHAPE_RELAXATION * e[k]);
             }

@@ -6,12 +6,11 @@ use super::SwayParams;
 use crate::lanes::{Columns, padded_row_count};
 use crate::sway::beam::{OscillatorStep, SECOND_MODE_FREQUENCY_RATIO, second_mode_slope};
 use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
+use crate::sway::tuning::SECOND_MODE_DAMPING;
 use crate::sway::wood::{AIR_DENSITY, WoodParams};
 
 /// Gravitational acceleration, m/s^2.
 const GRAVITY: f64 = osier_base::physics::GRAVITY;
-/// Damping ratio of the second mode over that of the first.
-const SECOND_MODE_DAMPING: f64 = 1.5;
 
 /// Connection of an element to its carrier.
 #[derive(Debug, Clone, Copy)]
@@ -91,6 +90,7 @@ impl SimulationConstants {
             stations: places.stations,
             station_slots: places.station_slots,
         };
+        // Row by row: bend axes, oscillator coefficients, link to the carrier, stations.
         for (e, element) in elements.list.iter().enumerate() {
             let row = constants.rows[e];
             let [a, b] = element.bend_axes;
@@ -115,6 +115,7 @@ impl SimulationConstants {
         };
         let n = carrier.stations.len();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
+        // The station of the carrier whose stretch contains the base.
         let i = carrier.stations.start + ((element.at * n as f64) as usize).min(n - 1);
         let arm = element.base - elements.stations[i].from;
         self.base_offset.set(row, arm.to_array());
@@ -128,6 +129,7 @@ impl SimulationConstants {
     fn set_gravity_levers(&mut self, elements: &BeamElements) {
         let mut masses = vec![0.0; elements.list.len()];
         for (e, element) in elements.list.iter().enumerate().rev() {
+            // Children come after their carriers: accumulate masses from the tips inwards.
             let own = elements.stations.get(element.stations.clone()).unwrap_or_default();
             masses[e] += own.iter().map(|s| s.load.mass).sum::<f64>();
             self.weight.add(self.rows[e], [own.iter().map(|s| s.load.mass * s.tip_compliances[1]).sum()]);
@@ -143,6 +145,7 @@ impl SimulationConstants {
         let (arm, rest) = (s.p - s.from, s.p - element.base);
         self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, element.shape.at(s.middle)]);
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
+        // Drag per squared wind speed, and the rate at which drag stops the stretch per unit of wind speed.
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
         let stops = (bark + leaf) / s.load.mass.max(1e-12);
         self.load_terms

@@ -12,19 +12,11 @@ use pulp::Arch;
 use self::constants::SimulationConstants;
 use self::step::{IntegrateStep, SimulationState, UpdatePositions};
 use crate::sway::elements::{BeamElement, BeamElements};
+use crate::sway::tuning::{MAX_FLICKER_HZ, STEPS_PER_SECOND, VORTEX_FORCE, WIND_SAMPLES_PER_SECOND};
 use crate::sway::wood::WoodParams;
 use osier_base::rng;
 use osier_scene::Trs;
 use osier_wind::{TimeNoise, Wind};
-
-/// Time steps per second, at least: a tenth of the period of visible modes.
-const STEPS_PER_SECOND: f64 = 120.0;
-/// Wind samples per second, at least; linear interpolation between.
-const WIND_SAMPLES_PER_SECOND: f64 = 24.0;
-/// Vortex-shedding force over drag, per unit of flicker.
-const VORTEX_FORCE: f64 = 2.0;
-/// Upper bound of flicker frequencies, Hz: faster motion aliases at 24 frames per second.
-const MAX_FLICKER_HZ: f64 = 3.0;
 
 /// Parameters of a plant's sway.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,6 +59,7 @@ pub struct SwaySimulation<'a> {
 impl<'a> SwaySimulation<'a> {
     /// A plant at rest.
     pub fn new(elements: &'a BeamElements, wind: &'a dyn Wind, params: SwayParams) -> Self {
+        // A whole number of steps per frame.
         let per_frame = (STEPS_PER_SECOND / params.fps).ceil().max(1.0);
         let step = (params.fps * per_frame).recip();
         let constants = SimulationConstants::new(elements, &params, step);
@@ -175,6 +168,7 @@ impl<'a> SwaySimulation<'a> {
             *w = stand.apply(to_dvec3(self.state.places.row(*row)).as_vec3());
         }
         self.wind.sample(&self.world, t, &mut self.station_wind);
+        // The older sample becomes the first of the interval.
         self.state.air.swap(0, 1);
         self.state.shed.swap(0, 1);
         for (e, element) in self.elements.list.iter().enumerate() {

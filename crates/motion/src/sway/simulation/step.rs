@@ -6,15 +6,12 @@ use pulp::{Simd, WithSimd};
 use super::constants::{SecondModes, SimulationConstants};
 use crate::lanes::{Columns, RotationLanes, Vec3Lanes};
 use crate::sway::beam::{large_deflection_factor, rotation_lanes};
+use crate::sway::tuning::{MAX_INERTIAL_ACCELERATION, SECOND_MODE_FORCING};
 use crate::sway::wood::LEAF_FOLD_SPEED;
 use osier_base::simd::{F64Lanes, Lane as _};
 
-/// Limit of the inertial acceleration, m/s^2: a jolt must not throw twigs.
-const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
 /// Wind across a branch below which vortex shedding vanishes, m/s; avoids a division by zero.
 const MIN_CROSS_SPEED: f64 = 1e-30;
-/// Share of the load's deviation from its mean that excites second modes.
-const SECOND_MODE_FORCING: f64 = 0.15;
 
 /// State of a simulation, in rows of [`SimulationConstants`].
 #[derive(Debug)]
@@ -118,6 +115,7 @@ pub(crate) fn drag<S: Simd>(
     along: Vec3Lanes<S>,
     wind: Vec3Lanes<S>,
 ) -> (Vec3Lanes<S>, F64Lanes<S>) {
+    // Cross-flow principle: wood feels the component normal to its axis.
     let across = wind - along * wind.dot(along);
     let (slow, speed) = (across.length(), wind.length());
     let one = F64Lanes::from_scalar(speed.simd, 1.0);
@@ -239,6 +237,7 @@ fn accumulate_base_transforms(constants: &SimulationConstants, state: &mut Simul
 fn place_stations<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, fresh: bool, simd: S) {
     for g in 0..element_groups::<S>(constants) {
         let count = station_count::<S>(constants, g);
+        // From the element's frame to the plant's space.
         let [x, y, z, w, px, py, pz] = state.carried.get(simd, g);
         let (turned, base) = (RotationLanes::from_quaternion([x, y, z, w]), Vec3Lanes([px, py, pz]));
         for k in 0..count {
@@ -325,6 +324,7 @@ impl IntegrateStep<'_> {
                 let ([a, b, c], [d, e, f]) = (rigid.0, one.0);
                 state.rigid.put(s, [a, b, c, d, e, f]);
             }
+            // The total force, in the plant's space, is what the carrier feels.
             let [a, b, c] = turned.apply(total).0;
             let [d, e, f] = inertial_load.0;
             state.forces.put(g, [a, b, c, d, e, f]);
@@ -355,6 +355,7 @@ impl IntegrateStep<'_> {
             let [_, pulled] = vector_pair(state.forces.get(simd, g));
             let turned = RotationLanes::from_quaternion([x, y, z, w]);
             let mut load = Vec3Lanes(state.loads.get(simd, g)) + turned.apply_inverse(pulled);
+            // Gravity relative to the grown pose: the difference between its direction now and then.
             if let Some([gx, gy, gz]) = constants.gravity {
                 let down = Vec3Lanes([
                     F64Lanes::from_scalar(simd, gx),
@@ -381,6 +382,7 @@ impl IntegrateStep<'_> {
             {
                 advance_second_modes(second_mode, state, g, [a, b]);
             }
+            // Exact oscillator step about the static bend.
             let (y, z) = (p - a, q - b);
             state.first_mode.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
         }

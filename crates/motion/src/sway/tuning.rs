@@ -1,0 +1,101 @@
+//! Numbers of the sway that were chosen by judgement or by trial, with what changes when they move.
+
+/// Lower bound of natural frequencies, Hz: below, spin-up would last minutes.
+pub(crate) const MIN_HZ: f64 = 0.1;
+
+/// Relative spread of frequencies between equal branches, and between the two bending directions of one. 0:
+/// neighbours sway in unison; higher: twins look unlike.
+pub(crate) const FREQUENCY_SPREAD: f64 = 0.18;
+pub(crate) const MODE_SPLIT: f64 = 0.03;
+
+/// Share of the wind that the centre of a crown is sheltered from. Higher: inner branches stand still; 0: crowns move
+/// like bare branches.
+pub(crate) const CROWN_SHELTER: f64 = 0.6;
+
+/// Radius at the end of a segment over that at its start. Higher: more, shorter elements.
+pub(crate) const SEGMENT_RADIUS_RATIO: f32 = 0.25;
+
+/// Segments per axis, at most. More: more elements for bends that the slope profile already gives.
+pub(crate) const MAX_SEGMENTS_PER_AXIS: u32 = 3;
+
+/// Least length of a segment over its axis. Smaller: stubs of segments at abrupt tapers.
+pub(crate) const MIN_SEGMENT_SHARE: f32 = 0.05;
+
+/// Stations of the beam of a limb, and of a twig, whose bend is hardly visible. Fewer: frequencies
+/// of tapered wood are off by more than a percent.
+pub(crate) const LIMB_STATIONS: usize = 32;
+pub(crate) const TWIG_STATIONS: usize = 16;
+
+/// Young's modulus, Pa, and radius, m, of thick and of thin wood; smooth in between.
+pub(crate) const THICK_WOOD: (f64, f64) = (8.0e9, 0.05);
+pub(crate) const THIN_WOOD: (f64, f64) = (5.0e9, 0.005);
+
+/// Time steps per second, at least: a tenth of the period of visible modes.
+pub(crate) const STEPS_PER_SECOND: f64 = 120.0;
+
+/// Wind samples per second, at least; linear interpolation between. Fewer: leaves of a crown miss short gusts; more:
+/// the wind becomes the cost.
+pub(crate) const WIND_SAMPLES_PER_SECOND: f64 = 24.0;
+
+/// Vortex-shedding force over drag, per unit of flicker. Higher: branches oscillate across the wind as much as along
+/// it.
+pub(crate) const VORTEX_FORCE: f64 = 2.0;
+
+/// Upper bound of flicker frequencies, Hz: faster motion aliases at 24 frames per second.
+pub(crate) const MAX_FLICKER_HZ: f64 = 3.0;
+
+/// Damping ratio of the second mode over that of the first. Lower: limbs oscillate for long after a gust.
+pub(crate) const SECOND_MODE_DAMPING: f64 = 1.5;
+
+/// Limit of the inertial acceleration, m/s^2: a jolt must not throw twigs.
+pub(crate) const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
+
+/// Share of the load's deviation from its mean that excites second modes. Higher: limbs
+/// look like whips.
+pub(crate) const SECOND_MODE_FORCING: f64 = 0.15;
+
+/// Repetitions of a looping clip that are simulated as spin-up, at most. More: only lightly damped
+/// trunks in short clips gain.
+pub(crate) const MAX_SPIN_UP_CLIPS: f64 = 8.0;
+
+/// Decay exponent after which the initial state counts as forgotten: e^-6 = 0.2 % is left and distributed over the
+/// loop.
+pub(crate) const SPIN_UP_DECAY: f64 = 6.0;
+
+/// Spin-up time of a clip that does not loop, s: a few periods of a slow trunk. Shorter: the first frames sway up.
+pub(crate) const SPIN_UP_SECONDS: f64 = 5.0;
+
+/// Limit of recorded bends, rad, approached by a hyperbolic tangent. Larger: branches fold back on
+/// themselves in storms.
+pub(crate) const MAX_BEND: f32 = 1.4;
+
+/// Bark within this many radii of a fork follows the parent axis. Larger: thick collars; smaller: the bark
+/// tears.
+pub(crate) const COLLAR_RADII: f32 = 1.5;
+
+/// Bark points per task: enough work to outweigh the scheduling.
+pub(crate) const POINTS_PER_TASK: usize = 4096;
+
+/// Largest flutter angles, rad: about the width of the blade, about its normal, about its midrib. Source: own, by eye
+/// on a beech; [zhao-zhang] 3.3 leaves them open.
+pub(crate) const MAX_NOD: f32 = 0.611;
+pub(crate) const MAX_YAW: f32 = 0.436;
+pub(crate) const MAX_TWIST: f32 = 0.785;
+
+/// Twist that accompanies a nod: lambda as printed.
+pub(crate) const TWIST_PER_NOD: f32 = 0.4;
+
+/// Wind speed, m/s, at which flutter reaches 1 - 1/e of its amplitude. Lower: leaves tremble in light air.
+pub(crate) const FLUTTER_SPEED: f32 = 4.0;
+
+/// Scale of the alignment angle with the flow; in a storm a leaf turns by up to pi/2 of it, rad. Higher: crowns show
+/// the undersides of their leaves in any wind.
+pub(crate) const FLOW_ALIGNMENT: f32 = 0.6;
+
+/// Lag time of a leaf behind its twig, s, and the largest angle of lag, rad. Larger: leaves trail
+/// like cloth.
+pub(crate) const LAG_TIME: f32 = 0.06;
+pub(crate) const MAX_LAG: f32 = 0.349;
+
+/// Own sway weight of an axis at its tip; the rest of its weight is its carrier's.
+pub(crate) const TIP_SWAY_SHARE: f32 = 0.5;
