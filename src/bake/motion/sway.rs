@@ -221,7 +221,10 @@ impl SwayMotion {
             // before to half a frame after, divided by the frame's length.
             let turned = after * before.conjugate();
             let spin = turned.xyz() * (2.0 * turned.w.signum() / sample.step);
-            *q = leaves.flutter.orientation(k, *q, sample.seconds, osier_motion::sway::LeafAir { wind, spin }).normalize();
+            *q = leaves
+                .flutter
+                .orientation(k, *q, sample.seconds, osier_motion::sway::LeafAir { wind, spin })
+                .normalize();
         }
     }
 }
