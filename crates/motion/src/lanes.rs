@@ -65,6 +65,7 @@ impl<S: Simd> RotationLanes<S> {
     /// Rotation matrices of unit quaternions (x, y, z, w).
     #[inline(always)]
     pub(crate) fn from_quaternion([x, y, z, w]: [F64Lanes<S>; 4]) -> Self {
+        // The standard matrix of a unit quaternion, with doubled components shared between entries.
         let one = F64Lanes::from_scalar(x.simd, 1.0);
         let (x2, y2, z2) = (x + x, y + y, z + z);
         let (xx, yy, zz) = (x * x2, y * y2, z * z2);
@@ -85,6 +86,7 @@ impl<S: Simd> RotationLanes<S> {
     /// Applies the inverse rotation.
     #[inline(always)]
     pub(crate) fn apply_inverse(&self, v: Vec3Lanes<S>) -> Vec3Lanes<S> {
+        // The transpose: rows weighted by the components of v.
         let [a, b, c] = self.0;
         a * v.0[0] + b * v.0[1] + c * v.0[2]
     }
@@ -112,6 +114,8 @@ impl<const K: usize> Columns<K> {
     /// Range of elements from the first to the last of a row.
     #[inline(always)]
     fn span(row: usize) -> RangeInclusive<usize> {
+        // Blocks of WIDEST rows; within a block the columns follow each other, so that one register holds one column
+        // of several rows.
         let first = row / WIDEST * K * WIDEST + row % WIDEST;
         first..=first + (K - 1) * WIDEST
     }

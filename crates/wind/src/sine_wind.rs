@@ -72,6 +72,7 @@ impl SineWind {
     /// Fits sine and noise to the period, if there is one.
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash; periods are limited")]
     pub fn new(options: SineWindOptions) -> Self {
+        // A whole number of sine periods and of noise cells fits the wind's period.
         let rate = if options.literal { PRINTED_FPS / PRINTED_NOISE_INTERVAL } else { SINE_NOISE_FREQUENCY };
         let (sine_period, noise_rate, noise_cells) = match options.period {
             Some(t) => {
@@ -90,6 +91,7 @@ impl SineWind {
         if o.literal {
             return self.printed_speed(t);
         }
+        // Noise of zero mean, and never a wind against the mean direction.
         let wave = f64::from(o.gust) * math::sin(TAU * t / self.sine_period);
         (o.speed * (1.0 + wave + f64::from(SINE_NOISE_STRENGTH * self.gradient_noise(t)))).max(0.0)
     }

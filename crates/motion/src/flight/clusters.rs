@@ -329,6 +329,7 @@ impl FlightSimulation {
         let drawing = |c: &CatkinCluster| c.state.is_deposited() && c.is_contracting();
         let roots: Vec<u32> = self.clusters.iter().filter(|(_, c)| drawing(c)).map(|(root, _)| *root).collect();
         for root in roots {
+            // Taken out of the map while its members are read and written.
             let Some(mut cluster) = self.clusters.remove(&root) else { continue };
             cluster.contract_at_rest(dt, self.catkin(root).normal.as_dvec3(), |id| self.catkin(id).mass);
             let landing = self.resolve_penetration(&cluster, cluster.x);

@@ -64,6 +64,7 @@ impl FlightSimulation {
             let Some((normal, deep)) = worst else { break };
             at += normal.as_dvec3() * f64::from(deep);
         }
+        // The contacts of all members together decide whether the cluster lies on ground, at a wall or in a corner.
         let holds: Vec<SurfaceContact> = cluster
             .members
             .iter()

@@ -237,6 +237,7 @@ pub(super) fn decayed_updraft(speed: f64, after: f64) -> f64 {
 
 /// Uniformly distributed random rotation.
 fn random_rotation(draw: &mut Rng) -> Quat {
+    // A uniform point on the unit sphere in four dimensions: two circles of radii sqrt(1 - u) and sqrt(u).
     let (u, a, b) = (draw.unit_f64(), draw.unit_f64(), draw.unit_f64());
     let (s, c) = (osier_base::math::sqrt(1.0 - u), osier_base::math::sqrt(u));
     let (a, b) = (a * std::f64::consts::TAU, b * std::f64::consts::TAU);

@@ -90,6 +90,7 @@ impl SectionFrame {
             a += COS[c] * d;
             b += SIN[c] * d;
         }
+        // Normal of the triangle; then u as the mean of a and of b turned back by a quarter.
         let w = a.cross(b).normalize_or_zero();
         let u = (a.normalize_or_zero() + b.normalize_or_zero().cross(w)).normalize_or_zero();
         Self { p, u, v: w.cross(u), w }
@@ -97,6 +98,7 @@ impl SectionFrame {
 
     /// The frame translated by `by`, m, and rotated about its origin by the small rotation vector `turn`, rad.
     pub fn displaced(&self, by: DVec3, turn: DVec3) -> Self {
+        // First-order quaternion of the rotation vector, normalized.
         let q = DQuat::from_xyzw(0.5 * turn.x, 0.5 * turn.y, 0.5 * turn.z, 1.0).normalize();
         Self { p: self.p + by, u: q * self.u, v: q * self.v, w: q * self.w }
     }
@@ -162,6 +164,7 @@ impl RigidSectionMap {
 
     /// Corner forces, N, equivalent to a force, N, and a torque, N m, at the centroid.
     pub fn corner_forces(&self, force: DVec3, torque: DVec3) -> SectionCorners {
+        // f_c = F/3 + (I^-1 T) x r_c: the corner forces of least norm with this resultant.
         let t = self.inverse * torque;
         corners_from_fn(|c| force / 3.0 + t.cross(self.arms[c]))
     }

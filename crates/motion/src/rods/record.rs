@@ -91,6 +91,7 @@ impl RodSystem {
         let n = self.substeps_for_clip(clip)?;
         let mut released: Vec<Option<ReleasedWeight>> = vec![None; self.bodies.len()];
         let mut frames = Vec::new();
+        // Loads and clamps of the first frame apply before its pose is taken.
         self.apply_actuations(clip, 0.0, f64::MAX, 0.0);
         self.reset_history();
         for frame in 0..clip.frames {
@@ -131,6 +132,7 @@ impl RodSystem {
     }
 
     fn current_pose(&self, released: &[Option<ReleasedWeight>]) -> RodPose {
+        // Sections by their frames; a released body at its own position, an attached one with its section.
         let section = |i: usize| {
             let f = self.section_frame(i);
             (f.p.as_vec3(), f.rotation().as_quat().normalize())
@@ -154,6 +156,7 @@ impl RodSystem {
         n: u32,
         released: &mut [Option<ReleasedWeight>],
     ) -> std::result::Result<(), StepFailure> {
+        // State to return to if a substep fails.
         let saved = (self.x.clone(), self.v.clone(), released.to_vec());
         let mut last = StepFailure;
         for halving in 0..=MAX_STEP_HALVINGS {
@@ -184,6 +187,7 @@ impl RodSystem {
         n: u32,
         released: &mut [Option<ReleasedWeight>],
     ) -> std::result::Result<(), StepFailure> {
+        // Implicit loads: keys are evaluated at the end of each substep.
         let h = 1.0 / (clip.fps * f64::from(n));
         for k in 0..n {
             let t = start + f64::from(k) * h;
@@ -210,6 +214,7 @@ impl RodSystem {
     fn apply_actuations(&mut self, clip: &RodClip<'_>, from: f64, h: f64, t: f64) {
         self.clear_forces();
         for act in &clip.acts {
+            // Impulses act once, in the substep that contains their key; everything else is set to its present value.
             match act {
                 Actuation::Wrench(section, keys) => {
                     let [a, b, c, d, e, f] = keys.at(t).unwrap_or_default();
@@ -244,6 +249,7 @@ impl RodSystem {
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t, &mut air);
         for (i, air) in air.iter().enumerate() {
+            // Projected area of the interval around the section, 2 r l.
             let section = &self.tree.sections[i];
             let span = &self.tree.rods[section.rod];
             let length = span.length / span.intervals.len().max(1) as f64;
@@ -252,6 +258,7 @@ impl RodSystem {
             let area = 2.0 * section.radius * length * if end { 0.5 } else { 1.0 };
             let along = self.section_frame(i).w;
             let u = air.as_dvec3() - self.section_velocity(i).0;
+            // Cross-flow principle: only the normal component exerts drag.
             let u = u - along * along.dot(u);
             let f = 0.5 * AIR_DENSITY * drag[section.rod] * area * u.length() * u;
             self.add_wrench(i, f, DVec3::ZERO);
@@ -265,6 +272,7 @@ impl RodSystem {
                 continue;
             }
             match state {
+                // Exact parabola of free fall over the step; the body stops where it meets the ground.
                 Some(k) => {
                     k.p += h * k.v + 0.5 * h * h * self.gravity;
                     k.v += h * self.gravity;
@@ -272,6 +280,7 @@ impl RodSystem {
                         (k.p.y, k.v) = (k.floor, DVec3::ZERO);
                     }
                 }
+                // Released in this step: it starts with the velocity of its point of attachment.
                 None if body.mass <= 0.0 => {
                     let (f, (v, spin)) = (self.section_frame(body.section), self.section_velocity(body.section));
                     let arm = f.matrix() * body.at;

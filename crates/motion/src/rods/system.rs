@@ -40,6 +40,7 @@ pub struct RodClamp {
 
 impl RodClamp {
     fn target_corners(&self) -> SectionCorners {
+        // Rotate the reference corners about their centre, then translate.
         let p = centroid(&self.reference);
         corners_from_fn(|c| p + self.shift + self.turn * (corner(&self.reference, c) - p))
     }
@@ -51,6 +52,7 @@ impl RodClamp {
             directions.iter_mut().enumerate().for_each(|(k, w)| w[k] = 1.0);
             return (directions, 9);
         }
+        // Translation of the centre: the same displacement of all corners, normalized over the nine components.
         let across = |d: DVec3| corners_from_fn(|_| d / math::sqrt(3.0));
         if let ClampKind::Guided(line) = self.hold {
             let line = line.normalize_or(DVec3::Y);
@@ -232,6 +234,7 @@ impl RodSystem {
     fn find_rest_anchors(&mut self) {
         for (rod, span) in self.tree.rods.iter().enumerate() {
             let fixed = |c: &RodClamp| c.hold == ClampKind::Fixed && span.sections.contains(&c.section);
+            // A parent rod takes precedence; else the first fixed clamp on the rod itself.
             self.anchors[rod] = match (span.base, self.clamps.iter().position(fixed)) {
                 (Some(base), _) => RestAnchor::Section(self.tree.bases[base].on as usize),
                 (None, Some(clamp)) => RestAnchor::Clamp(clamp),
@@ -247,6 +250,8 @@ impl RodSystem {
             RestAnchor::None => None,
             RestAnchor::Clamp(c) => Some(SectionFrame::from_corners(&self.clamps[c].target_corners())),
             RestAnchor::Section(s) => {
+                // Extrapolate by the carrier's rigid-body velocity, so that rest positions do not lag a moving
+                // carrier.
                 let (v, spin) = RigidSectionMap::from_corners(&self.x[s]).rigid_velocity(&self.v[s]);
                 Some(SectionFrame::from_corners(&self.x[s]).displaced(v * h, spin * h))
             }
@@ -347,6 +352,7 @@ impl RodSystem {
     /// Substeps per frame that resolve the fastest visible mode. `fps`: frames per second.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     pub fn steps_per_frame(&self, fps: f64) -> u32 {
+        // h = STEP_PHASE / w of the fastest visible fundamental.
         let fastest = self.dampings.iter().fold(0.0, |m: f64, k| m.max(k.hertz)).min(MAX_VISIBLE_HZ);
         (std::f64::consts::TAU * fastest / (STEP_PHASE * fps)).ceil().clamp(STEP_COUNT_RANGE[0], STEP_COUNT_RANGE[1])
             as u32
@@ -365,6 +371,7 @@ impl RodSystem {
 
     /// Adds a force, N, and a torque, N m, at a section's centre, until [`RodSystem::clear_forces`].
     pub fn add_wrench(&mut self, section: usize, force: DVec3, torque: DVec3) {
+        // The wrench as corner forces: the equations know corners only.
         let f = RigidSectionMap::from_corners(&self.x[section]).corner_forces(force, torque);
         (0..9).for_each(|k| self.external_forces[section][k] += f[k]);
     }
@@ -372,6 +379,7 @@ impl RodSystem {
     /// Adds an impulse `blow`, N s, at a world position `place`, m, that is rigid with a section, to the next step of
     /// `h` seconds. [`RodSystem::clear_forces`] must follow that step.
     pub fn add_impulse(&mut self, section: usize, place: DVec3, blow: DVec3, h: f64) {
+        // An impulse is a force J/h that acts for one step.
         let arm = place - centroid(&self.x[section]);
         let f = RigidSectionMap::from_corners(&self.x[section]).corner_forces(blow / h, arm.cross(blow) / h);
         (0..9).for_each(|k| self.impulse_forces[section][k] += f[k]);
@@ -384,6 +392,7 @@ impl RodSystem {
 
     /// Acceleration of a section under a force: M^-1 f.
     pub(crate) fn apply_inverse_mass(&self, i: usize, f: &SectionCorners) -> SectionCorners {
+        // Sections without bodies have the same lumped mass at every corner.
         match self.step.section_masses.get(self.step.mass_index[i] as usize) {
             None => f.map(|f| f / self.tree.sections[i].mass),
             Some(section_masses) => solve_matrix9(&section_masses.all, f),
@@ -433,6 +442,7 @@ impl RodSystem {
             if body.mass <= 0.0 {
                 continue;
             }
+            // Inertia of the body in world directions: m I m^T.
             let m = SectionFrame::from_corners(&x[i]).matrix();
             let block = RigidSectionMap::from_corners(&x[i]).mass_matrix(
                 m * body.at,
@@ -453,6 +463,8 @@ impl RodSystem {
     /// forces, and the reaction of restoring springs on the sections that carry their anchors, which lags by one step.
     pub(crate) fn prepare_step(&mut self, h: f64) {
         self.update_section_masses();
+        // Wrenches, the share of impulses that this step takes, gravity, and the reaction of restoring springs of
+        // child rods.
         for (load, (f, blow)) in self.step.load.iter_mut().zip(self.external_forces.iter().zip(&self.impulse_forces)) {
             (0..9).for_each(|k| load[k] = f[k] + self.share * blow[k]);
         }
@@ -461,6 +473,7 @@ impl RodSystem {
             self.add_restoring_reaction(rod);
         }
         for rod in 0..self.tree.rods.len() {
+            // Rest positions move with their anchor over the step.
             let frame = self.predicted_anchor_frame(rod, h);
             for i in self.tree.rods[rod].sections.clone() {
                 self.step.places[i] =
@@ -504,6 +517,7 @@ impl RodSystem {
         let rigid = RigidSectionMap::from_corners(&self.x[on]);
         let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
         for i in self.tree.rods[rod].sections.clone() {
+            // Restoring force of the section, from the rest positions of the previous step.
             let away = subtract_corners(&self.x[i], &self.step.places[i]);
             let f = self.apply_mass(i, &away, true);
             for c in 0..3 {
@@ -556,6 +570,7 @@ impl RodSystem {
         for k in 0..self.clamps.len() {
             let clamp = &self.clamps[k];
             let i = clamp.section;
+            // Velocity that carries the section to its target in one step.
             let wanted = subtract_corners(&clamp.target_corners(), &self.x[i]).map(|d| d / h);
             let (directions, count) = clamp.constrained_directions();
             if clamp.hold == ClampKind::Fixed {
@@ -565,6 +580,7 @@ impl RodSystem {
             // The directions share one centre and M^-1 is isotropic there, so that correcting them one by one is exact
             // unless a body sits off the centre.
             for direction in &directions[..count] {
+                // Impulse along the direction that changes its velocity to the wanted one.
                 let push = self.apply_inverse_mass(i, direction);
                 let f =
                     (corner_dot(direction, &wanted) - corner_dot(direction, &self.v[i])) / corner_dot(direction, &push);
@@ -587,6 +603,7 @@ pub(crate) fn subtract_corners(a: &SectionCorners, b: &SectionCorners) -> Sectio
 /// Solves a 9x9 symmetric positive definite system by elimination without pivoting.
 pub(crate) fn solve_matrix9(m: &Matrix9, f: &SectionCorners) -> SectionCorners {
     let (mut a, mut x) = (*m, *f);
+    // Forward elimination, then back substitution.
     for k in 0..9 {
         for j in k + 1..9 {
             let q = a[j][k] / a[k][k];

@@ -352,6 +352,7 @@ impl ElementBeam {
     /// Stations of the element: three on trunks and main branches, one on others.
     fn load_stations(&self, source: &ElementContext<'_>, segment: &AxisSegment) -> Vec<LoadStation> {
         let (axis, wood) = (source.axis(segment), source.wood);
+        // Sampled at 0.2, 0.5 and 0.85 of limbs and at 0.75 of twigs, where most of the load is.
         let places: &[f64] = if axis.order <= 1 { &[0.2, 0.5, 0.85] } else { &[0.75] };
         let n = places.len() as f64;
         let length = segment.span[1] - segment.span[0];
@@ -371,6 +372,7 @@ impl ElementBeam {
                     weight += drag;
                 }
             }
+            // Rest geometry of the stretch, and the shelter of the crown at its sample.
             let s = site(*at);
             let from = site(low).p.as_dvec3();
             LoadStation {

@@ -86,6 +86,8 @@ impl JointRig {
             if k + 1 < n {
                 tasks.push(JointTask { element: e, ordinal: k + 1, parent: joint });
             }
+            // Children whose base lies within the stretch of this joint; the outermost joints also take what lies
+            // beyond.
             let carried = |c: &&u32| {
                 let place = elements.list[**c as usize].at * n as f64;
                 (k == 0 || place >= k as f64) && (k + 1 == n || place < (k + 1) as f64)
@@ -230,6 +232,7 @@ impl JointWeights {
     fn normalize_heaviest(mut self) -> ([u16; 4], [f32; 4]) {
         let used = &mut self.items[..self.count];
         used.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        // Four joints is what file formats hold; negligible weights only cost memory.
         let kept = used.iter().take(4).filter(|(_, w)| *w > 1e-4);
         let total = kept.clone().fold(0.0, |t, (_, w)| t + w);
         let (mut joints, mut weights) = ([0; 4], [0.0; 4]);

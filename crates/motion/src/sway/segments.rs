@@ -177,6 +177,7 @@ impl AxisSegments {
         };
         for &i in ranked {
             let order = self.keys[i].0;
+            // Cost of a segment in the unit of the budget.
             let cost = match budget {
                 ElementBudget::Joints(_) => joints_per_order(order, false),
                 ElementBudget::Coarse(_) => joints_per_order(order, true),
@@ -217,6 +218,7 @@ impl AxisSegments {
             let (a, b) = ((k as f64 - 0.5).max(0.0) / last, (k as f64 + 0.5).min(last) / last);
             // Simpson's rule over the stretch that belongs to the station.
             let [ra, rm, rb] = [a, (a + b) * 0.5, b].map(|x| segment_radius(plant, axis, segment, x));
+            // Half a stretch at either end, whole ones between.
             let ds = (b - a) * length;
             let mean = |f: fn(f64) -> f64| (f(ra) + 4.0 * f(rm) + f(rb)) / 6.0 * ds;
             BranchLoad {

@@ -97,6 +97,7 @@ impl BendTrack {
         clip: ClipOptions,
         cancel: &Cancel,
     ) -> Result<(Vec<ElementBends>, ElementBends)> {
+        // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start is forgotten.
         let mut run = SwaySimulation::new(elements, wind, params);
         let length = clip.frames as f64 / params.fps;
         let mut mean_bends = vec![[0.0; 2]; elements.bend_count()];
@@ -132,6 +133,7 @@ impl BendTrack {
         if let Some(after) = after.filter(|_| clip.repeats) {
             close_loop(&mut frames, &after);
         }
+        // Scaling acts on the deviation from the static bend, so that exaggeration does not change the lean.
         let scaled = |b: &ElementBends| b.iter().zip(mean_bends).map(|(b, m)| scaled_bend(*b, *m, &clip)).collect();
         let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(scaled).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {

@@ -158,6 +158,7 @@ impl CantileverInternode {
         self.force = force;
         // Only the force across the internode bends it.
         let across = force - self.along * force.dot(self.along);
+        // Eq. (3), then the angle by the arcsine as printed.
         let delta = tip_deflection(across.length(), self.length, self.radius, self.elasticity, paper.fixes.radius);
         let sine = delta / self.length;
         let angle = math::asin(sine.clamp(-1.0, 1.0));

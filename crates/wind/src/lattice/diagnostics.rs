@@ -83,6 +83,7 @@ impl PlaneDiagnostics {
         }
         self.accumulate_densities(drho, y, z);
         if let Some(SnapshotPlane { grid, speed_unit: speed, values }) = target {
+            // Interleave the row for the snapshot, in m/s, then repeat or wrap its ends into the halo.
             let to = &mut values[(y + 1) * (nx + 2)..][..nx + 2];
             let cells = &mut to[1..=nx];
             let (ux, uy, uz, drho) = (&ux[..nx], &uy[..nx], &uz[..nx], &drho[..nx]);

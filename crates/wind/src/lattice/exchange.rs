@@ -186,6 +186,7 @@ impl NodeSpan {
 
 /// Copies numbers side by side to the nodes of a span.
 fn scatter_to_span(to: &mut [f32], span: NodeSpan, from: &[f32]) {
+    // Single nodes and contiguous rows are the common cases, and avoid the strided loop.
     let from = &from[..to_usize(span.count)];
     if span.count == 1 {
         to[0] = from[0];
@@ -378,6 +379,7 @@ impl ExchangeBuffers {
         let buffers: Vec<_> = ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.buffer)).collect();
         let cells: Vec<_> =
             ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.open_cells)).collect();
+        // One output per range: its parts of the populations and of the four moment arrays.
         let populations = split_slice(&mut self.populations, &buffers).into_iter().zip(buffers);
         let [drho, x, y, z] = &mut self.open_cells.moments;
         let [x, y, z] = [x, y, z].map(|u| split_slice(u, &cells));

@@ -95,6 +95,7 @@ impl FlowState {
         let mut arrays: Vec<_> = self.populations.arrays_mut().into_iter().enumerate().collect();
         par::par_each(&mut arrays, |(k, array)| {
             // The linear part of the equilibrium, 3 w_i c_i.u, and the non-equilibrium part of the shear.
+            // After an even step array k holds direction opp(k).
             let i = if parity == StepParity::Odd { opposite(*k) } else { *k };
             let [x, _, z] = VELOCITIES[i].map(|c| narrow(3.0 * weight(i) * f64::from(c)));
             let added =

@@ -121,6 +121,7 @@ impl Wind for RecordedWind {
             self.add_weighted_frame(positions, t * self.fps, 1.0, out);
             return;
         };
+        // Time within the loop, in frames after the first; the recording starts `lead` frames earlier.
         let frame = t.rem_euclid(period) * self.fps;
         let frames = period * self.fps;
         // Loop: in the last `lead` frames, cross-fade into the frames recorded before the first, which lead up to it.

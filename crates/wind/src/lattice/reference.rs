@@ -69,6 +69,7 @@ impl ReferenceSolver {
     /// One step. `wind`: velocity and shear at a ghost node; `wanted`: target outflow of each outlet.
     pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]), wanted: [f64; 6]) {
         let before = self.outgoing.clone();
+        // As the production solver: the mean outflow is measured once for two steps.
         if self.step.is_multiple_of(2) {
             self.mean_outflow_before_even_step = self.mean_outflow(&before);
         }
@@ -97,6 +98,7 @@ impl ReferenceSolver {
         i: usize,
         wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]),
     ) -> f64 {
+        // Streaming written as a gather: where did the arriving population come from?
         let left = |cell: [usize; 3]| before[self.domain.grid.cell_index(cell)];
         match self.domain.population_source(x, i) {
             PopulationSource::Neighbour => {
@@ -143,6 +145,7 @@ impl ReferenceSolver {
         }
         let ground = self.ground.min_tau.get(y).map_or(self.tau, |t| f64::from(*t));
         let rise = (1.0 - self.tau) * self.ground.sponge_profile.get(y).map_or(1.0, |s| f64::from(*s));
+        // Relaxation time: sponge on top of the molecular one, at least that of the mixing length.
         let tau = (self.tau + share * rise).max(ground);
         let relax = Relaxation::new(tau, self.smagorinsky_factor, self.force);
         match (self.smagorinsky_factor > 0.0, self.force.iter().any(|f| f.abs() > 0.0)) {

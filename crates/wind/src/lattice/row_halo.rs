@@ -50,6 +50,7 @@ impl RowHalo {
     /// Index of the population that arrives in direction `i` at the cell (x, y) of a plane; none if it comes from within
     /// the row.
     pub(super) fn halo_index_of(grid: &LatticeGrid, i: usize, [x, y]: [usize; 2]) -> Option<usize> {
+        // Only directions that point into the row from its end: +x at the first cell, -x at the last.
         let end = match VELOCITIES[i][0] {
             1 if x == 0 => 0,
             -1 if x + 1 == grid.n[0] => 1,
@@ -81,6 +82,7 @@ impl RowHalo {
         }
         let [from, to] = end.halo.map(to_usize);
         if from < to {
+            // Mask of the lanes from..to, by comparing lane numbers; masked lanes become 0.
             let lanes = S::as_simd_f32s(&LANE_NUMBERS).0[0];
             let after = simd.greater_than_or_equal_f32s(lanes, simd.splat_f32s(LANE_NUMBERS[from]));
             let before = simd.less_than_or_equal_f32s(lanes, simd.splat_f32s(LANE_NUMBERS[to - 1]));
@@ -93,6 +95,7 @@ impl RowHalo {
 
     #[inline(always)]
     fn insert_row_end<S: Simd, const END: usize>(&self, simd: S, lane: usize, y: usize, g: &mut [F32Lanes<S>; Q]) {
+        // Select the stored population into the one lane of the row's end, direction by direction.
         let here = simd.equal_f32s(S::as_simd_f32s(&LANE_NUMBERS).0[0], simd.splat_f32s(LANE_NUMBERS[lane]));
         let from = &self.populations[END * INCOMING_COUNT * self.rows + y..];
         for nth in 0..INCOMING_COUNT {
@@ -113,6 +116,8 @@ impl RowEndBlock {
             // After the last row only its block is filled up.
             let until = if y + 1 == grid.n[1] { (last + 1).next_multiple_of(BLOCK) } else { first + grid.row_stride };
             let boundary_index = |n: usize| index(n, "rows of a plane of the lattice");
+            // All registers that touch this row or the halo nodes behind it; those with neither end nor halo are left
+            // out.
             for block in first / lane_count..until.div_ceil(lane_count) {
                 let nodes = block * lane_count..(block + 1) * lane_count;
                 let lane =

@@ -209,6 +209,7 @@ impl LatticeSolver {
     /// Memory for a snapshot: that of an earlier one which nobody holds any more, since touching fresh memory takes as
     /// long as a step.
     fn snapshot_buffer(&mut self) -> Vec<[f32; 4]> {
+        // A strong count of 1: only this queue still refers to it.
         let free = self.past.iter().position(|old| Arc::strong_count(old) == 1);
         if let Some(old) = free.and_then(|k| self.past.remove(k)).and_then(|old| Arc::try_unwrap(old).ok()) {
             return old.values;

@@ -84,6 +84,7 @@ pub(super) fn voxelize(grid: &LatticeGrid, origin: DVec3, spacing: f64, solids: 
 /// Bounds in which a solid may own cells; terrain extends without bound horizontally and downwards. `half`: half an edge of a
 /// cell, m.
 fn candidate_bounds(solid: &Solid, half: f32) -> Bounds {
+    // One cell wider: a thin solid may own a cell whose centre lies outside of it.
     let bounds = solid.bounds().grown(2.0 * half);
     match solid.form {
         Form::Land(_) => {

@@ -116,6 +116,7 @@ impl RodPlantLayout {
             let radius = |k: usize| f64::from(plant.nodes.r[k]) * self.scale;
             // The rod starts where the wood becomes thin enough to bend.
             let first = nodes.clone().find(|k| radius(*k) <= params.max_rod_radius)?;
+            // Length of the bending part; short stubs are not worth a rod.
             let from = f64::from(plant.nodes.s[first]);
             let length = (f64::from(axis.length) - from) * self.scale;
             if length < MIN_AXIS_LENGTH[0].max(MIN_AXIS_LENGTH[1] * radius(first)) || first + 1 >= nodes.end {
@@ -148,6 +149,7 @@ impl RodPlantLayout {
         let mut order: Vec<usize> = (0..rods.len()).filter(|i| rods[*i].is_some()).collect();
         let length = |i: &usize| plant.axes[*i].length;
         order.sort_by(|a, b| {
+            // Lower orders carry higher ones: a bending twig on a rigid limb gains little.
             let by_order = plant.axes[*a].order.cmp(&plant.axes[*b].order);
             by_order.then(length(b).total_cmp(&length(a))).then(a.cmp(b))
         });
@@ -205,6 +207,7 @@ impl RodPlantLayout {
         let site = plant.frame(&plant.axes[organ.axis as usize], organ.s);
         let (pivot, q) = (stand.apply(pivot).as_dvec3(), (stand.r * q).normalize().as_dquat().normalize());
         let scale = f64::from(organ.scale) * self.scale;
+        // A leaf on a petiole axis follows that rod and needs no stalk of its own.
         let host = self.host_rod(organ.axis, f64::from(organ.s));
         let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
         let mut attachment = LeafAttachment { stalk: None, host, pivot, q, scale };
@@ -212,6 +215,7 @@ impl RodPlantLayout {
             return attachment;
         }
         let length = (f64::from(organ.petiole) * self.scale).max(MIN_STALK_LENGTH);
+        // The stalk runs from the wood to the blade's pivot, along the leaf's +Y.
         let along = q * DVec3::Y;
         let foot = pivot - along * (f64::from(organ.petiole) * self.scale);
         // The part of the stalk inside the wood is rigid.

@@ -71,6 +71,7 @@ pub(crate) struct SecondModes {
 
 impl SimulationConstants {
     pub(crate) fn new(elements: &BeamElements, params: &SwayParams, step: f64) -> Self {
+        // n rows of elements, m rows of stations, padding included.
         let places = RowLayout::new(elements);
         let (n, m) = (places.station_slots.first().map_or(0, |s| s.1), places.station_slots.iter().map(|s| s.1).sum());
         let mut constants = Self {
@@ -156,6 +157,7 @@ impl SimulationConstants {
 impl SecondModes {
     /// Oscillators of all second modes; none without any. `fps`: frames per second; `step`: s.
     fn new(constants: &SimulationConstants, elements: &BeamElements, fps: f64, step: f64) -> Option<Self> {
+        // Elements with a second mode are trunks and limbs, which have most stations and therefore the first rows.
         let with: Vec<usize> = (0..elements.list.len()).filter(|e| elements.list[*e].second_mode.is_some()).collect();
         let last = with.iter().map(|e| constants.rows[*e] + 1).max()?;
         let stations = constants.station_slots.iter().map(|s| s.1).sum();
