@@ -15,7 +15,7 @@ use osier::bake::scene::{self, AssembledScene};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
 use osier::motion::rain::{
-    CapOnLeaf, DropParams, DropSizes, Footprint, IntensityEnvelope, LeafAttachment, LeafCollider, LeafSurface,
+    CapOnLeaf, DropParams, DropSizes, CapDeformation, IntensityEnvelope, LeafAttachment, LeafCollider, LeafSurface,
     LeafWaterMaps, RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainfallParams, StaticPlant, UvRaster,
     WetSpot,
 };
@@ -75,7 +75,7 @@ fn slid(drops: &[Slider], k: u32, manner: &DropParams) -> (Vec<CapOnLeaf>, Vec<W
         for i in 0..=TAIL {
             let cap = manner.wetting.cap(volume, 1.0);
             let uv = DVec2::new(d.uv.x, (y + back / 0.08).rem_euclid(1.0));
-            let footprint = Footprint { stretch: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
+            let footprint = CapDeformation { stretch: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
             blobs.push(CapOnLeaf { uv, cap, footprint, axis: DVec3::NEG_Y });
             soaks.push(WetSpot { uv, a: cap.a, t });
             volume *= 0.8_f64 * 0.8 * 0.8;
@@ -137,7 +137,7 @@ fn cell(side: usize, count: usize, with: (&LeafSurface, &DropParams)) -> Cell {
         let same = k >= SAME || slow.iter().zip(&wet).all(|(a, b)| a.maps() == b.maps());
         assert!(same, "not the same maps");
     }
-    let touched = wet.iter().map(|w| w.texel_counters().sum()).sum::<u64>() as f64 / f64::from(FRAMES);
+    let touched = wet.iter().map(|w| w.texel_counters().total_updates()).sum::<u64>() as f64 / f64::from(FRAMES);
     Cell { side, count, quick: middle(&mut quick), whole: middle(&mut whole), touched }
 }
 

@@ -146,7 +146,7 @@ fn define_prototypes(
         }
         match &proto.fine {
             Some(_) => {
-                layer.define_prim(name, "Xform").and_then(|()| define_prototype(cx, layer, root, name, proto))?
+                layer.define_prim(name, "Xform").and_then(|()| define_prototype_contents(cx, layer, root, name, proto))?
             }
             None => {
                 let place = MeshPrim { root, path: name, skinned: false, varying: false };
@@ -171,11 +171,11 @@ fn define_lod_variants(
     let variants = Some(VariantSet { set: LOD_VARIANT_SET, names, selection: proto.level.clone() });
     layer.writer.define_prim(path, "Xform", &PrimMetadata { variants, ..PrimMetadata::default() })?;
     all.into_iter()
-        .try_for_each(|p| define_prototype(cx, layer, root, &variant_path(path, LOD_VARIANT_SET, &p.level), p))
+        .try_for_each(|p| define_prototype_contents(cx, layer, root, &variant_path(path, LOD_VARIANT_SET, &p.level), p))
 }
 
 /// Defines the contents of a prototype below a prim: its mesh, or, if it has fine geometry, that mesh and the curves.
-fn define_prototype(
+fn define_prototype_contents(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     root: &str,
@@ -261,7 +261,7 @@ impl AnimatedPrim for AnimatedInstancer {
                 self.primvars.push(Primvar::create(layer, &self.path, a)?);
             }
         }
-        let mut present = self.primvars.iter().filter(|p| p.is_in(&state.attributes));
+        let mut present = self.primvars.iter().filter(|p| p.has_values_in(&state.attributes));
         present.try_for_each(|p| p.sample(layer, time, &state.attributes))
     }
 
@@ -364,7 +364,7 @@ impl AnimatedPrim for PointTwin {
         sample(self.orient, UsdArray::Quatf(bytemuck::cast_slice(&self.before)))?;
         sample(self.widths, UsdArray::Float(&visible))?;
         sample(self.points, UsdArray::Float3(as_float3(&points)))?;
-        let mut present = self.primvars.iter().filter(|p| p.is_in(&state.attributes));
+        let mut present = self.primvars.iter().filter(|p| p.has_values_in(&state.attributes));
         present.try_for_each(|p| p.sample(layer, time, &state.attributes))?;
         let velocities = up.stage_vecs(&state.velocities);
         let count = instancer.len();

@@ -38,7 +38,7 @@ pub(super) fn define_material(
         )?;
     }
     define_shader(writer, &surface, "UsdPreviewSurface")?;
-    let mut s = ShaderPrim { writer, path: &surface, network: path };
+    let mut s = ShaderInputWriter { writer, path: &surface, network: path };
     s.surface(m, coat)?;
     let maps = [m.maps.color, m.maps.normal, m.maps.roughness, m.maps.height];
     if coat.is_some() || maps.iter().any(Option::is_some) {
@@ -63,13 +63,13 @@ fn define_shader(writer: &mut dyn LayerWriter, path: &str, id: &str) -> Result<(
     Ok(())
 }
 
-struct ShaderPrim<'a> {
+struct ShaderInputWriter<'a> {
     writer: &'a mut dyn LayerWriter,
     path: &'a str,
     network: &'a str,
 }
 
-impl ShaderPrim<'_> {
+impl ShaderInputWriter<'_> {
     fn input(&mut self, name: &str, type_name: &'static str, value: UsdValue) -> Result<()> {
         let path = format!("{}.inputs:{name}", self.path);
         self.writer.create_attr(&path, &AttrSpec::new(type_name), Some(value))?;
@@ -126,7 +126,7 @@ impl ShaderPrim<'_> {
 fn define_st_reader(writer: &mut dyn LayerWriter, network: &str) -> Result<()> {
     let path = format!("{network}/st");
     define_shader(writer, &path, "UsdPrimvarReader_float2")?;
-    let mut s = ShaderPrim { writer, path: &path, network };
+    let mut s = ShaderInputWriter { writer, path: &path, network };
     s.input("varname", "string", UsdValue::String("st"))?;
     s.output("result", "float2")
 }
@@ -148,7 +148,7 @@ fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &Texture
         &AttrSpec::new("asset"),
         Some(UsdValue::Asset(&picture.file)),
     )?;
-    let mut s = ShaderPrim { writer, path: &path, network };
+    let mut s = ShaderInputWriter { writer, path: &path, network };
     s.connect("st", "float2", "st.outputs:result")?;
     let color = picture.name == "color";
     s.input("sourceColorSpace", "token", UsdValue::Token(if color { "sRGB" } else { "raw" }))?;

@@ -231,7 +231,7 @@ impl UsdExporter {
 
     /// Writes the wrapper: payloads of the placements, instancers of the plants with copies, one scope of materials, camera and
     /// lights.
-    fn write_wrapper(&self, cx: &UsdContext, written: &LayerSummary) -> Result<()> {
+    fn write_scene_layer(&self, cx: &UsdContext, written: &LayerSummary) -> Result<()> {
         if self.options.look {
             exr::write_sky(&self.folder, &cx.scene)?;
         }
@@ -276,7 +276,7 @@ impl UsdExporter {
                 )?;
                 rebind_materials(cx, &mut layer, &root, path, written.bindings(prototype.asset))?;
             }
-            group.write_instances(cx, &mut layer, &written.clip_bounds)?;
+            group.write_instance_arrays(cx, &mut layer, &written.clip_bounds)?;
         }
         if self.options.look {
             camera_light::define_camera_and_lights(cx, &mut layer, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
@@ -500,7 +500,7 @@ impl Exporter for UsdExporter {
             let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
             plan.instancers
                 .iter()
-                .try_for_each(|group| group.write_instances(&cx, &mut open.layer, &written.clip_bounds))?;
+                .try_for_each(|group| group.write_instance_arrays(&cx, &mut open.layer, &written.clip_bounds))?;
         }
         // A layer that some placement shows at a phase is read beyond the end of the clip, so its samples repeat once.
         for OpenLayer { layer, animated, .. } in &mut self.layers {
@@ -514,7 +514,7 @@ impl Exporter for UsdExporter {
         }
         self.layers.clear();
         if self.options.file.is_none() {
-            self.write_wrapper(&cx, &written)?;
+            self.write_scene_layer(&cx, &written)?;
         }
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }

@@ -133,7 +133,7 @@ impl PlantInstancer<'_> {
 
     /// Writes the transforms and prototypes of the instances, and the extent. `clip_bounds`: the box of each asset over the whole
     /// clip, in its own space with the stage's axes.
-    pub(super) fn write_instances(
+    pub(super) fn write_instance_arrays(
         &self,
         cx: &UsdContext,
         layer: &mut LayerBuilder,

@@ -39,7 +39,7 @@ impl Primvar {
     }
 
     /// True if a frame has values for it.
-    pub(super) fn is_in(&self, attributes: &[Attribute]) -> bool {
+    pub(super) fn has_values_in(&self, attributes: &[Attribute]) -> bool {
         attributes.iter().any(|a| a.name == self.name && !a.data.is_empty())
     }
 }

@@ -71,7 +71,7 @@ impl<'a> From<UsdArray<'a>> for UsdValue<'a> {
 
 /// Appends single precision numbers, little endian, -0 as 0.
 /// Errs with the index of the first number that is not finite.
-pub(super) fn pack_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), usize> {
+pub(super) fn push_finite_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), usize> {
     const EXPONENT: u32 = 0x7f80_0000;
     let start = out.len();
     out.resize(start + values.len() * 4, 0);
@@ -85,8 +85,8 @@ pub(super) fn pack_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), usize> {
     if has_non_finite { Err(values.iter().position(|x| !x.is_finite()).unwrap_or(0)) } else { Ok(()) }
 }
 
-/// As [`pack_f32`], double precision.
-pub(super) fn pack_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), usize> {
+/// As [`push_finite_f32`], double precision.
+pub(super) fn push_finite_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), usize> {
     for (i, x) in values.iter().enumerate() {
         if !x.is_finite() {
             return Err(i);
@@ -96,8 +96,8 @@ pub(super) fn pack_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), usize> {
     Ok(())
 }
 
-/// As [`pack_f32`], half precision.
-pub(super) fn pack_f16(values: &[f16], out: &mut Vec<u8>) -> Result<(), usize> {
+/// As [`push_finite_f32`], half precision.
+pub(super) fn push_finite_f16(values: &[f16], out: &mut Vec<u8>) -> Result<(), usize> {
     const EXPONENT: u16 = 0x7c00;
     const MINUS_ZERO: u16 = 0x8000;
     let start = out.len();
@@ -118,13 +118,13 @@ mod tests {
     #[test]
     fn minus_zero_becomes_zero_and_nan_is_found() {
         let mut out = Vec::new();
-        pack_f32(&[-0.0, 1.0], &mut out).expect("finite");
+        push_finite_f32(&[-0.0, 1.0], &mut out).expect("finite");
         assert_eq!(out, [0, 0, 0, 0, 0, 0, 0x80, 0x3f]);
-        assert_eq!(pack_f32(&[1.0, 2.0, f32::NAN], &mut Vec::new()), Err(2));
-        assert_eq!(pack_f32(&[f32::INFINITY], &mut Vec::new()), Err(0));
+        assert_eq!(push_finite_f32(&[1.0, 2.0, f32::NAN], &mut Vec::new()), Err(2));
+        assert_eq!(push_finite_f32(&[f32::INFINITY], &mut Vec::new()), Err(0));
         let mut out = Vec::new();
-        pack_f16(&[f16::NEG_ZERO], &mut out).expect("finite");
+        push_finite_f16(&[f16::NEG_ZERO], &mut out).expect("finite");
         assert_eq!(out, [0, 0]);
-        assert_eq!(pack_f16(&[f16::ONE, f16::NAN], &mut Vec::new()), Err(1));
+        assert_eq!(push_finite_f16(&[f16::ONE, f16::NAN], &mut Vec::new()), Err(1));
     }
 }

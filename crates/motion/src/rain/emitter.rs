@@ -83,12 +83,12 @@ pub struct RainEmitter {
     /// Mean area of the source regions over diameters and the clip, m^2.
     area: f64,
     /// The epoch of the last step; none before the first.
-    epoch: Option<EmissionEpoch>,
+    epoch: Option<WindEpoch>,
 }
 
 /// Source regions during one epoch, in which the wind counts as unchanged.
 #[derive(Debug)]
-struct EmissionEpoch {
+struct WindEpoch {
     number: u64,
     /// Source region of each size class.
     regions: Vec<SourceRegion>,
@@ -157,7 +157,7 @@ impl RainEmitter {
         let mut draw = Rng::at(self.params.seed, &["rain".into(), 0_u64.into(), number.into()]);
         let key = Rng::key(self.params.seed, &["rain".into(), "gusts".into()]);
         let fluctuation = 1.0 + self.params.jitter * f64::from(gradient1(key, math::narrow(t / GUST_PERIOD), 1 << 20));
-        let epoch = self.epoch_at(t);
+        let epoch = self.take_or_trace_epoch(t);
         // The count is Poisson distributed. Its mean covers the bounding rectangles of the source regions, averaged over diameters;
         // candidates outside of a region are rejected below.
         let mean_area = epoch.cumulative_areas.last().copied().unwrap_or(0.0) / self.diameters.len().max(1) as f64;
@@ -170,7 +170,7 @@ impl RainEmitter {
             let fractions = DVec2::new(draw.unit_f64(), draw.unit_f64());
             // Rejection sampling: a drop from outside of the region of its size would miss the bounds.
             let Some(p) = epoch.regions.get(class).and_then(|region| region.point(fractions)) else { continue };
-            let p = DVec3::new(p.x, self.tracer.emission_height(), p.y);
+            let p = DVec3::new(p.x, self.tracer.emission_plane_y(), p.y);
             let v = -DVec3::Y * terminal_speed(d);
             emitted.push(EmittedDrop { t: t + offset, p, v, volume: sphere_volume(d) });
         }
@@ -184,7 +184,7 @@ impl RainEmitter {
     }
 
     /// The epoch at time `t`, s: that of the last step if it still lasts.
-    fn epoch_at(&mut self, t: f64) -> EmissionEpoch {
+    fn take_or_trace_epoch(&mut self, t: f64) -> WindEpoch {
         let number = self.tracer.epoch_index(t);
         if let Some(epoch) = self.epoch.take().filter(|epoch| epoch.number == number) {
             return epoch;
@@ -198,7 +198,7 @@ impl RainEmitter {
             sum
         };
         let cumulative_areas = self.classes.iter().map(add).collect();
-        EmissionEpoch { number, regions, cumulative_areas }
+        WindEpoch { number, regions, cumulative_areas }
     }
 
     /// The diameter at cumulative probability `u`, 0 to 1. The flux per area is the same for all sizes, so the probability of a size is

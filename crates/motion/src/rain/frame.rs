@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::rain::drops::rain_leaf::{DropCounters, WetSpot};
-use crate::rain::drops::spherical_cap::Footprint;
+use crate::rain::drops::spherical_cap::CapDeformation;
 use crate::rain::drops::surface_drop::DropCap;
 use crate::rain::event::RainEvent;
 use crate::rain::maps::CapOnLeaf;
@@ -23,7 +23,7 @@ pub struct SessileDrop {
     /// Caps of the head and the tail, the head first.
     pub caps: Vec<DropCap>,
     /// Stretch and skew of the head.
-    pub footprint: Footprint,
+    pub footprint: CapDeformation,
     /// Unit tangent along which the head is stretched and sheared, in leaf space.
     pub axis: DVec3,
     /// Velocity relative to the leaf, in leaf space, m/s.
@@ -180,7 +180,7 @@ impl RainFrame {
         for d in self.sessile.iter().filter(|d| d.leaf == leaf && d.side > 0.0) {
             for (k, cap) in d.caps.iter().enumerate() {
                 // Only the head is deformed.
-                let footprint = if k == 0 { d.footprint } else { Footprint::ROUND };
+                let footprint = if k == 0 { d.footprint } else { CapDeformation::ROUND };
                 caps.push(CapOnLeaf { uv: cap.uv, cap: cap.cap, footprint, axis: d.axis });
             }
         }

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use crate::rain::fall::{sample_wind, sphere_volume, step_velocity, terminal_speed};
 use crate::rain::tuning::{
-    AREA_SAMPLES, AREA_TIMES, DRIFT_MARGIN, EMISSION_HEIGHT, EPOCH_DURATION, HEIGHT_BANDS, MAX_TRACE_STEPS,
+    AREA_SAMPLES, AREA_TIMES, DRIFT_MARGIN, EMISSION_CLEARANCE, EPOCH_DURATION, HEIGHT_BANDS, MAX_TRACE_STEPS,
     SOURCE_MARGIN, TRACE_STEPS, TRACED_SIZES,
 };
 use osier_base::geometry::Bounds;
@@ -148,8 +148,8 @@ impl SourceTracer {
     }
 
     /// Height of the emission plane, m.
-    pub(crate) fn emission_height(&self) -> f64 {
-        f64::from(self.bounds.max.y) + EMISSION_HEIGHT
+    pub(crate) fn emission_plane_y(&self) -> f64 {
+        f64::from(self.bounds.max.y) + EMISSION_CLEARANCE
     }
 
     /// Size class of diameter `d`, m: an index of [`SourceTracer::regions`].
@@ -220,12 +220,12 @@ impl SourceTracer {
         let center = footprint.center();
         let first = self.trace_drift(d, t, &[center]);
         let second =
-            self.trace_drift(d, t, &[0, HEIGHT_BANDS / 2, HEIGHT_BANDS - 1].map(|k| start_of_drop(&first, k, center)));
+            self.trace_drift(d, t, &[0, HEIGHT_BANDS / 2, HEIGHT_BANDS - 1].map(|k| start_to_reach(&first, k, center)));
         let [a, b] = [footprint.min, footprint.max];
         let targets = [a, b, DVec2::new(a.x, b.y), DVec2::new(b.x, a.y), center];
         let starts: Vec<DVec2> = [0, HEIGHT_BANDS / 2, HEIGHT_BANDS - 1]
             .iter()
-            .flat_map(|k| targets.map(|p| start_of_drop(&second, *k, p)))
+            .flat_map(|k| targets.map(|p| start_to_reach(&second, *k, p)))
             .collect();
         self.trace_drift(d, t, &starts)
     }
@@ -236,9 +236,9 @@ impl SourceTracer {
         // Bands reach a little beyond the bounds, as the regions do.
         let (low, high) = (f64::from(self.bounds.min.y) - SOURCE_MARGIN, f64::from(self.bounds.max.y) + SOURCE_MARGIN);
         // The time step takes a drop in still air down in `TRACE_STEPS` steps; an updraft makes it take more.
-        let h = (self.emission_height() - low) / terminal_speed(d) / f64::from(TRACE_STEPS);
+        let h = (self.emission_plane_y() - low) / terminal_speed(d) / f64::from(TRACE_STEPS);
         let wind = self.wind.as_deref();
-        let mut positions: Vec<DVec3> = starts.iter().map(|p| DVec3::new(p.x, self.emission_height(), p.y)).collect();
+        let mut positions: Vec<DVec3> = starts.iter().map(|p| DVec3::new(p.x, self.emission_plane_y(), p.y)).collect();
         let mut velocities: Vec<DVec3> = Vec::new();
         for k in 0..MAX_TRACE_STEPS {
             let sampled: Vec<Vec3> = positions.iter().map(|p| p.as_vec3()).collect();
@@ -271,7 +271,7 @@ impl SourceTracer {
 
 /// The point of the emission plane from which a drop comes to `target` in a height band, by a known drift. If no drop gets to that
 /// band, the nearest band below, else above, that one gets to stands in.
-fn start_of_drop(drift: &DriftByBand, band: usize, target: DVec2) -> DVec2 {
+fn start_to_reach(drift: &DriftByBand, band: usize, target: DVec2) -> DVec2 {
     let known = drift[band..].iter().chain(drift[..band].iter().rev()).find(|d| !d.is_empty());
     target - known.map_or(DVec2::ZERO, LevelRect::center)
 }
@@ -299,7 +299,7 @@ mod tests {
         let mut tracer = SourceTracer::new(tree(), None, [5e-4, 6e-3], 9.81);
         let regions = tracer.regions(0);
         assert_eq!(regions.len(), 1);
-        assert!((regions[0].area() - 4.1 * 4.1).abs() < 1e-9 && (tracer.emission_height() - 9.5).abs() < 1e-9);
+        assert!((regions[0].area() - 4.1 * 4.1).abs() < 1e-9 && (tracer.emission_plane_y() - 9.5).abs() < 1e-9);
     }
 
     #[test]
@@ -350,7 +350,7 @@ mod tests {
 
     fn crosses(tracer: &SourceTracer, d: f64, t: f64, from: DVec2, height: f64) -> bool {
         let h = (height / terminal_speed(d) / 30.0).min(0.01);
-        let mut p = DVec3::new(from.x, tracer.emission_height(), from.y);
+        let mut p = DVec3::new(from.x, tracer.emission_plane_y(), from.y);
         let air = |p: DVec3, t: f64| sample_wind(tracer.wind(), &[p.as_vec3()], t)[0].as_dvec3();
         let mut v = air(p, t) - DVec3::Y * terminal_speed(d);
         let (min, max) = (tracer.bounds.min.as_dvec3(), tracer.bounds.max.as_dvec3());

@@ -20,7 +20,7 @@ pub const MIN_TERMINAL_SPEED: f64 = 0.3;
 // Source regions.
 
 /// Height of the emission plane above the bounds of the plants, m. Higher lets drops meet more of the wind, and costs area and time.
-pub const EMISSION_HEIGHT: f64 = 0.5;
+pub const EMISSION_CLEARANCE: f64 = 0.5;
 /// Distance by which source regions reach beyond what the traced drops need, m.
 pub const SOURCE_MARGIN: f64 = 0.05;
 /// The same as a fraction of the spread of drifts within a height band: gusts carry some drops further than those traced.

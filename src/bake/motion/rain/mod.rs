@@ -236,8 +236,8 @@ fn scene_leaves(
                 .prototypes
                 .iter()
                 .map(|p| {
-                    let cover = AlphaMask::from_mesh(&p.mesh, materials, images);
-                    let grooves = VeinMap::from_mesh(&p.mesh, materials, images);
+                    let cover = AlphaMask::of_mesh_materials(&p.mesh, materials, images);
+                    let grooves = VeinMap::of_mesh_materials(&p.mesh, materials, images);
                     let sheet = Arc::new(LeafSurface::new(&p.mesh)?.with_maps(cover, grooves));
                     let target = Arc::new(LeafCollider::new(&sheet));
                     Some((sheet, target))

@@ -129,7 +129,7 @@ impl Decimal for f16 {
 }
 
 /// The text of a value, or the index of its first element that is not finite.
-type ValueText = std::result::Result<String, usize>;
+type TextOrBadIndex = std::result::Result<String, usize>;
 
 fn tuple<T: Decimal>(v: &[T]) -> Option<String> {
     let parts: Option<Vec<String>> = v.iter().map(|x| x.decimal()).collect();
@@ -146,7 +146,7 @@ fn matrix4d(m: &[f64; 16]) -> Option<String> {
     rows.map(|r| format!("( {} )", r.join(", ")))
 }
 
-fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> ValueText {
+fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> TextOrBadIndex {
     let mut out = String::from("[");
     for (i, item) in items.iter().enumerate() {
         if i > 0 {
@@ -158,7 +158,7 @@ fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> ValueText {
     Ok(out)
 }
 
-fn array(a: &UsdArray) -> ValueText {
+fn array(a: &UsdArray) -> TextOrBadIndex {
     match a {
         UsdArray::Int(v) => list(v, |x| Some(x.to_string())),
         UsdArray::Int64(v) => list(v, |x| Some(x.to_string())),

@@ -144,7 +144,7 @@ impl UsdcWriter {
         let mut bytes = vec![flags];
         bytes.extend((items.len() as u64).to_le_bytes());
         bytes.extend(items.iter().flatten());
-        self.heap.append(code, &bytes)
+        self.heap.store_scalar(code, &bytes)
     }
 
     /// An explicit `SdfPathListOp`: targets of a relationship, or sources of a connection.
@@ -172,14 +172,14 @@ impl UsdcWriter {
             bytes.extend(8_i64.to_le_bytes());
             bytes.extend(value.to_le_bytes());
         }
-        self.heap.append(type_code::DICTIONARY, &bytes)
+        self.heap.store_scalar(type_code::DICTIONARY, &bytes)
     }
 
     /// `TfTokenVector`: number of tokens, their rows.
     fn token_vector_rep(&mut self, tokens: &[u32]) -> Result<u64> {
         let mut bytes = (tokens.len() as u64).to_le_bytes().to_vec();
         bytes.extend(tokens.iter().flat_map(|t| t.to_le_bytes()));
-        self.heap.append(type_code::TOKEN_VECTOR, &bytes)
+        self.heap.store_scalar(type_code::TOKEN_VECTOR, &bytes)
     }
 
     /// Adds a variant set to a prim: fields with its name and selection, a spec for the set, and one for each variant, below
@@ -192,7 +192,7 @@ impl UsdcWriter {
         let mut map = 1_u64.to_le_bytes().to_vec();
         map.extend(set);
         map.extend(self.intern_string(&variants.selection).to_le_bytes());
-        let selection = self.heap.append(type_code::VARIANT_SELECTION_MAP, &map)?;
+        let selection = self.heap.store_scalar(type_code::VARIANT_SELECTION_MAP, &map)?;
         self.set_field(spec, "variantSelection", selection);
         let token = self.tokens.intern(variants.set);
         let children = self.token_vector_rep(&[token])?;
@@ -230,7 +230,7 @@ impl UsdcWriter {
         }
         let mut bytes = (times.len() as u64).to_le_bytes().to_vec();
         bytes.extend(times.iter().flat_map(|t| t.to_le_bytes()));
-        let times = self.heap.append(type_code::DOUBLE_VECTOR, &bytes)?;
+        let times = self.heap.store_scalar(type_code::DOUBLE_VECTOR, &bytes)?;
         // `TimeSamples`: distance to the `ValueRep` of the times (8: it follows at once), that `ValueRep`, distance to the
         // values, their number, their `ValueRep`s. Attributes of equal times share one list of times.
         let mut bytes = 8_i64.to_le_bytes().to_vec();
@@ -238,7 +238,7 @@ impl UsdcWriter {
         bytes.extend(8_i64.to_le_bytes());
         bytes.extend((values.len() as u64).to_le_bytes());
         bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-        let value = self.heap.append(type_code::TIME_SAMPLES, &bytes)?;
+        let value = self.heap.store_scalar(type_code::TIME_SAMPLES, &bytes)?;
         self.set_field(samples.spec, "timeSamples", value);
         Ok(())
     }
@@ -258,10 +258,10 @@ impl UsdcWriter {
     fn write_sections(&mut self) -> Result<()> {
         // PATHS and STRINGS may add tokens, so TOKENS is encoded after them.
         let mut tokens = std::mem::take(&mut self.tokens);
-        let paths = self.paths.section(&mut |t| tokens.intern(t))?;
+        let paths = self.paths.paths_section(&mut |t| tokens.intern(t))?;
         let strings: Vec<u32> = self.strings.list().iter().map(|s| tokens.intern(s)).collect();
         let [fields, sets, specs] = sections::spec_sections(&self.specs)?;
-        tokens.check_size("tokens of a crate file")?;
+        tokens.check_row_count("tokens of a crate file")?;
         let sections = [
             ("TOKENS", sections::tokens_section(tokens.list())),
             ("STRINGS", sections::strings_section(&strings)),

@@ -20,7 +20,7 @@ pub(super) struct Interner {
 }
 
 impl Interner {
-    /// The row number of a string. Numbers stop at `u32::MAX`; [`Self::check_size`] refuses a table that long.
+    /// The row number of a string. Numbers stop at `u32::MAX`; [`Self::check_row_count`] refuses a table that long.
     pub(super) fn intern(&mut self, text: &str) -> u32 {
         if let Some(i) = self.index.get(text) {
             return *i;
@@ -38,7 +38,7 @@ impl Interner {
     }
 
     /// An error if the table has more rows than a file can number. `what`: the rows in the plural.
-    pub(super) fn check_size(&self, what: &'static str) -> Result<()> {
+    pub(super) fn check_row_count(&self, what: &'static str) -> Result<()> {
         index(self.list.len(), what).map(|_| ())
     }
 }
@@ -64,13 +64,13 @@ pub(super) enum SpecType {
     VariantSet = 11,
 }
 
-fn u64_le(n: usize) -> [u8; 8] {
+fn u64_bytes_le(n: usize) -> [u8; 8] {
     (n as u64).to_le_bytes()
 }
 
 /// Appends a compressed block behind its length in bytes.
 fn push_sized_block(data: &[u8], out: &mut Vec<u8>) {
-    out.extend(u64_le(data.len()));
+    out.extend(u64_bytes_le(data.len()));
     out.extend_from_slice(data);
 }
 
@@ -81,15 +81,15 @@ pub(super) fn tokens_section(tokens: &[String]) -> Vec<u8> {
         raw.extend_from_slice(t.as_bytes());
         raw.push(0);
     }
-    let mut out = u64_le(tokens.len()).to_vec();
-    out.extend(u64_le(raw.len()));
+    let mut out = u64_bytes_le(tokens.len()).to_vec();
+    out.extend(u64_bytes_le(raw.len()));
     push_sized_block(&integer_coding::lz4_block(&raw), &mut out);
     out
 }
 
 /// The STRINGS section: for each string the number of the token with its text, uncompressed.
 pub(super) fn strings_section(strings: &[u32]) -> Vec<u8> {
-    let mut out = u64_le(strings.len()).to_vec();
+    let mut out = u64_bytes_le(strings.len()).to_vec();
     out.extend(strings.iter().flat_map(|i| i.to_le_bytes()));
     out
 }
@@ -117,15 +117,15 @@ pub(super) fn spec_sections(specs: &[SpecEntry]) -> Result<[Vec<u8>; 3]> {
         types.push(spec.spec_type as i32);
     }
     // FIELDS: the column of name tokens is integer coded, the 64-bit `ValueRep` column is plain LZ4.
-    let mut field_section = u64_le(fields.list.len()).to_vec();
+    let mut field_section = u64_bytes_le(fields.list.len()).to_vec();
     let names: Vec<i32> = fields.list.iter().map(|f| f.0.cast_signed()).collect();
     let values: Vec<u8> = fields.list.iter().flat_map(|f| f.1.to_le_bytes()).collect();
     push_sized_block(&integer_coding::compress_i32(&names), &mut field_section);
     push_sized_block(&integer_coding::lz4_block(&values), &mut field_section);
-    let mut set_section = u64_le(set_list.len()).to_vec();
+    let mut set_section = u64_bytes_le(set_list.len()).to_vec();
     push_sized_block(&integer_coding::compress_i32(&set_list), &mut set_section);
     // SPECS: columns of path rows, field set positions and spec types.
-    let mut spec_section = u64_le(specs.len()).to_vec();
+    let mut spec_section = u64_bytes_le(specs.len()).to_vec();
     for column in [&paths, &firsts, &types] {
         push_sized_block(&integer_coding::compress_i32(column), &mut spec_section);
     }
@@ -182,8 +182,8 @@ impl PathTable {
     /// The PATHS section. `intern_token`: number of the token of an element name.
     /// # Errors
     /// `TooMany` if there are more paths than `i32` can number.
-    pub(super) fn section(&self, intern_token: &mut dyn FnMut(&str) -> u32) -> Result<Vec<u8>> {
-        self.paths.check_size("paths of a crate file")?;
+    pub(super) fn paths_section(&self, intern_token: &mut dyn FnMut(&str) -> u32) -> Result<Vec<u8>> {
+        self.paths.check_row_count("paths of a crate file")?;
         let mut tree = PathTree { children: BTreeMap::new(), index: &self.paths.index, rows: Vec::new() };
         for path in self.paths.list().iter().filter(|p| *p != "/") {
             let (parent, name, is_property) = if path.contains('.') {
@@ -197,8 +197,8 @@ impl PathTable {
         }
         tree.append_subtree("/", 0, false, intern_token)?;
         // The number of paths stands twice: size of the table, and number of rows that follow.
-        let mut out = u64_le(tree.rows.len()).to_vec();
-        out.extend(u64_le(tree.rows.len()));
+        let mut out = u64_bytes_le(tree.rows.len()).to_vec();
+        out.extend(u64_bytes_le(tree.rows.len()));
         for column in 0..3 {
             let values: Vec<i32> = tree.rows.iter().map(|r| r[column]).collect();
             push_sized_block(&integer_coding::compress_i32(&values), &mut out);

@@ -5,7 +5,7 @@
 
 use super::integer_coding;
 use crate::usd::byte_sink::ByteSink;
-use crate::usd::value::{UsdArray, UsdValue, pack_f16, pack_f32, pack_f64};
+use crate::usd::value::{UsdArray, UsdValue, push_finite_f16, push_finite_f32, push_finite_f64};
 use osier_base::par::LookupMap;
 use osier_base::{Error, Result};
 
@@ -76,7 +76,7 @@ impl ValueHeap {
     }
 
     /// `ValueRep` of a single value of type `code` with this encoding; appended unless an equal one is in the file.
-    pub(super) fn append(&mut self, code: u8, bytes: &[u8]) -> Result<u64> {
+    pub(super) fn store_scalar(&mut self, code: u8, bytes: &[u8]) -> Result<u64> {
         self.append_deduplicated(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
     }
 
@@ -115,7 +115,7 @@ impl ValueHeap {
         }
         let mut bytes = std::mem::take(&mut self.scratch);
         bytes.clear();
-        pack_array(array, tokens, &mut bytes).map_err(|i| not_finite(&place(), i))?;
+        push_elements_le(array, tokens, &mut bytes).map_err(|i| not_finite(&place(), i))?;
         let count = (array.len() as u64).to_le_bytes();
         // The top bit of the kind tells arrays from single values.
         let kind = code | 0x80;
@@ -158,17 +158,17 @@ impl ValueHeap {
             UsdValue::String(_) => return Ok(inline_value_rep(type_code::STRING, index)),
             UsdValue::Token(_) => return Ok(inline_value_rep(type_code::TOKEN, index)),
             UsdValue::Asset(_) => return Ok(inline_value_rep(type_code::ASSET_PATH, index)),
-            UsdValue::Double(x) => pack_f64(&[*x], &mut bytes).map(|()| type_code::DOUBLE),
-            UsdValue::Float2(v) => pack_f32(v, &mut bytes).map(|()| type_code::VEC2F),
-            UsdValue::Float3(v) => pack_f32(v, &mut bytes).map(|()| type_code::VEC3F),
-            UsdValue::Float4(v) => pack_f32(v, &mut bytes).map(|()| type_code::VEC4F),
-            UsdValue::Double3(v) => pack_f64(v, &mut bytes).map(|()| type_code::VEC3D),
-            UsdValue::Quatf(v) => pack_f32(v, &mut bytes).map(|()| type_code::QUATF),
-            UsdValue::Matrix4d(v) => pack_f64(v, &mut bytes).map(|()| type_code::MATRIX4D),
+            UsdValue::Double(x) => push_finite_f64(&[*x], &mut bytes).map(|()| type_code::DOUBLE),
+            UsdValue::Float2(v) => push_finite_f32(v, &mut bytes).map(|()| type_code::VEC2F),
+            UsdValue::Float3(v) => push_finite_f32(v, &mut bytes).map(|()| type_code::VEC3F),
+            UsdValue::Float4(v) => push_finite_f32(v, &mut bytes).map(|()| type_code::VEC4F),
+            UsdValue::Double3(v) => push_finite_f64(v, &mut bytes).map(|()| type_code::VEC3D),
+            UsdValue::Quatf(v) => push_finite_f32(v, &mut bytes).map(|()| type_code::QUATF),
+            UsdValue::Matrix4d(v) => push_finite_f64(v, &mut bytes).map(|()| type_code::MATRIX4D),
             UsdValue::Array(array) => return self.array_value_rep(array, &[], place),
         }
         .map_err(bad)?;
-        self.append(code, &bytes)
+        self.store_scalar(code, &bytes)
     }
 }
 
@@ -194,18 +194,18 @@ fn array_type_code(array: &UsdArray) -> u8 {
 }
 
 /// Appends the elements, little endian. Errs with the position of the first number that is not finite.
-fn pack_array(array: &UsdArray, tokens: &[u32], out: &mut Vec<u8>) -> std::result::Result<(), usize> {
+fn push_elements_le(array: &UsdArray, tokens: &[u32], out: &mut Vec<u8>) -> std::result::Result<(), usize> {
     match array {
         UsdArray::Int(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
         UsdArray::Int64(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
-        UsdArray::Float(v) => pack_f32(v, out)?,
-        UsdArray::Float2(v) => pack_f32(v.as_flattened(), out)?,
-        UsdArray::Float3(v) => pack_f32(v.as_flattened(), out)?,
-        UsdArray::Float4(v) => pack_f32(v.as_flattened(), out)?,
-        UsdArray::Quatf(v) => pack_f32(v.as_flattened(), out)?,
-        UsdArray::Half3(v) => pack_f16(v.as_flattened(), out)?,
-        UsdArray::Quath(v) => pack_f16(v.as_flattened(), out)?,
-        UsdArray::Matrix4d(v) => pack_f64(v.as_flattened(), out)?,
+        UsdArray::Float(v) => push_finite_f32(v, out)?,
+        UsdArray::Float2(v) => push_finite_f32(v.as_flattened(), out)?,
+        UsdArray::Float3(v) => push_finite_f32(v.as_flattened(), out)?,
+        UsdArray::Float4(v) => push_finite_f32(v.as_flattened(), out)?,
+        UsdArray::Quatf(v) => push_finite_f32(v.as_flattened(), out)?,
+        UsdArray::Half3(v) => push_finite_f16(v.as_flattened(), out)?,
+        UsdArray::Quath(v) => push_finite_f16(v.as_flattened(), out)?,
+        UsdArray::Matrix4d(v) => push_finite_f64(v.as_flattened(), out)?,
         UsdArray::Token(_) => out.extend(tokens.iter().flat_map(|x| x.to_le_bytes())),
     }
     Ok(())

@@ -93,7 +93,7 @@ impl RainLeaf {
     /// Moves a pendant drop back onto the blade, just inside its attachment. Returns false, and leaves it, if no surface is there.
     fn return_to_blade(&self, drop: &mut SurfaceDrop, pendant: &PendantAnchor) -> bool {
         let inside = pendant.margin.p - pendant.outward * (RETURN_INSET * pendant.radius);
-        let uv = self.blade.margin_uv(&pendant.margin);
+        let uv = self.blade.uv_of_margin_point(&pendant.margin);
         // Texture coordinates on the margin itself may round to outside of it: look a little towards the middle.
         let toward_middle = DVec2::splat(0.5) - uv;
         let Some(surface) = self.point_at(uv + toward_middle * MARGIN_UV_SHIFT) else { return false };
@@ -105,7 +105,7 @@ impl RainLeaf {
     }
 
     /// A point of the blade near a drop whose own texture coordinates are beyond it, m of leaf space; the stalk's end if none is found.
-    pub(super) fn nearby_point(&self, drop: &SurfaceDrop) -> DVec3 {
+    pub(super) fn clamped_blade_point(&self, drop: &SurfaceDrop) -> DVec3 {
         let near = drop.uv.clamp(DVec2::splat(0.01), DVec2::splat(0.99));
         self.point_at(near).map_or(DVec3::ZERO, |s| s.p)
     }

@@ -151,7 +151,7 @@ impl PendantShapes {
     pub fn new(radius: f64, g: f64) -> Self {
         let capillary_length = math::sqrt(WATER_SURFACE_TENSION / (WATER_DENSITY * g.max(MIN_GRAVITY)));
         let scaled_radius = (radius / capillary_length).clamp(RADIUS_RANGE[0], RADIUS_RANGE[1]);
-        let scaled_turn = min_apex_radius(scaled_radius);
+        let scaled_turn = min_widening_apex_radius(scaled_radius);
         let scaled_last = apex_radius_of_max_volume(scaled_turn, scaled_radius);
         Self { capillary_length, radius, scaled_radius, scaled_turn, scaled_last }
     }
@@ -204,7 +204,7 @@ impl PendantShapes {
 }
 
 /// The smallest radius of curvature at the apex, in capillary lengths, with which a profile still widens to the radius `r`.
-fn min_apex_radius(r: f64) -> f64 {
+fn min_widening_apex_radius(r: f64) -> f64 {
     // Bracket the limit, then bisect; without gravity it would be r itself, that of a half ball.
     let (mut lo, mut hi) = (0.5 * r, 4.0 * r);
     while integrate_profile(hi, r, ProfileBranch::Widening).is_none() && hi < 100.0 * r {
@@ -293,7 +293,7 @@ mod tests {
     fn the_table_is_what_the_shapes_give() {
         for MaxVolumeRow { radius: mm, fraction: c } in MAX_VOLUME_TABLE {
             let r = mm / TABLE_CAPILLARY_LENGTH;
-            let tight = min_apex_radius(r);
+            let tight = min_widening_apex_radius(r);
             let b = apex_radius_of_max_volume(tight, r);
             let most = integrate_profile(b, r, ProfileBranch::Narrowing).expect("a shape").volume;
             // In capillary lengths 2 pi R gamma / (rho g) is 2 pi r.

@@ -27,7 +27,7 @@ impl RainLeaf {
     pub(super) fn step_sessile(&self, drop: &mut SurfaceDrop, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let params = step.params;
         let Some(surface) = self.point_at(drop.uv) else {
-            return self.detach_whole(drop, step, self.nearby_point(drop), DVec3::ZERO, result);
+            return self.detach_whole(drop, step, self.clamped_blade_point(drop), DVec3::ZERO, result);
         };
         let gravity = self.surface_gravity(&surface, drop.side, step);
         let m = WATER_DENSITY * drop.volume;

@@ -126,7 +126,7 @@ impl SphericalCap {
 
 /// Deformation of a cap that runs or is about to: its base is an ellipse of the same area, its height is sheared forwards.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Footprint {
+pub struct CapDeformation {
     /// Factor on the base radius along the drop's axis; across it the factor is 1 / `stretch`.
     pub stretch: f64,
     /// Relative change of the height from the middle to the front; the rear is lower by as much.
@@ -135,23 +135,23 @@ pub struct Footprint {
 
 /// Where a point is in the footprint of a cap.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FootprintPoint {
+pub struct UndeformedPoint {
     /// Distance from the axis in base radii of the undeformed cap.
     pub rho: f64,
     /// Factor of the shear on the height.
     pub height_factor: f64,
 }
 
-impl Footprint {
+impl CapDeformation {
     /// A circle without shear.
     pub const ROUND: Self = Self { stretch: 1.0, skew: 0.0 };
 
     /// Maps a point at `along` and `across` the drop's axis, m, to the undeformed cap of base radius `a`, m.
-    pub fn to_undeformed(&self, a: f64, along: f64, across: f64) -> FootprintPoint {
+    pub fn to_undeformed(&self, a: f64, along: f64, across: f64) -> UndeformedPoint {
         // Stretch s along and 1 / s across the axis keep the area, hence the volume.
         let (x, y) = (along / (a * self.stretch), across * self.stretch / a);
         let rho = math::sqrt(x * x + y * y);
-        FootprintPoint { rho, height_factor: 1.0 + self.skew * x.clamp(-1.0, 1.0) }
+        UndeformedPoint { rho, height_factor: 1.0 + self.skew * x.clamp(-1.0, 1.0) }
     }
 }
 
@@ -173,7 +173,7 @@ mod tests {
     }
 
     /// By rings from the middle out.
-    fn volume(cap: &SphericalCap, footprint: Footprint) -> f64 {
+    fn volume(cap: &SphericalCap, footprint: CapDeformation) -> f64 {
         let (n, m) = (2000, 64);
         let reach = cap.max_radius() / cap.a;
         let mut sum = 0.0;
@@ -185,7 +185,7 @@ mod tests {
                     cap.a * rho * math::cos(phi) * footprint.stretch,
                     cap.a * rho * math::sin(phi) / footprint.stretch,
                 );
-                let FootprintPoint { rho, height_factor } = footprint.to_undeformed(cap.a, along, across);
+                let UndeformedPoint { rho, height_factor } = footprint.to_undeformed(cap.a, along, across);
                 sum += cap.height(rho) * height_factor * rho * reach / f64::from(n) * 2.0 * PI / f64::from(m)
                     * cap.a
                     * cap.a;
@@ -199,7 +199,7 @@ mod tests {
         for theta in [30.0, 45.0, 60.0, 75.0, 90.0] {
             for (omega, q, skew) in [(None, 1.0, 0.0), (Some(0.7), 1.4, 0.2), (None, 1.1, 0.26)] {
                 let cap = wetting(theta, omega, CapShape::Flattened).cap(2e-8, 1.0);
-                let found = volume(&cap, Footprint { stretch: q, skew });
+                let found = volume(&cap, CapDeformation { stretch: q, skew });
                 assert!((found / 2e-8 - 1.0).abs() < 0.01, "{theta} {omega:?}: {found}");
             }
         }
@@ -210,7 +210,7 @@ mod tests {
         let cap = wetting(60.0, None, CapShape::Paper).cap(1e-8, 1.0);
         // As printed r sin(theta) is taken from the height, which leaves 0.0539 r^3 of a true 0.6545 r^3.
         assert!((unit_cap_volume(60.0_f64.to_radians()) - 0.6545).abs() < 1e-4);
-        assert!((volume(&cap, Footprint::ROUND) / 0.5e-8 - 1.0).abs() < 0.01);
+        assert!((volume(&cap, CapDeformation::ROUND) / 0.5e-8 - 1.0).abs() < 0.01);
     }
 
     #[test]

@@ -91,7 +91,7 @@ impl RainLeaf {
             // The lever arm is already in the point of application; the paper multiplies the weight by it once more.
             let lever = match params.lever {
                 LeverArm::Physical => 1.0,
-                LeverArm::Paper(most) => (local.length() / self.max_extent()).min(most),
+                LeverArm::Paper(most) => (local.length() / self.leaf_reach()).min(most),
             };
             let force = match self.point_at(drop.uv).filter(|_| drop.pendant.is_none() && drop.v.length() > REST_SPEED)
             {
@@ -119,7 +119,7 @@ impl RainLeaf {
     }
 
     /// Largest distance of a vertex of the leaf from the end of its stalk, m; at least 1 micrometre.
-    fn max_extent(&self) -> f64 {
+    fn leaf_reach(&self) -> f64 {
         self.blade.points().iter().fold(1e-6, |m: f64, p| m.max(p.length())) * self.scale
     }
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::rain::drops::spherical_cap::{Footprint, SphericalCap};
+use crate::rain::drops::spherical_cap::{CapDeformation, SphericalCap};
 use crate::rain::leaf::surface::MarginPoint;
 use crate::rain::params::DropParams;
 use crate::rain::tuning::{
@@ -111,9 +111,9 @@ impl SurfaceDrop {
         1.0 + moving + MERGE_STRETCH * math::exp(-self.since_merge / MERGE_STRETCH_TIME)
     }
 
-    /// Footprint on the leaf: stretched by speed, skewed by the load on the contact line.
-    pub fn footprint(&self, params: &DropParams) -> Footprint {
-        Footprint { stretch: self.stretch(), skew: self.lean * params.wetting.max_skew() }
+    /// CapDeformation on the leaf: stretched by speed, skewed by the load on the contact line.
+    pub fn footprint(&self, params: &DropParams) -> CapDeformation {
+        CapDeformation { stretch: self.stretch(), skew: self.lean * params.wetting.max_skew() }
     }
 
     /// Fractions of the volume that its caps hold, the head first; their sum is 1.

@@ -279,7 +279,7 @@ impl LeafSurface {
     }
 
     /// Texture coordinates of a point of the margin.
-    pub fn margin_uv(&self, margin: &MarginPoint) -> DVec2 {
+    pub fn uv_of_margin_point(&self, margin: &MarginPoint) -> DVec2 {
         let [a, b] = self.margin.edges[margin.edge].map(|k| self.uvs[k as usize]);
         a + (b - a) * margin.fraction
     }

@@ -52,7 +52,7 @@ impl DirtySpans {
         Self { heights: RowSpans::full(side), normals: RowSpans::full(side) }
     }
 
-    pub fn new(segments: &DirtySegments) -> Self {
+    pub fn new(segments: &DirtyBits) -> Self {
         let n = segments.side;
         let heights = RowSpans::from_rows(n, |y, spans| spans.extend(marked_spans(segments.row(y), n)));
         // A normal depends on the heights of its four neighbours: mark also the rows above and below (bitwise or), and extend each
@@ -79,13 +79,13 @@ impl DirtySpans {
 
 /// Marks on segments of rows, each [`TILE`] texels long: a bit per segment, that of the first segment lowest.
 #[derive(Debug, Clone)]
-pub(super) struct DirtySegments {
+pub(super) struct DirtyBits {
     side: usize,
     words_per_row: usize,
     words: Vec<u64>,
 }
 
-impl DirtySegments {
+impl DirtyBits {
     /// No marks on a map of `side` by `side` texels.
     pub fn none(side: usize) -> Self {
         let words_per_row = side.div_ceil(TILE * WORD);

@@ -11,7 +11,7 @@ use super::TILE;
 use super::dirty_spans::RowSpans;
 use super::texel_window::{ColumnSpan, TexelWindow};
 use super::uv_raster::{RasterRow, UvRaster};
-use crate::rain::drops::spherical_cap::{Footprint, SphericalCap};
+use crate::rain::drops::spherical_cap::{CapDeformation, SphericalCap};
 use crate::rain::tuning::MIN_MAP_WETNESS;
 use osier_base::math::narrow;
 use osier_base::simd::{F32Lanes, Lane as _};
@@ -60,7 +60,7 @@ pub(super) trait TexelKernel {
     fn evaluate<S: Simd>(&self, d: [F32Lanes<S>; 3]) -> F32Lanes<S>;
 }
 
-/// Height of a cap over the leaf, m; [`SphericalCap::height`] and [`Footprint::map`] in single precision.
+/// Height of a cap over the leaf, m; [`SphericalCap::height`] and [`CapDeformation::map`] in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CapKernel {
     origin: KernelOrigin,
@@ -81,8 +81,8 @@ pub(super) struct CapKernel {
 
 impl CapKernel {
     /// `axis`: the unit tangent along which the cap is stretched and sheared.
-    pub fn new(cap: &SphericalCap, footprint: &Footprint, origin: KernelOrigin, axis: Vec3) -> Self {
-        // Footprint coordinates x = d . axis / (a stretch) and y = d . across stretch / a, with the factors in the covectors.
+    pub fn new(cap: &SphericalCap, footprint: &CapDeformation, origin: KernelOrigin, axis: Vec3) -> Self {
+        // CapDeformation coordinates x = d . axis / (a stretch) and y = d . across stretch / a, with the factors in the covectors.
         let across = Vec3::from_array(origin.n).cross(axis);
         Self {
             origin,

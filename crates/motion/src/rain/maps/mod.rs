@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use crate::rain::drops::rain_leaf::WetSpot;
-use crate::rain::drops::spherical_cap::{Footprint, SphericalCap};
+use crate::rain::drops::spherical_cap::{CapDeformation, SphericalCap};
 use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use crate::rain::params::DropParams;
 use crate::rain::tuning::WET_RADIUS_FACTOR;
@@ -17,7 +17,7 @@ mod kernels;
 mod texel_window;
 mod uv_raster;
 
-use dirty_spans::{DirtySegments, DirtySpans, RowSpans};
+use dirty_spans::{DirtyBits, DirtySpans, RowSpans};
 use kernels::{CapKernel, DryingPass, KernelOrigin, MaxBlendPass, NormalInputs, NormalPass, WetSpotKernel};
 use texel_window::{ColumnSpan, TexelWindow};
 pub use uv_raster::UvRaster;
@@ -35,7 +35,7 @@ pub struct CapOnLeaf {
     /// Shape without stretch and skew.
     pub cap: SphericalCap,
     /// Stretch and skew of the cap.
-    pub footprint: Footprint,
+    pub footprint: CapDeformation,
     /// Unit tangent along which it is stretched and sheared, in leaf space.
     pub axis: DVec3,
 }
@@ -71,7 +71,7 @@ pub struct TexelCounters {
 
 impl TexelCounters {
     /// Sum over all kinds of updates.
-    pub fn sum(&self) -> u64 {
+    pub fn total_updates(&self) -> u64 {
         self.heights + self.normals + self.wet_spots + self.drying
     }
 }
@@ -245,7 +245,7 @@ impl LeafWaterMaps {
     fn cap_stamp(&self, blade: &LeafSurface, cap: &CapOnLeaf) -> Option<CapStamp> {
         let point = blade.point_at(cap.uv, f64::from(self.scale))?;
         let SphericalCap { r, a, height_factor, cos_angle } = cap.cap;
-        let Footprint { stretch, skew } = cap.footprint;
+        let CapDeformation { stretch, skew } = cap.footprint;
         // The drop's axis was tangential to the surface where it last moved; project it onto the surface here.
         let axis = (cap.axis - point.n * cap.axis.dot(point.n)).normalize_or(point.n.any_orthonormal_vector());
         let [x, y, z] = cap.axis.to_array();
@@ -262,7 +262,7 @@ impl LeafWaterMaps {
 
     /// Texels under caps that are in only one of the last frame and this one. Merges the two sorted lists.
     fn dirty_spans(&self, stamps: &[CapStamp]) -> DirtySpans {
-        let mut segments = DirtySegments::none(self.raster.side);
+        let mut segments = DirtyBits::none(self.raster.side);
         let mut mark = |s: &CapStamp| segments.mark(&s.window);
         let (mut old, mut new) = (self.stamps.iter().peekable(), stamps.iter().peekable());
         loop {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::rain::drops::spherical_cap::{FootprintPoint, WettingParams};
+use crate::rain::drops::spherical_cap::{UndeformedPoint, WettingParams};
 use crate::rain::leaf::surface::tests::flat;
 use osier_base::rng::Rng;
 
@@ -9,7 +9,7 @@ fn blade() -> LeafSurface {
 
 fn cap_at(uv: DVec2, volume: f64, stretch: f64, skew: f64) -> CapOnLeaf {
     let params = DropParams::default();
-    CapOnLeaf { uv, cap: params.wetting.cap(volume, 1.0), footprint: Footprint { stretch, skew }, axis: DVec3::Y }
+    CapOnLeaf { uv, cap: params.wetting.cap(volume, 1.0), footprint: CapDeformation { stretch, skew }, axis: DVec3::Y }
 }
 
 #[test]
@@ -35,7 +35,7 @@ fn maps_hold_the_volume_of_a_drop() {
 fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
     let height = |x: f64, y: f64| {
         let (along, across) = (x * b.axis.x + y * b.axis.y, x * b.axis.y - y * b.axis.x);
-        let FootprintPoint { rho, height_factor } = b.footprint.to_undeformed(b.cap.a, along, across);
+        let UndeformedPoint { rho, height_factor } = b.footprint.to_undeformed(b.cap.a, along, across);
         b.cap.height(rho) * height_factor
     };
     let d = 1e-8;
@@ -95,7 +95,7 @@ fn changed_tiles_give_the_same_bits_as_all_of_them() {
                 if b.uv.y < 0.0 {
                     b.uv.y = 0.98;
                 }
-                b.footprint = Footprint { stretch: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
+                b.footprint = CapDeformation { stretch: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
                 wet_spots.push(WetSpot { uv: b.uv, a: b.cap.a, t });
             }
         }

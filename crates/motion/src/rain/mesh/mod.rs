@@ -11,7 +11,7 @@ use crate::rain::drops::rain_leaf::RainLeaf;
 use crate::rain::drops::spherical_cap::SphericalCap;
 use crate::rain::frame::{PendantDrop, SessileDrop};
 use crate::rain::leaf::surface::SurfacePoint;
-use crate::rain::mesh::tail_body::TailBody;
+use crate::rain::mesh::tail_body::TailedDropShape;
 use crate::rain::target::LeafPose;
 use crate::rain::tuning::{
     LARGE_DROP_GRID, LARGE_DROP_RADIUS, PENDANT_SIDES, PROFILE_POINTS, RIM_DENSITY, SEAT_HEIGHT, SEAT_RINGS,
@@ -57,7 +57,7 @@ impl<'a> DropPlacement<'a> {
     }
 
     /// Velocity of the drop's points.
-    fn carrier(&self) -> PointMotion<'a> {
+    fn point_motion(&self) -> PointMotion<'a> {
         PointMotion { pose: self.pose, v: self.v }
     }
 
@@ -97,10 +97,10 @@ impl DropMesh {
         index
     }
 
-    fn add_point(&mut self, p: DVec3, carrier: PointMotion<'_>) -> u32 {
+    fn add_point(&mut self, p: DVec3, motion: PointMotion<'_>) -> u32 {
         let index = self.next_index();
         self.mesh.points.push(p.as_vec3());
-        self.velocities.push((carrier.pose.velocity_at(p) + carrier.pose.orientation * carrier.v).as_vec3());
+        self.velocities.push((motion.pose.velocity_at(p) + motion.pose.orientation * motion.v).as_vec3());
         index
     }
 
@@ -185,13 +185,13 @@ impl DropMesh {
             at(r1, phi, h.max(0.0))
         };
         let start = self.part_start();
-        let (carrier, flip) = (placement.carrier(), placement.flip());
-        let pole = self.add_point(sphere_point(0.0, 0.0), carrier);
+        let (motion, flip) = (placement.point_motion(), placement.flip());
+        let pole = self.add_point(sphere_point(0.0, 0.0), motion);
         let mut rim = Vec::new();
         for k in 1..=rings {
             let q = ring_angle(k);
             let azimuths = (0..sides).map(|i| TAU * f64::from(i) / f64::from(sides));
-            let ring: Vec<u32> = azimuths.map(|phi| self.add_point(sphere_point(q, phi), carrier)).collect();
+            let ring: Vec<u32> = azimuths.map(|phi| self.add_point(sphere_point(q, phi), motion)).collect();
             // The first ring surrounds the pole, each other one the ring before it.
             if k == 1 {
                 self.add_fan(pole, &ring, flip);
@@ -219,19 +219,19 @@ impl DropMesh {
         point: impl Fn(f64, f64) -> DVec3,
     ) {
         let start = self.part_start();
-        let (carrier, flip) = (placement.carrier(), placement.flip());
+        let (motion, flip) = (placement.point_motion(), placement.flip());
         // The contact line is a crease: copies of its points have the normals of the skirt.
         let mut before: Vec<u32> = rim.iter().map(|i| self.duplicate_point(*i)).collect();
         // Rings from the contact line inwards, at a constant depth below the leaf.
         for k in (1..=rings).rev() {
             let fraction = f64::from(k) / f64::from(rings);
             let azimuths = (0..sides).map(|i| TAU * f64::from(i) / f64::from(sides));
-            let ring: Vec<u32> = azimuths.map(|phi| self.add_point(point(fraction, phi), carrier)).collect();
+            let ring: Vec<u32> = azimuths.map(|phi| self.add_point(point(fraction, phi), motion)).collect();
             self.add_ring_strip(&before, &ring, flip);
             before = ring;
         }
         // The last fan is seen from below, hence wound the other way round.
-        let center = self.add_point(point(0.0, 0.0), carrier);
+        let center = self.add_point(point(0.0, 0.0), motion);
         for i in 0..before.len() {
             self.add_triangle([center, before[(i + 1) % before.len()], before[i]], flip);
         }
@@ -240,14 +240,14 @@ impl DropMesh {
 
     /// Adds a drop with its tail as one body: rows across its path, narrowing from the head to the end of the tail. Source: own.
     fn add_tail_body(&mut self, placement: &DropPlacement<'_>, drop: &SessileDrop) {
-        let Some(body) = TailBody::new(placement, drop) else { return };
+        let Some(body) = TailedDropShape::new(placement, drop) else { return };
         let start = self.part_start();
-        let carrier = placement.carrier();
+        let motion = placement.point_motion();
         let rows = body.row_count();
         // The first and the last row shrink to a point.
         let ends = [0, rows].map(|k| {
             let p = body.world_point(placement, body.row_position(k, rows), 0.0, 0.0);
-            self.add_point(p, carrier)
+            self.add_point(p, motion)
         });
         let mut grid: Vec<Vec<u32>> = Vec::new();
         for k in 1..rows {
@@ -260,7 +260,7 @@ impl DropMesh {
                     let on_rim = i == 0 || i == TAIL_COLUMNS;
                     let h = if on_rim { 0.0 } else { body.height(s, x) };
                     let p = body.world_point(placement, s, x, h);
-                    self.add_point(p, carrier)
+                    self.add_point(p, motion)
                 })
                 .collect();
             grid.push(row);
@@ -274,17 +274,17 @@ impl DropMesh {
     fn close_tail_underside(
         &mut self,
         placement: &DropPlacement<'_>,
-        body: &TailBody,
+        body: &TailedDropShape,
         grid: &[Vec<u32>],
         ends: [u32; 2],
     ) {
         let start = self.part_start();
-        let (carrier, flip) = (placement.carrier(), placement.flip());
+        let (motion, flip) = (placement.point_motion(), placement.flip());
         let (n, rows) = (TAIL_COLUMNS as usize, body.row_count());
         // The lower side has the same rows and columns.
         let mut lower_point = |k: u32, x: f64| {
             let p = body.world_point(placement, body.row_position(k, rows), x, -UNDERSIDE_DEPTH);
-            self.add_point(p, carrier)
+            self.add_point(p, motion)
         };
         let lower_ends = [0, rows].map(|k| lower_point(k, 0.0));
         let x_of = |k: u32, i: u32| body.half_width(body.row_position(k, rows)) * column_fraction(i);
@@ -326,7 +326,7 @@ impl DropMesh {
         let (x, y) = down.any_orthonormal_pair();
         let attachment = pose.position + pose.orientation * drop.p;
         let start = self.part_start();
-        let carrier = PointMotion { pose, v: DVec3::ZERO };
+        let motion = PointMotion { pose, v: DVec3::ZERO };
         let mut outline: Vec<[f64; 2]> = resample_profile(&profile);
         // A quarter of an ellipse continues the outline over the leaf's edge, so that the drop encloses it.
         let rim = outline.last().map_or(drop.radius, |p| p[0]);
@@ -334,7 +334,7 @@ impl DropMesh {
             let turn = FRAC_PI_2 * f64::from(k) / f64::from(SEAT_RINGS);
             [rim * math::cos(turn), length + SEAT_HEIGHT * rim * math::sin(turn)]
         }));
-        let apex = self.add_point(attachment + down * length, carrier);
+        let apex = self.add_point(attachment + down * length, motion);
         // One ring per point of the outline, from the apex up; heights count from the apex against `down`.
         let mut before: Vec<u32> = Vec::new();
         for [r, z] in outline.iter().skip(1) {
@@ -342,7 +342,7 @@ impl DropMesh {
             let ring: Vec<u32> = (0..PENDANT_SIDES)
                 .map(|i| {
                     let turn = TAU * f64::from(i) / f64::from(PENDANT_SIDES);
-                    self.add_point(center + (x * math::cos(turn) + y * math::sin(turn)) * *r, carrier)
+                    self.add_point(center + (x * math::cos(turn) + y * math::sin(turn)) * *r, motion)
                 })
                 .collect();
             if before.is_empty() {
@@ -353,7 +353,7 @@ impl DropMesh {
             before = ring;
         }
         // Close the part over the leaf's edge.
-        let top = self.add_point(attachment - down * (SEAT_HEIGHT * rim), carrier);
+        let top = self.add_point(attachment - down * (SEAT_HEIGHT * rim), motion);
         for i in 0..before.len() {
             self.add_triangle([top, before[(i + 1) % before.len()], before[i]], false);
         }
@@ -402,7 +402,7 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
-    use crate::rain::drops::spherical_cap::{Footprint, WettingParams};
+    use crate::rain::drops::spherical_cap::{CapDeformation, WettingParams};
     use crate::rain::drops::surface_drop::DropCap;
     use crate::rain::leaf::surface::{LeafSurface, tests::flat};
     use crate::rain::params::DropParams;
@@ -415,7 +415,7 @@ mod tests {
         LeafPose::at_rest(DVec3::new(1.0, 2.0, 3.0), DQuat::from_rotation_x(-1.0))
     }
 
-    fn sessile(theta: f64, volumes: &[f64], footprint: Footprint) -> SessileDrop {
+    fn sessile(theta: f64, volumes: &[f64], footprint: CapDeformation) -> SessileDrop {
         let theta = theta.to_radians();
         let own = DropParams::default().wetting;
         let wetting = WettingParams { contact_angle: theta, receding: theta, advancing: theta, ..own };
@@ -460,7 +460,7 @@ mod tests {
         let prints = [(1.0, 0.0, None), (1.4, 0.2, None), (1.2, 0.26, Some(0.7))];
         for theta in [30.0, 45.0, 60.0, 75.0, 90.0, 110.0, 130.0, 150.0] {
             for ((q, skew, omega), volume) in prints.into_iter().flat_map(|p| [(p, 2e-8), (p, 4e-10)]) {
-                let mut drop = sessile(theta, &[volume], Footprint { stretch: q, skew });
+                let mut drop = sessile(theta, &[volume], CapDeformation { stretch: q, skew });
                 let own = DropParams::default().wetting;
                 let cap =
                     WettingParams { contact_angle: theta.to_radians(), height_factor: omega, ..own }.cap(volume, 1.0);
@@ -481,11 +481,11 @@ mod tests {
     #[test]
     fn a_drop_with_a_tail_is_one_closed_body() {
         let (leaf, pose) = (leaf(), pose());
-        let drop = sessile(60.0, &[1e-8, 5e-9, 2.5e-9, 1.2e-9], Footprint { stretch: 1.3, skew: 0.2 });
+        let drop = sessile(60.0, &[1e-8, 5e-9, 2.5e-9, 1.2e-9], CapDeformation { stretch: 1.3, skew: 0.2 });
         let mut water = DropMesh::default();
         water.add_sessile(&leaf, &pose, &drop);
         let placement = DropPlacement::new(&leaf, &pose, drop.caps[0].uv, 1.0, DVec3::ZERO).expect("on the leaf");
-        let body = TailBody::new(&placement, &drop).expect("a body");
+        let body = TailedDropShape::new(&placement, &drop).expect("a body");
         let area: f64 = (0..body.row_count())
             .map(|k| {
                 let [a, b] = [k, k + 1].map(|k| body.row_position(k, body.row_count()));
@@ -504,7 +504,7 @@ mod tests {
         let pose = LeafPose::at_rest(DVec3::ZERO, DQuat::IDENTITY);
         for volumes in [&[2e-8][..], &[1e-8, 5e-9, 2.5e-9]] {
             let mut water = DropMesh::default();
-            water.add_sessile(&leaf, &pose, &sessile(60.0, volumes, Footprint::ROUND));
+            water.add_sessile(&leaf, &pose, &sessile(60.0, volumes, CapDeformation::ROUND));
             let Mesh { points, triangles, .. } = &water.mesh;
             let middles = triangles.iter().map(|t| t.map(|i| points[i as usize].as_dvec3())).filter_map(|[a, b, c]| {
                 let (n, m) = ((b - a).cross(c - a).normalize_or_zero(), (a + b + c) / 3.0);
@@ -524,9 +524,9 @@ mod tests {
     fn a_tail_has_no_creases() {
         let (leaf, pose) = (leaf(), pose());
         for theta in [40.0, 70.0, 110.0] {
-            let drop = sessile(theta, &[1e-8, 5e-9, 2.5e-9, 1.2e-9, 6e-10], Footprint { stretch: 1.4, skew: 0.2 });
+            let drop = sessile(theta, &[1e-8, 5e-9, 2.5e-9, 1.2e-9, 6e-10], CapDeformation { stretch: 1.4, skew: 0.2 });
             let placement = DropPlacement::new(&leaf, &pose, drop.caps[0].uv, 1.0, DVec3::ZERO).expect("on the leaf");
-            let body = TailBody::new(&placement, &drop).expect("a body");
+            let body = TailedDropShape::new(&placement, &drop).expect("a body");
             let sizes: Vec<[f64; 2]> = (0..=400)
                 .map(|k| body.row_position(k, 400))
                 .map(|s| [body.half_width(s), body.height(s, 0.0)])

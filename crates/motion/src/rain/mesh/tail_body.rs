@@ -12,7 +12,7 @@ use crate::rain::tuning::{MAX_TAIL_ROWS, TAIL_HEIGHT_RANGE, TAIL_ROWS_PER_RADIUS
 use osier_base::math;
 
 /// A tail body over the arc length s, m, of the path back from the head's center.
-pub(super) struct TailBody {
+pub(super) struct TailedDropShape {
     path: Vec<BodyPathPoint>,
     /// Sizes at the centers of the caps, by ascending arc length.
     knots: Vec<TailKnot>,
@@ -65,7 +65,7 @@ struct TailKnot {
     slope: [f64; 2],
 }
 
-impl TailBody {
+impl TailedDropShape {
     /// The body of a drop with a tail; `None` if a cap lies beyond the blade.
     pub(super) fn new(placement: &DropPlacement<'_>, drop: &SessileDrop) -> Option<Self> {
         let centers: Vec<DVec3> =
@@ -157,14 +157,14 @@ impl TailBody {
     pub(super) fn height(&self, s: f64, x: f64) -> f64 {
         let CrossSection { half_width, height } = self.cross_section(s);
         let rho = (x.abs() / half_width.max(1e-9)).min(1.0);
-        height * self.height_factor * relative_height(&self.head.cap, rho)
+        height * self.height_factor * relative_cap_height(&self.head.cap, rho)
     }
 
     /// Volume above the leaf with height factor 1, m^3, by the midpoint rule in both directions.
     fn volume(&self) -> f64 {
         let n = f64::from(TAIL_SLICE_STEPS);
         let mean_height: f64 =
-            (0..TAIL_SLICE_STEPS).map(|i| relative_height(&self.head.cap, (f64::from(i) + 0.5) / n) / n).sum();
+            (0..TAIL_SLICE_STEPS).map(|i| relative_cap_height(&self.head.cap, (f64::from(i) + 0.5) / n) / n).sum();
         let ds = (self.end - self.start) / f64::from(TAIL_SLICES);
         let slice = |k: u32| {
             let CrossSection { half_width, height } = self.cross_section(self.start + (f64::from(k) + 0.5) * ds);
@@ -190,7 +190,7 @@ impl TailBody {
 }
 
 /// Height of a cap at a fraction `rho` of its largest radius, relative to its top.
-fn relative_height(cap: &SphericalCap, rho: f64) -> f64 {
+fn relative_cap_height(cap: &SphericalCap, rho: f64) -> f64 {
     let top = cap.top();
     if top > 0.0 { cap.height(rho * cap.max_radius() / cap.a) / top } else { 0.0 }
 }
