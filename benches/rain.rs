@@ -15,7 +15,7 @@ use osier::bake::scene::{self, AssembledScene};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
 use osier::motion::rain::{
-    CapOnLeaf, DropParams, DropSizes, CapDeformation, IntensityEnvelope, LeafAttachment, LeafCollider, LeafSurface,
+    CapDeformation, CapOnLeaf, DropParams, DropSizes, IntensityEnvelope, LeafAttachment, LeafCollider, LeafSurface,
     LeafWaterMaps, RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainfallParams, StaticPlant, UvRaster,
     WetSpot,
 };

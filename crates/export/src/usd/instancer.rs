@@ -145,9 +145,9 @@ fn define_prototypes(
             continue;
         }
         match &proto.fine {
-            Some(_) => {
-                layer.define_prim(name, "Xform").and_then(|()| define_prototype_contents(cx, layer, root, name, proto))?
-            }
+            Some(_) => layer
+                .define_prim(name, "Xform")
+                .and_then(|()| define_prototype_contents(cx, layer, root, name, proto))?,
             None => {
                 let place = MeshPrim { root, path: name, skinned: false, varying: false };
                 define_mesh(cx, layer, &place, &proto.mesh).map(|_| ())?;

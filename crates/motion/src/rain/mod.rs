@@ -69,7 +69,7 @@ mod tuning;
 pub use collide::LeafCollider;
 pub use drops::pendant_profile::PendantShapes;
 pub use drops::rain_leaf::{DropCounters, RainLeaf, WetSpot};
-pub use drops::spherical_cap::{CapShape, CapDeformation, UndeformedPoint, SphericalCap, WettingParams};
+pub use drops::spherical_cap::{CapDeformation, CapShape, SphericalCap, UndeformedPoint, WettingParams};
 pub use drops::surface_drop::DropCap;
 pub use emitter::{DropSizes, EmittedDrop, IntensityEnvelope, RainEmitter, RainfallParams};
 pub use event::{DropEventKind, RainEvent};
