@@ -156,7 +156,7 @@ fn files_are_the_same_at_any_number_of_threads() {
     let dir = tempfile::tempdir().expect("dir");
     let text = SCENE.replace(
         "speed = 2",
-        "speed = 2\nmodel = \"lattice\"\n[wind.lattice]\ncells = [48, 24, 32]\ndx = 0.25\npreroll = 2",
+        "speed = 2\nmodel = \"lattice\"\n[wind.lattice]\ncells = [48, 24, 32]\ndx = 0.25\nspin_up_s = 2",
     );
     let path = scene(dir.path(), "threads", &text);
     let all = ["-j1", "-j2", "-j8"].map(|jobs| {

@@ -11,7 +11,7 @@ use crate::common::program::{arg, assert_same, ends, tree};
 
 const SCENE: &str = "seed = 4\n[frames]\nend = 8\nfps = 30\n[plants.twig]\ngrammar = \"rain-twig.l\"\nset = { LEAVES = 3 }\n\
     [plants.twig.leaf]\nblade = \"elliptic\"\nside = 32\n[plants.twig.rods]\n[[place]]\nplant = \"twig\"\n\
-    [ground]\nshow = false\n[maps]\nresolution = 32\n[rain]\nrate_mm_per_h = 200\nbefore_s = 2\nsubsteps = 8\n";
+    [ground]\nshow = false\n[maps]\nresolution = 32\n[rain]\nrate_mm_per_h = 200\nspin_up_s = 2\nsubsteps = 8\n";
 
 #[test]
 fn all_files_are_the_same_at_any_number_of_threads() {

@@ -30,7 +30,7 @@ fn scene(dir: &Path, (name, turn): (&str, f64), more: &str) -> String {
     format!(
         "seed = 4\n[frames]\nend = {FRAMES}\nfps = 24\n[plants.p]\ngrammar = \"{name}.l\"\n[plants.p.leaf]\n\
          mesh = \"leaf.obj\"\nsize = {SIDE}\n[[place]]\nplant = \"p\"\n[maps]\nmax_mapped_leaves = 0\n\
-         [output]\nformats = [\"tracks\", \"csv\"]\n[rain]\nrate_mm_per_h = {RATE}\nbefore_s = 1\njitter = 0\nsubsteps = 4\n{more}"
+         [output]\nformats = [\"tracks\", \"csv\"]\n[rain]\nrate_mm_per_h = {RATE}\nspin_up_s = 1\njitter = 0\nsubsteps = 4\n{more}"
     )
 }
 

@@ -14,7 +14,7 @@ use serde_json::Value;
 
 const SCENE: &str = "seed = 4\n[frames]\nend = 30\nfps = 60\n[plants.twig]\ngrammar = \"rain-twig.l\"\nset = { LEAVES = 3 }\n\
     [plants.twig.leaf]\nblade = \"elliptic\"\nside = 32\n[plants.twig.rods]\n[[place]]\nplant = \"twig\"\n\
-    [ground]\nshow = false\n[maps]\nresolution = 32\n[rain]\nrate_mm_per_h = 200\nbefore_s = 2\nsubsteps = 8\n";
+    [ground]\nshow = false\n[maps]\nresolution = 32\n[rain]\nrate_mm_per_h = 200\nspin_up_s = 2\nsubsteps = 8\n";
 
 /// A bake of frames 11 to 30.
 fn baked() -> &'static Path {

@@ -14,7 +14,7 @@ use std::process::{Command, Output};
 
 /// A wall across the wind, so thin a scene that a second is baked at once.
 const LATTICE: &str = "seed = 3\n[frames]\nend = 5\n[ground]\nshow = false\n\
-    [wind]\nmodel = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\npreroll = 2\nat = [1, 0, 0]\n\
+    [wind]\nmodel = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [24, 12, 16]\ndx = 0.5\nspin_up_s = 2\nat = [1, 0, 0]\n\
     [[solid]]\nat = [0.25, 0, 0]\nsize = [0.5, 2, 3]\n[output]\nformats = [\"obj\"]\n\
     [output.wind]\nvti_every = 4\n[[output.wind.slice]]\nat = 1.25\nevery = 2\n\
     [[output.wind.slice]]\nacross = \"z\"\nat = 0.25\n[[output.wind.slice]]\nacross = \"x\"\nat = -0.75\nevery = 9\n";
@@ -134,7 +134,7 @@ fn any_wind_is_told() {
     assert_eq!(read.cells, [4, 3, 5]);
     assert!(read.values.iter().all(|u| u[0].abs() < 1e-6 && u[1] == 0.0 && (u[2] + 3.0).abs() < 1e-6));
     // What catkins fly in: their box, and gusts that differ from place to place and from frame to frame.
-    let flown = format!("[frames]\nend = 9\n[wind]\nspeed = 4\n[flight]\ncount = 5\nsize = [6, 6, 6]\npreroll = 1\n[catkin]\nhairs = 4\nlod = 3\n{told}")
+    let flown = format!("[frames]\nend = 9\n[wind]\nspeed = 4\n[flight]\ncount = 5\nsize = [6, 6, 6]\nspin_up_s = 1\n[catkin]\nhairs = 4\nlod = 3\n{told}")
         .replace("size = [4, 3, 5]\n", "");
     let out = baked(dir.path(), "flown", &flown, &[]);
     let [a, b] = ["0001", "0009"].map(|n| vti(&out.join(format!("wind/box.{n}.vti"))));

@@ -82,7 +82,7 @@ pub(super) struct Compiler<'r> {
     pub globals: Vec<u32>,
     /// Numbers of local names; the position is the slot.
     pub locals: Vec<u32>,
-    /// Slots of the locals that hold a module's parameter as it was parameter_slots.
+    /// Slots of the locals that hold a module's parameter as it was stored.
     pub parameter_slots: Vec<u16>,
     /// Nested brackets in expressions and blocks.
     pub max_depth: usize,

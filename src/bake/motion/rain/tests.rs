@@ -13,7 +13,7 @@ const SCENE: &str = "
     [[place]]\nplant = \"twig\"\ncount = 2\nradius = 0.3
     [ground]\nshow = false
     [maps]\nresolution = 32
-    [rain]\nrate_mm_per_h = 150\nbefore_s = 1.5\n";
+    [rain]\nrate_mm_per_h = 150\nspin_up_s = 1.5\n";
 
 fn built(more: &str) -> AssembledScene {
     within(&Limits::default(), more).unwrap_or_else(|e| panic!("{e}"))

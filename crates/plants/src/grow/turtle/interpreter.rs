@@ -460,7 +460,7 @@ impl<'a> Turtle<'a> {
             "L051",
             c,
             "more than 65,535 different shape_prototypes".into(),
-            "draw shape_prototypes that differ less",
+            "draw shapes that differ less",
         );
     }
 
