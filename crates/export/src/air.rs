@@ -1,8 +1,8 @@
-//! The wind itself: `wind/<plane>.####.exr`, velocities in m/s as 32-bit floats R, G, B along x, y and z, and
-//! `wind/box.####.vti`, whole boxes for ParaView and others of the VTK family.
+//! The wind field: planes as `wind/<plane>.####.exr`, velocities in m/s along x, y and z as 32-bit floats in R, G, B, and the
+//! whole domain as `wind/box.####.vti` for ParaView and other programs of the VTK family.
 //!
-//! A plane across y is seen from above, +X to the right and +Z down; one across x downwind, +Z to the right and +Y up; one
-//! across z has +X to the right and +Y up.
+//! Orientation of a plane's image: normal y, seen from above, +X to the right and +Z down; normal x, +Z to the right and +Y up;
+//! normal z, +X to the right and +Y up.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use osier_base::Result;
 use osier_base::files::Folder;
 use osier_scene::{AirGrid, Frame, Scene};
 
-/// Exporter of planes and boxes of wind.
+/// Writes planes and boxes of the wind field.
 #[derive(Debug)]
 pub struct Air {
     folder: Folder,
@@ -21,7 +21,7 @@ pub struct Air {
 }
 
 impl Air {
-    /// Writes into `folder`.
+    /// An exporter into `folder`.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None }
     }
@@ -40,7 +40,7 @@ impl Exporter for Air {
             let path = format!("wind/{}.{}.{ending}", grid.name, scene.clip.tag(frame.number));
             let Some(mut out) = self.folder.create(&path, kind, Some(frame.number))? else { continue };
             let bytes = match grid.across {
-                Some(across) => plane(scene, grid, across, values, frame.number)?,
+                Some(across) => plane_exr(scene, grid, across, values, frame.number)?,
                 None => vti(scene, grid, values, frame.number),
             };
             out.put(&bytes)?;
@@ -54,14 +54,16 @@ impl Exporter for Air {
     }
 }
 
-/// A plane as a picture. `values`: m/s, x fastest, then y, then z.
-fn plane(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], frame: u32) -> Result<Vec<u8>> {
+/// A plane as an EXR file. `across`: axis of its normal; `values`: m/s, x fastest, then y, then z.
+fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], frame: u32) -> Result<Vec<u8>> {
+    // Order of the cells in the image, row by row from the top.
     let [nx, ny, nz] = grid.cells;
     let ((width, height), texels): ((usize, usize), Vec<usize>) = match across {
         0 => ((nz, ny), (0..ny).rev().flat_map(|y| (0..nz).map(move |z| z * ny + y)).collect()),
         1 => ((nx, nz), (0..nx * nz).collect()),
         _ => ((nx, ny), (0..ny).rev().flat_map(|y| (0..nx).map(move |x| y * nx + x)).collect()),
     };
+    // For the header: the upper left corner of the image in space, and the vectors along its rows and down its columns.
     let ends = DVec3::new(nx as f64, ny as f64, nz as f64) * grid.side;
     let (x, y, z) = (DVec3::X * ends.x, DVec3::Y * ends.y, DVec3::Z * ends.z);
     let (corner, along, down) = match across {
@@ -71,7 +73,7 @@ fn plane(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], frame: u
     };
     let samples: Vec<f32> =
         texels.iter().flat_map(|t| values.get(*t).copied().unwrap_or(Vec3::ZERO).to_array()).collect();
-    // Minus zero would be written as -0.0.
+    // Adding 0 turns -0 into 0.
     let plain = |v: DVec3| v.to_array().map(|v| v + 0.0);
     let (axis, at) = [("x", grid.corner.x), ("y", grid.corner.y), ("z", grid.corner.z)][across.min(2)];
     let comment = serde_json::json!({
@@ -83,7 +85,8 @@ fn plane(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], frame: u
     floats(width, height, 3, &samples, &comment.to_string())
 }
 
-/// A box as VTK's ImageData, with velocities in its cells.
+/// A box as VTK ImageData with velocities as cell data: XML, then raw appended data, which is its length in bytes as u64 and the
+/// vectors as little-endian f32.
 fn vti(scene: &Scene, grid: &AirGrid, values: &[Vec3], frame: u32) -> Vec<u8> {
     let [nx, ny, nz] = grid.cells;
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");

@@ -1,4 +1,4 @@
-//! Sizes of scenes, from which formats predict how many bytes they will write.
+//! Sizes of scenes, from which formats estimate the bytes they will write.
 //!
 //! ```
 //! use osier_export::estimate::MergedSize;
@@ -15,7 +15,7 @@ use osier_scene::{Asset, InstancerMotion, MapSequence, MeshMotion, Scene};
 
 use super::options::ExportOptions;
 
-/// What a format's size is predicted from.
+/// What an estimate is made from.
 #[derive(Debug, Clone, Copy)]
 pub struct EstimateInput<'a> {
     /// The scene; in a plan, one individual stands for many.
@@ -24,11 +24,11 @@ pub struct EstimateInput<'a> {
     pub assets: &'a [AssetSize],
     /// Frames that are written; 0 for a still scene.
     pub frames: u64,
-    /// Bytes of all pictures, encoded.
+    /// Bytes of all textures as PNG.
     pub pictures: u64,
-    /// Choices of the formats.
+    /// Options of the formats.
     pub options: &'a ExportOptions,
-    /// One file for the whole scene, at rest, instead of a bake.
+    /// A single file with the whole scene at rest, instead of a bake.
     pub single: bool,
 }
 
@@ -50,7 +50,7 @@ impl EstimateInput<'_> {
     }
 }
 
-/// Numbers of things in an asset.
+/// Counts of the elements of an asset.
 #[derive(Debug, Clone, Default)]
 pub struct AssetSize {
     /// Assets that this one stands for, itself included.
@@ -99,6 +99,7 @@ impl AssetSize {
             still_copies: 1,
             ..Self::default()
         };
+        // Meshes count as moving by joints, by points of their frames (deforming), or both.
         for object in &asset.meshes {
             let vertices = object.mesh.points.len() as u64;
             size.vertices += vertices;
@@ -112,6 +113,7 @@ impl AssetSize {
             size.moving_points += if cloud.moving { points } else { 0 };
         }
         size.moving_curve_points = asset.curves.iter().filter(|c| c.moving).map(|c| c.points.len() as u64).sum();
+        // Formats with instancing write prototypes once, the others write the geometry of every instance: both are counted.
         for instancer in &asset.instancers {
             let sizes: Vec<(u64, u64)> = instancer
                 .prototypes
@@ -157,16 +159,16 @@ impl AssetSize {
     }
 }
 
-/// Everything of a scene as one mesh, instances merged in.
+/// Counts of a scene as one mesh with its instances merged in.
 #[derive(Debug, Default)]
 pub struct MergedSize {
-    /// Vertices.
+    /// Vertices of all placements, each instance counted.
     pub vertices: u64,
-    /// Triangles.
+    /// Triangles of all placements, each instance counted.
     pub triangles: u64,
-    /// Vertices of assets that have texture coordinates somewhere.
+    /// Vertices of assets that have texture coordinates in some mesh.
     pub mapped_vertices: u64,
-    /// Points of clouds.
+    /// Points of the clouds of all placements.
     pub points: u64,
 }
 
@@ -184,7 +186,7 @@ impl MergedSize {
         all
     }
 
-    /// Counts one asset.
+    /// Counts an asset without its placements.
     pub fn of_asset(asset: &Asset) -> Self {
         let mut all = Self { points: asset.points.iter().map(|p| p.positions.len() as u64).sum(), ..Self::default() };
         let mut mapped = false;

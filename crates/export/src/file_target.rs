@@ -1,4 +1,4 @@
-//! Whether a format writes the files of a bake or a single file.
+//! The choice between the files of a bake and a single file.
 
 /// Which files a format writes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

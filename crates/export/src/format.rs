@@ -1,5 +1,5 @@
-//! What the rest of the program knows of a format: its name, the files it writes, how large they become, how its writer is
-//! opened. [`super::registry`] lists the formats.
+//! The description of a format: its name, the files it writes, an estimate of their size, and how its exporter is opened.
+//! [`super::registry`] lists the formats.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::file_target::FileTarget;
 use super::options::ExportOptions;
 use super::textures::Textures;
 
-/// What the rest of the program knows of a format.
+/// The description of a format; each format has one as `FORMAT`.
 #[derive(Debug, Clone, Copy)]
 pub struct FormatInfo {
     /// Its name in `[output] formats` and `--formats`, `[a-z0-9]+`, unique.
@@ -22,26 +22,26 @@ pub struct FormatInfo {
     pub asset_folder: Option<&'static str>,
     /// Single files that it can write: endings without the dot, each with one line for listings.
     pub endings: &'static [(&'static str, &'static str)],
-    /// Whether a single file has its pictures in files beside it (not inside it, and not none).
+    /// Whether the textures of a single file are files beside it.
     pub pictures_beside: bool,
-    /// Memory that the writer holds until the end, percent of the bytes it writes. Measured.
+    /// Memory that the exporter holds until the end, percent of the bytes it writes; measured.
     pub memory_percent: u64,
-    /// Bytes it will write, without pictures that are files of their own.
+    /// Estimates the bytes it will write, without textures that are files of their own.
     pub estimate: fn(&EstimateInput) -> u64,
-    /// Opens its writers for a job; several where it writes one set of files per profile.
+    /// Opens its exporters for a job; several if it writes a set of files for each profile.
     pub open: fn(&ExportJob) -> Vec<Box<dyn Exporter>>,
 }
 
-/// Where files go and what they are made with.
+/// The output folder, and the options that exporters are opened with.
 #[derive(Debug, Clone)]
 pub struct ExportJob<'a> {
-    /// The output folder.
+    /// Folder that all paths are relative to.
     pub folder: Folder,
-    /// Encoded pictures of the scene.
+    /// Encoded images of the scene.
     pub textures: Arc<Textures>,
-    /// Choices of all formats.
+    /// Options of all formats.
     pub options: &'a ExportOptions,
-    /// Name of the one file that shows the whole scene, with an ending of [`FormatInfo::endings`]; none: the layout of a bake.
+    /// Name of a single file with the whole scene, with an ending of [`FormatInfo::endings`]; none for the files of a bake.
     pub file: Option<&'a str>,
 }
 

@@ -1,7 +1,26 @@
-//! Files for other programs. An exporter knows one format and nothing of parsing, growth, threads or clocks.
+//! Writers of scenes as files of other programs: USD, glTF, POV-Ray, OBJ, PLY, OpenEXR, point caches, tables.
 //!
-//! Every exporter is three calls: [`Exporter::begin`], [`Exporter::frame`] once per frame in order (none for a still
-//! asset), [`Exporter::finish`]. Frames stream: only formats that demand it keep more than one.
+//! An exporter has three calls: [`Exporter::begin`] with the scene, [`Exporter::frame`] for each frame in order (none without
+//! animation), [`Exporter::finish`]. Frames are streamed: only formats that require it keep more than one in memory.
+//!
+//! ```
+//! use osier_base::files::Folder;
+//! use osier_export::format::ExportJob;
+//! use osier_export::options::ExportOptions;
+//! use osier_export::registry::by_word;
+//! use std::sync::Arc;
+//!
+//! let scene = Arc::new(osier_scene::Scene::default());
+//! let options = ExportOptions::default();
+//! let folder = Folder::memory();
+//! let job = ExportJob { folder: folder.clone(), textures: Arc::default(), options: &options, file: None };
+//! for mut exporter in by_word("pov").into_iter().flat_map(|format| (format.open)(&job)) {
+//!     exporter.begin(&scene)?;
+//!     exporter.finish()?;
+//! }
+//! assert!(folder.take("pov/main.pov").is_some());
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use std::sync::Arc;
 
@@ -29,30 +48,30 @@ pub mod textures;
 pub mod tracks;
 pub mod usd;
 
-/// A warning about something that was repaired on the way out (X002, X003, X007 ...).
+/// A warning of something that the format cannot represent and how it was written instead (X002, X003, X007 ...).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Warning {
-    /// Stable code.
+    /// Code that does not change between versions; docs/codes.md lists them.
     pub code: &'static str,
-    /// Subject, fact, what was done.
+    /// What was found, and what was done.
     pub message: String,
 }
 
-/// What an exporter has to say at the end. The files themselves are recorded by the output folder.
+/// The result of an exporter. The files are recorded by the output folder.
 #[derive(Debug, Clone, Default)]
 pub struct Summary {
-    /// In asset order.
+    /// In the order of the scene's assets.
     pub warnings: Vec<Warning>,
 }
 
-/// One format. `begin`, then `frame` in frame order, then `finish`.
+/// Writes a scene in one format: `begin`, then `frame` in the order of frames, then `finish`.
 pub trait Exporter: Send {
-    /// Takes the scene, opens files, writes what never changes.
+    /// Takes the scene, opens files, writes what does not change with the frames.
     /// # Errors
-    /// Whatever cannot be written; X codes.
+    /// `Io`, and X codes for what the format cannot represent.
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()>;
 
-    /// True if it wants to know what placements show at phases of their own at this frame.
+    /// Whether the frame of this number must have the states of assets at the phases of their placements, too.
     fn wants_phases(&self, number: u32) -> bool {
         let _ = number;
         false
@@ -60,17 +79,17 @@ pub trait Exporter: Send {
 
     /// Writes one frame.
     /// # Errors
-    /// Whatever cannot be written; X codes.
+    /// As [`Self::begin`].
     fn frame(&mut self, frame: &Frame) -> Result<()>;
 
     /// Completes and closes the files.
     /// # Errors
-    /// Whatever cannot be written; X codes.
+    /// As [`Self::begin`].
     fn finish(&mut self) -> Result<Summary>;
 }
 
-/// Who made a file: `osier 0.1.0`.
+/// Name and version of the program, as files name their generator: `osier 0.1.0`.
 pub const GENERATOR: &str = concat!("osier ", env!("CARGO_PKG_VERSION"));
 
-/// Version alone.
+/// Version of the program.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

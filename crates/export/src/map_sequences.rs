@@ -15,7 +15,7 @@ struct StoredSample {
     cut: bool,
 }
 
-/// The stored number of what is `v`, or none if the map must not hold it. `range`: of heights, m.
+/// The stored number of the value `v`, or none if the encoding does not admit it. `range`: height that 1 stands for, m.
 fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
     let cut = |x: f32| StoredSample { value: x.clamp(0.0, 1.0), cut: x > 1.0 };
     let whole = |value: f32| StoredSample { value, cut: false };
@@ -33,7 +33,7 @@ fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
 /// A map's numbers, all of 0..1, rows from the top.
 #[derive(Debug, Clone, Default)]
 pub struct Values {
-    /// Texel after texel.
+    /// Texel after texel, the channels of a texel together.
     pub samples: Vec<f32>,
     /// Numbers above the range, which are cut.
     pub cut: usize,
@@ -63,7 +63,7 @@ pub fn values(sequence: &MapSequence, layer: usize, maps: &MapFrame, number: u32
     Ok(out)
 }
 
-/// What was made of a map.
+/// An encoded map, and the number of its values that were clamped.
 #[derive(Debug)]
 struct Made<T> {
     file: Arc<T>,

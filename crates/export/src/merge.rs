@@ -1,4 +1,4 @@
-//! Assets as one mesh each, for formats without instances: part by part, never all at once.
+//! An asset as one mesh with its instances merged in, for formats without instances: streamed part by part, never all in memory.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -6,129 +6,128 @@ use std::ops::Range;
 use glam::{Vec2, Vec3};
 
 use osier_base::Result;
+use osier_base::convert::{index, narrow};
 use osier_base::par::par_map;
 use osier_scene::{Asset, Attribute, InstanceState, Instancer, Mesh, Subset, Trs};
 
-/// Points or triangles of a batch, and batches that are made at once.
-/// Own: 8 batches keep two to eight threads busy and take 50 MB as text.
+/// Points or triangles of a batch, and batches that are formatted before they are written.
+/// Own: 8 batches keep two to eight threads busy and take 50 MB as text; larger values take more memory.
 const BATCH: usize = 1 << 16;
-const AT_ONCE: usize = 8;
+const BATCHES_AT_ONCE: usize = 8;
 
-/// A run of a part's points or triangles.
-pub(super) struct Piece<'a> {
-    /// The part.
+/// A range of the points or triangles of a part: of a mesh, or of an instance of a prototype.
+pub(super) struct PartRange<'a> {
     pub mesh: &'a Mesh,
-    /// Where it is.
+    /// Transform of the part.
     pub trs: Trs,
-    /// The run: of points, or of triangles of the mesh.
+    /// Points, or triangles, of the mesh.
     pub range: Range<usize>,
-    /// Number of the part's first point, over all.
+    /// Number of the part's first point in the merged mesh.
     pub base: u64,
 }
 
-impl Piece<'_> {
-    /// Points of the run, moved.
+impl PartRange<'_> {
+    /// The points, transformed.
     pub fn points(&self) -> impl Iterator<Item = Vec3> {
         self.mesh.points[self.range.clone()].iter().map(|p| self.trs.apply(*p))
     }
 
-    /// Normals of the run, turned.
+    /// The normals, transformed.
     pub fn normals(&self) -> impl Iterator<Item = Vec3> {
-        self.mesh.normals[self.range.clone()].iter().map(|n| normal(&self.trs, *n))
+        self.mesh.normals[self.range.clone()].iter().map(|n| transform_normal(&self.trs, *n))
     }
 
-    /// Corners of the run's triangles, numbered from the part's first point; a mirrored part keeps its outside.
+    /// Corners of the triangles, numbered from the part's first point. A transform that mirrors reverses the winding.
     pub fn corners(&self) -> impl Iterator<Item = [u32; 3]> {
-        let turned = self.trs.s.x * self.trs.s.y * self.trs.s.z < 0.0;
+        let mirrors = self.trs.s.x * self.trs.s.y * self.trs.s.z < 0.0;
         self.mesh.triangles[self.range.clone()]
             .iter()
-            .map(move |[a, b, c]| if turned { [*a, *c, *b] } else { [*a, *b, *c] })
+            .map(move |[a, b, c]| if mirrors { [*a, *c, *b] } else { [*a, *b, *c] })
     }
 }
 
-enum Source<'a> {
+enum PartSource<'a> {
     Mesh(&'a Mesh),
     Instances(&'a Instancer),
 }
 
-struct Block<'a> {
-    source: Source<'a>,
+struct PartBlock<'a> {
+    source: PartSource<'a>,
     vertices: u64,
     materials: BTreeSet<u32>,
 }
 
-impl Block<'_> {
+impl PartBlock<'_> {
     fn parts(&self, world: Trs) -> impl Iterator<Item = (&Mesh, Trs)> {
         let (mesh, instances) = match &self.source {
-            Source::Mesh(mesh) => (Some((*mesh, world)), None),
-            Source::Instances(instancer) => (None, Some(shown(instancer, &instancer.rest))),
+            PartSource::Mesh(mesh) => (Some((*mesh, world)), None),
+            PartSource::Instances(instancer) => (None, Some(live_instances(instancer, &instancer.rest))),
         };
         mesh.into_iter().chain(instances.into_iter().flatten().map(move |(mesh, trs)| (mesh, world.then_inner(&trs))))
     }
 }
 
-/// All meshes and live instances of an asset at rest, as one mesh.
-pub(super) struct Flat<'a> {
-    blocks: Vec<Block<'a>>,
+/// All meshes and live instances of an asset at rest as one mesh: its size, and iterators over its parts.
+pub(super) struct FlattenedAsset<'a> {
+    blocks: Vec<PartBlock<'a>>,
     /// Materials in the order of their first use.
     pub materials: Vec<u32>,
     known: BTreeSet<u32>,
-    /// True if some part has texture coordinates; those of the others are zero.
+    /// Whether some part has texture coordinates; those of the others are zero.
     pub has_uvs: bool,
-    /// Points.
+    /// Number of points.
     pub vertices: u64,
-    /// Triangles of all materials.
+    /// Number of triangles that have a material.
     pub triangles: u64,
 }
 
-impl<'a> Flat<'a> {
-    /// Counts an asset.
+impl<'a> FlattenedAsset<'a> {
+    /// Counts the parts of an asset.
     pub fn of(asset: &'a Asset) -> Self {
         let (blocks, materials, known) = (Vec::new(), Vec::new(), BTreeSet::new());
-        let mut flat = Self { blocks, materials, known, has_uvs: false, vertices: 0, triangles: 0 };
-        let meshes = asset.meshes.iter().map(|o| Source::Mesh(&o.mesh));
-        for source in meshes.chain(asset.instancers.iter().map(Source::Instances)) {
-            let mut block = Block { source, vertices: 0, materials: BTreeSet::new() };
+        let mut flattened = Self { blocks, materials, known, has_uvs: false, vertices: 0, triangles: 0 };
+        let meshes = asset.meshes.iter().map(|o| PartSource::Mesh(&o.mesh));
+        for source in meshes.chain(asset.instancers.iter().map(PartSource::Instances)) {
+            let mut block = PartBlock { source, vertices: 0, materials: BTreeSet::new() };
             let mut seen: BTreeSet<*const Mesh> = BTreeSet::new();
             let mut vertices = 0;
             let mut materials = Vec::new();
             for (mesh, _) in block.parts(Trs::IDENTITY) {
                 vertices += mesh.points.len() as u64;
-                flat.triangles += mesh.subsets.iter().map(|s| mesh.subset_triangles(s).len() as u64).sum::<u64>();
+                flattened.triangles += mesh.subsets.iter().map(|s| mesh.subset_triangles(s).len() as u64).sum::<u64>();
                 if seen.insert(std::ptr::from_ref(mesh)) {
-                    flat.has_uvs |= !mesh.uvs.is_empty();
+                    flattened.has_uvs |= !mesh.uvs.is_empty();
                     materials.extend(mesh.subsets.iter().map(|s| s.material));
                 }
             }
-            flat.vertices += vertices;
+            flattened.vertices += vertices;
             for material in &materials {
-                if flat.known.insert(*material) {
-                    flat.materials.push(*material);
+                if flattened.known.insert(*material) {
+                    flattened.materials.push(*material);
                 }
             }
             (block.vertices, block.materials) = (vertices, materials.into_iter().collect());
-            flat.blocks.push(block);
+            flattened.blocks.push(block);
         }
-        flat
+        flattened
     }
 
-    /// Meshes that are passed on in several runs.
-    pub fn large(&self) -> impl Iterator<Item = &Mesh> {
+    /// Meshes that are split into several ranges.
+    pub fn large_meshes(&self) -> impl Iterator<Item = &Mesh> {
         let own =
-            self.blocks.iter().filter_map(|b| if let Source::Mesh(mesh) = &b.source { Some(*mesh) } else { None });
+            self.blocks.iter().filter_map(|b| if let PartSource::Mesh(mesh) = &b.source { Some(*mesh) } else { None });
         own.filter(|mesh| mesh.points.len() > BATCH)
     }
 
-    /// Runs of points where the asset stands at `world`.
-    pub fn points(&self, world: Trs) -> impl Iterator<Item = Piece<'_>> {
-        self.blocks
-            .iter()
-            .flat_map(move |b| b.parts(world))
-            .flat_map(|(mesh, trs)| runs(0..mesh.points.len()).map(move |range| Piece { mesh, trs, range, base: 0 }))
+    /// Ranges of all points, with the asset's transform `world`.
+    pub fn points(&self, world: Trs) -> impl Iterator<Item = PartRange<'_>> {
+        self.blocks.iter().flat_map(move |b| b.parts(world)).flat_map(|(mesh, trs)| {
+            batch_ranges(0..mesh.points.len()).map(move |range| PartRange { mesh, trs, range, base: 0 })
+        })
     }
 
-    /// Runs of the triangles of a material. `base`: number of the asset's first point.
-    pub fn triangles(&self, world: Trs, material: u32, base: u64) -> impl Iterator<Item = Piece<'_>> {
+    /// Ranges of the triangles of a material. `base`: number of the asset's first point.
+    pub fn triangles(&self, world: Trs, material: u32, base: u64) -> impl Iterator<Item = PartRange<'_>> {
         let starts = self.blocks.iter().scan(base, |next, b| {
             let start = *next;
             *next += b.vertices;
@@ -142,65 +141,68 @@ impl<'a> Flat<'a> {
             })
         });
         parts.flat_map(move |(mesh, trs, base)| {
-            let worn = mesh.subsets.iter().filter(move |s| s.material == material).flat_map(|s| {
+            let ranges = mesh.subsets.iter().filter(move |s| s.material == material).flat_map(|s| {
                 let first = (s.first as usize).min(mesh.triangles.len());
-                runs(first..first + mesh.subset_triangles(s).len())
+                batch_ranges(first..first + mesh.subset_triangles(s).len())
             });
-            worn.map(move |range| Piece { mesh, trs, range, base })
+            ranges.map(move |range| PartRange { mesh, trs, range, base })
         })
     }
 }
 
-/// All of an asset at rest as one mesh in memory, with one subset per material in order of first use, for copies that share it.
-/// Texture coordinates are zero where a part has none, attributes likewise; vertex colours are dropped.
-pub(super) fn merged(asset: &Asset) -> Mesh {
-    let flat = Flat::of(asset);
+/// An asset at rest as one mesh in memory, with one subset for each material in order of first use, for copies that share it.
+/// Texture coordinates and attributes are zero where a part has none; vertex colours are dropped.
+/// # Errors
+/// `TooMany` beyond 2^32 points or triangles.
+pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
+    let flattened = FlattenedAsset::of(asset);
     let mut mesh = Mesh::default();
-    for (part, trs) in flat.blocks.iter().flat_map(|b| b.parts(Trs::IDENTITY)) {
+    for (part, trs) in flattened.blocks.iter().flat_map(|b| b.parts(Trs::IDENTITY)) {
         Attribute::append_all(&mut mesh.attributes, mesh.points.len(), &part.attributes, part.points.len());
         mesh.points.extend(part.points.iter().map(|p| trs.apply(*p)));
-        mesh.normals.extend(part.normals.iter().map(|n| normal(&trs, *n)));
-        if flat.has_uvs {
+        mesh.normals.extend(part.normals.iter().map(|n| transform_normal(&trs, *n)));
+        if flattened.has_uvs {
             mesh.uvs.extend_from_slice(&part.uvs);
             mesh.uvs.resize(mesh.points.len(), Vec2::ZERO);
         }
     }
-    for material in &flat.materials {
-        let first = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX);
-        for piece in flat.triangles(Trs::IDENTITY, *material, 0) {
-            let base = u32::try_from(piece.base).unwrap_or(u32::MAX);
-            mesh.triangles.extend(piece.corners().map(|t| t.map(|i| i.saturating_add(base))));
+    for material in &flattened.materials {
+        let first = index(mesh.triangles.len(), "triangles of a mesh")?;
+        for range in flattened.triangles(Trs::IDENTITY, *material, 0) {
+            let base: u32 = narrow(range.base, "points of a mesh")?;
+            mesh.triangles.extend(range.corners().map(|t| t.map(|i| i.saturating_add(base))));
         }
-        let count = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX) - first;
+        let count = index(mesh.triangles.len(), "triangles of a mesh")? - first;
         mesh.subsets.push(Subset { material: *material, first, count });
     }
-    mesh
+    Ok(mesh)
 }
 
-/// Live instances with their prototypes' meshes.
-fn shown<'a>(instancer: &'a Instancer, state: &'a InstanceState) -> impl Iterator<Item = (&'a Mesh, Trs)> {
+/// Meshes and transforms of the live instances.
+fn live_instances<'a>(instancer: &'a Instancer, state: &'a InstanceState) -> impl Iterator<Item = (&'a Mesh, Trs)> {
     (0..instancer.len()).filter(|i| state.is_alive(*i)).filter_map(|i| {
         let proto = instancer.protos.get(i).and_then(|p| instancer.prototypes.get(*p as usize))?;
         Some((&proto.mesh, instancer.transform(state, i)))
     })
 }
 
-fn runs(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+fn batch_ranges(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     range.clone().step_by(BATCH).map(move |start| start..(start + BATCH).min(range.end))
 }
 
-/// Formats pieces in parallel, some at a time, and passes the results on in order.
-pub(super) fn stream<'a, R: Send>(
-    pieces: impl Iterator<Item = Piece<'a>>,
-    format: impl Fn(&[Piece<'a>]) -> R + Sync + Send,
+/// Formats ranges in parallel, [`BATCHES_AT_ONCE`] batches at a time, and passes the results to `put` in order. A batch takes ranges
+/// until it has [`BATCH`] elements.
+pub(super) fn format_in_parallel<'a, R: Send>(
+    pieces: impl Iterator<Item = PartRange<'a>>,
+    format: impl Fn(&[PartRange<'a>]) -> R + Sync + Send,
     mut put: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    let mut batches: Vec<Vec<Piece<'a>>> = Vec::new();
+    let mut batches: Vec<Vec<PartRange<'a>>> = Vec::new();
     let mut room = 0;
-    for piece in pieces {
-        let size = piece.range.len();
+    for range in pieces {
+        let size = range.range.len();
         if size > room {
-            if batches.len() == AT_ONCE {
+            if batches.len() == BATCHES_AT_ONCE {
                 par_map(&batches, |b| format(b)).into_iter().try_for_each(&mut put)?;
                 batches.clear();
             }
@@ -209,14 +211,14 @@ pub(super) fn stream<'a, R: Send>(
         }
         room -= size;
         if let Some(batch) = batches.last_mut() {
-            batch.push(piece);
+            batch.push(range);
         }
     }
     par_map(&batches, |b| format(b)).into_iter().try_for_each(put)
 }
 
-/// A normal under a transform: inverse scale, then rotation.
-pub(super) fn normal(trs: &Trs, n: Vec3) -> Vec3 {
+/// A normal under a transform: by the inverse transpose, which is the inverse scale followed by the rotation; unit length.
+pub(super) fn transform_normal(trs: &Trs, n: Vec3) -> Vec3 {
     let safe = |s: f32| if s == 0.0 { 1.0 } else { s };
     let scaled = Vec3::new(n.x / safe(trs.s.x), n.y / safe(trs.s.y), n.z / safe(trs.s.z));
     osier_base::math::normalize_or(trs.r * scaled, n)
@@ -235,9 +237,9 @@ mod tests {
             ..Mesh::default()
         };
         let trs = Trs { s: Vec3::new(1.0, 1.0, -2.0), ..Trs::IDENTITY };
-        let points: Vec<Vec3> = Piece { mesh: &mesh, trs, range: 0..3, base: 0 }.points().collect();
-        let normals: Vec<Vec3> = Piece { mesh: &mesh, trs, range: 0..3, base: 0 }.normals().collect();
-        let corners: Vec<[u32; 3]> = Piece { mesh: &mesh, trs, range: 0..1, base: 0 }.corners().collect();
+        let points: Vec<Vec3> = PartRange { mesh: &mesh, trs, range: 0..3, base: 0 }.points().collect();
+        let normals: Vec<Vec3> = PartRange { mesh: &mesh, trs, range: 0..3, base: 0 }.normals().collect();
+        let corners: Vec<[u32; 3]> = PartRange { mesh: &mesh, trs, range: 0..1, base: 0 }.corners().collect();
         let [a, b, c] = corners[0].map(|i| points[i as usize]);
         assert!((b - a).cross(c - a).dot(normals[0]) > 0.0);
         assert!((normals[0] + Vec3::Z).length() < 1e-6);
@@ -246,11 +248,11 @@ mod tests {
     #[test]
     fn pieces_come_in_order_whatever_their_sizes() {
         let mesh = Mesh { points: vec![Vec3::ZERO; 3 * BATCH + 5], ..Mesh::default() };
-        let ranges: Vec<Range<usize>> = runs(0..mesh.points.len()).collect();
-        let pieces = ranges.iter().map(|r| Piece { mesh: &mesh, trs: Trs::IDENTITY, range: r.clone(), base: 0 });
+        let ranges: Vec<Range<usize>> = batch_ranges(0..mesh.points.len()).collect();
+        let pieces = ranges.iter().map(|r| PartRange { mesh: &mesh, trs: Trs::IDENTITY, range: r.clone(), base: 0 });
         let mut got = Vec::new();
-        let first = |p: &[Piece<'_>]| p.iter().map(|p| p.range.clone()).collect::<Vec<_>>();
-        stream(pieces, first, |r| {
+        let first = |p: &[PartRange<'_>]| p.iter().map(|p| p.range.clone()).collect::<Vec<_>>();
+        format_in_parallel(pieces, first, |r| {
             got.extend(r);
             Ok(())
         })

@@ -1,22 +1,38 @@
-//! Wavefront OBJ with MTL: still meshes, instances merged in.
+//! Wavefront OBJ with MTL: meshes at rest, instances merged in.
 //!
-//! Y up, metres. A bake gets `obj/<asset>.obj` and `.mtl` in the asset's own space; a single asset `<stem>.obj` and
-//! `<stem>.mtl` with everything placed, pictures in `<stem>_files/`.
+//! Y up, metres. A bake gets `obj/<asset>.obj` and `.mtl` for each asset, in its own space. A single file is `<stem>.obj` and
+//! `<stem>.mtl` with all placements, textures in `<stem>_files/`.
+//! Sources: Wavefront "Object Files (.obj)", version 3.0; "MTL material format", 1995.
+//!
+//! ```
+//! use osier_base::files::Folder;
+//! use osier_export::Exporter as _;
+//! use osier_export::file_target::FileTarget;
+//! use osier_export::obj::ObjExporter;
+//! use std::sync::Arc;
+//!
+//! let folder = Folder::memory();
+//! let mut obj = ObjExporter::new(folder.clone(), Arc::default(), FileTarget::Single("oak".into()));
+//! obj.begin(&Arc::new(osier_scene::Scene::default()))?;
+//! obj.finish()?;
+//! assert!(folder.take("oak.mtl").is_some());
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use std::sync::Arc;
 
 use super::estimate::{EstimateInput, MergedSize};
 use super::file_target::FileTarget;
 use super::format::FormatInfo;
-use super::merge::{Flat, Piece, stream};
-use super::text::Text;
+use super::merge::{FlattenedAsset, PartRange, format_in_parallel};
+use super::text::TextBuffer;
 use super::textures::Textures;
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Material, Scene, Trs, check_scene};
 
-/// OBJ in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "obj",
     about: "Wavefront meshes at rest",
@@ -28,14 +44,14 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(ObjExporter::new(job.folder.clone(), Arc::clone(&job.textures), job.target()))],
 };
 
-/// Bytes of the lines of a vertex, a normal and a texture coordinate, and of a face without its numbers. Own: as measured on
-/// trees.
+/// Mean bytes of the lines of a vertex, a normal and a texture coordinate, and of a face without its indices. Own: measured on
+/// trees; used for estimates alone.
 const POINT_LINE: u64 = 33;
 const NORMAL_LINE: u64 = 36;
 const UV_LINE: u64 = 24;
 const FACE_LINE: u64 = 11;
 
-/// Own: bytes as the lines have them; indices of faces grow with the number of vertices.
+/// Own estimate: bytes of the lines; indices of faces grow with the number of vertices.
 fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
         return input
@@ -44,13 +60,13 @@ fn estimate(input: &EstimateInput) -> u64 {
     let size = MergedSize::of(input.scene);
     let digits = size.vertices.max(1).ilog10() + 1;
     let numbers = if size.mapped_vertices > 0 { 9 } else { 6 };
-    // Of each index: a blank or a slash and its digits, of which those of the first vertices have fewer.
+    // An index is a blank or a slash and its digits; the vertices before 10^(digits - 1) have one digit less.
     let fewer = numbers * 10_u64.pow(digits - 1) / size.vertices.max(1);
     let face = FACE_LINE + numbers * u64::from(digits) - fewer;
     size.vertices * (POINT_LINE + NORMAL_LINE) + size.mapped_vertices * UV_LINE + size.triangles * face
 }
 
-/// Exporter for OBJ.
+/// Writes OBJ.
 #[derive(Debug)]
 pub struct ObjExporter {
     folder: Folder,
@@ -59,19 +75,19 @@ pub struct ObjExporter {
 }
 
 impl ObjExporter {
-    /// Writes into `folder`; `textures`: the scene's pictures.
+    /// An exporter into `folder`. `textures`: the encoded images of the scene that `begin` will get.
     pub fn new(folder: Folder, textures: Arc<Textures>, target: FileTarget) -> Self {
         Self { folder, textures, target }
     }
 
-    /// Writes one pair of files. `path`: without ending; `pictures`: their folder as seen from there; `finish`: what
-    /// else belongs to them, written before the mesh appears under its name.
-    fn pair(
+    /// Writes an .obj and its .mtl. `path`: without ending; `pictures`: folder of the textures relative to it; `finish`: writes
+    /// what else belongs to them, before the mesh appears under its final name.
+    fn write_pair(
         &self,
         scene: &Scene,
         path: &str,
         pictures: &str,
-        objects: &[Object<'_>],
+        objects: &[ObjObject<'_>],
         finish: impl FnOnce() -> Result<()>,
     ) -> Result<()> {
         let stem = path.rsplit('/').next().unwrap_or(path);
@@ -81,8 +97,9 @@ impl ObjExporter {
         }
         let name = format!("{path}.obj");
         let out = self.folder.create(&name, "obj", None)?;
-        let mut lines = Lines { out, name: &name };
-        lines.put(Text::default().put(&format!("# {GENERATOR}\n# seed {}\nmtllib {stem}.mtl\n", scene.seed)))?;
+        let mut lines = LineSink { out, name: &name };
+        lines.put(TextBuffer::default().put(&format!("# {GENERATOR}\n# seed {}\nmtllib {stem}.mtl\n", scene.seed)))?;
+        // Objects follow each other with consecutive vertex numbers; the library lists the materials that any of them uses.
         let mut base = 1;
         let mut used = std::collections::BTreeSet::new();
         for object in objects {
@@ -94,21 +111,22 @@ impl ObjExporter {
         if let Some(out) = lines.out {
             out.commit()?;
         }
-        let mut library = Text::default();
+        let mut library = TextBuffer::default();
         library.put(&format!("# {GENERATOR}\n"));
         for id in used {
-            if let Some(own) = scene.materials.get(id as usize) {
-                let m = Material { base_color: scene.flat_color(id), ..own.clone() };
-                material(&mut library, scene, &m, pictures);
+            if let Some(source) = scene.materials.get(id as usize) {
+                let m = Material { base_color: scene.flat_color(id), ..source.clone() };
+                write_material(&mut library, scene, &m, pictures);
             }
         }
         let path = format!("{path}.mtl");
-        finite(&library, &path)?;
+        check_finite(&library, &path)?;
         self.folder.write(&path, "mtl", library.bytes())
     }
 }
 
-fn finite(text: &Text, path: &str) -> Result<()> {
+/// X001 if a text has a number that is not finite.
+fn check_finite(text: &TextBuffer, path: &str) -> Result<()> {
     if text.is_finite() {
         Ok(())
     } else {
@@ -116,15 +134,15 @@ fn finite(text: &Text, path: &str) -> Result<()> {
     }
 }
 
-/// A file being written, unless it is finished already.
-struct Lines<'a> {
+/// The file that takes the lines; none if an interrupted bake has left it complete.
+struct LineSink<'a> {
     out: Option<Output>,
     name: &'a str,
 }
 
-impl Lines<'_> {
-    fn put(&mut self, text: &Text) -> Result<()> {
-        finite(text, self.name)?;
+impl LineSink<'_> {
+    fn put(&mut self, text: &TextBuffer) -> Result<()> {
+        check_finite(text, self.name)?;
         self.out.as_mut().map_or(Ok(()), |out| out.put(text.bytes()))
     }
 }
@@ -136,25 +154,25 @@ impl Exporter for ObjExporter {
             FileTarget::Bake => {
                 self.textures.write(scene, &self.folder, "textures/")?;
                 for asset in &scene.assets {
-                    let object = Object { name: &asset.id, flat: &Flat::of(asset), world: Trs::IDENTITY };
+                    let object = ObjObject { name: &asset.id, flat: &FlattenedAsset::of(asset), world: Trs::IDENTITY };
                     if object.flat.triangles > 0 {
                         let path = format!("obj/{}", asset.id);
-                        self.pair(scene, &path, "../textures/", &[object], || Ok(()))?;
+                        self.write_pair(scene, &path, "../textures/", &[object], || Ok(()))?;
                     }
                 }
                 Ok(())
             }
             FileTarget::Single(stem) => {
                 let pictures = format!("{stem}_files/");
-                let flats: Vec<Flat<'_>> = scene.assets.iter().map(Flat::of).collect();
+                let flats: Vec<FlattenedAsset<'_>> = scene.assets.iter().map(FlattenedAsset::of).collect();
                 let placed = scene.placements.iter().filter_map(|p| Some((p, flats.get(p.asset)?)));
-                let objects: Vec<Object<'_>> = placed
+                let objects: Vec<ObjObject<'_>> = placed
                     .filter(|(_, flat)| flat.triangles > 0)
-                    .map(|(p, flat)| Object { name: &p.name, flat, world: p.transform })
+                    .map(|(p, flat)| ObjObject { name: &p.name, flat, world: p.transform })
                     .collect();
-                // Where the mesh cannot be written there is no folder of pictures for it.
+                // Textures are written last, so that a mesh that cannot be written leaves no folder of textures.
                 let finish = || self.textures.write(scene, &self.folder, &pictures);
-                self.pair(scene, stem, &pictures, &objects, finish)
+                self.write_pair(scene, stem, &pictures, &objects, finish)
             }
         }
     }
@@ -168,64 +186,69 @@ impl Exporter for ObjExporter {
     }
 }
 
-/// One object of a file.
-struct Object<'a> {
+/// An asset as an object (`o`) of a file.
+struct ObjObject<'a> {
     name: &'a str,
-    flat: &'a Flat<'a>,
+    flat: &'a FlattenedAsset<'a>,
     world: Trs,
 }
 
-impl Object<'_> {
-    /// `o`, `v`, `vt`, `vn`, then runs of one material. `base`: number of its first vertex.
-    /// Source: Wavefront "Object Files (.obj)", version 3.0: indices count from one over the whole file.
-    fn write(&self, lines: &mut Lines<'_>, base: u64, materials: &[Material]) -> Result<()> {
-        lines.put(Text::default().put("o ").put(self.name).put("\n"))?;
-        self.numbers(lines, |t, piece| {
-            piece.points().for_each(|p| line(t, "v ", &p.to_array()));
+impl ObjObject<'_> {
+    /// Writes `o`, then all `v`, `vt` and `vn`, then `usemtl` and `f` for each material. `base`: number of the object's first
+    /// vertex: indices count from 1 over the whole file.
+    fn write(&self, lines: &mut LineSink<'_>, base: u64, materials: &[Material]) -> Result<()> {
+        lines.put(TextBuffer::default().put("o ").put(self.name).put("\n"))?;
+        self.write_points(lines, |t, range| {
+            range.points().for_each(|p| line(t, "v ", &p.to_array()));
         })?;
         if self.flat.has_uvs {
-            self.numbers(lines, |t, piece| match piece.mesh.uvs.get(piece.range.clone()) {
+            self.write_points(lines, |t, range| match range.mesh.uvs.get(range.range.clone()) {
                 Some(uvs) => uvs.iter().for_each(|v| line(t, "vt ", &v.to_array())),
-                None => piece.range.clone().for_each(|_| line(t, "vt ", &[0.0; 2])),
+                None => range.range.clone().for_each(|_| line(t, "vt ", &[0.0; 2])),
             })?;
         }
-        self.numbers(lines, |t, piece| {
-            piece.normals().for_each(|n| line(t, "vn ", &n.to_array()));
+        self.write_points(lines, |t, range| {
+            range.normals().for_each(|n| line(t, "vn ", &n.to_array()));
         })?;
         for id in &self.flat.materials {
             if let Some(m) = materials.get(*id as usize) {
-                lines.put(Text::default().put("usemtl ").put(&m.name).put("\n"))?;
+                lines.put(TextBuffer::default().put("usemtl ").put(&m.name).put("\n"))?;
             }
-            let format = |pieces: &[Piece<'_>]| {
-                let mut text = Text::default();
-                pieces.iter().for_each(|p| p.corners().for_each(|c| face(&mut text, c, p.base, self.flat.has_uvs)));
+            let format = |ranges: &[PartRange<'_>]| {
+                let mut text = TextBuffer::default();
+                ranges.iter().for_each(|p| p.corners().for_each(|c| face(&mut text, c, p.base, self.flat.has_uvs)));
                 text
             };
-            stream(self.flat.triangles(self.world, *id, base), format, |text| lines.put(&text))?;
+            format_in_parallel(self.flat.triangles(self.world, *id, base), format, |text| lines.put(&text))?;
         }
         Ok(())
     }
 
-    /// Lines of all points.
-    fn numbers(&self, lines: &mut Lines<'_>, each: impl Fn(&mut Text, &Piece<'_>) + Sync + Send) -> Result<()> {
-        let format = |pieces: &[Piece<'_>]| {
-            let mut text = Text::default();
-            pieces.iter().for_each(|p| each(&mut text, p));
+    /// Writes lines for all points, formatted in parallel by `each`.
+    fn write_points(
+        &self,
+        lines: &mut LineSink<'_>,
+        each: impl Fn(&mut TextBuffer, &PartRange<'_>) + Sync + Send,
+    ) -> Result<()> {
+        let format = |ranges: &[PartRange<'_>]| {
+            let mut text = TextBuffer::default();
+            ranges.iter().for_each(|p| each(&mut text, p));
             text
         };
-        stream(self.flat.points(self.world), format, |text| lines.put(&text))
+        format_in_parallel(self.flat.points(self.world), format, |text| lines.put(&text))
     }
 }
 
-fn line(text: &mut Text, word: &str, values: &[f32]) {
+fn line(text: &mut TextBuffer, word: &str, values: &[f32]) {
     text.put(word).list(values, " ").put("\n");
 }
 
-/// `base`: number of the part's first vertex.
-fn face(text: &mut Text, corners: [u32; 3], base: u64, has_uvs: bool) {
+/// A face: `f v/vt/vn` for each corner. The three indices are equal, as each vertex has one of each. `base`: number of the part's
+/// first vertex.
+fn face(text: &mut TextBuffer, corners: [u32; 3], base: u64, has_uvs: bool) {
     text.put("f");
     for v in corners {
-        let v = u32::try_from(u64::from(v) + base).unwrap_or(u32::MAX);
+        let v = u64::from(v) + base;
         text.put(" ").int(v).put("/");
         if has_uvs {
             text.int(v);
@@ -235,9 +258,9 @@ fn face(text: &mut Text, corners: [u32; 3], base: u64, has_uvs: bool) {
     text.put("\n");
 }
 
-/// One material. A colour map replaces the colour, so beside it `Kd` is white.
-/// Source: Ns = 1000 (1 - roughness)^2, the inverse of what Blender's importer does.
-fn material(text: &mut Text, scene: &Scene, m: &Material, pictures: &str) {
+/// A material. A colour texture is multiplied by `Kd` in many readers, so `Kd` is white beside it.
+/// Ns = 1000 (1 - roughness)^2 is the inverse of what Blender's importer computes.
+fn write_material(text: &mut TextBuffer, scene: &Scene, m: &Material, pictures: &str) {
     let map = m.maps.color.and_then(|i| scene.images.get(i as usize));
     let smooth = 1.0 - m.roughness.clamp(0.0, 1.0);
     let color = if map.is_some() { [1.0; 3] } else { m.base_color };

@@ -7,17 +7,17 @@ use super::{
     usd::options::UsdOptions,
 };
 
-/// Choices of all formats that have some.
+/// Options of all formats that have some.
 #[derive(Debug, Clone, Default)]
 pub struct ExportOptions {
-    /// USD.
+    /// Options of USD; those of a single file follow from the [`ExportJob`](super::format::ExportJob).
     pub usd: UsdOptions,
-    /// glTF; profile and target come from [`Self::gltf_profiles`] and the `ExportJob`.
+    /// Options of glTF; profile and target come from [`Self::gltf_profiles`] and the `ExportJob`.
     pub gltf: GltfOptions,
     /// Profiles of glTF, each with a set of files.
     pub gltf_profiles: Vec<Profile>,
-    /// POV-Ray.
+    /// Options of POV-Ray; the target comes from the `ExportJob`.
     pub pov: PovOptions,
-    /// Maps.
+    /// Options of EXR maps.
     pub exr: ExrOptions,
 }

@@ -1,21 +1,21 @@
 //! Point caches for deforming meshes: `cache/<asset>.pc2`, beside the glTF file of profile `blender`.
 //!
-//! Little endian: `POINTCACHE2\0`, i32 1, i32 vertices, f32 first frame, f32 frames per sample, i32 samples, then
-//! samples x vertices x 3 f32. Vertices stand in the order of that glTF file (pieces by material, each with the
-//! vertices it uses), which Blender's importer keeps; space is Blender's, (x, -z, y).
+//! Little endian: `POINTCACHE2\0`, i32 version 1, i32 vertices, f32 first frame, f32 frames per sample, i32 samples, then
+//! samples x vertices x 3 f32. Vertices are in the order of that glTF file (submeshes by material, each with the
+//! vertices it uses), which Blender's importer keeps; axes are Blender's, (x, -z, y).
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::format::FormatInfo;
-use super::gltf::pieces::pieces;
+use super::gltf::submeshes::split_by_material;
 use super::{Exporter, Summary};
 use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
 
-/// Point caches in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pc2",
     about: "point caches for the glb of profile blender, of plants with motion = \"cache\"",
@@ -27,29 +27,29 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(Pc2Exporter::new(job.folder.clone()))],
 };
 
-/// The point cache exporter: a file per deforming mesh, frames written as they come.
+/// Writes point caches: a file for each deforming mesh, frames as they arrive.
 #[derive(Debug)]
 pub struct Pc2Exporter {
     folder: Folder,
     scene: Option<Arc<Scene>>,
-    caches: Vec<Cache>,
+    caches: Vec<PointCache>,
     numbers: Vec<u32>,
 }
 
-/// One file.
+/// The file of one mesh.
 #[derive(Debug)]
-struct Cache {
+struct PointCache {
     asset: usize,
     mesh: usize,
-    /// For each vertex written its index in the mesh.
+    /// For each vertex of the file its index in the mesh.
     order: Vec<usize>,
     out: Option<Output>,
-    /// As written when the file was opened.
-    header: Header,
+    /// The header that was written when the file was opened.
+    header: Pc2Header,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Header {
+struct Pc2Header {
     vertices: i32,
     first: u32,
     step: u32,
@@ -57,12 +57,12 @@ struct Header {
 }
 
 impl Pc2Exporter {
-    /// An exporter into `folder`. Still scenes and scenes without deforming meshes give no file.
+    /// An exporter into `folder`. Scenes without animation or without deforming meshes have no file.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None, caches: Vec::new(), numbers: Vec::new() }
     }
 
-    /// Opens the files at the first frame; the header foretells a whole clip and is mended at the end if it was not.
+    /// Opens the files at the first frame. The header assumes all frames to the end of the clip; `finish` corrects it if necessary.
     fn open(&mut self, scene: &Scene, first: u32) -> Result<()> {
         let samples = (scene.clip.end.saturating_sub(first) as usize).saturating_add(1);
         for (asset, source) in scene.assets.iter().enumerate() {
@@ -78,19 +78,19 @@ impl Pc2Exporter {
                 };
                 let vertices = i32::try_from(order.len())
                     .map_err(|_| Error::export("X005", format!("{path}: {} vertices", order.len())))?;
-                let header = Header { vertices, first, step: 1, samples };
+                let header = Pc2Header { vertices, first, step: 1, samples };
                 let mut out = self.folder.create(&path, "pc2", None)?;
                 if let Some(out) = &mut out {
                     out.put(&header.bytes()?)?;
                 }
-                self.caches.push(Cache { asset, mesh, order, out, header });
+                self.caches.push(PointCache { asset, mesh, order, out, header });
             }
         }
         Ok(())
     }
 }
 
-impl Header {
+impl Pc2Header {
     fn bytes(&self) -> Result<Vec<u8>> {
         let samples = i32::try_from(self.samples)
             .map_err(|_| Error::export("X005", format!("point cache of {} samples", self.samples)))?;
@@ -104,13 +104,13 @@ impl Header {
     }
 }
 
-/// For each vertex of the glTF file's primitives its index in the mesh.
+/// For each vertex of the glTF file's primitives, in order, its index in the mesh.
 fn written_order(mesh: &osier_scene::Mesh) -> Vec<usize> {
     let all: Vec<usize> = (0..mesh.points.len()).collect();
-    pieces(mesh).iter().flat_map(|p| p.gather(&all).into_owned()).collect()
+    split_by_material(mesh).iter().flat_map(|p| p.gather(&all).into_owned()).collect()
 }
 
-impl Cache {
+impl PointCache {
     fn put(&mut self, points: &[Vec3]) -> Result<()> {
         let Some(out) = &mut self.out else { return Ok(()) };
         let mut bytes = Vec::with_capacity(self.order.len() * 12);
@@ -152,7 +152,7 @@ impl Exporter for Pc2Exporter {
             _ => 1,
         };
         for mut cache in self.caches.drain(..) {
-            let header = Header { step, samples: self.numbers.len(), ..cache.header };
+            let header = Pc2Header { step, samples: self.numbers.len(), ..cache.header };
             if let Some(mut out) = cache.out.take() {
                 if header != cache.header {
                     out.put_at(0, &header.bytes()?)?;

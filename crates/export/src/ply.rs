@@ -1,7 +1,22 @@
-//! PLY, binary: point clouds, instances and meshes. Y up, metres; colours sRGB.
+//! PLY, binary little endian: point clouds, instances and meshes. Y up, metres; colours sRGB.
 //!
-//! A bake gets `cloud/<asset>[.####].ply` for an asset's points and `cloud/<asset>.<instancer>[.####].ply` for its
-//! instances, numbered where they move freely. A single asset `<stem>.ply`: its merged mesh, or its points.
+//! A bake has `cloud/<asset>[.####].ply` with the points of an asset, and `cloud/<asset>.<instancer>[.####].ply` with its
+//! instances; those that move freely in a file for each frame. A single file `<stem>.ply` has the merged mesh, or, without a mesh,
+//! the points.
+//!
+//! ```
+//! use osier_base::files::Folder;
+//! use osier_export::Exporter as _;
+//! use osier_export::file_target::FileTarget;
+//! use osier_export::ply::PlyExporter;
+//!
+//! let folder = Folder::memory();
+//! let mut ply = PlyExporter::new(folder.clone(), FileTarget::Single("oak".into()));
+//! ply.begin(&std::sync::Arc::new(osier_scene::Scene::default()))?;
+//! ply.finish()?;
+//! assert!(folder.take("oak.ply").is_some_and(|bytes| bytes.starts_with(b"ply\nformat binary_little_endian 1.0\n")));
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -11,7 +26,7 @@ use glam::Vec3;
 use super::estimate::{EstimateInput, MergedSize};
 use super::file_target::FileTarget;
 use super::format::FormatInfo;
-use super::merge::{Flat, Piece, normal, stream};
+use super::merge::{FlattenedAsset, PartRange, format_in_parallel, transform_normal};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
 use osier_base::units::{byte, srgb_from_linear};
@@ -21,7 +36,7 @@ use osier_scene::{
     PointsNow, Scene, Trs, check_frame, check_scene, instance_states,
 };
 
-/// PLY in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "ply",
     about: "point clouds, and instances as points",
@@ -33,7 +48,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(PlyExporter::new(job.folder.clone(), job.target()))],
 };
 
-/// Own: bytes as the binary records have them. A single file holds the merged mesh, points only without one.
+/// Own estimate: bytes of the records.
 fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
         return input
@@ -45,7 +60,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     size.vertices * 28 + size.triangles * 13 + points
 }
 
-/// Exporter for PLY.
+/// Writes PLY.
 #[derive(Debug)]
 pub struct PlyExporter {
     folder: Folder,
@@ -55,13 +70,13 @@ pub struct PlyExporter {
 }
 
 impl PlyExporter {
-    /// Writes into `folder`.
+    /// An exporter into `folder`.
     pub fn new(folder: Folder, target: FileTarget) -> Self {
         Self { folder, target, scene: None, frames: 0 }
     }
 
-    /// Writes a file.
-    fn save(&self, path: &str, frame: Option<u32>, fill: impl FnOnce(&mut Output) -> Result<()>) -> Result<()> {
+    /// Creates a file and fills it, unless an interrupted bake has left it complete.
+    fn write_file(&self, path: &str, frame: Option<u32>, fill: impl FnOnce(&mut Output) -> Result<()>) -> Result<()> {
         if let Some(mut out) = self.folder.create(path, "ply", frame)? {
             fill(&mut out)?;
             out.commit()?;
@@ -69,8 +84,9 @@ impl PlyExporter {
         Ok(())
     }
 
-    /// Files of all assets whose parts move (`moving`) or stand still. `number`: frame number in the file names.
-    fn clouds(&self, scene: &Scene, frame: Option<&Frame>, moving: bool, number: Option<u32>) -> Result<()> {
+    /// Writes the points and instances of all assets that move freely (`moving`), or of those that do not. `number`: frame number
+    /// in the file names.
+    fn write_clouds(&self, scene: &Scene, frame: Option<&Frame>, moving: bool, number: Option<u32>) -> Result<()> {
         let tag = number.map_or_else(String::new, |n| format!(".{}", scene.clip.tag(n)));
         let at = number.unwrap_or(scene.clip.start);
         let rest = AssetFrame::default();
@@ -79,35 +95,38 @@ impl PlyExporter {
             if !asset.points.is_empty() && asset.points.iter().any(|p| p.moving) == moving {
                 let path = format!("cloud/{}{tag}.ply", asset.id);
                 let states = asset.points.iter().enumerate();
-                let shown =
-                    states.map(|(i, points)| Shown { points, now: points.at(state.points(i)), trs: Trs::IDENTITY });
-                self.save(&path, number, |out| cloud(out, scene, shown, at))?;
+                let cloud = states.map(|(i, points)| PlacedCloud {
+                    points,
+                    now: points.at(state.points(i)),
+                    trs: Trs::IDENTITY,
+                });
+                self.write_file(&path, number, |out| write_points(out, scene, cloud, at))?;
             }
             for (i, instancer) in asset.instancers.iter().enumerate() {
                 if (instancer.motion == InstancerMotion::Free) == moving {
                     let path = format!("cloud/{}.{}{tag}.ply", asset.id, instancer.name);
-                    self.save(&path, number, |out| out.put(&instances(scene, asset, i, state, at)))?;
+                    self.write_file(&path, number, |out| out.put(&instance_file(scene, asset, i, state, at)))?;
                 }
             }
         }
         Ok(())
     }
 
-    /// Everything as one mesh; the points of clouds where there is no mesh.
-    fn single(&self, scene: &Scene, stem: &str) -> Result<()> {
+    /// Writes all placements as one mesh, or the points of clouds if there is no mesh.
+    fn write_single(&self, scene: &Scene, stem: &str) -> Result<()> {
         let path = format!("{stem}.ply");
-        let flats: Vec<Flat<'_>> = scene.assets.iter().map(Flat::of).collect();
-        let placed: Vec<(&Flat<'_>, Trs)> =
-            scene.placements.iter().filter_map(|p| Some((flats.get(p.asset)?, p.transform))).collect();
+        let assets: Vec<FlattenedAsset<'_>> = scene.assets.iter().map(FlattenedAsset::of).collect();
+        let placed: Vec<(&FlattenedAsset<'_>, Trs)> =
+            scene.placements.iter().filter_map(|p| Some((assets.get(p.asset)?, p.transform))).collect();
         let at = scene.clip.start;
         let of = |p: &Placement| Some((&scene.assets.get(p.asset)?.points, p.transform));
         let mut clouds =
             scene.placements.iter().filter_map(of).flat_map(|(c, t)| c.iter().map(move |c| (c, t))).peekable();
         if placed.iter().all(|(flat, _)| flat.triangles == 0) && clouds.peek().is_some() {
-            let shown = clouds.map(|(points, trs)| Shown::at_rest(points, trs));
-            return self.save(&path, None, |out| cloud(out, scene, shown, at));
+            let cloud = clouds.map(|(points, trs)| PlacedCloud::at_rest(points, trs));
+            return self.write_file(&path, None, |out| write_points(out, scene, cloud, at));
         }
-        self.save(&path, None, |out| mesh(out, scene, &placed, at))
+        self.write_file(&path, None, |out| write_mesh(out, scene, &placed, at))
     }
 }
 
@@ -116,8 +135,8 @@ impl Exporter for PlyExporter {
         check_scene(scene)?;
         self.scene = Some(Arc::clone(scene));
         match &self.target {
-            FileTarget::Bake => self.clouds(scene, None, false, None),
-            FileTarget::Single(stem) => self.single(scene, stem),
+            FileTarget::Bake => self.write_clouds(scene, None, false, None),
+            FileTarget::Single(stem) => self.write_single(scene, stem),
         }
     }
 
@@ -128,7 +147,7 @@ impl Exporter for PlyExporter {
         }
         check_frame(&scene, frame)?;
         self.frames += 1;
-        self.clouds(&scene, Some(frame), true, Some(frame.number))
+        self.write_clouds(&scene, Some(frame), true, Some(frame.number))
     }
 
     fn finish(&mut self) -> Result<Summary> {
@@ -136,7 +155,7 @@ impl Exporter for PlyExporter {
             && self.frames == 0
             && self.target == FileTarget::Bake
         {
-            self.clouds(&scene, None, true, None)?;
+            self.write_clouds(&scene, None, true, None)?;
         }
         Ok(Summary::default())
     }
@@ -151,20 +170,20 @@ fn header(scene: &Scene, frame: u32) -> String {
     )
 }
 
-fn floats(names: &str) -> String {
+fn float_properties(names: &str) -> String {
     names.split(' ').map(|n| format!("property float {n}\n")).collect()
 }
 
 const COLOR: &str = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
 
-fn put(out: &mut Vec<u8>, values: &[f32]) {
+fn put_floats(out: &mut Vec<u8>, values: &[f32]) {
     for v in values {
-        out.extend_from_slice(&plain(*v));
+        out.extend_from_slice(&le_bytes(*v));
     }
 }
 
 /// Bytes of a number; minus zero is written as zero.
-fn plain(v: f32) -> [u8; 4] {
+fn le_bytes(v: f32) -> [u8; 4] {
     (if v == 0.0 { 0.0 } else { v }).to_le_bytes()
 }
 
@@ -176,32 +195,37 @@ fn base_color(materials: &[Material], id: u32) -> [f32; 3] {
     materials.get(id as usize).map_or([1.0; 3], |m| m.base_color)
 }
 
-/// A cloud as it is shown.
-struct Shown<'a> {
+/// A point cloud at a frame, with its transform.
+struct PlacedCloud<'a> {
     points: &'a Points,
     now: PointsNow<'a>,
     trs: Trs,
 }
 
-impl<'a> Shown<'a> {
+impl<'a> PlacedCloud<'a> {
     fn at_rest(points: &'a Points, trs: Trs) -> Self {
         Self { points, now: points.at(&PointsFrame::Same), trs }
     }
 
-    /// Width of a point, m; 0 for one that is not seen.
+    /// Width of a point, m; 0 if it is hidden.
     fn width(&self, k: usize) -> f32 {
         self.now.widths.get(k).copied().unwrap_or(0.0)
     }
 }
 
-/// Points that are made at once, and those of a task.
-const SLICE: usize = 1 << 20;
-const CHUNK: usize = 1 << 16;
+/// Points that are formatted before they are written, and points of a parallel task.
+const POINTS_PER_WRITE: usize = 1 << 20;
+const POINTS_PER_TASK: usize = 1 << 16;
 
-/// All visible points with radius, colour and further numbers (0 where a cloud has none of that name): unsigned bytes
-/// where all of a name fit, else 32 bits.
-fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32) -> Result<()> {
-    let clouds: Vec<Shown<'a>> = clouds.collect();
+/// Writes all visible points with position, radius, colour and integer attributes (0 where a cloud has none of that name), which
+/// are unsigned bytes if all values of a name fit, else 32 bits.
+fn write_points<'a>(
+    out: &mut Output,
+    scene: &Scene,
+    clouds: impl Iterator<Item = PlacedCloud<'a>>,
+    frame: u32,
+) -> Result<()> {
+    let clouds: Vec<PlacedCloud<'a>> = clouds.collect();
     let mut names: Vec<(&'static str, bool)> = Vec::new();
     let attributes = clouds.iter().flat_map(|c| &c.points.attributes);
     for (name, values) in attributes.filter_map(|a| Some((a.name, a.data.counts()?))) {
@@ -211,16 +235,16 @@ fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown
             None => names.push((name, wide)),
         }
     }
-    let seen = |c: &Shown<'_>| (0..c.now.positions.len()).filter(|k| c.width(*k) > 0.0).count();
+    let seen = |c: &PlacedCloud<'_>| (0..c.now.positions.len()).filter(|k| c.width(*k) > 0.0).count();
     let count: usize = clouds.iter().map(seen).sum();
     let more: String =
         names.iter().map(|(n, w)| format!("property {} {n}\n", if *w { "uint" } else { "uchar" })).collect();
-    let head = format!("element vertex {count}\n{}{COLOR}{more}end_header\n", floats("x y z radius"));
+    let head = format!("element vertex {count}\n{}{COLOR}{more}end_header\n", float_properties("x y z radius"));
     out.put((header(scene, frame) + &head).as_bytes())?;
-    for shown in &clouds {
-        for (i, positions) in shown.now.positions.chunks(SLICE).enumerate() {
-            let rows = osier_base::par::par_chunks(positions, CHUNK, |first, positions| {
-                rows(scene, shown, &names, i * SLICE + first, positions)
+    for cloud in &clouds {
+        for (i, positions) in cloud.now.positions.chunks(POINTS_PER_WRITE).enumerate() {
+            let rows = osier_base::par::par_chunks(positions, POINTS_PER_TASK, |first, positions| {
+                point_rows(scene, cloud, &names, i * POINTS_PER_WRITE + first, positions)
             });
             rows.iter().try_for_each(|body| out.put(body))?;
         }
@@ -228,25 +252,31 @@ fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown
     Ok(())
 }
 
-/// Rows of some points of a cloud, the first of which has number `first`.
-fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)], first: usize, positions: &[Vec3]) -> Vec<u8> {
-    let points = shown.points;
+/// The records of some points of a cloud. `first`: index of the first of them.
+fn point_rows(
+    scene: &Scene,
+    cloud: &PlacedCloud<'_>,
+    names: &[(&'static str, bool)],
+    first: usize,
+    positions: &[Vec3],
+) -> Vec<u8> {
+    let points = cloud.points;
     let flat = base_color(&scene.materials, points.material);
     let values = |name: &str| points.attributes.iter().find(|a| a.name == name).and_then(|a| a.data.counts());
     let columns: Vec<(Option<&[u32]>, bool)> = names.iter().map(|(name, wide)| (values(name), *wide)).collect();
     let size = 20 + names.iter().map(|n| if n.1 { 4 } else { 1 }).sum::<usize>();
     let mut body = Vec::with_capacity(positions.len() * size);
-    let mut colors = Colors::default();
+    let mut colors = ColorCache::default();
     for (k, p) in (first..).zip(positions) {
-        let width = shown.width(k);
+        let width = cloud.width(k);
         if width <= 0.0 {
             continue;
         }
-        let p = if shown.trs == Trs::IDENTITY { *p } else { shown.trs.apply(*p) };
+        let p = if cloud.trs == Trs::IDENTITY { *p } else { cloud.trs.apply(*p) };
         let mut fixed = [0; 20];
-        let numbers = [p.x, p.y, p.z, width * shown.trs.s.x * 0.5].map(plain);
+        let numbers = [p.x, p.y, p.z, width * cloud.trs.s.x * 0.5].map(le_bytes);
         fixed[..16].copy_from_slice(bytemuck::bytes_of(&numbers));
-        fixed[16..].copy_from_slice(&colors.bytes(shown.now.colors.get(k).copied().unwrap_or(flat)));
+        fixed[16..].copy_from_slice(&colors.bytes(cloud.now.colors.get(k).copied().unwrap_or(flat)));
         body.extend_from_slice(&fixed);
         for (values, wide) in &columns {
             let v = values.and_then(|v| v.get(k)).copied().unwrap_or(0).to_le_bytes();
@@ -256,18 +286,19 @@ fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)], first:
     body
 }
 
-/// Bytes of colours met before: clouds have millions of points and few colours.
-struct Colors {
+/// A direct-mapped cache from linear to sRGB colours: clouds have millions of points and few colours, and each conversion takes
+/// three powers.
+struct ColorCache {
     known: Vec<([f32; 3], [u8; 4])>,
 }
 
-impl Default for Colors {
+impl Default for ColorCache {
     fn default() -> Self {
         Self { known: vec![([0.0; 3], rgba([0.0, 0.0, 0.0, 1.0])); 256] }
     }
 }
 
-impl Colors {
+impl ColorCache {
     fn bytes(&mut self, c: [f32; 3]) -> [u8; 4] {
         let bits = c.map(f32::to_bits);
         let hash = bits.iter().fold(0_u32, |h, b| (h ^ b).wrapping_mul(0x9E37_79B1)) >> 24;
@@ -279,12 +310,11 @@ impl Colors {
     }
 }
 
-/// Column that every file of instances has, zero where an instancer has no such attribute, so that readers need not ask for it.
+/// Column that every file of instances has, 0 if an instancer has no such attribute, so that readers can rely on it.
 const FIXED_COLUMN: &str = "wetness";
 
-/// All live instances of an instancer: position, quaternion (w first), scale, its attributes of single numbers, prototype and
-/// number.
-fn instances(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, frame: u32) -> Vec<u8> {
+/// The file of the live instances of an instancer: position, quaternion (w first), scale, scalar attributes, prototype and index.
+fn instance_file(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, frame: u32) -> Vec<u8> {
     let instancer = &asset.instancers[i];
     let states = instance_states(asset, instancer, i, state);
     let others = states.attributes.iter().filter(|a| a.name != FIXED_COLUMN && a.data.scalars().is_some());
@@ -295,16 +325,16 @@ fn instances(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, frame: 
         .collect();
     let mut body = Vec::new();
     let mut count = 0;
-    for k in (0..instancer.len()).filter(|k| states.is_alive(*k)) {
+    for (id, k) in (0_u32..).zip(0..instancer.len()).filter(|(_, k)| states.is_alive(*k)) {
         let t = instancer.transform(&states, k);
-        put(&mut body, &[t.t.x, t.t.y, t.t.z, t.r.w, t.r.x, t.r.y, t.r.z, t.s.x, t.s.y, t.s.z]);
-        values.iter().for_each(|v| put(&mut body, &[v.get(k).copied().unwrap_or(0.0)]));
-        for n in [instancer.protos[k], u32::try_from(k).unwrap_or(u32::MAX)] {
+        put_floats(&mut body, &[t.t.x, t.t.y, t.t.z, t.r.w, t.r.x, t.r.y, t.r.z, t.s.x, t.s.y, t.s.z]);
+        values.iter().for_each(|v| put_floats(&mut body, &[v.get(k).copied().unwrap_or(0.0)]));
+        for n in [instancer.protos[k], id] {
             body.extend_from_slice(&n.to_le_bytes());
         }
         count += 1;
     }
-    let names = floats(&format!("x y z qw qx qy qz sx sy sz {}", columns.join(" ")));
+    let names = float_properties(&format!("x y z qw qx qy qz sx sy sz {}", columns.join(" ")));
     let mut out = header(scene, frame).into_bytes();
     for (p, proto) in instancer.prototypes.iter().enumerate() {
         out.extend(format!("comment proto {p} {}\n", proto.name).bytes());
@@ -314,8 +344,8 @@ fn instances(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, frame: 
     out
 }
 
-/// A mesh with normals, and its materials' flat colours: part by part, once for points and once for each material.
-fn mesh(out: &mut Output, scene: &Scene, placed: &[(&Flat<'_>, Trs)], frame: u32) -> Result<()> {
+/// Writes a mesh with normals and its materials' flat colours, streamed: all points, then the faces of each material.
+fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, Trs)], frame: u32) -> Result<()> {
     let vertices: u64 = placed.iter().map(|p| p.0.vertices).sum();
     let faces: u64 = placed.iter().map(|p| p.0.triangles).sum();
     if i32::try_from(vertices).is_err() {
@@ -327,65 +357,65 @@ fn mesh(out: &mut Output, scene: &Scene, placed: &[(&Flat<'_>, Trs)], frame: u32
     order.extend(first);
     let rank: BTreeMap<u32, usize> = order.iter().enumerate().map(|(i, m)| (*m, i)).collect();
     let mut head = header(scene, frame);
-    head += &format!("element vertex {vertices}\n{}{COLOR}", floats("x y z nx ny nz"));
+    head += &format!("element vertex {vertices}\n{}{COLOR}", float_properties("x y z nx ny nz"));
     head += &format!("element face {faces}\nproperty list uchar int vertex_indices\nend_header\n");
     out.put(head.as_bytes())?;
-    let paint = Paint::new(scene, placed, rank);
-    let rows = |pieces: &[Piece<'_>]| {
+    let vertex_colors = VertexColors::new(scene, placed, rank);
+    let rows = |ranges: &[PartRange<'_>]| {
         let mut body = Vec::new();
-        pieces.iter().for_each(|p| vertex_rows(&mut body, p, &paint));
+        ranges.iter().for_each(|p| vertex_rows(&mut body, p, &vertex_colors));
         body
     };
     for (flat, world) in placed {
-        stream(flat.points(*world), rows, |body| out.put(&body))?;
+        format_in_parallel(flat.points(*world), rows, |body| out.put(&body))?;
     }
     for material in order {
         let mut base = 0;
         for (flat, world) in placed {
-            stream(flat.triangles(*world, material, base), face_rows, |body| out.put(&body))?;
+            format_in_parallel(flat.triangles(*world, material, base), face_rows, |body| out.put(&body))?;
             base += flat.vertices;
         }
     }
     Ok(())
 }
 
-fn vertex_rows(body: &mut Vec<u8>, piece: &Piece<'_>, paint: &Paint<'_>) {
+fn vertex_rows(body: &mut Vec<u8>, range: &PartRange<'_>, vertex_colors: &VertexColors<'_>) {
     let own;
-    let colors = match paint.large.get(&address(piece.mesh)) {
+    let colors = match vertex_colors.large_colors.get(&address(range.mesh)) {
         Some(colors) => colors,
         None => {
-            own = paint.colors(piece.mesh);
+            own = vertex_colors.colors(range.mesh);
             &own
         }
     };
-    for ((p, n), c) in piece.points().zip(piece.normals()).zip(&colors[piece.range.clone()]) {
-        put(body, &p.to_array());
-        // Once more, as if the placed asset were merged with others.
-        put(body, &normal(&Trs::IDENTITY, n).to_array());
+    for ((p, n), c) in range.points().zip(range.normals()).zip(&colors[range.range.clone()]) {
+        put_floats(body, &p.to_array());
+        // Normalised a second time, so that the bytes equal those of a mesh that was merged before it was written.
+        put_floats(body, &transform_normal(&Trs::IDENTITY, n).to_array());
         body.extend_from_slice(c);
     }
 }
 
-/// Colours of points.
-struct Paint<'a> {
+/// Colours of the vertices of meshes, from the materials of their faces.
+struct VertexColors<'a> {
     scene: &'a Scene,
-    /// Places of materials in the file's order.
+    /// Position of each material in the order of the file.
     rank: BTreeMap<u32, usize>,
-    /// Of meshes that are written in several runs, by their addresses.
-    large: BTreeMap<usize, Vec<[u8; 4]>>,
+    /// Colours of meshes that are split into several ranges, by the address of the mesh.
+    large_colors: BTreeMap<usize, Vec<[u8; 4]>>,
 }
 
-impl<'a> Paint<'a> {
-    fn new(scene: &'a Scene, placed: &[(&Flat<'_>, Trs)], rank: BTreeMap<u32, usize>) -> Self {
-        let mut paint = Self { scene, rank, large: BTreeMap::new() };
-        for mesh in placed.iter().flat_map(|p| p.0.large()) {
-            let colors = paint.colors(mesh);
-            paint.large.insert(address(mesh), colors);
+impl<'a> VertexColors<'a> {
+    fn new(scene: &'a Scene, placed: &[(&FlattenedAsset<'_>, Trs)], rank: BTreeMap<u32, usize>) -> Self {
+        let mut vertex_colors = Self { scene, rank, large_colors: BTreeMap::new() };
+        for mesh in placed.iter().flat_map(|p| p.0.large_meshes()) {
+            let colors = vertex_colors.colors(mesh);
+            vertex_colors.large_colors.insert(address(mesh), colors);
         }
-        paint
+        vertex_colors
     }
 
-    /// That of the last material in the file's order whose triangles have the point.
+    /// The colour of each vertex: that of the last material, in the order of the file, whose faces have it.
     fn colors(&self, mesh: &Mesh) -> Vec<[u8; 4]> {
         let mut colors = vec![[255_u8; 4]; mesh.points.len()];
         let mut subsets: Vec<&osier_scene::Subset> = mesh.subsets.iter().collect();
@@ -407,14 +437,15 @@ fn address(mesh: &Mesh) -> usize {
     std::ptr::from_ref(mesh).addr()
 }
 
-fn face_rows(pieces: &[Piece<'_>]) -> Vec<u8> {
+fn face_rows(ranges: &[PartRange<'_>]) -> Vec<u8> {
     let mut body = Vec::new();
-    for piece in pieces {
-        for corners in piece.corners() {
+    for range in pieces {
+        for corners in range.corners() {
             body.push(3);
             for v in corners {
-                let v = i32::try_from(u64::from(v) + piece.base).unwrap_or(i32::MAX);
-                body.extend_from_slice(&v.to_le_bytes());
+                // `write_mesh` has checked that all vertices have numbers below 2^31: the low four bytes are all.
+                let v = u64::from(v) + range.base;
+                body.extend_from_slice(&v.to_le_bytes()[..4]);
             }
         }
     }
@@ -428,7 +459,7 @@ mod tests {
     #[test]
     fn minus_zero_is_written_as_zero() {
         let mut out = Vec::new();
-        put(&mut out, &[-0.0, 1.0]);
+        put_floats(&mut out, &[-0.0, 1.0]);
         assert_eq!(out, [0, 0, 0, 0, 0, 0, 0x80, 0x3f]);
     }
 }

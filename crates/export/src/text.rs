@@ -1,32 +1,41 @@
-//! Numbers as text for the formats that people can read: the shortest decimal that reads back to the same `f32`,
-//! no exponent, `.` as separator, `0` for minus zero.
+//! Numbers as text for the readable formats: the shortest decimal that reads back to the same `f32`, without exponent, with `.`
+//! as separator, `0` for minus zero.
+//!
+//! ```
+//! use osier_export::text::TextBuffer;
+//!
+//! let mut text = TextBuffer::default();
+//! text.put("v ").list(&[0.1, -0.0, 1e-7], " ").put("\n");
+//! assert_eq!(text.bytes(), b"v 0.1 0 0.0000001\n");
+//! assert!(text.is_finite() && !text.num(f32::NAN).is_finite());
+//! ```
 
-/// A text under construction. It remembers whether every number in it was finite.
+/// A text that is being written. It records whether every number in it was finite.
 #[derive(Debug, Clone)]
-pub struct Text {
+pub struct TextBuffer {
     bytes: Vec<u8>,
     finite: bool,
 }
 
-impl Default for Text {
+impl Default for TextBuffer {
     fn default() -> Self {
         Self { bytes: Vec::new(), finite: true }
     }
 }
 
-impl Text {
-    /// An empty text with room for `bytes`.
+impl TextBuffer {
+    /// An empty text with capacity for `bytes`.
     pub fn with_capacity(bytes: usize) -> Self {
         Self { bytes: Vec::with_capacity(bytes), finite: true }
     }
 
-    /// Appends a string as it is.
+    /// Appends a string unchanged.
     pub fn put(&mut self, s: &str) -> &mut Self {
         self.bytes.extend_from_slice(s.as_bytes());
         self
     }
 
-    /// Appends a number. NaN and infinity append `0` and spoil the text.
+    /// Appends a number. NaN and infinity append `0`, and [`Self::is_finite`] is false from then on.
     pub fn num(&mut self, v: f32) -> &mut Self {
         if v == 0.0 {
             self.bytes.push(b'0');
@@ -39,20 +48,21 @@ impl Text {
         self
     }
 
-    /// Appends a whole number.
-    pub fn int(&mut self, v: u32) -> &mut Self {
-        let mut digits = [0_u8; 10];
-        let mut at = digits.len();
-        let mut rest = v;
+    /// Appends an integer.
+    pub fn int(&mut self, v: impl Into<u64>) -> &mut Self {
+        // Digits from the last one backwards; u64 has at most 20.
+        let mut digits = [0_u8; 20];
+        let mut first = digits.len();
+        let mut rest = v.into();
         loop {
-            at -= 1;
-            digits[at] = b'0' + u8::try_from(rest % 10).unwrap_or(0);
+            first -= 1;
+            digits[first] = b'0' + (rest % 10) as u8;
             rest /= 10;
             if rest == 0 {
                 break;
             }
         }
-        self.bytes.extend_from_slice(&digits[at..]);
+        self.bytes.extend_from_slice(&digits[first..]);
         self
     }
 
@@ -90,40 +100,40 @@ impl Text {
         self
     }
 
-    /// The text so far.
+    /// The text as bytes; UTF-8, as it is made of strings and digits.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Bytes so far.
+    /// Length in bytes.
     pub fn len(&self) -> usize {
         self.bytes.len()
     }
 
-    /// True if nothing was appended.
+    /// Whether the text is empty.
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// False once a NaN or an infinity came by.
+    /// False if a NaN or an infinity was appended.
     pub fn is_finite(&self) -> bool {
         self.finite
     }
 }
 
-/// A number for `format!`, in the same notation. NaN and infinity print as `0`: check them before.
+/// Formats a number for `format!` in the same notation. NaN and infinity print as `0`: check them before.
 #[derive(Debug, Clone, Copy)]
-pub struct Num(pub f32);
+pub struct Decimal(pub f32);
 
-impl std::fmt::Display for Num {
+impl std::fmt::Display for Decimal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut text = Text::with_capacity(16);
+        let mut text = TextBuffer::with_capacity(16);
         text.num(self.0);
         f.write_str(std::str::from_utf8(text.bytes()).unwrap_or("0"))
     }
 }
 
-/// Decimal without exponent. `v`: finite, not zero.
+/// Appends a decimal without exponent. `v`: finite, not zero. ryu uses an exponent outside of 1e-5 to 1e12.
 fn append_decimal(out: &mut Vec<u8>, v: f32) {
     let mut buffer = ryu::Buffer::new();
     let digits = buffer.format_finite(v).as_bytes();
@@ -131,12 +141,12 @@ fn append_decimal(out: &mut Vec<u8>, v: f32) {
     if (1e-5..1e12).contains(&size) {
         out.extend_from_slice(digits.strip_suffix(b".0").unwrap_or(digits));
     } else {
-        expand(out, digits);
+        expand_exponent(out, digits);
     }
 }
 
-/// `1.234e-7` as `0.0000001234`, `1.5e20` as `150000000000000000000`.
-fn expand(out: &mut Vec<u8>, digits: &[u8]) {
+/// Appends ryu's digits without the exponent: `1.234e-7` as `0.0000001234`, `1.5e20` as `150000000000000000000`.
+fn expand_exponent(out: &mut Vec<u8>, digits: &[u8]) {
     let split = digits.iter().position(|c| *c == b'e');
     let (mantissa, exponent) = match split {
         Some(at) => (&digits[..at], std::str::from_utf8(&digits[at + 1..]).ok().and_then(|e| e.parse::<i32>().ok())),
@@ -151,9 +161,10 @@ fn expand(out: &mut Vec<u8>, digits: &[u8]) {
         None => mantissa,
     };
     let mantissa = mantissa.strip_suffix(b".0").unwrap_or(mantissa);
-    let whole = mantissa.iter().position(|c| *c == b'.').unwrap_or(mantissa.len());
+    // The decimal point goes behind the integer digits of the mantissa, moved by the exponent: into, before or behind the digits.
+    let integer_digits = mantissa.iter().take_while(|c| **c != b'.').fold(0_i32, |n, _| n + 1);
     let plain: Vec<u8> = mantissa.iter().copied().filter(|c| *c != b'.').collect();
-    let point = i32::try_from(whole).unwrap_or(0) + exponent;
+    let point = integer_digits + exponent;
     let Ok(before) = usize::try_from(point) else {
         out.extend_from_slice(b"0.");
         out.extend(std::iter::repeat_n(b'0', point.unsigned_abs() as usize));
@@ -180,7 +191,7 @@ mod tests {
     use super::*;
 
     fn show(v: f32) -> String {
-        Num(v).to_string()
+        Decimal(v).to_string()
     }
 
     #[test]
@@ -199,8 +210,8 @@ mod tests {
         for (v, s) in cases {
             assert_eq!(show(v), s);
         }
-        let mut t = Text::default();
-        assert!(t.int(0).put(" ").int(u32::MAX).is_finite());
+        let mut t = TextBuffer::default();
+        assert!(t.int(0_u32).put(" ").int(u32::MAX).is_finite());
         assert_eq!(t.bytes(), b"0 4294967295");
         assert!(!t.num(f32::NAN).is_finite());
     }

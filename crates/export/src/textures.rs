@@ -1,4 +1,14 @@
-//! Pictures of a scene as PNG bytes, encoded once and shared by every exporter.
+//! Images of a scene as PNG, encoded once and shared by all exporters; and as JPEG.
+//!
+//! ```
+//! use osier_export::textures::{png, unpng};
+//! use osier_scene::{Image, ImageKind, Pixels};
+//!
+//! let pixels = Pixels::U8(vec![0, 64, 128, 255]);
+//! let image = Image { name: "grey".into(), kind: ImageKind::Data, width: 2, height: 2, channels: 1, pixels };
+//! assert!(matches!(unpng(&png(&image)?, 2, 1), Some(Pixels::U8(v)) if v == [0, 64, 128, 255]));
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use std::sync::Arc;
 
@@ -8,34 +18,35 @@ use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Image, ImageKind, Pixels, Scene};
 
-/// JPEG quality of colours, and of normals and roughness, in which blocks would show as facets.
+/// JPEG quality of colours, 1 to 100. Own: higher makes files larger without a visible difference.
 const COLOR_QUALITY: u8 = 88;
+/// JPEG quality of normals and roughness, in which compression blocks would show as facets.
 const DATA_QUALITY: u8 = 92;
 
-/// The scene's pictures as PNG files, in the order of [`Scene::images`].
+/// The scene's images as PNG files, in the order of [`Scene::images`].
 #[derive(Debug, Clone, Default)]
 pub struct Textures {
     png: Vec<Arc<[u8]>>,
 }
 
 impl Textures {
-    /// Encodes all pictures, in parallel.
+    /// Encodes all images, in parallel.
     /// # Errors
-    /// X012 if a picture has the wrong number of samples.
+    /// X012 if an image has the wrong number of samples.
     pub fn encode(scene: &Scene) -> Result<Self> {
         let png = osier_base::par::par_map(&scene.images, png).into_iter().collect::<Result<Vec<_>>>()?;
         Ok(Self { png })
     }
 
-    /// PNG bytes of a picture.
+    /// PNG bytes of the image at an index.
     pub fn png(&self, image: u32) -> &Arc<[u8]> {
         &self.png[image as usize]
     }
 
-    /// Writes the pictures as `<prefix><name>.png`; those that the folder already lists are left alone, so several
-    /// exporters may ask for them.
+    /// Writes the images as `<prefix><name>.png`. Those that the folder has already are skipped, so that several exporters can
+    /// call this.
     /// # Errors
-    /// Whatever cannot be written.
+    /// `Io`.
     pub fn write(&self, scene: &Scene, folder: &Folder, prefix: &str) -> Result<()> {
         let done: std::collections::BTreeSet<String> = folder.files().into_iter().map(|f| f.path).collect();
         for (image, png) in scene.images.iter().zip(&self.png) {
@@ -47,13 +58,13 @@ impl Textures {
         Ok(())
     }
 
-    /// All of them, in order.
+    /// PNG bytes of all images, in order.
     pub fn iter(&self) -> impl Iterator<Item = &Arc<[u8]>> {
         self.png.iter()
     }
 }
 
-/// One picture as a PNG file.
+/// An image as a PNG file.
 /// # Errors
 /// X012 if it has the wrong number of samples.
 pub fn png(image: &Image) -> Result<Arc<[u8]>> {
@@ -65,7 +76,7 @@ pub fn png(image: &Image) -> Result<Arc<[u8]>> {
         3 => png::ColorType::Rgb,
         _ => png::ColorType::Rgba,
     });
-    // Sixteen bits of relief are mostly noise: more effort makes such files no smaller, only slower.
+    // The low bytes of 16-bit heights are mostly noise: a higher compression level is slower and makes files no smaller.
     let (effort, filter) = match image.pixels {
         Pixels::U8(_) => (2, png::Filter::Up),
         Pixels::U16(_) => (1, png::Filter::Paeth),
@@ -91,7 +102,7 @@ pub fn png(image: &Image) -> Result<Arc<[u8]>> {
     Ok(bytes.into())
 }
 
-/// One picture as a JPEG file, for readers that decode pictures to 8 bits anyway; `None` with an alpha channel, which JPEG lacks.
+/// An image as a JPEG file of 8 bits; `None` if it has an alpha channel, which JPEG lacks.
 /// # Errors
 /// X012 if it has the wrong number of samples.
 pub fn jpeg(image: &Image) -> Result<Option<Vec<u8>>> {
@@ -116,7 +127,7 @@ pub fn jpeg(image: &Image) -> Result<Option<Vec<u8>>> {
     Ok(Some(bytes))
 }
 
-/// The samples of a square picture that [`png()`] has written; `None` for any other.
+/// The samples of a square image that [`png()`] has encoded; `None` if `bytes` are anything else.
 pub fn unpng(bytes: &[u8], side: u32, channels: u8) -> Option<Pixels> {
     let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().ok()?;
     let info = reader.info();

@@ -13,10 +13,10 @@ use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{Frame, RecordColumn, RecordTable, Scene, Trs};
 
-/// Parent of a joint that has none.
-const NONE: i32 = -1;
+/// Parent index of a root joint.
+const NO_PARENT: i32 = -1;
 
-/// Records in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "tracks",
     about: "binary records of drops, rain events, wet leaves and joints",
@@ -26,11 +26,11 @@ pub const FORMAT: FormatInfo = FormatInfo {
     memory_percent: 0,
     // Joints alone: how many records simulations write is not known before they run.
     estimate: |input| input.per_asset(|a| input.frames * a.joints * 36),
-    open: |job| vec![Box::new(Tracks::new(job.folder.clone()))],
+    open: |job| vec![Box::new(TracksExporter::new(job.folder.clone()))],
 };
 
-/// Exporter of record tables and joints.
-pub struct Tracks {
+/// Writes record tables and joints.
+pub struct TracksExporter {
     folder: Folder,
     scene: Option<Arc<Scene>>,
     /// In the order of their names.
@@ -59,21 +59,21 @@ struct FrameRecords {
 /// A file of records.
 struct RecordFile {
     columns: Vec<ColumnInfo>,
-    /// None where a run that was broken off had finished it.
+    /// None if an interrupted bake has left the file complete.
     out: Option<Output>,
-    /// Records so far.
+    /// Number of records written.
     records: u64,
     frames: Vec<FrameRecords>,
 }
 
-impl Tracks {
-    /// Writes into `folder`.
+impl TracksExporter {
+    /// An exporter into `folder`.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None, files: BTreeMap::new() }
     }
 
     /// Appends a frame's records to the file of their table.
-    fn put(&mut self, table: &RecordTable, frame: u32) -> Result<()> {
+    fn append(&mut self, table: &RecordTable, frame: u32) -> Result<()> {
         let name = table.name;
         let columns: Vec<ColumnInfo> = table.columns.iter().map(ColumnInfo::of).collect();
         if !self.files.contains_key(name) {
@@ -99,7 +99,7 @@ impl ColumnInfo {
     }
 }
 
-/// A joint in the world.
+/// The transform of a joint in world space.
 struct JointRecord {
     /// Index of the placement.
     placement: u32,
@@ -108,7 +108,7 @@ struct JointRecord {
     world: Trs,
 }
 
-/// Joints of all placements whose assets have some, in the world; none where nothing bends.
+/// World transforms of the joints of all placements; none if no asset has a skeleton.
 fn joint_table(scene: &Scene, frame: &Frame) -> Option<RecordTable> {
     let mut joints = Vec::new();
     let mut any = false;
@@ -142,8 +142,8 @@ fn joint_table(scene: &Scene, frame: &Frame) -> Option<RecordTable> {
     any.then_some(RecordTable { name: "rods", columns })
 }
 
-/// What the files hold, and where.
-fn index(scene: &Scene, files: &BTreeMap<&'static str, RecordFile>) -> Value {
+/// The index: columns of each file, and the range of records of each frame.
+fn index_json(scene: &Scene, files: &BTreeMap<&'static str, RecordFile>) -> Value {
     let file = |name: &str, f: &RecordFile| {
         let mut offset = 0;
         let column = |c: &ColumnInfo| {
@@ -159,7 +159,7 @@ fn index(scene: &Scene, files: &BTreeMap<&'static str, RecordFile>) -> Value {
     };
     let skeletons = scene.placements.iter().enumerate().filter_map(|(k, p)| {
         let skeleton = scene.assets.get(p.asset)?.skeleton.as_ref()?;
-        let parent = |joint: Option<u32>| joint.and_then(|n| i32::try_from(n).ok()).unwrap_or(NONE);
+        let parent = |joint: Option<u32>| joint.map_or(NO_PARENT, u32::cast_signed);
         let parents: Vec<i32> = skeleton.joints.iter().map(|j| parent(j.parent)).collect();
         Some(json!({ "placement": k, "name": p.name, "parents": parents }))
     });
@@ -175,7 +175,7 @@ fn index(scene: &Scene, files: &BTreeMap<&'static str, RecordFile>) -> Value {
     index
 }
 
-impl Exporter for Tracks {
+impl Exporter for TracksExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         self.scene = Some(Arc::clone(scene));
         Ok(())
@@ -187,14 +187,14 @@ impl Exporter for Tracks {
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = self.scene.clone() else { return Ok(()) };
-        frame.records.iter().try_for_each(|table| self.put(table, frame.number))?;
-        joint_table(&scene, frame).map_or(Ok(()), |table| self.put(&table, frame.number))
+        frame.records.iter().try_for_each(|table| self.append(table, frame.number))?;
+        joint_table(&scene, frame).map_or(Ok(()), |table| self.append(&table, frame.number))
     }
 
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = &self.scene else { return Ok(Summary::default()) };
         if !self.files.is_empty() {
-            let text = format!("{}\n", index(scene, &self.files));
+            let text = format!("{}\n", index_json(scene, &self.files));
             self.folder.write("tracks/index.json", "tracks.index", text.as_bytes())?;
         }
         for file in self.files.values_mut() {

@@ -1,39 +1,40 @@
 //! The maps of all map sequences packed into atlases: `maps/atlas_00/<layer>.####.exr`, and `maps/atlas.json` with the place of
 //! each sequence.
 
-use super::sequences::{MapLabel, Stamped};
+use super::map_file::{FrameMapFile, MapLabel};
 use crate::map_sequences::{EncodedMap, values};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, MapLayer, MapSequence, Scene};
 
-/// Texels of a side of an atlas.
+/// Side of an atlas, texels: a size that GPUs of the last ten years accept.
 pub const ATLAS: usize = 4096;
-/// Texels around a tile that repeat its edge, so that looking between texels finds nothing of its neighbours.
+/// Texels around a tile that repeat its edge, so that bilinear filtering does not mix in the neighbours.
 pub const BORDER: usize = 2;
 
-/// Atlases being written.
+/// Writes the atlases of a bake.
 #[derive(Debug, Default)]
-pub(super) struct Atlas {
-    /// Tiles in a row, and of how many texels with their borders.
+pub(super) struct AtlasWriter {
+    /// Tiles in a row of an atlas.
     row: usize,
+    /// Side of a tile with its borders, texels.
     pitch: usize,
-    /// What was last encoded, by atlas and map.
-    made: Vec<(usize, MapLayer, Stamped)>,
+    /// The last file of each map of each atlas.
+    encoded: Vec<(usize, MapLayer, FrameMapFile)>,
 }
 
-/// Where a tile lies: its atlas, and the texel of its upper left corner, without the border.
+/// The position of a tile: its atlas, and the texel of its upper left corner, without the border.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Place {
+struct TilePosition {
     atlas: usize,
     corner: [usize; 2],
 }
 
-impl Atlas {
-    fn place(&self, sequence: usize) -> Place {
+impl AtlasWriter {
+    fn tile_position(&self, sequence: usize) -> TilePosition {
         let row = self.row.max(1);
         let (atlas, tile) = (sequence / (row * row), sequence % (row * row));
-        Place { atlas, corner: [tile % row, tile / row].map(|k| k * self.pitch + BORDER) }
+        TilePosition { atlas, corner: [tile % row, tile / row].map(|k| k * self.pitch + BORDER) }
     }
 
     /// Gives each sequence a tile and writes `atlas.json`.
@@ -49,9 +50,9 @@ impl Atlas {
         #[allow(clippy::cast_precision_loss, reason = "texels of an atlas")]
         let share = |texels: usize| texels as f64 / ATLAS as f64;
         let entry = |(i, sequence): (usize, &MapSequence)| {
-            let Place { atlas, corner: [x, y] } = self.place(i);
+            let TilePosition { atlas, corner: [x, y] } = self.tile_position(i);
             serde_json::json!({
-                "leaf": sequence.name, "atlas": name(atlas), "scale": [share(sequence.side), share(sequence.side)],
+                "leaf": sequence.name, "atlas": atlas_name(atlas), "scale": [share(sequence.side), share(sequence.side)],
                 "offset": [share(x), share(ATLAS - y - sequence.side)],
             })
         };
@@ -67,24 +68,25 @@ impl Atlas {
         scene: &Scene,
         number: u32,
         frame: Option<&Frame>,
-        maps: &[EncodedMap<Stamped>],
+        maps: &[EncodedMap<FrameMapFile>],
     ) -> Result<()> {
-        let mut wanted: Vec<(usize, MapLayer, bool)> = Vec::new();
+        // A map of an atlas is encoded again if that of any of its sequences changed.
+        let mut files: Vec<(usize, MapLayer, bool)> = Vec::new();
         for k in maps {
-            let atlas = self.place(k.sequence).atlas;
-            match wanted.iter_mut().find(|(a, m, _)| (*a, *m) == (atlas, k.layer)) {
+            let atlas = self.tile_position(k.sequence).atlas;
+            match files.iter_mut().find(|(a, m, _)| (*a, *m) == (atlas, k.layer)) {
                 Some((_, _, fresh)) => *fresh |= k.fresh,
-                None => wanted.push((atlas, k.layer, k.fresh)),
+                None => files.push((atlas, k.layer, k.fresh)),
             }
         }
-        for (atlas, layer, fresh) in wanted {
+        for (atlas, layer, fresh) in files {
             if fresh {
                 let file = self.encode(scene, number, frame, atlas, layer)?;
-                self.made.retain(|(a, m, _)| (*a, *m) != (atlas, layer));
-                self.made.push((atlas, layer, file));
+                self.encoded.retain(|(a, m, _)| (*a, *m) != (atlas, layer));
+                self.encoded.push((atlas, layer, file));
             }
-            let Some((.., file)) = self.made.iter().find(|(a, m, _)| (*a, *m) == (atlas, layer)) else { continue };
-            let path = format!("maps/{}/{}.{}.exr", name(atlas), layer.name, scene.clip.tag(number));
+            let Some((.., file)) = self.encoded.iter().find(|(a, m, _)| (*a, *m) == (atlas, layer)) else { continue };
+            let path = format!("maps/{}/{}.{}.exr", atlas_name(atlas), layer.name, scene.clip.tag(number));
             file.write(folder, scene, &path, layer, number)?;
         }
         Ok(())
@@ -97,27 +99,27 @@ impl Atlas {
         frame: Option<&Frame>,
         atlas: usize,
         layer: MapLayer,
-    ) -> Result<Stamped> {
+    ) -> Result<FrameMapFile> {
         let channels = layer.encoding.channels();
         let mut all = vec![0.0; ATLAS * ATLAS * channels];
         for ((i, sequence), maps) in scene.map_sequences.iter().enumerate().zip(scene.maps_at(frame)) {
-            let place = self.place(i);
-            let maps = maps.filter(|_| place.atlas == atlas);
+            let position = self.tile_position(i);
+            let maps = maps.filter(|_| position.atlas == atlas);
             if let Some((maps, layer)) = maps.zip(sequence.layer(layer.name)) {
-                let own = values(sequence, layer, &maps, number)?.samples;
-                tile(&mut all, place.corner, &own, sequence.side, channels);
+                let samples = values(sequence, layer, &maps, number)?.samples;
+                copy_tile(&mut all, position.corner, &samples, sequence.side, channels);
             }
         }
         let range = scene.map_sequences.first().map_or(0.0, |s| s.height_range);
-        Stamped::new(scene, MapLabel { name: &name(atlas), height_range: range }, layer, ATLAS, &all)
+        FrameMapFile::new(scene, MapLabel { name: &atlas_name(atlas), height_range: range }, layer, ATLAS, &all)
     }
 }
 
-/// Lays a tile and its border down.
-fn tile(all: &mut [f32], corner: [usize; 2], own: &[f32], side: usize, channels: usize) {
+/// Copies a tile into an atlas, with a border that repeats its first and last rows and columns.
+fn copy_tile(all: &mut [f32], corner: [usize; 2], samples: &[f32], side: usize, channels: usize) {
     for y in 0..side + 2 * BORDER {
         let from = y.saturating_sub(BORDER).min(side - 1);
-        let row = &own[from * side * channels..][..side * channels];
+        let row = &samples[from * side * channels..][..side * channels];
         let at = ((corner[1] + y - BORDER) * ATLAS + corner[0]) * channels;
         all[at..at + row.len()].copy_from_slice(row);
         for k in 0..BORDER * channels {
@@ -127,7 +129,7 @@ fn tile(all: &mut [f32], corner: [usize; 2], own: &[f32], side: usize, channels:
     }
 }
 
-fn name(atlas: usize) -> String {
+fn atlas_name(atlas: usize) -> String {
     format!("atlas_{atlas:02}")
 }
 
@@ -137,12 +139,12 @@ mod tests {
 
     #[test]
     fn tiles_lie_apart_and_repeat_their_edges() {
-        let atlas = Atlas { row: ATLAS / 516, pitch: 516, made: Vec::new() };
-        assert_eq!(atlas.place(0), Place { atlas: 0, corner: [2, 2] });
-        assert_eq!(atlas.place(8), Place { atlas: 0, corner: [518, 518] });
-        assert_eq!(atlas.place(49), Place { atlas: 1, corner: [2, 2] });
+        let atlas = AtlasWriter { row: ATLAS / 516, pitch: 516, encoded: Vec::new() };
+        assert_eq!(atlas.tile_position(0), TilePosition { atlas: 0, corner: [2, 2] });
+        assert_eq!(atlas.tile_position(8), TilePosition { atlas: 0, corner: [518, 518] });
+        assert_eq!(atlas.tile_position(49), TilePosition { atlas: 1, corner: [2, 2] });
         let mut all = vec![0.0; ATLAS * ATLAS];
-        tile(&mut all, [518, 2], &[1.0, 2.0, 3.0, 4.0], 2, 1);
+        copy_tile(&mut all, [518, 2], &[1.0, 2.0, 3.0, 4.0], 2, 1);
         let row = |y: usize| &all[y * ATLAS + 515..][..8];
         assert_eq!(row(0), [0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 0.0]);
         assert_eq!(row(2), row(0));

@@ -1,13 +1,22 @@
-//! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`; land's own heights in 32-bit floats.
+//! Maps as OpenEXR.
 //!
-//! Fields that frames fill come as `maps/<what>/<field>.exr` with the last frame's values, and as `<field>.####.exr` where
-//! the scene asks for more. Map sequences have `maps/<sequence>/<layer>.####.exr`
-//! (`sequences.rs`), on request packed into atlases (`atlas.rs`).
+//! - Height maps of materials, `maps/<material>/height.exr`: half floats, channel `Y`, height / range in [0, 1].
+//! - Terrain, `maps/<name>/height.exr`: 32-bit floats, channel `Y`, metres.
+//! - Fields of frames (deposition and the like), `maps/<what>/<field>.exr` with the values of the last frame, and
+//!   `<field>.####.exr` if the scene asks for more.
+//! - Map sequences, `maps/<sequence>/<layer>.####.exr` (`sequences.rs`), also packed into atlases on request (`atlas.rs`).
+//! - The sky, `maps/sky.exr` (`sky.rs`).
 //!
-//! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1],
-//! for land metres.
+//! Files have scan lines in increasing order and ZIP16 compression: their bytes do not depend on the number of threads.
+//!
+//! ```
+//! let bytes = osier_export::exr::floats(2, 1, 1, &[0.0, 1.0], "{}")?;
+//! assert_eq!(bytes[..4], [0x76, 0x2f, 0x31, 0x01], "the magic number of OpenEXR");
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 mod atlas;
+mod map_file;
 pub(crate) mod options;
 mod sequences;
 mod sky;
@@ -29,7 +38,7 @@ pub use atlas::{ATLAS, BORDER};
 pub use options::ExrOptions;
 pub use sky::{FILE as SKY_FILE, write as write_sky};
 
-/// EXR maps in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "exr",
     about: "height maps of bark, leaves, ground and terrain, deposition maps, maps of wet leaves",
@@ -41,17 +50,17 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(ExrExporter::new(job.folder.clone(), job.options.exr))],
 };
 
-/// Own: bytes a texel as measured on leaves in rain, in tenths; a file of each map per frame.
+/// Own estimate: tenths of a byte for a number of a texel, measured on leaves in rain; a file of each map for each frame.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = input.options.exr;
     // A tenth for each number of a texel; atlases hold all of them once more.
     let files = if options.atlas { 2 } else { 1 };
     let sequences = input.map_samples() * input.frames.max(1) * files / 10;
-    // Per asset, four maps of half floats at the default size, packed to about half.
+    // For each asset four height maps of half floats at the default size, compressed to about half.
     sequences + input.per_asset(|_| 4 << 20)
 }
 
-/// Exporter for EXR maps.
+/// Writes EXR maps.
 #[derive(Debug)]
 pub struct ExrExporter {
     folder: Folder,
@@ -62,12 +71,12 @@ pub struct ExrExporter {
 }
 
 impl ExrExporter {
-    /// Writes into `folder`.
+    /// An exporter into `folder`.
     pub fn new(folder: Folder, options: ExrOptions) -> Self {
         Self { folder, scene: None, last: Vec::new(), sequences: SequenceWriter::new(options) }
     }
 
-    fn height(&self, scene: &Scene, material: &Material, image: u32) -> osier_base::Result<()> {
+    fn write_height_map(&self, scene: &Scene, material: &Material, image: u32) -> osier_base::Result<()> {
         let missing = || Error::export("X012", format!("material {}: picture {image} is missing", material.name));
         let picture = scene.images.get(image as usize).ok_or_else(missing)?;
         let path = format!("maps/{}/height.exr", material.name);
@@ -81,13 +90,13 @@ impl ExrExporter {
             "map": "height", "leaf": material.name, "frame": scene.clip.start, "seed": scene.seed.to_string(),
             "scene": scene.hash, "unit": "m", "range": material.height_range,
         });
-        let size = (picture.width as usize, picture.height as usize);
-        out.put(&encode(size, 1, samples, (scene.clip.fps, &comment.to_string()))?)?;
+        let (width, height) = (picture.width as usize, picture.height as usize);
+        out.put(&encode_f16(width, height, 1, samples, scene.clip.fps, &comment.to_string())?)?;
         out.commit()
     }
 
-    /// The land's heights, m; row 0 is the edge at -z.
-    fn land(&self, scene: &Scene, land: &HeightField) -> osier_base::Result<()> {
+    /// Writes the heights of the terrain, m; row 0 is the edge at -z.
+    fn write_terrain(&self, scene: &Scene, land: &HeightField) -> osier_base::Result<()> {
         let path = format!("maps/{}/height.exr", land.name);
         let Some(mut out) = self.folder.create(&path, "exr.terrain", None)? else { return Ok(()) };
         let [min, max] = land.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)]);
@@ -104,11 +113,11 @@ impl Exporter for ExrExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> osier_base::Result<()> {
         for material in &scene.materials {
             if let Some(image) = material.maps.height {
-                self.height(scene, material, image)?;
+                self.write_height_map(scene, material, image)?;
             }
         }
         if let Some(land) = &scene.land {
-            self.land(scene, land)?;
+            self.write_terrain(scene, land)?;
         }
         self.sequences.begin(&self.folder, scene)?;
         self.scene = Some(Arc::clone(scene));
@@ -121,7 +130,7 @@ impl Exporter for ExrExporter {
         for ((field, values), last) in scene.fields.iter().zip(&frame.fields).zip(&mut self.last) {
             let since = frame.number.saturating_sub(scene.clip.start);
             if field.every.is_some_and(|k| since.is_multiple_of(k.max(1))) {
-                put_field(&self.folder, scene, field, values, Some(frame.number))?;
+                write_field(&self.folder, scene, field, values, Some(frame.number))?;
             }
             last.clone_from(values);
         }
@@ -131,14 +140,14 @@ impl Exporter for ExrExporter {
     fn finish(&mut self) -> osier_base::Result<Summary> {
         let Some(scene) = &self.scene else { return Ok(Summary::default()) };
         for (field, values) in scene.fields.iter().zip(&self.last).filter(|(_, v)| !v.is_empty()) {
-            put_field(&self.folder, scene, field, values, None)?;
+            write_field(&self.folder, scene, field, values, None)?;
         }
         self.sequences.finish(&self.folder, scene)
     }
 }
 
-/// Writes a field's values at a frame, or for good.
-fn put_field(
+/// Writes the values of a field at a frame, or without a frame number those of the last one.
+fn write_field(
     folder: &Folder,
     scene: &Scene,
     field: &Field,
@@ -157,8 +166,8 @@ fn put_field(
     out.commit()
 }
 
-/// A picture of 32-bit floats as an EXR file: one channel `Y`, or `R`, `G`, `B` for three values per pixel; rows from the
-/// top. `comment`: JSON about it.
+/// An EXR file of 32-bit floats: channel `Y`, or `R`, `G`, `B` for three values per pixel; rows from the top. `comment`: JSON for
+/// the header.
 /// # Errors
 /// X012 if the number of samples does not fit.
 pub fn floats(
@@ -188,16 +197,17 @@ pub fn floats(
     Ok(bytes.into_inner())
 }
 
-/// The bytes of a file of half floats, rows from the top: one channel `Y`, or `R`, `G`, `B` for three values per pixel.
-/// `about`: frames per second, and JSON. No attribute beside those named in its header: the crate keeps others in no fixed order.
-fn encode(
-    size: (usize, usize),
+/// An EXR file of half floats: channel `Y`, or `R`, `G`, `B` for three values per pixel; rows from the top. `fps`: numerator and
+/// denominator; `comment`: JSON for the header. There are no custom attributes: the crate writes those in no fixed order.
+fn encode_f16(
+    width: usize,
+    height: usize,
     channels: usize,
     samples: Vec<f16>,
-    about: ((u32, u32), &str),
+    fps: (u32, u32),
+    comment: &str,
 ) -> osier_base::Result<Vec<u8>> {
-    let (fps, comment) = about;
-    if samples.len() != size.0.saturating_mul(size.1).saturating_mul(channels) {
+    if samples.len() != width.saturating_mul(height).saturating_mul(channels) {
         return Err(Error::export("X012", "a map has the wrong number of samples"));
     }
     let list = if channels == 1 {
@@ -214,7 +224,7 @@ fn encode(
     attributes.frames_per_second = i32::try_from(fps.0).ok().map(|n| (n, fps.1));
     let encoding =
         Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(list));
+    let layer = Layer::new((width, height), attributes, encoding, AnyChannels::sort(list));
     let mut bytes = std::io::Cursor::new(Vec::new());
     let written = Image::from_layer(layer).write().to_buffered(&mut bytes);
     written.map_err(|e| Error::export("X012", format!("a map cannot be encoded: {e}")))?;

@@ -1,8 +1,8 @@
 //! Options of the EXR writer.
 
-/// What is written of map sequences beside their layers.
+/// Options of the EXR writer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ExrOptions {
-    /// All maps laid together.
+    /// Write the maps of all sequences packed into atlases, too.
     pub atlas: bool,
 }

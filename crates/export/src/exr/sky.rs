@@ -1,30 +1,30 @@
-//! The sky as an equirectangular picture of linear radiance, without the sun's disc, which is a light of its own.
+//! The sky as an equirectangular image of linear radiance, without the disc of the sun, which is a light of its own.
 
 use glam::Vec3;
 use half::f16;
 
-use super::encode;
+use super::encode_f16;
 use osier_base::files::Folder;
 use osier_base::{Result, math, noise};
 use osier_scene::{Scene, Sky};
 
-/// Where it is written.
+/// Path of the image in the output folder.
 pub const FILE: &str = "maps/sky.exr";
 
-/// Rows; there are twice as many columns. The glow's innermost ring is 6 degrees in radius, 17 texels.
+/// Rows; there are twice as many columns. Own: the innermost ring of the sun's glow, 6 degrees in radius, then has 17 texels.
 const HEIGHT: u16 = 512;
 /// Seed of [`dapple`], the same for all scenes, so that a sky depends on its keys alone.
 const SEED: u64 = 0x0073_6b79;
-/// Cells of the noise around the horizon: masses of leaves some 10 degrees wide.
-const MASSES: i16 = 36;
-/// Cells of the gaps of light, discs of 3 to 4 degrees.
-const GAPS: i16 = 60;
+/// Noise cells around the horizon: patches of foliage some 10 degrees wide. More make them smaller.
+const FOLIAGE_CELLS: i16 = 36;
+/// Cells of the gaps of light around the horizon, discs of 3 to 4 degrees. More make them smaller and denser.
+const GAP_CELLS: i16 = 60;
 
 /// Writes the sky of a scene as `maps/sky.exr`: half floats, channels R, G, B, row 0 at the zenith.
-/// Column u in 0..1 shows the azimuth a = 2 pi (0.5 - u) from +Z towards +X, row v from the top the elevation pi (0.5 - v), as
-/// OpenUSD's DomeLight reads `latlong` pictures.
+/// Column u in 0..1 has the azimuth 2 pi (0.5 - u) from +Z towards +X, row v from the top the elevation pi (0.5 - v), as
+/// OpenUSD's DomeLight reads `latlong` textures.
 /// # Errors
-/// What writing a file refuses.
+/// `Io`.
 pub fn write(folder: &Folder, scene: &Scene) -> Result<()> {
     let Some(mut out) = folder.create(FILE, "exr.sky", None)? else { return Ok(()) };
     let (width, height) = (2 * usize::from(HEIGHT), usize::from(HEIGHT));
@@ -32,37 +32,38 @@ pub fn write(folder: &Folder, scene: &Scene) -> Result<()> {
     for row in 0..HEIGHT {
         let v = (f32::from(row) + 0.5) / f32::from(HEIGHT);
         let elevation = std::f32::consts::PI * (0.5 - v);
-        let (level, y) = (math::cos_f32(elevation), math::sin_f32(elevation));
+        let (horizontal, y) = (math::cos_f32(elevation), math::sin_f32(elevation));
         for column in 0..2 * HEIGHT {
             let u = (f32::from(column) + 0.5) / f32::from(2 * HEIGHT);
             let azimuth = std::f32::consts::TAU * (0.5 - u);
-            let direction = Vec3::new(level * math::sin_f32(azimuth), y, level * math::cos_f32(azimuth));
+            let direction = Vec3::new(horizontal * math::sin_f32(azimuth), y, horizontal * math::cos_f32(azimuth));
             let plain = scene.sky.radiance(&scene.sun, direction);
             let color = if scene.sky.dapple > 0.0 { dapple(&scene.sky, plain, [u, v], y) } else { plain };
             samples.extend(color.to_array().map(f16::from_f32));
         }
     }
     let comment = serde_json::json!({ "map": "sky", "projection": "latlong", "unit": "radiance", "scene": scene.hash });
-    out.put(&encode((width, height), 3, samples, (scene.clip.fps, &comment.to_string()))?)?;
+    out.put(&encode_f16(width, height, 3, samples, scene.clip.fps, &comment.to_string())?)?;
     out.commit()
 }
 
-/// Lays leaves that are far out of focus over the sky: masses of shade, and discs of light in the smallest gaps. They end at
-/// about 45 degrees above the horizon.
-/// Own: shades chosen by eye, after photographs of drops in gardens; POV-Ray's picture has the same shades in other places.
+/// Blends leaves far out of focus over the sky: patches of shade, and discs of light in small gaps. They fade out up to about 45
+/// degrees above the horizon. `y`: sine of the elevation.
+/// Own: shades chosen by eye, after photographs of drops in gardens; POV-Ray's sky has the same shades in other places.
 fn dapple(sky: &Sky, plain: Vec3, [u, v]: [f32; 2], y: f32) -> Vec3 {
     let stops = sky.stops();
     let (Some(deep), Some(bright)) = (stops.first(), stops.iter().rev().nth(1)) else { return plain };
     let (deep, bright) = (Vec3::from_array(deep.1) * 0.5, Vec3::from_array(bright.1));
     let cover = sky.dapple * (1.0 - ((y - 0.2) / 0.5).clamp(0.0, 1.0));
-    // Masses of shade: dark where the noise is low, light of the horizon where it is high.
+    // Patches of shade: dark where the fractal noise is low, light of the horizon where it is high. The noise is periodic around
+    // the horizon, so that the image has no seam.
     let at = |cells: i16| [u * f32::from(cells), v * f32::from(cells) * 0.5];
     let period = |cells: i16| [i32::from(cells), i32::from(cells)];
-    let mass = noise::fractal2(SEED, at(MASSES), period(MASSES), 3);
+    let mass = noise::fractal2(SEED, at(FOLIAGE_CELLS), period(FOLIAGE_CELLS), 3);
     let share = ((mass + 0.1) / 0.6).clamp(0.0, 1.0);
     let shaded = plain.lerp(deep.lerp(bright, share * share), 0.75 * cover);
-    // Gaps of light: a disc in every cell whose hash is low.
-    let gap = noise::cellular2(SEED + 8, at(GAPS), period(GAPS), 0.6);
+    // Gaps of light: a disc with a soft edge around the point of two cells in five.
+    let gap = noise::cellular2(SEED + 8, at(GAP_CELLS), period(GAP_CELLS), 0.6);
     let edge = 1.0 - ((gap.f1 - 0.28) / 0.06).clamp(0.0, 1.0);
     let lit = if gap.id % 5 < 2 { 0.22 * edge * cover } else { 0.0 };
     shaded.lerp(bright * 1.1, lit)

@@ -1,4 +1,4 @@
-//! Placements, joints, camera: the nodes of one file.
+//! The nodes of a document: placements, their joints, skins and meshes, and the camera.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -6,86 +6,88 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{Mat3, Quat, Vec3};
 
 use super::super::Warning;
-use super::buffer::last;
-use super::document::{Document, finite, marked, placed};
+use super::asset_nodes::{AssetNodes, InstanceSet, JointNode, NodeParent, NodeTemplate};
+use super::buffer::last_index;
+use super::document::{GltfDocument, check_finite, node_with_extras, node_with_transform};
 use super::json::{Camera, Index, Node, Perspective, Skin};
-use super::parts::{Chosen, Hold, Joint, Part, Parts};
 use osier_base::Result;
 use osier_scene::{InstancerMotion, Placement, Trs};
 
-/// What a file shows.
+/// What a document shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shows {
+pub(super) enum GltfContents {
     /// One asset at the origin.
     Asset(usize),
     /// All placements, with or without the camera.
     Scene { camera: bool },
 }
 
-/// Moving instances of each placement, by its position in the list.
-type ChosenAt = BTreeMap<usize, Chosen>;
+/// The moving instances that are written, by the index of their placement.
+type InstancesByPlacement = BTreeMap<usize, InstanceSet>;
 
-impl Document<'_> {
-    /// Fills the document; false if there is nothing to see in it.
-    pub(super) fn assemble(&mut self, shows: Shows) -> Result<bool> {
-        let scene = self.from.scene;
+impl GltfDocument<'_> {
+    /// Builds the document; false if it has no geometry.
+    pub(super) fn assemble(&mut self, contents: GltfContents) -> Result<bool> {
+        let scene = self.input.scene;
         let own;
-        let (placements, name): (&[Placement], &str) = match shows {
-            Shows::Asset(asset) => {
+        let (placements, name): (&[Placement], &str) = match contents {
+            GltfContents::Asset(asset) => {
                 let Some(id) = scene.assets.get(asset).map(|a| a.id.clone()) else { return Ok(false) };
                 own = [Placement { name: id, asset, transform: Trs::IDENTITY, phase: 0 }];
                 (&own, &own[0].name)
             }
-            Shows::Scene { .. } => (&scene.placements, &scene.name),
+            GltfContents::Scene { .. } => (&scene.placements, &scene.name),
         };
-        let prefixed = matches!(shows, Shows::Scene { .. });
-        let copies = if prefixed { self.share(placements) } else { BTreeSet::new() };
-        let chosen = self.choose(placements, name);
-        let mut parts: BTreeMap<usize, Parts> = BTreeMap::new();
-        let mut later: BTreeMap<(usize, u32), Vec<Joint>> = BTreeMap::new();
+        let is_scene = matches!(contents, GltfContents::Scene { .. });
+        let copies = if is_scene { self.choose_copies(placements) } else { BTreeSet::new() };
+        let chosen = self.choose_moving_instances(placements, name);
+        let mut nodes: BTreeMap<usize, AssetNodes> = BTreeMap::new();
+        // The contents of an asset are built for its first placement and shared by the others; the joints' channels once more
+        // for each phase.
+        let mut later: BTreeMap<(usize, u32), Vec<JointNode>> = BTreeMap::new();
         for (i, placement) in placements.iter().enumerate().filter(|(i, _)| !copies.contains(i)) {
             let asset = placement.asset;
-            let made = match parts.entry(asset) {
-                Entry::Occupied(made) => made.into_mut(),
+            let asset_nodes = match nodes.entry(asset) {
+                Entry::Occupied(asset_nodes) => asset_nodes.into_mut(),
                 Entry::Vacant(place) => {
-                    let all = shown_anywhere(placements, asset, &chosen);
-                    place.insert(self.parts(asset, &all)?)
+                    let all = instances_of_asset(placements, asset, &chosen);
+                    place.insert(self.build_asset_nodes(asset, &all)?)
                 }
             };
-            if made.shown.is_empty() {
+            if asset_nodes.templates.is_empty() {
                 continue;
             }
             if placement.phase > 0 && !later.contains_key(&(asset, placement.phase)) {
-                later.insert((asset, placement.phase), self.joints_later(asset, placement.phase)?);
+                later.insert((asset, placement.phase), self.joints_at_phase(asset, placement.phase)?);
             }
-            let joints = later.get(&(asset, placement.phase)).unwrap_or(&made.joints);
-            self.place(placement, prefixed, made, joints, chosen.get(&i))?;
+            let joints = later.get(&(asset, placement.phase)).unwrap_or(&asset_nodes.joints);
+            self.add_placement(placement, is_scene, asset_nodes, joints, chosen.get(&i))?;
         }
-        // Copies come last: Blender's importer takes longer over each skeleton the more objects there are before it.
-        self.copies(placements, &copies)?;
+        // Copies come last: the time that Blender's importer takes for a skeleton grows with the number of objects before it.
+        self.add_copies(placements, &copies)?;
         let filled = !self.root.nodes.is_empty();
-        if shows == (Shows::Scene { camera: true }) {
-            self.camera()?;
+        if contents == (GltfContents::Scene { camera: true }) {
+            self.add_camera()?;
         }
-        self.close(name);
+        self.finish_root(name);
         Ok(filled)
     }
 
-    /// Chooses the moving instances: all, or those of the smallest keys if there are too many for one file.
-    fn choose(&mut self, placements: &[Placement], name: &str) -> ChosenAt {
-        let from = self.from;
+    /// Selects the moving instances to write: all, or those of the smallest keys if the file would have too many (X003).
+    fn choose_moving_instances(&mut self, placements: &[Placement], name: &str) -> InstancesByPlacement {
+        let input = self.input;
         let mut list = Vec::new();
         let mut total = 0_usize;
         for (k, placement) in placements.iter().enumerate() {
-            let Some(tracks) = from.tracks.assets.get(placement.asset) else { continue };
+            let Some(tracks) = input.tracks.assets.get(placement.asset) else { continue };
             list.extend(
                 tracks.moving.iter().filter(|m| m.alive.contains(&true)).map(|m| (m.key, k, m.instancer, m.instance)),
             );
             let free = |i: &&osier_scene::Instancer| i.motion == InstancerMotion::Free;
-            total += from.scene.assets[placement.asset].instancers.iter().filter(free).map(|i| i.len()).sum::<usize>();
+            total += input.scene.assets[placement.asset].instancers.iter().filter(free).map(|i| i.len()).sum::<usize>();
         }
-        let most = from.tracks.most;
-        if total > most && !from.tracks.is_still() {
+        let most = input.tracks.max_moving;
+        if total > most && !input.tracks.is_still() {
             let message = format!(
                 "{name}: {total} moving instances, {most} written: those of the smallest hash(seed, id); \
                  output.gltf.nodes = {total} writes all, output.gltf.frame = N all of one frame"
@@ -94,89 +96,92 @@ impl Document<'_> {
         }
         list.sort_unstable();
         list.truncate(most);
-        let mut chosen = ChosenAt::new();
+        let mut chosen = InstancesByPlacement::new();
         for (_, k, instancer, instance) in list {
             chosen.entry(k).or_default().insert((instancer, instance));
         }
         chosen
     }
 
-    fn place(
+    /// Adds the nodes of a placement: its own, below it the joints, and one for each template.
+    fn add_placement(
         &mut self,
         placement: &Placement,
-        prefixed: bool,
-        parts: &Parts,
-        joints_of_parts: &[Joint],
-        chosen: Option<&Chosen>,
+        is_scene: bool,
+        nodes: &AssetNodes,
+        joint_nodes: &[JointNode],
+        chosen: Option<&InstanceSet>,
     ) -> Result<()> {
-        let asset = &self.from.scene.assets[placement.asset];
-        finite(&placement.transform, || format!("placement {}", placement.name))?;
-        let named = |name: &str| if prefixed { format!("{}_{name}", placement.name) } else { name.to_owned() };
-        let top = marked(placement.name.clone(), &placement.transform, asset.id.clone(), asset.kind.word());
-        let top = self.node(top)?;
-        self.attach(None, top);
+        let asset = &self.input.scene.assets[placement.asset];
+        check_finite(&placement.transform, || format!("placement {}", placement.name))?;
+        let named = |name: &str| if is_scene { format!("{}_{name}", placement.name) } else { name.to_owned() };
+        let top = node_with_extras(placement.name.clone(), &placement.transform, asset.id.clone(), asset.kind.word());
+        let top = self.add_node(top)?;
+        self.attach_node(None, top);
         let mut root = top;
-        if placement.transform.s != Vec3::ONE && !joints_of_parts.is_empty() {
-            // Blender's importer puts what hangs on a bone in the wrong place if the node above the joints is scaled.
-            root = self.node(placed(named("skeleton"), &Trs::IDENTITY))?;
-            self.attach(Some(top), root);
+        if placement.transform.s != Vec3::ONE && !joint_nodes.is_empty() {
+            // Blender's importer misplaces children of bones if the node above the joints is scaled, so an unscaled node goes
+            // between.
+            root = self.add_node(node_with_transform(named("skeleton"), &Trs::IDENTITY))?;
+            self.attach_node(Some(top), root);
         }
-        let mut joints: Vec<Index> = Vec::with_capacity(joints_of_parts.len());
-        for joint in joints_of_parts {
-            let node = self.node(placed(named(&joint.name), &joint.motion.rest))?;
+        let mut joints: Vec<Index> = Vec::with_capacity(joint_nodes.len());
+        for joint in joint_nodes {
+            let node = self.add_node(node_with_transform(named(&joint.name), &joint.motion.rest))?;
             let parent = joint.parent.and_then(|p| joints.get(p)).copied().unwrap_or(root);
-            self.attach(Some(parent), node);
-            self.animate(node, &joint.motion.drives);
+            self.attach_node(Some(parent), node);
+            self.add_channels(node, &joint.motion.channels);
             joints.push(node);
         }
-        let skin = match (parts.inverse_bind, joints.first()) {
+        let skin = match (nodes.inverse_bind, joints.first()) {
             (Some(inverse_bind_matrices), Some(&skeleton)) => {
                 let name = named("skin");
                 self.root.skins.push(Skin { name, inverse_bind_matrices, skeleton, joints: joints.clone() });
-                Some(last(self.root.skins.len())?)
+                Some(last_index(self.root.skins.len())?)
             }
             _ => None,
         };
-        let shown = |part: &&Part| part.moving.is_none_or(|m| chosen.is_some_and(|c| c.contains(&m)));
-        for part in parts.shown.iter().filter(shown) {
+        let shown = |part: &&NodeTemplate| part.moving.is_none_or(|m| chosen.is_some_and(|c| c.contains(&m)));
+        for part in nodes.templates.iter().filter(shown) {
             let id = format!("{}/{}", placement.name, part.id);
             let node = Node {
                 mesh: Some(part.mesh),
-                skin: skin.filter(|_| part.hold == Hold::Skin),
+                skin: skin.filter(|_| part.parent == NodeParent::Skin),
                 extensions: part.instancing.clone(),
-                ..marked(named(&part.name), &part.motion.rest, id, part.kind)
+                ..node_with_extras(named(&part.name), &part.motion.rest, id, part.kind)
             };
-            let node = self.node(node)?;
-            let parent = match part.hold {
-                Hold::Placement => Some(top),
-                Hold::Joint(k) => joints.get(k).copied(),
-                Hold::Skin => None,
+            let node = self.add_node(node)?;
+            let parent = match part.parent {
+                NodeParent::Placement => Some(top),
+                NodeParent::Joint(k) => joints.get(k).copied(),
+                NodeParent::Skin => None,
             };
-            self.attach(parent, node);
-            self.animate(node, &part.motion.drives);
+            self.attach_node(parent, node);
+            self.add_channels(node, &part.motion.channels);
         }
         Ok(())
     }
 
-    fn camera(&mut self) -> Result<()> {
-        let view = self.from.scene.camera;
+    /// Adds the scene's camera; glTF cameras look along -Z of their node.
+    fn add_camera(&mut self) -> Result<()> {
+        let view = self.input.scene.camera;
         let [right, up, back] = view.axes();
         let r = Quat::from_mat3(&Mat3::from_cols(right, up, back)).normalize();
-        // Far enough for any ground around the subject, near enough to keep depth exact in viewports.
+        // The far plane includes the ground around the subject; a larger one would cost depth precision in viewports.
         let zfar = (10.0 * (view.eye - view.target).length()).max(1000.0);
         let perspective = Perspective { yfov: view.vfov, znear: 0.01, zfar };
         self.root.cameras.push(Camera { name: "camera".into(), kind: "perspective", perspective });
         let rest = Trs { t: view.eye, r, ..Trs::IDENTITY };
-        finite(&rest, || "camera".to_owned())?;
-        let node = Node { camera: Some(0), ..marked("camera".into(), &rest, "camera".into(), "camera") };
-        let node = self.node(node)?;
-        self.attach(None, node);
+        check_finite(&rest, || "camera".to_owned())?;
+        let node = Node { camera: Some(0), ..node_with_extras("camera".into(), &rest, "camera".into(), "camera") };
+        let node = self.add_node(node)?;
+        self.attach_node(None, node);
         Ok(())
     }
 }
 
-/// Moving instances that any placement of an asset shows.
-fn shown_anywhere(placements: &[Placement], asset: usize, chosen: &ChosenAt) -> Chosen {
+/// The moving instances that some placement of an asset shows.
+fn instances_of_asset(placements: &[Placement], asset: usize, chosen: &InstancesByPlacement) -> InstanceSet {
     let here = placements.iter().enumerate().filter(|(_, p)| p.asset == asset);
     here.flat_map(|(k, _)| chosen.get(&k).into_iter().flatten().copied()).collect()
 }

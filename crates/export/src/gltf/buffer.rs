@@ -1,4 +1,6 @@
-//! The binary part: every array that the document points into, appended at offsets that are multiples of four.
+//! The binary buffer: the arrays of all accessors, one after the other, each in a buffer view of its own.
+//!
+//! Views begin at multiples of four bytes, which satisfies the alignment of every component type (glTF 2.0, section 3.6.2.4).
 
 use glam::{Quat, Vec2, Vec3};
 
@@ -6,21 +8,21 @@ use super::json::{Accessor, BufferView, Index, component, target};
 use osier_base::math::normalize_or;
 use osier_base::{Error, Result};
 
-/// Bytes and the views and accessors over them.
+/// The buffer's bytes, and the buffer views and accessors over them.
 #[derive(Debug, Default)]
-pub(super) struct Buffer {
+pub(super) struct BinaryBuffer {
     pub bytes: Vec<u8>,
     pub views: Vec<BufferView>,
     pub accessors: Vec<Accessor>,
 }
 
-/// Largest vertex count that u16 indices serve: 65535 itself would restart the primitive.
-const SHORT: usize = 65_535;
+/// Most vertices that u16 indices address: the index 65535 is reserved for primitive restart (glTF 2.0, section 3.7.2.1).
+const MAX_SHORT_VERTICES: usize = 65_535;
 
-impl Buffer {
-    /// Positions of vertices, with their box. `what` names them in an error.
-    pub(super) fn positions(&mut self, values: &[Vec3], what: &str) -> Result<Index> {
-        let accessor = self.vectors(values, Some(target::VERTICES), what)?;
+impl BinaryBuffer {
+    /// Vertex positions, with `min` and `max`, which the format requires for them. `label`: names the element in errors.
+    pub(super) fn add_positions(&mut self, values: &[Vec3], label: &str) -> Result<Index> {
+        let accessor = self.add_vectors(values, Some(target::VERTICES), label)?;
         let low = values.iter().copied().reduce(Vec3::min).unwrap_or_default();
         let high = values.iter().copied().reduce(Vec3::max).unwrap_or_default();
         if let Some(a) = self.accessors.last_mut() {
@@ -30,82 +32,87 @@ impl Buffer {
         Ok(accessor)
     }
 
-    /// Normals of vertices; one that is not of length 1 is replaced by its direction, since readers refuse the file.
-    pub(super) fn normals(&mut self, values: &[Vec3], what: &str) -> Result<Index> {
+    /// Vertex normals; one that is not of unit length is normalised, as validators refuse others.
+    pub(super) fn add_normals(&mut self, values: &[Vec3], label: &str) -> Result<Index> {
         let unit = |n: &Vec3| if (n.length_squared() - 1.0).abs() <= 1e-3 { *n } else { normalize_or(*n, Vec3::Y) };
         let values = values.iter().map(|n| if n.is_finite() { unit(n) } else { *n });
-        self.floats(values.flat_map(|v| [v.x, v.y, v.z]), "VEC3", 3, Some(target::VERTICES), what)
+        self.add_floats(values.flat_map(|v| [v.x, v.y, v.z]), "VEC3", 3, Some(target::VERTICES), label)
     }
 
-    /// Unit vectors of vertices as four normalised bytes each, of which `shape` uses three or all: directions within half a degree.
-    /// Needs KHR_mesh_quantization.
-    pub(super) fn directions(&mut self, values: &[[f32; 4]], shape: &'static str, what: &str) -> Result<Index> {
+    /// Unit vectors of vertices (normals, or tangents with their sign) as normalised signed bytes, accurate to half a degree.
+    /// A view has a stride of four bytes; an accessor of type VEC3 skips the fourth. Requires KHR_mesh_quantization.
+    pub(super) fn add_quantized_directions(
+        &mut self,
+        values: &[[f32; 4]],
+        shape: &'static str,
+        label: &str,
+    ) -> Result<Index> {
         if let Some(i) = values.iter().position(|v| v.iter().any(|c| !c.is_finite())) {
-            return Err(Error::export("X001", format!("{what}: element {i} is not finite")));
+            return Err(Error::export("X001", format!("{label}: element {i} is not finite")));
         }
-        let start = self.start();
+        let start = self.align();
         for v in values {
-            // Rounded components are unit to a hundredth, which readers that check for it take.
-            self.bytes.extend(v.map(signed_byte).map(i8::cast_unsigned));
+            // A rounded vector is of unit length to a hundredth, which validators accept.
+            self.bytes.extend(v.map(to_snorm8).map(i8::cast_unsigned));
         }
-        let view = self.view(start, Some(target::VERTICES))?;
+        let view = self.add_view(start, Some(target::VERTICES))?;
         if let Some(view) = self.views.last_mut() {
             view.byte_stride = Some(4);
         }
-        self.accessor(Accessor { normalized: true, ..shaped(view, component::I8, values.len(), shape) })
+        self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::I8, values.len(), shape) })
     }
 
-    /// Three floats each, outside vertex data unless a target is given.
-    pub(super) fn vectors(&mut self, values: &[Vec3], target: Option<u32>, what: &str) -> Result<Index> {
-        self.floats(values.iter().flat_map(|v| [v.x, v.y, v.z]), "VEC3", 3, target, what)
+    /// Vectors of three floats. `target`: that of the buffer view, for vertex attributes.
+    pub(super) fn add_vectors(&mut self, values: &[Vec3], target: Option<u32>, label: &str) -> Result<Index> {
+        self.add_floats(values.iter().flat_map(|v| [v.x, v.y, v.z]), "VEC3", 3, target, label)
     }
 
-    /// Texture coordinates; v is turned over since glTF counts it from the top.
-    pub(super) fn uvs(&mut self, values: &[Vec2], what: &str) -> Result<Index> {
-        self.floats(values.iter().flat_map(|v| [v.x, 1.0 - v.y]), "VEC2", 2, Some(target::VERTICES), what)
+    /// Texture coordinates; v becomes 1 - v, as glTF counts it from the top of the image.
+    pub(super) fn add_uvs(&mut self, values: &[Vec2], label: &str) -> Result<Index> {
+        self.add_floats(values.iter().flat_map(|v| [v.x, 1.0 - v.y]), "VEC2", 2, Some(target::VERTICES), label)
     }
 
-    /// Four floats per vertex: joint weights or tangents.
-    pub(super) fn quads(&mut self, values: &[[f32; 4]], what: &str) -> Result<Index> {
-        self.floats(values.iter().flatten().copied(), "VEC4", 4, Some(target::VERTICES), what)
+    /// Four floats for each vertex: joint weights or tangents.
+    pub(super) fn add_vertex_vec4s(&mut self, values: &[[f32; 4]], label: &str) -> Result<Index> {
+        self.add_floats(values.iter().flatten().copied(), "VEC4", 4, Some(target::VERTICES), label)
     }
 
     /// Quaternions, x y z w.
-    pub(super) fn quaternions(&mut self, values: &[Quat], what: &str) -> Result<Index> {
-        self.floats(values.iter().flat_map(|q| [q.x, q.y, q.z, q.w]), "VEC4", 4, None, what)
+    pub(super) fn add_quaternions(&mut self, values: &[Quat], label: &str) -> Result<Index> {
+        self.add_floats(values.iter().flat_map(|q| [q.x, q.y, q.z, q.w]), "VEC4", 4, None, label)
     }
 
     /// Unit quaternions as normalised 16-bit numbers, within 3e-5, for instances, of which there are many.
-    pub(super) fn short_quaternions(&mut self, values: &[Quat], what: &str) -> Result<Index> {
+    pub(super) fn add_quantized_quaternions(&mut self, values: &[Quat], label: &str) -> Result<Index> {
         if let Some(i) = values.iter().position(|q| !q.is_finite()) {
-            return Err(Error::export("X001", format!("{what}: element {i} is not finite")));
+            return Err(Error::export("X001", format!("{label}: element {i} is not finite")));
         }
-        let start = self.start();
+        let start = self.align();
         for c in values.iter().flat_map(|q| q.to_array()) {
-            self.bytes.extend_from_slice(&signed_short(c).to_le_bytes());
+            self.bytes.extend_from_slice(&to_snorm16(c).to_le_bytes());
         }
-        let view = self.view(start, None)?;
-        self.accessor(Accessor { normalized: true, ..shaped(view, component::I16, values.len(), "VEC4") })
+        let view = self.add_view(start, None)?;
+        self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::I16, values.len(), "VEC4") })
     }
 
-    /// 4 x 4 matrices, column major.
-    pub(super) fn matrices(&mut self, values: &[[f32; 16]], what: &str) -> Result<Index> {
-        self.floats(values.iter().flatten().copied(), "MAT4", 16, None, what)
+    /// 4 x 4 matrices, column-major.
+    pub(super) fn add_matrices(&mut self, values: &[[f32; 16]], label: &str) -> Result<Index> {
+        self.add_floats(values.iter().flatten().copied(), "MAT4", 16, None, label)
     }
 
-    /// Single floats.
-    pub(super) fn scalars(&mut self, values: &[f32], what: &str) -> Result<Index> {
-        self.floats(values.iter().copied(), "SCALAR", 1, None, what)
+    /// Single floats outside vertex data: animation keys.
+    pub(super) fn add_scalars(&mut self, values: &[f32], label: &str) -> Result<Index> {
+        self.add_floats(values.iter().copied(), "SCALAR", 1, None, label)
     }
 
-    /// A number per vertex.
-    pub(super) fn numbers(&mut self, values: &[f32], what: &str) -> Result<Index> {
-        self.floats(values.iter().copied(), "SCALAR", 1, Some(target::VERTICES), what)
+    /// A float for each vertex.
+    pub(super) fn add_vertex_scalars(&mut self, values: &[f32], label: &str) -> Result<Index> {
+        self.add_floats(values.iter().copied(), "SCALAR", 1, Some(target::VERTICES), label)
     }
 
-    /// Rising key times, s, with first and last.
-    pub(super) fn times(&mut self, values: &[f32]) -> Result<Index> {
-        let accessor = self.scalars(values, "key times")?;
+    /// Increasing key times, s, with `min` and `max`, which the format requires for them.
+    pub(super) fn add_key_times(&mut self, values: &[f32]) -> Result<Index> {
+        let accessor = self.add_scalars(values, "key times")?;
         if let (Some(a), Some(first), Some(last)) = (self.accessors.last_mut(), values.first(), values.last()) {
             a.min = vec![first + 0.0];
             a.max = vec![last + 0.0];
@@ -113,20 +120,20 @@ impl Buffer {
         Ok(accessor)
     }
 
-    /// Linear colours as normalised u16 RGBA.
-    pub(super) fn colors(&mut self, values: impl ExactSizeIterator<Item = [f32; 4]>) -> Result<Index> {
+    /// Linear RGBA in [0, 1] as normalised u16.
+    pub(super) fn add_colors(&mut self, values: impl ExactSizeIterator<Item = [f32; 4]>) -> Result<Index> {
         let count = values.len();
-        let start = self.start();
+        let start = self.align();
         for c in values.flatten() {
-            self.bytes.extend_from_slice(&short(c).to_le_bytes());
+            self.bytes.extend_from_slice(&to_unorm16(c).to_le_bytes());
         }
-        let view = self.view(start, Some(target::VERTICES))?;
-        self.accessor(Accessor { normalized: true, ..shaped(view, component::U16, count, "VEC4") })
+        let view = self.add_view(start, Some(target::VERTICES))?;
+        self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::U16, count, "VEC4") })
     }
 
-    /// Joint indices of a skin with `joints` joints: bytes while they suffice.
-    pub(super) fn joints(&mut self, values: &[[u16; 4]], joints: usize) -> Result<Index> {
-        let start = self.start();
+    /// Joint indices of vertices, for a skin of `joints` joints: u8 if that suffices, else u16.
+    pub(super) fn add_joint_indices(&mut self, values: &[[u16; 4]], joints: usize) -> Result<Index> {
+        let start = self.align();
         let bytes = joints <= 256;
         for j in values.iter().flatten() {
             match u8::try_from(*j) {
@@ -134,15 +141,15 @@ impl Buffer {
                 _ => self.bytes.extend_from_slice(&j.to_le_bytes()),
             }
         }
-        let view = self.view(start, Some(target::VERTICES))?;
+        let view = self.add_view(start, Some(target::VERTICES))?;
         let component = if bytes { component::U8 } else { component::U16 };
-        self.accessor(shaped(view, component, values.len(), "VEC4"))
+        self.add_accessor(accessor_of(view, component, values.len(), "VEC4"))
     }
 
-    /// Triangles over `vertices` vertices.
-    pub(super) fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> Result<Index> {
-        let start = self.start();
-        let short = vertices <= SHORT;
+    /// Indices of triangles over `vertices` vertices: u16 if that suffices, else u32.
+    pub(super) fn add_triangle_indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> Result<Index> {
+        let start = self.align();
+        let short = vertices <= MAX_SHORT_VERTICES;
         self.bytes.reserve(triangles.len() * if short { 6 } else { 12 });
         for i in triangles.iter().flatten() {
             match u16::try_from(*i) {
@@ -150,27 +157,28 @@ impl Buffer {
                 _ => self.bytes.extend_from_slice(&i.to_le_bytes()),
             }
         }
-        let view = self.view(start, Some(target::INDICES))?;
+        let view = self.add_view(start, Some(target::INDICES))?;
         let component = if short { component::U16 } else { component::U32 };
-        self.accessor(shaped(view, component, triangles.len() * 3, "SCALAR"))
+        self.add_accessor(accessor_of(view, component, triangles.len() * 3, "SCALAR"))
     }
 
-    /// Bytes of an embedded file.
-    pub(super) fn file(&mut self, bytes: &[u8]) -> Result<Index> {
-        let start = self.start();
+    /// The bytes of an embedded image; returns the buffer view.
+    pub(super) fn add_file(&mut self, bytes: &[u8]) -> Result<Index> {
+        let start = self.align();
         self.bytes.extend_from_slice(bytes);
-        self.view(start, None)
+        self.add_view(start, None)
     }
 
-    fn floats(
+    /// An accessor of type `shape` over floats, `width` to an element. X001 names the first element that is not finite.
+    fn add_floats(
         &mut self,
         values: impl Iterator<Item = f32>,
         shape: &'static str,
         width: usize,
         target: Option<u32>,
-        what: &str,
+        label: &str,
     ) -> Result<Index> {
-        let start = self.start();
+        let start = self.align();
         self.bytes.reserve(values.size_hint().0 * 4);
         let mut bad = None;
         for (i, v) in values.enumerate() {
@@ -181,40 +189,42 @@ impl Buffer {
             self.bytes.extend_from_slice(&(v + 0.0).to_le_bytes());
         }
         if let Some(i) = bad {
-            return Err(Error::export("X001", format!("{what}: element {i} is not finite")));
+            return Err(Error::export("X001", format!("{label}: element {i} is not finite")));
         }
         let count = (self.bytes.len() - start) / (4 * width);
-        let view = self.view(start, target)?;
-        self.accessor(shaped(view, component::F32, count, shape))
+        let view = self.add_view(start, target)?;
+        self.add_accessor(accessor_of(view, component::F32, count, shape))
     }
 
-    fn start(&mut self) -> usize {
+    /// Pads the buffer with zeros to a multiple of four; returns its length, where the next view begins.
+    fn align(&mut self) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         self.bytes.len()
     }
 
-    fn view(&mut self, byte_offset: usize, target: Option<u32>) -> Result<Index> {
-        // Ends the work before memory does: no container holds more.
+    /// A buffer view from `byte_offset` to the end of the buffer.
+    fn add_view(&mut self, byte_offset: usize, target: Option<u32>) -> Result<Index> {
+        // Both containers count bytes in 32 bits; checked here, so that the export stops before memory is exhausted.
         if u32::try_from(self.bytes.len()).is_err() {
             return Err(too_large(self.bytes.len()));
         }
         let byte_length = self.bytes.len() - byte_offset;
         self.views.push(BufferView { buffer: 0, byte_offset, byte_length, byte_stride: None, target });
-        last(self.views.len())
+        last_index(self.views.len())
     }
 
-    fn accessor(&mut self, accessor: Accessor) -> Result<Index> {
+    fn add_accessor(&mut self, accessor: Accessor) -> Result<Index> {
         self.accessors.push(accessor);
-        last(self.accessors.len())
+        last_index(self.accessors.len())
     }
 }
 
-/// Index of the last of `len` items.
-pub(super) fn last(len: usize) -> Result<Index> {
+/// Index of the last of `len` items; X005 beyond 2^32.
+pub(super) fn last_index(len: usize) -> Result<Index> {
     Index::try_from(len.wrapping_sub(1)).map_err(|_| Error::export("X005", "glTF document: more than 2^32 entries"))
 }
 
-/// The error of a file that passes the end of the format.
+/// X005: the file exceeds the size that the format can hold.
 pub(super) fn too_large(bytes: usize) -> Error {
     let reason = format!(
         "glTF file of at least {bytes} bytes, the format ends at {}; show fewer instances or write usd",
@@ -223,25 +233,25 @@ pub(super) fn too_large(bytes: usize) -> Error {
     Error::export("X005", reason)
 }
 
-fn shaped(buffer_view: Index, component_type: u32, count: usize, shape: &'static str) -> Accessor {
+fn accessor_of(buffer_view: Index, component_type: u32, count: usize, shape: &'static str) -> Accessor {
     Accessor { buffer_view, component_type, count, shape, ..Accessor::default() }
 }
 
-/// A number in [-1, 1] as a normalised i8, rounded to nearest.
+/// A number in [-1, 1] as a normalised i8: round(127 c) (glTF 2.0, section 3.11).
 #[allow(clippy::cast_possible_truncation, reason = "clamped to +-127 before the cast")]
-fn signed_byte(c: f32) -> i8 {
+fn to_snorm8(c: f32) -> i8 {
     (c.clamp(-1.0, 1.0) * 127.0).round() as i8
 }
 
-/// A number in [-1, 1] as a normalised i16, rounded to nearest.
+/// A number in [-1, 1] as a normalised i16: round(32767 c).
 #[allow(clippy::cast_possible_truncation, reason = "clamped to +-32767 before the cast")]
-fn signed_short(c: f32) -> i16 {
+fn to_snorm16(c: f32) -> i16 {
     (c.clamp(-1.0, 1.0) * 32_767.0).round() as i16
 }
 
-/// A number in [0, 1] as a normalised u16, rounded to nearest.
+/// A number in [0, 1] as a normalised u16: round(65535 c).
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=65535 before the cast")]
-fn short(c: f32) -> u16 {
+fn to_unorm16(c: f32) -> u16 {
     (c.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16
 }
 
@@ -251,9 +261,9 @@ mod tests {
 
     #[test]
     fn arrays_start_at_multiples_of_four_and_negative_zero_is_gone() {
-        let mut b = Buffer::default();
-        b.indices(&[[0, 1, 2]], 3).expect("indices");
-        b.positions(&[Vec3::new(-0.0, 1.0, 2.0), Vec3::new(-3.0, 0.5, 2.0)], "p").expect("positions");
+        let mut b = BinaryBuffer::default();
+        b.add_triangle_indices(&[[0, 1, 2]], 3).expect("indices");
+        b.add_positions(&[Vec3::new(-0.0, 1.0, 2.0), Vec3::new(-3.0, 0.5, 2.0)], "p").expect("positions");
         assert_eq!(b.views[0].byte_length, 6);
         assert_eq!(b.views[1].byte_offset, 8);
         assert_eq!(&b.bytes[8..12], &0.0_f32.to_le_bytes());
@@ -265,19 +275,19 @@ mod tests {
 
     #[test]
     fn indices_widen_where_the_restart_value_would_appear() {
-        let mut b = Buffer::default();
-        b.indices(&[[0, 1, 65_534]], 65_535).expect("short");
-        b.indices(&[[0, 1, 65_535]], 65_536).expect("long");
+        let mut b = BinaryBuffer::default();
+        b.add_triangle_indices(&[[0, 1, 65_534]], 65_535).expect("short");
+        b.add_triangle_indices(&[[0, 1, 65_535]], 65_536).expect("long");
         assert_eq!(b.accessors.iter().map(|a| a.component_type).collect::<Vec<_>>(), [component::U16, component::U32]);
-        b.joints(&[[0, 1, 255, 0]], 256).expect("bytes");
-        b.joints(&[[0, 1, 256, 0]], 257).expect("words");
+        b.add_joint_indices(&[[0, 1, 255, 0]], 256).expect("bytes");
+        b.add_joint_indices(&[[0, 1, 256, 0]], 257).expect("words");
         assert_eq!(b.accessors[2].component_type, component::U8);
         assert_eq!(b.accessors[3].component_type, component::U16);
     }
 
     #[test]
     fn a_position_that_is_not_finite_is_named() {
-        let e = Buffer::default().positions(&[Vec3::ZERO, Vec3::NAN], "asset a, mesh m").expect_err("NaN");
+        let e = BinaryBuffer::default().add_positions(&[Vec3::ZERO, Vec3::NAN], "asset a, mesh m").expect_err("NaN");
         assert_eq!(e.to_string(), "X001: asset a, mesh m: element 1 is not finite");
     }
 }

@@ -1,20 +1,24 @@
-//! The two containers: one binary file, or JSON with a binary file beside it.
+//! The two containers: binary glTF (`.glb`), or JSON (`.gltf`) with a binary file beside it.
 
 use super::buffer::too_large;
-use super::document::Document;
+use super::document::GltfDocument;
 use super::json;
 use super::text::to_json;
 use osier_base::Result;
 
+/// `glTF` in ASCII.
 const MAGIC: u32 = 0x4654_6C67;
 const VERSION: u32 = 2;
+/// Type of the JSON chunk: `JSON` in ASCII.
 const JSON: u32 = 0x4E4F_534A;
+/// Type of the binary chunk: `BIN` in ASCII and a zero.
 const BIN: u32 = 0x004E_4942;
 
-/// Hands a finished document out as a .glb, piece by piece.
+/// Writes a finished document as a .glb through `put` (glTF 2.0, section 4.4): magic, version and length of the file; the JSON chunk
+/// (length, type, text padded with spaces); the binary chunk (length, type, buffer padded with zeros).
 /// # Errors
 /// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite, whatever `put` returns.
-pub(super) fn glb(mut document: Document<'_>, mut put: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
     let mut bin = std::mem::take(&mut document.buffer.bytes);
     if !bin.is_empty() {
         document.root.buffers.push(json::Buffer { uri: None, byte_length: bin.len() });
@@ -22,7 +26,7 @@ pub(super) fn glb(mut document: Document<'_>, mut put: impl FnMut(&[u8]) -> Resu
     let mut text = to_json(&document.root)?;
     text.resize(text.len().next_multiple_of(4), b' ');
     bin.resize(bin.len().next_multiple_of(4), 0);
-    let total = whole(text.len(), bin.len())?;
+    let total = file_length(text.len(), bin.len())?;
     for word in [MAGIC, VERSION, total, length(&text)?, JSON] {
         put(&word.to_le_bytes())?;
     }
@@ -35,10 +39,10 @@ pub(super) fn glb(mut document: Document<'_>, mut put: impl FnMut(&[u8]) -> Resu
     Ok(())
 }
 
-/// JSON text and binary part of a .gltf whose buffer is found at `uri`.
+/// JSON text and buffer of a .gltf whose buffer is the file at `uri`.
 /// # Errors
 /// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite.
-pub(super) fn gltf(mut document: Document<'_>, uri: String) -> Result<(Vec<u8>, Vec<u8>)> {
+pub(super) fn encode_gltf(mut document: GltfDocument<'_>, uri: String) -> Result<(Vec<u8>, Vec<u8>)> {
     let bin = std::mem::take(&mut document.buffer.bytes);
     length(&bin)?;
     if !bin.is_empty() {
@@ -51,8 +55,8 @@ fn length(bytes: &[u8]) -> Result<u32> {
     u32::try_from(bytes.len()).map_err(|_| too_large(bytes.len()))
 }
 
-/// Bytes of a .glb whose chunks hold `text` and `bin` bytes (multiples of four).
-fn whole(text: usize, bin: usize) -> Result<u32> {
+/// Length of a .glb whose chunks hold `text` and `bin` bytes, both padded: a header of 12 bytes, and 8 for each chunk.
+fn file_length(text: usize, bin: usize) -> Result<u32> {
     let bytes = 12 + 8 + text + if bin == 0 { 0 } else { 8 + bin };
     u32::try_from(bytes).map_err(|_| too_large(bytes))
 }
@@ -62,10 +66,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn four_gibibytes_less_one_is_the_end() {
+    fn files_end_at_four_gibibytes() {
         let most = 0xFFFF_FFFC - 28 - 100;
-        assert_eq!(whole(100, most).expect("fits"), 0xFFFF_FFFC);
-        assert!(matches!(whole(104, most), Err(osier_base::Error::Export { code: "X005", .. })));
-        assert_eq!(whole(100, 0).expect("no buffer"), 120);
+        assert_eq!(file_length(100, most).expect("fits"), 0xFFFF_FFFC);
+        assert!(matches!(file_length(104, most), Err(osier_base::Error::Export { code: "X005", .. })));
+        assert_eq!(file_length(100, 0).expect("no buffer"), 120);
     }
 }

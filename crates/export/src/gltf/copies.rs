@@ -1,187 +1,205 @@
-//! Copies of a plant that share meshes: one instanced node for each mesh in `web`, one node for each copy in `blender`.
+//! Copies of a plant that share meshes: an instanced node for each mesh in `web`, a node for each copy in `blender`.
 //!
-//! glTF cannot instance a skin, so that a copy that sways costs a skeleton and its tracks. A file has a budget of them; the copies
-//! beyond it stand still, with the attributes by which shaders sway them.
+//! glTF cannot instance a skin, so each swaying copy costs a skeleton and its keys. A file has a budget of skins; the copies
+//! beyond it do not move, but have the attributes by which shaders can sway them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Profile;
-use super::document::{Document, finite, marked};
-use super::instances::members;
+use super::document::{GeometryKind, GltfDocument, check_finite, node_with_extras};
+use super::instances::live_by_prototype;
 use super::json::Index;
-use super::materials::Shown;
-use super::meshes::Drawn;
+
+use super::meshes::MeshSource;
 use crate::Warning;
-use crate::merge::merged;
+use crate::merge::merge_asset;
 use osier_base::Result;
 use osier_scene::{Asset, InstancerMotion, MeshMotion, Placement, Trs, ribbons};
 
-/// Most transforms that an instanced node of copies holds: copies times the leaves of each: 32 bytes each, 6 MB of the file.
-const TRANSFORMS: usize = 200_000;
-/// Draw calls that `web` spends on leaves that ride on joints, over all placements that sway: a call is one prototype on one
-/// joint. Own: with bark, ground and copies a scene stays below 500, which browsers of phones draw at 60 Hz.
-const DRAWS: usize = 300;
-/// Fewest joints of a plant that sways.
-const FEWEST: usize = 8;
+/// Most transforms (copies times leaves of each) of an instanced node. At 32 bytes each it limits an accessor to 6 MB; copies
+/// beyond it get further nodes.
+const MAX_NODE_TRANSFORMS: usize = 200_000;
+/// Draw calls of the `web` profile for leaves attached to joints, over all swaying placements: a call is one prototype on one
+/// joint. Own: with bark, ground and copies a scene stays below 500 calls, which browsers on phones draw at 60 Hz; a larger
+/// value keeps more joints.
+const MAX_LEAF_DRAW_CALLS: usize = 300;
+/// Fewest joints of a swaying plant, however many there are. Own: trunk and main branches still bend.
+const MIN_JOINTS: usize = 8;
 
-/// Whether a placement of an asset costs a skin.
+/// Whether a placement of an asset needs a skeleton.
 fn is_skinned(asset: &Asset) -> bool {
     asset.skeleton.is_some()
         && (asset.meshes.iter().any(|m| m.skin.is_some() && m.motion != MeshMotion::Still)
             || asset.instancers.iter().any(|i| matches!(i.motion, InstancerMotion::Joints(_))))
 }
 
-/// Whether all of an asset can be shown at rest by shared meshes.
+/// Whether shared meshes can show all of an asset at rest.
 fn is_sharable(asset: &Asset) -> bool {
     let free = asset.instancers.iter().any(|i| i.motion == InstancerMotion::Free);
     let morphs = asset.meshes.iter().any(|m| m.motion != MeshMotion::Still && m.skin.is_none());
     !free && !morphs && asset.points.is_empty() && !asset.curves.iter().any(|c| c.moving)
 }
 
-impl Document<'_> {
-    /// Chooses the placements that share meshes: still plants of which there are several, and swaying ones beyond the budget
-    /// of skins. Those of plants with few copies keep their skins first, then those nearest to the camera.
-    pub(super) fn share(&mut self, placements: &[Placement]) -> BTreeSet<usize> {
-        let scene = self.from.scene;
-        let moves = !self.from.tracks.is_still();
-        let (mut several, mut grouped): (BTreeMap<usize, usize>, BTreeMap<&str, usize>) = Default::default();
+impl GltfDocument<'_> {
+    /// Selects the placements that share meshes: static assets with several placements, and swaying ones beyond the budget of
+    /// skins (X021). Skins go to plants with few copies first, then to those nearest to the camera.
+    pub(super) fn choose_copies(&mut self, placements: &[Placement]) -> BTreeSet<usize> {
+        let scene = self.input.scene;
+        let moves = !self.input.tracks.is_still();
+        let (mut placements_of_asset, mut placements_of_group): (BTreeMap<usize, usize>, BTreeMap<&str, usize>) =
+            Default::default();
         for p in placements {
-            *several.entry(p.asset).or_default() += 1;
+            *placements_of_asset.entry(p.asset).or_default() += 1;
             let group = scene.assets.get(p.asset).map_or("", |a| a.group.as_str());
-            *grouped.entry(group).or_default() += 1;
+            *placements_of_group.entry(group).or_default() += 1;
         }
-        let mut shared = BTreeSet::new();
+        // Static assets with several placements always share. Swaying ones are ranked by the number of placements of their plant,
+        // then by distance from the camera, whose bits order as the squared distances do, as those are not negative.
+        let mut copies = BTreeSet::new();
         let mut swaying = Vec::new();
         for (i, p) in placements.iter().enumerate() {
             let Some(asset) = scene.assets.get(p.asset).filter(|a| !a.group.is_empty() && is_sharable(a)) else {
                 continue;
             };
             if moves && is_skinned(asset) {
-                let far = (p.transform.t - scene.camera.eye).length_squared().to_bits();
-                swaying.push((grouped.get(asset.group.as_str()).copied().unwrap_or(1), far, i));
+                let distance = (p.transform.t - scene.camera.eye).length_squared().to_bits();
+                swaying.push((placements_of_group.get(asset.group.as_str()).copied().unwrap_or(1), distance, i));
             } else if !asset.moves() || !moves {
-                shared.extend(several.get(&p.asset).filter(|n| **n > 1).map(|_| i));
+                copies.extend(placements_of_asset.get(&p.asset).filter(|n| **n > 1).map(|_| i));
             }
         }
         swaying.sort_unstable();
-        let beyond = swaying.split_off(self.from.skins.min(swaying.len()));
-        if !beyond.is_empty() {
+        let excess = swaying.split_off(self.input.skins.min(swaying.len()));
+        if !excess.is_empty() {
             let message = format!(
                 "{} of {} plants that sway stand still in glTF, which cannot share skins: the farthest from the camera; \
                  output.gltf.skins = {} lets all sway, USD has all of them",
-                beyond.len(),
-                beyond.len() + swaying.len(),
-                beyond.len() + swaying.len()
+                excess.len(),
+                excess.len() + swaying.len(),
+                excess.len() + swaying.len()
             );
             self.warnings.push(Warning { code: "X021", message });
         }
-        shared.extend(beyond.iter().map(|(.., i)| *i));
-        if self.from.profile == Profile::Web && moves {
-            self.joints = self.affordable(placements, &shared);
+        copies.extend(excess.iter().map(|(.., i)| *i));
+        if self.input.profile == Profile::Web && moves {
+            self.max_joints = self.joints_within_draw_calls(placements, &copies);
         }
-        shared
+        copies
     }
 
-    /// Joints that each swaying plant may have for all to stay within [`DRAWS`].
-    fn affordable(&self, placements: &[Placement], shared: &BTreeSet<usize>) -> usize {
+    /// Joints that each swaying plant may have within [`MAX_LEAF_DRAW_CALLS`].
+    fn joints_within_draw_calls(&self, placements: &[Placement], copies: &BTreeSet<usize>) -> usize {
         let riding = |p: &Placement| {
-            let asset = self.from.scene.assets.get(p.asset)?;
+            let asset = self.input.scene.assets.get(p.asset)?;
             let joints = asset.instancers.iter().filter(|i| matches!(i.motion, InstancerMotion::Joints(_)));
             Some(joints.map(|i| i.prototypes.len()).sum::<usize>())
         };
-        let swaying = placements.iter().enumerate().filter(|(i, _)| !shared.contains(i));
+        let swaying = placements.iter().enumerate().filter(|(i, _)| !copies.contains(i));
         let prototypes: usize = swaying.filter_map(|(_, p)| riding(p)).sum();
-        DRAWS.checked_div(prototypes).map_or(super::rig::JOINTS, |n| n.max(FEWEST))
+        MAX_LEAF_DRAW_CALLS.checked_div(prototypes).map_or(super::rig::MAX_JOINTS, |n| n.max(MIN_JOINTS))
     }
 
     /// Adds the placements that share meshes.
-    pub(super) fn copies(&mut self, placements: &[Placement], shared: &BTreeSet<usize>) -> Result<()> {
-        let mut of: BTreeMap<usize, Vec<&Placement>> = BTreeMap::new();
-        for p in shared.iter().filter_map(|i| placements.get(*i)) {
-            finite(&p.transform, || format!("placement {}", p.name))?;
-            of.entry(p.asset).or_default().push(p);
+    pub(super) fn add_copies(&mut self, placements: &[Placement], copies: &BTreeSet<usize>) -> Result<()> {
+        let mut by_asset: BTreeMap<usize, Vec<&Placement>> = BTreeMap::new();
+        for p in copies.iter().filter_map(|i| placements.get(*i)) {
+            check_finite(&p.transform, || format!("placement {}", p.name))?;
+            by_asset.entry(p.asset).or_default().push(p);
         }
-        for (index, list) in of {
-            let Some(asset) = self.from.scene.assets.get(index) else { continue };
-            match self.from.profile {
-                Profile::Web => self.instanced_copies(asset, &list)?,
-                Profile::Blender => self.node_copies(asset, &list)?,
+        for (index, list) in by_asset {
+            let Some(asset) = self.input.scene.assets.get(index) else { continue };
+            match self.input.profile {
+                Profile::Web => self.add_copies_as_instances(asset, &list)?,
+                Profile::Blender => self.add_copies_as_nodes(asset, &list)?,
             }
         }
         Ok(())
     }
 
-    /// One node for each copy, all with one mesh of everything that the plant shows.
-    fn node_copies(&mut self, asset: &Asset, list: &[&Placement]) -> Result<()> {
-        let mut whole = merged(asset);
+    /// A node for each copy, all with one mesh of all geometry of the plant.
+    fn add_copies_as_nodes(&mut self, asset: &Asset, list: &[&Placement]) -> Result<()> {
+        let mut mesh_data = merge_asset(asset)?;
         for curves in &asset.curves {
-            let tile = self.from.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
-            whole.append(&ribbons(curves, &curves.points, tile));
+            let tile = self.input.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
+            mesh_data.append(&ribbons(curves, &curves.points, tile));
         }
-        let what = format!("asset {}", asset.id);
-        let drawn = Drawn { name: &asset.id, what: &what, mesh: &whole, shown: Shown::Mesh, skin: None, shapes: &[] };
-        let Some(mesh) = self.mesh(drawn)? else { return Ok(()) };
+        let label = format!("asset {}", asset.id);
+        let mesh_source = MeshSource {
+            name: &asset.id,
+            label: &label,
+            mesh: &mesh_data,
+            geometry: GeometryKind::Mesh,
+            skin: None,
+            shapes: &[],
+        };
+        let Some(mesh) = self.add_mesh(mesh_source)? else { return Ok(()) };
         for p in list {
-            let mut node = marked(p.name.clone(), &p.transform, asset.id.clone(), asset.kind.word());
+            let mut node = node_with_extras(p.name.clone(), &p.transform, asset.id.clone(), asset.kind.word());
             node.mesh = Some(mesh);
-            let node = self.node(node)?;
-            self.attach(None, node);
+            let node = self.add_node(node)?;
+            self.attach_node(None, node);
         }
         Ok(())
     }
 
-    /// One instanced node for each mesh and each prototype of the plant, which shows it on all copies.
-    fn instanced_copies(&mut self, asset: &Asset, list: &[&Placement]) -> Result<()> {
-        let stands: Vec<Trs> = list.iter().map(|p| p.transform).collect();
+    /// An instanced node for each mesh and each prototype of the plant, with the transforms of all copies.
+    fn add_copies_as_instances(&mut self, asset: &Asset, list: &[&Placement]) -> Result<()> {
+        let transforms: Vec<Trs> = list.iter().map(|p| p.transform).collect();
         for object in &asset.meshes {
-            let what = format!("asset {}, mesh {}", asset.id, object.name);
-            let drawn = Drawn {
+            let label = format!("asset {}, mesh {}", asset.id, object.name);
+            let mesh_source = MeshSource {
                 name: &object.name,
-                what: &what,
+                label: &label,
                 mesh: &object.mesh,
-                shown: Shown::Mesh,
+                geometry: GeometryKind::Mesh,
                 skin: None,
                 shapes: &[],
             };
-            if let Some(mesh) = self.mesh(drawn)? {
-                self.instanced(&format!("{}_{}", asset.id, object.name), mesh, &stands, asset)?;
+            if let Some(mesh) = self.add_mesh(mesh_source)? {
+                self.add_instanced_node(&format!("{}_{}", asset.id, object.name), mesh, &transforms, asset)?;
             }
         }
         for curves in &asset.curves {
-            let what = format!("asset {}, curves {}", asset.id, curves.name);
-            let tile = self.from.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
+            let label = format!("asset {}, curves {}", asset.id, curves.name);
+            let tile = self.input.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
             let mesh = ribbons(curves, &curves.points, tile);
-            let drawn =
-                Drawn { name: &curves.name, what: &what, mesh: &mesh, shown: Shown::Ribbon, skin: None, shapes: &[] };
-            if let Some(mesh) = self.mesh(drawn)? {
-                self.instanced(&format!("{}_{}", asset.id, curves.name), mesh, &stands, asset)?;
+            let mesh_source = MeshSource {
+                name: &curves.name,
+                label: &label,
+                mesh: &mesh,
+                geometry: GeometryKind::Ribbon,
+                skin: None,
+                shapes: &[],
+            };
+            if let Some(mesh) = self.add_mesh(mesh_source)? {
+                self.add_instanced_node(&format!("{}_{}", asset.id, curves.name), mesh, &transforms, asset)?;
             }
         }
         for instancer in &asset.instancers {
-            let what = format!("asset {}, instancer {}", asset.id, instancer.name);
-            for (proto, members) in members(instancer, &instancer.rest).into_iter().enumerate() {
+            let label = format!("asset {}, instancer {}", asset.id, instancer.name);
+            for (proto, members) in live_by_prototype(instancer, &instancer.rest).into_iter().enumerate() {
                 if members.is_empty() {
                     continue;
                 }
-                let Some(mesh) = self.prototype(instancer, proto, &what)? else { continue };
+                let Some(mesh) = self.add_prototype_mesh(instancer, proto, &label)? else { continue };
                 let name = format!("{}_{}_{}", asset.id, instancer.name, instancer.prototypes[proto].name);
                 let own: Vec<Trs> = members.iter().map(|i| instancer.transform(&instancer.rest, *i)).collect();
-                // All copies in one node, or in as few as hold them.
-                for stands in stands.chunks((TRANSFORMS / own.len()).max(1)) {
-                    let all: Vec<Trs> = stands.iter().flat_map(|s| own.iter().map(|o| s.then_inner(o))).collect();
-                    self.instanced(&name, mesh, &all, asset)?;
+                // All copies in one node, or in as few as the limit allows.
+                for transforms in transforms.chunks((MAX_NODE_TRANSFORMS / own.len()).max(1)) {
+                    let all: Vec<Trs> = transforms.iter().flat_map(|s| own.iter().map(|o| s.then_inner(o))).collect();
+                    self.add_instanced_node(&name, mesh, &all, asset)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// A node that shows a mesh at many places.
-    fn instanced(&mut self, name: &str, mesh: Index, places: &[Trs], asset: &Asset) -> Result<()> {
-        let extensions = Some(self.instancing_at(places, &format!("asset {}, copies", asset.id))?);
-        let marked = marked(name.to_owned(), &Trs::IDENTITY, asset.id.clone(), "instancer");
-        let node = self.node(super::json::Node { mesh: Some(mesh), extensions, ..marked })?;
-        self.attach(None, node);
+    /// A node that shows a mesh with these transforms.
+    fn add_instanced_node(&mut self, name: &str, mesh: Index, transforms: &[Trs], asset: &Asset) -> Result<()> {
+        let extensions = Some(self.add_instancing(transforms, &format!("asset {}, copies", asset.id))?);
+        let base = node_with_extras(name.to_owned(), &Trs::IDENTITY, asset.id.clone(), "instancer");
+        let node = self.add_node(super::json::Node { mesh: Some(mesh), extensions, ..base })?;
+        self.attach_node(None, node);
         Ok(())
     }
 }

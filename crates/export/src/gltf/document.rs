@@ -1,184 +1,209 @@
-//! One glTF file under construction: lists that grow, names and arrays that are shared.
+//! A glTF document being built: the top-level lists, unique node names, shared materials, textures and key times.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Quat, Vec3};
 
 use super::super::{GENERATOR, VERSION, Warning};
-use super::buffer::{Buffer, last};
+use super::buffer::{BinaryBuffer, last_index};
 use super::json::{
-    Animation, AssetInfo, Channel, ChannelTarget, Extras, FileMark, FogMark, Index, Node, NodeMark, Root, Sampler,
-    SceneList, SceneMark,
+    Animation, AssetInfo, Channel, ChannelTarget, Extras, FileExtras, FogExtras, Index, Node, NodeExtras, Root,
+    Sampler, SceneExtras, SceneNodes,
 };
-use super::keys::{Keys, unit};
-use super::materials::Surface;
-use super::tracks::Tracks;
-use super::{Pictures, Profile};
+use super::keys::{KeyedValues, renormalized};
+
+use super::tracks::ClipTracks;
+use super::{ImageStorage, Profile};
 use crate::textures::Textures;
 use osier_base::{Error, Result};
-use osier_scene::{Scene, Trs};
+use osier_scene::{MaterialId, Scene, Trs};
 
-/// What a file is made of.
+/// What a document is made from.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Source<'a> {
+pub(super) struct GltfInput<'a> {
     pub scene: &'a Scene,
-    pub tracks: &'a Tracks,
+    pub tracks: &'a ClipTracks,
     pub textures: &'a Textures,
     pub profile: Profile,
     /// Most placements with a skin of their own.
     pub skins: usize,
 }
 
-/// A file under construction.
-#[derive(Debug)]
-pub(super) struct Document<'a> {
-    pub from: Source<'a>,
-    pub pictures: Pictures,
-    pub root: Root,
-    pub buffer: Buffer,
-    pub animation: Animation,
-    pub warnings: Vec<Warning>,
-    /// Most joints of an animated plant.
-    pub joints: usize,
-    pub surfaces: BTreeMap<Surface, Index>,
-    pub textures: BTreeMap<u32, Index>,
-    names: BTreeSet<String>,
-    extensions: BTreeSet<&'static str>,
-    required: BTreeSet<&'static str>,
-    times: BTreeMap<Vec<u32>, Index>,
+/// A material as a kind of geometry uses it: each combination is a glTF material of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct MaterialVariant {
+    pub material: MaterialId,
+    pub geometry: GeometryKind,
 }
 
-/// A sampler and the node property it drives.
+/// Geometry that uses a material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum GeometryKind {
+    Mesh,
+    /// A flat strip instead of a curve: double-sided.
+    Ribbon,
+    /// Points with a colour each: no textures, base colour white.
+    ColoredPoints,
+    /// Points without colours: no textures.
+    PlainPoints,
+}
+
+/// A document being built.
+#[derive(Debug)]
+pub(super) struct GltfDocument<'a> {
+    pub input: GltfInput<'a>,
+    pub pictures: ImageStorage,
+    pub root: Root,
+    pub buffer: BinaryBuffer,
+    pub animation: Animation,
+    pub warnings: Vec<Warning>,
+    /// Most joints of an animated skeleton.
+    pub max_joints: usize,
+    pub material_indices: BTreeMap<MaterialVariant, Index>,
+    pub texture_indices: BTreeMap<u32, Index>,
+    node_names: BTreeSet<String>,
+    extensions: BTreeSet<&'static str>,
+    required: BTreeSet<&'static str>,
+    time_accessors: BTreeMap<Vec<u32>, Index>,
+}
+
+/// An animation channel before its node is known: a sampler, and the property of a node that it animates.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Drive {
+pub(super) struct NodeChannel {
     pub sampler: Index,
     pub path: &'static str,
 }
 
-/// A node's transform and what of it is animated.
+/// A node's transform at rest, and the channels that animate it.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Motion {
+pub(super) struct NodeAnimation {
     pub rest: Trs,
-    pub drives: Vec<Drive>,
+    pub channels: Vec<NodeChannel>,
 }
 
-impl<'a> Document<'a> {
-    pub(super) fn new(from: Source<'a>, pictures: Pictures) -> Self {
-        let clip = from.scene.clip;
-        let fog = from.scene.sky.fog.map(|f| FogMark { visibility: f.visibility, color: f.color, height: f.height });
-        let mark = FileMark {
+impl<'a> GltfDocument<'a> {
+    pub(super) fn new(input: GltfInput<'a>, pictures: ImageStorage) -> Self {
+        let clip = input.scene.clip;
+        let fog = input.scene.sky.fog.map(|f| FogExtras { visibility: f.visibility, color: f.color, height: f.height });
+        let extras = FileExtras {
             fog,
             schema: 1,
             version: VERSION,
-            seed: from.scene.seed.to_string(),
-            scene: SceneMark { name: from.scene.name.clone(), hash: from.scene.hash.clone() },
+            seed: input.scene.seed.to_string(),
+            scene: SceneExtras { name: input.scene.name.clone(), hash: input.scene.hash.clone() },
             fps: clip.fps.into(),
             start: clip.start,
             end: clip.end,
         };
-        let asset = AssetInfo { version: "2.0", generator: GENERATOR, extras: Extras { osier: mark } };
+        let asset = AssetInfo { version: "2.0", generator: GENERATOR, extras: Extras { osier: extras } };
         Self {
             from,
             pictures,
-            root: Root { asset, scenes: vec![SceneList::default()], ..Root::default() },
-            buffer: Buffer::default(),
+            root: Root { asset, scenes: vec![SceneNodes::default()], ..Root::default() },
+            buffer: BinaryBuffer::default(),
             animation: Animation::default(),
             warnings: Vec::new(),
-            joints: super::rig::JOINTS,
-            surfaces: BTreeMap::new(),
-            textures: BTreeMap::new(),
-            names: BTreeSet::new(),
+            max_joints: super::rig::MAX_JOINTS,
+            material_indices: BTreeMap::new(),
+            texture_indices: BTreeMap::new(),
+            node_names: BTreeSet::new(),
             extensions: BTreeSet::new(),
             required: BTreeSet::new(),
-            times: BTreeMap::new(),
+            time_accessors: BTreeMap::new(),
         }
     }
 
-    /// Adds a node under a name made unique by `_2`, `_3`, ...
-    pub(super) fn node(&mut self, mut node: Node) -> Result<Index> {
+    /// Adds a node; its name is made unique by `_2`, `_3`, ...
+    pub(super) fn add_node(&mut self, mut node: Node) -> Result<Index> {
         let mut name = node.name.clone();
         let mut n = 1_u32;
-        while !self.names.insert(name.clone()) {
+        while !self.node_names.insert(name.clone()) {
             n += 1;
             name = format!("{}_{n}", node.name);
         }
         node.name = name;
         self.root.nodes.push(node);
-        last(self.root.nodes.len())
+        last_index(self.root.nodes.len())
     }
 
-    /// Makes a node a child of another, or of the scene.
-    pub(super) fn attach(&mut self, parent: Option<Index>, child: Index) {
+    /// Makes a node a child of another, or a root of the scene.
+    pub(super) fn attach_node(&mut self, parent: Option<Index>, child: Index) {
         match parent.and_then(|p| self.root.nodes.get_mut(p as usize)) {
             Some(node) => node.children.push(child),
             None => self.root.scenes.iter_mut().for_each(|s| s.nodes.push(child)),
         }
     }
 
-    /// Notes an extension in use.
-    pub(super) fn uses(&mut self, extension: &'static str, required: bool) {
+    /// Lists an extension as used, and as required if readers without it cannot show the file.
+    pub(super) fn use_extension(&mut self, extension: &'static str, required: bool) {
         self.extensions.insert(extension);
         if required {
             self.required.insert(extension);
         }
     }
 
-    /// Points the drives of a motion at a node.
-    pub(super) fn animate(&mut self, node: Index, drives: &[Drive]) {
-        let channel = |d: &Drive| Channel { sampler: d.sampler, target: ChannelTarget { node, path: d.path } };
-        self.animation.channels.extend(drives.iter().map(channel));
+    /// Adds channels to the animation for a node.
+    pub(super) fn add_channels(&mut self, node: Index, channels: &[NodeChannel]) {
+        let channel = |d: &NodeChannel| Channel { sampler: d.sampler, target: ChannelTarget { node, path: d.path } };
+        self.animation.channels.extend(channels.iter().map(channel));
     }
 
-    /// Takes keys of positions or scales: a constant goes to `rest`, else a sampler is added and `rest` stays.
-    pub(super) fn drive_vector(
+    /// Adds a sampler for keys of translation or scale, and its channel to `channels`. A constant needs no sampler: it becomes
+    /// the node's value at `rest`. `step`: interpolation STEP instead of LINEAR.
+    pub(super) fn add_vector_keys(
         &mut self,
-        keys: Keys<Vec3>,
+        keys: KeyedValues<Vec3>,
         path: &'static str,
         step: bool,
         rest: &mut Vec3,
-        drives: &mut Vec<Drive>,
+        channels: &mut Vec<NodeChannel>,
     ) -> Result<()> {
         match keys {
-            Keys::Constant(v) => *rest = v,
-            Keys::At(kept, values) => {
-                let output = self.buffer.vectors(&values, None, path)?;
-                drives.push(Drive { sampler: self.sampler(&kept, output, step)?, path });
+            KeyedValues::Constant(v) => *rest = v,
+            KeyedValues::Keys(frames, values) => {
+                let output = self.buffer.add_vectors(&values, None, path)?;
+                channels.push(NodeChannel { sampler: self.add_sampler(&frames, output, step)?, path });
             }
         }
         Ok(())
     }
 
-    /// Takes keys of rotations likewise.
-    pub(super) fn drive_rotation(&mut self, keys: Keys<Quat>, rest: &mut Quat, drives: &mut Vec<Drive>) -> Result<()> {
+    /// As [`Self::add_vector_keys`], for keys of rotation.
+    pub(super) fn add_rotation_keys(
+        &mut self,
+        keys: KeyedValues<Quat>,
+        rest: &mut Quat,
+        channels: &mut Vec<NodeChannel>,
+    ) -> Result<()> {
         match keys {
-            Keys::Constant(q) => *rest = q,
-            Keys::At(kept, values) => {
-                let output = self.buffer.quaternions(&values, "rotation")?;
-                drives.push(Drive { sampler: self.sampler(&kept, output, false)?, path: "rotation" });
+            KeyedValues::Constant(q) => *rest = q,
+            KeyedValues::Keys(frames, values) => {
+                let output = self.buffer.add_quaternions(&values, "rotation")?;
+                channels.push(NodeChannel { sampler: self.add_sampler(&frames, output, false)?, path: "rotation" });
             }
         }
         Ok(())
     }
 
-    /// A sampler over some of the clip's frames.
-    pub(super) fn sampler(&mut self, kept: &[usize], output: Index, step: bool) -> Result<Index> {
-        let times: Vec<f32> = kept.iter().filter_map(|&i| self.from.tracks.times.get(i)).copied().collect();
+    /// Adds a sampler whose keys are at these frames of the clip. Samplers with equal key times share an accessor.
+    pub(super) fn add_sampler(&mut self, frames: &[usize], output: Index, step: bool) -> Result<Index> {
+        let times: Vec<f32> = frames.iter().filter_map(|&i| self.input.tracks.times.get(i)).copied().collect();
         let bits: Vec<u32> = times.iter().map(|t| t.to_bits()).collect();
-        let input = match self.times.get(&bits) {
+        let input = match self.time_accessors.get(&bits) {
             Some(input) => *input,
             None => {
-                let input = self.buffer.times(&times)?;
-                self.times.insert(bits, input);
+                let input = self.buffer.add_key_times(&times)?;
+                self.time_accessors.insert(bits, input);
                 input
             }
         };
         let interpolation = step.then_some("STEP");
         self.animation.samplers.push(Sampler { input, interpolation, output });
-        last(self.animation.samplers.len())
+        last_index(self.animation.samplers.len())
     }
 
-    /// Completes the lists. `name`: of the scene and the animation.
-    pub(super) fn close(&mut self, name: &str) {
+    /// Moves what was gathered into the top-level lists. `name`: that of the scene and the animation.
+    pub(super) fn finish_root(&mut self, name: &str) {
         self.root.extensions_used = self.extensions.iter().copied().collect();
         self.root.extensions_required = self.required.iter().copied().collect();
         self.root.scenes.iter_mut().for_each(|s| s.name = name.to_owned());
@@ -192,23 +217,23 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Refuses a transform that is not finite.
-pub(super) fn finite(trs: &Trs, what: impl FnOnce() -> String) -> Result<()> {
+/// X001 if a transform is not finite.
+pub(super) fn check_finite(trs: &Trs, label: impl FnOnce() -> String) -> Result<()> {
     if trs.t.is_finite() && trs.r.is_finite() && trs.s.is_finite() {
         return Ok(());
     }
-    Err(Error::export("X001", format!("{}: its transform is not finite", what())))
+    Err(Error::export("X001", format!("{}: its transform is not finite", label())))
 }
 
-/// A node with a transform and our mark.
-pub(super) fn marked(name: String, rest: &Trs, id: String, kind: &'static str) -> Node {
-    Node { extras: Some(Extras { osier: NodeMark { id, kind } }), ..placed(name, rest) }
+/// A node with a transform and osier's id and kind in its extras.
+pub(super) fn node_with_extras(name: String, rest: &Trs, id: String, kind: &'static str) -> Node {
+    Node { extras: Some(Extras { osier: NodeExtras { id, kind } }), ..node_with_transform(name, rest) }
 }
 
-/// A node with a transform; what is identity is left out.
-pub(super) fn placed(name: String, rest: &Trs) -> Node {
+/// A node with a transform; components that are the identity are omitted.
+pub(super) fn node_with_transform(name: String, rest: &Trs) -> Node {
     let unless = |v: Vec3, default: Vec3| (v != default).then(|| (v + 0.0).to_array());
-    let q = unit(rest.r);
+    let q = renormalized(rest.r);
     let q = if q.w < 0.0 { -q } else { q };
     Node {
         name,

@@ -1,11 +1,12 @@
-//! The JSON part of a glTF file as plain structs: field order is key order, and what equals its default is left out.
+//! The objects of the glTF 2.0 schema that osier writes: fields are in the order of the keys, and values that equal the schema's
+//! default are omitted.
 
 use serde::Serialize;
 
 /// Index into one of the top-level lists.
 pub(super) type Index = u32;
 
-/// glTF component types that osier writes.
+/// Component types of accessors.
 pub(super) mod component {
     pub(in crate::gltf) const I8: u32 = 5120;
     pub(in crate::gltf) const U8: u32 = 5121;
@@ -15,13 +16,13 @@ pub(super) mod component {
     pub(in crate::gltf) const F32: u32 = 5126;
 }
 
-/// Targets of buffer views.
+/// Targets of buffer views: vertex attributes (ARRAY_BUFFER), vertex indices (ELEMENT_ARRAY_BUFFER).
 pub(super) mod target {
     pub(in crate::gltf) const VERTICES: u32 = 34962;
     pub(in crate::gltf) const INDICES: u32 = 34963;
 }
 
-/// The whole document.
+/// The top-level object.
 #[derive(Debug, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Root {
@@ -31,7 +32,7 @@ pub(super) struct Root {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub extensions_required: Vec<&'static str>,
     pub scene: Index,
-    pub scenes: Vec<SceneList>,
+    pub scenes: Vec<SceneNodes>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nodes: Vec<Node>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -62,44 +63,44 @@ pub(super) struct Root {
 pub(super) struct AssetInfo {
     pub version: &'static str,
     pub generator: &'static str,
-    pub extras: Extras<FileMark>,
+    pub extras: Extras<FileExtras>,
 }
 
-/// Our own data stands under one key.
+/// `extras` with osier's data under one key.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Extras<T> {
     pub osier: T,
 }
 
 #[derive(Debug, Clone, Copy, Serialize)]
-pub(super) struct FogMark {
+pub(super) struct FogExtras {
     pub visibility: f32,
     pub color: [f32; 3],
     pub height: f32,
 }
 
 #[derive(Debug, Default, Serialize)]
-pub(super) struct FileMark {
-    /// Haze for whoever renders: m, linear colour, m.
+pub(super) struct FileExtras {
+    /// Haze, for renderers: visibility in m, linear colour, height in m.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub fog: Option<FogMark>,
+    pub fog: Option<FogExtras>,
     pub schema: u32,
     pub version: &'static str,
     pub seed: String,
-    pub scene: SceneMark,
+    pub scene: SceneExtras,
     pub fps: [u32; 2],
     pub start: u32,
     pub end: u32,
 }
 
 #[derive(Debug, Default, Serialize)]
-pub(super) struct SceneMark {
+pub(super) struct SceneExtras {
     pub name: String,
     pub hash: String,
 }
 
 #[derive(Debug, Default, Serialize)]
-pub(super) struct SceneList {
+pub(super) struct SceneNodes {
     #[serde(skip_serializing_if = "String::is_empty")]
     pub name: String,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -126,11 +127,11 @@ pub(super) struct Node {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extensions: Option<NodeExtensions>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub extras: Option<Extras<NodeMark>>,
+    pub extras: Option<Extras<NodeExtras>>,
 }
 
 #[derive(Debug, Clone, Default, Serialize)]
-pub(super) struct NodeMark {
+pub(super) struct NodeExtras {
     pub id: String,
     pub kind: &'static str,
 }

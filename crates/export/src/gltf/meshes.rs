@@ -1,170 +1,177 @@
-//! Meshes, skins' weights, morph targets and point clouds as primitives.
+//! Meshes and point clouds as primitives, with skin influences and morph targets.
 
 use std::borrow::Cow;
 
 use glam::{Vec2, Vec3};
 
 use super::Profile;
-use super::buffer::last;
-use super::document::Document;
+use super::buffer::last_index;
+use super::document::{GeometryKind, GltfDocument, MaterialVariant};
 use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, Primitive};
-use super::materials::{Shown, Surface, relief, textured};
-use super::pieces::{Piece, pieces};
+use super::materials::{has_normal_map, uses_uvs};
+use super::submeshes::{Submesh, split_by_material};
 use super::tangents::tangents;
+use super::tracks::MorphShape;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, MaterialId, Mesh, Points};
 
-/// Vertices of one primitive.
+/// The vertex arrays of one primitive.
 #[derive(Debug)]
 pub(super) struct Vertices<'a> {
-    /// For errors: asset and element.
-    pub what: &'a str,
+    /// Asset and element, for errors.
+    pub label: &'a str,
     pub points: Cow<'a, [Vec3]>,
     pub normals: Cow<'a, [Vec3]>,
     pub uvs: Cow<'a, [Vec2]>,
     pub colors: Cow<'a, [[f32; 4]]>,
     pub attributes: Cow<'a, [Attribute]>,
-    pub skin: Option<Influences>,
+    pub skin: Option<SkinInfluences>,
     /// It has morph targets.
     pub morphs: bool,
 }
 
 /// Joints and weights of vertices, and the number of joints in the skin.
 #[derive(Debug, Clone)]
-pub(super) struct Influences {
+pub(super) struct SkinInfluences {
     pub joints: Vec<[u16; 4]>,
     pub weights: Vec<[f32; 4]>,
     pub count: usize,
 }
 
-/// Points and normals of one shape; the normals may be missing.
-pub(super) type Shape = (Vec<Vec3>, Vec<Vec3>);
-
-/// A mesh to write.
+/// A mesh of the scene and how it is written.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Drawn<'a> {
+pub(super) struct MeshSource<'a> {
     pub name: &'a str,
     /// For errors.
-    pub what: &'a str,
+    pub label: &'a str,
     pub mesh: &'a Mesh,
-    pub shown: Shown,
-    /// Over all vertices of the mesh.
-    pub skin: Option<&'a Influences>,
-    /// Targets with their names.
-    pub shapes: &'a [(String, &'a Shape)],
+    pub geometry: GeometryKind,
+    /// Influences of all vertices of the mesh.
+    pub skin: Option<&'a SkinInfluences>,
+    /// Morph targets with their names.
+    pub shapes: &'a [(String, &'a MorphShape)],
 }
 
 const MODE_POINTS: u32 = 0;
 
-impl Document<'_> {
-    /// Adds a mesh; `None` if it has no triangles.
-    pub(super) fn mesh(&mut self, drawn: Drawn<'_>) -> Result<Option<Index>> {
+impl GltfDocument<'_> {
+    /// Adds a mesh with a primitive for each material; `None` if it has no triangles.
+    pub(super) fn add_mesh(&mut self, mesh_source: MeshSource<'_>) -> Result<Option<Index>> {
         let mut primitives = Vec::new();
-        for piece in pieces(drawn.mesh) {
-            let skin = drawn.skin.map(|s| Influences {
-                joints: piece.gather(&s.joints).into_owned(),
-                weights: piece.gather(&s.weights).into_owned(),
+        for submesh in split_by_material(mesh_source.mesh) {
+            let skin = mesh_source.skin.map(|s| SkinInfluences {
+                joints: submesh.gather(&s.joints).into_owned(),
+                weights: submesh.gather(&s.weights).into_owned(),
                 count: s.count,
             });
             let vertices = Vertices {
-                what: drawn.what,
-                points: piece.gather(&drawn.mesh.points),
-                normals: piece.gather(&drawn.mesh.normals),
-                uvs: piece.gather(&drawn.mesh.uvs),
-                colors: piece.gather(&drawn.mesh.colors),
-                attributes: piece.gather_attributes(&drawn.mesh.attributes),
+                label: mesh_source.label,
+                points: submesh.gather(&mesh_source.mesh.points),
+                normals: submesh.gather(&mesh_source.mesh.normals),
+                uvs: submesh.gather(&mesh_source.mesh.uvs),
+                colors: submesh.gather(&mesh_source.mesh.colors),
+                attributes: submesh.gather_attributes(&mesh_source.mesh.attributes),
                 skin,
-                morphs: !drawn.shapes.is_empty(),
+                morphs: !mesh_source.shapes.is_empty(),
             };
-            let surface = Surface { material: piece.material, shown: drawn.shown };
-            let mut primitive = self.primitive(&vertices, &piece.triangles, surface)?;
-            primitive.targets = self.targets(drawn, &piece, &vertices)?;
+            let variant = MaterialVariant { material: submesh.material, geometry: mesh_source.geometry };
+            let mut primitive = self.build_primitive(&vertices, &submesh.triangles, variant)?;
+            primitive.targets = self.morph_targets(mesh_source, &submesh, &vertices)?;
             primitives.push(primitive);
         }
-        let target_names: Vec<String> = drawn.shapes.iter().map(|(name, _)| name.clone()).collect();
+        let target_names: Vec<String> = mesh_source.shapes.iter().map(|(name, _)| name.clone()).collect();
         let extras = (!target_names.is_empty()).then_some(MeshExtras { target_names });
-        self.finish_mesh(JsonMesh { name: drawn.name.to_owned(), primitives, weights: Vec::new(), extras })
+        self.push_mesh(JsonMesh { name: mesh_source.name.to_owned(), primitives, weights: Vec::new(), extras })
     }
 
     /// Adds a mesh of finished primitives; `None` without any.
-    pub(super) fn finish_mesh(&mut self, mesh: JsonMesh) -> Result<Option<Index>> {
+    pub(super) fn push_mesh(&mut self, mesh: JsonMesh) -> Result<Option<Index>> {
         if mesh.primitives.is_empty() {
             return Ok(None);
         }
         self.root.meshes.push(mesh);
-        last(self.root.meshes.len()).map(Some)
+        last_index(self.root.meshes.len()).map(Some)
     }
 
-    /// Adds a primitive of triangles.
-    pub(super) fn primitive(
+    /// A primitive of triangles, with the accessors of its vertex arrays.
+    pub(super) fn build_primitive(
         &mut self,
         vertices: &Vertices<'_>,
         triangles: &[[u32; 3]],
-        surface: Surface,
+        variant: MaterialVariant,
     ) -> Result<Primitive> {
-        let what = vertices.what;
+        let label = vertices.label;
         let count = vertices.points.len();
-        // Targets of morphs are differences in floats, to which normals in bytes do not add.
-        let small = self.from.profile == Profile::Web && !vertices.morphs;
+        // Morph targets are float differences, which readers cannot add to quantized normals.
+        let small = self.input.profile == Profile::Web && !vertices.morphs;
         if small {
-            self.uses("KHR_mesh_quantization", true);
+            self.use_extension("KHR_mesh_quantization", true);
         }
-        let position = self.buffer.positions(&vertices.points, what)?;
+        let position = self.buffer.add_positions(&vertices.points, label)?;
         let mut attributes = Attributes { position, ..Attributes::default() };
         if vertices.normals.len() == count {
             attributes.normal = Some(if small {
                 let unit = |n: &Vec3| osier_base::math::normalize_or(*n, Vec3::Y).extend(0.0).to_array();
                 let list: Vec<[f32; 4]> = vertices.normals.iter().map(unit).collect();
-                self.buffer.directions(&list, "VEC3", what)?
+                self.buffer.add_quantized_directions(&list, "VEC3", label)?
             } else {
-                self.buffer.normals(&vertices.normals, what)?
+                self.buffer.add_normals(&vertices.normals, label)?
             });
         }
-        if vertices.uvs.len() == count && textured(self.from.scene, surface.material) {
-            attributes.uv = Some(self.buffer.uvs(&vertices.uvs, what)?);
-            if vertices.normals.len() == count && relief(self.from.scene, surface.material) {
+        if vertices.uvs.len() == count && uses_uvs(self.input.scene, variant.material) {
+            attributes.uv = Some(self.buffer.add_uvs(&vertices.uvs, label)?);
+            if vertices.normals.len() == count && has_normal_map(self.input.scene, variant.material) {
                 let list = tangents(&vertices.points, &vertices.normals, &vertices.uvs, triangles);
                 attributes.tangent = Some(if small {
-                    self.buffer.directions(&list, "VEC4", what)?
+                    self.buffer.add_quantized_directions(&list, "VEC4", label)?
                 } else {
-                    self.buffer.quads(&list, what)?
+                    self.buffer.add_vertex_vec4s(&list, label)?
                 });
             }
         }
         if vertices.colors.len() == count {
-            attributes.color = Some(self.buffer.colors(vertices.colors.iter().copied())?);
+            attributes.color = Some(self.buffer.add_colors(vertices.colors.iter().copied())?);
         }
         for a in vertices.attributes.iter().filter(|a| a.data.len() == count && count > 0) {
             // Blender's importer mixes up attributes of unlike width and then fails: all that are written have four numbers.
             let quads = match &a.data {
-                AttributeData::Unit4(v) => self.buffer.colors(v.iter().copied())?,
-                AttributeData::Unit2(v) => self.buffer.colors(v.iter().map(|[x, y]| [*x, *y, 0.0, 0.0]))?,
+                AttributeData::Unit4(v) => self.buffer.add_colors(v.iter().copied())?,
+                AttributeData::Unit2(v) => self.buffer.add_colors(v.iter().map(|[x, y]| [*x, *y, 0.0, 0.0]))?,
                 _ => continue,
             };
             attributes.custom.insert(custom_name(a), quads);
         }
         if let Some(skin) = &vertices.skin {
-            attributes.joints = Some(self.buffer.joints(&skin.joints, skin.count)?);
-            attributes.weights = Some(self.buffer.quads(&skin.weights, what)?);
+            attributes.joints = Some(self.buffer.add_joint_indices(&skin.joints, skin.count)?);
+            attributes.weights = Some(self.buffer.add_vertex_vec4s(&skin.weights, label)?);
         }
-        let indices = Some(self.buffer.indices(triangles, count)?);
-        let material = self.surface(surface)?;
+        let indices = Some(self.buffer.add_triangle_indices(triangles, count)?);
+        let material = self.material_index(variant)?;
         Ok(Primitive { attributes, indices, material, ..Primitive::default() })
     }
 
-    fn targets(&mut self, drawn: Drawn<'_>, piece: &Piece<'_>, base: &Vertices<'_>) -> Result<Vec<MorphTarget>> {
+    /// The morph targets of a primitive: differences of positions, and of normals if any shape changes them.
+    fn morph_targets(
+        &mut self,
+        mesh_source: MeshSource<'_>,
+        submesh: &Submesh<'_>,
+        base: &Vertices<'_>,
+    ) -> Result<Vec<MorphTarget>> {
         let difference = |shape: &[Vec3], base: &[Vec3]| -> Vec<Vec3> {
-            piece.gather(shape).iter().zip(base).map(|(s, b)| *s - *b).collect()
+            submesh.gather(shape).iter().zip(base).map(|(s, b)| *s - *b).collect()
         };
-        let lit = |(points, normals): &Shape| normals.len() == points.len() && piece.gather(normals) != base.normals;
-        let turns = base.normals.len() == base.points.len() && drawn.shapes.iter().any(|(_, shape)| lit(shape));
-        let mut targets = Vec::with_capacity(drawn.shapes.len());
-        for (_, (points, normals)) in drawn.shapes {
-            let position = self.buffer.positions(&difference(points, &base.points), drawn.what)?;
+        let lit = |shape: &MorphShape| {
+            shape.normals.len() == shape.points.len() && submesh.gather(&shape.normals) != base.normals
+        };
+        let turns = base.normals.len() == base.points.len() && mesh_source.shapes.iter().any(|(_, shape)| lit(shape));
+        let mut targets = Vec::with_capacity(mesh_source.shapes.len());
+        for (_, MorphShape { points, normals }) in mesh_source.shapes {
+            let position = self.buffer.add_positions(&difference(points, &base.points), mesh_source.label)?;
             let mut normal = None;
             if turns {
                 let target = Some(super::json::target::VERTICES);
-                normal = Some(self.buffer.vectors(&difference(normals, &base.normals), target, drawn.what)?);
+                normal =
+                    Some(self.buffer.add_vectors(&difference(normals, &base.normals), target, mesh_source.label)?);
             }
             targets.push(MorphTarget { normal, position });
         }
@@ -172,32 +179,33 @@ impl Document<'_> {
     }
 
     /// Adds a point cloud; hidden points (width 0) are left out. `None` if nothing remains.
-    pub(super) fn cloud(&mut self, cloud: &Points, what: &str) -> Result<Option<Index>> {
+    pub(super) fn add_point_cloud(&mut self, cloud: &Points, label: &str) -> Result<Option<Index>> {
         let shown: Vec<usize> =
             (0..cloud.positions.len()).filter(|&i| cloud.widths.get(i).is_none_or(|w| *w > 0.0)).collect();
         if shown.is_empty() {
             return Ok(None);
         }
         let points: Vec<Vec3> = shown.iter().map(|&i| cloud.positions[i]).collect();
-        let mut attributes = Attributes { position: self.buffer.positions(&points, what)?, ..Attributes::default() };
+        let mut attributes =
+            Attributes { position: self.buffer.add_positions(&points, label)?, ..Attributes::default() };
         let colored = cloud.colors.len() == cloud.positions.len();
         if colored {
             let color = |&i: &usize| {
                 let [r, g, b] = cloud.colors[i];
                 [r, g, b, 1.0]
             };
-            attributes.color = Some(self.buffer.colors(shown.iter().map(color))?);
+            attributes.color = Some(self.buffer.add_colors(shown.iter().map(color))?);
         }
         for a in &cloud.attributes {
             let Some(all) = a.data.counts().filter(|v| v.len() == cloud.positions.len()) else { continue };
             #[allow(clippy::cast_precision_loss, reason = "below 2^24")]
             let values: Vec<f32> = shown.iter().map(|&i| all[i] as f32).collect();
-            attributes.custom.insert(custom_name(a), self.buffer.numbers(&values, what)?);
+            attributes.custom.insert(custom_name(a), self.buffer.add_vertex_scalars(&values, label)?);
         }
-        let shown = if colored { Shown::Colored } else { Shown::Plain };
-        let material = self.surface(Surface { material: cloud.material, shown })?;
+        let shown = if colored { GeometryKind::ColoredPoints } else { GeometryKind::PlainPoints };
+        let material = self.material_index(MaterialVariant { material: cloud.material, geometry })?;
         let primitive = Primitive { attributes, material, mode: Some(MODE_POINTS), ..Primitive::default() };
-        self.finish_mesh(JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() })
+        self.push_mesh(JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() })
     }
 }
 
@@ -206,7 +214,7 @@ fn custom_name(attribute: &Attribute) -> String {
     format!("_{}", attribute.name.to_ascii_uppercase())
 }
 
-/// A surface of a mesh.
-pub(super) fn on_mesh(material: MaterialId) -> Surface {
-    Surface { material, shown: Shown::Mesh }
+/// The variant of a material that meshes use.
+pub(super) fn mesh_material(material: MaterialId) -> MaterialVariant {
+    MaterialVariant { material, geometry: GeometryKind::Mesh }
 }

@@ -1,9 +1,20 @@
 //! glTF 2.0: one binary file per asset and one for the whole scene, in two profiles.
 //!
-//! `web` shows instances by extension and leaves out keys that interpolation restores; `blender` merges instances into
-//! meshes and keeps every key. A file holds one animation: viewers and Blender's importer play the first they find.
+//! `web` writes instances by extension and omits keys that interpolation restores; `blender` merges instances into
+//! meshes and keeps every key. A file has one animation: viewers and Blender's importer play the first they find.
+//!
+//! ```
+//! use osier_base::files::Folder;
+//! use osier_export::gltf::{GltfOptions, GltfTarget, Profile};
+//!
+//! // The whole scene in one file for viewers, without animation at frame 12.
+//! let target = GltfTarget::Glb("oak.glb".into());
+//! let options = GltfOptions { profile: Profile::Web, target, frame: Some(12), ..GltfOptions::default() };
+//! assert_eq!(options.profile.word(), "web");
+//! ```
 
 mod assemble;
+mod asset_nodes;
 mod buffer;
 mod container;
 mod copies;
@@ -14,9 +25,8 @@ mod keys;
 mod materials;
 mod meshes;
 pub(crate) mod options;
-mod parts;
-pub(super) mod pieces;
 mod rig;
+pub(super) mod submeshes;
 mod tangents;
 mod text;
 mod tracks;
@@ -26,9 +36,9 @@ pub use options::{GltfOptions, GltfTarget, Profile, SKINS};
 use std::io::Write;
 use std::sync::Arc;
 
-use self::assemble::Shows;
-use self::document::{Document, Source};
-use self::tracks::Tracks;
+use self::assemble::GltfContents;
+use self::document::{GltfDocument, GltfInput};
+use self::tracks::ClipTracks;
 use super::estimate::EstimateInput;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
@@ -37,7 +47,7 @@ use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Scene, check_frame, check_scene, stilled};
 
-/// glTF in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "glb",
     about: "glTF: the whole scene in one file per profile, optionally one per asset; animated",
@@ -49,7 +59,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open,
 };
 
-/// A writer per profile.
+/// Opens a writer for each profile.
 fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     let bake = &job.options.gltf;
     let open = |profile: &Profile| -> Box<dyn Exporter> {
@@ -68,17 +78,17 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     job.options.gltf_profiles.iter().map(open).collect()
 }
 
-/// How many times smaller pictures are as JPEG. Own: measured on barks, grounds and leaves.
-const JPEG: u64 = 4;
+/// Size of PNG images to that of JPEG. Own: measured on barks, grounds and leaves; used for estimates alone.
+const JPEG_RATIO: u64 = 4;
 
-/// Own: bytes per vertex, triangle, instance and key as the binary files hold them.
+/// Own estimate: bytes per vertex, triangle, instance and key in binary files.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = &input.options.gltf;
-    // An asset appears in the file of the scene, and in one of its own if it has one. Pictures are embedded in both.
+    // An asset is in the file of the scene, and in one of its own if those are written. Images are embedded in both.
     let files = if options.assets && !input.single { 2 } else { 1 };
     let most_nodes = if options.frame.is_some() { 0 } else { options.nodes as u64 };
     let profile_bytes = |profile: &Profile| {
-        let pictures = if *profile == Profile::Web { input.pictures / JPEG } else { input.pictures };
+        let pictures = if *profile == Profile::Web { input.pictures / JPEG_RATIO } else { input.pictures };
         let assets = input.per_asset(|a| {
             let points = (a.points - a.moving_points) * 18;
             let still = match profile {
@@ -101,46 +111,46 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.options.gltf_profiles.iter().map(profile_bytes).sum()
 }
 
-/// Where a document's pictures go.
+/// Where the images of a document are stored.
 #[derive(Debug)]
-enum Pictures {
-    /// Into the buffer.
-    Inside,
-    /// Into files of a folder named relative to the document; `written` lists (name, image).
-    Beside { folder: String, written: Vec<(String, u32)> },
+enum ImageStorage {
+    /// In the buffer.
+    Embedded,
+    /// In files of a folder relative to the document; `written` lists names and indices of the images.
+    Files { folder: String, written: Vec<(String, u32)> },
 }
 
-/// The glTF exporter. Tracks are gathered while frames pass, files written at the end.
+/// Writes glTF. Animation is gathered while frames pass; the files are written at the end.
 #[derive(Debug)]
 pub struct GltfExporter {
     folder: Folder,
     textures: Arc<Textures>,
     options: GltfOptions,
     scene: Option<Arc<Scene>>,
-    tracks: Tracks,
+    tracks: ClipTracks,
 }
 
 impl GltfExporter {
-    /// An exporter into `folder`; `textures` are those of the scene that will be given.
+    /// An exporter into `folder`. `textures`: the encoded images of the scene that `begin` will get.
     pub fn new(folder: Folder, textures: Arc<Textures>, options: GltfOptions) -> Self {
-        Self { folder, textures, options, scene: None, tracks: Tracks::default() }
+        Self { folder, textures, options, scene: None, tracks: ClipTracks::default() }
     }
 
-    fn bake(&self, source: Source<'_>) -> Result<Vec<Warning>> {
-        let scene = source.scene;
+    fn write_bake(&self, input: GltfInput<'_>) -> Result<Vec<Warning>> {
+        let scene = input.scene;
         let mut warnings = Vec::new();
         for (i, asset) in scene.assets.iter().enumerate().filter(|_| self.options.assets) {
-            warnings.extend(self.glb(source, &asset.id, Shows::Asset(i))?);
+            warnings.extend(self.write_bake_glb(input, &asset.id, GltfContents::Asset(i))?);
         }
-        // A scene named like one of its assets gives way, as files do whose names collide.
+        // A scene named like one of its assets gets a number, as other colliding names do.
         let mut stem = scene.name.clone();
         let mut n = 1_u32;
         while scene.assets.iter().any(|a| a.id == stem) {
             n += 1;
             stem = format!("{}_{n}", scene.name);
         }
-        match self.glb(source, &stem, Shows::Scene { camera: true }) {
-            // The assets' own files say what had to be repaired; here it is known already, but for the placements.
+        match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
+            // The assets' own files have reported their joints (X002) already.
             Ok(more) => warnings.extend(more.into_iter().filter(|w| !self.options.assets || w.code != "X002")),
             Err(Error::Export { code: code @ "X005", reason }) => {
                 let message = format!("the file of the whole scene is left out: {reason}");
@@ -151,26 +161,26 @@ impl GltfExporter {
         Ok(warnings)
     }
 
-    fn glb(&self, source: Source<'_>, stem: &str, shows: Shows) -> Result<Vec<Warning>> {
+    fn write_bake_glb(&self, input: GltfInput<'_>, stem: &str, contents: GltfContents) -> Result<Vec<Warning>> {
         let path = format!("gltf/{stem}.{}.glb", self.options.profile.word());
-        let mut document = Document::new(source, Pictures::Inside);
-        if document.assemble(shows)? {
+        let mut document = GltfDocument::new(input, ImageStorage::Embedded);
+        if document.assemble(contents)? {
             let warnings = std::mem::take(&mut document.warnings);
-            self.put_glb(document, &path)?;
+            self.write_glb(document, &path)?;
             return Ok(warnings);
         }
         Ok(Vec::new())
     }
 
-    fn put_glb(&self, document: Document<'_>, path: &str) -> Result<()> {
+    fn write_glb(&self, document: GltfDocument<'_>, path: &str) -> Result<()> {
         if let Some(mut out) = self.folder.create(path, self.options.profile.kind(), None)? {
-            container::glb(document, |bytes| out.put(bytes))?;
+            container::write_glb(document, |bytes| out.put(bytes))?;
             out.commit()?;
         }
         Ok(())
     }
 
-    fn put_gltf(&self, source: Source<'_>, path: &str) -> Result<Vec<Warning>> {
+    fn write_gltf(&self, input: GltfInput<'_>, path: &str) -> Result<Vec<Warning>> {
         let name = path.rsplit('/').next().unwrap_or(path);
         let stem = name.strip_suffix(".gltf").unwrap_or(name);
         let beside = |file: &str| match path.rsplit_once('/') {
@@ -178,16 +188,17 @@ impl GltfExporter {
             None => file.to_owned(),
         };
         let folder = format!("{stem}_files");
-        let mut document = Document::new(source, Pictures::Beside { folder: folder.clone(), written: Vec::new() });
-        document.assemble(Shows::Scene { camera: false })?;
+        let mut document =
+            GltfDocument::new(input, ImageStorage::Files { folder: folder.clone(), written: Vec::new() });
+        document.assemble(GltfContents::Scene { camera: false })?;
         let warnings = std::mem::take(&mut document.warnings);
-        if let Pictures::Beside { written, .. } = &document.pictures {
+        if let ImageStorage::Files { written, .. } = &document.pictures {
             for (name, image) in written {
-                self.folder.write(&beside(&format!("{folder}/{name}.png")), "png", source.textures.png(*image))?;
+                self.folder.write(&beside(&format!("{folder}/{name}.png")), "png", input.textures.png(*image))?;
             }
         }
         let bin = format!("{stem}.bin");
-        let (text, bytes) = container::gltf(document, percent(&bin))?;
+        let (text, bytes) = container::encode_gltf(document, percent_encode(&bin))?;
         if !bytes.is_empty() {
             self.folder.write(&beside(&bin), "bin", &bytes)?;
         }
@@ -199,7 +210,7 @@ impl GltfExporter {
 impl Exporter for GltfExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
-        self.tracks = Tracks::new(scene, self.options.nodes);
+        self.tracks = ClipTracks::new(scene, self.options.nodes);
         self.scene = Some(Arc::clone(scene));
         Ok(())
     }
@@ -216,7 +227,7 @@ impl Exporter for GltfExporter {
                 Some(number) if number == frame.number => {
                     let still = stilled(scene, frame);
                     check_scene(&still)?;
-                    self.tracks = Tracks::new(&still, self.options.nodes);
+                    self.tracks = ClipTracks::new(&still, self.options.nodes);
                     self.scene = Some(Arc::new(still));
                 }
                 Some(_) => {}
@@ -228,7 +239,7 @@ impl Exporter for GltfExporter {
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
         let tracks = std::mem::take(&mut self.tracks);
-        let source = Source {
+        let input = GltfInput {
             scene: &scene,
             tracks: &tracks,
             textures: &self.textures,
@@ -236,54 +247,56 @@ impl Exporter for GltfExporter {
             skins: self.options.skins,
         };
         let warnings = match &self.options.target {
-            GltfTarget::Bake => self.bake(source)?,
+            GltfTarget::Bake => self.write_bake(input)?,
             GltfTarget::Glb(path) => {
-                let mut document = Document::new(source, Pictures::Inside);
-                document.assemble(Shows::Scene { camera: false })?;
+                let mut document = GltfDocument::new(input, ImageStorage::Embedded);
+                document.assemble(GltfContents::Scene { camera: false })?;
                 let warnings = std::mem::take(&mut document.warnings);
-                self.put_glb(document, path)?;
+                self.write_glb(document, path)?;
                 warnings
             }
-            GltfTarget::Gltf(path) => self.put_gltf(source, path)?,
+            GltfTarget::Gltf(path) => self.write_gltf(input, path)?,
         };
-        let still = unmoved(&scene, &tracks).filter(|_| !tracks.is_still());
+        let still = warn_unanimated(&scene, &tracks).filter(|_| !tracks.is_still());
         Ok(Summary { warnings: warnings.into_iter().chain(still).collect() })
     }
 }
 
-/// X017 for clouds that move, for which glTF has no motion, and for curves that move in more frames than it has targets for.
-fn unmoved<'a>(scene: &'a Scene, tracks: &'a Tracks) -> impl Iterator<Item = Warning> + 'a {
-    let told = |what: String, why: &str| Warning { code: "X017", message: format!("{what}: left out, {why}") };
+/// X017 for moving point clouds, which glTF cannot animate, and for curves that move in more frames than there are morph targets.
+fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterator<Item = Warning> + 'a {
+    let warning = |label: String, why: &str| Warning { code: "X017", message: format!("{label}: left out, {why}") };
     scene.assets.iter().zip(&tracks.assets).flat_map(move |(asset, tracks)| {
         let clouds = asset.points.iter().filter(|c| c.moving).map(move |cloud| {
-            let what = format!("asset {}, points {}", asset.id, cloud.name);
-            told(what, "glTF cannot move points; USD, PLY and POV-Ray have them")
+            let label = format!("asset {}, points {}", asset.id, cloud.name);
+            warning(label, "glTF cannot move points; USD, PLY and POV-Ray have them")
         });
-        let many = asset.curves.iter().zip(&tracks.curves).filter(|(_, s)| matches!(s, tracks::Shapes::TooMany));
+        let many = asset.curves.iter().zip(&tracks.curves).filter(|(_, s)| matches!(s, tracks::MorphFrames::TooMany));
         let curves = many.map(move |(curves, _)| {
-            let what = format!("asset {}, curves {}", asset.id, curves.name);
-            told(what, "they move in more frames than glTF's 32 targets; USD and POV-Ray have them")
+            let label = format!("asset {}, curves {}", asset.id, curves.name);
+            warning(label, "they move in more frames than glTF's 32 targets; USD and POV-Ray have them")
         });
         clouds.chain(curves)
     })
 }
 
-/// Writes all placements of a still scene as one .glb into `out`, pictures inside.
+/// Writes all placements of a scene as one .glb into `out`, without animation, images embedded.
 /// # Errors
 /// X001, X005, X006; `Io` if `out` refuses.
 pub fn write(scene: &Scene, textures: &Textures, profile: Profile, out: &mut impl Write) -> Result<Vec<Warning>> {
     check_scene(scene)?;
-    let tracks = Tracks::new(scene, GltfOptions::default().nodes);
-    let mut document =
-        Document::new(Source { scene, tracks: &tracks, textures, profile, skins: SKINS }, Pictures::Inside);
-    document.assemble(Shows::Scene { camera: false })?;
+    let tracks = ClipTracks::new(scene, GltfOptions::default().nodes);
+    let mut document = GltfDocument::new(
+        GltfInput { scene, tracks: &tracks, textures, profile, skins: SKINS },
+        ImageStorage::Embedded,
+    );
+    document.assemble(GltfContents::Scene { camera: false })?;
     let warnings = std::mem::take(&mut document.warnings);
-    container::glb(document, |bytes| out.write_all(bytes).map_err(|e| Error::io("write", "-", e)))?;
+    container::write_glb(document, |bytes| out.write_all(bytes).map_err(|e| Error::io("write", "-", e)))?;
     Ok(warnings)
 }
 
-/// A relative path as a URI: letters, digits and `-._~/` stay, other bytes become `%XX`.
-fn percent(path: &str) -> String {
+/// A relative path as a URI (RFC 3986): letters, digits and `-._~/` stay, other bytes become `%XX`.
+fn percent_encode(path: &str) -> String {
     let mut out = String::with_capacity(path.len());
     for b in path.bytes() {
         if b.is_ascii_alphanumeric() || b"-._~/".contains(&b) {
@@ -297,10 +310,10 @@ fn percent(path: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::percent;
+    use super::percent_encode;
 
     #[test]
     fn uris_are_escaped() {
-        assert_eq!(percent("my tree_files/é.png"), "my%20tree_files/%C3%A9.png");
+        assert_eq!(percent_encode("my tree_files/é.png"), "my%20tree_files/%C3%A9.png");
     }
 }

@@ -1,17 +1,17 @@
 //! Options of the glTF writer.
 
-/// For whom a file is written.
+/// The readers that a file is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Profile {
-    /// Viewers and engines: instancing by EXT_mesh_gpu_instancing, few keys.
+    /// Viewers and engines: EXT_mesh_gpu_instancing, KHR_mesh_quantization, reduced keys, JPEG images.
     Web,
-    /// Blender 3.4 to 5.0: merged instances, a key for every frame.
+    /// Blender 3.4 to 5.0: instances merged into meshes, a key for every frame, PNG images.
     #[default]
     Blender,
 }
 
 impl Profile {
-    /// The word in file names.
+    /// The name of the profile in file names.
     pub fn word(self) -> &'static str {
         match self {
             Self::Web => "web",
@@ -27,7 +27,7 @@ impl Profile {
     }
 }
 
-/// Which files are written.
+/// The files to write.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum GltfTarget {
     /// `gltf/<asset>.<profile>.glb` for each asset and `gltf/<scene>.<profile>.glb` for all placements and the camera.
@@ -35,28 +35,28 @@ pub enum GltfTarget {
     Bake,
     /// All placements in one binary file at this path.
     Glb(String),
-    /// All placements in a .gltf at this path, its buffer beside it as `<stem>.bin`, its pictures in `<stem>_files/`.
+    /// All placements in a .gltf at this path, its buffer beside it as `<stem>.bin`, its images in `<stem>_files/`.
     Gltf(String),
 }
 
-/// What to write.
+/// Options of the glTF writer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GltfOptions {
-    /// For whom.
+    /// The readers that the files are made for.
     pub profile: Profile,
-    /// Which files.
+    /// The files to write.
     pub target: GltfTarget,
-    /// The only frame, shown still.
+    /// Write this frame alone, without animation.
     pub frame: Option<u32>,
-    /// Most moving instances in a file.
+    /// Most moving instances in a file; each is a node with animation channels.
     pub nodes: usize,
-    /// Most placements with a skin of their own; the plants beyond stand still and share meshes.
+    /// Most placements with a skin of their own; further plants do not move and share meshes.
     pub skins: usize,
-    /// Whether each asset has a file of its own, too.
+    /// Write a file for each asset, besides that of the scene.
     pub assets: bool,
 }
 
-/// Skins of a file unless the scene asks for others.
+/// Default of [`GltfOptions::skins`]. Own: beyond it importers and viewers become slow; a higher limit animates more plants.
 pub const SKINS: usize = 64;
 
 impl Default for GltfOptions {

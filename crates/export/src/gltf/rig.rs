@@ -1,32 +1,32 @@
-//! Joints of a skin: which are written when there are too many, and what their vertices hold.
+//! The joints of a skin: which are written if there are too many, and the vertices' influences remapped to them.
 
 use glam::{Mat4, Quat};
 
 use super::super::Warning;
 use osier_scene::{Asset, Skeleton, SkinWeights, Trs};
 
-/// Most joints in a skin.
-pub(super) const JOINTS: usize = 300;
+/// Most joints in a skin; viewers hold the matrices of a skin in a uniform buffer or a texture of limited size.
+pub(super) const MAX_JOINTS: usize = 300;
 
-/// The joints written of a skeleton.
+/// The joints of a skeleton that are written.
 #[derive(Debug)]
-pub(super) struct Rig {
-    /// Indices into the skeleton, rising, so parents come first.
+pub(super) struct JointSelection {
+    /// Indices into the skeleton, increasing, so that parents come first.
     pub kept: Vec<usize>,
-    /// For each joint of the skeleton the written joint that carries its vertices.
+    /// For each joint of the skeleton the written joint (an index into `kept`) that moves its vertices: itself or an ancestor.
     pub carrier: Vec<u16>,
-    /// Asset from joint at rest, for each joint of the skeleton.
+    /// Transform of each joint of the skeleton to the asset's space at rest.
     pub bind: Vec<Trs>,
     /// X002, if joints were left out.
     pub warning: Option<Warning>,
 }
 
-impl Rig {
-    /// Chooses the joints of an asset's skeleton, at most `limit`; `poses` are the clip's.
+impl JointSelection {
+    /// Selects at most `limit` joints of an asset's skeleton; `poses` are those of the clip. `None` without joints.
     ///
-    /// Joints are ranked by the largest rotation in the clip (rad) times the length of their subtree (m), ties by
-    /// index; the best are kept while they and their ancestors fit. The others ride on the nearest kept ancestor.
-    /// Own: the ranking keeps what would move most visibly.
+    /// Joints are ranked by their largest rotation in the clip (rad) times the length of their subtree (m), ties by
+    /// index; the first are kept while they and their ancestors fit. The others follow their nearest kept ancestor.
+    /// Own: the ranking keeps the joints whose motion is most visible.
     pub(super) fn new(asset: &Asset, poses: &[Vec<Trs>], limit: usize) -> Option<Self> {
         let skeleton = asset.skeleton.as_ref().filter(|s| !s.joints.is_empty())?;
         let n = skeleton.joints.len();
@@ -35,7 +35,7 @@ impl Rig {
             let carrier = (0..n).filter_map(|i| u16::try_from(i).ok()).collect();
             return Some(Self { kept: (0..n).collect(), carrier, bind, warning: None });
         }
-        let keep = choose(skeleton, poses, limit);
+        let keep = rank_and_keep(skeleton, poses, limit);
         let kept: Vec<usize> = (0..n).filter(|&i| keep[i]).collect();
         let mut carrier: Vec<u16> = Vec::with_capacity(n);
         for i in 0..n {
@@ -48,13 +48,13 @@ impl Rig {
         Some(Self { kept, carrier, bind, warning: Some(Warning { code: "X002", message }) })
     }
 
-    /// Index among the written joints of the parent of written joint `k`.
-    pub(super) fn parent(&self, skeleton: &Skeleton, k: usize) -> Option<usize> {
+    /// Index in `kept` of the parent of the written joint `k`.
+    pub(super) fn parent_of(&self, skeleton: &Skeleton, k: usize) -> Option<usize> {
         skeleton.joints[self.kept[k]].parent.map(|p| usize::from(self.carrier[p as usize]))
     }
 
-    /// Joint from asset at rest, column major, last row 0 0 0 1.
-    pub(super) fn inverse_bind(&self) -> Vec<[f32; 16]> {
+    /// Inverse bind matrices of the written joints, column-major: from the asset's space to the joint's, at rest.
+    pub(super) fn inverse_bind_matrices(&self) -> Vec<[f32; 16]> {
         let inverse = |i: &usize| {
             let b = &self.bind[*i];
             let r = b.r.normalize().conjugate();
@@ -63,12 +63,12 @@ impl Rig {
         self.kept.iter().map(inverse).collect()
     }
 
-    /// Weights over the written joints: largest first, no joint twice, weight 0 on joint 0, sum 1.
-    pub(super) fn weights(&self, skin: &SkinWeights) -> (Vec<[u16; 4]>, Vec<[f32; 4]>) {
-        skin.joints.iter().zip(&skin.weights).map(|(j, w)| self.merge(*j, *w)).unzip()
+    /// Influences over the written joints: largest first, no joint twice, unused slots joint 0 with weight 0, sum 1.
+    pub(super) fn remap_weights(&self, skin: &SkinWeights) -> (Vec<[u16; 4]>, Vec<[f32; 4]>) {
+        skin.joints.iter().zip(&skin.weights).map(|(j, w)| self.merge_influences(*j, *w)).unzip()
     }
 
-    fn merge(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
+    fn merge_influences(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
         let mut list: Vec<(u16, f32)> = Vec::with_capacity(4);
         for (j, w) in joints.iter().zip(weights).filter(|(_, w)| *w > 0.0) {
             let carrier = self.carrier.get(usize::from(*j)).copied().unwrap_or(0);
@@ -91,37 +91,41 @@ impl Rig {
     }
 }
 
-fn choose(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<bool> {
+/// For each joint whether it is kept.
+fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<bool> {
     let n = skeleton.joints.len();
+    // Length of each subtree: children come after their parents, so one pass from the end adds them up.
     let mut length = vec![0.0_f32; n];
     for i in (0..n).rev() {
         if let Some(p) = skeleton.joints[i].parent {
             length[p as usize] += length[i] + skeleton.joints[i].rest.t.length();
         }
     }
-    let turn = |i: usize| poses.iter().fold(0.0_f32, |m, pose| m.max(angle(skeleton.joints[i].rest.r, pose[i].r)));
+    let turn =
+        |i: usize| poses.iter().fold(0.0_f32, |m, pose| m.max(rotation_angle(skeleton.joints[i].rest.r, pose[i].r)));
     let rank: Vec<f32> = (0..n).map(|i| turn(i) * length[i]).collect();
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| rank[b].total_cmp(&rank[a]).then(a.cmp(&b)));
 
     let mut keep = vec![false; n];
     keep[0] = true;
+    // A joint is kept together with its ancestors that are not, or not at all.
     let mut room = limit.saturating_sub(1);
     for i in order {
-        let line: Vec<usize> = std::iter::successors(Some(i), |&j| skeleton.joints[j].parent.map(|p| p as usize))
+        let chain: Vec<usize> = std::iter::successors(Some(i), |&j| skeleton.joints[j].parent.map(|p| p as usize))
             .take_while(|&j| !keep[j])
             .collect();
-        if line.len() <= room {
-            room -= line.len();
-            line.iter().for_each(|&j| keep[j] = true);
+        if chain.len() <= room {
+            room -= chain.len();
+            chain.iter().for_each(|&j| keep[j] = true);
         }
     }
     keep
 }
 
-/// Angle between two rotations, rad in [0, pi]. Source: twice the arc tangent of the half-angle's sine and cosine,
-/// which keeps small angles exact where an arc cosine would round them away.
-pub(super) fn angle(a: Quat, b: Quat) -> f32 {
+/// Angle between two rotations, rad in [0, pi]: twice the arc tangent of sine and cosine of the half angle, which is exact for
+/// small angles, where an arc cosine is not.
+pub(super) fn rotation_angle(a: Quat, b: Quat) -> f32 {
     let d = a.conjugate() * b;
     let sine = f64::from(d.x * d.x + d.y * d.y + d.z * d.z).max(0.0);
     osier_base::math::narrow(2.0 * osier_base::math::atan2(osier_base::math::sqrt(sine), f64::from(d.w.abs())))
@@ -157,7 +161,7 @@ mod tests {
         let asset = asset(5);
         let mut pose = asset.skeleton.as_ref().expect("skeleton").rest_pose();
         pose.iter_mut().for_each(|j| j.r = Quat::from_rotation_x(0.2));
-        let rig = Rig::new(&asset, &[pose], 4).expect("rig");
+        let rig = JointSelection::new(&asset, &[pose], 4).expect("rig");
         assert_eq!(rig.kept, [0, 1, 2, 3]);
         assert_eq!(rig.carrier, [0, 1, 2, 3, 3, 3, 3, 3]);
         assert_eq!(rig.warning.expect("warned").code, "X002");
@@ -166,9 +170,9 @@ mod tests {
     #[test]
     fn merged_weights_name_no_joint_twice_and_sum_to_one() {
         let asset = asset(5);
-        let rig = Rig::new(&asset, &[], 4).expect("rig");
+        let rig = JointSelection::new(&asset, &[], 4).expect("rig");
         let skin = SkinWeights { joints: vec![[6, 7, 1, 0]], weights: vec![[0.4, 0.25, 0.35, 0.0]] };
-        let (joints, weights) = rig.weights(&skin);
+        let (joints, weights) = rig.remap_weights(&skin);
         assert_eq!(joints, [[3, 1, 0, 0]]);
         assert!((weights[0][0] - 0.65).abs() < 1e-6 && (weights[0][1] - 0.35).abs() < 1e-6 && weights[0][2] == 0.0);
     }
@@ -176,7 +180,7 @@ mod tests {
     #[test]
     fn angles_near_zero_keep_their_size() {
         for a in [0.0, 1e-5, 0.3, 3.0] {
-            assert!((angle(Quat::IDENTITY, Quat::from_rotation_z(a)) - a).abs() < 1e-6 * a.max(0.1));
+            assert!((rotation_angle(Quat::IDENTITY, Quat::from_rotation_z(a)) - a).abs() < 1e-6 * a.max(0.1));
         }
     }
 }

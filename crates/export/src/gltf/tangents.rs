@@ -1,4 +1,4 @@
-//! Tangents for surfaces with a normal map: without them every viewer makes its own, and validators warn.
+//! Tangents for materials with a normal map: without them each viewer computes its own, and validators warn.
 
 use glam::{Vec2, Vec3};
 
@@ -12,6 +12,8 @@ pub(super) fn tangents(points: &[Vec3], normals: &[Vec3], uvs: &[Vec2], triangle
     let mut along_u = vec![Vec3::ZERO; points.len()];
     let mut along_v = vec![Vec3::ZERO; points.len()];
     for t in triangles {
+        // The edges in space are e = du T + dv B; solving the two equations for T and B divides by the determinant d1 x d2, of
+        // which only the sign matters, as both are normalised and then weighted by the area (twice it, for all alike).
         let [a, b, c] = t.map(|i| i as usize);
         let (e1, e2) = (points[b] - points[a], points[c] - points[a]);
         let (d1, d2) = (uvs[b] - uvs[a], uvs[c] - uvs[a]);
@@ -24,12 +26,13 @@ pub(super) fn tangents(points: &[Vec3], normals: &[Vec3], uvs: &[Vec2], triangle
             along_v[i] += v;
         }
     }
-    let one = |((n, u), v): ((&Vec3, &Vec3), &Vec3)| {
+    // Gram-Schmidt against the normal; the handedness tells mirrored texture coordinates.
+    let tangent = |((n, u), v): ((&Vec3, &Vec3), &Vec3)| {
         let t = normalize_or(*u - *n * n.dot(*u), perpendicular(*n));
         let w = if n.cross(t).dot(*v) < 0.0 { -1.0 } else { 1.0 };
         [t.x, t.y, t.z, w]
     };
-    normals.iter().zip(&along_u).zip(&along_v).map(one).collect()
+    normals.iter().zip(&along_u).zip(&along_v).map(tangent).collect()
 }
 
 #[cfg(test)]

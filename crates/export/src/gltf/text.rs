@@ -1,4 +1,4 @@
-//! JSON text with plain decimals.
+//! JSON whose floats are plain decimals.
 
 use std::io;
 
@@ -9,7 +9,7 @@ use osier_base::{Error, Result};
 
 /// Compact JSON whose floats are the shortest decimals that read back to the same f32, without exponent, -0 as 0.
 /// # Errors
-/// X001 if a number is not finite: JSON has no word for it.
+/// X001 if a number is not finite, which JSON cannot express.
 pub(super) fn to_json(value: &impl Serialize) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut serializer = Serializer::with_formatter(&mut bytes, Decimals);
@@ -17,6 +17,7 @@ pub(super) fn to_json(value: &impl Serialize) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Formats f32 without exponent.
 struct Decimals;
 
 impl Formatter for Decimals {
@@ -24,7 +25,7 @@ impl Formatter for Decimals {
         write!(writer, "{}", value + 0.0)
     }
 
-    // Called for NaN and infinity; absent values are left out of the document, never null.
+    // serde_json writes NaN and infinity as null. Absent values are omitted from the document, so null means a bad number.
     fn write_null<W: ?Sized + io::Write>(&mut self, _: &mut W) -> io::Result<()> {
         Err(io::Error::other("a transform or factor is not finite"))
     }

@@ -1,4 +1,4 @@
-//! What a clip changes, gathered frame by frame: a glTF file holds each track in one piece.
+//! The animation of a clip, gathered frame by frame and held until the end: a sampler's keys are contiguous in the buffer.
 
 use glam::{Quat, Vec3};
 
@@ -7,71 +7,75 @@ use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
 };
 
-/// Most targets that a morphing mesh gets.
+/// Most morph targets of a mesh. Own: each target is a copy of its positions and normals, and importers hold all of them.
 pub(super) const MORPH_TARGETS: usize = 32;
-/// All tracks of a clip.
+
+/// The animation of all assets.
 #[derive(Debug, Default)]
-pub(super) struct Tracks {
+pub(super) struct ClipTracks {
     /// Time of each frame, s, from the start of the clip.
     pub times: Vec<f32>,
     /// Number of each frame.
     pub numbers: Vec<u32>,
-    /// One per asset.
+    /// In the order of the scene's assets.
     pub assets: Vec<AssetTracks>,
     /// Most moving instances in a file.
-    pub most: usize,
+    pub max_moving: usize,
 }
 
-/// Tracks of one asset; inner lists run over frames.
+/// The animation of one asset.
 #[derive(Debug, Default)]
 pub(super) struct AssetTracks {
-    /// Parent from joint, one list per frame.
+    /// For each frame the transform of each joint to its parent's space.
     pub poses: Vec<Vec<Trs>>,
     /// Moving instances, sorted by (key, instancer, index).
-    pub moving: Vec<Moving>,
-    /// Shapes of deforming meshes, one entry per mesh of the asset.
-    pub meshes: Vec<Shapes>,
-    /// Shapes of moving curves (points only), one entry per curves of the asset.
-    pub curves: Vec<Shapes>,
+    pub moving: Vec<InstanceTrack>,
+    /// For each mesh of the asset.
+    pub meshes: Vec<MorphFrames>,
+    /// For each curves primitive of the asset; points only.
+    pub curves: Vec<MorphFrames>,
 }
 
-/// One instance through the clip.
+/// The states of one moving instance at all frames.
 #[derive(Debug)]
-pub(super) struct Moving {
-    /// hash(seed, id): the smallest are kept where there are too many.
+pub(super) struct InstanceTrack {
+    /// hash(seed, id): those of the smallest keys are written if there are too many.
     pub key: u64,
-    /// Index into the asset's instancers.
+    /// Index of the instancer in the asset.
     pub instancer: usize,
-    /// Index into its instances.
+    /// Index of the instance in the instancer.
     pub instance: usize,
-    /// Per frame.
     pub positions: Vec<Vec3>,
-    /// Per frame.
     pub orientations: Vec<Quat>,
-    /// Per frame.
     pub alive: Vec<bool>,
 }
 
-/// Shapes of one mesh through the clip.
+/// Points and normals of a mesh at a frame; normals may be missing.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct MorphShape {
+    pub points: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+}
+
+/// The shapes of one mesh at all frames.
 #[derive(Debug, Default)]
-pub(super) enum Shapes {
+pub(super) enum MorphFrames {
     /// It does not deform.
     #[default]
     Still,
-    /// Points and normals per frame.
-    Frames(Vec<(Vec<Vec3>, Vec<Vec3>)>),
-    /// More frames than targets are allowed.
+    Frames(Vec<MorphShape>),
+    /// There are more than [`MORPH_TARGETS`] frames; none is kept.
     TooMany,
 }
 
-impl Tracks {
-    /// Empty tracks for a scene, of at most so many moving instances.
-    pub(super) fn new(scene: &Scene, most: usize) -> Self {
-        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, most)).collect();
-        Self { assets, most, ..Self::default() }
+impl ClipTracks {
+    /// No frames yet. `max_moving`: most moving instances in a file.
+    pub(super) fn new(scene: &Scene, max_moving: usize) -> Self {
+        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, max_moving)).collect();
+        Self { assets, max_moving, ..Self::default() }
     }
 
-    /// True without frames.
+    /// Whether no frame was added, so that the file has no animation.
     pub(super) fn is_still(&self) -> bool {
         self.times.is_empty()
     }
@@ -88,11 +92,11 @@ impl Tracks {
 }
 
 impl AssetTracks {
-    fn new(asset: &Asset, seed: u64, most: usize) -> Self {
+    fn new(asset: &Asset, seed: u64, max_moving: usize) -> Self {
         let mut moving = Vec::new();
         for (instancer, source) in asset.instancers.iter().enumerate() {
             if source.motion == InstancerMotion::Free {
-                moving.extend(source.ids.iter().enumerate().map(|(instance, id)| Moving {
+                moving.extend(source.ids.iter().enumerate().map(|(instance, id)| InstanceTrack {
                     key: mix64(&[seed, *id]),
                     instancer,
                     instance,
@@ -103,8 +107,8 @@ impl AssetTracks {
             }
         }
         moving.sort_by_key(|m| (m.key, m.instancer, m.instance));
-        moving.truncate(most);
-        let shapes = |deforms| if deforms { Shapes::Frames(Vec::new()) } else { Shapes::Still };
+        moving.truncate(max_moving);
+        let shapes = |deforms| if deforms { MorphFrames::Frames(Vec::new()) } else { MorphFrames::Still };
         let skinned = asset.skeleton.is_some();
         Self {
             poses: Vec::new(),
@@ -134,21 +138,26 @@ impl AssetTracks {
         }
         for (i, (shapes, object)) in self.meshes.iter_mut().zip(&asset.meshes).enumerate() {
             shapes.push(|| match frame.mesh(i) {
-                MeshFrame::Points { points, normals, .. } => (points.clone(), normals.clone()),
-                _ => (object.mesh.points.clone(), object.mesh.normals.clone()),
+                MeshFrame::Points { points, normals, .. } => {
+                    MorphShape { points: points.clone(), normals: normals.clone() }
+                }
+                _ => MorphShape { points: object.mesh.points.clone(), normals: object.mesh.normals.clone() },
             });
         }
         for (i, (shapes, curves)) in self.curves.iter_mut().zip(&asset.curves).enumerate() {
-            shapes.push(|| match frame.curves(i) {
-                CurvesFrame::Points(points) => (points.clone(), Vec::new()),
-                CurvesFrame::Same => (curves.points.clone(), Vec::new()),
+            shapes.push(|| {
+                let points = match frame.curves(i) {
+                    CurvesFrame::Points(points) => points.clone(),
+                    CurvesFrame::Same => curves.points.clone(),
+                };
+                MorphShape { points, normals: Vec::new() }
             });
         }
     }
 }
 
-impl Shapes {
-    fn push(&mut self, shape: impl FnOnce() -> (Vec<Vec3>, Vec<Vec3>)) {
+impl MorphFrames {
+    fn push(&mut self, shape: impl FnOnce() -> MorphShape) {
         match self {
             Self::Frames(list) if list.len() < MORPH_TARGETS => list.push(shape()),
             Self::Frames(_) => *self = Self::TooMany,
@@ -157,19 +166,21 @@ impl Shapes {
     }
 }
 
-impl Moving {
-    /// Positions and orientations where a dead instance holds its state at birth or death.
-    pub(super) fn held(&self) -> (Vec<Vec3>, Vec<Quat>) {
+impl InstanceTrack {
+    /// Positions and orientations in which an instance holds its first state before it is alive, and its last one afterwards: no
+    /// keys are spent on motion that is not visible.
+    pub(super) fn hold_while_dead(&self) -> (Vec<Vec3>, Vec<Quat>) {
         let first = self.alive.iter().position(|a| *a).unwrap_or(0);
         let mut source = first;
-        let mut at = Vec::with_capacity(self.alive.len());
+        let mut frames = Vec::with_capacity(self.alive.len());
         for (i, alive) in self.alive.iter().enumerate() {
             if *alive {
                 source = i;
             }
-            at.push(source);
+            frames.push(source);
         }
-        (at.iter().map(|&i| self.positions[i]).collect(), at.iter().map(|&i| self.orientations[i]).collect())
+        let positions = frames.iter().map(|&i| self.positions[i]).collect();
+        (positions, frames.iter().map(|&i| self.orientations[i]).collect())
     }
 }
 
@@ -180,7 +191,7 @@ mod tests {
     #[test]
     fn the_dead_hold_their_last_state_and_the_unborn_their_first() {
         let p = |x: f32| Vec3::new(x, 0.0, 0.0);
-        let m = Moving {
+        let m = InstanceTrack {
             key: 0,
             instancer: 0,
             instance: 0,
@@ -188,6 +199,6 @@ mod tests {
             orientations: vec![Quat::IDENTITY; 5],
             alive: vec![false, true, true, false, false],
         };
-        assert_eq!(m.held().0, [1.0, 1.0, 2.0, 2.0, 2.0].map(p));
+        assert_eq!(m.hold_while_dead().0, [1.0, 1.0, 2.0, 2.0, 2.0].map(p));
     }
 }

@@ -1,4 +1,4 @@
-//! From a scene and the list of finished files to the manifest.
+//! Building the manifest from a scene and the list of finished files.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,14 @@ use crate::{VERSION, Warning};
 use osier_base::files::{FileRecord, MANIFEST};
 use osier_scene::{Asset, AssetFrame, Clip, Material, MaterialClass, Scene, asset_bounds};
 
-/// Choices of the exporters that readers of the files need.
+/// Options of the exporters that the manifest records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// "Y" or "Z": of the USD files.
+    /// Up axis of the USD files, `Y` or `Z`.
     pub up_axis: String,
-    /// Samples per frame.
+    /// Samples in a frame, >= 1.
     pub substeps: u32,
-    /// Frames between samples.
+    /// Interval of written frames, >= 1.
     pub step: u32,
     /// POV-Ray units per metre.
     pub pov_units_per_m: f32,
@@ -74,7 +74,7 @@ fn path(file: &FileEntry) -> &str {
     }
 }
 
-/// Groups numbered files into sequences, in path order.
+/// The files in the order of paths, numbered ones grouped into sequences.
 fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
     let mut entries: BTreeMap<String, FileEntry> = BTreeMap::new();
     let mut sorted: Vec<&FileRecord> = files.iter().filter(|f| f.path != MANIFEST).collect();
@@ -104,7 +104,7 @@ fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
     entries.into_values().collect()
 }
 
-/// `a/frame.0001.inc` with tag `0001` as `a/frame.####.inc`; the last place where the tag fills a dotted part.
+/// `a/frame.0001.inc` with the tag `0001` as `a/frame.####.inc`: the last part between dots that equals the tag is replaced.
 fn numbered(path: &str, tag: &str) -> Option<String> {
     let wanted = format!(".{tag}.");
     let at = path.rfind(&wanted)?;
@@ -128,7 +128,7 @@ fn asset_entry(asset: &Asset, paths: &[&str]) -> AssetEntry {
         triangles: asset.meshes.iter().map(|m| m.mesh.triangles.len()).sum(),
         instances: asset.instancers.iter().map(osier_scene::Instancer::len).sum(),
         joints: asset.skeleton.as_ref().map_or(0, |s| s.joints.len()),
-        // Minus zero would be written as -0.0.
+        // Adding 0 turns -0 into 0.
         bounds: corners.map(|c| c.map(|v| v + 0.0)),
     }
 }

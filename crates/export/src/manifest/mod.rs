@@ -1,4 +1,12 @@
-//! `manifest.json`: what a bake holds. Written last: its presence marks a complete bake.
+//! `manifest.json`: the contents of a bake. It is written last: its presence marks a complete bake.
+//!
+//! ```
+//! use osier_export::manifest::{Settings, build};
+//!
+//! let manifest = build(&osier_scene::Scene::default(), &[], &[], &Settings::default());
+//! assert!(manifest.text()?.starts_with("{\n  \"schema\": 1,"));
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 mod build;
 mod verify;
@@ -11,66 +19,66 @@ use serde::{Deserialize, Serialize};
 use osier_base::Result;
 use osier_base::files::{Folder, MANIFEST};
 
-/// The whole manifest; field order is key order.
+/// The manifest; the order of the fields is that of the keys.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Rises on incompatible change.
+    /// Version of this layout, increased by incompatible changes.
     pub schema: u32,
-    /// `osier`.
+    /// Name of the program, `osier`.
     pub generator: String,
-    /// Version of osier.
+    /// Version of the program.
     pub version: String,
-    /// Which scene.
+    /// Name and hash of the scene.
     pub scene: SceneEntry,
-    /// Decimal: JSON numbers end at 2^53.
+    /// Seed as a decimal string, as JSON numbers are exact up to 2^53 only.
     pub seed: String,
-    /// Of the USD files.
+    /// Up axis of the USD files, `Y` or `Z`.
     pub up_axis: String,
-    /// Of the USD files.
+    /// Unit of the USD files, m.
     pub meters_per_unit: f64,
-    /// Clip.
+    /// Frames and samples of the clip.
     pub time: TimeEntry,
-    /// What numbers in maps and scenes mean.
+    /// Units of maps and of POV-Ray scenes.
     pub units: UnitsEntry,
-    /// In scene order.
+    /// Assets in the order of the scene.
     pub assets: Vec<AssetEntry>,
-    /// In scene order.
+    /// Materials in the order of the scene.
     pub materials: Vec<MaterialEntry>,
-    /// In path order, sequences grouped.
+    /// Files in the order of their paths, numbered ones as sequences.
     pub files: Vec<FileEntry>,
-    /// BLAKE3 of the lines `path NUL hex LF` of all files in path order.
+    /// BLAKE3 of the lines `path NUL hex LF` of all files in the order of their paths.
     pub bake_hash: String,
-    /// In asset order.
+    /// Warnings in the order of the assets.
     pub warnings: Vec<WarningEntry>,
 }
 
 /// Name and hash of the resolved scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneEntry {
-    /// Name.
+    /// Name of the scene, as in file names.
     pub name: String,
-    /// 64 hex digits.
+    /// BLAKE3 of the resolved scene, 64 hex digits.
     pub hash: String,
 }
 
-/// Frames: sample times are f + k / substeps.
+/// The clip. Times of samples are f + k / substeps for the frames f.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TimeEntry {
-    /// Numerator and denominator.
+    /// Frames per second, numerator and denominator.
     pub fps: [u32; 2],
-    /// First frame.
+    /// Number of the first frame.
     pub start: u32,
-    /// Last frame.
+    /// Number of the last frame, inclusive.
     pub end: u32,
-    /// Frames between samples.
+    /// Interval of written frames, >= 1.
     pub step: u32,
-    /// Samples per frame.
+    /// Samples in a frame, >= 1.
     pub substeps: u32,
-    /// Digits of frame numbers in names.
+    /// Digits of frame numbers in file names.
     pub digits: usize,
 }
 
-/// Units.
+/// Units of maps and of POV-Ray scenes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnitsEntry {
     /// Height that a map value of 1 stands for, m.
@@ -81,10 +89,10 @@ pub struct UnitsEntry {
     pub pov_units_per_m: f32,
 }
 
-/// One asset.
+/// An asset and its files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AssetEntry {
-    /// Name.
+    /// Name of the asset, as in file names.
     pub id: String,
     /// plant, terrain, cloud, tracks, import.
     pub kind: String,
@@ -96,47 +104,47 @@ pub struct AssetEntry {
     pub vertices: usize,
     /// Triangles of its meshes at rest.
     pub triangles: usize,
-    /// Instances.
+    /// Number of instances of all its instancers.
     pub instances: usize,
-    /// Joints.
+    /// Number of joints of its skeleton; 0 without one.
     pub joints: usize,
-    /// Box at rest, asset space, m.
+    /// Lower and upper corner of its box at rest, in its own space, m.
     pub bounds: [[f32; 3]; 2],
 }
 
-/// One material.
+/// A material, its textures and maps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialEntry {
-    /// Name.
+    /// Name of the material, as in file names.
     pub name: String,
     /// bark, leaf, catkin, water, ground.
     pub class: String,
-    /// Pictures by slot.
+    /// Paths of textures by slot: color, height, normal, rough.
     pub slots: std::collections::BTreeMap<String, String>,
-    /// EXR maps by map, numbers as `####`.
+    /// Paths of EXR maps by map, frame numbers as `####`.
     pub maps: std::collections::BTreeMap<String, String>,
     /// Leaves with maps of their own.
     pub leaf_ids: Vec<String>,
-    /// Numbers.
+    /// Parameters of the shading model.
     pub params: ParamsEntry,
 }
 
-/// Numbers of a material.
+/// Parameters of a material's shading model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ParamsEntry {
-    /// Linear.
+    /// Linear RGB, 0 to 1.
     pub base_color: [f32; 3],
-    /// 0 mirror .. 1 matt.
+    /// GGX roughness, 0 (mirror) to 1 (matt).
     pub roughness: f32,
     /// Index of refraction.
     pub ior: f32,
-    /// 0..1.
+    /// Share of light that is transmitted diffusely, 0 to 1.
     pub translucency: f32,
-    /// Cut out below this alpha.
+    /// Alpha below which the surface is cut out.
     pub alpha_cutoff: Option<f32>,
-    /// m.
+    /// Height that the value 1 of the height map stands for, m.
     pub height_range_m: f32,
-    /// m.
+    /// Side of a tile of the textures, m.
     pub tile_m: f32,
 }
 
@@ -144,49 +152,49 @@ pub struct ParamsEntry {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum FileEntry {
-    /// Numbered files.
+    /// A file for each of several frames.
     Sequence {
-        /// With `####`.
+        /// Path with `####` for the frame number.
         path: String,
-        /// Kind of each.
+        /// Format and purpose of each file: `inc`, `exr.height`, ...
         kind: String,
         /// First and last frame.
         frames: [u32; 2],
-        /// Of all.
+        /// Size of all files together.
         bytes: u64,
-        /// In frame order.
+        /// The files in the order of frames.
         items: Vec<ItemEntry>,
     },
-    /// One file.
+    /// A file without a frame number.
     Single {
-        /// Relative, with `/`.
+        /// Path in the output folder, with `/`.
         path: String,
-        /// Kind.
+        /// Format and purpose: `usdc`, `png`, ...
         kind: String,
-        /// Length.
+        /// Size of the file.
         bytes: u64,
-        /// 64 hex digits.
+        /// BLAKE3 of the file, 64 hex digits.
         blake3: String,
     },
 }
 
-/// One file of a sequence.
+/// A file of a sequence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ItemEntry {
-    /// Frame number.
+    /// Number of its frame.
     pub frame: u32,
-    /// Length.
+    /// Size of the file.
     pub bytes: u64,
-    /// 64 hex digits.
+    /// BLAKE3 of the file, 64 hex digits.
     pub blake3: String,
 }
 
-/// Something that was repaired on the way out.
+/// A warning of an exporter; see [`Warning`](crate::Warning).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WarningEntry {
-    /// Stable code.
+    /// Code of the warning, `X002`.
     pub code: String,
-    /// What.
+    /// What was found, and what was done.
     pub message: String,
 }
 
@@ -210,7 +218,7 @@ impl Manifest {
         Ok(text)
     }
 
-    /// Every file with its hash, in path order, sequences taken apart.
+    /// Path, size and hash of every file, in the order of paths; sequences are expanded.
     pub fn expanded(&self) -> Vec<(String, u64, String)> {
         let mut all = Vec::new();
         for file in &self.files {

@@ -1,60 +1,58 @@
-//! What an asset puts into prototypes.inc, static.inc and the frame files.
+//! The declarations of an asset in prototypes.inc, static.inc and the frame files.
 //!
-//! Identifiers carry indices: `P_a_i_p` prototype, `G_a_m` mesh, `R_a_m` the unchanging part of a moving mesh,
-//! (still ones with a coat are macros, as their texture comes with the frame), `L_a_i` instances, `J_a_i_j` the instances that ride on joint j, `D_a_p` points, `H_a_c` curves, `A_a` the asset.
+//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype, `G_a_m` a mesh (a macro if it is
+//! static and coated, as its texture comes with the frame), `R_a_m` a macro of the static part of a deforming mesh, `L_a_i` the
+//! instances of an instancer, `J_a_i_j` those attached to joint j, `D_a_p` points, `H_a_c` curves, `A_a` a macro of the asset.
 
-use super::mesh::{Faces, mesh2, shows, topology, unhaired, vectors};
-use super::objects::{Cloud, SPHERES, View, cloud, curves, group, instances};
+use super::mesh::{Mesh2Faces, has_area_anywhere, split_hair, write_mesh2, write_topology, write_vectors};
+use super::objects::{CloudFrame, MAX_SPHERES, StreakView, write_curves, write_instances, write_points, write_union};
 use super::photons;
-use super::space::Space;
+use super::space::PovSpace;
 use crate::Warning;
-use crate::text::Text;
+use crate::text::TextBuffer;
 use osier_scene::{
     Asset, AssetFrame, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh,
     MeshFrame, MeshMotion, MeshObject, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
     world_from_joint,
 };
 
-/// What aims photons at an object.
+/// Makes an object a target of photons.
 const TARGET: &str = "photons { target reflection on refraction on collect off }";
 
-/// One asset on its way out, with what all its parts need.
-pub(super) struct Part<'a> {
+/// Writes one asset.
+pub(super) struct PovAsset<'a> {
     /// Index in the scene.
     pub index: usize,
-    /// The asset.
     pub asset: &'a Asset,
-    /// Units.
-    pub space: Space,
+    pub space: PovSpace,
     /// The scene's materials.
     pub materials: &'a [Material],
-    /// How what falls is seen.
-    pub view: View,
-    /// Radius of the smallest drop that photons aim at, m, if any.
+    pub view: StreakView,
+    /// Least radius of a target of photons, m, if any are traced.
     pub photons: Option<f32>,
 }
 
-impl Part<'_> {
-    /// Whether each prototype of an instancer has anything to show.
-    fn shown(instancer: &Instancer) -> Vec<bool> {
-        instancer.prototypes.iter().map(|p| shows(&p.mesh)).collect()
+impl PovAsset<'_> {
+    /// For each prototype of an instancer whether it has geometry.
+    fn visible_prototypes(instancer: &Instancer) -> Vec<bool> {
+        instancer.prototypes.iter().map(|p| has_area_anywhere(&p.mesh)).collect()
     }
 
-    /// Prototypes of the asset's instancers.
-    pub fn prototypes(&self, text: &mut Text) {
+    /// Declares the prototypes of the asset's instancers.
+    pub fn write_prototypes(&self, text: &mut TextBuffer) {
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
             for (p, proto) in instancer.prototypes.iter().enumerate() {
-                if !shows(&proto.mesh) {
+                if !has_area_anywhere(&proto.mesh) {
                     continue;
                 }
                 text.put(&format!("// {} {} {}\n", self.asset.id, instancer.name, proto.name));
-                if let Some((hairs, rest)) = unhaired(&proto.mesh, self.materials) {
-                    self.tuft(text, i, p, &hairs, &rest);
+                if let Some((hairs, rest)) = split_hair(&proto.mesh, self.materials) {
+                    self.write_hair_prototype(text, i, p, &hairs, &rest);
                     continue;
                 }
-                let faces = Faces::of(&proto.mesh, self.materials);
+                let faces = Mesh2Faces::of(&proto.mesh, self.materials);
                 text.put(&format!("#declare P_{}_{i}_{p} = object {{ ", self.index));
-                mesh2(text, self.space, &proto.mesh, &faces);
+                write_mesh2(text, self.space, &proto.mesh, &faces);
                 if self.is_target(instancer, p, &faces) {
                     text.put(TARGET);
                 }
@@ -63,53 +61,61 @@ impl Part<'_> {
         }
     }
 
-    /// A prototype with hairs, ribbons of a mesh whose memory all instances share. They throw no shadow: wider than life as
-    /// they are, they would darken each other.
-    fn tuft(&self, text: &mut Text, instancer: usize, prototype: usize, hairs: &Mesh, rest: &Mesh) {
+    /// Declares a prototype with hairs: ribbons of a mesh whose memory all instances share. They cast no shadow: wider than real
+    /// hairs, they would darken each other.
+    fn write_hair_prototype(
+        &self,
+        text: &mut TextBuffer,
+        instancer: usize,
+        prototype: usize,
+        hairs: &Mesh,
+        rest: &Mesh,
+    ) {
         text.put(&format!("#declare P_{}_{instancer}_{prototype} = union {{\nobject {{ ", self.index));
-        mesh2(text, self.space, hairs, &Faces::of(hairs, self.materials));
+        write_mesh2(text, self.space, hairs, &Mesh2Faces::of(hairs, self.materials));
         text.put("no_shadow }\n");
-        if shows(rest) {
+        if has_area_anywhere(rest) {
             text.put("object { ");
-            mesh2(text, self.space, rest, &Faces::of(rest, self.materials));
+            write_mesh2(text, self.space, rest, &Mesh2Faces::of(rest, self.materials));
             text.put("}\n");
         }
         text.put("}\n");
     }
 
-    /// True if photons aim at the drops that show prototype `p`.
-    fn is_target(&self, instancer: &Instancer, p: usize, faces: &Faces) -> bool {
+    /// Whether the largest instance of prototype `p` is a drop of a size that is a target.
+    fn is_target(&self, instancer: &Instancer, p: usize, faces: &Mesh2Faces) -> bool {
         let mine = |(i, _): &(usize, _)| instancer.protos.get(*i).is_some_and(|q| *q as usize == p);
         let scales = instancer.scales.iter().enumerate().filter(mine).map(|(_, s)| s.abs().max_element());
         let radius = instancer.prototypes[p].mesh.bounds().size().max_element() * 0.5 * scales.fold(0.0, f32::max);
-        faces.water().is_some() && photons::aims(self.photons, radius)
+        faces.water().is_some() && photons::is_target_radius(self.photons, radius)
     }
 
-    /// True if any photon may have an aim in this asset.
-    pub fn has_target(&self) -> bool {
-        let rains = |m: &MeshObject| m.motion == MeshMotion::Varying || photons::is_water(&m.mesh, self.materials);
+    /// Whether the asset may have a target of photons at some frame.
+    pub fn has_photon_target(&self) -> bool {
+        let rains = |m: &MeshObject| m.motion == MeshMotion::Varying || photons::is_all_water(&m.mesh, self.materials);
         if self.photons.is_some() && self.asset.meshes.iter().any(rains) {
             return true;
         }
         self.asset.instancers.iter().any(|i| {
-            (0..i.prototypes.len()).any(|p| self.is_target(i, p, &Faces::of(&i.prototypes[p].mesh, self.materials)))
+            (0..i.prototypes.len())
+                .any(|p| self.is_target(i, p, &Mesh2Faces::of(&i.prototypes[p].mesh, self.materials)))
         })
     }
 
-    /// Declares what never changes; for a still asset also the asset itself. Returns the number of instances.
-    pub fn still(&self, text: &mut Text, warnings: &mut Vec<Warning>) -> usize {
+    /// Declares what never changes, and the asset itself if it is not animated. Returns the number of instances.
+    pub fn write_static(&self, text: &mut TextBuffer, warnings: &mut Vec<Warning>) -> usize {
         let a = self.index;
         text.put(&format!("\n// {}\n", self.asset.id));
         for (m, object) in self.asset.meshes.iter().enumerate() {
-            if !shows(&object.mesh) {
+            if !has_area_anywhere(&object.mesh) {
                 continue;
             }
             match object.motion {
-                MeshMotion::Still if self.is_coated(&object.mesh) => self.macro_mesh(text, m, &object.mesh),
+                MeshMotion::Still if self.is_coated(&object.mesh) => self.declare_mesh_macro(text, m, &object.mesh),
                 MeshMotion::Still => self.declare_mesh(text, m, &object.mesh),
                 MeshMotion::Skinned | MeshMotion::Deforming => {
                     text.put(&format!("#macro R_{a}_{m}()\n"));
-                    topology(text, &object.mesh, &Faces::of(&object.mesh, self.materials));
+                    write_topology(text, &object.mesh, &Mesh2Faces::of(&object.mesh, self.materials));
                     text.put("#end\n");
                 }
                 MeshMotion::Varying => {}
@@ -117,68 +123,68 @@ impl Part<'_> {
         }
         let mut count = 0;
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
-            count += match self.joints(instancer) {
-                Some(joints) => self.joint_unions(text, i, joints),
+            count += match self.carrier_joints(instancer) {
+                Some(joints) => self.declare_joint_unions(text, i, joints),
                 None if instancer.motion == InstancerMotion::Still => {
-                    self.instance_union(text, i, instancer, &instancer.rest)
+                    self.declare_instances(text, i, instancer, &instancer.rest)
                 }
                 None => 0,
             };
         }
-        self.points(text, &AssetFrame::default(), false, warnings);
-        self.curves(text, &AssetFrame::default(), false);
+        self.declare_points(text, &AssetFrame::default(), false, warnings);
+        self.declare_curves(text, &AssetFrame::default(), false);
         if !self.asset.moves() {
-            self.whole(text, &AssetFrame::default());
+            self.declare_asset_macro(text, &AssetFrame::default());
         }
         count
     }
 
-    /// Declares what a frame changes, and the asset. Returns the number of instances.
-    pub fn frame(&self, text: &mut Text, frame: &AssetFrame, warnings: &mut Vec<Warning>) -> usize {
+    /// Declares what changes at a frame, and the asset. Returns the number of instances.
+    pub fn write_frame(&self, text: &mut TextBuffer, frame: &AssetFrame, warnings: &mut Vec<Warning>) -> usize {
         text.put(&format!("\n// {}\n", self.asset.id));
         for (m, object) in self.asset.meshes.iter().enumerate() {
-            self.moving_mesh(text, m, object, frame);
+            self.declare_moving_mesh(text, m, object, frame);
         }
         let mut count = 0;
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
-            if instancer.motion != InstancerMotion::Still && !self.rides(instancer, i, frame) {
+            if instancer.motion != InstancerMotion::Still && !self.follows_joints(instancer, i, frame) {
                 let state = instance_states(self.asset, instancer, i, frame);
-                count += self.instance_union(text, i, instancer, &state);
+                count += self.declare_instances(text, i, instancer, &state);
             }
         }
-        self.points(text, frame, true, warnings);
-        self.curves(text, frame, true);
-        self.whole(text, frame);
+        self.declare_points(text, frame, true, warnings);
+        self.declare_curves(text, frame, true);
+        self.declare_asset_macro(text, frame);
         count
     }
 
-    fn declare_mesh(&self, text: &mut Text, m: usize, mesh: &Mesh) {
+    fn declare_mesh(&self, text: &mut TextBuffer, m: usize, mesh: &Mesh) {
         text.put(&format!("#declare G_{}_{m} = ", self.index));
-        if self.photons.is_some() && photons::is_water(mesh, self.materials) {
-            return self.drops(text, mesh);
+        if self.photons.is_some() && photons::is_all_water(mesh, self.materials) {
+            return self.write_water_mesh(text, mesh);
         }
-        mesh2(text, self.space, mesh, &Faces::of(mesh, self.materials));
+        write_mesh2(text, self.space, mesh, &Mesh2Faces::of(mesh, self.materials));
     }
 
-    /// Drops in a mesh: those that photons aim at for themselves.
-    fn drops(&self, text: &mut Text, mesh: &Mesh) {
-        let (large, small) = photons::split(mesh, self.photons);
-        let both = shows(&large) && shows(&small);
+    /// Writes a mesh of drops, targets of photons apart from the others.
+    fn write_water_mesh(&self, text: &mut TextBuffer, mesh: &Mesh) {
+        let (large, small) = photons::split_targets(mesh, self.photons);
+        let both = has_area_anywhere(&large) && has_area_anywhere(&small);
         text.put(if both { "union {\n" } else { "" });
         for (part, target) in [(&large, TARGET), (&small, "")] {
-            if shows(part) {
+            if has_area_anywhere(part) {
                 text.put("object { ");
-                mesh2(text, self.space, part, &Faces::of(part, self.materials));
+                write_mesh2(text, self.space, part, &Mesh2Faces::of(part, self.materials));
                 text.put(target).put("}\n");
             }
         }
         text.put(if both { "}\n" } else { "" });
     }
 
-    /// A mesh that stands still in a texture that does not.
-    fn macro_mesh(&self, text: &mut Text, m: usize, mesh: &Mesh) {
+    /// Declares a static mesh whose texture changes: as a macro, so that the texture is looked up at each call.
+    fn declare_mesh_macro(&self, text: &mut TextBuffer, m: usize, mesh: &Mesh) {
         text.put(&format!("#macro G_{}_{m}() ", self.index));
-        mesh2(text, self.space, mesh, &Faces::of(mesh, self.materials));
+        write_mesh2(text, self.space, mesh, &Mesh2Faces::of(mesh, self.materials));
         text.put("#end\n");
     }
 
@@ -187,9 +193,9 @@ impl Part<'_> {
         mesh.subsets.iter().any(|s| self.materials.get(s.material as usize).is_some_and(|m| m.coat.is_some()))
     }
 
-    fn moving_mesh(&self, text: &mut Text, m: usize, object: &MeshObject, frame: &AssetFrame) {
+    fn declare_moving_mesh(&self, text: &mut TextBuffer, m: usize, object: &MeshObject, frame: &AssetFrame) {
         let a = self.index;
-        if object.motion == MeshMotion::Still || !shows(shape(object, frame.mesh(m))) {
+        if object.motion == MeshMotion::Still || !has_area_anywhere(mesh_at_frame(object, frame.mesh(m))) {
             return;
         }
         match (object.motion, frame.mesh(m)) {
@@ -208,60 +214,73 @@ impl Part<'_> {
                     _ => &object.mesh.normals,
                 };
                 text.put(&format!("#declare G_{a}_{m} = mesh2{{\n"));
-                vectors(text, self.space, &posed, normals);
+                write_vectors(text, self.space, &posed, normals);
                 text.put(&format!("R_{a}_{m}()}}\n"));
             }
         }
     }
 
-    /// The joints that instances ride on, if they do.
-    fn joints<'b>(&self, instancer: &'b Instancer) -> Option<&'b [u16]> {
+    /// The joint of each instance, if instances are attached to joints.
+    fn carrier_joints<'b>(&self, instancer: &'b Instancer) -> Option<&'b [u16]> {
         match &instancer.motion {
             InstancerMotion::Joints(joints) if self.asset.skeleton.is_some() => Some(joints),
             _ => None,
         }
     }
 
-    /// True if a frame shows an instancer by moving its joints' unions. A finer state beside a pose is passed over: one
-    /// line per joint instead of one per leaf keeps a clip's files small.
-    fn rides(&self, instancer: &Instancer, i: usize, frame: &AssetFrame) -> bool {
+    /// Whether a frame moves the unions of an instancer's joints instead of its instances. A state of the instances beside a pose
+    /// is ignored: one line for each joint instead of one for each leaf keeps the files of a clip small.
+    fn follows_joints(&self, instancer: &Instancer, i: usize, frame: &AssetFrame) -> bool {
         let stated = matches!(frame.instancer(i), InstancerFrame::State(_));
-        self.joints(instancer).is_some() && !(stated && frame.pose.is_empty())
+        self.carrier_joints(instancer).is_some() && !(stated && frame.pose.is_empty())
     }
 
-    /// One union per joint that carries instances.
-    fn joint_unions(&self, text: &mut Text, i: usize, joints: &[u16]) -> usize {
+    /// Declares a union for each joint that carries instances.
+    fn declare_joint_unions(&self, text: &mut TextBuffer, i: usize, joints: &[u16]) -> usize {
         let instancer = &self.asset.instancers[i];
         let mut count = 0;
-        for j in used(joints) {
+        for j in distinct_joints(joints) {
             let mine: Vec<usize> = (0..instancer.len()).filter(|k| joints.get(*k) == Some(&j)).collect();
-            let part = pick(instancer, &mine);
+            let part = select_instances(instancer, &mine);
             text.put(&format!("#declare J_{}_{i}_{j} = ", self.index));
-            let mut lines = Text::default();
-            let shown = Self::shown(instancer);
-            let some = instances(&mut lines, self.space, (self.index, i), &part, &part.rest, &shown);
-            group(text, some, &lines, "");
+            let mut lines = TextBuffer::default();
+            let shown = Self::visible_prototypes(instancer);
+            let some = write_instances(&mut lines, self.space, (self.index, i), &part, &part.rest, &shown);
+            write_union(text, some, &lines, "");
             count += some;
         }
         count
     }
 
-    fn instance_union(&self, text: &mut Text, i: usize, instancer: &Instancer, state: &InstanceState) -> usize {
+    fn declare_instances(
+        &self,
+        text: &mut TextBuffer,
+        i: usize,
+        instancer: &Instancer,
+        state: &InstanceState,
+    ) -> usize {
         text.put(&format!("#declare L_{}_{i} = ", self.index));
-        let mut lines = Text::default();
-        let count = instances(&mut lines, self.space, (self.index, i), instancer, state, &Self::shown(instancer));
-        group(text, count, &lines, "");
+        let mut lines = TextBuffer::default();
+        let count = write_instances(
+            &mut lines,
+            self.space,
+            (self.index, i),
+            instancer,
+            state,
+            &Self::visible_prototypes(instancer),
+        );
+        write_union(text, count, &lines, "");
         count
     }
 
-    fn points(&self, text: &mut Text, frame: &AssetFrame, moving: bool, warnings: &mut Vec<Warning>) {
+    fn declare_points(&self, text: &mut TextBuffer, frame: &AssetFrame, moving: bool, warnings: &mut Vec<Warning>) {
         for (i, points) in self.asset.points.iter().enumerate().filter(|(_, p)| p.moving == moving) {
-            let at = Cloud { now: points.at(frame.points(i)), view: self.view };
+            let at = CloudFrame { now: points.at(frame.points(i)), view: self.view };
             text.put(&format!("#declare D_{}_{i} = ", self.index));
-            let dropped = cloud(text, self.space, points, self.materials, &at);
+            let dropped = write_points(text, self.space, points, self.materials, &at);
             if dropped > 0 {
                 let message = format!(
-                    "asset {}, points {}: {dropped} points over {SPHERES} spheres are left out",
+                    "asset {}, points {}: {dropped} points over {MAX_SPHERES} spheres are left out",
                     self.asset.id, points.name
                 );
                 if !warnings.iter().any(|w| w.message == message) {
@@ -271,37 +290,39 @@ impl Part<'_> {
         }
     }
 
-    fn curves(&self, text: &mut Text, frame: &AssetFrame, moving: bool) {
+    fn declare_curves(&self, text: &mut TextBuffer, frame: &AssetFrame, moving: bool) {
         for (i, c) in self.asset.curves.iter().enumerate().filter(|(_, c)| c.moving == moving) {
             let points = match frame.curves(i) {
                 CurvesFrame::Points(points) => points,
                 CurvesFrame::Same => &c.points,
             };
             text.put(&format!("#declare H_{}_{i} = ", self.index));
-            curves(text, self.space, c, points, self.materials);
+            write_curves(text, self.space, c, points, self.materials);
         }
     }
 
-    /// The asset as a macro over its parts, so that nothing is held twice before it is placed.
-    fn whole(&self, text: &mut Text, frame: &AssetFrame) {
+    /// Declares the asset as a macro over its parts: POV-Ray copies a declared object at each use, a macro is expanded.
+    fn declare_asset_macro(&self, text: &mut TextBuffer, frame: &AssetFrame) {
         let a = self.index;
-        let mut parts = Text::default();
+        // One line for each mesh with faces at this frame, each joint or instancer, each cloud and each curves primitive.
+        let mut parts = TextBuffer::default();
         let mut count = 0;
         for (m, object) in self.asset.meshes.iter().enumerate() {
-            if shows(shape(object, frame.mesh(m))) {
+            if has_area_anywhere(mesh_at_frame(object, frame.mesh(m))) {
                 let call = if object.motion == MeshMotion::Still && self.is_coated(&object.mesh) { "()" } else { "" };
                 parts.put(&format!("object{{G_{a}_{m}{call}}}\n"));
                 count += 1;
             }
         }
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
-            match (self.joints(instancer), &self.asset.skeleton) {
-                (Some(joints), Some(skeleton)) if self.rides(instancer, i, frame) => {
+            match (self.carrier_joints(instancer), &self.asset.skeleton) {
+                (Some(joints), Some(skeleton)) if self.follows_joints(instancer, i, frame) => {
+                    // Instances are declared at rest; a joint moves them from its rest transform to that of the pose.
                     let motions = if frame.pose.is_empty() { Vec::new() } else { joint_motions(skeleton, &frame.pose) };
-                    for j in used(joints) {
+                    for j in distinct_joints(joints) {
                         parts.put(&format!("object{{J_{a}_{i}_{j} "));
                         let still = Trs::IDENTITY;
-                        self.space.matrix(&mut parts, motions.get(usize::from(j)).unwrap_or(&still));
+                        self.space.write_matrix(&mut parts, motions.get(usize::from(j)).unwrap_or(&still));
                         parts.put("}\n");
                         count += 1;
                     }
@@ -321,26 +342,26 @@ impl Part<'_> {
             count += 1;
         }
         text.put(&format!("#macro A_{a}() "));
-        group(text, count, &parts, "");
+        write_union(text, count, &parts, "");
         text.put("#end\n");
     }
 }
 
-/// The mesh that holds an object's triangles at a frame.
-fn shape<'a>(object: &'a MeshObject, frame: &'a MeshFrame) -> &'a Mesh {
+/// The mesh with an object's triangles at a frame.
+fn mesh_at_frame<'a>(object: &'a MeshObject, frame: &'a MeshFrame) -> &'a Mesh {
     match frame {
         MeshFrame::Whole { mesh, .. } if object.motion != MeshMotion::Still => mesh,
         _ => &object.mesh,
     }
 }
 
-/// Joints that carry something, in order.
-fn used(joints: &[u16]) -> std::collections::BTreeSet<u16> {
+/// The joints that carry instances, in order.
+fn distinct_joints(joints: &[u16]) -> std::collections::BTreeSet<u16> {
     joints.iter().copied().collect()
 }
 
-/// Some of an instancer's instances at rest.
-fn pick(instancer: &Instancer, which: &[usize]) -> Instancer {
+/// An instancer with some of the instances of another, at rest. `which`: their indices.
+fn select_instances(instancer: &Instancer, which: &[usize]) -> Instancer {
     let rest = &instancer.rest;
     let state = InstanceState {
         positions: which.iter().filter_map(|k| rest.positions.get(*k).copied()).collect(),

@@ -1,9 +1,9 @@
 //! Map sequences: 16-bit grey pictures of weights and heights, and the texture that a frame gives a coated material.
 
-use super::material::quoted;
+use super::material::string_literal;
 use crate::Warning;
 use crate::map_sequences::{EncodedMap, MapEncoder, Values};
-use crate::text::Text;
+use crate::text::TextBuffer;
 use crate::textures;
 use osier_base::Result;
 use osier_base::files::Folder;
@@ -31,7 +31,7 @@ impl CoatWriter {
     /// Writes a frame's pictures into `maps`, a folder with its `/`, and declares the textures of coated materials.
     pub(super) fn frame(
         &mut self,
-        text: &mut Text,
+        text: &mut TextBuffer,
         folder: &Folder,
         maps: &str,
         scene: &Scene,
@@ -47,27 +47,30 @@ impl CoatWriter {
                 out.commit()?;
             }
             for (i, _) in (0_u32..).zip(&scene.materials).filter(|(_, m)| is_weight(m, *sequence, *layer)) {
-                text.put("#declare M_").int(i).put(" = texture { uv_mapping image_pattern { png ").put(&quoted(&path));
+                text.put("#declare M_")
+                    .int(i)
+                    .put(" = texture { uv_mapping image_pattern { png ")
+                    .put(&string_literal(&path));
                 text.put(" interpolate 2 } texture_map { [0 D_").int(i).put("] [1 W_").int(i).put("] } }\n");
             }
         }
         Ok(())
     }
 
-    /// What was cut.
+    /// X007 if values were clamped.
     pub(super) fn warning(&self, scene: &Scene) -> Option<Warning> {
         self.encoder.warning(&scene.map_sequences, "png")
     }
 }
 
-/// True if a layer holds the weight of a material's coat.
+/// Whether a layer is the weight of a material's coat.
 fn is_weight(material: &Material, sequence: usize, layer: MapLayer) -> bool {
     material.coat.is_some_and(|c| c.sequence as usize == sequence && c.weight == layer.name)
 }
 
-/// A map as a picture of 16 bits: POV-Ray takes 2 bytes a texel for it, and 20 for an EXR file.
+/// A map as a 16-bit PNG: in memory POV-Ray takes 2 bytes a texel for it, and 20 for an EXR file.
 fn grey(sequence: &MapSequence, layer: MapLayer, values: &Values) -> Result<Arc> {
-    let side = u32::try_from(sequence.side).unwrap_or(u32::MAX);
+    let side = osier_base::convert::index(sequence.side, "texels of a map's side")?;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..1")]
     let pixels = values.samples.iter().map(|v| (v * 65535.0 + 0.5) as u16).collect();
     let name = format!("{}, {}", sequence.name, layer.name);

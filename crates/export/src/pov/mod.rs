@@ -1,11 +1,19 @@
-//! POV-Ray 3.7: a scene with include files, one of them per frame. `cd pov && povray render.ini` renders the clip.
+//! POV-Ray 3.7: a scene with include files, one of them for each frame. `cd pov && povray render.ini` renders the clip.
 //!
-//! Layout of a bake: `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, pictures in
-//! `textures/`, those of map sequences in `maps/`. A single asset: `<stem>.pov` and everything else in `<stem>_files/`.
+//! A bake has `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, textures in `textures/`, those
+//! of map sequences in `maps/`. A single file is `<stem>.pov` with everything else in `<stem>_files/`.
+//!
+//! ```
+//! use osier_export::pov::PovOptions;
+//!
+//! // Every second frame, with photons through drops of half a millimetre and more.
+//! let options = PovOptions { step: 2, photons: Some(0.0005), ..PovOptions::default() };
+//! assert_eq!(options.size, (800, 600));
+//! ```
 
 mod assets;
+mod camera_light;
 mod coat;
-mod look;
 mod main_file;
 mod material;
 mod mesh;
@@ -18,27 +26,27 @@ pub use options::PovOptions;
 
 use std::sync::Arc;
 
-use self::assets::Part;
-use self::objects::View;
-use self::space::Space;
+use self::assets::PovAsset;
+use self::objects::StreakView;
+use self::space::PovSpace;
 use super::estimate::EstimateInput;
 use super::file_target::FileTarget;
 use super::format::FormatInfo;
-use super::text::Text;
+use super::text::TextBuffer;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Asset, AssetFrame, Frame, Instancer, Scene, check_frame, check_scene, scene_bounds};
 
-/// Instances and triangles of one frame beyond which POV-Ray's parsing gets slow enough to say so.
-const HEAVY: usize = 500_000;
+/// Instances of a frame beyond which POV-Ray's parsing is slow enough for a warning (X013).
+const SLOW_FRAME_INSTANCES: usize = 500_000;
 
-/// Streaks of rain nearer to the eye than this are left out, as a share of the way to what it looks at: a lens would blur
-/// them away, POV-Ray draws rods of glass across the picture.
-const NEAR: f32 = 0.9;
+/// Distance below which streaks of rain are left out, as a share of the distance from camera to target: depth of field would blur
+/// them away, POV-Ray would draw them sharply across the image.
+const STREAK_NEAR_SHARE: f32 = 0.9;
 
-/// POV-Ray in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pov",
     about: "a POV-Ray scene with an include file per frame; `povray render.ini` renders it",
@@ -53,7 +61,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     },
 };
 
-/// Own: bytes as the include files have them; texels of maps as measured on leaves in rain.
+/// Own estimate: bytes of the lines in the include files; bytes of a map's texel as measured on leaves in rain.
 fn estimate(input: &EstimateInput) -> u64 {
     let step = u64::from(input.options.pov.step.max(1));
     let written = |frames: u64| frames / step;
@@ -61,7 +69,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     let assets = input.per_asset(|a| {
         let still = (a.triangles + a.prototype_triangles) * 100 + a.instances * 170;
         let points = spheres(a.points - a.moving_points) + written(input.frames) * spheres(a.moving_points);
-        // A frame has points and normals of what moves, and one line for the leaves of each joint.
+        // A frame has points and normals of moving meshes, and one line for the leaves of each joint.
         let moving = written(input.frames) * (a.free_instances * 170 + a.moving_curve_points * 120);
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
         still + points + moving + posed
@@ -70,7 +78,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     assets + input.map_texels() * written(input.frames.max(1)).max(1) * 2 / 10
 }
 
-/// Exporter for POV-Ray.
+/// Writes a POV-Ray scene.
 #[derive(Debug)]
 pub struct PovExporter {
     folder: Folder,
@@ -78,7 +86,7 @@ pub struct PovExporter {
     options: PovOptions,
     scene: Option<Arc<Scene>>,
     written: Vec<u32>,
-    /// First frame that was asked for.
+    /// The first frame of the bake.
     first: Option<u32>,
     instances: usize,
     coats: coat::CoatWriter,
@@ -86,65 +94,65 @@ pub struct PovExporter {
 }
 
 impl PovExporter {
-    /// Writes into `folder`; `textures`: the scene's pictures.
+    /// An exporter into `folder`. `textures`: the encoded images of the scene that `begin` will get.
     pub fn new(folder: Folder, textures: Arc<Textures>, options: PovOptions) -> Self {
         let (written, warnings, coats) = (Vec::new(), Vec::new(), coat::CoatWriter::new());
         Self { folder, textures, options, scene: None, written, first: None, instances: 0, coats, warnings }
     }
 
-    /// Path of one of our files below the output folder.
-    fn path(&self, name: &str) -> String {
+    /// Path of an include file in the output folder.
+    fn file_path(&self, name: &str) -> String {
         match &self.options.target {
             FileTarget::Bake => format!("pov/{name}"),
             FileTarget::Single(stem) => format!("{stem}_files/{name}"),
         }
     }
 
-    /// Folder of our files as POV-Ray finds it from the main file.
-    fn includes(&self) -> String {
+    /// Folder of the include files relative to the main file.
+    fn include_folder(&self) -> String {
         match &self.options.target {
             FileTarget::Bake => String::new(),
             FileTarget::Single(stem) => format!("{stem}_files/"),
         }
     }
 
-    /// Folder of the pictures below the output folder, which is also where POV-Ray looks for them.
-    fn pictures(&self) -> String {
+    /// Folder of the textures in the output folder, which is POV-Ray's library path.
+    fn texture_folder(&self) -> String {
         match &self.options.target {
             FileTarget::Bake => "textures/".into(),
             FileTarget::Single(stem) => format!("{stem}_files/"),
         }
     }
 
-    /// Folder of the pictures that frames bring.
-    fn maps(&self) -> String {
+    /// Folder of the wet maps in the output folder.
+    fn map_folder(&self) -> String {
         match &self.options.target {
             FileTarget::Bake => "maps/".into(),
             FileTarget::Single(stem) => format!("{stem}_files/maps/"),
         }
     }
 
-    fn space(&self) -> Space {
-        Space { scale: self.options.units_per_m }
+    fn space(&self) -> PovSpace {
+        PovSpace { scale: self.options.units_per_m }
     }
 
-    fn parts<'a>(&self, scene: &'a Scene) -> Vec<Part<'a>> {
-        let part = |(index, asset)| Part {
+    fn assets<'a>(&self, scene: &'a Scene) -> Vec<PovAsset<'a>> {
+        let asset = |(index, asset)| PovAsset {
             index,
             asset,
             space: self.space(),
             materials: &scene.materials,
-            view: View {
+            view: StreakView {
                 open: self.options.shutter / osier_base::math::narrow(scene.clip.fps()),
                 eye: scene.camera.eye,
-                near: scene.camera.eye.distance(scene.camera.target) * NEAR,
+                near: scene.camera.eye.distance(scene.camera.target) * STREAK_NEAR_SHARE,
             },
             photons: self.options.photons,
         };
-        scene.assets.iter().enumerate().map(part).collect()
+        scene.assets.iter().enumerate().map(asset).collect()
     }
 
-    fn save(&self, path: &str, kind: &'static str, text: &Text) -> Result<()> {
+    fn write_text(&self, path: &str, kind: &'static str, text: &TextBuffer) -> Result<()> {
         if !text.is_finite() {
             return Err(not_finite(path));
         }
@@ -153,22 +161,22 @@ impl PovExporter {
 
     fn write_frame(&mut self, scene: &Scene, number: u32, frame: Option<&Frame>) -> Result<()> {
         self.written.push(number);
-        let path = self.path(&format!("frames/frame.{}.inc", scene.clip.tag(number)));
-        let mut text = Text::default();
+        let path = self.file_path(&format!("frames/frame.{}.inc", scene.clip.tag(number)));
+        let mut text = TextBuffer::default();
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
-        let maps = self.maps();
-        // Its pictures belong to the bake even where its own file is kept from a run that was broken off.
+        let maps = self.map_folder();
+        // Maps are written even if an interrupted bake has left the frame's own file complete.
         self.coats.frame(&mut text, &self.folder, &maps, scene, number, frame)?;
         let file = self.folder.create(&path, "inc", Some(number))?;
         let rest = AssetFrame::default();
-        let parts = self.parts(scene);
-        let moving = parts.iter().filter(|p| p.asset.moves());
+        let assets = self.assets(scene);
+        let moving = assets.iter().filter(|p| p.asset.moves());
         let now = moving.map(|p| (p, frame.and_then(|f| f.assets.get(p.index)).unwrap_or(&rest)));
-        // What has to be said of a frame is said of a kept one, too.
+        // A complete file needs no text, but a frame that may cause warnings is formatted all the same.
         if file.is_none() && !is_heavy(now.clone()) {
             return Ok(());
         }
-        let count = now.map(|(part, state)| part.frame(&mut text, state, &mut self.warnings)).sum();
+        let count = now.map(|(asset, state)| asset.write_frame(&mut text, state, &mut self.warnings)).sum();
         self.instances = self.instances.max(count);
         if !text.is_finite() {
             return Err(not_finite(&path));
@@ -179,19 +187,19 @@ impl PovExporter {
     }
 }
 
-/// True if parts of a frame may be more than POV-Ray takes well.
-fn is_heavy<'p>(now: impl Iterator<Item = (&'p Part<'p>, &'p AssetFrame)>) -> bool {
+/// Whether a frame may have more instances or points than POV-Ray handles well.
+fn is_heavy<'p>(now: impl Iterator<Item = (&'p PovAsset<'p>, &'p AssetFrame)>) -> bool {
     let (mut instances, mut thinned) = (0, false);
-    for (part, state) in now {
-        instances += part.asset.instancers.iter().map(Instancer::len).sum::<usize>();
-        let mut clouds = part.asset.points.iter().enumerate();
-        thinned |= clouds.any(|(i, p)| p.at(state.points(i)).positions.len() > objects::SPHERES);
+    for (asset, state) in now {
+        instances += asset.asset.instancers.iter().map(Instancer::len).sum::<usize>();
+        let mut clouds = asset.asset.points.iter().enumerate();
+        thinned |= clouds.any(|(i, p)| p.at(state.points(i)).positions.len() > objects::MAX_SPHERES);
     }
-    thinned || instances > HEAVY
+    thinned || instances > SLOW_FRAME_INSTANCES
 }
 
-/// True if frames change anything.
-fn moves(scene: &Scene) -> bool {
+/// Whether any frame differs from the rest state.
+fn is_animated(scene: &Scene) -> bool {
     !scene.map_sequences.is_empty() || scene.assets.iter().any(Asset::moves)
 }
 
@@ -202,7 +210,7 @@ fn not_finite(path: &str) -> Error {
 impl Exporter for PovExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
-        look::check(scene)?;
+        camera_light::check_finite(scene)?;
         if !(self.options.units_per_m.is_finite() && self.options.units_per_m > 0.0) {
             return Err(Error::Range {
                 name: "pov.units_per_m".into(),
@@ -212,25 +220,28 @@ impl Exporter for PovExporter {
                 unit: "",
             });
         }
-        let parts = self.parts(scene);
-        let mut common = Text::default();
-        let target = parts.iter().any(Part::has_target);
+        let assets = self.assets(scene);
+        let mut common = TextBuffer::default();
+        let target = assets.iter().any(PovAsset::has_photon_target);
         common.put(&format!("// {}: settings and surfaces\n", super::GENERATOR));
-        look::settings(&mut common, self.options.photons.filter(|_| target).map(|r| r * self.options.units_per_m));
-        material::declare(&mut common, scene, &self.pictures())?;
-        self.textures.write(scene, &self.folder, &self.pictures())?;
-        self.save(&self.path("common.inc"), "inc", &common)?;
+        camera_light::write_global_settings(
+            &mut common,
+            self.options.photons.filter(|_| target).map(|r| r * self.options.units_per_m),
+        );
+        material::declare_materials(&mut common, scene, &self.texture_folder())?;
+        self.textures.write(scene, &self.folder, &self.texture_folder())?;
+        self.write_text(&self.file_path("common.inc"), "inc", &common)?;
 
-        let mut prototypes = Text::default();
+        let mut prototypes = TextBuffer::default();
         prototypes.put(&format!("// {}: what instances show\n", super::GENERATOR));
-        parts.iter().for_each(|p| p.prototypes(&mut prototypes));
-        self.save(&self.path("prototypes.inc"), "inc", &prototypes)?;
+        assets.iter().for_each(|p| p.write_prototypes(&mut prototypes));
+        self.write_text(&self.file_path("prototypes.inc"), "inc", &prototypes)?;
 
-        let mut still = Text::default();
+        let mut still = TextBuffer::default();
         still.put(&format!("// {}: what never changes\n", super::GENERATOR));
         let mut warnings = Vec::new();
-        let count: usize = parts.iter().map(|p| p.still(&mut still, &mut warnings)).sum();
-        self.save(&self.path("static.inc"), "inc", &still)?;
+        let count: usize = assets.iter().map(|p| p.write_static(&mut still, &mut warnings)).sum();
+        self.write_text(&self.file_path("static.inc"), "inc", &still)?;
         self.instances = count;
         self.warnings = warnings;
         self.scene = Some(Arc::clone(scene));
@@ -239,10 +250,10 @@ impl Exporter for PovExporter {
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = self.scene.clone() else { return Ok(()) };
-        // Steps are counted from the first frame that is asked for, so a single one is always written.
+        // Steps are counted from the first frame of the bake, so a single one is always written.
         let first = *self.first.get_or_insert(frame.number);
         let skipped = !frame.number.saturating_sub(first).is_multiple_of(self.options.step.max(1));
-        if skipped || !moves(&scene) {
+        if skipped || !is_animated(&scene) {
             return Ok(());
         }
         check_frame(&scene, frame)?;
@@ -251,22 +262,22 @@ impl Exporter for PovExporter {
 
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
-        if self.written.is_empty() && moves(&scene) {
+        if self.written.is_empty() && is_animated(&scene) {
             self.write_frame(&scene, scene.clip.start, None)?;
         }
-        if self.instances > HEAVY {
+        if self.instances > SLOW_FRAME_INSTANCES {
             let message = format!("POV-Ray reads {} instances again for every frame", self.instances);
             self.warnings.push(Warning { code: "X013", message });
         }
         self.warnings.extend(self.coats.warning(&scene));
-        let main = main_file::main_file(&scene, self.space(), &self.includes(), &self.written);
+        let main = main_file::main_file(&scene, self.space(), &self.include_folder(), &self.written);
         let (path, name) = match &self.options.target {
             FileTarget::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),
             FileTarget::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
         };
-        self.save(&path, "pov", &main)?;
+        self.write_text(&path, "pov", &main)?;
         let ini = main_file::render_ini(&scene, &self.options, &name, &self.written);
-        self.save(&self.path("render.ini"), "ini", &ini)?;
+        self.write_text(&self.file_path("render.ini"), "ini", &ini)?;
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }
 }

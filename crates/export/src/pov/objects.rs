@@ -1,23 +1,22 @@
-//! Instances, point clouds and curves.
+//! Instances as transformed objects, points as spheres and streaks, curves as cones and spheres.
 
 use glam::Vec3;
 
-use super::space::{Space, rgb};
-use crate::text::Text;
+use super::space::{PovSpace, write_rgb};
+use crate::text::TextBuffer;
 use osier_scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Points, PointsNow};
 
-/// Most spheres that one cloud may have.
-pub(super) const SPHERES: usize = 100_000;
+/// Most spheres of a point cloud. Own: POV-Ray parses them again for every frame; a larger limit shows more of a dense cloud.
+pub(super) const MAX_SPHERES: usize = 100_000;
 
-/// How much of what is behind it a streak hides, where it is as long as it is wide. Own: chosen by eye, 0..1.
-const VEIL: f32 = 0.14;
+/// Opacity of a streak as long as it is wide, 0 to 1; that of a longer one is less in proportion. Own: chosen by eye.
+const STREAK_OPACITY: f32 = 0.14;
 
-/// A drop that falls less far than so many times its width while the shutter is open is drawn as a ball: a streak would be as broad
-/// as it is long.
-const LONG: f32 = 3.0;
+/// Least ratio of a streak's length to the drop's width; a slower drop is drawn as a sphere. Own: chosen by eye.
+const MIN_STREAK_ASPECT: f32 = 3.0;
 
-/// Shapes as one object. POV-Ray complains about a union of one, and of none. `tail`: what holds for all of them.
-pub(super) fn group(text: &mut Text, count: usize, shapes: &Text, tail: &str) {
+/// Writes shapes as one object: POV-Ray warns of a union of one, and of none. `tail`: texture and the like for all.
+pub(super) fn write_union(text: &mut TextBuffer, count: usize, shapes: &TextBuffer, tail: &str) {
     match count {
         0 => text.put("sphere{0,0 no_image no_shadow no_reflection}\n"),
         1 => text.put("object{\n").append(shapes).put(tail).put("}\n"),
@@ -25,11 +24,11 @@ pub(super) fn group(text: &mut Text, count: usize, shapes: &Text, tail: &str) {
     };
 }
 
-/// One live instance per line, as `object { P_.. matrix <..> }`. `which`: indices of instances; `shown`: for each
-/// prototype, whether it holds anything. Returns how many were written.
-pub(super) fn instances(
-    text: &mut Text,
-    space: Space,
+/// Writes a line for each live instance: `object{P_a_i_p matrix <..>}`. `name`: indices a and i of asset and instancer; `shown`: for
+/// each prototype, whether it has geometry. Returns how many were written.
+pub(super) fn write_instances(
+    text: &mut TextBuffer,
+    space: PovSpace,
     name: (usize, usize),
     instancer: &Instancer,
     state: &InstanceState,
@@ -42,98 +41,110 @@ pub(super) fn instances(
     let start = format!("object{{P_{}_{}_", name.0, name.1);
     text.lines(&alive, |t, _, i| {
         t.put(&start).int(instancer.protos[*i]).put(" ");
-        space.matrix(t, &instancer.transform(state, *i));
+        space.write_matrix(t, &instancer.transform(state, *i));
         t.put("}\n");
     });
     alive.len()
 }
 
-/// Points at one time.
-pub(super) struct Cloud<'a> {
-    /// Where they are.
+/// A point cloud at a frame.
+pub(super) struct CloudFrame<'a> {
     pub now: PointsNow<'a>,
-    /// How what falls is seen.
-    pub view: View,
+    pub view: StreakView,
 }
 
-/// How what falls is seen.
+/// Shutter and camera, from which the motion blur of falling drops follows.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
+pub(super) struct StreakView {
     /// Time for which the shutter is open, s.
     pub open: f32,
-    /// Where the eye is, m.
+    /// Position of the camera, m.
     pub eye: Vec3,
-    /// Streaks nearer to it are left out, m.
+    /// Streaks nearer to the camera than this, m, are left out.
     pub near: f32,
 }
 
-impl View {
-    /// Half of the way that a drop falls while the shutter is open, if that is [`LONG`] enough to be drawn as a streak.
-    fn half(&self, velocity: Option<&Vec3>, radius: f32) -> Option<Vec3> {
-        velocity.map(|v| *v * (self.open * 0.5)).filter(|half| half.length() > LONG * radius)
+impl StreakView {
+    /// Half of the displacement of a drop while the shutter is open, if it is long enough ([`MIN_STREAK_ASPECT`]) for a streak.
+    fn half_streak(&self, velocity: Option<&Vec3>, radius: f32) -> Option<Vec3> {
+        velocity.map(|v| *v * (self.open * 0.5)).filter(|half| half.length() > MIN_STREAK_ASPECT * radius)
     }
 
-    /// Whether a streak is so near that it would be drawn across the picture.
-    fn blurs(&self, p: Vec3, half: Vec3) -> bool {
+    /// Whether the streak from `p` - `half` to `p` + `half` passes nearer to the camera than `near`.
+    fn is_too_near(&self, p: Vec3, half: Vec3) -> bool {
+        // Parameter of the point of the line that is nearest to the camera, -1 to 1 on the streak.
         let t = (self.eye - p).dot(half) / half.length_squared().max(1e-12);
         (p + half * t.clamp(-1.0, 1.0)).distance(self.eye) < self.near
     }
 }
 
-/// A cloud's visible points: spheres, or streaks for water that falls. At most [`SPHERES`], evenly chosen. Returns how
-/// many were left out beyond that.
+/// Writes the visible points of a cloud: spheres, or streaks for falling water. At most [`MAX_SPHERES`], every n-th of them.
+/// Returns how many were left out.
 /// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
-/// Differs: the drop is at each place of its streak for a part of the time only, so the streak is a veil, tapered to both ends,
-/// and not a rod of glass.
-pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &[Material], at: &Cloud) -> usize {
+/// Differs: the drop is at each point of its streak for a part of the time only, so the streak is nearly transparent, tapered to
+/// both ends and without refraction.
+pub(super) fn write_points(
+    text: &mut TextBuffer,
+    space: PovSpace,
+    points: &Points,
+    materials: &[Material],
+    at: &CloudFrame,
+) -> usize {
     let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
     let width = |i: usize| at.now.widths.get(i).copied().unwrap_or(0.0);
-    let half = |i: usize| at.view.half(at.now.velocities.get(i).filter(|_| water), width(i) * 0.5);
-    let seen = |i: &usize| width(*i) > 0.0 && !half(*i).is_some_and(|h| at.view.blurs(at.now.positions[*i], h));
+    let half = |i: usize| at.view.half_streak(at.now.velocities.get(i).filter(|_| water), width(i) * 0.5);
+    let seen = |i: &usize| width(*i) > 0.0 && !half(*i).is_some_and(|h| at.view.is_too_near(at.now.positions[*i], h));
     let visible: Vec<usize> = (0..at.now.positions.len()).filter(seen).collect();
-    let stride = visible.len().div_ceil(SPHERES).max(1);
+    let stride = visible.len().div_ceil(MAX_SPHERES).max(1);
     let kept: Vec<usize> = visible.iter().copied().step_by(stride).collect();
-    let mut shapes = Text::default();
+    let mut shapes = TextBuffer::default();
     shapes.lines(&kept, |t, _, i| {
         let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);
         match half(*i) {
             Some(half) => {
-                // Pointed at both ends: the drop is there for the shortest time.
+                // Two cones from the drop's radius in the middle to 0 at the ends, where the drop is for the shortest time.
                 t.put("union{");
                 for end in [p - half, p + half] {
                     t.put("cone{");
-                    space.point(t, end);
+                    space.write_point(t, end);
                     t.put(",0,");
-                    space.point(t, p);
+                    space.write_point(t, p);
                     t.put(",");
-                    space.length(t, radius);
+                    space.write_length(t, radius);
                     t.put(" open}");
                 }
-                // Its own interior, or it would bend what is seen through it.
-                t.put(" texture{pigment{rgbt<1,1,1,").num(1.0 - VEIL * radius / half.length());
+                // An interior of refractive index 1 replaces that of water, which would refract.
+                t.put(" texture{pigment{rgbt<1,1,1,").num(1.0 - STREAK_OPACITY * radius / half.length());
                 t.put(">}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow");
             }
             None => {
                 t.put("sphere{");
-                space.point(t, p);
+                space.write_point(t, p);
                 t.put(",");
-                space.length(t, radius);
+                space.write_length(t, radius);
             }
         }
         if let Some(c) = at.now.colors.get(*i).filter(|_| !water) {
             t.put(" pigment{");
-            rgb(t, *c);
+            write_rgb(t, *c);
             t.put("}finish{F_").int(points.material).put("}");
         }
         t.put("}\n");
     });
-    group(text, kept.len(), &shapes, &surface(points.material, water));
+    write_union(text, kept.len(), &shapes, &flat_texture(points.material, water));
     visible.len() - kept.len()
 }
 
-/// Polylines as cones with a sphere at every point.
-pub(super) fn curves(text: &mut Text, space: Space, curves: &Curves, points: &[Vec3], materials: &[Material]) {
+/// Writes polylines as cones, with a sphere at every point.
+pub(super) fn write_curves(
+    text: &mut TextBuffer,
+    space: PovSpace,
+    curves: &Curves,
+    points: &[Vec3],
+    materials: &[Material],
+) {
     let radius = |i: usize| curves.widths.get(i).copied().unwrap_or(0.0).max(0.0) * 0.5;
+    // For each point whether a segment leads to it from the one before: false for the first point of a curve.
     let mut joins = vec![false; points.len()];
     let mut start = 0_usize;
     for count in &curves.counts {
@@ -145,32 +156,32 @@ pub(super) fn curves(text: &mut Text, space: Space, curves: &Curves, points: &[V
     text.lines(points, |t, i, p| {
         let before = joins[i] && points[i - 1] != *p;
         let after = joins.get(i + 1) == Some(&true) && points[i + 1] != *p;
-        // What has no length shows nothing: the trail of something that does not move.
+        // A point without segments of a length is omitted: POV-Ray rejects cones of length 0.
         if radius(i) > 0.0 && (before || after) {
             t.put("sphere{");
-            space.point(t, *p);
+            space.write_point(t, *p);
             t.put(",");
-            space.length(t, radius(i));
+            space.write_length(t, radius(i));
             t.put("}\n");
         }
         if before && radius(i) + radius(i - 1) > 0.0 {
             t.put("cone{");
-            space.point(t, points[i - 1]);
+            space.write_point(t, points[i - 1]);
             t.put(",");
-            space.length(t, radius(i - 1));
+            space.write_length(t, radius(i - 1));
             t.put(",");
-            space.point(t, *p);
+            space.write_point(t, *p);
             t.put(",");
-            space.length(t, radius(i));
+            space.write_length(t, radius(i));
             t.put("}\n");
         }
     });
     let water = materials.get(curves.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
-    text.put(&surface(curves.material, water)).put("}\n");
+    text.put(&flat_texture(curves.material, water)).put("}\n");
 }
 
-/// The flat colour of a material: these shapes have no texture coordinates.
-fn surface(material: u32, water: bool) -> String {
+/// Texture and interior of a material without its maps, as these shapes have no texture coordinates.
+fn flat_texture(material: u32, water: bool) -> String {
     let interior = if water { format!("interior{{I_{material}}}") } else { String::new() };
     format!("texture{{C_{material}}}{interior}")
 }
@@ -192,10 +203,10 @@ mod tests {
             moving: false,
             reach: osier_base::geometry::Bounds::default(),
         };
-        let view = View { open: 0.02, eye: Vec3::ZERO, near: 0.0 };
-        let at = Cloud { now: points.at(&osier_scene::PointsFrame::Same), view };
-        let mut text = Text::default();
-        let dropped = cloud(&mut text, Space { scale: 1.0 }, &points, &[], &at);
+        let view = StreakView { open: 0.02, eye: Vec3::ZERO, near: 0.0 };
+        let at = CloudFrame { now: points.at(&osier_scene::PointsFrame::Same), view };
+        let mut text = TextBuffer::default();
+        let dropped = write_points(&mut text, PovSpace { scale: 1.0 }, &points, &[], &at);
         let lines = text.bytes().split(|c| *c == b'\n').filter(|l| *l == b"sphere{<1,1,-1>,0.25}").count();
         assert_eq!((lines, dropped), (83_334, 166_666));
     }
@@ -220,9 +231,15 @@ mod tests {
         };
         let water = Material::plain("water".into(), MaterialClass::Water, [1.0; 3], 0.0);
         // The first falls past the eye, below which it is now.
-        let view = View { open: 0.01, eye: Vec3::new(0.0, 0.025, 0.05), near: 0.1 };
-        let mut text = Text::default();
-        let lost = cloud(&mut text, Space { scale: 100.0 }, &points, &[water], &Cloud { now: points.at(&now), view });
+        let view = StreakView { open: 0.01, eye: Vec3::new(0.0, 0.025, 0.05), near: 0.1 };
+        let mut text = TextBuffer::default();
+        let lost = write_points(
+            &mut text,
+            PovSpace { scale: 100.0 },
+            &points,
+            &[water],
+            &CloudFrame { now: points.at(&now), view },
+        );
         let s = std::str::from_utf8(text.bytes()).expect("ascii");
         assert_eq!((lost, s.matches("cone{").count(), s.matches("sphere{").count()), (0, 2, 1), "{s}");
         // Thirty times as long as wide, so that next to nothing of it is there at any one time.
@@ -241,8 +258,8 @@ mod tests {
             widths: vec![2.0; 4],
             moving: false,
         };
-        let mut text = Text::default();
-        curves(&mut text, Space { scale: 1.0 }, &hairs, &hairs.points, &[]);
+        let mut text = TextBuffer::default();
+        write_curves(&mut text, PovSpace { scale: 1.0 }, &hairs, &hairs.points, &[]);
         let s = std::str::from_utf8(text.bytes()).expect("ascii");
         assert_eq!(s.matches("cone").count(), 2);
         assert!(s.contains("cone{<5,0,0>,1,<6,0,0>,1}") && !s.contains("cone{<1,0,0>"));

@@ -2,20 +2,20 @@
 
 use crate::file_target::FileTarget;
 
-/// What can be chosen.
+/// Options of the POV-Ray writer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PovOptions {
-    /// Every how many frames one is written, >= 1; the others show the nearest written one.
+    /// Interval of written frames, >= 1; 1 writes all.
     pub step: u32,
-    /// POV-Ray units per metre. At 100 POV-Ray's fixed tolerances leave millimetre drops whole.
+    /// POV-Ray units per metre. At 100, POV-Ray's fixed tolerances do not damage drops of a millimetre.
     pub units_per_m: f32,
-    /// Shoot photons through drops of at least this radius, m.
+    /// Least radius, m, of drops that are targets of photons; none traces no photons.
     pub photons: Option<f32>,
-    /// Share of the time between two frames for which the shutter is open, 0..1.
+    /// Share of the frame interval for which the shutter is open, 0 to 1.
     pub shutter: f32,
-    /// Width and height of the picture in pixels.
+    /// Width and height of the rendered image, pixels.
     pub size: (u32, u32),
-    /// Where the files go.
+    /// The files to write.
     pub target: FileTarget,
 }
 

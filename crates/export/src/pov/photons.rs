@@ -1,51 +1,54 @@
-//! Which drops photons aim at. A target gets no ordinary light, so drops that few photons would meet must not be one.
+//! Selection of the drops that are targets of photons. A target receives no ordinary light, so a drop that few photons would hit
+//! must not be one.
 
 use std::collections::BTreeMap;
 
-use super::mesh::pick;
+use super::mesh::extract_triangles;
 use osier_base::geometry::Bounds;
 use osier_scene::{Material, MaterialClass, Mesh};
 
-/// Largest radius of a target, m: photons are spread so that the smallest gets eight across, which makes large ones dear.
-const LARGEST: f32 = 0.02;
+/// Largest radius of a target, m. The spacing of photons is an eighth of the smallest target's radius, so their number grows with
+/// the square of a target's radius: a larger limit makes rendering slower.
+const MAX_TARGET_RADIUS: f32 = 0.02;
 
-/// True if photons aim at something of this radius, m. `smallest`: what was asked for.
-pub(super) fn aims(smallest: Option<f32>, radius: f32) -> bool {
-    smallest.is_some_and(|least| (least..=LARGEST).contains(&radius))
+/// Whether something of this radius, m, is a target. `smallest`: the least radius that the scene asks for, if any.
+pub(super) fn is_target_radius(smallest: Option<f32>, radius: f32) -> bool {
+    smallest.is_some_and(|least| (least..=MAX_TARGET_RADIUS).contains(&radius))
 }
 
-/// True if a mesh is nothing but water.
-pub(super) fn is_water(mesh: &Mesh, materials: &[Material]) -> bool {
+/// Whether all faces of a mesh are water.
+pub(super) fn is_all_water(mesh: &Mesh, materials: &[Material]) -> bool {
     let water = |m: u32| materials.get(m as usize).is_some_and(|m| m.class == MaterialClass::Water);
     !mesh.subsets.is_empty() && mesh.subsets.iter().all(|s| water(s.material))
 }
 
-/// The drops of a mesh that photons aim at, and the others. A drop is what hangs together by its triangles.
-pub(super) fn split(mesh: &Mesh, smallest: Option<f32>) -> (Mesh, Mesh) {
-    let mut above: Vec<usize> = (0..mesh.points.len()).collect();
+/// Splits a mesh of drops into targets and the others. A drop is a connected component of the triangles.
+pub(super) fn split_targets(mesh: &Mesh, smallest: Option<f32>) -> (Mesh, Mesh) {
+    // Union-find over the points: the root of a component is its first point.
+    let mut parent: Vec<usize> = (0..mesh.points.len()).collect();
     for t in &mesh.triangles {
-        let [a, b, c] = t.map(|i| top(&mut above, i as usize));
+        let [a, b, c] = t.map(|i| find_root(&mut parent, i as usize));
         let first = a.min(b).min(c);
-        [a, b, c].into_iter().for_each(|i| above[i] = first);
+        [a, b, c].into_iter().for_each(|i| parent[i] = first);
     }
     let mut boxes: BTreeMap<usize, Bounds> = BTreeMap::new();
     for (i, p) in mesh.points.iter().enumerate() {
-        let drop = boxes.entry(top(&mut above, i)).or_default();
+        let drop = boxes.entry(find_root(&mut parent, i)).or_default();
         *drop = drop.union(Bounds::of([*p]));
     }
-    let large = |t: &[u32; 3], above: &mut [usize]| {
-        let drop = boxes.get(&top(above, t[0] as usize));
-        drop.is_some_and(|b| aims(smallest, b.size().max_element() * 0.5))
+    let large = |t: &[u32; 3], parent: &mut [usize]| {
+        let drop = boxes.get(&find_root(parent, t[0] as usize));
+        drop.is_some_and(|b| is_target_radius(smallest, b.size().max_element() * 0.5))
     };
-    let chosen: Vec<bool> = mesh.triangles.iter().map(|t| large(t, &mut above)).collect();
-    (pick(mesh, |i| chosen[i]), pick(mesh, |i| !chosen[i]))
+    let chosen: Vec<bool> = mesh.triangles.iter().map(|t| large(t, &mut parent)).collect();
+    (extract_triangles(mesh, |i| chosen[i]), extract_triangles(mesh, |i| !chosen[i]))
 }
 
-/// The first point of what a point hangs together with.
-fn top(above: &mut [usize], mut i: usize) -> usize {
-    while above[i] != i {
-        above[i] = above[above[i]];
-        i = above[i];
+/// The root of a point's component, with path halving.
+fn find_root(parent: &mut [usize], mut i: usize) -> usize {
+    while parent[i] != i {
+        parent[i] = parent[parent[i]];
+        i = parent[i];
     }
     i
 }
@@ -69,9 +72,9 @@ mod tests {
             };
             mesh.append(&one.with_material(0));
         }
-        let (large, small) = split(&mesh, Some(0.001));
+        let (large, small) = split_targets(&mesh, Some(0.001));
         assert_eq!((large.triangles.len(), large.points.len(), small.triangles.len()), (2, 4, 4));
         assert!((large.points[0].x - 0.008).abs() < 1e-6 && small.points.len() == 8);
-        assert_eq!(split(&mesh, None).0.triangles.len(), 0);
+        assert_eq!(split_targets(&mesh, None).0.triangles.len(), 0);
     }
 }

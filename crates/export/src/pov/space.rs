@@ -1,31 +1,32 @@
-//! From osier's space to POV-Ray's: left-handed, z into the screen, `scale` units per metre.
+//! Conversion from the scene's space to POV-Ray's, which is left-handed, z into the screen, `scale` units per metre.
 
 use glam::{Mat3, Vec2, Vec3};
 
-use crate::text::Text;
+use crate::text::TextBuffer;
 use osier_scene::Trs;
 
-/// Writes geometry in POV-Ray's space. With F = diag(1, 1, -1): points s F p, normals F n, linear maps F A F,
+/// Writes geometry in POV-Ray's space. With s the scale and F = diag(1, 1, -1): points s F p, normals F n, linear maps F A F,
 /// translations s F t.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Space {
-    /// Units per metre.
+pub(super) struct PovSpace {
+    /// POV-Ray units per metre.
     pub scale: f32,
 }
 
-impl Space {
+impl PovSpace {
     /// A point as `<x,y,z>`. `p`: m.
-    pub fn point(self, text: &mut Text, p: Vec3) {
+    pub fn write_point(self, text: &mut TextBuffer, p: Vec3) {
         text.put("<").num(p.x * self.scale).put(",").num(p.y * self.scale).put(",").num(-p.z * self.scale).put(">");
     }
 
-    /// A length. `v`: m.
-    pub fn length(self, text: &mut Text, v: f32) {
+    /// A length in units. `v`: m.
+    pub fn write_length(self, text: &mut TextBuffer, v: f32) {
         text.num(v * self.scale);
     }
 
-    /// A transform as `matrix <..>`: the columns of the linear part, then the translation.
-    pub fn matrix(self, text: &mut Text, trs: &Trs) {
+    /// A transform as `matrix <..>`: POV-Ray multiplies row vectors, so its rows are the columns of the linear part F A F, and the
+    /// translation. F on both sides negates the entries that mix z with x or y.
+    pub fn write_matrix(self, text: &mut TextBuffer, trs: &Trs) {
         let a = Mat3::from_quat(trs.r) * Mat3::from_diagonal(trs.s);
         let (x, y, z, t) = (a.x_axis, a.y_axis, a.z_axis, trs.t * self.scale);
         let rows = [x.x, x.y, -x.z, y.x, y.y, -y.z, -z.x, -z.y, z.z, t.x, t.y, -t.z];
@@ -34,17 +35,17 @@ impl Space {
 }
 
 /// A direction as `<x,y,z>`.
-pub(super) fn direction(text: &mut Text, n: Vec3) {
+pub(super) fn write_direction(text: &mut TextBuffer, n: Vec3) {
     text.put("<").num(n.x).put(",").num(n.y).put(",").num(-n.z).put(">");
 }
 
 /// A texture coordinate as `<u,v>`.
-pub(super) fn uv(text: &mut Text, v: Vec2) {
+pub(super) fn write_uv(text: &mut TextBuffer, v: Vec2) {
     text.put("<").num(v.x).put(",").num(v.y).put(">");
 }
 
-/// Three numbers as they are, for colours.
-pub(super) fn rgb(text: &mut Text, c: [f32; 3]) {
+/// A linear colour as `rgb <r,g,b>`.
+pub(super) fn write_rgb(text: &mut TextBuffer, c: [f32; 3]) {
     text.put("rgb <").list(&c, ",").put(">");
 }
 
@@ -55,7 +56,7 @@ mod tests {
 
     use super::*;
 
-    fn numbers(text: &Text) -> Vec<f32> {
+    fn numbers(text: &TextBuffer) -> Vec<f32> {
         let s = std::str::from_utf8(text.bytes()).expect("ascii");
         let inner = s.split(['<', '>']).nth(1).expect("angle brackets");
         inner.split(',').map(|v| v.parse().expect("number")).collect()
@@ -73,11 +74,11 @@ mod tests {
             let q = Quat::from_array(q);
             prop_assume!(q.length() > 0.1);
             let trs = Trs { t: t.into(), r: q.normalize(), s: s.into() };
-            let space = Space { scale: 100.0 };
-            let (mut m, mut a, mut b) = (Text::default(), Text::default(), Text::default());
-            space.matrix(&mut m, &trs);
-            space.point(&mut a, p.into());
-            space.point(&mut b, trs.apply(p.into()));
+            let space = PovSpace { scale: 100.0 };
+            let (mut m, mut a, mut b) = (TextBuffer::default(), TextBuffer::default(), TextBuffer::default());
+            space.write_matrix(&mut m, &trs);
+            space.write_point(&mut a, p.into());
+            space.write_point(&mut b, trs.apply(p.into()));
             let (m, a, b) = (numbers(&m), numbers(&a), numbers(&b));
             for row in 0..3 {
                 // POV-Ray multiplies row vectors: p' = p * M, the four rows of M listed one after the other.

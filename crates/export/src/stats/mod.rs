@@ -1,5 +1,21 @@
-//! What is measured, for spreadsheets and people: `stats/<table>.csv`, a row per frame, `stats/<table>.json` with what is
-//! said once, and `stats/<table>.svg`, the plots.
+//! Statistics of simulations: `stats/<table>.csv`, a row for each frame, `stats/<table>.json` with parameters, totals, means and
+//! warnings, and `stats/<table>.svg`, the plots.
+//!
+//! ```
+//! use osier_export::stats::{Run, Sweep, Whole};
+//!
+//! let run = |seed, exited| {
+//!     let whole = Whole { last: vec![("exited".into(), exited)], ..Whole::default() };
+//!     Run { values: vec!["2".into()], seed, hash: String::new(), whole }
+//! };
+//! let sweep = Sweep {
+//!     title: "walls".into(),
+//!     keys: vec!["solid.0.size.1".into()],
+//!     outcome: vec!["exited".into()],
+//!     runs: vec![run(1, 10.0), run(2, 14.0)],
+//! };
+//! assert_eq!(sweep.means()[0].outcome, [[12.0, 10.0, 14.0]], "mean, least and most over the seeds");
+//! ```
 
 mod plot;
 mod sweep;
@@ -16,7 +32,7 @@ use super::{Exporter, Summary};
 use osier_base::files::Folder;
 use osier_scene::{Frame, Scene, Table, largest};
 
-/// Tables of statistics in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "csv",
     about: "statistics of flights and rain: tables, JSON and plots",
@@ -25,20 +41,20 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: false,
     memory_percent: 0,
     estimate: |input| input.per_asset(|_| input.frames * 200),
-    open: |job| vec![Box::new(Stats::new(job.folder.clone()))],
+    open: |job| vec![Box::new(StatsExporter::new(job.folder.clone()))],
 };
 
-/// Exporter of a scene's tables.
+/// Writes the tables of a scene.
 #[derive(Debug)]
-pub struct Stats {
+pub struct StatsExporter {
     folder: Folder,
     scene: Option<Arc<Scene>>,
-    /// By table: frame number and row.
+    /// For each table the rows so far, with their frame numbers.
     rows: Vec<Vec<(u32, Vec<f64>)>>,
 }
 
-impl Stats {
-    /// Writes into `folder`.
+impl StatsExporter {
+    /// An exporter into `folder`.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None, rows: Vec::new() }
     }
@@ -49,14 +65,14 @@ impl Stats {
         let said = json(scene, table, rows).to_string();
         self.folder.write(&path("json"), "stats.json", (said + "\n").as_bytes())?;
         if rows.len() > 1 {
-            let drawn = plot::panels(&scene.title, table, scene.clip, rows);
+            let drawn = plot::draw_table(&scene.title, table, scene.clip, rows);
             self.folder.write(&path("svg"), "stats.svg", drawn.as_bytes())?;
         }
         Ok(())
     }
 }
 
-impl Exporter for Stats {
+impl Exporter for StatsExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> osier_base::Result<()> {
         self.rows = vec![Vec::new(); scene.tables.len()];
         self.scene = Some(Arc::clone(scene));
@@ -80,21 +96,21 @@ impl Exporter for Stats {
     }
 }
 
-/// A table in a few numbers, by column.
+/// Summary of a table over all frames, by column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Whole {
-    /// All that happened, of the columns that count it.
+    /// Values at the last frame of the columns that count events.
     pub totals: Vec<(String, f64)>,
-    /// What is so at the last frame, of all other columns.
+    /// Values at the last frame of the other columns.
     pub last: Vec<(String, f64)>,
-    /// Their means over the frames.
+    /// Means over the frames of the other columns.
     pub mean: Vec<(String, f64)>,
-    /// Their largest values.
+    /// Largest values of the other columns.
     pub most: Vec<(String, f64)>,
 }
 
 impl Whole {
-    /// Of all rows, in the order of frames.
+    /// Summarises rows in the order of frames.
     pub fn of(table: &Table, rows: &[(u32, Vec<f64>)]) -> Self {
         let mut whole = Self::default();
         let Some((_, last)) = rows.last() else { return whole };
@@ -113,7 +129,7 @@ impl Whole {
     }
 }
 
-/// A number as short as it can be said, without a zero's sign.
+/// The shortest decimal that reads back equal; -0 as 0.
 fn number(v: f64) -> String {
     let mut buffer = ryu::Buffer::new();
     let text = buffer.format(v + 0.0);
@@ -134,7 +150,7 @@ fn csv(scene: &Scene, table: &Table, rows: &[(u32, Vec<f64>)]) -> String {
     out
 }
 
-/// Seed, hash, what ruled the run, what it came to, and what was warned of.
+/// Seed, scene hash, parameters, summary and warnings of a table.
 fn json(scene: &Scene, table: &Table, rows: &[(u32, Vec<f64>)]) -> serde_json::Value {
     let whole = Whole::of(table, rows);
     let most = largest(rows.iter().map(|(_, row)| row.as_slice()));

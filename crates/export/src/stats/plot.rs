@@ -1,4 +1,4 @@
-//! Lines over time as SVG.
+//! Line plots as SVG.
 
 use std::fmt::Write as _;
 
@@ -7,103 +7,103 @@ use osier_base::math::{ln, pow};
 use osier_scene::{Clip, Table};
 
 const WIDTH: f64 = 760.0;
-const PANEL: f64 = 220.0;
+const PANEL_HEIGHT: f64 = 220.0;
 const LEFT: f64 = 64.0;
 const RIGHT: f64 = 170.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 34.0;
-/// Told apart by people who see fewer colours as well.
+/// Colours that people with colour blindness can distinguish.
 /// Source: M. Okabe, K. Ito, "Color universal design", 2008.
 const COLORS: [&str; 7] = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#444444"];
 
-/// A step of 1, 2 or 5 times a power of ten that cuts `span` into about `count` parts.
-fn step(span: f64, count: f64) -> f64 {
+/// Step between ticks: 1, 2 or 5 times a power of ten, such that `span` has at most about `count` of them.
+fn tick_step(span: f64, count: f64) -> f64 {
     let rough = (span / count).max(1e-12);
     let power = pow(10.0, (ln(rough) / std::f64::consts::LN_10).floor());
     let factor = [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * power >= rough).unwrap_or(10.0);
     factor * power
 }
 
-/// A multiple of a round number without the noise of its last digits.
-fn tidy(v: f64) -> String {
+/// A tick's value as text, rounded to 1e-9 to remove rounding errors.
+fn round_label(v: f64) -> String {
     number((v * 1e9).round() / 1e9)
 }
 
-/// A line of a panel.
+/// A line of a panel with its legend.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Line {
+pub(super) struct PlotLine {
     pub label: String,
     pub points: Vec<[f64; 2]>,
-    /// Least and most at each point, where it is the mean of several.
+    /// Minimum and maximum at each point if it is a mean of several runs, else empty.
     pub spread: Vec<[f64; 2]>,
 }
 
-/// Lines over one another.
+/// A plot of several lines.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Panel {
+pub(super) struct PlotPanel {
     pub name: String,
-    pub lines: Vec<Line>,
+    pub lines: Vec<PlotLine>,
 }
 
-/// What runs along the bottom of all panels.
+/// The horizontal axis of all panels.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Axis {
+pub(super) struct PlotAxis {
     pub ticks: Vec<(f64, String)>,
     pub label: String,
 }
 
-/// A panel per group of columns, one below the other.
-pub(super) fn panels(title: &str, table: &Table, clip: Clip, rows: &[(u32, Vec<f64>)]) -> String {
+/// Draws a table over time: a panel for each group of columns.
+pub(super) fn draw_table(title: &str, table: &Table, clip: Clip, rows: &[(u32, Vec<f64>)]) -> String {
     let times: Vec<f64> = rows.iter().map(|(f, _)| clip.seconds(*f)).collect();
     let line = |c: &usize| {
         let (label, unit) = table.columns.get(*c).map_or(("", ""), |(name, unit)| (name.as_str(), *unit));
         let label =
             if unit.is_empty() { label.replace('_', " ") } else { format!("{} [{unit}]", label.replace('_', " ")) };
         let points = rows.iter().zip(&times).map(|((_, r), t)| [*t, r.get(*c).copied().unwrap_or(0.0)]).collect();
-        Line { label, points, spread: Vec::new() }
+        PlotLine { label, points, spread: Vec::new() }
     };
-    let panel = |(name, columns): &(&str, Vec<usize>)| Panel {
+    let panel = |(name, columns): &(&str, Vec<usize>)| PlotPanel {
         name: (*name).to_owned(),
         lines: columns.iter().map(line).collect(),
     };
     let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(1.0));
-    let tick = step(last - first, 6.0);
+    let tick = tick_step(last - first, 6.0);
     let mut ticks = Vec::new();
     let mut t = (first / tick).ceil() * tick;
     while t <= last + 1e-9 {
-        ticks.push((t, format!("{} s", tidy((t / tick).round() * tick))));
+        ticks.push((t, format!("{} s", round_label((t / tick).round() * tick))));
         t += tick;
     }
-    draw(title, &Axis { ticks, label: String::new() }, &table.plots.iter().map(panel).collect::<Vec<_>>())
+    draw_panels(title, &PlotAxis { ticks, label: String::new() }, &table.plots.iter().map(panel).collect::<Vec<_>>())
 }
 
-/// Panels one below the other, over one axis.
-pub(super) fn draw(title: &str, axis: &Axis, panels: &[Panel]) -> String {
-    let height = TOP + panels.len() as f64 * (PANEL + BOTTOM + TOP);
+/// Draws panels below each other with the same horizontal axis.
+pub(super) fn draw_panels(title: &str, axis: &PlotAxis, panels: &[PlotPanel]) -> String {
+    let height = TOP + panels.len() as f64 * (PANEL_HEIGHT + BOTTOM + TOP);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
          font-size=\"12\" fill=\"#222\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"white\"/>\n\
          <text x=\"{LEFT}\" y=\"22\" font-size=\"15\">{}</text>\n",
-        escaped(title)
+        escape_xml(title)
     );
     for (i, shown) in panels.iter().enumerate() {
-        let y = TOP + i as f64 * (PANEL + BOTTOM + TOP) + TOP * 0.6;
-        panel(&mut out, y, shown, axis);
+        let y = TOP + i as f64 * (PANEL_HEIGHT + BOTTOM + TOP) + TOP * 0.6;
+        draw_panel(&mut out, y, shown, axis);
     }
     out.push_str("</svg>\n");
     out
 }
 
-/// Where numbers are in a panel.
-struct Scale {
+/// Conversion from values to positions in a panel; the vertical axis begins at 0.
+struct PanelScale {
     top: f64,
     first: f64,
     last: f64,
     most: f64,
 }
 
-impl Scale {
-    fn of(top: f64, panel: &Panel) -> Self {
+impl PanelScale {
+    fn of(top: f64, panel: &PlotPanel) -> Self {
         let points = || panel.lines.iter().flat_map(|l| &l.points);
         let first = points().map(|p| p[0]).fold(f64::INFINITY, f64::min);
         let last = points().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max);
@@ -117,16 +117,16 @@ impl Scale {
     }
 
     fn y(&self, v: f64) -> f64 {
-        self.top + PANEL - v / self.most * PANEL
+        self.top + PANEL_HEIGHT - v / self.most * PANEL_HEIGHT
     }
 }
 
-fn panel(out: &mut String, top: f64, panel: &Panel, axis: &Axis) {
-    let scale = Scale::of(top, panel);
+fn draw_panel(out: &mut String, top: f64, panel: &PlotPanel, axis: &PlotAxis) {
+    let scale = PanelScale::of(top, panel);
     let right = WIDTH - RIGHT;
-    let name = escaped(&panel.name);
+    let name = escape_xml(&panel.name);
     let _ = writeln!(out, "<text x=\"{LEFT}\" y=\"{:.1}\" font-weight=\"bold\">{name}</text>", top - 6.0);
-    let grid = step(scale.most, 5.0);
+    let grid = tick_step(scale.most, 5.0);
     let mut v = 0.0;
     while v <= scale.most {
         let at = scale.y(v);
@@ -136,24 +136,24 @@ fn panel(out: &mut String, top: f64, panel: &Panel, axis: &Axis) {
              text-anchor=\"end\">{}</text>",
             LEFT - 6.0,
             at + 4.0,
-            tidy((v / grid).round() * grid)
+            round_label((v / grid).round() * grid)
         );
         v += grid;
     }
     for (at, text) in &axis.ticks {
-        let (x, y, text) = (scale.x(*at), top + PANEL + 16.0, escaped(text));
+        let (x, y, text) = (scale.x(*at), top + PANEL_HEIGHT + 16.0, escape_xml(text));
         let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>");
     }
     if !axis.label.is_empty() {
-        let (x, y, text) = (right + 10.0, top + PANEL + 16.0, escaped(&axis.label));
+        let (x, y, text) = (right + 10.0, top + PANEL_HEIGHT + 16.0, escape_xml(&axis.label));
         let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>");
     }
     for (k, shown) in panel.lines.iter().enumerate() {
-        line(out, &scale, k, shown);
+        draw_line(out, &scale, k, shown);
     }
 }
 
-fn line(out: &mut String, scale: &Scale, k: usize, line: &Line) {
+fn draw_line(out: &mut String, scale: &PanelScale, k: usize, line: &PlotLine) {
     let color = COLORS[k % COLORS.len()];
     for ([x, _], [least, most]) in line.points.iter().zip(&line.spread) {
         let (x, low, high) = (scale.x(*x), scale.y(*least), scale.y(*most));
@@ -171,11 +171,11 @@ fn line(out: &mut String, scale: &Scale, k: usize, line: &Line) {
         points.join(" "),
         WIDTH - RIGHT + 10.0,
         scale.top + 12.0 + 16.0 * k as f64,
-        escaped(&line.label)
+        escape_xml(&line.label)
     );
 }
 
-fn escaped(text: &str) -> String {
+fn escape_xml(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
@@ -186,7 +186,9 @@ mod tests {
     #[test]
     fn ticks_are_round_numbers() {
         let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * b;
-        assert_eq!((tidy(3.0 * 0.2), tidy(400.0)), ("0.6".to_owned(), "400".to_owned()));
-        assert!(near(step(10.0, 5.0), 2.0) && near(step(2100.0, 5.0), 500.0) && near(step(0.7, 5.0), 0.2));
+        assert_eq!((round_label(3.0 * 0.2), round_label(400.0)), ("0.6".to_owned(), "400".to_owned()));
+        assert!(
+            near(tick_step(10.0, 5.0), 2.0) && near(tick_step(2100.0, 5.0), 500.0) && near(tick_step(0.7, 5.0), 0.2)
+        );
     }
 }

@@ -1,54 +1,54 @@
-//! Runs of a scene with other values of some keys: a row each, and plots of their means over the first key.
+//! Parameter sweeps: runs of a scene with different values of some keys, as rows of a table, and plots of the means over the seeds.
 
 use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
 
-use super::plot::{Axis, Line, Panel, draw};
+use super::plot::{PlotAxis, PlotLine, PlotPanel, draw_panels};
 use super::{Whole, named, number};
 use osier_base::Result;
 use osier_base::files::Folder;
 
-/// What several runs came to.
+/// The results of a parameter sweep.
 #[derive(Debug, Clone, Default)]
 pub struct Sweep {
-    /// Of the scene.
+    /// Title of the scene, for the plot.
     pub title: String,
     /// Keys, as `--set` names them.
     pub keys: Vec<String>,
-    /// Columns of the table that runs are compared by.
+    /// Columns of the table that are plotted.
     pub outcome: Vec<String>,
-    /// In the order in which they were made.
+    /// In the order in which they were simulated.
     pub runs: Vec<Run>,
 }
 
-/// One run.
+/// A run of a sweep.
 #[derive(Debug, Clone, Default)]
 pub struct Run {
     /// A value for each key, as written into the scene.
     pub values: Vec<String>,
-    /// Seed.
+    /// Seed of the run; runs of equal values differ in it.
     pub seed: u64,
-    /// Hash of the scene.
+    /// Hash of the scene with these values, hexadecimal.
     pub hash: String,
-    /// What it came to.
+    /// Summary of its table.
     pub whole: Whole,
 }
 
-/// Runs that differ by nothing but their seeds.
+/// The mean over runs that differ in their seeds only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mean {
     /// A value for each key.
     pub values: Vec<String>,
-    /// How many there are.
+    /// Number of runs.
     pub count: usize,
-    /// Mean, least and most of each column of the outcome.
+    /// Mean, minimum and maximum of each column of the outcome.
     pub outcome: Vec<[f64; 3]>,
 }
 
 impl Run {
-    /// What a column came to: what happened in all, or what is so at the last frame.
-    fn of(&self, name: &str) -> f64 {
+    /// The total of a column that counts events, or the value of another column at the last frame.
+    fn outcome(&self, name: &str) -> f64 {
         let all = self.whole.totals.iter().chain(&self.whole.last);
         all.filter(|c| c.0 == name).map(|c| c.1).next().unwrap_or(0.0)
     }
@@ -60,7 +60,7 @@ impl Run {
 }
 
 impl Sweep {
-    /// Means over the seeds, in the order of the runs.
+    /// Means over the seeds, in the order of the first runs of each choice of values.
     pub fn means(&self) -> Vec<Mean> {
         let mut groups: Vec<Vec<&Run>> = Vec::new();
         for run in &self.runs {
@@ -71,7 +71,7 @@ impl Sweep {
         }
         let mean = |group: &Vec<&Run>| {
             let of = |name: &String| {
-                let each = || group.iter().map(|r| r.of(name));
+                let each = || group.iter().map(|r| r.outcome(name));
                 let sum = each().fold(0.0, |sum, v| sum + v);
                 [sum / group.len() as f64, each().fold(f64::INFINITY, f64::min), each().fold(0.0, f64::max)]
             };
@@ -80,7 +80,7 @@ impl Sweep {
         groups.iter().map(mean).collect()
     }
 
-    /// Writes `sweep.csv`, `sweep.json` and, where there is something to compare, `sweep.svg`.
+    /// Writes `sweep.csv`, `sweep.json`, and `sweep.svg` if there are keys and runs.
     /// # Errors
     /// `Io`.
     pub fn write(&self, folder: &Folder) -> Result<()> {
@@ -94,10 +94,11 @@ impl Sweep {
 
     fn csv(&self) -> String {
         let names = self.runs.first().map(|r| r.numbers().map(|n| n.0).collect::<Vec<_>>()).unwrap_or_default();
-        let heads: Vec<String> = self.keys.iter().map(|k| cell(k)).chain(["seed".to_owned()]).chain(names).collect();
+        let heads: Vec<String> =
+            self.keys.iter().map(|k| csv_cell(k)).chain(["seed".to_owned()]).chain(names).collect();
         let mut out = heads.join(",") + "\n";
         for run in &self.runs {
-            let values: Vec<String> = run.values.iter().map(|v| cell(v)).collect();
+            let values: Vec<String> = run.values.iter().map(|v| csv_cell(v)).collect();
             let numbers: Vec<String> = run.numbers().map(|n| number(n.1)).collect();
             let all: Vec<String> = values.into_iter().chain([run.seed.to_string()]).chain(numbers).collect();
             let _ = writeln!(out, "{}", all.join(","));
@@ -128,17 +129,17 @@ impl Sweep {
         })
     }
 
-    /// A panel for each column of the outcome, a line for each choice of all keys but the first.
+    /// A panel for each column of the outcome, over the first key, with a line for each choice of the other keys.
     fn svg(&self) -> String {
         let means = self.means();
         let mut ticks: Vec<(f64, String)> = Vec::new();
         for text in means.iter().filter_map(|m| m.values.first()) {
             if !ticks.iter().any(|t| t.1 == *text) {
-                // What are no numbers stands side by side.
+                // Values that are not numbers are placed side by side.
                 ticks.push((text.parse().unwrap_or(ticks.len() as f64), text.clone()));
             }
         }
-        let place = |m: &Mean| ticks.iter().find(|t| m.values.first() == Some(&t.1)).map_or(0.0, |t| t.0);
+        let position = |m: &Mean| ticks.iter().find(|t| m.values.first() == Some(&t.1)).map_or(0.0, |t| t.0);
         let mut others: Vec<&[String]> = Vec::new();
         for rest in means.iter().map(|m| m.values.get(1..).unwrap_or_default()) {
             if !others.contains(&rest) {
@@ -148,24 +149,24 @@ impl Sweep {
         let panel = |(i, name): (usize, &String)| {
             let line = |rest: &&[String]| {
                 let mut those: Vec<&Mean> = means.iter().filter(|m| m.values.get(1..) == Some(*rest)).collect();
-                those.sort_by(|a, b| place(a).total_cmp(&place(b)));
+                those.sort_by(|a, b| position(a).total_cmp(&position(b)));
                 let keys = self.keys.iter().skip(1).map(|k| k.rsplit('.').next().unwrap_or(k));
                 let label: Vec<String> = keys.zip(*rest).map(|(k, v)| format!("{k} {v}")).collect();
-                Line {
+                PlotLine {
                     label: label.join(", "),
-                    points: those.iter().map(|m| [place(m), m.outcome[i][0]]).collect(),
+                    points: those.iter().map(|m| [position(m), m.outcome[i][0]]).collect(),
                     spread: those.iter().filter(|m| m.count > 1).map(|m| [m.outcome[i][1], m.outcome[i][2]]).collect(),
                 }
             };
-            Panel { name: name.replace('_', " "), lines: others.iter().map(line).collect() }
+            PlotPanel { name: name.replace('_', " "), lines: others.iter().map(line).collect() }
         };
-        let axis = Axis { ticks: ticks.clone(), label: self.keys.first().cloned().unwrap_or_default() };
-        draw(&self.title, &axis, &self.outcome.iter().enumerate().map(panel).collect::<Vec<_>>())
+        let axis = PlotAxis { ticks: ticks.clone(), label: self.keys.first().cloned().unwrap_or_default() };
+        draw_panels(&self.title, &axis, &self.outcome.iter().enumerate().map(panel).collect::<Vec<_>>())
     }
 }
 
-/// A cell of a table: in quotes where it holds what parts cells.
-fn cell(text: &str) -> String {
+/// A cell of a CSV row (RFC 4180): in quotes if it has a comma, a quote or a line break.
+fn csv_cell(text: &str) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }
 

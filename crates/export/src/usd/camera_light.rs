@@ -1,4 +1,4 @@
-//! Camera and lights.
+//! Camera, sun, sky and fog.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -9,13 +9,13 @@ use osier_base::Result;
 use osier_base::math;
 use osier_scene::{Fog, Trs};
 
-/// Height of the picture on the film, tenths of a metre: 24 mm.
+/// Vertical aperture in tenths of the scene unit, as UsdGeomCamera has it: 24 mm.
 const FILM: f32 = 0.24;
-/// Width to height of the picture.
+/// Aspect ratio of the aperture, width to height.
 const ASPECT: f32 = 16.0 / 9.0;
 
-/// Writes camera, sun and sky under `root`. `picture`: path of the sky's equirectangular picture, seen from the layer; without one
-/// the sky is of one colour.
+/// Defines camera, sun, sky and fog below `root`. `picture`: path of the sky's equirectangular image, relative to the layer;
+/// without one the sky has a single colour.
 pub(super) fn define_camera_and_lights(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -28,7 +28,8 @@ pub(super) fn define_camera_and_lights(
     define_fog(cx, layer, &format!("{root}/fog"))
 }
 
-/// Haze as numbers for whoever renders: a prim whose properties Blender shows as its own. Density: per metre.
+/// Defines fog as a prim with user properties, which Blender imports as custom properties; USD has no schema for it. Density, 1/m, is
+/// the extinction coefficient of the visibility.
 fn define_fog(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let Some(fog) = cx.scene.sky.fog else { return Ok(()) };
     layer.define_prim(path, "Xform")?;
@@ -67,12 +68,13 @@ fn define_sun(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<(
     let degrees = sun.angle * 180.0 / std::f32::consts::PI;
     layer.set_attr(&format!("{path}.inputs:angle"), "float", UsdValue::Float(degrees))?;
     layer.set_attr(&format!("{path}.inputs:color"), "color3f", UsdValue::Float3(sun.color))?;
-    // The measure of a light whose brightness does not depend on its angle, as Blender writes and reads it.
+    // A normalised light: its illumination does not depend on the angle. The factor 4 is the convention of Blender's exporter and
+    // importer.
     layer.set_attr(&format!("{path}.inputs:intensity"), "float", UsdValue::Float(sun.strength / 4.0))?;
     layer.set_attr(&format!("{path}.inputs:normalize"), "bool", UsdValue::Bool(true))?;
-    // Light leaves along -Z.
+    // A distant light emits along its -Z.
     let r = math::rotation_between(Vec3::Z, sun.direction());
-    // Where it stands does not matter to the light, only to whoever wants to grab it.
+    // The position has no effect on the light; near the target it is easy to select.
     let t = cx.up.stage_vec(cx.scene.camera.target + sun.direction() * 10.0);
     layer.set_xform_ops(path, &Trs { t, r: cx.up.world_to_stage() * r, s: Vec3::ONE })
 }
@@ -84,7 +86,7 @@ fn define_sky(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, picture: Op
         layer.set_attr(&format!("{path}.inputs:intensity"), "float", UsdValue::Float(1.0))?;
         layer.set_attr(&format!("{path}.inputs:texture:file"), "asset", UsdValue::Asset(picture))?;
         layer.set_attr(&format!("{path}.inputs:texture:format"), "token", UsdValue::Token("latlong"))?;
-        // The pole of such a picture is +Y on every stage.
+        // The pole of a `latlong` texture is the light's +Y, whatever the up axis of the stage.
         return layer.set_xform_ops(path, &Trs { r: cx.up.world_to_stage(), ..Trs::IDENTITY });
     }
     let mean: [f32; 3] = std::array::from_fn(|i| (sky.horizon[i] + sky.zenith[i]) * 0.5);

@@ -79,6 +79,7 @@ pub(super) fn define_instancer(
     path: &str,
     instancer: &Instancer,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
+    // Orientations are half precision (`quath`), and the extent is computed from the rounded ones, as readers will.
     layer.define_prim(path, "PointInstancer")?;
     let up = cx.up;
     let n = instancer.len();
@@ -314,6 +315,7 @@ pub(super) fn define_point_twin(
     path: &str,
     instancer: &Instancer,
 ) -> Result<Box<dyn AnimatedPrim>> {
+    // A point is as wide as its prototype's box at the instance's scale; readers that show points as spheres show the size.
     layer.define_prim(path, "Points")?;
     let up = cx.up;
     let diameters = diameters(instancer);

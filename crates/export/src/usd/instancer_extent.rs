@@ -1,4 +1,4 @@
-//! The box around many placed boxes.
+//! The extent of an instancer: the box around the transformed boxes of its prototypes, four instances at a time.
 
 use glam::{Mat4, Vec3, Vec4};
 use half::f16;
@@ -8,25 +8,25 @@ use super::axis::{UpAxis, extent};
 use osier_base::geometry::Bounds;
 use osier_scene::{Instancer, Prototype};
 
-/// Instances worked on side by side, one in each lane of a vector.
+/// Instances in a block, one in each lane of a vector.
 const LANES: usize = 4;
 
-/// A vector for each direction.
+/// x, y and z of four instances.
 type Lanes3 = [Vec4; 3];
 
-/// What some instances show, in stage space.
+/// The prototype boxes of four instances, in the axes of the stage.
 struct InstanceBoxLanes {
     scale: Lanes3,
-    /// Middle and half sides of the prototype's box.
+    /// Centre and half sides of the prototype's box.
     center: Lanes3,
     half: Lanes3,
-    /// However it turns, its box ends no farther from its pivot, in any direction.
+    /// Upper bound of the distance from the instance's position to any point of its box, for every rotation.
     reach: Vec4,
-    /// Lanes with an instance that shows anything.
+    /// Lanes with an instance that has geometry.
     any: [bool; LANES],
 }
 
-/// What the instances of an instancer show.
+/// The prototype boxes of all instances of an instancer.
 pub(super) struct InstancerBounds {
     blocks: Vec<InstanceBoxLanes>,
 }
@@ -49,7 +49,7 @@ impl InstancerBounds {
         Self { blocks: each.chunks(LANES).map(InstanceBoxLanes::of).collect() }
     }
 
-    /// The box of all instances that live, from their rotations in half precision and their positions.
+    /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w.
     pub(super) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], alive: &[bool]) -> [[f32; 3]; 2] {
         let mut rounded = vec![0.0; turns.len() * 4];
         turns.as_flattened().convert_to_f32_slice(&mut rounded);
@@ -63,10 +63,10 @@ impl InstancerBounds {
             match (t.try_into(), q.try_into()) {
                 (Ok(t), Ok(q)) if live == [true; LANES] => span.add(shown, t, q),
                 _ => {
-                    // Lanes without an instance repeat one that is there.
+                    // Lanes without a live instance repeat one that is alive, which does not change the box.
                     let Some(first) = live.iter().position(|l| *l) else { continue };
                     let lanes: [usize; LANES] = std::array::from_fn(|l| if live[l] { l } else { first });
-                    span.add(&shown.pick(lanes), &lanes.map(|l| t[l]), &lanes.map(|l| q[l]));
+                    span.add(&shown.permute(lanes), &lanes.map(|l| t[l]), &lanes.map(|l| q[l]));
                 }
             }
         }
@@ -77,12 +77,12 @@ impl InstancerBounds {
 }
 
 impl InstanceBoxLanes {
-    /// At most `LANES` instances: scale, middle and half sides.
+    /// Transposes at most `LANES` instances: scale, centre and half sides of each, none without geometry.
     fn of(each: &[Option<[Vec3; 3]>]) -> Self {
         let lane = |l: usize| each.get(l).copied().flatten();
         let of =
             |what: usize| transpose_lanes(&std::array::from_fn(|l| lane(l).map_or(Vec3::ZERO, |shape| shape[what])));
-        // Rounded quaternions make matrices that stretch by less than a hundredth.
+        // The triangle inequality; quaternions rounded to half precision give matrices that stretch by less than a hundredth.
         let reach = |[scale, center, half]: [Vec3; 3]| 1.01 * ((scale * center).length() + (scale * half).length());
         Self {
             scale: of(0),
@@ -93,8 +93,8 @@ impl InstanceBoxLanes {
         }
     }
 
-    /// The same with other instances in the lanes.
-    fn pick(&self, lanes: [usize; LANES]) -> Self {
+    /// The same block with the lanes in another order.
+    fn permute(&self, lanes: [usize; LANES]) -> Self {
         let pick = |v: Vec4| {
             let v = v.to_array();
             Vec4::from_array(lanes.map(|l| v[l]))
@@ -113,17 +113,18 @@ fn transpose_lanes([a, b, c, d]: &[Vec3; LANES]) -> Lanes3 {
     [Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y), Vec4::new(a.z, b.z, c.z, d.z)]
 }
 
-/// Smallest and largest coordinates so far, lane by lane.
+/// Smallest and largest coordinates so far, in each lane.
 struct ExtentLanes {
     low: Lanes3,
     high: Lanes3,
 }
 
 impl ExtentLanes {
-    /// Grows by the boxes of some instances at positions `t`, turned by `q` (x, y, z, w).
+    /// Adds the boxes of four instances at positions `t` with orientations `q` (x, y, z, w).
     fn add(&mut self, shown: &InstanceBoxLanes, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
         let t = transpose_lanes(t);
-        // Most instances lie well within what the others span; the second term covers all rounding.
+        // Skip blocks that cannot extend the box: t +- reach lies within it. The term 1e-6 |t| covers the rounding of all sums, so
+        // the result has the same bits as without this test.
         let within = |k: usize| {
             let reach = shown.reach + t[k].abs() * 1e-6;
             (t[k] - reach).cmpge(self.low[k]) & (t[k] + reach).cmple(self.high[k])
@@ -131,7 +132,7 @@ impl ExtentLanes {
         if (within(0) & within(1) & within(2)).all() {
             return;
         }
-        // A box turns into the box around its turned middle with the matrix's absolute values applied to its half sides.
+        // The box around a transformed box (Arvo 1990): centre t + R S c, half sides |R S| h, row by row.
         for (k, row) in rotation_rows(q).into_iter().enumerate() {
             let [x, y, z]: Lanes3 = std::array::from_fn(|i| row[i] * shown.scale[i]);
             let middle = t[k] + (x * shown.center[0] + y * shown.center[1] + z * shown.center[2]);
@@ -142,8 +143,8 @@ impl ExtentLanes {
     }
 }
 
-/// Rows of the quaternions' matrices, as readers compute them: the quaternions were rounded, so these are not quite
-/// rotations.
+/// Rows of the matrices of four quaternions, by the formula that readers use. The quaternions were rounded and are not of unit
+/// length, so these are not exactly rotations.
 fn rotation_rows(q: &[[f32; 4]; LANES]) -> [Lanes3; 3] {
     let Mat4 { x_axis: x, y_axis: y, z_axis: z, w_axis: w } = Mat4::from_cols_array_2d(q).transpose();
     let (x2, y2, z2) = (x + x, y + y, z + z);

@@ -186,6 +186,8 @@ impl UsdExporter {
             "Xform",
             &PrimMetadata { kind: Some("assembly"), ..PrimMetadata::default() },
         )?;
+        // Placements that are prims of their own come first, then the prototypes of plants with copies. Instances and extents of
+        // those follow in `finish`, when the bounds over the clip are known.
         let mut animated = Vec::new();
         let mut first: BTreeMap<usize, String> = BTreeMap::new();
         let shared = instanceable_assets(&cx.scene);

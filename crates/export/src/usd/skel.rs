@@ -14,7 +14,7 @@ use osier_base::files::{Names, safe_name};
 use osier_base::geometry::Bounds;
 use osier_scene::{Asset, AssetFrame, MeshMotion, MeshObject, Skeleton, SkinWeights, Trs, mesh_points};
 
-/// Names of joints as paths: `a`, `a/b`.
+/// The joints as UsdSkel names them, by their paths: `a`, `a/b`.
 fn joint_paths(skeleton: &Skeleton) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(skeleton.joints.len());
     for joint in &skeleton.joints {
@@ -25,7 +25,7 @@ fn joint_paths(skeleton: &Skeleton) -> Vec<String> {
     out
 }
 
-/// The joints of an asset, and the box of what hangs on them.
+/// The `SkelAnimation` of an asset, and the extent of its `SkelRoot`.
 pub(super) struct SkelAnimation {
     translations: AttrHandle,
     rotations: AttrHandle,
@@ -37,12 +37,13 @@ pub(super) struct SkelAnimation {
     clip_bounds: Bounds,
 }
 
-/// True if a mesh is_skinned the skeleton in this format.
+/// Whether a mesh is deformed by the skeleton in this format, instead of by points of its own.
 pub(super) fn is_skinned(asset: &Asset, object: &MeshObject) -> bool {
     asset.skeleton.is_some() && object.skin.is_some() && object.motion == MeshMotion::Skinned
 }
 
-/// Writes skeleton, animation and skinned meshes of an asset under `root`, and returns what changes; nothing if it has none.
+/// Defines a `SkelRoot` below `root` with skeleton, animation and skinned meshes of an asset; nothing if it has none. Returns the
+/// prims with time samples.
 pub(super) fn define_skel_root(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -83,7 +84,7 @@ pub(super) fn define_skel_root(
     Ok(parts)
 }
 
-/// Box of all skinned meshes.
+/// Box of all skinned meshes of an asset at a frame, in the axes of the stage.
 fn skinned_bounds(cx: &UsdContext, asset: &Asset, state: &AssetFrame) -> Bounds {
     let mut b = Bounds::default();
     for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| is_skinned(asset, m)) {
@@ -111,14 +112,14 @@ fn define_skeleton(
     layer.set_uniform(&format!("{path}.bindTransforms"), "matrix4d[]", UsdArray::Matrix4d(&bind).into())?;
     layer.set_uniform(&format!("{path}.joints"), "token[]", UsdArray::Token(joints).into())?;
     layer.set_uniform(&format!("{path}.restTransforms"), "matrix4d[]", UsdArray::Matrix4d(&rest).into())?;
-    // Joints have no thickness, so the skeleton's own box is that of the joints' places.
+    // Joints have no thickness: the extent of the skeleton is the box of their positions.
     let places = skeleton.bind();
     let b = extent(&Bounds::of(places.iter().map(|m| cx.up.stage_vec(m.t))));
     layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     Ok(())
 }
 
-/// A pose as the three arrays of an animation.
+/// A pose as the arrays of a `SkelAnimation`: translations, unit rotations, scales in half precision.
 fn animation_channels(cx: &UsdContext, pose: &[Trs]) -> (Vec<[f32; 3]>, Vec<Quat>, Vec<[f16; 3]>) {
     let pose: Vec<Trs> = pose.iter().map(|m| cx.up.stage_trs(m)).collect();
     let translations = pose.iter().map(|m| m.t.to_array()).collect();
@@ -149,7 +150,7 @@ fn define_animation(
     })
 }
 
-/// Ties a mesh to the skeleton.
+/// Applies `SkelBindingAPI` to a mesh: four influences for each point, bound in the space of the `SkelRoot`.
 fn bind_skin(layer: &mut LayerBuilder, skel: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
     let indices: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
     let spec = |type_name| AttrSpec { element_size: Some(4), ..AttrSpec::primvar(type_name, "vertex") };
@@ -203,5 +204,5 @@ impl AnimatedPrim for SkelAnimation {
     }
 }
 
-/// Number of joints that readers take without trouble.
+/// Joints of a skeleton beyond which the exporter warns (X002).
 pub(super) const MAX_JOINTS: usize = 300;

@@ -1,4 +1,4 @@
-//! Meshes cut by material into primitives that hold exactly the vertices they use.
+//! Meshes split by material into submeshes, each with exactly the vertices it uses: the primitives of glTF.
 
 use std::borrow::Cow;
 
@@ -6,17 +6,17 @@ use osier_scene::{Attribute, MaterialId, Mesh};
 
 /// The triangles of one material and the vertices they use.
 #[derive(Debug)]
-pub(crate) struct Piece<'a> {
+pub(crate) struct Submesh<'a> {
     /// Material of all triangles.
     pub material: MaterialId,
-    /// Indices into the piece's own vertices.
+    /// Indices into the submesh's own vertices.
     pub triangles: Cow<'a, [[u32; 3]]>,
-    /// For each vertex of the piece its index in the mesh, rising; `None` if the piece has all of them.
+    /// For each vertex of the submesh its index in the mesh, increasing; `None` if it has all of them.
     pub vertices: Option<Vec<u32>>,
 }
 
-impl Piece<'_> {
-    /// The piece's share of a list that runs over the mesh's vertices.
+impl Submesh<'_> {
+    /// The elements of a list over the mesh's vertices that belong to the submesh.
     pub(crate) fn gather<'b, T: Copy>(&self, all: &'b [T]) -> Cow<'b, [T]> {
         match &self.vertices {
             None => Cow::Borrowed(all),
@@ -24,7 +24,7 @@ impl Piece<'_> {
         }
     }
 
-    /// The piece's share of attributes of the mesh's vertices.
+    /// Attributes of the mesh's vertices, restricted to those of the submesh.
     pub(crate) fn gather_attributes<'b>(&self, all: &'b [Attribute]) -> Cow<'b, [Attribute]> {
         match &self.vertices {
             None => Cow::Borrowed(all),
@@ -33,9 +33,9 @@ impl Piece<'_> {
     }
 }
 
-/// Pieces of a mesh, one per material, in order of first appearance; none without triangles. Vertices that no triangle
-/// uses are dropped, those on a border between materials appear in each piece.
-pub(crate) fn pieces(mesh: &Mesh) -> Vec<Piece<'_>> {
+/// The submeshes of a mesh, one for each material, in order of first appearance; none without triangles. Vertices that no triangle
+/// uses are dropped, those on a border between materials are in each submesh.
+pub(crate) fn split_by_material(mesh: &Mesh) -> Vec<Submesh<'_>> {
     let mut materials: Vec<MaterialId> = Vec::new();
     for s in mesh.subsets.iter().filter(|s| s.count > 0) {
         if !materials.contains(&s.material) {
@@ -49,26 +49,26 @@ pub(crate) fn pieces(mesh: &Mesh) -> Vec<Piece<'_>> {
         } else {
             Cow::Owned(runs.flat_map(|s| mesh.subset_triangles(s)).copied().collect())
         };
-        compact(*material, triangles, mesh.points.len())
+        compact_vertices(*material, triangles, mesh.points.len())
     };
     materials.iter().map(own).collect()
 }
 
-fn compact(material: MaterialId, triangles: Cow<'_, [[u32; 3]]>, count: usize) -> Piece<'_> {
+fn compact_vertices(material: MaterialId, triangles: Cow<'_, [[u32; 3]]>, count: usize) -> Submesh<'_> {
     let mut used = vec![false; count];
     for i in triangles.iter().flatten() {
         used[*i as usize] = true;
     }
     if used.iter().all(|u| *u) {
-        return Piece { material, triangles, vertices: None };
+        return Submesh { material, triangles, vertices: None };
     }
     let vertices: Vec<u32> = (0_u32..).zip(&used).filter(|(_, u)| **u).map(|(i, _)| i).collect();
-    let mut place = vec![0_u32; count];
+    let mut index_of = vec![0_u32; count];
     for (new, old) in (0_u32..).zip(&vertices) {
-        place[*old as usize] = new;
+        index_of[*old as usize] = new;
     }
-    let triangles = triangles.iter().map(|t| t.map(|i| place[i as usize])).collect();
-    Piece { material, triangles: Cow::Owned(triangles), vertices: Some(vertices) }
+    let triangles = triangles.iter().map(|t| t.map(|i| index_of[i as usize])).collect();
+    Submesh { material, triangles: Cow::Owned(triangles), vertices: Some(vertices) }
 }
 
 #[cfg(test)]
@@ -91,7 +91,7 @@ mod tests {
             ],
             ..Mesh::default()
         };
-        let list = pieces(&mesh);
+        let list = split_by_material(&mesh);
         assert_eq!(list.iter().map(|p| p.material).collect::<Vec<_>>(), [4, 1]);
         assert_eq!(list[0].vertices.as_deref(), Some([0, 1, 2, 5].as_slice()));
         assert_eq!(*list[0].triangles, [[0, 1, 2], [3, 1, 0]]);
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn a_mesh_of_one_material_is_taken_as_it_is() {
         let mesh = Mesh { points: vec![Vec3::ZERO; 3], triangles: vec![[0, 1, 2]], ..Mesh::default() }.with_material(0);
-        let list = pieces(&mesh);
-        assert!(matches!(list.as_slice(), [Piece { vertices: None, triangles: Cow::Borrowed(_), .. }]));
+        let list = split_by_material(&mesh);
+        assert!(matches!(list.as_slice(), [Submesh { vertices: None, triangles: Cow::Borrowed(_), .. }]));
     }
 }

@@ -1,29 +1,30 @@
-//! Settings, camera, light and sky.
+//! Global settings, camera, sun, sky and fog.
 
 use glam::Vec3;
 
-use super::space::{Space, rgb};
-use crate::text::{Num, Text};
+use super::space::{PovSpace, write_rgb};
+use crate::text::{Decimal, TextBuffer};
 use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_base::{Error, Result};
 use osier_scene::{Camera, Fog, Scene, Sky, Sun};
 
-/// Directions that stand for the sky's light.
-const DOME: u16 = 8;
+/// Parallel lights that approximate the sky's light. Own: more cost rendering time in proportion, fewer show as separate shadows.
+const SKY_LIGHTS: u16 = 8;
 
-/// Factor on all lights. POV-Ray has no film curve, so shade is lifted here and the sky's picture held back by
-/// [`film`]: white bark in full sun stays below 1.
+/// Factor on all lights. POV-Ray has no tone mapping, so lights are raised here and the visible sky is compressed by
+/// [`tone_map`]; at this value white bark in full sun stays below 1.
 const EXPOSURE: f32 = 1.15;
 
-/// Shoulder of the sky's picture: c to 1 - exp(-1.5 c), about c where it is dark and never 1.
+/// Tone mapping of the visible sky: c to 1 - exp(-1.5 c), close to 1.5 c where it is dark and always below 1.
 /// Own: chosen by eye so that horizon and sunlit ground differ.
-fn film(c: f32) -> f32 {
+fn tone_map(c: f32) -> f32 {
     1.0 - math::exp_f32(-1.5 * c.max(0.0))
 }
 
-/// What holds for the whole scene. `photons`: the smallest drop's radius in units, if any drop is a target.
-pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
+/// Writes `global_settings` and defaults. `photons`: radius of the smallest target in units, if there are targets; eight photons
+/// then cross its radius.
+pub(super) fn write_global_settings(text: &mut TextBuffer, photons: Option<f32>) {
     text.put("#version 3.7;\nglobal_settings {\n  assumed_gamma 1.0\n  max_trace_level 16\n");
     if let Some(radius) = photons {
         text.put("  photons { spacing ")
@@ -33,8 +34,9 @@ pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
     text.put("}\n#default { finish { ambient 0 } }\n");
 }
 
-/// Haze; POV-Ray's distance is where 1 / e of the light is left.
-fn fog(text: &mut Text, space: Space, fog: &Fog) {
+/// Writes haze. POV-Ray's `distance` is that at which 1 / e of the light remains; visibility is that at which contrast falls to
+/// the threshold, exp(-[`Fog::CONTRAST`]).
+fn write_fog(text: &mut TextBuffer, space: PovSpace, fog: &Fog) {
     let distance = fog.visibility / Fog::CONTRAST * space.scale;
     text.put("fog {\n  ").put(if fog.height > 0.0 { "fog_type 2" } else { "fog_type 1" });
     text.put(" distance ").num(distance);
@@ -42,12 +44,12 @@ fn fog(text: &mut Text, space: Space, fog: &Fog) {
         text.put(" fog_offset 0 fog_alt ").num(fog.height * space.scale).put(" up y");
     }
     text.put("\n  ");
-    rgb(text, fog.color.map(film));
+    write_rgb(text, fog.color.map(tone_map));
     text.put("\n}\n");
 }
 
-/// X001 if camera, sun or sky hold a number that is not finite.
-pub(super) fn check(scene: &Scene) -> Result<()> {
+/// X001 if camera, sun or sky have a number that is not finite.
+pub(super) fn check_finite(scene: &Scene) -> Result<()> {
     let (c, s, k) = (&scene.camera, &scene.sun, &scene.sky);
     let numbers = [c.vfov, c.roll, s.elevation, s.azimuth, s.strength, s.angle, k.strength, k.glow, k.dapple];
     let colors = [s.color, k.horizon, k.zenith, k.below.unwrap_or_default()].concat();
@@ -55,10 +57,13 @@ pub(super) fn check(scene: &Scene) -> Result<()> {
     if finite { Ok(()) } else { Err(Error::export("X001", "camera, sun or sky: a number is not finite")) }
 }
 
-/// The camera. POV-Ray's angle is horizontal, so the picture's shape enters when it renders.
+/// Writes the camera. POV-Ray's angle is horizontal, so it depends on the aspect ratio of the image, which is known when
+/// rendering starts.
 /// Source: A = 2 atan(aspect tan(vfov / 2)); the matrix is F M F of the camera-to-world transform M, its third axis
-/// pointing into the picture because F turns it over.
-pub(super) fn camera(text: &mut Text, space: Space, camera: &Camera) {
+/// pointing into the image because F reverses it.
+pub(super) fn write_camera(text: &mut TextBuffer, space: PovSpace, camera: &Camera) {
+    // Gram-Schmidt in double precision: POV-Ray tests whether the axes are perpendicular more strictly than single precision can
+    // represent.
     let [right, _, back] = camera.axes().map(|v| v.to_array().map(f64::from));
     let back = scaled(back, 1.0 / math::sqrt(dot(back, back)));
     let across = dot(right, back);
@@ -67,8 +72,7 @@ pub(super) fn camera(text: &mut Text, space: Space, camera: &Camera) {
     let up = [0, 1, 2].map(|i| back[(i + 1) % 3] * right[(i + 2) % 3] - back[(i + 2) % 3] * right[(i + 1) % 3]);
     let half = math::tan_f32(camera.vfov * 0.5);
     text.put("camera {\n  perspective\n  right x*image_width/image_height\n  up y\n");
-    text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  matrix <", Num(half)));
-    // POV-Ray holds the axes to be perpendicular far closer than single precision can say.
+    text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  matrix <", Decimal(half)));
     for [x, y, z] in [right, up, scaled(back, -1.0)] {
         text.put(&format!("{x},{y},{},", -z));
     }
@@ -84,19 +88,19 @@ fn scaled(a: [f64; 3], s: f64) -> [f64; 3] {
     a.map(|x| x * s)
 }
 
-/// The sun as a parallel area light whose size is its angle. `bounds`: of the scene, m.
+/// Writes the sun as a parallel area light whose size is its angular diameter. `bounds`: those of the scene, m.
 /// Source: a matt surface of albedo a under irradiance E shows a E / pi, and a under POV-Ray's light of colour 1.
-pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
+pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bounds: Bounds) {
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());
     let strength = EXPOSURE * sun.strength / std::f32::consts::PI;
     let size = 2.0 * distance * math::tan_f32(sun.angle * 0.5);
     text.put("light_source {\n  ");
-    space.point(text, center + toward * distance);
+    space.write_point(text, center + toward * distance);
     text.put("\n  ");
-    rgb(text, sun.color.map(|c| c * strength));
+    write_rgb(text, sun.color.map(|c| c * strength));
     text.put("\n  parallel point_at ");
-    space.point(text, center);
+    space.write_point(text, center);
     if size > 0.0 {
         // `orient` turns the axes towards what is lit; only their lengths count, and they must be equal.
         text.put("\n  area_light x*").num(size).put(", y*").num(size).put(", 4, 4 adaptive 1 circular orient");
@@ -104,8 +108,8 @@ pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
     text.put("\n}\n");
 }
 
-/// The bright air around the sun, laid over the sky: what makes drops against the light sparkle.
-fn glow(text: &mut Text, sky: &Sky, sun: &Sun) {
+/// Writes the glow around the sun as a layer of the sky sphere: drops in front of it sparkle.
+fn write_sun_glow(text: &mut TextBuffer, sky: &Sky, sun: &Sun) {
     let d = sun.direction();
     text.put("  pigment {\n    function { max(0, x*(").num(d.x).put(") + y*(").num(d.y).put(") + z*(").num(-d.z);
     text.put(")) }\n    color_map { ");
@@ -117,18 +121,18 @@ fn glow(text: &mut Text, sky: &Sky, sun: &Sun) {
     text.put("}\n  }\n");
 }
 
-/// Light that comes through leaves, as a share of that of the horizon. Own: chosen by eye.
-const THROUGH: [f32; 3] = [1.0, 1.06, 0.62];
+/// Tint of light between leaves, relative to the horizon. Own: chosen by eye.
+const LEAF_LIGHT_TINT: [f32; 3] = [1.0, 1.06, 0.62];
 
-/// Leaves far out of focus, laid over the sky up to half its height: masses of shade with gaps of light between them, and discs as
-/// a lens draws them of the smallest gaps. It is what the picture shows behind things, and what drops show upside down.
+/// Writes leaves far out of focus as layers of the sky sphere up to half its height: patches of shade with light between them, and
+/// discs as a lens draws small gaps. It is the background of the image, and what drops refract.
 /// Own: chosen by eye, after photographs of drops in gardens.
-fn dapple(text: &mut Text, sky: &Sky) {
+fn write_dapple(text: &mut TextBuffer, sky: &Sky) {
     let stops = sky.stops();
     let (deep, bright) = (stops[0].1, stops[stops.len() - 2].1);
-    let lit = [0, 1, 2].map(|c| film(bright[c] * THROUGH[c]) * 1.1);
+    let lit = [0, 1, 2].map(|c| tone_map(bright[c] * LEAF_LIGHT_TINT[c]) * 1.1);
     let tone = |share: f32| [0, 1, 2].map(|c| math::lerp(0.5 * deep[c], lit[c], share));
-    let stop = |t: &mut Text, at: f32, share: f32, cover: f32| {
+    let stop = |t: &mut TextBuffer, at: f32, share: f32, cover: f32| {
         let [r, g, b] = tone(share);
         t.put("[").num(at).put(" rgbt <").list(&[r, g, b, 1.0 - cover * sky.dapple], ",").put(">] ");
     };
@@ -152,42 +156,43 @@ fn dapple(text: &mut Text, sky: &Sky) {
     }
 }
 
-/// The sky as a picture, and as a dome of parallel lights that gives the shade its light: POV-Ray's ambient would be
-/// the same in the open and inside a crown.
+/// Writes the sky as a sky sphere, and as parallel lights for the shade: POV-Ray's ambient light would be the same in the open
+/// and inside a crown.
 /// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
 /// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
-pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, sun: &Sun, bounds: Bounds) {
+pub(super) fn write_sky(text: &mut TextBuffer, space: PovSpace, sky: &Sky, sun: &Sun, bounds: Bounds) {
     let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
     text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { ");
     for (at, color) in sky.stops() {
         text.put("[").num(at).put(" ");
-        rgb(text, color.map(film));
+        write_rgb(text, color.map(tone_map));
         text.put("] ");
     }
     text.put("}\n    scale 2 translate -1\n  }\n");
     if sky.dapple > 0.0 {
-        dapple(text, sky);
+        write_dapple(text, sky);
     }
     if sky.glow > 0.0 {
-        glow(text, sky, sun);
+        write_sun_glow(text, sky, sun);
     }
     text.put("}\n");
     if let Some(f) = &sky.fog {
-        fog(text, space, f);
+        write_fog(text, space, f);
     }
+    // Directions of a Fibonacci lattice on the upper half sphere: equal steps of height, turned by the golden angle each.
     let distance = (bounds.size().length() * 10.0).max(10.0);
-    for i in 0..DOME {
-        let y = (f32::from(i) + 0.5) / f32::from(DOME);
+    for i in 0..SKY_LIGHTS {
+        let y = (f32::from(i) + 0.5) / f32::from(SKY_LIGHTS);
         let turn = f32::from(i) * 2.399_963_2;
         let flat = math::sqrt_f32(1.0 - y * y);
         let toward = Vec3::new(flat * math::cos_f32(turn), y, flat * math::sin_f32(turn));
-        let color = [0, 1, 2].map(|c| EXPOSURE * math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(DOME));
+        let color = [0, 1, 2].map(|c| EXPOSURE * math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(SKY_LIGHTS));
         text.put("light_source { ");
-        space.point(text, bounds.center() + toward * distance);
+        space.write_point(text, bounds.center() + toward * distance);
         text.put(" ");
-        rgb(text, color);
+        write_rgb(text, color);
         text.put(" parallel point_at ");
-        space.point(text, bounds.center());
+        space.write_point(text, bounds.center());
         text.put(" photons { reflection off refraction off } }\n");
     }
 }
@@ -197,8 +202,8 @@ mod tests {
     use super::*;
 
     fn written(sky: &Sky) -> String {
-        let mut text = Text::default();
-        self::sky(&mut text, Space { scale: 1.0 }, sky, &Sun::default(), Bounds::of([Vec3::ZERO, Vec3::ONE]));
+        let mut text = TextBuffer::default();
+        self::write_sky(&mut text, PovSpace { scale: 1.0 }, sky, &Sun::default(), Bounds::of([Vec3::ZERO, Vec3::ONE]));
         String::from_utf8(text.bytes().to_vec()).expect("ascii")
     }
 

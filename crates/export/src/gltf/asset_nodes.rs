@@ -1,0 +1,394 @@
+//! The nodes of an asset, built once and instantiated by each of its placements: joints, meshes, instances, points, curves.
+
+use std::collections::BTreeSet;
+
+use glam::Vec3;
+
+use super::Profile;
+use super::document::{GeometryKind, GltfDocument, NodeAnimation, NodeChannel, check_finite};
+use super::instances::{InstanceGroup, live_by_prototype};
+use super::json::{Index, NodeExtensions};
+use super::keys;
+
+use super::meshes::{MeshSource, SkinInfluences};
+use super::rig::{JointSelection, MAX_JOINTS};
+use super::tracks::{InstanceTrack, MorphFrames, MorphShape};
+use osier_base::Result;
+use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
+
+/// The nodes of an asset.
+#[derive(Debug, Default)]
+pub(super) struct AssetNodes {
+    pub joints: Vec<JointNode>,
+    /// Accessor of the inverse bind matrices, if a mesh is skinned.
+    pub inverse_bind: Option<Index>,
+    pub templates: Vec<NodeTemplate>,
+}
+
+/// A joint as a node, with its animation.
+#[derive(Debug)]
+pub(super) struct JointNode {
+    pub name: String,
+    /// Index of the parent among the written joints.
+    pub parent: Option<usize>,
+    pub motion: NodeAnimation,
+}
+
+/// The parent of a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum NodeParent {
+    /// The placement's node.
+    Placement,
+    /// A joint, by its index among the written ones.
+    Joint(usize),
+    /// None: the node of a skinned mesh is a root of the scene, as its own transform has no effect.
+    Skin,
+}
+
+/// A node that every placement gets.
+#[derive(Debug)]
+pub(super) struct NodeTemplate {
+    pub name: String,
+    pub kind: &'static str,
+    /// Tail of the node's id, after the placement's name.
+    pub id: String,
+    pub mesh: Index,
+    pub parent: NodeParent,
+    pub motion: NodeAnimation,
+    pub instancing: Option<NodeExtensions>,
+    /// The moving instance that the node is, if any: written only for the placements that it was selected for.
+    pub moving: Option<(usize, usize)>,
+}
+
+impl NodeTemplate {
+    fn new(name: &str, kind: &'static str, mesh: Index, parent: NodeParent) -> Self {
+        let motion = NodeAnimation::default();
+        Self { name: name.to_owned(), kind, id: name.to_owned(), mesh, parent, motion, instancing: None, moving: None }
+    }
+}
+
+/// Moving instances of an asset: index of the instancer, index of the instance in it.
+pub(super) type InstanceSet = BTreeSet<(usize, usize)>;
+
+impl GltfDocument<'_> {
+    /// The joints of an asset that the document animates.
+    pub(super) fn select_joints(&self, asset: usize) -> Option<JointSelection> {
+        let input = self.input;
+        let (source, tracks) = input.scene.assets.get(asset).zip(input.tracks.assets.get(asset))?;
+        let mut selection = JointSelection::new(source, &tracks.poses, self.max_joints.min(MAX_JOINTS))?;
+        let all = source.skeleton.as_ref().map_or(0, |s| s.joints.len());
+        // The profile may ask for fewer joints than the format allows; only the format's limit is worth a warning.
+        selection.warning = selection.warning.filter(|_| all > MAX_JOINTS);
+        Some(selection)
+    }
+
+    /// Builds the nodes of an asset. `chosen`: the moving instances that some placement shows.
+    pub(super) fn build_asset_nodes(&mut self, asset: usize, chosen: &InstanceSet) -> Result<AssetNodes> {
+        let input = self.input;
+        let Some(source) = input.scene.assets.get(asset) else { return Ok(AssetNodes::default()) };
+        let Some(tracks) = input.tracks.assets.get(asset) else { return Ok(AssetNodes::default()) };
+        let mut nodes = AssetNodes::default();
+        let selection = if input.tracks.is_still() { None } else { self.select_joints(asset) };
+        for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
+            self.add_mesh_object(&mut nodes, source, object, selection.as_ref(), shapes)?;
+        }
+        for (i, instancer) in source.instancers.iter().enumerate() {
+            let label = format!("asset {}, instancer {}", source.id, instancer.name);
+            match (&instancer.motion, &selection) {
+                (InstancerMotion::Free, _) if !input.tracks.is_still() => {
+                    let list: Vec<&InstanceTrack> = tracks
+                        .moving
+                        .iter()
+                        .filter(|m| m.instancer == i && chosen.contains(&(i, m.instance)))
+                        .collect();
+                    self.add_moving_instances(&mut nodes, instancer, &list, &label)?;
+                }
+                (InstancerMotion::Joints(joints), Some(selection)) => {
+                    self.add_joint_instances(&mut nodes, instancer, selection, joints, &label)?;
+                }
+                _ => self.add_static_instances(&mut nodes, instancer, &label)?,
+            }
+        }
+        for cloud in source.points.iter().filter(|c| !c.moving || input.tracks.is_still()) {
+            if let Some(mesh) = self.add_point_cloud(cloud, &format!("asset {}, points {}", source.id, cloud.name))? {
+                nodes.templates.push(NodeTemplate::new(&cloud.name, "points", mesh, NodeParent::Placement));
+            }
+        }
+        for (curves, shapes) in source.curves.iter().zip(&tracks.curves) {
+            let tile = input.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
+            // glTF has no curves with a width: they become ribbons, and moving ones morph as meshes do.
+            let rest = ribbons(curves, &curves.points, tile);
+            let ribbon_shapes = |list: &[MorphShape]| -> Vec<MorphShape> {
+                let ribbon = |shape: &MorphShape| ribbons(curves, &shape.points, tile);
+                list.iter().map(ribbon).map(|m| MorphShape { points: m.points, normals: m.normals }).collect()
+            };
+            let shapes = match shapes {
+                MorphFrames::Frames(list) => ribbon_shapes(list),
+                // Omitted with the warning X017.
+                MorphFrames::TooMany => continue,
+                MorphFrames::Still => Vec::new(),
+            };
+            let label = format!("asset {}, curves {}", source.id, curves.name);
+            let mesh_source = MeshSource {
+                name: &curves.name,
+                label: &label,
+                mesh: &rest,
+                geometry: GeometryKind::Ribbon,
+                skin: None,
+                shapes: &[],
+            };
+            self.add_morphing_mesh(&mut nodes, mesh_source, &shapes, "curves")?;
+        }
+        // Joints are written if a skin or an instance needs them.
+        if nodes.templates.iter().any(|p| p.parent != NodeParent::Placement)
+            && let Some(selection) = &selection
+        {
+            self.warnings.extend(selection.warning.clone());
+            nodes.joints = self.joint_nodes(source, selection, &tracks.poses)?;
+            if nodes.templates.iter().any(|p| p.parent == NodeParent::Skin) {
+                let label = format!("asset {}, skin", source.id);
+                nodes.inverse_bind = Some(self.buffer.add_matrices(&selection.inverse_bind_matrices(), &label)?);
+            }
+        }
+        Ok(nodes)
+    }
+
+    /// A mesh of an asset: skinned, morphing, or static.
+    fn add_mesh_object(
+        &mut self,
+        nodes: &mut AssetNodes,
+        asset: &Asset,
+        object: &MeshObject,
+        selection: Option<&JointSelection>,
+        shapes: &MorphFrames,
+    ) -> Result<()> {
+        let label = format!("asset {}, mesh {}", asset.id, object.name);
+        let (mesh, name) = (&object.mesh, object.name.as_str());
+        let mesh_source =
+            MeshSource { name, label: &label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[] };
+        let moves = matches!(object.motion, MeshMotion::Skinned | MeshMotion::Deforming);
+        match (selection, &object.skin, shapes) {
+            (Some(selection), Some(skin), _) if moves => {
+                let (joints, weights) = selection.remap_weights(skin);
+                let skin = SkinInfluences { joints, weights, count: selection.kept.len() };
+                if let Some(mesh) = self.add_mesh(MeshSource { skin: Some(&skin), ..mesh_source })? {
+                    nodes.templates.push(NodeTemplate::new(name, "mesh", mesh, NodeParent::Skin));
+                }
+                Ok(())
+            }
+            (_, _, MorphFrames::Frames(list)) => self.add_morphing_mesh(nodes, mesh_source, list, "mesh"),
+            _ => self.add_morphing_mesh(nodes, mesh_source, &[], "mesh"),
+        }
+    }
+
+    /// A mesh with a morph target for every frame whose shape differs from rest, and a track of weights in which each target is 1
+    /// at its frame and 0 at the others.
+    fn add_morphing_mesh(
+        &mut self,
+        nodes: &mut AssetNodes,
+        mesh_source: MeshSource<'_>,
+        shapes: &[MorphShape],
+        kind: &'static str,
+    ) -> Result<()> {
+        let is_rest = |mesh: &Mesh, s: &MorphShape| {
+            s.points == mesh.points && (s.normals.is_empty() || s.normals == mesh.normals)
+        };
+        let morphed: Vec<usize> = (0..shapes.len()).filter(|&i| !is_rest(mesh_source.mesh, &shapes[i])).collect();
+        let tag = |i: usize| {
+            let number = self.input.tracks.numbers.get(i).copied().unwrap_or_default();
+            format!("frame_{}", self.input.scene.clip.tag(number))
+        };
+        let targets: Vec<(String, &MorphShape)> = morphed.iter().map(|&i| (tag(i), &shapes[i])).collect();
+        let Some(mesh) = self.add_mesh(MeshSource { shapes: &targets, ..mesh_source })? else { return Ok(()) };
+        let mut part = NodeTemplate::new(mesh_source.name, kind, mesh, NodeParent::Placement);
+        if !morphed.is_empty() {
+            let weights: Vec<f32> =
+                (0..shapes.len()).flat_map(|i| morphed.iter().map(move |&b| if i == b { 1.0 } else { 0.0 })).collect();
+            let output = self.buffer.add_scalars(&weights, mesh_source.label)?;
+            let frames: Vec<usize> = (0..shapes.len()).collect();
+            part.motion
+                .channels
+                .push(NodeChannel { sampler: self.add_sampler(&frames, output, false)?, path: "weights" });
+        }
+        nodes.templates.push(part);
+        Ok(())
+    }
+
+    /// Instances that do not move: by extension, or merged into one mesh for each prototype.
+    fn add_static_instances(&mut self, nodes: &mut AssetNodes, instancer: &Instancer, label: &str) -> Result<()> {
+        for (proto, members) in
+            live_by_prototype(instancer, &instancer.rest).into_iter().enumerate().filter(|(_, m)| !m.is_empty())
+        {
+            let group = InstanceGroup { instancer, state: &instancer.rest, proto, members, label };
+            let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
+            let (mesh, instancing) = match self.input.profile {
+                Profile::Web => match self.add_prototype_mesh(instancer, proto, label)? {
+                    Some(mesh) => (Some(mesh), Some(self.group_instancing(&group, &Trs::IDENTITY)?)),
+                    None => (None, None),
+                },
+                Profile::Blender => (self.add_merged_mesh(name.clone(), &[group], &Trs::IDENTITY)?, None),
+            };
+            if let Some(mesh) = mesh {
+                nodes.templates.push(NodeTemplate {
+                    instancing,
+                    ..NodeTemplate::new(&name, "instancer", mesh, NodeParent::Placement)
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Instances attached to joints: nodes below the joints that carry them.
+    fn add_joint_instances(
+        &mut self,
+        nodes: &mut AssetNodes,
+        instancer: &Instancer,
+        selection: &JointSelection,
+        joints: &[u16],
+        label: &str,
+    ) -> Result<()> {
+        let carriers: Vec<u16> =
+            joints.iter().map(|j| selection.carrier.get(usize::from(*j)).copied().unwrap_or(0)).collect();
+        let state = &instancer.rest;
+        // The groups of each joint: one for each prototype of which it carries instances.
+        let mut riders: Vec<Vec<InstanceGroup<'_>>> = selection.kept.iter().map(|_| Vec::new()).collect();
+        for (proto, members) in live_by_prototype(instancer, state).into_iter().enumerate() {
+            let mut by_joint: Vec<Vec<usize>> = vec![Vec::new(); selection.kept.len()];
+            for i in members {
+                if let Some(list) = carriers.get(i).and_then(|c| by_joint.get_mut(usize::from(*c))) {
+                    list.push(i);
+                }
+            }
+            for (groups, members) in riders.iter_mut().zip(by_joint).filter(|(_, m)| !m.is_empty()) {
+                groups.push(InstanceGroup { instancer, state, proto, members, label });
+            }
+        }
+        if self.input.profile == Profile::Blender {
+            // One mesh as a child of each joint moves as a skinned one would, and importers need no vertex weights for it.
+            for (k, groups) in riders.iter().enumerate() {
+                let name = format!("{}_{k}", instancer.name);
+                if let Some(mesh) = self.add_merged_mesh(name.clone(), groups, &selection.bind[selection.kept[k]])? {
+                    nodes.templates.push(NodeTemplate::new(&name, "instancer", mesh, NodeParent::Joint(k)));
+                }
+            }
+            return Ok(());
+        }
+        let is_used = |proto: &usize| riders.iter().flatten().any(|g| g.proto == *proto);
+        for proto in (0..instancer.prototypes.len()).filter(is_used) {
+            let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
+            let Some(mesh) = self.add_prototype_mesh(instancer, proto, label)? else { continue };
+            for (k, groups) in riders.iter().enumerate() {
+                for group in groups.iter().filter(|g| g.proto == proto) {
+                    let instancing = Some(self.group_instancing(group, &selection.bind[selection.kept[k]])?);
+                    let name = format!("{name}_{k}");
+                    nodes.templates.push(NodeTemplate {
+                        instancing,
+                        ..NodeTemplate::new(&name, "instancer", mesh, NodeParent::Joint(k))
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Instances that move freely: a node each, with scale 0 while not alive.
+    fn add_moving_instances(
+        &mut self,
+        nodes: &mut AssetNodes,
+        instancer: &Instancer,
+        list: &[&InstanceTrack],
+        label: &str,
+    ) -> Result<()> {
+        // The mesh of each prototype is added when its first instance needs it. Nodes are in the order of the instances, not in that
+        // of the keys by which they were selected.
+        let mut meshes: Vec<Option<Index>> = vec![None; instancer.prototypes.len()];
+        let mut list = list.to_vec();
+        list.sort_by_key(|m| m.instance);
+        let times = &self.input.tracks.times;
+        let drop_keys = self.input.profile == Profile::Web;
+        for m in list {
+            let Some(proto) = instancer.protos.get(m.instance).map(|p| *p as usize) else { continue };
+            let mesh = match meshes.get(proto).copied().flatten() {
+                Some(mesh) => mesh,
+                None => match self.add_prototype_mesh(instancer, proto, label)? {
+                    Some(mesh) => mesh,
+                    None => continue,
+                },
+            };
+            meshes[proto] = Some(mesh);
+            let scale = instancer.scales.get(m.instance).copied().unwrap_or(Vec3::ONE);
+            // The node's own transform is that of the first frame, for readers without animation.
+            let (positions, orientations) = m.hold_while_dead();
+            let mut motion = NodeAnimation::default();
+            motion.rest.t = positions.first().copied().unwrap_or_default();
+            motion.rest.r = orientations.first().copied().unwrap_or_default();
+            motion.rest.s = if m.alive.first().copied().unwrap_or(true) { scale } else { Vec3::ZERO };
+            let NodeAnimation { rest, channels } = &mut motion;
+            self.add_vector_keys(
+                keys::reduce_positions(times, &positions, drop_keys),
+                "translation",
+                false,
+                &mut rest.t,
+                channels,
+            )?;
+            self.add_rotation_keys(keys::reduce_rotations(times, &orientations, drop_keys), &mut rest.r, channels)?;
+            self.add_vector_keys(keys::visibility_scales(&m.alive, scale), "scale", true, &mut rest.s, channels)?;
+            let name = format!("{}_{}", instancer.name, m.instance);
+            let id = format!("{}/{}", instancer.name, instancer.ids.get(m.instance).copied().unwrap_or_default());
+            let part = NodeTemplate::new(&name, "instance", mesh, NodeParent::Placement);
+            nodes.templates.push(NodeTemplate { id, motion, moving: Some((m.instancer, m.instance)), ..part });
+        }
+        Ok(())
+    }
+
+    /// The joint nodes of an asset whose motion is `phase` frames ahead; the clip repeats.
+    pub(super) fn joints_at_phase(&mut self, asset: usize, phase: u32) -> Result<Vec<JointNode>> {
+        let input = self.input;
+        let Some((source, tracks)) = input.scene.assets.get(asset).zip(input.tracks.assets.get(asset)) else {
+            return Ok(Vec::new());
+        };
+        let Some(selection) = self.select_joints(asset).filter(|_| !tracks.poses.is_empty()) else {
+            return Ok(Vec::new());
+        };
+        let mut poses = tracks.poses.clone();
+        let count = poses.len();
+        // Frames may have been skipped: the phase as a share of the clip, in poses.
+        let share = phase as usize * count / input.scene.clip.len().max(1);
+        poses.rotate_left(share % count);
+        self.joint_nodes(source, &selection, &poses)
+    }
+
+    /// The written joints as nodes with their keys.
+    fn joint_nodes(&mut self, asset: &Asset, selection: &JointSelection, poses: &[Vec<Trs>]) -> Result<Vec<JointNode>> {
+        let Some(skeleton) = &asset.skeleton else { return Ok(Vec::new()) };
+        let mut joints = Vec::new();
+        let times = &self.input.tracks.times;
+        let drop_keys = self.input.profile == Profile::Web;
+        for (k, &i) in selection.kept.iter().enumerate() {
+            let joint = &skeleton.joints[i];
+            check_finite(&joint.rest, || format!("asset {}, joint {}", asset.id, joint.name))?;
+            let mut motion = NodeAnimation { rest: joint.rest, ..NodeAnimation::default() };
+            let NodeAnimation { rest, channels } = &mut motion;
+            let of = |f: &dyn Fn(&Trs) -> Vec3| poses.iter().map(|p| f(&p[i])).collect::<Vec<Vec3>>();
+            let turns: Vec<_> = poses.iter().map(|p| p[i].r).collect();
+            self.add_vector_keys(
+                keys::reduce_positions(times, &of(&|j| j.t), drop_keys),
+                "translation",
+                false,
+                &mut rest.t,
+                channels,
+            )?;
+            self.add_rotation_keys(keys::reduce_rotations(times, &turns, drop_keys), &mut rest.r, channels)?;
+            self.add_vector_keys(
+                keys::reduce_positions(times, &of(&|j| j.s), drop_keys),
+                "scale",
+                false,
+                &mut rest.s,
+                channels,
+            )?;
+            let parent = selection.parent_of(skeleton, k);
+            joints.push(JointNode { name: joint.name.clone(), parent, motion });
+        }
+        Ok(joints)
+    }
+}
