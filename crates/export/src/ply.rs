@@ -439,7 +439,7 @@ fn address(mesh: &Mesh) -> usize {
 
 fn face_rows(ranges: &[PartRange<'_>]) -> Vec<u8> {
     let mut body = Vec::new();
-    for range in pieces {
+    for range in ranges {
         for corners in range.corners() {
             body.push(3);
             for v in corners {

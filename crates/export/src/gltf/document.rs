@@ -2,8 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{Quat, Vec3};
-
 use super::super::{GENERATOR, VERSION, Warning};
 use super::buffer::{BinaryBuffer, last_index};
 use super::json::{
@@ -11,10 +9,10 @@ use super::json::{
     Sampler, SceneExtras, SceneNodes,
 };
 use super::keys::{KeyedValues, renormalized};
-
 use super::tracks::ClipTracks;
 use super::{ImageStorage, Profile};
 use crate::textures::Textures;
+use glam::{Quat, Vec3};
 use osier_base::{Error, Result};
 use osier_scene::{MaterialId, Scene, Trs};
 
@@ -97,7 +95,7 @@ impl<'a> GltfDocument<'a> {
         };
         let asset = AssetInfo { version: "2.0", generator: GENERATOR, extras: Extras { osier: extras } };
         Self {
-            from,
+            input,
             pictures,
             root: Root { asset, scenes: vec![SceneNodes::default()], ..Root::default() },
             buffer: BinaryBuffer::default(),

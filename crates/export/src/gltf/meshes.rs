@@ -202,7 +202,7 @@ impl GltfDocument<'_> {
             let values: Vec<f32> = shown.iter().map(|&i| all[i] as f32).collect();
             attributes.custom.insert(custom_name(a), self.buffer.add_vertex_scalars(&values, label)?);
         }
-        let shown = if colored { GeometryKind::ColoredPoints } else { GeometryKind::PlainPoints };
+        let geometry = if colored { GeometryKind::ColoredPoints } else { GeometryKind::PlainPoints };
         let material = self.material_index(MaterialVariant { material: cloud.material, geometry })?;
         let primitive = Primitive { attributes, material, mode: Some(MODE_POINTS), ..Primitive::default() };
         self.push_mesh(JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() })
