@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use glam::Vec3;
+
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, NodeAnimation, NodeChannel, check_finite};
 use super::instances::{InstanceGroup, live_by_prototype};
@@ -10,7 +12,6 @@ use super::keys;
 use super::meshes::{MeshSource, SkinInfluences};
 use super::rig::{JointSelection, MAX_JOINTS};
 use super::tracks::{InstanceTrack, MorphFrames, MorphShape};
-use glam::Vec3;
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
 

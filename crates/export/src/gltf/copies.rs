@@ -3,6 +3,8 @@
 //! glTF cannot instance a skin, so each swaying copy costs a skeleton and its keys. A file has a budget of skins; the copies
 //! beyond it do not move, but have the attributes by which shaders can sway them.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, check_finite, node_with_extras};
 use super::instances::live_by_prototype;
@@ -12,7 +14,6 @@ use crate::Warning;
 use crate::merge::merge_asset;
 use osier_base::Result;
 use osier_scene::{Asset, InstancerMotion, MeshMotion, Placement, Trs, ribbons};
-use std::collections::{BTreeMap, BTreeSet};
 
 /// Most transforms (copies times leaves of each) of an instanced node. At 32 bytes each it limits an accessor to 6 MB; copies
 /// beyond it get further nodes.

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use glam::{Quat, Vec3};
+
 use super::super::{GENERATOR, VERSION, Warning};
 use super::buffer::{BinaryBuffer, last_index};
 use super::json::{
@@ -12,7 +14,6 @@ use super::keys::{KeyedValues, renormalized};
 use super::tracks::ClipTracks;
 use super::{ImageStorage, Profile};
 use crate::textures::Textures;
-use glam::{Quat, Vec3};
 use osier_base::{Error, Result};
 use osier_scene::{MaterialId, Scene, Trs};
 

@@ -3,12 +3,13 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
+use glam::{Quat, Vec3};
+
 use super::document::{GeometryKind, GltfDocument};
 use super::json::{Index, InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
 use super::keys::renormalized;
 use super::meshes::{MeshSource, Vertices, mesh_material};
 use super::submeshes::{Submesh, split_by_material};
-use glam::{Quat, Vec3};
 use osier_base::Result;
 use osier_base::convert::index;
 use osier_base::par::par_chunks;
