@@ -380,9 +380,8 @@ impl ExpressionCompiler<'_, '_> {
         }
         let name = self.compiler.locals.get(usize::from(slot)).map_or("", |n| self.compiler.session.names.get(*n));
         let (sign, verdict) = if op == BinaryOp::Eq { ("==", "can never hold") } else { ("!=", "always holds") };
-        let message = format!(
-            "'{name} {sign} {value}' {verdict}: parameters are stored in 32 bits, which {value} is not"
-        );
+        let message =
+            format!("'{name} {sign} {value}' {verdict}: parameters are stored in 32 bits, which {value} is not");
         let help = format!("allow for rounding: fabs({name} - {value}) < 0.001");
         self.compiler.session.warning("L025", message, place, help);
     }

@@ -456,12 +456,7 @@ impl<'a> Turtle<'a> {
     }
 
     pub(super) fn too_many_prototypes(&mut self, c: char) {
-        self.halt(
-            "L051",
-            c,
-            "more than 65,535 different shape_prototypes".into(),
-            "draw shapes that differ less",
-        );
+        self.halt("L051", c, "more than 65,535 different shape_prototypes".into(), "draw shapes that differ less");
     }
 
     pub(super) fn fill_polygon(&mut self, m: Module<'_>) {
