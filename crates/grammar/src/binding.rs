@@ -111,6 +111,7 @@ impl TurtleBindings {
             ops: vec![Op::Const(a), Op::Const(b), Op::Random(RandomFunction::Uniform)],
             places: Vec::new(),
         };
+        // Angles of table 1, uniform between their bounds, degrees.
         for (name, low, high) in [("delta", 0.0, 60.0), ("spin", 0.0, 180.0), ("gamma", -15.0, 15.0)] {
             let code = uniform(low, high);
             self.angles.push(AngleDefinition { name: names.intern(name), draw_key: word(name), code, place: None });
@@ -120,6 +121,7 @@ impl TurtleBindings {
                 self.symbols.insert(id, SymbolBinding { action, value, place: None });
             }
         };
+        // Step length of a hair, m.
         let step = Bytecode { ops: vec![Op::Const(0.0058)], places: Vec::new() };
         bind('F', TurtleAction::Forward, Some(step));
         bind('S', TurtleAction::Organ("stalk".into()), None);
@@ -139,6 +141,7 @@ impl TurtleBindings {
             ('!', 2, 2, false),
         ];
         for (c, axis, angle, clockwise) in turns {
+            // Clockwise turns negate the angle.
             let mut ops = vec![Op::Local(angle)];
             ops.extend(clockwise.then_some(Op::Unary(UnaryOp::Neg)));
             bind(c, TurtleAction::RotateWorld(axis), Some(Bytecode { ops, places: Vec::new() }));

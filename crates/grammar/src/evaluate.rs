@@ -50,6 +50,7 @@ impl<'g> BindingEvaluator<'g> {
         vm.globals.clone_from(&derived.globals);
         vm.step = derived.steps;
         vm.statement_limit = limits.get("statements");
+        // Only the angles that a value depends on are drawn; resolved once here, not for each module.
         let required = |r: &TurtleBindings| {
             let list = r.symbols.iter().filter_map(|(s, b)| Some((*s, required_angles(b.value.as_ref()?, &r.angles))));
             list.collect()

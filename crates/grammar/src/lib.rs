@@ -2,6 +2,29 @@
 //!
 //! [`parse`] turns text into a [`Grammar`] (or into diagnostics, all of them at once), [`derive()`] rewrites its axiom step by step,
 //! [`interpret`] passes the modules of the final string to a turtle. Text is data: nothing in a grammar opens files or runs programs.
+//!
+//! # Examples
+//! ```
+//! use std::collections::BTreeMap;
+//! use std::io::ErrorKind::NotFound;
+//!
+//! use osier_base::{Error, diagnostic::Sources, limits::Limits};
+//! use osier_grammar::{DeriveOptions, GrammarSource, derive, interpret, parse};
+//!
+//! let text = "Lsystem: 1\nderivation length: 3\nAxiom: A\nA --> A B\nB --> A\nendlsystem\n";
+//! let (mut sources, limits, defines) = (Sources::default(), Limits::default(), BTreeMap::new());
+//! let mut includes = |name: &str, _: &str| Err(Error::io("open", name, NotFound.into()));
+//! let source =
+//!     GrammarSource { name: "algae.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+//! let (grammar, _warnings) = parse(&mut sources, source, &limits)?;
+//! let derived = derive(&grammar, &DeriveOptions::default(), &limits)?;
+//! assert_eq!(grammar.print(&derived.modules), "ABAAB");
+//!
+//! let mut letters = String::new();
+//! interpret(&grammar, &derived, &limits, |m| letters.push(grammar.symbols().get(m.symbol)))?;
+//! assert_eq!(letters, "ABAAB");
+//! # Ok::<(), Error>(())
+//! ```
 
 mod binding;
 mod code;
@@ -53,12 +76,15 @@ pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) 
     let first = sources.ids().count();
     let GrammarSource { name, bytes, includes, defines } = source;
     let input = preprocess::PreprocessorInput { name, bytes, includes, defines, limits };
+    // Preprocess: includes, conditionals and macros give one list of tokens.
     let preprocessed = preprocess::run(&mut session, sources, input);
     if preprocessed.is_foreign {
         return Err(input_error(&mut session, sources));
     }
+    // Diagnostics without a location point to the start of the main file.
     let main = (first..).zip(sources.ids().skip(first)).map(|(_, id)| id).find(|id| sources.name(*id) == name);
     let start = SourcePlace::start_of(main.unwrap_or(osier_base::diagnostic::SourceId(0)));
+    // Compile all lines even after errors, to report them together; lint only what compiled.
     let parsed = compile::parse(&mut session, &preprocessed.tokens, start);
     if !session.has_errors() {
         lint::check(&mut session, &parsed.program);

@@ -43,6 +43,7 @@ fn plural(n: usize) -> String {
 fn check_arities(session: &mut ParseSession, program: &Program) {
     let produced = produced_arities(program);
     for p in program.productions() {
+        // Predecessors and contexts alike must match a number of parameters that occurs.
         let elements = p.left.iter().chain(&p.right);
         let contexts = elements.filter_map(|e| if let ContextElement::Module(f) = e { Some(f) } else { None });
         let formals: Vec<&FormalModule> = p.predecessor.iter().chain(contexts).collect();
@@ -76,7 +77,7 @@ fn check_reachability(session: &mut ParseSession, program: &Program) {
             makes.entry(f.symbol).or_default().extend(p.successor.iter().map(|t| t.symbol));
         }
     }
-    // Breadth-first search over "a production for s produces t", from the symbols of the axiom.
+    // Graph search over "a production for s produces t", from the symbols of the axiom.
     let mut queue: Vec<SymbolId> = seen.iter().copied().collect();
     while let Some(s) = queue.pop() {
         for next in makes.get(&s).into_iter().flatten() {
@@ -140,6 +141,7 @@ fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &Prod
         if !list.iter().all(|p| p.is_unconditional()) {
             continue;
         }
+        // Only unconditional productions with constant weights can be judged before derivation.
         let constant = |p: &&Production| p.weight.as_ref().and_then(|c: &Bytecode| vm::constant_value(c));
         let Some(weights) = list.iter().map(constant).collect::<Option<Vec<f64>>>() else { continue };
         let sum = weights.iter().fold(0.0, |s, w| s + w);
@@ -187,6 +189,7 @@ fn check_command_letters(session: &mut ParseSession, program: &Program) {
             if program.overrides_cpfg(prefix) {
                 continue;
             }
+            // The second character of a command is a symbol of its own and is rewritten like any other.
             let known = TWO_CHARACTER_COMMANDS.contains(&(prefix, symbol(w[1].symbol)));
             if (known || prefix == '~') && rewritten.contains(&w[1].symbol) {
                 found.push((w[0].place.to(w[1].place), prefix, symbol(w[1].symbol)));

@@ -42,6 +42,7 @@ impl Symbols {
         if let Some(&i) = self.index.get(&c) {
             return Some(i);
         }
+        // The largest number is reserved: it stands for "no symbol".
         let i = SymbolId::try_from(self.list.len()).ok().filter(|i| *i < SymbolId::MAX)?;
         self.list.push(c);
         self.index.insert(c, i);

@@ -348,6 +348,7 @@ impl Vm {
         let first = self.stack.len().saturating_sub(2 * n);
         let pairs: Vec<f64> = self.stack.split_off(first);
         let shares: Vec<f64> = pairs.iter().skip(1).step_by(2).copied().collect();
+        // One draw, whatever the number of values.
         let i = self.next_stream().pick(&shares);
         self.stack.push(pairs.get(2 * i).copied().unwrap_or(0.0));
     }
@@ -360,6 +361,7 @@ fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
         return 0.0;
     }
     for _ in 0..10_000 {
+        // Candidates (X, Y) lie in the unit square; those above the diagonal are rejected.
         let x = math::pow(stream.unit_f64(), 1.0 / a);
         let y = math::pow(stream.unit_f64(), 1.0 / b);
         if x + y <= 1.0 && x + y > 0.0 {

@@ -1,4 +1,15 @@
-//! Affine maps of the plane and of space, and what is known about them.
+//! Affine maps of the plane and of space: composition, norms, fixed points.
+//!
+//! # Examples
+//! ```
+//! use glam::DVec3;
+//! use osier_ifs::affine::Affine;
+//!
+//! // x' = x / 2 + 1, y' = y / 2.
+//! let map = Affine::plane([0.5, 0.0, 0.0, 0.5, 1.0, 0.0]);
+//! assert_eq!(map.apply(DVec3::new(2.0, 4.0, 0.0)), DVec3::new(2.0, 2.0, 0.0));
+//! assert!((map.norm() - 0.5).abs() < 1e-7);
+//! ```
 
 use glam::{DMat3, DVec3};
 
@@ -14,7 +25,7 @@ pub struct AxisScaling {
 }
 
 impl AxisScaling {
-    /// Leaves coordinates in table units.
+    /// Identity: coordinates stay in table units.
     pub const IDENTITY: Self = Self { scale: DVec3::ONE, shift: DVec3::ZERO };
 }
 
@@ -160,7 +171,7 @@ impl Affine {
         math::exp(log)
     }
 
-    /// The point that the map leaves where it is; `None` if there is no single one.
+    /// Fixed point (I - A)^-1 b; `None` if it is not unique or not finite.
     pub fn fixed_point(&self) -> Option<DVec3> {
         // x = A x + b has the solution (I - A)^-1 b, unless I - A is singular.
         let m = DMat3::IDENTITY - self.a;
@@ -176,19 +187,19 @@ impl Affine {
         Self { a, b: scale * self.b + shift - a * shift }
     }
 
-    /// True if all numbers are finite.
+    /// True if no coefficient is NaN or infinite.
     pub fn is_finite(&self) -> bool {
         self.a.is_finite() && self.b.is_finite()
     }
 }
 
-/// Turn about the vertical: x' = x cos t + z sin t, z' = z cos t - x sin t.
+/// Rotation matrix about the vertical axis by t rad: x' = x cos t + z sin t, z' = z cos t - x sin t.
 pub fn turn_y(t: f64) -> DMat3 {
     let (s, c) = (math::sin(t), math::cos(t));
     DMat3::from_cols(DVec3::new(c, 0.0, -s), DVec3::Y, DVec3::new(s, 0.0, c))
 }
 
-/// Turn about z: x' = x cos t - y sin t, y' = x sin t + y cos t.
+/// Rotation matrix about z by t rad: x' = x cos t - y sin t, y' = x sin t + y cos t.
 pub fn turn_z(t: f64) -> DMat3 {
     let (s, c) = (math::sin(t), math::cos(t));
     DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::Z)

@@ -1,4 +1,28 @@
-//! Attractors as points.
+//! Draws attractors as points with colours.
+//!
+//! # Examples
+//! ```
+//! use glam::DVec3;
+//! use osier_base::limits::Limits;
+//! use osier_ifs::cloud::{DrawRequest, cloud, voxels};
+//! use osier_ifs::color::{ColorLabels, ColorMode};
+//! use osier_ifs::game::{InstructionSet, extent};
+//! use osier_ifs::{dynamics::study, read::read, weights::WeightRule};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let system = &systems[0];
+//! let study = study(system, WeightRule::File);
+//! let request = DrawRequest { system, study: &study, seed: 1, points: 10_000, tier: InstructionSet::Best };
+//! let labels = ColorLabels::new(system, ColorMode::Map, &[]);
+//! let extent = extent(system, &study).expect("an attractor");
+//! let mut points = cloud(&request, &labels, &extent, DVec3::ZERO, 2.0);
+//! assert_eq!(points.positions.len(), 10_000);
+//! // Thinned to one point per cube, each with the number of points that it stands for.
+//! let counts = voxels(&mut points, 0.25);
+//! assert_eq!(counts.iter().sum::<u32>(), 10_000);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use glam::{DVec3, Vec3};
 
@@ -121,6 +145,7 @@ pub fn cloud(
         narrow((diagonal * ESCAPE_DIAGONALS).min(1e15)),
     );
     let game = game.with_tier(request.tier);
+    // Blocks of equal length; the last one may be cut short by the size of the arrays.
     let (_, steps) = ChaosGame::plan(request.points);
     let size = limit(steps).saturating_mul(LANES).max(1);
     let last = request.system.last.map(|l| l.conjugated(frame.scale, frame.shift));

@@ -1,10 +1,24 @@
 //! Colours of points: by the map that made them, by the last letters of their word, by palette, depth or density.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::color::{ColorLabels, ColorMode};
+//! use osier_ifs::read::read;
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! // One colour per word of the last two of three maps.
+//! let labels = ColorLabels::new(&systems[0], ColorMode::Prefix(2), &[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+//! assert_eq!((labels.letters(), labels.colors.len()), (2, 9));
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use super::game::{CHUNK, Chunk, LANES};
 use super::{Ifs, Map};
 use osier_base::math;
 
-/// What a point's colour stands for.
+/// Property of a point that its colour shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColorMode {
     /// The map applied last.
@@ -61,7 +75,7 @@ pub struct ColorLabels {
     lanes: LaneHistory,
 }
 
-/// What a map does to the order of a point.
+/// Effect of a map on the branching order of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Branching {
     /// A stem: the point is on a trunk.
@@ -192,7 +206,7 @@ impl ColorLabels {
         }
     }
 
-    /// A lane starts again.
+    /// Resets the history of a lane that restarts.
     pub fn restart(&mut self, lane: usize) {
         (self.lanes.word[lane], self.lanes.coord[lane], self.lanes.depth[lane]) = (0, 0.5, 0);
     }
@@ -241,7 +255,7 @@ fn word_colors(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
             rest /= maps;
         }
         let mut c = by_map.get(letters[0]).copied().unwrap_or(DEFAULT_WOOD);
-        // Older maps shade the colour of the newest one, each half as much as the one after it.
+        // Older maps shade the colour of the newest one, each half as strongly as the next newer one.
         let mut share = 0.45;
         for l in letters.iter().take(k as usize).skip(1) {
             let other = by_map.get(*l).copied().unwrap_or(DEFAULT_WOOD);

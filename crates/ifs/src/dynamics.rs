@@ -1,4 +1,17 @@
-//! Whether a system has an attractor: stretch of its maps, Lyapunov exponent, and what is odd about them.
+//! Analyses whether a system has an attractor: norms of its maps, Lyapunov exponent, and warnings about them.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::{dynamics::study, read::read, weights::WeightRule};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let analysis = study(&systems[0], WeightRule::File);
+//! // Every step halves distances: the exponent is ln 0.5.
+//! assert!((analysis.exponent + 0.693).abs() < 1e-3 && !analysis.unbounded);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use glam::DVec3;
 
@@ -17,7 +30,7 @@ const LYAPUNOV_STEPS: u32 = 4096;
 /// Singular values below this share of the largest coefficient are 0.
 const SINGULAR_RATIO: f64 = 1e-9;
 
-/// What is known about a system before it is drawn.
+/// Analysis of a system: what is known before it is drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SystemAnalysis {
     /// Share of each map in long runs.
@@ -28,7 +41,7 @@ pub struct SystemAnalysis {
     pub mean_log: f64,
     /// Top Lyapunov exponent of the random product, per step.
     pub exponent: f64,
-    /// Its standard error.
+    /// Standard error of `exponent` over the chains.
     pub error: f64,
     /// True if a map drawn has a spectral radius of 1 or more: the attractor has no bounds.
     pub unbounded: bool,
@@ -75,13 +88,12 @@ pub fn study(ifs: &Ifs, rule: WeightRule) -> SystemAnalysis {
     let radius: Vec<f64> = ifs.maps.iter().map(|m| m.affine.spectral_radius()).collect();
     let expanding = (0..ifs.maps.len()).filter(drawn).find(|i| radius.get(*i).is_some_and(|r| *r >= 1.0));
     if let Some(i) = expanding {
-        let text = format!("map {} alone runs away: its spectral radius is {:.4}", i + 1, radius[i]);
+        let text = format!("map {} alone diverges: its spectral radius is {:.4}", i + 1, radius[i]);
         let d = Diagnostic::warning("I026", text, ifs.maps[i].span, "this map");
-        diagnostics
-            .push(d.help("the attractor has no bounds; the picture shows where all but 0.1 % of the points are"));
+        diagnostics.push(d.help("the attractor is unbounded; the picture shows all but 0.1 % of its points"));
     }
     if ifs.maps.iter().all(|m| is_flat(ifs, m)) {
-        let text = "every map flattens what it is given";
+        let text = "every map is singular";
         let d = Diagnostic::warning("I025", text, ifs.span, "in this system");
         diagnostics.push(
             d.help("the attractor is a few lines or points; are the columns r q alpha beta rather than a b c d?"),
@@ -117,20 +129,21 @@ fn judge_contraction(ifs: &Ifs, mean_log: f64, exponent: f64, diagnostics: &mut 
     if exponent > NEUTRAL_EXPONENT {
         let text = format!("\"{}\" does not contract: distances grow by {:.3} per step", ifs.name, math::exp(exponent));
         let d = Diagnostic::error("I021", text, ifs.span, "no attractor");
-        diagnostics.push(d.help("points run away; make the maps smaller, or the weights of those that shrink larger"));
+        diagnostics
+            .push(d.help("points diverge; reduce the scale of the maps, or raise the weights of those that contract"));
     } else if exponent > -NEUTRAL_EXPONENT {
         let text = format!("\"{}\" neither contracts nor grows on average", ifs.name);
         let d = Diagnostic::warning("I022", text, ifs.span, "in this system");
-        diagnostics.push(d.help("its picture depends on where the points start"));
+        diagnostics.push(d.help("the picture depends on the start points"));
     }
 }
 
 /// I020 with the map's numbers and, where one changed digit makes both angles equal, that digit.
 fn expanding_map_warning(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagnostic {
-    let text = format!("map {} stretches: its norm is {norm:.3}", index + 1);
+    let text = format!("map {} expands distances: its norm is {norm:.3}", index + 1);
     if ifs.dim != 2 {
         let d = Diagnostic::warning("I020", text, map.span, "norm of 1 or more");
-        return d.help("a system may hold such a map as long as it contracts on average");
+        return d.help("a system may contain such a map as long as it contracts on average");
     }
     let [r, q, alpha, beta] = map.affine.to_polar();
     let degrees = |a: f64| a / units::radians(1.0);
@@ -138,10 +151,10 @@ fn expanding_map_warning(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagn
     let d = Diagnostic::warning("I020", text, map.span, label);
     match likely_misprint(map) {
         Some((column, from, to)) => d.help(format!(
-            "with {column} = {to} instead of {from} both angles would agree: a misprint? It may stay as long as the \
+            "with {column} = {to} instead of {from} alpha and beta would be equal: possibly a misprint. The map may stay as long as the \
              system contracts on average"
         )),
-        None => d.help("a system may hold such a map as long as it contracts on average"),
+        None => d.help("a system may contain such a map as long as it contracts on average"),
     }
 }
 
@@ -197,7 +210,7 @@ fn transition_matrix(
         let weights: Vec<f64> = row.iter().zip(shares).map(|(c, q)| c.max(0.0) * q).collect();
         let sum = weights.iter().fold(0.0, |s, w| s + w);
         if sum <= 0.0 {
-            bad(format!("nothing may follow map {}", i + 1), "leave a factor above 0 in each row");
+            bad(format!("no map may follow map {}", i + 1), "each row needs a factor above 0");
             return None;
         }
         next.push(weights.iter().map(|w| w / sum).collect::<Vec<f64>>());

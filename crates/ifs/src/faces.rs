@@ -1,4 +1,14 @@
 //! Triangle meshes as condensation sets: points drawn evenly over their area.
+//!
+//! # Examples
+//! ```
+//! use glam::Vec3;
+//! use osier_ifs::faces::WeightedTriangles;
+//!
+//! let triangle = WeightedTriangles::new([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+//! let p = triangle.point([0.5, 0.25, 0.5]);
+//! assert!(p.x >= 0.0 && p.y >= 0.0 && p.x + p.y <= 1.0);
+//! ```
 
 use std::sync::Arc;
 

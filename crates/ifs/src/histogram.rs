@@ -1,4 +1,24 @@
 //! Hits and colours per pixel. All sums are of whole numbers, so their order does not matter.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::cloud::DrawRequest;
+//! use osier_ifs::game::{InstructionSet, extent};
+//! use osier_ifs::histogram::{PictureWindow, histogram};
+//! use osier_ifs::{dynamics::study, read::read, weights::WeightRule};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let system = &systems[0];
+//! let study = study(system, WeightRule::File);
+//! let (low, high) = extent(system, &study).expect("an attractor").bounds;
+//! let window = PictureWindow::fitted(low, high, 64, 64);
+//! let request = DrawRequest { system, study: &study, seed: 1, points: 100_000, tier: InstructionSet::Best };
+//! let counts = histogram(&request, None, &window);
+//! assert_eq!(counts.hits.iter().sum::<u64>() + counts.outside, counts.points * counts.unit);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use std::collections::BTreeMap;
 
@@ -173,6 +193,7 @@ impl Histogram {
     fn colors(&mut self, plan: &CountingPlan, labels: &ColorLabels, request: &DrawRequest<'_>) {
         let layout = plan.layout;
         let (adds, shares) = weights(labels, request);
+        // Cells in tile order while counting; `rows` below brings them into picture order.
         let empty = || ColorCounter {
             cells: vec![ColorCell::default(); layout.cells()],
             spilled: BTreeMap::new(),

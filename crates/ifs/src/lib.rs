@@ -2,6 +2,20 @@
 //!
 //! A system is a list of affine maps with weights. [`read`] makes [`Ifs`]s of files, [`weights`] and [`dynamics`] judge
 //! them, [`game`] draws their attractors, [`words`] expands them level by level.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::{dynamics::study, game::extent, read::read, weights::WeightRule};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, report) = read("sierpinski.ifs", text, &Limits::default())?;
+//! assert!(!report.has_errors());
+//! let analysis = study(&systems[0], WeightRule::File);
+//! let (low, high) = extent(&systems[0], &analysis).expect("an attractor").bounds;
+//! assert!(high.y - low.y > 0.99);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 #![allow(clippy::needless_range_loop, reason = "steps, lanes and pixels index several arrays at once")]
 
@@ -44,17 +58,17 @@ pub struct Ifs {
     pub maps: Vec<Map>,
     /// Factors on the weights of the next map (column) by the last one (row).
     pub chaos: Option<Vec<Vec<f64>>>,
-    /// Applied to what is shown, never fed back.
+    /// Final map: applied to the points that are shown, not fed back into the iteration.
     pub last: Option<Affine>,
-    /// Sets that every map's images are added to.
+    /// Condensation sets: K = C u w_1(K) u ... u w_m(K).
     pub condensation: Vec<Condensation>,
-    /// What the file says about the picture.
+    /// Picture window and background, where the file states them.
     pub view: Option<PictureView>,
     /// Linear RGB by colour coordinate, or empty.
     pub palette: Vec<[f32; 3]>,
     /// Where the probabilities come from, if the file says so.
     pub weights: Option<weights::WeightRule>,
-    /// Its name in the file.
+    /// Location of the name in the file, for diagnostics.
     pub span: Span,
 }
 
@@ -69,21 +83,21 @@ pub struct Map {
     pub color: Option<[f32; 3]>,
     /// Place in the palette, 0..1.
     pub coord: f64,
-    /// Share of the way to `coord` per step, 0..1.
+    /// Share of the distance to `coord` that a point's colour coordinate moves per step, 0..1.
     pub speed: f64,
     /// Share of its points that are shown, 0..1.
     pub opacity: f64,
     /// Factor on radii; `None`: the scale.
     pub radius: Option<f64>,
-    /// How it was written, for maps of trees.
+    /// Branch parameters, where the table gives the map as a branch.
     pub branch: Option<Branch>,
-    /// Continues its parent's axis.
+    /// True if the map continues its parent's axis: it keeps the branching order.
     pub axis: bool,
-    /// Squashes the whole into a stem and never branches.
+    /// True if the map flattens the attractor to a stem and takes no part in branching.
     pub stem: bool,
-    /// Bears a leaf where its word is cut.
+    /// True if a leaf is placed where a word that ends in this map is cut.
     pub leaf: bool,
-    /// Its place in the file.
+    /// Location in the file, for diagnostics.
     pub span: Span,
 }
 
@@ -107,12 +121,12 @@ impl Map {
     }
 }
 
-/// A set that belongs to the attractor as it is.
+/// A condensation set: a fixed set whose images under all words belong to the attractor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Condensation {
     /// Geometry of the set.
     pub shape: CondensationShape,
-    /// Share of the points that jump into it.
+    /// Probability of a jump into the set per step, 0..1.
     pub weight: f64,
 }
 
@@ -144,7 +158,7 @@ pub enum CondensationShape {
     Mesh(faces::MeshReference),
 }
 
-/// What a file says about its picture.
+/// Window and background of the picture that a flame file states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureView {
     /// Middle, table units, y up.

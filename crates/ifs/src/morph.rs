@@ -1,4 +1,23 @@
-//! Systems between systems: tables as keys in time, and every table in between.
+//! Interpolates systems in time: tables as keys, and a system for every time between them.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::morph::{Morph, MorphKey, MorphOptions};
+//! use osier_ifs::{dynamics::study, read::read, weights::WeightRule};
+//!
+//! let text = b"a { .5 0 0 .5 0 0 1  .5 0 0 .5 1 0 1 }\nb { .3 0 0 .3 0 0 1  .3 0 0 .3 1 0 1 }";
+//! let (systems, _) = read("two.ifs", text, &Limits::default())?;
+//! let key = |at: f64, i: usize| MorphKey {
+//!     at,
+//!     system: systems[i].clone(),
+//!     study: study(&systems[i], WeightRule::File),
+//!     turns: Vec::new(),
+//! };
+//! let morph = Morph::new(vec![key(0.0, 0), key(1.0, 1)], MorphOptions::default()).expect("tables that fit");
+//! assert!((morph.system(0.5).maps[0].affine.norm() - 0.4).abs() < 1e-7);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use glam::DVec3;
 
@@ -25,18 +44,18 @@ pub struct MorphKey {
     pub turns: Vec<f64>,
 }
 
-/// How keys are led over.
+/// Interpolation between keys.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MorphOptions {
-    /// Slow at the keys, fast between.
+    /// Smoothstep in time: velocity 0 at the keys. Otherwise linear.
     pub smooth: bool,
-    /// Fixed points go straight instead of the shifts.
+    /// Interpolates the fixed points of the maps linearly instead of their shifts.
     pub fixed_points: bool,
-    /// The first key's weights at all times.
+    /// Keeps the weights of the first key at all times, so that every point keeps its word.
     pub hold_weights: bool,
 }
 
-/// Keys that do not fit each other.
+/// Keys that cannot be interpolated.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MorphMismatch {
     /// Index of the key that does not fit.
@@ -45,7 +64,7 @@ pub struct MorphMismatch {
     pub code: &'static str,
     /// Message of the diagnostic.
     pub message: String,
-    /// What would mend it.
+    /// Help text of the diagnostic.
     pub help: &'static str,
 }
 
@@ -83,7 +102,7 @@ impl Morph {
     /// moved does not stay single.
     pub fn new(keys: Vec<MorphKey>, options: MorphOptions) -> Result<Self, MorphMismatch> {
         let Some(first) = keys.first() else {
-            return Err(mismatch(0, "I070", "a morph without keys".into(), "give it two keys at least"));
+            return Err(mismatch(0, "I070", "a morph without keys".into(), "give it at least two keys"));
         };
         for (i, key) in keys.iter().enumerate() {
             check_match(&first.system, key, i)?;
@@ -166,6 +185,8 @@ impl Morph {
         let (k, t) = if self.options.hold_weights { (0, 0.0) } else { self.place(seconds) };
         let a = &self.keys[k].study;
         let b = self.keys.get(k + 1).map_or(a, |k| &k.study);
+        // A row of next-map probabilities for every map, if any key has a chaos matrix; keys without one repeat their
+        // shares.
         let rows = self.keys.iter().any(|k| k.study.next.is_some()) && !(self.options.hold_weights && a.next.is_none());
         let next = rows.then(|| {
             let row = |i: usize| blended(&next_probabilities(a, i), &next_probabilities(b, i), t);
@@ -223,16 +244,16 @@ fn check_match(first: &Ifs, key: &MorphKey, i: usize) -> Result<(), MorphMismatc
     let (n, m) = (system.maps.len(), first.maps.len());
     if n != m {
         let text = format!("\"{}\" has {n} maps, \"{}\" has {m}", system.name, first.name);
-        return Err(mismatch(i, "I070", text, "map i becomes map i: give the shorter table further maps of weight 0"));
+        return Err(mismatch(i, "I070", text, "maps are matched by index: add maps of weight 0 to the shorter table"));
     }
     if system.condensation != first.condensation {
-        let text = format!("\"{}\" and \"{}\" have other condensation sets", system.name, first.name);
-        return Err(mismatch(i, "I070", text, "condensation sets stand still: write the same ones in all tables"));
+        let text = format!("\"{}\" and \"{}\" have different condensation sets", system.name, first.name);
+        return Err(mismatch(i, "I070", text, "condensation sets do not move: use the same sets in all tables"));
     }
     Ok(())
 }
 
-/// What a map has besides its coefficients.
+/// Interpolates the attributes of a map besides its coefficients.
 fn blend_attributes(map: &mut Map, to: &Map, t: f64) {
     map.weight = map.weight.zip(to.weight).map(|(a, b)| lerp(a, b, t));
     map.color = map

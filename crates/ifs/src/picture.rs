@@ -1,4 +1,27 @@
-//! From counts to pictures: density estimation, logarithmic tone mapping, colours.
+//! Turns counts into pictures: density estimation, logarithmic tone mapping, colours.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::cloud::DrawRequest;
+//! use osier_ifs::game::{InstructionSet, extent};
+//! use osier_ifs::histogram::{PictureWindow, histogram};
+//! use osier_ifs::picture::{ToneMapping, density, tone_mapped};
+//! use osier_ifs::{dynamics::study, read::read, weights::WeightRule};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let system = &systems[0];
+//! let study = study(system, WeightRule::File);
+//! let (low, high) = extent(system, &study).expect("an attractor").bounds;
+//! let window = PictureWindow::fitted(low, high, 64, 64);
+//! let request = DrawRequest { system, study: &study, seed: 1, points: 100_000, tier: InstructionSet::Best };
+//! let counts = histogram(&request, None, &window);
+//! let density = density(&counts, 2, None);
+//! // RGBA of 32 x 32 pixels, each of 2 x 2 cells.
+//! assert_eq!(tone_mapped(&density, &ToneMapping::default(), [0.1, 0.4, 0.1]).len(), 32 * 32 * 4);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use super::histogram::Histogram;
 use osier_base::math::{self, narrow};
@@ -60,6 +83,7 @@ pub fn density(h: &Histogram, oversample: usize, estimator: Option<DensityEstima
     let k = oversample.max(1);
     let (width, height) = (h.width / k, h.height / k);
     let rows: Vec<usize> = (0..height).collect();
+    // Down-sample by exact sums of k x k cells before the estimator spreads them.
     let boxed = par_map(&rows, |y| (0..width).map(|x| box_sums(h, k, x, *y)).collect::<Vec<PixelSums>>());
     let mut samples: Vec<PixelSums> = boxed.into_iter().flatten().collect();
     if let Some(e) = estimator.filter(|e| e.radius > 0.0) {

@@ -1,4 +1,4 @@
-//! Linear maps as a turn after a stretch, and the way from one turn to another.
+//! Polar decomposition A = R S of linear maps, and interpolation of the rotation R.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -26,7 +26,7 @@ impl Turn {
         }
     }
 
-    /// Leaves everything where it is.
+    /// The identity rotation.
     pub fn none(dim: usize) -> Self {
         if dim == 2 { Self::Plane(0.0) } else { Self::Space(DQuat::IDENTITY) }
     }
@@ -123,6 +123,7 @@ fn svd(a: DMat3) -> (DMat3, DVec3, DMat3) {
 /// reflections and singular maps. In the plane angle(R) = atan2(c - b, a + d); in space R = U diag(1, 1, det(U V^T)) V^T.
 fn turn(a: DMat3, dim: usize) -> Result<Turn, Option<(DVec3, DVec3)>> {
     if dim == 2 {
+        // The plane has a closed form: the angle of the antisymmetric and symmetric parts of A.
         let (s, c) = (a.x_axis.y - a.y_axis.x, a.x_axis.x + a.y_axis.y);
         let most = a.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         return if s.abs().max(c.abs()) > SINGULAR_RATIO * most {

@@ -1,4 +1,4 @@
-//! How points of an attractor reach the cells of a picture: by cylinders, or step by step where those do not suit.
+//! Counts points of an attractor into the cells of a picture: by cylinders where possible, else by the chaos game.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ const MAX_CELL_BYTES: usize = 1 << 30;
 const ESCAPE_DIAGONALS: f64 = 1e4;
 /// Points whose pixels are found at once.
 pub(super) const SLICE: usize = 1024;
-/// The map that leaves everything where it is.
+/// The identity map in the order of [`Affine::single`](super::affine::Affine).
 const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
 /// Finds the pixels of points, slice after slice.
@@ -38,7 +38,7 @@ impl PixelIndexer {
     }
 }
 
-/// Counts of points by cell.
+/// Cells of a picture that count points.
 pub(super) trait CellCounter {
     /// What tells points apart, if anything does.
     fn labels(&self) -> Option<&ColorLabels>;
@@ -48,7 +48,7 @@ pub(super) trait CellCounter {
     fn add(&mut self, cells: &[u32], cylinder: &Cylinder, coord: &[f32]);
 }
 
-/// Takes points of the chaos game itself: where cylinders do not suit.
+/// Counts points of the chaos game directly, for systems that cannot be cut into cylinders.
 struct ChaosGameCounter<C> {
     cells: C,
     pixels: PixelIndexer,
@@ -109,6 +109,7 @@ impl CountingPlan {
         let game =
             ChaosGame::new(system, study, seed, units, narrow((size * ESCAPE_DIAGONALS).min(1e15))).with_tier(tier);
         let cut = by_cylinders.then(|| CylinderCut::new(request, &game, frame, labels));
+        // Batches of cylinders replace the blocks of the chaos game as the unit of work.
         let (blocks, steps) = ChaosGame::plan(points);
         let (blocks, points) = match &cut {
             Some(cut) => (cut.batches().count, cut.batches().count * cut.batches().points),
@@ -143,6 +144,7 @@ impl CountingPlan {
     /// Counts the points of some blocks.
     fn count_blocks<C: CellCounter>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
         let tier = self.game.tier();
+        // Scratch memory of one thread, reused for all of its blocks.
         let mut pixels = PixelIndexer { tier, layout: self.layout, deep: self.deep, index: Box::new([0; SLICE]) };
         let none = Escapes::default();
         if let Some(cut) = &self.cut {

@@ -1,4 +1,26 @@
-//! What makes a system a tree: its trunk, its branching maps, which of them lead on.
+//! Reads a system as a tree: its trunk, its branching maps, and the map that continues the axis.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::read::read;
+//! use osier_ifs::stems::{is_tree, stems};
+//!
+//! let table = r#"
+//! [ifs]
+//! name = "fork"
+//! dim = 3
+//! map = [
+//!     { branch = { h = 1.0, pitch = 25, scale = 0.7 } },
+//!     { branch = { h = 1.0, roll = 180, pitch = 25, scale = 0.7 } },
+//! ]
+//! "#;
+//! let (systems, _) = read("fork.ifs.toml", table.as_bytes(), &Limits::default())?;
+//! assert!(is_tree(&systems[0]));
+//! let tree = stems(&systems[0]).expect("every branch shrinks");
+//! assert!(tree.radius > 0.0);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use glam::DVec3;
 
@@ -13,12 +35,12 @@ use osier_base::math;
 /// Least height on the parent of a map that leads on, and most degrees off the vertical.
 const MIN_APEX_HEIGHT: f64 = 0.9;
 const MAX_APEX_LEAN_DEG: f64 = 35.0;
-/// A trunk this near to the unit segment is it.
+/// Distance of its ends, table units, within which a trunk counts as the unit segment.
 const UNIT_TRUNK_TOLERANCE: f64 = 0.03;
-/// Radius of a trunk over its length, where nothing says it.
+/// Radius over length of a trunk that the table does not describe.
 const DEFAULT_TRUNK_RADIUS: f64 = 0.08;
 
-/// A system as a tree.
+/// A system read as a tree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TreeSystem {
     /// The system, its squash maps marked as stems, one of its branches marked as the axis.

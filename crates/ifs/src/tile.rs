@@ -1,4 +1,16 @@
 //! A system's density as a square tile of a surface: the culm of [wang-hao] Fig. 7(b).
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::{read::read, tile::tile};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let tile = tile(&systems[0], 16).expect("an attractor");
+//! assert!(tile.len() == 256 && tile.iter().all(|v| (0.0..=1.0).contains(v)));
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use super::Ifs;
 use super::cloud::DrawRequest;
@@ -9,7 +21,7 @@ use super::weights::WeightRule;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{ln, narrow};
 
-/// Points drawn for each cell of the tile; fewer show noise.
+/// Points drawn per cell of the tile. Fewer show sampling noise, more cost time in proportion.
 const POINTS_PER_CELL: u64 = 64;
 /// The share of cells below the brightness that counts as full.
 const FULL_QUANTILE: f64 = 0.99;

@@ -1,4 +1,12 @@
-//! Probabilities of the maps.
+//! Probabilities of the maps of a system, from its file, by area or by similarity dimension.
+//!
+//! # Examples
+//! ```
+//! use osier_ifs::weights::similarity_dimension;
+//!
+//! // Sierpinski's triangle: three maps of scale 1/2 in the plane, D = ln 3 / ln 2.
+//! assert!((similarity_dimension(&[0.5; 3], 2.0) - 1.585).abs() < 1e-3);
+//! ```
 
 use super::Ifs;
 use osier_base::diagnostic::{Diagnostic, Severity};
@@ -92,14 +100,15 @@ fn area_weights(ifs: &Ifs, warnings: &mut Vec<Diagnostic>) -> Vec<f64> {
     let largest = areas.iter().fold(0.0_f64, |m, a| m.max(*a));
     // A near-rotation keeps its area: by area it would take nearly all points.
     if let Some(turn) = ifs.maps.iter().find(|m| m.affine.norm() > MAX_AREA_NORM) {
-        let text = "weights by area do not suit a map that hardly shrinks";
+        let text = "weights by area are unsuitable for a map that hardly contracts";
         let d = Diagnostic::warning("I027", text, turn.span, format!("norm {:.6}", turn.affine.norm()));
-        warnings.push(d.help("the weights of the file are used; they keep the other maps alive"));
+        warnings.push(d.help("the weights of the file are used; by area the other maps would get almost no points"));
         let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight.map(|w| w.max(0.0))).collect();
         if let Some(column) = column.filter(|c| c.iter().any(|w| *w > 0.0)) {
             return column;
         }
     }
+    // Maps onto lines have no area: use the square of the norm instead.
     if largest <= 0.0 {
         let d = Diagnostic::warning("I024", "no map has an area", ifs.span, "every determinant is 0");
         warnings.push(d.help("weights by the square of the norm are used"));
@@ -171,7 +180,7 @@ pub(super) fn column_warnings(ifs: &Ifs) -> Vec<Diagnostic> {
         warnings.push(d.help("their differences are used; weights = \"file-raw\" takes them as they are"));
     } else if (sum - 1.0).abs() > SUM_TOLERANCE && ifs.chaos.is_none() && ifs.condensation.is_empty() {
         let text = format!("the weights sum to {sum:.4}, not to 1");
-        let effect = if sum < 1.0 { "the last map takes the rest" } else { "the last maps are starved" };
+        let effect = if sum < 1.0 { "the last map takes the rest" } else { "the last maps get too few points" };
         let d = Diagnostic::warning("I014", text, ifs.span, "in this system");
         warnings.push(d.help(format!("they are divided by their sum; in Fractint {effect}")));
     }

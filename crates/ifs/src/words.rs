@@ -1,4 +1,28 @@
-//! Systems expanded word by word: every prefix, down to a size.
+//! Expands a system into words of maps: every prefix, down to a size.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::read::read;
+//! use osier_ifs::words::{ExpansionLimits, Letters, expand};
+//!
+//! let table = r#"
+//! [ifs]
+//! name = "fork"
+//! dim = 3
+//! map = [
+//!     { branch = { h = 1.0, pitch = 25, scale = 0.7 } },
+//!     { branch = { h = 1.0, roll = 180, pitch = 25, scale = 0.7 } },
+//! ]
+//! "#;
+//! let (systems, _) = read("fork.ifs.toml", table.as_bytes(), &Limits::default())?;
+//! let letters = Letters::new(&systems[0]).expect("every branch shrinks");
+//! let limits = ExpansionLimits { eps: 0.3, max_depth: 64, max_order: 64, max_words: 1000 };
+//! let expansion = expand(&systems[0], &letters, &limits, None).expect("few words");
+//! // The trunk, 2 branches of size 0.7, 4 of 0.49, 8 of 0.343; the next 16 would be smaller than 0.3.
+//! assert_eq!((expansion.words.len(), expansion.cuts.len()), (15, 16));
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 use glam::DVec3;
 
@@ -11,7 +35,7 @@ use osier_base::rng::{Key, Rng, child};
 /// Index of no word: the parent of the root.
 pub const NONE: u32 = u32::MAX;
 
-/// A word that is shown: letters outermost first.
+/// A word of maps, the outermost letter first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Word {
     /// Index of the word without its last letter, or [`NONE`].
@@ -56,12 +80,12 @@ pub struct ExpansionLimits {
     pub max_words: u64,
 }
 
-/// How maps differ from word to word.
+/// Random variation of the maps from word to word.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Variation {
     /// Key of the stream that the letters are added to.
     pub key: u64,
-    /// 0 none to 2 twice as much.
+    /// Factor on the standard deviations, 0 (none) to 2.
     pub amount: f64,
 }
 
@@ -72,7 +96,7 @@ impl Variation {
     }
 }
 
-/// Words shown, and those at which growth was cut.
+/// Words of an expansion, and those at which growth was cut.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Expansion {
     /// Depth first, letters in the order of the file; the empty word comes first.
@@ -101,7 +125,7 @@ impl Letters {
             if !(map.stem || shrinks) {
                 let text = format!("map {} has the scale {s:.4}", i + 1);
                 let d = Diagnostic::error("I041", text, map.span, "must lie between 0 and 1");
-                return Err(Box::new(d.help("every branch must be smaller than what it grows on")));
+                return Err(Box::new(d.help("every branch must be smaller than its parent")));
             }
             out.scale.push((!map.stem).then_some(s));
             out.radius.push(map.radius.unwrap_or(s));

@@ -28,6 +28,7 @@ impl ItemParser<'_> {
         for line in lines {
             let key = line.keyword.map(|(k, _)| k);
             past_header |= line.arrow.is_some() || key == Some(Keyword::Axiom);
+            // Only the three kinds of turtle items are handled here.
             let (Some((k @ (Keyword::Turtle | Keyword::Angles | Keyword::Bind), n)), Some(place)) =
                 (line.keyword, line.place())
             else {
@@ -54,6 +55,7 @@ impl ItemParser<'_> {
                 );
                 continue;
             }
+            // After `bind` a colon belongs to the binding, not to the keyword.
             let colon = usize::from(k != Keyword::Bind && line.tokens.get(n).is_some_and(|t| t.is(':')));
             let value = line.tokens.get(n + colon..).unwrap_or(&[]);
             match k {
@@ -108,6 +110,7 @@ impl ItemParser<'_> {
                 return self.session.error("L001", message, t.place, "here");
             };
             cursor.bump();
+            // An expression ends where the next `name =` begins, so that no separator is needed.
             if !cursor.eat('=') {
                 return self.session.error("L001", "expected '=' after the name of an angle", cursor.place(), "here");
             }
@@ -164,6 +167,7 @@ impl ItemParser<'_> {
         let Some(id) = self.program.symbols.intern(c) else { return };
         let Some(turtle) = &mut self.program.turtle else { return };
         let binding = SymbolBinding { action, value, place: Some(symbol.place) };
+        // Bindings of the dialect may be replaced, those of the file may not.
         if let Some(Some(first)) = turtle.symbols.get(&id).map(|b| b.place) {
             let d = Diagnostic::error("L038", format!("'{c}' is bound twice"), symbol.place.span, "the second one");
             let d = d.label(first.span, "the first one").help("remove one of them");
@@ -265,6 +269,7 @@ impl ItemParser<'_> {
     /// `world x|y|z` or `turtle h|l|u`.
     fn rotation(&mut self, cursor: &mut TokenCursor<'_>) -> Option<TurtleAction> {
         let place = cursor.place();
+        // World axes are fixed in space; turtle axes move with the turtle.
         let (space, axis) = (self.word(cursor), self.word(cursor));
         let action = match (space.as_str(), axis.as_str()) {
             ("world", "x") => TurtleAction::RotateWorld(0),

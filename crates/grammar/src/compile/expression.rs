@@ -74,6 +74,7 @@ fn operator(cursor: &TokenCursor<'_>) -> Option<(&'static str, u8, usize)> {
         ('>', Some('=')) => (">=", 5, 2),
         ('<', _) => ("<", 5, 1),
         ('>', _) => (">", 5, 1),
+        // The arrow of a production ends its condition.
         ('-', Some('-')) if cursor.glued_char(2) == Some('>') => return None,
         ('+', _) => ("+", 6, 1),
         ('-', _) => ("-", 6, 1),
@@ -153,6 +154,7 @@ impl ExpressionCompiler<'_, '_> {
         match t.kind {
             TokenKind::Number(n) => {
                 let text = self.compiler.session.names.get(n).to_owned();
+                // The lexer passes digits only; numbers too large for a double parse as infinity.
                 let value: f64 = text.parse().unwrap_or(f64::INFINITY);
                 if !value.is_finite() {
                     return self.error("L001", format!("number {text} is out of range"), t.place, "too large");
@@ -296,6 +298,7 @@ impl ExpressionCompiler<'_, '_> {
     /// Emits everything pending that binds at least as tightly as `prec`; stops at parentheses and open `?`.
     fn reduce(&mut self, prec: u8) {
         loop {
+            // Precedence of the topmost operator; parentheses and an open "?" hold everything below them.
             let binds = match self.pending.last() {
                 Some(PendingOperator::Unary(_)) => PREC_UNARY,
                 Some(PendingOperator::Binary(_, p, _) | PendingOperator::Short(_, p)) => *p,
@@ -309,6 +312,8 @@ impl ExpressionCompiler<'_, '_> {
                 Some(PendingOperator::Unary(op)) => self.emit_unary(op),
                 Some(PendingOperator::Binary(op, _, place)) => self.emit_binary(op, place),
                 Some(PendingOperator::Short(jump, _)) => {
+                    // The right side of `&&` or `||` is complete: reduce its value to 0 or 1 and let the jump land
+                    // behind it.
                     self.code.ops.push(Op::Bool);
                     self.patch_jump(jump);
                 }
@@ -404,6 +409,7 @@ impl ExpressionCompiler<'_, '_> {
                 return self.error("L022", wrong(&format!("{wanted} arguments")), place, "this call");
             }
             self.code.ops.push(Op::Random(op));
+        // cpfg 6.6 accepts a second argument and ignores it.
         } else if word == "atan" && args == 2 {
             let help = "osier computes the angle of the point (y, x), cpfg ignores x";
             self.compiler.session.note("L042", "atan(x,y) differs from cpfg 6.6".into(), place, help);
@@ -485,6 +491,7 @@ impl ExpressionCompiler<'_, '_> {
         match self.pending.pop() {
             None => Some(()),
             Some(PendingOperator::Paren(open) | PendingOperator::Call { place: open, .. }) => {
+                // The expression ended inside a parenthesis: point to both places.
                 let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
                 self.compiler.session.push(
                     osier_base::diagnostic::Diagnostic::error(

@@ -79,6 +79,7 @@ impl ItemParser<'_> {
         let mut skipping = false;
         for line in lines {
             let key = line.keyword.map(|k| k.0);
+            // An L-system begins with its heading; lines before it belong to it too.
             let begins = matches!(key, Some(Keyword::Lsystem | Keyword::Ring));
             if skipping {
                 continue;
@@ -132,6 +133,7 @@ impl ItemParser<'_> {
         }
         let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
         let body = &line.tokens[(n + colon).min(line.tokens.len())..];
+        // The block is everything between the outer braces.
         let inner = match body {
             [open, inner @ .., close] if open.is('{') && close.is('}') => inner,
             [open, ..] if open.is('{') => {
@@ -144,6 +146,7 @@ impl ItemParser<'_> {
         };
         let mut compiler = self.compiler(NameScope::Global);
         let Some(code) = statement::block(&mut compiler, inner, place) else { return };
+        // A second block of the same kind replaces the first.
         let slot = match key {
             Keyword::Start => &mut self.program.blocks.start,
             Keyword::StartEach => &mut self.program.blocks.start_each,
@@ -172,6 +175,7 @@ impl ItemParser<'_> {
                 let help = "contexts do not see across the ends of the string";
                 self.session.warning("L008", "ring L-systems are not supported".into(), head, help);
             }
+            // `Seed:` belongs to the section in which it stands; sections other than the homomorphism share one seed.
             Keyword::Seed => {
                 let seed = self.integer(value, head);
                 match self.section {
@@ -295,6 +299,7 @@ impl ItemParser<'_> {
             ProductionSection::Decomposition => &mut self.program.decomposition,
             ProductionSection::Homomorphism => &mut self.program.homomorphism,
         };
+        // Expansion works on single modules.
         if self.section != ProductionSection::Productions && parsed.predecessor.len() > 1 {
             let message = "ill-formed production: only one predecessor is allowed in this section".to_owned();
             return self.session.error_help("L010", message, place, "write one production for each predecessor");
@@ -318,6 +323,7 @@ impl ItemParser<'_> {
                 known.clone().map(str::to_ascii_lowercase).collect::<Vec<_>>().iter().map(|s| s.as_str()),
             )
             .map(str::to_owned);
+            // Suggest the nearest keyword in its usual spelling.
             let near = near.and_then(|n| known.clone().find(|k| k.eq_ignore_ascii_case(&n)));
             let help = match near {
                 Some(n) => format!("did you mean '{n}'?"),

@@ -98,6 +98,7 @@ fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     let next = tokens.get(n);
     // Any symbol may follow `bind`, a colon only as the second.
     let needs_no_colon = needs_no_colon || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
+    // A keyword counts only in front of a colon or a brace, or alone, so that symbols may be spelled like keywords.
     let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || needs_no_colon || next.is_none();
     fits.then_some((k, n))
 }
@@ -132,6 +133,7 @@ impl LineSplitter<'_> {
     /// Takes one token; true if the logical line ends with it.
     fn take_token(&mut self) -> bool {
         let Some(&t) = self.tokens.get(self.i) else { return true };
+        // The first arrow outside braces makes the line a production; parentheses before it no longer matter.
         if self.arrow.is_none() && self.braces == 0 && is_arrow(self.tokens, self.i) {
             self.arrow = Some(self.current.len());
             self.parens = 0;

@@ -115,13 +115,14 @@ impl<'r> Compiler<'r> {
         }
         let word = self.session.names.get(name).to_owned();
         match word.as_str() {
+            // Predefined variables; a variable of the grammar with the same name hides them.
             "Q" => return Op::Step,
             "Z" => return Op::Length,
             "remaining" => return Op::Remaining,
             _ if self.scope == NameScope::Preprocessor => return Op::Const(0.0),
             _ => {}
         }
-        // Unknown names count as 0, as in cpfg, with a suggestion.
+        // Unknown names count as 0, with a warning that suggests the nearest known one.
         let known = self.locals.iter().chain(&self.globals).map(|n| self.session.names.get(*n));
         let help = match nearest(&word, known.filter(|k| *k != word)) {
             Some(n) => format!("did you mean '{n}'?"),

@@ -85,6 +85,7 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
             _ => {}
         }
     }
+    // Cut the head at the positions found: left context, strict predecessor, right context.
     let left = less.map_or(&[][..], |l| &tokens[..l]);
     let right = greater.map_or(&[][..], |g| &tokens[g + 1..end]);
     let predecessor = &tokens[less.map_or(0, |l| l + 1)..greater.unwrap_or(end)];
@@ -96,6 +97,7 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
         let Some((inner, next)) = braced(tokens, i) else { return unclosed_block(compiler, tokens, i, place) };
         (blocks[0], i) = (Some(inner), next);
     }
+    // The condition reaches to the second block or to the arrow.
     let stop = tokens[i..].iter().position(|t| t.is('{')).map_or(tokens.len(), |n| i + n);
     condition = if stop > i { &tokens[i..stop] } else { condition };
     if stop < tokens.len() {
@@ -177,6 +179,7 @@ impl HeadCompiler<'_, '_, '_> {
                         i += 1;
                         out.push((ContextElement::CloseRest, s.place));
                     }
+                    // With a `turtle:` line `*` is an ordinary symbol.
                     '*' if self.compiler.has_turtle => {
                         let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
                         let formal = FormalModule { symbol, arity: 0, slot: 0, place: s.place };
@@ -212,6 +215,7 @@ impl HeadCompiler<'_, '_, '_> {
         let mut count = 0_usize;
         loop {
             let Some(t) = tokens.get(i) else { return self.ill_formed("parameters are never closed", open) };
+            // An empty list `()` means no parameters.
             let TokenKind::Ident(name) = t.kind else {
                 if t.is(')') && count == 0 {
                     return Some(i + 1);
@@ -222,6 +226,7 @@ impl HeadCompiler<'_, '_, '_> {
                 self.compiler.session.error_help("L001", message, t.place, help);
                 return None;
             };
+            // Names must differ over all modules of the head: each is one variable.
             if self.compiler.locals.contains(&name) {
                 let word = self.compiler.session.names.get(name).to_owned();
                 let message = format!("parameter '{word}' is named twice");
@@ -258,6 +263,7 @@ fn check_balance(compiler: &mut Compiler<'_>, successor: &[SuccessorModule], sym
         for m in successor {
             match symbols.get(m.symbol) {
                 c if c == open => stack.push(m.place),
+                // A closing bracket without an opening one is legal: it may close a bracket of another successor.
                 c if c == close => {
                     stack.pop();
                 }

@@ -71,6 +71,7 @@ impl BlockCompiler<'_, '_> {
                 self.close_brace(cursor, t.place)
             }
             TokenKind::Ident(name) => {
+                // Every statement counts against the budget of statements.
                 self.count_statement(t.place);
                 match self.compiler.session.names.get(name) {
                     "if" => {
@@ -203,6 +204,7 @@ impl BlockCompiler<'_, '_> {
     /// An assignment or a bare call.
     fn assignment_or_call(&mut self, cursor: &mut TokenCursor<'_>, name: u32, place: SourcePlace) -> Option<()> {
         let next = cursor.peek_at(1);
+        // A call as a statement: its value is dropped.
         if next.is_some_and(|t| t.is('(')) {
             self.append_expression(cursor)?;
             self.code.ops.push(Op::Pop);

@@ -50,6 +50,7 @@ pub(super) fn successor<'t>(
         accepts_parameters: false,
     };
     while let Some(t) = cursor.peek() {
+        // The weight follows; the caller compiles it.
         if t.is(':') {
             let rest = tokens.get(cursor.pos + 1..);
             return s.finish().map(|o| (o, rest));
@@ -107,6 +108,7 @@ impl SuccessorCompiler<'_, '_, '_> {
     /// `n {` behind `repeat`.
     fn open_repeat(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
         let code = expression::compile_expression(self.compiler, cursor)?;
+        // The count must be known before derivation, as the successor is expanded here.
         let times = vm::constant_value(&code).filter(|n| (0.0..=1e6).contains(n));
         let Some(times) = times else {
             return self.error("'repeat' takes a constant number from 0 to 1,000,000", place);
@@ -174,6 +176,7 @@ fn arguments(compiler: &mut Compiler<'_>, cursor: &mut TokenCursor<'_>, open: So
     }
     loop {
         let code = expression::compile_expression(compiler, cursor)?;
+        // Constants and single variables are stored without code.
         args.push(code.into_expr());
         if args.len() > MAX_ARITY {
             let message = "a module has at most 255 parameters".to_owned();

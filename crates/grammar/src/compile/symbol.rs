@@ -34,6 +34,7 @@ pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<LocatedSymbo
         }
         TokenKind::Text(n) => {
             let text = compiler.session.names.get(n);
+            // Quotes are symbols of the string like any other character.
             ['"'].into_iter().chain(text.chars()).chain(['"']).map(|c| LocatedSymbol { c, place: t.place }).collect()
         }
         TokenKind::Char(c) => vec![LocatedSymbol { c, place: t.place }],

@@ -127,6 +127,7 @@ impl Derivation<'_> {
         let max_work = self.limits.get("work");
         let mut vm = self.vm.clone();
         (vm.warnings.list, vm.statements) = (Vec::new(), 0);
+        // One worker per chunk of the initial string: its buffers serve all chunks that this one is split into.
         let mut worker = ChunkDeriver {
             derivation: self,
             rewriter: Rewriter::new(self.rewrite_settings(&self.program.rules, step), vm),
@@ -147,6 +148,7 @@ impl Derivation<'_> {
             if counters.rewritten.fetch_add(spent, Ordering::Relaxed).saturating_add(spent) > max_work {
                 return None;
             }
+            // The chunk has outgrown the cache before its last step: continue with its parts.
             if done < self.length {
                 stack.extend(chunk.chunks(SPLIT_CHUNK).into_iter().rev().map(|p| (p, done)));
                 continue;

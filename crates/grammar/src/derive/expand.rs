@@ -130,6 +130,7 @@ impl Derivation<'_> {
             brackets: self.brackets,
         };
         let limit = convert::limit(self.limits.get("modules"));
+        // Modules are expanded in string order into the second buffer; contexts see the string before decomposition.
         let mut expander = Expander::new(settings, self.vm.clone(), limit);
         self.next_string.clear();
         let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };

@@ -152,6 +152,7 @@ impl ContextView<'_> {
         let mut i = from;
         loop {
             i = if rest { i } else { self.skip_ignored(i)? };
+            // Branches that are still open are skipped as a whole.
             let symbol = *self.modules.symbols().get(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;

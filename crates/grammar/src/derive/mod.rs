@@ -100,6 +100,7 @@ pub(super) struct Derivation<'g> {
 impl<'g> Derivation<'g> {
     fn new(grammar: &'g Grammar, options: &DeriveOptions, length: u32, limits: &'g Limits) -> Self {
         let program = &grammar.program;
+        // `Seed:` of the file and the seed of the run are independent parts of every draw's address.
         let file_seed = program.seed.unwrap_or(0);
         let streams = RandomStreams { seed: options.seed, plant_id: options.plant_id, file_seed };
         let mut vm = Vm::new(streams, program.blocks.globals, length);
@@ -294,6 +295,7 @@ pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings)
 
 /// The error of a halted run; `step`: the step that was running.
 pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limits) -> osier_base::Error {
+    // Limits that no single location is responsible for point to the derivation length.
     let at = grammar.length_place();
     match halt {
         Halt::Loop(place) => {

@@ -75,6 +75,7 @@ impl<'g> Derivation<'g> {
             rules,
             stochastic: self.stochastic,
             purposes: DrawPurposes {
+                // Statements, weights and choices draw from separate streams, so that one does not shift the others.
                 statement: DrawPurpose::Statement,
                 weight: DrawPurpose::Weight,
                 choice: DrawPurpose::Choice,

@@ -56,6 +56,7 @@ impl Preprocessor<'_> {
                 self.begin_if(value, place);
             }
             "ifdef" | "ifndef" => {
+                // A `--set` value counts as a definition, even before its #define is read.
                 let defined = match rest.first().map(|t| t.kind) {
                     Some(TokenKind::Ident(name)) => {
                         self.macros.contains_key(&name) || self.overrides.contains_key(&name)
@@ -153,6 +154,7 @@ impl Preprocessor<'_> {
             let digit = self.session.names.intern(if known { "1" } else { "0" });
             list.push(Token { kind: TokenKind::Number(digit), ..t });
         }
+        // `defined(X)` is replaced by 1 or 0 before macros are expanded.
         let list = self.expand_list(list);
         compile::evaluate_condition(self.session, &list, place)
     }
@@ -216,6 +218,7 @@ impl Preprocessor<'_> {
             }
         };
         let at = rest.first().map_or(place, |t| t.place);
+        // Both limits are needed: many files side by side, and files within files.
         self.included += 1;
         if self.included > self.limits.get("includes") || self.files.len() >= MAX_INCLUDE_DEPTH {
             let help = "merge some of them, or raise --max-includes";
@@ -223,6 +226,7 @@ impl Preprocessor<'_> {
         }
         let from = self.files.last().cloned().unwrap_or_default();
         match (self.includes)(&name, &from) {
+            // A file that is still open must not be included again: the chain would not end.
             Ok((shown, _)) if self.files.contains(&shown) => {
                 let chain = format!("{} -> {shown}", self.files.join(" -> "));
                 self.session.error("L006", format!("\"{name}\" includes itself: {chain}"), at, "here");

@@ -46,6 +46,7 @@ impl Preprocessor<'_> {
             {
                 continue;
             }
+            // Tokens of different texts never form one operator.
             if std::mem::take(&mut self.break_glue) {
                 token.glued = false;
             }
@@ -132,6 +133,8 @@ impl Preprocessor<'_> {
         let mut args = vec![Vec::new()];
         let mut depth = 0_u32;
         loop {
+            // A call may end in the text that follows the macro's body, but not beyond an isolated list or the main
+            // file.
             let Some(token) = self.next_raw() else {
                 if self.frames.last().is_none_or(|f| f.kind == FrameKind::List) || self.frames.len() == 1 {
                     self.session.error("L004", "macro call is never closed", call, "opened here");
@@ -171,6 +174,7 @@ impl Preprocessor<'_> {
         }
         self.depth += 1;
         let base = self.frames.len();
+        // The list is a frame of its own: expansion stops at its end.
         self.frames.push(TokenFrame { tokens: tokens.into(), pos: 0, kind: FrameKind::List });
         let glue = std::mem::take(&mut self.break_glue);
         let mut out = Vec::new();

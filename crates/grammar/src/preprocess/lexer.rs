@@ -30,6 +30,7 @@ pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> L
 fn splice(text: &str) -> Vec<(usize, char)> {
     let bytes = text.as_bytes();
     let mut out = Vec::with_capacity(text.len());
+    // Offsets refer to the original text, so that locations stay exact across spliced lines.
     let mut skip_to = 0;
     for (i, c) in text.char_indices() {
         if i < skip_to {
@@ -67,6 +68,7 @@ impl Lexer<'_> {
     }
 
     fn run(&mut self) {
+        // `glued` is false after blanks, line ends and comments: what they separate is no operator.
         let mut glued = false;
         while let Some(c) = self.peek(0) {
             let start = self.offset();
@@ -179,6 +181,7 @@ impl Lexer<'_> {
 
     fn comment(&mut self) {
         let start = self.offset();
+        // A line comment keeps its line end, which ends the logical line.
         if self.peek(1) == Some('/') {
             while self.peek(0).is_some_and(|c| c != '\n') {
                 self.i += 1;

@@ -165,6 +165,7 @@ impl Preprocessor<'_> {
         let (text, latin1) = lexer::decode(bytes);
         let source = self.sources.add(name, text.as_str());
         let start = SourcePlace::start_of(source);
+        // An included file that is too large is skipped as a whole.
         if bytes.len() as u64 > self.limits.get("text-bytes") {
             let message = format!("\"{name}\" is larger than --max-text-bytes");
             self.session.error_help("L005", message, start, "shorten the file, or raise the limit");
@@ -175,6 +176,7 @@ impl Preprocessor<'_> {
             self.session.warning("L009", format!("\"{name}\" is not UTF-8, read as Latin-1"), start, help);
         }
         let lexed = lexer::lex(self.session, source, &text);
+        // Files of other programs would only produce misleading errors; stop at the first telling line.
         if let Some((program, place)) = foreign::detect(&self.session.names, &lexed.tokens) {
             let message = format!("\"{name}\" is written for {program}, whose language is not supported");
             let help = "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'";
@@ -211,6 +213,7 @@ impl Preprocessor<'_> {
                 continue;
             }
             let word = self.session.names.get(*name);
+            // An override without a #define is an error: a typing mistake would otherwise go unnoticed.
             let near = nearest(word, names.iter().map(String::as_str));
             let help = match near {
                 Some(n) => format!("did you mean '{n}'?"),

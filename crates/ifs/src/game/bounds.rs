@@ -1,4 +1,4 @@
-//! Where an attractor lies, by drawing it.
+//! Bounding box of an attractor, estimated from a sample of its points.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ const TAIL_QUANTILE: f64 = 0.0005;
 /// Share of escapes that is still an attractor.
 const MAX_ESCAPES: f64 = 1e-3;
 
-/// The sample's box and its box without stragglers, table units.
+/// Bounding box of an attractor's sample, with and without outliers, table units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
     /// Smallest and largest coordinates.
@@ -110,7 +110,10 @@ fn escaped(ifs: &Ifs, all: &[Vec<f32>; 3], share: f64) -> Diagnostic {
         .step_by(LANES)
         .find(near)
         .map_or(DVec3::ZERO, |i| DVec3::new(f64::from(all[0][i]), f64::from(all[1][i]), f64::from(all[2][i])));
-    let text = format!("\"{}\" runs away: {:.1} % of the tests find a point beyond 1e15", ifs.name, share * 100.0);
+    let text = format!("\"{}\" diverges: {:.1} % of the tests find a point beyond 1e15", ifs.name, share * 100.0);
     let d = Diagnostic::error("I023", text, ifs.span, "no attractor");
-    d.help(format!("a last near point was ({:.3e}, {:.3e}, {:.3e}); make the maps smaller", last.x, last.y, last.z))
+    d.help(format!(
+        "the last point within range was ({:.3e}, {:.3e}, {:.3e}); reduce the scale of the maps",
+        last.x, last.y, last.z
+    ))
 }

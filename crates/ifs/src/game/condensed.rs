@@ -62,6 +62,7 @@ fn point(shape: &CondensationShape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
     match shape {
         CondensationShape::Segment { from, to, radius } => {
             let (a, b) = (DVec3::from_array(*from), DVec3::from_array(*to));
+            // A capsule without its caps: a point on the axis plus an offset across it; in the plane only to the sides.
             let axis = (b - a).try_normalize().unwrap_or(DVec3::Y);
             let side = if dim == 2 { DVec3::new(-axis.y, axis.x, 0.0) } else { axis.any_orthonormal_vector() };
             let (s, t) = if dim == 2 { (radius * (2.0 * v - 1.0), 0.0) } else { around(*radius) };

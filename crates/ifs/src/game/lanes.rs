@@ -65,6 +65,7 @@ impl Lanes {
     /// One step of one lane: products and sums in this order, never fused.
     #[inline(always)]
     pub fn step(&mut self, game: &ChaosGame, lane: usize, draw: u32) {
+        // Without a chaos matrix there is one row of thresholds; with one the last map selects its row.
         let row = match game.rows.as_slice() {
             [only] => only,
             rows => &rows[self.map[lane] as usize],

@@ -2,6 +2,19 @@
 //!
 //! Points come in blocks of 32 lanes. A lane has a random stream of its own and steps from map to map; the points of a
 //! block are ordered by step, then lane.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::{dynamics::study, game::extent, read::read, weights::WeightRule};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let analysis = study(&systems[0], WeightRule::Equal);
+//! let (low, high) = extent(&systems[0], &analysis).expect("an attractor").bounds;
+//! assert!(low.x >= 0.0 && high.x <= 1.0 && high.x > 0.99);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -24,7 +37,7 @@ use osier_base::rng::{Rng, word};
 
 /// Number of lanes of a block.
 pub const LANES: usize = 32;
-/// Steps that are handed over at once.
+/// Steps of all lanes that a sink receives at once.
 pub const CHUNK: usize = 32;
 /// Least number of blocks, and most points of one. Both fix the result: other values draw other points.
 const MIN_BLOCKS: u64 = 32;
@@ -32,10 +45,10 @@ const MAX_BLOCK_POINTS: u64 = 1 << 20;
 /// Chunks between two tests for escaped lanes.
 const CHUNKS_PER_ESCAPE_TEST: usize = 2;
 
-/// Instructions that the steps are made with; all give the same bits.
+/// Instruction set of the inner loops; results are the same bit for bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InstructionSet {
-    /// What the processor has.
+    /// The widest set that the processor supports.
     Best,
     /// Scalar loops, the reference.
     Plain,
@@ -64,13 +77,13 @@ impl Chunk {
     }
 }
 
-/// Takes the points of one block, chunk after chunk.
+/// Receives the points of one block, chunk after chunk.
 pub trait PointSink {
-    /// Steps of all lanes.
+    /// Receives up to [`CHUNK`] steps of all lanes.
     fn take(&mut self, chunk: &Chunk);
-    /// A block begins: nothing of the last one counts any more.
+    /// A block begins: state of the block before must be cleared.
     fn begin(&mut self) {}
-    /// A lane has escaped and starts again.
+    /// A lane has escaped and restarts at the start point: its history must be cleared.
     fn restart(&mut self, _lane: usize) {}
 }
 
@@ -94,7 +107,7 @@ impl Escapes {
 /// One map in single precision: rows of A, then b.
 pub(super) type Coefficients = [f32; 12];
 
-/// A system made ready for drawing.
+/// A system prepared for the chaos game: maps in single precision, thresholds of probabilities, start point.
 #[derive(Debug, Clone)]
 pub struct ChaosGame {
     maps: Vec<Coefficients>,
@@ -117,7 +130,7 @@ pub struct ChaosGame {
 }
 
 impl ChaosGame {
-    /// Makes a system ready. Points come as u = scale x + shift; `guard`: |u| beyond which a lane starts again.
+    /// Prepares a system. Points come as u = scale x + shift; `guard`: |u| beyond which a lane starts again.
     /// Own: the start is the fixed point of the map [`SystemAnalysis::first`], moved by the warm-up of [`SystemAnalysis::warm_up`] steps.
     pub fn new(ifs: &Ifs, study: &SystemAnalysis, seed: u64, frame: AxisScaling, guard: f32) -> Self {
         let AxisScaling { scale, shift } = frame;
@@ -149,7 +162,7 @@ impl ChaosGame {
         }
     }
 
-    /// The same game with other instructions.
+    /// The same game with another instruction set.
     #[must_use]
     pub fn with_tier(self, tier: InstructionSet) -> Self {
         Self { tier, ..self }

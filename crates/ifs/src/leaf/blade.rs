@@ -65,6 +65,7 @@ pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> FlatBlade {
 
 /// Drops points that no triangle uses and renumbers the corners.
 fn compact(points: Vec<DVec2>, triangles: Vec<[usize; 3]>) -> FlatBlade {
+    // `new`: index of each kept point after renumbering, in the order in which triangles use them.
     let mut new = vec![u32::MAX; points.len()];
     // `kept_count`: length of `kept`, the index of the next point.
     let (mut kept, mut kept_count) = (Vec::new(), 0_u32);

@@ -9,7 +9,7 @@ use crate::Ifs;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::units::{byte, srgb_from_linear};
 
-/// Raised whenever the same table and parameters make another leaf.
+/// Revision of the tracing algorithm, increased whenever the same table and parameters give another leaf.
 const REVISION: u32 = 1;
 
 /// Maps and blade of a leaf. Maps are square, rows from the top.
@@ -47,6 +47,7 @@ pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<Drawn
         [byte(srgb_from_linear(c[0])), byte(srgb_from_linear(c[1])), byte(srgb_from_linear(c[2])), byte(c[3])]
     };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
+    // 16 bits for the relief: 8 would show steps under grazing light.
     let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
     Ok(DrawnLeaf {
         // At most 4096.

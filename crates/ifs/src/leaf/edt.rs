@@ -1,4 +1,13 @@
-//! Exact distances on pixels.
+//! Exact Euclidean distance transform of a pixel mask.
+//!
+//! # Examples
+//! ```
+//! use osier_ifs::leaf::edt::nearest;
+//!
+//! // One set pixel in a row of three.
+//! let (squares, pixels) = nearest(&[true, false, false], 3, 1);
+//! assert_eq!((squares, pixels), (vec![0.0, 1.0, 4.0], vec![0, 0, 0]));
+//! ```
 
 /// Row of columns without a set pixel.
 const NO_ROW: usize = usize::MAX;

@@ -11,7 +11,7 @@ pub struct Mask {
     pub set: Vec<bool>,
 }
 
-/// What was done to a mask.
+/// Statistics of cleaning a mask.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CleaningReport {
     /// Components before all but the largest were dropped.

@@ -1,4 +1,17 @@
 //! Leaves drawn by a system: silhouette, veins, relief and colours as maps, and a blade cut along the outline.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::leaf::{LeafSpec, leaf};
+//! use osier_ifs::read::read;
+//!
+//! let text = b"fern { 0 0 0 .16 0 0 .01  .85 .04 -.04 .85 0 1.6 .85  .2 -.26 .23 .22 0 1.6 .07  -.15 .28 .26 .24 0 .44 .07 }";
+//! let (systems, _) = read("fern.ifs", text, &Limits::default())?;
+//! let traced = leaf(&systems[0], &LeafSpec { side: 64, ..LeafSpec::default() }).expect("an attractor");
+//! assert!(!traced.flat.triangles.is_empty() && traced.raster.mask.cover() > 0.0);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 mod blade;
 mod drawn;
@@ -35,7 +48,7 @@ const MAX_ANCHOR_OFFSET: f64 = 0.02;
 /// Side of the picture, pixels, that lengths of [`LeafSpec`] refer to.
 const REFERENCE_SIDE: f64 = 1024.0;
 
-/// How a leaf is made. Lengths in pixels are those of a picture of 1024 pixels.
+/// Parameters of tracing a leaf. Lengths in pixels are those of a picture of 1024 pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafSpec {
     /// Pixels along a side of the maps, 64..=4096.
@@ -109,7 +122,7 @@ pub struct TracedLeaf {
     pub place: BladePlacement,
     /// Anchor and tip, table units.
     pub ends: [DVec2; 2],
-    /// What was done to the mask.
+    /// Statistics of cleaning the mask.
     pub cleaned: CleaningReport,
     /// Warnings about the silhouette and the anchor (I060, I061).
     pub warnings: Vec<Diagnostic>,
@@ -138,7 +151,7 @@ pub fn leaf(ifs: &Ifs, spec: &LeafSpec) -> Result<TracedLeaf, Box<Diagnostic>> {
     let (mask, cleaned) = counts.mask(n, spec.min_hits).clean(spec.close * unit, hole).ok_or_else(|| empty(ifs))?;
     if cleaned.largest < MIN_LARGEST_PART {
         let text = format!(
-            "the leaf falls into {} parts, the largest holds {:.1} %",
+            "the leaf consists of {} parts, the largest holds {:.1} %",
             cleaned.components,
             cleaned.largest * 100.0
         );
@@ -151,7 +164,7 @@ pub fn leaf(ifs: &Ifs, spec: &LeafSpec) -> Result<TracedLeaf, Box<Diagnostic>> {
     let anchor = if mask.set[foot] { foot } else { nearest[foot] as usize };
     if f64::from(sd[foot]) < -MAX_ANCHOR_OFFSET * side(n) && spec.anchor.is_some() {
         let d = Diagnostic::warning("I061", "the anchor lies outside the leaf", ifs.span, "in this system");
-        warnings.push(d.help("it was moved to the nearest place of the leaf"));
+        warnings.push(d.help("it was moved to the nearest point of the leaf"));
     }
     let paths = VeinPaths::new(&mask, &sd, anchor);
     // The tip is the farthest pixel that a path connects to the anchor.
@@ -244,6 +257,7 @@ fn anchor_and_tip(ifs: &Ifs, rule: WeightRule, spec: &LeafSpec) -> Result<[DVec2
     let (mask, _) = counts.mask(n, spec.min_hits).clean(spec.close * unit, 0).ok_or_else(|| empty(ifs))?;
     let set: Vec<usize> = (0..n * n).filter(|i| mask.set[*i]).collect();
     let at = |i: usize| table_point(&window, i);
+    // The anchor: as given, the fixed point of the lowest stem map, or the lowest point on the principal axis.
     let stem = ifs.maps.iter().filter(|m| m.stem || is_squash(m)).filter_map(|m| m.affine.fixed_point());
     let lowest = stem.min_by(|a, b| a.y.total_cmp(&b.y)).map(|p| p.truncate());
     let anchor = match (spec.anchor, lowest) {
@@ -328,6 +342,7 @@ fn lobe_tips(rings: &[Vec<DVec2>], mask: &Mask, nearest: &[u32], unit: f64) -> V
 /// Veins as wide as what they serve.
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "a few pixels")]
 fn veins(paths: &VeinPaths, tips: &[usize], unit: f64) -> Vec<f32> {
+    // Draw each pixel of a path as a disc; overlapping discs keep the strongest value.
     let loads = paths.tip_counts(tips);
     let most = loads.iter().copied().max().unwrap_or(0).max(1);
     let n = osier_base::math::sqrt(side(loads.len())) as isize;

@@ -69,6 +69,7 @@ pub fn simplified(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     if n < 5 || tolerance <= 0.0 {
         return ring.to_vec();
     }
+    // Split the ring at point 0 and the point farthest from it; each half is simplified as an open line.
     let far = (0..n).max_by(|a, b| ring[*a].distance(ring[0]).total_cmp(&ring[*b].distance(ring[0]))).unwrap_or(n / 2);
     let mut keep = vec![false; n + 1];
     (keep[0], keep[far], keep[n]) = (true, true, true);

@@ -80,6 +80,7 @@ impl VeinPaths {
 
 /// A line smoothed and cut into `count` points at equal steps of arc length.
 pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
+    // Arc length at every point of the line.
     let mut arcs = vec![0.0];
     for w in line.windows(2) {
         arcs.push(arcs.last().copied().unwrap_or(0.0) + w[0].distance(w[1]));

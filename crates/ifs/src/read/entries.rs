@@ -24,7 +24,7 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
     if !clean.contains(&b'{') {
         if let Some(stray) = clean.iter().position(|b| *b == b'}') {
             let span = reader.span(stray, stray + 1);
-            reader.push(Diagnostic::warning("I003", "a '}' without '{'", span, "left out"));
+            reader.push(Diagnostic::warning("I003", "a '}' without '{'", span, "ignored"));
         }
         let body: Vec<u8> = clean.iter().map(|b| if *b == b'}' { b' ' } else { *b }).collect();
         // Without braces the whole file is one system, named after the file.
@@ -99,6 +99,7 @@ fn header(clean: &[u8], from: usize, open: usize) -> EntryHeader {
         from + text.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1)
     };
     let blank = |a: usize, b: usize| clean.get(a..b).unwrap_or_default().iter().all(|c| matches!(c, b' ' | b'\n'));
+    // Usually the header is the text before the brace on its line.
     let start = line(open);
     if !blank(start, open) {
         return EntryHeader { start, end: open, above: false };
@@ -120,12 +121,13 @@ fn warn_stray_text(reader: &mut Reader<'_>, clean: &[u8], from: usize, to: usize
     let Some(first) = text.iter().position(|b| !matches!(b, b' ' | b'\n')) else { return };
     let length = text[first..].iter().position(|b| *b == b'\n').unwrap_or(text.len() - first);
     let span = reader.span(from + first, from + first + length);
-    let d = Diagnostic::warning("I003", "text outside entries", span, "left out");
+    let d = Diagnostic::warning("I003", "text outside entries", span, "ignored");
     reader.push(d.help("an entry is NAME { numbers }; comments begin with ';'"));
 }
 
 /// Reads one entry; `body`: the bytes between its braces. `None` for a comment or an entry with errors.
 fn entry(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader, body: Range<usize>, closed: bool) -> Option<Ifs> {
+    // Entries named "comment" hold text, not numbers.
     let title = title(reader, clean, header);
     if title.name.eq_ignore_ascii_case("comment") {
         return None;
@@ -157,6 +159,7 @@ fn title(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader) -> fractin
     let end = (header.start..header.end).rev().find(|i| !blank(i)).map_or(start, |i| i + 1);
     let span = reader.span(start, end);
     let text = reader.text.get(start..end).unwrap_or_default();
+    // The name ends at a blank or parenthesis; a prefix "ifs:" is dropped.
     let mut name: String = text.chars().take_while(|c| !c.is_whitespace() && *c != '(').take(MAX_NAME_LENGTH).collect();
     if name.get(..4).is_some_and(|p| p.eq_ignore_ascii_case("ifs:")) {
         name = name.split_off(4);
@@ -186,6 +189,7 @@ fn warn_portability(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader,
         let span = reader.span(a, b);
         reader.push(Diagnostic::warning("I009", text, span, "here").help(help));
     };
+    // Each check names what Fractint does, so that authors can judge whether it matters.
     if header.above {
         let help = "Fractint wants the brace on the line of the name";
         note(reader, "the brace stands on the line after the name", help, (open, open + 1));

@@ -158,6 +158,7 @@ impl FlameReader<'_, '_> {
                 other => self.reject_nonlinear(self.tag(child), &format!("<{other}>")),
             }
         }
+        // Checks on the whole system come after its maps, with the location of the flame's tag.
         if ifs.maps.is_empty() {
             let d = Diagnostic::error("I007", format!("\"{}\" holds no maps", ifs.name), span, "no <xform>");
             self.reader.push(d.help("a map is <xform weight=\"1\" linear=\"1\" coefs=\"a c b d e f\"/>"));
@@ -165,7 +166,7 @@ impl FlameReader<'_, '_> {
         if ifs.maps.len() > self.reader.max_maps() {
             let text = format!("\"{}\" has {} maps, the limit is {}", ifs.name, ifs.maps.len(), self.reader.max_maps());
             let d = Diagnostic::error("I008", text, span, "too many maps");
-            self.reader.push(d.help("fewer maps, or raise the limit with --max-maps"));
+            self.reader.push(d.help("use fewer maps, or raise the limit with --max-maps"));
         }
         if rows.iter().any(Option::is_some) {
             let n = ifs.maps.len();
@@ -200,7 +201,7 @@ impl FlameReader<'_, '_> {
         }
         let coefs = self.affine_attribute(node, "coefs", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
         let post = self.affine_attribute(node, "post", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
-        // The variation "linear" scales the map; without it, in old files, it is 1.
+        // The variation "linear" scales the map; it is 1 where the file does not state it.
         let mut amount = self.number_attribute(node, "linear", 0.0) + self.number_attribute(node, "linear3D", 0.0);
         if node.attribute("linear").is_none() && node.attribute("linear3D").is_none() {
             amount = 1.0;
@@ -267,8 +268,8 @@ impl FlameReader<'_, '_> {
     }
 
     fn reject_nonlinear(&mut self, span: Span, what: &str) {
-        let d = Diagnostic::error("I030", format!("{what} is no affine map"), span, "not supported");
-        self.reader.push(d.help("only linear maps with post transforms are read; take this variation out"));
+        let d = Diagnostic::error("I030", format!("{what} is not an affine map"), span, "not supported");
+        self.reader.push(d.help("only linear maps with post transforms are read; remove this variation"));
     }
 
     fn warn_unknown(&mut self, a: &Attribute<'_, '_>) {
@@ -276,7 +277,7 @@ impl FlameReader<'_, '_> {
         let known = self.reader.report.diagnostics.iter().any(|d| d.code == "I031" && d.message == text);
         if !known {
             let span = self.span(a.range());
-            self.reader.push(Diagnostic::warning("I031", text, span, "left out").help("it does not change the maps"));
+            self.reader.push(Diagnostic::warning("I031", text, span, "ignored").help("it does not change the maps"));
         }
     }
 
@@ -300,6 +301,7 @@ impl FlameReader<'_, '_> {
     }
 
     fn palette(&mut self, node: Node<'_, '_>) -> Vec<[f32; 3]> {
+        // Palettes are stored in sRGB; colours are averaged in linear light.
         let linear = |v: f64| units::linear_from_srgb(osier_base::math::narrow((v / 255.0).clamp(0.0, 1.0)));
         let mut out: Vec<(f64, [f32; 3])> = Vec::new();
         for child in node.children().filter(|c| c.has_tag_name("color")) {

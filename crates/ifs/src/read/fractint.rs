@@ -43,7 +43,7 @@ pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: 
     if maps > reader.max_maps() {
         let text = format!("\"{}\" has {maps} maps, the limit is {}", title.name, reader.max_maps());
         let d = Diagnostic::error("I008", text, title.span, "too many maps");
-        reader.push(d.help("fewer maps, or raise the limit with --max-maps"));
+        reader.push(d.help("use fewer maps, or raise the limit with --max-maps"));
         return None;
     }
     if maps > 32 {
@@ -78,6 +78,7 @@ pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: 
 /// All numbers of a body; `None` if one is none.
 fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<NumberToken>> {
     let mut out = Vec::new();
+    // Read on after a bad number, to report all of them; commas are reported once.
     let (mut at, mut line, mut comma, mut bad_ones) = (0, 0, None, 0);
     while let Some(b) = body.get(at) {
         match b {
@@ -166,6 +167,7 @@ fn report_number_count(reader: &mut Reader<'_>, tokens: &[NumberToken], title: &
         None => (title.span, String::from("in this entry")),
     };
     let d = Diagnostic::error("I007", text, span, label);
+    // The most frequent cause is a missing or wrong (3D) in the header.
     let (two, three) = (tokens.len().is_multiple_of(7), tokens.len().is_multiple_of(13));
     reader.push(match columns {
         7 if three => d.help("13 columns would fit: is it 3D? Then write (3D) behind the name"),

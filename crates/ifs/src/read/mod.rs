@@ -1,4 +1,16 @@
-//! Coefficient files into systems: Fractint's `.ifs`, flames, and tables of our own.
+//! Reads coefficient files into systems: Fractint's `.ifs`, flames, and tables in TOML.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::read::{pick, read};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let system = pick(&systems, Some("Sierpinski"), "sierpinski.ifs")?;
+//! assert_eq!((system.dim, system.maps.len()), (2, 3));
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 mod entries;
 mod flame;
@@ -69,7 +81,7 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
     // DOS editors end a file with 0x1A.
     let end = bytes.iter().position(|b| *b == 0x1A).unwrap_or(bytes.len());
     let body = bytes.get(..end).unwrap_or(bytes);
-    // Old tables are often in Latin-1; anything that is neither is refused.
+    // Old tables are often in Latin-1; other encodings are refused.
     let text = match decode(body, Encoding::OrLatin1) {
         Ok(text) => text,
         Err(bad) => {
@@ -172,18 +184,19 @@ impl Reader<'_> {
     fn skip_faulty_entries(&mut self) {
         for d in self.report.diagnostics.iter_mut().filter(|d| d.severity == Severity::Error) {
             d.severity = Severity::Warning;
-            d.message += "; the entry is left out";
+            d.message += "; the entry is skipped";
         }
     }
 
     fn check_suffix(&mut self, name: &str, kind: TableFormat) {
         let lower = name.to_ascii_lowercase();
-        // The longest ending first: .ifs.toml also ends like other names.
+        // The format that the ending of the name claims, if any.
         let claims = [TableFormat::Table, TableFormat::Flame, TableFormat::Fractint]
             .into_iter()
             .find(|k| lower.ends_with(k.suffix()));
         if let Some(claimed) = claims.filter(|c| *c != kind) {
-            let text = format!("the name ends in {}, but this is what {} files hold", claimed.suffix(), kind.suffix());
+            let text =
+                format!("the name ends in {}, but the content is that of {} files", claimed.suffix(), kind.suffix());
             let span = self.span(0, self.text.chars().next().map_or(0, char::len_utf8));
             self.push(Diagnostic::warning("I002", text, span, "read by its content"));
         }
@@ -211,7 +224,7 @@ impl Reader<'_> {
                 Some((first, _)) => {
                     let text = format!("\"{}\" and another name are equal in their first 18 characters", s.name);
                     let d = Diagnostic::warning("I009", text, s.span, "second").label(first, "first");
-                    self.push(d.help("Fractint looks at 18 characters and would take the first"));
+                    self.push(d.help("Fractint compares 18 characters and would use the first"));
                 }
                 None => {
                     seen.insert(short, (s.span, lower));

@@ -48,6 +48,7 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
         return Vec::new();
     }
     let mut parser = TableReader { reader };
+    // One system as a table, several as an array of tables.
     let Some(value) = document.get_ref().get("ifs") else { return Vec::new() };
     match value.get_ref() {
         DeValue::Table(t) => parser.system(t, value.span()).into_iter().collect(),
@@ -138,6 +139,7 @@ impl TableReader<'_, '_> {
     fn number_in(&mut self, item: &TomlItem<'_>, key: &str, range: impl RangeBounds<f64>) -> Option<f64> {
         let v = self.number(item, key)?;
         if !range.contains(&v) {
+            // Spell out the bounds for the message.
             let from = match range.start_bound() {
                 Bound::Excluded(min) => format!("above {min} and "),
                 Bound::Included(min) => format!("at least {min} and "),
@@ -275,7 +277,7 @@ impl TableReader<'_, '_> {
         if list.len() > self.reader.max_maps() {
             let text = format!("the system has {} maps, the limit is {}", list.len(), self.reader.max_maps());
             let d = Diagnostic::error("I008", text, span, "too many maps");
-            self.reader.push(d.help("fewer maps, or raise the limit with --max-maps"));
+            self.reader.push(d.help("use fewer maps, or raise the limit with --max-maps"));
             return Vec::new();
         }
         let mut out = Vec::new();
@@ -361,6 +363,7 @@ impl TableReader<'_, '_> {
             };
             out.extend(shape.map(|shape| Condensation { shape, weight }));
         }
+        // The rest of the probability goes to the maps, so that it must not vanish.
         let sum = out.iter().fold(0.0, |s, c| s + c.weight);
         if sum >= 1.0
             && let Some(item) = table.get("condensation")
@@ -378,6 +381,7 @@ impl TableReader<'_, '_> {
             self.reader.push(d.help("add dim = 3 and maps abcdefghijkl or branch, or take a polygon"));
             return None;
         }
+        // A string names the file alone; a table adds scale and up axis.
         let (name, scale, up_z) = match item.get_ref() {
             DeValue::Table(t) => {
                 self.check_keys(t, "a mesh", MESH_KEYS);
@@ -410,6 +414,7 @@ impl TableReader<'_, '_> {
     fn shape(&mut self, t: &DeTable<'_>) -> Option<CondensationShape> {
         let point = |p: &mut Self, t: &DeTable<'_>, key: &str| -> Option<[f64; 3]> {
             let item = t.get(key)?;
+            // Points have two coordinates in the plane and three in space; z defaults to 0.
             let count = p.list(item, key)?.len().clamp(2, 3);
             let v = p.numbers(item, key, count)?;
             Some([v[0], v[1], v.get(2).copied().unwrap_or(0.0)])

@@ -31,6 +31,7 @@ fn flame(item: &TableItem, name: &str) -> String {
     let mut out = format!("<flame name=\"{name}\" version=\"osier {}\"", env!("CARGO_PKG_VERSION"));
     out += &ifs.view.or(item.view).map(|v| view(&v)).unwrap_or_default();
     out += ">\n";
+    // One xform per map, weights in millionths.
     for (i, (map, weight)) in ifs.maps.iter().zip(millionths(&item.weights)).enumerate() {
         out += &format!(
             "  <xform weight=\"{}\" color=\"{}\" color_speed=\"{}\" opacity=\"{}\" linear=\"1\" coefs=\"{}\"",

@@ -1,5 +1,19 @@
-//! Systems into coefficient files: Fractint's `.ifs` and flames. What is written reads back to the same numbers, and is
-//! written again byte for byte.
+//! Writes systems as coefficient files: Fractint's `.ifs` and flames. What is written reads back to the same numbers, and
+//! is written again byte for byte.
+//!
+//! # Examples
+//! ```
+//! use osier_base::limits::Limits;
+//! use osier_ifs::read::read;
+//! use osier_ifs::write::{TableItem, entries};
+//!
+//! let text = b"sierpinski { .5 0 0 .5 0 0 1  .5 0 0 .5 .5 0 1  .5 0 0 .5 0 .5 1 }";
+//! let (systems, _) = read("sierpinski.ifs", text, &Limits::default())?;
+//! let item = TableItem { system: systems[0].clone(), weights: vec![0.25, 0.25, 0.5], view: None };
+//! let (text, lost) = entries(&[item]);
+//! assert!(text.contains("sierpinski {") && lost.is_empty());
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 mod flame;
 mod fractint;
@@ -111,6 +125,6 @@ fn lost(ifs: &Ifs, format: &str, features: &[(&str, bool)]) -> Option<Diagnostic
     let gone: Vec<&str> = features.iter().filter(|f| f.1).map(|f| f.0).collect();
     (!gone.is_empty()).then(|| {
         let text = format!("\"{}\": {format} cannot hold {}", ifs.name, gone.join(", "));
-        Diagnostic::about("I011", text).help("keep the original; a .ifs.toml holds everything")
+        Diagnostic::about("I011", text).help("keep the original; a .ifs.toml file stores everything")
     })
 }
