@@ -88,7 +88,7 @@ pub(crate) struct AngleDefinition {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TurtleBindings {
     pub dialect: Dialect,
-    /// An angle may be made of those before it.
+    /// The expression of an angle may use the angles before it.
     pub angles: Vec<AngleDefinition>,
     pub symbols: BTreeMap<SymbolId, SymbolBinding>,
 }

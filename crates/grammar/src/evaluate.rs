@@ -18,7 +18,7 @@ fn angles_read(code: &Bytecode) -> impl Iterator<Item = usize> {
     code.ops.iter().filter_map(|o| if let Op::Local(i) = o { Some(usize::from(*i)) } else { None })
 }
 
-/// Angles that a code is made of, directly or through others, in their order.
+/// Indices of the angles that an expression depends on, directly or through other angles, in the order of definition.
 fn required_angles(code: &Bytecode, angles: &[AngleDefinition]) -> Vec<usize> {
     let mut wanted = vec![false; angles.len()];
     angles_read(code).filter(|i| *i < angles.len()).for_each(|i| wanted[i] = true);
@@ -35,7 +35,7 @@ fn required_angles(code: &Bytecode, angles: &[AngleDefinition]) -> Vec<usize> {
 #[derive(Debug)]
 pub struct BindingEvaluator<'g> {
     bindings: Option<&'g TurtleBindings>,
-    /// Angles that each bound symbol is made of.
+    /// Indices of the angles that the number of each bound symbol depends on.
     required: BTreeMap<SymbolId, Vec<usize>>,
     vm: Vm,
     angles: Vec<f64>,

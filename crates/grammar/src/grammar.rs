@@ -68,7 +68,7 @@ impl Grammar {
         &self.program.symbols
     }
 
-    /// Symbols that stand behind a `~` anywhere, and letters that `bind` names as organs: the organs that it draws, in order
+    /// Symbols that follow a `~` anywhere, and letters that `bind` names as organs: the organs of the grammar, in order
     /// of their characters.
     pub fn organ_symbols(&self) -> Vec<char> {
         let successors = self.program.productions().map(|p| &p.successor).chain([&self.program.axiom]);

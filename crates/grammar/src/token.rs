@@ -163,7 +163,8 @@ impl ParseSession {
         }
     }
 
-    /// Records a complaint whose first label is at `place`, with the macros it came through; each (code, place) once.
+    /// Records a diagnostic whose first label is at `place`, with a label for each macro use that led there. A second one of
+    /// the same code and place is dropped.
     pub fn push(&mut self, mut diagnostic: Diagnostic, place: SourcePlace) {
         let key = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));
         if self.diagnostics.len() >= MAX_DIAGNOSTICS || self.diagnostics.iter().any(|d| key(d) == key(&diagnostic)) {
@@ -178,7 +179,7 @@ impl ParseSession {
         macro_chain(&self.expansions, &self.names, place)
     }
 
-    /// True if any complaint is an error.
+    /// True if an error was recorded.
     pub fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == osier_base::diagnostic::Severity::Error)
     }

@@ -54,7 +54,7 @@ pub struct SystemAnalysis {
 impl SystemAnalysis {
     /// `Err` with a report over `sources` if the system has no attractor.
     /// # Errors
-    /// `Input` with all that is odd.
+    /// `Input` with all warnings and errors of the analysis.
     pub fn into_result(self, sources: &Report) -> osier_base::Result<(Self, Report)> {
         let mut report = Report { sources: sources.sources.clone(), diagnostics: Vec::new() };
         self.diagnostics.iter().for_each(|d| report.push(d.clone()));

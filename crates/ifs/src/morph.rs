@@ -148,8 +148,8 @@ impl Morph {
         &self.keys
     }
 
-    /// The key before or at a time, s, and how far it is to the next one, eased, 0 .. 1. Before the first key and behind
-    /// the last one nothing changes.
+    /// Index of the key at or before a time, s, and the eased fraction of the way to the next one, 0..1.
+    /// Before the first key and after the last one nothing changes.
     pub fn place(&self, seconds: f64) -> (usize, f64) {
         let next = self.keys.partition_point(|k| k.at <= seconds);
         if next == 0 || next >= self.keys.len() {
@@ -162,7 +162,7 @@ impl Morph {
 
     /// The system at a time, s. At the keys' own times it is exactly theirs, but for the name, which is the first one's:
     /// the chaos game's streams are named by it.
-    /// Own: turns go the shortest path, everything else goes straight. As ||R S|| = ||S|| and the norm is convex, a map's
+    /// Own: rotations take the shortest path, everything else is linear. As ||R S|| = ||S|| and the norm is convex, a map's
     /// norm never exceeds the larger of its keys': what contracts at the keys contracts in every frame.
     pub fn system(&self, seconds: f64) -> Ifs {
         let (k, t) = self.place(seconds);

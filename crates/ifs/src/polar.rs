@@ -117,8 +117,8 @@ fn svd(a: DMat3) -> (DMat3, DVec3, DMat3) {
     (DMat3::from_cols(unit(0), unit(1), unit(2)), s, DMat3::from_cols(v[0], v[1], v[2]))
 }
 
-/// The turn of a linear map; `Err` with what is known where many turns fit: the direction that is stretched most and
-/// where it goes, or nothing for the map that leaves nothing.
+/// Rotation R of a linear map A = R S. `Err` where R is not unique: the direction of the largest singular value and its
+/// image for a map of rank 1 in space, `None` where nothing is determined.
 /// Source: A. Cauchy's polar decomposition with det R = 1, so that S may have one negative eigenvalue: it holds for
 /// reflections and singular maps. In the plane angle(R) = atan2(c - b, a + d); in space R = U diag(1, 1, det(U V^T)) V^T.
 fn turn(a: DMat3, dim: usize) -> Result<Turn, Option<(DVec3, DVec3)>> {

@@ -163,7 +163,7 @@ impl CountingPlan {
     }
 }
 
-/// Counts a window of the pool laid into a cylinder.
+/// Maps a range of the pool into a cylinder and counts its points.
 fn count_range(
     cells: &mut impl CellCounter,
     pixels: &mut PixelIndexer,

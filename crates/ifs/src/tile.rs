@@ -28,7 +28,7 @@ const FULL_QUANTILE: f64 = 0.99;
 
 /// The density of a plane system on `n` x `n` cells that cover its longer side without margin, rows from the top, each
 /// 0..1: ln(1 + hits) / ln(1 + hits_99) with the 99 % quantile of the cells. The same at any thread count.
-/// Own: [wang-hao] prints the table of the culm and does not say how it is laid on.
+/// Own: [wang-hao] prints the table of the culm and does not state how it is applied to the surface.
 /// # Errors
 /// I023 for a system without attractor.
 pub fn tile(ifs: &Ifs, n: usize) -> Result<Vec<f32>, Box<Diagnostic>> {

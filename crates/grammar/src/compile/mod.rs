@@ -19,7 +19,7 @@ pub(super) use items::parse;
 pub(super) struct TokenCursor<'t> {
     tokens: &'t [Token],
     pos: usize,
-    /// Where complaints about a missing token point.
+    /// Location of diagnostics about a missing token.
     fallback: SourcePlace,
 }
 
@@ -74,7 +74,7 @@ pub(super) enum NameScope {
     Angle,
 }
 
-/// The names in force and where complaints go.
+/// Variables in scope, and the session that diagnostics go to.
 pub(super) struct Compiler<'r> {
     pub session: &'r mut ParseSession,
     pub scope: NameScope,
@@ -174,7 +174,7 @@ pub(super) fn describe(names: &NameTable, t: &Token) -> String {
     }
 }
 
-/// Truth of an `#if` expression; false after a complaint.
+/// Value of an `#if` expression as a truth value; false after a syntax error.
 pub(super) fn evaluate_condition(session: &mut ParseSession, tokens: &[Token], place: SourcePlace) -> bool {
     let mut compiler = Compiler::new(session, NameScope::Preprocessor);
     let mut cursor = TokenCursor::new(tokens, place);

@@ -54,7 +54,7 @@ pub(super) fn production(
     Some(Production { left, predecessor, right, before, condition, after, successor, weight, locals, place })
 }
 
-/// Tokens of `{ .. }` beginning at `i`, and the index behind it.
+/// Tokens of `{ .. }` beginning at `i`, and the index after the closing brace.
 fn braced(tokens: &[Token], i: usize) -> Option<(&[Token], usize)> {
     let mut depth = 0_usize;
     for (k, t) in tokens.iter().enumerate().skip(i) {
@@ -199,7 +199,7 @@ impl HeadCompiler<'_, '_, '_> {
         Some(out)
     }
 
-    /// `a, b)` after a module: names its parameters; returns the index behind the parenthesis.
+    /// `a, b)` after a module: names its parameters; returns the index after the parenthesis.
     fn formal_parameters(
         &mut self,
         tokens: &[Token],

@@ -33,7 +33,7 @@ struct SuccessorCompiler<'c, 'r, 's> {
     accepts_parameters: bool,
 }
 
-/// Modules with expressions as parameters, up to a ':'; returns the tokens behind it, if there is one.
+/// Modules with expressions as parameters, up to a ':'; returns the tokens after it, if there is one.
 pub(super) fn successor<'t>(
     compiler: &mut Compiler<'_>,
     symbols: &mut Symbols,
@@ -105,7 +105,7 @@ impl SuccessorCompiler<'_, '_, '_> {
         Some(())
     }
 
-    /// `n {` behind `repeat`.
+    /// Reads `n {` after `repeat`.
     fn open_repeat(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
         let code = expression::compile_expression(self.compiler, cursor)?;
         // The count must be known before derivation, as the successor is expanded here.

@@ -17,7 +17,7 @@ use osier_base::rng::word;
 /// `interpret` run longer before L051.
 const MAX_DRAWN_PER_STORED: u64 = 10;
 
-/// Modules waiting to be expanded, the next one on top; parameters lie behind one another in the same order.
+/// Stack of modules to expand, with the depth of each; the last one is next.
 #[derive(Debug, Default)]
 struct ExpansionStack {
     modules: ModuleString,

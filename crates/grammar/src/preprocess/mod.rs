@@ -25,7 +25,7 @@ pub struct Define {
     pub value: String,
     /// Where its name is defined.
     pub span: Span,
-    /// The comment behind it on the same line, without comment signs.
+    /// The comment after it on the same line, without comment signs.
     pub comment: String,
 }
 

@@ -22,7 +22,7 @@ impl TileLayout {
         self.width.div_ceil(1 << SIDE)
     }
 
-    /// The cell for all points outside, behind all others.
+    /// Index of the one cell for all points outside the picture, after all others.
     pub fn outside(self) -> usize {
         (self.across() * self.height.div_ceil(1 << SIDE)) << (2 * SIDE)
     }

@@ -57,7 +57,7 @@ pub enum InstructionSet {
 /// Up to [`CHUNK`] steps of all lanes, one array per coordinate, lane after lane within a step.
 #[derive(Debug)]
 pub struct Chunk {
-    /// Steps that are filled.
+    /// Number of valid steps, at most [`CHUNK`].
     pub steps: usize,
     /// x of every point, by step and lane.
     pub x: [[f32; LANES]; CHUNK],
@@ -284,7 +284,8 @@ pub(super) fn images(
     lanes::images(map, place, layout, out);
 }
 
-/// floor(2^31 times the running sum) for all maps but the last; 2^31, which no draw reaches, behind the last one drawn.
+/// floor(2^31 times the running sum) for all maps but the last; 2^31, which no draw reaches, from the last map of
+/// positive probability on.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=2^31 before the cast")]
 fn thresholds(q: &[f64]) -> Vec<u32> {
     let last = q.iter().rposition(|p| *p > 0.0).unwrap_or(0);

@@ -59,7 +59,7 @@ pub struct LeafSpec {
     pub min_hits: u32,
     /// Gaps up to twice this wide are closed, pixels.
     pub close: f64,
-    /// Largest hole that is filled, share of the picture.
+    /// Area of the largest hole that is filled, as a share of the picture.
     pub fill: f64,
     /// Where the stalk meets the blade, table units; `None`: found.
     pub anchor: Option<[f64; 2]>,

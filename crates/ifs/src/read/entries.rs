@@ -1,4 +1,4 @@
-//! Fractint's files: entries `name { numbers }`, in all the ways that people have written them.
+//! Fractint's files: entries `name { numbers }`, in the variants found in published tables.
 
 use super::{Reader, fractint};
 use crate::Ifs;

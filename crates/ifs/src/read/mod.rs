@@ -65,7 +65,7 @@ impl TableFormat {
     }
 }
 
-/// Reads all systems of a file. `name`: as shown to people; its ending is held against what the file holds.
+/// Reads all systems of a file. `name`: name in messages; I002 if its ending contradicts the content.
 /// Returns them in the file's order, with warnings in the report.
 /// # Errors
 /// `Input` with I codes and places.

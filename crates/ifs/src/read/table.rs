@@ -373,7 +373,8 @@ impl TableReader<'_, '_> {
         out
     }
 
-    /// `mesh = "FILE"` or `mesh = { file = "FILE", scale = 1, up = "y" }`; what the file holds is read by who knows folders.
+    /// `mesh = "FILE"` or `mesh = { file = "FILE", scale = 1, up = "y" }`; the caller, who knows the
+    /// search path, reads the mesh file.
     fn mesh(&mut self, item: &TomlItem<'_>, dim: usize) -> Option<MeshReference> {
         if dim != 3 {
             let text = "a mesh lies in space, this system in the plane";
