@@ -23,10 +23,10 @@ make birch.png birch $one
 make poplar-twig.png poplar-twig $one
 make silk-tree.png silk-tree $one
 make bamboo.png bamboo $one
-make bamboo-culms.png bamboo $one --sun 32,60 $(eye 1.2,1.1,1.6 0,1.5,0)
-make oak-leaves.png oak $one --sun 32,80 $(eye 3.4,2.1,2.6 1.6,2.3,1.2)
-make birch-bark.png birch $one --sun 32,90 $(eye 0.75,1.3,0.55 0,1.35,0)
-make poplar-leaves.png poplar-twig $one --sun 45,120 $(eye 0.35,0.9,0.45 0,0.95,0)
+make bamboo-culms.png bamboo $one --sun 32,-30 $(eye 1.2,1.1,1.6 0,1.5,0)
+make oak-leaves.png oak $one --sun 32,-10 $(eye 3.4,2.1,2.6 1.6,2.3,1.2)
+make birch-bark.png birch $one --sun 32,0 $(eye 0.75,1.3,0.55 0,1.35,0)
+make poplar-leaves.png poplar-twig $one --sun 45,30 $(eye 0.35,0.9,0.45 0,0.95,0)
 make oak-seeds.png oak --seeds 0-5 --size 300x330
 make silk-tree-seeds.png silk-tree --seeds 0-15 --columns 4 --size 230x230
 make landscape.png landscape --size 1200x675

@@ -162,8 +162,8 @@ pub struct Preview {
     /// degrees.
     #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
     pub view: Option<String>,
-    /// Position of the sun, degrees.
-    #[arg(long, value_name = "ELEVATION,AZIMUTH", allow_hyphen_values = true)]
+    /// Direction from which the sun shines, degrees: 0 is +X, 90 is -Z.
+    #[arg(long, value_name = "ELEVATION,DIRECTION", allow_hyphen_values = true)]
     pub sun: Option<String>,
     /// Background: auto, sky, studio, none (transparent), or a colour such as #f4f1ea.
     #[arg(long, value_name = "WHAT")]

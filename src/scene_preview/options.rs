@@ -17,7 +17,7 @@ pub struct PreviewOptions {
     pub quality: Quality,
     /// `None`: the scene's own camera if it places one, else [`CameraView::Portrait`].
     pub view: Option<PreviewView>,
-    /// Elevation and azimuth of the sun in place of the scene's, degrees.
+    /// Elevation and direction of the sun in place of the scene's, degrees; direction 0 is +X, 90 is -Z.
     pub sun: Option<[f32; 2]>,
     /// What lies behind the subject.
     pub background: PreviewBackground,
@@ -78,8 +78,9 @@ impl PreviewOptions {
     pub fn request(&self, scene: &PreviewScene, subject: &Subject, camera: Camera) -> RenderRequest {
         let scene = scene.scene();
         let mut sun = scene.sun;
-        if let Some([elevation, azimuth]) = self.sun {
-            (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(azimuth));
+        if let Some([elevation, direction]) = self.sun {
+            // Directions count from +X towards -Z, azimuths from +Z towards +X.
+            (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(direction + 90.0));
         }
         // Trunks reach a little below the ground that they stand on, so a subject whose lowest
         // point is near 0 stands on the plane y = 0; any other stands on its lowest point.

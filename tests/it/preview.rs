@@ -158,7 +158,7 @@ fn every_mistake_is_named() {
         (2, &["oak", "--size", "0x5"], "WIDTHxHEIGHT"),
         (2, &["oak", "--view", "upside"], "portrait"),
         (2, &["oak", "--background", "#12345"], "#f4f1ea"),
-        (2, &["oak", "--sun", "40"], "ELEVATION,AZIMUTH"),
+        (2, &["oak", "--sun", "40"], "ELEVATION,DIRECTION"),
         (2, &["oak", "--sweep", "x=1:2"], "FROM:TO:COUNT"),
         (2, &["oak", "--seeds", "0-3", "--turntable"], "choose one"),
         (2, &["oak", "--seeds", "0-5000"], "1024"),

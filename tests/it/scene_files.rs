@@ -216,6 +216,7 @@ fn a_key_of_an_earlier_version_is_named_by_its_present_name() {
         ("zeta = 0.1\n", "`zeta` is now `damping_ratio`"),
         ("E_GPa = 3\n", "`E_GPa` is now `elasticity_gpa`"),
         ("[maps]\nhero_max = 2\n", "`hero_max` is now `max_mapped_leaves`"),
+        ("[sun]\nazimuth_deg = 75\n", "`azimuth_deg` is now `direction_deg`; subtract 90"),
     ] {
         let Err(said) = read(&format!("{rod}{lines}"), &[]) else { panic!("{lines} is accepted") };
         assert!(said.contains("error[S002]") && said.contains(help), "{said}");

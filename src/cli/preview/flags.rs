@@ -53,7 +53,7 @@ impl PreviewFlags {
             QualityArg::Fine => Quality::Fine,
         };
         let view = args.view.as_deref().map(view).transpose()?;
-        let sun = args.sun.as_deref().map(|t| pair(t, "--sun", "ELEVATION,AZIMUTH in degrees")).transpose()?;
+        let sun = args.sun.as_deref().map(|t| pair(t, "--sun", "ELEVATION,DIRECTION in degrees")).transpose()?;
         let background = background(args.background.as_deref())?;
         Ok(Self { options: PreviewOptions { size, quality, view, sun, background }, seeds, sweeps, frames })
     }

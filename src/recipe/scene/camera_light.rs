@@ -1,7 +1,7 @@
 //! `[camera]`, `[sun]`, `[sky]` and `[fog]`.
 
 use crate::recipe::syntax::keys;
-use crate::recipe::syntax::{ColorType, OptionalKey, degrees, number, point};
+use crate::recipe::syntax::{ColorType, OptionalKey, SunDirection, degrees, number, point};
 
 keys! {
     /// Camera; fitted to the plants unless `eye` is set.
@@ -21,8 +21,8 @@ keys! {
     SunKeys at "sun" {
         /// Elevation above the horizon.
         elevation: f64 = "elevation_deg" degrees(40.0, -90.0, 90.0);
-        /// Azimuth from +Z towards +X.
-        azimuth: f64 = "azimuth_deg" degrees(75.0, -360.0, 360.0);
+        /// Direction from which the sun shines: 0 is +X, 90 is -Z.
+        azimuth: f64 = "direction_deg" SunDirection(-15.0);
         /// Colour.
         color: [f32; 3] = "color" ColorType("#fff9ee");
         /// Irradiance on a surface that faces the sun.

@@ -33,10 +33,17 @@ const RENAMED: &[(&str, &str, &str)] = &[
     ("flight", "preroll", "spin_up_s"),
     ("wind.lattice", "preroll", "spin_up_s"),
     ("rain", "before_s", "spin_up_s"),
+    ("sun", "azimuth_deg", "direction_deg"),
     ("terrain", "n", "subdivisions"),
 ];
 
 /// The present name of a key that an earlier version knew. `table`: path of its declaration, as `plants.NAME.rods`.
 pub fn present_name(table: &str, key: &str) -> Option<&'static str> {
     RENAMED.iter().find(|(t, old, _)| *t == table && *old == key).map(|(.., new)| *new)
+}
+
+/// What a value must be changed by where the key was renamed together with its meaning.
+pub fn changed_meaning(table: &str, key: &str) -> Option<&'static str> {
+    (table == "sun" && key == "azimuth_deg")
+        .then_some("subtract 90: directions of sun, wind and lean are counted from +X towards -Z")
 }

@@ -141,6 +141,35 @@ impl ValueType for NumberType {
     }
 }
 
+/// A direction on the horizon: degrees in the scene, 0 towards +X and 90 towards -Z, as the wind's. Read as the azimuth of a
+/// [`osier_scene::Sun`], radians from +Z towards +X, which is 90 degrees more.
+#[derive(Debug, Clone, Copy)]
+pub struct SunDirection(pub f64);
+
+impl SunDirection {
+    fn azimuth(written: f64) -> f64 {
+        units::radians(written + 90.0)
+    }
+
+    const DEGREES: NumberType = number(0.0, -360.0, 360.0, "deg");
+}
+
+impl ValueType for SunDirection {
+    type Value = f64;
+    fn fallback(&self) -> f64 {
+        Self::azimuth(self.0)
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<f64, Fault> {
+        Self::DEGREES.read(name, node).map(Self::azimuth)
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { default: self.0.to_string(), ..Self::DEGREES.listing() }
+    }
+    fn digest(&self, value: &f64, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
+}
+
 /// A whole number in a range.
 #[derive(Debug, Clone, Copy)]
 pub struct IntegerType {
