@@ -137,6 +137,7 @@ impl AssetSize {
     /// Counts all assets of a scene of which `frames` frames are written (0: still).
     /// `weights`: how many assets each of the first stands for, itself included; 1 for the others.
     pub fn of_scene(scene: &Scene, frames: u64, weights: &[u64]) -> Vec<Self> {
+        // For each asset the phases at which placements show it, and the number of placements.
         let mut shown: Vec<(BTreeSet<u32>, u64)> = vec![Default::default(); scene.assets.len()];
         for placement in &scene.placements {
             if let Some((phases, copies)) = shown.get_mut(placement.asset) {

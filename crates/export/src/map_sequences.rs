@@ -7,7 +7,7 @@ use super::Warning;
 use osier_base::{Error, Result};
 use osier_scene::{MapEncoding, MapFrame, MapLayer, MapSequence};
 
-/// A stored number.
+/// A value as maps store it.
 struct StoredSample {
     /// From 0 to 1.
     value: f32,
@@ -96,7 +96,7 @@ struct LayerIndex {
 pub struct EncodedMap<T> {
     /// Index of the sequence.
     pub sequence: usize,
-    /// Which of its maps.
+    /// The layer of the sequence that the file shows.
     pub layer: MapLayer,
     /// What the encoder made of it.
     pub file: Arc<T>,
@@ -133,6 +133,7 @@ impl<T: Send + Sync> MapEncoder<T> {
             let file = Arc::new(encode(sequence, sequence.layers[at.layer], &values)?);
             Ok(Some(Made { file, cut: values.cut }))
         });
+        // Layers that changed were encoded in parallel; the others keep the file of an earlier frame.
         let mut out = Vec::with_capacity(jobs.len());
         for (at, made) in jobs.into_iter().zip(done) {
             let made = made?;

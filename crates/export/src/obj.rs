@@ -66,7 +66,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     size.vertices * (POINT_LINE + NORMAL_LINE) + size.mapped_vertices * UV_LINE + size.triangles * face
 }
 
-/// Writes OBJ.
+/// Writes meshes as OBJ with their materials as MTL.
 #[derive(Debug)]
 pub struct ObjExporter {
     folder: Folder,

@@ -60,7 +60,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     size.vertices * 28 + size.triangles * 13 + points
 }
 
-/// Writes PLY.
+/// Writes point clouds, instances and meshes as PLY.
 #[derive(Debug)]
 pub struct PlyExporter {
     folder: Folder,
@@ -226,6 +226,7 @@ fn write_points<'a>(
     frame: u32,
 ) -> Result<()> {
     let clouds: Vec<PlacedCloud<'a>> = clouds.collect();
+    // Names of all attributes in order of first use, and whether any value of that name needs more than a byte.
     let mut names: Vec<(&'static str, bool)> = Vec::new();
     let attributes = clouds.iter().flat_map(|c| &c.points.attributes);
     for (name, values) in attributes.filter_map(|a| Some((a.name, a.data.counts()?))) {
@@ -273,6 +274,7 @@ fn point_rows(
             continue;
         }
         let p = if cloud.trs == Trs::IDENTITY { *p } else { cloud.trs.apply(*p) };
+        // x, y, z and radius as floats, then four bytes of colour.
         let mut fixed = [0; 20];
         let numbers = [p.x, p.y, p.z, width * cloud.trs.s.x * 0.5].map(le_bytes);
         fixed[..16].copy_from_slice(bytemuck::bytes_of(&numbers));
@@ -300,6 +302,7 @@ impl Default for ColorCache {
 
 impl ColorCache {
     fn bytes(&mut self, c: [f32; 3]) -> [u8; 4] {
+        // Multiplicative hash of the bits; its upper 8 bits choose one of 256 slots, which holds the colour last converted.
         let bits = c.map(f32::to_bits);
         let hash = bits.iter().fold(0_u32, |h, b| (h ^ b).wrapping_mul(0x9E37_79B1)) >> 24;
         let slot = &mut self.known[hash as usize];

@@ -92,6 +92,7 @@ pub fn png(image: &Image) -> Result<Arc<[u8]>> {
         Pixels::U8(v) => v,
         Pixels::U16(v) => {
             encoder.set_depth(png::BitDepth::Sixteen);
+            // PNG stores 16-bit samples big endian.
             data = v.iter().map(|s| s.to_be()).collect::<Vec<u16>>();
             bytemuck::cast_slice(&data)
         }

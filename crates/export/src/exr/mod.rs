@@ -60,7 +60,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     sequences + input.per_asset(|_| 4 << 20)
 }
 
-/// Writes EXR maps.
+/// Writes height maps, terrain, fields and map sequences as EXR.
 #[derive(Debug)]
 pub struct ExrExporter {
     folder: Folder,

@@ -24,7 +24,7 @@ pub(super) struct InstanceGroup<'a> {
     pub proto: usize,
     /// Indices of live instances.
     pub members: Vec<usize>,
-    /// For errors.
+    /// Asset and instancer, for errors.
     pub label: &'a str,
 }
 
@@ -71,6 +71,7 @@ impl GltfDocument<'_> {
     /// The instancing extension with these transforms: translation and scale as floats, rotation as normalised i16. A scale of 1
     /// throughout is omitted. `label`: names the instances in errors.
     pub(super) fn add_instancing(&mut self, list: &[Trs], label: &str) -> Result<NodeExtensions> {
+        // q and -q are the same rotation; the one with w >= 0 is written.
         let rotations: Vec<Quat> = list.iter().map(|t| if t.r.w < 0.0 { -t.r } else { t.r }).collect();
         let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();
         let scales: Vec<Vec3> = list.iter().map(|t| t.s).collect();

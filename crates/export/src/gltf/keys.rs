@@ -83,6 +83,7 @@ fn reduce_keys<T: Copy + PartialEq>(
             near(&between(&values[a], &values[b], t), &values[i])
         })
     };
+    // From the kept key a, move b on while interpolation from a to b + 1 still restores all frames between them.
     let mut kept = vec![0];
     let mut a = 0;
     while a + 1 < values.len() {

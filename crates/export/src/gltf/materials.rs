@@ -48,6 +48,7 @@ impl GltfDocument<'_> {
             GeometryKind::ColoredPoints | GeometryKind::PlainPoints => format!("{}_points", source.name),
         };
         let factor_is_white = maps.color.is_some() || variant.geometry == GeometryKind::ColoredPoints;
+        // A factor multiplies its texture, so beside a texture it is 1; values that equal the schema's default are omitted.
         let [r, g, b] = source.base_color;
         let rough = if maps.roughness.is_some() { 1.0 } else { source.roughness };
         let pbr_metallic_roughness = Pbr {

@@ -26,7 +26,7 @@ pub(super) struct Vertices<'a> {
     pub colors: Cow<'a, [[f32; 4]]>,
     pub attributes: Cow<'a, [Attribute]>,
     pub skin: Option<SkinInfluences>,
-    /// It has morph targets.
+    /// Whether the primitive has morph targets.
     pub morphs: bool,
 }
 
@@ -42,7 +42,7 @@ pub(super) struct SkinInfluences {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MeshSource<'a> {
     pub name: &'a str,
-    /// For errors.
+    /// Asset and element, for errors.
     pub label: &'a str,
     pub mesh: &'a Mesh,
     pub geometry: GeometryKind,

@@ -37,6 +37,7 @@ impl JointSelection {
         }
         let keep = rank_and_keep(skeleton, poses, limit);
         let kept: Vec<usize> = (0..n).filter(|&i| keep[i]).collect();
+        // Parents come before their children, so that a joint that is not kept inherits the carrier of its parent.
         let mut carrier: Vec<u16> = Vec::with_capacity(n);
         for i in 0..n {
             let own = kept.binary_search(&i).ok().and_then(|k| u16::try_from(k).ok());
@@ -57,6 +58,7 @@ impl JointSelection {
     pub(super) fn inverse_bind_matrices(&self) -> Vec<[f32; 16]> {
         let inverse = |i: &usize| {
             let b = &self.bind[*i];
+            // The inverse of x -> R x + t is x -> R^-1 x - R^-1 t.
             let r = b.r.normalize().conjugate();
             Mat4::from_rotation_translation(r, r * -b.t).to_cols_array()
         };
@@ -77,6 +79,7 @@ impl JointSelection {
                 None => list.push((carrier, w)),
             }
         }
+        // Joints that follow the same carrier have been summed; the sums are normalised again if they are not 1 already.
         list.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let total = list.iter().fold(0.0, |s, (_, w)| s + w);
         let (mut j, mut w) = ([0; 4], [0.0; 4]);

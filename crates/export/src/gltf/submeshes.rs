@@ -62,6 +62,7 @@ fn compact_vertices(material: MaterialId, triangles: Cow<'_, [[u32; 3]]>, count:
     if used.iter().all(|u| *u) {
         return Submesh { material, triangles, vertices: None };
     }
+    // Used vertices keep their order; `index_of` maps their old index to the new one.
     let vertices: Vec<u32> = (0_u32..).zip(&used).filter(|(_, u)| **u).map(|(i, _)| i).collect();
     let mut index_of = vec![0_u32; count];
     for (new, old) in (0_u32..).zip(&vertices) {

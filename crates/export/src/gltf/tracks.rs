@@ -80,7 +80,7 @@ impl ClipTracks {
         self.times.is_empty()
     }
 
-    /// Adds a frame.
+    /// Adds the states of all assets at a frame.
     pub(super) fn push(&mut self, scene: &Scene, frame: &Frame) {
         self.times.push(osier_base::math::narrow(scene.clip.seconds(frame.number)));
         self.numbers.push(frame.number);
@@ -106,6 +106,7 @@ impl AssetTracks {
                 }));
             }
         }
+        // The key is a hash of the instance's id: the same instances are written whatever the order in which they were emitted.
         moving.sort_by_key(|m| (m.key, m.instancer, m.instance));
         moving.truncate(max_moving);
         let shapes = |deforms| if deforms { MorphFrames::Frames(Vec::new()) } else { MorphFrames::Still };

@@ -78,6 +78,7 @@ fn path(file: &FileEntry) -> &str {
 fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
     let mut entries: BTreeMap<String, FileEntry> = BTreeMap::new();
     let mut sorted: Vec<&FileRecord> = files.iter().filter(|f| f.path != MANIFEST).collect();
+    // Sorted by frame, so that the items of a sequence arrive in order and its last frame is the latest one seen.
     sorted.sort_by(|a, b| (a.frame, &a.path).cmp(&(b.frame, &b.path)));
     for file in sorted {
         let pattern = file.frame.and_then(|f| numbered(&file.path, &clip.tag(f)));

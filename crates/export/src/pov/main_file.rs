@@ -69,6 +69,7 @@ fn write_include(text: &mut TextBuffer, includes: &str, tag: &str) {
 /// Writes the `#include` of the frame that is `phase` frames later, the clip repeated; if only every n-th frame is written, of
 /// the one that is phase / n later among those.
 fn include_phase(text: &mut TextBuffer, scene: &Scene, includes: &str, phase: u32, written: &[u32]) {
+    // Written frames are first, first + step, ..: position in the list = (frame - first) / step, taken modulo their number.
     let (first, count) = (written.first().copied().unwrap_or(0), written.len() as u64);
     let last = written.last().copied().unwrap_or(first);
     let step = if count > 1 { (u64::from(last - first) / (count - 1)).max(1) } else { 1 };

@@ -97,6 +97,7 @@ pub(super) fn write_points(
     let visible: Vec<usize> = (0..at.now.positions.len()).filter(seen).collect();
     let stride = visible.len().div_ceil(MAX_SPHERES).max(1);
     let kept: Vec<usize> = visible.iter().copied().step_by(stride).collect();
+    // Every stride-th visible point, so that the ones left out are spread evenly over the cloud.
     let mut shapes = TextBuffer::default();
     shapes.lines(&kept, |t, _, i| {
         let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);

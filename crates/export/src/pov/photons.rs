@@ -28,6 +28,7 @@ pub(super) fn split_targets(mesh: &Mesh, smallest: Option<f32>) -> (Mesh, Mesh) 
     let mut parent: Vec<usize> = (0..mesh.points.len()).collect();
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|i| find_root(&mut parent, i as usize));
+        // A triangle joins the components of its three corners under the smallest root.
         let first = a.min(b).min(c);
         [a, b, c].into_iter().for_each(|i| parent[i] = first);
     }

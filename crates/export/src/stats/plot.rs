@@ -18,6 +18,7 @@ const COLORS: [&str; 7] = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00"
 
 /// Step between ticks: 1, 2 or 5 times a power of ten, such that `span` has at most about `count` of them.
 fn tick_step(span: f64, count: f64) -> f64 {
+    // The smallest of 1, 2, 5 and 10 times the power of ten below the exact step that is not below it.
     let rough = (span / count).max(1e-12);
     let power = pow(10.0, (ln(rough) / std::f64::consts::LN_10).floor());
     let factor = [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * power >= rough).unwrap_or(10.0);

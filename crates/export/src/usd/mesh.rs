@@ -254,6 +254,7 @@ impl AnimatedPrim for DeformingMesh {
             _ => (&object.mesh.points, &[]),
         };
         let points = cx.up.stage_vecs(points);
+        // An instancer of whole plants needs the extent over the clip, besides the extent of each frame.
         let b = Bounds::of(points.iter().copied());
         self.clip_bounds = self.clip_bounds.union(b);
         let b = extent(&b);

@@ -10,7 +10,7 @@ use osier_scene::{Attribute, AttributeData, AttributeDomain};
 /// A primvar that frames give values.
 #[derive(Debug, Clone)]
 pub(super) struct Primvar {
-    /// Of the attribute.
+    /// Name of the scene's attribute; the primvar has the same.
     pub(super) name: &'static str,
     attr: AttrHandle,
     /// Empty values of the attribute's type, for frames that lack it.

@@ -182,6 +182,7 @@ impl AnimatedPrim for SkelAnimation {
             rest = skeleton.rest_pose();
             &rest
         };
+        // Quaternions keep the sign of the frame before, so that readers interpolate the short way.
         let (t, mut r, s) = animation_channels(cx, pose);
         for (q, before) in r.iter_mut().zip(&self.before) {
             *q = nearest_quat(*q, *before);

@@ -188,6 +188,7 @@ impl LayerWriter for UsdaWriter {
     }
 
     fn create_attr(&mut self, path: &str, spec: &AttrSpec, default: Option<UsdValue>) -> Result<AttrHandle> {
+        // `custom uniform token[] name`; the value, samples and metadata follow when the text is rendered.
         let name = split_property_path(path).1;
         let custom = if spec.custom { "custom " } else { "" };
         let uniform = if spec.uniform { "uniform " } else { "" };
