@@ -280,7 +280,7 @@ fn whole_frames(manner: &DropParams) {
         steps.push(start.elapsed().as_secs_f64() * 1e3);
         let start = Instant::now();
         for (i, wet) in wet.iter_mut().enumerate() {
-            let water = moment.leaf_water(i);
+            let water = moment.leaf_map_input(i);
             wet.advance(&sheet, &water.caps, &water.wet_spots, moment.t, manner);
         }
         maps.push(start.elapsed().as_secs_f64() * 1e3);

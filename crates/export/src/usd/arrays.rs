@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::axis::extent;
+use super::axis::extent_corners;
 use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::geometry::Bounds;
@@ -28,5 +28,5 @@ pub(super) fn sequential_ids(n: usize) -> Vec<i64> {
 /// Extent of points with widths: the box of spheres of those diameters.
 pub(super) fn points_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
     let spheres = points.iter().zip(widths).map(|(p, w)| Bounds::of([*p]).grown(w * 0.5));
-    extent(&spheres.fold(Bounds::default(), Bounds::union))
+    extent_corners(&spheres.fold(Bounds::default(), Bounds::union))
 }

@@ -22,7 +22,7 @@ pub(super) fn define_asset(
     for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| !skel::is_skinned(asset, m)) {
         let path = format!("{root}/{}", names.unique(&object.name));
         let varying = object.motion == osier_scene::MeshMotion::Varying;
-        let place = mesh::MeshPrim { root, path: &path, skinned: false, varying };
+        let place = mesh::MeshTarget { root, path: &path, skinned: false, varying };
         parts.extend(mesh::define_unskinned(cx, layer, i, &place, object)?);
         parts.extend(coat_primvar::define_coat_weight(cx, layer, i, &path, object)?);
     }

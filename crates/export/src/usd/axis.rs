@@ -74,7 +74,7 @@ impl UpAxis {
 }
 
 /// A box as the two corners of an `extent`; two zero vectors for an empty one.
-pub(super) fn extent(b: &Bounds) -> [[f32; 3]; 2] {
+pub(super) fn extent_corners(b: &Bounds) -> [[f32; 3]; 2] {
     if b.is_empty() { [[0.0; 3]; 2] } else { [b.min.to_array(), b.max.to_array()] }
 }
 

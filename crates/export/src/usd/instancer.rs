@@ -10,7 +10,7 @@ use super::context::UsdContext;
 use super::instancer_extent::InstancerBounds;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata, VariantSet, variant_path};
-use super::mesh::{MeshPrim, VelocitySamples, define_mesh};
+use super::mesh::{MeshTarget, VelocitySamples, define_mesh};
 use super::primvar::{self, Primvar};
 use super::sample_reduction::{SampleReducer, TimeSample};
 use super::value::UsdArray;
@@ -150,7 +150,7 @@ fn define_prototypes(
                 .define_prim(name, "Xform")
                 .and_then(|()| define_prototype_contents(cx, layer, root, name, proto))?,
             None => {
-                let place = MeshPrim { root, path: name, skinned: false, varying: false };
+                let place = MeshTarget { root, path: name, skinned: false, varying: false };
                 define_mesh(cx, layer, &place, &proto.mesh).map(|_| ())?;
             }
         }
@@ -186,7 +186,7 @@ fn define_prototype_contents(
     let mesh = proto.fine.as_ref().map_or(&proto.mesh, |fine| &fine.mesh);
     if !mesh.triangles.is_empty() {
         let path = format!("{path}/body");
-        define_mesh(cx, layer, &MeshPrim { root, path: &path, skinned: false, varying: false }, mesh)?;
+        define_mesh(cx, layer, &MeshTarget { root, path: &path, skinned: false, varying: false }, mesh)?;
     }
     match &proto.fine {
         Some(fine) => {
@@ -208,10 +208,10 @@ impl AnimatedInstancer {
         let Some(reducers) = &mut self.reducers else { return Ok(()) };
         let orientations = reducers.orientations.push(time, self.before.clone());
         let positions = reducers.positions.push(time, positions);
-        self.write_samples(layer, orientations, positions)
+        self.write_reduced_samples(layer, orientations, positions)
     }
 
-    fn write_samples(
+    fn write_reduced_samples(
         &self,
         layer: &mut LayerBuilder,
         orientations: Option<TimeSample<Quat>>,
@@ -269,7 +269,7 @@ impl AnimatedPrim for AnimatedInstancer {
     fn flush_samples(&mut self, layer: &mut LayerBuilder) -> Result<()> {
         let Some(reducers) = &mut self.reducers else { return Ok(()) };
         let (orientations, positions) = (reducers.orientations.finish(), reducers.positions.finish());
-        self.write_samples(layer, orientations, positions)
+        self.write_reduced_samples(layer, orientations, positions)
     }
 
     fn clip_bounds(&self) -> Bounds {

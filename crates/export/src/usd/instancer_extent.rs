@@ -4,7 +4,7 @@ use glam::{Mat4, Vec3, Vec4};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
-use super::axis::{UpAxis, extent};
+use super::axis::{UpAxis, extent_corners};
 use osier_base::geometry::Bounds;
 use osier_scene::{Instancer, Prototype};
 
@@ -72,7 +72,7 @@ impl InstancerBounds {
         }
         let min = Vec3::from_array(span.low.map(Vec4::min_element));
         let max = Vec3::from_array(span.high.map(Vec4::max_element));
-        extent(&Bounds { min, max })
+        extent_corners(&Bounds { min, max })
     }
 }
 
@@ -199,7 +199,7 @@ mod tests {
                 b = b.with(center - half).with(center + half);
             }
         }
-        extent(&b)
+        extent_corners(&b)
     }
 
     #[test]

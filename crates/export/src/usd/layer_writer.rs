@@ -154,7 +154,7 @@ pub trait LayerWriter: Send {
 
     /// Repeats all samples of all attributes once, `period` time codes later, so that a layer offset into the clip finds values
     /// to its end.
-    fn repeat_samples(&mut self, period: f64);
+    fn repeat_clip_once(&mut self, period: f64);
 
     /// Creates the relationship at `path`, `/prim.name`. `targets`: paths.
     /// # Errors

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::arrays::{as_float3, as_ints};
-use super::axis::{UpAxis, extent};
+use super::axis::{UpAxis, extent_corners};
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
@@ -30,7 +30,7 @@ pub(super) struct MeshAttrs {
 }
 
 /// Where a mesh is defined, and how it will change.
-pub(super) struct MeshPrim<'a> {
+pub(super) struct MeshTarget<'a> {
     /// Path of the prim below which the scope of materials is.
     pub(super) root: &'a str,
     /// Path of the mesh.
@@ -55,7 +55,7 @@ impl<'a> MeshArrays<'a> {
     fn of(mesh: &'a Mesh, up: UpAxis) -> Result<Self> {
         let points = as_float3(&up.stage_vecs(&mesh.points)).to_vec();
         Ok(Self {
-            extent: extent(&Bounds::of(points.iter().map(|p| Vec3::from_array(*p)))),
+            extent: extent_corners(&Bounds::of(points.iter().map(|p| Vec3::from_array(*p)))),
             normals: as_float3(&up.stage_vecs(&mesh.normals)).to_vec(),
             points,
             counts: vec![3; mesh.triangles.len()],
@@ -87,7 +87,7 @@ fn material_faces(mesh: &Mesh) -> Result<Vec<(MaterialId, Vec<i32>)>> {
 pub(super) fn define_mesh(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
-    place: &MeshPrim,
+    place: &MeshTarget,
     mesh: &Mesh,
 ) -> Result<MeshAttrs> {
     let families = material_faces(mesh)?;
@@ -144,7 +144,7 @@ pub(super) fn define_mesh(
 /// faces. The crate file stores the two equal index arrays once; importers expect texture coordinates to be face-varying.
 fn define_st(
     layer: &mut LayerBuilder,
-    place: &MeshPrim,
+    place: &MeshTarget,
     mesh: &Mesh,
     corners: &[i32],
 ) -> Result<Option<[AttrHandle; 2]>> {
@@ -257,7 +257,7 @@ impl AnimatedPrim for DeformingMesh {
         // An instancer of whole plants needs the extent over the clip, besides the extent of each frame.
         let b = Bounds::of(points.iter().copied());
         self.clip_bounds = self.clip_bounds.union(b);
-        let b = extent(&b);
+        let b = extent_corners(&b);
         layer.writer.set_time_sample(self.attrs.extent, sample.time, UsdArray::Float3(&b).into())?;
         layer.writer.set_time_sample(self.attrs.points, sample.time, UsdArray::Float3(as_float3(&points)).into())?;
         let v = cx.up.stage_vecs(velocities);
@@ -289,7 +289,7 @@ impl VaryingMesh {
         cx: &UsdContext,
         layer: &mut LayerBuilder,
         index: usize,
-        place: &MeshPrim,
+        place: &MeshTarget,
         mesh: &Mesh,
     ) -> Result<Self> {
         let attrs = define_mesh(cx, layer, place, mesh)?;
@@ -379,7 +379,7 @@ pub(super) fn define_unskinned(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     index: usize,
-    place: &MeshPrim,
+    place: &MeshTarget,
     object: &osier_scene::MeshObject,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
     if object.motion == MeshMotion::Varying {

@@ -510,7 +510,7 @@ impl Exporter for UsdExporter {
             if let Some(scene) = self.cx.as_ref().map(|cx| &cx.scene)
                 && animated.iter().any(|(asset, _)| has_phase_offset(scene, *asset))
             {
-                layer.writer.repeat_samples(scene.clip.len() as f64);
+                layer.writer.repeat_clip_once(scene.clip.len() as f64);
             }
             layer.writer.finish()?;
         }

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use half::f16;
 
 use super::arrays::sequential_ids;
-use super::axis::{UpAxis, extent};
+use super::axis::{UpAxis, extent_corners};
 use super::context::UsdContext;
 use super::layer::{LayerBuilder, canonical_quat};
 use super::layer_writer::{AttrSpec, PrimMetadata};
@@ -156,7 +156,7 @@ impl PlantInstancer<'_> {
         let mut set = |name: &str, type_name, array: UsdArray| {
             layer.set_attr(&format!("{}.{name}", self.path), type_name, array.into()).map(|_| ())
         };
-        set("extent", "float3[]", UsdArray::Float3(&extent(&around)))?;
+        set("extent", "float3[]", UsdArray::Float3(&extent_corners(&around)))?;
         set("ids", "int64[]", UsdArray::Int64(&sequential_ids(self.instances.len())))?;
         set("orientations", "quath[]", UsdArray::Quath(&orientations))?;
         set("positions", "point3f[]", UsdArray::Float3(&positions))?;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::arrays::{as_float3, as_ints, points_extent, sequential_ids};
-use super::axis::extent;
+use super::axis::extent_corners;
 
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
@@ -96,7 +96,7 @@ struct AnimatedCurves {
 /// Extent of curves: the box of their points, grown by half the largest width.
 fn curves_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
     let widest = widths.iter().fold(0.0_f32, |a, b| a.max(*b));
-    extent(&Bounds::of(points.iter().copied()).grown(widest * 0.5))
+    extent_corners(&Bounds::of(points.iter().copied()).grown(widest * 0.5))
 }
 
 /// Defines curves in their rest state. Returns what takes their time samples, if they move.

@@ -3,11 +3,11 @@
 use glam::Quat;
 use half::f16;
 
-use super::axis::{extent, matrix4d};
+use super::axis::{extent_corners, matrix4d};
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
-use super::mesh::{MeshPrim, define_mesh};
+use super::mesh::{MeshTarget, define_mesh};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::files::{Names, safe_name};
@@ -60,7 +60,7 @@ pub(super) fn define_skel_root(
         "SkelRoot",
         &PrimMetadata { api: vec!["SkelBindingAPI"], ..PrimMetadata::default() },
     )?;
-    let b = extent(&skinned_bounds(cx, asset, &AssetFrame::default()));
+    let b = extent_corners(&skinned_bounds(cx, asset, &AssetFrame::default()));
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.writer.create_relationship(&format!("{path}.skel:animationSource"), &[format!("{path}/anim")])?;
     layer.writer.create_relationship(&format!("{path}.skel:skeleton"), &[format!("{path}/skeleton")])?;
@@ -74,7 +74,7 @@ pub(super) fn define_skel_root(
     }
     for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| is_skinned(asset, m)) {
         let mesh = format!("{path}/{}", inner.unique(&object.name));
-        let place = MeshPrim { root, path: &mesh, skinned: true, varying: false };
+        let place = MeshTarget { root, path: &mesh, skinned: true, varying: false };
         define_mesh(cx, layer, &place, &object.mesh)?;
         if let Some(skin) = &object.skin {
             bind_skin(layer, &path, &mesh, skin)?;
@@ -114,7 +114,7 @@ fn define_skeleton(
     layer.set_uniform(&format!("{path}.restTransforms"), "matrix4d[]", UsdArray::Matrix4d(&rest).into())?;
     // Joints have no thickness: the extent of the skeleton is the box of their positions.
     let places = skeleton.bind();
-    let b = extent(&Bounds::of(places.iter().map(|m| cx.up.stage_vec(m.t))));
+    let b = extent_corners(&Bounds::of(places.iter().map(|m| cx.up.stage_vec(m.t))));
     layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     Ok(())
 }
@@ -189,7 +189,7 @@ impl AnimatedPrim for SkelAnimation {
         }
         let b = skinned_bounds(cx, sample.asset, sample.state);
         self.clip_bounds = self.clip_bounds.union(b);
-        let b = extent(&b);
+        let b = extent_corners(&b);
         let time = sample.time;
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.translations, UsdArray::Float3(&t))?;

@@ -130,7 +130,7 @@ impl RainEmitter {
         let area = classes.iter().map(area_of).sum::<f64>() / classes.len().max(1) as f64;
         // Number flux from the rainfall rate: volume per area and time over the mean volume of a drop.
         let flux = match params.total {
-            Some(total) => total / (area * envelope_integral(&params)).max(f64::MIN_POSITIVE),
+            Some(total) => total / (area * envelope_integral_of_clip(&params)).max(f64::MIN_POSITIVE),
             None => params.intensity / mean_volume,
         };
         Self { params, tracer, diameters, classes, flux, area, epoch: None }
@@ -217,7 +217,7 @@ impl RainEmitter {
 }
 
 /// Integral of the envelope over the clip, s, by the midpoint rule.
-fn envelope_integral(params: &RainfallParams) -> f64 {
+fn envelope_integral_of_clip(params: &RainfallParams) -> f64 {
     let h = params.duration / f64::from(ENVELOPE_SAMPLES);
     (0..ENVELOPE_SAMPLES).map(|k| envelope_factor(params, (f64::from(k) + 0.5) * h) * h).sum()
 }

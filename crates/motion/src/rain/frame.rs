@@ -23,7 +23,7 @@ pub struct SessileDrop {
     /// Caps of the head and the tail, the head first.
     pub caps: Vec<DropCap>,
     /// Stretch and skew of the head.
-    pub footprint: CapDeformation,
+    pub deformation: CapDeformation,
     /// Unit tangent along which the head is stretched and sheared, in leaf space.
     pub axis: DVec3,
     /// Velocity relative to the leaf, in leaf space, m/s.
@@ -66,7 +66,7 @@ pub struct AirborneDrop {
 
 /// The water of one leaf at a frame, as its maps need it.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct LeafWater {
+pub struct LeafMapInput {
     /// Caps of the drops on the upper side.
     pub caps: Vec<CapOnLeaf>,
     /// Spots that became wet since the last frame.
@@ -131,7 +131,7 @@ impl RainFrame {
                     leaf: i,
                     side: d.side,
                     caps,
-                    footprint: d.footprint(params),
+                    deformation: d.cap_deformation(params),
                     axis: d.axis,
                     v: d.v,
                     volume: d.volume,
@@ -175,16 +175,16 @@ impl RainFrame {
     }
 
     /// The water on one leaf. Only drops of the upper side have caps in it, as only that side has maps.
-    pub fn leaf_water(&self, leaf: usize) -> LeafWater {
+    pub fn leaf_map_input(&self, leaf: usize) -> LeafMapInput {
         let mut caps = Vec::new();
         for d in self.sessile.iter().filter(|d| d.leaf == leaf && d.side > 0.0) {
             for (k, cap) in d.caps.iter().enumerate() {
                 // Only the head is deformed.
-                let footprint = if k == 0 { d.footprint } else { CapDeformation::ROUND };
-                caps.push(CapOnLeaf { uv: cap.uv, cap: cap.cap, footprint, axis: d.axis });
+                let deformation = if k == 0 { d.deformation } else { CapDeformation::ROUND };
+                caps.push(CapOnLeaf { uv: cap.uv, cap: cap.cap, deformation, axis: d.axis });
             }
         }
         let wet_spots = self.wet_spots.iter().filter(|s| s.leaf == leaf).map(|s| s.spot).collect();
-        LeafWater { caps, wet_spots }
+        LeafMapInput { caps, wet_spots }
     }
 }

@@ -74,7 +74,7 @@ pub use drops::surface_drop::DropCap;
 pub use emitter::{DropSizes, EmittedDrop, IntensityEnvelope, RainEmitter, RainfallParams};
 pub use event::{DropEventKind, RainEvent};
 pub use fall::{sphere_diameter, sphere_volume};
-pub use frame::{AirborneDrop, LeafWater, PendantDrop, RainFrame, SessileDrop};
+pub use frame::{AirborneDrop, LeafMapInput, PendantDrop, RainFrame, SessileDrop};
 pub use leaf::alpha_mask::AlphaMask;
 pub use leaf::surface::LeafSurface;
 pub use leaf::veins::VeinMap;

@@ -450,7 +450,7 @@ impl RainSimulation {
         let mut volume = drop.volume;
         let weber = WATER_DENSITY * approach * approach * sphere_diameter(volume) / WATER_SURFACE_TENSION;
         if weber > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
-            volume -= self.splash(drop, i, point, n, relative);
+            volume -= self.eject_splash_droplets(drop, i, point, n, relative);
         }
         // The water that has not splashed stays on the leaf.
         let event = RainEvent::new(DropEventKind::Struck, drop.id, self.t, point, volume);
@@ -462,7 +462,14 @@ impl RainSimulation {
     }
 
     /// Ejects the splashed part of a drop as droplets in a crown around the normal `n`, and returns its volume, m^3.
-    fn splash(&mut self, drop: &FallingDrop, leaf: usize, point: DVec3, n: DVec3, relative: DVec3) -> f64 {
+    fn eject_splash_droplets(
+        &mut self,
+        drop: &FallingDrop,
+        leaf: usize,
+        point: DVec3,
+        n: DVec3,
+        relative: DVec3,
+    ) -> f64 {
         // Draws are addressed by the drop's identifier, so that they do not depend on other drops.
         let mut draw = Rng::at(self.params.seed, &["drop".into(), drop.id.into(), "splash".into()]);
         let splashed = self.params.splash * drop.volume;

@@ -134,7 +134,7 @@ impl RodDescription {
         let mut intervals: Vec<RodInterval> = (0..n - 1).map(interval).collect();
         // One spread for the whole rod, the largest that any interval needs, keeps the prisms of neighbouring
         // intervals equal.
-        let wide = intervals.iter().fold(1.0, |m, l| l.spread_for_full_torsion().max(m));
+        let wide = intervals.iter().fold(1.0, |m, l| l.spread_ratio_for_full_torsion().max(m));
         let spread = if self.material.spread_for_torsion { wide } else { 1.0 };
         intervals.iter_mut().for_each(|l| l.spread = spread);
         let corners =
@@ -237,7 +237,7 @@ impl RodTree {
         // parent's section.
         let base = parent.map(|on| {
             let frame = SectionFrame::from_corners(&self.reference[on]);
-            self.bases.push(RodAttachment { on: section_index(on), local: frame.corners_to_local(&line.corners[0]) });
+            self.bases.push(RodAttachment { on: to_stored_index(on), local: frame.corners_to_local(&line.corners[0]) });
             // The half interval at the base moves with the parent.
             self.sections[on].mass += masses[0];
             self.bases.len() - 1
@@ -246,11 +246,11 @@ impl RodTree {
             // Predecessors of section j: within the rod, or the carrying section where the attached base takes their
             // place.
             let before = |k: usize| match (j.checked_sub(k), parent) {
-                (Some(at), Some(on)) if at < own => section_index(on),
-                (Some(at), _) => section_index(first + at - own),
+                (Some(at), Some(on)) if at < own => to_stored_index(on),
+                (Some(at), _) => to_stored_index(first + at - own),
                 (None, _) => NONE,
             };
-            let rides = |k: usize| if j == k { base.map_or(NONE, section_index) } else { NONE };
+            let rides = |k: usize| if j == k { base.map_or(NONE, to_stored_index) } else { NONE };
             // The section after a base is coupled to one section only.
             let over = if own == 1 && j == 1 { NONE } else { before(2) };
             self.predecessors.push([before(1), over]);
@@ -314,7 +314,7 @@ fn corner_masses(line: &SampledRod, density: f64) -> Vec<f64> {
 }
 
 /// Index of a section or base as it is stored.
-pub(crate) fn section_index(i: usize) -> u32 {
+pub(crate) fn to_stored_index(i: usize) -> u32 {
     // A section takes hundreds of bytes: 2^32 of them exceed the memory long before the index overflows.
     u32::try_from(i).unwrap_or(NONE)
 }

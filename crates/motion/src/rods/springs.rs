@@ -38,7 +38,7 @@ impl RodInterval {
     }
 
     /// Least spread at which torsion matches the material.
-    pub(crate) fn spread_for_full_torsion(&self) -> f64 {
+    pub(crate) fn spread_ratio_for_full_torsion(&self) -> f64 {
         math::sqrt(Self { spread: 1.0, ..*self }.torsion_softening())
     }
 

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::rods::layout::{RodDescription, RodTree, section_index};
+use crate::rods::layout::{RodDescription, RodTree, to_stored_index};
 use crate::rods::prism::{
     Matrix9, RigidSectionMap, SectionCorners, SectionFrame, add_to_corner, centroid, corner, corner_dot,
     corners_from_fn, matrix_vector,
@@ -434,7 +434,7 @@ impl RodSystem {
             let i = body.section;
             // The first body of a section opens its entry with the lumped corner masses.
             if step.mass_index[i] == NONE {
-                step.mass_index[i] = section_index(step.section_masses.len());
+                step.mass_index[i] = to_stored_index(step.section_masses.len());
                 let mut bare = [[0.0; 9]; 9];
                 (0..9).for_each(|k| bare[k][k] = tree.sections[i].mass);
                 step.section_masses.push(SectionMassMatrices { all: bare, own: bare });
@@ -540,7 +540,7 @@ impl RodSystem {
     }
 
     /// M_own (x - x_rest) of section `i` at `step.next`: minus the restoring force over its stiffness per mass.
-    pub(crate) fn mass_times_displacement(&self, i: usize) -> SectionCorners {
+    pub(crate) fn mass_times_rest_offset(&self, i: usize) -> SectionCorners {
         self.apply_mass(i, &subtract_corners(&self.step.next[i], &self.step.places[i]), true)
     }
 
@@ -566,7 +566,7 @@ impl RodSystem {
     }
 
     /// Changes velocities so that clamped degrees of freedom reach their targets after `h` seconds.
-    pub(crate) fn project_clamp_velocities(&mut self, h: f64) {
+    pub(crate) fn set_clamp_velocities(&mut self, h: f64) {
         for k in 0..self.clamps.len() {
             let clamp = &self.clamps[k];
             let i = clamp.section;

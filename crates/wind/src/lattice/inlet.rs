@@ -251,13 +251,13 @@ impl InletWind {
     }
 
     /// Mean speed at a height above the ground, m, in m/s. `gust`: factor on it.
-    pub(super) fn mean_speed(&self, height: f64, gust: f64) -> f64 {
+    pub(super) fn speed_at(&self, height: f64, gust: f64) -> f64 {
         self.options.speed * gust * self.profile(height)
     }
 
     /// Mean velocity, m/s, at the world height y, m, in the direction of time `t`, s.
     pub(super) fn mean_velocity_at(&self, height: f32, t: f64) -> Vec3 {
-        (self.direction(t) * self.mean_speed(f64::from(height) - self.origin.y, 1.0)).as_vec3()
+        (self.direction(t) * self.speed_at(f64::from(height) - self.origin.y, 1.0)).as_vec3()
     }
 
     /// Velocity at a position, m, and time `t`, s, in m/s.
@@ -274,7 +274,7 @@ impl InletWind {
         // Frozen turbulence: evaluate the modes where the air of this position was at 0 s.
         let upstream = offset - state.displacement;
         let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(upstream) + m.phase)).sum();
-        state.direction * self.mean_speed(offset.y, state.gust)
+        state.direction * self.speed_at(offset.y, state.gust)
             + eddies * (self.turbulence_envelope(offset.y) * state.speed_factor)
     }
 }
@@ -469,7 +469,7 @@ impl InletNodes {
     }
 
     /// Shear coefficient at every node along the wind, and the factors on it along x and z in this step.
-    pub(super) fn node_shear(&self, step: InletStep) -> (&[f32], [f32; 2]) {
+    pub(super) fn shear_coefficients(&self, step: InletStep) -> (&[f32], [f32; 2]) {
         (&self.shear, [step.direction[0] * step.mean_factor, step.direction[2] * step.mean_factor])
     }
 

@@ -106,7 +106,7 @@ impl<L: Lane> GhostState<L> {
 
 /// Consecutive ghost nodes before the same plane with the same condition.
 #[derive(Debug)]
-struct GhostGroup {
+struct GhostRun {
     first: usize,
     count: usize,
     /// Directions in which any of them sends.
@@ -147,7 +147,7 @@ struct PlaneGhosts {
 #[derive(Debug)]
 pub(super) struct OpenBoundary {
     ghosts: Vec<GhostNode>,
-    groups: Vec<GhostGroup>,
+    groups: Vec<GhostRun>,
     planes: Vec<PlaneGhosts>,
     /// By face, if it is an outlet: the open cells before it.
     outlet_cells: [Vec<u32>; 6],
@@ -184,7 +184,7 @@ impl OpenBoundary {
     /// `Limit` for more nodes than an index of 32 bits counts.
     pub(super) fn new(ghosts: Vec<GhostNode>, planes: usize) -> Result<(Self, Vec<GhostSlots>)> {
         // Join alike neighbours to groups, which are evaluated in SIMD lanes where their open cells are contiguous.
-        let mut groups: Vec<GhostGroup> = Vec::new();
+        let mut groups: Vec<GhostRun> = Vec::new();
         let mut outlet_cells: [Vec<u32>; 6] = std::array::from_fn(|_| Vec::new());
         let (mut inlets, mut last) = (0, None);
         for (first, g) in ghosts.iter().enumerate() {
@@ -195,7 +195,7 @@ impl OpenBoundary {
                 group.first_open_cell = group.first_open_cell.filter(|cell| cell + count == g.open_cell);
                 (group.count, group.directions) = (group.count + 1, group.directions | g.directions);
             } else {
-                groups.push(GhostGroup {
+                groups.push(GhostRun {
                     first,
                     count: 1,
                     directions: g.directions,
@@ -283,7 +283,7 @@ impl OpenBoundary {
     }
 }
 
-impl GhostGroup {
+impl GhostRun {
     fn buffer_len(&self) -> usize {
         self.count * self.directions.count_ones() as usize
     }

@@ -24,7 +24,7 @@ impl OutletTargets {
         let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
         for (node, face) in flow.exchange.open_boundary.single_face_nodes() {
             let height = setup.cell_center(node).y - setup.origin.y - ground_height(&flow.domain, node, setup.spacing);
-            sum[face] += inlet.mean_speed(height, 1.0) / setup.speed_unit();
+            sum[face] += inlet.speed_at(height, 1.0) / setup.speed_unit();
             count[face] += 1.0;
         }
         Self { speed: std::array::from_fn(|f| if count[f] > 0.0 { sum[f] / count[f] } else { 0.0 }), count }
@@ -65,7 +65,7 @@ fn ground_height(domain: &Domain, node: [isize; 3], spacing: f64) -> f64 {
 /// By height of cell: mean speed less its average over all heights, and shear coefficient, both along the wind, cells per step.
 pub(super) fn profile_deviation(inlet: &InletWind, setup: &LatticeSetup) -> Vec<[f64; 2]> {
     let heights: Vec<f64> = (0..setup.n[1]).map(|y| setup.spacing * (y as f64 + 0.5)).collect();
-    let speed = |height: &f64| inlet.mean_speed(*height, 1.0) / setup.speed_unit();
+    let speed = |height: &f64| inlet.speed_at(*height, 1.0) / setup.speed_unit();
     let mean = heights.iter().map(speed).sum::<f64>() / setup.n[1] as f64;
     heights
         .iter()

@@ -39,7 +39,7 @@ impl SnapshotGrid {
         let mut grid = Self { n, origin, spacing, periodic, solid: Vec::new(), near_solid: Vec::new(), inlet, ground };
         grid.solid = (0..grid.value_count())
             .map(|k| {
-                let at = grid.halo_coordinates(k);
+                let at = grid.coordinates_of_value(k);
                 ground && at[1] == 0 || domain.is_solid(grid.source_of_halo_cell(at))
             })
             .collect();
@@ -81,7 +81,7 @@ impl SnapshotGrid {
 
     /// Index here of the value `k` of a part that begins at the cell `low`.
     pub(super) fn index_in_uncropped(&self, part: &Self, low: [usize; 3], k: usize) -> usize {
-        let (at, strides) = (part.halo_coordinates(k), self.strides());
+        let (at, strides) = (part.coordinates_of_value(k), self.strides());
         (0..3).map(|a| (at[a] + low[a]) * strides[a]).sum()
     }
 
@@ -96,7 +96,7 @@ impl SnapshotGrid {
     }
 
     /// Coordinates of value `k`, counted from the halo: cell (0, 0, 0) is at (1, 1, 1).
-    fn halo_coordinates(&self, k: usize) -> [usize; 3] {
+    fn coordinates_of_value(&self, k: usize) -> [usize; 3] {
         let [_, row, plane] = self.strides();
         [k % row, k / row % (self.n[1] + 2), k / plane]
     }

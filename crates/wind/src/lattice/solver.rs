@@ -257,7 +257,7 @@ impl LatticeSolver {
         let now = self.update_inlet(0);
         let inflow = [now, if two { self.update_inlet(1) } else { now }];
         let [first, second] = [0, 1].map(|k| {
-            let (shear, shear_scale) = self.inlet_nodes.node_shear(inflow[k]);
+            let (shear, shear_scale) = self.inlet_nodes.shear_coefficients(inflow[k]);
             let outlet_velocity = self.outlet_targets.outlet_velocity(self.flow.domain.faces, inflow[k]);
             BoundaryInputs { inlet_velocity: &self.inlet_velocity[k], shear, shear_scale, outlet_velocity }
         });

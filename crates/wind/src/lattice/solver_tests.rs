@@ -190,8 +190,8 @@ fn turbulence_is_advected_along_a_direction_curve() {
     // A quarter of a circle of 3 s has a radius of 3 s 1.92 m/s / (pi/2), and ends that far ahead and to the left.
     let radius = 3.0 * 1.92 / quarter;
     let (place, passed) = (DVec3::new(3.1, 5.3, -1.2), DVec3::new(radius, 0.0, -radius));
-    let eddies = bent.velocity(place + passed, 3.0) + DVec3::Z * bent.mean_speed(5.3, 1.0);
-    let before = straight.velocity(place, 0.0) - DVec3::X * straight.mean_speed(5.3, 1.0);
+    let eddies = bent.velocity(place + passed, 3.0) + DVec3::Z * bent.speed_at(5.3, 1.0);
+    let before = straight.velocity(place, 0.0) - DVec3::X * straight.speed_at(5.3, 1.0);
     println!("eddies {eddies}, before the turn {before}");
     assert!(before.length() > 0.05 && (eddies - before).length() < 1e-6, "{eddies} {before}");
 }

@@ -272,7 +272,7 @@ fn record_sessile_drop(moment: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id:
     for (k, bead) in d.caps.iter().enumerate() {
         let p = blade.position + blade.orientation * leaf.point_at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
         let tail = u32::try_from(d.caps.len() - 1).unwrap_or(u32::MAX);
-        let (q, s) = if k == 0 { (d.footprint.stretch, d.footprint.skew) } else { (1.0, 0.0) };
+        let (q, s) = if k == 0 { (d.deformation.stretch, d.deformation.skew) } else { (1.0, 0.0) };
         out.push(DropRecord {
             leaf: u32::try_from(d.leaf).ok(),
             tail: if k == 0 { tail } else { 0 },

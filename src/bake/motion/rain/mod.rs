@@ -514,7 +514,7 @@ impl RainPlayback {
             let mut jobs: Vec<(&mut LeafWaterMaps, &MappedLeaf)> =
                 now.wet.iter_mut().zip(&self.mapped_leaves).collect();
             par_map_mut(&mut jobs, |(wet, mapped)| {
-                let water = moment.leaf_water(mapped.leaf);
+                let water = moment.leaf_map_input(mapped.leaf);
                 wet.advance(&self.leaves[mapped.leaf].blade, &water.caps, &water.wet_spots, moment.t, &self.manner);
             });
             now.done += 1;

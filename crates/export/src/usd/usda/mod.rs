@@ -213,7 +213,7 @@ impl LayerWriter for UsdaWriter {
         self.count_bytes(bytes + 16)
     }
 
-    fn repeat_samples(&mut self, period: f64) {
+    fn repeat_clip_once(&mut self, period: f64) {
         for p in self.prims.iter_mut().flat_map(|p| &mut p.properties) {
             let again: Vec<_> = p.samples.iter().map(|(t, v)| (t + period, v.clone())).collect();
             p.samples.extend(again);

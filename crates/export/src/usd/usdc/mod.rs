@@ -425,7 +425,7 @@ impl LayerWriter for UsdcWriter {
         Ok(())
     }
 
-    fn repeat_samples(&mut self, period: f64) {
+    fn repeat_clip_once(&mut self, period: f64) {
         self.repeat_period = Some(period);
     }
 

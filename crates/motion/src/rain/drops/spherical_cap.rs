@@ -133,7 +133,7 @@ pub struct CapDeformation {
     pub skew: f64,
 }
 
-/// Where a point is in the footprint of a cap.
+/// A point in the undeformed cap.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UndeformedPoint {
     /// Distance from the axis in base radii of the undeformed cap.
@@ -173,7 +173,7 @@ mod tests {
     }
 
     /// By rings from the middle out.
-    fn volume(cap: &SphericalCap, footprint: CapDeformation) -> f64 {
+    fn volume(cap: &SphericalCap, deformation: CapDeformation) -> f64 {
         let (n, m) = (2000, 64);
         let reach = cap.max_radius() / cap.a;
         let mut sum = 0.0;
@@ -182,10 +182,10 @@ mod tests {
             for k in 0..m {
                 let phi = 2.0 * PI * f64::from(k) / f64::from(m);
                 let (along, across) = (
-                    cap.a * rho * math::cos(phi) * footprint.stretch,
-                    cap.a * rho * math::sin(phi) / footprint.stretch,
+                    cap.a * rho * math::cos(phi) * deformation.stretch,
+                    cap.a * rho * math::sin(phi) / deformation.stretch,
                 );
-                let UndeformedPoint { rho, height_factor } = footprint.to_undeformed(cap.a, along, across);
+                let UndeformedPoint { rho, height_factor } = deformation.to_undeformed(cap.a, along, across);
                 sum += cap.height(rho) * height_factor * rho * reach / f64::from(n) * 2.0 * PI / f64::from(m)
                     * cap.a
                     * cap.a;

@@ -111,8 +111,8 @@ impl SurfaceDrop {
         1.0 + moving + MERGE_STRETCH * math::exp(-self.since_merge / MERGE_STRETCH_TIME)
     }
 
-    /// CapDeformation on the leaf: stretched by speed, skewed by the load on the contact line.
-    pub fn footprint(&self, params: &DropParams) -> CapDeformation {
+    /// Deformation of the cap of the head: stretched by speed, skewed by the load on the contact line.
+    pub fn cap_deformation(&self, params: &DropParams) -> CapDeformation {
         CapDeformation { stretch: self.stretch(), skew: self.lean * params.wetting.max_skew() }
     }
 

@@ -132,7 +132,7 @@ impl LeafSurface {
         // Leaf space has its origin at the end of the stalk: the tip is the margin's farthest vertex.
         let starts = margin.edges.iter().map(|e| points[e[0] as usize]);
         let tip = starts.max_by(|a, b| a.length().total_cmp(&b.length()))?;
-        let cells = overlapping_triangles(&triangles, &uvs);
+        let cells = triangles_by_cell(&triangles, &uvs);
         let (alpha_mask, veins) = (None, None);
         Some(Self { points, normals, uvs, triangles, partials, cells, margin, area, tip, alpha_mask, veins })
     }
@@ -286,7 +286,7 @@ impl LeafSurface {
 }
 
 /// Indices of the triangles whose bounding boxes in the texture overlap each grid cell, row by row.
-fn overlapping_triangles(triangles: &[[u32; 3]], uvs: &[DVec2]) -> Vec<Vec<usize>> {
+fn triangles_by_cell(triangles: &[[u32; 3]], uvs: &[DVec2]) -> Vec<Vec<usize>> {
     let mut cells = vec![Vec::new(); GRID_CELLS * GRID_CELLS];
     // A box may overlap cells that its triangle does not; lookups test the triangle itself.
     for (i, t) in triangles.iter().enumerate() {

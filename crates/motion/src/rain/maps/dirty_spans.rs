@@ -103,7 +103,7 @@ impl DirtyBits {
                 let ColumnSpan { start, end } = window.clamp_columns(bounds);
                 if start < end {
                     let row = &mut self.words[y * self.words_per_row..(y + 1) * self.words_per_row];
-                    set_bits(row, start / TILE, (end - 1) / TILE);
+                    set_bit_range(row, start / TILE, (end - 1) / TILE);
                 }
             }
         }
@@ -112,7 +112,7 @@ impl DirtyBits {
 
 /// Sets bits from `first` to `last`, both included.
 #[inline(always)]
-fn set_bits(words: &mut [u64], first: usize, last: usize) {
+fn set_bit_range(words: &mut [u64], first: usize, last: usize) {
     for (k, word) in words.iter_mut().enumerate().take(last / WORD + 1).skip(first / WORD) {
         // Bits of this word: from `first` or its lowest, to `last` or its highest.
         let low = first.saturating_sub(k * WORD);
@@ -155,12 +155,12 @@ mod tests {
         let n = 80 * TILE + 5;
         let mut words = vec![0; n.div_ceil(TILE * WORD)];
         for ends in [(3, 3), (10, 70), (64, 72), (80, 80)] {
-            set_bits(&mut words, ends.0, ends.1);
+            set_bit_range(&mut words, ends.0, ends.1);
         }
         let meant = [[3 * TILE, 4 * TILE], [10 * TILE, 73 * TILE], [80 * TILE, n]]
             .map(|[start, end]| ColumnSpan { start, end });
         assert_eq!(marked_spans(&words, n).collect::<Vec<_>>(), meant);
-        set_bits(&mut words, 0, 80);
+        set_bit_range(&mut words, 0, 80);
         assert_eq!(marked_spans(&words, n).collect::<Vec<_>>(), [ColumnSpan { start: 0, end: n }]);
         assert_eq!(marked_spans(&[0, 0], n).count(), 0);
     }

@@ -32,14 +32,14 @@ pub(super) fn arch() -> Arch {
 
 /// Position and normal at the center of a kernel, and the scale of its leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct KernelOrigin {
+pub(super) struct KernelCenter {
     /// Position on the scaled leaf, m.
     pub p: [f32; 3],
     pub n: [f32; 3],
     pub scale: f32,
 }
 
-impl KernelOrigin {
+impl KernelCenter {
     /// Vectors from the center to texels at positions `p` of the blade at scale 1, m.
     #[inline(always)]
     fn offset<S: Simd>(&self, p: [F32Lanes<S>; 3]) -> [F32Lanes<S>; 3] {
@@ -54,16 +54,16 @@ fn dot<S: Simd>(d: [F32Lanes<S>; 3], v: [f32; 3]) -> F32Lanes<S> {
 
 /// A function of the position around a center on the leaf.
 pub(super) trait TexelKernel {
-    fn origin(&self) -> &KernelOrigin;
+    fn center(&self) -> &KernelCenter;
 
     /// Values at vectors `d` from the center, m; 0 outside of the kernel.
     fn evaluate<S: Simd>(&self, d: [F32Lanes<S>; 3]) -> F32Lanes<S>;
 }
 
-/// Height of a cap over the leaf, m; [`SphericalCap::height`] and [`CapDeformation::map`] in single precision.
+/// Height of a cap over the leaf, m; [`SphericalCap::height`] and [`CapDeformation::to_undeformed`] in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CapKernel {
-    origin: KernelOrigin,
+    center: KernelCenter,
     /// Covectors that give the position in the undeformed footprint in base radii, 1/m.
     along: [f32; 3],
     across: [f32; 3],
@@ -81,14 +81,14 @@ pub(super) struct CapKernel {
 
 impl CapKernel {
     /// `axis`: the unit tangent along which the cap is stretched and sheared.
-    pub fn new(cap: &SphericalCap, footprint: &CapDeformation, origin: KernelOrigin, axis: Vec3) -> Self {
-        // CapDeformation coordinates x = d . axis / (a stretch) and y = d . across stretch / a, with the factors in the covectors.
-        let across = Vec3::from_array(origin.n).cross(axis);
+    pub fn new(cap: &SphericalCap, deformation: &CapDeformation, center: KernelCenter, axis: Vec3) -> Self {
+        // Coordinates in the undeformed cap x = d . axis / (a stretch) and y = d . across stretch / a, with the factors in the covectors.
+        let across = Vec3::from_array(center.n).cross(axis);
         Self {
-            origin,
-            along: (axis * narrow(1.0 / (cap.a * footprint.stretch))).to_array(),
-            across: (across * narrow(footprint.stretch / cap.a)).to_array(),
-            skew: narrow(footprint.skew),
+            center,
+            along: (axis * narrow(1.0 / (cap.a * deformation.stretch))).to_array(),
+            across: (across * narrow(deformation.stretch / cap.a)).to_array(),
+            skew: narrow(deformation.skew),
             a2: narrow(cap.a * cap.a),
             r2: narrow(cap.r * cap.r),
             base: narrow(cap.r * cap.cos_angle),
@@ -100,8 +100,8 @@ impl CapKernel {
 
 impl TexelKernel for CapKernel {
     #[inline(always)]
-    fn origin(&self) -> &KernelOrigin {
-        &self.origin
+    fn center(&self) -> &KernelCenter {
+        &self.center
     }
 
     #[inline(always)]
@@ -123,7 +123,7 @@ impl TexelKernel for CapKernel {
 /// Wetness around a spot that was under water: w = peak edge(d) exp(-d / length). Source: [yang-wu] eq. 11.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WetSpotKernel {
-    pub origin: KernelOrigin,
+    pub center: KernelCenter,
     /// Distance from the center at which the wet area ends, m.
     pub radius: f32,
     /// Inverse width of the linear edge, 1/m.
@@ -136,8 +136,8 @@ pub(super) struct WetSpotKernel {
 
 impl TexelKernel for WetSpotKernel {
     #[inline(always)]
-    fn origin(&self) -> &KernelOrigin {
-        &self.origin
+    fn center(&self) -> &KernelCenter {
+        &self.center
     }
 
     #[inline(always)]
@@ -161,7 +161,7 @@ fn raise_texels<S: Simd, const FOLDED: bool>(
     row: &RasterRow<'_>,
     texels: &mut [f32],
 ) {
-    let origin = *kernel.origin();
+    let center = *kernel.center();
     let ([px, py, pz], [nx, ny, nz]) = (row.p, row.n);
     let ((px, x), (py, y), (pz, z)) = (S::as_simd_f32s(px), S::as_simd_f32s(py), S::as_simd_f32s(pz));
     let ((nx, u), (ny, v), (nz, w)) = (S::as_simd_f32s(nx), S::as_simd_f32s(ny), S::as_simd_f32s(nz));
@@ -169,21 +169,21 @@ fn raise_texels<S: Simd, const FOLDED: bool>(
     let (texels, rest) = S::as_mut_simd_f32s(texels);
     for (g, ((texels, px), (py, pz))) in texels.iter_mut().zip(px).zip(py.iter().zip(pz)).enumerate() {
         let p = [F32Lanes::new(simd, *px), F32Lanes::new(simd, *py), F32Lanes::new(simd, *pz)];
-        let mut h = kernel.evaluate(origin.offset(p));
+        let mut h = kernel.evaluate(center.offset(p));
         // The sign of n . n0 tells the side of a fold.
         if FOLDED {
             let n = [F32Lanes::new(simd, nx[g]), F32Lanes::new(simd, ny[g]), F32Lanes::new(simd, nz[g])];
-            h = dot(n, origin.n).select_gt(0.0, h, h.splat(0.0));
+            h = dot(n, center.n).select_gt(0.0, h, h.splat(0.0));
         }
         *texels = F32Lanes::new(simd, *texels).max(h).value;
     }
     // The rest of the span is less than a vector: missing lanes load zeros and are not stored.
     if !rest.is_empty() {
         let p = [F32Lanes::partial_load(simd, x), F32Lanes::partial_load(simd, y), F32Lanes::partial_load(simd, z)];
-        let mut h = kernel.evaluate(origin.offset(p));
+        let mut h = kernel.evaluate(center.offset(p));
         if FOLDED {
             let n = [F32Lanes::partial_load(simd, u), F32Lanes::partial_load(simd, v), F32Lanes::partial_load(simd, w)];
-            h = dot(n, origin.n).select_gt(0.0, h, h.splat(0.0));
+            h = dot(n, center.n).select_gt(0.0, h, h.splat(0.0));
         }
         F32Lanes::partial_load(simd, rest).max(h).partial_store(rest);
     }

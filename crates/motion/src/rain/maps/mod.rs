@@ -18,7 +18,7 @@ mod texel_window;
 mod uv_raster;
 
 use dirty_spans::{DirtyBits, DirtySpans, RowSpans};
-use kernels::{CapKernel, DryingPass, KernelOrigin, MaxBlendPass, NormalInputs, NormalPass, WetSpotKernel};
+use kernels::{CapKernel, DryingPass, KernelCenter, MaxBlendPass, NormalInputs, NormalPass, WetSpotKernel};
 use texel_window::{ColumnSpan, TexelWindow};
 pub use uv_raster::UvRaster;
 
@@ -35,7 +35,7 @@ pub struct CapOnLeaf {
     /// Shape without stretch and skew.
     pub cap: SphericalCap,
     /// Stretch and skew of the cap.
-    pub footprint: CapDeformation,
+    pub deformation: CapDeformation,
     /// Unit tangent along which it is stretched and sheared, in leaf space.
     pub axis: DVec3,
 }
@@ -102,7 +102,7 @@ pub struct LeafWaterMaps {
     full: RowSpans,
     scale: f32,
     /// Half-lives of wetness up to the last frame.
-    half_lives: f64,
+    half_lives_until: f64,
     /// Ratio of the exact decay up to the last frame to that of the maps, whose factors are rounded.
     decay_residual: f64,
     /// Caps of the last frame in the order of their keys.
@@ -135,7 +135,7 @@ impl LeafWaterMaps {
             full: RowSpans::full(raster.side),
             raster,
             scale: narrow(scale),
-            half_lives: 0.0,
+            half_lives_until: 0.0,
             decay_residual: 1.0,
             stamps: Vec::new(),
             maps,
@@ -227,11 +227,11 @@ impl LeafWaterMaps {
     fn advance_decay(&mut self, t: f64, params: &DropParams) -> f32 {
         // The factor is rounded to single precision. Its relative error is kept and corrected by the next factor, so that rounding
         // does not accumulate over the clip.
-        let half_lives = half_lives(t, params);
-        let exact = math::pow(2.0, self.half_lives - half_lives) * self.decay_residual;
+        let half_lives_until = half_lives_until(t, params);
+        let exact = math::pow(2.0, self.half_lives_until - half_lives_until) * self.decay_residual;
         let rounded = narrow(exact);
         self.decay_residual = if rounded > 0.0 { exact / f64::from(rounded) } else { 1.0 };
-        self.half_lives = half_lives;
+        self.half_lives_until = half_lives_until;
         rounded
     }
 
@@ -245,19 +245,19 @@ impl LeafWaterMaps {
     fn cap_stamp(&self, blade: &LeafSurface, cap: &CapOnLeaf) -> Option<CapStamp> {
         let point = blade.point_at(cap.uv, f64::from(self.scale))?;
         let SphericalCap { r, a, height_factor, cos_angle } = cap.cap;
-        let CapDeformation { stretch, skew } = cap.footprint;
+        let CapDeformation { stretch, skew } = cap.deformation;
         // The drop's axis was tangential to the surface where it last moved; project it onto the surface here.
         let axis = (cap.axis - point.n * cap.axis.dot(point.n)).normalize_or(point.n.any_orthonormal_vector());
         let [x, y, z] = cap.axis.to_array();
         Some(CapStamp {
             key: [cap.uv.x, cap.uv.y, r, a, height_factor, cos_angle, stretch, skew, x, y, z].map(f64::to_bits),
-            kernel: CapKernel::new(&cap.cap, &cap.footprint, self.kernel_origin(&point), axis.as_vec3()),
+            kernel: CapKernel::new(&cap.cap, &cap.deformation, self.kernel_center(&point), axis.as_vec3()),
             window: self.raster.footprint_window(cap.uv, &point, cap.cap.max_radius(), stretch, axis),
         })
     }
 
-    fn kernel_origin(&self, point: &SurfacePoint) -> KernelOrigin {
-        KernelOrigin { p: point.p.as_vec3().to_array(), n: point.n.as_vec3().to_array(), scale: self.scale }
+    fn kernel_center(&self, point: &SurfacePoint) -> KernelCenter {
+        KernelCenter { p: point.p.as_vec3().to_array(), n: point.n.as_vec3().to_array(), scale: self.scale }
     }
 
     /// Texels under caps that are in only one of the last frame and this one. Merges the two sorted lists.
@@ -359,11 +359,11 @@ impl LeafWaterMaps {
         let n = self.raster.side as f64;
         // A spot that became wet between two frames has dried since. Most spots have one of few times, so the last power is
         // reused while the time repeats.
-        let now = half_lives(t, params);
+        let now = half_lives_until(t, params);
         let mut last: Option<(f64, f32)> = None;
         let mut peak = |t: f64| match last {
             Some((time, peak)) if time.to_bits() == t.to_bits() => peak,
-            _ => last.insert((t, narrow(math::pow(2.0, (half_lives(t, params) - now).min(0.0))))).1,
+            _ => last.insert((t, narrow(math::pow(2.0, (half_lives_until(t, params) - now).min(0.0))))).1,
         };
         let stamp = |spot: &WetSpot| {
             let point = blade.point_at(spot.uv, f64::from(self.scale))?;
@@ -371,7 +371,7 @@ impl LeafWaterMaps {
             let texel = point.dpdu.length().min(point.dpdv.length()) / n;
             let radius = WET_RADIUS_FACTOR * spot.a;
             let kernel = WetSpotKernel {
-                origin: self.kernel_origin(&point),
+                center: self.kernel_center(&point),
                 radius: narrow(radius),
                 inverse_edge: narrow(1.0 / texel),
                 exponent_rate: narrow(-1.0 / params.decay_length),
@@ -416,8 +416,8 @@ impl LeafWaterMaps {
     }
 }
 
-/// Number of half-lives of wetness up to time `t`, s: decay_fraction^(t / decay_time) = 2^-half_lives.
-fn half_lives(t: f64, params: &DropParams) -> f64 {
+/// Number of half-lives of wetness up to time `t`, s: decay_fraction^(t / decay_time) = 2^-half_lives_until.
+fn half_lives_until(t: f64, params: &DropParams) -> f64 {
     -t / params.decay_time * (math::ln(params.decay_fraction) / std::f64::consts::LN_2)
 }
 

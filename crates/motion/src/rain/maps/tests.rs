@@ -9,7 +9,12 @@ fn blade() -> LeafSurface {
 
 fn cap_at(uv: DVec2, volume: f64, stretch: f64, skew: f64) -> CapOnLeaf {
     let params = DropParams::default();
-    CapOnLeaf { uv, cap: params.wetting.cap(volume, 1.0), footprint: CapDeformation { stretch, skew }, axis: DVec3::Y }
+    CapOnLeaf {
+        uv,
+        cap: params.wetting.cap(volume, 1.0),
+        deformation: CapDeformation { stretch, skew },
+        axis: DVec3::Y,
+    }
 }
 
 #[test]
@@ -35,7 +40,7 @@ fn maps_hold_the_volume_of_a_drop() {
 fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
     let height = |x: f64, y: f64| {
         let (along, across) = (x * b.axis.x + y * b.axis.y, x * b.axis.y - y * b.axis.x);
-        let UndeformedPoint { rho, height_factor } = b.footprint.to_undeformed(b.cap.a, along, across);
+        let UndeformedPoint { rho, height_factor } = b.deformation.to_undeformed(b.cap.a, along, across);
         b.cap.height(rho) * height_factor
     };
     let d = 1e-8;
@@ -63,7 +68,7 @@ fn normals_are_those_of_the_cap() {
             let (mut seen, mut worst) = (0, 0.0_f64);
             for (row, column) in (400..624).flat_map(|row| (400..624).map(move |column| (row, column))) {
                 let (x, y) = (place(column, 0.04), -place(row, 0.08));
-                let at = b.footprint.to_undeformed(cap.a, x * cos + y * sin, x * sin - y * cos);
+                let at = b.deformation.to_undeformed(cap.a, x * cos + y * sin, x * sin - y * cos);
                 if at.rho < 0.9 {
                     let made = DVec3::from_array(wet.maps().normal[(row * N + column) as usize].map(f64::from));
                     worst = worst.max(math::acos(made.dot(meant(&b, x, y)).min(1.0)).to_degrees());
@@ -95,7 +100,7 @@ fn changed_tiles_give_the_same_bits_as_all_of_them() {
                 if b.uv.y < 0.0 {
                     b.uv.y = 0.98;
                 }
-                b.footprint = CapDeformation { stretch: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
+                b.deformation = CapDeformation { stretch: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
                 wet_spots.push(WetSpot { uv: b.uv, a: b.cap.a, t });
             }
         }

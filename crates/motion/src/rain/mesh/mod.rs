@@ -174,13 +174,14 @@ impl DropMesh {
         let raise = facet_volume_factor(&(0..=rings).map(ring_angle).collect::<Vec<_>>(), sides);
         // Points by distance from the axis, azimuth and height; the footprint stretches them to an ellipse.
         let at = |r1: f64, phi: f64, h: f64| {
-            let (x, y) = (r1 * math::cos(phi) * drop.footprint.stretch, r1 * math::sin(phi) / drop.footprint.stretch);
+            let (x, y) =
+                (r1 * math::cos(phi) * drop.deformation.stretch, r1 * math::sin(phi) / drop.deformation.stretch);
             placement.world_point(along * x + across * y, h)
         };
         // The sphere by polar angle q and azimuth phi, scaled in height and sheared.
         let sphere_point = |q: f64, phi: f64| {
             let r1 = cap.r * math::sin(q);
-            let shear = 1.0 + drop.footprint.skew * (r1 / cap.a * math::cos(phi)).clamp(-1.0, 1.0);
+            let shear = 1.0 + drop.deformation.skew * (r1 / cap.a * math::cos(phi)).clamp(-1.0, 1.0);
             let h = raise * cap.height_factor * cap.r * (math::cos(q) - cap.cos_angle) * shear;
             at(r1, phi, h.max(0.0))
         };
@@ -415,7 +416,7 @@ mod tests {
         LeafPose::at_rest(DVec3::new(1.0, 2.0, 3.0), DQuat::from_rotation_x(-1.0))
     }
 
-    fn sessile(theta: f64, volumes: &[f64], footprint: CapDeformation) -> SessileDrop {
+    fn sessile(theta: f64, volumes: &[f64], deformation: CapDeformation) -> SessileDrop {
         let theta = theta.to_radians();
         let own = DropParams::default().wetting;
         let wetting = WettingParams { contact_angle: theta, receding: theta, advancing: theta, ..own };
@@ -429,7 +430,7 @@ mod tests {
             leaf: 0,
             side: 1.0,
             caps,
-            footprint,
+            deformation,
             axis: DVec3::Y,
             v: DVec3::ZERO,
             volume: volumes.iter().sum(),

@@ -80,14 +80,14 @@ impl TailedDropShape {
             length += if i > 0 { p.distance(centers[i - 1]) } else { 0.0 };
             path.push(BodyPathPoint { p: *p - placement.base.p, s: length });
         }
-        let stretch = |i: usize| if i == 0 { drop.footprint.stretch } else { 1.0 };
+        let stretch = |i: usize| if i == 0 { drop.deformation.stretch } else { 1.0 };
         let caps: Vec<StretchedCap> =
             drop.caps.iter().enumerate().map(|(i, c)| StretchedCap { cap: c.cap, stretch: stretch(i) }).collect();
         let (head, tail_end) = (*caps.first()?, *caps.last()?);
         let last_s = path.last()?.s;
         let start = -head.cap.max_radius() * head.stretch;
         let end = last_s + tail_end.cap.max_radius() * tail_end.stretch;
-        let skew = drop.footprint.skew;
+        let skew = drop.deformation.skew;
         let knots = profile_knots(&path, &caps, skew);
         // Caps with a common center have no path between them: use the drop's axis.
         if length < 1e-6 {

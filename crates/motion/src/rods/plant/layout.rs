@@ -83,7 +83,7 @@ impl RodPlantLayout {
         let rods = layout.stem_rods(plant, stand, params);
         let selected = layout.stems_within_budget(plant, &rods, params);
         for (axis, rod) in plant.axes.iter().zip(rods) {
-            let host = (axis.parent != NONE).then(|| layout.host_rod(axis.parent, f64::from(axis.parent_s))).flatten();
+            let host = (axis.parent != NONE).then(|| layout.host_at(axis.parent, f64::from(axis.parent_s))).flatten();
             let index = layout.axes.len();
             let carried = match (rod.filter(|_| selected[index]), host) {
                 (Some((from, rod)), host) => layout.push_rod(rod, from, host),
@@ -97,7 +97,7 @@ impl RodPlantLayout {
     }
 
     /// Rod that carries arc length `s`, m, of an axis, and arc length on that rod, m.
-    fn host_rod(&self, axis: u32, s: f64) -> Option<(usize, f64)> {
+    fn host_at(&self, axis: u32, s: f64) -> Option<(usize, f64)> {
         match self.axes.get(axis as usize).copied().unwrap_or(AxisMotion::Still) {
             AxisMotion::Still => None,
             AxisMotion::Rod(_, from) if s < from => None,
@@ -208,7 +208,7 @@ impl RodPlantLayout {
         let (pivot, q) = (stand.apply(pivot).as_dvec3(), (stand.r * q).normalize().as_dquat().normalize());
         let scale = f64::from(organ.scale) * self.scale;
         // A leaf on a petiole axis follows that rod and needs no stalk of its own.
-        let host = self.host_rod(organ.axis, f64::from(organ.s));
+        let host = self.host_at(organ.axis, f64::from(organ.s));
         let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
         let mut attachment = LeafAttachment { stalk: None, host, pivot, q, scale };
         if !with_stalk || on_petiole {

@@ -79,12 +79,12 @@ impl NullaryFnOnce for SpringAssembly<'_> {
             let (mut own, mut others) = ([0.0; 9], [[0.0; 9]; 2]);
             let [up, over] = &mut others;
             scatter_spring_forces(&f, &mut own, up, over);
-            add_forces(&mut force[i], &own);
+            add_corners(&mut force[i], &own);
             for k in 0..2 {
                 match (section.base[k], tree.predecessors[i][k]) {
                     (NONE, NONE) => {}
-                    (NONE, on) => add_forces(&mut force[on as usize], &others[k]),
-                    (base, on) => add_forces(
+                    (NONE, on) => add_corners(&mut force[on as usize], &others[k]),
+                    (base, on) => add_corners(
                         &mut force[on as usize],
                         &transposed_matrix_vector(&attached_bases[base as usize].j, &others[k]),
                     ),
@@ -100,7 +100,7 @@ impl NullaryFnOnce for SpringAssembly<'_> {
 }
 
 #[inline(always)]
-fn add_forces(to: &mut SectionCorners, by: &SectionCorners) {
+fn add_corners(to: &mut SectionCorners, by: &SectionCorners) {
     for k in 0..9 {
         to[k] += by[k];
     }
@@ -145,7 +145,7 @@ fn spring_stiffness(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64
 }
 
 #[inline(always)]
-fn stiffness_block(p: &SpringStiffnessMatrices, lane: usize) -> [[f64; 3]; 3] {
+fn spring_matrix(p: &SpringStiffnessMatrices, lane: usize) -> [[f64; 3]; 3] {
     let [xx, yy, zz, xy, xz, yz] = [p[0][lane], p[1][lane], p[2][lane], p[3][lane], p[4][lane], p[5][lane]];
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
@@ -166,7 +166,7 @@ fn add_spring_blocks(
     let mut other = [[[[0.0; 3]; 3]; 3]; 2];
     // Springs around the section join corners c and c + 1 of the same section.
     for c in 0..3 {
-        let (n, b) = ((c + 1) % 3, stiffness_block(p, c));
+        let (n, b) = ((c + 1) % 3, spring_matrix(p, c));
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];
@@ -177,7 +177,7 @@ fn add_spring_blocks(
         }
     }
     let mut tie = |lane: usize, which: usize, c: usize, o: usize| {
-        let b = stiffness_block(p, lane);
+        let b = spring_matrix(p, lane);
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];
@@ -205,13 +205,13 @@ fn add_spring_blocks(
             continue;
         }
         let j = (section.base[which] != NONE).then(|| &attached_bases[section.base[which] as usize].j);
-        let coupling = CouplingBlock { cross: &cross[which], other: &other[which], column: at };
+        let coupling = PredecessorStiffness { cross: &cross[which], other: &other[which], column: at };
         add_coupling(&coupling, j, rows, i, on as usize);
     }
 }
 
 /// Stiffness that the springs of a section share with one predecessor, before an attached base maps it.
-struct CouplingBlock<'a> {
+struct PredecessorStiffness<'a> {
     /// Rows of the section, columns of the corners at the far end.
     cross: &'a Matrix9,
     /// Diagonal 3x3 blocks of the corners at the far end.
@@ -223,8 +223,8 @@ struct CouplingBlock<'a> {
 /// Adds the block that couples section `i` to its predecessor `on`, and the predecessor's diagonal share. `j`:
 /// Jacobian of the attached base at which the springs end, where they do not end at the predecessor's own corners.
 #[inline(always)]
-fn add_coupling(coupling: &CouplingBlock<'_>, j: Option<&Matrix9>, rows: &mut [BlockRow], i: usize, on: usize) {
-    let CouplingBlock { cross, other, column } = *coupling;
+fn add_coupling(coupling: &PredecessorStiffness<'_>, j: Option<&Matrix9>, rows: &mut [BlockRow], i: usize, on: usize) {
+    let PredecessorStiffness { cross, other, column } = *coupling;
     // Without an attached base the far ends are the predecessor's own corners: J = 1.
     let Some(j) = j else {
         for r in 0..9 {

@@ -25,7 +25,7 @@ impl RodSystem {
         self.assemble_springs(false);
         for i in 0..self.x.len() {
             let back = self.dampings[self.tree.sections[i].rod].recovery;
-            let displacement = self.mass_times_displacement(i);
+            let displacement = self.mass_times_rest_offset(i);
             let f = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * displacement[k]);
             self.step.change[i] = self.apply_inverse_mass(i, &f);
         }
@@ -46,7 +46,7 @@ impl RodSystem {
                 self.v[i][k] = (self.v[i][k] + h * self.step.change[i][k]) / (1.0 + a * h);
             }
         }
-        self.project_clamp_velocities(h);
+        self.set_clamp_velocities(h);
         for i in 0..self.x.len() {
             (0..9).for_each(|k| self.x[i][k] += h * self.v[i][k]);
         }
@@ -64,7 +64,7 @@ impl RodSystem {
                 self.v[i][k] += h * (self.step.change[i][k] - a * self.v[i][k]);
             }
         }
-        self.project_clamp_velocities(h);
+        self.set_clamp_velocities(h);
         // Clamped sections follow their corrected velocity, so that they reach their targets in this step.
         for clamp in 0..self.clamps.len() {
             let i = self.clamps[clamp].section;
@@ -118,7 +118,7 @@ impl RodSystem {
                 self.v[i][k] = (self.v[i][k] + h * response[k]) / (1.0 + 2.0 * m.mass * h);
             }
         }
-        self.project_clamp_velocities(h);
+        self.set_clamp_velocities(h);
         for i in 0..self.x.len() {
             self.step.next[i] = std::array::from_fn(|k| self.x[i][k] + h * self.v[i][k]);
         }
@@ -135,7 +135,7 @@ impl RodSystem {
                 self.v[i][k] = (self.step.next[i][k] - self.x[i][k]) / h;
             }
         }
-        self.project_clamp_velocities(h);
+        self.set_clamp_velocities(h);
         for i in 0..self.x.len() {
             for k in 0..9 {
                 self.x[i][k] += h * self.v[i][k];
@@ -212,7 +212,7 @@ impl RodSystem {
     }
 
     /// Largest k h^2 / m of all springs; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single passes let a rod sag.
-    pub fn stiffness_per_step(&self, h: f64) -> f64 {
+    pub fn max_step_stiffness(&self, h: f64) -> f64 {
         let one =
             |s: &crate::rods::layout::RodSection| s.stiffness.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass;
         self.tree.sections.iter().map(one).fold(0.0, f64::max)

@@ -41,7 +41,7 @@ impl RodSystem {
         self.assemble_springs(true);
         for i in 0..self.x.len() {
             let back = self.dampings[self.tree.sections[i].rod].recovery;
-            let displacement = self.mass_times_displacement(i);
+            let displacement = self.mass_times_rest_offset(i);
             let right = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * displacement[k]);
             // Regularization: a trace of mass keeps mechanisms, such as a rod on a slack thread, from being singular.
             self.add_mass_to_block(i, 1e-6, back);
