@@ -251,7 +251,7 @@ impl<'a> RodAssembly<'a> {
         let keys = &self.members[0].keys;
         let steps = keys.substeps.unwrap_or_else(|| self.rods.steps_per_frame(fps));
         keys.integrator == RodIntegrator::XpbdGs
-            && self.rods.stiffness_per_step(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
+            && self.rods.max_step_stiffness(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
     }
 
     /// Materials, and the asset with tubes and balls.
