@@ -76,7 +76,7 @@ fn slid(drops: &[Slider], k: u32, manner: &DropParams) -> (Vec<CapOnLeaf>, Vec<W
             let cap = manner.wetting.cap(volume, 1.0);
             let uv = DVec2::new(d.uv.x, (y + back / 0.08).rem_euclid(1.0));
             let footprint = CapDeformation { stretch: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
-            blobs.push(CapOnLeaf { uv, cap, footprint, axis: DVec3::NEG_Y });
+            blobs.push(CapOnLeaf { uv, cap, deformation: footprint, axis: DVec3::NEG_Y });
             soaks.push(WetSpot { uv, a: cap.a, t });
             volume *= 0.8_f64 * 0.8 * 0.8;
             back += 0.9 * manner.wetting.cap(volume, 1.0).a;
