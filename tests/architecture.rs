@@ -20,7 +20,8 @@ const CRATES: &[(&str, &[&str])] = &[
 ];
 
 /// Modules of the package itself by layer: a module imports only from layers before its own, or from itself.
-const LAYERS: &[&[&str]] = &[&["presets"], &["recipe"], &["bake"], &["cli"]];
+const LAYERS: &[&[&str]] =
+    &[&["presets"], &["recipe"], &["bake"], &["source"], &["check", "scene_preview", "single_file"], &["cli"]];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
