@@ -1,4 +1,4 @@
-//! Which states occur at all: lets a step skip searches for states that nobody is in.
+//! Which states occur at all: a step skips searches for states that do not occur.
 
 use super::particles::{Catkin, CatkinState};
 

@@ -90,7 +90,7 @@ impl WindRelease {
 mod tests {
     use super::*;
 
-    /// The time of leaving does not hang on the step: an even wind at twice the speed takes E / rate seconds.
+    /// The release time is independent of the step: a uniform wind of twice the threshold takes E / rate seconds.
     #[test]
     fn wind_release_is_independent_of_the_step() {
         for dt in [0.1, 0.01, 0.001] {

@@ -66,7 +66,7 @@ fn merging_conserves_momentum() {
     let before = momentum(&all);
     while all.counters.merges < 10_000 {
         let pick = |draw: &mut Rng| draw.below(10_001);
-        // Later most are in one heap already: those who are not are found by going through the numbers.
+        // Most catkins are in one heap by then: search the indices for one that is not.
         let (i, j) = (pick(&mut draw), pick(&mut draw));
         let other = (0..10_001).map(|k| (j + k) % 10_001).find(|k| all.catkin(*k).root != all.catkin(i).root);
         all.join_catkins(i, other.expect("not yet all one"), 0.0);
@@ -192,7 +192,7 @@ fn recycled_catkins_are_hidden_while_they_move() {
             if seen && *hidden > 0 {
                 assert!(*hidden >= 2 && now.generations[i] == before.generations[i] + 1, "{hidden}");
             }
-            // Between two frames at which it is seen nobody jumps.
+            // A catkin that is visible in two successive frames does not jump between them.
             if seen && before.states[i].is_seen() {
                 assert!(now.positions[i].distance(before.positions[i]) < 1.0);
             }
@@ -244,7 +244,7 @@ fn no_deposit_hangs_above_its_support() {
     assert_eq!(all.stats().penetrations, 0);
 }
 
-/// A pole of ten tufts sags to a heap, at the foot of a wall or from its top; nobody is left hanging.
+/// A column of ten catkins collapses to a heap, at the foot of a wall or from its top; no member stays suspended.
 #[test]
 fn column_at_a_wall_collapses_to_a_heap() {
     let (foot, top) = (DVec3::new(3.78, 0.02, 0.0), DVec3::new(4.0, 4.02, 0.0));
@@ -252,7 +252,7 @@ fn column_at_a_wall_collapses_to_a_heap() {
         let options =
             FlightParams { humidity: GroundHumidity::Even(1.0), scales: [1.0, 1.0], ..FlightParams::default() };
         let place = |i: u32| {
-            // The one from which the others hang lies on the top.
+            // The member that carries the others rests on the top.
             let x = if up < 0.0 && i == 0 { 0.03 } else { 0.0 };
             first + DVec3::new(x, up * f64::from(i), 0.002 * f64::from(i % 3))
         };

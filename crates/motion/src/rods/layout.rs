@@ -112,7 +112,7 @@ impl RodDescription {
         let n = self.section_count();
         let length = curve.last().map_or(0.0, |p| p.2);
         let mut k = 0;
-        // Arc lengths are asked for in ascending order: the sample before s is found by moving forward only.
+        // Arc lengths are queried in ascending order: the sample before s is found by moving forward only.
         let mut at = |s: f64| {
             while k + 2 < curve.len() && curve[k + 1].2 < s {
                 k += 1;

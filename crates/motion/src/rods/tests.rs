@@ -54,7 +54,7 @@ impl IntegerPower for f64 {
     }
 }
 
-/// Slowest swing of the lattice itself, Hz, by inverse iteration.
+/// Fundamental frequency of the spring lattice itself, Hz, by inverse iteration.
 fn fundamental_hz_by_inverse_iteration(rods: &mut RodSystem) -> f64 {
     let n = rods.len();
     let mut y: Vec<SectionCorners> = (0..n).map(|i| corners_from_fn(|_| DVec3::Y * (i as f64 / n as f64))).collect();
@@ -153,7 +153,7 @@ fn moved_clamp_carries_the_rod_rigidly() {
     assert!(worst < 1e-9, "{worst}");
 }
 
-/// Fastest swing, rad/s, by power iteration on differences of accelerations.
+/// Highest angular frequency, rad/s, by power iteration on differences of accelerations.
 fn max_angular_frequency_by_power_iteration(rods: &mut RodSystem) -> f64 {
     let rest = rods.x.clone();
     let mut draw = Rng::at(5, &["fastest".into()]);
@@ -410,8 +410,8 @@ fn linear_and_angular_momentum(rods: &mut RodSystem) -> (DVec3, DVec3) {
     (sum, moment)
 }
 
-/// How fast a place of a section would move for a blow of 1 N s along the unit vector `n` if nothing else were attached:
-/// 1/mass, 1/kg.
+/// Inverse effective mass, 1/kg, of a position that is rigid with a section, along the unit vector `n`, if nothing
+/// else were attached.
 fn inverse_effective_mass(rods: &mut RodSystem, section: usize, place: DVec3, n: DVec3) -> f64 {
     rods.update_section_masses();
     let rigid = RigidSectionMap::from_corners(&rods.x[section]);

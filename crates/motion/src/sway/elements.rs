@@ -324,7 +324,6 @@ impl ElementBeam {
         // Loads of children: a child that is an element transmits its mass, but catches the wind at its own stations.
         for child in &segment.children {
             let (s, load) = (f64::from(segments.list[*child].parent_s - segment.span[0]), segments.list[*child].total);
-            // What is kept catches the wind by itself, but its mass hangs here.
             distribute_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
         }
         beam.mass = own.iter().zip(&hung).map(|(o, h)| o.mass + h.mass).collect();

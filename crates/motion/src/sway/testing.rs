@@ -1,4 +1,4 @@
-//! Plants for the tests of this room.
+//! Plants for the tests of sway.
 #![allow(clippy::cast_possible_truncation, reason = "small plants")]
 
 use std::sync::Arc;

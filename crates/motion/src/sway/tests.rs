@@ -65,7 +65,7 @@ impl Wind for Turning {
     }
 }
 
-/// Rate at which the peaks of a swing die, 1/s.
+/// Decay rate of the oscillation's peaks, 1/s.
 fn decay(series: &[f64], h: f64) -> f64 {
     let rest = series[series.len() - 1];
     let y: Vec<f64> = series.iter().map(|v| (v - rest).abs()).collect();
@@ -85,18 +85,18 @@ fn aerodynamic_damping_is_half_as_strong_across_the_wind() {
     let all = elements(&plant, &wood);
     let speed = 6.0;
     let mass = 500.0 * std::f64::consts::PI * 0.02 * 0.02;
-    // Branches alike differ in frequency as if their mass did.
+    // The random spread of frequencies acts like a spread of masses.
     let free = 3.516 / (3.5 * 3.5) * math::sqrt(wood.rigidity(0.02) / mass);
     let heavier = |way: usize| free * free / (all.list[0].w[way] * all.list[0].w[way]);
     let expected = |way: usize| 1.225 * 1.1 * 0.04 * speed / (2.0 * mass * heavier(way));
     let wind = UniformWind(Vec3::X * math::narrow(speed));
     let mut sim = SwaySimulation::new(&all, &wind, params(wood));
     let h = 1.0 / (FPS * f64::from(sim.steps()));
-    // Starts from rest: the swing about the lean is along the wind.
+    // From rest the oscillation about the static bend is along the wind.
     let along: Vec<f64> = run(&mut sim, 0.0, 60.0).iter().map(|b| b[1]).collect();
     let found = decay(&along, h);
     assert!((found / expected(1) - 1.0).abs() < 0.10, "along {found}, expected {}", expected(1));
-    // A push from the side, then the same wind: the swing is across.
+    // After a lateral impulse in the same wind the oscillation is across it.
     let turning = Turning { first: Vec3::new(math::narrow(speed), 0.0, 2.0), then: wind.0, at: 90.0 };
     let mut sim = SwaySimulation::new(&all, &turning, params(wood));
     run(&mut sim, 0.0, 90.0);

@@ -206,8 +206,8 @@ impl LatticeSolver {
         Ok(snapshot)
     }
 
-    /// Memory for a snapshot: that of an earlier one which nobody holds any more, since touching fresh memory takes as
-    /// long as a step.
+    /// Memory for a snapshot: that of an earlier one without other owners, since touching fresh memory takes as long
+    /// as a step.
     fn snapshot_buffer(&mut self) -> Vec<[f32; 4]> {
         // A strong count of 1: only this queue still refers to it.
         let free = self.past.iter().position(|old| Arc::strong_count(old) == 1);
@@ -415,7 +415,7 @@ impl LatticeSolver {
         for array in self.flow.populations.arrays_mut() {
             array.iter_mut().zip(&mut populations).for_each(|(g, b)| *g = f32::from_le_bytes(*b));
         }
-        // Buffers follow from the populations, except for what the history tells.
+        // Rebuild the buffers from the populations, then restore what these do not determine.
         self.flow.exchange.rebuild_from_populations(&self.flow.populations, self.flow.next_parity());
         let history = history.as_chunks::<4>().0;
         self.flow.exchange.checkpoint_values_mut().zip(history).for_each(|(value, b)| *value = f32::from_le_bytes(*b));

@@ -229,7 +229,7 @@ fn inlet_profile_matches_the_log_law() {
     assert!(worst < 0.02, "{worst}");
 }
 
-/// Largest deviations from the profile asked for along a channel, by distance from where the wind comes in.
+/// Largest deviations from the requested profile along a channel, by distance from the inlet.
 fn profile_errors(ground: GroundCondition) -> [f64; 3] {
     let mut o = channel_options();
     (o.spin_up, o.ground) = (Some(80.0), ground);

@@ -196,7 +196,7 @@ fn poiseuille_errors(height: usize, tau: f64, ours: bool) -> (f64, f64) {
     let mut wall = 0.0;
     for (y, into) in [(0, -1), (height - 1, 1)] {
         let left = fluid.outgoing_populations([0, y, 0]);
-        // A resting wall sends back what it is given.
+        // Bounce-back at a resting wall reverses the momentum.
         wall += (1..Q)
             .filter(|k| VELOCITIES[*k][1] == into)
             .map(|k| f64::from(VELOCITIES[k][0]) * 2.0 * left[k])

@@ -135,13 +135,13 @@ fn plant_hangs_in_its_grown_pose_at_any_placement() {
 #[test]
 fn impulse_changes_velocity_by_inverse_effective_mass() {
     let mut free = plant_params();
-    // Damping by stiffness passes a blow on at once.
+    // Stiffness damping would transmit an impulse at once.
     free.wood.damping = 0.0;
     // Near the origin, where places are known to the last digits.
     let near = Trs::translation(Vec3::new(-0.2, -1.04, 0.0));
     let made = || RodPlant::new(&twig(), &near, &free, "twig");
     let twice = |strike: &dyn Fn(&mut RodPlant, f64), look: &dyn Fn(&RodPlant) -> f64| {
-        // There and back: what grows with the square of the blow falls out.
+        // The difference of both signs cancels terms of second order in the impulse.
         let [forth, back] = [1e-3, -1e-3].map(|blow| {
             let mut rod_plant = made();
             strike(&mut rod_plant, blow);
