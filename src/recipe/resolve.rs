@@ -84,6 +84,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let mut report = Report::default();
     let source = report.sources.add(request.shown.clone(), request.text.as_str());
     let mut root = parse(&request.text, source, &mut report);
+    // Overrides are laid over the tree before any key is read, so that they are checked like the text.
     let registry = Registry::of::<Recipe>();
     for set in &request.set {
         apply_override(&mut root, &qualify_override(set, request.bare.as_ref(), &registry), &mut report);
@@ -129,6 +130,7 @@ fn name_knobs(recipe: &Recipe, report: &mut Report) {
 fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
+    // A key of the scene wins over a key of the plant, and that over a #define of its grammar.
     let first = path.split('.').next().unwrap_or_default();
     let top = registry.names::<SceneKeys>().contains(&first);
     let plant = match bare {
@@ -177,20 +179,24 @@ impl Resolver<'_> {
         }
         let clip = self.clip(root);
         self.frames = clip.len() as u64;
+        // Plants and clouds share one set of file names: both become assets of the scene.
         let mut names = Names::default();
         let plants = self.plants(root, &mut names);
         let clouds = self.clouds(root, &mut names);
         let layers = self.layers(root);
+        // Places, scatters, flights and rain refer to plants by index, so that plants come first.
         let places = self.places(root, &plants);
         let scatters = self.scatters(root, &plants);
         let flight = self.flight(root, &plants);
         let solids = self.solids(root);
         let rods = self.rods(root);
+        // A lattice and its curves may set the speed and direction of the wind; a wind that changes with time cannot loop.
         let (mut wind, added) = self.wind(root);
         let lattice = self.lattice(root, &mut wind);
         let sway = self.sway(root, clip);
         let sway = self.unrepeated(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
         self.report_fitted_lengths(root, &wind, &sway, &clip);
+        // Files of the wind sample the domain of the lattice, else of the flight, else of their own table.
         let flight_size = flight.as_ref().map(|f| f.keys.size);
         let wind_output = self.wind_output(root, &wind, &lattice, flight_size, clip);
         let mut recipe = Recipe {
@@ -223,6 +229,7 @@ impl Resolver<'_> {
             output: self.output(root, clip, wind_output),
             hash: String::new(),
         };
+        // The hash covers all fields above and must be computed last.
         recipe.moves = clip.len() > 1 && recipe.blows();
         recipe.hash = hash(&recipe, &self.inputs);
         recipe
@@ -266,6 +273,7 @@ impl Resolver<'_> {
 
     fn clip(&mut self, root: &TomlTable) -> Clip {
         let keys: FramesKeys = self.section(root, "frames");
+        // A scene without an end is one still frame.
         let end = keys.end.unwrap_or(keys.start);
         if end < keys.start {
             let span = span_of(root, &["frames", "end"]).unwrap_or(self.whole);

@@ -159,8 +159,10 @@ impl Resolver<'_> {
         if self.request.thorough && self.request.bare.is_some() && keys.system.is_empty() {
             self.others(&file, &system);
         }
+        // Probabilities come from the key, else from the table, else from the column of the file.
         let rule = keys.weights.map_or(system.weights.unwrap_or(WeightRule::File), rule);
         let study = self.study(&system, rule, &report)?;
+        // A system whose orbits diverge has no bounds: its diagnostic names the map.
         match extent(&system, &study) {
             Ok(extent) => {
                 let source = file.shown;

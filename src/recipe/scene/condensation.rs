@@ -59,6 +59,7 @@ impl Resolver<'_> {
                 Error::Input(faults) => faults,
                 other => about(Diagnostic::about("S005", other.to_string())),
             })?;
+        // The chaos game samples points on the faces, each triangle with a probability proportional to its area.
         let points = &imported.mesh.points;
         let corner = |i: u32| points.get(i as usize).copied().unwrap_or_default();
         model.faces = Arc::new(WeightedTriangles::new(imported.mesh.triangles.iter().map(|t| t.map(corner))));

@@ -75,6 +75,7 @@ impl Resolver<'_> {
             }
             return Some(LayerRecipe { cloud: None, keys });
         }
+        // The attractor of a layer takes its colours from the layer; one colour for all means by density.
         let cloud = AttractorKeys {
             ifs: keys.ifs.clone(),
             system: keys.system.clone(),

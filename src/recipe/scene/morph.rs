@@ -117,6 +117,7 @@ impl Resolver<'_> {
         let told = self.report.diagnostics.len();
         let morph = self.read_keys::<MorphKeys>(table, &path);
         self.idle(cloud, &path);
+        // Read every table, then check times and turns, then interpolate and check contraction in between.
         let rows = self.rows(name, &path, MorphTable { table, span }, &keys)?;
         self.times(&rows);
         if self.report.diagnostics.iter().skip(told).any(|d| d.severity == osier_base::diagnostic::Severity::Error) {
@@ -131,6 +132,7 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("I072", text, row.ifs, "other weights than before");
             self.report.push(d.help("weights = \"hold\" keeps the first table's: then every point keeps its word"));
         }
+        // The attractor moves within the union of the extents of its tables.
         let mut all = rows.iter();
         let first = all.next()?.cloud.clone();
         let extent = all.fold(first.extent, |e, r| union(e, r.cloud.extent));
@@ -188,6 +190,7 @@ impl Resolver<'_> {
         let key = self.read_keys::<MorphKeyframe>(table, path);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
         let (at, ifs, turns) = (of("at"), of("ifs"), of("turns"));
+        // A table that comes back is the same file and system as an earlier keyframe: it is not read again.
         let same = |r: &&Row| r.key.ifs.as_ref().map(|r| &r.text) == key.ifs.as_ref().map(|r| &r.text);
         let again = known.iter().find(|r| same(r) && r.key.system == key.system);
         let cloud = match again {
@@ -249,6 +252,7 @@ impl Resolver<'_> {
         let stretches = |r: &Row| r.cloud.system.maps.iter().any(|m| m.affine.norm() >= 1.0);
         for pair in rows.windows(2).filter(|p| p.iter().any(stretches)) {
             let [a, b] = [pair[0].key.at, pair[1].key.at];
+            // Maps with norms below 1 at both tables stay below 1 under linear interpolation; others are checked in between.
             for i in 1..CONTRACTION_CHECKS {
                 let at = a + (b - a) * f64::from(i) / f64::from(CONTRACTION_CHECKS);
                 let shares = morph.study(at).probabilities;

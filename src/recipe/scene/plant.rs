@@ -156,6 +156,7 @@ impl Resolver<'_> {
                 Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
             self.report.push(d.help("it sets how a mesh is read: name one with mesh = \"FILE\""));
         }
+        // One of mesh, grammar and coefficient table grows the plant. `letters` are the organs that the grammar or table uses.
         let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.modelled(&keys, &path, table)?;
@@ -190,6 +191,7 @@ impl Resolver<'_> {
                 return None;
             }
         };
+        // Organs that are used but not described get a blade with default keys.
         for letter in letters {
             if !organs.iter().any(|o| o.letter == letter) {
                 organs.push(OrganRecipe {
@@ -201,6 +203,7 @@ impl Resolver<'_> {
                 });
             }
         }
+        // Billboards of a level of detail are an organ of their own, after all others.
         if matches!(&growth, Growth::Ifs(_, tree) if tree.lod > 0) {
             let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
             organs.push(OrganRecipe { letter: CARD, keys, ifs: None, drawn: Arc::default(), mesh: None });
@@ -231,6 +234,7 @@ impl Resolver<'_> {
         tree: &IfsTreeKeys,
         rods: bool,
     ) -> bool {
+        // Twigs can be instances only where each map of the table is a rotation with uniform scale and nothing needs single leaves.
         let sheared = sheared(stems);
         let why = match sheared {
             _ if rods => "each branch bends on its own as a rod".to_owned(),
@@ -347,6 +351,7 @@ impl Resolver<'_> {
     fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys) -> Option<Grammar> {
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
+        // Includes are resolved beside the file that names them; the bytes of each take part in the scene hash.
         let mut paths = BTreeMap::from([(file.shown.clone(), file.path.clone())]);
         let inputs = &mut self.inputs;
         let mut includes = |reference: &str, from: &str| {

@@ -223,6 +223,7 @@ impl Resolver<'_> {
             lying: self.lying(table),
             keys,
         };
+        // The preset of the paper replaces defaults, never keys that the scene gives.
         as_printed(&mut rain, table);
         self.angles(&rain.drop, table);
         if rain.keys.envelope == RainEnvelope::Keys

@@ -145,6 +145,7 @@ impl Resolver<'_> {
                 rods.push(rod);
             }
         }
+        // A clip keeps a position and a rotation of every section for every frame.
         let sections = rods.iter().map(|r| u64::from(r.keys.sections.unwrap_or(16))).sum::<u64>();
         let keys = sections.saturating_mul(self.frames);
         if let Err(e) = self.request.limits.check("motion-keys", keys, "the number of sections of rods times frames") {
@@ -168,6 +169,7 @@ impl Resolver<'_> {
             self.report.push(d.help("write points = [[0, 0, 0], [0, 1, 0]], in metres from base to tip"));
             return None;
         }
+        // A rod without `on` has a base of its own; any other is fixed to a rod that the scene lists before it.
         let on = if keys.on.is_empty() { None } else { Some(self.stands_on(&keys.on, of("on"), before)?) };
         self.check_rod(&keys, table, node.span, on.is_some());
         let clamps = self.parts(table, &path, "clamp", |r, t, p| r.rod_clamp(t, p));
@@ -215,6 +217,7 @@ impl Resolver<'_> {
             self.report.push(d.help("leave one of both out"));
         }
         // Material: G/E of the given stiffnesses must be one.
+        // For a round cross-section EI = E pi r^4 / 4 and GJ = G pi r^4 / 2, hence E = 4 EI / (pi r^4) and G/E = 2 GJ / (pi r^4 E).
         let r = keys.radius[0];
         let unit = std::f64::consts::PI * r * r * r * r;
         let young = keys.bending_stiffness.map_or(keys.elasticity, |ei| 4.0 * ei / unit);
@@ -268,6 +271,7 @@ impl Resolver<'_> {
 
     fn rod_clamp(&mut self, table: &TomlTable, path: &str) -> Option<RodClampKeys> {
         let keys = self.read_keys::<RodClampKeys>(table, path);
+        // Displacements have three components after the time, rotations one angle.
         let good = self.rod_times(table, path, "keyframes", &keys.keyframes, 4)
             & self.rod_times(table, path, "turn_keyframes", &keys.turn_keyframes, 2);
         let only = [("turn_keyframes", RodHold::Fixed), ("axis", RodHold::Fixed), ("line", RodHold::Guided)];
@@ -296,6 +300,7 @@ impl Resolver<'_> {
 
     fn rod_load(&mut self, table: &TomlTable, path: &str) -> Option<RodLoadKeys> {
         let keys = self.read_keys::<RodLoadKeys>(table, path);
+        // Numbers of a keyframe: the time, then a vector, a vector and a moment, or a mass.
         let count = match keys.kind {
             RodLoadKind::Force | RodLoadKind::Blow => 4,
             RodLoadKind::Wrench => 7,

@@ -63,6 +63,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S004", text, entry.node.span, "no such stride");
             self.report.push(d.help("1 shows every height, 2 every second one, 4 every fourth"));
         }
+        // Heights along a side are 2^n + 1; a mesh with stride s has (2^n / s)^2 cells of two triangles.
         let side = u64::from(most / keys.stride.max(1));
         let span = table.get("subdivisions").map(|e| e.node.span);
         self.limit("triangles", 2 * side * side, span);
@@ -105,6 +106,7 @@ impl Resolver<'_> {
             self.report.push(d.help("add plants = { NAME = 1 }"));
             return None;
         }
+        // Names become indices into the plants of the recipe.
         let weights = self.weights(&format!("{path}.plants"), span, &keys.plants, root, plants)?;
         let mask = match &keys.mask {
             Some(reference) => {

@@ -142,6 +142,7 @@ impl Resolver<'_> {
             Some(TomlValue::Table(t)) => t,
             _ => &empty,
         };
+        // Without a lattice wind the table has no effect, but its keys are checked all the same.
         if wind.model != WindModel::Lattice {
             if let Some(entry) = parent.get("lattice") {
                 let text = "`[wind.lattice]` needs `model = \"lattice\"` in `[wind]`";
@@ -150,6 +151,7 @@ impl Resolver<'_> {
             }
             return keys;
         }
+        // Gusts and turbulence of a lattice come from its inflow, not from the formulas of the gust model.
         for key in ["gust", "gust_length", "turbulence", "eddy_size", "wander_deg", "height_power"] {
             if let Some(entry) = parent.get(key) {
                 let text = format!("`wind.{key}` has no effect with `model = \"lattice\"`");
@@ -172,6 +174,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S006", "profile = \"table\" has no table", at, "heights and factors");
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
         }
+        // Curves replace the constant speed and direction; the preset of the paper then fills what the scene left open.
         self.speed_curve(parent, table, &keys, wind);
         self.direction_curve(parent, table, &keys, wind);
         as_printed(&mut keys, table);
@@ -268,6 +271,7 @@ impl Resolver<'_> {
             Some(TomlValue::Table(t)) => t,
             _ => return WindOutputRecipe { keys, slices: Vec::new(), grids: Vec::new() },
         };
+        // The sampled domain: that of the lattice, else of the flight, else `size` around the origin.
         let on_lattice = wind.model == WindModel::Lattice;
         let size =
             if on_lattice { lattice.cells.map(|n| n * lattice.cell_size) } else { flight_size.unwrap_or(keys.size) };
@@ -280,6 +284,7 @@ impl Resolver<'_> {
         let at = if on_lattice { DVec3::from_array(lattice.at) } else { DVec3::ZERO };
         let space =
             SampledDomain { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side };
+        // Each plane becomes a grid one cell thick, named by its axis and position; the volume comes last.
         let mut names = Names::default();
         let mut grids = Vec::new();
         let mut slices = Vec::new();
@@ -321,6 +326,7 @@ impl Resolver<'_> {
             return None;
         };
         let keys = self.read_keys::<WindSliceKeys>(table, &path);
+        // The plane must lie inside the sampled domain along its normal.
         let axis = keys.across as usize;
         let (low, high) = (space.low[axis], space.low[axis] + space.size[axis]);
         if !(low..=high).contains(&keys.at) {
@@ -342,6 +348,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S004", text, span("repeat").unwrap_or(self.whole), "not possible");
             self.report.push(d.help(format!("at least {SHORTEST_LOOP} s: raise frames.end")));
         }
+        // A loop holds a whole number of frames: report by how much the requested duration changes.
         let Some((wanted, at)) = keys.loop_duration.zip(span("loop")) else { return keys };
         if keys.repeat == Some(false) {
             let d = Diagnostic::warning("S007", "sway.loop is given, but sway.repeat is false", at, "has no effect");
@@ -366,6 +373,7 @@ impl Resolver<'_> {
         clip: &Clip,
     ) {
         let Some(frames) = sway.loop_frames(clip).filter(|_| wind.model == WindModel::Gust) else { return };
+        // In a loop of period T the gusts travel a whole number of gust lengths: lambda = U T / n for an integer n.
         let period = frames as f64 / clip.fps();
         for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
             let Some(at) = span_of(root, &["wind", key]) else { continue };

@@ -102,6 +102,7 @@ fn table(map: &DeTable<'_>, source: SourceId, report: &mut Report) -> TomlTable 
             }
         })
         .collect();
+    // The parser returns keys in the order of their names; diagnostics and plants follow the order of the file.
     entries.sort_by_key(|e| e.key_span.start);
     TomlTable { entries }
 }
@@ -140,6 +141,7 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
         report.push(d.help("for example --set wind.speed=6"));
         return;
     };
+    // The value of the override is parsed as TOML with spans that point into the assignment.
     let offset = path.len() + 1;
     let value = override_value(text.trim(), Span::new(source, offset, assignment.len()), report);
     let names: Vec<&str> = path.trim().split('.').map(str::trim).collect();

@@ -217,6 +217,7 @@ impl ValueType for IntegerList {
         let one = integer(self.0, self.0, self.1);
         let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of whole numbers")) };
         let mut out: Vec<u32> = list.iter().map(|n| one.read(name, n)).collect::<Result<_, _>>()?;
+        // Order and repetition carry no meaning: equal sets hash equally.
         out.sort_unstable();
         out.dedup();
         Ok(out)
@@ -568,6 +569,7 @@ impl ValueType for FrameRate {
             return Ok((pair[0] as u32, pair[1] as u32));
         }
         let v = number(24.0, 0.1, 1000.0, "frames/s").read(name, node)?;
+        // Rates such as 23.976 and 29.97 are N x 1000/1001 for the integer N nearest to v x 1.001.
         let ntsc = (v * 1.001).round();
         Ok(if (v - v.round()).abs() < 1e-9 {
             (v as u32, 1)
