@@ -1,11 +1,8 @@
 //! `manifest.json`: the contents of a bake. It is written last: its presence marks a complete bake.
 //!
 //! ```
-//! use osier_export::manifest::{Settings, build};
-//!
-//! let manifest = build(&osier_scene::Scene::default(), &[], &[], &Settings::default());
-//! assert!(manifest.text()?.starts_with("{\n  \"schema\": 1,"));
-//! # Ok::<(), osier_base::Error>(())
+//! let settings = osier_export::manifest::Settings::default();
+//! assert_eq!((settings.up_axis.as_str(), settings.step), ("Y", 1));
 //! ```
 
 mod build;
