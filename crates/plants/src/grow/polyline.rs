@@ -49,6 +49,7 @@ fn node_index(n: usize) -> u32 {
 /// Appends the nodes of an axis; returns its length, m. `radius`: at each point, m; `parent`: index of the axis that it leaves.
 fn push_nodes(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) -> f32 {
     let parent_tangent = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
+    // Arc length, frame, radius and colour of every node; birth is 0, since only derivations have a time.
     let mut s = 0.0;
     for (i, (p, q)) in points.iter().zip(frames(points, parent_tangent)).enumerate() {
         // Arc lengths are those of the stored, rounded positions.

@@ -41,6 +41,7 @@ pub(super) fn texels(
     color: impl Fn(Vec3, f32) -> Vec3,
 ) -> Vec<BillboardTexel> {
     let pixels = side / supersampling;
+    // Box filter: colour and normal are averaged over the covered samples, alpha is their share.
     let one = |i: usize| {
         let (x, y) = (i % pixels * supersampling, i / pixels * supersampling);
         let (mut t, mut count) = (BillboardTexel::default(), 0.0_f32);

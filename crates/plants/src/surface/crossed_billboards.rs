@@ -51,6 +51,7 @@ impl MeshRaster {
         let seen = Bounds::of(mesh.points.iter().map(|p| Vec3::new(p.dot(right), p.dot(up), p.dot(out))));
         let (low, high) = (seen.min.truncate(), seen.max.truncate());
         // Pixels beyond the margin show the mesh.
+        // The margin is in pixels: scale the size by margin over inner pixels.
         let inner = narrow((pixels - 2 * MARGIN) as f64);
         let margin = (high - low).max(Vec2::splat(1e-4)) * (narrow(MARGIN as f64) / inner);
         // What is seen from above stands where most of it is, everything else through the stem.
@@ -193,6 +194,7 @@ pub fn crossed_billboards(
     let n = side as usize;
     let pixels = (n / across).max(4 * MARGIN);
     let views: Vec<(&Mesh, BillboardView)> = meshes.iter().flat_map(|m| VIEWS.map(|v| (m, v))).collect();
+    // Rasterize all views in parallel; the samples are dropped once they are filtered to texels.
     let drawn: Vec<(MeshRaster, Vec<BillboardTexel>)> = par_map(&views, |(mesh, view)| {
         let mut tile = MeshRaster::new(mesh, *view, pixels);
         tile.draw(mesh, source);

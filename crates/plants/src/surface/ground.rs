@@ -65,6 +65,7 @@ impl Ground {
                 self.push_point(&mut mesh, r * math::cos_f32(a), -r * math::sin_f32(a));
             }
         }
+        // A fan around the middle, then two triangles per sector and ring.
         let n = self.sectors;
         for k in 0..n {
             let next = (k + 1) % n;
@@ -81,6 +82,7 @@ impl Ground {
     /// Appends a point with normal and texture coordinates.
     fn push_point(&self, mesh: &mut Mesh, x: f32, z: f32) {
         const STEP: f32 = 0.05;
+        // Central differences of the height function itself: normals do not depend on the tessellation.
         let slope = |dx: f32, dz: f32| (self.height(x + dx, z + dz) - self.height(x - dx, z - dz)) / (2.0 * STEP);
         mesh.points.push(Vec3::new(x, self.height(x, z), z));
         mesh.normals.push(Vec3::new(-slope(STEP, 0.0), 1.0, -slope(0.0, STEP)).normalize());
@@ -95,6 +97,7 @@ impl Ground {
         if self.is_one_repeat() {
             return plain;
         }
+        // Two independent noises displace u and v; their wavelength of three repeats hides the grid.
         let bend = |k: u64| {
             let at = [plain.x / 3.0 + 0.5, plain.y / 3.0 + 0.5];
             noise::fractal2(self.seed ^ (0xBE2D + k), at, [1 << 20, 1 << 20], 2)
@@ -219,6 +222,7 @@ impl GroundNoise {
         let most = (side / 2).max(2);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
         let times = |length: f32| ((tile.max(0.01) / length).round().clamp(1.0, most as f32)) as u32;
+        // No octave is finer than two pixels.
         let fractal = |k: u64, lengths: [f32; 2], octaves: u32| {
             let cells = lengths.map(times);
             let room = most / cells[0].max(cells[1]);
@@ -243,6 +247,7 @@ impl GroundNoise {
 /// ground.
 fn with_haze(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
     let (air, most) = colors.haze;
+    // Distance from the nearest corner of the map, which is the middle of the ground.
     let (dx, dy) = (x.min(1.0 - x), y.min(1.0 - y));
     let share = most * smoothstep(0.16, 0.5, (dx * dx + dy * dy).sqrt());
     color.lerp(Vec3::from_array(air), share)
@@ -267,6 +272,7 @@ fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], unwarped: &G
     let [a, b, c] = [t.blades[0].at(bx, by), t.blades[1].at(by, bx), t.blades[2].at(bx, by)];
     let blade = (0.5 + 0.55 * a.max(b).max(0.7 * c)).clamp(0.0, 1.0);
     let [soil, green] = [colors.soil, colors.green].map(|c| c.map(Vec3::from_array));
+    // Albedo of bare soil by clods, of grass by blade brightness, mixed by the cover.
     let earth = soil[0].lerp(soil[1], (0.5 + 0.6 * clod + 0.2 * tint).clamp(0.0, 1.0));
     let grass = green[0].lerp(green[1], (blade * blade * 1.1 + 0.15 * tint).clamp(0.0, 1.0));
     let grass = grass

@@ -36,6 +36,7 @@ pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
     let plain = |what: &str, color, roughness| {
         Material::plain(format!("{name}_{what}"), MaterialClass::Ground, color, roughness)
     };
+    // Trim is a lighter shade of the wall.
     let trim = wall.map(|c| (c * 1.25 + 0.15).min(0.85));
     [
         plain("wall", wall, 0.9),
@@ -76,6 +77,7 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
             subsets.push((first + slot, triangle_count(&mesh)));
         }
     }
+    // Subsets in order: walls, roof, frames, panes; empty ones are left out.
     let mut from = 0;
     for (material, end) in subsets {
         if end > from {
@@ -95,6 +97,7 @@ fn triangle_count(mesh: &Mesh) -> u32 {
 /// A flat convex outline, counter-clockwise from outside.
 fn push_polygon(mesh: &mut Mesh, outline: &[Vec3]) {
     let base = next_index(mesh);
+    // Texture coordinates are metres along the horizontal and up the face, so that masonry maps keep their scale.
     let normal = osier_base::geometry::newell(outline).normalize_or(Vec3::Y);
     let along = Vec3::Y.cross(normal).normalize_or(Vec3::X);
     let up = normal.cross(along);

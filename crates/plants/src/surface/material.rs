@@ -14,6 +14,7 @@ pub struct SurfaceMaterial {
 impl SurfaceMaterial {
     /// Appends pictures and material to a scene's lists; returns the material's id there.
     pub fn register(mut self, images: &mut Vec<Image>, materials: &mut Vec<Material>) -> MaterialId {
+        // Map indices are local to the material; shift them by the number of images already registered.
         let first = count(images);
         let maps = &mut self.material.maps;
         for map in [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height] {

@@ -12,6 +12,7 @@ struct GradientNoise {
 impl GradientNoise {
     fn new(seed: u64, period: [u32; 2]) -> Self {
         let [nx, ny] = period.map(|p| p.max(1));
+        // Gradients of the whole period in a table: unit vectors at hashed angles.
         let corner = |i: u32| {
             let h = mix64(&[seed, u64::from(i % nx), u64::from(i / nx)]);
             let a = (h >> 40) as f32 * (std::f32::consts::TAU / 16_777_216.0);
@@ -24,6 +25,7 @@ impl GradientNoise {
     fn at(&self, p: [f32; 2]) -> f32 {
         let ([x0, x1], fx) = cell(p[0], self.period[0]);
         let ([y0, y1], fy) = cell(p[1], self.period[1]);
+        // Dot products of the corner gradients with the offsets, blended by the quintic fade.
         let slope = |x: usize, y: usize, dx: f32, dy: f32| {
             let g = self.table[y * self.period[0] + x];
             g[0] * dx + g[1] * dy
@@ -113,6 +115,7 @@ pub(super) struct FractalNoise {
 impl FractalNoise {
     /// `cells`: lattice cells across and up of the first octave.
     pub fn new(seed: u64, cells: [u32; 2], octaves: u32) -> Self {
+        // Octave o has 2^o times the cells and a seed of its own.
         let octave = |o: u32| GradientNoise::new(seed.wrapping_add(u64::from(o)), cells.map(|c| c << o));
         Self { octaves: (0..octaves).map(octave).collect() }
     }

@@ -27,6 +27,7 @@ pub(super) fn surface_images(
     slopes: [f32; 2],
     height: bool,
 ) -> Vec<Image> {
+    // Normals come from the heights, so that colour, relief and shading agree.
     let heights: Vec<f32> = texels.iter().map(|t| t.height).collect();
     let image = |kind, what, pixels| square_map(name, what, kind, side, pixels);
     let mut images = vec![
@@ -68,6 +69,7 @@ pub(super) fn normal_map(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<
             let right = if x + 1 == side { 0 } else { x + 1 };
             let dx = (row_here[right] - row_here[left]) * 0.5 * slopes[0];
             let dy = (above[x] - below[x]) * 0.5 * slopes[1];
+            // Normal of the graph of h, mapped from [-1, 1] to [0, 255].
             let n = (Vec3::new(-dx, -dy, 1.0).normalize() + Vec3::ONE) * 0.5;
             out.extend(n.to_array().map(byte));
         }

@@ -169,6 +169,7 @@ impl WordSkeleton {
             }
         }
         for list in &mut children {
+            // Siblings by arc length; equal ones by the id of their word.
             let key = |i: &usize| (self.raw[*i].parent_s, self.raw[*i].ordinal);
             list.sort_by(|a, b| key(a).0.total_cmp(&key(b).0).then(key(a).1.cmp(&key(b).1)));
         }

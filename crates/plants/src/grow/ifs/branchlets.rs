@@ -51,6 +51,7 @@ struct BranchletClass {
 impl BranchletClass {
     #[allow(clippy::cast_possible_truncation, reason = "logarithms of ratios")]
     fn of(w: &Word, options: &TreeOptions) -> Self {
+        // Logarithmic bins: log2 of the ratio, in halves of an octave for sizes.
         let octave =
             |ratio: f64, parts: f64| (parts * math::ln(ratio.max(1e-300)) / std::f64::consts::LN_2).floor() as i32;
         // Without a limit all words have as many letters left.
@@ -71,6 +72,7 @@ const UP_DIRECTIONS: [Vec3; 6] = [Vec3::Y, Vec3::X, Vec3::Z, Vec3::NEG_X, Vec3::
 
 /// Index of the direction nearest to up in the space of a word, before it is mirrored.
 fn nearest_up_axis(w: &Word) -> usize {
+    // Up in the space of the word; mirrored words are compared in the space of their unmirrored branchlet.
     let up = map_rotation(&w.map).inverse() * Vec3::Y;
     let up = if w.map.a.determinant() < 0.0 { up * Vec3::new(1.0, 1.0, -1.0) } else { up };
     (0..UP_DIRECTIONS.len())
@@ -156,6 +158,7 @@ pub fn grow(
 /// branchlet with few instances would only make files larger.
 fn branchlet_classes(words: &[Word], options: &TreeOptions) -> Vec<BranchletClass> {
     let own: Vec<BranchletClass> = words.iter().map(|w| BranchletClass::of(w, options)).collect();
+    // Count each class, then merge the small ones.
     let mut counts: BTreeMap<BranchletClass, usize> = BTreeMap::new();
     for class in &own {
         *counts.entry(*class).or_default() += 1;
@@ -185,6 +188,8 @@ fn grow_branchlets(
         let enough = mean.count >= 2.0 * MIN_CLASS_WORDS as f64;
         let variants = if options.variation > 0.0 && enough { VARIANTS } else { 1 };
         copies.insert(*class, BranchletCopies { first: branchlets.len(), size, variants, next: 0 });
+        // Sizes within a branchlet are relative to its own: the cut scales by 1 / size, so that the finest twigs are
+        // as fine as the tree's.
         let own = words::ExpansionLimits {
             eps: options.eps / size,
             max_depth: class.depth,

@@ -171,6 +171,7 @@ fn place_condensation_sets(plant: &mut Plant, grown: GrownTree<'_>, options: &Tr
     let GrownTree { expanded, skeleton, scale, .. } = grown;
     for set in &options.sets {
         let Some(mesh) = set.meshes.first() else { continue };
+        // One prototype per set; every word carries an instance, rotated and scaled by its map.
         let proto = proto_index(plant.protos.len());
         plant.protos.push(Proto { name: set.name.clone(), mesh: std::sync::Arc::clone(mesh) });
         for (i, word) in expanded.words.iter().enumerate() {
@@ -190,6 +191,7 @@ fn organ_at_word(plant: &Plant, at: WordSite, map: &Affine, scale: f64) -> Organ
     let on = &plant.axes[at.axis as usize];
     let s = narrow(at.s * scale).clamp(0.0, on.length);
     let site = plant.frame(on, s);
+    // The origin of the mesh goes where the map moves the origin, expressed in the frame of the axis.
     let back = site.q.inverse();
     let foot = Vec3::from_array((map.b * scale).to_array().map(narrow));
     let (offset, q) = (back * (foot - site.p), (back * map_rotation(map)).normalize());
@@ -240,6 +242,7 @@ fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, 
             Proto { name, mesh: std::sync::Arc::clone(mesh) }
         })
         .collect();
+    // All variants are scaled by the length of the first, so that their proportions to each other stay.
     let first = f64::from(leaf.meshes[0].bounds().max.y).max(1e-9);
     let size = leaf.size / first;
     let bears = |c: &&Word| stems.system.maps.get(usize::from(c.letter)).is_some_and(|m| m.leaf);
@@ -293,6 +296,7 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
     let mut dir = Vec3::from_array(along.to_array().map(narrow));
     // Further leaves of a site spread out from the first.
     if copy > 0 {
+        // Normal deviates, clamped at two standard deviations: an isotropic spread about the first leaf.
         let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * LEAF_SPREAD;
         dir = (dir + Vec3::new(part(), part(), part())).normalize_or(dir);
     }

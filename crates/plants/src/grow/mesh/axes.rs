@@ -114,6 +114,7 @@ pub(super) fn add_axes(
             None => stack.push((i, NONE)),
         }
     }
+    // Roots in the order of the chains.
     stack.reverse();
     let by_stem = |a: &usize, b: &usize| {
         let (a, b) = (lines[*a].attachment, lines[*b].attachment);
@@ -182,6 +183,7 @@ fn node_radii(
 ) -> Vec<f64> {
     let one = |(k, node): (usize, &u32)| {
         let own = &graph.nodes[*node as usize];
+        // Measured against the centreline; where that has no direction, the mean thickness of the cluster stands in.
         let rough = f64::from(own.r);
         let Some(t) = direction(points, k) else { return rough };
         cluster_surfaces[*node as usize]

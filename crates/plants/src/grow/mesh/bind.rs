@@ -43,6 +43,7 @@ pub(super) fn wood_search(plant: &Plant) -> WoodSearch<AxisPosition> {
         for k in plant.nodes_of(axis).skip(1) {
             let (s0, s1) = (plant.nodes.s[k - 1], plant.nodes.s[k]);
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 64")]
+            // Samples half a radius apart, so that the nearest one is right to a small share of the radius.
             let steps = ((s1 - s0) / (SAMPLE_SPACING_RADII * plant.nodes.r[k]).max(f32::MIN_POSITIVE))
                 .ceil()
                 .clamp(1.0, 64.0) as u16;
@@ -62,6 +63,7 @@ pub(super) fn nearest_point_of_part(
     near: &WoodSearch<AxisPosition>,
     points: &[Vec3],
 ) -> Option<(usize, f32, AxisPosition)> {
+    // The closest of all points of the part; equal distances go to the lower index.
     let found = points.iter().enumerate().filter_map(|(i, p)| {
         let (gap, site) = near.nearest(*p)?;
         Some((i, gap, site))

@@ -109,6 +109,7 @@ impl SkeletonGraph {
     /// Joins pieces where the end of one comes close to the bark of another, the closest first.
     /// Own: [yang-wu] has one mesh in one piece; artists' branches are tubes that stick in each other.
     pub fn join(&mut self, diagonal: f32) {
+        // Candidates for joints: the ends of every piece, tested against samples of all wood.
         let near = WoodSearch::new(self.samples());
         let end_nodes: Vec<Vec<u32>> = self.nodes_of_clusters.iter().map(|of| self.end_nodes(of)).collect();
         let costs: Vec<(f32, f32)> = self.nodes_of_clusters.iter().map(|of| self.thickness_and_extent(of)).collect();
@@ -187,6 +188,7 @@ impl SkeletonGraph {
             samples.push(WoodSample { p: node.p.as_vec3(), r: node.r, owner: i });
             for other in node.neighbours.iter().map(|n| &self.nodes[*n as usize]) {
                 let half = (other.p - node.p) * 0.5;
+                // Half of every link belongs to either of its nodes, so that a joint goes to the nearer one.
                 let steps = steps(math::narrow(half.length()), SAMPLE_SPACING_RADII * node.r.max(other.r));
                 samples.extend((1..=steps).map(|k| {
                     let t = f64::from(k) / f64::from(steps);

@@ -117,6 +117,7 @@ fn materials(mesh: &Mesh) -> Vec<u32> {
 
 /// Some triangles of a mesh as a mesh of their own, points in the mesh's order.
 pub(super) fn submesh(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32]) -> (Mesh, Vec<u32>) {
+    // Vertices of the patch in rising order, renumbered by their rank.
     let mut used: Vec<u32> = patch.iter().flat_map(|t| mesh.triangles[*t as usize]).collect();
     used.sort_unstable();
     used.dedup();
@@ -130,6 +131,7 @@ pub(super) fn submesh(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32])
         subsets: Vec::new(),
         ..Mesh::default()
     };
+    // Consecutive triangles of one material make a subset.
     for (first, t) in (0..).zip(patch) {
         let material = material(*t);
         match out.subsets.last_mut() {
@@ -154,6 +156,7 @@ fn cut_out_blade(
     patch: &TrianglePatch,
     near: &WoodSearch<AxisPosition>,
 ) -> Option<LeafBlade> {
+    // Sorting by material keeps the subsets of equal blades alike, whatever the order in the file.
     let mut patch = patch.clone();
     patch.sort_by_key(|t| (material[*t as usize], *t));
     let (mesh, _) = submesh(mesh, |t| material[t as usize], &patch);
@@ -164,6 +167,7 @@ fn cut_out_blade(
 
 /// Hash of all that congruent blades have in common: triangles, materials, texture coordinates, colours.
 fn topology_hash(mesh: &Mesh) -> u64 {
+    // Positions and normals are left out: they differ by the placement, which is found by comparison.
     let corners = mesh.triangles.iter().flatten().map(|i| u64::from(*i));
     let runs = mesh.subsets.iter().flat_map(|s| [u64::from(s.material), u64::from(s.count)]);
     let uvs = mesh.uvs.iter().flat_map(|uv| uv.to_array()).map(|v| u64::from(v.to_bits()));
@@ -218,6 +222,7 @@ fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
     let points = mesh.points.clone();
     let pivot = points[attachment];
     let middle = points.iter().fold(Vec3::ZERO, |s, p| s + (*p - pivot)) / points.len() as f32;
+    // Frame of the prototype: +Y from the pivot to the centroid, +Z the area-weighted normal, made perpendicular.
     let y = math::normalize_or(middle, Vec3::Y);
     let face = mesh.triangles.iter().fold(Vec3::ZERO, |s, t| {
         let [a, b, c] = t.map(|i| points[i as usize]);
@@ -239,6 +244,7 @@ fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
 
 /// The organ of a placed leaf, in the frame of its axis; id and tint follow.
 fn organ(plant: &Plant, h: PlacedLeaf) -> Organ {
+    // Offset and rotation relative to the axis frame: the leaf follows its twig.
     let at = plant.frame(&plant.axes[h.site.0 as usize], h.site.1);
     let back = at.q.conjugate();
     Organ {

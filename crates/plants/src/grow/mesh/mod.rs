@@ -160,6 +160,7 @@ fn cluster_surfaces(graph: &SkeletonGraph, refined: &[(RefinedSurface, Clusters)
 /// X019 for trees of pieces that neither meet the rest nor stand low.
 fn warn_floating_pieces(tree: &mut MeshPlant, options: &SkeletonOptions) {
     let plant = &tree.plant;
+    // The first root is the trunk; any other that begins well above the ground has nothing to grow from.
     let low = plant.nodes.p.iter().fold(f32::INFINITY, |m, p| m.min(p.y));
     let high = plant.nodes.p.iter().fold(f32::NEG_INFINITY, |m, p| m.max(p.y));
     let base = |a: &plant::Axis| plant.nodes.p[a.first as usize];
@@ -273,6 +274,7 @@ impl MeshPlant {
 
 /// Sets the ids of axes and organs: hashes of the parent's id and the rank among its children.
 fn assign_ids(plant: &mut Plant) {
+    // Children are numbered in the order of the axes, which is their order along the parent.
     let mut roots = 0_u64;
     let mut ranks = vec![0_u64; plant.axes.len()];
     for i in 0..plant.axes.len() {

@@ -125,6 +125,7 @@ pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshP
 /// Per triangle whether its object's or its material's name says that it is a blade.
 fn blades_by_name(imported: &Imported, words: &[String]) -> Vec<bool> {
     let mut is_blade = vec![false; imported.mesh.triangles.len()];
+    // A mark applies to all triangles of the object, or of the material.
     let says = |name: &str| {
         let name = name.to_lowercase();
         words.iter().any(|w| name.contains(w.as_str()))
@@ -199,6 +200,7 @@ impl DisjointSets {
 
 /// The connected components of a subset of the triangles, by shared edges or by shared points, each in the order of the file.
 fn connected_patches(triangles: &[[u32; 3]], subset: &[u32], by_edges: bool) -> Vec<TrianglePatch> {
+    // Each triangle contributes its edges (or its points) as keys; equal keys become neighbours by sorting.
     let mut links: Vec<([u32; 2], u32)> = Vec::with_capacity(subset.len() * 3);
     for (k, t) in (0..).zip(subset) {
         let [a, b, c] = triangles[*t as usize];
@@ -301,6 +303,7 @@ fn merge_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<TrianglePa
         seen.iter().map(|i| points[*i as usize]).collect()
     };
     let places: Vec<Vec<Vec3>> = patches.iter().map(places).collect();
+    // Smallest distance between the points of both parts, as a share of the size of the larger.
     let gap = |small: usize, large: usize| {
         let size = Bounds::of(places[large].iter().copied()).size().length();
         let apart = |a: &Vec3| places[large].iter().fold(f32::MAX, |m, b| m.min(a.distance(*b)));
@@ -334,6 +337,7 @@ fn wood_piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) ->
     let mut welded: Vec<u32> = patch.iter().flat_map(|t| triangles[*t as usize]).collect();
     welded.sort_unstable();
     welded.dedup();
+    // Points of the piece in rising order; the rank of a welded index is its local one.
     let local = |i: u32| index(welded.partition_point(|w| *w < i));
     let own: Vec<[u32; 3]> = patch.iter().map(|t| triangles[*t as usize].map(local)).collect();
     let own_points: Vec<Vec3> = welded.iter().map(|i| points[*i as usize]).collect();

@@ -150,6 +150,7 @@ impl PlantBuilder {
         let i = index32(self.nodes.len());
         let Some(a) = self.axes.get_mut(axis as usize) else { return };
         let Some(last) = self.nodes.get_mut(a.last as usize) else { return };
+        // Coincident nodes are dropped: the segment between them would have no direction.
         let length = (node.p - last.p).length();
         if length < MIN_SEGMENT {
             return;
@@ -193,6 +194,7 @@ impl PlantBuilder {
 
     /// Organs need an axis; a string without one gets a stub. Axes of one node are left out.
     fn add_stub_axis(&mut self) {
+        // The stub points along the first organ, so that its frame is that of the organ.
         let has_axis = self.axes.iter().any(|a| a.count > 1);
         let Some(first) = self.organs.first().copied().filter(|_| !has_axis) else { return };
         let h = first.pose.q * DVec3::Y;

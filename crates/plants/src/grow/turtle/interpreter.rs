@@ -122,6 +122,7 @@ impl<'a> Turtle<'a> {
         options: &'a TurtleOptions,
         limits: &Limits,
     ) -> Self {
+        // Symbols are numbered by the grammar; their commands are looked up once, not per module.
         let symbols: Vec<char> = (0_u16..).take(grammar.symbols().len()).map(|i| grammar.symbols().get(i)).collect();
         // Turns without a parameter share one angle, whose sine and cosine are computed once.
         let angle = options.angle.unwrap_or(radians(45.0));
@@ -174,6 +175,8 @@ impl<'a> Turtle<'a> {
     }
 
     pub(super) fn warn(&mut self, code: &'static str, symbol: (Option<char>, char), message: String, help: &str) {
+        // One warning per code and symbol, with the number of its occurrences: a string may repeat a fault a million
+        // times.
         match self.warnings.iter_mut().find(|r| r.code == code && r.symbol == symbol) {
             Some(r) => r.count += 1,
             None => self.warnings.push(TurtleWarning { code, symbol, message, help: help.to_owned(), count: 1 }),
@@ -191,6 +194,7 @@ impl<'a> Turtle<'a> {
             .warnings
             .iter()
             .map(|r| {
+                // Warnings point at the first place of the symbol in the grammar.
                 let times = if r.count > 1 { format!(", {} times", r.count) } else { String::new() };
                 let span = self.grammar.place_of(r.symbol.0, r.symbol.1);
                 let message = format!("{}{times}", r.message);
@@ -264,6 +268,7 @@ impl<'a> Turtle<'a> {
             Command::Level => self.s.frame.level(),
             Command::Push => self.push_state(m),
             Command::Pop => self.pop_state(),
+            // Increments of `#` and `!` scale with the turtle, as a parameter does.
             Command::Width(up) => {
                 let step = if up { self.options.width_increment } else { -self.options.width_increment };
                 let scale = self.s.scale;
@@ -273,6 +278,7 @@ impl<'a> Turtle<'a> {
                 };
                 self.set_width(width);
             }
+            // Colour indices wrap at 256.
             Command::Color(up) => {
                 let step = self.options.color_increment;
                 let next = if up { self.s.color.wrapping_add(step) } else { self.s.color.wrapping_sub(step) };
@@ -303,6 +309,7 @@ impl<'a> Turtle<'a> {
     pub(super) fn close_segment(&mut self) {
         let Some(node) = self.open_segment.take() else { return };
         let width = self.s.width * self.options.unit_m;
+        // With tapered segments the end takes the width that the string has set since the segment was drawn.
         if self.options.tapered
             && let Some(n) = self.builder.node_mut(node)
         {
@@ -364,6 +371,7 @@ impl<'a> Turtle<'a> {
 
     /// The node at the turtle's position.
     fn current_site(&self) -> Option<NodeSite> {
+        // The last node of the current axis; before its first segment, the node that will carry the axis.
         let a = &self.s.attachment;
         a.axis.map(|axis| NodeSite { axis, node: self.builder.last_node(axis) }).or(a.parent)
     }
@@ -412,6 +420,7 @@ impl<'a> Turtle<'a> {
 
     /// Draws a segment from `from` to the current position: extends the current axis or opens one.
     fn segment(&mut self, from: DVec3, m: Module<'_>) {
+        // A segment adds at most two nodes: an axis opens with its base as well.
         if self.builder.node_count() + 2 > self.max_nodes {
             let message = format!("more than {} nodes", self.max_nodes);
             return self.halt("L051", 'F', message, "raise it with --max-nodes, or shorten the derivation");
@@ -462,6 +471,7 @@ impl<'a> Turtle<'a> {
     pub(super) fn fill_polygon(&mut self, m: Module<'_>) {
         let Some(polygon) = self.polygons.pop() else { return };
         let Some(&p) = polygon.corners.first() else { return };
+        // A polygon becomes an organ whose pivot is its first corner, in the frame of the turtle at `{`.
         let pose = TurtlePose { p, q: polygon.frame.quat() };
         let material = self.options.shape_material;
         match self.shape_prototypes.polygon(&mut self.builder.protos, material, &polygon.corners, pose) {
@@ -477,6 +487,8 @@ impl<'a> Turtle<'a> {
     fn at_command(&mut self, c: char, m: Module<'_>) {
         match c {
             'v' => self.s.frame.level(),
+            // Absolute position: what is drawn next begins an axis of its own, since the jump is no part of the
+            // plant.
             'M' => {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 0.0));
                 self.s.p = DVec3::new(x, y, z) * self.options.unit_m;
@@ -525,6 +537,7 @@ impl<'a> Turtle<'a> {
     /// Index of tropism number `i`, counted from 1.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates; the range is checked next")]
     fn tropism_index(&mut self, i: f64) -> Option<usize> {
+        // Scenes and grammars count tropisms from 1; a number below 1 wraps and fails the range test.
         let k = (i as usize).wrapping_sub(1);
         if k < self.options.tropisms.len().min(tropism::MAX_TROPISMS) {
             return Some(k);

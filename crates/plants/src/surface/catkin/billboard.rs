@@ -51,6 +51,7 @@ impl TuftRaster {
     /// Draws the samples of a box for which `f` has something to show.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn draw(&mut self, [low, high]: [Vec2; 2], f: impl Fn(Vec2) -> Option<BillboardSample>) {
+        // Scan the bounding box; a sample keeps the surface nearest to the viewer (depth test).
         let clamp = |v: f32| v.clamp(0.0, self.side as f32) as usize;
         let (x, y) = (clamp(low.x.floor())..clamp(high.x.ceil()), clamp(low.y.floor())..clamp(high.y.ceil()));
         for row in y {
@@ -142,6 +143,7 @@ impl Tuft {
         let height =
             self.hairs.points.iter().fold(0.0, |s, p| s + f64::from(p.y)) / self.hairs.points.len().max(1) as f64;
         for (k, view) in views.iter().enumerate() {
+            // One view takes all of the texture, three take a quarter each.
             let corner = (k % 2 * pixels, k / 2 * pixels);
             let raster = self.rasterize(*view, pixels);
             let seen = billboard::texels(&raster.samples, raster.side, SUPERSAMPLING, |sum, count| sum / count);

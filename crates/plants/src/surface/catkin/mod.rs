@@ -71,6 +71,7 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
         moving: false,
     };
     for (i, axis) in plant.axes.iter().enumerate() {
+        // Scale every hair by a draw of its own stream, resample it, and give it its widths.
         let mut stream = Rng::from_key(child(child(key, word("jitter")), i as u64));
         let scale = narrow(1.0 + spec.jitter * stream.range(-1.0, 1.0));
         let line: Vec<Vec3> = plant.nodes.p[plant.nodes_of(axis)].iter().map(|p| *p * scale).collect();
@@ -118,6 +119,7 @@ fn resampled(line: &[Vec3], count: usize) -> Vec<Vec3> {
         Some(i) => line[i],
     };
     let place = |k: usize| {
+        // Even steps of the parameter over the n - 1 spans.
         let x = (n - 1) as f32 * k as f32 / (count - 1) as f32;
         let i = (0..n - 1).rev().find(|i| *i as f32 <= x).unwrap_or(0);
         spline([at(i), at(i + 1), at(i + 2), at(i + 3)], x - i as f32)
@@ -142,6 +144,7 @@ fn spline(p: [Vec3; 4], t: f32) -> Vec3 {
 impl Tuft {
     /// The tuft as a mesh, hairs first.
     pub fn mesh(&self, detail: TuftDetail) -> Mesh {
+        // Ribbons are turned about their hairs at random, so that the tuft looks the same from all sides.
         let turn = |i: usize| {
             let key = child(child(self.key, word("turn")), i as u64);
             Rng::from_key(key).unit_f32() * std::f32::consts::PI
@@ -171,6 +174,7 @@ impl Tuft {
         order.truncate(kept);
         order.sort_unstable();
         let mut out = Curves { counts: Vec::new(), points: Vec::new(), widths: Vec::new(), ..self.hairs.clone() };
+        // First point of every hair by a running sum; copy the points of those that stay.
         let starts: Vec<usize> =
             self.hairs.counts.iter().scan(0, |s, c| Some(std::mem::replace(s, *s + *c as usize))).collect();
         for i in order {

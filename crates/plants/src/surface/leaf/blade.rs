@@ -184,6 +184,7 @@ fn add_half(
     detail: BladeDetail,
     reversed: bool,
 ) {
+    // Points of the margin; base and tip are shared with the midrib.
     let last = half.margin.len() - 1;
     let (base, tip) = (midrib[0], midrib[midrib.len() - 1]);
     let vein_points = detail.vein_points();
@@ -322,6 +323,7 @@ fn petiole(spec: &BladeSpec, variation: &BladeVariation, outline: &BladeOutline,
         for j in 0..sides {
             let angle = j as f32 / sides as f32 * std::f32::consts::TAU;
             let (sin, cos) = (math::sin_f32(angle), math::cos_f32(angle));
+            // Elliptic section of equal area: semi-axes r / sqrt(f) across and r sqrt(f) along the normal.
             let flat = spec.petiole_flatness.sqrt();
             mesh.points.push(*c + (Vec3::X * (cos / flat) + up * (sin * flat)) * *r);
             let end = if i == 0 {

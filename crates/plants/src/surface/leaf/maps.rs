@@ -152,6 +152,7 @@ impl BladeRaster<'_> {
 
 /// Rasterizes the distances to all veins and to the margin.
 fn vein_distances(spec: &BladeSpec, outline: &BladeOutline, grid: &BladeRaster<'_>) -> VeinDistances {
+    // Distance fields, initialized to the farthest distance that any map looks at.
     let far = spec.length * SHOULDER;
     let blank = || vec![far; grid.side * grid.side];
     let mut f = VeinDistances { main: blank(), branch: blank(), fine: blank(), margin: blank() };

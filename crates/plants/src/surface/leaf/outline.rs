@@ -38,6 +38,7 @@ impl BladeHalf {
     /// Source: Visvalingam and Whyatt 1993, "Line generalisation by repeated elimination of points".
     pub fn simplify(&mut self, most: usize) {
         while self.margin.len() > most {
+            // Visvalingam's measure: the area of the triangle with both neighbours.
             let fixed = |i: usize| self.veins.iter().any(|v| v.at == i);
             let area = |i: usize| {
                 let [a, b, c] = [i - 1, i, i + 1].map(|k| self.margin[k]);
@@ -126,6 +127,7 @@ fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     let mut wobble = |amount: f64| math::narrow(draw.range(-amount, amount));
     let mut out = vec![Vec2::ZERO, Vec2::new(0.1, 0.02)];
     let n = lobes as f32;
+    // Lobes are spaced evenly between 13 and 89 % of the length; bays lie midway.
     let height = |k: f32| 0.13 + 0.76 * (k + 0.5) / (n + 0.2);
     let step = height(1.0) - height(0.0);
     for i in 0..lobes {

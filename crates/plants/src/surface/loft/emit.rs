@@ -18,6 +18,7 @@ use osier_scene::{Mesh, Subset};
 pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layout: SkinLayout, skin: &mut PlantSkin) {
     let circles = CircleTables::new(options.sides.1);
     let (points, triangles) = (layout.points as usize, layout.triangles as usize);
+    // Reuse the old buffers: a skin of a million points costs more in page faults than in arithmetic.
     let old = std::mem::take(&mut skin.mesh);
     skin.mesh = Mesh {
         points: sized(old.points, points),
@@ -135,6 +136,7 @@ fn write_start(tube: &TubeInputs<'_>, out: &mut TubeWriter<'_>) -> Option<u32> {
 fn write_end(tube: &TubeInputs<'_>, ring: &Ring, below: u32, out: &mut TubeWriter<'_>) {
     let n = tube.params.sides;
     let base = tube.point_ring(ring, v_scale(tube.context.options, &tube.params));
+    // The ring shifted along its tangent, for domes and tips; v goes on as on the wall.
     let raised = |height: f32, v: f32| PointRing {
         c: base.c + ring.t * (height * ring.r),
         uv: [base.uv[0], base.uv[1], base.uv[2] + v],

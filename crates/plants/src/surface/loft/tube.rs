@@ -54,6 +54,7 @@ impl<'a> TubeInputs<'a> {
         let e = rolled(ring.t, ring.e, self.params.roll);
         // The normal of a cone of slope m is (radial - m tangent) / sqrt(1 + m^2).
         let radial = 1.0 / (1.0 + ring.slope * ring.slope).sqrt();
+        // v of the ring: offset of the tube plus the scaled coordinate along it.
         let v = self.params.uv[1] + v_scale * v_coordinate(self.context.options, ring);
         PointRing {
             c: ring.c,

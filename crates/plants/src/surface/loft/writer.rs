@@ -44,6 +44,7 @@ impl TubeWriter<'_> {
     pub fn ring(&mut self, ring: &PointRing, circle: &[CirclePoint]) -> u32 {
         let from = self.points_written as usize;
         let to = from + circle.len();
+        // Scaled axes of the ring's plane: p = c + x cos + y sin, and the same for normals.
         let (x, y) = (ring.e * ring.r, ring.b * ring.r);
         let (nx, ny) = (ring.e * ring.radial, ring.b * ring.radial);
         let targets =
@@ -77,6 +78,7 @@ impl TubeWriter<'_> {
 
     /// Joins two rings of `n` sides by a strip of quads; `a`, `b`: first points of the lower and the upper ring.
     pub fn quad_strip(&mut self, a: u32, b: u32, n: u32) {
+        // Quad (j, j + 1) of both rings, split along the diagonal from lower left to upper right.
         let to = self.triangles_written + 2 * n as usize;
         for (pair, j) in self.triangles[self.triangles_written..to].chunks_exact_mut(2).zip(0..n) {
             pair[0] = [a + j, a + j + 1, b + j + 1];

@@ -75,6 +75,7 @@ pub fn terrain_material(
         return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
     }
     let patterns = TerrainNoise::new(land.size, side, seed);
+    // Slope and relative height decide the layers; noises break their borders.
     let ground = TerrainShape::new(land);
     let (xs, n) = (pixel_centres(side), side as f32);
     let rows: Vec<u32> = (0..side).collect();
@@ -110,6 +111,7 @@ impl TerrainNoise {
         let most = (side / 2).max(1);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
         let fractal = |k: u64, (length, octaves): (f32, u32)| {
+            // At most one lattice cell per two pixels (Nyquist), and as many octaves as fit below that.
             let cells = (size / length).round().clamp(1.0, most as f32) as u32;
             FractalNoise::new(
                 seed.wrapping_mul(64).wrapping_add(k << 3),
@@ -141,6 +143,7 @@ impl TerrainShape {
         let rows: Vec<usize> = (0..land.side).collect();
         let row = |&j: &usize| {
             let one = |i: usize| {
+                // Slope from the normal; height above the smoothed land tells crests (positive) from hollows.
                 let slope = osier_base::math::acos_f32(land.normal(i, j, 1).y.clamp(-1.0, 1.0));
                 [slope, land.height(i, j) - broad.height(i, j)]
             };
@@ -159,6 +162,7 @@ impl TerrainShape {
             (i, u - i as f32)
         };
         let ((i, f), (j, g)) = (split(x), split(y));
+        // Bilinear interpolation of slope and relative height.
         let row = |j: usize| {
             let [a, b] = [self.cells[j * self.side + i], self.cells[j * self.side + i + 1]];
             [0, 1].map(|k| osier_base::math::lerp(a[k], b[k], f))

@@ -15,6 +15,7 @@ impl Terrain {
     pub fn tiles(&self) -> Vec<(String, Mesh)> {
         let cells = (self.side - 1) / self.stride;
         let count = cells.div_ceil(MAX_TILE_CELLS);
+        // Cuts at whole cells, so that tiles differ by one cell at most.
         let cut = |t: usize| t * cells / count;
         let all: Vec<[usize; 2]> = (0..count).flat_map(|r| (0..count).map(move |c| [r, c])).collect();
         par_map(&all, |&[r, c]| {
@@ -41,6 +42,7 @@ impl Terrain {
                 #[allow(clippy::cast_possible_truncation, reason = "at most 65,535")]
                 let [first, width] = [(j - along[0]) * width + (i - across[0]), width].map(|k| k as u32);
                 let [a, b, c, d] = [first, first + 1, first + width, first + width + 1];
+                // Two triangles, along the diagonal of the smaller height difference.
                 let [ha, hb, hc, hd] = self.corners(i * s, j * s);
                 let halves = if splits_along_main_diagonal(ha, hb, hc, hd) {
                     [[a, d, b], [a, c, d]]

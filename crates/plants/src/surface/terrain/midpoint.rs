@@ -76,6 +76,7 @@ impl Terrain {
             };
             (0..squares).map(one).collect::<Vec<f32>>()
         });
+        // Write the new heights back in order; the rows were computed in parallel from the old ones.
         for (j, row) in done.iter().enumerate() {
             let at = (j * step + step / 2) * self.side + step / 2;
             row.iter().zip(self.heights[at..].iter_mut().step_by(step)).for_each(|(from, to)| *to = *from);

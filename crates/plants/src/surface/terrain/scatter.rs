@@ -122,6 +122,7 @@ impl ScatterGrid {
         let edge = params.spacing * std::f32::consts::FRAC_1_SQRT_2;
         let half = land.size * 0.5;
         let last = ((land.size / edge).ceil() as usize).max(1) - 1;
+        // Only cells that the disc touches are visited; cells keep the numbers that they have over the whole land.
         let span = |axis: usize| match params.disc {
             None => [0, last],
             Some(d) => {
@@ -172,6 +173,7 @@ pub fn scatter(
     for round in 0..CANDIDATES_PER_CELL {
         let key = child(key, u64::from(round));
         candidates.clear();
+        // Candidates of this round: one in every empty cell, ordered by a random priority.
         let free = (0_u32..).zip(&grid).filter(|(_, g)| **g == EMPTY);
         candidates.extend(free.map(|(c, _)| (candidate_rng(&cells, key, c as usize).next_u64(), c)));
         // The order of acceptance is random, but the same however the cells are visited.
@@ -181,6 +183,7 @@ pub fn scatter(
                 return Ok(points);
             }
             let cell = *cell as usize;
+            // Every candidate has a stream of its own: position, acceptance, and what the caller draws later.
             let mut rng = candidate_rng(&cells, key, cell);
             rng.next_u64();
             let at = candidate_position(&cells, land, cell, &mut rng);
@@ -234,6 +237,7 @@ fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
         return 0.0;
     }
     if params.clump > 0.0 {
+        // Patches: the noise is thresholded softly, so that their borders thin out.
         let p = at.map(|v| v / params.clump);
         chance *= smoothstep(-0.12, 0.16, noise::fractal2(mix64(&[0xC1_0D]), p, [1 << 20, 1 << 20], 3));
     }
@@ -253,6 +257,7 @@ fn keeps_spacing(
     at: [f32; 2],
     spacing: f32,
 ) -> bool {
+    // Five by five cells around the candidate; each holds one point at most.
     let width = cells.width();
     let (row, column) = (cell / width, cell % width);
     let rows = grid.len() / width;
