@@ -160,7 +160,7 @@ fn rain_is_read_and_its_faults_told() {
     let good = format!("{plant}[rain]\nrate_mm_per_h = 30\n[rain.drop]\ncontact_angle_deg = 62\n");
     let r = read(&good, &[]).expect("rain");
     let rain = r.rain.expect("rain");
-    assert!((rain.drop.contact_angle.to_degrees() - 62.0).abs() < 1e-9 && (rain.keys.rate - 30.0).abs() < 1e-9);
+    assert!((rain.drop.contact_angle.to_degrees() - 62.0).abs() < 1e-9 && (rain.keys.rate * 3.6e6 - 30.0).abs() < 1e-9);
     let paper = read(&format!("{plant}[rain]\npreset = \"paper\"\n[rain.drop]\nfriction_coefficient = 0.1\n"), &[])
         .expect("paper");
     let paper = paper.rain.expect("rain");
@@ -170,7 +170,7 @@ fn rain_is_read_and_its_faults_told() {
             && paper.drop.omega.is_some()
     );
     for (set, code, said) in [
-        ("rain.drop.contact_angle_deg=20", "S004", "must rise from receding over theta to advancing"),
+        ("rain.drop.contact_angle_deg=20", "S004", "must rise from receding over contact_angle to advancing"),
         ("rain.drop.contact_angle_deg=nan", "S003", "contact_angle_deg"),
         ("rain.rate_mm_per_h=1e999", "S003", "not finite"),
         ("rain.envelope=keys", "S006", "rising times"),

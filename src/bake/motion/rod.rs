@@ -15,8 +15,8 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::keyframes::Keyframes;
 use osier_base::math;
 use osier_motion::rods::{
-    Actuation, AttachedBody, ClampKind, Integrator, MAX_GAUSS_SEIDEL_STIFFNESS, RodClip, RodDescription, RodMaterial,
-    RodPose, RodSystem,
+    Actuation, AttachedBody, ClampKind, Integrator, MAX_GAUSS_SEIDEL_STIFFNESS, RecordingParams, RodDescription,
+    RodMaterial, RodPose, RodSystem,
 };
 use osier_plants::surface::rod_tube::{CLOSE_UP, TubeSection, ball, tube};
 use osier_scene::{
@@ -193,7 +193,7 @@ impl<'a> RodAssembly<'a> {
             let (tip, length) = (DVec3::from_array(rod.keys.launch), self.lines[k].length());
             if tip != DVec3::ZERO {
                 for i in self.rods.sections(k) {
-                    self.rods.set_section_velocity(i, tip * (self.rods.arc_length(i) / length));
+                    self.rods.set_linear_velocity(i, tip * (self.rods.arc_length(i) / length));
                 }
             }
         }
@@ -233,7 +233,7 @@ impl<'a> RodAssembly<'a> {
         };
         let frames = u32::try_from(recipe.clip.len()).unwrap_or(u32::MAX);
         let drags: Vec<f64> = self.members.iter().map(|r| r.keys.drag).collect();
-        let clip = RodClip {
+        let clip = RecordingParams {
             frames,
             first: recipe.clip.start,
             fps: recipe.clip.fps(),
@@ -296,7 +296,7 @@ impl<'a> RodAssembly<'a> {
     }
 
     fn drawn(&self, i: usize) -> (Vec3, Quat) {
-        let f = self.rods.rest_frame(i);
+        let f = self.rods.reference_frame(i);
         (f.p.as_vec3(), f.rotation().as_quat().normalize())
     }
 

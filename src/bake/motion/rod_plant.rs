@@ -252,7 +252,7 @@ impl SkinBinding {
             bound: Vec::new(),
             groups: Vec::new(),
         };
-        all.rest = (0..rods.len()).map(|i| all.local(&rods.rest_frame(i))).collect();
+        all.rest = (0..rods.len()).map(|i| all.local(&rods.reference_frame(i))).collect();
         // Rods come wood first, so that with few joints it is leaves that share them.
         let mut carried = 0;
         for i in 0..rods.len() {

@@ -268,7 +268,7 @@ impl Resolver<'_> {
             span_of(table, &["drop", "contact_angle_deg"]).or_else(|| span_of(table, &["drop"])).unwrap_or(self.whole);
         let deg = f64::to_degrees;
         let text = format!(
-            "contact angles must rise from receding over theta to advancing, but are {:.0}, {:.0}, {:.0} degrees",
+            "contact angles must rise from receding over contact_angle to advancing, but are {:.0}, {:.0}, {:.0} degrees",
             deg(drop.receding),
             deg(drop.contact_angle),
             deg(drop.advancing)

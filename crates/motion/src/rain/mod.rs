@@ -67,7 +67,7 @@ mod target;
 mod tuning;
 
 pub use collide::LeafCollider;
-pub use drops::pendant_profile::PendantShapes;
+pub use drops::pendant_profile::PendantFamily;
 pub use drops::rain_leaf::{DropCounters, RainLeaf, WetSpot};
 pub use drops::spherical_cap::{CapDeformation, CapShape, SphericalCap, UndeformedPoint, WettingParams};
 pub use drops::surface_drop::DropCap;

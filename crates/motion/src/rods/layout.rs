@@ -287,7 +287,7 @@ impl RodTree {
         [0, 1].map(|k| match (self.predecessors[i][k], self.sections[i].base[k]) {
             (_, base) if base != NONE => {
                 let base = &self.bases[base as usize];
-                SectionFrame::from_corners(&x[base.on as usize]).corners_to_world(&base.local)
+                SectionFrame::from_corners(&x[base.on as usize]).local_positions_to_world(&base.local)
             }
             (NONE, _) => x[i],
             (on, _) => x[on as usize],

@@ -38,6 +38,6 @@ mod tuning;
 pub use layout::{RodDescription, RodMaterial};
 pub use plant::{RodPlant, RodPlantParams, SectionBlend};
 pub use prism::SectionFrame;
-pub use record::{Actuation, Integrator, MAX_SUBSTEPS, RodClip, RodPose};
+pub use record::{Actuation, Integrator, MAX_SUBSTEPS, RecordingParams, RodPose};
 pub use solver::{MAX_GAUSS_SEIDEL_STIFFNESS, StepFailure};
 pub use system::{AttachedBody, ClampKind, RodClamp, RodSystem};

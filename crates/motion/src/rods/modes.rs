@@ -1,6 +1,6 @@
 //! Fundamental frequency of each rod, and the Rayleigh damping that follows from it.
 
-use crate::rods::system::{RodDamping, RodSystem};
+use crate::rods::system::{RodModalParams, RodSystem};
 use osier_base::math;
 
 /// Mass of a section and its attached bodies, kg, with the first and second moment along the rod about the section, kg
@@ -31,7 +31,7 @@ impl RodSystem {
             } else {
                 (0.0, 2.0 * material.damping_ratio / w)
             };
-            self.dampings[rod] = RodDamping { hertz, recovery: recovery * swing * swing, mass, stiffness };
+            self.dampings[rod] = RodModalParams { hertz, recovery: recovery * swing * swing, mass, stiffness };
         }
         self.divergence_limit = self.divergence_radius();
     }

@@ -114,12 +114,12 @@ impl SectionFrame {
     }
 
     /// World positions of corners given in the frame's coordinates `local`, m.
-    pub fn corners_to_world(&self, local: &SectionCorners) -> SectionCorners {
+    pub fn local_positions_to_world(&self, local: &SectionCorners) -> SectionCorners {
         let m = self.matrix();
         corners_from_fn(|c| self.p + m * corner(local, c))
     }
 
-    /// Inverse of [`SectionFrame::corners_to_world`].
+    /// Inverse of [`SectionFrame::local_positions_to_world`].
     pub fn corners_to_local(&self, x: &SectionCorners) -> SectionCorners {
         let m = self.matrix().transpose();
         corners_from_fn(|c| m * (corner(x, c) - self.p))

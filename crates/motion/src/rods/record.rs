@@ -46,7 +46,7 @@ pub enum Actuation {
 }
 
 /// Time range, integrator and actuations of a recording.
-pub struct RodClip<'a> {
+pub struct RecordingParams<'a> {
     /// Number of frames, the start included.
     pub frames: u32,
     /// Number of the first frame, for messages.
@@ -87,7 +87,7 @@ impl RodSystem {
     /// Simulates a clip and returns the pose at each frame; the first is the start.
     /// # Errors
     /// `Simulation` with frame and rod if a step fails, `Limit` for too many substeps, `Cancelled`.
-    pub fn record_clip(&mut self, clip: &RodClip<'_>, cancel: &Cancel) -> Result<Vec<RodPose>> {
+    pub fn record_clip(&mut self, clip: &RecordingParams<'_>, cancel: &Cancel) -> Result<Vec<RodPose>> {
         let n = self.substeps_for_clip(clip)?;
         let mut released: Vec<Option<ReleasedWeight>> = vec![None; self.bodies.len()];
         let mut frames = Vec::new();
@@ -106,7 +106,7 @@ impl RodSystem {
         Ok(frames)
     }
 
-    fn substeps_for_clip(&mut self, clip: &RodClip<'_>) -> Result<u32> {
+    fn substeps_for_clip(&mut self, clip: &RecordingParams<'_>) -> Result<u32> {
         // The count of the clip, or that of the implicit integrators; only explicit ones need a stability bound.
         let explicit = matches!(clip.integrator, Integrator::Symplectic | Integrator::Explicit);
         if let (Some(n), _) | (None, Some(n)) = (clip.steps, (!explicit).then(|| self.steps_per_frame(clip.fps))) {
@@ -151,7 +151,7 @@ impl RodSystem {
     /// number, up to [`MAX_STEP_HALVINGS`] times.
     fn advance_frame(
         &mut self,
-        clip: &RodClip<'_>,
+        clip: &RecordingParams<'_>,
         start: f64,
         n: u32,
         released: &mut [Option<ReleasedWeight>],
@@ -182,7 +182,7 @@ impl RodSystem {
     /// Advances by one frame from time `start`, s, in `n` equal steps; fails where a section leaves the divergence limit.
     fn run_substeps(
         &mut self,
-        clip: &RodClip<'_>,
+        clip: &RecordingParams<'_>,
         start: f64,
         n: u32,
         released: &mut [Option<ReleasedWeight>],
@@ -211,7 +211,7 @@ impl RodSystem {
 
     /// Sets loads, body masses and clamp targets to their keys at time `t`, s, and adds the impulses keyed within
     /// [`from`, `from` + `h`), s; with `h` = [`f64::MAX`] none.
-    fn apply_actuations(&mut self, clip: &RodClip<'_>, from: f64, h: f64, t: f64) {
+    fn apply_actuations(&mut self, clip: &RecordingParams<'_>, from: f64, h: f64, t: f64) {
         self.clear_forces();
         for act in &clip.acts {
             // Impulses act once, in the substep that contains their key; everything else is set to its present value.

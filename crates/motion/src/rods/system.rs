@@ -87,7 +87,7 @@ pub struct AttachedBody {
 
 /// Rayleigh damping and restoring springs of a rod, both derived from its fundamental frequency.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct RodDamping {
+pub(crate) struct RodModalParams {
     /// Fundamental frequency without restoring springs, Hz.
     pub hertz: f64,
     /// Stiffness of the restoring springs per mass, 1/s^2.
@@ -114,7 +114,7 @@ pub struct RodSystem {
     pub gravity: DVec3,
     /// Gravity does not act on wood and plant bodies, so that the reference shape is in equilibrium.
     pub weightless: bool,
-    pub(crate) dampings: Vec<RodDamping>,
+    pub(crate) dampings: Vec<RodModalParams>,
     /// Per rod: the frame in which its rest positions are constant.
     anchors: Vec<RestAnchor>,
     /// Rest positions in the anchor's frame, m.
@@ -206,7 +206,7 @@ impl RodSystem {
             external_forces: zero,
             share: 1.0,
             history_reset: true,
-            dampings: vec![RodDamping::default(); rods.len()],
+            dampings: vec![RodModalParams::default(); rods.len()],
             anchors: vec![RestAnchor::None; rods.len()],
             rest_positions: tree.reference.clone(),
             bodies: Vec::new(),
@@ -318,7 +318,7 @@ impl RodSystem {
     }
 
     /// Frame of a section in the reference shape, m.
-    pub fn rest_frame(&self, section: usize) -> SectionFrame {
+    pub fn reference_frame(&self, section: usize) -> SectionFrame {
         SectionFrame::from_corners(&self.tree.reference[section])
     }
 
@@ -326,7 +326,7 @@ impl RodSystem {
     pub fn base_attachment(&self, rod: usize) -> Option<(usize, SectionFrame)> {
         let base = &self.tree.bases[self.tree.rods[rod].base?];
         let on = base.on as usize;
-        Some((on, SectionFrame::from_corners(&self.rest_frame(on).corners_to_world(&base.local))))
+        Some((on, SectionFrame::from_corners(&self.reference_frame(on).local_positions_to_world(&base.local))))
     }
 
     /// Radius at a section, m.
@@ -386,7 +386,7 @@ impl RodSystem {
     }
 
     /// Sets the velocity of a section, m/s.
-    pub fn set_section_velocity(&mut self, section: usize, velocity: DVec3) {
+    pub fn set_linear_velocity(&mut self, section: usize, velocity: DVec3) {
         self.v[section] = corners_from_fn(|_| velocity);
     }
 
@@ -468,21 +468,21 @@ impl RodSystem {
         for (load, (f, blow)) in self.step.load.iter_mut().zip(self.external_forces.iter().zip(&self.impulse_forces)) {
             (0..9).for_each(|k| load[k] = f[k] + self.share * blow[k]);
         }
-        self.add_gravity();
+        self.add_weight_and_spin_loads();
         for rod in 0..self.tree.rods.len() {
-            self.add_restoring_reaction(rod);
+            self.add_anchor_reaction(rod);
         }
         for rod in 0..self.tree.rods.len() {
             // Rest positions move with their anchor over the step.
             let frame = self.predicted_anchor_frame(rod, h);
             for i in self.tree.rods[rod].sections.clone() {
                 self.step.places[i] =
-                    frame.map_or(self.rest_positions[i], |f| f.corners_to_world(&self.rest_positions[i]));
+                    frame.map_or(self.rest_positions[i], |f| f.local_positions_to_world(&self.rest_positions[i]));
             }
         }
     }
 
-    fn add_gravity(&mut self) {
+    fn add_weight_and_spin_loads(&mut self) {
         let Self { tree, bodies, x, v, step, gravity, weightless, .. } = self;
         if !*weightless {
             for (load, section) in step.load.iter_mut().zip(&tree.sections) {
@@ -507,7 +507,7 @@ impl RodSystem {
     }
 
     /// Adds the reaction of a rod's restoring springs to the section that is its anchor.
-    fn add_restoring_reaction(&mut self, rod: usize) {
+    fn add_anchor_reaction(&mut self, rod: usize) {
         let RestAnchor::Section(on) = self.anchors[rod] else { return };
         let recovery = self.dampings[rod].recovery;
         if recovery <= 0.0 {

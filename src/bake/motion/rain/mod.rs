@@ -24,7 +24,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
-    AlphaMask, DropMesh, DropParams, LeafAttachment, LeafCollider, LeafPose, LeafSurface, LeafWaterMaps, PendantShapes,
+    AlphaMask, DropMesh, DropParams, LeafAttachment, LeafCollider, LeafPose, LeafSurface, LeafWaterMaps, PendantFamily,
     RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, VeinMap,
     WoodSegment, sphere_diameter,
 };
@@ -87,7 +87,7 @@ pub struct RainPlayback {
     slots: Vec<Vec<u32>>,
     capacity: usize,
     /// Shapes of what hangs, by the bits of the radius.
-    shapes: BTreeMap<u64, PendantShapes>,
+    shapes: BTreeMap<u64, PendantFamily>,
     material: u32,
     maps: Mutex<LeafMapState>,
     /// Whether water alone has maps, too.
@@ -395,10 +395,10 @@ fn moisten(plants: &mut [Vec<AssetFrame>], found: &[SceneLeaf], wetness: &[f64])
     }
 }
 
-fn shapes(moments: &[RainFrame], g: f64) -> BTreeMap<u64, PendantShapes> {
+fn shapes(moments: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
     let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.pendant).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
-    let made = par_map(&radii, |bits| PendantShapes::new(f64::from_bits(*bits), g));
+    let made = par_map(&radii, |bits| PendantFamily::new(f64::from_bits(*bits), g));
     radii.into_iter().zip(made).collect()
 }
 

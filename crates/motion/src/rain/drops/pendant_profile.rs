@@ -133,7 +133,7 @@ fn integrate_profile(b: f64, radius: f64, end: ProfileBranch) -> Option<ScaledPr
 
 /// The family of profiles of one radius of attachment. Its limits are found once, as they cost more than a profile.
 #[derive(Debug, Clone, Copy)]
-pub struct PendantShapes {
+pub struct PendantFamily {
     /// Capillary length, m.
     capillary_length: f64,
     /// Radius of attachment, m.
@@ -146,7 +146,7 @@ pub struct PendantShapes {
     scaled_last: f64,
 }
 
-impl PendantShapes {
+impl PendantFamily {
     /// Profiles from a circle of `radius`, m, under gravity `g`, m/s^2.
     pub fn new(radius: f64, g: f64) -> Self {
         let capillary_length = math::sqrt(WATER_SURFACE_TENSION / (WATER_DENSITY * g.max(MIN_GRAVITY)));
@@ -308,7 +308,7 @@ mod tests {
         let most = max_pendant_volume(1e-3, 9.81);
         for k in 1..40 {
             let v = most * f64::from(k) / 40.0;
-            let shape = PendantShapes::new(1e-3, 9.81).profile(v);
+            let shape = PendantFamily::new(1e-3, 9.81).profile(v);
             let found = profile_volume(&shape);
             assert!((found / v - 1.0).abs() < 1e-3, "{k}: {v} {found}");
             let length = shape.last().expect("points")[1];
@@ -320,7 +320,7 @@ mod tests {
 
     #[test]
     fn what_thins_keeps_its_water_and_its_seat() {
-        let shape = PendantShapes::new(1.5e-3, 9.81).profile(max_pendant_volume(1.5e-3, 9.81));
+        let shape = PendantFamily::new(1.5e-3, 9.81).profile(max_pendant_volume(1.5e-3, 9.81));
         let (whole, [seat, mut length]) = (profile_volume(&shape), shape.last().copied().expect("points"));
         let neck = |p: &[[f64; 2]]| {
             let high = p.last().expect("points")[1];

@@ -380,7 +380,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn places_and_ways_agree() {
+    fn point_at_and_uv_offset_of_a_flat_blade() {
         let blade = LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade");
         let point = blade.point_at(DVec2::new(0.3, 0.7), 2.0).expect("inside");
         assert!(point.p.distance(DVec3::new(-0.016, 0.112, 0.0)) < 1e-8, "{:?}", point.p);

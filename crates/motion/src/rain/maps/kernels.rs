@@ -210,7 +210,7 @@ impl<T: TexelKernel> WithSimd for MaxBlendPass<'_, T> {
         let mut count = 0;
         let last = window.hi[1].min(rows.end);
         for first in (window.lo[1].max(rows.start)..last).step_by(TILE) {
-            for (y, bounds) in (first..last).zip(window.column_bounds(first)) {
+            for (y, bounds) in (first..last).zip(window.tile_row_bounds(first)) {
                 // Intersect the window's columns of this row with the spans to process.
                 let columns = window.clamp_columns(bounds);
                 for span in spans.row(y) {

@@ -88,7 +88,7 @@ pub struct LeafMaps {
 }
 
 /// The maps of one leaf while a frame updates them.
-struct MapBuffers<'a> {
+struct WorkingMaps<'a> {
     height: &'a mut Vec<f32>,
     wetness: &'a mut Vec<f32>,
     normal: &'a mut Vec<[f32; 3]>,
@@ -102,7 +102,7 @@ pub struct LeafWaterMaps {
     full: RowSpans,
     scale: f32,
     /// Half-lives of wetness up to the last frame.
-    half_lives_until: f64,
+    elapsed_half_lives: f64,
     /// Ratio of the exact decay up to the last frame to that of the maps, whose factors are rounded.
     decay_residual: f64,
     /// Caps of the last frame in the order of their keys.
@@ -135,7 +135,7 @@ impl LeafWaterMaps {
             full: RowSpans::full(raster.side),
             raster,
             scale: narrow(scale),
-            half_lives_until: 0.0,
+            elapsed_half_lives: 0.0,
             decay_residual: 1.0,
             stamps: Vec::new(),
             maps,
@@ -168,7 +168,7 @@ impl LeafWaterMaps {
         let stamps = self.cap_stamps(blade, caps);
         let dirty = self.dirty_spans(&stamps);
         self.stamps = stamps;
-        let decay = self.advance_decay(t, params);
+        let decay = self.next_decay_factor(t, params);
         // A dry leaf whose drops rest costs no more than this comparison.
         if wet_spots.is_empty() && !dirty.any() && !self.damp.contains(&true) {
             return;
@@ -190,7 +190,7 @@ impl LeafWaterMaps {
         let full = TexelWindow::full(self.raster.side);
         self.stamps = self.cap_stamps(blade, caps);
         self.stamps.iter_mut().for_each(|s| s.window = full);
-        let decay = self.advance_decay(t, params);
+        let decay = self.next_decay_factor(t, params);
         let mut wet_spots = self.wet_spot_stamps(blade, wet_spots, t, params);
         wet_spots.iter_mut().for_each(|s| s.window = full);
         self.damp.fill(true);
@@ -200,7 +200,7 @@ impl LeafWaterMaps {
     /// Applies an update band by band of tile rows, so that a band stays in the processor's cache from its caps to its wet spots.
     fn update(&mut self, update: &FrameUpdate) {
         let mut maps = std::mem::take(&mut self.maps);
-        let own = &mut MapBuffers {
+        let own = &mut WorkingMaps {
             height: Arc::make_mut(&mut maps.height),
             wetness: Arc::make_mut(&mut maps.wetness),
             normal: Arc::make_mut(&mut maps.normal),
@@ -224,14 +224,14 @@ impl LeafWaterMaps {
     }
 
     /// Moves the time of the wetness on to `t`, s; returns the fraction of the wetness of the last frame that is left.
-    fn advance_decay(&mut self, t: f64, params: &DropParams) -> f32 {
+    fn next_decay_factor(&mut self, t: f64, params: &DropParams) -> f32 {
         // The factor is rounded to single precision. Its relative error is kept and corrected by the next factor, so that rounding
         // does not accumulate over the clip.
-        let half_lives_until = half_lives_until(t, params);
-        let exact = math::pow(2.0, self.half_lives_until - half_lives_until) * self.decay_residual;
+        let elapsed_half_lives = elapsed_half_lives(t, params);
+        let exact = math::pow(2.0, self.elapsed_half_lives - elapsed_half_lives) * self.decay_residual;
         let rounded = narrow(exact);
         self.decay_residual = if rounded > 0.0 { exact / f64::from(rounded) } else { 1.0 };
-        self.half_lives_until = half_lives_until;
+        self.elapsed_half_lives = elapsed_half_lives;
         rounded
     }
 
@@ -294,7 +294,7 @@ impl LeafWaterMaps {
     }
 
     /// Recomputes the heights of a band's dirty texels: the maximum over all caps.
-    fn update_heights(&mut self, maps: &mut MapBuffers<'_>, dirty: &DirtySpans, band: usize) {
+    fn update_heights(&mut self, maps: &mut WorkingMaps<'_>, dirty: &DirtySpans, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_rows(band));
         // Caps that have not changed are drawn again where they overlap dirty texels. The maximum does not depend on their order.
@@ -310,14 +310,14 @@ impl LeafWaterMaps {
     }
 
     /// Recomputes the normals of a band's texels whose own or neighbouring heights are dirty.
-    fn update_normals(&mut self, maps: &mut MapBuffers<'_>, dirty: &DirtySpans, band: usize) {
+    fn update_normals(&mut self, maps: &mut WorkingMaps<'_>, dirty: &DirtySpans, band: usize) {
         for y in self.band_rows(band) {
             dirty.normals.row(y).iter().for_each(|span| self.update_row_normals(maps, y, *span));
         }
     }
 
     /// Recomputes the normals of a span of row `y` by central differences of the heights, one-sided at the edges of the map.
-    fn update_row_normals(&mut self, maps: &mut MapBuffers<'_>, y: usize, span: ColumnSpan) {
+    fn update_row_normals(&mut self, maps: &mut WorkingMaps<'_>, y: usize, span: ColumnSpan) {
         let ColumnSpan { start, end } = span;
         let n = self.raster.side;
         self.counters.normals += (end - start) as u64;
@@ -325,7 +325,7 @@ impl LeafWaterMaps {
         // raster's slope factors are those of scale 1.
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
         let inverse_distance = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
-        let MapBuffers { height, normal, .. } = maps;
+        let WorkingMaps { height, normal, .. } = maps;
         let (inner, outer) = (start.max(1), end.min(n - 1));
         // Texels with neighbours on both sides, by vectors.
         let texels = y * n + inner..y * n + outer;
@@ -359,11 +359,11 @@ impl LeafWaterMaps {
         let n = self.raster.side as f64;
         // A spot that became wet between two frames has dried since. Most spots have one of few times, so the last power is
         // reused while the time repeats.
-        let now = half_lives_until(t, params);
+        let now = elapsed_half_lives(t, params);
         let mut last: Option<(f64, f32)> = None;
         let mut peak = |t: f64| match last {
             Some((time, peak)) if time.to_bits() == t.to_bits() => peak,
-            _ => last.insert((t, narrow(math::pow(2.0, (half_lives_until(t, params) - now).min(0.0))))).1,
+            _ => last.insert((t, narrow(math::pow(2.0, (elapsed_half_lives(t, params) - now).min(0.0))))).1,
         };
         let stamp = |spot: &WetSpot| {
             let point = blade.point_at(spot.uv, f64::from(self.scale))?;
@@ -383,7 +383,7 @@ impl LeafWaterMaps {
     }
 
     /// Raises the wetness of a band's texels to that of the spots over them.
-    fn stamp_wet_spots(&mut self, maps: &mut MapBuffers<'_>, stamps: &[WetSpotStamp], band: usize) {
+    fn stamp_wet_spots(&mut self, maps: &mut WorkingMaps<'_>, stamps: &[WetSpotStamp], band: usize) {
         let arch = kernels::arch();
         let rows = self.band_rows(band);
         let spans = &self.full;
@@ -395,7 +395,7 @@ impl LeafWaterMaps {
     }
 
     /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped from then on.
-    fn dry(&mut self, maps: &mut MapBuffers<'_>, decay: f32, band: usize) {
+    fn dry(&mut self, maps: &mut WorkingMaps<'_>, decay: f32, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_rows(band));
         let tiles = n.div_ceil(TILE);
@@ -416,8 +416,8 @@ impl LeafWaterMaps {
     }
 }
 
-/// Number of half-lives of wetness up to time `t`, s: decay_fraction^(t / decay_time) = 2^-half_lives_until.
-fn half_lives_until(t: f64, params: &DropParams) -> f64 {
+/// Number of half-lives of wetness up to time `t`, s: decay_fraction^(t / decay_time) = 2^-elapsed_half_lives.
+fn elapsed_half_lives(t: f64, params: &DropParams) -> f64 {
     -t / params.decay_time * (math::ln(params.decay_fraction) / std::f64::consts::LN_2)
 }
 

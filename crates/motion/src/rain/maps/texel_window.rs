@@ -63,7 +63,7 @@ impl TexelWindow {
     /// Fractional bounds of the columns of [`TILE`] rows from `first` on. All rows at once, as the processor takes several square
     /// roots together and most windows are narrow.
     #[inline(always)]
-    pub fn column_bounds(&self, first: usize) -> [[f64; 2]; TILE] {
+    pub fn tile_row_bounds(&self, first: usize) -> [[f64; 2]; TILE] {
         let mut bounds = [[0.0; TILE]; 2];
         let y = first as f64 + 0.5 - self.center.y;
         let [starts, ends] = &mut bounds;

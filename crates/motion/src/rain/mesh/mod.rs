@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::drops::pendant_profile::{PendantShapes, necked_profile};
+use crate::rain::drops::pendant_profile::{PendantFamily, necked_profile};
 use crate::rain::drops::rain_leaf::RainLeaf;
 use crate::rain::drops::spherical_cap::SphericalCap;
 use crate::rain::frame::{PendantDrop, SessileDrop};
@@ -319,7 +319,7 @@ impl DropMesh {
     }
 
     /// Adds a pendant drop as a surface of revolution. `shapes`: profiles of its radius of attachment.
-    pub fn add_pendant(&mut self, pose: &LeafPose, drop: &PendantDrop, shapes: &PendantShapes) {
+    pub fn add_pendant(&mut self, pose: &LeafPose, drop: &PendantDrop, shapes: &PendantFamily) {
         // The profile by volume, thinned if the drop is about to detach.
         let profile = necked_profile(&shapes.profile(drop.volume), drop.necking);
         let Some([_, length]) = profile.last().copied() else { return };
@@ -550,7 +550,7 @@ mod tests {
             let drop =
                 PendantDrop { id: 1, leaf: 0, p: DVec3::new(0.0, 0.08, 0.0), radius: 1e-3, axis, volume, necking: 0.0 };
             let mut water = DropMesh::default();
-            water.add_pendant(&pose, &drop, &PendantShapes::new(1e-3, 9.81));
+            water.add_pendant(&pose, &drop, &PendantFamily::new(1e-3, 9.81));
             let found = closed_volume(&water.mesh);
             let seat = PI * 1e-9 * SEAT_HEIGHT * 2.0 / 3.0;
             assert!(((found - seat) / volume - 1.0).abs() < 0.03, "{volume} {found}");

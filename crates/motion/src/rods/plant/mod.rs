@@ -244,7 +244,7 @@ impl RodPlant {
             let mut last =
                 self.rods.base_attachment(rod).map(|(on, f)| self.attach_wood_end(Some(on), f.p, self.rods.radius(on)));
             for i in self.rods.sections(rod) {
-                let end = self.attach_wood_end(Some(i), self.rods.rest_frame(i).p, self.rods.radius(i));
+                let end = self.attach_wood_end(Some(i), self.rods.reference_frame(i).p, self.rods.radius(i));
                 if let Some(last) = last {
                     let r = last.r.min(1.5 * end.r);
                     out.push([WoodEnd { r, ..last }, end]);
@@ -257,7 +257,7 @@ impl RodPlant {
 
     /// End of a wood segment at `position`, m, in the world at rest, with `radius`, m, made rigid with a section.
     fn attach_wood_end(&self, section: Option<usize>, position: DVec3, radius: f64) -> WoodEnd {
-        let frame = section.map_or(WORLD_FRAME, |s| self.rods.rest_frame(s));
+        let frame = section.map_or(WORLD_FRAME, |s| self.rods.reference_frame(s));
         WoodEnd { section, p: world_rotation(&frame).conjugate() * (position - frame.p), r: radius }
     }
 

@@ -92,8 +92,8 @@ impl NullaryFnOnce for SpringAssembly<'_> {
             }
             // Tangent stiffness blocks, scaled per rod by 1 + b/ht for the implicit damping.
             if let Some((rows, factors)) = &mut rows {
-                let spring_stiffness = spring_stiffness(&state, &section.stiffness, factors[section.rod]);
-                add_spring_blocks(&spring_stiffness, tree, i, attached_bases, rows);
+                let spring_tangents = spring_tangents(&state, &section.stiffness, factors[section.rod]);
+                add_spring_blocks(&spring_tangents, tree, i, attached_bases, rows);
             }
         }
     }
@@ -116,7 +116,7 @@ fn update_attached_bases(
 ) {
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
-        rider.x = SectionFrame::from_corners(&x[on]).corners_to_world(&base.local);
+        rider.x = SectionFrame::from_corners(&x[on]).local_positions_to_world(&base.local);
         rider.j = RigidSectionMap::from_corners(&x[on]).attachment_jacobian(&rider.x);
         rider.v = matrix_vector(&rider.j, &v[on]);
     }
@@ -127,7 +127,7 @@ type SpringStiffnessMatrices = [[f64; SPRINGS_PER_SECTION]; 6];
 
 /// Tangent stiffness K = k [e e^T + max(0, 1 - L0/|d|) (1 - e e^T)] of each spring, times `factor`.
 #[inline(always)]
-fn spring_stiffness(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64) -> SpringStiffnessMatrices {
+fn spring_tangents(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64) -> SpringStiffnessMatrices {
     let mut out = [[0.0; SPRINGS_PER_SECTION]; 6];
     for i in 0..SPRINGS_PER_SECTION {
         // across 1 + (k - across) e e^T, the same expression with one product per component.
@@ -145,7 +145,7 @@ fn spring_stiffness(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64
 }
 
 #[inline(always)]
-fn spring_matrix(p: &SpringStiffnessMatrices, lane: usize) -> [[f64; 3]; 3] {
+fn unpack_spring_matrix(p: &SpringStiffnessMatrices, lane: usize) -> [[f64; 3]; 3] {
     let [xx, yy, zz, xy, xz, yz] = [p[0][lane], p[1][lane], p[2][lane], p[3][lane], p[4][lane], p[5][lane]];
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
@@ -166,7 +166,7 @@ fn add_spring_blocks(
     let mut other = [[[[0.0; 3]; 3]; 3]; 2];
     // Springs around the section join corners c and c + 1 of the same section.
     for c in 0..3 {
-        let (n, b) = ((c + 1) % 3, spring_matrix(p, c));
+        let (n, b) = ((c + 1) % 3, unpack_spring_matrix(p, c));
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];
@@ -177,7 +177,7 @@ fn add_spring_blocks(
         }
     }
     let mut tie = |lane: usize, which: usize, c: usize, o: usize| {
-        let b = spring_matrix(p, lane);
+        let b = unpack_spring_matrix(p, lane);
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];

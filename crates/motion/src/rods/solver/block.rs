@@ -49,16 +49,16 @@ pub(crate) fn solve_block_system(
     predecessors: &[Predecessors],
     out: &mut [SectionCorners],
 ) -> bool {
-    Arch::new().dispatch(BlockCholesky { rows, predecessors, out })
+    Arch::new().dispatch(BlockSolve { rows, predecessors, out })
 }
 
-struct BlockCholesky<'a> {
+struct BlockSolve<'a> {
     rows: &'a mut [BlockRow],
     predecessors: &'a [Predecessors],
     out: &'a mut [SectionCorners],
 }
 
-impl NullaryFnOnce for BlockCholesky<'_> {
+impl NullaryFnOnce for BlockSolve<'_> {
     type Output = bool;
 
     #[inline(always)]

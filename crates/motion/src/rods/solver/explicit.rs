@@ -179,7 +179,7 @@ impl RodSystem {
         // An attached base is evaluated anew at the present positions of the section that carries it.
         let rider = (base != NONE).then(|| {
             let b = &self.tree.bases[base as usize];
-            let x = SectionFrame::from_corners(&self.step.next[on]).corners_to_world(&b.local);
+            let x = SectionFrame::from_corners(&self.step.next[on]).local_positions_to_world(&b.local);
             (RigidSectionMap::from_corners(&self.step.next[on]).attachment_jacobian(&x), x)
         });
         let there = rider.as_ref().map_or_else(|| corner(&self.step.next[on], o), |(_, x)| corner(x, o));
