@@ -7,7 +7,7 @@ use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, MapLayer, MapSequence, Scene};
 
-/// Side of an atlas, texels: a size that GPUs of the last ten years accept.
+/// Side of an atlas, texels: small enough for the textures of current GPUs (at least 16384) and one file per frame of moderate size.
 pub const ATLAS: usize = 4096;
 /// Texels around a tile that repeat its edge, so that bilinear filtering does not mix in the neighbours.
 pub const BORDER: usize = 2;
