@@ -139,10 +139,10 @@ fn single(context: &Context, path: &Path) -> Result<u8> {
     // well.
     let mesh = if matches!(ending.as_str(), "glb" | "gltf" | "obj") {
         let roots = SearchPaths::new(path, &context.common.search)?;
-        let options = import::Options {
+        let options = import::ImportOptions {
             roots: &roots,
             limits: &context.limits,
-            up: import::Up::Y,
+            up: import::UpAxis::Y,
             scale: 1.0,
             class: MaterialClass::Bark,
         };

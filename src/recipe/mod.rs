@@ -19,7 +19,7 @@ use osier_ifs::game::Extent;
 use osier_ifs::leaf;
 use osier_ifs::stems::TreeSystem;
 use osier_ifs::weights::WeightRule;
-use osier_import::{Grey, Imported};
+use osier_import::{GreyImage, Imported};
 use osier_scene::{AirGrid, Clip};
 pub use resolve::{Request, resolve};
 use syntax::recipe;
@@ -266,7 +266,7 @@ recipe! {
             /// Indices into [`Recipe::plants`], with their weights.
             plants: Vec<(usize, f64)>;
             /// Density over the terrain, if a picture gives it.
-            mask: Option<Grey>;
+            mask: Option<GreyImage>;
         }
     }
 }
@@ -284,7 +284,7 @@ recipe! {
             /// With release from points: places, m.
             starts: Vec<[f64; 3]>;
             /// How wet the ground is, if a picture gives it.
-            wet: Option<Grey>;
+            wet: Option<GreyImage>;
         }
     }
 }

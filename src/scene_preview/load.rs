@@ -12,7 +12,7 @@ use osier_base::files::{self, SearchPaths};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_export::manifest;
-use osier_import::{Options, Up};
+use osier_import::{ImportOptions, UpAxis};
 use osier_preview::{Quality, Subject};
 use osier_scene::{
     Asset, AssetKind, Camera, Clip, Frame, MaterialClass, MeshMotion, MeshObject, Placement, Scene, Sky, Sun, Trs,
@@ -54,7 +54,7 @@ impl PreviewScene {
     pub fn of_mesh_file(path: &Path, search: &[PathBuf], limits: &Limits) -> Result<Self> {
         let bytes = files::read_input(path, limits.get("mesh-bytes"))?;
         let roots = SearchPaths::new(path, search)?;
-        let options = Options { roots: &roots, limits, up: Up::Y, scale: 1.0, class: MaterialClass::Leaf };
+        let options = ImportOptions { roots: &roots, limits, up: UpAxis::Y, scale: 1.0, class: MaterialClass::Leaf };
         let imported = osier_import::read(path, &bytes, &options)?;
         let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let object = MeshObject { name: "mesh".into(), mesh: imported.mesh, motion: MeshMotion::Still, skin: None };

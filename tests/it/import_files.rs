@@ -11,21 +11,21 @@ use glam::{Quat, Vec2, Vec3};
 use osier::Error;
 use osier::export::{Exporter as _, gltf, textures::Textures};
 use osier::files::{Folder, SearchPaths};
-use osier::import::{Imported, Options, Up, read};
+use osier::import::{ImportOptions, Imported, UpAxis, read};
 use osier::limits::Limits;
 use osier::scene::{MaterialClass, Mesh, check_scene};
 
 struct Shop {
     dir: tempfile::TempDir,
     limits: Limits,
-    up: Up,
+    up: UpAxis,
     scale: f32,
 }
 
 impl Shop {
     fn new() -> Self {
         let dir = tempfile::tempdir().expect("dir");
-        Self { dir, limits: Limits::default(), up: Up::Y, scale: 1.0 }
+        Self { dir, limits: Limits::default(), up: UpAxis::Y, scale: 1.0 }
     }
 
     fn put(&self, name: &str, bytes: impl AsRef<[u8]>) -> &Self {
@@ -37,7 +37,7 @@ impl Shop {
         let path = self.dir.path().join(name);
         let roots = SearchPaths::new(&path, &[]).expect("roots");
         let (up, scale) = (self.up, self.scale);
-        let options = Options { roots: &roots, limits: &self.limits, up, scale, class: MaterialClass::Leaf };
+        let options = ImportOptions { roots: &roots, limits: &self.limits, up, scale, class: MaterialClass::Leaf };
         read(&path, bytes.as_ref(), &options)
     }
 
@@ -105,7 +105,7 @@ fn axes_scale_and_text_forms() {
     }
     let latin: Vec<u8> = LEAF.replace("o Leaf", "o Bl\u{e4}tt").chars().map(|c| c as u8).collect();
     insta::assert_snapshot!("X015", shop.complaint("leaf.obj", latin));
-    (shop.up, shop.scale) = (Up::Z, 0.01);
+    (shop.up, shop.scale) = (UpAxis::Z, 0.01);
     let turned = shop.read("leaf.obj", LEAF).expect("turned").mesh;
     assert!((area(&turned) - Vec3::Y * 1e-4).length() < 1e-9);
     shop.scale = f32::NAN;

@@ -61,7 +61,7 @@ pub enum Error {
     Simulation {
         /// Number of the frame being simulated.
         frame: u32,
-        /// What blew up.
+        /// The quantity that became infinite or left its range.
         quantity: String,
     },
     /// A file cannot be written as asked (codes X001 to X030).
@@ -88,6 +88,15 @@ pub enum Error {
 
 /// Result with osier's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
+
+impl Report {
+    /// `Err` with this report if it holds an error, else the value beside the warnings.
+    /// # Errors
+    /// [`Error::Input`].
+    pub fn into_result<T>(self, value: T) -> Result<(T, Self)> {
+        if self.has_errors() { Err(Error::Input(Box::new(self))) } else { Ok((value, self)) }
+    }
+}
 
 impl Error {
     /// Exit code of the process that ends with this error; the table is printed by `osier --help`.
@@ -116,6 +125,7 @@ impl Error {
     }
 }
 
+/// 1 for an absent input, 75 (EX_TEMPFAIL) for errors that may pass, 74 (EX_IOERR) for the others; see sysexits.h.
 fn io_code(action: &str, source: &std::io::Error) -> u8 {
     match source.kind() {
         std::io::ErrorKind::NotFound if action == "open" => 1,

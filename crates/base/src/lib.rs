@@ -1,5 +1,5 @@
 //! Foundation of the osier crates: diagnostics, errors, atomic file output, limits, random numbers, noise, SIMD, parallel
-//! loops, geometry and physical constants.
+//! loops, geometry, neighbour search and physical constants.
 
 pub mod convert;
 pub mod diagnostic;
@@ -9,6 +9,7 @@ pub mod geometry;
 pub mod keyframes;
 pub mod limits;
 pub mod math;
+pub mod neighbours;
 pub mod noise;
 pub mod par;
 pub mod physics;

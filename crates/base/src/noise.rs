@@ -10,6 +10,7 @@ use crate::rng::mix64;
 pub fn gradient2(seed: u64, p: [f32; 2], period: [i32; 2]) -> f32 {
     let (x0, fx) = split(p[0]);
     let (y0, fy) = split(p[1]);
+    // Contribution of a lattice corner: its unit gradient, from a hash, dotted with the offset from it.
     let corner = |dx: i32, dy: i32| {
         let h = mix64(&[seed, cell(x0 + dx, period[0]), cell(y0 + dy, period[1])]);
         let a = (h >> 40) as f32 * (std::f32::consts::TAU / 16_777_216.0);
@@ -64,6 +65,7 @@ pub fn cellular2(seed: u64, p: [f32; 2], period: [i32; 2], jitter: f32) -> Cellu
     let (x0, fx) = split(p[0]);
     let (y0, fy) = split(p[1]);
     let mut found = Cellular { f1: f32::MAX, f2: f32::MAX, id: 0 };
+    // The nearest two feature points lie in the 3 x 3 cells around, up to jitter 1.
     for dy in -1..=1 {
         for dx in -1..=1 {
             let h = mix64(&[seed, cell(x0 + dx, period[0]), cell(y0 + dy, period[1])]);
@@ -93,6 +95,7 @@ fn cell(i: i32, period: i32) -> u64 {
     u64::from(i.rem_euclid(period.max(1)).cast_unsigned())
 }
 
+/// Quintic fade 6 t^5 - 15 t^4 + 10 t^3: first and second derivatives vanish at 0 and 1.
 fn fade(t: f32) -> f32 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::{Error, Result};
 
-/// The signal that a request stands for whose number is none of a signal's.
+/// Signal reported for a request whose number is no signal's.
 const SIGINT: i32 = 2;
 
 /// A request to stop, shared by clones. Long loops poll it at least ten times a second.
@@ -43,7 +43,7 @@ impl Cancel {
     }
 }
 
-/// Listens to how far the work has come. Calls are cheap and come from any thread.
+/// Receives progress reports of long work. Calls are cheap and come from any thread.
 pub trait Progress: Sync {
     /// A new stage begins; `total` steps are expected, 0 if unknown.
     fn stage(&self, name: &str, total: u64);
@@ -51,7 +51,7 @@ pub trait Progress: Sync {
     /// `steps` more steps of the stage are done.
     fn advance(&self, steps: u64);
 
-    /// Something worth a line.
+    /// A message for the user, one line.
     fn message(&self, text: &str);
 }
 

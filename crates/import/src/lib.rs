@@ -1,12 +1,31 @@
-//! Artists' meshes from bytes: OBJ with MTL, glTF, and the pictures they name.
+//! Imports meshes of modelling programs: OBJ with MTL, glTF 2.0, and the images that they refer to.
+//!
+//! ```
+//! use osier_base::files::SearchPaths;
+//! use osier_base::limits::Limits;
+//! use osier_import::{ImportOptions, UpAxis, read};
+//! use osier_scene::MaterialClass;
+//!
+//! let obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+//! let options = ImportOptions {
+//!     roots: &SearchPaths::none(),
+//!     limits: &Limits::default(),
+//!     up: UpAxis::Y,
+//!     scale: 0.01,
+//!     class: MaterialClass::Leaf,
+//! };
+//! let leaf = read("leaf.obj".as_ref(), obj, &options)?;
+//! assert_eq!(leaf.mesh.triangles.len(), 1);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 //!
 //! No crate opens a path: references are read through [`osier_base::files::SearchPaths`] and handed on as slices. Whatever a file
 //! declares is held against the limits before memory is spent.
 
 mod assembly;
 mod gltf;
+mod images;
 mod obj;
-mod pictures;
 
 use std::path::{Path, PathBuf};
 
@@ -18,23 +37,23 @@ use osier_scene::{Image, Material, MaterialClass, Mesh};
 
 /// Which axis of the file points up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Up {
-    /// As osier has it.
+pub enum UpAxis {
+    /// +Y is up, as in glTF and in osier.
     #[default]
     Y,
-    /// As some modelling programs have it: (x, y, z) becomes (x, z, -y).
+    /// +Z is up, as in Blender and most CAD programs: (x, y, z) becomes (x, z, -y).
     Z,
 }
 
 /// How a mesh is read.
 #[derive(Debug, Clone, Copy)]
-pub struct Options<'a> {
+pub struct ImportOptions<'a> {
     /// Where references may be read.
     pub roots: &'a SearchPaths,
     /// What the file may cost.
     pub limits: &'a Limits,
     /// Up axis of the file.
-    pub up: Up,
+    pub up: UpAxis,
     /// Metres per unit of the file, finite, > 0.
     pub scale: f32,
     /// What its materials stand for.
@@ -66,13 +85,13 @@ pub struct Imported {
     pub mesh: Mesh,
     /// The objects that it is made of, in the order of its triangles; an object of several materials is several parts.
     pub parts: Vec<TriangleGroup>,
-    /// Surfaces; their maps index `images`.
+    /// Materials; their maps index `images`.
     pub materials: Vec<Material>,
-    /// Pictures.
+    /// Images of the materials' maps.
     pub images: Vec<Image>,
     /// The file and all that it refers to, in order of reference.
     pub files: Vec<InputFile>,
-    /// Warnings.
+    /// Warnings of the reader.
     pub warnings: Report,
 }
 
@@ -80,44 +99,61 @@ pub struct Imported {
 /// resolved from it.
 /// # Errors
 /// `Input` with X001, X009, X010 or X011; `Range` for a scale that is not finite and positive.
-pub fn read(path: &Path, bytes: &[u8], options: &Options<'_>) -> Result<Imported> {
+pub fn read(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<Imported> {
     if !(options.scale.is_finite() && options.scale > 0.0) {
         let (value, max) = (f64::from(options.scale), f64::from(f32::MAX));
         return Err(Error::Range { name: "scale of a mesh file".into(), value, min: 0.0, max, unit: "m per unit" });
     }
-    let mut job = Job::new(path, bytes, options);
+    let mut context = ImportContext::new(path, bytes, options);
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     let result = match ending.as_deref() {
-        _ if bytes.starts_with(b"glTF") => gltf::read(&mut job, bytes),
-        Some("gltf" | "glb") => gltf::read(&mut job, bytes),
-        Some("obj") => obj::read(&mut job, bytes),
-        _ => Err(job.fault("X010", "is neither OBJ nor glTF; export the mesh as .obj, .gltf or .glb")),
+        _ if bytes.starts_with(b"glTF") => gltf::read(&mut context, bytes),
+        Some("gltf" | "glb") => gltf::read(&mut context, bytes),
+        Some("obj") => obj::read(&mut context, bytes),
+        _ => Err(context.error_about_file("X010", "is neither OBJ nor glTF; export the mesh as .obj, .gltf or .glb")),
     };
     match result {
-        Ok(_) if job.report.has_errors() => Err(Error::Input(Box::new(job.report))),
-        Ok((mesh, materials, images)) => {
-            Ok(Imported { mesh, parts: job.parts, materials, images, files: job.files, warnings: job.report })
-        }
-        Err(fault) => {
-            job.report.push(*fault);
-            Err(Error::Input(Box::new(job.report)))
+        Ok(_) if context.report.has_errors() => Err(Error::Input(Box::new(context.report))),
+        Ok(ImportedMesh { mesh, materials, images }) => Ok(Imported {
+            mesh,
+            parts: context.parts,
+            materials,
+            images,
+            files: context.files,
+            warnings: context.report,
+        }),
+        Err(diagnostic) => {
+            context.report.push(*diagnostic);
+            Err(Error::Input(Box::new(context.report)))
         }
     }
 }
 
-/// What a reader makes.
-type Made = (Mesh, Vec<Material>, Vec<Image>);
+/// Result of a reader. Subsets of the mesh index `materials`, whose maps index `images`.
+#[derive(Debug, Default)]
+struct ImportedMesh {
+    mesh: Mesh,
+    materials: Vec<Material>,
+    images: Vec<Image>,
+}
 
-/// A result whose error is the complaint that ends the reading.
-/// A picture as brightness, 0..1: pixels in a row, rows, samples from the top left.
-pub type Grey = (usize, usize, Vec<f32>);
+/// An image of one channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GreyImage {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// Brightness, 0..1, row by row from the top left.
+    pub values: Vec<f32>,
+}
 
 /// Reads a PNG or JPEG as brightness, the mean of its channels as they are stored.
 /// # Errors
 /// `Input` with X010 if it is damaged, of another format, or over a limit.
-pub fn grey(path: &Path, bytes: &[u8], options: &Options<'_>) -> Result<Grey> {
-    let job = Job::new(path, bytes, options);
-    let raw = pictures::decode(&job, "mask", bytes, &mut 0).map_err(|d| {
+pub fn read_grey(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<GreyImage> {
+    let context = ImportContext::new(path, bytes, options);
+    let raw = images::decode(&context, "mask", bytes, &mut 0).map_err(|d| {
         let mut report = Report::default();
         report.push(*d);
         Error::Input(Box::new(report))
@@ -127,22 +163,23 @@ pub fn grey(path: &Path, bytes: &[u8], options: &Options<'_>) -> Result<Grey> {
     let mean = |p: &[u8]| p.iter().take(colors).map(|v| u16::from(*v)).sum::<u16>();
     let scale = 1.0 / (255.0 * f32::from(if colors == 1 { 1_u8 } else { 3 }));
     let values = raw.samples.chunks_exact(channels).map(|p| f32::from(mean(p)) * scale).collect();
-    Ok((raw.width as usize, raw.height as usize, values))
+    Ok(GreyImage { width: raw.width as usize, height: raw.height as usize, values })
 }
 
-type Outcome<T> = std::result::Result<T, Box<Diagnostic>>;
+/// A result whose error is the diagnostic that ends the reading.
+type ImportResult<T> = std::result::Result<T, Box<Diagnostic>>;
 
-/// One file being read, with all that is said about it.
-struct Job<'a> {
+/// State of an import: the file, the options, and what is collected besides the mesh.
+struct ImportContext<'a> {
     path: &'a Path,
-    options: &'a Options<'a>,
+    options: &'a ImportOptions<'a>,
     report: Report,
     files: Vec<InputFile>,
     parts: Vec<TriangleGroup>,
 }
 
-impl<'a> Job<'a> {
-    fn new(path: &'a Path, bytes: &[u8], options: &'a Options<'a>) -> Self {
+impl<'a> ImportContext<'a> {
+    fn new(path: &'a Path, bytes: &[u8], options: &'a ImportOptions<'a>) -> Self {
         let own = InputFile { path: path.to_owned(), blake3: *blake3::hash(bytes).as_bytes() };
         Self { path, options, report: Report::default(), files: vec![own], parts: Vec::new() }
     }
@@ -152,60 +189,60 @@ impl<'a> Job<'a> {
         self.path.display().to_string()
     }
 
-    /// A complaint about something in the file, which the message names: `"a.glb": nodes[3] ...`.
-    fn inside(&self, code: &'static str, message: impl std::fmt::Display) -> Box<Diagnostic> {
+    /// A diagnostic about a part of the file, which the message names: `"a.glb": nodes[3] ...`.
+    fn error_in_file(&self, code: &'static str, message: impl std::fmt::Display) -> Box<Diagnostic> {
         Box::new(Diagnostic::about(code, format!("\"{}\": {message}", self.path.display())))
     }
 
-    /// A complaint about the whole file, as a sentence with the file as its subject.
-    fn fault(&self, code: &'static str, message: impl std::fmt::Display) -> Box<Diagnostic> {
+    /// A diagnostic about the whole file, a sentence with the file as its subject.
+    fn error_about_file(&self, code: &'static str, message: impl std::fmt::Display) -> Box<Diagnostic> {
         Box::new(Diagnostic::about(code, format!("\"{}\" {message}", self.path.display())))
     }
 
     /// A warning about the whole file.
     fn warn(&mut self, code: &'static str, message: impl std::fmt::Display) {
-        let warning = self.fault(code, message);
+        let warning = self.error_about_file(code, message);
         self.report.push(*warning);
     }
 
-    /// Notes a referenced file.
-    fn note(&mut self, referred: &ReferencedFile) {
+    /// Adds a referenced file to the list of inputs, once.
+    fn add_referenced_file(&mut self, referred: &ReferencedFile) {
         let file = InputFile { path: referred.path.clone(), blake3: *blake3::hash(&referred.bytes).as_bytes() };
         if !self.files.contains(&file) {
             self.files.push(file);
         }
     }
 
-    /// Bytes of a picture; an absent one is a warning, one that leads out or cannot be read an error.
-    fn picture(&mut self, result: std::result::Result<ReferencedFile, ReadError>) -> Outcome<Option<Vec<u8>>> {
+    /// Bytes of an image file. A missing one is a warning (X014); one outside the search paths or unreadable is an error.
+    fn image_bytes(&mut self, result: std::result::Result<ReferencedFile, ReadError>) -> ImportResult<Option<Vec<u8>>> {
         match result {
             Ok(referred) => {
-                self.note(&referred);
+                self.add_referenced_file(&referred);
                 Ok(Some(referred.bytes))
             }
-            Err(refusal @ ReadError::Missing { .. }) => {
-                let warning = self.inside("X014", &refusal).help(refusal.help());
+            Err(error @ ReadError::Missing { .. }) => {
+                let warning = self.error_in_file("X014", &error).help(error.help());
                 self.report.push(warning);
                 Ok(None)
             }
-            Err(refusal) => Err(Box::new(self.inside(refusal.code(), &refusal).help(refusal.help()))),
+            Err(error) => Err(Box::new(self.error_in_file(error.code(), &error).help(error.help()))),
         }
     }
 
-    /// Refuses more of something than its limit.
-    fn limit(&self, name: &str, wanted: u64) -> Outcome<()> {
+    /// Error X010 if the file has more of something than its limit allows.
+    fn limit(&self, name: &str, wanted: u64) -> ImportResult<()> {
         let limit = self.options.limits.get(name);
         if wanted <= limit {
             return Ok(());
         }
         let (wanted, limit) = (osier_base::limits::grouped(wanted), osier_base::limits::grouped(limit));
         Err(Box::new(
-            self.fault("X010", format_args!("has {wanted} {name}, the limit is {limit}"))
+            self.error_about_file("X010", format_args!("has {wanted} {name}, the limit is {limit}"))
                 .help(format!("reduce the mesh, or raise the limit with --max-{name}")),
         ))
     }
 
-    /// A material of the class asked for, grey until told otherwise.
+    /// A grey material of the class in the options, before the file's values are set.
     fn material(&self, name: &str) -> Material {
         let leafy = matches!(self.options.class, MaterialClass::Leaf | MaterialClass::Catkin);
         Material {
@@ -214,4 +251,11 @@ impl<'a> Job<'a> {
             ..Material::plain(name.to_owned(), self.options.class, [0.5; 3], if leafy { 0.6 } else { 0.8 })
         }
     }
+}
+
+/// Index of an entry of the list of materials, images or subsets. A file names each in some bytes of text, and the limit on the
+/// bytes of a file keeps their number far below 2^32.
+#[allow(clippy::cast_possible_truncation, reason = "limited by the size of the file")]
+fn table_index(n: usize) -> u32 {
+    n as u32
 }

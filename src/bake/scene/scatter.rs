@@ -81,7 +81,7 @@ fn sowing(sown: &ScatterRecipe) -> ScatterParams {
         slope_max: narrow(keys.slope_max),
         altitude: keys.altitude.map(narrow),
         density: narrow(keys.density),
-        mask: sown.mask.clone().map(|(width, height, values)| DensityMask { width, height, values }),
+        mask: sown.mask.clone().map(|m| DensityMask { width: m.width, height: m.height, values: m.values }),
         clump: narrow(keys.clump),
         disc: keys.radius.map(|radius| ScatterDisc {
             at: keys.at.map(narrow),

@@ -421,10 +421,10 @@ impl Resolver<'_> {
     ) -> osier_base::Result<Imported> {
         let request = self.request;
         let MeshImport { up, scale, class } = options;
-        let options = osier_import::Options {
+        let options = osier_import::ImportOptions {
             roots: request.library.roots(),
             limits: &request.limits,
-            up: if up == UpAxis::Z { osier_import::Up::Z } else { osier_import::Up::Y },
+            up: if up == UpAxis::Z { osier_import::UpAxis::Z } else { osier_import::UpAxis::Y },
             scale: osier_base::math::narrow(scale),
             class,
         };

@@ -9,7 +9,7 @@ use crate::recipe::syntax::{
 };
 use crate::recipe::{PlantRecipe, ScatterRecipe};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
-use osier_import::Grey;
+use osier_import::GreyImage;
 use osier_scene::MaterialClass;
 
 keys! {
@@ -168,16 +168,16 @@ impl Resolver<'_> {
         Some(out)
     }
 
-    pub(in crate::recipe) fn grey(&mut self, file: &crate::recipe::ReferencedFile) -> Option<Grey> {
+    pub(in crate::recipe) fn grey(&mut self, file: &crate::recipe::ReferencedFile) -> Option<GreyImage> {
         let request = self.request;
-        let options = osier_import::Options {
+        let options = osier_import::ImportOptions {
             roots: request.library.roots(),
             limits: &request.limits,
-            up: osier_import::Up::Y,
+            up: osier_import::UpAxis::Y,
             scale: 1.0,
             class: MaterialClass::Ground,
         };
-        let grey = osier_import::grey(&file.path, &file.bytes, &options);
+        let grey = osier_import::read_grey(&file.path, &file.bytes, &options);
         self.load_or_report(grey, file)
     }
 }

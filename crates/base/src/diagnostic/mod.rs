@@ -22,9 +22,9 @@ pub enum Severity {
 /// A text edit that resolves a diagnostic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fix {
-    /// Bytes that the replacement stands for.
+    /// Bytes to replace.
     pub span: Span,
-    /// The new text.
+    /// Text that replaces them; empty to delete.
     pub replacement: String,
 }
 
@@ -93,7 +93,7 @@ const MAX_DIAGNOSTICS: usize = 250;
 pub struct Report {
     /// The texts that spans point into, by id.
     pub sources: Sources,
-    /// In order of discovery.
+    /// Diagnostics in order of discovery.
     pub diagnostics: Vec<Diagnostic>,
 }
 
@@ -127,26 +127,22 @@ impl Report {
     /// Adds all of another report. Texts that are already here are shared, so that what several plants of one grammar
     /// have to say is said once.
     pub fn extend(&mut self, other: Self) {
-        let ids: Vec<SourceId> = other.sources.ids().map(|id| self.adopt(&other.sources, id)).collect();
-        let moved = |s: &mut Span| s.source = ids.get(s.source.0 as usize).copied().unwrap_or(s.source);
+        let ids: Vec<SourceId> = other.sources.ids().map(|id| self.add_source_of(&other.sources, id)).collect();
+        let renumber = |s: &mut Span| s.source = ids.get(s.source.0 as usize).copied().unwrap_or(s.source);
         for mut diagnostic in other.diagnostics {
-            diagnostic.labels.iter_mut().for_each(|l| moved(&mut l.0));
+            diagnostic.labels.iter_mut().for_each(|l| renumber(&mut l.0));
             if let Some(fix) = &mut diagnostic.fix {
-                moved(&mut fix.span);
+                renumber(&mut fix.span);
             }
             self.push(diagnostic);
         }
     }
 
-    fn adopt(&mut self, from: &Sources, id: SourceId) -> SourceId {
+    /// Id of a text of another report, which is added unless it is already here.
+    fn add_source_of(&mut self, from: &Sources, id: SourceId) -> SourceId {
         let same = |i: &SourceId| self.sources.name(*i) == from.name(id) && self.sources.text(*i) == from.text(id);
         let known = self.sources.ids().find(same);
         known.unwrap_or_else(|| self.sources.add(from.name(id), from.text(id)))
-    }
-
-    /// `Err` with this report if it holds an error, else the value beside the warnings.
-    pub fn into_result<T>(self, value: T) -> crate::Result<(T, Self)> {
-        if self.has_errors() { Err(crate::Error::Input(Box::new(self))) } else { Ok((value, self)) }
     }
 }
 
@@ -167,6 +163,7 @@ pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
         .map(|(_, k)| k)
 }
 
+/// Levenshtein distance with one row of the dynamic programming table at a time.
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

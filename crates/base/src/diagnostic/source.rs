@@ -44,8 +44,9 @@ pub struct Position {
     pub column: usize,
 }
 
+/// A text with the name shown for it.
 #[derive(Debug, Clone)]
-struct Source {
+struct SourceText {
     name: String,
     text: Arc<str>,
 }
@@ -53,14 +54,14 @@ struct Source {
 /// The texts that diagnostics point into, with the names shown for them.
 #[derive(Debug, Clone, Default)]
 pub struct Sources {
-    list: Vec<Source>,
+    list: Vec<SourceText>,
 }
 
 impl Sources {
     /// Adds a text under the name shown to the user (the path as typed, or `preset:oak.l`).
     pub fn add(&mut self, name: impl Into<String>, text: impl Into<Arc<str>>) -> SourceId {
         let id = self.next_id();
-        self.list.push(Source { name: name.into(), text: text.into() });
+        self.list.push(SourceText { name: name.into(), text: text.into() });
         id
     }
 

@@ -11,13 +11,13 @@ pub struct BakeCache(Arc<CacheState>);
 #[derive(Debug)]
 struct CacheState {
     folder: Folder,
-    said: Mutex<Vec<String>>,
+    messages: Mutex<Vec<String>>,
 }
 
 impl BakeCache {
     /// A cache in `folder`.
     pub fn new(folder: Folder) -> Self {
-        Self(Arc::new(CacheState { folder, said: Mutex::default() }))
+        Self(Arc::new(CacheState { folder, messages: Mutex::default() }))
     }
 
     /// The folder that holds the cached files.
@@ -26,12 +26,12 @@ impl BakeCache {
     }
 
     /// Queues a message for the user about a cached file: loaded, stale or damaged.
-    pub fn say(&self, text: String) {
-        self.0.said.lock().unwrap_or_else(PoisonError::into_inner).push(text);
+    pub fn add_message(&self, text: String) {
+        self.0.messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
     }
 
     /// The queued messages; a second call returns none of them.
-    pub fn said(&self) -> Vec<String> {
-        std::mem::take(&mut *self.0.said.lock().unwrap_or_else(PoisonError::into_inner))
+    pub fn take_messages(&self) -> Vec<String> {
+        std::mem::take(&mut *self.0.messages.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }

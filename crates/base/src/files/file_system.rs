@@ -1,4 +1,4 @@
-//! The few things the writer asks of a disk, and patience with disks that stumble.
+//! The file system operations that the writer uses, behind a trait for tests, and retries of transient errors.
 
 use std::fmt::Debug;
 use std::fs::{self, File, OpenOptions};
@@ -6,7 +6,7 @@ use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 use std::time::Duration;
 
-/// What the writer asks of a disk. [`System`] is the real one; another may fill up or fail at a chosen moment, which is
+/// File system operations of the writer. [`SystemDisk`] is the real one; another may fill up or fail at a chosen moment, which is
 /// how callers prove that they survive it.
 pub trait Disk: Debug + Send + Sync {
     /// Makes a folder and those above it.
@@ -79,18 +79,18 @@ pub trait Disk: Debug + Send + Sync {
     }
 }
 
-/// The machine's own disk.
+/// The file system of the machine.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct System;
+pub struct SystemDisk;
 
-impl Disk for System {}
+impl Disk for SystemDisk {}
 
-/// Waits before each further try, in milliseconds.
-const WAITS: [u64; 5] = [100, 200, 400, 800, 1600];
+/// Delays before further attempts, ms: exponential backoff of 3.1 s in total, enough for a network share to reconnect.
+const RETRY_DELAYS_MS: [u64; 5] = [100, 200, 400, 800, 1600];
 
 /// Runs `action` until it succeeds, fails for good, or has failed six times for a passing reason.
 pub(super) fn retry<T>(mut action: impl FnMut() -> io::Result<T>) -> io::Result<T> {
-    for wait in WAITS {
+    for wait in RETRY_DELAYS_MS {
         match action() {
             Err(e) if crate::error::is_transient(&e) => std::thread::sleep(Duration::from_millis(wait)),
             done => return done,

@@ -1,4 +1,4 @@
-//! Output folders: what is ours in them, what is already finished, and in which order things become visible.
+//! Output folders: which files in them osier wrote, which are already finished, and in which order changes become visible.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -6,10 +6,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::file_system::{Disk, System, hash, open_regular, retry};
+use super::file_system::{Disk, SystemDisk, hash, open_regular, retry};
 use super::generator::names_osier;
 use super::journal::{JOURNAL, Journal, JournalEntry, JournalError, key_digest};
-use super::output::Output;
 use super::part_file::remove_stale_parts;
 use super::unique_names::is_plain_path;
 use crate::progress::Cancel;
@@ -27,7 +26,7 @@ pub struct FileRecord {
     pub kind: &'static str,
     /// Frame number for members of a sequence.
     pub frame: Option<u32>,
-    /// Length in bytes.
+    /// Length of the file, bytes.
     pub bytes: u64,
     /// BLAKE3, 64 hex digits.
     pub blake3: String,
@@ -48,11 +47,11 @@ pub struct WriteOptions {
 
 impl Default for WriteOptions {
     fn default() -> Self {
-        Self { key: String::new(), force: false, cancel: Cancel::default(), disk: Arc::new(System) }
+        Self { key: String::new(), force: false, cancel: Cancel::default(), disk: Arc::new(SystemDisk) }
     }
 }
 
-/// Where files go and what is remembered about them.
+/// Where files are written and what is recorded about them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FolderKind {
     /// A folder of ours with a journal.
@@ -65,19 +64,19 @@ enum FolderKind {
 
 #[derive(Debug, Default)]
 pub(super) struct FolderState {
-    done: BTreeMap<String, FileRecord>,
+    finished: BTreeMap<String, FileRecord>,
     journal: Option<Journal>,
     /// Folders made and swept, relative.
-    ready: BTreeSet<String>,
+    prepared_folders: BTreeSet<String>,
     /// A file was begun, so the manifest is withdrawn.
-    begun: bool,
+    manifest_withdrawn: bool,
     memory: BTreeMap<String, Vec<u8>>,
 }
 
 #[derive(Debug)]
 struct Shared {
     root: PathBuf,
-    place: FolderKind,
+    kind_of_folder: FolderKind,
     key: String,
     options: WriteOptions,
     state: Mutex<FolderState>,
@@ -120,8 +119,8 @@ impl Folder {
         }
         let mut state = folder.state();
         state.journal = Some(journal);
-        state.ready.insert(String::new());
-        folder.clear_way(&mut state, MANIFEST)?;
+        state.prepared_folders.insert(String::new());
+        folder.check_replaceable(&mut state, MANIFEST)?;
         drop(state);
         Ok(folder)
     }
@@ -142,9 +141,9 @@ impl Folder {
         Self::new(PathBuf::new(), FolderKind::Memory, WriteOptions::default())
     }
 
-    fn new(root: PathBuf, place: FolderKind, options: WriteOptions) -> Self {
+    fn new(root: PathBuf, kind_of_folder: FolderKind, options: WriteOptions) -> Self {
         let key = key_digest(&options.key);
-        Self { shared: Arc::new(Shared { root, place, key, options, state: Mutex::default() }) }
+        Self { shared: Arc::new(Shared { root, kind_of_folder, key, options, state: Mutex::default() }) }
     }
 
     /// The folder's own path.
@@ -164,51 +163,46 @@ impl Folder {
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Starts a file at a relative path with `/`, or gives `None` if the journal proves that it is already finished:
-    /// then skip the work. `frame`: number for members of a sequence.
+    /// Checks and prepares a new file: path, folder, manifest. `None` if the journal proves that it is already finished.
     /// # Errors
-    /// X009 for a path that leaves the folder, `Foreign` if something that is not ours is in the way, `Io`, `Cancelled`.
-    pub fn create(&self, path: &str, kind: &'static str, frame: Option<u32>) -> Result<Option<Output>> {
-        let typed =
-            self.shared.place == FolderKind::Plain && !path.contains(['/', '\0']) && !matches!(path, "" | "." | "..");
+    /// As [`Folder::create`].
+    pub(super) fn begin_file(&self, path: &str, kind: &'static str, frame: Option<u32>) -> Result<Option<FileRecord>> {
+        // In the user's own folder, a name typed on the command line may hold what portable names do not.
+        let typed = self.shared.kind_of_folder == FolderKind::Plain
+            && !path.contains(['/', '\0'])
+            && !matches!(path, "" | "." | "..");
         if !(is_plain_path(path) || typed) || path == JOURNAL {
             return Err(Error::export("X009", format!("{path:?} leaves the output folder")));
         }
         self.cancel().check()?;
         let record = FileRecord { path: path.to_owned(), kind, frame, bytes: 0, blake3: String::new() };
-        if self.shared.place == FolderKind::Memory {
-            return Ok(Some(Output::in_memory(self.clone(), record)));
+        if self.is_in_memory() {
+            return Ok(Some(record));
         }
-        self.make_ready(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
+        self.prepare_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
+        // The manifest lists a finished set: before it, files of earlier bakes are removed. Any other file withdraws it.
         if path == MANIFEST {
-            self.settle()?;
+            self.remove_stale_files()?;
         }
-        if self.reuse(&record)? {
+        if self.reuse_finished(&record)? {
             return Ok(None);
         }
         let mut state = self.state();
-        self.clear_way(&mut state, path)?;
+        self.check_replaceable(&mut state, path)?;
         if path != MANIFEST {
             self.withdraw_manifest(&mut state)?;
         }
-        drop(state);
-        Output::on_disk(self.clone(), record).map(Some)
+        Ok(Some(record))
     }
 
-    /// Writes a whole small file.
-    /// # Errors
-    /// As [`Folder::create`].
-    pub fn write(&self, path: &str, kind: &'static str, bytes: &[u8]) -> Result<()> {
-        if let Some(mut out) = self.create(path, kind, None)? {
-            out.put(bytes)?;
-            out.commit()?;
-        }
-        Ok(())
+    /// True for a folder of [`Folder::memory`].
+    pub(super) fn is_in_memory(&self) -> bool {
+        self.shared.kind_of_folder == FolderKind::Memory
     }
 
     /// Files finished in this run, written or kept, in path order.
     pub fn files(&self) -> Vec<FileRecord> {
-        self.state().done.values().cloned().collect()
+        self.state().finished.values().cloned().collect()
     }
 
     /// Bytes of a finished file of [`Folder::memory`]; once.
@@ -222,12 +216,13 @@ impl Folder {
     /// `Io`, `Cancelled`.
     pub fn finish(&self) -> Result<()> {
         self.cancel().check()?;
-        if self.shared.place == FolderKind::Memory {
+        if self.shared.kind_of_folder == FolderKind::Memory {
             return Ok(());
         }
-        self.settle()?;
+        self.remove_stale_files()?;
         let mut guard = self.state();
-        let FolderState { done, journal, .. } = &mut *guard;
+        // Entries of this key whose file still has its length stay; files of this run are added.
+        let FolderState { finished, journal, .. } = &mut *guard;
         let Some(journal) = journal else { return Ok(()) };
         let mut files: BTreeMap<String, JournalEntry> = BTreeMap::new();
         for (path, entries) in journal.files() {
@@ -236,7 +231,7 @@ impl Folder {
                 entries.iter().find(|e| e.key == self.shared.key && length.as_ref().is_ok_and(|l| *l == e.bytes));
             files.extend(kept.map(|e| (path.clone(), e.clone())));
         }
-        files.extend(done.values().map(|r| (r.path.clone(), self.entry(r))));
+        files.extend(finished.values().map(|r| (r.path.clone(), self.entry(r))));
         let path = self.root().join(JOURNAL);
         journal.rewrite(files).map_err(|e| Error::io("write", path, e))?;
         retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))
@@ -254,9 +249,9 @@ impl Folder {
     }
 
     /// Makes a relative folder and removes what dead writers left in it, once.
-    fn make_ready(&self, relative: &str) -> Result<()> {
+    fn prepare_folder(&self, relative: &str) -> Result<()> {
         let mut state = self.state();
-        if state.ready.contains(relative) {
+        if state.prepared_folders.contains(relative) {
             return Ok(());
         }
         let path = self.root().join(relative);
@@ -268,26 +263,30 @@ impl Folder {
         }
         retry(|| self.disk().make_dir(&path)).map_err(|e| Error::io("create", &path, e))?;
         remove_stale_parts(self.disk(), &path);
-        state.ready.insert(relative.to_owned());
+        state.prepared_folders.insert(relative.to_owned());
         Ok(())
     }
 
-    /// Counts a file as done if the journal and the bytes on disk prove it.
-    fn reuse(&self, record: &FileRecord) -> Result<bool> {
+    /// Counts a file as finished if the journal has an entry of this key and the bytes on disk agree with it.
+    fn reuse_finished(&self, record: &FileRecord) -> Result<bool> {
         let of_this_key = |state: &FolderState| -> Vec<JournalEntry> {
             let entries = state.journal.iter().flat_map(|j| j.entries(&record.path));
             entries.filter(|e| e.key == self.shared.key).cloned().collect()
         };
         let entries = of_this_key(&self.state());
-        let Some(entry) = self.proved(&record.path, &entries) else { return Ok(false) };
+        let Some(entry) = self.verified_entry(&record.path, &entries) else { return Ok(false) };
         let record = FileRecord { bytes: entry.bytes, blake3: entry.blake3.clone(), ..record.clone() };
-        self.state().done.insert(record.path.clone(), record);
+        self.state().finished.insert(record.path.clone(), record);
         self.cancel().check()?;
         Ok(true)
     }
 
-    /// The entry whose length and hash the file on disk has.
-    fn proved<'a>(&self, path: &str, entries: impl IntoIterator<Item = &'a JournalEntry>) -> Option<&'a JournalEntry> {
+    /// The journal entry whose length and hash agree with the file on disk.
+    fn verified_entry<'a>(
+        &self,
+        path: &str,
+        entries: impl IntoIterator<Item = &'a JournalEntry>,
+    ) -> Option<&'a JournalEntry> {
         let file = open_regular(&self.root().join(path), false).ok()?;
         let length = file.metadata().ok()?.len();
         let mut fitting = entries.into_iter().filter(|e| e.bytes == length).peekable();
@@ -296,8 +295,8 @@ impl Folder {
         fitting.find(|e| e.blake3 == hash.to_hex().as_str())
     }
 
-    /// Makes sure that nothing foreign stands under a name.
-    fn clear_way(&self, state: &mut FolderState, path: &str) -> Result<()> {
+    /// Error `Foreign` if a file that osier did not write has this name.
+    fn check_replaceable(&self, state: &mut FolderState, path: &str) -> Result<()> {
         let target = self.root().join(path);
         let found = match fs::symlink_metadata(&target) {
             Ok(found) => found,
@@ -306,8 +305,8 @@ impl Folder {
         };
         let replaceable = found.is_file() || found.is_symlink();
         if self.shared.options.force {
-            let odd = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
-            return if replaceable { Ok(()) } else { Err(Error::io("replace", target, odd())) };
+            let not_regular = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
+            return if replaceable { Ok(()) } else { Err(Error::io("replace", target, not_regular())) };
         }
         let ours = replaceable && (self.claims(state, path)? || (found.is_file() && names_osier(&target)));
         if ours { Ok(()) } else { Err(Error::Foreign { path: target }) }
@@ -327,25 +326,26 @@ impl Folder {
 
     /// Removes the manifest before the first change to the files that it lists.
     fn withdraw_manifest(&self, state: &mut FolderState) -> Result<()> {
-        if state.begun || self.shared.place != FolderKind::Journalled {
+        if state.manifest_withdrawn || self.shared.kind_of_folder != FolderKind::Journalled {
             return Ok(());
         }
-        self.clear_way(state, MANIFEST)?;
+        self.check_replaceable(state, MANIFEST)?;
         let path = self.root().join(MANIFEST);
         match retry(|| self.disk().remove(&path)) {
             Ok(()) => retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))?,
             Err(e) if e.kind() == io::ErrorKind::NotFound => {}
             Err(e) => return Err(Error::io("remove", path, e)),
         }
-        state.begun = true;
+        state.manifest_withdrawn = true;
         Ok(())
     }
 
-    /// Gives a finished part its name. The claim goes first: if the process dies between the two, the file is ours.
-    pub(super) fn admit(&self, record: FileRecord, rename: impl FnOnce(&Path) -> io::Result<()>) -> Result<()> {
+    /// Renames a finished part to its name. The journal entry is written first: if the process dies between the two, the file counts
+    /// as osier's.
+    pub(super) fn publish(&self, record: FileRecord, rename: impl FnOnce(&Path) -> io::Result<()>) -> Result<()> {
         let target = self.root().join(&record.path);
         let mut state = self.state();
-        self.clear_way(&mut state, &record.path)?;
+        self.check_replaceable(&mut state, &record.path)?;
         let entry = self.entry(&record);
         if let Some(journal) = &mut state.journal
             && !journal.entries(&record.path).any(|e| *e == entry)
@@ -353,36 +353,36 @@ impl Folder {
             journal.add(&record.path, entry).map_err(|e| Error::io("write", self.root().join(JOURNAL), e))?;
         }
         rename(&target).map_err(|e| Error::io("rename", target, e))?;
-        state.done.insert(record.path.clone(), record);
+        state.finished.insert(record.path.clone(), record);
         Ok(())
     }
 
-    /// The same in memory.
-    pub(super) fn admit_bytes(&self, record: FileRecord, bytes: Vec<u8>) {
+    /// Adds a finished file of a folder in memory.
+    pub(super) fn publish_bytes(&self, record: FileRecord, bytes: Vec<u8>) {
         let mut state = self.state();
         state.memory.insert(record.path.clone(), bytes);
-        state.done.insert(record.path.clone(), record);
+        state.finished.insert(record.path.clone(), record);
     }
 
     /// Removes unchanged files of bakes under other keys, then the folders that are empty by that, and makes the names
     /// of the rest safe.
-    fn settle(&self) -> Result<()> {
+    fn remove_stale_files(&self) -> Result<()> {
         let state = self.state();
         let Some(journal) = &state.journal else { return self.sync_folders(&state) };
         let stale = journal.files().filter(|(path, entries)| {
             path.as_str() != MANIFEST
-                && !state.done.contains_key(*path)
+                && !state.finished.contains_key(*path)
                 && entries.iter().all(|e| e.key != self.shared.key)
                 && self.is_own_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))
         });
         for (path, entries) in stale {
-            // What someone has changed since is theirs.
-            if self.proved(path, entries).is_some() {
+            // A file that was changed since osier wrote it belongs to the user.
+            if self.verified_entry(path, entries).is_some() {
                 let target = self.root().join(path);
                 retry(|| self.disk().remove(&target)).map_err(|e| Error::io("remove", target, e))?;
             }
         }
-        let used = |folder: &String| state.done.keys().any(|p| p.starts_with(&format!("{folder}/")));
+        let used = |folder: &String| state.finished.keys().any(|p| p.starts_with(&format!("{folder}/")));
         for folder in journal.folders().iter().rev().filter(|f| !used(f) && self.is_own_folder(f)) {
             // Fails, as it should, if something is in it.
             let _ = self.disk().remove_dir(&self.root().join(folder));
@@ -390,8 +390,9 @@ impl Folder {
         self.sync_folders(&state)
     }
 
+    /// Syncs the directory entries of all folders that were written to.
     fn sync_folders(&self, state: &FolderState) -> Result<()> {
-        for relative in &state.ready {
+        for relative in &state.prepared_folders {
             let path = self.root().join(relative);
             match retry(|| self.disk().sync_dir(&path)) {
                 Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::io("sync", path, e)),

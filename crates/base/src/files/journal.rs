@@ -9,7 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::file_system::{Disk, System, open_regular, read_limited, retry};
+use super::file_system::{Disk, SystemDisk, open_regular, read_limited, retry};
 use super::part_file::PartFile;
 use super::unique_names::is_plain_path;
 
@@ -185,7 +185,7 @@ fn settled<'a>(files: impl Iterator<Item = (&'a String, &'a JournalEntry)>) -> S
 /// be complete, but what the run left behind is not yet tidied away; or that wrote under another key than
 /// [`super::WriteOptions::key`]. A folder without journal is at rest.
 pub fn is_settled(root: &Path, key: &str) -> bool {
-    let disk: Arc<dyn Disk> = Arc::new(System);
+    let disk: Arc<dyn Disk> = Arc::new(SystemDisk);
     let Ok(journal) = Journal::open(&disk, root) else { return true };
     let files = journal.files.iter().filter_map(|(path, entries)| Some((path, entries.first()?)));
     let key = key_digest(key);
@@ -226,7 +226,7 @@ mod tests {
     #[test]
     fn torn_and_hostile_lines_are_skipped_and_the_rest_is_read_back() {
         let dir = tempfile::tempdir().expect("dir");
-        let disk: Arc<dyn Disk> = Arc::new(System);
+        let disk: Arc<dyn Disk> = Arc::new(SystemDisk);
         let path = dir.path().join(JOURNAL);
         let good = line("usd/a.usdc", &entry(5));
         for cut in 0..HEADER.len() {

@@ -31,7 +31,7 @@ mod text;
 mod unique_names;
 
 pub use cache::BakeCache;
-pub use file_system::{Disk, System};
+pub use file_system::{Disk, SystemDisk};
 pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
 pub use inspect::{hash_file, list_files, read_below};
 pub use journal::is_settled;
@@ -40,5 +40,5 @@ pub use output::Output;
 pub use part_file::drop_parts;
 pub use read::read_input;
 pub use search_paths::{ReadError, ReferencedFile, SearchPaths};
-pub use text::{Encoding, Text, TextError, decode};
+pub use text::{DecodedText, Encoding, TextError, decode};
 pub use unique_names::{Names, safe_name};

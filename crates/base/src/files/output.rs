@@ -10,6 +10,7 @@ use super::part_file::PartFile;
 use super::patchable_hash::PatchableHash;
 use crate::{Error, Result};
 
+/// Bytes buffered per file: large enough that network file systems see few writes.
 const BUFFER: usize = 1 << 20;
 
 /// A file whose writes go through the [`Disk`].
@@ -42,6 +43,31 @@ enum OutputSink {
     Memory(Cursor<Vec<u8>>),
 }
 
+impl Folder {
+    /// Starts a file at a relative path with `/`, or gives `None` if the journal proves that it is already finished:
+    /// then skip the work. `frame`: number for members of a sequence.
+    /// # Errors
+    /// X009 for a path that leaves the folder, `Foreign` if a file that osier did not write is in the way, `Io`, `Cancelled`.
+    pub fn create(&self, path: &str, kind: &'static str, frame: Option<u32>) -> Result<Option<Output>> {
+        let Some(record) = self.begin_file(path, kind, frame)? else { return Ok(None) };
+        if self.is_in_memory() {
+            return Ok(Some(Output::in_memory(self.clone(), record)));
+        }
+        Output::on_disk(self.clone(), record).map(Some)
+    }
+
+    /// Writes a whole small file.
+    /// # Errors
+    /// As [`Folder::create`].
+    pub fn write(&self, path: &str, kind: &'static str, bytes: &[u8]) -> Result<()> {
+        if let Some(mut out) = self.create(path, kind, None)? {
+            out.put(bytes)?;
+            out.commit()?;
+        }
+        Ok(())
+    }
+}
+
 /// A file being written; it appears under its name at [`Output::commit`] and leaves nothing behind if dropped before.
 #[derive(Debug)]
 pub struct Output {
@@ -60,12 +86,13 @@ impl Output {
         let name = record.path.rsplit('/').next().unwrap_or_default();
         let disk = folder.disk();
         // Another process may have tidied the folder away while it was empty.
-        let again = |e: io::Error| {
+        let recreate_folder = |e: io::Error| {
             if e.kind() == io::ErrorKind::NotFound { disk.make_dir(parent) } else { Err(e) }?;
             PartFile::create(disk, parent, name)
         };
-        let (part, file) =
-            PartFile::create(disk, parent, name).or_else(again).map_err(|e| Error::io("create", &target, e))?;
+        let (part, file) = PartFile::create(disk, parent, name)
+            .or_else(recreate_folder)
+            .map_err(|e| Error::io("create", &target, e))?;
         let writer = BufWriter::with_capacity(BUFFER, DiskFile { disk: Arc::clone(folder.disk()), file });
         Ok(Self::new(folder, OutputSink::Disk(writer, part), record))
     }
@@ -128,7 +155,7 @@ impl Output {
                 let bytes = bytes.into_inner();
                 let digest = if stale { blake3::hash(&bytes) } else { hasher.finalize() };
                 record.blake3 = digest.to_hex().to_string();
-                folder.admit_bytes(record, bytes);
+                folder.publish_bytes(record, bytes);
                 Ok(())
             }
             OutputSink::Disk(writer, part) => {
@@ -141,7 +168,7 @@ impl Output {
                 record.blake3 = digest.to_hex().to_string();
                 retry(|| disk.sync(&file)).map_err(sync)?;
                 drop(file);
-                folder.admit(record, |target| part.rename(target))
+                folder.publish(record, |target| part.rename(target))
             }
         }
     }

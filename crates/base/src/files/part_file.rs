@@ -223,7 +223,7 @@ fn disk_time(disk: &Arc<dyn Disk>, folder: &Path) -> Option<std::time::SystemTim
 #[allow(clippy::disallowed_methods, reason = "tests look at the disk themselves")]
 mod tests {
     use super::*;
-    use crate::files::file_system::System;
+    use crate::files::file_system::SystemDisk;
 
     #[test]
     fn only_part_names_have_an_owner() {
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn the_sweep_takes_the_dead_and_spares_the_living() {
         let dir = tempfile::tempdir().expect("dir");
-        let disk: Arc<dyn Disk> = Arc::new(System);
+        let disk: Arc<dyn Disk> = Arc::new(SystemDisk);
         let (_kept, _file) = PartFile::create(&disk, dir.path(), "mine").expect("part");
         let own = std::process::id();
         let names = [

@@ -74,7 +74,7 @@ impl ReadError {
 pub struct ReferencedFile {
     /// Where it was found; references in it are resolved from here.
     pub path: PathBuf,
-    /// Its contents.
+    /// Contents of the whole file.
     pub bytes: Vec<u8>,
 }
 

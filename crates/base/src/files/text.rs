@@ -5,15 +5,15 @@ use crate::diagnostic::{Diagnostic, Report, Span};
 /// What to do with bytes that are not UTF-8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// Refuse them.
+    /// Bytes that are not UTF-8 are an error.
     Utf8,
-    /// Read as Latin-1, with a warning from the reader.
+    /// A text that is not UTF-8 is read as Latin-1; the reader warns.
     OrLatin1,
 }
 
 /// A text with LF line ends and no byte order mark.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Text {
+pub struct DecodedText {
     /// Decoded characters.
     pub text: String,
     /// Set if it was read as Latin-1: one-based line and byte offset of the first byte that is not UTF-8.
@@ -51,7 +51,7 @@ impl TextError {
 /// Decodes a text file. Line ends become LF, a byte order mark is dropped.
 /// # Errors
 /// A NUL byte, UTF-16, or (with [`Encoding::Utf8`]) bytes that are not UTF-8.
-pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Text, TextError> {
+pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<DecodedText, TextError> {
     let skipped = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
     let body = bytes.get(skipped..).unwrap_or_default();
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
@@ -68,12 +68,12 @@ pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Text, TextError> {
         }
     }
     match std::str::from_utf8(body) {
-        Ok(text) => Ok(Text { text: with_lf(text), latin1: None }),
+        Ok(text) => Ok(DecodedText { text: with_lf(text), latin1: None }),
         Err(e) if encoding == Encoding::Utf8 => Err(bad("bytes that are not UTF-8", e.valid_up_to())),
         Err(e) => {
             let text: String = body.iter().map(|b| char::from(*b)).collect();
             let (line, _) = position(body.get(..e.valid_up_to()).unwrap_or(body));
-            Ok(Text { text: with_lf(&text), latin1: Some((line, e.valid_up_to() + skipped)) })
+            Ok(DecodedText { text: with_lf(&text), latin1: Some((line, e.valid_up_to() + skipped)) })
         }
     }
 }

@@ -4,23 +4,23 @@ use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;
 
 use super::buffers::Buffers;
-use super::document::Document;
-use crate::{Job, Outcome};
+use super::document::GltfDocument;
+use crate::{ImportContext, ImportResult};
 use osier_base::math::narrow;
 
-/// Most elements of an accessor without bytes of its own (all zero until sparse values fill in): a short file must not
+/// Most elements of an accessor without a buffer view (all zero until sparse values fill in): a short file must not
 /// become a large mesh.
-const ZEROS: u64 = 1 << 20;
+const MAX_ZERO_ELEMENTS: u64 = 1 << 20;
 
-/// What reading accessors needs.
+/// Reads accessors of a document from its buffers.
 #[derive(Clone, Copy)]
 pub(super) struct Accessors<'a> {
-    pub(super) document: &'a Document,
+    pub(super) document: &'a GltfDocument,
     pub(super) buffers: &'a Buffers<'a>,
 }
 
-/// The layout of an accessor, checked.
-struct Shape<'a> {
+/// The layout of an accessor whose bytes are known to exist.
+struct AccessorLayout<'a> {
     index: usize,
     accessor: &'a Accessor,
     count: usize,
@@ -34,13 +34,19 @@ impl Accessors<'_> {
     /// `limit`: name of the limit on the number of elements.
     /// # Errors
     /// X010 naming the accessor.
-    pub(super) fn floats(&self, job: &Job<'_>, index: usize, types: &[Type], limit: &str) -> Outcome<Vec<f32>> {
-        let shape = self.shape(job, index, types)?;
-        job.limit(limit, shape.count as u64)?;
-        let mut values = vec![0.0; shape.count * shape.width];
-        self.fill(job, &shape, |i, k, bytes| {
-            if let Some(v) = values.get_mut(i * shape.width + k) {
-                *v = component(bytes, shape.component, shape.normalized);
+    pub(super) fn floats(
+        &self,
+        context: &ImportContext<'_>,
+        index: usize,
+        types: &[Type],
+        limit: &str,
+    ) -> ImportResult<Vec<f32>> {
+        let layout = self.layout(context, index, types)?;
+        context.limit(limit, layout.count as u64)?;
+        let mut values = vec![0.0; layout.count * layout.width];
+        self.for_each_component(context, &layout, |i, k, bytes| {
+            if let Some(v) = values.get_mut(i * layout.width + k) {
+                *v = component(bytes, layout.component, layout.normalized);
             }
         })?;
         Ok(values)
@@ -49,14 +55,16 @@ impl Accessors<'_> {
     /// Vertex numbers of a scalar accessor, three for a triangle.
     /// # Errors
     /// X010 naming the accessor.
-    pub(super) fn corners(&self, job: &Job<'_>, index: usize) -> Outcome<Vec<u32>> {
-        let shape = self.shape(job, index, &[Type::Scalar])?;
-        job.limit("triangles", shape.count as u64 / 3)?;
-        if !matches!(shape.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
-            return Err(job.inside("X010", format_args!("accessors[{index}]: indices must be unsigned integers")));
+    pub(super) fn vertex_indices(&self, context: &ImportContext<'_>, index: usize) -> ImportResult<Vec<u32>> {
+        let layout = self.layout(context, index, &[Type::Scalar])?;
+        context.limit("triangles", layout.count as u64 / 3)?;
+        if !matches!(layout.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
+            return Err(
+                context.error_in_file("X010", format_args!("accessors[{index}]: indices must be unsigned integers"))
+            );
         }
-        let mut values = vec![0; shape.count];
-        self.fill(job, &shape, |i, _, bytes| {
+        let mut values = vec![0; layout.count];
+        self.for_each_component(context, &layout, |i, _, bytes| {
             if let Some(v) = values.get_mut(i) {
                 *v = unsigned(bytes);
             }
@@ -71,8 +79,8 @@ impl Accessors<'_> {
     }
 
     /// The layout of an accessor, whose elements are then known to be there: nothing is allocated for others.
-    fn shape(&self, job: &Job<'_>, index: usize, types: &[Type]) -> Outcome<Shape<'_>> {
-        let fault = |what: &str| job.inside("X010", format_args!("accessors[{index}] {what}"));
+    fn layout(&self, context: &ImportContext<'_>, index: usize, types: &[Type]) -> ImportResult<AccessorLayout<'_>> {
+        let fault = |what: &str| context.error_in_file("X010", format_args!("accessors[{index}] {what}"));
         let accessor = self.document.root.accessors.get(index).ok_or_else(|| fault("does not exist"))?;
         let (Checked::Valid(kind), Checked::Valid(component)) = (&accessor.type_, &accessor.component_type) else {
             return Err(fault("has no valid type"));
@@ -81,7 +89,7 @@ impl Accessors<'_> {
             return Err(fault("has the wrong type for its use"));
         }
         let count = accessor.count.0;
-        if accessor.buffer_view.is_none() && count > ZEROS {
+        if accessor.buffer_view.is_none() && count > MAX_ZERO_ELEMENTS {
             return Err(fault(&format!("declares {count} elements without bytes for them")));
         }
         let count = usize::try_from(count).map_err(|_| fault("is too large"))?;
@@ -92,23 +100,28 @@ impl Accessors<'_> {
                 return Err(fault("passes the end of its bufferView"));
             }
         }
-        Ok(Shape { index, accessor, count, width, component, normalized: accessor.normalized })
+        Ok(AccessorLayout { index, accessor, count, width, component, normalized: accessor.normalized })
     }
 
     /// Calls `set(element, component, bytes)` for every component: those of the view, then the sparse ones.
-    fn fill(&self, job: &Job<'_>, shape: &Shape<'_>, mut set: impl FnMut(usize, usize, &[u8])) -> Outcome<()> {
-        let (index, accessor) = (shape.index, shape.accessor);
-        let size = shape.component.size();
-        let fault = |what: &str| job.inside("X010", format_args!("accessors[{index}] {what}"));
+    fn for_each_component(
+        &self,
+        context: &ImportContext<'_>,
+        layout: &AccessorLayout<'_>,
+        mut set: impl FnMut(usize, usize, &[u8]),
+    ) -> ImportResult<()> {
+        let (index, accessor) = (layout.index, layout.accessor);
+        let size = layout.component.size();
+        let fault = |what: &str| context.error_in_file("X010", format_args!("accessors[{index}] {what}"));
         let mut put = |i: usize, element: &[u8]| element.chunks_exact(size).enumerate().for_each(|(k, b)| set(i, k, b));
         if let Some(view) = accessor.buffer_view {
             let offset = accessor.byte_offset.map_or(0, |o| o.0);
-            let elements = self.elements(view.value(), offset, shape.count, shape.width * size);
+            let elements = self.elements(view.value(), offset, layout.count, layout.width * size);
             let elements = elements.ok_or_else(|| fault("passes the end of its bufferView"))?;
             elements.enumerate().for_each(|(i, e)| put(i, e));
         }
         let Some(sparse) = &accessor.sparse else { return Ok(()) };
-        let count = usize::try_from(sparse.count.0).ok().filter(|n| *n <= shape.count);
+        let count = usize::try_from(sparse.count.0).ok().filter(|n| *n <= layout.count);
         let count = count.ok_or_else(|| fault("has more sparse values than elements"))?;
         let width = match sparse.indices.component_type {
             Checked::Valid(c) => match c.0 {
@@ -121,10 +134,10 @@ impl Accessors<'_> {
         let past = || fault("has sparse values past the end of their bufferView");
         let (at, values) = (&sparse.indices, &sparse.values);
         let places = self.elements(at.buffer_view.value(), at.byte_offset.0, count, width).ok_or_else(past)?;
-        let elements = self.elements(values.buffer_view.value(), values.byte_offset.0, count, shape.width * size);
+        let elements = self.elements(values.buffer_view.value(), values.byte_offset.0, count, layout.width * size);
         for (place, element) in places.zip(elements.ok_or_else(past)?) {
             let i = unsigned(place) as usize;
-            if i >= shape.count {
+            if i >= layout.count {
                 return Err(fault("has a sparse index past its last element"));
             }
             put(i, element);

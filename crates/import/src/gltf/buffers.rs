@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use gltf::json::Root;
 use gltf::json::buffer::View;
 
-use crate::{Job, Outcome};
+use crate::{ImportContext, ImportResult};
 
 /// The bytes of all buffers, each at least as long as it declares.
 #[derive(Debug)]
@@ -17,19 +17,21 @@ impl<'a> Buffers<'a> {
     /// Loads every buffer; all together stay within the limit for mesh bytes.
     /// # Errors
     /// X009 or X010.
-    pub(super) fn load(job: &mut Job<'_>, root: &Root, bin: Option<&'a [u8]>) -> Outcome<Self> {
+    pub(super) fn load(context: &mut ImportContext<'_>, root: &Root, bin: Option<&'a [u8]>) -> ImportResult<Self> {
         let mut list = Vec::with_capacity(root.buffers.len());
-        let mut left = job.options.limits.get("mesh-bytes");
+        let mut left = context.options.limits.get("mesh-bytes");
         for (i, buffer) in root.buffers.iter().enumerate() {
             let bytes = match (&buffer.uri, bin) {
-                (Some(uri), _) => Cow::Owned(resource(job, &format!("buffers[{i}]"), uri, left)?),
+                (Some(uri), _) => Cow::Owned(resource(context, &format!("buffers[{i}]"), uri, left)?),
                 (None, Some(bin)) if i == 0 => Cow::Borrowed(bin),
-                (None, _) => return Err(job.inside("X010", format_args!("buffers[{i}] has no bytes"))),
+                (None, _) => return Err(context.error_in_file("X010", format_args!("buffers[{i}] has no bytes"))),
             };
             if (bytes.len() as u64) < buffer.byte_length.0 {
                 let (has, wants) = (bytes.len(), buffer.byte_length.0);
                 let message = format_args!("buffers[{i}] holds {has} bytes where {wants} are declared");
-                return Err(Box::new(job.inside("X010", message).help("export the file again, with its .bin")));
+                return Err(Box::new(
+                    context.error_in_file("X010", message).help("export the file again, with its .bin"),
+                ));
             }
             left = left.saturating_sub(bytes.len() as u64);
             list.push(bytes);
@@ -49,24 +51,25 @@ impl<'a> Buffers<'a> {
 /// Bytes that a uri stands for, at most `limit`.
 /// # Errors
 /// X009 or X010.
-pub(super) fn resource(job: &mut Job<'_>, place: &str, uri: &str, limit: u64) -> Outcome<Vec<u8>> {
+pub(super) fn resource(context: &mut ImportContext<'_>, place: &str, uri: &str, limit: u64) -> ImportResult<Vec<u8>> {
     if let Some(data) = uri.strip_prefix("data:") {
         let bytes = data.split_once(',').filter(|(kind, _)| kind.ends_with(";base64")).and_then(|(_, b)| base64(b));
-        let bytes = bytes.ok_or_else(|| job.inside("X010", format_args!("{place}: its data: URI is not base64")))?;
+        let bytes =
+            bytes.ok_or_else(|| context.error_in_file("X010", format_args!("{place}: its data: URI is not base64")))?;
         return if bytes.len() as u64 <= limit {
             Ok(bytes)
         } else {
-            Err(job.inside("X010", format_args!("{place}: all buffers together pass --max-mesh-bytes")))
+            Err(context.error_in_file("X010", format_args!("{place}: all buffers together pass --max-mesh-bytes")))
         };
     }
-    match job.options.roots.read_uri(job.path, uri, limit) {
+    match context.options.roots.read_uri(context.path, uri, limit) {
         Ok(referred) => {
-            job.note(&referred);
+            context.add_referenced_file(&referred);
             Ok(referred.bytes)
         }
-        Err(refusal) => {
-            Err(Box::new(job.inside(refusal.code(), format_args!("{place}: {refusal}")).help(refusal.help())))
-        }
+        Err(refusal) => Err(Box::new(
+            context.error_in_file(refusal.code(), format_args!("{place}: {refusal}")).help(refusal.help()),
+        )),
     }
 }
 

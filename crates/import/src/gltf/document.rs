@@ -1,17 +1,18 @@
-//! The JSON: what we decode ourselves is taken out before the `gltf` crate validates the rest.
+//! The JSON document: parts that are decoded here are removed before the `gltf` crate validates the rest.
 
 use std::collections::BTreeMap;
 
 use gltf::json::Root;
 use serde_json::{Map, Value};
 
-use crate::{Job, Outcome};
+use crate::{ImportContext, ImportResult};
+use osier_base::convert::limit;
 use osier_base::diagnostic::{Diagnostic, Span};
 use osier_base::files::{Encoding, decode};
 use osier_base::limits::grouped;
 
-/// Extensions that are read, or whose absence changes only the look.
-const KNOWN: [&str; 15] = [
+/// Extensions that are read, or that change only the appearance and may be ignored.
+const SUPPORTED_EXTENSIONS: [&str; 15] = [
     "EXT_mesh_gpu_instancing",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
@@ -31,7 +32,7 @@ const KNOWN: [&str; 15] = [
 
 /// Accessors of an instanced node.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Instancing {
+pub(super) struct InstanceAccessors {
     pub(super) translation: Option<usize>,
     pub(super) rotation: Option<usize>,
     pub(super) scale: Option<usize>,
@@ -46,79 +47,82 @@ pub(super) struct UvTransform {
     pub(super) set: Option<u32>,
 }
 
-/// A validated document and what was taken out of it.
+/// A validated document, and the extensions that are decoded here.
 #[derive(Debug)]
-pub(super) struct Document {
+pub(super) struct GltfDocument {
     pub(super) root: Root,
-    /// By node.
-    pub(super) instancing: BTreeMap<usize, Instancing>,
-    /// Of the colour texture, by material.
-    pub(super) transforms: BTreeMap<usize, UvTransform>,
-    /// Index of refraction, by material.
+    /// Instance accessors by index of the node.
+    pub(super) instance_accessors: BTreeMap<usize, InstanceAccessors>,
+    /// Transform of the base colour texture, by index of the material.
+    pub(super) uv_transforms: BTreeMap<usize, UvTransform>,
+    /// Index of refraction, by index of the material.
     pub(super) iors: BTreeMap<usize, f64>,
 }
 
-impl Document {
+impl GltfDocument {
     /// Reads the JSON; `None` if it has errors with a place, which are then in the report.
     /// # Errors
     /// X010 if it is damaged or too large, X011 for a required extension that is not known.
-    pub(super) fn read(job: &mut Job<'_>, json: &[u8]) -> Outcome<Option<Self>> {
-        let limit = job.options.limits.get("json-bytes");
+    pub(super) fn read(context: &mut ImportContext<'_>, json: &[u8]) -> ImportResult<Option<Self>> {
+        let limit = context.options.limits.get("json-bytes");
         if json.len() as u64 > limit {
             let limit = grouped(limit);
             let message = format_args!("holds more than {} bytes of JSON", limit);
-            return Err(Box::new(job.fault("X010", message).help("raise the limit with --max-json-bytes")));
+            return Err(Box::new(
+                context.error_about_file("X010", message).help("raise the limit with --max-json-bytes"),
+            ));
         }
-        let name = job.name();
+        let name = context.name();
         let text = match decode(json, Encoding::Utf8) {
             Ok(text) => text.text,
             Err(bad) => {
-                bad.report("X010", &name, json, &mut job.report);
+                bad.report("X010", &name, json, &mut context.report);
                 return Ok(None);
             }
         };
         let mut value: Value = match serde_json::from_str(&text) {
             Ok(value) => value,
             Err(e) => {
-                syntax_error(job, &text, &e);
+                syntax_error(context, &text, &e);
                 return Ok(None);
             }
         };
         let Some(top) = value.as_object_mut() else {
-            return Err(job.fault("X010", "is not a glTF document: its JSON is no object"));
+            return Err(context.error_about_file("X010", "is not a glTF document: its JSON is no object"));
         };
-        required(job, top)?;
-        positions(job, top)?;
+        check_required_extensions(context, top)?;
+        check_position_accessors(context, top)?;
         if top.remove("animations").is_some() {
-            job.warn("X016", "holds animations; they are not read");
+            context.warn("X016", "holds animations; they are not read");
         }
-        let instancing = entries(top, "nodes").filter_map(|(i, n)| Some((i, instancing(n)?))).collect();
-        let transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, transform(m)?))).collect();
+        let instance_accessors = entries(top, "nodes").filter_map(|(i, n)| Some((i, instance_accessors(n)?))).collect();
+        let uv_transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, uv_transform(m)?))).collect();
         let ior = |m: &Value| m.pointer("/extensions/KHR_materials_ior/ior")?.as_f64();
         let iors = entries(top, "materials").filter_map(|(i, m)| Some((i, ior(m)?))).collect();
-        let stripped = serde_json::to_vec(&value).map_err(|e| job.fault("X010", format_args!("is damaged: {e}")))?;
+        let stripped = serde_json::to_vec(&value)
+            .map_err(|e| context.error_about_file("X010", format_args!("is damaged: {e}")))?;
         drop(value);
         let root = match gltf::Gltf::from_slice(&stripped) {
             Ok(gltf) => gltf.document.into_json(),
-            Err(e) => return Err(invalid(job, e)),
+            Err(e) => return Err(validation_error(context, e)),
         };
-        Ok(Some(Self { root, instancing, transforms, iors }))
+        Ok(Some(Self { root, instance_accessors, uv_transforms, iors }))
     }
 }
 
-/// A complaint about the JSON itself, with its place.
-fn syntax_error(job: &mut Job<'_>, text: &str, e: &serde_json::Error) {
+/// Reports a JSON syntax error with its position.
+fn syntax_error(context: &mut ImportContext<'_>, text: &str, e: &serde_json::Error) {
     let line_start: usize = text.split_inclusive('\n').take(e.line().saturating_sub(1)).map(str::len).sum();
     let at = (line_start + e.column().saturating_sub(1)).min(text.len());
-    let source = job.report.sources.add(job.name(), text);
+    let source = context.report.sources.add(context.name(), text);
     let words = e.to_string();
     let message = words.split(" at line ").next().unwrap_or(&words).to_owned();
     let diagnostic = Diagnostic::error("X010", message, Span::new(source, at, at + 1), "here");
-    job.report.push(diagnostic.help("the JSON is damaged; export the file again"));
+    context.report.push(diagnostic.help("the JSON is damaged; export the file again"));
 }
 
-/// What the crate's validation found, a few of it.
-fn invalid(job: &Job<'_>, e: gltf::Error) -> Box<Diagnostic> {
+/// The diagnostic of a document that fails validation, with its first five faults.
+fn validation_error(context: &ImportContext<'_>, e: gltf::Error) -> Box<Diagnostic> {
     let list = match e {
         gltf::Error::Validation(list) => {
             let shown = list.iter().take(5).map(|(path, e)| format!("{path}: {e}"));
@@ -128,29 +132,31 @@ fn invalid(job: &Job<'_>, e: gltf::Error) -> Box<Diagnostic> {
         other => other.to_string(),
     };
     Box::new(
-        job.fault("X010", format_args!("is not valid glTF: {list}"))
+        context
+            .error_about_file("X010", format_args!("is not valid glTF: {list}"))
             .help("export it again, or check it with the Khronos validator"),
     )
 }
 
 /// Takes the extensions that we decode out of the list of required ones; others end the reading.
-fn required(job: &Job<'_>, top: &mut Map<String, Value>) -> Outcome<()> {
+fn check_required_extensions(context: &ImportContext<'_>, top: &mut Map<String, Value>) -> ImportResult<()> {
     let Some(list) = top.remove("extensionsRequired") else { return Ok(()) };
     let names: Vec<String> = match list {
         Value::Array(items) => items.iter().map(|v| v.as_str().map_or_else(|| v.to_string(), str::to_owned)).collect(),
         other => vec![other.to_string()],
     };
-    match names.iter().find(|n| !KNOWN.contains(&n.as_str())) {
+    match names.iter().find(|n| !SUPPORTED_EXTENSIONS.contains(&n.as_str())) {
         None => Ok(()),
         Some(name) => Err(Box::new(
-            job.fault("X011", format_args!("requires the glTF extension {name:?}, which is not known"))
-                .help("export the file without it (no Draco or meshopt compression, PNG or JPEG pictures)"),
+            context
+                .error_about_file("X011", format_args!("requires the glTF extension {name:?}, which is not known"))
+                .help("export the file without it (no Draco or meshopt compression, PNG or JPEG images)"),
         )),
     }
 }
 
 /// Refuses positions in accessors that do not exist: the crate's validation would panic on them.
-fn positions(job: &Job<'_>, top: &Map<String, Value>) -> Outcome<()> {
+fn check_position_accessors(context: &ImportContext<'_>, top: &Map<String, Value>) -> ImportResult<()> {
     let count = top.get("accessors").and_then(Value::as_array).map_or(0, Vec::len) as u64;
     for (i, mesh) in entries(top, "meshes") {
         let primitives = mesh.get("primitives").and_then(Value::as_array);
@@ -158,24 +164,27 @@ fn positions(job: &Job<'_>, top: &Map<String, Value>) -> Outcome<()> {
             let index = primitive.pointer("/attributes/POSITION").and_then(Value::as_u64);
             if index.is_some_and(|n| n >= count) {
                 let message = format_args!("meshes[{i}].primitives[{k}].attributes.POSITION names no accessor");
-                return Err(job.inside("X010", message));
+                return Err(context.error_in_file("X010", message));
             }
         }
     }
     Ok(())
 }
 
+/// Index and value of the entries of a top-level array.
 fn entries<'a>(top: &'a Map<String, Value>, key: &str) -> impl Iterator<Item = (usize, &'a Value)> + use<'a> {
     top.get(key).and_then(Value::as_array).into_iter().flatten().enumerate()
 }
 
-fn instancing(node: &Value) -> Option<Instancing> {
+/// Accessors of EXT_mesh_gpu_instancing. An index beyond the address space names no accessor, which is an error on use.
+fn instance_accessors(node: &Value) -> Option<InstanceAccessors> {
     let attributes = node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes")?;
-    let index = |key: &str| attributes.get(key)?.as_u64().map(|i| usize::try_from(i).unwrap_or(usize::MAX));
-    Some(Instancing { translation: index("TRANSLATION"), rotation: index("ROTATION"), scale: index("SCALE") })
+    let index = |key: &str| attributes.get(key)?.as_u64().map(limit);
+    Some(InstanceAccessors { translation: index("TRANSLATION"), rotation: index("ROTATION"), scale: index("SCALE") })
 }
 
-fn transform(material: &Value) -> Option<UvTransform> {
+/// KHR_texture_transform of the base colour texture.
+fn uv_transform(material: &Value) -> Option<UvTransform> {
     let t = material.pointer("/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform")?;
     let pair = |key: &str, default: f64| {
         let at = |i: usize| t.get(key).and_then(|v| v.get(i)).and_then(Value::as_f64).unwrap_or(default);

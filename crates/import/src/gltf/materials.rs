@@ -1,4 +1,4 @@
-//! Materials and their pictures.
+//! Converts materials and their textures.
 
 use std::collections::BTreeMap;
 
@@ -6,41 +6,41 @@ use gltf::json::material::{AlphaMode, Material as Given};
 use gltf::json::validation::Checked;
 
 use super::buffers::{Buffers, resource};
-use super::document::{Document, UvTransform};
-use crate::pictures::{self, Raw, Shelf, Use};
-use crate::{Job, Outcome};
+use super::document::{GltfDocument, UvTransform};
+use crate::images::{self, DecodedImage, MapCache, MapUse};
+use crate::{ImportContext, ImportResult, table_index};
 use osier_base::files::Names;
 use osier_base::math;
 use osier_scene::{Image, Material};
 
 /// Materials in the order in which the meshes use them.
-pub(super) struct Surfaces<'a> {
-    document: &'a Document,
+pub(super) struct GltfMaterials<'a> {
+    document: &'a GltfDocument,
     buffers: &'a Buffers<'a>,
     names: Names,
-    made: Vec<Material>,
+    materials: Vec<Material>,
     /// Index of a material by its number in the file.
-    known: BTreeMap<Option<usize>, usize>,
-    shelf: Shelf,
+    index_of: BTreeMap<Option<usize>, usize>,
+    cache: MapCache,
     spent: u64,
 }
 
-impl<'a> Surfaces<'a> {
-    pub(super) fn new(document: &'a Document, buffers: &'a Buffers<'a>) -> Self {
+impl<'a> GltfMaterials<'a> {
+    pub(super) fn new(document: &'a GltfDocument, buffers: &'a Buffers<'a>) -> Self {
         Self {
             document,
             buffers,
             names: Names::default(),
-            made: Vec::new(),
-            known: BTreeMap::new(),
-            shelf: Shelf::default(),
+            materials: Vec::new(),
+            index_of: BTreeMap::new(),
+            cache: MapCache::default(),
             spent: 0,
         }
     }
 
-    /// Set of texture coordinates that a material's colour uses, and their transform.
-    pub(super) fn transform(&self, material: Option<usize>) -> (u32, Option<UvTransform>) {
-        let transform = material.and_then(|i| self.document.transforms.get(&i)).copied();
+    /// Texture coordinate set of a material's base colour, and its transform.
+    pub(super) fn uv_transform(&self, material: Option<usize>) -> (u32, Option<UvTransform>) {
+        let transform = material.and_then(|i| self.document.uv_transforms.get(&i)).copied();
         let given = material.and_then(|i| self.document.root.materials.get(i));
         let texture = given.and_then(|g| g.pbr_metallic_roughness.base_color_texture.as_ref());
         let set = transform.and_then(|t| t.set).or(texture.map(|t| t.tex_coord)).unwrap_or(0);
@@ -48,24 +48,25 @@ impl<'a> Surfaces<'a> {
     }
 
     /// Index of the material that the file numbers `id` (none: glTF's default, named after the file).
-    pub(super) fn of(&mut self, job: &mut Job<'_>, id: Option<usize>) -> Outcome<u32> {
-        let index = match self.known.get(&id) {
+    pub(super) fn material_index(&mut self, context: &mut ImportContext<'_>, id: Option<usize>) -> ImportResult<u32> {
+        let index = match self.index_of.get(&id) {
             Some(index) => *index,
             None => {
-                let material = self.make(job, id)?;
-                self.made.push(material);
-                self.known.insert(id, self.made.len() - 1);
-                self.made.len() - 1
+                let material = self.convert_material(context, id)?;
+                self.materials.push(material);
+                self.index_of.insert(id, self.materials.len() - 1);
+                self.materials.len() - 1
             }
         };
-        Ok(u32::try_from(index).unwrap_or(u32::MAX))
+        Ok(table_index(index))
     }
 
-    fn make(&mut self, job: &mut Job<'_>, id: Option<usize>) -> Outcome<Material> {
+    /// Converts a material and stores its maps: base colour, roughness (green channel), normals.
+    fn convert_material(&mut self, context: &mut ImportContext<'_>, id: Option<usize>) -> ImportResult<Material> {
         let given = id.and_then(|i| self.document.root.materials.get(i));
-        let stem = job.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let stem = context.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let name = self.names.unique(given.and_then(|g| g.name.as_deref()).unwrap_or(&stem));
-        let mut material = job.material(&name);
+        let mut material = context.material(&name);
         let (Some(given), Some(id)) = (given, id) else {
             material.base_color = [1.0; 3];
             return Ok(material);
@@ -78,73 +79,85 @@ impl<'a> Surfaces<'a> {
         let ior = self.document.iors.get(&id).copied().filter(|n| (1.0..=3.0).contains(n));
         material.ior = ior.map_or(material.ior, math::narrow);
         if let Some(texture) = &pbr.base_color_texture
-            && let Some((image, channels)) = self.picture(job, texture.index.value())?
+            && let Some((image, channels)) = self.decoded_image(context, texture.index.value())?
         {
-            material.alpha_cutoff = cutoff(given).filter(|_| channels == 4);
-            material.maps.color = self.keep(job, image, Use::color([r, g, b, a]), &name)?;
+            material.alpha_cutoff = alpha_cutoff(given).filter(|_| channels == 4);
+            material.maps.color = self.store_map(context, image, MapUse::color([r, g, b, a]), &name)?;
         }
         if let Some(texture) = &pbr.metallic_roughness_texture
-            && let Some((image, _)) = self.picture(job, texture.index.value())?
+            && let Some((image, _)) = self.decoded_image(context, texture.index.value())?
         {
-            material.maps.roughness = self.keep(job, image, Use::rough(material.roughness), &name)?;
+            material.maps.roughness = self.store_map(context, image, MapUse::roughness(material.roughness), &name)?;
         }
         if let Some(texture) = &given.normal_texture
-            && let Some((image, _)) = self.picture(job, texture.index.value())?.filter(|n| n.1 >= 3)
+            && let Some((image, _)) = self.decoded_image(context, texture.index.value())?.filter(|n| n.1 >= 3)
         {
-            material.maps.normal = self.keep(job, image, Use::Normal, &name)?;
+            material.maps.normal = self.store_map(context, image, MapUse::Normal, &name)?;
         }
         Ok(material)
     }
 
-    /// Keeps a picture for one use, named after the first material that has it.
-    fn keep(&mut self, job: &Job<'_>, image: usize, way: Use, name: &str) -> Outcome<Option<u32>> {
-        if let Some(known) = self.shelf.find(image, way) {
-            return Ok(Some(known));
+    /// Stores an image as a map, named after the first material that uses it.
+    fn store_map(
+        &mut self,
+        context: &ImportContext<'_>,
+        image: usize,
+        map_use: MapUse,
+        name: &str,
+    ) -> ImportResult<Option<u32>> {
+        if let Some(index_of) = self.cache.find(image, map_use) {
+            return Ok(Some(index_of));
         }
-        let bytes = self.shelf.more(image, way);
-        pictures::spend(job, &format!("images[{image}]"), bytes, &mut self.spent)?;
-        Ok(self.shelf.keep(image, way, name))
+        let bytes = self.cache.additional_bytes(image, map_use);
+        images::spend(context, &format!("images[{image}]"), bytes, &mut self.spent)?;
+        Ok(self.cache.store(image, map_use, name))
     }
 
-    /// Number and channels of the picture of a texture, decoded; `None` if its file is absent.
-    fn picture(&mut self, job: &mut Job<'_>, texture: usize) -> Outcome<Option<(usize, u8)>> {
+    /// Number and channels of the image of a texture, decoded; `None` if its file is absent.
+    fn decoded_image(&mut self, context: &mut ImportContext<'_>, texture: usize) -> ImportResult<Option<(usize, u8)>> {
         let Some(index) = self.document.root.textures.get(texture).map(|t| t.source.value()) else { return Ok(None) };
-        if !self.shelf.knows(index) {
+        if !self.cache.contains(index) {
             let place = format!("images[{index}]");
-            let raw: Option<Raw> = match self.bytes(job, index, &place)? {
-                Some(bytes) => Some(pictures::decode(job, &place, &bytes, &mut self.spent)?),
+            let raw: Option<DecodedImage> = match self.encoded_bytes(context, index, &place)? {
+                Some(bytes) => Some(images::decode(context, &place, &bytes, &mut self.spent)?),
                 None => None,
             };
-            self.shelf.add(index, raw);
+            self.cache.add(index, raw);
         }
-        Ok(self.shelf.channels(index).map(|channels| (index, channels)))
+        Ok(self.cache.channels(index).map(|channels| (index, channels)))
     }
 
-    fn bytes(&self, job: &mut Job<'_>, index: usize, place: &str) -> Outcome<Option<Vec<u8>>> {
+    /// The encoded bytes of an image: of a buffer view, a data URI or a file.
+    fn encoded_bytes(
+        &self,
+        context: &mut ImportContext<'_>,
+        index: usize,
+        place: &str,
+    ) -> ImportResult<Option<Vec<u8>>> {
         let root = &self.document.root;
         let Some(image) = root.images.get(index) else { return Ok(None) };
-        let limit = job.options.limits.get("mesh-bytes");
+        let limit = context.options.limits.get("mesh-bytes");
         if let Some(view) = image.buffer_view.and_then(|v| root.buffer_views.get(v.value())) {
             let bytes = self
                 .buffers
                 .view(view)
-                .ok_or_else(|| job.inside("X010", format_args!("{place} passes the end of its buffer")))?;
+                .ok_or_else(|| context.error_in_file("X010", format_args!("{place} passes the end of its buffer")))?;
             return Ok(Some(bytes.to_vec()));
         }
         match &image.uri {
-            Some(uri) if uri.starts_with("data:") => resource(job, place, uri, limit).map(Some),
-            Some(uri) => job.picture(job.options.roots.read_uri(job.path, uri, limit)),
-            None => Err(job.inside("X010", format_args!("{place} has neither a uri nor a bufferView"))),
+            Some(uri) if uri.starts_with("data:") => resource(context, place, uri, limit).map(Some),
+            Some(uri) => context.image_bytes(context.options.roots.read_uri(context.path, uri, limit)),
+            None => Err(context.error_in_file("X010", format_args!("{place} has neither a uri nor a bufferView"))),
         }
     }
 
     pub(super) fn finish(self) -> (Vec<Material>, Vec<Image>) {
-        (self.made, self.shelf.finish())
+        (self.materials, self.cache.finish())
     }
 }
 
-/// Where alpha cuts out: as the file says; blended surfaces, which leaves are often exported as, are cut in the middle.
-fn cutoff(given: &Given) -> Option<f32> {
+/// Alpha cutoff of a material; blended materials, as which leaves are often exported, are cut at 0.5.
+fn alpha_cutoff(given: &Given) -> Option<f32> {
     match &given.alpha_mode {
         Checked::Valid(AlphaMode::Opaque) | Checked::Invalid => None,
         Checked::Valid(AlphaMode::Mask) => Some(given.alpha_cutoff.as_ref().map_or(0.5, |c| c.0.clamp(0.0, 1.0))),

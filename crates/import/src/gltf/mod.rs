@@ -1,4 +1,4 @@
-//! glTF 2.0, text and binary. The `gltf` crate validates the document; buffers, accessors and pictures are read here, since
+//! glTF 2.0, text and binary. The `gltf` crate validates the document; buffers, accessors and images are read here, since
 //! it would open any path and trust any number.
 
 mod accessor;
@@ -10,34 +10,34 @@ mod nodes;
 mod primitives;
 
 use self::buffers::Buffers;
-use self::document::Document;
+use self::document::GltfDocument;
 use super::assembly::join;
-use super::{Job, Made, Outcome};
+use super::{ImportContext, ImportResult, ImportedMesh};
 use osier_base::limits::grouped;
 
-/// Most nodes of a file.
-const NODES: usize = 1_000_000;
+/// Most nodes of a file: bounds the time of the traversal.
+const MAX_NODES: usize = 1_000_000;
 
 /// Reads a `.gltf` or `.glb` file with what it refers to.
-pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
-    let limit = job.options.limits.get("mesh-bytes");
+pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResult<ImportedMesh> {
+    let limit = context.options.limits.get("mesh-bytes");
     if bytes.len() as u64 > limit {
         let limit = grouped(limit);
         let message = format_args!("is longer than {} bytes", limit);
-        return Err(Box::new(job.fault("X010", message).help("raise the limit with --max-mesh-bytes")));
+        return Err(Box::new(context.error_about_file("X010", message).help("raise the limit with --max-mesh-bytes")));
     }
-    let parts = container::split(job, bytes)?;
-    let Some(document) = Document::read(job, parts.json)? else { return Ok(Made::default()) };
+    let chunks = container::split(context, bytes)?;
+    let Some(document) = GltfDocument::read(context, chunks.json)? else { return Ok(ImportedMesh::default()) };
     let nodes = document.root.nodes.len();
-    if nodes > NODES {
-        let message = format_args!("has {} nodes, the limit is {}", grouped(nodes as u64), grouped(NODES as u64));
-        return Err(job.fault("X010", message));
+    if nodes > MAX_NODES {
+        let message = format_args!("has {} nodes, the limit is {}", grouped(nodes as u64), grouped(MAX_NODES as u64));
+        return Err(context.error_about_file("X010", message));
     }
-    let buffers = Buffers::load(job, &document.root, parts.bin)?;
-    let placed = nodes::walk(job, &document, &buffers)?;
-    let mut surfaces = materials::Surfaces::new(&document, &buffers);
-    let pieces = primitives::pieces(job, &document, &buffers, &placed, &mut surfaces)?;
-    let mesh = join(job, pieces)?;
-    let (materials, images) = surfaces.finish();
-    Ok((mesh, materials, images))
+    let buffers = Buffers::load(context, &document.root, chunks.bin)?;
+    let instances = nodes::flatten(context, &document, &buffers)?;
+    let mut materials = materials::GltfMaterials::new(&document, &buffers);
+    let parts = primitives::mesh_parts(context, &document, &buffers, &instances, &mut materials)?;
+    let mesh = join(context, parts)?;
+    let (materials, images) = materials.finish();
+    Ok(ImportedMesh { mesh, materials, images })
 }

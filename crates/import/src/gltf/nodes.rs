@@ -1,21 +1,21 @@
-//! The node tree flattened: where each mesh stands.
+//! Flattens the node hierarchy to the world transforms of each mesh.
 
 use glam::{Mat4, Quat, Vec3};
 use gltf::json::accessor::Type;
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
-use super::document::{Document, Instancing};
-use crate::{Job, Outcome};
+use super::document::{GltfDocument, InstanceAccessors};
+use crate::{ImportContext, ImportResult};
 
-/// Deepest nesting.
-const DEPTH: usize = 256;
+/// Deepest nesting of nodes; exporters stay below some dozens.
+const MAX_NODE_DEPTH: usize = 256;
 
-/// A mesh with its places in the world of the file.
+/// A mesh with the world transforms of its instances.
 #[derive(Debug)]
-pub(super) struct Placed {
+pub(super) struct MeshInstances {
     pub(super) mesh: usize,
-    /// The node's name and the mesh's.
+    /// Name of the node and of the mesh, separated by a space.
     pub(super) name: String,
     pub(super) world_from_mesh: Vec<Mat4>,
 }
@@ -23,13 +23,17 @@ pub(super) struct Placed {
 /// All placed meshes of the default scene (the first one, else all roots), parents before children.
 /// # Errors
 /// X010 for cycles, nodes with two parents, nesting beyond 256, damaged instances.
-pub(super) fn walk(job: &mut Job<'_>, document: &Document, buffers: &Buffers<'_>) -> Outcome<Vec<Placed>> {
+pub(super) fn flatten(
+    context: &mut ImportContext<'_>,
+    document: &GltfDocument,
+    buffers: &Buffers<'_>,
+) -> ImportResult<Vec<MeshInstances>> {
     let root = &document.root;
     let accessors = Accessors { document, buffers };
     let mut seen = vec![false; root.nodes.len()];
     let mut stack: Vec<(usize, Mat4, usize)> =
-        tops(document).into_iter().rev().map(|n| (n, Mat4::IDENTITY, 1)).collect();
-    let mut placed = Vec::new();
+        root_nodes(document).into_iter().rev().map(|n| (n, Mat4::IDENTITY, 1)).collect();
+    let mut instances = Vec::new();
     let mut skinned = 0;
     while let Some((index, world_from_parent, depth)) = stack.pop() {
         let Some(node) = root.nodes.get(index) else { continue };
@@ -38,37 +42,43 @@ pub(super) fn walk(job: &mut Job<'_>, document: &Document, buffers: &Buffers<'_>
             _ => {
                 let message = format_args!("nodes[{index}] is reached twice: a cycle, or two parents");
                 return Err(Box::new(
-                    job.inside("X010", message).help("every node has one parent; export the file again"),
+                    context.error_in_file("X010", message).help("every node has one parent; export the file again"),
                 ));
             }
         }
-        if depth > DEPTH {
-            return Err(job.inside("X010", format_args!("nodes[{index}] is nested deeper than {DEPTH}")));
+        if depth > MAX_NODE_DEPTH {
+            return Err(
+                context.error_in_file("X010", format_args!("nodes[{index}] is nested deeper than {MAX_NODE_DEPTH}"))
+            );
         }
-        let world_from_node = world_from_parent * local(node);
+        let world_from_node = world_from_parent * local_matrix(node);
         if let Some(mesh) = node.mesh {
             skinned += usize::from(node.skin.is_some());
-            // The skin, not the node, would place it; at rest it stands where it was bound.
+            // A skinned mesh ignores the transform of its node: its bind pose is in world space.
             let base = if node.skin.is_some() { Mat4::IDENTITY } else { world_from_node };
-            let world_from_mesh = match document.instancing.get(&index) {
-                Some(instancing) => instances(job, &accessors, index, *instancing)?.iter().map(|m| base * *m).collect(),
+            let world_from_mesh = match document.instance_accessors.get(&index) {
+                Some(instancing) => {
+                    instance_matrices(context, &accessors, index, *instancing)?.iter().map(|m| base * *m).collect()
+                }
                 None => vec![base],
             };
             let called = |name: Option<&String>| name.cloned().unwrap_or_default();
             let own = root.meshes.get(mesh.value()).and_then(|m| m.name.as_ref());
             let name = [called(node.name.as_ref()), called(own)].join(" ").trim().to_owned();
-            placed.push(Placed { mesh: mesh.value(), name, world_from_mesh });
+            instances.push(MeshInstances { mesh: mesh.value(), name, world_from_mesh });
         }
         let children = node.children.iter().flatten().rev();
         stack.extend(children.map(|c| (c.value(), world_from_node, depth + 1)));
     }
     if skinned > 0 {
-        job.warn("X016", format_args!("holds {skinned} skinned meshes; they are read as bound, without their skin"));
+        context
+            .warn("X016", format_args!("holds {skinned} skinned meshes; they are read as bound, without their skin"));
     }
-    Ok(placed)
+    Ok(instances)
 }
 
-fn tops(document: &Document) -> Vec<usize> {
+/// Root nodes of the default scene; without scenes, all nodes that are no child.
+fn root_nodes(document: &GltfDocument) -> Vec<usize> {
     let root = &document.root;
     let scene = root.scene.map_or(0, |s| s.value());
     if let Some(scene) = root.scenes.get(scene) {
@@ -83,7 +93,8 @@ fn tops(document: &Document) -> Vec<usize> {
     (0..root.nodes.len()).filter(|i| is_child.get(*i) == Some(&false)).collect()
 }
 
-fn local(node: &gltf::json::Node) -> Mat4 {
+/// Local transform of a node: its matrix, or translation, rotation and scale.
+fn local_matrix(node: &gltf::json::Node) -> Mat4 {
     if let Some(matrix) = &node.matrix {
         return Mat4::from_cols_array(matrix);
     }
@@ -94,6 +105,7 @@ fn local(node: &gltf::json::Node) -> Mat4 {
     )
 }
 
+/// T R S as one matrix; a quaternion of no length counts as no rotation.
 fn trs(t: Vec3, r: Quat, s: Vec3) -> Mat4 {
     let length = r.length();
     let r = if length > 1e-6 { r / length } else { Quat::IDENTITY };
@@ -102,15 +114,27 @@ fn trs(t: Vec3, r: Quat, s: Vec3) -> Mat4 {
 
 /// Transforms of the instances of a node.
 /// Source: EXT_mesh_gpu_instancing.
-fn instances(job: &Job<'_>, accessors: &Accessors<'_>, node: usize, of: Instancing) -> Outcome<Vec<Mat4>> {
-    let read =
-        |index: Option<usize>, kind: Type| index.map(|i| accessors.floats(job, i, &[kind], "instances")).transpose();
-    let (t, r, s) = (read(of.translation, Type::Vec3)?, read(of.rotation, Type::Vec4)?, read(of.scale, Type::Vec3)?);
+fn instance_matrices(
+    context: &ImportContext<'_>,
+    accessors: &Accessors<'_>,
+    node: usize,
+    accessor_of: InstanceAccessors,
+) -> ImportResult<Vec<Mat4>> {
+    let read = |index: Option<usize>, kind: Type| {
+        index.map(|i| accessors.floats(context, i, &[kind], "instances")).transpose()
+    };
+    let (t, r, s) = (
+        read(accessor_of.translation, Type::Vec3)?,
+        read(accessor_of.rotation, Type::Vec4)?,
+        read(accessor_of.scale, Type::Vec3)?,
+    );
     let counts: Vec<usize> =
         [(&t, 3), (&r, 4), (&s, 3)].iter().filter_map(|(v, n)| v.as_ref().map(|v| v.len() / n)).collect();
     let n = counts.first().copied().unwrap_or(0);
     if counts.iter().any(|c| *c != n) {
-        return Err(job.inside("X010", format_args!("nodes[{node}]: its instance attributes differ in length")));
+        return Err(
+            context.error_in_file("X010", format_args!("nodes[{node}]: its instance attributes differ in length"))
+        );
     }
     let vec3 = |v: &Option<Vec<f32>>, i: usize, default: Vec3| {
         v.as_ref().and_then(|v| v.get(3 * i..3 * i + 3)).map_or(default, Vec3::from_slice)

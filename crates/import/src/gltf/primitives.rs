@@ -1,4 +1,4 @@
-//! Primitives as pieces of a mesh, in the world of the file.
+//! Primitives of meshes as parts in world space.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -10,133 +10,136 @@ use gltf::json::validation::Checked;
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
-use super::document::{Document, UvTransform};
-use super::materials::Surfaces;
-use super::nodes::Placed;
+use super::document::{GltfDocument, UvTransform};
+use super::materials::GltfMaterials;
+use super::nodes::MeshInstances;
 use crate::assembly::MeshPart;
-use crate::{Job, Outcome};
+use crate::{ImportContext, ImportResult};
 use osier_base::math;
 
-/// Every primitive at every place, within the limits on vertices and triangles.
+/// A part for every instance of every primitive, within the limits on vertices and triangles.
 /// # Errors
 /// X009 or X010.
-pub(super) fn pieces(
-    job: &mut Job<'_>,
-    document: &Document,
+pub(super) fn mesh_parts(
+    context: &mut ImportContext<'_>,
+    document: &GltfDocument,
     buffers: &Buffers<'_>,
-    placed: &[Placed],
-    surfaces: &mut Surfaces<'_>,
-) -> Outcome<Vec<MeshPart>> {
+    instances: &[MeshInstances],
+    materials: &mut GltfMaterials<'_>,
+) -> ImportResult<Vec<MeshPart>> {
     let accessors = Accessors { document, buffers };
     let mut meshes: BTreeMap<usize, Vec<MeshPart>> = BTreeMap::new();
-    let mut pieces = Vec::new();
+    let mut parts = Vec::new();
     let (mut vertices, mut triangles) = (0, 0);
-    for place in placed {
-        let local = match meshes.entry(place.mesh) {
+    for instance in instances {
+        let local = match meshes.entry(instance.mesh) {
             Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(mesh(job, &accessors, place.mesh, surfaces)?),
+            Entry::Vacant(new) => new.insert(mesh(context, &accessors, instance.mesh, materials)?),
         };
-        for piece in local {
-            let copies = place.world_from_mesh.len() as u64;
-            vertices += piece.points.len() as u64 * copies;
-            triangles += piece.triangles.len() as u64 * copies;
-            job.limit("vertices", vertices)?;
-            job.limit("triangles", triangles)?;
-            let named = |m: &Mat4| MeshPart { name: place.name.clone(), ..moved(piece, *m) };
-            pieces.extend(place.world_from_mesh.iter().map(named));
+        for part in local {
+            let copies = instance.world_from_mesh.len() as u64;
+            vertices += part.points.len() as u64 * copies;
+            triangles += part.triangles.len() as u64 * copies;
+            context.limit("vertices", vertices)?;
+            context.limit("triangles", triangles)?;
+            let named = |m: &Mat4| MeshPart { name: instance.name.clone(), ..transformed(part, *m) };
+            parts.extend(instance.world_from_mesh.iter().map(named));
         }
     }
-    Ok(pieces)
+    Ok(parts)
 }
 
-/// A piece elsewhere; a mirroring transform turns its triangles round.
-fn moved(piece: &MeshPart, world_from_mesh: Mat4) -> MeshPart {
-    let mut piece = piece.clone();
+/// A part transformed: normals by the inverse transpose; the triangles of a mirrored part are reversed to keep their side.
+fn transformed(part: &MeshPart, world_from_mesh: Mat4) -> MeshPart {
+    let mut part = part.clone();
     let linear = Mat3::from_mat4(world_from_mesh);
     let det = linear.determinant();
-    piece.points.iter_mut().for_each(|p| *p = world_from_mesh.transform_point3(*p));
+    part.points.iter_mut().for_each(|p| *p = world_from_mesh.transform_point3(*p));
     if det.abs() > 0.0 {
         let for_normals = linear.inverse().transpose();
-        piece.normals.iter_mut().for_each(|n| *n = (for_normals * *n).normalize_or_zero());
+        part.normals.iter_mut().for_each(|n| *n = (for_normals * *n).normalize_or_zero());
     } else {
-        piece.normals.clear();
+        part.normals.clear();
     }
     if det < 0.0 {
-        piece.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        part.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
-    piece
+    part
 }
 
+/// The primitives of a mesh in its own space.
 fn mesh(
-    job: &mut Job<'_>,
+    context: &mut ImportContext<'_>,
     accessors: &Accessors<'_>,
     index: usize,
-    surfaces: &mut Surfaces<'_>,
-) -> Outcome<Vec<MeshPart>> {
-    let mut pieces = Vec::new();
-    let Some(mesh) = accessors.document.root.meshes.get(index) else { return Ok(pieces) };
+    materials: &mut GltfMaterials<'_>,
+) -> ImportResult<Vec<MeshPart>> {
+    let mut parts = Vec::new();
+    let Some(mesh) = accessors.document.root.meshes.get(index) else { return Ok(parts) };
     for (k, primitive) in mesh.primitives.iter().enumerate() {
         let place = format!("meshes[{index}].primitives[{k}]");
         if primitive.targets.as_ref().is_some_and(|t| !t.is_empty()) {
-            job.warn("X016", "holds morph targets; they are not read");
+            context.warn("X016", "holds morph targets; they are not read");
         }
         let mode = match &primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => *mode,
             _ => {
-                let warning = job.inside("X016", format_args!("{place} is made of points or lines; it is left out"));
-                job.report.push(*warning);
+                let warning =
+                    context.error_in_file("X016", format_args!("{place} is made of points or lines; it is left out"));
+                context.report.push(*warning);
                 continue;
             }
         };
         let material = primitive.material.map(|m| m.value());
-        let (uv_set, transform) = surfaces.transform(material);
-        let mut piece = geometry(job, accessors, primitive, uv_set, transform)?;
+        let (uv_set, transform) = materials.uv_transform(material);
+        let mut part = vertex_attributes(context, accessors, primitive, uv_set, transform)?;
         let order = match primitive.indices {
-            Some(indices) => accessors.corners(job, indices.value())?,
-            None => (0..piece.points.len()).filter_map(|i| u32::try_from(i).ok()).collect(),
+            Some(indices) => accessors.vertex_indices(context, indices.value())?,
+            None => (0..part.points.len()).filter_map(|i| u32::try_from(i).ok()).collect(),
         };
-        piece.triangles = triangles(&order, mode);
-        piece.material = surfaces.of(job, material)?;
-        piece.place = place;
-        pieces.push(piece);
+        part.triangles = triangles(&order, mode);
+        part.material = materials.material_index(context, material)?;
+        part.place = place;
+        parts.push(part);
     }
-    Ok(pieces)
+    Ok(parts)
 }
 
 /// Vertex attributes of a primitive; texture coordinates from the set `uv_set`, transformed.
 /// # Errors
 /// X010 where attributes differ in length.
-fn geometry(
-    job: &Job<'_>,
+fn vertex_attributes(
+    context: &ImportContext<'_>,
     accessors: &Accessors<'_>,
     primitive: &Primitive,
     uv_set: u32,
     transform: Option<UvTransform>,
-) -> Outcome<MeshPart> {
+) -> ImportResult<MeshPart> {
     let attribute = |s: Semantic| primitive.attributes.get(&Checked::Valid(s)).map(|i| i.value());
     let floats = |s: Semantic, types: &[Type]| {
-        attribute(s).map(|i| accessors.floats(job, i, types, "vertices")).transpose().map(Option::unwrap_or_default)
+        attribute(s).map(|i| accessors.floats(context, i, types, "vertices")).transpose().map(Option::unwrap_or_default)
     };
     let points = floats(Semantic::Positions, &[Type::Vec3])?;
     let normals = floats(Semantic::Normals, &[Type::Vec3])?;
     let uvs = floats(Semantic::TexCoords(uv_set), &[Type::Vec2])?;
     let colors = floats(Semantic::Colors(0), &[Type::Vec3, Type::Vec4])?;
     let width = attribute(Semantic::Colors(0)).map_or(4, |i| accessors.width(i)).max(1);
-    let piece = MeshPart {
+    let part = MeshPart {
         points: points.chunks_exact(3).map(Vec3::from_slice).collect(),
         normals: normals.chunks_exact(3).map(Vec3::from_slice).collect(),
         uvs: uvs.chunks_exact(2).map(|uv| from_gltf_uv(Vec2::from_slice(uv), transform)).collect(),
         colors: colors.chunks_exact(width).map(rgba).collect(),
         ..MeshPart::default()
     };
-    let n = piece.points.len();
-    let lengths = [piece.normals.len(), piece.uvs.len(), piece.colors.len()];
+    let n = part.points.len();
+    let lengths = [part.normals.len(), part.uvs.len(), part.colors.len()];
     if lengths.iter().any(|l| *l != 0 && *l != n) {
-        return Err(job.fault("X010", "has a primitive whose attributes differ in length"));
+        return Err(context.error_about_file("X010", "has a primitive whose attributes differ in length"));
     }
-    Ok(piece)
+    Ok(part)
 }
 
+/// A vertex colour; absent components are 1.
 fn rgba(c: &[f32]) -> [f32; 4] {
     std::array::from_fn(|i| c.get(i).copied().unwrap_or(1.0))
 }

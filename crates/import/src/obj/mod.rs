@@ -2,59 +2,63 @@
 //! takes `nan` for a number.
 
 mod faces;
-mod lines;
 mod mtl;
 mod scan;
+mod tokens;
 
 use std::cell::Cell;
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use self::lines::Word;
-use self::mtl::Library;
+use self::mtl::MaterialLibraries;
+use self::tokens::ObjToken;
 use super::assembly::{MeshPart, join};
-use super::{Job, Made, Outcome};
+use super::{ImportContext, ImportResult, ImportedMesh};
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 use osier_base::files::{Encoding, ReadError, decode};
 use osier_base::limits::grouped;
 
 /// Reads an OBJ file and its material libraries.
-pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
-    let limit = job.options.limits.get("mesh-bytes");
+pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResult<ImportedMesh> {
+    let limit = context.options.limits.get("mesh-bytes");
     if bytes.len() as u64 > limit {
         let limit = grouped(limit);
         let message = format_args!("is longer than {} bytes", limit);
-        return Err(Box::new(job.fault("X010", message).help("raise the limit with --max-mesh-bytes")));
+        return Err(Box::new(context.error_about_file("X010", message).help("raise the limit with --max-mesh-bytes")));
     }
-    let Some(text) = text(job, &job.name(), bytes) else { return Ok(Made::default()) };
-    let name = job.name();
-    let mut checked = Checked::new(&name, &text);
-    let Some(scan) = scan::scan(job, &mut checked)? else { return Ok(Made::default()) };
-    let library = Library::read(job, &mut checked, &scan.libraries);
-    if job.report.has_errors() {
-        return Ok(Made::default());
+    let Some(text) = text(context, &context.name(), bytes) else { return Ok(ImportedMesh::default()) };
+    let name = context.name();
+    let mut checked = CheckedText::new(&name, &text);
+    let Some(scan) = scan::scan(context, &mut checked)? else { return Ok(ImportedMesh::default()) };
+    let library = MaterialLibraries::read(context, &mut checked, &scan.libraries);
+    if context.report.has_errors() {
+        return Ok(ImportedMesh::default());
     }
-    let plain = lines::plain(&text);
+    let plain = tokens::plain(&text);
     let options = tobj::LoadOptions { single_index: true, triangulate: false, ..tobj::LoadOptions::default() };
     // All libraries are handed over at the first `mtllib`, none again at the others; nothing is opened.
     let mtl = Cell::new(library.text.as_str());
     let loaded =
         tobj::load_obj_buf(&mut plain.as_bytes(), &options, |_: &Path| tobj::load_mtl_buf(&mut mtl.take().as_bytes()));
-    let damaged = |job: &Job<'_>, e: tobj::LoadError| job.fault("X010", format_args!("is damaged: {e}"));
-    let (models, materials) = loaded.map_err(|e| damaged(job, e))?;
-    let materials = materials.map_err(|e| damaged(job, e))?;
-    let mut surfaces = mtl::Surfaces::new(job, &library, materials);
-    let mut pieces = Vec::with_capacity(models.len());
+    let damaged = |context: &ImportContext<'_>, e: tobj::LoadError| {
+        context.error_about_file("X010", format_args!("is damaged: {e}"))
+    };
+    let (models, materials) = loaded.map_err(|e| damaged(context, e))?;
+    let materials = materials.map_err(|e| damaged(context, e))?;
+    let mut materials = mtl::ObjMaterials::new(context, &library, materials);
+    let mut parts = Vec::with_capacity(models.len());
     for model in models {
-        let material = surfaces.of(job, model.mesh.material_id, !model.mesh.vertex_color.is_empty())?;
-        pieces.push(piece(&model, material));
+        let material =
+            materials.material_index(context, model.mesh.material_id, !model.mesh.vertex_color.is_empty())?;
+        parts.push(mesh_part(&model, material));
     }
-    let (materials, images) = surfaces.finish();
-    Ok((join(job, pieces)?, materials, images))
+    let (materials, images) = materials.finish();
+    Ok(ImportedMesh { mesh: join(context, parts)?, materials, images })
 }
 
-fn piece(model: &tobj::Model, material: u32) -> MeshPart {
+/// One of `tobj`'s models as a part of a mesh.
+fn mesh_part(model: &tobj::Model, material: u32) -> MeshPart {
     let mesh = &model.mesh;
     let vec3 = |v: &[f32]| match v {
         [x, y, z] => Vec3::new(*x, *y, *z),
@@ -74,52 +78,53 @@ fn piece(model: &tobj::Model, material: u32) -> MeshPart {
     }
 }
 
-/// A text file, or a complaint in the report; warns if it had to be read as Latin-1.
-fn text(job: &mut Job<'_>, name: &str, bytes: &[u8]) -> Option<String> {
+/// Decodes a text file; `None` if it is no text, which is then in the report. Warns if it had to be read as Latin-1.
+fn text(context: &mut ImportContext<'_>, name: &str, bytes: &[u8]) -> Option<String> {
     match decode(bytes, Encoding::OrLatin1) {
         Ok(decoded) => {
             if let Some((line, offset)) = decoded.latin1 {
                 let message = format!("\"{name}\" is not UTF-8 (line {line}, byte {offset}); it is read as Latin-1");
-                job.report.push(Diagnostic::about("X015", message).help("save it as UTF-8"));
+                context.report.push(Diagnostic::about("X015", message).help("save it as UTF-8"));
             }
             Some(decoded.text)
         }
         Err(bad) => {
-            bad.report("X010", name, bytes, &mut job.report);
+            bad.report("X010", name, bytes, &mut context.report);
             None
         }
     }
 }
 
-/// The text being checked; it becomes a source of the report at the first complaint.
-struct Checked<'a> {
+/// The text being checked; it becomes a source of the report with the first error.
+struct CheckedText<'a> {
     name: &'a str,
     text: &'a str,
     source: Option<SourceId>,
 }
 
-impl<'a> Checked<'a> {
+impl<'a> CheckedText<'a> {
     fn new(name: &'a str, text: &'a str) -> Self {
         Self { name, text, source: None }
     }
 
-    fn complain(&mut self, job: &mut Job<'_>, complaint: Complaint) {
-        let source = *self.source.get_or_insert_with(|| job.report.sources.add(self.name, self.text));
-        let span = Span::new(source, complaint.start, complaint.end);
-        let diagnostic = Diagnostic::about(complaint.code, complaint.message).label(span, complaint.label);
-        job.report.push(diagnostic.help(complaint.help));
+    /// Adds an error to the report, with its position in this text.
+    fn report(&mut self, context: &mut ImportContext<'_>, syntax_error: SyntaxError) {
+        let source = *self.source.get_or_insert_with(|| context.report.sources.add(self.name, self.text));
+        let span = Span::new(source, syntax_error.start, syntax_error.end);
+        let diagnostic = Diagnostic::about(syntax_error.code, syntax_error.message).label(span, syntax_error.label);
+        context.report.push(diagnostic.help(syntax_error.help));
     }
 
-    /// Complains about a reference at byte `start`; one that is absent is a warning.
-    fn refuse(&mut self, job: &mut Job<'_>, word: Word<'_>, refusal: &ReadError) {
-        let code = if matches!(refusal, ReadError::Missing { .. }) { "X014" } else { refusal.code() };
-        let complaint = word.complaint(refusal.to_string(), refusal.help());
-        self.complain(job, Complaint { code, label: "named here".into(), ..complaint });
+    /// Reports a reference that cannot be read; a missing file is a warning.
+    fn report_unreadable(&mut self, context: &mut ImportContext<'_>, token: ObjToken<'_>, error: &ReadError) {
+        let code = if matches!(error, ReadError::Missing { .. }) { "X014" } else { error.code() };
+        let syntax_error = token.syntax_error(error.to_string(), error.help());
+        self.report(context, SyntaxError { code, label: "named here".into(), ..syntax_error });
     }
 }
 
-/// Something wrong at bytes `start..end`.
-struct Complaint {
+/// A syntax error at bytes `start..end`.
+struct SyntaxError {
     code: &'static str,
     start: usize,
     end: usize,

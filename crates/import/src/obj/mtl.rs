@@ -1,37 +1,41 @@
-//! Material libraries and the pictures they name.
+//! Material libraries (MTL) and the images that they name.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::lines::{Word, lines, plain, rest, words};
-use super::{Checked, Complaint, text};
-use crate::pictures::{self, Raw};
-use crate::{Job, Outcome};
+use super::tokens::{ObjToken, lines, plain, rest, tokens};
+use super::{CheckedText, SyntaxError, text};
+use crate::images::{self, DecodedImage};
+use crate::{ImportContext, ImportResult, table_index};
 use osier_base::files::{Names, ReadError, number};
 use osier_scene::{Image, ImageKind, Material};
 
-/// Maps that are read.
-const MAPS: [&str; 3] = ["map_Kd", "map_d", "norm"];
+/// Statements whose maps are read: base colour, alpha, normals.
+const MAP_STATEMENTS: [&str; 3] = ["map_Kd", "map_d", "norm"];
 
-/// All libraries of a file, checked, with the pictures that they name.
+/// All libraries of a file, checked, with the images that they name.
 #[derive(Default)]
-pub(super) struct Library {
+pub(super) struct MaterialLibraries {
     /// Their texts, one after the other.
     pub(super) text: String,
-    /// Name and bytes of pictures by material and map.
-    pictures: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
-    /// Bytes of pictures held.
-    held: u64,
+    /// Name and bytes of images by material and statement.
+    images: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
+    /// Bytes of images held.
+    image_bytes: u64,
 }
 
-impl Library {
+impl MaterialLibraries {
     /// Reads the libraries named by `mtllib` lines of `checked`; complaints go into the report.
-    pub(super) fn read(job: &mut Job<'_>, checked: &mut Checked<'_>, names: &[(String, usize)]) -> Self {
+    pub(super) fn read(
+        context: &mut ImportContext<'_>,
+        checked: &mut CheckedText<'_>,
+        names: &[(String, usize)],
+    ) -> Self {
         let mut library = Self::default();
         for (name, start) in names {
             let spent = library.text.len() as u64;
-            let limit = job.options.limits.get("text-bytes").saturating_sub(spent);
-            let read = |reference: &str| job.options.roots.read(job.path, reference, limit);
+            let limit = context.options.limits.get("text-bytes").saturating_sub(spent);
+            let read = |reference: &str| context.options.roots.read(context.path, reference, limit);
             let found = match read(name) {
                 // One line may name several libraries.
                 Err(ReadError::Missing { .. }) if name.contains(' ') => name.split_whitespace().map(read).collect(),
@@ -40,44 +44,45 @@ impl Library {
             for result in found {
                 match result {
                     Ok(file) => {
-                        job.note(&file);
-                        library.add(job, &file.path, &file.bytes);
+                        context.add_referenced_file(&file);
+                        library.add(context, &file.path, &file.bytes);
                     }
-                    Err(refusal) => checked.refuse(job, Word { text: name, start: *start }, &refusal),
+                    Err(error) => checked.report_unreadable(context, ObjToken { text: name, start: *start }, &error),
                 }
             }
         }
         library
     }
 
-    fn add(&mut self, job: &mut Job<'_>, path: &Path, bytes: &[u8]) {
+    /// Checks a library and reads the images that it names.
+    fn add(&mut self, context: &mut ImportContext<'_>, path: &Path, bytes: &[u8]) {
         // The file's own name suffices beside the name of the mesh, and keeps folders of the machine out of reports.
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let Some(text) = text(job, &name, bytes) else { return };
+        let Some(text) = text(context, &name, bytes) else { return };
         let plain = plain(&text);
-        let mut checked = Checked::new(&name, &text);
+        let mut checked = CheckedText::new(&name, &text);
         let mut material = String::new();
         for (start, line) in lines(&plain) {
-            let mut words = words(start, line);
-            let Some(key) = words.next() else { continue };
+            let mut tokens = tokens(start, line);
+            let Some(key) = tokens.next() else { continue };
             let rest = rest(start, line);
-            if let Err(complaint) = check(key, words, rest) {
-                checked.complain(job, complaint);
+            if let Err(syntax_error) = check_line(key, tokens, rest) {
+                checked.report(context, syntax_error);
                 continue;
             }
             if key.text == "newmtl" {
                 rest.text.clone_into(&mut material);
             }
-            let Some(map) = MAPS.into_iter().find(|m| *m == key.text) else { continue };
-            let word = file_of(rest);
-            let limit = job.options.limits.get("mesh-bytes").saturating_sub(self.held);
-            match job.options.roots.read(path, word.text, limit) {
+            let Some(map) = MAP_STATEMENTS.into_iter().find(|m| *m == key.text) else { continue };
+            let token = map_file(rest);
+            let limit = context.options.limits.get("mesh-bytes").saturating_sub(self.image_bytes);
+            match context.options.roots.read(path, token.text, limit) {
                 Ok(file) => {
-                    job.note(&file);
-                    self.held += file.bytes.len() as u64;
-                    self.pictures.insert((material.clone(), map), (word.text.to_owned(), file.bytes));
+                    context.add_referenced_file(&file);
+                    self.image_bytes += file.bytes.len() as u64;
+                    self.images.insert((material.clone(), map), (token.text.to_owned(), file.bytes));
                 }
-                Err(refusal) => checked.refuse(job, word, &refusal),
+                Err(error) => checked.report_unreadable(context, token, &error),
             }
         }
         self.text.push_str(&plain);
@@ -85,57 +90,64 @@ impl Library {
     }
 }
 
-/// Checks one line.
-fn check<'a>(key: Word<'a>, words: impl Iterator<Item = Word<'a>>, rest: Word<'_>) -> Result<(), Complaint> {
-    let due = match key.text {
+/// Checks a line: numbers are finite and as many as the statement needs, names are present.
+fn check_line<'a>(
+    key: ObjToken<'a>,
+    tokens: impl Iterator<Item = ObjToken<'a>>,
+    rest: ObjToken<'_>,
+) -> Result<(), SyntaxError> {
+    let required_numbers = match key.text {
         "Ka" | "Kd" | "Ks" | "Ke" => 3,
         "Ns" | "Ni" | "d" => 1,
         "newmtl" | "map_Kd" | "map_Ka" | "map_Ks" | "map_Ns" | "map_ns" | "map_NS" | "map_d" | "map_Bump"
         | "map_bump" | "bump" | "norm" | "illum"
             if rest.text.is_empty() =>
         {
-            return Err(key.complaint("a name or value is missing", "add it, or remove the line"));
+            return Err(key.syntax_error("a name or value is missing", "add it, or remove the line"));
         }
         "illum" if rest.text.parse::<u8>().is_err() => {
-            return Err(rest.complaint("expected a number from 0 to 10", "remove the line; it is not used"));
+            return Err(rest.syntax_error("expected a number from 0 to 10", "remove the line; it is not used"));
         }
         _ => return Ok(()),
     };
     let mut n = 0;
-    for word in words.take(due) {
-        word.number()?;
+    for token in tokens.take(required_numbers) {
+        token.number()?;
         n += 1;
     }
-    if n == due {
+    if n == required_numbers {
         Ok(())
     } else {
-        Err(key.complaint(format!("{:?} needs {due} numbers, {n} follow", key.text), "add the missing numbers"))
+        Err(key.syntax_error(
+            format!("{:?} needs {required_numbers} numbers, {n} follow", key.text),
+            "add the missing numbers",
+        ))
     }
 }
 
-/// Materials and pictures in the order in which the mesh uses them.
-pub(super) struct Surfaces<'l> {
-    library: &'l Library,
+/// Materials and images in the order in which the mesh uses them.
+pub(super) struct ObjMaterials<'l> {
+    library: &'l MaterialLibraries,
     given: Vec<tobj::Material>,
     names: Names,
     spent: u64,
-    made: Vec<Material>,
+    materials: Vec<Material>,
     /// Index of a material by its number in the file.
-    known: BTreeMap<Option<usize>, usize>,
+    index_of: BTreeMap<Option<usize>, usize>,
     images: Vec<Image>,
     stem: String,
 }
 
-impl<'l> Surfaces<'l> {
-    pub(super) fn new(job: &Job<'_>, library: &'l Library, given: Vec<tobj::Material>) -> Self {
-        let stem = job.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+impl<'l> ObjMaterials<'l> {
+    pub(super) fn new(context: &ImportContext<'_>, library: &'l MaterialLibraries, given: Vec<tobj::Material>) -> Self {
+        let stem = context.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Self {
             library,
             given,
             names: Names::default(),
             spent: 0,
-            made: Vec::new(),
-            known: BTreeMap::new(),
+            materials: Vec::new(),
+            index_of: BTreeMap::new(),
             images: Vec::new(),
             stem,
         }
@@ -143,29 +155,40 @@ impl<'l> Surfaces<'l> {
 
     /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file). Without a colour of its own it
     /// is white under `colored` vertices.
-    pub(super) fn of(&mut self, job: &mut Job<'_>, id: Option<usize>, colored: bool) -> Outcome<u32> {
-        let index = match self.known.get(&id).copied() {
+    pub(super) fn material_index(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        id: Option<usize>,
+        colored: bool,
+    ) -> ImportResult<u32> {
+        let index = match self.index_of.get(&id).copied() {
             Some(index) => index,
             None => {
                 let given = id.and_then(|i| self.given.get(i)).cloned();
                 let name = self.names.unique(given.as_ref().map_or(&self.stem, |g| &g.name));
-                let mut material = job.material(&name);
+                let mut material = context.material(&name);
                 if let Some(given) = given {
-                    self.fill(job, &given, &mut material)?;
+                    self.convert_material(context, &given, &mut material)?;
                 }
-                self.made.push(material);
-                self.known.insert(id, self.made.len() - 1);
-                self.made.len() - 1
+                self.materials.push(material);
+                self.index_of.insert(id, self.materials.len() - 1);
+                self.materials.len() - 1
             }
         };
         let given = id.and_then(|i| self.given.get(i)).is_some_and(|g| g.diffuse.is_some());
         if colored && !given {
-            self.made[index].base_color = [1.0; 3];
+            self.materials[index].base_color = [1.0; 3];
         }
-        Ok(u32::try_from(index).unwrap_or(u32::MAX))
+        Ok(table_index(index))
     }
 
-    fn fill(&mut self, job: &mut Job<'_>, given: &tobj::Material, material: &mut Material) -> Outcome<()> {
+    /// Sets a material's values and maps from those of `tobj`.
+    fn convert_material(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        given: &tobj::Material,
+        material: &mut Material,
+    ) -> ImportResult<()> {
         if let Some(kd) = given.diffuse {
             material.base_color = kd.map(|c| c.clamp(0.0, 1.0));
         }
@@ -175,48 +198,53 @@ impl<'l> Surfaces<'l> {
             material.roughness = alpha.sqrt().clamp(0.05, 1.0);
         }
         material.ior = given.optical_density.filter(|n| (1.0..=3.0).contains(n)).unwrap_or(material.ior);
-        let mut color = self.picture(job, given, "map_Kd")?;
-        if let Some(mask) = self.picture(job, given, "map_d")? {
-            let mask = if mask.has_holes() { mask.channel(3, 255) } else { mask.channel(0, 255) };
+        let mut color = self.decode_map(context, given, "map_Kd")?;
+        if let Some(mask) = self.decode_map(context, given, "map_d")? {
+            let mask = if mask.has_transparency() { mask.channel(3, 255) } else { mask.channel(0, 255) };
             let joined = color.as_ref().and_then(|c| c.with_alpha(&mask));
             if joined.is_none() {
                 let name = &given.name;
-                job.warn(
+                context.warn(
                     "X016",
                     format_args!("material {name:?}: map_d needs a map_Kd of the same size; it is left out"),
                 );
             }
             color = joined.or(color);
         }
-        let normal = self.picture(job, given, "norm")?;
+        let normal = self.decode_map(context, given, "norm")?;
         if let Some(color) = color {
-            material.alpha_cutoff = color.has_holes().then_some(0.5);
-            material.maps.color = Some(self.keep(color, format!("{}_color", material.name), ImageKind::Color));
+            material.alpha_cutoff = color.has_transparency().then_some(0.5);
+            material.maps.color = Some(self.store_map(color, format!("{}_color", material.name), ImageKind::Color));
         }
         if let Some(normal) = normal.filter(|n| n.channels >= 3) {
-            material.maps.normal = Some(self.keep(normal, format!("{}_normal", material.name), ImageKind::Data));
+            material.maps.normal = Some(self.store_map(normal, format!("{}_normal", material.name), ImageKind::Data));
         }
         Ok(())
     }
 
-    fn keep(&mut self, raw: Raw, name: String, kind: ImageKind) -> u32 {
+    fn store_map(&mut self, raw: DecodedImage, name: String, kind: ImageKind) -> u32 {
         self.images.push(raw.into_image(name, kind));
-        u32::try_from(self.images.len() - 1).unwrap_or(u32::MAX)
+        table_index(self.images.len() - 1)
     }
 
-    /// The picture of one of a material's maps.
-    fn picture(&mut self, job: &Job<'_>, of: &tobj::Material, map: &'static str) -> Outcome<Option<Raw>> {
-        let Some((name, bytes)) = self.library.pictures.get(&(of.name.clone(), map)) else { return Ok(None) };
-        pictures::decode(job, &format!("{name:?}"), bytes, &mut self.spent).map(Some)
+    /// The image of one of a material's maps.
+    fn decode_map(
+        &mut self,
+        context: &ImportContext<'_>,
+        material: &tobj::Material,
+        map: &'static str,
+    ) -> ImportResult<Option<DecodedImage>> {
+        let Some((name, bytes)) = self.library.images.get(&(material.name.clone(), map)) else { return Ok(None) };
+        images::decode(context, &format!("{name:?}"), bytes, &mut self.spent).map(Some)
     }
 
     pub(super) fn finish(self) -> (Vec<Material>, Vec<Image>) {
-        (self.made, self.images)
+        (self.materials, self.images)
     }
 }
 
 /// The file name at the end of a map line: what follows the options.
-fn file_of(line: Word<'_>) -> Word<'_> {
+fn map_file(line: ObjToken<'_>) -> ObjToken<'_> {
     let mut rest = line.text.trim();
     while rest.starts_with('-') {
         let (option, mut after) = rest.split_once(' ').unwrap_or((rest, ""));
@@ -226,15 +254,15 @@ fn file_of(line: Word<'_>) -> Word<'_> {
             _ => (1, 1),
         };
         for n in 0..most {
-            let (word, tail) = after.trim_start().split_once(' ').unwrap_or((after, ""));
-            if n >= least && number(word).is_err() {
+            let (token, tail) = after.trim_start().split_once(' ').unwrap_or((after, ""));
+            if n >= least && number(token).is_err() {
                 break;
             }
             after = tail;
         }
         rest = after.trim_start();
     }
-    Word { text: rest, start: line.start + line.text.trim_end().len() - rest.len() }
+    ObjToken { text: rest, start: line.start + line.text.trim_end().len() - rest.len() }
 }
 
 #[cfg(test)]
@@ -244,9 +272,9 @@ mod tests {
     #[test]
     fn options_before_a_file_name_are_skipped() {
         for line in ["a b.png", "-clamp on a b.png", "-s 1 1 1 -o 0.5 a b.png", "-mm 0 1 -bm 0.2 a b.png"] {
-            let word = file_of(Word { text: line, start: 10 });
-            assert_eq!((word.text, word.start), ("a b.png", 10 + line.len() - 7), "{line}");
+            let token = map_file(ObjToken { text: line, start: 10 });
+            assert_eq!((token.text, token.start), ("a b.png", 10 + line.len() - 7), "{line}");
         }
-        assert_eq!(file_of(Word { text: "-s", start: 0 }).text, "");
+        assert_eq!(map_file(ObjToken { text: "-s", start: 0 }).text, "");
     }
 }

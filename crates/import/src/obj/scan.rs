@@ -1,23 +1,24 @@
 //! Checks every line of an OBJ text and notes which libraries it names.
 
-use super::lines::{Word, lines, plain, rest, words};
-use super::{Checked, Complaint};
-use crate::{Job, Outcome};
+use super::tokens::{ObjToken, lines, plain, rest, tokens};
+use super::{CheckedText, SyntaxError};
+use crate::{ImportContext, ImportResult};
 
-/// Most corners of one face.
-const CORNERS: usize = 10_000;
+/// Most corners of one face: triangulation takes time in proportion to their square.
+const MAX_FACE_CORNERS: usize = 10_000;
 
-/// Complaints after which a file is given up.
-const ENOUGH: usize = 20;
+/// Errors after which checking stops: a broken exporter repeats one error in every line.
+const MAX_REPORTED_ERRORS: usize = 20;
 
-/// What the text refers to.
-pub(super) struct Scan {
+/// References of an OBJ text.
+pub(super) struct ObjSummary {
     /// Library names in order, with their first byte.
     pub(super) libraries: Vec<(String, usize)>,
 }
 
+/// Numbers of elements so far; `colored`: vertices with a colour, `faceless`: faces of fewer than three corners.
 #[derive(Default)]
-struct Counts {
+struct ObjCounts {
     vertices: u64,
     colored: u64,
     uvs: u64,
@@ -29,90 +30,98 @@ struct Counts {
 /// Checks a text; `None` if it has errors, which are then in the report.
 /// # Errors
 /// X010 if it holds more than the limits allow.
-pub(super) fn scan(job: &mut Job<'_>, checked: &mut Checked<'_>) -> Outcome<Option<Scan>> {
+pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_>) -> ImportResult<Option<ObjSummary>> {
     let plain = plain(checked.text);
-    let mut counts = Counts::default();
+    let mut counts = ObjCounts::default();
     let mut libraries = Vec::new();
-    let mut complaints = 0;
+    let mut errors = 0;
     for (start, line) in lines(&plain) {
-        let mut words = words(start, line);
-        let Some(key) = words.next() else { continue };
+        let mut tokens = tokens(start, line);
+        let Some(key) = tokens.next() else { continue };
         let result = match key.text {
-            "v" => vertex(key, words, &mut counts),
-            "vt" => numbers(key, words, 1..=3).map(|n| counts.uvs += u64::from(n > 0)),
-            "vn" => numbers(key, words, 3..=3).map(|_| counts.normals += 1),
-            "f" | "l" => face(key, words, &mut counts),
+            "v" => vertex(key, tokens, &mut counts),
+            "vt" => numbers(key, tokens, 1..=3).map(|n| counts.uvs += u64::from(n > 0)),
+            "vn" => numbers(key, tokens, 3..=3).map(|_| counts.normals += 1),
+            "f" | "l" => face(key, tokens, &mut counts),
             "mtllib" | "usemtl" => {
                 let rest = rest(start, line);
                 if key.text == "mtllib" && !libraries.iter().any(|(l, _)| l == rest.text) {
                     libraries.push((rest.text.to_owned(), rest.start));
                 }
                 if rest.text.is_empty() {
-                    Err(key.complaint("a name is missing", "add it, or remove the line"))
+                    Err(key.syntax_error("a name is missing", "add it, or remove the line"))
                 } else {
                     Ok(())
                 }
             }
             _ => Ok(()),
         };
-        if let Err(complaint) = result {
-            checked.complain(job, complaint);
-            complaints += 1;
-            if complaints == ENOUGH {
+        if let Err(syntax_error) = result {
+            checked.report(context, syntax_error);
+            errors += 1;
+            if errors == MAX_REPORTED_ERRORS {
                 break;
             }
         }
     }
-    job.limit("vertices", counts.vertices.max(counts.uvs).max(counts.normals))?;
-    job.limit("triangles", counts.triangles)?;
+    context.limit("vertices", counts.vertices.max(counts.uvs).max(counts.normals))?;
+    context.limit("triangles", counts.triangles)?;
     if counts.colored != 0 && counts.colored != counts.vertices {
         let (some, all) = (counts.colored, counts.vertices);
         return Err(Box::new(
-            job.fault("X010", format_args!("gives {some} of {all} vertices a colour"))
+            context
+                .error_about_file("X010", format_args!("gives {some} of {all} vertices a colour"))
                 .help("colour all of them or none"),
         ));
     }
     if counts.faceless > 0 {
         let n = counts.faceless;
-        job.warn("X016", format_args!("holds {n} faces with fewer than three corners; they are left out"));
+        context.warn("X016", format_args!("holds {n} faces with fewer than three corners; they are left out"));
     }
-    Ok((complaints == 0).then_some(Scan { libraries }))
+    Ok((errors == 0).then_some(ObjSummary { libraries }))
 }
 
 /// Checks that as many numbers follow as allowed; returns how many.
 fn numbers<'a>(
-    key: Word<'_>,
-    words: impl Iterator<Item = Word<'a>>,
+    key: ObjToken<'_>,
+    tokens: impl Iterator<Item = ObjToken<'a>>,
     allowed: std::ops::RangeInclusive<usize>,
-) -> Result<usize, Complaint> {
+) -> Result<usize, SyntaxError> {
     let mut n = 0;
-    for word in words {
-        word.number()?;
+    for token in tokens {
+        token.number()?;
         n += 1;
         if n > *allowed.end() {
-            return Err(word.complaint(format!("at most {} numbers follow {:?}", allowed.end(), key.text), "remove it"));
+            return Err(
+                token.syntax_error(format!("at most {} numbers follow {:?}", allowed.end(), key.text), "remove it")
+            );
         }
     }
-    // A texture coordinate without v is read as v = 0 by nobody we hand it to.
+    // `vt u` is valid OBJ, but `tobj` reads two numbers.
     let least = (*allowed.start()).max(if key.text == "vt" { 2 } else { 0 });
     if n < least {
         let message = format!("{:?} needs {least} numbers, {n} follow", key.text);
-        return Err(key.complaint(message, "add the missing numbers"));
+        return Err(key.syntax_error(message, "add the missing numbers"));
     }
     Ok(n)
 }
 
-fn vertex<'a>(key: Word<'_>, words: impl Iterator<Item = Word<'a>>, counts: &mut Counts) -> Result<(), Complaint> {
-    let all: Vec<Word<'a>> = words.take(7).collect();
+/// Checks a `v` statement: x y z, with w or with r g b.
+fn vertex<'a>(
+    key: ObjToken<'_>,
+    tokens: impl Iterator<Item = ObjToken<'a>>,
+    counts: &mut ObjCounts,
+) -> Result<(), SyntaxError> {
+    let all: Vec<ObjToken<'a>> = tokens.take(7).collect();
     match numbers(key, all.iter().copied(), 3..=6)? {
         4 => {
             if let Some(w) = all.get(3)
                 && w.number()?.abs() < f64::from(f32::MIN_POSITIVE)
             {
-                return Err(w.complaint("a vertex cannot be divided by 0", "remove the fourth number"));
+                return Err(w.syntax_error("a vertex cannot be divided by 0", "remove the fourth number"));
             }
         }
-        5 => return Err(key.complaint("5 numbers are no vertex", "write x y z, x y z w, or x y z r g b")),
+        5 => return Err(key.syntax_error("5 numbers are no vertex", "write x y z, x y z w, or x y z r g b")),
         6 => counts.colored += 1,
         _ => {}
     }
@@ -120,24 +129,29 @@ fn vertex<'a>(key: Word<'_>, words: impl Iterator<Item = Word<'a>>, counts: &mut
     Ok(())
 }
 
-fn face<'a>(key: Word<'_>, words: impl Iterator<Item = Word<'a>>, counts: &mut Counts) -> Result<(), Complaint> {
+/// Checks an `f` or `l` statement.
+fn face<'a>(
+    key: ObjToken<'_>,
+    tokens: impl Iterator<Item = ObjToken<'a>>,
+    counts: &mut ObjCounts,
+) -> Result<(), SyntaxError> {
     let mut n = 0_usize;
-    for word in words {
+    for token in tokens {
         n += 1;
-        if n > CORNERS {
-            let message = format!("a face has more than {CORNERS} corners");
-            return Err(key.complaint(message, "triangulate the mesh before exporting it"));
+        if n > MAX_FACE_CORNERS {
+            let message = format!("a face has more than {MAX_FACE_CORNERS} corners");
+            return Err(key.syntax_error(message, "triangulate the mesh before exporting it"));
         }
-        let mut fields = word.text.split('/');
-        index(word, fields.next(), counts.vertices, "vertices", false)?;
-        index(word, fields.next(), counts.uvs, "texture coordinates", true)?;
-        index(word, fields.next(), counts.normals, "normals", true)?;
+        let mut fields = token.text.split('/');
+        index(token, fields.next(), counts.vertices, "vertices", false)?;
+        index(token, fields.next(), counts.uvs, "texture coordinates", true)?;
+        index(token, fields.next(), counts.normals, "normals", true)?;
         if fields.next().is_some() {
-            return Err(word.complaint("a corner has at most three indices", "write v, v/vt, v//vn or v/vt/vn"));
+            return Err(token.syntax_error("a corner has at most three indices", "write v, v/vt, v//vn or v/vt/vn"));
         }
     }
     if n == 0 {
-        return Err(key.complaint("a face without corners", "add them, or remove the line"));
+        return Err(key.syntax_error("a face without corners", "add them, or remove the line"));
     }
     if key.text == "f" {
         counts.faceless += u64::from(n < 3);
@@ -147,7 +161,7 @@ fn face<'a>(key: Word<'_>, words: impl Iterator<Item = Word<'a>>, counts: &mut C
 }
 
 /// Checks one index of a corner against what was defined above it.
-fn index(word: Word<'_>, field: Option<&str>, count: u64, what: &str, optional: bool) -> Result<(), Complaint> {
+fn index(token: ObjToken<'_>, field: Option<&str>, count: u64, what: &str, optional: bool) -> Result<(), SyntaxError> {
     let field = match field {
         None | Some("") if optional => return Ok(()),
         Some(field) => field,
@@ -157,11 +171,11 @@ fn index(word: Word<'_>, field: Option<&str>, count: u64, what: &str, optional: 
     let digits = field.strip_prefix('-').unwrap_or(field);
     let plain = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
     if !plain {
-        return Err(word.complaint("expected an index such as 3 or -1", help));
+        return Err(token.syntax_error("expected an index such as 3 or -1", help));
     }
     match digits.parse::<u64>() {
-        Ok(0) => Err(word.complaint("indices count from 1", help)),
+        Ok(0) => Err(token.syntax_error("indices count from 1", help)),
         Ok(n) if n <= count => Ok(()),
-        _ => Err(word.complaint(format!("index {field} is out of range: {count} {what} stand above"), help)),
+        _ => Err(token.syntax_error(format!("index {field} is out of range: {count} {what} stand above"), help)),
     }
 }

@@ -7,11 +7,11 @@
 use glam::{DVec3, Vec3};
 
 use super::collision::{SweptBall, push_out_of_solids, surface_contact};
-use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState, NO_TARGET};
 use super::{CATKINS_PER_TASK, FlightSimulation};
 use crate::flight::tuning::{MAX_JOIN_PUSH_OUT_ROUNDS, SAME_TIME};
 use osier_base::math::{exp, ln, narrow};
+use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 
 /// Whether a member of a cluster attracts a single: on the ground, at the same wall, or from the air into a corner.
@@ -61,7 +61,7 @@ impl FlightSimulation {
         // changes.
         let reach = self.options.attraction_radius();
         let members = self.clusters.values().filter(|c| c.state.is_deposited()).flat_map(|c| &c.members);
-        let grid = CellGrid::new(narrow(reach), members.map(|id| (*id, self.catkin(*id).x.as_vec3())));
+        let grid = NeighbourGrid::new(narrow(reach), members.map(|id| (*id, self.catkin(*id).x.as_vec3())));
         // Airborne singles are attracted to corners only; without any they need no search.
         let corners = self.clusters.values().any(|c| c.state == CatkinState::Corner);
         let gamma = self.options.gamma;
@@ -90,7 +90,7 @@ impl FlightSimulation {
     }
 
     /// The nearest member that attracts it, with the square of the distance; ties go to the lower index.
-    fn nearest_attractor(&self, c: &Catkin, grid: &CellGrid, reach: f64) -> Option<(f64, u32)> {
+    fn nearest_attractor(&self, c: &Catkin, grid: &NeighbourGrid, reach: f64) -> Option<(f64, u32)> {
         // Search the cells within reach; ties in distance go to the lower index, so that the result is unique.
         let (at, arm) = (c.x.as_vec3(), Vec3::splat(narrow(reach)));
         let mut best: Option<(f64, u32)> = None;

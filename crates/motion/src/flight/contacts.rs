@@ -2,12 +2,12 @@
 
 use glam::{DVec3, IVec3, Vec3};
 
-use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState};
 use super::{FlightParams, FlightSimulation, SideBoundary};
 use crate::flight::tuning::{MAX_CELLS_PER_AXIS, PLANES_PER_TASK, REST_CELL, ROUNDING_MARGIN};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
+use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 
@@ -235,7 +235,7 @@ impl ContactGrid {
 
 /// Deposited catkins for lookup by location.
 struct RestingCatkins<'a> {
-    grid: &'a CellGrid,
+    grid: &'a NeighbourGrid,
     /// Largest radius of any deposited catkin, m.
     widest: f32,
     /// Bounds of all deposited catkins with their radii, m.
@@ -293,7 +293,7 @@ impl FlightSimulation {
         }
         // Deposits in a sparse grid, and their common bounds for a quick rejection.
         let rests = self.catkins.iter().filter(|c| c.state.is_deposited());
-        let grid = CellGrid::new(REST_CELL, rests.clone().map(|c| (c.id, c.x.as_vec3())));
+        let grid = NeighbourGrid::new(REST_CELL, rests.clone().map(|c| (c.id, c.x.as_vec3())));
         if grid.is_empty() {
             return Vec::new();
         }

@@ -9,12 +9,12 @@ use glam::DVec3;
 use super::FlightSimulation;
 use super::clusters::CatkinCluster;
 use super::collision::{combined_contact, is_supported, push_out_of_solids, surface_contact};
-use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState};
 use crate::flight::tuning::{
     MAX_HEAP_PUSH_OUT_ROUNDS, MIN_SINK_SHARE, PACKING_SHARE, POSITION_TOLERANCE, SUPPORT_FACTOR,
 };
 use osier_base::math::{cos, narrow, sin};
+use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 
 /// Golden angle, rad: its multiples are evenly spread directions.
@@ -32,7 +32,7 @@ struct HeapMember {
 struct HeapRelaxation<'a> {
     flights: &'a FlightSimulation,
     all: Vec<HeapMember>,
-    near: CellGrid,
+    near: NeighbourGrid,
     widest: f64,
     /// Broken bonds, as pairs of members.
     torn: Vec<[usize; 2]>,
@@ -62,7 +62,7 @@ impl<'a> HeapRelaxation<'a> {
             all[b].bonds.push(a);
         }
         let widest = all.iter().map(|m| m.radius).fold(1e-3, f64::max);
-        let near = CellGrid::new(narrow(2.0 * widest), (0..).zip(all.iter().map(|m| m.at.as_vec3())));
+        let near = NeighbourGrid::new(narrow(2.0 * widest), (0..).zip(all.iter().map(|m| m.at.as_vec3())));
         Self { flights, all, near, widest, torn: Vec::new() }
     }
 

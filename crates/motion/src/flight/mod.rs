@@ -29,7 +29,6 @@ mod clusters;
 mod collision;
 mod contacts;
 mod deposit;
-mod grid;
 mod heaps;
 mod lift_off;
 mod params;

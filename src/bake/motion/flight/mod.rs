@@ -19,6 +19,7 @@ use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::math::{ln, narrow};
 use osier_base::rng::Rng;
+use osier_import::GreyImage;
 use osier_motion::flight::{
     Catkin, CatkinKind, CatkinStart, CatkinState, FlightParams, FlightSimulation, GroundHumidity, ReleaseCondition,
     SideBoundary, SkyRelease, sky_starts,
@@ -288,8 +289,7 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
         FlightBoundary::Recycle => SideBoundary::Recycle,
         FlightBoundary::Periodic => SideBoundary::Periodic,
     };
-    let map =
-        |(width, _, values): &(usize, usize, Vec<f32>)| GroundHumidity::Map { width: *width, values: values.clone() };
+    let map = |wet: &GreyImage| GroundHumidity::Map { width: wet.width, values: wet.values.clone() };
     FlightParams {
         seed: recipe.general.seed,
         fps: recipe.clip.fps(),

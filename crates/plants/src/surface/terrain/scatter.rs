@@ -1,10 +1,13 @@
 //! Scattering of plants over land: dart throwing in rounds; every candidate draws its random numbers at an address of its own.
 
+use glam::Vec3;
+
 use super::Terrain;
 use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::limits::Limits;
 use osier_base::math::{self, smoothstep};
+use osier_base::neighbours::NeighbourGrid;
 use osier_base::noise;
 use osier_base::rng::{Key, Rng, child, mix64};
 
@@ -166,7 +169,7 @@ pub fn scatter(
         "the number of candidates of a scatter",
     )?;
     // `grid`: index of the accepted point in each cell. A cell is spacing / sqrt 2 wide and holds at most one.
-    let obstacles = ObstacleGrid::new(taken, params, land.size);
+    let obstacles = ObstacleGrid::new(taken, params);
     let mut grid = vec![EMPTY; narrow::<u32, u64>(cells.len(), "cells of a scatter")? as usize];
     let mut points: Vec<ScatterPoint> = Vec::new();
     let mut candidates: Vec<Candidate> = Vec::new();
@@ -278,64 +281,36 @@ fn distance_squared(a: [f32; 2], b: [f32; 2]) -> f32 {
     (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
 }
 
-/// The obstacles in a uniform grid (counting sort) whose cells are as large as the largest distance to keep.
+/// The obstacles with the distance to keep from each.
 struct ObstacleGrid {
-    edge: f32,
-    half: f32,
-    side: usize,
-    /// Where each cell's points begin in `points`.
-    starts: Vec<usize>,
-    /// Place and square of the distance to keep.
-    points: Vec<([f32; 2], f32)>,
+    grid: NeighbourGrid,
+    /// Position, x and z, and square of the distance to keep.
+    obstacles: Vec<([f32; 2], f32)>,
+    /// Half edge of the search box: the largest distance to keep, with a margin for rounding, m.
+    reach: f32,
 }
 
 impl ObstacleGrid {
-    fn new(taken: &[ScatterObstacle], params: &ScatterParams, size: f32) -> Self {
+    fn new(taken: &[ScatterObstacle], params: &ScatterParams) -> Self {
         let min_distance = |t: &ScatterObstacle| params.clear.unwrap_or(0.5 * (t.spacing + params.spacing));
         let most = taken.iter().map(min_distance).fold(0.0, f32::max);
-        // At most 2048 cells along a side, to bound the memory.
-        let edge = most.max(size / 2048.0).max(1e-3);
-        let mut obstacles = Self { edge, half: size * 0.5, side: 0, starts: Vec::new(), points: Vec::new() };
-        obstacles.side = obstacles.cell(obstacles.half) + 1;
-        // Counting sort by cell: `starts[c]..starts[c + 1]` are the obstacles of cell c.
-        let index = |t: &ScatterObstacle| obstacles.cell(t.at[1]) * obstacles.side + obstacles.cell(t.at[0]);
-        let mut sorted: Vec<(usize, usize)> = taken.iter().enumerate().map(|(i, t)| (index(t), i)).collect();
-        sorted.sort_unstable();
-        let mut starts = vec![0; obstacles.side * obstacles.side + 1];
-        for (cell, _) in &sorted {
-            starts[cell + 1] += 1;
+        let positions = taken.iter().map(|t| Vec3::new(t.at[0], 0.0, t.at[1]));
+        Self {
+            grid: NeighbourGrid::new(most.max(1e-3), (0..).zip(positions)),
+            obstacles: taken.iter().map(|t| (t.at, min_distance(t) * min_distance(t))).collect(),
+            reach: most * 1.001,
         }
-        for i in 1..starts.len() {
-            starts[i] += starts[i - 1];
-        }
-        obstacles.points = sorted
-            .iter()
-            .filter_map(|(_, i)| taken.get(*i))
-            .map(|t| (t.at, min_distance(t) * min_distance(t)))
-            .collect();
-        obstacles.starts = starts;
-        obstacles
     }
 
-    /// Places beyond the land count to its border.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the land")]
-    fn cell(&self, v: f32) -> usize {
-        let cell = ((v.clamp(-self.half, self.half) + self.half) / self.edge) as usize;
-        if self.side > 0 { cell.min(self.side - 1) } else { cell }
-    }
-
+    /// True if no obstacle is nearer than the distance to keep from it.
     fn is_clear(&self, at: [f32; 2]) -> bool {
-        if self.points.is_empty() {
-            return true;
-        }
-        let (x, z) = (self.cell(at[0]), self.cell(at[1]));
-        let last = self.side - 1;
-        (z.saturating_sub(1)..=(z + 1).min(last)).all(|r| {
-            // The three cells of a row are consecutive in the sorted array.
-            let (first, end) = (r * self.side + x.saturating_sub(1), r * self.side + (x + 1).min(last) + 1);
-            let row = self.starts.get(first).zip(self.starts.get(end)).and_then(|(a, b)| self.points.get(*a..*b));
-            row.unwrap_or_default().iter().all(|(p, min_distance)| distance_squared(*p, at) >= *min_distance)
-        })
+        let (p, arm) = (Vec3::new(at[0], 0.0, at[1]), Vec3::new(self.reach, 0.0, self.reach));
+        let mut clear = true;
+        self.grid.for_each_in_box(p - arm, p + arm, |i| {
+            let (obstacle, least) = self.obstacles[i as usize];
+            clear &= distance_squared(obstacle, at) >= least;
+        });
+        clear
     }
 }
 

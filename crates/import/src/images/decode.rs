@@ -1,41 +1,38 @@
-//! Pictures of imported materials: PNG and JPEG, header first, within the limits.
-
-mod shelf;
+//! Decodes PNG and JPEG: the size in the header is checked against the limits before memory is spent.
 
 use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader};
 
-use super::{Job, Outcome};
+use crate::{ImportContext, ImportResult};
 use osier_base::units;
 use osier_scene::{Image, ImageKind, Pixels};
-pub(super) use shelf::{Shelf, Use};
 
-/// A decoded picture, 8 bits a channel.
+/// A decoded image of 8 bits a channel, rows from the top.
 #[derive(Debug, Clone)]
-pub(super) struct Raw {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    /// 1, 3 or 4.
-    pub(super) channels: u8,
-    pub(super) samples: Vec<u8>,
+pub(crate) struct DecodedImage {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Interleaved channels per pixel: 1, 3 or 4.
+    pub(crate) channels: u8,
+    pub(crate) samples: Vec<u8>,
 }
 
-impl Raw {
-    /// One channel as a grey picture; channels that are absent read as `fallback`.
-    pub(super) fn channel(&self, channel: usize, fallback: u8) -> Self {
+impl DecodedImage {
+    /// One channel as a grey image; channels that are absent read as `fallback`.
+    pub(crate) fn channel(&self, channel: usize, fallback: u8) -> Self {
         let n = usize::from(self.channels);
         let pick = |p: &[u8]| p.get(if n == 1 { 0 } else { channel }).copied().unwrap_or(fallback);
         Self { channels: 1, samples: self.samples.chunks_exact(n).map(pick).collect(), ..*self }
     }
 
     /// True if some pixel is not fully opaque.
-    pub(super) fn has_holes(&self) -> bool {
+    pub(crate) fn has_transparency(&self) -> bool {
         self.channels == 4 && self.samples.chunks_exact(4).any(|p| p.last() != Some(&255))
     }
 
-    /// RGBA with the grey picture `mask`, of equal size, as alpha; `None` if the sizes differ.
-    pub(super) fn with_alpha(&self, mask: &Self) -> Option<Self> {
+    /// RGBA with the grey image `mask`, of equal size, as alpha; `None` if the sizes differ.
+    pub(crate) fn with_alpha(&self, mask: &Self) -> Option<Self> {
         if (mask.width, mask.height) != (self.width, self.height) {
             return None;
         }
@@ -48,8 +45,8 @@ impl Raw {
         Some(Self { channels: 4, samples, ..*self })
     }
 
-    /// sRGB colours multiplied by a linear factor, as glTF asks where a material has both picture and colour.
-    pub(super) fn tinted(mut self, factor: [f32; 4]) -> Self {
+    /// sRGB colours multiplied by a linear factor, as glTF asks where a material has both image and colour.
+    pub(crate) fn tinted(mut self, factor: [f32; 4]) -> Self {
         let table = |f: f32| -> Vec<u8> {
             let tint = |v: u8| units::srgb_from_linear(units::linear_from_srgb(f32::from(v) / 255.0) * f);
             (0..=255_u8).map(|v| units::byte(tint(v))).collect()
@@ -66,13 +63,13 @@ impl Raw {
     }
 
     /// Samples times a factor in [0, 1].
-    pub(super) fn scaled(mut self, factor: f32) -> Self {
+    pub(crate) fn scaled(mut self, factor: f32) -> Self {
         self.samples.iter_mut().for_each(|s| *s = units::byte(f32::from(*s) / 255.0 * factor));
         self
     }
 
     /// As the scene holds it.
-    pub(super) fn into_image(self, name: String, kind: ImageKind) -> Image {
+    pub(crate) fn into_image(self, name: String, kind: ImageKind) -> Image {
         let Self { width, height, channels, samples } = self;
         Image { name, kind, width, height, channels, pixels: Pixels::U8(samples) }
     }
@@ -81,59 +78,69 @@ impl Raw {
 /// Decodes a PNG or JPEG. `place`: what it is in the file; `spent`: bytes decoded so far for this file.
 /// # Errors
 /// X010 if it is damaged, of another format, or over a limit.
-pub(super) fn decode(job: &Job<'_>, place: &str, bytes: &[u8], spent: &mut u64) -> Outcome<Raw> {
-    let failed = |e: &dyn std::fmt::Display| job.inside("X010", format_args!("{place}: picture is damaged: {e}"));
-    let side = u32::try_from(job.options.limits.get("image-side")).unwrap_or(u32::MAX);
-    let budget = job.options.limits.get("image-bytes");
+pub(crate) fn decode(
+    context: &ImportContext<'_>,
+    place: &str,
+    bytes: &[u8],
+    spent: &mut u64,
+) -> ImportResult<DecodedImage> {
+    let failed =
+        |e: &dyn std::fmt::Display| context.error_in_file("X010", format_args!("{place}: image is damaged: {e}"));
+    let side = context.options.limits.get("image-side");
+    let budget = context.options.limits.get("image-bytes");
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| failed(&e))?;
     if reader.format().is_none() {
         return Err(Box::new(
-            job.inside("X010", format_args!("{place}: picture is neither PNG nor JPEG")).help("convert it"),
+            context.error_in_file("X010", format_args!("{place}: image is neither PNG nor JPEG")).help("convert it"),
         ));
     }
-    // The decoders fill in what is missing.
-    let is_whole = match reader.format() {
-        Some(ImageFormat::Png) => png_is_whole(bytes),
-        Some(ImageFormat::Jpeg) => jpeg_is_whole(bytes),
+    // The decoders replace missing rows by grey without an error, so truncated files are found here.
+    let is_complete = match reader.format() {
+        Some(ImageFormat::Png) => is_complete_png(bytes),
+        Some(ImageFormat::Jpeg) => is_complete_jpeg(bytes),
         _ => true,
     };
-    if !is_whole {
+    if !is_complete {
         return Err(failed(&"its end is missing"));
     }
+    // Dimensions come from the header; nothing is allocated for pixels before they are accepted.
     let mut limits = image::Limits::no_limits();
     limits.max_alloc = Some(budget);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|e| failed(&e))?;
     let (width, height) = decoder.dimensions();
-    if width > side || height > side {
-        let message = format_args!("{place}: picture of {width} x {height} pixels, the limit is {side} a side");
-        return Err(Box::new(job.inside("X010", message).help("make it smaller, or use --max-image-side")));
+    if u64::from(width.max(height)) > side {
+        let message = format_args!("{place}: image of {width} x {height} pixels, the limit is {side} a side");
+        return Err(Box::new(context.error_in_file("X010", message).help("make it smaller, or use --max-image-side")));
     }
-    spend(job, place, decoder.total_bytes(), spent)?;
+    spend(context, place, decoder.total_bytes(), spent)?;
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))?;
+    // 16-bit and float samples are reduced to 8 bits; grey with alpha becomes RGBA.
     let (channels, samples) = match picture.color() {
         ColorType::L8 | ColorType::L16 => (1, picture.into_luma8().into_raw()),
         ColorType::Rgb8 | ColorType::Rgb16 | ColorType::Rgb32F => (3, picture.into_rgb8().into_raw()),
         _ => (4, picture.into_rgba8().into_raw()),
     };
-    Ok(Raw { width, height, channels, samples })
+    Ok(DecodedImage { width, height, channels, samples })
 }
 
-/// Counts bytes of decoded pictures.
+/// Counts bytes of decoded images.
 /// # Errors
 /// X010 over the limit.
-pub(super) fn spend(job: &Job<'_>, place: &str, bytes: u64, spent: &mut u64) -> Outcome<()> {
-    let budget = job.options.limits.get("image-bytes");
+pub(crate) fn spend(context: &ImportContext<'_>, place: &str, bytes: u64, spent: &mut u64) -> ImportResult<()> {
+    let budget = context.options.limits.get("image-bytes");
     *spent = spent.saturating_add(bytes);
     if *spent > budget {
-        let message = format_args!("{place}: pictures take {spent} bytes decoded, the limit is {budget}");
-        return Err(Box::new(job.inside("X010", message).help("make them smaller, or use --max-image-bytes")));
+        let message = format_args!("{place}: images take {spent} bytes decoded, the limit is {budget}");
+        return Err(Box::new(
+            context.error_in_file("X010", message).help("make them smaller, or use --max-image-bytes"),
+        ));
     }
     Ok(())
 }
 
-/// True if the chunks of a PNG follow each other up to the last one.
-fn png_is_whole(bytes: &[u8]) -> bool {
+/// True if the chunks of a PNG follow each other up to IEND.
+fn is_complete_png(bytes: &[u8]) -> bool {
     let mut at = 8_usize;
     loop {
         let head = |k: usize| bytes.get(at + k..at + k + 4);
@@ -149,8 +156,8 @@ fn png_is_whole(bytes: &[u8]) -> bool {
     }
 }
 
-/// True if an end marker follows the last scan of a JPEG. Thumbnails, which have both, stand before it.
-fn jpeg_is_whole(bytes: &[u8]) -> bool {
+/// True if an end-of-image marker (FFD9) follows the last start-of-scan marker (FFDA). Embedded thumbnails have both, before it.
+fn is_complete_jpeg(bytes: &[u8]) -> bool {
     let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
     last([0xff, 0xd9]).is_some_and(|end| last([0xff, 0xda]).is_some_and(|scan| end > scan))
 }

@@ -1,44 +1,48 @@
-//! Lines and words of OBJ and MTL with their places.
+//! Lines and tokens of OBJ and MTL with their byte offsets.
 
-use super::Complaint;
+use super::SyntaxError;
 use osier_base::files::{NumberError, number};
 
-/// A word and its first byte.
+/// A token and the offset of its first byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Word<'a> {
+pub(super) struct ObjToken<'a> {
     pub(super) text: &'a str,
     pub(super) start: usize,
 }
 
-impl Word<'_> {
-    pub(super) fn complaint(&self, message: impl Into<String>, help: &'static str) -> Complaint {
+impl ObjToken<'_> {
+    /// A syntax error (X010) at this token.
+    pub(super) fn syntax_error(&self, message: impl Into<String>, help: &'static str) -> SyntaxError {
         let end = self.start + self.text.len();
         let (message, label) = (message.into(), format!("{:?}", self.text));
-        Complaint { code: "X010", start: self.start, end, message, label, help }
+        SyntaxError { code: "X010", start: self.start, end, message, label, help }
     }
 
     /// A finite number that fits an f32.
-    pub(super) fn number(&self) -> Result<f64, Complaint> {
+    pub(super) fn number(&self) -> Result<f64, SyntaxError> {
         let value = number(self.text).map_err(|why| {
-            let word = self.text.trim_start_matches(['+', '-']).to_ascii_lowercase();
-            let infinite = matches!(word.as_str(), "nan" | "inf" | "infinity") || why == NumberError::TooLarge;
+            let token = self.text.trim_start_matches(['+', '-']).to_ascii_lowercase();
+            let infinite = matches!(token.as_str(), "nan" | "inf" | "infinity") || why == NumberError::TooLarge;
             let code = if infinite { "X001" } else { "X010" };
             let message = if infinite { "value is not finite".into() } else { why.to_string() };
             let help = match why {
                 NumberError::Comma => "replace the comma by a point",
                 _ => "write a finite decimal number such as 0.25",
             };
-            Complaint { code, ..self.complaint(message, help) }
+            SyntaxError { code, ..self.syntax_error(message, help) }
         })?;
         if value.abs() <= f64::from(f32::MAX) {
             Ok(value)
         } else {
-            Err(Complaint { code: "X001", ..self.complaint("value is not finite in 32 bits", "scale the mesh down") })
+            Err(SyntaxError {
+                code: "X001",
+                ..self.syntax_error("value is not finite in 32 bits", "scale the mesh down")
+            })
         }
     }
 }
 
-/// The text with continued lines joined and tabs turned to blanks; every byte stays in its place.
+/// The text with continued lines joined and tabs replaced by blanks; every byte keeps its offset.
 pub(super) fn plain(text: &str) -> String {
     text.replace("\\\n", "  ").replace('\t', " ")
 }
@@ -55,17 +59,17 @@ pub(super) fn lines(plain: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 /// Words of a line that begins at byte `start`.
-pub(super) fn words(start: usize, line: &str) -> impl Iterator<Item = Word<'_>> {
+pub(super) fn tokens(start: usize, line: &str) -> impl Iterator<Item = ObjToken<'_>> {
     let base = line.as_ptr() as usize;
-    line.split_whitespace().map(move |text| Word { text, start: start + (text.as_ptr() as usize - base) })
+    line.split_whitespace().map(move |text| ObjToken { text, start: start + (text.as_ptr() as usize - base) })
 }
 
-/// What follows the first word, trimmed, as one word.
-pub(super) fn rest(start: usize, line: &str) -> Word<'_> {
+/// The text after the first token, trimmed, as one token.
+pub(super) fn rest(start: usize, line: &str) -> ObjToken<'_> {
     let first = line.trim_start();
     let after = first.split_once(' ').map_or("", |(_, rest)| rest).trim();
     let offset = if after.is_empty() { line.len() } else { after.as_ptr() as usize - line.as_ptr() as usize };
-    Word { text: after, start: start + offset }
+    ObjToken { text: after, start: start + offset }
 }
 
 #[cfg(test)]
@@ -75,11 +79,11 @@ mod tests {
     #[test]
     fn places_survive_continued_lines_and_tabs() {
         let plain = plain("# c\nv\t1 \\\n 2  3\n\nmtllib  a b.mtl \n");
-        let all: Vec<(usize, Vec<Word<'_>>)> = lines(&plain).map(|(s, l)| (s, words(s, l).collect())).collect();
+        let all: Vec<(usize, Vec<ObjToken<'_>>)> = lines(&plain).map(|(s, l)| (s, tokens(s, l).collect())).collect();
         assert_eq!(all[0].0, 4);
         let starts: Vec<usize> = all[0].1.iter().map(|w| w.start).collect();
         assert_eq!(starts, [4, 6, 11, 14]);
         let (start, line) = lines(&plain).nth(1).expect("mtllib");
-        assert_eq!(rest(start, line), Word { text: "a b.mtl", start: 25 });
+        assert_eq!(rest(start, line), ObjToken { text: "a b.mtl", start: 25 });
     }
 }

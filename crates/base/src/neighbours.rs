@@ -1,0 +1,94 @@
+//! Neighbour search among points: a sparse uniform grid as one sorted array.
+
+use glam::{IVec3, Vec3};
+
+/// Indices of points, sorted by the cubic cell that holds the point. Building takes O(n log n), a query a binary search per row
+/// of cells along z. Results of a query come in the order of the cells, not of distance.
+/// # Examples
+/// ```
+/// use glam::Vec3;
+/// use osier_base::neighbours::NeighbourGrid;
+///
+/// let points = [Vec3::ZERO, Vec3::X * 0.3, Vec3::X * 5.0];
+/// let grid = NeighbourGrid::new(0.5, (0..).zip(points));
+/// let mut found = Vec::new();
+/// grid.for_each_in_box(Vec3::splat(-0.4), Vec3::splat(0.4), |i| found.push(i));
+/// assert!(found.contains(&0) && found.contains(&1) && !found.contains(&2));
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct NeighbourGrid {
+    /// Edge of a cell.
+    edge: f32,
+    /// Key of the cell and index of the point, sorted.
+    entries: Vec<(u64, u32)>,
+}
+
+/// Cells along an axis that a key can distinguish, on either side of the origin: 21 bits an axis. Farther cells share the
+/// outermost key, which costs time in queries there and no result.
+const MAX_CELL: i32 = 1 << 20;
+
+/// The coordinates of a cell as one integer, x first, so that the cells of a row along z have consecutive keys.
+fn key(cell: IVec3) -> u64 {
+    let bits = |v: i32| u64::from((v.clamp(-MAX_CELL, MAX_CELL - 1) + MAX_CELL).cast_unsigned());
+    (bits(cell.x) << 42) | (bits(cell.y) << 21) | bits(cell.z)
+}
+
+impl NeighbourGrid {
+    /// `edge`: of a cell, > 0, about the radius of the queries; `points`: index and position of each point, in any unit.
+    pub fn new(edge: f32, points: impl Iterator<Item = (u32, Vec3)>) -> Self {
+        let mut grid = Self { edge, entries: Vec::new() };
+        grid.entries = points.map(|(id, p)| (key(grid.cell(p)), id)).collect();
+        grid.entries.sort_unstable();
+        grid
+    }
+
+    /// True if the grid holds no point.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    fn cell(&self, p: Vec3) -> IVec3 {
+        (p / self.edge).floor().as_ivec3()
+    }
+
+    /// Calls `visit` with the index of every point in the cells that a box touches: all points in the box, and some within a cell
+    /// of it.
+    pub fn for_each_in_box(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(u32)) {
+        let (a, b) = (self.cell(low), self.cell(high));
+        for x in a.x..=b.x {
+            for y in a.y..=b.y {
+                // The cells of a row along z are consecutive in the sorted array.
+                let (first, last) = (key(IVec3::new(x, y, a.z)), key(IVec3::new(x, y, b.z)));
+                let start = self.entries.partition_point(|(k, _)| *k < first);
+                self.entries[start..].iter().take_while(|(k, _)| *k <= last).for_each(|(_, id)| visit(*id));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_query_visits_all_points_in_the_box() {
+        let points: Vec<Vec3> = (0..500_u16)
+            .map(|i| {
+                let f = f32::from(i);
+                Vec3::new((f * 0.37) % 5.0 - 2.5, (f * 0.71) % 4.0, (f * 0.13) % 6.0 - 3.0)
+            })
+            .collect();
+        let grid = NeighbourGrid::new(0.5, (0..).zip(points.iter().copied()));
+        let (low, high) = (Vec3::new(-1.0, 0.7, -2.0), Vec3::new(0.6, 1.9, 1.1));
+        let mut found = Vec::new();
+        grid.for_each_in_box(low, high, |i| found.push(i));
+        found.sort_unstable();
+        let inside = |p: &Vec3| p.cmpge(low).all() && p.cmple(high).all();
+        let wanted: Vec<u32> = (0..).zip(&points).filter(|(_, p)| inside(p)).map(|(i, _)| i).collect();
+        assert!(wanted.len() > 20 && wanted.iter().all(|w| found.binary_search(w).is_ok()));
+        assert!(found.iter().all(|i| {
+            let p = points[*i as usize];
+            p.cmpge(low - Vec3::splat(0.5)).all() && p.cmple(high + Vec3::splat(0.5)).all()
+        }));
+    }
+}

@@ -1,0 +1,7 @@
+//! Images of imported materials: decoding of PNG and JPEG within the limits, and a cache of the maps derived from them.
+
+mod cache;
+mod decode;
+
+pub(super) use cache::{MapCache, MapUse};
+pub(super) use decode::{DecodedImage, decode, spend};
