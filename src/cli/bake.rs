@@ -71,7 +71,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         scene::assemble_scene(&recipe, parts, &work)?
     };
     show.done();
-    let messages = cache.iter().flat_map(BakeCache::said);
+    let messages = cache.iter().flat_map(BakeCache::take_messages);
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();

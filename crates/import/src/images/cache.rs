@@ -46,7 +46,7 @@ impl MapUse {
     fn suffix(self) -> &'static str {
         match self {
             Self::Color(_) => "color",
-            Self::Roughness(_) => "roughness",
+            Self::Roughness(_) => "rough",
             Self::Normal => "normal",
         }
     }

@@ -67,7 +67,7 @@ impl ProtoRange {
     }
 
     /// The prototype that a hash picks.
-    #[allow(clippy::cast_possible_truncation, reason = "a remainder by a 16-bit index32")]
+    #[allow(clippy::cast_possible_truncation, reason = "a remainder by a 16-bit number")]
     pub fn pick(self, hash: u64) -> u16 {
         self.first.saturating_add((hash % u64::from(self.count.max(1))) as u16)
     }

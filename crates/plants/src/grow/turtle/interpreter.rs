@@ -353,7 +353,7 @@ impl<'a> Turtle<'a> {
     fn push_state(&mut self, m: Module<'_>) {
         if self.stack.len() as u64 >= self.max_stack {
             let help = "raise it with --max-turtle-stack, or close branches";
-            return self.halt("L051", '[', format!("more than {} open_segment branches", self.max_stack), help);
+            return self.halt("L051", '[', format!("more than {} open branches", self.max_stack), help);
         }
         self.stack.push(self.s);
         self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage };
@@ -465,7 +465,7 @@ impl<'a> Turtle<'a> {
     }
 
     pub(super) fn too_many_prototypes(&mut self, c: char) {
-        self.halt("L051", c, "more than 65,535 different shape_prototypes".into(), "draw shapes that differ less");
+        self.halt("L051", c, "more than 65,535 different shapes".into(), "draw shapes that differ less");
     }
 
     pub(super) fn fill_polygon(&mut self, m: Module<'_>) {
