@@ -15,7 +15,7 @@ use osier::plant::Plant;
 use osier::presets::find;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Recipe, Request, resolve};
-use osier::scene::{Trs, skinned_points, world_from_joint};
+use osier::scene::{Trs, skinned_points, skinning_matrices};
 use osier::wind::{GustWind, GustWindOptions, Wind};
 
 const ROUNDS: u32 = 5;
@@ -90,7 +90,7 @@ fn main() {
         .map(|(a, k)| (u32::try_from(a).expect("few"), plant.nodes.s[k]))
         .collect();
     let skin = rig.skin(&plant, bindings.iter().copied());
-    let joints = world_from_joint(&rig.skeleton, &rig.pose(&few, &bends));
+    let joints = skinning_matrices(&rig.skeleton, &rig.pose(&few, &bends));
     let seconds = best(|| drop(skinned_points(&plant.nodes.p, &skin, &joints)));
     println!("skin: {:.0} M points/s, one thread", plant.nodes.len() as f64 / seconds / 1e6);
     let seconds = best(|| drop(rig.pose(&few, &bends)));

@@ -22,7 +22,7 @@ use osier::par::par_map;
 use osier::presets;
 use osier::scene::{
     Asset, AssetFrame, Frame, InstancerMotion, Mesh, MeshObject, Placement, Scene, instance_states, mesh_points,
-    skinned_points, world_from_joint,
+    skinned_points, skinning_matrices,
 };
 use serde_json::{Map, Value, json};
 
@@ -150,7 +150,7 @@ impl Shown<'_> {
             // A cache is written as the skin beside it.
             let points = match (&object.skin, &self.asset.skeleton) {
                 (Some(skin), Some(skeleton)) => {
-                    let joints = world_from_joint(skeleton, &self.frame.pose);
+                    let joints = skinning_matrices(skeleton, &self.frame.pose);
                     let points = skinned_points(&object.mesh.points, skin, &joints);
                     points.iter().map(|p| self.placement.transform.apply(*p)).collect()
                 }

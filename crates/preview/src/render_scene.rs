@@ -16,7 +16,7 @@ use osier_base::geometry::Bounds;
 use osier_base::par::par_map;
 use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, Mesh, MeshFrame, MeshMotion, MeshObject, Placement, PointsFrame, Scene, Trs,
-    instance_states, mesh_points, skinned_normals, world_from_joint,
+    instance_states, mesh_points, skinned_normals, skinning_matrices,
 };
 
 /// Exposure time in which falling drops are motion-blurred, s: a shutter of 180 degrees at 24 frames per second.
@@ -417,7 +417,7 @@ fn mesh_normals<'s>(
     match (state.mesh(index), &asset.skeleton, &object.skin) {
         (MeshFrame::Points { normals, .. }, _, _) => Cow::Borrowed(normals),
         (MeshFrame::Same, Some(skeleton), Some(skin)) if object.motion == MeshMotion::Skinned => {
-            Cow::Owned(skinned_normals(&mesh.normals, skin, &world_from_joint(skeleton, &state.pose)))
+            Cow::Owned(skinned_normals(&mesh.normals, skin, &skinning_matrices(skeleton, &state.pose)))
         }
         _ => Cow::Borrowed(&mesh.normals),
     }

@@ -11,7 +11,7 @@ pub struct AirGrid {
     pub cells: [usize; 3],
     /// Lowest corner, m; across a plane it is where the plane lies.
     pub corner: DVec3,
-    /// Side of a cell, m.
+    /// Edge length of a cubic cell, m.
     pub side: f64,
     /// Axis that a plane is across; none for a box.
     pub across: Option<usize>,
@@ -20,7 +20,7 @@ pub struct AirGrid {
 }
 
 impl AirGrid {
-    /// Number of cells.
+    /// Number of cells, which is the length of a frame's list of velocities.
     pub fn count(&self) -> u64 {
         self.cells.iter().map(|n| *n as u64).fold(1, u64::saturating_mul)
     }

@@ -28,7 +28,7 @@ pub enum AttributeDomain {
 pub enum AttributeData {
     /// Unsigned integers below 2^24, so that single precision holds them.
     U32(Vec<u32>),
-    /// Signed integers.
+    /// Signed integers, such as identifiers where -1 stands for none.
     I32(Vec<i32>),
     /// Any finite numbers; the attribute's name implies their SI unit.
     F32(Vec<f32>),
@@ -66,7 +66,7 @@ macro_rules! with_values {
 }
 
 impl AttributeData {
-    /// Number of values.
+    /// Number of values, whatever their width.
     pub fn len(&self) -> usize {
         with_values!(self, v => v.len())
     }
@@ -124,12 +124,12 @@ impl AttributeData {
         }
     }
 
-    /// Signed integers.
+    /// The values of the variant [`Self::I32`]; none for others.
     pub fn integers(&self) -> Option<&[i32]> {
         if let Self::I32(v) = self { Some(v) } else { None }
     }
 
-    /// Unsigned integers.
+    /// The values of the variant [`Self::U32`]; none for others.
     pub fn counts(&self) -> Option<&[u32]> {
         if let Self::U32(v) = self { Some(v) } else { None }
     }

@@ -5,14 +5,14 @@ use std::borrow::Cow;
 use glam::{Mat4, Vec3};
 
 use super::{
-    Asset, AssetFrame, CurvesFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, MeshFrame,
-    MeshMotion, MeshObject, Scene, Skeleton, SkinWeights, Trs,
+    Asset, AssetFrame, CurvesFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, MapFrame,
+    MapSequence, MeshFrame, MeshMotion, MeshObject, Scene, Skeleton, SkinWeights, Trs,
 };
 use osier_base::geometry::Bounds;
 
 /// Matrices that move rest points to posed points, one per joint: asset-from-joint times joint-from-asset at rest.
 /// An empty pose means rest.
-pub fn world_from_joint(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Mat4> {
+pub fn skinning_matrices(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Mat4> {
     let bind = skeleton.bind();
     let rest;
     let pose = if pose.len() == skeleton.joints.len() {
@@ -32,14 +32,14 @@ pub fn mesh_points<'a>(asset: &Asset, object: &'a MeshObject, i: usize, frame: &
         MeshFrame::Whole { mesh, .. } => Cow::Borrowed(&mesh.points),
         MeshFrame::Same => match (&asset.skeleton, &object.skin, object.motion) {
             (Some(skeleton), Some(skin), MeshMotion::Skinned) => {
-                Cow::Owned(skinned_points(&object.mesh.points, skin, &world_from_joint(skeleton, &frame.pose)))
+                Cow::Owned(skinned_points(&object.mesh.points, skin, &skinning_matrices(skeleton, &frame.pose)))
             }
             _ => Cow::Borrowed(&object.mesh.points),
         },
     }
 }
 
-/// Linear blend skinning of points. `matrices`: one per joint, from [`world_from_joint`].
+/// Linear blend skinning of points. `matrices`: one per joint, from [`skinning_matrices`].
 pub fn skinned_points(points: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) -> Vec<Vec3> {
     let blend = |(p, (joints, weights)): (&Vec3, (&[u16; 4], &[f32; 4]))| {
         let mut sum = Vec3::ZERO;
@@ -142,6 +142,16 @@ fn instancer_bounds(instancer: &Instancer, state: &InstanceState) -> Bounds {
         }
     }
     b
+}
+
+impl Scene {
+    /// The maps of each sequence at a frame: the frame's, or those at rest.
+    pub fn maps_at(&self, frame: Option<&Frame>) -> Vec<Option<MapFrame>> {
+        let one = |(i, sequence): (usize, &MapSequence)| {
+            frame.and_then(|f| f.maps.get(i)).or(sequence.rest.as_ref()).cloned()
+        };
+        self.map_sequences.iter().enumerate().map(one).collect()
+    }
 }
 
 /// Box of all placed assets at a frame, in world space; pass `None` for rest.

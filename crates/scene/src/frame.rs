@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::{InstanceState, MapFrame, Mesh, Placement, RecordTable, Trs};
+use super::{InstanceState, MapFrame, Mesh, Placement, PointsFrame, RecordTable, Trs};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
 #[derive(Debug, Clone, Default)]
 pub struct Frame {
-    /// Frame number.
+    /// Frame number, within the clip.
     pub number: u32,
-    /// One per asset.
+    /// State of each asset, parallel to [`crate::Scene::assets`].
     pub assets: Vec<AssetFrame>,
     /// One per table of the scene, one number per column.
     pub rows: Vec<Vec<f64>>,
@@ -40,13 +40,13 @@ impl Frame {
 pub struct AssetFrame {
     /// Parent from joint, one per joint, or empty at rest.
     pub pose: Vec<Trs>,
-    /// Meshes.
+    /// State of each mesh, parallel to [`crate::Asset::meshes`].
     pub meshes: Vec<MeshFrame>,
-    /// Instancers.
+    /// State of each instancer, parallel to [`crate::Asset::instancers`].
     pub instancers: Vec<InstancerFrame>,
-    /// Point clouds.
+    /// State of each cloud, parallel to [`crate::Asset::points`].
     pub points: Vec<PointsFrame>,
-    /// Curves.
+    /// State of each set of curves, parallel to [`crate::Asset::curves`].
     pub curves: Vec<CurvesFrame>,
 }
 
@@ -58,7 +58,7 @@ pub enum MeshFrame {
     Same,
     /// New points of the same topology ([`super::MeshMotion::Deforming`]).
     Points {
-        /// One per point, m.
+        /// Positions in asset space, m, one per point of the mesh at rest.
         points: Vec<Vec3>,
         /// Unit normals, one per point.
         normals: Vec<Vec3>,
@@ -67,7 +67,7 @@ pub enum MeshFrame {
     },
     /// A whole mesh ([`super::MeshMotion::Varying`]); may be empty.
     Whole {
-        /// The mesh.
+        /// The mesh of this frame, with attributes of its own.
         mesh: Mesh,
         /// m/s, one per point, or empty.
         velocities: Vec<Vec3>,
@@ -80,33 +80,14 @@ pub enum InstancerFrame {
     /// As at rest, or as its joints say.
     #[default]
     Same,
-    /// New state.
+    /// Positions, rotations and attributes of all instances.
     State(InstanceState),
-}
-
-/// One point cloud at one frame.
-#[derive(Debug, Clone, Default)]
-pub enum PointsFrame {
-    /// As at rest.
-    #[default]
-    Same,
-    /// New positions and widths.
-    State {
-        /// m, one per point.
-        positions: Vec<Vec3>,
-        /// Diameters, m; 0 hides.
-        widths: Vec<f32>,
-        /// m/s, one per point, or empty.
-        velocities: Vec<Vec3>,
-        /// Linear RGB, one per point, or empty: as at rest.
-        colors: Vec<[f32; 3]>,
-    },
 }
 
 /// Curves at one frame.
 #[derive(Debug, Clone, Default)]
 pub enum CurvesFrame {
-    /// As at rest.
+    /// The rest state.
     #[default]
     Same,
     /// New points, m, one per point.

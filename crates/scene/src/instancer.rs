@@ -48,7 +48,7 @@ impl Prototype {
 /// How the instances move.
 #[derive(Debug, Clone, PartialEq)]
 pub enum InstancerMotion {
-    /// Not at all.
+    /// Instances keep their rest state over the clip.
     Still,
     /// Each instance rides rigidly on one joint of the asset's skeleton (one index per instance). Frames may carry
     /// finer states, which formats with instancers prefer.
@@ -62,11 +62,11 @@ pub enum InstancerMotion {
 pub struct InstanceState {
     /// Pivots in asset space, m.
     pub positions: Vec<Vec3>,
-    /// Unit quaternions.
+    /// Rotations from prototype to asset space, unit quaternions.
     pub orientations: Vec<Quat>,
     /// Alive or not; empty means all are.
     pub alive: Vec<bool>,
-    /// m/s, or empty.
+    /// Velocities of the pivots in asset space, m/s, or empty.
     pub velocities: Vec<Vec3>,
     /// Axis times rad/s, or empty.
     pub angular_velocities: Vec<Vec3>,
@@ -105,7 +105,7 @@ impl InstanceState {
 pub struct Instancer {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
     pub name: String,
-    /// What can be shown.
+    /// Meshes that instances can show; an instance names one by its index.
     pub prototypes: Vec<Prototype>,
     /// Stable id of each instance (written as 0..N-1 where a format wants small numbers).
     pub ids: Vec<u64>,
@@ -113,9 +113,9 @@ pub struct Instancer {
     pub protos: Vec<u32>,
     /// Constant scale per instance.
     pub scales: Vec<Vec3>,
-    /// State at rest.
+    /// State of all instances at rest, which formats without animation show.
     pub rest: InstanceState,
-    /// How they move.
+    /// How frames change the instances.
     pub motion: InstancerMotion,
     /// Ask for a twin as plain points with orientation and scale (catkins, drops: things tracked one by one).
     pub tracked: bool,

@@ -2,14 +2,29 @@
 //!
 //! A scene knows no file format and does no I/O. Space: right-handed, +Y up, metres, seconds, radians; UV origin lower
 //! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
+//!
+//! ```
+//! use glam::Vec3;
+//! use osier_scene::{Clip, Mesh};
+//!
+//! let clip = Clip { start: 1, end: 48, fps: (24, 1) };
+//! assert_eq!((clip.len(), clip.tag(7)), (48, "0007".to_owned()));
+//! assert!((clip.seconds(25) - 1.0).abs() < 1e-12);
+//!
+//! let points = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+//! let triangle = Mesh { points, normals: vec![Vec3::Z; 3], triangles: vec![[0, 1, 2]], ..Mesh::default() };
+//! assert_eq!(triangle.with_material(0).subsets[0].count, 1);
+//! ```
 
 mod air;
 mod attribute;
+mod camera_light;
+mod curve_mesh;
 mod evaluate;
 mod field;
 mod frame;
+mod freeze;
 mod instancer;
-mod look;
 mod maps;
 mod material;
 mod measure;
@@ -19,29 +34,27 @@ mod points;
 mod records;
 mod skeleton;
 pub mod solid;
-mod stilled;
-mod strands;
 mod validate;
 
 pub use air::AirGrid;
 pub use attribute::{Attribute, AttributeData, AttributeDomain};
+pub use camera_light::{Camera, Fog, Sky, Sun};
+pub use curve_mesh::{ribbons, tubes, turned_ribbons};
 pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
-    world_from_joint,
+    skinning_matrices,
 };
 pub use field::HeightField;
-pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
+pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame};
+pub use freeze::freeze;
 pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
-pub use look::{Camera, Fog, Sky, Sun};
 pub use maps::{MapEncoding, MapFrame, MapLayer, MapSequence, MapTexels};
 pub use material::{Coat, Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
 pub use measure::{Field, Table, Watch, largest};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
-pub use points::{Curves, Points, PointsNow};
+pub use points::{Curves, Points, PointsFrame, PointsNow};
 pub use records::{CodeList, ColumnValues, RecordColumn, RecordTable};
 pub use skeleton::{Joint, Skeleton, Trs};
-pub use stilled::stilled;
-pub use strands::{ribbons, tubes, turned_ribbons};
 pub use validate::{check_frame, check_scene};
 
 /// Frames of a clip. A still scene has `start == end`.
@@ -56,7 +69,7 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Number of frames.
+    /// Number of frames, at least 1.
     pub fn len(&self) -> usize {
         (self.end.saturating_sub(self.start) as usize).saturating_add(1)
     }
@@ -66,7 +79,7 @@ impl Clip {
         false
     }
 
-    /// Frames per second.
+    /// Frames per second as a quotient; a denominator of 0 counts as 1.
     pub fn fps(&self) -> f64 {
         f64::from(self.fps.0) / f64::from(self.fps.1.max(1))
     }
@@ -96,15 +109,15 @@ impl Default for Clip {
 /// What an asset is, for folder names, statistics and materials' defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AssetKind {
-    /// Anything grown.
+    /// A plant grown by a grammar, an IFS or particle-shapes.
     Plant,
-    /// The ground.
+    /// Level ground or a height field.
     Terrain,
-    /// A point cloud.
+    /// A cloud of points, such as an attractor.
     Cloud,
     /// Flying or lying things tracked one by one.
     Tracks,
-    /// An artist's mesh.
+    /// A mesh read from a file.
     Import,
 }
 
@@ -149,20 +162,20 @@ impl Scene {
 pub struct Asset {
     /// File and prim name, `[a-z0-9_]+`, unique in the scene.
     pub id: String,
-    /// What it is.
+    /// What it is; the manifest names it by [`AssetKind::word`].
     pub kind: AssetKind,
     /// Name of the plant that it is an individual of, `[a-z0-9_]+`; empty for everything that has no copies. Formats
     /// with instancers show all placements of a group by one instancer.
     pub group: String,
     /// Joints that skinned meshes and joint-bound instancers follow.
     pub skeleton: Option<Skeleton>,
-    /// Meshes.
+    /// Meshes that are shown once.
     pub meshes: Vec<MeshObject>,
-    /// Repeated meshes.
+    /// Meshes that are shown many times, such as leaves.
     pub instancers: Vec<Instancer>,
-    /// Point clouds.
+    /// Clouds of points, with attributes of their own.
     pub points: Vec<Points>,
-    /// Curves.
+    /// Sets of polylines with thickness.
     pub curves: Vec<Curves>,
 }
 
@@ -197,21 +210,21 @@ pub struct Scene {
     pub name: String,
     /// Title as the artist wrote it.
     pub title: String,
-    /// Seed of all draws.
+    /// Seed of all random draws; exporters write it into their headers.
     pub seed: u64,
     /// Hash of the resolved scene and its input files, 64 hex digits.
     pub hash: String,
-    /// Frames.
+    /// Numbers and rate of the frames.
     pub clip: Clip,
-    /// View.
+    /// Camera of all frames; it does not move.
     pub camera: Camera,
-    /// Sunlight.
+    /// Direction, colour and strength of sunlight.
     pub sun: Sun,
     /// Light from the sky.
     pub sky: Sky,
     /// Pictures used by the materials.
     pub images: Vec<Image>,
-    /// Surfaces.
+    /// Materials; meshes name them by their index.
     pub materials: Vec<Material>,
     /// Things with files of their own.
     pub assets: Vec<Asset>,
@@ -225,7 +238,7 @@ pub struct Scene {
     pub code_lists: Vec<CodeList>,
     /// Maps that frames fill.
     pub fields: Vec<Field>,
-    /// Where frames tell the wind.
+    /// Grids on which frames sample the wind's velocity.
     pub air: Vec<AirGrid>,
     /// Maps of surfaces that frames fill.
     pub map_sequences: Vec<MapSequence>,

@@ -3,8 +3,6 @@
 
 use std::sync::Arc;
 
-use super::{Frame, Scene};
-
 /// What the numbers of a map are, which of them are admitted, and how files hold them from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapEncoding {
@@ -34,7 +32,7 @@ pub struct MapLayer {
 pub struct MapSequence {
     /// Folder in `maps/`, `[a-z0-9_]+`, unique in the scene: `twig_l0012`.
     pub name: String,
-    /// Texels of a side.
+    /// Texels along each side of the square maps.
     pub side: usize,
     /// Height that 1 in a map of heights stands for, m.
     pub height_range: f32,
@@ -78,7 +76,7 @@ impl MapSequence {
         self.layers.iter().position(|l| l.encoding == encoding)
     }
 
-    /// Texels of one map.
+    /// Number of texels of one map: `side` squared.
     pub fn texels(&self) -> usize {
         self.side.saturating_mul(self.side)
     }
@@ -112,15 +110,5 @@ impl MapFrame {
     /// The vectors of a layer of normals.
     pub fn vectors(&self, layer: usize) -> Option<&Arc<Vec<[f32; 3]>>> {
         if let MapTexels::Vector(v) = self.layers.get(layer)? { Some(v) } else { None }
-    }
-}
-
-impl Scene {
-    /// The maps of each sequence at a frame: the frame's, or those at rest.
-    pub fn maps_at(&self, frame: Option<&Frame>) -> Vec<Option<MapFrame>> {
-        let one = |(i, sequence): (usize, &MapSequence)| {
-            frame.and_then(|f| f.maps.get(i)).or(sequence.rest.as_ref()).cloned()
-        };
-        self.map_sequences.iter().enumerate().map(one).collect()
     }
 }

@@ -12,9 +12,9 @@ pub enum MaterialClass {
     Leaf,
     /// Like leaf, fleshier.
     Catkin,
-    /// Refracting.
+    /// A transparent, refracting volume.
     Water,
-    /// The ground.
+    /// Soil: opaque and matt, repeated over the ground.
     Ground,
 }
 
@@ -57,7 +57,7 @@ pub struct Coat {
     pub darkening: f32,
 }
 
-/// One surface.
+/// A surface: how it scatters light, and its textures.
 #[derive(Debug, Clone)]
 pub struct Material {
     /// `[a-z0-9_]+`, unique in the scene.
@@ -80,7 +80,7 @@ pub struct Material {
     pub height_range: f32,
     /// Size of one repeat of the maps on the surface, m; relief is scaled with it.
     pub tile: f32,
-    /// Pictures.
+    /// Textures that replace the uniform values above.
     pub maps: Maps,
     /// A film over it whose weight frames change.
     pub coat: Option<Coat>,
@@ -111,29 +111,29 @@ impl Material {
 pub enum ImageKind {
     /// sRGB colour (8 bit).
     Color,
-    /// Raw numbers.
+    /// Numbers that are no colours, stored linearly: heights, normals, roughness.
     Data,
 }
 
 /// Samples, rows from the top, channels interleaved.
 #[derive(Debug, Clone)]
 pub enum Pixels {
-    /// 8 bits a channel.
+    /// 8 bits a channel, 0 to 255.
     U8(Vec<u8>),
-    /// 16 bits a channel.
+    /// 16 bits a channel, 0 to 65535.
     U16(Vec<u16>),
 }
 
-/// One picture.
+/// A picture in memory; exporters encode it as PNG.
 #[derive(Debug, Clone)]
 pub struct Image {
     /// File name without ending, `<material>_<color|normal|rough|height>`, unique in the scene.
     pub name: String,
     /// How its numbers are meant.
     pub kind: ImageKind,
-    /// Pixels in a row.
+    /// Width in pixels, at least 1.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels, at least 1.
     pub height: u32,
     /// 1 grey, 3 RGB, 4 RGBA.
     pub channels: u8,

@@ -26,11 +26,11 @@ pub struct Table {
 /// A number that should not be large.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Watch {
-    /// Where it stands.
+    /// Index of the column that is watched.
     pub column: usize,
     /// Up to this it is not worth a word.
     pub above: f64,
-    /// Of the warning.
+    /// Code of the warning, as listed in docs/codes.md.
     pub code: &'static str,
     /// Of the warning; the number takes the place of `{}`.
     pub text: &'static str,
@@ -65,17 +65,17 @@ pub struct Field {
     pub name: String,
     /// What it shows: "deposition".
     pub what: &'static str,
-    /// Texels in a row.
+    /// Number of texels along `along`.
     pub width: usize,
-    /// Rows from the top.
+    /// Number of texels along `down`; row 0 starts at `corner`.
     pub height: usize,
     /// Corner of the first texel's outer edge, m, and the vectors along rows and down columns, m, over the whole map.
     pub corner: Vec3,
-    /// See `corner`.
+    /// Vector along a whole row, m.
     pub along: Vec3,
-    /// See `corner`.
+    /// Vector down a whole column, m.
     pub down: Vec3,
-    /// Of each value.
+    /// Unit of the values as files spell it, such as `1/m^2`.
     pub unit: &'static str,
     /// Frames between two files, or only the last.
     pub every: Option<u32>,

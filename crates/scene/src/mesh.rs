@@ -10,7 +10,7 @@ use osier_base::geometry::Bounds;
 pub struct Subset {
     /// Material of the run.
     pub material: MaterialId,
-    /// First triangle.
+    /// Index of the run's first triangle in the mesh.
     pub first: u32,
     /// Number of triangles.
     pub count: u32,
@@ -19,7 +19,7 @@ pub struct Subset {
 /// Triangles with one normal and one UV per vertex (vertices are doubled at seams).
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
-    /// Positions, m.
+    /// Positions in the space of the asset or prototype, m.
     pub points: Vec<Vec3>,
     /// Unit normals, one per point; never empty for a mesh with points.
     pub normals: Vec<Vec3>,
@@ -36,7 +36,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Box of all points.
+    /// The axis-aligned box of all points; empty without points.
     #[inline]
     pub fn bounds(&self) -> Bounds {
         Bounds::of(self.points.iter().copied())
@@ -80,7 +80,7 @@ impl Mesh {
 /// How a mesh changes over the clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshMotion {
-    /// Not at all.
+    /// The mesh keeps its rest shape over the clip.
     Still,
     /// By its skin and the asset's skeleton; frames carry poses only.
     Skinned,
@@ -106,7 +106,7 @@ pub struct MeshObject {
     pub name: String,
     /// Rest shape (for a varying mesh: the shape shown by formats that cannot vary; may be empty).
     pub mesh: Mesh,
-    /// How it changes.
+    /// How frames change the mesh.
     pub motion: MeshMotion,
     /// Present for skinned meshes, optional for deforming ones.
     pub skin: Option<SkinWeights>,

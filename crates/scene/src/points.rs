@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{Attribute, MaterialId, PointsFrame};
+use super::{Attribute, MaterialId};
 use osier_base::geometry::Bounds;
 
 /// A point cloud of fixed capacity; a width of 0 hides a point.
@@ -10,9 +10,9 @@ use osier_base::geometry::Bounds;
 pub struct Points {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
     pub name: String,
-    /// Surface.
+    /// Material of all points.
     pub material: MaterialId,
-    /// Positions, m.
+    /// Positions at rest in asset space, m.
     pub positions: Vec<Vec3>,
     /// Diameters, m, one per point.
     pub widths: Vec<f32>,
@@ -26,10 +26,29 @@ pub struct Points {
     pub reach: Bounds,
 }
 
+/// One point cloud at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum PointsFrame {
+    /// The rest state.
+    #[default]
+    Same,
+    /// New positions and widths.
+    State {
+        /// Positions in asset space, m, one per point.
+        positions: Vec<Vec3>,
+        /// Diameters, m; 0 hides.
+        widths: Vec<f32>,
+        /// m/s, one per point, or empty.
+        velocities: Vec<Vec3>,
+        /// Linear RGB, one per point, or empty: as at rest.
+        colors: Vec<[f32; 3]>,
+    },
+}
+
 /// A cloud at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct PointsNow<'a> {
-    /// Positions, m.
+    /// Positions in asset space, m.
     pub positions: &'a [Vec3],
     /// Diameters, m; 0 hides.
     pub widths: &'a [f32],
@@ -58,7 +77,7 @@ impl Points {
 pub struct Curves {
     /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
     pub name: String,
-    /// Surface.
+    /// Material of all curves.
     pub material: MaterialId,
     /// Points per curve, each at least 2.
     pub counts: Vec<u32>,

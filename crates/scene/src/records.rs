@@ -17,9 +17,9 @@ pub enum ColumnValues {
     U32(Vec<u32>),
     /// Signed integers: references that may be absent, which is -1.
     I32(Vec<i32>),
-    /// Single precision.
+    /// Numbers in single precision.
     F32(Vec<f32>),
-    /// Double precision.
+    /// Numbers in double precision, such as volumes and times.
     F64(Vec<f64>),
 }
 
@@ -53,7 +53,7 @@ pub struct CodeList {
 }
 
 impl ColumnValues {
-    /// Number of values.
+    /// Number of values, one per record.
     pub fn len(&self) -> usize {
         match self {
             Self::U32(v) => v.len(),
@@ -78,7 +78,7 @@ impl ColumnValues {
         }
     }
 
-    /// Bytes of a value.
+    /// Bytes that a value takes in a file.
     pub fn value_bytes(&self) -> usize {
         if matches!(self, Self::F64(_)) { 8 } else { 4 }
     }

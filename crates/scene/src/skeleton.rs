@@ -5,11 +5,11 @@ use glam::{Mat4, Quat, Vec3};
 /// Translation, rotation, scale: p' = t + r * (s * p).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trs {
-    /// Translation, m.
+    /// Translation, applied last, m.
     pub t: Vec3,
-    /// Unit quaternion.
+    /// Rotation, a unit quaternion.
     pub r: Quat,
-    /// Scale.
+    /// Scale along the axes, applied first.
     pub s: Vec3,
 }
 
@@ -23,7 +23,7 @@ impl Trs {
     /// Leaves everything where it is.
     pub const IDENTITY: Self = Self { t: Vec3::ZERO, r: Quat::IDENTITY, s: Vec3::ONE };
 
-    /// A pure shift.
+    /// A translation without rotation or scale.
     #[inline]
     pub fn translation(t: Vec3) -> Self {
         Self { t, ..Self::IDENTITY }
@@ -49,7 +49,7 @@ impl Trs {
     }
 }
 
-/// One joint.
+/// A joint of a skeleton.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// `[a-z0-9_]+`, unique in the skeleton.
@@ -63,7 +63,7 @@ pub struct Joint {
 /// Joints, parents first, depth first, joint 0 the only root.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Skeleton {
-    /// Joints.
+    /// The joints; skins name them by index.
     pub joints: Vec<Joint>,
 }
 
@@ -79,7 +79,7 @@ impl Skeleton {
         world
     }
 
-    /// The pose at rest.
+    /// Parent-from-joint transforms at rest, one per joint.
     #[inline]
     pub fn rest_pose(&self) -> Vec<Trs> {
         self.joints.iter().map(|j| j.rest).collect()

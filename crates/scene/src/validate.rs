@@ -47,6 +47,8 @@ pub fn check_scene(scene: &Scene) -> Result<()> {
 /// # Errors
 /// X001 naming asset, element and frame; X008 if the number of instances changes.
 pub fn check_frame(scene: &Scene, frame: &Frame) -> Result<()> {
+    // Every list that a frame carries must be finite and as long as the list of the scene that it replaces: exporters index one
+    // by the other.
     for (asset, state) in scene.assets.iter().zip(&frame.assets) {
         let place = |name: &str| format!("asset {}, {name}, frame {}", asset.id, frame.number);
         check_pose(state, &place("pose"))?;
@@ -59,6 +61,7 @@ pub fn check_frame(scene: &Scene, frame: &Frame) -> Result<()> {
                     finite(normals, &place(&object.name), "normal")?;
                     finite(velocities, &place(&object.name), "velocity")?;
                 }
+                // A whole mesh replaces the topology, so that only the mesh itself can be checked.
                 MeshFrame::Whole { mesh, velocities } => {
                     check_mesh(mesh, &place(&object.name))?;
                     finite(velocities, &place(&object.name), "velocity")?;

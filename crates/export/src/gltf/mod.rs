@@ -45,7 +45,7 @@ use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
-use osier_scene::{Frame, Scene, check_frame, check_scene, stilled};
+use osier_scene::{Frame, Scene, check_frame, check_scene, freeze};
 
 /// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
@@ -225,7 +225,7 @@ impl Exporter for GltfExporter {
             match self.options.frame {
                 None => self.tracks.push(scene, frame),
                 Some(number) if number == frame.number => {
-                    let still = stilled(scene, frame);
+                    let still = freeze(scene, frame);
                     check_scene(&still)?;
                     self.tracks = ClipTracks::new(&still, self.options.nodes);
                     self.scene = Some(Arc::new(still));

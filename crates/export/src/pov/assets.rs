@@ -13,7 +13,7 @@ use crate::text::TextBuffer;
 use osier_scene::{
     Asset, AssetFrame, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh,
     MeshFrame, MeshMotion, MeshObject, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
-    world_from_joint,
+    skinning_matrices,
 };
 
 /// Makes an object a target of photons.
@@ -207,7 +207,7 @@ impl PovAsset<'_> {
                 let normals = match (state, &object.skin, &self.asset.skeleton) {
                     (MeshFrame::Points { normals, .. }, _, _) => normals,
                     (_, Some(skin), Some(skeleton)) if object.motion == MeshMotion::Skinned => {
-                        let matrices = world_from_joint(skeleton, &frame.pose);
+                        let matrices = skinning_matrices(skeleton, &frame.pose);
                         skinned = skinned_normals(&object.mesh.normals, skin, &matrices);
                         &skinned
                     }

@@ -217,7 +217,7 @@ fn skinning_follows_the_full_motion_of_thick_wood() {
     for k in (0..120_u16).step_by(10) {
         let bends = track.at(f64::from(k));
         let full = body.bark(&body.pose(&all, &bends));
-        let joints = osier_scene::world_from_joint(&rig.skeleton, &rig.pose(&all, &bends));
+        let joints = osier_scene::skinning_matrices(&rig.skeleton, &rig.pose(&all, &bends));
         for ((f, s), rest) in full.iter().zip(osier_scene::skinned_points(&points, &skin, &joints)).zip(&points) {
             wrong += f64::from((*f - s).length_squared());
             moved += f64::from((*f - *rest).length_squared());

@@ -2,6 +2,24 @@
 //!
 //! The turtle, IFS trees and imported meshes all end in a [`Plant`]; skinning, motion and export start from one. Space:
 //! metres, +Y up; angles in radians.
+//!
+//! ```
+//! use glam::{Quat, Vec3};
+//! use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Plant, validate};
+//!
+//! let trunk = Axis {
+//!     id: 1, parent: NONE, parent_s: 0.0, order: 0, kind: AxisKind::Stem, first: 0, count: 2, length: 2.0,
+//!     s_exposed: 0.0, material: 0, fork: NONE, end: AxisEnd::Tip, birth: 0.0,
+//! };
+//! let nodes = Nodes {
+//!     p: vec![Vec3::ZERO, Vec3::Y * 2.0], q: vec![Quat::IDENTITY; 2], r: vec![0.1, 0.05], s: vec![0.0, 2.0],
+//!     birth: vec![0.0, 1.0], color: vec![0; 2],
+//! };
+//! let mut plant = Plant { axes: vec![trunk], nodes, materials: vec!["bark".into()], ..Plant::default() };
+//! assert!(validate(&mut plant)?.is_empty());
+//! assert_eq!(plant.frame(&plant.axes[0], 1.0).p, Vec3::Y);
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 mod validate;
 
@@ -16,38 +34,38 @@ pub use validate::{MAX_ITEMS, Warning, validate};
 /// No parent, no fork.
 pub const NONE: u32 = u32::MAX;
 
-/// What an axis is.
+/// Part of the plant that an axis is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AxisKind {
     /// Trunk, branch, twig.
     Stem,
-    /// Below the ground.
+    /// An axis below the ground.
     Root,
-    /// Stalk of a leaf.
+    /// Stalk of a leaf, between its axis and the blade.
     Petiole,
-    /// Blade of grass.
+    /// Blade of grass, drawn as a strip along the axis.
     Blade,
 }
 
-/// Why an axis ends.
+/// Why an axis ends where it does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AxisEnd {
-    /// Grown to its tip.
+    /// It ends at a grown tip, without a cut face.
     Tip,
     /// Cut off: shows a disc of wood.
     Cut,
-    /// Met an obstacle.
+    /// It ran into an obstacle of its growth.
     Obstacle,
-    /// Died in the shade.
+    /// It died for lack of light.
     Shade,
-    /// Could not go on.
+    /// Its growth stopped, as no step was possible.
     Stalled,
 }
 
 /// A chain of nodes from attachment to tip.
 #[derive(Debug, Clone)]
 pub struct Axis {
-    /// Stable id.
+    /// Identifier that stays the same when other axes of the plant change.
     pub id: u64,
     /// Index of the parent axis, or [`NONE`].
     pub parent: u32,
@@ -69,7 +87,7 @@ pub struct Axis {
     pub material: u16,
     /// Number shared by the halves of an apical fork, or [`NONE`].
     pub fork: u32,
-    /// Why it ends.
+    /// Why it ends, which decides how its tip is shaped.
     pub end: AxisEnd,
     /// Growth time at its first node, 0..1.
     pub birth: f32,
@@ -78,22 +96,22 @@ pub struct Axis {
 /// Nodes of all axes, structure of arrays.
 #[derive(Debug, Clone, Default)]
 pub struct Nodes {
-    /// Position, m.
+    /// Positions of the nodes in plant space, m.
     pub p: Vec<Vec3>,
     /// Frame: +Y along the growth tangent, +X the roll reference, +Z = X x Y; includes twist.
     pub q: Vec<Quat>,
-    /// Radius, m, > 0.
+    /// Radii of the wood at the nodes, m, above 0.
     pub r: Vec<f32>,
     /// Arc length from the axis' first node, m.
     pub s: Vec<f32>,
-    /// Growth time, 0..1.
+    /// Growth time of each node, from 0 for the oldest to 1 for the youngest.
     pub birth: Vec<f32>,
     /// Turtle colour or map index.
     pub color: Vec<u16>,
 }
 
 impl Nodes {
-    /// Number of nodes.
+    /// Number of nodes of all axes.
     #[inline]
     pub fn len(&self) -> usize {
         self.p.len()
@@ -109,9 +127,9 @@ impl Nodes {
 /// A leaf, flower, fruit, catkin or bud.
 #[derive(Debug, Clone)]
 pub struct Organ {
-    /// Stable id.
+    /// Identifier that stays the same when other organs of the plant change.
     pub id: u64,
-    /// Axis it grows on.
+    /// Index into [`Plant::axes`] of the axis that it grows on.
     pub axis: u32,
     /// Where on the axis, m.
     pub s: f32,
@@ -127,14 +145,14 @@ pub struct Organ {
     pub petiole: f32,
     /// Random in [0, 1], for colour.
     pub tint: f32,
-    /// Growth time, 0..1.
+    /// Growth time, from 0 for the oldest part to 1 for the youngest.
     pub birth: f32,
 }
 
 /// The mesh of an organ, in organ space, metres; its subsets name [`Plant::materials`].
 #[derive(Debug, Clone)]
 pub struct Proto {
-    /// `[a-z0-9_]+`.
+    /// Name, `[a-z0-9_]+`, unique in the plant.
     pub name: String,
     /// Pivot (petiole base) at the origin, +Y midrib, +Z upper side.
     pub mesh: Arc<Mesh>,
@@ -143,11 +161,11 @@ pub struct Proto {
 /// Where the centreline is, how it is turned and how thick it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Site {
-    /// Position, m.
+    /// Point of the centreline in plant space, m.
     pub p: Vec3,
-    /// Frame.
+    /// Axis frame: +Y along the tangent, +X the roll reference.
     pub q: Quat,
-    /// Radius, m.
+    /// Radius of the axis there, m.
     pub r: f32,
 }
 
@@ -157,15 +175,15 @@ pub struct Site {
 pub struct Plant {
     /// Names the plant in ids; holds no seed.
     pub id: u32,
-    /// Seed of its draws.
+    /// Seed of the random draws of growth.
     pub seed: u64,
-    /// Axes.
+    /// All axes, parents before their children.
     pub axes: Vec<Axis>,
-    /// Nodes.
+    /// Nodes of all axes; an axis holds a contiguous range.
     pub nodes: Nodes,
-    /// Organs.
+    /// Leaves, flowers, fruits, catkins and buds.
     pub organs: Vec<Organ>,
-    /// Organ meshes.
+    /// Meshes that organs show, named by index.
     pub protos: Vec<Proto>,
     /// Names of materials that axes and organs refer to by index.
     pub materials: Vec<String>,

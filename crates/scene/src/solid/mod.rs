@@ -2,6 +2,16 @@
 //!
 //! Each tells how far a place is from its surface (negative inside) and which way leads out, exactly near the surface;
 //! far from it a land may answer less than the truth, never more. Space: world, metres, +Y up.
+//!
+//! ```
+//! use glam::Vec3;
+//! use osier_scene::solid::{Form, Prism, Solid, Solids};
+//!
+//! let block = Prism::block(Vec3::ZERO, Vec3::ONE, 0.0);
+//! let solids = Solids::new(vec![Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.0 }], true);
+//! assert!(solids.contains(Vec3::new(0.0, 0.5, 0.0)));
+//! assert!(!solids.contains(Vec3::new(0.0, 1.5, 0.0)));
+//! ```
 
 mod land;
 mod prism;
@@ -26,14 +36,14 @@ pub struct Nearest {
     pub normal: Vec3,
 }
 
-/// Its form in space.
+/// Shape of an obstacle.
 #[derive(Debug, Clone)]
 pub enum Form {
     /// A wall, a box, a house: an upright convex outline drawn out along a level line.
     Prism(Prism),
-    /// Hills.
+    /// A height field over a square of land.
     Land(Arc<LandForm>),
-    /// A closed mesh.
+    /// A closed triangle mesh.
     Shell(Arc<Shell>),
 }
 
@@ -42,9 +52,9 @@ pub enum Form {
 pub struct Solid {
     /// As the scene calls it; names its maps.
     pub name: String,
-    /// Where it is.
+    /// Its shape and place in the world.
     pub form: Form,
-    /// How wet its faces are: 0 lets go at once, 1 never.
+    /// Humidity of its faces, 0 to 1: what lies on them lifts off at once at 0, and never at 1.
     pub humidity: f64,
 }
 
@@ -98,7 +108,7 @@ pub struct Solids {
 /// What a place is near to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Near {
-    /// How near.
+    /// Distance to it and the normal there.
     pub nearest: Nearest,
     /// Which solid; none for the level ground.
     pub which: Option<u32>,

@@ -1,19 +1,19 @@
-//! A moment of a moving scene as a scene of its own that stands still.
+//! A frame of a moving scene as a scene that does not move.
 
 use std::collections::BTreeMap;
 
 use super::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, MeshObject, Scene, instance_states,
-    mesh_points, skinned_normals, world_from_joint,
+    mesh_points, skinned_normals, skinning_matrices,
 };
 
 /// The scene as a frame has it, with nothing in it that moves. What placements show at phases of their own becomes assets of
 /// its own, if the frame holds it; otherwise they show their assets at the frame itself.
-pub fn stilled(scene: &Scene, frame: &Frame) -> Scene {
+pub fn freeze(scene: &Scene, frame: &Frame) -> Scene {
     let mut out = scene.clone();
     let rest = AssetFrame::default();
     for (i, (asset, source)) in out.assets.iter_mut().zip(&scene.assets).enumerate() {
-        still(asset, source, frame.assets.get(i).unwrap_or(&rest));
+        freeze_asset(asset, source, frame.assets.get(i).unwrap_or(&rest));
     }
     for (sequence, maps) in out.map_sequences.iter_mut().zip(&frame.maps) {
         sequence.rest = Some(maps.clone());
@@ -24,7 +24,7 @@ pub fn stilled(scene: &Scene, frame: &Frame) -> Scene {
         let Some((source, state)) = scene.assets.get(key.0).zip(frame.shifted.get(&key)) else { continue };
         placement.asset = *later.entry(key).or_insert_with(|| {
             let mut asset = source.clone();
-            still(&mut asset, source, state);
+            freeze_asset(&mut asset, source, state);
             asset.id = format!("{}_later_{}", source.id, key.1);
             out.assets.push(asset);
             out.assets.len() - 1
@@ -33,9 +33,9 @@ pub fn stilled(scene: &Scene, frame: &Frame) -> Scene {
     out
 }
 
-fn still(asset: &mut Asset, source: &Asset, frame: &AssetFrame) {
+fn freeze_asset(asset: &mut Asset, source: &Asset, frame: &AssetFrame) {
     for (i, (object, before)) in asset.meshes.iter_mut().zip(&source.meshes).enumerate() {
-        shape(object, source, i, before, frame);
+        freeze_mesh(object, source, i, before, frame);
     }
     for (i, (instancer, before)) in asset.instancers.iter_mut().zip(&source.instancers).enumerate() {
         instancer.rest = instance_states(source, before, i, frame).into_owned();
@@ -56,7 +56,7 @@ fn still(asset: &mut Asset, source: &Asset, frame: &AssetFrame) {
     asset.skeleton = None;
 }
 
-fn shape(object: &mut MeshObject, asset: &Asset, i: usize, before: &MeshObject, frame: &AssetFrame) {
+fn freeze_mesh(object: &mut MeshObject, asset: &Asset, i: usize, before: &MeshObject, frame: &AssetFrame) {
     match frame.mesh(i) {
         MeshFrame::Whole { mesh, .. } => object.mesh = mesh.clone(),
         MeshFrame::Points { points, normals, .. } => {
@@ -66,7 +66,7 @@ fn shape(object: &mut MeshObject, asset: &Asset, i: usize, before: &MeshObject, 
         MeshFrame::Same => {
             object.mesh.points = mesh_points(asset, before, i, frame).into_owned();
             if let (Some(skeleton), Some(skin), MeshMotion::Skinned) = (&asset.skeleton, &before.skin, before.motion) {
-                let matrices = world_from_joint(skeleton, &frame.pose);
+                let matrices = skinning_matrices(skeleton, &frame.pose);
                 object.mesh.normals = skinned_normals(&before.mesh.normals, skin, &matrices);
             }
         }

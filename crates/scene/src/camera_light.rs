@@ -38,14 +38,14 @@ impl Camera {
     }
 }
 
-/// Parallel light.
+/// Sunlight: parallel light with a disc of finite size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sun {
     /// Height over the horizon, rad.
     pub elevation: f32,
     /// Compass turn from +Z towards +X, rad.
     pub azimuth: f32,
-    /// Linear colour.
+    /// Linear RGB; its brightness multiplies `strength`.
     pub color: [f32; 3],
     /// Irradiance on a surface facing the sun, W/m^2 in Blender's sense (3 is a bright day).
     pub strength: f32,
@@ -64,9 +64,9 @@ impl Sun {
 /// A vertical gradient of linear colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sky {
-    /// At the horizon.
+    /// Linear RGB at the horizon.
     pub horizon: [f32; 3],
-    /// Overhead.
+    /// Linear RGB straight up.
     pub zenith: [f32; 3],
     /// What stands below the horizon, as far trees do; none: the sky goes on.
     pub below: Option<[f32; 3]>,
@@ -75,9 +75,9 @@ pub struct Sky {
     pub dapple: f32,
     /// Brightness of the air around the sun, over that of the sun's colour; 0: no such air.
     pub glow: f32,
-    /// Factor on both.
+    /// Factor on both colours; radiance = colour times strength.
     pub strength: f32,
-    /// Haze below it.
+    /// Haze between the camera and what it sees; none for clear air.
     pub fog: Option<Fog>,
 }
 
