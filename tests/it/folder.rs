@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use osier::files::{Disk, Folder, MANIFEST, System, WriteOptions};
+use osier::files::{Disk, Folder, MANIFEST, SystemDisk, WriteOptions};
 use osier::progress::Cancel;
 use osier::{Error, Result};
 
@@ -340,10 +340,10 @@ fn child() {
     #[allow(clippy::disallowed_methods, reason = "how the parent names the folder")]
     let Ok(root) = std::env::var("OSIER_TEST_CHILD") else { return };
     for _ in 0..20 {
-        bake(Path::new(&root), options("a", Arc::new(System))).expect("bake");
+        bake(Path::new(&root), options("a", Arc::new(SystemDisk))).expect("bake");
         std::fs::remove_file(Path::new(&root).join("main.usda")).ok();
     }
-    bake(Path::new(&root), options("a", Arc::new(System))).expect("bake");
+    bake(Path::new(&root), options("a", Arc::new(SystemDisk))).expect("bake");
 }
 
 #[test]
@@ -362,7 +362,7 @@ fn two_processes_in_one_folder_both_succeed() {
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
         }
     });
-    bake(dir.path(), options("a", Arc::new(System))).expect("bake");
+    bake(dir.path(), options("a", Arc::new(SystemDisk))).expect("bake");
     assert_eq!(tree(dir.path()), undisturbed("a"));
 }
 
@@ -410,9 +410,9 @@ fn a_real_disk_that_is_full_or_read_only() {
     drop(folder);
     std::fs::remove_dir_all(&root).expect("remove");
     std::fs::remove_file(disk.0.path().join("filler")).expect("remove");
-    bake(&root, options("a", Arc::new(System))).expect("room again");
+    bake(&root, options("a", Arc::new(SystemDisk))).expect("room again");
     assert_eq!(tree(&root), undisturbed("a"));
     disk.remount("remount,ro");
-    assert_eq!(bake(&root, options("b", Arc::new(System))).map_err(|e| e.exit_code()), Err(74));
+    assert_eq!(bake(&root, options("b", Arc::new(SystemDisk))).map_err(|e| e.exit_code()), Err(74));
     assert_eq!(tree(&root), undisturbed("a"));
 }
