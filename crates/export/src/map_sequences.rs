@@ -9,7 +9,7 @@ use osier_scene::{MapEncoding, MapFrame, MapLayer, MapSequence};
 
 /// A value as maps store it.
 struct StoredSample {
-    /// From 0 to 1.
+    /// Number that the file holds, 0 to 1, before it is quantized.
     value: f32,
     /// True if it lay above the range.
     cut: bool,
@@ -46,6 +46,7 @@ pub fn values(sequence: &MapSequence, layer: usize, maps: &MapFrame, number: u32
     let MapLayer { name, encoding, .. } = sequence.layers[layer];
     let place = || format!("map sequence {}, {name}, frame {number}", sequence.name);
     let raw = maps.layers.get(layer).map_or(&[][..], |l| l.as_flat());
+    // Texels of the square times channels: numbers lie texel after texel, the channels of a texel together.
     let wanted = sequence.texels().saturating_mul(encoding.channels());
     if raw.len() != wanted {
         return Err(Error::export("X012", format!("{}: {} values where {wanted} are due", place(), raw.len())));
@@ -125,8 +126,10 @@ impl<T: Send + Sync> MapEncoder<T> {
         let layers = |(i, s): (usize, &MapSequence)| {
             (self.select)(s).into_iter().map(move |layer| LayerIndex { sequence: i, layer }).collect::<Vec<_>>()
         };
+        // Jobs are in the order of sequences and layers; the results are in the same order whatever thread made them.
         let jobs: Vec<LayerIndex> = sequences.iter().enumerate().flat_map(layers).collect();
         let done = osier_base::par::par_map(&jobs, |&at| -> Result<Option<Made<T>>> {
+            // No job for a map that is absent at this frame or is the last frame's.
             let Some(maps) = now[at.sequence].as_ref().filter(|maps| !self.is_kept(at, maps)) else { return Ok(None) };
             let sequence = &sequences[at.sequence];
             let values = values(sequence, at.layer, maps, number)?;
@@ -144,6 +147,7 @@ impl<T: Send + Sync> MapEncoder<T> {
             let Some(kept) = self.made.get(&at) else { continue };
             let sequence = &sequences[at.sequence];
             if kept.cut > 0 {
+                // Counted at every frame in which the map is shown, also where its file is an earlier one.
                 self.cut += kept.cut as u64;
                 self.first.get_or_insert_with(|| (sequence.name.clone(), number));
             }
@@ -158,6 +162,7 @@ impl<T: Send + Sync> MapEncoder<T> {
     fn is_kept(&self, at: LayerIndex, now: &MapFrame) -> bool {
         let Some(last) = self.last[at.sequence].as_ref().filter(|_| self.made.contains_key(&at)) else { return false };
         let both = last.layers.get(at.layer).zip(now.layers.get(at.layer));
+        // The shared pointer decides in constant time; only maps in memory of their own are compared number by number.
         both.is_some_and(|(a, b)| a.is_shared_with(b) || a == b)
     }
 

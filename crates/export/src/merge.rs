@@ -39,6 +39,7 @@ impl PartRange<'_> {
 
     /// Corners of the triangles, numbered from the part's first point. A transform that mirrors reverses the winding.
     pub fn corners(&self) -> impl Iterator<Item = [u32; 3]> {
+        // The determinant of rotation and scale is the product of the scales; negative, it turns the faces inside out.
         let mirrors = self.trs.s.x * self.trs.s.y * self.trs.s.z < 0.0;
         self.mesh.triangles[self.range.clone()]
             .iter()
@@ -75,7 +76,7 @@ pub(super) struct FlattenedAsset<'a> {
     known: BTreeSet<u32>,
     /// Whether some part has texture coordinates; those of the others are zero.
     pub has_uvs: bool,
-    /// Number of points.
+    /// Number of points of all parts, each instance counted.
     pub vertices: u64,
     /// Number of triangles that have a material.
     pub triangles: u64,
@@ -89,6 +90,7 @@ impl<'a> FlattenedAsset<'a> {
         let meshes = asset.meshes.iter().map(|o| PartSource::Mesh(&o.mesh));
         for source in meshes.chain(asset.instancers.iter().map(PartSource::Instances)) {
             let mut block = PartBlock { source, vertices: 0, materials: BTreeSet::new() };
+            // A prototype has many instances but is looked at once: its address identifies it within the block.
             let mut seen: BTreeSet<*const Mesh> = BTreeSet::new();
             let mut vertices = 0;
             let mut materials = Vec::new();
@@ -128,11 +130,13 @@ impl<'a> FlattenedAsset<'a> {
 
     /// Ranges of the triangles of a material. `base`: number of the asset's first point.
     pub fn triangles(&self, world: Trs, material: u32, base: u64) -> impl Iterator<Item = PartRange<'_>> {
+        // Running sums of the points, so that each part's first point is known without a list of all instances.
         let starts = self.blocks.iter().scan(base, |next, b| {
             let start = *next;
             *next += b.vertices;
             Some((b, start))
         });
+        // An instancer is walked once for each of its own materials, not for each of the asset.
         let parts = starts.filter(move |(b, _)| b.materials.contains(&material)).flat_map(move |(b, start)| {
             b.parts(world).scan(start, |next, (mesh, trs)| {
                 let base = *next;
@@ -142,6 +146,7 @@ impl<'a> FlattenedAsset<'a> {
         });
         parts.flat_map(move |(mesh, trs, base)| {
             let ranges = mesh.subsets.iter().filter(move |s| s.material == material).flat_map(|s| {
+                // Clamped as `subset_triangles` clamps it, so that a subset beyond the end is empty instead of out of bounds.
                 let first = (s.first as usize).min(mesh.triangles.len());
                 batch_ranges(first..first + mesh.subset_triangles(s).len())
             });
@@ -163,6 +168,7 @@ pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
         mesh.normals.extend(part.normals.iter().map(|n| transform_normal(&trs, *n)));
         if flattened.has_uvs {
             mesh.uvs.extend_from_slice(&part.uvs);
+            // Once a part has coordinates all have them, zeros where the part has none, so that the lists stay of equal length.
             mesh.uvs.resize(mesh.points.len(), Vec2::ZERO);
         }
     }
@@ -201,8 +207,10 @@ pub(super) fn format_in_parallel<'a, R: Send>(
     let mut room = 0;
     for range in pieces {
         let size = range.range.len();
+        // Ranges are never split here: none is longer than a batch, as `batch_ranges` has cut them.
         if size > room {
             if batches.len() == BATCHES_AT_ONCE {
+                // Formatted in parallel and written in order: the file has the same bytes for any number of threads.
                 par_map(&batches, |b| format(b)).into_iter().try_for_each(&mut put)?;
                 batches.clear();
             }
@@ -219,6 +227,7 @@ pub(super) fn format_in_parallel<'a, R: Send>(
 
 /// A normal under a transform: by the inverse transpose, which is the inverse scale followed by the rotation; unit length.
 pub(super) fn transform_normal(trs: &Trs, n: Vec3) -> Vec3 {
+    // A scale of zero has no inverse; along that axis the component is left as it is.
     let safe = |s: f32| if s == 0.0 { 1.0 } else { s };
     let scaled = Vec3::new(n.x / safe(trs.s.x), n.y / safe(trs.s.y), n.z / safe(trs.s.z));
     osier_base::math::normalize_or(trs.r * scaled, n)

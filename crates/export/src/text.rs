@@ -105,7 +105,7 @@ impl TextBuffer {
         &self.bytes
     }
 
-    /// Length in bytes.
+    /// Number of bytes written so far.
     pub fn len(&self) -> usize {
         self.bytes.len()
     }

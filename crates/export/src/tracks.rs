@@ -56,7 +56,7 @@ struct FrameRecords {
     count: u64,
 }
 
-/// A file of records.
+/// A file of records of one table, and where each frame begins in it.
 struct RecordFile {
     columns: Vec<ColumnInfo>,
     /// None if an interrupted bake has left the file complete.

@@ -201,6 +201,7 @@ impl GltfDocument<'_> {
         let Some(mesh) = self.add_mesh(MeshSource { shapes: &targets, ..mesh_source })? else { return Ok(()) };
         let mut part = NodeTemplate::new(mesh_source.name, kind, mesh, NodeParent::Placement);
         if !morphed.is_empty() {
+            // One key for each shape, with the weights of all targets: 1 for the target that is this shape, 0 for the others.
             let weights: Vec<f32> =
                 (0..shapes.len()).flat_map(|i| morphed.iter().map(move |&b| if i == b { 1.0 } else { 0.0 })).collect();
             let output = self.buffer.add_scalars(&weights, mesh_source.label)?;
@@ -246,12 +247,14 @@ impl GltfDocument<'_> {
         joints: &[u16],
         label: &str,
     ) -> Result<()> {
+        // Instances attached to a joint that was left out follow the written ancestor that carries it.
         let carriers: Vec<u16> =
             joints.iter().map(|j| selection.carrier.get(usize::from(*j)).copied().unwrap_or(0)).collect();
         let state = &instancer.rest;
         // The groups of each joint: one for each prototype of which it carries instances.
         let mut riders: Vec<Vec<InstanceGroup<'_>>> = selection.kept.iter().map(|_| Vec::new()).collect();
         for (proto, members) in live_by_prototype(instancer, state).into_iter().enumerate() {
+            // The index of a list is that of its joint: the order of the nodes does not depend on that of the instances.
             let mut by_joint: Vec<Vec<usize>> = vec![Vec::new(); selection.kept.len()];
             for i in members {
                 if let Some(list) = carriers.get(i).and_then(|c| by_joint.get_mut(usize::from(*c))) {
@@ -272,6 +275,7 @@ impl GltfDocument<'_> {
             }
             return Ok(());
         }
+        // Prototypes outside and joints inside: a prototype is encoded once, and all nodes of all joints refer to its mesh.
         let is_used = |proto: &usize| riders.iter().flatten().any(|g| g.proto == *proto);
         for proto in (0..instancer.prototypes.len()).filter(is_used) {
             let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);

@@ -6,7 +6,7 @@ use super::json;
 use super::text::to_json;
 use osier_base::Result;
 
-/// `glTF` in ASCII.
+/// First word of a .glb: the characters `glTF` in ASCII, read as a little-endian number.
 const MAGIC: u32 = 0x4654_6C67;
 const VERSION: u32 = 2;
 /// Type of the JSON chunk: `JSON` in ASCII.
@@ -24,9 +24,11 @@ pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8
         document.root.buffers.push(json::Buffer { uri: None, byte_length: bin.len() });
     }
     let mut text = to_json(&document.root)?;
+    // Chunks begin and end at multiples of four bytes; JSON admits trailing spaces, the buffer trailing zeros (section 4.4.3).
     text.resize(text.len().next_multiple_of(4), b' ');
     bin.resize(bin.len().next_multiple_of(4), 0);
     let total = file_length(text.len(), bin.len())?;
+    // The header of 12 bytes and the head of the first chunk, all little-endian u32.
     for word in [MAGIC, VERSION, total, length(&text)?, JSON] {
         put(&word.to_le_bytes())?;
     }

@@ -95,11 +95,14 @@ impl GltfDocument<'_> {
         };
         let swaying = placements.iter().enumerate().filter(|(i, _)| !copies.contains(i));
         let prototypes: usize = swaying.filter_map(|(_, p)| riding(p)).sum();
+        // Each joint of a swaying plant costs a draw call for each prototype on it: limit = calls / sum of prototypes.
+        // Without instances there is nothing to limit; the floor keeps a forest of many plants from becoming rigid.
         MAX_LEAF_DRAW_CALLS.checked_div(prototypes).map_or(super::rig::MAX_JOINTS, |n| n.max(MIN_JOINTS))
     }
 
     /// Adds the placements that share meshes.
     pub(super) fn add_copies(&mut self, placements: &[Placement], copies: &BTreeSet<usize>) -> Result<()> {
+        // A map with sorted keys: assets are written in the order of the scene, whatever the order of the placements.
         let mut by_asset: BTreeMap<usize, Vec<&Placement>> = BTreeMap::new();
         for p in copies.iter().filter_map(|i| placements.get(*i)) {
             check_finite(&p.transform, || format!("placement {}", p.name))?;
@@ -182,6 +185,7 @@ impl GltfDocument<'_> {
                 }
                 let Some(mesh) = self.add_prototype_mesh(instancer, proto, &label)? else { continue };
                 let name = format!("{}_{}_{}", asset.id, instancer.name, instancer.prototypes[proto].name);
+                // Instances of instances: each copy's transform after each instance's own, copies x instances in all.
                 let own: Vec<Trs> = members.iter().map(|i| instancer.transform(&instancer.rest, *i)).collect();
                 // All copies in one node, or in as few as the limit allows.
                 for transforms in transforms.chunks((MAX_NODE_TRANSFORMS / own.len()).max(1)) {

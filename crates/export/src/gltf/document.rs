@@ -116,6 +116,7 @@ impl<'a> GltfDocument<'a> {
     pub(super) fn add_node(&mut self, mut node: Node) -> Result<Index> {
         let mut name = node.name.clone();
         let mut n = 1_u32;
+        // glTF does not ask for unique names, but importers rename duplicates and tools find nodes by name.
         while !self.node_names.insert(name.clone()) {
             n += 1;
             name = format!("{}_{n}", node.name);
@@ -187,6 +188,7 @@ impl<'a> GltfDocument<'a> {
     /// Adds a sampler whose keys are at these frames of the clip. Samplers with equal key times share an accessor.
     pub(super) fn add_sampler(&mut self, frames: &[usize], output: Index, step: bool) -> Result<Index> {
         let times: Vec<f32> = frames.iter().filter_map(|&i| self.input.tracks.times.get(i)).copied().collect();
+        // Keyed by the bits of the times, since floats have no total order; equal bits are equal times.
         let bits: Vec<u32> = times.iter().map(|t| t.to_bits()).collect();
         let input = match self.time_accessors.get(&bits) {
             Some(input) => *input,
@@ -196,6 +198,7 @@ impl<'a> GltfDocument<'a> {
                 input
             }
         };
+        // LINEAR is the default of the format and is not written.
         let interpolation = step.then_some("STEP");
         self.animation.samplers.push(Sampler { input, interpolation, output });
         last_index(self.animation.samplers.len())
@@ -207,6 +210,7 @@ impl<'a> GltfDocument<'a> {
         self.root.extensions_required = self.required.iter().copied().collect();
         self.root.scenes.iter_mut().for_each(|s| s.name = name.to_owned());
         let mut animation = std::mem::take(&mut self.animation);
+        // An animation without channels is invalid, so a document without motion has none.
         if !animation.channels.is_empty() {
             name.clone_into(&mut animation.name);
             self.root.animations.push(animation);
@@ -233,6 +237,7 @@ pub(super) fn node_with_extras(name: String, rest: &Trs, id: String, kind: &'sta
 pub(super) fn node_with_transform(name: String, rest: &Trs) -> Node {
     let unless = |v: Vec3, default: Vec3| (v != default).then(|| (v + 0.0).to_array());
     let q = renormalized(rest.r);
+    // One of the two quaternions of the rotation, chosen so that equal poses are written alike.
     let q = if q.w < 0.0 { -q } else { q };
     Node {
         name,

@@ -75,6 +75,7 @@ impl GltfDocument<'_> {
         let rotations: Vec<Quat> = list.iter().map(|t| if t.r.w < 0.0 { -t.r } else { t.r }).collect();
         let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();
         let scales: Vec<Vec3> = list.iter().map(|t| t.s).collect();
+        // Rotation, scale, translation: alphabetic, as the JSON lists the attributes.
         let rotation = self.buffer.add_quantized_quaternions(&rotations, label)?;
         let scale = if scales.iter().any(|s| *s != Vec3::ONE) {
             Some(self.buffer.add_vectors(&scales, None, label)?)
@@ -102,6 +103,7 @@ impl GltfDocument<'_> {
             let Some(prototype) = group.instancer.prototypes.get(group.proto) else { continue };
             for submesh in split_by_material(&prototype.mesh) {
                 let mesh = repeat_submesh(group, &prototype.mesh, &submesh, joint)?;
+                // The map is sorted by material, so the order of the primitives depends neither on groups nor on prototypes.
                 meshes.entry(submesh.material).or_default().append(&mesh);
             }
         }
@@ -127,6 +129,7 @@ impl InstanceGroup<'_> {
     /// Transform of an instance in the space of a joint; the joint's scale is ignored.
     fn transform(&self, instance: usize, joint: &Trs) -> Trs {
         let trs = self.instancer.transform(self.state, instance);
+        // Relative to the joint J at rest: J^-1 T has translation R_J^-1 (t - t_J), rotation R_J^-1 r and the scale of T.
         let back = joint.r.conjugate();
         Trs { t: back * (trs.t - joint.t), r: renormalized(back * trs.r), s: trs.s }
     }
@@ -143,6 +146,7 @@ fn repeat_submesh(group: &InstanceGroup<'_>, mesh: &Mesh, submesh: &Submesh<'_>,
         triangles: submesh.triangles.to_vec(),
         subsets: Vec::new(),
     };
+    // Chunks have a fixed size and are joined in order: the result does not depend on the number of threads.
     let chunks = par_chunks(&group.members, MERGE_CHUNK, |_, chunk| -> Result<Mesh> {
         let mut out = Mesh::default();
         for i in chunk {

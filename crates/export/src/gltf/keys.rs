@@ -28,6 +28,7 @@ pub(super) fn reduce_positions(times: &[f32], values: &[Vec3], drop_keys: bool) 
 
 /// Keys of rotations: unit quaternions without sign changes.
 pub(super) fn reduce_rotations(times: &[f32], values: &[Quat], drop_keys: bool) -> KeyedValues<Quat> {
+    // The error of a rotation is the angle of a^-1 b, rad, the same for q and -q.
     let near = |a: &Quat, b: &Quat| rotation_angle(*a, *b) <= KEY_TOLERANCE;
     let between = |a: &Quat, b: &Quat, t: f32| slerp(*a, *b, t);
     reduce_keys(times, &continuous_quaternions(values), drop_keys, near, between)
@@ -38,6 +39,7 @@ pub(super) fn reduce_rotations(times: &[f32], values: &[Quat], drop_keys: bool) 
 fn continuous_quaternions(values: &[Quat]) -> Vec<Quat> {
     let mut last = Quat::IDENTITY;
     let step = |q: &Quat| {
+        // The result is the reference of the next frame, so that the choice of sign runs along the clip.
         let q = renormalized(*q);
         last = if q.dot(last) < 0.0 { -q } else { q };
         last
@@ -47,12 +49,14 @@ fn continuous_quaternions(values: &[Quat]) -> Vec<Quat> {
 
 /// The quaternion at unit length; unchanged if its squared length is within 1e-6 of 1.
 pub(super) fn renormalized(q: Quat) -> Quat {
+    // Dividing by a length of 1 +- 1 ulp would change the last bits of a quaternion that is good already.
     if (q.length_squared() - 1.0).abs() <= 1e-6 { q } else { q.normalize() }
 }
 
 /// Spherical linear interpolation of unit quaternions whose dot product is not negative: LINEAR for rotations
 /// (glTF 2.0, appendix C.4). Below an angle of 1e-4 rad the normalised chord is as exact, and sin in the denominator is not.
 fn slerp(a: Quat, b: Quat, t: f32) -> Quat {
+    // Between quaternions the angle is half that of the rotations: slerp = (sin((1 - t) h) a + sin(t h) b) / sin h.
     let half_angle = rotation_angle(a, b) * 0.5;
     if half_angle < 1e-4 {
         return osier_base::math::nlerp(a, b, t);
@@ -71,6 +75,7 @@ fn reduce_keys<T: Copy + PartialEq>(
     between: impl Fn(&T, &T, f32) -> T,
 ) -> KeyedValues<T> {
     let Some(first) = values.first() else { return KeyedValues::Keys(Vec::new(), Vec::new()) };
+    // Equality first: values that are the same in every bit are constant whatever the profile.
     if values.iter().all(|v| v == first || (drop_keys && near(v, first))) {
         return KeyedValues::Constant(*first);
     }
@@ -79,6 +84,7 @@ fn reduce_keys<T: Copy + PartialEq>(
     }
     let restored = |a: usize, b: usize| {
         (a + 1..b).all(|i| {
+            // The share of the interval in f32 from the stored key times, as a reader computes it, not from frame numbers.
             let t = (times[i] - times[a]) / (times[b] - times[a]);
             near(&between(&values[a], &values[b], t), &values[i])
         })
@@ -88,6 +94,7 @@ fn reduce_keys<T: Copy + PartialEq>(
     let mut a = 0;
     while a + 1 < values.len() {
         let mut b = a + 1;
+        // Each step tests all frames of the gap again, as the chord from a to b + 1 is another one than that from a to b.
         while b + 1 < values.len() && b + 1 - a <= MAX_GAP && restored(a, b + 1) {
             b += 1;
         }
@@ -107,6 +114,7 @@ pub(super) fn visibility_scales(alive: &[bool], scale: Vec3) -> KeyedValues<Vec3
         return KeyedValues::Constant(shown(*first));
     }
     let end = alive.len() - 1;
+    // STEP holds a value until the next key, so a key at each change is exact; one at the end keeps the clip's length.
     let kept: Vec<usize> = (0..alive.len()).filter(|&i| i == 0 || i == end || alive[i] != alive[i - 1]).collect();
     let values = kept.iter().map(|&i| shown(alive[i])).collect();
     KeyedValues::Keys(kept, values)

@@ -59,6 +59,7 @@ impl GltfDocument<'_> {
     pub(super) fn add_mesh(&mut self, mesh_source: MeshSource<'_>) -> Result<Option<Index>> {
         let mut primitives = Vec::new();
         for submesh in split_by_material(mesh_source.mesh) {
+            // Influences run over all vertices of the mesh and are restricted as the points are.
             let skin = mesh_source.skin.map(|s| SkinInfluences {
                 joints: submesh.gather(&s.joints).into_owned(),
                 weights: submesh.gather(&s.weights).into_owned(),
@@ -76,6 +77,7 @@ impl GltfDocument<'_> {
             };
             let variant = MaterialVariant { material: submesh.material, geometry: mesh_source.geometry };
             let mut primitive = self.build_primitive(&vertices, &submesh.triangles, variant)?;
+            // Every primitive of a mesh must have the same number of targets in the same order (glTF 2.0, section 3.7.2.2).
             primitive.targets = self.morph_targets(mesh_source, &submesh, &vertices)?;
             primitives.push(primitive);
         }
@@ -111,6 +113,7 @@ impl GltfDocument<'_> {
         let mut attributes = Attributes { position, ..Attributes::default() };
         if vertices.normals.len() == count {
             attributes.normal = Some(if small {
+                // The fourth byte is padding to the stride of four.
                 let unit = |n: &Vec3| osier_base::math::normalize_or(*n, Vec3::Y).extend(0.0).to_array();
                 let list: Vec<[f32; 4]> = vertices.normals.iter().map(unit).collect();
                 self.buffer.add_quantized_directions(&list, "VEC3", label)?
@@ -120,6 +123,7 @@ impl GltfDocument<'_> {
         }
         if vertices.uvs.len() == count && uses_uvs(self.input.scene, variant.material) {
             attributes.uv = Some(self.buffer.add_uvs(&vertices.uvs, label)?);
+            // Tangent frames need normals and texture coordinates, and only a normal map uses them.
             if vertices.normals.len() == count && has_normal_map(self.input.scene, variant.material) {
                 let list = tangents(&vertices.points, &vertices.normals, &vertices.uvs, triangles);
                 attributes.tangent = Some(if small {
@@ -134,6 +138,7 @@ impl GltfDocument<'_> {
         }
         for a in vertices.attributes.iter().filter(|a| a.data.len() == count && count > 0) {
             // Blender's importer mixes up attributes of unlike width and then fails: all that are written have four numbers.
+            // Attribute numbers lie in [0, 1]: 16 bits hold them within 1 / 131070.
             let quads = match &a.data {
                 AttributeData::Unit4(v) => self.buffer.add_colors(v.iter().copied())?,
                 AttributeData::Unit2(v) => self.buffer.add_colors(v.iter().map(|[x, y]| [*x, *y, 0.0, 0.0]))?,
@@ -157,12 +162,14 @@ impl GltfDocument<'_> {
         submesh: &Submesh<'_>,
         base: &Vertices<'_>,
     ) -> Result<Vec<MorphTarget>> {
+        // A target is stored as shape - base; a viewer adds weight times that to the base (glTF 2.0, section 3.7.2.2).
         let difference = |shape: &[Vec3], base: &[Vec3]| -> Vec<Vec3> {
             submesh.gather(shape).iter().zip(base).map(|(s, b)| *s - *b).collect()
         };
         let lit = |shape: &MorphShape| {
             shape.normals.len() == shape.points.len() && submesh.gather(&shape.normals) != base.normals
         };
+        // Either all targets of a primitive have normals or none has, as all must have the same attributes.
         let turns = base.normals.len() == base.points.len() && mesh_source.shapes.iter().any(|(_, shape)| lit(shape));
         let mut targets = Vec::with_capacity(mesh_source.shapes.len());
         for (_, MorphShape { points, normals }) in mesh_source.shapes {
@@ -180,6 +187,7 @@ impl GltfDocument<'_> {
 
     /// Adds a point cloud; hidden points (width 0) are left out. `None` if nothing remains.
     pub(super) fn add_point_cloud(&mut self, cloud: &Points, label: &str) -> Result<Option<Index>> {
+        // Points without widths are all visible.
         let shown: Vec<usize> =
             (0..cloud.positions.len()).filter(|&i| cloud.widths.get(i).is_none_or(|w| *w > 0.0)).collect();
         if shown.is_empty() {
@@ -197,6 +205,7 @@ impl GltfDocument<'_> {
             attributes.color = Some(self.buffer.add_colors(shown.iter().map(color))?);
         }
         for a in &cloud.attributes {
+            // Only counts are exported for points: colours and unit vectors are for meshes.
             let Some(all) = a.data.counts().filter(|v| v.len() == cloud.positions.len()) else { continue };
             #[allow(clippy::cast_precision_loss, reason = "below 2^24")]
             let values: Vec<f32> = shown.iter().map(|&i| all[i] as f32).collect();

@@ -90,6 +90,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     let profile_bytes = |profile: &Profile| {
         let pictures = if *profile == Profile::Web { input.pictures / JPEG_RATIO } else { input.pictures };
         let assets = input.per_asset(|a| {
+            // 12 bytes of a point are its position, the others colour or counts.
             let points = (a.points - a.moving_points) * 18;
             let still = match profile {
                 Profile::Blender => {
@@ -98,11 +99,13 @@ fn estimate(input: &EstimateInput) -> u64 {
                     (a.vertices + a.instance_vertices) * 48 + skinned + (a.triangles + a.instance_triangles) * 12
                 }
                 Profile::Web => {
+                    // An instance is 32 bytes: 12 of position, 8 of the quantized rotation, 12 of scale. A triangle is three u32.
                     a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28 + a.instances * a.still_copies * 32
                 }
             };
             // The scene's file has tracks for each phase that has a skin, the asset's own file for one.
             let nodes = a.free_instances.min(most_nodes);
+            // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
             let tracks = a.posed_frames(input.frames) * a.joints * 16 + nodes * input.frames * 44;
             files * (still + points) + (a.phases.min(options.skins as u64) + files - 1) * tracks
         });
@@ -114,7 +117,7 @@ fn estimate(input: &EstimateInput) -> u64 {
 /// Where the images of a document are stored.
 #[derive(Debug)]
 enum ImageStorage {
-    /// In the buffer.
+    /// In the binary buffer, each with a buffer view of its own.
     Embedded,
     /// In files of a folder relative to the document; `written` lists names and indices of the images.
     Files { folder: String, written: Vec<(String, u32)> },
@@ -152,6 +155,7 @@ impl GltfExporter {
         match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
             // The assets' own files have reported their joints (X002) already.
             Ok(more) => warnings.extend(more.into_iter().filter(|w| !self.options.assets || w.code != "X002")),
+            // The assets' own files are complete by now: a scene too large for one file costs only that file.
             Err(Error::Export { code: code @ "X005", reason }) => {
                 let message = format!("the file of the whole scene is left out: {reason}");
                 warnings.push(Warning { code, message });
@@ -302,6 +306,7 @@ fn percent_encode(path: &str) -> String {
         if b.is_ascii_alphanumeric() || b"-._~/".contains(&b) {
             out.push(char::from(b));
         } else {
+            // Byte by byte: a character beyond ASCII becomes one escape for each byte of its UTF-8 form, as RFC 3986 asks.
             out.push_str(&format!("%{b:02X}"));
         }
     }

@@ -32,6 +32,7 @@ impl JointSelection {
         let n = skeleton.joints.len();
         let bind = skeleton.bind();
         if n <= limit {
+            // Every joint is written and moves its own vertices: the identity map.
             let carrier = (0..n).filter_map(|i| u16::try_from(i).ok()).collect();
             return Some(Self { kept: (0..n).collect(), carrier, bind, warning: None });
         }
@@ -40,6 +41,7 @@ impl JointSelection {
         // Parents come before their children, so that a joint that is not kept inherits the carrier of its parent.
         let mut carrier: Vec<u16> = Vec::with_capacity(n);
         for i in 0..n {
+            // `kept` increases, so its index is found by bisection.
             let own = kept.binary_search(&i).ok().and_then(|k| u16::try_from(k).ok());
             let parent = skeleton.joints[i].parent.and_then(|p| carrier.get(p as usize)).copied();
             carrier.push(own.or(parent).unwrap_or(0));
@@ -74,6 +76,7 @@ impl JointSelection {
         let mut list: Vec<(u16, f32)> = Vec::with_capacity(4);
         for (j, w) in joints.iter().zip(weights).filter(|(_, w)| *w > 0.0) {
             let carrier = self.carrier.get(usize::from(*j)).copied().unwrap_or(0);
+            // At most four influences: a linear search is the fastest, and the order of summation is that of the slots.
             match list.iter_mut().find(|(k, _)| *k == carrier) {
                 Some((_, sum)) => *sum += w,
                 None => list.push((carrier, w)),
@@ -88,6 +91,7 @@ impl JointSelection {
             w[k] = if (total - 1.0).abs() > 1e-6 { weight / total } else { *weight };
         }
         if list.is_empty() {
+            // A vertex without influences would collapse to the origin; joint 0, the root, holds it instead.
             w[0] = 1.0;
         }
         (j, w)
@@ -104,6 +108,7 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
             length[p as usize] += length[i] + skeleton.joints[i].rest.t.length();
         }
     }
+    // Largest rotation from the rest pose over the clip, rad: times the length it turns, about the way that its tips travel, m.
     let turn =
         |i: usize| poses.iter().fold(0.0_f32, |m, pose| m.max(rotation_angle(skeleton.joints[i].rest.r, pose[i].r)));
     let rank: Vec<f32> = (0..n).map(|i| turn(i) * length[i]).collect();
@@ -111,10 +116,12 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
     order.sort_by(|&a, &b| rank[b].total_cmp(&rank[a]).then(a.cmp(&b)));
 
     let mut keep = vec![false; n];
+    // The root is always kept: every joint without a kept ancestor of its own falls back to it.
     keep[0] = true;
     // A joint is kept together with its ancestors that are not, or not at all.
     let mut room = limit.saturating_sub(1);
     for i in order {
+        // A joint whose chain does not fit is passed over; later ones of a lower rank may have shorter chains that do.
         let chain: Vec<usize> = std::iter::successors(Some(i), |&j| skeleton.joints[j].parent.map(|p| p as usize))
             .take_while(|&j| !keep[j])
             .collect();
@@ -129,7 +136,9 @@ fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<b
 /// Angle between two rotations, rad in [0, pi]: twice the arc tangent of sine and cosine of the half angle, which is exact for
 /// small angles, where an arc cosine is not.
 pub(super) fn rotation_angle(a: Quat, b: Quat) -> f32 {
+    // d = (v sin(h), cos(h)) with h half the angle. |cos h| takes the short way, as d and -d are the same rotation.
     let d = a.conjugate() * b;
+    // The root and the arc tangent are taken in f64, so that small angles keep the digits of the f32 sum.
     let sine = f64::from(d.x * d.x + d.y * d.y + d.z * d.z).max(0.0);
     osier_base::math::narrow(2.0 * osier_base::math::atan2(osier_base::math::sqrt(sine), f64::from(d.w.abs())))
 }

@@ -44,6 +44,7 @@ pub(crate) fn split_by_material(mesh: &Mesh) -> Vec<Submesh<'_>> {
     }
     let own = |material: &MaterialId| {
         let runs = mesh.subsets.iter().filter(|s| s.material == *material && s.count > 0);
+        // A mesh of one material needs no copy of its triangles.
         let triangles = if materials.len() == 1 {
             Cow::Borrowed(mesh.triangles.as_slice())
         } else {
@@ -55,6 +56,7 @@ pub(crate) fn split_by_material(mesh: &Mesh) -> Vec<Submesh<'_>> {
 }
 
 fn compact_vertices(material: MaterialId, triangles: Cow<'_, [[u32; 3]]>, count: usize) -> Submesh<'_> {
+    // A bitmap instead of a set: linear in vertices and triangles, and it yields the vertices in increasing order.
     let mut used = vec![false; count];
     for i in triangles.iter().flatten() {
         used[*i as usize] = true;

@@ -82,6 +82,7 @@ impl ClipTracks {
 
     /// Adds the states of all assets at a frame.
     pub(super) fn push(&mut self, scene: &Scene, frame: &Frame) {
+        // Seconds in double precision, rounded once: accumulating 1 / fps in f32 would drift over a long clip.
         self.times.push(osier_base::math::narrow(scene.clip.seconds(frame.number)));
         self.numbers.push(frame.number);
         let rest = AssetFrame::default();
@@ -108,6 +109,7 @@ impl AssetTracks {
         }
         // The key is a hash of the instance's id: the same instances are written whatever the order in which they were emitted.
         moving.sort_by_key(|m| (m.key, m.instancer, m.instance));
+        // Instances beyond the limit get no track, which bounds the memory: frames times instances would be held until the end.
         moving.truncate(max_moving);
         let shapes = |deforms| if deforms { MorphFrames::Frames(Vec::new()) } else { MorphFrames::Still };
         let skinned = asset.skeleton.is_some();
@@ -117,6 +119,7 @@ impl AssetTracks {
             meshes: asset
                 .meshes
                 .iter()
+                // A mesh that has a skin is animated by its joints and needs no morph targets.
                 .map(|o| shapes(o.motion == MeshMotion::Deforming && !(skinned && o.skin.is_some())))
                 .collect(),
             curves: asset.curves.iter().map(|c| shapes(c.moving)).collect(),

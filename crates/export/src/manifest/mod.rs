@@ -168,7 +168,7 @@ pub enum FileEntry {
         path: String,
         /// Format and purpose: `usdc`, `png`, ...
         kind: String,
-        /// Size of the file.
+        /// Size of the file, bytes; checked together with the hash.
         bytes: u64,
         /// BLAKE3 of the file, 64 hex digits.
         blake3: String,
@@ -180,7 +180,7 @@ pub enum FileEntry {
 pub struct ItemEntry {
     /// Number of its frame.
     pub frame: u32,
-    /// Size of the file.
+    /// Size of the file, bytes; checked together with the hash.
     pub bytes: u64,
     /// BLAKE3 of the file, 64 hex digits.
     pub blake3: String,

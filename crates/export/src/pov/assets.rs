@@ -19,7 +19,7 @@ use osier_scene::{
 /// Makes an object a target of photons.
 const TARGET: &str = "photons { target reflection on refraction on collect off }";
 
-/// Writes one asset.
+/// An asset with what its declarations in the scene language depend on.
 pub(super) struct PovAsset<'a> {
     /// Index in the scene.
     pub index: usize,

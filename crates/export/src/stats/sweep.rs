@@ -22,7 +22,7 @@ pub struct Sweep {
     pub runs: Vec<Run>,
 }
 
-/// A run of a sweep.
+/// One simulation of a sweep: its parameters and the summary of its results.
 #[derive(Debug, Clone, Default)]
 pub struct Run {
     /// A value for each key, as written into the scene.
@@ -40,7 +40,7 @@ pub struct Run {
 pub struct Mean {
     /// A value for each key.
     pub values: Vec<String>,
-    /// Number of runs.
+    /// Number of runs over which the mean is taken, at least 1.
     pub count: usize,
     /// Mean, minimum and maximum of each column of the outcome.
     pub outcome: Vec<[f64; 3]>,

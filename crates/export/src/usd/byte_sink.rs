@@ -5,7 +5,7 @@ use osier_base::files::Output;
 
 /// An append-only destination of bytes; its beginning can be overwritten, for a header that is known at the end.
 pub(super) trait ByteSink: Send {
-    /// Appends bytes.
+    /// Appends bytes at the end, where [`Self::position`] points.
     fn put(&mut self, bytes: &[u8]) -> Result<()>;
     /// Overwrites bytes that were written at `offset`; the next `put` appends at the end as before.
     fn put_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()>;

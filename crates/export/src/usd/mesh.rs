@@ -33,7 +33,7 @@ pub(super) struct MeshAttrs {
 pub(super) struct MeshTarget<'a> {
     /// Path of the prim below which the scope of materials is.
     pub(super) root: &'a str,
-    /// Path of the mesh.
+    /// Path of the mesh prim in the layer.
     pub(super) path: &'a str,
     /// Bound to a skeleton.
     pub(super) skinned: bool,

@@ -57,7 +57,7 @@ pub(super) struct PlantInstancer<'a> {
 /// A placement that is a prim of its own.
 #[derive(Debug)]
 pub(super) struct SinglePlacement<'a> {
-    /// Path of its prim.
+    /// Path of its prim in the layer.
     pub(super) path: String,
     pub(super) placement: &'a Placement,
 }

@@ -32,9 +32,9 @@ pub(super) enum UsdArray<'a> {
     Float3(&'a [[f32; 3]]),
     Float4(&'a [[f32; 4]]),
     Half3(&'a [[f16; 3]]),
-    /// x, y, z, w.
+    /// Order x, y, z, w: imaginary part first, as in memory; text has the real part first.
     Quatf(&'a [[f32; 4]]),
-    /// x, y, z, w.
+    /// Order x, y, z, w: imaginary part first, as in memory; text has the real part first.
     Quath(&'a [[f16; 4]]),
     /// As [`UsdValue::Matrix4d`].
     Matrix4d(&'a [[f64; 16]]),
