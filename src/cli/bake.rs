@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::Context;
 use super::args::Bake;
-use super::progress::{Show, Timed};
+use super::progress::{ProgressDisplay, StageTimer};
 use super::{numbers, report, sweep};
 use crate::bake::cache::ifs_leaves;
 use crate::bake::output::single_file::refuse_invisible;
@@ -51,18 +51,18 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         summary(context, &root, &recipe, &manifest, None)?;
         return Ok(context.strict(warned));
     }
-    let show = Show::new(&context.console);
-    let timed = Timed::new(&show);
+    let display = ProgressDisplay::new(&context.console);
+    let timer = StageTimer::new(&display);
     let memory = bake::lattice_memory(&recipe);
     if context.common.dry_run && !memory.is_empty() {
         // Shown even if the scene itself then exceeds a limit.
-        context.console.note(&report::lattice(&memory));
+        context.console.note(&report::lattice_memory_text(&memory));
     }
     ifs_leaves::load(&recipe, &root, &context.limits);
     let stores = !context.common.dry_run && stores_spin_up(&recipe);
     let cache = if stores { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
     let work =
-        BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timed, cache: cache.as_ref() };
+        BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
     let parts = scene::SceneParts::default();
     let dry = context.common.dry_run;
     let built = if dry {
@@ -70,7 +70,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     } else {
         scene::assemble_scene(&recipe, parts, &work)?
     };
-    show.done();
+    display.done();
     let messages = cache.iter().flat_map(BakeCache::take_messages);
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
@@ -83,11 +83,11 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let counts = built.counts(&recipe, &frames);
     counts.check_limits(&context.limits)?;
     if context.common.dry_run {
-        report::counts(context, &root.display().to_string(), &counts)?;
+        report::print_estimate(context, &root.display().to_string(), &counts)?;
         return Ok(context.strict(warned));
     }
     if counts.bytes > report::CONFIRM_BYTES && !args.force {
-        let (size, most) = (report::size(counts.bytes), report::size(report::CONFIRM_BYTES));
+        let (size, most) = (report::byte_size(counts.bytes), report::byte_size(report::CONFIRM_BYTES));
         context.console.complain(&format!(
             "the bake would write about {size}, more than {most}; --dry-run shows the size of each format. Fewer --formats, \
              motion = \"skin\", a larger output.pov.step or fewer frames reduce it; --force writes it"
@@ -100,12 +100,12 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         None => open(context, args, &recipe, &root)?,
     };
     let written = bake::save(&recipe, &built.animated, &frames, &folder, &work);
-    show.done();
+    display.done();
     let (manifest, export_warnings) = written?;
     for w in &export_warnings {
         context.console.note(&format!("warning[{}]: {}", w.code, w.message));
     }
-    summary(context, &root, &recipe, &manifest, Some(&timed.seconds()))?;
+    summary(context, &root, &recipe, &manifest, Some(&timer.seconds()))?;
     Ok(context.strict(warned || !export_warnings.is_empty()))
 }
 
@@ -118,7 +118,7 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
         return Ok(Vec::new());
     }
     let Some(list) = &args.frames else { return Ok((recipe.clip.start..=recipe.clip.end).collect()) };
-    let frames = numbers::parse(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?;
+    let frames = numbers::number_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?;
     let (start, end) = (recipe.clip.start, recipe.clip.end);
     if let Some(outside) = frames.iter().find(|f| !(start..=end).contains(f)) {
         return Err(format!("--frames: frame {outside} is outside the scene's {start} to {end}"));
@@ -229,8 +229,12 @@ fn summary(
 fn sizes(whole: u64, parts: &[(impl AsRef<str>, u64)]) -> String {
     let mut parts: Vec<(&str, u64)> = parts.iter().map(|(name, n)| (name.as_ref(), *n)).filter(|p| p.1 > 0).collect();
     parts.sort_by_key(|(name, n)| (std::cmp::Reverse(*n), *name));
-    let each: Vec<String> = parts.iter().map(|(name, n)| format!("{name} {}", report::size(*n))).collect();
-    if each.is_empty() { report::size(whole) } else { format!("{} ({})", report::size(whole), each.join(", ")) }
+    let each: Vec<String> = parts.iter().map(|(name, n)| format!("{name} {}", report::byte_size(*n))).collect();
+    if each.is_empty() {
+        report::byte_size(whole)
+    } else {
+        format!("{} ({})", report::byte_size(whole), each.join(", "))
+    }
 }
 
 /// Bytes of a bake by its folders; files of the root count as the scene's.

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::args::Check;
-use super::progress::Show;
+use super::progress::ProgressDisplay;
 use super::{Context, knobs, report};
 use crate::bake::BakeContext;
 use crate::check::{CheckResult, check};
@@ -13,7 +13,12 @@ use osier_base::{Error, Result};
 
 /// Runs `osier check`; the result is the exit code. A fault in one file does not keep the others from being checked.
 pub fn run(context: &Context, args: &Check) -> Result<u8> {
-    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Show::Nothing, cache: None };
+    let work = BakeContext {
+        limits: &context.limits,
+        cancel: &context.cancel,
+        progress: &ProgressDisplay::Silent,
+        cache: None,
+    };
     let mut values: Vec<Value> = Vec::new();
     let (mut errors, mut warnings, mut code) = (0, 0, 0);
     for file in &args.files {
@@ -38,7 +43,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
             values.push(json!({
                 "file": file, "diagnostics": render_json(&found.report),
                 "error": found.failure.as_ref().map(ToString::to_string),
-                "would_make": found.estimate.as_ref().map(report::as_json),
+                "would_make": found.estimate.as_ref().map(report::estimate_json),
                 "knobs": knobs::as_json(&found.parameters),
             }));
             continue;
@@ -48,7 +53,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
             (_, Some(e)) => context.console.error(e),
             (Some(estimate), _) => {
                 let knobs = knobs::as_text(&found.parameters);
-                context.console.result(&format!("{file}\n{}{knobs}", report::as_text(estimate)))?;
+                context.console.result(&format!("{file}\n{}{knobs}", report::estimate_text(estimate)))?;
             }
             _ => {}
         }

@@ -32,7 +32,7 @@ impl Console {
         Self { quiet: common.quiet, json: common.json, closed: AtomicBool::new(false) }
     }
 
-    /// True if standard error is a terminal that can show a progress bar.
+    /// True if standard error is a terminal that can display a progress bar.
     pub fn has_bars(&self) -> bool {
         !self.quiet && io::stderr().is_terminal()
     }

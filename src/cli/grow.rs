@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
-use super::progress::Show;
+use super::progress::ProgressDisplay;
 use super::{Context, report};
 use crate::bake::BakeContext;
 use crate::recipe::{Growth, Recipe, resolve};
@@ -103,12 +103,12 @@ fn write_scene(
     format: &'static FormatInfo,
     warnings: &Report,
 ) -> Result<u8> {
-    let show = Show::new(&context.console);
-    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let display = ProgressDisplay::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
     let is_dry_run = context.common.dry_run;
     let scene =
         if is_dry_run { StillScene::assemble_for_estimate(recipe, &work) } else { StillScene::assemble(recipe, &work) };
-    show.done();
+    display.done();
     let scene = scene?;
     context.console.report(scene.report());
     let warned = !warnings.diagnostics.is_empty() || !scene.report().diagnostics.is_empty();
@@ -117,18 +117,18 @@ fn write_scene(
     let estimate = scene.estimate(format, profile)?;
     estimate.check_limits(&context.limits)?;
     if is_dry_run {
-        report::counts(context, &output.args.output.display().to_string(), &estimate)?;
+        report::print_estimate(context, &output.args.output.display().to_string(), &estimate)?;
         return Ok(context.strict(warned));
     }
     if estimate.bytes > report::CONFIRM_BYTES && !output.args.force {
-        let (size, most) = (report::size(estimate.bytes), report::size(report::CONFIRM_BYTES));
+        let (size, most) = (report::byte_size(estimate.bytes), report::byte_size(report::CONFIRM_BYTES));
         let why = format!("the file would take about {size}, more than {most}; --force writes it");
         context.console.complain(&why);
         return Ok(2);
     }
     let folder = output.folder(context)?;
     let written = scene.write(output.name, &folder, profile, &work);
-    show.done();
+    display.done();
     let export_warnings = written?;
     for w in &export_warnings {
         context.console.note(&format!("warning[{}]: {}", w.code, w.message));
@@ -161,11 +161,11 @@ fn write_attractor(
         context.console.result(&text)?;
         return Ok(context.strict(warned));
     }
-    let show = Show::new(&context.console);
-    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let display = ProgressDisplay::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
     let folder = output.folder(context)?;
     let written = write_picture(recipe, encoding, output.name, &folder, &work);
-    show.done();
+    display.done();
     written?;
     output.finish(context, &folder)?;
     Ok(context.strict(warned))

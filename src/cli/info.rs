@@ -18,14 +18,14 @@ use osier_scene::MaterialClass;
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = &args.path;
     if path.is_dir() {
-        return folder(context, path, None);
+        return describe_bake(context, path, None);
     }
     if path.file_name().is_some_and(|n| n == MANIFEST) {
-        return folder(context, parent(path), None);
+        return describe_bake(context, parent(path), None);
     }
     match bake_of(path) {
-        Some((root, inside)) => folder(context, &root, Some(&inside)),
-        None => single(context, path),
+        Some((root, inside)) => describe_bake(context, &root, Some(&inside)),
+        None => describe_file(context, path),
     }
 }
 
@@ -47,7 +47,7 @@ fn bake_of(path: &Path) -> Option<(PathBuf, String)> {
     None
 }
 
-fn folder(context: &Context, root: &Path, only: Option<&str>) -> Result<u8> {
+fn describe_bake(context: &Context, root: &Path, only: Option<&str>) -> Result<u8> {
     if !root.join(MANIFEST).is_file() {
         let why =
             format!("\"{}\" contains no {MANIFEST}: it is not a bake, or the bake did not finish", root.display());
@@ -63,7 +63,7 @@ fn folder(context: &Context, root: &Path, only: Option<&str>) -> Result<u8> {
         context.console.result(&format!("{value:#}\n"))?;
     } else {
         context.console.result(&describe(root, &manifest, only))?;
-        verdict(context, &found);
+        report_verification(context, &found);
     }
     Ok(u8::from(!found.is_complete()))
 }
@@ -82,7 +82,7 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         m.time.start,
         m.time.end,
         files.len(),
-        report::size(bytes),
+        report::byte_size(bytes),
         visible(&m.scene.hash),
         visible(&m.bake_hash),
     );
@@ -106,12 +106,12 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         );
     }
     if let Some((path, bytes, hash)) = only.and_then(|o| files.iter().find(|f| f.0 == o)) {
-        out += &format!("\n{}  {}\nblake3 {}\n", visible(path), report::size(*bytes), visible(hash));
+        out += &format!("\n{}  {}\nblake3 {}\n", visible(path), report::byte_size(*bytes), visible(hash));
     }
     out
 }
 
-fn verdict(context: &Context, found: &Verification) {
+fn report_verification(context: &Context, found: &Verification) {
     for (what, list) in [("missing", &found.missing), ("changed", &found.changed)] {
         for path in list {
             context.console.complain(&format!("{what}: {path}"));
@@ -131,7 +131,7 @@ fn verdict(context: &Context, found: &Verification) {
 }
 
 /// Describes a file that belongs to no bake: its hash, and the size of a mesh.
-fn single(context: &Context, path: &Path) -> Result<u8> {
+fn describe_file(context: &Context, path: &Path) -> Result<u8> {
     let bytes = read_input(path, context.limits.get("mesh-bytes"))?;
     let hash = blake3::hash(&bytes).to_hex().to_string();
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
@@ -168,7 +168,7 @@ fn single(context: &Context, path: &Path) -> Result<u8> {
         return Ok(0);
     }
     let shown = visible(&path.display().to_string());
-    let mut out = format!("{shown}  {}\nblake3 {hash}\n", report::size(bytes.len() as u64));
+    let mut out = format!("{shown}  {}\nblake3 {hash}\n", report::byte_size(bytes.len() as u64));
     if let (Some(m), Some([x, y, z])) = (mesh, size) {
         let (v, t) = (grouped(m.points.len() as u64), grouped(m.triangles.len() as u64));
         out += &format!("{v} vertices, {t} triangles, {x:.2} x {y:.2} x {z:.2} m\n");

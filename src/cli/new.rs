@@ -18,7 +18,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
-    let Some((scene, grammars)) = parts(&args.from, &name) else {
+    let Some((scene, grammars)) = scene_and_grammars(&args.from, &name) else {
         let stems = presets::PRESETS.iter().map(|p| stem(p.name));
         let hint = match nearest(&args.from, stems) {
             Some(near) => format!("did you mean \"{near}\"?"),
@@ -59,7 +59,7 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
 
 /// The text of the scene and the grammars that it names; for the name of a grammar a scene with one plant. `None` for
 /// an unknown preset.
-fn parts(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
+fn scene_and_grammars(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
     let bare = stem(from);
     if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| !from.ends_with(".l")) {
         let needed = |p: &&Preset| p.name.ends_with(".l") && scene.text.contains(&format!("\"{}\"", p.name));

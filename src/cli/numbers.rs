@@ -3,7 +3,7 @@
 /// The numbers of a list in rising order without duplicates.
 /// # Errors
 /// A message for a part that cannot be read or that has more than `limit` numbers.
-pub fn parse(text: &str, limit: u64) -> Result<Vec<u32>, String> {
+pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     let mut out = Vec::new();
     for part in text.split(',') {
         let bad = || format!("\"{part}\" is not A, A-B or A-B:STEP");
@@ -28,7 +28,7 @@ pub fn parse(text: &str, limit: u64) -> Result<Vec<u32>, String> {
 
 /// A key with the values of a sweep.
 #[derive(Debug, Clone)]
-pub struct Sweep {
+pub struct KeyValues {
     /// Path of the key, as in `--set`.
     pub key: String,
     /// Values as text, as in `--set`.
@@ -38,7 +38,7 @@ pub struct Sweep {
 /// Reads `KEY=A:B:N`, N values from A to B, or `KEY=V1,V2,...`. Whole numbers stay whole if all steps are.
 /// # Errors
 /// A message for a text of another form; N is 1 to 64.
-pub fn sweep(text: &str) -> Result<Sweep, String> {
+pub fn key_values(text: &str) -> Result<KeyValues, String> {
     let bad = || format!("--sweep: \"{text}\" is not KEY=FROM:TO:COUNT nor KEY=VALUE,VALUE,...");
     let (key, range) = text.split_once('=').filter(|(k, r)| !k.is_empty() && !r.is_empty()).ok_or_else(bad)?;
     let values = match range.split(':').collect::<Vec<_>>()[..] {
@@ -54,7 +54,7 @@ pub fn sweep(text: &str) -> Result<Sweep, String> {
         }
         _ => return Err(bad()),
     };
-    Ok(Sweep { key: key.to_owned(), values })
+    Ok(KeyValues { key: key.to_owned(), values })
 }
 
 /// Four decimals without trailing zeros, but at least one.
@@ -66,11 +66,11 @@ fn trimmed(v: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{parse, sweep};
+    use super::{key_values, number_list};
 
     #[test]
     fn values_of_a_key_are_read() {
-        let values = |t: &str| sweep(t).map(|s| s.values);
+        let values = |t: &str| key_values(t).map(|s| s.values);
         assert_eq!(values("a.b=0:1:3"), Ok(vec!["0.0".to_owned(), "0.5".into(), "1.0".into()]));
         assert_eq!(values("a=1:5:3"), Ok(vec!["1".to_owned(), "3".into(), "5".into()]));
         assert_eq!(values("a=x, y"), Ok(vec!["x".to_owned(), "y".into()]));
@@ -79,10 +79,10 @@ mod tests {
 
     #[test]
     fn lists_are_read() {
-        assert_eq!(parse("1-10:4,3,3", 100), Ok(vec![1, 3, 5, 9]));
-        assert_eq!(parse("7", 100), Ok(vec![7]));
+        assert_eq!(number_list("1-10:4,3,3", 100), Ok(vec![1, 3, 5, 9]));
+        assert_eq!(number_list("7", 100), Ok(vec![7]));
         for bad in ["", "x", "3-1", "1-9:0", "1-", "-3", "1-4000000000"] {
-            assert!(parse(bad, 1_000_000).is_err(), "{bad}");
+            assert!(number_list(bad, 1_000_000).is_err(), "{bad}");
         }
     }
 }

@@ -13,20 +13,20 @@ use osier_base::progress::Progress;
 
 /// Display of progress.
 #[derive(Debug)]
-pub enum Show {
+pub enum ProgressDisplay {
     /// One bar, replaced by the next stage's.
     Bar(Mutex<Option<ProgressBar>>),
     /// A line when a stage begins.
     Lines,
     /// Without any output.
-    Nothing,
+    Silent,
 }
 
-impl Show {
+impl ProgressDisplay {
     /// The display that suits the console.
     pub fn new(console: &Console) -> Self {
         if console.quiet {
-            Self::Nothing
+            Self::Silent
         } else if console.has_bars() {
             Self::Bar(Mutex::new(None))
         } else {
@@ -50,7 +50,7 @@ impl Show {
     }
 }
 
-impl Progress for Show {
+impl Progress for ProgressDisplay {
     fn stage(&self, name: &str, total: u64) {
         match self {
             Self::Bar(_) => {
@@ -66,7 +66,7 @@ impl Progress for Show {
                 let count = if total > 1 { format!(" ({total})") } else { String::new() };
                 let _ = writeln!(std::io::stderr(), "{}{count}", visible(name));
             }
-            Self::Nothing => {}
+            Self::Silent => {}
         }
     }
 
@@ -90,22 +90,22 @@ impl Progress for Show {
             Self::Lines => {
                 let _ = writeln!(std::io::stderr(), "{}", visible(text));
             }
-            Self::Nothing => {}
+            Self::Silent => {}
         }
     }
 }
 
 /// A display that also measures the time of each stage.
 #[derive(Debug)]
-pub struct Timed<'a> {
-    show: &'a Show,
+pub struct StageTimer<'a> {
+    display: &'a ProgressDisplay,
     begun: Mutex<Vec<(String, Instant)>>,
 }
 
-impl<'a> Timed<'a> {
+impl<'a> StageTimer<'a> {
     /// A measurement without any stage yet.
-    pub fn new(show: &'a Show) -> Self {
-        Self { show, begun: Mutex::new(Vec::new()) }
+    pub fn new(display: &'a ProgressDisplay) -> Self {
+        Self { display, begun: Mutex::new(Vec::new()) }
     }
 
     /// Seconds of each stage so far, in order of first occurrence; stages of one name are added up. Times are printed
@@ -124,20 +124,20 @@ impl<'a> Timed<'a> {
     }
 }
 
-impl Progress for Timed<'_> {
+impl Progress for StageTimer<'_> {
     fn stage(&self, name: &str, total: u64) {
         #[allow(clippy::disallowed_methods, reason = "the command line may measure time")]
         let now = Instant::now();
         self.begun.lock().unwrap_or_else(PoisonError::into_inner).push((name.to_owned(), now));
-        self.show.stage(name, total);
+        self.display.stage(name, total);
     }
 
     fn advance(&self, steps: u64) {
-        self.show.advance(steps);
+        self.display.advance(steps);
     }
 
     fn message(&self, text: &str) {
-        self.show.message(text);
+        self.display.message(text);
     }
 }
 
@@ -147,10 +147,10 @@ mod tests {
 
     #[test]
     fn stages_of_one_name_are_added_up() {
-        let show = Show::Nothing;
-        let timed = Timed::new(&show);
-        ["growing", "writing", "growing"].iter().for_each(|name| timed.stage(name, 0));
-        let seconds = timed.seconds();
+        let display = ProgressDisplay::Silent;
+        let timer = StageTimer::new(&display);
+        ["growing", "writing", "growing"].iter().for_each(|name| timer.stage(name, 0));
+        let seconds = timer.seconds();
         assert_eq!(seconds.iter().map(|s| s.0.as_str()).collect::<Vec<_>>(), ["growing", "writing"]);
         assert!(seconds.iter().all(|s| (0.0..60.0).contains(&s.1)));
     }

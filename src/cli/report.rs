@@ -14,16 +14,16 @@ pub const CONFIRM_BYTES: u64 = 2_000_000_000;
 /// Prints the estimate of a run under the name of its target, as text or JSON.
 /// # Errors
 /// `Io` if standard output cannot be written.
-pub fn counts(context: &Context, what: &str, counts: &BakeEstimate) -> Result<()> {
+pub fn print_estimate(context: &Context, target: &str, estimate: &BakeEstimate) -> Result<()> {
     if context.console.json {
-        let value = json!({ "target": what, "would_make": as_json(counts) });
+        let value = json!({ "target": target, "would_make": estimate_json(estimate) });
         return context.console.result(&format!("{value:#}\n"));
     }
-    context.console.result(&format!("{what}\n{}", as_text(counts)))
+    context.console.result(&format!("{target}\n{}", estimate_text(estimate)))
 }
 
 /// An estimate as indented lines.
-pub fn as_text(c: &BakeEstimate) -> String {
+pub fn estimate_text(c: &BakeEstimate) -> String {
     let row = |name: &str, n: u64| format!("  {name:12} {}\n", grouped(n));
     [
         row("assets", c.assets),
@@ -35,23 +35,23 @@ pub fn as_text(c: &BakeEstimate) -> String {
         row("points", c.points),
         row("joints", c.joints),
         row("frames", c.frames),
-        format!("  {:12} about {}\n", "size", size(c.bytes)),
+        format!("  {:12} about {}\n", "size", byte_size(c.bytes)),
     ]
     .concat()
-        + &rows(&c.sizes)
-        + &format!("  {:12} about {}\n", "memory", size(c.peak()))
-        + &rows(&c.memory)
+        + &byte_rows(&c.sizes)
+        + &format!("  {:12} about {}\n", "memory", byte_size(c.peak()))
+        + &byte_rows(&c.memory)
 }
 
 /// Parts of a number of bytes, one per line.
-fn rows(parts: &[(&'static str, u64)]) -> String {
-    parts.iter().map(|(what, bytes)| format!("    {what:13} {}\n", size(*bytes))).collect()
+fn byte_rows(parts: &[(&'static str, u64)]) -> String {
+    parts.iter().map(|(what, bytes)| format!("    {what:13} {}\n", byte_size(*bytes))).collect()
 }
 
 /// Memory of a lattice wind and its parts on one line.
-pub fn lattice(parts: &[(&'static str, u64)]) -> String {
-    let all = size(parts.iter().map(|p| p.1).sum());
-    let each: Vec<String> = parts.iter().map(|(what, bytes)| format!("{what} {}", size(*bytes))).collect();
+pub fn lattice_memory_text(parts: &[(&'static str, u64)]) -> String {
+    let all = byte_size(parts.iter().map(|p| p.1).sum());
+    let each: Vec<String> = parts.iter().map(|(what, bytes)| format!("{what} {}", byte_size(*bytes))).collect();
     format!("memory of the lattice wind: {all} ({})", each.join(", "))
 }
 
@@ -60,7 +60,7 @@ fn by_name(parts: &[(&'static str, u64)]) -> Value {
 }
 
 /// An estimate as a JSON object.
-pub fn as_json(c: &BakeEstimate) -> Value {
+pub fn estimate_json(c: &BakeEstimate) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
         "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints, "frames": c.frames,
@@ -71,7 +71,7 @@ pub fn as_json(c: &BakeEstimate) -> Value {
 }
 
 /// Bytes with one decimal and a decimal prefix: `12.3 MB`.
-pub fn size(bytes: u64) -> String {
+pub fn byte_size(bytes: u64) -> String {
     let steps = [(1_000_000_000, "GB"), (1_000_000, "MB"), (1_000, "kB")];
     match steps.iter().find(|(s, _)| bytes >= *s) {
         #[allow(clippy::cast_precision_loss, reason = "one decimal is shown")]

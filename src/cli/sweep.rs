@@ -7,8 +7,8 @@ use serde_json::json;
 
 use super::Context;
 use super::args::Bake;
-use super::numbers::{self, Sweep as Choice, sweep};
-use super::progress::Show;
+use super::numbers::{self, KeyValues, key_values};
+use super::progress::ProgressDisplay;
 use crate::bake::motion::table_rows;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
@@ -21,14 +21,26 @@ use osier_export::stats::{Run, Sweep, Whole};
 use osier_scene::Scene;
 
 /// Runs of a sweep at most: each is a simulation of the whole clip.
-const RUNS: u64 = 1000;
+const MAX_RUNS: u64 = 1000;
 
-/// What is run: values of the keys and a seed.
-type Wanted = (Vec<String>, Option<u64>);
+/// The runs of a sweep.
+struct SweepPlan {
+    /// Paths of the keys that vary.
+    keys: Vec<String>,
+    runs: Vec<PlannedRun>,
+}
+
+/// One run of a sweep.
+struct PlannedRun {
+    /// One value for each key.
+    values: Vec<String>,
+    /// Seed in place of the scene's.
+    seed: Option<u64>,
+}
 
 /// Runs `osier bake --sweep`; the result is the exit code.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
-    let (keys, wanted) = match plan(args) {
+    let SweepPlan { keys, runs } = match plan(args) {
         Ok(plan) => plan,
         Err(why) => {
             context.console.complain(&why);
@@ -39,10 +51,10 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     // Warnings are shown once.
     let mut recipes = Vec::new();
     let mut warned = false;
-    for (values, seed) in &wanted {
+    for planned in &runs {
         let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
-        request.set.extend(keys.iter().zip(values).map(|(k, v)| format!("{k}={v}")));
-        request.seed = seed.or(request.seed);
+        request.set.extend(keys.iter().zip(&planned.values).map(|(k, v)| format!("{k}={v}")));
+        request.seed = planned.seed.or(request.seed);
         let (recipe, report) = resolve(&request)?;
         if recipes.is_empty() {
             context.console.report(&report);
@@ -66,53 +78,59 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         context.console.result(&if context.console.json { format!("{value:#}\n") } else { text })?;
         return Ok(context.strict(warned));
     }
-    let show = Show::new(&context.console);
-    show.stage("running", frames);
+    let display = ProgressDisplay::new(&context.console);
+    display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
-    for (recipe, (values, _)) in recipes.iter().zip(wanted) {
-        let (scene, whole) = one(context, recipe, &show)?;
+    for (recipe, planned) in recipes.iter().zip(runs) {
+        let (scene, whole) = simulate(context, recipe, &display)?;
         all.outcome = scene
             .tables
             .iter()
             .flat_map(|t| t.outcome.iter().filter_map(|c| Some(t.columns.get(*c)?.0.clone())))
             .collect();
-        all.runs.push(Run { values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
+        all.runs.push(Run { values: planned.values, seed: recipe.general.seed, hash: recipe.hash.clone(), whole });
     }
-    show.done();
+    display.done();
     write(context, args, &root, &all)?;
-    tell(context, &root, &all)?;
+    print_means(context, &root, &all)?;
     Ok(context.strict(warned))
 }
 
-/// Keys, and all choices of their values with all seeds.
-fn plan(args: &Bake) -> std::result::Result<(Vec<String>, Vec<Wanted>), String> {
+/// All combinations of values and seeds, seeds varying fastest and the first key slowest.
+/// # Errors
+/// A message for a flag that cannot be read or that does not go with a sweep.
+fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     if args.formats.is_some() || args.frames.is_some() {
         return Err("--sweep and --seeds write one table and its plot: leave out --formats and --frames".into());
     }
-    let sweeps: Vec<Choice> = args.sweep.iter().map(|s| sweep(s)).collect::<std::result::Result<_, _>>()?;
+    let sweeps: Vec<KeyValues> = args.sweep.iter().map(|s| key_values(s)).collect::<std::result::Result<_, _>>()?;
     let seeds = match &args.seeds {
         Some(list) => {
-            let seeds = numbers::parse(list, RUNS).map_err(|e| format!("--seeds: {e}"))?;
+            let seeds = numbers::number_list(list, MAX_RUNS).map_err(|e| format!("--seeds: {e}"))?;
             seeds.into_iter().map(|s| Some(u64::from(s))).collect()
         }
         None => vec![None],
     };
     let count = sweeps.iter().fold(seeds.len() as u64, |n, s| n.saturating_mul(s.values.len() as u64));
-    if count > RUNS {
-        return Err(format!("--sweep: {count} runs, more than {RUNS}; take fewer values or seeds"));
+    if count > MAX_RUNS {
+        return Err(format!("--sweep: {count} runs, more than {MAX_RUNS}; take fewer values or seeds"));
     }
-    let mut choices: Vec<Vec<String>> = vec![Vec::new()];
+    // The Cartesian product grows key by key from one empty combination.
+    let mut combinations: Vec<Vec<String>> = vec![Vec::new()];
     for s in &sweeps {
         let with =
             |c: &Vec<String>| s.values.iter().map(|v| [&c[..], std::slice::from_ref(v)].concat()).collect::<Vec<_>>();
-        choices = choices.iter().flat_map(with).collect();
+        combinations = combinations.iter().flat_map(with).collect();
     }
-    let wanted = choices.iter().flat_map(|c| seeds.iter().map(|s| (c.clone(), *s))).collect();
-    Ok((sweeps.into_iter().map(|s| s.key).collect(), wanted))
+    let with_seeds = |c: &Vec<String>| -> Vec<PlannedRun> {
+        seeds.iter().map(|seed| PlannedRun { values: c.clone(), seed: *seed }).collect()
+    };
+    let runs = combinations.iter().flat_map(with_seeds).collect();
+    Ok(SweepPlan { keys: sweeps.into_iter().map(|s| s.key).collect(), runs })
 }
 
 /// Simulates the clip of one run and summarises its statistics.
-fn one(context: &Context, recipe: &Recipe, show: &Show) -> Result<(Arc<Scene>, Whole)> {
+fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<(Arc<Scene>, Whole)> {
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
     let stage = scene::assemble_scene(recipe, scene::SceneParts::default(), &work)?.animated;
     let mut all = Vec::new();
@@ -120,7 +138,7 @@ fn one(context: &Context, recipe: &Recipe, show: &Show) -> Result<(Arc<Scene>, W
         context.cancel.check()?;
         let row = table_rows(&stage.scene, &stage.motions, number)?.into_iter().next().unwrap_or_default();
         all.push((number, row));
-        show.advance(1);
+        display.advance(1);
     }
     let whole = stage.scene.tables.first().map(|table| Whole::of(table, &all)).unwrap_or_default();
     Ok((stage.scene, whole))
@@ -140,7 +158,7 @@ fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<
 }
 
 /// Prints the means over the seeds as a table, or the number of runs as JSON.
-fn tell(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
+fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let means = all.means();
     if context.console.json {
         let value = json!({ "folder": root.display().to_string(), "runs": all.runs.len(), "choices": means.len() });

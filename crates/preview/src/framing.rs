@@ -18,7 +18,7 @@ pub enum CameraView {
     /// 28 degrees to the right of the front and slightly from below, so that the horizon lies low; flat subjects are
     /// seen from above.
     Portrait,
-    /// Given angles.
+    /// The direction of two angles.
     Angles {
         /// Azimuth from +Z towards +X, degrees.
         azimuth: f32,

@@ -16,14 +16,14 @@ pub(super) struct PerspectiveCamera {
     pub(super) down: Vec3,
     /// Width of a pixel at unit depth.
     pub(super) spread: f32,
-    /// Pixels.
+    /// Width and height of the picture, pixels.
     size: [f32; 2],
 }
 
 /// A ray through a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PrimaryRay {
-    /// Unit vector.
+    /// Unit vector from the camera into the scene.
     pub(super) direction: Vec3,
     /// Distance to the floor, m; `None` if the ray does not meet it.
     pub(super) floor_distance: Option<f32>,

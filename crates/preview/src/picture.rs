@@ -19,7 +19,7 @@ use osier_base::{Error, Result};
 pub struct Picture {
     /// Number of pixels in a row.
     pub width: u32,
-    /// Number of rows.
+    /// Number of rows of pixels.
     pub height: u32,
     /// Row by row, `width * height` of them.
     pub pixels: Vec<[u8; 4]>,

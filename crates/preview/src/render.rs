@@ -49,7 +49,7 @@ struct SampleSums {
     direct: Vec3,
     /// Fractions of ambient light that were scattered towards the viewer.
     diffuse: Vec3,
-    /// Ambient radiance.
+    /// Radiance of the ambient samples.
     ambient: Vec3,
     /// Samples of ambient light.
     ambient_samples: f32,
@@ -258,7 +258,7 @@ struct Tile<'t, 'w> {
     floor: Option<f32>,
     /// Samples are few and objects small: pixels share their ambient light.
     dense_foliage: bool,
-    /// Upper left pixel.
+    /// Upper left pixel of the tile in the picture.
     corner: [u32; 2],
     size: TileSize,
 }

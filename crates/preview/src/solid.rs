@@ -33,7 +33,7 @@ const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
 /// A triangle prepared for intersection.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayTriangle {
-    /// First corner.
+    /// First corner, in the space of the solid.
     pub(super) a: Vec3,
     /// Edge from the first corner to the second.
     ab: Vec3,

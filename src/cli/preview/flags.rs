@@ -2,7 +2,7 @@
 
 use super::super::Context;
 use super::super::args::{Preview, QualityArg};
-use super::super::numbers::{self, Sweep, sweep};
+use super::super::numbers::{self, KeyValues, key_values};
 use crate::scene_preview::{PreviewBackground, PreviewOptions, PreviewView};
 use osier_preview::{CameraView, Quality};
 
@@ -13,7 +13,7 @@ pub struct PreviewFlags {
     /// Seeds of a contact sheet.
     pub seeds: Vec<u32>,
     /// Axes of a contact sheet, at most two together with the seeds.
-    pub sweeps: Vec<Sweep>,
+    pub sweeps: Vec<KeyValues>,
     /// Frames of a clip, in rising order.
     pub frames: Vec<u32>,
 }
@@ -24,14 +24,16 @@ impl PreviewFlags {
     /// A message for the first flag that cannot be read or that excludes another.
     pub fn new(context: &Context, args: &Preview) -> Result<Self, String> {
         let seeds = match &args.seeds {
-            Some(list) => numbers::parse(list, MAX_CELLS).map_err(|e| format!("--seeds: {e}"))?,
+            Some(list) => numbers::number_list(list, MAX_CELLS).map_err(|e| format!("--seeds: {e}"))?,
             None => Vec::new(),
         };
         let frames = match &args.frames {
-            Some(list) => numbers::parse(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?,
+            Some(list) => {
+                numbers::number_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?
+            }
             None => Vec::new(),
         };
-        let sweeps = args.sweep.iter().map(|s| sweep(s)).collect::<Result<Vec<_>, _>>()?;
+        let sweeps = args.sweep.iter().map(|s| key_values(s)).collect::<Result<Vec<_>, _>>()?;
         if sweeps.len() > 2 || (sweeps.len() == 2 && !seeds.is_empty()) {
             return Err("a contact sheet has two axes: give two --sweep, or --seeds and one --sweep".into());
         }

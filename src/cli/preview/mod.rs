@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::Context;
 use super::args::Preview;
-use super::progress::Show;
+use super::progress::ProgressDisplay;
 use crate::bake::BakeContext;
 use crate::bake::assets::layered_picture;
 use crate::recipe::Recipe;
@@ -36,8 +36,8 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
         context.console.report(&report);
         return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
     }
-    let show = Show::new(&context.console);
-    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let display = ProgressDisplay::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
     let outcome = if flags.is_sheet() {
         sheets::run(context, args, &flags, &work)
     } else if !flags.frames.is_empty() || args.turntable.is_some() {
@@ -45,7 +45,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     } else {
         sheets::single(context, args, &flags, &work)
     };
-    show.done();
+    display.done();
     match outcome? {
         Outcome::Written { warned } => Ok(context.strict(warned)),
         Outcome::Refused(why) => {
@@ -66,10 +66,10 @@ fn write_layers(
     if args.size.is_some() {
         [recipe.picture.width, recipe.picture.height] = flags.options.size;
     }
-    let show = Show::new(&context.console);
-    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let display = ProgressDisplay::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
     let canvas = layered_picture::compose(&recipe, &work)?;
-    show.done();
+    display.done();
     let target = OutputPicture::new(context, args, &recipe.name, "png")?;
     target.folder.write(&target.name, "preview", &textures::png(&canvas_image(&canvas, &recipe)?)?)?;
     target.finish(context, [recipe.picture.width, recipe.picture.height], 1)?;

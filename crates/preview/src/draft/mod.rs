@@ -78,9 +78,8 @@ struct DraftRenderer<'d, 'w> {
 
 /// What the pixels of a band show.
 struct VisiblePoints {
-    /// By row and column.
     hits: Vec<Vec<PixelHit>>,
-    /// Positions just off the surface, m, by row and column; NaN where nothing is hit.
+    /// Positions just off the surface, m, indexed by row and column; NaN where nothing is hit.
     positions: Vec<Vec<Vec3>>,
     /// True where the sun is visible, row after row.
     is_sunlit: Vec<bool>,

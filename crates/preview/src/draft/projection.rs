@@ -36,7 +36,7 @@ pub(super) struct InstanceProjection {
     is_orthographic: bool,
 }
 
-/// A projected point.
+/// A point after projection, before and after the division by depth.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ProjectedPoint {
     /// Homogeneous raster coordinates.

@@ -45,7 +45,7 @@ pub(super) fn sunlit_points(
 struct ShadowCells {
     to_light: Vec3,
     projection: Projection,
-    /// Columns and rows.
+    /// Number of columns and rows of cells.
     size: [u32; 2],
     /// Index of the first point of each cell, row by row, and the number of all points.
     cell_starts: Vec<u32>,

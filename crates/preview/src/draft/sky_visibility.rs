@@ -23,7 +23,7 @@ const SIDE_OUT: f32 = 0.626;
 /// A grid of sky visibility.
 #[derive(Debug)]
 pub(super) struct SkyVisibility {
-    /// Lower corner, m.
+    /// Lower corner of the grid in the world, m.
     low: Vec3,
     /// Side of a voxel, m.
     cell: f32,

@@ -12,7 +12,7 @@ use super::projection::{InstanceProjection, ProjectedPoint, Projection, RasterRe
 /// Consecutive rows of a picture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowBand {
-    /// First row.
+    /// First row of the picture that belongs to the band.
     pub(super) top: u32,
     /// Width and height, pixels.
     pub(super) size: [u32; 2],
