@@ -77,6 +77,7 @@ impl Bounds {
 /// Newell normal of a polygon (not normalised; its length is twice the area).
 #[inline]
 pub fn newell(points: &[Vec3]) -> Vec3 {
+    // The sum of the cross products of successive position vectors; the origin cancels over a closed outline.
     let n = points.len();
     (0..n).fold(Vec3::ZERO, |s, i| s + points[i].cross(points[(i + 1) % n]))
 }
@@ -89,8 +90,10 @@ pub fn triangulate(outline: &[Vec2]) -> Vec<[u32; 3]> {
     // Outlines have fewer than 2^32 corners: earcut would not end on more.
     #[allow(clippy::cast_possible_truncation, reason = "indices into an outline of fewer corners")]
     let index = |i: usize| i as u32;
+    // The shoelace sum, twice the signed area: its sign tells the direction of the outline.
     let area: f32 = (0..outline.len()).fold(0.0, |s, i| s + outline[i].perp_dot(outline[(i + 1) % outline.len()]));
     let side = |t: &[usize]| (outline[t[1]] - outline[t[0]]).perp_dot(outline[t[2]] - outline[t[0]]);
+    // Triangles that run against the outline are turned, whatever order the library returns.
     let orient = |t: &[usize]| {
         let flip = side(t) * area < 0.0;
         if flip { [index(t[0]), index(t[2]), index(t[1])] } else { [index(t[0]), index(t[1]), index(t[2])] }

@@ -17,6 +17,7 @@ pub struct Keyframes<const N: usize>(pub Vec<(f64, [f64; N])>);
 impl<const N: usize> Keyframes<N> {
     /// Values at `x`, a + s (b - a) with s = (x - xa) / (xb - xa) between two keys; `None` without keys.
     pub fn at(&self, x: f64) -> Option<[f64; N]> {
+        // The first key beyond x and the one before it enclose x; one of them is absent outside of the keys.
         let next = self.0.partition_point(|key| key.0 <= x);
         Some(match (next.checked_sub(1).and_then(|k| self.0.get(k)), self.0.get(next)) {
             (Some(a), Some(b)) => {

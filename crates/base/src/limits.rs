@@ -73,6 +73,7 @@ impl Limits {
     pub fn of_machine(machine: &str, container: &str) -> Self {
         let mut limits = Self::default();
         let place = LIMITS.iter().position(|l| l.name == "memory");
+        // A quarter is left to the system and to other programs. Dividing first cannot overflow.
         if let (Some(bytes), Some(i)) = (usable(machine, container), place) {
             limits.values[i] = bytes / 4 * 3;
         }
@@ -125,6 +126,7 @@ fn usable(machine: &str, container: &str) -> Option<u64> {
     let total = machine.lines().find_map(|line| line.strip_prefix("MemTotal:")?.trim().strip_suffix("kB"));
     let total = total.and_then(|kib| kib.trim().parse::<u64>().ok()?.checked_mul(1024));
     let most = container.trim().parse::<u64>().ok();
+    // An unlimited control group holds the word `max`, which does not parse and leaves the machine's memory alone.
     total.into_iter().chain(most).min()
 }
 

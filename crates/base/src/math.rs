@@ -86,6 +86,7 @@ pub fn narrow(x: f64) -> f32 {
 /// Linear blend, exact at both ends.
 #[inline]
 pub fn lerp(a: f32, b: f32, t: f32) -> f32 {
+    // Not a + (b - a) t, which may miss b by a rounding error at t = 1.
     a * (1.0 - t) + b * t
 }
 
@@ -93,6 +94,7 @@ pub fn lerp(a: f32, b: f32, t: f32) -> f32 {
 #[inline]
 pub fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
     let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
+    // 3 t^2 - 2 t^3 has zero slope at both ends.
     t * t * (3.0 - 2.0 * t)
 }
 
@@ -121,10 +123,14 @@ pub fn perpendicular(v: Vec3) -> Vec3 {
 #[inline]
 pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
     let d = from.dot(to);
+    // Near opposite vectors the cross product vanishes: half a turn about any perpendicular axis, the quaternion (axis,
+    // 0).
     if d < -0.999_999 {
         let axis = perpendicular(from);
         return Quat::from_xyzw(axis.x, axis.y, axis.z, 0.0);
     }
+    // (from x to, 1 + from . to) is the unit quaternion of half the angle times 2 cos(angle / 2): no trigonometry is
+    // needed.
     let c = from.cross(to);
     Quat::from_xyzw(c.x, c.y, c.z, 1.0 + d).normalize()
 }
@@ -132,6 +138,7 @@ pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
 /// Normalised linear blend of two rotations along the shorter arc.
 #[inline]
 pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
+    // q and -q are the same rotation; of the two the one on a's hemisphere gives the shorter arc.
     let b = if a.dot(b) < 0.0 { -b } else { b };
     Quat::from_vec4(glam::Vec4::from(a) * (1.0 - t) + glam::Vec4::from(b) * t).normalize()
 }
@@ -142,13 +149,16 @@ pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
 /// Source: W. Wang et al., "Computation of rotation minimizing frames", ACM TOG 27(1), 2008, table 1.
 #[inline]
 pub fn transport(x0: Vec3, t0: Vec3, e0: Vec3, x1: Vec3, t1: Vec3) -> Vec3 {
+    // First reflection: in the plane that bisects the two centres. It takes the frame from x0 to x1 and t0 to t_l.
     let v1 = x1 - x0;
     let c1 = v1.dot(v1);
     let (e_l, t_l) =
         if c1 < 1e-18 { (e0, t0) } else { (e0 - v1 * (2.0 / c1 * v1.dot(e0)), t0 - v1 * (2.0 / c1 * v1.dot(t0))) };
+    // Second reflection: in the plane that bisects t_l and t1. Two reflections are a rotation, and this one twists least.
     let v2 = t1 - t_l;
     let c2 = v2.dot(v2);
     let e1 = if c2 < 1e-18 { e_l } else { e_l - v2 * (2.0 / c2 * v2.dot(e_l)) };
+    // One Gram-Schmidt step removes the rounding error along the tangent, which would accumulate over a long chain.
     let e = e1 - t1 * t1.dot(e1);
     let length = e.length();
     if length > 1e-9 { e / length } else { perpendicular(t1) }

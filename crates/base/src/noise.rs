@@ -19,6 +19,7 @@ pub fn gradient2(seed: u64, p: [f32; 2], period: [i32; 2]) -> f32 {
     let (u, v) = (fade(fx), fade(fy));
     let low = math::lerp(corner(0, 0), corner(1, 0), u);
     let high = math::lerp(corner(0, 1), corner(1, 1), u);
+    // Unit gradients in two dimensions give values up to 1/sqrt(2), reached in the middle of a cell.
     math::lerp(low, high, v) * std::f32::consts::SQRT_2
 }
 
@@ -30,6 +31,7 @@ pub fn gradient1(seed: u64, x: f32, period: i32) -> f32 {
         let h = mix64(&[seed, cell(x0 + d, period)]);
         ((h >> 40) as f32 * (2.0 / 16_777_216.0) - 1.0) * (f - d as f32)
     };
+    // Slopes in [-1, 1] give values up to 1/2, reached in the middle of a cell.
     math::lerp(slope(0), slope(1), fade(f)) * 2.0
 }
 
@@ -38,6 +40,7 @@ pub fn gradient1(seed: u64, x: f32, period: i32) -> f32 {
 pub fn fractal2(seed: u64, p: [f32; 2], period: [i32; 2], octaves: u32) -> f32 {
     let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
     for o in 0..octaves {
+        // Frequency and period double together, so that every octave tiles with the first. Each has its own seed.
         let k = 1_i32 << o;
         let q = [p[0] * k as f32, p[1] * k as f32];
         sum += weight * gradient2(seed.wrapping_add(u64::from(o)), q, [period[0] * k, period[1] * k]);
@@ -69,6 +72,7 @@ pub fn cellular2(seed: u64, p: [f32; 2], period: [i32; 2], jitter: f32) -> Cellu
     for dy in -1..=1 {
         for dx in -1..=1 {
             let h = mix64(&[seed, cell(x0 + dx, period[0]), cell(y0 + dy, period[1])]);
+            // Two independent offsets of 24 bits from different bits of one hash.
             let ox = dx as f32 + 0.5 + jitter * ((h >> 40) as f32 / 16_777_216.0 - 0.5) - fx;
             let oy = dy as f32 + 0.5 + jitter * (((h >> 16) & 0xFF_FFFF) as f32 / 16_777_216.0 - 0.5) - fy;
             let d = math::sqrt_f32(ox * ox + oy * oy);
@@ -97,6 +101,7 @@ fn cell(i: i32, period: i32) -> u64 {
 
 /// Quintic fade 6 t^5 - 15 t^4 + 10 t^3: first and second derivatives vanish at 0 and 1.
 fn fade(t: f32) -> f32 {
+    // 6 t^5 - 15 t^4 + 10 t^3: first and second derivative vanish at both ends, where cells meet.
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }
 

@@ -7,6 +7,8 @@ use rand_pcg::rand_core::Rng as _;
 
 use crate::math;
 
+// 2^64 over the golden ratio, the increment of splitmix64: it keeps key 0 and id 0 off the fixed point 0 of the
+// finalizer.
 const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 const MULTIPLIER: u64 = 0xD134_2543_DE82_EF95;
 
@@ -20,6 +22,7 @@ const fn fin(z: u64) -> u64 {
 /// Key of the child `id` of key `k`.
 #[inline]
 pub const fn child(k: u64, id: u64) -> u64 {
+    // The parent is multiplied before the xor, so that swapping parent and child gives another key.
     fin(k.wrapping_mul(MULTIPLIER) ^ fin(id.wrapping_add(GOLDEN)))
 }
 
@@ -113,12 +116,15 @@ impl Rng {
     /// Uniform in [0, 1). One draw.
     #[inline]
     pub fn unit_f32(&mut self) -> f32 {
+        // The 24 high bits, as many as the significand of an f32 holds: every value is exact, and 1 cannot appear by
+        // rounding.
         (self.next_u64() >> 40) as f32 * (1.0 / 16_777_216.0)
     }
 
     /// Uniform in [0, 1). One draw.
     #[inline]
     pub fn unit_f64(&mut self) -> f64 {
+        // The 53 high bits over 2^53, for the same reason.
         (self.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }
 
@@ -135,6 +141,8 @@ impl Rng {
     )]
     #[inline]
     pub fn below(&mut self, n: u32) -> u32 {
+        // Multiply and shift instead of a remainder. Without rejection the bias is below n / 2^64, and the number of
+        // draws is fixed.
         ((u128::from(self.next_u64()) * u128::from(n)) >> 64) as u32
     }
 
@@ -149,6 +157,7 @@ impl Rng {
     pub fn normal(&mut self) -> f64 {
         let u1 = self.unit_f64();
         let u2 = self.unit_f64();
+        // 1 - u1 lies in (0, 1], so that the logarithm is finite.
         math::sqrt(-2.0 * math::ln(1.0 - u1)) * math::cos(2.0 * std::f64::consts::PI * u2)
     }
 
@@ -156,6 +165,7 @@ impl Rng {
     /// positive. One draw.
     #[inline]
     pub fn pick(&mut self, weights: &[f64]) -> usize {
+        // Inverse of the cumulative distribution; negative weights and NaN count as 0.
         let total = weights.iter().fold(0.0, |t, w| t + w.max(0.0));
         let target = self.unit_f64() * total;
         let mut running = 0.0;

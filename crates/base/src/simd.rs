@@ -270,6 +270,7 @@ macro_rules! register_lanes {
             #[inline(always)]
             fn any_gt(self, bound: f64) -> bool {
                 let bound = self.simd.$splat($round(bound));
+                // The index of the first true lane is the number of lanes if none is true.
                 self.simd.$first_true(self.simd.$less_than(bound, self.value)) < S::$count
             }
             #[inline(always)]

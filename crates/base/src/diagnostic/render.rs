@@ -48,6 +48,7 @@ pub fn render(report: &Report, style: Style) -> String {
 /// `end_line`, `end_column`, `text`; one-based, columns in characters, the end exclusive), `help` and `fix` (a place with
 /// `replacement`), null where absent.
 pub fn render_json(report: &Report) -> Value {
+    // The end of a span is the start of an empty span behind it, and gets its position the same way.
     let place = |span: Span, key: &str, text: &str| {
         let start = report.sources.position(span);
         let end = report.sources.position(Span { start: span.end.max(span.start), ..span });
@@ -96,6 +97,7 @@ impl Excerpt {
             start = if start > 0 { line_start(bytes, start - 1) } else { start };
             end = if end < bytes.len() { line_end(bytes, end + 1) } else { end };
         }
+        // The renderer counts lines from the excerpt's first, which is this one of the file.
         let line = 1 + bytes.iter().take(start).filter(|b| **b == b'\n').count();
         Self { text: masked(text.get(start..end).unwrap_or_default()), start, line }
     }
@@ -131,7 +133,10 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
+    // Labels of one file share an excerpt, so that their carets stand under one quotation.
     let windows = windows(sources, diagnostic);
+    // A file whose line is too long to quote, such as minified JSON, is named in the message with line and column
+    // instead.
     let unquoted = windows.iter().filter(|(_, _, w)| !w.is_quotable()).map(|(_, spans, _)| spans);
     let places = unquoted.flatten().map(|span| {
         let at = sources.position(*span);
@@ -144,6 +149,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
         .primary_title(&message)
         .id(diagnostic.code)
         .elements(Vec::<Snippet<'_, annotate_snippets::Annotation<'_>>>::new());
+    // The first label is the cause and gets the primary caret; all others are context.
     for (name, spans, window) in windows.iter().filter(|(_, _, w)| w.is_quotable()) {
         let mut snippet = Snippet::source(window.text.as_str()).line_start(window.line).path(name.as_str());
         for (span, label) in labels.iter().filter(|(s, _)| spans.contains(s)) {
@@ -157,6 +163,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
         main = main.element(Level::HELP.message(help.as_str()));
     }
     let fix = diagnostic.fix.as_ref();
+    // A fix is rendered as a patch of its own excerpt, since it may lie far from the labels.
     let fixed = fix.map(|f| (f, Excerpt::around(sources.text(f.span.source), &[f.span]), visible(&f.replacement)));
     let mut groups = vec![main];
     if let Some((fix, window, replacement)) = fixed.as_ref().filter(|(_, w, _)| w.is_quotable()) {

@@ -99,6 +99,7 @@ impl Sources {
         let before = &text.as_bytes()[..text.len().min(span.start as usize)];
         let is_end =
             |i: usize| before[i] == b'\n' || (before[i] == b'\r' && text.as_bytes().get(i + 1) != Some(&b'\n'));
+        // Counts line ends before the offset and keeps the start of the last line.
         let ends = (0..before.len()).filter(|&i| is_end(i));
         let (line, last) = ends.fold((1, 0), |(n, _), i| (n + 1, i + 1));
         let column = String::from_utf8_lossy(&before[last..]).chars().count() + 1;

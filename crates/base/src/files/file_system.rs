@@ -119,6 +119,7 @@ pub(super) fn open_regular(path: &Path, follow: bool) -> io::Result<File> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::OpenOptionsExt as _;
+        // Opening a pipe without a writer would block for ever; non-blocking, it opens and is refused below.
         let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::CLOEXEC;
         let flags = if follow { flags } else { flags | rustix::fs::OFlags::NOFOLLOW };
         options.custom_flags(flags.bits().cast_signed());
@@ -128,6 +129,7 @@ pub(super) fn open_regular(path: &Path, follow: bool) -> io::Result<File> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "is a link"));
     }
     let file = retry(|| options.open(path))?;
+    // The type is asked of the open file, not of the name, which could be exchanged in between.
     if file.metadata()?.is_file() {
         Ok(file)
     } else {
@@ -138,6 +140,7 @@ pub(super) fn open_regular(path: &Path, follow: bool) -> io::Result<File> {
 /// At most `limit` bytes of a file; `None` if it is longer.
 pub(super) fn read_limited(file: impl io::Read, limit: u64) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
+    // One byte more than allowed tells a longer file from one of exactly `limit` bytes, without reading the rest.
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }

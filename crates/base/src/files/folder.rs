@@ -226,6 +226,8 @@ impl Folder {
         let Some(journal) = journal else { return Ok(()) };
         let mut files: BTreeMap<String, JournalEntry> = BTreeMap::new();
         for (path, entries) in journal.files() {
+            // Other processes may have finished files of the same key; their lengths are checked, their hashes only when
+            // reused.
             let length = fs::symlink_metadata(self.root().join(path)).map(|m| m.len());
             let kept =
                 entries.iter().find(|e| e.key == self.shared.key && length.as_ref().is_ok_and(|l| *l == e.bytes));
@@ -289,6 +291,7 @@ impl Folder {
     ) -> Option<&'a JournalEntry> {
         let file = open_regular(&self.root().join(path), false).ok()?;
         let length = file.metadata().ok()?.len();
+        // Lengths are compared first: most changed files differ in it, and those need not be read.
         let mut fitting = entries.into_iter().filter(|e| e.bytes == length).peekable();
         fitting.peek()?;
         let (hash, _) = hash(file).ok()?;
@@ -308,6 +311,7 @@ impl Folder {
             let not_regular = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
             return if replaceable { Ok(()) } else { Err(Error::io("replace", target, not_regular())) };
         }
+        // A file is ours by the journal, or, where the journal was lost, by the generator's name in the file itself.
         let ours = replaceable && (self.claims(state, path)? || (found.is_file() && names_osier(&target)));
         if ours { Ok(()) } else { Err(Error::Foreign { path: target }) }
     }
@@ -383,6 +387,7 @@ impl Folder {
             }
         }
         let used = |folder: &String| state.finished.keys().any(|p| p.starts_with(&format!("{folder}/")));
+        // In reverse order a folder comes after those inside it, so that an empty tree disappears whole.
         for folder in journal.folders().iter().rev().filter(|f| !used(f) && self.is_own_folder(f)) {
             // Fails, as it should, if something is in it.
             let _ = self.disk().remove_dir(&self.root().join(folder));

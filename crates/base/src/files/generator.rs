@@ -18,6 +18,7 @@ pub(super) fn names_osier(path: &Path) -> bool {
     if names_osier_in(&window) {
         return true;
     }
+    // Some formats end with their metadata. In a long file the window of the head does not reach it.
     let length = file.metadata().map_or(0, |m| m.len());
     let mut tail = Vec::new();
     let from = SeekFrom::Start(length.saturating_sub(WINDOW));

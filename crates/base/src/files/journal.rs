@@ -78,9 +78,11 @@ impl Journal {
         };
         let bytes = read_limited(file, LIMIT).map_err(JournalError::Io)?.ok_or(JournalError::Foreign)?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
+        // A file that is a beginning of the header is a journal whose first write was cut off.
         if !text.starts_with(HEADER) && !HEADER.starts_with(&text) {
             return Err(JournalError::Foreign);
         }
+        // A last line without its end is torn, and is no proof.
         for line in text.split_inclusive('\n').filter_map(|l| l.strip_suffix('\n')) {
             if let Some((path, entry)) = parse(line) {
                 self.files.entry(path).or_default().insert(entry);
@@ -157,6 +159,7 @@ impl Journal {
             .is_ok_and(|b| b.as_deref() == Some(text.as_bytes()));
         if !same {
             let folder = self.path.parent().unwrap_or(Path::new("."));
+            // Like every file, the journal is written beside its name and renamed, so that it is never incomplete.
             let (part, mut file) = PartFile::create(&self.disk, folder, "osier")?;
             let mut rest = text.as_bytes();
             while !rest.is_empty() {

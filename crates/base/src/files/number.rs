@@ -28,6 +28,7 @@ pub fn number(word: &str) -> Result<f64, NumberError> {
         fraction = digits(end + 1);
         end += 1 + fraction;
     }
+    // A point alone is no number; `.5` and `5.` are.
     if whole + fraction == 0 {
         return Err(NumberError::Malformed);
     }
@@ -44,6 +45,7 @@ pub fn number(word: &str) -> Result<f64, NumberError> {
         Some(b',') if bytes.get(end + 1).is_some_and(u8::is_ascii_digit) => return Err(NumberError::Comma),
         Some(_) => return Err(NumberError::Malformed),
     }
+    // The grammar is checked above; the conversion rounds correctly and gives infinity beyond the largest double.
     let value: f64 = word.parse().map_err(|_| NumberError::Malformed)?;
     if value.is_finite() { Ok(value) } else { Err(NumberError::TooLarge) }
 }

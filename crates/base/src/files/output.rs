@@ -128,6 +128,7 @@ impl Output {
             sink.write_all(bytes)?;
             sink.seek(SeekFrom::End(0)).map(drop)
         }
+        // The hash can revise its first chunk only; any other patch makes it stale.
         self.stale |= !self.hasher.overwrite(offset, bytes);
         let end = offset.saturating_add(bytes.len() as u64);
         self.record.bytes = self.record.bytes.max(end);
@@ -166,6 +167,8 @@ impl Output {
                     hasher.finalize()
                 };
                 record.blake3 = digest.to_hex().to_string();
+                // The bytes are made durable before the rename, so that after a power cut the name never stands for an
+                // incomplete file.
                 retry(|| disk.sync(&file)).map_err(sync)?;
                 drop(file);
                 folder.publish(record, |target| part.rename(target))

@@ -40,6 +40,7 @@ impl PatchableHash {
         let (head, mut rest) = bytes.split_at(bytes.len().min(CHUNK_LEN - self.head.len()));
         self.head.extend_from_slice(head);
         while !rest.is_empty() {
+            // A full branch ends where its length equals its offset; the next begins at twice the offset.
             if self.branch.count() == self.span {
                 self.branches.push(self.branch.finalize_non_root());
                 self.span *= 2;
@@ -66,6 +67,8 @@ impl PatchableHash {
         if self.branch.count() == 0 {
             return left.finalize();
         }
+        // Chunk 0 and the branches are joined from the left, each time two subtrees of equal size; only the last join is
+        // the root.
         let join = |left, right: &ChainingValue| merge_subtrees_non_root(&left, right, Mode::Hash);
         let left = self.branches.iter().fold(left.finalize_non_root(), join);
         merge_subtrees_root(&left, &self.branch.finalize_non_root(), Mode::Hash)

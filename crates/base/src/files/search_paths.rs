@@ -113,6 +113,7 @@ impl SearchPaths {
         let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let beside = folder.canonicalize().ok().filter(|f| self.holds(f));
         let mut refusal = missing();
+        // Beside the referring file first; the first folder, that of the opened file, is no search folder.
         for base in beside.iter().chain(self.folders.iter().skip(1)) {
             let Some(path) = below(base, &parts).filter(|p| self.holds(p)) else {
                 refusal = outside();
@@ -121,10 +122,13 @@ impl SearchPaths {
             match path.canonicalize() {
                 Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {}
                 Err(e) => return Err(failed(e)),
+                // The canonical path resolves links, so that a link inside a folder cannot lead out of it.
                 Ok(real) if !self.holds(&real) => refusal = outside(),
                 Ok(real) => {
                     let file = open_regular(&real, false).map_err(failed)?;
                     let too_long = || ReadError::TooLong { reference: reference.into(), limit };
+                    // The declared length refuses a huge file without reading it; the limited read covers a file that
+                    // grows meanwhile.
                     if file.metadata().map_err(failed)?.len() > limit {
                         return Err(too_long());
                     }
@@ -153,6 +157,7 @@ impl SearchPaths {
 /// The components of a reference, or what is wrong with its spelling.
 fn spell(reference: &str) -> std::result::Result<Vec<String>, ReadError> {
     let refuse = |reason| Err(ReadError::Spelling { reference: reference.into(), reason });
+    // Exporters on Windows write backslashes.
     let path = reference.replace('\\', "/");
     if path.is_empty() {
         return refuse("is empty");
@@ -181,6 +186,7 @@ fn spell(reference: &str) -> std::result::Result<Vec<String>, ReadError> {
 /// True for `word:` at the start, which is a scheme, a drive or a stream.
 fn has_scheme(path: &str) -> bool {
     let Some((word, _)) = path.split_once(':') else { return false };
+    // A scheme after RFC 3986, section 3.1: a letter, then letters, digits, `+`, `-` and `.`.
     word.starts_with(|c: char| c.is_ascii_alphabetic())
         && word.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.'))
 }

@@ -63,6 +63,7 @@ pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<DecodedText, TextError
     };
     if let Some(at) = body.iter().position(|b| *b == 0) {
         let readable = std::str::from_utf8(body.get(..at).unwrap_or(body)).map_or_else(|e| e.valid_up_to(), |_| at);
+        // As UTF-8 the earlier of a NUL byte and an invalid byte is reported; as Latin-1 no other byte is invalid.
         if readable == at || encoding == Encoding::OrLatin1 {
             return Err(bad("a NUL byte", at));
         }
@@ -71,6 +72,7 @@ pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<DecodedText, TextError
         Ok(text) => Ok(DecodedText { text: with_lf(text), latin1: None }),
         Err(e) if encoding == Encoding::Utf8 => Err(bad("bytes that are not UTF-8", e.valid_up_to())),
         Err(e) => {
+            // Latin-1 is the first 256 code points, so every byte is its own character.
             let text: String = body.iter().map(|b| char::from(*b)).collect();
             let (line, _) = position(body.get(..e.valid_up_to()).unwrap_or(body));
             Ok(DecodedText { text: with_lf(&text), latin1: Some((line, e.valid_up_to() + skipped)) })

@@ -50,6 +50,7 @@ impl Names {
         let n = self.next.entry(base.clone()).or_insert(2);
         loop {
             let tail = format!("_{n}");
+            // The number must survive the cut at the longest length, or long names would never become unique.
             let kept = base.len().min(LONGEST - tail.len());
             let unique = format!("{}{tail}", &base[..kept]);
             *n += 1;
