@@ -191,6 +191,7 @@ impl MergedSize {
     pub fn of_asset(asset: &Asset) -> Self {
         let mut all = Self { points: asset.points.iter().map(|p| p.positions.len() as u64).sum(), ..Self::default() };
         let mut mapped = false;
+        // Each instance contributes its prototype's mesh once, as formats without instancing write it.
         let instances = asset
             .instancers
             .iter()

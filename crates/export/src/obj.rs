@@ -47,6 +47,7 @@ fn estimate(input: &EstimateInput) -> u64 {
             .per_asset(|a| (a.vertices + a.instance_vertices) * 80 + (a.triangles + a.instance_triangles) * 40);
     }
     let size = MergedSize::of(input.scene);
+    // Decimal digits of the largest index.
     let digits = size.vertices.max(1).ilog10() + 1;
     let numbers = if size.mapped_vertices > 0 { 9 } else { 6 };
     // An index is a blank or a slash and its digits; the vertices before 10^(digits - 1) have one digit less.
@@ -254,6 +255,7 @@ fn write_material(text: &mut TextBuffer, scene: &Scene, m: &Material, pictures: 
     let smooth = 1.0 - m.roughness.clamp(0.0, 1.0);
     let color = if map.is_some() { [1.0; 3] } else { m.base_color };
     text.put("\nnewmtl ").put(&m.name).put("\nKd ").list(&color, " ");
+    // Ns rounded to three decimals: 1000 s^2 = round(10^6 s^2) / 10^3.
     text.put("\nNs ").num((1e6 * smooth * smooth).round() / 1e3).put("\nd 1\n");
     if let Some(image) = map {
         text.put("map_Kd ").put(pictures).put(&image.name).put(".png\n");

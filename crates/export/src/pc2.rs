@@ -148,12 +148,14 @@ impl Exporter for Pc2Exporter {
 
     fn finish(&mut self) -> Result<Summary> {
         let step = match self.numbers.as_slice() {
+            // The interval between samples, frames; a clip with a single sample has the interval 1.
             [a, b, ..] => b.saturating_sub(*a).max(1),
             _ => 1,
         };
         for mut cache in self.caches.drain(..) {
             let header = Pc2Header { step, samples: self.numbers.len(), ..cache.header };
             if let Some(mut out) = cache.out.take() {
+                // A bake that stopped early or skipped frames has other counts than were assumed.
                 if header != cache.header {
                     out.put_at(0, &header.bytes()?)?;
                 }

@@ -220,6 +220,7 @@ fn write_points<'a>(
     let mut names: Vec<(&'static str, bool)> = Vec::new();
     let attributes = clouds.iter().flat_map(|c| &c.points.attributes);
     for (name, values) in attributes.filter_map(|a| Some((a.name, a.data.counts()?))) {
+        // The width belongs to the name, not to the cloud: all records of the file have the same size.
         let wide = values.iter().any(|v| *v > 255);
         match names.iter_mut().find(|n| n.0 == name) {
             Some(known) => known.1 |= wide,
@@ -266,6 +267,7 @@ fn point_rows(
         let p = if cloud.trs == Trs::IDENTITY { *p } else { cloud.trs.apply(*p) };
         // x, y, z and radius as floats, then four bytes of colour.
         let mut fixed = [0; 20];
+        // The radius is half the width, scaled by the factor of the x axis alone, as a sphere has one radius.
         let numbers = [p.x, p.y, p.z, width * cloud.trs.s.x * 0.5].map(le_bytes);
         fixed[..16].copy_from_slice(bytemuck::bytes_of(&numbers));
         fixed[16..].copy_from_slice(&colors.bytes(cloud.now.colors.get(k).copied().unwrap_or(flat)));
@@ -345,6 +347,7 @@ fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, T
         return Err(Error::export("X010", "more vertices than PLY can number; write .usdc or .glb"));
     }
     let mut order: Vec<u32> = Vec::new();
+    // Materials in the order of first use over all placements, each once; faces follow in that order.
     let mut known = BTreeSet::new();
     let first = placed.iter().flat_map(|p| &p.0.materials).filter(|m| known.insert(**m));
     order.extend(first);
@@ -363,6 +366,7 @@ fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, T
         format_in_parallel(flat.points(*world), rows, |body| out.put(&body))?;
     }
     for material in order {
+        // Every material walks over all placements again: `base` is the number of the first point of each.
         let mut base = 0;
         for (flat, world) in placed {
             format_in_parallel(flat.triangles(*world, material, base), face_rows, |body| out.put(&body))?;

@@ -86,6 +86,7 @@ impl TextBuffer {
 
     /// Appends one line per item, formatted in parallel, in order.
     pub fn lines<T: Sync>(&mut self, items: &[T], line: impl Fn(&mut Self, usize, &T) + Sync + Send) -> &mut Self {
+        // Chunks are formatted in buffers of their own and joined in order: the text is the same for any number of threads.
         let parts = osier_base::par::par_chunks(items, osier_base::par::CHUNK, |first, chunk| {
             let mut part = Self::with_capacity(chunk.len() * 36);
             for (k, item) in chunk.iter().enumerate() {

@@ -83,6 +83,7 @@ pub fn png(image: &Image) -> Result<Arc<[u8]>> {
     };
     encoder.set_deflate_compression(png::DeflateCompression::Level(effort));
     encoder.set_filter(filter);
+    // Only colours are encoded in sRGB; heights, normals and roughness are numbers, which readers must not decode.
     if image.kind == ImageKind::Color {
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     }
@@ -140,6 +141,7 @@ pub fn unpng(bytes: &[u8], side: u32, channels: u8) -> Option<Pixels> {
     if (info.width, info.height, info.color_type) != (side, side, color) {
         return None;
     }
+    // Only the two depths that `png` writes are accepted.
     let deep = info.bit_depth == png::BitDepth::Sixteen;
     if !deep && info.bit_depth != png::BitDepth::Eight {
         return None;

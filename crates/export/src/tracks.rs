@@ -81,6 +81,7 @@ impl TracksExporter {
             self.files.insert(name, RecordFile { columns: columns.clone(), out, records: 0, frames: Vec::new() });
         }
         let Some(file) = self.files.get_mut(name) else { return Ok(()) };
+        // Records have a fixed size and the index describes them once for the whole file: columns must not change within it.
         if file.columns != columns {
             let message = format!("record table {name}, frame {frame}: columns differ from those of the frames before");
             return Err(Error::export("X001", message));
@@ -117,6 +118,7 @@ fn joint_table(scene: &Scene, frame: &Frame) -> Option<RecordTable> {
         let Some((skeleton, state)) = both.and_then(|(asset, state)| Some((asset.skeleton.as_ref()?, state))) else {
             continue;
         };
+        // A skeleton without joints still makes the table exist, with no rows at this frame.
         any = true;
         let rest = skeleton.rest_pose();
         let pose = if state.pose.len() == rest.len() { &state.pose } else { &rest };
@@ -147,6 +149,7 @@ fn index_json(scene: &Scene, files: &BTreeMap<&'static str, RecordFile>) -> Valu
     let file = |name: &str, f: &RecordFile| {
         let mut offset = 0;
         let column = |c: &ColumnInfo| {
+            // Columns follow each other without padding: the offset is the sum of the sizes before.
             let at = offset;
             offset += c.bytes;
             json!({ "name": c.name, "type": c.type_code, "offset": at, "unit": c.unit })

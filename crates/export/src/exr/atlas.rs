@@ -53,6 +53,7 @@ impl AtlasWriter {
             let TilePosition { atlas, corner: [x, y] } = self.tile_position(i);
             serde_json::json!({
                 "leaf": sequence.name, "atlas": atlas_name(atlas), "scale": [share(sequence.side), share(sequence.side)],
+                // Offsets count from the lower left corner as texture coordinates do, rows of the atlas from the top.
                 "offset": [share(x), share(ATLAS - y - sequence.side)],
             })
         };
@@ -118,6 +119,7 @@ impl AtlasWriter {
 /// Copies a tile into an atlas, with a border that repeats its first and last rows and columns.
 fn copy_tile(all: &mut [f32], corner: [usize; 2], samples: &[f32], side: usize, channels: usize) {
     for y in 0..side + 2 * BORDER {
+        // Row of the tile that is repeated: the first one above it, the last one below.
         let from = y.saturating_sub(BORDER).min(side - 1);
         let row = &samples[from * side * channels..][..side * channels];
         let at = ((corner[1] + y - BORDER) * ATLAS + corner[0]) * channels;

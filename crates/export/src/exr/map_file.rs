@@ -75,6 +75,7 @@ fn comment(scene: &Scene, label: MapLabel<'_>, layer: MapLayer, number: u32) -> 
         })
         .to_string()
     };
+    // The last frame's number has the most digits.
     let longest = text(scene.clip.end).len();
     format!("{:longest$}", text(number))
 }

@@ -81,6 +81,7 @@ impl ExrExporter {
         let picture = scene.images.get(image as usize).ok_or_else(missing)?;
         let path = format!("maps/{}/height.exr", material.name);
         let Some(mut out) = self.folder.create(&path, "exr.height", None)? else { return Ok(()) };
+        // The first channel is the height; the others of a picture are skipped.
         let step = usize::from(picture.channels.max(1));
         let samples: Vec<f16> = match &picture.pixels {
             Pixels::U8(v) => v.iter().step_by(step).map(|s| f16::from_f32(f32::from(*s) / 255.0)).collect(),

@@ -30,6 +30,7 @@ pub fn write(folder: &Folder, scene: &Scene) -> Result<()> {
     let (width, height) = (2 * usize::from(HEIGHT), usize::from(HEIGHT));
     let mut samples = Vec::with_capacity(width * height * 3);
     for row in 0..HEIGHT {
+        // Radiance is taken at the centre of each texel: no row lies on a pole, where all columns would have one direction.
         let v = (f32::from(row) + 0.5) / f32::from(HEIGHT);
         let elevation = std::f32::consts::PI * (0.5 - v);
         let (horizontal, y) = (math::cos_f32(elevation), math::sin_f32(elevation));

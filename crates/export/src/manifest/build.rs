@@ -38,6 +38,7 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
     let files = grouped(files, scene.clip);
     let paths: Vec<&str> = files.iter().map(path).collect();
     let is_leaf = |m: &&Material| m.class == MaterialClass::Leaf && m.maps.height.is_some();
+    // Without map sequences the range is that of the leaves' own height maps.
     let dry = || scene.materials.iter().find(is_leaf).map(|m| m.height_range);
     let height = scene.map_sequences.first().map(|s| s.height_range).or_else(dry).unwrap_or(HEIGHT_RANGE);
     let mut manifest = Manifest {
@@ -108,6 +109,7 @@ fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
 /// `a/frame.0001.inc` with the tag `0001` as `a/frame.####.inc`: the last part between dots that equals the tag is replaced.
 fn numbered(path: &str, tag: &str) -> Option<String> {
     let wanted = format!(".{tag}.");
+    // The last match: a folder or an asset may have the same digits in its name.
     let at = path.rfind(&wanted)?;
     Some(format!("{}.####.{}", &path[..at], &path[at + wanted.len()..]))
 }

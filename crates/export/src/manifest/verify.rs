@@ -62,6 +62,7 @@ pub fn verify(dir: &Path, limit: u64) -> Result<(Manifest, Verification)> {
     plain(&manifest)?;
     let expanded = manifest.expanded();
     let mut found = Verification { sum_holds: bake_hash(&expanded) == manifest.bake_hash, ..Verification::default() };
+    // Hashed in parallel; results come in the order of the list, so that the report does not depend on threads.
     let hashes = osier_base::par::par_map(&expanded, |(path, _, _)| hash_file(dir, path));
     let mut named = BTreeMap::new();
     for ((path, bytes, hex), hash) in expanded.iter().zip(hashes) {

@@ -46,6 +46,7 @@ impl PovAsset<'_> {
                     continue;
                 }
                 text.put(&format!("// {} {} {}\n", self.asset.id, instancer.name, proto.name));
+                // Hairs and the rest become objects of their own, because `no_shadow` applies to a whole object.
                 if let Some((hairs, rest)) = split_hair(&proto.mesh, self.materials) {
                     self.write_hair_prototype(text, i, p, &hairs, &rest);
                     continue;
@@ -86,12 +87,14 @@ impl PovAsset<'_> {
     fn is_target(&self, instancer: &Instancer, p: usize, faces: &Mesh2Faces) -> bool {
         let mine = |(i, _): &(usize, _)| instancer.protos.get(*i).is_some_and(|q| *q as usize == p);
         let scales = instancer.scales.iter().enumerate().filter(mine).map(|(_, s)| s.abs().max_element());
+        // Half the longest side of the prototype's box times the largest scale: the radius of its largest instance, m.
         let radius = instancer.prototypes[p].mesh.bounds().size().max_element() * 0.5 * scales.fold(0.0, f32::max);
         faces.water().is_some() && photons::is_target_radius(self.photons, radius)
     }
 
     /// Whether the asset may have a target of photons at some frame.
     pub fn has_photon_target(&self) -> bool {
+        // The mesh of a frame is not known yet, so one that varies counts as a possible target.
         let rains = |m: &MeshObject| m.motion == MeshMotion::Varying || photons::is_all_water(&m.mesh, self.materials);
         if self.photons.is_some() && self.asset.meshes.iter().any(rains) {
             return true;
@@ -113,6 +116,7 @@ impl PovAsset<'_> {
             match object.motion {
                 MeshMotion::Still if self.is_coated(&object.mesh) => self.declare_mesh_macro(text, m, &object.mesh),
                 MeshMotion::Still => self.declare_mesh(text, m, &object.mesh),
+                // Texture coordinates and faces stay: they are written once, and frames add points and normals.
                 MeshMotion::Skinned | MeshMotion::Deforming => {
                     text.put(&format!("#macro R_{a}_{m}()\n"));
                     write_topology(text, &object.mesh, &Mesh2Faces::of(&object.mesh, self.materials));
@@ -169,6 +173,7 @@ impl PovAsset<'_> {
     /// Writes a mesh of drops, targets of photons apart from the others.
     fn write_water_mesh(&self, text: &mut TextBuffer, mesh: &Mesh) {
         let (large, small) = photons::split_targets(mesh, self.photons);
+        // A union only if there are two meshes: a single one is an object without it.
         let both = has_area_anywhere(&large) && has_area_anywhere(&small);
         text.put(if both { "union {\n" } else { "" });
         for (part, target) in [(&large, TARGET), (&small, "")] {
@@ -202,6 +207,7 @@ impl PovAsset<'_> {
             (_, MeshFrame::Whole { mesh, .. }) => self.declare_mesh(text, m, mesh),
             (MeshMotion::Varying, _) => self.declare_mesh(text, m, &object.mesh),
             (_, state) => {
+                // The posed points are written in full, with the normals of the frame, of the pose, or of rest.
                 let posed = mesh_points(self.asset, object, m, frame);
                 let skinned;
                 let normals = match (state, &object.skin, &self.asset.skeleton) {
@@ -241,6 +247,7 @@ impl PovAsset<'_> {
         let mut count = 0;
         for j in distinct_joints(joints) {
             let mine: Vec<usize> = (0..instancer.len()).filter(|k| joints.get(*k) == Some(&j)).collect();
+            // The joint's instances at rest; a frame transforms their union by the joint's motion.
             let part = select_instances(instancer, &mine);
             text.put(&format!("#declare J_{}_{i}_{j} = ", self.index));
             let mut lines = TextBuffer::default();
@@ -283,6 +290,7 @@ impl PovAsset<'_> {
                     "asset {}, points {}: {dropped} points over {MAX_SPHERES} spheres are left out",
                     self.asset.id, points.name
                 );
+                // One warning for each count, not one for each frame of the clip.
                 if !warnings.iter().any(|w| w.message == message) {
                     warnings.push(Warning { code: "X013", message });
                 }

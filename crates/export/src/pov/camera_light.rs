@@ -37,6 +37,7 @@ pub(super) fn write_global_settings(text: &mut TextBuffer, photons: Option<f32>)
 /// Writes haze. POV-Ray's `distance` is that at which 1 / e of the light remains; visibility is that at which contrast falls to
 /// the threshold, exp(-[`Fog::CONTRAST`]).
 fn write_fog(text: &mut TextBuffer, space: PovSpace, fog: &Fog) {
+    // exp(-visibility / distance) = exp(-CONTRAST), hence distance = visibility / CONTRAST, m, here in units of the scene.
     let distance = fog.visibility / Fog::CONTRAST * space.scale;
     text.put("fog {\n  ").put(if fog.height > 0.0 { "fog_type 2" } else { "fog_type 1" });
     text.put(" distance ").num(distance);
@@ -66,13 +67,16 @@ pub(super) fn write_camera(text: &mut TextBuffer, space: PovSpace, camera: &Came
     // represent.
     let [right, _, back] = camera.axes().map(|v| v.to_array().map(f64::from));
     let back = scaled(back, 1.0 / math::sqrt(dot(back, back)));
+    // What rounding to f32 left of `right` along `back` is removed; then up = back x right has unit length, too.
     let across = dot(right, back);
     let right = [0, 1, 2].map(|i| right[i] - back[i] * across);
     let right = scaled(right, 1.0 / math::sqrt(dot(right, right)));
     let up = [0, 1, 2].map(|i| back[(i + 1) % 3] * right[(i + 2) % 3] - back[(i + 2) % 3] * right[(i + 1) % 3]);
+    // The constant tan(vfov / 2) is computed here, the aspect ratio multiplies it when POV-Ray evaluates the expression.
     let half = math::tan_f32(camera.vfov * 0.5);
     text.put("camera {\n  perspective\n  right x*image_width/image_height\n  up y\n");
     text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  matrix <", Decimal(half)));
+    // The mirror F negates z of every axis; the third axis is reversed besides.
     for [x, y, z] in [right, up, scaled(back, -1.0)] {
         text.put(&format!("{x},{y},{},", -z));
     }
@@ -94,6 +98,7 @@ pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bound
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());
     let strength = EXPOSURE * sun.strength / std::f32::consts::PI;
+    // Diameter of the disc that is seen under the sun's angle from that distance: 2 d tan(angle / 2).
     let size = 2.0 * distance * math::tan_f32(sun.angle * 0.5);
     text.put("light_source {\n  ");
     space.write_point(text, center + toward * distance);
@@ -110,6 +115,7 @@ pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bound
 
 /// Writes the glow around the sun as a layer of the sky sphere: drops in front of it sparkle.
 fn write_sun_glow(text: &mut TextBuffer, sky: &Sky, sun: &Sun) {
+    // The function is the cosine of the angle to the sun, 0 in the half of the sky behind; z is negated as all directions are.
     let d = sun.direction();
     text.put("  pigment {\n    function { max(0, x*(").num(d.x).put(") + y*(").num(d.y).put(") + z*(").num(-d.z);
     text.put(")) }\n    color_map { ");

@@ -72,6 +72,7 @@ fn is_weight(material: &Material, sequence: usize, layer: MapLayer) -> bool {
 fn grey(sequence: &MapSequence, layer: MapLayer, values: &Values) -> Result<Arc> {
     let side = osier_base::convert::index(sequence.side, "texels of a map's side")?;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..1")]
+    // Quantized to round(65535 v); the casts cannot overflow, as the values are clamped to 0..1.
     let pixels = values.samples.iter().map(|v| (v * 65535.0 + 0.5) as u16).collect();
     let name = format!("{}, {}", sequence.name, layer.name);
     textures::png(&Image {

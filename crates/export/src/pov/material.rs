@@ -10,6 +10,7 @@ use osier_scene::{Material, MaterialClass, Scene};
 /// # Errors
 /// X012 if a material refers to an image that the scene does not have.
 pub(super) fn declare_materials(text: &mut TextBuffer, scene: &Scene, pictures: &str) -> Result<()> {
+    // F, C, V, D, W, M: each declaration refers only to identifiers above it.
     for (i, own) in (0_u32..).zip(&scene.materials) {
         let material = &Material { base_color: scene.flat_color(i), ..own.clone() };
         text.put("\n// ").put(&material.name).put("\n#declare F_").int(i).put(" = finish { ");
@@ -65,17 +66,21 @@ fn write_finish(text: &mut TextBuffer, m: &Material) {
     if m.class == MaterialClass::Catkin {
         let back = m.translucency.clamp(0.0, 0.9);
         // Multiple scattering between hairs is not traced, so both diffuse values are raised.
+        // Front and back together reflect the share 0.9 of a plain surface times the factor; `back` is the part sent through.
         let all = 0.9 * HAIR_BRIGHTNESS;
         text.put("diffuse ").num(((all - back * HAIR_BRIGHTNESS) * 1000.0).round() / 1000.0);
         text.put(", ").num(((back * HAIR_BRIGHTNESS) * 1000.0).round() / 1000.0).put(" specular 0 roughness 1");
         return;
     }
     write_diffuse(text, m);
+    // The lower bound keeps the exponent below 2 / 0.1^4 = 20000.
     let r = m.roughness.clamp(0.1, 1.0);
     let exponent = (2.0 / (r * r * r * r) - 2.0).max(1.0);
     let f0 = (m.ior - 1.0) / (m.ior + 1.0);
+    // f0 holds the root of the Fresnel reflectance, so it is squared here.
     let peak = (f0 * f0 * (exponent + 8.0) / 8.0).min(0.6);
     text.put(" specular ").num((peak * 1000.0).round() / 1000.0);
+    // Rounded to four decimals, at least 1e-4, so that a mirror-like material does not get a roughness of 0.
     text.put(" roughness ").num((1e4 / exponent).round().max(1.0) / 1e4);
 }
 
@@ -100,6 +105,7 @@ fn write_coat_finish(text: &mut TextBuffer, m: &Material) {
 
 /// Whether two materials are equal but for their names and coats.
 fn equal_but_for_name(a: &Material, b: &Material) -> bool {
+    // Bits instead of floats: equality is then total, and -1 stands for a missing cutoff, which is never negative.
     let numbers = |m: &Material| {
         let [r, g, b] = m.base_color;
         [r, g, b, m.roughness, m.ior, m.translucency, m.height_range, m.tile, m.alpha_cutoff.unwrap_or(-1.0)]

@@ -23,6 +23,7 @@ impl Mesh2Faces {
         let (mut slots, mut next): (BTreeMap<u32, u32>, u32) = (BTreeMap::new(), 0);
         let mut faces = Self { corners: Vec::with_capacity(mesh.triangles.len()), materials: Vec::new(), water: None };
         for subset in &mesh.subsets {
+            // Subsets of one material share an entry of the texture list.
             let slot = *slots.entry(subset.material).or_insert(next);
             if slot == next {
                 faces.materials.push(subset.material);
@@ -52,6 +53,7 @@ pub(super) fn split_hair(mesh: &Mesh, materials: &[Material]) -> Option<(Mesh, M
 
 /// The subsets of a mesh that `wanted` selects, with the points they use.
 fn extract_subsets(mesh: &Mesh, wanted: impl Fn(&Subset) -> bool) -> Mesh {
+    // Subsets are runs of triangles, but the selection is by triangle.
     let mut chosen = vec![false; mesh.triangles.len()];
     for s in mesh.subsets.iter().filter(|s| wanted(s)) {
         chosen.iter_mut().skip(s.first as usize).take(s.count as usize).for_each(|c| *c = true);
@@ -76,6 +78,7 @@ pub(super) fn extract_triangles(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> 
                     points += 1;
                     out.points.push(mesh.points[old]);
                     out.normals.push(mesh.normals[old]);
+                    // `get` yields nothing for a mesh without coordinates or colours, whose lists stay empty.
                     out.uvs.extend(mesh.uvs.get(old));
                     out.colors.extend(mesh.colors.get(old));
                 }
@@ -103,6 +106,8 @@ fn has_area(points: &[Vec3], t: &[u32; 3]) -> bool {
     let [Some(a), Some(b), Some(c)] = t.map(corner) else { return false };
     let side = |p: [f64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
     let (u, v) = (side(b), side(c));
+    // The cross product of two sides has the length of twice the area; differences of f32 are exact enough in f64 that only
+    // triangles whose corners lie on a line give zero.
     let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     cross.iter().any(|x| x.abs() > 0.0)
 }

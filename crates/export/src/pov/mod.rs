@@ -65,6 +65,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
 fn estimate(input: &EstimateInput) -> u64 {
     let step = u64::from(input.options.pov.step.max(1));
     let written = |frames: u64| frames / step;
+    // 110 bytes of a sphere with position, radius and colour; clouds are thinned to MAX_SPHERES.
     let spheres = |n: u64| n.min(100_000) * 110;
     let assets = input.per_asset(|a| {
         let still = (a.triangles + a.prototype_triangles) * 100 + a.instances * 170;
@@ -143,6 +144,7 @@ impl PovExporter {
             space: self.space(),
             materials: &scene.materials,
             view: StreakView {
+                // The shutter is a share of the frame: times 1 / fps it is the exposure, s.
                 open: self.options.shutter / osier_base::math::narrow(scene.clip.fps()),
                 eye: scene.camera.eye,
                 near: scene.camera.eye.distance(scene.camera.target) * STREAK_NEAR_SHARE,

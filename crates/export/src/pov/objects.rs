@@ -18,6 +18,7 @@ const MIN_STREAK_ASPECT: f32 = 3.0;
 /// Writes shapes as one object: POV-Ray warns of a union of one, and of none. `tail`: texture and the like for all.
 pub(super) fn write_union(text: &mut TextBuffer, count: usize, shapes: &TextBuffer, tail: &str) {
     match count {
+        // An invisible sphere of radius 0 stands for nothing, so that the identifier is declared and every use of it is valid.
         0 => text.put("sphere{0,0 no_image no_shadow no_reflection}\n"),
         1 => text.put("object{\n").append(shapes).put(tail).put("}\n"),
         _ => text.put("union{\n").append(shapes).put(tail).put("}\n"),
@@ -34,6 +35,7 @@ pub(super) fn write_instances(
     state: &InstanceState,
     shown: &[bool],
 ) -> usize {
+    // A prototype without geometry has no declaration, so its instances are omitted, too.
     let visible = |i: &usize| {
         state.is_alive(*i) && instancer.protos.get(*i).and_then(|p| shown.get(*p as usize)).copied().unwrap_or(false)
     };
@@ -67,6 +69,7 @@ pub(super) struct StreakView {
 impl StreakView {
     /// Half of the displacement of a drop while the shutter is open, if it is long enough ([`MIN_STREAK_ASPECT`]) for a streak.
     fn half_streak(&self, velocity: Option<&Vec3>, radius: f32) -> Option<Vec3> {
+        // half = v t / 2, so the streak is 2 |half| long and the drop 2 radius wide: the factors 2 cancel in the ratio.
         velocity.map(|v| *v * (self.open * 0.5)).filter(|half| half.length() > MIN_STREAK_ASPECT * radius)
     }
 
@@ -90,11 +93,13 @@ pub(super) fn write_points(
     materials: &[Material],
     at: &CloudFrame,
 ) -> usize {
+    // Only falling water is drawn as streaks; other points stay spheres at any velocity.
     let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
     let width = |i: usize| at.now.widths.get(i).copied().unwrap_or(0.0);
     let half = |i: usize| at.view.half_streak(at.now.velocities.get(i).filter(|_| water), width(i) * 0.5);
     let seen = |i: &usize| width(*i) > 0.0 && !half(*i).is_some_and(|h| at.view.is_too_near(at.now.positions[*i], h));
     let visible: Vec<usize> = (0..at.now.positions.len()).filter(seen).collect();
+    // The smallest n for which every n-th visible point stays within the limit.
     let stride = visible.len().div_ceil(MAX_SPHERES).max(1);
     let kept: Vec<usize> = visible.iter().copied().step_by(stride).collect();
     // Every stride-th visible point, so that the ones left out are spread evenly over the cloud.
@@ -115,6 +120,7 @@ pub(super) fn write_points(
                     t.put(" open}");
                 }
                 // An interior of refractive index 1 replaces that of water, which would refract.
+                // Opacity falls with the ratio of width to length: a longer streak spreads the same water over a larger area.
                 t.put(" texture{pigment{rgbt<1,1,1,").num(1.0 - STREAK_OPACITY * radius / half.length());
                 t.put(">}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow");
             }
@@ -165,6 +171,7 @@ pub(super) fn write_curves(
             space.write_length(t, radius(i));
             t.put("}\n");
         }
+        // A cone for the segment from the point before; the spheres at its ends close the gaps at bends.
         if before && radius(i) + radius(i - 1) > 0.0 {
             t.put("cone{");
             space.write_point(t, points[i - 1]);

@@ -32,12 +32,14 @@ pub(super) fn split_targets(mesh: &Mesh, smallest: Option<f32>) -> (Mesh, Mesh) 
         let first = a.min(b).min(c);
         [a, b, c].into_iter().for_each(|i| parent[i] = first);
     }
+    // The box of each component; half its longest side is taken as the drop's radius.
     let mut boxes: BTreeMap<usize, Bounds> = BTreeMap::new();
     for (i, p) in mesh.points.iter().enumerate() {
         let drop = boxes.entry(find_root(&mut parent, i)).or_default();
         *drop = drop.union(Bounds::of([*p]));
     }
     let large = |t: &[u32; 3], parent: &mut [usize]| {
+        // All corners of a triangle are in the same component: the first one decides.
         let drop = boxes.get(&find_root(parent, t[0] as usize));
         drop.is_some_and(|b| is_target_radius(smallest, b.size().max_element() * 0.5))
     };

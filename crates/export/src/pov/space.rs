@@ -27,6 +27,7 @@ impl PovSpace {
     /// A transform as `matrix <..>`: POV-Ray multiplies row vectors, so its rows are the columns of the linear part F A F, and the
     /// translation. F on both sides negates the entries that mix z with x or y.
     pub fn write_matrix(self, text: &mut TextBuffer, trs: &Trs) {
+        // The linear part A = R S: the scale acts first, then the rotation.
         let a = Mat3::from_quat(trs.r) * Mat3::from_diagonal(trs.s);
         let (x, y, z, t) = (a.x_axis, a.y_axis, a.z_axis, trs.t * self.scale);
         let rows = [x.x, x.y, -x.z, y.x, y.y, -y.z, -z.x, -z.y, z.z, t.x, t.y, -t.z];

@@ -71,6 +71,7 @@ pub(super) fn draw_table(title: &str, table: &Table, clip: Clip, rows: &[(u32, V
     let tick = tick_step(last - first, 6.0);
     let mut ticks = Vec::new();
     let mut t = (first / tick).ceil() * tick;
+    // The sum of steps rounds: the tolerance keeps the tick at the end of the clip.
     while t <= last + 1e-9 {
         ticks.push((t, format!("{} s", round_label((t / tick).round() * tick))));
         t += tick;
@@ -110,10 +111,12 @@ impl PanelScale {
         let last = points().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max);
         let spread = panel.lines.iter().flat_map(|l| &l.spread).map(|s| s[1]);
         let most = points().map(|p| p[1]).chain(spread).fold(0.0, f64::max);
+        // A margin of 5 % above the largest value; a panel of zeros gets the range 0 to 1.
         Self { top, first, last, most: if most > 0.0 { most * 1.05 } else { 1.0 } }
     }
 
     fn x(&self, v: f64) -> f64 {
+        // The floor keeps a plot of a single point from dividing by zero.
         LEFT + (v - self.first) / (self.last - self.first).max(1e-9) * (WIDTH - RIGHT - LEFT)
     }
 
@@ -160,6 +163,7 @@ fn draw_line(out: &mut String, scale: &PanelScale, k: usize, line: &PlotLine) {
         let (x, low, high) = (scale.x(*x), scale.y(*least), scale.y(*most));
         let _ = writeln!(out, "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\" stroke-width=\"1\"/>");
     }
+    // A polyline of one point has no extent and is not drawn, so that a dot stands for it.
     if let [[x, y]] = line.points[..] {
         let _ = writeln!(out, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{color}\"/>", scale.x(x), scale.y(y));
     }

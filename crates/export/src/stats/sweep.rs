@@ -73,6 +73,7 @@ impl Sweep {
             let of = |name: &String| {
                 let each = || group.iter().map(|r| r.outcome(name));
                 let sum = each().fold(0.0, |sum, v| sum + v);
+                // Outcomes are counts and sizes, not negative, so the maximum may start at 0.
                 [sum / group.len() as f64, each().fold(f64::INFINITY, f64::min), each().fold(0.0, f64::max)]
             };
             Mean { values: group[0].values.clone(), count: group.len(), outcome: self.outcome.iter().map(of).collect() }
@@ -149,6 +150,7 @@ impl Sweep {
         let panel = |(i, name): (usize, &String)| {
             let line = |rest: &&[String]| {
                 let mut those: Vec<&Mean> = means.iter().filter(|m| m.values.get(1..) == Some(*rest)).collect();
+                // Runs may be in any order; the line is drawn from left to right.
                 those.sort_by(|a, b| position(a).total_cmp(&position(b)));
                 let keys = self.keys.iter().skip(1).map(|k| k.rsplit('.').next().unwrap_or(k));
                 let label: Vec<String> = keys.zip(*rest).map(|(k, v)| format!("{k} {v}")).collect();

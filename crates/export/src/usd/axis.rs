@@ -46,6 +46,7 @@ impl UpAxis {
     pub(super) fn stage_quat(self, q: Quat) -> Quat {
         match self {
             Self::Y => q,
+            // C is a rotation: conjugation by it rotates the quaternion's vector part and keeps its scalar part.
             Self::Z => Quat::from_xyzw(q.x, -q.z, q.y, q.w),
         }
     }
@@ -68,6 +69,7 @@ impl UpAxis {
     pub(super) fn world_to_stage(self) -> Quat {
         match self {
             Self::Y => Quat::IDENTITY,
+            // 90 degrees about x: (sin 45, 0, 0, cos 45) takes +Y to +Z.
             Self::Z => Quat::from_xyzw(std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2),
         }
     }

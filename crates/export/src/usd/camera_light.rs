@@ -44,7 +44,9 @@ fn define_fog(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<(
 fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let camera = &cx.scene.camera;
     layer.define_prim(path, "Camera")?;
+    // Far beyond everything in view, growing with the scene, m.
     let far = (camera.eye.length() + camera.target.length()) * 100.0 + 1000.0;
+    // Pinhole camera: tan(vfov / 2) = (aperture / 2) / focal length, both in tenths of the scene unit.
     let focal = FILM * 0.5 / math::tan_f32(camera.vfov * 0.5);
     layer.set_attr(&format!("{path}.clippingRange"), "float2", UsdValue::Float2([0.01, far]))?;
     layer.set_attr(&format!("{path}.focalLength"), "float", UsdValue::Float(focal))?;
@@ -89,6 +91,7 @@ fn define_sky(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, picture: Op
         // The pole of a `latlong` texture is the light's +Y, whatever the up axis of the stage.
         return layer.set_xform_ops(path, &Trs { r: cx.up.world_to_stage(), ..Trs::IDENTITY });
     }
+    // The mean of the two ends of the gradient, not weighted by solid angle.
     let mean: [f32; 3] = std::array::from_fn(|i| (sky.horizon[i] + sky.zenith[i]) * 0.5);
     layer.set_attr(&format!("{path}.inputs:color"), "color3f", UsdValue::Float3(mean))?;
     layer.set_attr(&format!("{path}.inputs:intensity"), "float", UsdValue::Float(sky.strength))?;

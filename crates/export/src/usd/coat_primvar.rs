@@ -20,11 +20,13 @@ fn weight_at_points(mesh: &Mesh, coat: &Coat, sequence: &MapSequence, maps: Opti
     let texel = |x: f32| {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts of floats saturate")]
         let k = (x * side as f32) as usize;
+        // The coordinate 1 belongs to the last texel; negative ones saturate to the first.
         k.min(side.saturating_sub(1))
     };
     let weights = maps.zip(sequence.layer(coat.weight)).and_then(|(maps, layer)| maps.scalars(layer));
     let one = |i: usize| {
         let uv = mesh.uvs.get(i)?;
+        // Rows of a map run from the top, v from the bottom: row = texel(1 - v). The nearest texel, without interpolation.
         weights?.get(texel(1.0 - uv.y) * side + texel(uv.x)).copied()
     };
     let values = (0..mesh.points.len()).map(|i| one(i).unwrap_or(0.0)).collect();

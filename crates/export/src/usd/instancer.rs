@@ -23,6 +23,7 @@ const LOD_VARIANT_SET: &str = "LOD";
 
 /// Orientations in the axes of the stage; each on the side of that of the frame before, if there was one.
 fn stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
+    // Instances that had an orientation at the last frame continue its sign; new ones get w >= 0.
     let (known, new) = state.orientations.split_at(before.len().min(state.orientations.len()));
     let known = known.iter().zip(before).map(|(q, b)| nearest_quat(up.stage_quat(*q), *b));
     known.chain(new.iter().map(|q| canonical_quat(up.stage_quat(*q)))).collect()
@@ -37,6 +38,7 @@ fn to_quath(orientations: &[Quat]) -> Vec<[f16; 4]> {
 
 /// Angular velocities, rad/s, in the unit and the axes of the stage: degrees per second.
 fn degrees_per_second(up: UpAxis, v: &[Vec3]) -> Vec<[f32; 3]> {
+    // An angular velocity is an axial vector; the change of axes is a rotation, so it transforms as any other vector.
     let factor = 180.0 / std::f32::consts::PI;
     v.iter().map(|w| (up.stage_vec(*w) * factor).to_array()).collect()
 }
@@ -96,6 +98,7 @@ pub(super) fn define_instancer(
     let extent = set(layer, "extent", "float3[]", UsdArray::Float3(&b))?;
     set(layer, "ids", "int64[]", UsdArray::Int64(&sequential_ids(n)))?;
     // An instance keeps its index for the whole clip; those that are not alive at a frame are listed as invisible.
+    // Instances attached to joints live throughout: without hidden ones the attribute is omitted.
     let may_hide = instancer.motion == InstancerMotion::Free || !hidden.is_empty();
     let invisible = may_hide.then(|| set(layer, "invisibleIds", "int64[]", UsdArray::Int64(&hidden))).transpose()?;
     let orientations = set(layer, "orientations", "quath[]", UsdArray::Quath(&orientations))?;
@@ -167,6 +170,7 @@ fn define_lod_variants(
     proto: &Prototype,
 ) -> Result<()> {
     let mut all: Vec<&Prototype> = std::iter::once(proto).chain(&proto.others).collect();
+    // Ordered by the name of the level, whichever of them is selected, so that the variants do not depend on the selection.
     all.sort_by(|a, b| a.level.cmp(&b.level));
     let names = all.iter().map(|p| p.level.clone()).collect();
     let variants = Some(VariantSet { set: LOD_VARIANT_SET, names, selection: proto.level.clone() });
@@ -198,6 +202,7 @@ fn define_prototype_contents(
 
 /// Ids of the instances that are not alive.
 fn invisible_ids(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
+    // Ids are the indices of the instances, as `ids` of the instancer lists them.
     let ids = state.alive.iter().take(instancer.len()).zip(0..);
     ids.filter(|(alive, _)| !**alive).map(|(_, id)| id).collect()
 }
@@ -206,6 +211,7 @@ impl AnimatedInstancer {
     /// Takes positions, and the orientations in `before`, of a frame, and writes the samples that later frames cannot restore.
     fn push_reduced(&mut self, layer: &mut LayerBuilder, time: f64, positions: Vec<Vec3>) -> Result<()> {
         let Some(reducers) = &mut self.reducers else { return Ok(()) };
+        // Both are reduced on their own: an attribute has its own times, and often one of them changes less than the other.
         let orientations = reducers.orientations.push(time, self.before.clone());
         let positions = reducers.positions.push(time, positions);
         self.write_reduced_samples(layer, orientations, positions)

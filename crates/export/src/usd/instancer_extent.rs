@@ -36,6 +36,7 @@ impl InstancerBounds {
     pub(super) fn of(instancer: &Instancer, up: UpAxis) -> Self {
         let boxed = |p: &Prototype| {
             let points = Bounds::of(p.mesh.points.iter().map(|p| up.stage_vec(*p)));
+            // Fine geometry (hairs) may reach beyond the mesh: its box is converted by its corners and added.
             let fine = p.fine.as_ref().map(|_| p.bounds()).filter(|b| !b.is_empty());
             let b = fine.map_or(points, |b| points.union(Bounds::of([up.stage_vec(b.min), up.stage_vec(b.max)])));
             (!b.is_empty()).then(|| [b.center(), b.size() * 0.5])
@@ -51,12 +52,15 @@ impl InstancerBounds {
 
     /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w.
     pub(super) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], alive: &[bool]) -> [[f32; 3]; 2] {
+        // Back from half to single precision: the extent must hold for the orientations as they are stored.
         let mut rounded = vec![0.0; turns.len() * 4];
         turns.as_flattened().convert_to_f32_slice(&mut rounded);
         let turns: &[[f32; 4]] = bytemuck::cast_slice(&rounded);
+        // An empty box: any point lowers the infinite minimum and raises the maximum.
         let mut span = ExtentLanes { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3] };
         let placed = positions.chunks(LANES).zip(turns.chunks(LANES));
         for (block, (shown, (t, q))) in self.blocks.iter().zip(placed).enumerate() {
+            // The last block may have fewer than four instances.
             let n = t.len().min(q.len());
             let lives = |l: usize| shown.any[l] && l < n && alive.get(block * LANES + l) != Some(&false);
             let live: [bool; LANES] = std::array::from_fn(lives);

@@ -76,6 +76,7 @@ pub(super) struct PlacementPlan<'a> {
 pub(super) fn plan_placements<'a>(scene: &'a Scene, root: &str, instancers: bool) -> PlacementPlan<'a> {
     let copied: BTreeSet<&str> = if instancers { groups_with_copies(scene) } else { BTreeSet::new() };
     let mut names = Names::default();
+    // Reserved names are taken first, so that a placement of that name gets a number.
     RESERVED.iter().for_each(|name| drop(names.unique(name)));
     let mut plan = PlacementPlan::default();
     let mut known: BTreeMap<&str, usize> = BTreeMap::new();
@@ -144,6 +145,7 @@ impl PlantInstancer<'_> {
         for (instance, transform) in self.instances.iter().zip(&transforms) {
             let local = clip_bounds.get(instance.placement.asset).copied().unwrap_or_default();
             if !local.is_empty() {
+                // A rotated box is bounded by its eight transformed corners.
                 around = around.union(Bounds::of(local.corners().map(|c| transform.apply(c))));
             }
         }

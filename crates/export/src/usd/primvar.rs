@@ -34,6 +34,7 @@ impl Primvar {
 
     /// Adds a sample: the values of its attribute among those of a frame, or none.
     pub(super) fn sample(&self, layer: &mut LayerBuilder, time: f64, attributes: &[Attribute]) -> Result<()> {
+        // An attribute that a frame lacks is written as empty: without a sample, the values of the frame before would be held.
         let data = attributes.iter().find(|a| a.name == self.name).map_or(&self.empty, |a| &a.data);
         layer.writer.set_time_sample(self.attr, time, usd_array(data)?.into())
     }

@@ -19,6 +19,7 @@ fn joint_paths(skeleton: &Skeleton) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(skeleton.joints.len());
     for joint in &skeleton.joints {
         let name = safe_name(&joint.name);
+        // Parents come before their children in the skeleton, so the parent's path is complete already.
         let parent = joint.parent.and_then(|p| out.get(p as usize));
         out.push(parent.map_or_else(|| name.clone(), |p| format!("{p}/{name}")));
     }
@@ -69,6 +70,7 @@ pub(super) fn define_skel_root(
     let animation = define_animation(cx, layer, &format!("{path}/anim"), skeleton, &joints, extent)?;
     let mut parts: Vec<Box<dyn AnimatedPrim>> = vec![Box::new(animation)];
     let mut inner = Names::default();
+    // The two prims beside the meshes take their names first, so that a mesh of that name gets another.
     for name in ["skeleton", "anim"] {
         inner.unique(name);
     }
@@ -107,6 +109,7 @@ fn define_skeleton(
         &PrimMetadata { api: vec!["SkelBindingAPI"], ..PrimMetadata::default() },
     )?;
     let matrices = |poses: &[Trs]| -> Vec<[f64; 16]> { poses.iter().map(|m| matrix4d(&cx.up.stage_trs(m))).collect() };
+    // Both are matrices at rest: bindTransforms map from a joint to the asset's space, restTransforms to its parent's.
     let bind = matrices(&skeleton.bind());
     let rest = matrices(&skeleton.rest_pose());
     layer.set_uniform(&format!("{path}.bindTransforms"), "matrix4d[]", UsdArray::Matrix4d(&bind).into())?;
@@ -152,11 +155,13 @@ fn define_animation(
 
 /// Applies `SkelBindingAPI` to a mesh: four influences for each point, bound in the space of the `SkelRoot`.
 fn bind_skin(layer: &mut LayerBuilder, skel: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
+    // Flat lists of four for each point; `elementSize` says so.
     let indices: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
     let spec = |type_name| AttrSpec { element_size: Some(4), ..AttrSpec::primvar(type_name, "vertex") };
     layer.writer.create_attr(
         &format!("{mesh}.primvars:skel:geomBindTransform"),
         &AttrSpec::new("matrix4d"),
+        // The meshes are modelled in the space of the skeleton: binding transforms nothing.
         Some(UsdValue::Matrix4d(matrix4d(&Trs::IDENTITY))),
     )?;
     layer.writer.create_attr(
@@ -187,6 +192,7 @@ impl AnimatedPrim for SkelAnimation {
         for (q, before) in r.iter_mut().zip(&self.before) {
             *q = nearest_quat(*q, *before);
         }
+        // UsdSkel deforms when it is read, so the extent of the root is computed here from the posed points.
         let b = skinned_bounds(cx, sample.asset, sample.state);
         self.clip_bounds = self.clip_bounds.union(b);
         let b = extent_corners(&b);

@@ -93,6 +93,7 @@ impl UsdzWriter {
 
 impl ByteSink for UsdzWriter {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        // The first bytes are kept for the checksum at the end; only what follows them is added to it as it passes.
         let into_head = bytes.len().min(REWRITABLE_BYTES - self.head.len().min(REWRITABLE_BYTES));
         let (head, tail) = bytes.split_at(into_head);
         self.head.extend_from_slice(head);
@@ -143,6 +144,7 @@ impl ByteSink for UsdzWriter {
 fn write_local_header(out: &mut Output, name: &str, crc: u32, bytes: u64) -> Result<u64> {
     // The 4 bytes are identifier and length of the extra field, which are there even if no padding is needed.
     let end = out.position() + (LOCAL_HEADER + name.len() + 4) as u64;
+    // The outer remainder makes the padding 0, not 64, where the member is aligned already.
     let padding = (ALIGN - end % ALIGN) % ALIGN;
     // Local file header, APPNOTE 4.3.7: signature; version needed (1.0), flags, method (0: stored), time, date; checksum,
     // compressed and uncompressed size, lengths of name and extra field; the name; the extra field.

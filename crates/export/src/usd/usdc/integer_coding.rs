@@ -73,6 +73,7 @@ fn most_common_delta<W: CodedInteger>(deltas: &[W]) -> W {
     sorted.sort_unstable();
     let mut best = (W::ZERO, 0);
     for run in sorted.chunk_by(|a, b| a == b) {
+        // Runs come in increasing order of their value, so `>=` lets the largest of equally frequent deltas win.
         if run.len() >= best.1 {
             best = (run.first().copied().unwrap_or(W::ZERO), run.len());
         }
@@ -83,6 +84,7 @@ fn most_common_delta<W: CodedInteger>(deltas: &[W]) -> W {
 /// The coded form of an array before LZ4; layout as in the module's comment.
 fn delta_encode<W: CodedInteger>(values: &[W]) -> Vec<u8> {
     let mut last = W::ZERO;
+    // d[i] = v[i] - v[i - 1], with v[-1] = 0. Ids that count up become ones, which the common delta encodes in two bits.
     let deltas: Vec<W> = values.iter().map(|v| v.wrapping_delta(std::mem::replace(&mut last, *v))).collect();
     let common = most_common_delta(&deltas);
     let mut out = Vec::with_capacity(values.len() * 2 + 8);

@@ -193,6 +193,7 @@ impl PathTable {
                 let (parent, name) = split_prim_path(path);
                 (parent, name, false)
             };
+            // Siblings are sorted by name, whatever the order in which they were defined.
             tree.children.entry(parent).or_default().insert((name, is_property), path);
         }
         tree.append_subtree("/", 0, false, intern_token)?;
@@ -228,10 +229,12 @@ impl<'a> PathTree<'a> {
         let row = self.rows.len();
         let number = self.index.get(path).map_or(0, |i| i.cast_signed());
         let children = self.children.remove(path).unwrap_or_default();
+        // The jump depends on the number of descendants and is filled in after them.
         self.rows.push([number, element, 0]);
         let count = children.len();
         for (i, ((name, is_property), child)) in children.into_iter().enumerate() {
             let token = intern_token(name).cast_signed();
+            // The sign of the token tells properties from prims, as both are children of the same path.
             self.append_subtree(child, if is_property { -token } else { token }, i + 1 < count, intern_token)?;
         }
         // The jump tells a reader where to go on: -2 leaf and last sibling, -1 the first child follows and no sibling does,

@@ -90,6 +90,7 @@ impl ValueHeap {
         bytes: &[u8],
         write: impl FnOnce(&mut Self) -> Result<()>,
     ) -> Result<u64> {
+        // The key holds the hash, not the bytes: 33 bytes of memory for a value, however long the array is.
         let key = (kind, *blake3::hash(bytes).as_bytes());
         if let Some(found) = self.known.get(&key) {
             return Ok(*found);
@@ -113,6 +114,7 @@ impl ValueHeap {
         if array.is_empty() {
             return Ok(flags);
         }
+        // The buffer is reused from array to array, so that a frame of large arrays allocates once.
         let mut bytes = std::mem::take(&mut self.scratch);
         bytes.clear();
         push_elements_le(array, tokens, &mut bytes).map_err(|i| not_finite(&place(), i))?;
@@ -153,6 +155,7 @@ impl ValueHeap {
         let code = match value {
             // What fits into 32 bits is inlined.
             UsdValue::Bool(b) => return Ok(inline_value_rep(type_code::BOOL, u32::from(*b))),
+            // x + 0.0 turns -0 into 0, so that equal numbers are written alike.
             UsdValue::Float(x) if x.is_finite() => return Ok(inline_value_rep(type_code::FLOAT, (x + 0.0).to_bits())),
             UsdValue::Float(_) => return Err(bad(0)),
             UsdValue::String(_) => return Ok(inline_value_rep(type_code::STRING, index)),
