@@ -63,7 +63,7 @@ fn catkins(c: &mut Criterion) {
     c.bench_function("catkins/five", |b| {
         b.iter(|| {
             let models = catkin_models(&keys, 1, &work).expect("grows");
-            models.iter().map(|m| m.prototype(&CatkinLods::of(&keys), 0)).collect::<Vec<_>>()
+            models.iter().map(|m| m.prototype(&CatkinLods::from_keys(&keys), 0)).collect::<Vec<_>>()
         });
     });
 }

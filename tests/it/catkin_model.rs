@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
 use osier::bake::BakeContext;
-use osier::bake::assets::catkin::{CatkinLods, catkin_models, skeleton};
+use osier::bake::assets::catkin::{CatkinLods, catkin_models, grow_skeleton};
 use osier::diagnostic::Sources;
 use osier::grammar::{DeriveOptions, DerivedString, Grammar, GrammarSource, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
@@ -143,7 +143,7 @@ fn bends_are_even_and_have_either_sign() {
 /// Tilts of the first sections of many tufts of some keys.
 fn tilts(keys: &CatkinKeys) -> Vec<f64> {
     let (limits, cancel) = (Limits::default(), Cancel::default());
-    let all = (0..200).map(|seed| skeleton(keys, 0, seed, &work(&limits, &cancel)).expect("grows"));
+    let all = (0..200).map(|seed| grow_skeleton(keys, 0, seed, &work(&limits, &cancel)).expect("grows"));
     let tilt = |p: &Plant, a: &osier::plant::Axis| p.nodes.p[a.first as usize + 1].as_dvec3().normalize().y.acos();
     all.flat_map(|p| p.axes.iter().map(|a| tilt(&p, a)).collect::<Vec<_>>()).collect()
 }
@@ -157,7 +157,7 @@ fn solid_angles_and_the_papers_angles_are_what_they_say() {
     // With one angle for both turns no hair is swung further round than it could be tilted.
     let (limits, cancel) = (Limits::default(), Cancel::default());
     let plant =
-        skeleton(&CatkinKeys { angles: HairAngles::Paper, ..base }, 0, 5, &work(&limits, &cancel)).expect("grows");
+        grow_skeleton(&CatkinKeys { angles: HairAngles::Paper, ..base }, 0, 5, &work(&limits, &cancel)).expect("grows");
     let rounds = plant.axes.iter().map(|a| {
         let d = plant.nodes.p[a.first as usize + 1];
         d.z.atan2(d.x).to_degrees().abs()
@@ -171,7 +171,7 @@ fn five_models_have_the_papers_numbers_and_true_balls() {
     let keys = CatkinKeys::defaults();
     let models = catkin_models(&keys, 1, &work(&limits, &cancel)).expect("grows");
     assert_eq!(models.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["p000", "p001", "p002", "p003", "p004"]);
-    let level = |lod| CatkinLods::of(&CatkinKeys { lod, ..keys.clone() });
+    let level = |lod| CatkinLods::from_keys(&CatkinKeys { lod, ..keys.clone() });
     for m in &models {
         let hero = m.prototype(&level(0), 7);
         let fine = hero.fine.as_ref().expect("curves");

@@ -1,14 +1,18 @@
 //! Attractors as assets of a scene and as pictures.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use glam::{DVec3, Quat, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::assets::attractor_color::color_mode;
+use crate::bake::motion::AssetMotion;
 use crate::bake::motion::attractor_morph::AttractorMorph;
+use crate::bake::scene::builder::SceneBuilder;
 use crate::recipe::scene::{AttractorOrigin, ColorBy, PictureFit, PictureKeys};
 use crate::recipe::{AttractorRecipe, Recipe};
+use osier_base::convert::index;
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
@@ -21,33 +25,47 @@ use osier_ifs::picture::{Density, DensityEstimator, ToneMapping, density};
 use osier_ifs::{Ifs, PictureView};
 use osier_scene::{Asset, AssetKind, Attribute, AttributeData, Material, MaterialClass, Points, Trs};
 
-/// Points of a pixel in a picture without a number of points.
-pub(crate) const PER_PIXEL: u64 = 20;
-/// Memory that the counts of a picture may take, bytes.
-pub(crate) const MEMORY: u64 = 4 << 30;
-/// Bytes per pixel of counts with colours.
-const CELL: u64 = 48;
-/// Widths of a point in the size of its attractor.
-const FINENESS: f64 = 800.0;
-/// Escaped share of the tests that is still an attractor.
-const MAX_ESCAPES: f64 = 1e-3;
+/// Points drawn per pixel of a picture whose `points` key is not set. Own: by eye; noise falls with its square root.
+pub(crate) const DEFAULT_POINTS_PER_PIXEL: u64 = 20;
+/// Memory that the histogram of a picture may take, bytes.
+pub(crate) const MAX_HISTOGRAM_BYTES: u64 = 4 << 30;
+/// Bytes per pixel of a histogram with colours.
+const BYTES_PER_PIXEL: u64 = 48;
+/// Size of an attractor over the default width of its points. Own: by eye; a smaller number draws coarser points.
+const SIZE_PER_POINT_WIDTH: f64 = 800.0;
+/// Largest share of escape tests that may fail: above it the system does not contract to an attractor.
+const MAX_ESCAPED_SHARE: f64 = 1e-3;
 
-/// A cloud ready for the scene.
-pub struct AttractorAsset {
-    /// It.
-    pub asset: Asset,
-    /// Its one material.
-    pub surface: Material,
-    /// Where it stands.
-    pub stand: Trs,
-    /// What moves it.
-    pub morphing: Option<AttractorMorph>,
+/// The points of an attractor as an asset, before it is added to the scene.
+struct AttractorAsset {
+    asset: Asset,
+    /// The asset's only material.
+    material: Material,
+    /// World from asset space.
+    transform: Trs,
+    motion: Option<AttractorMorph>,
 }
 
-/// Makes a cloud; `moving`: with what moves it.
+/// Adds the attractors of a recipe, each at the place that its keys give.
 /// # Errors
 /// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
-pub fn build_attractor(
+pub(crate) fn add_attractors(recipe: &Recipe, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
+    for attractor in &recipe.clouds {
+        let material = index(builder.materials.len(), "materials of a scene")?;
+        let moving = recipe.clip.len() > 1;
+        let new = build_attractor(attractor, recipe.general.seed, moving, material, context)?;
+        builder.materials.push(new.material);
+        let motion = new.motion.map(|morph| Arc::new(morph) as Arc<dyn AssetMotion>);
+        builder.add_placed(new.asset, new.transform, motion);
+    }
+    Ok(())
+}
+
+/// Draws the points of an attractor. `moving`: whether a morph moves them through the clip; `material`: index in the scene of
+/// the attractor's material.
+/// # Errors
+/// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
+fn build_attractor(
     recipe: &AttractorRecipe,
     seed: u64,
     moving: bool,
@@ -57,7 +75,8 @@ pub fn build_attractor(
     context.cancel.check()?;
     let keys = &recipe.keys;
     context.limits.check("points", u64::from(keys.points), "the number of points")?;
-    let (low, high) = bounds(recipe);
+    // Metres per table unit, and the table point that becomes the asset's origin.
+    let (low, high) = visible_bounds(recipe);
     let size = high - low;
     let scale = match keys.height {
         Some(h) if size.y > 0.0 => h / size.y,
@@ -68,9 +87,10 @@ pub fn build_attractor(
         AttractorOrigin::Box => DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z)),
         AttractorOrigin::Origin => DVec3::ZERO,
     };
-    let morphing = recipe.morph.as_ref().map(|m| AttractorMorph::new(recipe, m, seed, foot, scale));
-    let mut cloud = match &morphing {
-        Some(morphing) => morphing.cloud(0.0),
+    let morph = recipe.morph.as_ref().map(|m| AttractorMorph::new(recipe, m, seed, foot, scale));
+    // A morph draws the points of its first key; without one they are drawn once.
+    let mut cloud = match &morph {
+        Some(morph) => morph.points_at(0.0),
         None => {
             let request = DrawRequest {
                 system: &recipe.system,
@@ -79,19 +99,20 @@ pub fn build_attractor(
                 points: u64::from(keys.points),
                 tier: InstructionSet::Best,
             };
-            cloud(&request, &labels(recipe), &recipe.extent, foot, scale)
+            cloud(&request, &color_labels(recipe), &recipe.extent, foot, scale)
         }
     };
     check_escapes(recipe, cloud.escapes)?;
-    let thin = keys.voxel > 0.0 && morphing.is_none();
+    // Points of one voxel are merged into one that carries their number; morph points must keep their order.
+    let thin = keys.voxel > 0.0 && morph.is_none();
     let density = if thin { voxels(&mut cloud, narrow(keys.voxel)) } else { Vec::new() };
-    let own = size.max_element() * scale / FINENESS;
-    let width = narrow(keys.point.unwrap_or(own)).max(1e-9);
-    let average = average(&cloud);
-    let mut points = points(cloud, density, width, material);
-    if let Some(morphing) = morphing.as_ref().filter(|_| moving) {
+    let default_width = size.max_element() * scale / SIZE_PER_POINT_WIDTH;
+    let width = narrow(keys.point.unwrap_or(default_width)).max(1e-9);
+    let color = mean_color(&cloud);
+    let mut points = point_cloud(cloud, density, width, material);
+    if let Some(morph) = morph.as_ref().filter(|_| moving) {
         points.moving = true;
-        points.reach = morphing.reach().union(Bounds::of(points.positions.iter().copied()));
+        points.reach = morph.swept_bounds().union(Bounds::of(points.positions.iter().copied()));
     }
     let asset = Asset {
         id: recipe.id.clone(),
@@ -103,13 +124,14 @@ pub fn build_attractor(
         points: vec![points],
         curves: Vec::new(),
     };
-    let at = Vec3::from_array(keys.at.map(narrow));
-    let stand = Trs { t: at, r: Quat::from_rotation_y(narrow(keys.turn)), ..Trs::IDENTITY };
-    let surface = surface(&recipe.id, average);
-    Ok(AttractorAsset { asset, surface, stand, morphing: morphing.filter(|_| moving) })
+    let position = Vec3::from_array(keys.at.map(narrow));
+    let transform = Trs { t: position, r: Quat::from_rotation_y(narrow(keys.turn)), ..Trs::IDENTITY };
+    let material = point_material(&recipe.id, color);
+    Ok(AttractorAsset { asset, material, transform, motion: morph.filter(|_| moving) })
 }
 
-fn points(cloud: AttractorPoints, density: Vec<u32>, width: f32, material: u32) -> Points {
+/// Points of one width with the attributes that exporters write: `map` (last map), `depth`, and `density` (points merged).
+fn point_cloud(cloud: AttractorPoints, density: Vec<u32>, width: f32, material: u32) -> Points {
     let mut attributes = vec![
         Attribute::point("map", AttributeData::U32(cloud.maps.iter().map(|m| u32::from(*m)).collect())),
         Attribute::point("depth", AttributeData::U32(cloud.depths.iter().map(|d| u32::from(*d)).collect())),
@@ -129,12 +151,12 @@ fn points(cloud: AttractorPoints, density: Vec<u32>, width: f32, material: u32) 
     }
 }
 
-fn surface(id: &str, color: [f32; 3]) -> Material {
+fn point_material(id: &str, color: [f32; 3]) -> Material {
     Material { double_sided: true, ..Material::plain(id.to_owned(), MaterialClass::Leaf, color, 0.8) }
 }
 
-/// Mean colour of the first points.
-fn average(cloud: &AttractorPoints) -> [f32; 3] {
+/// Mean colour of the first 4096 points, for formats that show one colour.
+fn mean_color(cloud: &AttractorPoints) -> [f32; 3] {
     let some = cloud.colors.get(..cloud.colors.len().min(4096)).unwrap_or_default();
     let sum = some.iter().fold([0.0_f32; 3], |s, c| std::array::from_fn(|i| s[i] + c[i]));
     #[allow(clippy::cast_precision_loss, reason = "at most 4096")]
@@ -142,24 +164,26 @@ fn average(cloud: &AttractorPoints) -> [f32; 3] {
     sum.map(|v| v / n)
 }
 
-/// The part of an attractor that is shown.
-pub(crate) fn bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
+/// Lower and upper corner of the part of an attractor that is shown, table units: all of it, or its quantile box if it is
+/// unbounded.
+pub(crate) fn visible_bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
     if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
 }
 
-/// I023 if too many lanes ran away.
+/// # Errors
+/// I023 if the share of points that escaped to infinity is above [`MAX_ESCAPED_SHARE`].
 pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Result<()> {
     #[allow(clippy::cast_precision_loss, reason = "a share")]
     let share = escapes.found as f64 / escapes.tests.max(1) as f64;
-    if share <= MAX_ESCAPES {
+    if share <= MAX_ESCAPED_SHARE {
         return Ok(());
     }
     let reason = format!("\"{}\" runs away: {:.1} % of the tests find a lost point", recipe.system.name, share * 100.0);
     Err(Error::input("I023", reason))
 }
 
-/// Draws an attractor as densities and colours; with the tone that the keys ask for and the colour of pictures by
-/// density alone.
+/// Draws an attractor into a histogram of densities and colours; returned with the tone mapping of the keys and the colour of
+/// pictures by density alone.
 /// # Errors
 /// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
 pub fn render_attractor(
@@ -169,21 +193,25 @@ pub fn render_attractor(
 ) -> Result<(Density, ToneMapping, [f32; 3])> {
     context.cancel.check()?;
     let keys = &scene.picture;
+    // Refuse what would not fit before memory is spent.
     let side = u64::from(keys.width.max(keys.height)) * u64::from(keys.oversample);
     context.limits.check("image-side", side, "a side of the picture in pixels")?;
     let pixels = u64::from(keys.width) * u64::from(keys.height) * u64::from(keys.oversample * keys.oversample);
-    if pixels * CELL > MEMORY {
-        let reason =
-            format!("a picture of {pixels} pixels would take {} MB; make it smaller", pixels * CELL / 1_000_000);
+    if pixels * BYTES_PER_PIXEL > MAX_HISTOGRAM_BYTES {
+        let reason = format!(
+            "a picture of {pixels} pixels would take {} MB; make it smaller",
+            pixels * BYTES_PER_PIXEL / 1_000_000
+        );
         return Err(Error::input("I050", reason));
     }
     let small = u64::from(keys.width) * u64::from(keys.height);
-    let count = keys.points.map_or(PER_PIXEL * small, u64::from).max(1);
+    let count = keys.points.map_or(DEFAULT_POINTS_PER_PIXEL * small, u64::from).max(1);
     context.limits.check("points", count, "the number of points")?;
-    let colors = if keys_by_density(recipe) { None } else { Some(labels(recipe)) };
+    let colors = if is_colored_by_density(recipe) { None } else { Some(color_labels(recipe)) };
     let cloud_keys = &recipe.keys;
+    // Count the points that fall into each oversampled pixel, then estimate densities from the counts.
     let view = recipe.system.view.filter(|_| keys.fit == PictureFit::View);
-    let system = turned(&recipe.system, view.as_ref());
+    let system = rotated_by_view(&recipe.system, view.as_ref());
     let request = DrawRequest {
         system: &system,
         study: &recipe.study,
@@ -191,7 +219,7 @@ pub fn render_attractor(
         points: count,
         tier: InstructionSet::Best,
     };
-    let counts = histogram(&request, colors.as_ref(), &window(recipe, keys, view.as_ref()));
+    let counts = histogram(&request, colors.as_ref(), &picture_window(recipe, keys, view.as_ref()));
     check_escapes(recipe, counts.escapes)?;
     context.cancel.check()?;
     let estimator = DensityEstimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };
@@ -201,17 +229,17 @@ pub fn render_attractor(
     Ok((drawn, tone, flat))
 }
 
-fn keys_by_density(recipe: &AttractorRecipe) -> bool {
+fn is_colored_by_density(recipe: &AttractorRecipe) -> bool {
     recipe.keys.color_by == ColorBy::Density
 }
 
-pub(crate) fn labels(recipe: &AttractorRecipe) -> ColorLabels {
+pub(crate) fn color_labels(recipe: &AttractorRecipe) -> ColorLabels {
     ColorLabels::new(&recipe.system, color_mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
 }
 
-/// The system shown as a view turns it.
+/// The system with a view's rotation about its centre as a last map.
 /// Source: flam3 turns its points by `rotate` about the centre, with y down.
-fn turned<'a>(system: &'a Ifs, view: Option<&PictureView>) -> Cow<'a, Ifs> {
+fn rotated_by_view<'a>(system: &'a Ifs, view: Option<&PictureView>) -> Cow<'a, Ifs> {
     let Some(view) = view.filter(|v| v.rotate != 0.0) else { return Cow::Borrowed(system) };
     let center = DVec3::new(view.center[0], view.center[1], 0.0);
     let turn = turn_z(-view.rotate);
@@ -220,12 +248,13 @@ fn turned<'a>(system: &'a Ifs, view: Option<&PictureView>) -> Cow<'a, Ifs> {
     Cow::Owned(Ifs { last: Some(last), ..system.clone() })
 }
 
-/// What a picture shows: the whole view of a flame, or the attractor, or what the keys say.
-fn window(recipe: &AttractorRecipe, keys: &PictureKeys, view: Option<&PictureView>) -> PictureWindow {
+/// The window of a picture in table units: the view of a flame, or fitted to the attractor; the keys `center` and `span`
+/// override either.
+fn picture_window(recipe: &AttractorRecipe, keys: &PictureKeys, view: Option<&PictureView>) -> PictureWindow {
     let k = keys.oversample.max(1);
     let (width, height) = ((keys.width * k) as usize, (keys.height * k) as usize);
-    let shown = if keys.fit == PictureFit::Quantile { recipe.extent.quantile } else { bounds(recipe) };
-    let mut fitted = PictureWindow::fitted(shown.0, shown.1, width, height);
+    let corners = if keys.fit == PictureFit::Quantile { recipe.extent.quantile } else { visible_bounds(recipe) };
+    let mut fitted = PictureWindow::fitted(corners.0, corners.1, width, height);
     if let Some(v) = view {
         let (across, down) = (v.width / f64::from(keys.width * k), v.width / v.aspect / f64::from(keys.height * k));
         fitted = PictureWindow { center: v.center, pixel: across.max(down), ..fitted };

@@ -1,11 +1,11 @@
-//! Trees of tables seen from afar: their small branches as cards.
+//! Billboards for the small branches of IFS trees seen from afar.
 
 use std::sync::Arc;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::branchlets::{branch_skin_options, branchlet_mesh};
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::plant_growth::tree_options;
+use crate::bake::assets::plant_growth::ifs_tree_options;
 use crate::recipe::PlantRecipe;
 use crate::recipe::scene::IfsTreeKeys;
 use osier_base::diagnostic::Report;
@@ -19,16 +19,17 @@ use osier_plants::grow::turtle::OrganSpec;
 use osier_plants::surface::crossed_billboards::{SourceMaterials, crossed_billboards};
 use osier_scene::Mesh;
 
-/// Pictures of subtrees of one size, where individuals differ.
+/// Billboards per size of subtree where individuals vary. Own: with one, repetition shows; each costs a picture.
 const VARIANTS: u32 = 3;
-/// Pixels along a side of the picture that all of them share.
-const SIDE: u32 = 1024;
+/// Pixels along a side of the atlas that all billboards of a plant share.
+const ATLAS_SIDE: u32 = 1024;
 
-/// Makes the cards of a plant whose look is complete; `name`: of their organ.
+/// Grows the subtrees that stand for a tree's small branches, renders them to crossed billboards, and adds their material. `set` holds
+/// the plant's other materials already; `name`: of the billboards' organ.
 /// # Errors
-/// What growth and skin refuse.
+/// `Input` for a table without attractor, `Limit`, `Cancelled`.
 pub fn build_billboards(
-    look: &mut MaterialSet,
+    set: &mut MaterialSet,
     plant: &PlantRecipe,
     name: &str,
     stems: &TreeSystem,
@@ -36,19 +37,21 @@ pub fn build_billboards(
     seed: u64,
     context: &BakeContext<'_>,
 ) -> Result<SubtreeBillboards> {
-    let base = tree_options(plant, stems, keys, look);
+    let base = ifs_tree_options(plant, stems, keys, set);
     let eps = (keys.eps * f64::from(1_u32 << keys.lod.min(16))).min(1.0);
     let limits = ifs::word_limits(&base, context.limits);
-    let told = |d: Box<osier_base::diagnostic::Diagnostic>| {
+    let input_error = |d: Box<osier_base::diagnostic::Diagnostic>| {
         Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() }))
     };
-    let classes = ifs::subtree_classes(stems, &limits, eps, keys.lod + 1).map_err(told)?;
+    // Classes of subtrees below the size at which the tree ends, each with variants; eps, the smallest stem over the tree's height, is
+    // doubled with every level of detail.
+    let classes = ifs::subtree_classes(stems, &limits, eps, keys.lod + 1).map_err(input_error)?;
     let variants = if keys.variation > 0.0 { VARIANTS } else { 1 };
     let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
     let radius = keys.radius.unwrap_or(stems.radius * scale);
-    let todo: Vec<(SubtreeClass, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
-    let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
-    let meshes: Vec<Mesh> = par_map(&todo, |(class, variant)| {
+    let jobs: Vec<(SubtreeClass, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
+    let tile = set.materials.first().map_or(0.5, |bark| bark.tile);
+    let meshes: Vec<Mesh> = par_map(&jobs, |(class, variant)| {
         context.cancel.check()?;
         let options = TreeOptions {
             height: keys.height * class.size,
@@ -57,6 +60,7 @@ pub fn build_billboards(
             max_order: base.max_order.saturating_sub(class.order),
             ..base.clone()
         };
+        // A subtree of relative size s is a tree of height s with the relative precision eps / s.
         let key = mix64(&[seed, word(&plant.name), word("card"), u64::from(*variant)]);
         subtree_mesh(stems, plant, &options, (*variant, key), tile, context)
     })
@@ -65,11 +69,11 @@ pub fn build_billboards(
     let material = format!("{}_{name}", plant.id);
     let (quads, surface) = crossed_billboards(
         &meshes,
-        SourceMaterials { materials: &look.materials, images: &look.images },
+        SourceMaterials { materials: &set.materials, images: &set.images },
         &material,
-        SIDE,
+        ATLAS_SIDE,
     );
-    let id = look.add(surface.material, surface.images);
+    let id = set.add(surface.material, surface.images)?;
     let meshes = quads.into_iter().map(|q| Arc::new(q.with_material(id))).collect();
     Ok(SubtreeBillboards {
         spec: OrganSpec { name: name.to_owned(), meshes, size: 1.0, petiole: 0.0 },

@@ -1,4 +1,4 @@
-//! Twigs of table trees as meshes: their wood and leaves in one, ready to be copied.
+//! Meshes of the branchlets of IFS trees, wood and leaves together, which instances copy.
 
 use std::sync::Arc;
 
@@ -14,9 +14,9 @@ use osier_plants::surface::{SkinOptions, skin};
 use osier_scene::plant::Plant;
 use osier_scene::{Mesh, Trs};
 
-/// Gives the prototypes of twigs their meshes. `tile`: size of one repeat of the bark, m.
+/// Builds the meshes of a tree's branchlet prototypes. `tile`: width of one repeat of the bark, m.
 /// # Errors
-/// What the skin refuses, `Cancelled`.
+/// `Limit` for the vertices of one branchlet or of all together, `Cancelled`.
 pub fn add_branchlet_meshes(
     tree: &mut Plant,
     twigs: &[Branchlet],
@@ -27,7 +27,7 @@ pub fn add_branchlet_meshes(
     let options = branch_skin_options(recipe, tile, context);
     let meshes = par_map(twigs, |twig| {
         context.cancel.check()?;
-        mesh(twig, &options)
+        oriented_branchlet_mesh(twig, &options)
     });
     let first = tree.protos.len() - twigs.len().min(tree.protos.len());
     for (proto, mesh) in tree.protos.iter_mut().skip(first).zip(meshes) {
@@ -37,12 +37,13 @@ pub fn add_branchlet_meshes(
     context.limits.check("vertices", points, "the number of vertices of the twigs of a tree")
 }
 
-/// Skin of what stands on a branch, which has no roots.
+/// Skin of a branch, which has neither root flare nor a buried foot.
 pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
     SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tile, context) }
 }
 
-fn mesh(twig: &Branchlet, options: &SkinOptions) -> Result<Mesh> {
+/// The mesh of a branchlet; a mirrored one is reflected in z, with its triangles turned round.
+fn oriented_branchlet_mesh(twig: &Branchlet, options: &SkinOptions) -> Result<Mesh> {
     let mut all = branchlet_mesh(&twig.plant, options)?;
     if twig.mirrored {
         all.points.iter_mut().chain(&mut all.normals).for_each(|p| p.z = -p.z);
@@ -51,32 +52,32 @@ fn mesh(twig: &Branchlet, options: &SkinOptions) -> Result<Mesh> {
     Ok(all)
 }
 
-/// Wood, then leaves prototype after prototype, so that each material is one run.
+/// Wood, then the leaves prototype by prototype, so that each material covers one range of triangles.
 pub(crate) fn branchlet_mesh(plant: &Plant, options: &SkinOptions) -> Result<Mesh> {
     let mut all = skin(plant, options)?.mesh;
     for (k, proto) in plant.protos.iter().enumerate() {
         for organ in plant.organs.iter().filter(|o| usize::from(o.proto) == k) {
             let (t, r) = plant.organ_site(organ);
-            let stand = Trs { t, r, s: Vec3::splat(organ.scale) };
+            let transform = Trs { t, r, s: Vec3::splat(organ.scale) };
             let mut leaf = (*proto.mesh).clone();
-            leaf.points.iter_mut().for_each(|p| *p = stand.apply(*p));
+            leaf.points.iter_mut().for_each(|p| *p = transform.apply(*p));
             leaf.normals.iter_mut().for_each(|n| *n = r * *n);
-            add(&mut all, leaf);
+            append_mesh(&mut all, leaf);
         }
     }
     Ok(all)
 }
 
 /// Appends a mesh; where only one of both has coordinates or colours, the other gets plain ones.
-fn add(all: &mut Mesh, mut other: Mesh) {
-    let texts = !(all.uvs.is_empty() && other.uvs.is_empty());
-    let colors = !(all.colors.is_empty() && other.colors.is_empty());
+fn append_mesh(all: &mut Mesh, mut other: Mesh) {
+    let has_uvs = !(all.uvs.is_empty() && other.uvs.is_empty());
+    let has_colors = !(all.colors.is_empty() && other.colors.is_empty());
     for mesh in [&mut *all, &mut other] {
         let n = mesh.points.len();
-        if texts {
+        if has_uvs {
             mesh.uvs.resize(n, glam::Vec2::ZERO);
         }
-        if colors {
+        if has_colors {
             mesh.colors.resize(n, [1.0; 4]);
         }
     }

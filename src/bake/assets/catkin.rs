@@ -1,10 +1,11 @@
-//! Catkins: grown as any plant, dressed as tufts of hair.
+//! Catkin models: tufts of hair grown from a grammar, in levels of detail from curves to crossed billboards.
 
 use crate::bake::BakeContext;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::scene::{CatkinKeys, HairAngles, HairDistribution};
 use glam::{Quat, Vec3};
 use osier_base::Result;
+use osier_base::convert::index;
 use osier_base::diagnostic::Sources;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
@@ -16,14 +17,14 @@ use osier_plants::surface::catkin::{Tuft, TuftDetail, TuftSpec, VARIANTS, hair_m
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
 
-/// Distance of tufts side by side, in radii of the largest.
-const APART: f32 = 2.1;
+/// Distance of catkins side by side, in radii of the largest: just over 2, so that they do not touch.
+const SPACING_IN_RADII: f32 = 2.1;
 
-/// Index among [`materials`] of the first picture.
-const FLAT: u32 = 2;
+/// Index among [`catkin_materials`] of the first billboard's material.
+const FIRST_BILLBOARD: u32 = 2;
 
-/// The first level that shows pictures instead of hairs.
-const PICTURED: u32 = 4;
+/// The first level of detail that shows billboards instead of hairs.
+const FIRST_BILLBOARD_LOD: u32 = 4;
 
 /// Levels of detail that catkins are made in.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,14 +34,14 @@ pub struct CatkinLods {
 }
 
 impl CatkinLods {
-    /// Those of a scene.
-    pub fn of(keys: &CatkinKeys) -> Self {
+    /// The levels that the keys ask for.
+    pub fn from_keys(keys: &CatkinKeys) -> Self {
         Self { shown: keys.lod, others: keys.lods.iter().copied().filter(|l| *l != keys.lod).collect() }
     }
 
-    /// Those with pictures, in the order of their materials.
-    fn pictured(&self) -> impl Iterator<Item = u32> {
-        std::iter::once(&self.shown).chain(&self.others).copied().filter(|l| *l >= PICTURED)
+    /// The levels with billboards, in the order of their materials.
+    fn billboard_lods(&self) -> impl Iterator<Item = u32> {
+        std::iter::once(&self.shown).chain(&self.others).copied().filter(|l| *l >= FIRST_BILLBOARD_LOD)
     }
 }
 
@@ -60,7 +61,7 @@ pub struct CatkinModel {
 }
 
 impl CatkinModel {
-    /// What instances show: the level shown, and those beside it. `first`: index in the scene of the first of [`materials`].
+    /// What instances show: the level shown, and those beside it. `first`: index in the scene of the first of [`catkin_materials`].
     pub fn prototype(&self, levels: &CatkinLods, first: u32) -> Prototype {
         let mut proto = self.level_prototype(levels.shown, levels, first);
         if !levels.others.is_empty() {
@@ -78,8 +79,11 @@ impl CatkinModel {
             2 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Ribbons)),
             3 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Thinned)),
             _ => {
-                let before = (0..).zip(levels.pictured()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
-                Prototype::new(&self.name, self.cards(lod).0.with_material(FLAT + before * self.count + self.index))
+                let before = (0..).zip(levels.billboard_lods()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
+                Prototype::new(
+                    &self.name,
+                    self.billboards(lod).0.with_material(FIRST_BILLBOARD + before * self.count + self.index),
+                )
             }
         };
         proto.mesh.subsets.iter_mut().for_each(|s| s.material += first);
@@ -90,23 +94,26 @@ impl CatkinModel {
         proto
     }
 
-    fn cards(&self, lod: u32) -> (Mesh, SurfaceMaterial) {
+    /// Mesh and material of the billboards of a level.
+    fn billboards(&self, lod: u32) -> (Mesh, SurfaceMaterial) {
         self.tuft.billboards(&format!("catkin_{}", self.name), lod == 4)
     }
 
-    /// The tuft itself.
+    /// Hairs and stalk at full detail.
     pub fn tuft(&self) -> &Tuft {
         &self.tuft
     }
 }
 
-/// What all catkins of a scene wear: hair, stalk, and a picture for each model at each level that has them.
-pub fn materials(models: &[CatkinModel], levels: &CatkinLods) -> MaterialSet {
+/// Materials of all catkins of a scene: hair, stalk, and a billboard picture for each model at each level that has one.
+/// # Errors
+/// `TooMany` beyond 2^32 images.
+pub fn catkin_materials(models: &[CatkinModel], levels: &CatkinLods) -> Result<MaterialSet> {
     let mut look = MaterialSet::default();
-    look.add(hair_material("catkin_hair"), Vec::new());
-    look.add(stalk_material("catkin_stalk"), Vec::new());
-    for lod in levels.pictured() {
-        for mut surface in par_map(models, |m| m.cards(lod).1) {
+    look.add(hair_material("catkin_hair"), Vec::new())?;
+    look.add(stalk_material("catkin_stalk"), Vec::new())?;
+    for lod in levels.billboard_lods() {
+        for mut surface in par_map(models, |m| m.billboards(lod).1) {
             // Two levels of one model would have one name.
             if lod != levels.shown {
                 surface.material.name += &format!("_lod{lod}");
@@ -115,14 +122,14 @@ pub fn materials(models: &[CatkinModel], levels: &CatkinLods) -> MaterialSet {
                     .iter_mut()
                     .for_each(|i| i.name = i.name.replacen("catkin_", &format!("catkin_lod{lod}_"), 1));
             }
-            look.add(surface.material, surface.images);
+            look.add(surface.material, surface.images)?;
         }
     }
-    look
+    Ok(look)
 }
 
-/// The grammar of one variant: eq. 1 and 2 of \[catkin\] with its angles.
-fn text(keys: &CatkinKeys, variant: usize) -> String {
+/// Grammar of one variant: eq. 1 and 2 of \[catkin\] with the angles of the keys, degrees.
+fn grammar_text(keys: &CatkinKeys, variant: usize) -> String {
     let (tilt, turn) = VARIANTS[variant % VARIANTS.len()];
     let (tilt, turn) = (keys.fluffiness.map_or(tilt, degrees), keys.bend.map_or(turn, degrees));
     let delta = match keys.polar {
@@ -143,12 +150,12 @@ fn text(keys: &CatkinKeys, variant: usize) -> String {
     )
 }
 
-/// The skeleton of one variant: an axis of four nodes for each hair.
+/// Grows the skeleton of one variant: an axis of four nodes for each hair.
 /// # Errors
 /// `Input` beyond a limit.
-pub fn skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeContext<'_>) -> Result<Plant> {
+pub fn grow_skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeContext<'_>) -> Result<Plant> {
     context.cancel.check()?;
-    let text = text(keys, variant);
+    let text = grammar_text(keys, variant);
     let mut none =
         |reference: &str, _: &str| Err(osier_base::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
     let source = GrammarSource {
@@ -158,19 +165,19 @@ pub fn skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeCont
         defines: &std::collections::BTreeMap::new(),
     };
     let (grammar, _): (Grammar, _) = parse(&mut Sources::default(), source, context.limits)?;
-    let key = key(seed, variant);
+    let key = variant_seed(seed, variant);
     let derived = derive(&grammar, &DeriveOptions { seed: key, ..DeriveOptions::default() }, context.limits)?;
     let options =
         TurtleOptions { width: 2.0 * keys.hair_radius, radii: turtle::RadiusModel::Widths, ..TurtleOptions::default() };
     Ok(turtle::grow(&grammar, &derived, &options, context.limits)?.0)
 }
 
-/// Root of all draws of a variant.
-fn key(seed: u64, variant: usize) -> u64 {
+/// Seed of all draws of a variant.
+fn variant_seed(seed: u64, variant: usize) -> u64 {
     Rng::key(seed, &["catkin".into(), (variant as u64).into()])
 }
 
-/// All variants of a scene's catkins.
+/// Builds the models of a scene's catkins, one per variant.
 /// # Errors
 /// `Input` beyond a limit, `Cancelled`.
 pub fn catkin_models(keys: &CatkinKeys, seed: u64, context: &BakeContext<'_>) -> Result<Vec<CatkinModel>> {
@@ -184,20 +191,23 @@ pub fn catkin_models(keys: &CatkinKeys, seed: u64, context: &BakeContext<'_>) ->
     };
     let variants: Vec<usize> = (0..keys.variants as usize).collect();
     let models = par_map(&variants, |v| {
-        let tuft = tuft(&skeleton(keys, *v, seed, context)?, &spec, key(seed, *v));
-        let index = u32::try_from(*v).unwrap_or(u32::MAX);
+        let tuft = tuft(&grow_skeleton(keys, *v, seed, context)?, &spec, variant_seed(seed, *v));
+        let index = index(*v, "models of catkins")?;
         let (name, count) = (format!("p{v:03}"), keys.variants);
         Ok(CatkinModel { name, radius: tuft.radius, lowest: tuft.lowest, index, count, tuft })
     });
     models.into_iter().collect()
 }
 
-/// All kinds side by side along +X around the origin, each standing on y = 0. `first`: as in [`CatkinModel::prototype`].
-pub fn row(models: &[CatkinModel], levels: &CatkinLods, first: u32) -> Asset {
-    let gap = APART * models.iter().map(|m| m.radius).fold(0.0, f32::max);
+/// One catkin of each model side by side along +X around the origin, each standing on y = 0. `first`: as in
+/// [`CatkinModel::prototype`].
+/// # Errors
+/// `TooMany` beyond 2^32 models.
+pub fn side_by_side_asset(models: &[CatkinModel], levels: &CatkinLods, first: u32) -> Result<Asset> {
+    let gap = SPACING_IN_RADII * models.iter().map(|m| m.radius).fold(0.0, f32::max);
     let middle = (models.len().saturating_sub(1)) as f32 * 0.5;
     let place = |(i, m): (usize, &CatkinModel)| Vec3::new((i as f32 - middle) * gap, -m.lowest, 0.0);
-    let n = u32::try_from(models.len()).unwrap_or(u32::MAX);
+    let n = index(models.len(), "models of catkins")?;
     let instancer = Instancer {
         name: "catkins".into(),
         prototypes: models.iter().map(|m| m.prototype(levels, first)).collect(),
@@ -212,7 +222,7 @@ pub fn row(models: &[CatkinModel], levels: &CatkinLods, first: u32) -> Asset {
         motion: InstancerMotion::Still,
         tracked: false,
     };
-    Asset {
+    Ok(Asset {
         id: "catkins".into(),
         kind: AssetKind::Tracks,
         group: String::new(),
@@ -221,5 +231,5 @@ pub fn row(models: &[CatkinModel], levels: &CatkinLods, first: u32) -> Asset {
         instancers: vec![instancer],
         points: Vec::new(),
         curves: Vec::new(),
-    }
+    })
 }

@@ -16,21 +16,21 @@ use osier_plants::grow::turtle::OrganSpec;
 use osier_plants::surface::bark::BarkGrain;
 use osier_scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
 
-/// Relief of a leaf over its length.
-const RELIEF: f32 = 0.012;
-/// Length of a leaf without the key, m.
-const SIZE: f64 = 0.08;
+/// Height range of a leaf's relief over its length. Own: by eye; more makes veins cast harder shading.
+const RELIEF_PER_LENGTH: f32 = 0.012;
+/// Length of a leaf whose `size` key is not set, m.
+const DEFAULT_LENGTH: f64 = 0.08;
 /// Tolerance of outlines for crowns and for close-ups, pixels of a map of 1024.
-const LIGHT: f64 = 8.0;
-const HERO: f64 = 2.0;
-/// Most cells along a side of a grain: finer ones would only be noise.
-const CELLS: usize = 128;
+const CROWN_TOLERANCE: f64 = 8.0;
+const CLOSE_UP_TOLERANCE: f64 = 2.0;
+/// Largest number of cells along a side of a bark grain: finer cells hold too few points and show noise.
+const MAX_GRAIN_CELLS: usize = 128;
 
 /// The leaf of a table: maps, and meshes that differ in fold, curl and twist.
 /// # Errors
 /// `Input` with what the table leaves undone (I023, I060).
 pub fn build_ifs_leaf(
-    look: &mut MaterialSet,
+    set: &mut MaterialSet,
     recipe: &OrganRecipe,
     table: &Ifs,
     plant: &str,
@@ -38,12 +38,12 @@ pub fn build_ifs_leaf(
     seed: u64,
 ) -> Result<OrganSpec> {
     let keys = &recipe.keys;
-    let (spec, colors) = parameters(keys);
-    let made = recipe.drawn.get_or_init(|| leaf::mapped(table, &spec, &colors));
-    let made = made.as_ref().map_err(|d| told((**d).clone()))?;
-    let size = keys.size.unwrap_or(SIZE);
-    let (material, images) = leaf_material(made, &colors, keys, &format!("{plant}_{name}"), size);
-    let id = look.add(material, images);
+    let (spec, colors) = leaf_parameters(keys);
+    let drawn = recipe.drawn.get_or_init(|| leaf::mapped(table, &spec, &colors));
+    let drawn = drawn.as_ref().map_err(|d| table_error((**d).clone()))?;
+    let size = keys.size.unwrap_or(DEFAULT_LENGTH);
+    let (material, images) = leaf_material(drawn, &colors, keys, &format!("{plant}_{name}"), size);
+    let id = set.add(material, images)?;
     let mut draw = Rng::at(mix64(&[seed, word(plant), word(name)]), &["ifs-blade".into()]);
     let petiole = keys.petiole.unwrap_or(0.18 * size);
     let meshes: Vec<_> = (0..keys.variants)
@@ -57,26 +57,31 @@ pub fn build_ifs_leaf(
                 twist: vary(0.18, 2.0),
                 petiole: (petiole, keys.petiole_radius.unwrap_or(0.009 * size)),
             };
-            Arc::new(bent(&made.flat, &made.place, &pose).with_material(id))
+            Arc::new(bent(&drawn.flat, &drawn.place, &pose).with_material(id))
         })
         .collect();
     Ok(OrganSpec { name: name.to_owned(), meshes, size: size + petiole, petiole: 0.0 })
 }
 
 /// What decides the leaf that a table draws for an organ, as a hash; `None` for an organ of another kind.
-pub fn hash(recipe: &OrganRecipe) -> Option<String> {
+pub fn drawn_leaf_hash(recipe: &OrganRecipe) -> Option<String> {
     let table = recipe.ifs.as_deref().filter(|_| recipe.mesh.is_none())?;
-    let (spec, colors) = parameters(&recipe.keys);
+    let (spec, colors) = leaf_parameters(&recipe.keys);
     Some(leaf::hash(table, &spec, &colors))
 }
 
-fn parameters(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
+/// Resolution and outline tolerance of a drawn leaf, and its colours.
+fn leaf_parameters(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
     let spec = LeafSpec {
         side: (keys.side as usize).max(64),
         close: keys.close,
         fill: keys.fill,
         anchor: keys.anchor,
-        detail: if matches!(keys.detail, BladeDetail::Hero | BladeDetail::Close) { HERO } else { LIGHT },
+        detail: if matches!(keys.detail, BladeDetail::Hero | BladeDetail::Close) {
+            CLOSE_UP_TOLERANCE
+        } else {
+            CROWN_TOLERANCE
+        },
         holes: keys.holes,
         ..LeafSpec::default()
     };
@@ -96,19 +101,19 @@ fn parameters(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
 /// # Errors
 /// `Input` for a system without attractor (I023).
 pub fn bark_grain(table: &Ifs, side: u32) -> Result<BarkGrain> {
-    let side = (side as usize).min(CELLS);
-    Ok(BarkGrain { side, values: tile(table, side).map_err(|d| told(*d))? })
+    let side = (side as usize).min(MAX_GRAIN_CELLS);
+    Ok(BarkGrain { side, values: tile(table, side).map_err(|d| table_error(*d))? })
 }
 
-/// The table was read and judged before; what is left to say names it.
-fn told(d: Diagnostic) -> Error {
+/// An error without source labels: the table was parsed before, and the message names it.
+fn table_error(d: Diagnostic) -> Error {
     let mut report = Report::default();
     report.push(Diagnostic { labels: Vec::new(), ..d });
     Error::Input(Box::new(report))
 }
 
 fn leaf_material(
-    made: &DrawnLeaf,
+    drawn: &DrawnLeaf,
     colors: &LeafColors,
     keys: &OrganKeys,
     name: &str,
@@ -117,16 +122,16 @@ fn leaf_material(
     let image = |kind, suffix: &str, channels, pixels| Image {
         name: format!("{name}_{suffix}"),
         kind,
-        width: made.side,
-        height: made.side,
+        width: drawn.side,
+        height: drawn.side,
         channels,
         pixels,
     };
     let images = vec![
-        image(ImageKind::Color, "color", 4, Pixels::U8(made.color.clone())),
-        image(ImageKind::Data, "normal", 3, Pixels::U8(made.normal.clone())),
-        image(ImageKind::Data, "rough", 1, Pixels::U8(made.rough.clone())),
-        image(ImageKind::Data, "height", 1, Pixels::U16(made.height.clone())),
+        image(ImageKind::Color, "color", 4, Pixels::U8(drawn.color.clone())),
+        image(ImageKind::Data, "normal", 3, Pixels::U8(drawn.normal.clone())),
+        image(ImageKind::Data, "rough", 1, Pixels::U8(drawn.rough.clone())),
+        image(ImageKind::Data, "height", 1, Pixels::U16(drawn.height.clone())),
     ];
     let material = Material {
         name: name.to_owned(),
@@ -137,7 +142,7 @@ fn leaf_material(
         translucency: narrow(keys.translucency),
         double_sided: true,
         alpha_cutoff: Some(0.5),
-        height_range: RELIEF * narrow(size),
+        height_range: RELIEF_PER_LENGTH * narrow(size),
         tile: narrow(size),
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
         coat: None,

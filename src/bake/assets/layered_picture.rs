@@ -1,9 +1,11 @@
-//! Pictures laid together from several attractors.
+//! Pictures composited from layers: attractors and gradients.
 
 use glam::DVec3;
 
 use crate::bake::BakeContext;
-use crate::bake::assets::attractor::{MEMORY, PER_PIXEL, bounds, check_escapes, labels};
+use crate::bake::assets::attractor::{
+    DEFAULT_POINTS_PER_PIXEL, MAX_HISTOGRAM_BYTES, check_escapes, color_labels, visible_bounds,
+};
 use crate::recipe::scene::ColorBy;
 use crate::recipe::{AttractorRecipe, LayerRecipe, Recipe};
 use osier_base::math::{lerp, narrow};
@@ -17,20 +19,20 @@ use osier_ifs::histogram::{PictureWindow, histogram};
 use osier_ifs::picture::{ToneMapping, density, opacity};
 
 /// Bytes per pixel of a layer at most: counts, colours, densities.
-const CELL: u64 = 96;
+const BYTES_PER_PIXEL: u64 = 96;
 
-/// sRGB with alpha, 0..1, rows from the top.
+/// A picture in sRGB with straight alpha, 0..1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerCanvas {
-    /// Columns.
+    /// Columns, pixels.
     pub width: usize,
-    /// Rows.
+    /// Rows, pixels.
     pub height: usize,
-    /// Straight alpha.
+    /// Row by row from the top.
     pub pixels: Vec<[f32; 4]>,
 }
 
-/// A box on the canvas, pixels from the upper left corner; it may reach beyond.
+/// A rectangle in pixels from the canvas's upper left corner; it may extend beyond the canvas.
 #[derive(Debug, Clone, Copy)]
 struct PixelRect {
     left: i64,
@@ -39,14 +41,14 @@ struct PixelRect {
     height: usize,
 }
 
-/// What a layer covers: colour and opacity of each pixel of its rect.
+/// Colour, sRGB, and opacity of each pixel of a layer's rectangle.
 struct LayerBitmap {
     rect: PixelRect,
     color: Vec<[f32; 3]>,
     alpha: Vec<f32>,
 }
 
-/// Lays a recipe's layers over each other, from the first.
+/// Composites a recipe's layers, the first at the bottom.
 /// # Errors
 /// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
 /// Source: [wang-hao] Fig. 9, a scene of the paper's tables; the order and places are the recipe's.
@@ -67,19 +69,20 @@ pub fn compose(scene: &Recipe, context: &BakeContext<'_>) -> Result<LayerCanvas>
             Some(cloud) => attractor_layer(layer, cloud, scene, i, context)?,
             None => gradient_layer(layer, &canvas),
         };
-        canvas.lay(&bitmap, narrow(layer.keys.opacity));
+        canvas.composite_layer(&bitmap, narrow(layer.keys.opacity));
         context.progress.advance(1);
     }
     Ok(canvas)
 }
 
 impl LayerCanvas {
-    /// True if nothing shines through.
+    /// Whether every pixel is opaque.
     pub fn is_opaque(&self) -> bool {
         self.pixels.iter().all(|p| p[3] >= 1.0)
     }
 
-    fn lay(&mut self, bitmap: &LayerBitmap, opacity: f32) {
+    /// Blends a layer over the canvas, clipped to it.
+    fn composite_layer(&mut self, bitmap: &LayerBitmap, opacity: f32) {
         let p = bitmap.rect;
         for v in 0..p.height {
             for u in 0..p.width {
@@ -91,27 +94,27 @@ impl LayerCanvas {
                 if x < self.width
                     && let Some(under) = self.pixels.get_mut(y * self.width + x)
                 {
-                    *under = over(*under, *color, alpha * opacity);
+                    *under = blend_over(*under, *color, alpha * opacity);
                 }
             }
         }
     }
 }
 
-/// One colour over another, in sRGB as programs lay pictures over a page.
-fn over(under: [f32; 4], color: [f32; 3], alpha: f32) -> [f32; 4] {
-    let whole = alpha + under[3] * (1.0 - alpha);
-    if whole <= 0.0 {
+/// The Porter-Duff operator "over" with straight alpha, on sRGB values as image editors blend them.
+fn blend_over(under: [f32; 4], color: [f32; 3], alpha: f32) -> [f32; 4] {
+    let total = alpha + under[3] * (1.0 - alpha);
+    if total <= 0.0 {
         return [0.0; 4];
     }
-    let t = alpha / whole;
+    let t = alpha / total;
     let mix = |k: usize| lerp(under[k], color[k], t);
-    [mix(0), mix(1), mix(2), whole]
+    [mix(0), mix(1), mix(2), total]
 }
 
-/// The box of a layer `wide` by `high` pixels.
+/// The rectangle of a layer of `size` (width, height in pixels), whose foot's centre its key `at` gives as a share of the canvas.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a picture, at most ten times it")]
-fn rect(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2]) -> PixelRect {
+fn layer_rect(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2]) -> PixelRect {
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
     let left = (layer.keys.at[0] * w - 0.5 * wide).round();
     let bottom = (h - layer.keys.at[1] * h).round();
@@ -122,7 +125,7 @@ fn rect(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2]) -> 
 fn gradient_layer(layer: &LayerRecipe, canvas: &LayerCanvas) -> LayerBitmap {
     let keys = &layer.keys;
     let size = [keys.width.unwrap_or(1.0) * canvas.width as f64, keys.height.unwrap_or(1.0) * canvas.height as f64];
-    let rect = rect(layer, (canvas.width, canvas.height), size);
+    let rect = layer_rect(layer, (canvas.width, canvas.height), size);
     let foot = keys.color.unwrap_or_default().map(srgb_from_linear);
     let top = keys.color2.map_or(foot, |c| c.map(srgb_from_linear));
     let row = |v: usize| {
@@ -142,7 +145,7 @@ fn attractor_layer(
 ) -> Result<LayerBitmap> {
     let keys = &layer.keys;
     let canvas = (scene.picture.width as usize, scene.picture.height as usize);
-    let (low, high) = bounds(cloud);
+    let (low, high) = visible_bounds(cloud);
     let natural = (high - low).max(DVec3::splat(1e-12));
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
     let size = match (keys.width, keys.height) {
@@ -150,17 +153,19 @@ fn attractor_layer(
         (Some(x), None) => [x * w, x * w * natural.y / natural.x],
         (None, y) => [y.unwrap_or(1.0) * h * natural.x / natural.y, y.unwrap_or(1.0) * h],
     };
-    let most = 10.0 * w.max(h);
-    let rect = rect(layer, canvas, size.map(|v| v.min(most)));
+    let max_side = 10.0 * w.max(h);
+    let rect = layer_rect(layer, canvas, size.map(|v| v.min(max_side)));
     let pixels = rect.width as u64 * rect.height as u64;
-    if pixels.saturating_mul(CELL) > MEMORY {
-        let reason =
-            format!("layer {index} of {pixels} pixels would take {} MB; make it smaller", pixels * CELL / 1_000_000);
+    if pixels.saturating_mul(BYTES_PER_PIXEL) > MAX_HISTOGRAM_BYTES {
+        let reason = format!(
+            "layer {index} of {pixels} pixels would take {} MB; make it smaller",
+            pixels * BYTES_PER_PIXEL / 1_000_000
+        );
         return Err(Error::input("I050", reason));
     }
-    let count = keys.points.map_or(PER_PIXEL * pixels, u64::from);
+    let count = keys.points.map_or(DEFAULT_POINTS_PER_PIXEL * pixels, u64::from);
     context.limits.check("points", count, "the number of points of a layer")?;
-    // Stretched until a unit is as many pixels across as up.
+    // Scale the system along x until a table unit is as many pixels wide as high, so that one pixel size serves both axes.
     let pixel = natural.y / rect.height as f64;
     let stretch = DVec3::new(pixel * rect.width as f64 / natural.x, 1.0, 1.0);
     let mut system = cloud.system.clone();
@@ -172,7 +177,7 @@ fn attractor_layer(
     let window = PictureWindow { width: rect.width, height: rect.height, center: [middle.x, middle.y], pixel };
     let seed = mix64(&[scene.general.seed, word("layer"), index as u64]);
     let request = DrawRequest { system: &system, study: &cloud.study, seed, points: count, tier: InstructionSet::Best };
-    let colors: Option<ColorLabels> = (cloud.keys.color_by != ColorBy::Density).then(|| labels(cloud));
+    let colors: Option<ColorLabels> = (cloud.keys.color_by != ColorBy::Density).then(|| color_labels(cloud));
     let counts = histogram(&request, colors.as_ref(), &window);
     check_escapes(cloud, counts.escapes)?;
     let drawn = density(&counts, 1, None);

@@ -3,45 +3,60 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use osier_base::Result;
+use osier_base::convert::index;
 use osier_plants::grow::ifs::SubtreeBillboards;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::turtle::OrganSpec;
 use osier_scene::{Image, Maps, Material};
 
-/// Materials, pictures and organs of one plant. Maps index `images`, prototypes' subsets index `materials`.
+/// Materials, images and organs of one plant, indexed among themselves: maps index `images`, subsets of organ prototypes index
+/// `materials`.
 #[derive(Debug, Clone, Default)]
 pub struct MaterialSet {
     /// Bark, shoot, then those of the organs.
     pub materials: Vec<Material>,
-    /// Pictures.
+    /// Images that the maps of the materials refer to by index.
     pub images: Vec<Image>,
-    /// Organs by letter.
+    /// Organs by the letter of the grammar or table that places them.
     pub organs: BTreeMap<char, OrganSpec>,
-    /// Their names, parallel to the recipe's organs.
+    /// Names of the organs, parallel to the recipe's organs.
     pub names: Vec<String>,
     /// Billboards for the small branches of a tree seen from afar.
     pub cards: Option<SubtreeBillboards>,
-    /// What was found in the mesh of a whole plant.
+    /// Skeleton, wood and leaves that were found in the mesh of a whole plant.
     pub tree: Option<Arc<MeshPlant>>,
 }
 
 impl MaterialSet {
-    pub(crate) fn add(&mut self, mut material: Material, images: Vec<Image>) -> u32 {
-        let first = index(self.images.len());
-        for map in maps(&mut material.maps) {
+    /// Adds a material whose maps index `images` from 0; returns the material's index.
+    /// # Errors
+    /// `TooMany` beyond 2^32 materials or images.
+    pub(crate) fn add(&mut self, mut material: Material, images: Vec<Image>) -> Result<u32> {
+        let first = index(self.images.len(), "images of a plant")?;
+        for map in map_slots(&mut material.maps) {
             *map = map.map(|i| i + first);
         }
         self.images.extend(images);
         self.materials.push(material);
-        index(self.materials.len() - 1)
+        index(self.materials.len() - 1, "materials of a plant")
     }
 }
 
-/// The slots of a material.
-pub fn maps(maps: &mut Maps) -> [&mut Option<u32>; 4] {
-    [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height]
+/// Where one plant's materials are in the scene, and what all of its individuals share of them.
+#[derive(Debug, Clone, Default)]
+pub struct PlantMaterials {
+    /// Index in the scene of the plant's material 0.
+    pub first_material: u32,
+    /// Width of one repeat of the bark's maps, m.
+    pub tile: f32,
+    /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
+    pub organ_names: Vec<String>,
+    /// Whether the bark carries the attributes by which shaders sway it, for copies that a format shows without a skeleton.
+    pub shader_wind: bool,
 }
 
-pub(crate) fn index(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
+/// The image indices of a material's maps.
+pub(crate) fn map_slots(maps: &mut Maps) -> [&mut Option<u32>; 4] {
+    [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height]
 }

@@ -1,10 +1,11 @@
-//! What stands in the way: as solids for wind and flights, and as meshes to be seen.
+//! Obstacles: solids around which wind flows and on which catkins rest, and their meshes.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::scene::builder::SceneBuilder;
 use crate::recipe::scene::SolidShape;
 use crate::recipe::scene::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};
@@ -14,135 +15,153 @@ use osier_plants::surface::ground::Ground;
 use osier_plants::surface::masonry;
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::solid::{Form, LandForm, Prism, Shell, Solid, Solids};
-use osier_scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject};
+use osier_scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject, Trs};
 
-/// Heights along a side of the box that a waving ground is known by.
+/// Heights along each side of the height field that a wavy ground is sampled into. Own: 0.5 m apart over a field of 256 m;
+/// fewer smooth the waves that catkins land on.
 const GROUND_SAMPLES: u16 = 513;
-/// Colours of walls and roofs.
+/// Default colours of walls and roofs, linear.
 const PLASTER: [f32; 3] = [0.48, 0.40, 0.29];
 const TILES: [f32; 3] = [0.20, 0.058, 0.034];
 
 /// The ground under a scene.
 pub enum GroundSurface<'a> {
-    /// y = 0.
+    /// The plane y = 0.
     Level,
-    /// Waves around a middle.
-    Ground(&'a Ground, Vec3),
-    /// Hills.
-    Land(&'a Terrain),
+    /// A wavy ground, and the world position of its centre.
+    Waves(&'a Ground, Vec3),
+    Terrain(&'a Terrain),
 }
 
-/// All that is in the way of a scene's air and catkins, made once for both.
+/// The solids of a scene and the surface under it, shared by wind and catkins.
 pub struct Obstacles<'a> {
-    named: Vec<Solid>,
-    footing: GroundSurface<'a>,
-    hills: Option<Arc<LandForm>>,
+    solids: Vec<Solid>,
+    surface: GroundSurface<'a>,
+    terrain: Option<Arc<LandForm>>,
 }
 
 impl<'a> Obstacles<'a> {
-    /// Those of a recipe; none where neither a lattice nor catkins ask for them.
+    /// The obstacles of a recipe; none where neither a lattice wind nor a flight uses them.
     /// # Errors
-    /// X010 for a mesh that holds nothing solid.
-    pub fn of(recipe: &Recipe, footing: GroundSurface<'a>) -> Result<Self> {
-        if recipe.flight.is_none() && !flows_round(recipe) {
-            return Ok(Self { named: Vec::new(), footing: GroundSurface::Level, hills: None });
+    /// X010 for a mesh without triangles.
+    pub fn from_recipe(recipe: &Recipe, surface: GroundSurface<'a>) -> Result<Self> {
+        if recipe.flight.is_none() && !has_lattice_clip(recipe) {
+            return Ok(Self { solids: Vec::new(), surface: GroundSurface::Level, terrain: None });
         }
-        let named = recipe
+        let solids = recipe
             .solids
             .iter()
-            .map(|solid| Ok(Solid { name: solid.id.clone(), form: form(solid)?, humidity: solid.keys.humidity }));
-        let hills = match &footing {
-            GroundSurface::Land(land) => LandForm::new(land.side, land.size, land.heights.clone()).map(Arc::new),
+            .map(|solid| Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity }));
+        let terrain = match &surface {
+            GroundSurface::Terrain(terrain) => {
+                LandForm::new(terrain.side, terrain.size, terrain.heights.clone()).map(Arc::new)
+            }
             _ => None,
         };
-        Ok(Self { named: named.collect::<Result<_>>()?, footing, hills })
+        Ok(Self { solids: solids.collect::<Result<_>>()?, surface, terrain })
     }
 
-    /// All of them. `reach`: side of the square within which waving ground is known, m.
-    pub fn within(&self, reach: f32) -> Solids {
-        let land = match self.footing {
-            GroundSurface::Ground(ground, middle) if ground.amplitude > 0.0 => {
-                sampled(ground, middle, reach).map(Arc::new)
+    /// All solids, the land last. `side`: of the square around the origin within which a wavy ground is sampled, m.
+    pub fn solids_within(&self, side: f32) -> Solids {
+        let land = match self.surface {
+            GroundSurface::Waves(ground, center) if ground.amplitude > 0.0 => {
+                sample_ground(ground, center, side).map(Arc::new)
             }
-            _ => self.hills.clone(),
+            _ => self.terrain.clone(),
         };
         let level = land.is_none();
         let land = land.map(|l| Solid { name: "land".into(), form: Form::Land(l), humidity: 0.0 });
-        // After the others: the first of equals is what a catkin is said to lie on.
-        Solids::new(self.named.iter().cloned().chain(land).collect(), level)
+        // Where a solid and the land are equally near, a catkin rests on the one that comes first: the solid.
+        Solids::new(self.solids.iter().cloned().chain(land).collect(), level)
     }
 }
 
-/// Whether a recipe has a clip with a lattice wind, which flows round what is in its way.
-pub fn flows_round(recipe: &Recipe) -> bool {
+/// Whether a recipe has a clip with a lattice wind: the only wind that flows around solids.
+pub fn has_lattice_clip(recipe: &Recipe) -> bool {
     recipe.wind.model == WindModel::Lattice && recipe.clip.len() >= 2
 }
 
-fn sampled(ground: &Ground, middle: Vec3, reach: f32) -> Option<LandForm> {
-    let place = |i: u16| (f32::from(i) / f32::from(GROUND_SAMPLES - 1) - 0.5) * reach;
-    let row = |z: u16| (0..GROUND_SAMPLES).map(move |x| ground.height(place(x) - middle.x, place(z) - middle.z));
-    LandForm::new(usize::from(GROUND_SAMPLES), reach, (0..GROUND_SAMPLES).flat_map(row).collect())
+fn sample_ground(ground: &Ground, center: Vec3, side: f32) -> Option<LandForm> {
+    let place = |i: u16| (f32::from(i) / f32::from(GROUND_SAMPLES - 1) - 0.5) * side;
+    let row = |z: u16| (0..GROUND_SAMPLES).map(move |x| ground.height(place(x) - center.x, place(z) - center.z));
+    LandForm::new(usize::from(GROUND_SAMPLES), side, (0..GROUND_SAMPLES).flat_map(row).collect())
 }
 
-fn form(solid: &SolidRecipe) -> Result<Form> {
-    let Some(mesh) = &solid.mesh else { return Ok(Form::Prism(prism(solid))) };
-    let (at, turn) =
-        (Vec3::from_array(solid.keys.at.map(narrow)), glam::Quat::from_rotation_y(narrow(solid.keys.turn)));
-    let points: Vec<Vec3> = mesh.mesh.points.iter().map(|p| at + turn * *p).collect();
+fn solid_form(solid: &SolidRecipe) -> Result<Form> {
+    let Some(mesh) = &solid.mesh else { return Ok(Form::Prism(solid_prism(solid))) };
+    let position = Vec3::from_array(solid.keys.at.map(narrow));
+    let rotation = glam::Quat::from_rotation_y(narrow(solid.keys.turn));
+    let points: Vec<Vec3> = mesh.mesh.points.iter().map(|p| position + rotation * *p).collect();
     let shell = Shell::new(&points, &mesh.mesh.triangles);
     let empty = || Error::export("X010", format!("solid \"{}\": its mesh has no triangles", solid.id));
     Ok(Form::Shell(Arc::new(shell.ok_or_else(empty)?)))
 }
 
-/// A house, or else a block.
-fn prism(solid: &SolidRecipe) -> Prism {
+/// The prism of a house, or of a block for every other shape.
+fn solid_prism(solid: &SolidRecipe) -> Prism {
     let keys = &solid.keys;
-    let (at, size) = (Vec3::from_array(keys.at.map(narrow)), Vec3::from_array(keys.size.map(narrow)));
+    let (base, size) = (Vec3::from_array(keys.at.map(narrow)), Vec3::from_array(keys.size.map(narrow)));
     let turn = narrow(keys.turn);
     match keys.shape {
-        SolidShape::House => Prism::house(at, size, narrow(keys.roof), turn),
-        _ => Prism::block(at, size, turn),
+        SolidShape::House => Prism::house(base, size, narrow(keys.roof), turn),
+        _ => Prism::block(base, size, turn),
     }
 }
 
-/// A solid to be seen: its look, and its asset once the look's first material is known.
-pub fn build_obstacle(solid: &SolidRecipe) -> (MaterialSet, impl FnOnce(MaterialId) -> Result<Asset> + '_) {
-    let mut look = MaterialSet::default();
+/// Adds the meshes of the obstacles that are shown, each once.
+/// # Errors
+/// `TooMany` beyond 2^32 materials or images.
+pub(crate) fn add_obstacles(recipe: &Recipe, builder: &mut SceneBuilder) -> Result<()> {
+    for solid in recipe.solids.iter().filter(|s| s.keys.show) {
+        let first_material = builder.add_materials(obstacle_materials(solid))?.first_material;
+        let mut asset = obstacle_asset(solid, first_material);
+        builder.make_unique(&mut asset.id, "_solid");
+        builder.add_placed(asset, Trs::IDENTITY, None);
+    }
+    Ok(())
+}
+
+/// Materials of an imported mesh, or of walls and roof.
+fn obstacle_materials(solid: &SolidRecipe) -> MaterialSet {
+    let mut set = MaterialSet::default();
     match &solid.mesh {
         Some(mesh) => {
-            look.materials.clone_from(&mesh.materials);
-            look.images.clone_from(&mesh.images);
-            look.materials.iter_mut().for_each(|m| m.name = format!("{}_{}", solid.id, m.name));
+            set.materials.clone_from(&mesh.materials);
+            set.images.clone_from(&mesh.images);
+            set.materials.iter_mut().for_each(|m| m.name = format!("{}_{}", solid.id, m.name));
         }
         None => {
             let keys = &solid.keys;
             let (wall, roof) = (keys.color.unwrap_or(PLASTER), keys.roof_color.unwrap_or(TILES));
             let count = if keys.shape == SolidShape::House { masonry::MATERIAL_COUNT as usize } else { 1 };
-            look.materials.extend(masonry::materials(&solid.id, wall, roof).into_iter().take(count));
+            set.materials.extend(masonry::materials(&solid.id, wall, roof).into_iter().take(count));
         }
     }
-    (look, |first| {
-        let mesh = match &solid.mesh {
-            Some(imported) => {
-                let turn = glam::Quat::from_rotation_y(narrow(solid.keys.turn));
-                let at = Vec3::from_array(solid.keys.at.map(narrow));
-                let mut mesh = imported.mesh.clone();
-                mesh.points.iter_mut().for_each(|p| *p = at + turn * *p);
-                mesh.normals.iter_mut().for_each(|n| *n = turn * *n);
-                mesh.subsets.iter_mut().for_each(|s| s.material += first);
-                mesh
-            }
-            None => masonry::masonry(&prism(solid), first),
-        };
-        Ok(Asset {
-            id: solid.id.clone(),
-            kind: AssetKind::Import,
-            group: String::new(),
-            skeleton: None,
-            meshes: vec![MeshObject { name: solid.id.clone(), mesh, motion: MeshMotion::Still, skin: None }],
-            instancers: Vec::new(),
-            points: Vec::new(),
-            curves: Vec::new(),
-        })
-    })
+    set
+}
+
+/// The mesh of an obstacle in world space; `first_material`: index in the scene of the first of [`obstacle_materials`].
+fn obstacle_asset(solid: &SolidRecipe, first_material: MaterialId) -> Asset {
+    let mesh = match &solid.mesh {
+        Some(imported) => {
+            let rotation = glam::Quat::from_rotation_y(narrow(solid.keys.turn));
+            let position = Vec3::from_array(solid.keys.at.map(narrow));
+            let mut mesh = imported.mesh.clone();
+            mesh.points.iter_mut().for_each(|p| *p = position + rotation * *p);
+            mesh.normals.iter_mut().for_each(|n| *n = rotation * *n);
+            mesh.subsets.iter_mut().for_each(|s| s.material += first_material);
+            mesh
+        }
+        None => masonry::masonry(&solid_prism(solid), first_material),
+    };
+    Asset {
+        id: solid.id.clone(),
+        kind: AssetKind::Import,
+        group: String::new(),
+        skeleton: None,
+        meshes: vec![MeshObject { name: solid.id.clone(), mesh, motion: MeshMotion::Still, skin: None }],
+        instancers: Vec::new(),
+        points: Vec::new(),
+        curves: Vec::new(),
+    }
 }

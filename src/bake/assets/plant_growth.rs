@@ -1,4 +1,4 @@
-//! From a grammar or a coefficient table to a plant.
+//! Growth of an individual: by its grammar, by an IFS tree, or from the skeleton of an imported mesh.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,51 +26,52 @@ use osier_plants::grow::radii::Taper;
 use osier_plants::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
 use osier_scene::plant::Plant;
 
-/// A grown plant.
+/// A grown individual.
 #[derive(Debug)]
 pub struct GrownPlant {
-    /// It.
+    /// Axes, nodes and organs.
     pub plant: Plant,
-    /// What was odd on the way.
+    /// Warnings of derivation and turtle.
     pub report: Report,
-    /// Modules of its final string.
+    /// Modules of the final string; 0 without a grammar.
     pub modules: u64,
-    /// The mesh that it was found in, and wears.
-    pub own: Option<Arc<MeshPlant>>,
+    /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
+    pub imported: Option<Arc<MeshPlant>>,
 }
 
-/// Derives and draws one individual.
+/// Grows one individual with the organs of its plant's materials.
 /// # Errors
-/// `Input` with what the derivation or the turtle refuses.
+/// `Input` with the faults of derivation or turtle, `Limit`, `Cancelled`.
 pub fn grow_plant(
     recipe: &PlantRecipe,
     individual: &Individual,
-    look: &MaterialSet,
+    set: &MaterialSet,
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
     let grammar = match &recipe.growth {
         Growth::Grammar(grammar) => grammar,
         Growth::Ifs(stems, keys) => {
-            let options = tree_options(recipe, stems, keys, look);
-            let of = (individual.id, individual.seed);
+            let options = ifs_tree_options(recipe, stems, keys, set);
+            let identity = (individual.id, individual.seed);
             let plant = if keys.twigs {
-                let (mut tree, twigs) = ifs::branchlets::grow(stems, of, &options, context.limits)?;
-                let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
+                let (mut tree, twigs) = ifs::branchlets::grow(stems, identity, &options, context.limits)?;
+                let tile = set.materials.first().map_or(0.5, |bark| bark.tile);
                 branchlets::add_branchlet_meshes(&mut tree, &twigs, recipe, tile, context)?;
                 tree
             } else {
-                ifs::grow(stems, of, &options, context.limits)?
+                ifs::grow(stems, identity, &options, context.limits)?
             };
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, own: None });
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None });
         }
         Growth::Mesh(..) => {
-            let own = look.tree.clone();
-            let tree = own.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
+            let imported = set.tree.clone();
+            let tree = imported.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
             let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
-            plant.materials = look.materials.iter().map(|m| m.name.clone()).collect();
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, own });
+            plant.materials = set.materials.iter().map(|m| m.name.clone()).collect();
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported });
         }
     };
+    // Derivation of the grammar's string, then its interpretation by the turtle.
     let options = DeriveOptions {
         seed: individual.seed,
         plant_id: individual.id,
@@ -80,76 +81,83 @@ pub fn grow_plant(
     let derived = derive(grammar, &options, context.limits)?;
     context.cancel.check()?;
     let mut report = Report { sources: grammar.sources().clone(), diagnostics: Vec::new() };
-    let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, look)?, context.limits)?;
+    let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, own: None })
+    Ok(GrownPlant { plant, report, modules, imported: None })
 }
 
-pub(crate) fn tree_options(
+/// Options of an IFS tree from the keys of `[plants.NAME.tree]`.
+pub(crate) fn ifs_tree_options(
     recipe: &PlantRecipe,
     stems: &TreeSystem,
     keys: &IfsTreeKeys,
-    look: &MaterialSet,
+    set: &MaterialSet,
 ) -> ifs::TreeOptions {
-    let short = |v: u32| u16::try_from(v).unwrap_or(u16::MAX);
     ifs::TreeOptions {
         height: keys.height,
         eps: keys.eps,
-        max_depth: short(keys.max_depth),
-        max_order: short(keys.max_order),
+        max_depth: saturating_u16(keys.max_depth),
+        max_order: saturating_u16(keys.max_order),
         variation: keys.variation,
         radius: keys.radius,
         pipe: keys.radii == BranchRadii::Pipe,
         leaf_density: keys.leaf_density,
         leaves_per_site: keys.leaves,
-        leaf: look.organs.get(&'l').cloned(),
-        sets: set_letters(&stems.system).filter_map(|letter| look.organs.get(&letter)).cloned().collect(),
-        cards: look.cards.clone(),
-        materials: look.materials.iter().map(|m| m.name.clone()).collect(),
+        leaf: set.organs.get(&'l').cloned(),
+        sets: set_letters(&stems.system).filter_map(|letter| set.organs.get(&letter)).cloned().collect(),
+        cards: set.cards.clone(),
+        materials: set.materials.iter().map(|m| m.name.clone()).collect(),
         bark: (BARK, SHOOT, f64::from(SHOOT_RADIUS)),
         source: recipe.source.clone(),
         up: Vec3::Y,
     }
 }
 
-fn turtle_options(recipe: &PlantRecipe, look: &MaterialSet) -> Result<TurtleOptions> {
+/// A depth limit in 16 bits; beyond them it is no limit in practice.
+#[allow(clippy::cast_possible_truncation, reason = "at most u16::MAX after the minimum")]
+fn saturating_u16(limit: u32) -> u16 {
+    limit.min(u32::from(u16::MAX)) as u16
+}
+
+/// Options of the turtle from the keys of `[plants.NAME.turtle]`, which override those of the grammar.
+fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptions> {
     let keys = &recipe.turtle;
-    let own = TurtleOptions::default();
-    let byte = |v: Option<u32>, own: u8| v.and_then(|v| u8::try_from(v).ok()).unwrap_or(own);
+    let defaults = TurtleOptions::default();
+    let byte = |v: Option<u32>, default: u8| v.and_then(|v| u8::try_from(v).ok()).unwrap_or(default);
     let mut organs = BTreeMap::new();
-    for (letter, spec) in &look.organs {
+    for (letter, spec) in &set.organs {
         organs.insert(*letter, spec.clone());
     }
     if keys.tropisms.len() > 8 {
-        let (value, max) = (f64::from(u32::try_from(keys.tropisms.len()).unwrap_or(u32::MAX)), 8.0);
+        let (value, max) = (keys.tropisms.len() as f64, 8.0);
         return Err(Error::Range { name: "number of tropisms".into(), value, min: 0.0, max, unit: "" });
     }
     Ok(TurtleOptions {
         angle: keys.angle,
         unit_m: keys.unit,
-        width: keys.width.unwrap_or(if keys.line == Some(LineStyle::Pixel) { 0.02 } else { own.width }),
-        radii: radii(recipe),
-        width_increment: keys.width_increment.unwrap_or(own.width_increment),
-        color: byte(keys.color, own.color),
-        color_increment: byte(keys.color_increment, own.color_increment),
-        scale: keys.scale.unwrap_or(own.scale),
-        scale_multiplier: keys.scale_multiplier.unwrap_or(own.scale_multiplier),
-        tapered: keys.tapered.unwrap_or(own.tapered),
-        tropisms: keys.tropisms.iter().map(tropism).collect(),
+        width: keys.width.unwrap_or(if keys.line == Some(LineStyle::Pixel) { 0.02 } else { defaults.width }),
+        radii: radius_model(recipe),
+        width_increment: keys.width_increment.unwrap_or(defaults.width_increment),
+        color: byte(keys.color, defaults.color),
+        color_increment: byte(keys.color_increment, defaults.color_increment),
+        scale: keys.scale.unwrap_or(defaults.scale),
+        scale_multiplier: keys.scale_multiplier.unwrap_or(defaults.scale_multiplier),
+        tapered: keys.tapered.unwrap_or(defaults.tapered),
+        tropisms: keys.tropisms.iter().map(turtle_tropism).collect(),
         tropism_keep_roll: keys.tropism_keep_roll,
         organs,
-        materials: look.materials.iter().map(|m| m.name.clone()).collect(),
+        materials: set.materials.iter().map(|m| m.name.clone()).collect(),
         axis_material: BARK,
         shoot_material: Some(SHOOT),
         shoot_radius: f64::from(SHOOT_RADIUS),
         source: recipe.source.clone(),
-        ..own
+        ..defaults
     })
 }
 
-/// A tuft's hairs are hairs where nothing sets their widths.
-fn radii(recipe: &PlantRecipe) -> RadiusModel {
+/// Radii from the grammar's widths; hairs of a tuft taper to the catkins' tip radius.
+fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
     match &recipe.growth {
         Growth::Grammar(grammar) if grammar.is_tuft() => {
             let own = CatkinKeys::defaults();
@@ -160,7 +168,7 @@ fn radii(recipe: &PlantRecipe) -> RadiusModel {
     }
 }
 
-fn tropism(keys: &TropismKeys) -> Tropism {
+fn turtle_tropism(keys: &TropismKeys) -> Tropism {
     Tropism {
         dir: DVec3::from_array(keys.dir),
         angle: keys.angle,

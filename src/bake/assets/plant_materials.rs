@@ -1,4 +1,4 @@
-//! Surfaces and the pictures on them: bark, leaves, ground.
+//! Materials and organ meshes of a plant: bark, leaf blades, imported meshes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,12 +8,13 @@ use glam::Vec3;
 use crate::bake::BakeContext;
 use crate::bake::assets::billboards;
 use crate::bake::assets::ifs_leaf;
-use crate::bake::assets::material_set::{MaterialSet, index, maps};
+use crate::bake::assets::material_set::{MaterialSet, map_slots};
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
-use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, GroundKeys, ImportedMeshKeys, OrganKeys};
+use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, ImportedMeshKeys, OrganKeys};
 use crate::recipe::{CARD, Growth, KeyTable as _, OrganRecipe, PlantRecipe};
 use osier_base::Result;
+use osier_base::convert::{index, to_usize};
 use osier_base::files::Names;
 use osier_base::math::narrow;
 use osier_base::progress::Cancel;
@@ -24,55 +25,58 @@ use osier_plants::grow::mesh;
 use osier_plants::grow::turtle::{OrganSpec, STALK};
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
-use osier_plants::surface::ground::{Ground, GroundColors, ground_material};
 use osier_plants::surface::leaf::{self, BladeSpec, LeafColors, LeafForm, Teeth};
 use osier_scene::{Image, Material, MaterialClass, Mesh};
 
-/// Light let through by imported leaves.
-const LEAF_LIGHT: f32 = 0.3;
+/// Translucency, 0..1, of imported leaves whose file has none. Own: of the order of a broad leaf's transmittance in visible
+/// light; 0 would show backlit crowns black.
+const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
-/// The look of one plant.
+/// All materials, images and organs of one plant.
 /// # Errors
-/// What the makers of blades and maps refuse.
+/// `Range` for blades and maps outside their ranges, `Input` for a table without attractor, `Cancelled`.
 pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>) -> Result<MaterialSet> {
-    let mut look = MaterialSet::default();
+    let mut set = MaterialSet::default();
     if let Growth::Mesh(import, keys) = &plant.growth {
         return mesh_plant_materials(plant, import, keys, seed, context.cancel);
     }
+    // Two materials of every plant: bark, and the bark of thin shoots; a tuft of hairs has hair in place of the latter.
     let tuft = matches!(&plant.growth, Growth::Grammar(grammar) if grammar.is_tuft());
     let [bark_grain, shoot_grain] = &plant.grains;
     for (keys, table, part) in [(&plant.bark, bark_grain, "bark"), (&plant.shoot, shoot_grain, "shoot")] {
         let name = format!("{}_{part}", plant.id);
         if tuft && part == "shoot" {
-            look.add(catkin::hair_material(&name), Vec::new());
+            set.add(catkin::hair_material(&name), Vec::new())?;
             continue;
         }
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
         let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
-        look.add(surface.material, surface.images);
+        set.add(surface.material, surface.images)?;
     }
+    // Organs: a mesh from a file, a leaf drawn by a table, or a blade built from its parameters.
     for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
         let organ = match (&recipe.mesh, &recipe.ifs) {
-            (Some(mesh), _) => imported_organ(&mut look, mesh, recipe, &plant.id, &name),
-            (None, Some(table)) => ifs_leaf::build_ifs_leaf(&mut look, recipe, table, &plant.id, &name, seed)?,
-            (None, None) => build_leaf(&mut look, recipe, &plant.id, &name, seed, plant.rods.is_some())?,
+            (Some(mesh), _) => add_imported_organ(&mut set, mesh, recipe, &plant.id, &name)?,
+            (None, Some(table)) => ifs_leaf::build_ifs_leaf(&mut set, recipe, table, &plant.id, &name, seed)?,
+            (None, None) => build_leaf(&mut set, recipe, &plant.id, &name, seed, plant.rods.is_some())?,
         };
-        look.organs.insert(recipe.letter, organ);
-        look.names.push(name);
+        set.organs.insert(recipe.letter, organ);
+        set.names.push(name);
     }
     if tuft {
-        add_stalk(&mut look, &plant.id);
+        add_tuft_stalk(&mut set, &plant.id)?;
     }
+    // Billboards picture subtrees with the bark and leaves above, so they come after these.
     if let (Growth::Ifs(stems, keys), Some(card)) = (&plant.growth, plant.organs.iter().position(|o| o.letter == CARD))
     {
         let name = organ_names(plant).swap_remove(card);
-        look.cards = Some(billboards::build_billboards(&mut look, plant, &name, stems, keys, seed, context)?);
-        look.names.push(name);
+        set.cards = Some(billboards::build_billboards(&mut set, plant, &name, stems, keys, seed, context)?);
+        set.names.push(name);
     }
     if matches!(&plant.growth, Growth::Ifs(_, keys) if keys.twigs) {
-        look.names.push(BRANCHLET.into());
+        set.names.push(BRANCHLET.into());
     }
-    Ok(look)
+    Ok(set)
 }
 
 /// Names of a plant's organs, parallel to them.
@@ -86,17 +90,18 @@ pub(crate) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
     plant.organs.iter().map(|o| names.unique(&name(o))).collect()
 }
 
-/// The stalk of a tuft, in its own size.
-fn add_stalk(look: &mut MaterialSet, plant: &str) {
-    let id = look.add(catkin::stalk_material(&format!("{plant}_stalk")), Vec::new());
+/// Adds the stalk of a tuft as an organ of fixed size.
+fn add_tuft_stalk(set: &mut MaterialSet, plant: &str) -> Result<()> {
+    let id = set.add(catkin::stalk_material(&format!("{plant}_stalk")), Vec::new())?;
     let mesh = catkin::stalk(narrow(CatkinKeys::defaults().stalk_radius), (12, 8)).with_material(id);
     // Nothing of it lies above its pivot, so that its size is not set by its length along +Y but is a factor.
     let spec = OrganSpec { name: "stalk".into(), meshes: vec![Arc::new(mesh)], size: 1.0, petiole: 0.0 };
-    look.organs.insert(STALK, spec);
-    look.names.push("stalk".into());
+    set.organs.insert(STALK, spec);
+    set.names.push("stalk".into());
+    Ok(())
 }
 
-/// An artist's plant with its own materials, and the skeleton that is found in it.
+/// An imported plant with the materials of its file, and the skeleton that is extracted from its mesh.
 fn mesh_plant_materials(
     plant: &PlantRecipe,
     import: &Imported,
@@ -112,52 +117,57 @@ fn mesh_plant_materials(
         seed: mix64(&[seed, plant.keys.seed, word(&plant.name)]),
     };
     let mut tree = mesh::extract_skeleton(import, &options, cancel)?;
-    let mut look = MaterialSet { names: vec!["leaf".into()], ..MaterialSet::default() };
-    add_imported(&mut look, import, &plant.id);
-    let mut leafy: BTreeMap<u32, u32> = BTreeMap::new();
+    let mut set = MaterialSet { names: vec!["leaf".into()], ..MaterialSet::default() };
+    add_imported_materials(&mut set, import, &plant.id)?;
+    // A material that wood and leaves share is split, once: leaves are two-sided and translucent.
+    let mut leaf_materials: BTreeMap<u32, u32> = BTreeMap::new();
     for proto in &mut tree.plant.protos {
         for s in &mut Arc::make_mut(&mut proto.mesh).subsets {
-            let own = leafy.entry(s.material).or_insert_with(|| leaf_material_of(&mut look, &tree.wood, s.material));
-            s.material = *own;
+            let known = leaf_materials.get(&s.material).copied();
+            let leaf = known.map_or_else(|| split_leaf_material(&mut set, &tree.wood, s.material), Ok)?;
+            leaf_materials.insert(s.material, leaf);
+            s.material = leaf;
         }
     }
-    look.tree = Some(Arc::new(tree));
-    Ok(look)
+    set.tree = Some(Arc::new(tree));
+    Ok(set)
 }
 
-/// The material of blades that have `material` in the file: seen from both sides, and with some light let through where
-/// the file says nothing of it. What the wood wears, too, stays as it is.
-fn leaf_material_of(look: &mut MaterialSet, wood: &Mesh, material: u32) -> u32 {
-    let Some(own) = look.materials.get_mut(material as usize) else { return material };
+/// The material of leaves that have `material` in the file: two-sided, and translucent where the file sets no translucency. It
+/// replaces `material`, or is added beside it where the wood uses that too.
+fn split_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
+    let Some(own) = set.materials.get_mut(to_usize(material)) else { return Ok(material) };
     let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
     if leaf.translucency <= 0.0 {
-        leaf.translucency = LEAF_LIGHT;
+        leaf.translucency = IMPORTED_TRANSLUCENCY;
     }
     if wood.subsets.iter().all(|s| s.material != material) {
         *own = leaf;
-        return material;
+        return Ok(material);
     }
     leaf.name = format!("{}_leaf", leaf.name);
-    look.materials.push(leaf);
-    index(look.materials.len() - 1)
+    set.materials.push(leaf);
+    index(set.materials.len() - 1, "materials of a plant")
 }
 
-/// Adds the materials and pictures of an artist's file; where the materials begin.
-fn add_imported(look: &mut MaterialSet, import: &Imported, prefix: &str) -> u32 {
-    let (first_material, first_image) = (index(look.materials.len()), index(look.images.len()));
+/// Adds the materials and images of an imported file under `prefix`; returns the index of the first material.
+fn add_imported_materials(set: &mut MaterialSet, import: &Imported, prefix: &str) -> Result<u32> {
+    let first_material = index(set.materials.len(), "materials of a plant")?;
+    let first_image = index(set.images.len(), "images of a plant")?;
     let renamed = |own: &str| format!("{prefix}_{own}");
-    look.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
-    look.materials.extend(import.materials.iter().map(|m| {
+    set.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
+    set.materials.extend(import.materials.iter().map(|m| {
         let mut material = Material { name: renamed(&m.name), ..m.clone() };
-        maps(&mut material.maps).into_iter().for_each(|map| *map = map.map(|i| i + first_image));
+        map_slots(&mut material.maps).into_iter().for_each(|map| *map = map.map(|i| i + first_image));
         material
     }));
-    first_material
+    Ok(first_material)
 }
 
-/// Blades made from numbers. `bare`: without their stalks, which are then rods of the same length.
+/// Leaf blades built from their parameters, `keys.variants` of them. `bare`: without petioles, which are then rods of the same
+/// length.
 fn build_leaf(
-    look: &mut MaterialSet,
+    set: &mut MaterialSet,
     recipe: &OrganRecipe,
     plant: &str,
     name: &str,
@@ -171,7 +181,7 @@ fn build_leaf(
     let mut surface =
         leaf::leaf_material(&spec, &colors, &material_name, keys.side, keys.detail == BladeDetail::Close)?;
     surface.material.translucency = narrow(keys.translucency);
-    let id = look.add(surface.material, surface.images);
+    let id = set.add(surface.material, surface.images)?;
     let detail = match keys.detail {
         BladeDetail::Close => leaf::BladeDetail::Close,
         BladeDetail::Hero => leaf::BladeDetail::Hero,
@@ -182,7 +192,8 @@ fn build_leaf(
     let meshes = (0..u64::from(keys.variants))
         .map(|variant| Ok(Arc::new(leaf::blade(&shape, variant, detail)?.with_material(id))))
         .collect::<Result<Vec<_>>>()?;
-    // With its stalk the mesh's length along +Y is what parameter 1 stands for.
+    // The organ's size is the length along +Y of mesh and petiole together, from the specification: a curled blade is shorter
+    // than it. Without its petiole the mesh gets the share of that length that is its own.
     let (whole, stalk) = (f64::from(spec.length + spec.petiole_length), f64::from(spec.petiole_length));
     let longest = meshes.iter().fold(0.0_f32, |m, mesh| m.max(mesh.bounds().max.y));
     let share = whole / (f64::from(longest) + stalk);
@@ -190,13 +201,13 @@ fn build_leaf(
     Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
 }
 
-/// Radius of the stalk of an organ in size 1, m; none where the recipe does not know it.
-pub fn stalk_radius(recipe: &OrganRecipe) -> Option<f64> {
+/// Radius of an organ's petiole at size 1, m; `None` for imported and drawn leaves, whose petiole has no parameter.
+pub(crate) fn petiole_radius(recipe: &OrganRecipe) -> Option<f64> {
     let own = recipe.mesh.is_none() && recipe.ifs.is_none();
     own.then(|| f64::from(blade_spec(&recipe.keys, 0).petiole_radius))
 }
 
-/// The blade's own numbers, changed by the keys that were given.
+/// The parameters of the outline's species, overridden by the keys that are set.
 fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let base = match keys.blade {
         BladeOutline::Lobed => BladeSpec::oak(),
@@ -238,7 +249,7 @@ fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     }
 }
 
-/// The blade's own colours, changed by the keys that were given.
+/// The colours of the outline's species, overridden by the keys that are set.
 fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     let own = match keys.blade {
         BladeOutline::Lobed => LeafColors::OAK,
@@ -254,25 +265,26 @@ fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     }
 }
 
-/// An artist's mesh with its own materials.
-fn imported_organ(
-    look: &mut MaterialSet,
+/// An imported mesh as an organ, with the materials of its file.
+fn add_imported_organ(
+    set: &mut MaterialSet,
     import: &Imported,
     recipe: &OrganRecipe,
     plant: &str,
     name: &str,
-) -> OrganSpec {
+) -> Result<OrganSpec> {
     let mut mesh = import.mesh.clone();
-    let first_material = add_imported(look, import, &format!("{plant}_{name}"));
+    let first_material = add_imported_materials(set, import, &format!("{plant}_{name}"))?;
     for s in &mut mesh.subsets {
         s.material += first_material;
     }
     let own = f64::from(mesh.bounds().max.y.max(1e-3));
     let size = recipe.keys.size.unwrap_or(own);
-    OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole: recipe.keys.petiole.unwrap_or(0.0) }
+    let petiole = recipe.keys.petiole.unwrap_or(0.0);
+    Ok(OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole })
 }
 
-/// The kind's own numbers, changed by the keys that were given.
+/// The parameters of the bark's kind, overridden by the keys that are set.
 fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
     let own = match keys.kind {
         BarkKind::Furrowed => BarkSpec::furrowed(),
@@ -302,37 +314,4 @@ fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
         seed,
         ..own
     }
-}
-
-/// Shape of the ground that the keys describe, around the origin of its own space.
-pub fn ground_shape(keys: &GroundKeys, seed: u64) -> Ground {
-    Ground {
-        radius: narrow(keys.size * 0.5),
-        amplitude: narrow(keys.relief),
-        wavelength: narrow(keys.wavelength),
-        tile: narrow(keys.tile),
-        seed: mix64(&[seed, word("ground")]),
-        ..Ground::default()
-    }
-}
-
-/// Material and pictures of that ground. `air`: linear colour of the sky at the horizon.
-/// # Errors
-/// What the makers of ground refuse.
-pub fn ground_materials(shape: &Ground, keys: &GroundKeys, air: [f32; 3]) -> Result<MaterialSet> {
-    let own = GroundColors::default();
-    let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
-    // Haze is lit as ground is, and would outshine the sky if it were as bright.
-    let haze = (scaled(air, 0.7), if shape.is_one_repeat() { narrow(keys.haze) } else { 0.0 });
-    let colors = GroundColors {
-        haze,
-        soil: keys.color.map_or(own.soil, |c| [scaled(c, 0.3), c]),
-        green: keys.color2.map_or(own.green, |c| [scaled(c, 0.3), c]),
-        cover: narrow(keys.cover),
-        ..own
-    };
-    let mut look = MaterialSet::default();
-    let surface = ground_material(&colors, "ground", keys.side, shape.tile, shape.seed)?;
-    look.add(surface.material, surface.images);
-    Ok(look)
 }

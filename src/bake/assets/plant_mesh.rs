@@ -1,10 +1,11 @@
-//! From a grown plant to an asset of the scene: bark, leaves, joints.
+//! Builds the asset of a grown plant: bark mesh, leaf instancers, joints, and its sway in the wind.
 
 use std::collections::BTreeMap;
 
 use glam::Vec3;
 
 use crate::bake::BakeContext;
+use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::skin_options::skin_options;
 use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
@@ -13,6 +14,7 @@ use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::scene::BarkMotion;
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::Result;
+use osier_base::convert::{index, to_usize};
 use osier_motion::sway::{JointRig, WindWeights};
 use osier_plants::surface::skin;
 use osier_scene::plant::{Organ, Plant};
@@ -21,75 +23,70 @@ use osier_scene::{
     Trs,
 };
 
-/// What all individuals of one plant share.
-#[derive(Debug, Clone, Default)]
-pub struct PlantMaterials {
-    /// Index of the plant's first material in the scene; its own indices are added.
-    pub first_material: u32,
-    /// Size of one repeat of the bark, m.
-    pub tile: f32,
-    /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
-    pub organ_names: Vec<String>,
-    /// Its bark carries the attributes by which shaders sway it, for copies that a format shows without a skeleton.
-    pub shader_wind: bool,
-}
-
-/// Marks the plants of which glTF may show copies without a skeleton, as all of them would need more skins than it is given.
-pub fn mark_shader_wind(recipe: &Recipe, layout: &PlantLayout, kinds: &mut [PlantMaterials]) {
+/// Marks the plants whose copies glTF may show without a skeleton: those with more than one copy, where all copies together
+/// need more skins than `output.gltf.skins` allows. Their bark gets the attributes by which a shader sways it.
+pub(crate) fn mark_shader_wind(recipe: &Recipe, layout: &PlantLayout, materials: &mut [PlantMaterials]) {
     let written = recipe.output.writes(&osier_export::gltf::FORMAT);
-    let beyond = layout.standings.len() > usize::try_from(recipe.output.gltf.skins).unwrap_or(usize::MAX);
-    let mut standing = vec![0_usize; kinds.len()];
-    for plant in layout.standings.iter().filter_map(|s| layout.individuals.get(s.individual)).map(|i| i.plant) {
-        standing.get_mut(plant).into_iter().for_each(|n| *n += 1);
+    let beyond_skins = layout.instances.len() > to_usize(recipe.output.gltf.skins);
+    let mut copies = vec![0_usize; materials.len()];
+    for plant in layout.instances.iter().filter_map(|s| layout.individuals.get(s.individual)).map(|i| i.plant) {
+        copies.get_mut(plant).into_iter().for_each(|n| *n += 1);
     }
-    for (kind, n) in kinds.iter_mut().zip(standing) {
-        kind.shader_wind = written && beyond && recipe.moves && n > 1;
+    for (materials, n) in materials.iter_mut().zip(copies) {
+        materials.shader_wind = written && beyond_skins && recipe.moves && n > 1;
     }
 }
 
-/// Makes the asset of a grown plant. `moving`: the wind, and where the plant's first copy stands.
+/// Builds the asset of a grown plant and, with a wind, its sway. `wind`: together with the transform of the plant's first copy.
 /// # Errors
-/// What the skin and the simulation refuse.
+/// `Limit` for the skin's vertices or the motion's keys, `Simulation`, `Cancelled`.
 pub fn build_plant_asset(
     grown: &GrownPlant,
     recipe: &PlantRecipe,
-    kind: &PlantMaterials,
+    materials: &PlantMaterials,
     individual: &Individual,
-    moving: Option<(&PlantWind, Trs)>,
+    wind: Option<(&PlantWind, Trs)>,
     context: &BakeContext<'_>,
 ) -> Result<(Asset, Option<SwayMotion>)> {
     context.cancel.check()?;
     let plant = &grown.plant;
-    let (mut mesh, bindings) = bark(grown, recipe, kind, context)?;
-    let groups = group_organs(plant, kind);
+    // The bark's points are bound to axes and arc lengths, by which the sway model finds their elements.
+    let (mut mesh, bindings) = bark_mesh(grown, recipe, materials, context)?;
+    let groups = group_organs(plant, materials);
+    // For engines, leaves are merged into one mesh per organ with attributes for a wind shader; else each is an instance.
     let shaded = matches!(recipe.keys.motion, BarkMotion::Game | BarkMotion::Static);
-    let moving = moving.filter(|_| !matches!(recipe.keys.motion, BarkMotion::Still | BarkMotion::Static));
-    let mover = match moving {
-        Some((air, stand)) => {
-            let manner = air.manner(&recipe.wood, stand);
-            let separate = groups.iter().filter(|_| !shaded);
-            let leaves: Vec<FlutterGroup> = separate.map(|(o, organs)| FlutterGroup::of(recipe, *o, organs)).collect();
-            let shown = SwaySurface { points: &mesh.points, bindings: &bindings, leaves: &leaves };
-            Some(SwayMotion::new(plant, &recipe.keys, air, manner, &shown, context)?)
+    let wind = wind.filter(|_| !matches!(recipe.keys.motion, BarkMotion::Still | BarkMotion::Static));
+    let sway = match wind {
+        Some((wind, transform)) => {
+            let params = wind.sway_params(&recipe.wood, transform);
+            let instanced = groups.iter().filter(|_| !shaded);
+            let leaves: Vec<FlutterGroup> =
+                instanced.map(|(o, organs)| FlutterGroup::from_recipe(recipe, *o, organs)).collect();
+            let surface = SwaySurface { points: &mesh.points, bindings: &bindings, leaves: &leaves };
+            Some(SwayMotion::new(plant, &recipe.keys, wind, params, &surface, context)?)
         }
         None => None,
     };
-    let rig = mover.as_ref().map(|m| &m.rig);
+    let rig = sway.as_ref().map(|m| &m.rig);
+    // The bark follows joints by skinning, or its points are written frame by frame (`motion = "cache"`).
     let motion = match (rig, recipe.keys.motion) {
         (None, _) | (_, BarkMotion::Still | BarkMotion::Static) => MeshMotion::Still,
         (Some(_), BarkMotion::Skin | BarkMotion::Game) => MeshMotion::Skinned,
         (Some(_), BarkMotion::Cache) => MeshMotion::Deforming,
     };
     let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
-    let separate = groups.iter().filter(|_| !shaded);
-    let instancers = separate.map(|(o, organs)| instancer(plant, kind, *o, organs, joint_motion(organs, rig)));
+    let instanced = groups.iter().filter(|_| !shaded);
+    let instancers: Vec<Instancer> = instanced
+        .map(|(o, organs)| leaf_instancer(plant, materials, *o, organs, joint_motion(organs, rig)))
+        .collect::<Result<_>>()?;
     let mut merged = Vec::new();
-    if shaded || kind.shader_wind {
+    if shaded || materials.shader_wind {
         mesh.attributes = WindWeights::new(plant).bark(&bindings);
     }
     if shaded {
         let attributes = WindWeights::new(plant);
-        merged = groups.iter().map(|(o, organs)| merged_leaves(&attributes, kind, *o, organs, rig, motion)).collect();
+        merged =
+            groups.iter().map(|(o, organs)| merged_leaves(&attributes, materials, *o, organs, rig, motion)).collect();
     }
     let bark = MeshObject { name: "bark".into(), mesh, motion, skin: weights };
     let asset = Asset {
@@ -97,126 +94,132 @@ pub fn build_plant_asset(
         kind: AssetKind::Plant,
         group: String::new(),
         skeleton: rig.map(|r| r.skeleton.clone()),
-        instancers: instancers.collect(),
+        instancers,
         meshes: [bark].into_iter().chain(merged).collect(),
         points: Vec::new(),
         curves: Vec::new(),
     };
-    Ok((asset, mover))
+    Ok((asset, sway))
 }
 
-/// The bark of a plant, with axis and arc length, m, of each point.
+/// The bark of a plant with the scene's material indices, and for each of its points the axis and the arc length on it, m.
 /// # Errors
-/// What the skin refuses.
-pub fn bark(
+/// `Limit` for the skin's vertices.
+pub(crate) fn bark_mesh(
     grown: &GrownPlant,
     recipe: &PlantRecipe,
-    kind: &PlantMaterials,
+    materials: &PlantMaterials,
     context: &BakeContext<'_>,
 ) -> Result<(Mesh, Vec<(u32, f32)>)> {
-    let (mut mesh, bindings) = match &grown.own {
+    let (mut mesh, bindings) = match &grown.imported {
         Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
         None => {
-            let bark = skin(&grown.plant, &skin_options(&recipe.skin, kind.tile, context))?;
+            let bark = skin(&grown.plant, &skin_options(&recipe.skin, materials.tile, context))?;
             (bark.mesh, bark.bindings.iter().map(|b| (b.axis, b.s)).collect())
         }
     };
-    to_scene(&mut mesh, kind.first_material);
+    offset_materials(&mut mesh, materials.first_material);
     Ok((mesh, bindings))
 }
 
-/// From the plant's own material indices to the scene's.
-fn to_scene(mesh: &mut Mesh, first: u32) {
+/// Turns the plant's own material indices into the scene's.
+fn offset_materials(mesh: &mut Mesh, first: u32) {
     for s in &mut mesh.subsets {
         s.material += first;
     }
 }
 
-/// Organ (index into the recipe's) that a prototype shows.
-pub fn organ_of_prototype(plant: &Plant, kind: &PlantMaterials, proto: usize) -> Option<usize> {
+/// The organ, as an index into the recipe's organs, that a prototype of the plant shows.
+pub(crate) fn organ_of_prototype(plant: &Plant, materials: &PlantMaterials, proto: usize) -> Option<usize> {
     let name = plant.protos.get(proto)?.name.as_str();
-    let is = |own: &String| {
-        let rest = name.strip_prefix(own.as_str());
+    // Variants of an organ's mesh are named after it: NAME, or NAME_ and digits.
+    let is_variant_of = |organ: &String| {
+        let rest = name.strip_prefix(organ.as_str());
         rest.is_some_and(|r| r.is_empty() || r.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok()))
     };
     // An organ that the scene does not describe is shown with the first one's group.
-    Some(kind.organ_names.iter().position(is).unwrap_or(0))
+    Some(materials.organ_names.iter().position(is_variant_of).unwrap_or(0))
 }
 
-/// Organs by what they show, in the plant's order.
-pub fn group_organs<'a>(plant: &'a Plant, kind: &PlantMaterials) -> BTreeMap<usize, Vec<&'a Organ>> {
+/// A plant's organs by the recipe's organ that they show, in the plant's order within each group.
+pub(crate) fn group_organs<'a>(plant: &'a Plant, materials: &PlantMaterials) -> BTreeMap<usize, Vec<&'a Organ>> {
     let mut groups: BTreeMap<usize, Vec<&Organ>> = BTreeMap::new();
     for o in &plant.organs {
-        if let Some(organ) = organ_of_prototype(plant, kind, usize::from(o.proto)) {
+        if let Some(organ) = organ_of_prototype(plant, materials, usize::from(o.proto)) {
             groups.entry(organ).or_default().push(o);
         }
     }
     groups
 }
 
-/// Leaves of one kind as one mesh that rides rigidly on the joints.
+/// The leaves of one organ merged into one mesh, each leaf bound rigidly to one joint.
 fn merged_leaves(
     attributes: &WindWeights<'_>,
-    kind: &PlantMaterials,
+    materials: &PlantMaterials,
     organ: usize,
     organs: &[&Organ],
     rig: Option<&JointRig>,
     motion: MeshMotion,
 ) -> MeshObject {
-    let (mesh, sizes) = attributes.leaves(organs, kind.first_material);
+    let (mesh, sizes) = attributes.leaves(organs, materials.first_material);
     let skin = rig.map(|rig| {
         let joints =
             organs.iter().zip(&sizes).flat_map(|(o, n)| std::iter::repeat_n([rig.organ_joint(o), 0, 0, 0], *n));
         let joints: Vec<[u16; 4]> = joints.collect();
         SkinWeights { weights: vec![[1.0, 0.0, 0.0, 0.0]; joints.len()], joints }
     });
-    MeshObject { name: instancer_name(kind, organ), mesh, motion, skin }
+    MeshObject { name: instancer_name(materials, organ), mesh, motion, skin }
 }
 
-/// Name of the leaves of one kind.
-pub fn instancer_name(kind: &PlantMaterials, organ: usize) -> String {
-    kind.organ_names.get(organ).filter(|n| *n != "leaf").map_or_else(|| "leaves".into(), |n| format!("{n}s"))
+/// Name of an organ's instancer or merged mesh: `leaves`, or the organ's name with an `s`.
+pub(crate) fn instancer_name(materials: &PlantMaterials, organ: usize) -> String {
+    materials.organ_names.get(organ).filter(|n| *n != "leaf").map_or_else(|| "leaves".into(), |n| format!("{n}s"))
 }
 
-/// How organs move with the joints.
+/// The joint that each organ rides on; none without a rig.
 fn joint_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
     rig.map_or(InstancerMotion::Still, |rig| {
         InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect())
     })
 }
 
-/// Leaves of one kind.
-pub fn instancer(
+/// Instancer of one organ's leaves, in the order of `organs`.
+/// # Errors
+/// `TooMany` beyond 2^32 prototypes.
+pub(crate) fn leaf_instancer(
     plant: &Plant,
-    kind: &PlantMaterials,
+    materials: &PlantMaterials,
     organ: usize,
     organs: &[&Organ],
     motion: InstancerMotion,
-) -> Instancer {
-    let mine: Vec<usize> =
-        (0..plant.protos.len()).filter(|p| organ_of_prototype(plant, kind, *p) == Some(organ)).collect();
-    let prototypes = mine.iter().map(|p| prototype(plant, *p, kind.first_material)).collect();
-    let local = |o: &Organ| mine.iter().position(|p| *p == usize::from(o.proto)).and_then(|p| u32::try_from(p).ok());
+) -> Result<Instancer> {
+    let variants: Vec<usize> =
+        (0..plant.protos.len()).filter(|p| organ_of_prototype(plant, materials, *p) == Some(organ)).collect();
+    let prototypes = variants.iter().map(|p| leaf_prototype(plant, *p, materials.first_material)).collect();
+    // From prototypes of the plant to those of this instancer.
+    let local_index = |o: &&Organ| {
+        index(variants.iter().position(|p| *p == usize::from(o.proto)).unwrap_or(0), "prototypes of an instancer")
+    };
     let sites: Vec<_> = organs.iter().map(|o| plant.organ_site(o)).collect();
     let rest = InstanceState {
         positions: sites.iter().map(|s| s.0).collect(),
         orientations: sites.iter().map(|s| s.1).collect(),
         ..InstanceState::default()
     };
-    Instancer {
-        name: instancer_name(kind, organ),
+    Ok(Instancer {
+        name: instancer_name(materials, organ),
         prototypes,
         ids: organs.iter().map(|o| o.id).collect(),
-        protos: organs.iter().map(|o| local(o).unwrap_or(0)).collect(),
+        protos: organs.iter().map(local_index).collect::<Result<_>>()?,
         scales: organs.iter().map(|o| Vec3::splat(o.scale)).collect(),
         rest,
         motion,
         tracked: false,
-    }
+    })
 }
 
-fn prototype(plant: &Plant, proto: usize, first: u32) -> Prototype {
+fn leaf_prototype(plant: &Plant, proto: usize, first: u32) -> Prototype {
     let (name, mut mesh) = plant.protos.get(proto).map(|p| (p.name.clone(), (*p.mesh).clone())).unwrap_or_default();
-    to_scene(&mut mesh, first);
+    offset_materials(&mut mesh, first);
     Prototype::new(name, mesh)
 }

@@ -1,7 +1,7 @@
-//! Leaves of tables that a bake keeps in its folder, so that the next one need not make them again.
+//! Leaves drawn by IFS tables, cached in the bake's folder for the next bake.
 //!
 //! `leaves/NAME/leaf.toml` holds the blade and the hashes of table, parameters and maps; the maps are the leaf's textures.
-//! What does not fit in every byte is made again.
+//! A leaf of which any byte has changed is drawn again.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ use osier_scene::Pixels;
 /// Maps of a leaf by their endings, with their channels.
 const MAPS: [(&str, u8); 4] = [("color", 4), ("normal", 3), ("rough", 1), ("height", 1)];
 
-/// What stands in the file below its check.
+/// The part of the file that its checksum covers.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LeafFile {
@@ -57,45 +57,46 @@ struct BladeOutline {
     triangles: Vec<[u32; 3]>,
 }
 
-/// A leaf of a recipe that a table draws.
+/// A leaf of a recipe that an IFS table draws.
 struct CachedLeaf<'a> {
-    /// Of its material and maps.
+    /// Name of its material and prefix of its maps.
     name: String,
     hash: String,
-    once: &'a LazyLeaf,
+    drawn: &'a LazyLeaf,
 }
 
 fn cached_leaves(recipe: &Recipe) -> Vec<CachedLeaf<'_>> {
     let mut all = Vec::new();
     for plant in &recipe.plants {
         for (organ, name) in plant.organs.iter().zip(plant_materials::organ_names(plant)) {
-            if let Some(hash) = ifs_leaf::hash(organ) {
-                all.push(CachedLeaf { name: format!("{}_{name}", plant.id), hash, once: &organ.drawn });
+            if let Some(hash) = ifs_leaf::drawn_leaf_hash(organ) {
+                all.push(CachedLeaf { name: format!("{}_{name}", plant.id), hash, drawn: &organ.drawn });
             }
         }
     }
     all
 }
 
-/// Fetches the leaves that an earlier bake left in a folder; those that are not there, or not whole, stay to be made.
+/// Loads the leaves that an earlier bake stored in a folder; missing and damaged ones are left to be drawn.
 pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
     let cached_leaves = cached_leaves(recipe);
     par_map(&cached_leaves, |leaf| {
         if let Some(drawn) = load_leaf(leaf, root, limits) {
-            // Another leaf may have the same table and keys: then it is here already, and the same.
-            let _ = leaf.once.set(Ok(drawn));
+            // Two organs with one table and equal keys share the leaf: the second finds it set, to the same value.
+            let _ = leaf.drawn.set(Ok(drawn));
         }
     });
 }
 
 fn load_leaf(leaf: &CachedLeaf<'_>, root: &Path, limits: &Limits) -> Option<DrawnLeaf> {
     let bytes = read_below(root, &leaf_path(&leaf.name), limits.get("text-bytes")).ok()??;
-    let page = parse_leaf_file(&bytes).filter(|p| p.hash == leaf.hash)?;
-    let listed = [&page.maps.color, &page.maps.normal, &page.maps.rough, &page.maps.height];
+    let file = parse_leaf_file(&bytes).filter(|f| f.hash == leaf.hash)?;
+    let listed = [&file.maps.color, &file.maps.normal, &file.maps.rough, &file.maps.height];
+    // Maps are read in order; the first that is missing or damaged makes the whole leaf unusable.
     let mut pixels = MAPS.iter().zip(listed).map(|((map, channels), hash)| {
         let png = read_below(root, &map_path(&leaf.name, map), limits.get("image-bytes")).ok()??;
-        let whole = blake3::hash(&png).to_hex().as_str() == hash.as_str();
-        if whole { textures::unpng(&png, page.side, *channels) } else { None }
+        let intact = blake3::hash(&png).to_hex().as_str() == hash.as_str();
+        if intact { textures::unpng(&png, file.side, *channels) } else { None }
     });
     let mut bytes = || match pixels.next()? {
         Some(Pixels::U8(v)) => Some(v),
@@ -103,36 +104,41 @@ fn load_leaf(leaf: &CachedLeaf<'_>, root: &Path, limits: &Limits) -> Option<Draw
     };
     let (color, normal, rough) = (bytes()?, bytes()?, bytes()?);
     let Some(Pixels::U16(height)) = pixels.next()? else { return None };
-    let BladeOutline { anchor, solid, start, midrib, points, triangles } = page.blade;
-    let (at, all) = (DVec2::from_array, |l: Vec<[f64; 2]>| l.into_iter().map(DVec2::from_array).collect());
-    let flat = FlatBlade { points: all(points), triangles };
-    let place =
-        BladePlacement { side: f64::from(page.side), anchor: at(anchor), midrib: all(midrib), solid: at(solid), start };
-    let ends = [page.anchor, page.tip].map(at);
-    Some(DrawnLeaf { side: page.side, color, normal, rough, height, flat, place, ends })
+    let BladeOutline { anchor, solid, start, midrib, points, triangles } = file.blade;
+    let (point, points_of) = (DVec2::from_array, |l: Vec<[f64; 2]>| l.into_iter().map(DVec2::from_array).collect());
+    let flat = FlatBlade { points: points_of(points), triangles };
+    let place = BladePlacement {
+        side: f64::from(file.side),
+        anchor: point(anchor),
+        midrib: points_of(midrib),
+        solid: point(solid),
+        start,
+    };
+    let ends = [file.anchor, file.tip].map(point);
+    Some(DrawnLeaf { side: file.side, color, normal, rough, height, flat, place, ends })
 }
 
-/// The page of a file, if nothing below its check was changed and its triangles name points of it.
+/// Parses a leaf file; `None` if its checksum fails or a triangle refers to a missing point.
 fn parse_leaf_file(bytes: &[u8]) -> Option<LeafFile> {
     let text = std::str::from_utf8(bytes).ok()?;
     let (check, rest) = text.split_once("check = \"")?.1.split_once("\"\n")?;
     if blake3::hash(rest.as_bytes()).to_hex().as_str() != check {
         return None;
     }
-    let page: LeafFile = toml::from_str(rest).ok()?;
-    let points = page.blade.points.len();
-    let inside = page.blade.triangles.iter().flatten().all(|i| (*i as usize) < points);
-    inside.then_some(page)
+    let file: LeafFile = toml::from_str(rest).ok()?;
+    let points = file.blade.points.len();
+    let inside = file.blade.triangles.iter().flatten().all(|i| (*i as usize) < points);
+    inside.then_some(file)
 }
 
-/// Keeps the leaves that were made or fetched, beside their textures, which are written already.
+/// Stores all drawn leaves beside their textures, which are written already.
 /// # Errors
-/// Whatever cannot be written.
+/// `Io` for a file that cannot be written.
 pub fn store(recipe: &Recipe, folder: &Folder) -> Result<()> {
     let files = folder.files();
     let listed = |path: &str| files.iter().find(|f| f.path == path).map(|f| f.blake3.as_str());
     for leaf in cached_leaves(recipe) {
-        let Some(Ok(drawn)) = leaf.once.get() else { continue };
+        let Some(Ok(drawn)) = leaf.drawn.get() else { continue };
         let hashes: Option<Vec<&str>> = MAPS.iter().map(|(map, _)| listed(&map_path(&leaf.name, map))).collect();
         let Some(hashes) = hashes else { continue };
         folder.write(&leaf_path(&leaf.name), "toml.leaf", leaf_file_text(&leaf, drawn, &hashes).as_bytes())?;

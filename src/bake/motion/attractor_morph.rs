@@ -1,4 +1,4 @@
-//! Clouds whose coefficients change with time.
+//! Morphs of attractors: points drawn from coefficients that change with time.
 
 use std::sync::Arc;
 
@@ -17,11 +17,12 @@ use osier_ifs::game::{Extent, InstructionSet};
 use osier_ifs::morph::Morph;
 use osier_scene::{Asset, AssetFrame, PointsFrame};
 
-/// Points and times that tell how far a cloud reaches.
-const SAMPLE: u64 = 4096;
-const LOOKS: u32 = 32;
+/// Points that are followed, and steps of the whole morph at which they are, to bound where the points go. Own: more of either
+/// give a tighter bound and take longer; the bound only frames cameras and extents.
+const BOUND_POINTS: u64 = 4096;
+const BOUND_STEPS: u32 = 32;
 
-/// Draws an attractor at any time.
+/// Draws an attractor at any time of its morph.
 #[derive(Debug, Clone)]
 pub struct AttractorMorph {
     morph: Arc<Morph>,
@@ -60,7 +61,7 @@ impl AttractorMorph {
     }
 
     /// The points at a time, s from the first frame.
-    pub fn cloud(&self, seconds: f64) -> AttractorPoints {
+    pub fn points_at(&self, seconds: f64) -> AttractorPoints {
         let system = self.morph.system(seconds);
         let mut labels = ColorLabels::new(&system, self.mode, &[]);
         labels.colors = self.colors_at(seconds);
@@ -75,7 +76,7 @@ impl AttractorMorph {
         cloud(&request, &labels, &self.extent, self.origin, self.scale)
     }
 
-    /// Colours go straight from key to key.
+    /// Colours by label, interpolated linearly between keys.
     fn colors_at(&self, seconds: f64) -> Vec<[f32; 3]> {
         let (k, t) = self.morph.place(seconds);
         let t = narrow(t);
@@ -84,8 +85,8 @@ impl AttractorMorph {
         b.map_or_else(|| a.clone(), |b| a.iter().zip(b).map(mixed).collect())
     }
 
-    /// Where the points that have their words at `seconds` are at another time.
-    fn positions(&self, seconds: f64, words: f64) -> Vec<Vec3> {
+    /// Positions at `seconds` of the points whose addresses were drawn with the probabilities of time `words`.
+    fn positions_of_words(&self, seconds: f64, words: f64) -> Vec<Vec3> {
         let system = self.morph.system(seconds);
         let study = self.morph.study(words);
         let labels = ColorLabels::new(&system, ColorMode::Map, &[]);
@@ -99,22 +100,25 @@ impl AttractorMorph {
         cloud(&request, &labels, &self.extent, self.origin, self.scale).positions
     }
 
-    /// Where some of the points go from the first key to the last.
-    pub fn reach(&self) -> Bounds {
+    /// Box around a sample of the points at times from the first key to the last, m.
+    pub fn swept_bounds(&self) -> Bounds {
         let (first, last) = (self.morph.keys().first(), self.morph.keys().last());
         let (Some(a), Some(b)) = (first.map(|k| k.at), last.map(|k| k.at)) else { return Bounds::default() };
-        let some = Self { points: self.points.min(SAMPLE), ..self.clone() };
-        let at = |i: u32| a + (b - a) * f64::from(i) / f64::from(LOOKS);
-        (0..=LOOKS).fold(Bounds::default(), |reach, i| reach.union(Bounds::of(some.positions(at(i), at(i)))))
+        let sample = Self { points: self.points.min(BOUND_POINTS), ..self.clone() };
+        let time = |i: u32| a + (b - a) * f64::from(i) / f64::from(BOUND_STEPS);
+        (0..=BOUND_STEPS)
+            .fold(Bounds::default(), |reach, i| reach.union(Bounds::of(sample.positions_of_words(time(i), time(i)))))
     }
 
     /// The asset at a time; `step`: seconds between frames.
     /// Own: a point's velocity is that of its word's image, the mean over the frame around it.
     fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         let Some(rest) = asset.points.first() else { return AssetFrame::default() };
-        let now = self.cloud(seconds);
+        // Central difference over one frame, of points that keep their addresses.
+        let now = self.points_at(seconds);
         let half = 0.5 * step;
-        let (before, after) = (self.positions(seconds - half, seconds), self.positions(seconds + half, seconds));
+        let (before, after) =
+            (self.positions_of_words(seconds - half, seconds), self.positions_of_words(seconds + half, seconds));
         let rate = narrow(step.recip());
         let velocities = after.iter().zip(&before).map(|(a, b)| (*a - *b) * rate).collect();
         let recolored = self.colors.windows(2).any(|w| w[0] != w[1]) || self.mode == ColorMode::Coord;

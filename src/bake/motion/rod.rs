@@ -1,4 +1,4 @@
-//! Rods of a recipe: laid out, moved, and shown as tubes with joints.
+//! Rods of a recipe: laid out, simulated through the clip, and shown as tubes skinned to one joint per section.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -7,10 +7,12 @@ use glam::{DMat3, DVec3, Quat, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::motion::{AssetMotion, FrameTime};
+use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::wind::plant_wind::analytic_winds;
 use crate::recipe::scene::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoadKeys, RodLoadKind};
 use crate::recipe::{Recipe, RodRecipe};
 use osier_base::Result;
+use osier_base::convert::{index, narrow, to_usize};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::keyframes::Keyframes;
 use osier_base::math;
@@ -25,28 +27,27 @@ use osier_scene::{
 };
 use osier_wind::Wind;
 
-/// Density of the balls that weights are shown as, kg/m^3.
-const WATER: f64 = osier_base::physics::WATER_DENSITY;
+/// Density of the balls that attached weights are shown as, kg/m^3.
+const WEIGHT_DENSITY: f64 = osier_base::physics::WATER_DENSITY;
 
-/// Rods that hang together, ready for the scene.
-pub struct RodAsset {
-    /// The asset.
-    pub asset: Asset,
-    /// Its materials; the asset names them from the number that was given.
-    pub materials: Vec<Material>,
-    /// What moves it; none in a still scene.
-    pub motion: Option<RodMotion>,
+/// Connected rods as an asset, before it is added to the scene.
+struct RodAsset {
+    asset: Asset,
+    /// One per rod and per weight; the asset's meshes index them from the number of the scene's materials so far.
+    materials: Vec<Material>,
+    /// `None` in a still scene.
+    motion: Option<RodMotion>,
 }
 
-/// Rods in every frame.
+/// Recorded poses of connected rods, one per frame.
 #[derive(Debug, Clone)]
 pub struct RodMotion(Arc<Vec<RodPose>>);
 
 impl RodMotion {
-    /// The pose of frame `k` from the first.
-    pub fn pose_at(&self, k: u64) -> AssetFrame {
-        let k = usize::try_from(k).unwrap_or(usize::MAX).min(self.0.len().saturating_sub(1));
-        AssetFrame { pose: self.0.get(k).map(pose).unwrap_or_default(), ..AssetFrame::default() }
+    /// The pose of the `frame`-th frame of the clip; the last one after it.
+    pub fn pose_at(&self, frame: u64) -> AssetFrame {
+        let pose = usize::try_from(frame).ok().and_then(|k| self.0.get(k)).or(self.0.last());
+        AssetFrame { pose: pose.map(joint_transforms).unwrap_or_default(), ..AssetFrame::default() }
     }
 }
 
@@ -56,47 +57,67 @@ impl AssetMotion for RodMotion {
     }
 }
 
-/// Joint 0 stands still; then come sections, then weights.
-fn pose(still: &RodPose) -> Vec<Trs> {
-    let sections = still.sections.iter().map(|(t, r)| Trs { t: *t, r: *r, s: Vec3::ONE });
-    [Trs::IDENTITY].into_iter().chain(sections).chain(still.bodies.iter().map(|p| Trs::translation(*p))).collect()
+/// Transforms of the joints: the fixed root, then one per section, then one per weight.
+fn joint_transforms(pose: &RodPose) -> Vec<Trs> {
+    let sections = pose.sections.iter().map(|(t, r)| Trs { t: *t, r: *r, s: Vec3::ONE });
+    [Trs::IDENTITY].into_iter().chain(sections).chain(pose.bodies.iter().map(|p| Trs::translation(*p))).collect()
 }
 
-/// The ball that a weight is shown as.
+/// The ball that an attached weight is shown as.
 struct WeightBall {
-    shown: bool,
+    visible: bool,
     radius: f64,
     color: [f32; 3],
 }
 
-/// Rods that hang together.
+/// A rod that is clamped in the world and all rods that are attached to it, which are solved as one system.
 struct RodAssembly<'a> {
+    /// The rod in the world first; each other one after the rod that it is attached to.
     members: Vec<&'a RodRecipe>,
-    lines: Vec<RodDescription>,
+    /// Parallel to `members`.
+    descriptions: Vec<RodDescription>,
     rods: RodSystem,
-    acts: Vec<Actuation>,
+    actuations: Vec<Actuation>,
     weights: Vec<WeightBall>,
 }
 
-/// All rods of a recipe, those that stand on each other as one asset. `draft`: they are counted, not moved; `first`: number
-/// of the first material.
+/// Adds the rods of a recipe to the scene; `estimating`: without simulating their motion.
 /// # Errors
-/// `Simulation` for rods that fly apart, `Limit`, `Cancelled`.
-pub fn build_rod_assets(
+/// `Simulation` for rods that diverge, `Limit`, `Cancelled`.
+pub(crate) fn add_rods(
     recipe: &Recipe,
-    draft: bool,
-    first: u32,
+    estimating: bool,
+    builder: &mut SceneBuilder,
+    context: &BakeContext<'_>,
+    report: &mut Report,
+) -> Result<()> {
+    let first = index(builder.materials.len(), "materials of a scene")?;
+    for mut new in build_rod_assets(recipe, estimating, first, context, report)? {
+        builder.make_unique(&mut new.asset.id, "_rod");
+        builder.materials.extend(new.materials);
+        let motion = new.motion.map(|motion| Arc::new(motion) as Arc<dyn AssetMotion>);
+        builder.add_placed(new.asset, Trs::IDENTITY, motion);
+    }
+    Ok(())
+}
+
+/// One asset for each rod in the world with all that is attached to it. `first_material`: number of the scene's materials so far.
+fn build_rod_assets(
+    recipe: &Recipe,
+    estimating: bool,
+    first_material: u32,
     context: &BakeContext<'_>,
     report: &mut Report,
 ) -> Result<Vec<RodAsset>> {
     let wind = analytic_winds(recipe).filter(|_| recipe.blows());
     let roots = (0..recipe.rods.len()).filter(|i| recipe.rods[*i].on.is_none());
-    let mut all = Vec::new();
-    let mut material = first;
+    let mut assets = Vec::new();
+    let mut material = first_material;
     for root in roots {
-        let mut group = RodAssembly::new(recipe, root);
-        group.tell(recipe.clip.fps(), report);
-        // What turns freely hangs nowhere: it is drawn as it is without weight.
+        let mut group = RodAssembly::new(recipe, root)?;
+        group.report_stability(recipe.clip.fps(), report);
+        // `gravity = "posed"`: find a rest shape from which gravity bends the rod into its drawn shape. A rod that can turn freely
+        // has no such equilibrium, and one without solution is left weightless.
         let posed = group.members[0].keys.gravity == RodGravity::Posed && group.rods.is_anchored(0);
         if posed && !group.rods.find_rest_shape_by_equilibrium() {
             let text = format!("no shape was found from which rod \"{}\" hangs as it is drawn", group.members[0].id);
@@ -107,90 +128,95 @@ pub fn build_rod_assets(
         }
         let motion = match recipe.clip.len() {
             0 | 1 => None,
-            _ if draft => Some(RodMotion(Arc::default())),
-            _ => Some(group.record(recipe, wind.as_deref(), context)?),
+            _ if estimating => Some(RodMotion(Arc::default())),
+            _ => Some(group.simulate_clip(recipe, wind.as_deref(), context)?),
         };
-        let new = group.show(material, motion.is_some());
-        material += u32::try_from(new.0.len()).unwrap_or(0);
-        all.push(RodAsset { asset: new.1, materials: new.0, motion });
+        let (materials, asset) = group.build_asset(material, motion.is_some())?;
+        material += index(materials.len(), "materials of rods")?;
+        assets.push(RodAsset { asset, materials, motion });
     }
-    Ok(all)
+    Ok(assets)
 }
 
 impl<'a> RodAssembly<'a> {
-    /// The rods that stand on `root`, and on those.
-    fn new(recipe: &'a Recipe, root: usize) -> Self {
-        let mut place = vec![None; recipe.rods.len()];
-        let (mut members, mut lines): (Vec<&RodRecipe>, Vec<RodDescription>) = (Vec::new(), Vec::new());
+    /// The rod `root` of the recipe and all that are attached to it, directly or to each other.
+    fn new(recipe: &'a Recipe, root: usize) -> Result<Self> {
+        // A rod's base can only name a rod before it, so one pass from `root` on finds all members in order.
+        let mut member_of = vec![None; recipe.rods.len()];
+        let (mut members, mut descriptions): (Vec<&RodRecipe>, Vec<RodDescription>) = (Vec::new(), Vec::new());
         for (i, rod) in recipe.rods.iter().enumerate().skip(root) {
-            let on = rod.on.and_then(|on| place[on]);
+            let on = rod.on.and_then(|on| member_of[on]);
             if i == root || on.is_some() {
-                place[i] = Some(members.len());
-                let parent = on.map(|on: usize| (on, rod.keys.on_at * lines[on].length()));
-                lines.push(line(&rod.keys, parent));
+                member_of[i] = Some(members.len());
+                let parent = on.map(|on: usize| (on, rod.keys.on_at * descriptions[on].length()));
+                descriptions.push(rod_description(&rod.keys, parent));
                 members.push(rod);
             }
         }
-        let mut holds = Vec::new();
-        let mut acts = Vec::new();
+        // Clamps with the curves that move them. A rod in the world without a clamp is fixed at its base.
+        let mut clamps = Vec::new();
+        let mut actuations = Vec::new();
         for (k, rod) in members.iter().enumerate() {
             for clamp in &rod.clamps {
-                let hold = match clamp.hold {
+                let kind = match clamp.hold {
                     RodHold::Fixed => ClampKind::Fixed,
                     RodHold::Pinned => ClampKind::Pinned,
                     RodHold::Guided => ClampKind::Guided(DVec3::from_array(clamp.line)),
                 };
                 if !clamp.keyframes.is_empty() {
-                    acts.push(Actuation::Shift(holds.len(), keys(&clamp.keyframes)));
+                    actuations.push(Actuation::Shift(clamps.len(), keyframes(&clamp.keyframes)));
                 }
                 if !clamp.turn_keyframes.is_empty() {
                     let axis = DVec3::from_array(clamp.axis).normalize_or(DVec3::Y);
                     let turns = clamp.turn_keyframes.iter().map(|k| (k[0], [k[1]])).collect();
-                    acts.push(Actuation::Turn(holds.len(), axis, Keyframes(turns)));
+                    actuations.push(Actuation::Turn(clamps.len(), axis, Keyframes(turns)));
                 }
-                holds.push((k, clamp.at * lines[k].length(), hold));
+                clamps.push((k, clamp.at * descriptions[k].length(), kind));
             }
             if rod.on.is_none() && rod.clamps.is_empty() {
-                holds.push((k, 0.0, ClampKind::Fixed));
+                clamps.push((k, 0.0, ClampKind::Fixed));
             }
         }
-        let mut rods = RodSystem::new(&lines, &holds);
+        let mut rods = RodSystem::new(&descriptions, &clamps);
         rods.gravity = -DVec3::Y * recipe.gravity();
-        let mut group = Self { members, lines, rods, acts, weights: Vec::new() };
-        group.load();
-        group
+        let mut group = Self { members, descriptions, rods, actuations, weights: Vec::new() };
+        group.apply_loads();
+        Ok(group)
     }
 
-    /// Loads, weights and speeds of the start.
-    fn load(&mut self) {
+    /// Adds forces, impulses and attached weights, and the initial velocities.
+    fn apply_loads(&mut self) {
         let mut bodies = Vec::new();
         for (k, rod) in self.members.iter().enumerate() {
             for load in &rod.loads {
-                let section = self.rods.nearest_section(k, load.at * self.lines[k].length());
+                let section = self.rods.nearest_section(k, load.at * self.descriptions[k].length());
                 match load.kind {
                     RodLoadKind::Force => {
-                        let wide = load.keyframes.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
-                        self.acts.push(Actuation::Wrench(section, Keyframes(wide)));
+                        let wrench = load.keyframes.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
+                        self.actuations.push(Actuation::Wrench(section, Keyframes(wrench)));
                     }
-                    RodLoadKind::Wrench => self.acts.push(Actuation::Wrench(section, keys(&load.keyframes))),
-                    RodLoadKind::Blow => self.acts.push(Actuation::Impulse(section, keys(&load.keyframes))),
+                    RodLoadKind::Wrench => self.actuations.push(Actuation::Wrench(section, keyframes(&load.keyframes))),
+                    RodLoadKind::Blow => self.actuations.push(Actuation::Impulse(section, keyframes(&load.keyframes))),
                     RodLoadKind::Mass => {
-                        let most = load.keyframes.iter().fold(0.0, |m: f64, k| m.max(k[1]));
-                        let radius = math::cbrt(3.0 * most / (4.0 * PI * WATER)).max(1e-4);
-                        self.acts.push(Actuation::Mass(bodies.len(), keys(&load.keyframes)));
+                        // Radius of a ball of water with the weight's largest mass: r^3 = 3 m / (4 pi rho).
+                        let max_mass = load.keyframes.iter().fold(0.0, |m: f64, k| m.max(k[1]));
+                        let radius = math::cbrt(3.0 * max_mass / (4.0 * PI * WEIGHT_DENSITY)).max(1e-4);
+                        self.actuations.push(Actuation::Mass(bodies.len(), keyframes(&load.keyframes)));
                         let mass = load.keyframes.first().map_or(0.0, |k| k[1]);
                         let (at, inertia) = (DVec3::ZERO, DMat3::ZERO);
                         bodies.push(AttachedBody { section, at, mass, inertia, of_plant: false, reach: radius });
-                        self.weights.push(WeightBall { shown: load.show, radius, color: load.color });
+                        self.weights.push(WeightBall { visible: load.show, radius, color: load.color });
                     }
                 }
             }
         }
+        // The system is rebuilt with its bodies: their mass enters the section matrices.
         let rods = std::mem::replace(&mut self.rods, RodSystem::new(&[], &[]));
         self.rods = rods.with_bodies(bodies);
         self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
+        // A launch velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
         for (k, rod) in self.members.iter().enumerate() {
-            let (tip, length) = (DVec3::from_array(rod.keys.launch), self.lines[k].length());
+            let (tip, length) = (DVec3::from_array(rod.keys.launch), self.descriptions[k].length());
             if tip != DVec3::ZERO {
                 for i in self.rods.sections(k) {
                     self.rods.set_linear_velocity(i, tip * (self.rods.arc_length(i) / length));
@@ -199,9 +225,10 @@ impl<'a> RodAssembly<'a> {
         }
     }
 
-    /// What the numbers of a rod cannot hold.
-    fn tell(&self, fps: f64, report: &mut Report) {
-        if self.limp(fps) {
+    /// Warns of a Gauss-Seidel solver that cannot hold the rods' stiffness (S041), and of torsion that the number of sections
+    /// makes too soft (S040).
+    fn report_stability(&self, fps: f64, report: &mut Report) {
+        if self.exceeds_gauss_seidel_stiffness(fps) {
             let text = format!(
                 "rod \"{}\" is too stiff for single passes over its springs: it hangs limp",
                 self.members[0].id
@@ -222,8 +249,13 @@ impl<'a> RodAssembly<'a> {
         }
     }
 
-    /// Lets the clip pass.
-    fn record(&mut self, recipe: &Recipe, wind: Option<&dyn Wind>, context: &BakeContext<'_>) -> Result<RodMotion> {
+    /// Simulates the clip and records the pose of every frame.
+    fn simulate_clip(
+        &mut self,
+        recipe: &Recipe,
+        wind: Option<&dyn Wind>,
+        context: &BakeContext<'_>,
+    ) -> Result<RodMotion> {
         let keys = &self.members[0].keys;
         let integrator = match keys.integrator {
             RodIntegrator::Xpbd => Integrator::Xpbd,
@@ -231,7 +263,7 @@ impl<'a> RodAssembly<'a> {
             RodIntegrator::EulerSymplectic => Integrator::Symplectic,
             RodIntegrator::EulerExplicit => Integrator::Explicit,
         };
-        let frames = u32::try_from(recipe.clip.len()).unwrap_or(u32::MAX);
+        let frames = index(recipe.clip.len(), "frames of a clip")?;
         let drags: Vec<f64> = self.members.iter().map(|r| r.keys.drag).collect();
         let clip = RecordingParams {
             frames,
@@ -239,42 +271,45 @@ impl<'a> RodAssembly<'a> {
             fps: recipe.clip.fps(),
             steps: keys.substeps,
             integrator,
-            acts: std::mem::take(&mut self.acts),
+            acts: std::mem::take(&mut self.actuations),
             wind: wind.map(|wind| (drags, wind)),
             name: self.members[0].id.clone(),
         };
         Ok(RodMotion(Arc::new(self.rods.record_clip(&clip, context.cancel)?)))
     }
 
-    /// Whether single passes over the springs let it hang limp.
-    fn limp(&self, fps: f64) -> bool {
+    /// Whether the springs are too stiff for one Gauss-Seidel pass per step: the rod would sag under its weight.
+    fn exceeds_gauss_seidel_stiffness(&self, fps: f64) -> bool {
         let keys = &self.members[0].keys;
         let steps = keys.substeps.unwrap_or_else(|| self.rods.steps_per_frame(fps));
         keys.integrator == RodIntegrator::XpbdGs
             && self.rods.max_step_stiffness(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
     }
 
-    /// Materials, and the asset with tubes and balls.
-    fn show(&self, first: u32, moves: bool) -> (Vec<Material>, Asset) {
+    /// Materials and the asset: a tube per rod, and a ball per visible weight. `moves`: with joints and skinning.
+    fn build_asset(&self, first_material: u32, moves: bool) -> Result<(Vec<Material>, Asset)> {
         let rest = RodPose {
-            sections: (0..self.rods.len()).map(|i| self.drawn(i)).collect(),
-            bodies: self.rods.bodies().iter().map(|b| self.drawn(b.section).0).collect(),
+            sections: (0..self.rods.len()).map(|i| self.rest_transform(i)).collect(),
+            bodies: self.rods.bodies().iter().map(|b| self.rest_transform(b.section).0).collect(),
         };
-        let joints = pose(&rest);
+        let joints = joint_transforms(&rest);
         let (mut materials, mut meshes) = (Vec::new(), Vec::new());
-        let mut add = |name: String, color: [f32; 3], (mesh, skin): (Mesh, SkinWeights)| {
-            let material = first + u32::try_from(materials.len()).unwrap_or(0);
+        let mut add = |name: String, color: [f32; 3], mesh: Mesh, skin: SkinWeights| -> Result<()> {
+            let material = first_material + index(materials.len(), "materials of rods")?;
             materials.push(Material::plain(name.clone(), MaterialClass::Bark, color, 0.6));
             let motion = if moves { MeshMotion::Skinned } else { MeshMotion::Still };
             meshes.push(MeshObject { name, mesh: mesh.with_material(material), motion, skin: moves.then_some(skin) });
+            Ok(())
         };
         for (k, rod) in self.members.iter().enumerate() {
-            add(rod.id.clone(), rod.keys.color, tube(&self.stations(k), CLOSE_UP));
+            let (mesh, skin) = tube(&self.tube_sections(k)?, CLOSE_UP);
+            add(rod.id.clone(), rod.keys.color, mesh, skin)?;
         }
-        for (k, weight) in self.weights.iter().enumerate().filter(|(_, w)| w.shown) {
-            let joint = u16::try_from(1 + rest.sections.len() + k).unwrap_or(0);
+        for (k, weight) in self.weights.iter().enumerate().filter(|(_, w)| w.visible) {
+            let joint = narrow(1 + rest.sections.len() + k, "joints of a rod")?;
             let name = format!("{}_weight_{}", self.members[0].id, k + 1);
-            add(name, weight.color, ball(rest.bodies[k], math::narrow(weight.radius), joint));
+            let (mesh, skin) = ball(rest.bodies[k], math::narrow(weight.radius), joint);
+            add(name, weight.color, mesh, skin)?;
         }
         let named = |(i, t): (usize, &Trs)| Joint {
             name: if i == 0 { "root".into() } else { format!("s{i}") },
@@ -292,39 +327,41 @@ impl<'a> RodAssembly<'a> {
             points: Vec::new(),
             curves: Vec::new(),
         };
-        (materials, asset)
+        Ok((materials, asset))
     }
 
-    fn drawn(&self, i: usize) -> (Vec3, Quat) {
+    /// Position, m, and rotation of section `i` at rest.
+    fn rest_transform(&self, i: usize) -> (Vec3, Quat) {
         let f = self.rods.reference_frame(i);
         (f.p.as_vec3(), f.rotation().as_quat().normalize())
     }
 
-    /// Sections of a rod as the tube sees them; the base of one that rides on another follows that one's section.
-    fn stations(&self, k: usize) -> Vec<TubeSection> {
-        let joint = |i: usize| u16::try_from(i + 1).unwrap_or(u16::MAX);
-        let base = self.rods.base_attachment(k).map(|(on, f)| TubeSection {
-            joint: joint(on),
-            p: f.p.as_vec3(),
-            q: f.rotation().as_quat().normalize(),
-            r: math::narrow(self.members[k].keys.radius[0]),
+    /// Cross sections of the tube of rod `k`. The first ring of an attached rod follows the joint of the section that it is
+    /// attached to, so that no gap opens between the two.
+    fn tube_sections(&self, k: usize) -> Result<Vec<TubeSection>> {
+        let joint = |i: usize| narrow(i + 1, "joints of a rod");
+        let base = self.rods.base_attachment(k).map(|(on, f)| {
+            let (p, q) = (f.p.as_vec3(), f.rotation().as_quat().normalize());
+            Ok(TubeSection { joint: joint(on)?, p, q, r: math::narrow(self.members[k].keys.radius[0]) })
         });
         let own = self.rods.sections(k).map(|i| {
-            let (p, q) = self.drawn(i);
-            TubeSection { joint: joint(i), p, q, r: math::narrow(self.rods.radius(i)) }
+            let (p, q) = self.rest_transform(i);
+            Ok(TubeSection { joint: joint(i)?, p, q, r: math::narrow(self.rods.radius(i)) })
         });
         base.into_iter().chain(own).collect()
     }
 }
 
-fn keys<const N: usize>(rows: &[Vec<f64>]) -> Keyframes<N> {
+/// Rows of time and N values as keyframes; missing values are 0.
+fn keyframes<const N: usize>(rows: &[Vec<f64>]) -> Keyframes<N> {
     let value = |k: &Vec<f64>, i: usize| k.get(i + 1).copied().unwrap_or(0.0);
     Keyframes(rows.iter().map(|k| (k[0], std::array::from_fn(|i| value(k, i)))).collect())
 }
 
-/// A rod as the solver wants it.
-fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> RodDescription {
+/// The solver's description of a rod. `parent`: the member that it is attached to, and the arc length there, m.
+fn rod_description(keys: &RodKeys, parent: Option<(usize, f64)>) -> RodDescription {
     let [r, tip] = keys.radius;
+    // Stiffnesses of a circular section: EI = E pi r^4 / 4 and GJ = G pi r^4 / 2, solved for the moduli of the material.
     let unit = PI * r * r * r * r;
     let young = keys.bending_stiffness.map_or(keys.elasticity, |ei| 4.0 * ei / unit);
     let shear = keys.torsional_stiffness.map_or(keys.shear_ratio, |gj| 2.0 * gj / unit / young);
@@ -337,14 +374,14 @@ fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> RodDescription {
         spread_for_torsion: false,
     };
     let points: Vec<DVec3> = keys.points.iter().map(|p| DVec3::from_array(*p)).collect();
-    // The radius falls evenly along the points.
+    // The radius tapers linearly in arc length.
     let mut along = vec![0.0];
     for p in points.windows(2) {
         along.push(along[along.len() - 1] + (p[1] - p[0]).length());
     }
     let whole = along[along.len() - 1];
     let radii = along.iter().map(|s| r + (tip - r) * s / whole).collect();
-    RodDescription { points, radii, material, sections: keys.sections.and_then(|n| usize::try_from(n).ok()), parent }
+    RodDescription { points, radii, material, sections: keys.sections.map(to_usize), parent }
 }
 
 #[cfg(test)]

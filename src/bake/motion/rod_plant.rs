@@ -1,19 +1,21 @@
-//! Plants on rods: their bark and stalks bound to sections, their leaves where the rods have them, frame by frame.
+//! Plants on rods: bark and petioles skinned to the rods' sections, leaves at the ends of their petiole rods.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3, Quat, Vec2, Vec3};
 
 use crate::bake::BakeContext;
+use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
-use crate::bake::assets::plant_materials::stalk_radius;
-use crate::bake::assets::plant_mesh::{PlantMaterials, bark, group_organs, instancer, instancer_name};
+use crate::bake::assets::plant_materials::petiole_radius;
+use crate::bake::assets::plant_mesh::{bark_mesh, group_organs, instancer_name, leaf_instancer, organ_of_prototype};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::scene::plant_layout::Individual;
-use crate::bake::wind::plant_wind::{PlantWind, wood};
+use crate::bake::wind::plant_wind::{PlantWind, wood_params};
 use crate::recipe::scene::BarkMotion;
 use crate::recipe::scene::RodPlantKeys;
 use crate::recipe::{KeyTable as _, PlantRecipe};
+use osier_base::convert::{self, to_usize};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{narrow, smoothstep};
 use osier_base::{Result, math};
@@ -27,30 +29,31 @@ use osier_scene::{
 };
 use osier_wind::Wind;
 
-/// Wind that has blown before the first frame of a clip that does not begin at rest, s.
-const PRE_ROLL: f64 = 2.0;
-/// Most joints for engines.
+/// Spin-up in the wind before the first frame of a clip that does not start at rest, s. Own: a few periods of a branch; a longer one
+/// costs time before the first frame, a shorter one shows the rods start to move.
+const SPIN_UP_TIME: f64 = 2.0;
+/// Largest number of joints with `motion = "game"`, for the skinning limits of game engines.
 const MAX_GAME_JOINTS: u32 = 64;
-/// Radius of stalks of which nothing is known, m.
-const DEFAULT_STALK_RADIUS: f64 = 8e-4;
-/// Sides and rings of a stalk.
-const STALK_TUBE: TubeResolution = TubeResolution { sides: 6, rings: 2 };
+/// Radius of petioles whose organ has no such parameter, m. Own: of a birch's or poplar's petiole.
+const DEFAULT_PETIOLE_RADIUS: f64 = 8e-4;
+/// Resolution of a petiole's tube.
+const PETIOLE_TUBE: TubeResolution = TubeResolution { sides: 6, rings: 2 };
 
-/// A plant on rods.
+/// The asset of a plant on rods, with the rods that move it.
 pub struct RodPlantAsset {
-    /// What is seen of it.
+    /// Meshes, leaf instancers and skeleton, at rest.
     pub asset: Asset,
-    /// Its rods, at rest.
-    pub boughs: RodPlant,
-    /// From rods to frames.
-    pub dressing: SkinBinding,
-    /// What was left out.
-    pub told: Vec<Diagnostic>,
+    /// The plant's rods at rest, in world space.
+    pub rods: RodPlant,
+    /// Binding of meshes and leaves to the rods.
+    pub binding: SkinBinding,
+    /// Warnings of stems and leaves without rods, and of a rest shape that was not found.
+    pub diagnostics: Vec<Diagnostic>,
 }
 
 impl RodPlantAsset {
-    /// What is seen of it where nothing moves: with its stalks.
-    pub fn stilled(self) -> Asset {
+    /// The asset without skeleton and motion; the petioles that its rods are drawn as stay.
+    pub fn into_still_asset(self) -> Asset {
         let mut asset = self.asset;
         asset.skeleton = None;
         for object in &mut asset.meshes {
@@ -61,228 +64,247 @@ impl RodPlantAsset {
     }
 }
 
-/// A point of a mesh between two sections.
+/// A vertex bound to two sections by linear blend skinning. `share`: weight of the second, 0..1; `None`: the fixed root.
 #[derive(Debug, Clone, Copy)]
 struct VertexBinding {
     sections: [Option<usize>; 2],
     share: f32,
 }
 
-/// How a plant on rods is shown.
+/// Binding of a plant's meshes and leaves to the sections of its rods.
 #[derive(Debug, Clone)]
 pub struct SkinBinding {
-    stand: Trs,
-    /// Sections that have joints, after joint 0, and the joint that each section follows.
+    /// World from asset space, of the plant's first copy.
+    transform: Trs,
+    /// Sections that have joints of their own; joint 0 is the fixed root, section `jointed[i]` has joint i + 1.
     jointed: Vec<usize>,
+    /// The joint that each section follows.
     joints: Vec<u16>,
-    /// Sections at rest, in the asset's space.
+    /// Sections at rest, in asset space.
     rest: Vec<(Vec3, Quat)>,
-    /// Of each mesh: what its points follow, where frames carry points.
+    /// Bindings of each mesh's vertices; empty for a mesh that joints move alone.
     bound: Vec<Vec<VertexBinding>>,
-    /// Leaves of each instancer: indices into the plant's organs.
+    /// Leaves of each instancer, as indices into the plant's organs.
     groups: Vec<Vec<usize>>,
 }
 
-/// Rods and leaves of a plant that stands at `stand`, at rest. `clock`: frames per second, and the number of the first.
+/// Frame rate of a clip and number of its first frame, by which the rods name the frame of an error.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameClock {
+    /// Frames per second.
+    pub fps: f64,
+    /// Number of the clip's first frame.
+    pub first: u32,
+}
+
+/// Lays out the rods of a plant and builds its asset at rest. `transform`: of the plant's first copy; `gravity`: m/s^2.
 /// # Errors
-/// What the skin refuses.
+/// `Limit` for the skin's vertices, `TooMany`, `Cancelled`.
 pub fn build_rod_plant(
     grown: &GrownPlant,
     recipe: &PlantRecipe,
-    kind: &PlantMaterials,
+    materials: &PlantMaterials,
     individual: &Individual,
-    stand: Trs,
-    clock: (f64, u32),
-    g: f64,
+    transform: Trs,
+    clock: FrameClock,
+    gravity: f64,
     context: &BakeContext<'_>,
 ) -> Result<RodPlantAsset> {
     context.cancel.check()?;
-    let own = RodPlantKeys::defaults();
-    let keys = recipe.rods.as_ref().unwrap_or(&own);
+    let defaults = RodPlantKeys::defaults();
+    let keys = recipe.rods.as_ref().unwrap_or(&defaults);
     let plant = &grown.plant;
-    let grain = discretisation(plant, recipe, kind, keys, g);
-    let boughs = RodPlant::new(plant, &stand, &grain, &individual.asset).with_frame_clock(clock.0, clock.1);
-    let (mesh, bindings) = bark(grown, recipe, kind, context)?;
-    let most = if recipe.keys.motion == BarkMotion::Game {
+    // Rods: one per stem and petiole, down to the thinnest that the limits allow.
+    let params = rod_plant_params(plant, recipe, materials, keys, gravity);
+    let rods = RodPlant::new(plant, &transform, &params, &individual.asset).with_frame_clock(clock.fps, clock.first);
+    let (mesh, bindings) = bark_mesh(grown, recipe, materials, context)?;
+    let max_joints = if recipe.keys.motion == BarkMotion::Game {
         recipe.keys.max_joints.min(MAX_GAME_JOINTS)
     } else {
         recipe.keys.max_joints
     };
-    let groups = group_organs(plant, kind);
-    let places: std::collections::BTreeMap<u64, usize> =
+    // Leaves of each instancer, as indices into the plant's organs.
+    let groups = group_organs(plant, materials);
+    let organ_indices: std::collections::BTreeMap<u64, usize> =
         plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
-    let place = |o: &&Organ| places.get(&o.id).copied().unwrap_or(0);
-    let mut dressing = SkinBinding::new(&boughs, stand, most as usize);
-    dressing.groups = groups.values().map(|organs| organs.iter().map(place).collect()).collect();
-    let whole = dressing.jointed.len() == boughs.rods().len() && recipe.keys.motion != BarkMotion::Cache;
-    let around = |(axis, s): &(u32, f32)| {
-        let at = boughs.axis_sections(*axis, f64::from(*s));
-        // Where a share does not change the bark runs along its section: no kinks.
-        VertexBinding { sections: at.sections, share: smoothstep(0.0, 1.0, narrow(at.share)) }
+    let organ_index = |o: &&Organ| organ_indices.get(&o.id).copied().unwrap_or(0);
+    let mut binding = SkinBinding::new(&rods, transform, to_usize(max_joints))?;
+    binding.groups = groups.values().map(|organs| organs.iter().map(organ_index).collect()).collect();
+    // With a joint for every section skinning shows the rods exactly; with fewer, frames carry vertex positions.
+    let skinned = binding.jointed.len() == rods.rods().len() && recipe.keys.motion != BarkMotion::Cache;
+    let bind_vertex = |(axis, s): &(u32, f32)| {
+        let nearest = rods.axis_sections(*axis, f64::from(*s));
+        // Smoothstep has zero slope at both sections, where the blended bark is then tangent to them: no kinks.
+        VertexBinding { sections: nearest.sections, share: smoothstep(0.0, 1.0, narrow(nearest.share)) }
     };
-    let mut shown = vec![("bark".to_owned(), mesh, bindings.iter().map(around).collect::<Vec<_>>())];
-    for (organ, leaves) in groups.keys().zip(&dressing.groups) {
-        let (mesh, bound) = petiole_mesh(plant, &boughs, &dressing, leaves, kind.first_material);
+    let mut parts = vec![("bark".to_owned(), mesh, bindings.iter().map(bind_vertex).collect::<Vec<_>>())];
+    for (organ, leaves) in groups.keys().zip(&binding.groups) {
+        let (mesh, bound) = petiole_mesh(plant, &rods, &binding, leaves, materials.first_material)?;
         if !mesh.points.is_empty() {
-            shown.push((format!("{}_stalks", instancer_name(kind, *organ)), mesh, bound));
+            parts.push((format!("{}_stalks", instancer_name(materials, *organ)), mesh, bound));
         }
     }
-    let motion = if whole { MeshMotion::Skinned } else { MeshMotion::Deforming };
+    let motion = if skinned { MeshMotion::Skinned } else { MeshMotion::Deforming };
     let mut meshes = Vec::new();
-    for (name, mesh, bound) in shown {
-        let skin = Some(dressing.skin(&bound));
+    for (name, mesh, bound) in parts {
+        let skin = Some(binding.skin_weights(&bound));
         meshes.push(MeshObject { name, mesh, motion, skin });
-        dressing.bound.push(if whole { Vec::new() } else { bound });
+        binding.bound.push(if skinned { Vec::new() } else { bound });
     }
-    let riding =
-        |leaves: &Vec<usize>| InstancerMotion::Joints(leaves.iter().map(|i| dressing.joint(&boughs, *i)).collect());
+    // Leaves ride on the joint of the section that their blade ends.
+    let leaf_motion =
+        |leaves: &Vec<usize>| InstancerMotion::Joints(leaves.iter().map(|i| binding.leaf_joint(&rods, *i)).collect());
     let instancers = groups
         .iter()
-        .zip(&dressing.groups)
-        .map(|((o, organs), leaves)| instancer(plant, kind, *o, organs, riding(leaves)));
+        .zip(&binding.groups)
+        .map(|((o, organs), leaves)| leaf_instancer(plant, materials, *o, organs, leaf_motion(leaves)))
+        .collect::<Result<Vec<_>>>()?;
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
         group: String::new(),
-        skeleton: Some(dressing.skeleton()),
-        instancers: instancers.collect(),
+        skeleton: Some(binding.skeleton()),
+        instancers,
         meshes,
         points: Vec::new(),
         curves: Vec::new(),
     };
-    let told = diagnostics(&boughs, &individual.asset, keys);
-    Ok(RodPlantAsset { asset, boughs, dressing, told })
+    let diagnostics = rod_plant_diagnostics(&rods, &individual.asset, keys);
+    Ok(RodPlantAsset { asset, rods, binding, diagnostics })
 }
 
-fn discretisation(
+/// Parameters of the rods from the keys of `[plants.NAME.rods]` and of the plant's wood and organs.
+fn rod_plant_params(
     plant: &Plant,
     recipe: &PlantRecipe,
-    kind: &PlantMaterials,
+    materials: &PlantMaterials,
     keys: &RodPlantKeys,
-    g: f64,
+    gravity: f64,
 ) -> RodPlantParams {
     let radius = |proto: usize| {
-        let organ =
-            crate::bake::assets::plant_mesh::organ_of_prototype(plant, kind, proto).and_then(|o| recipe.organs.get(o));
-        organ.and_then(stalk_radius).unwrap_or(DEFAULT_STALK_RADIUS)
+        let organ = organ_of_prototype(plant, materials, proto).and_then(|o| recipe.organs.get(o));
+        organ.and_then(petiole_radius).unwrap_or(DEFAULT_PETIOLE_RADIUS)
     };
-    let count = |n: u32| usize::try_from(n).unwrap_or(usize::MAX);
     RodPlantParams {
-        wood: wood(&recipe.wood),
-        gravity: g,
+        wood: wood_params(&recipe.wood),
+        gravity,
         shear: keys.shear_ratio,
         recovery: keys.recovery,
         flexibility: keys.compliance,
         stalk_young: keys.petiole_elasticity,
         stalk_radii: (0..plant.protos.len()).map(radius).collect(),
         stalk_radius: keys.petiole_radius,
-        stalk_sections: count(keys.petiole_sections),
-        sections: keys.sections.map(count),
+        stalk_sections: to_usize(keys.petiole_sections),
+        sections: keys.sections.map(to_usize),
         max_rod_radius: keys.thickest,
-        max_sections: count(keys.max_sections),
-        max_leaf_stalks: count(keys.max_leaves),
+        max_sections: to_usize(keys.max_sections),
+        max_leaf_stalks: to_usize(keys.max_leaves),
     }
 }
 
-fn diagnostics(boughs: &RodPlant, name: &str, keys: &RodPlantKeys) -> Vec<Diagnostic> {
-    let mut told = Vec::new();
-    if !boughs.has_rest_shape() {
+/// S042 without a rest shape that gravity bends into the grown one, S043 for stems and leaves beyond the limits of sections.
+fn rod_plant_diagnostics(rods: &RodPlant, name: &str, keys: &RodPlantKeys) -> Vec<Diagnostic> {
+    let mut diagnostics = Vec::new();
+    if !rods.has_rest_shape() {
         let text = format!("no shape was found from which the twigs of \"{name}\" hang as they grew");
-        told.push(Diagnostic::about("S042", text).help("their own weight is left out; stiffer wood holds it"));
+        diagnostics.push(Diagnostic::about("S042", text).help("their own weight is left out; stiffer wood holds it"));
     }
-    let [stems, leaves] = boughs.omitted_stems_and_leaves();
+    let [stems, leaves] = rods.omitted_stems_and_leaves();
     if stems + leaves > 0 {
         let text = format!("{stems} twigs and {leaves} leaves of \"{name}\" are rigid with what they stand on");
         let now = format!("now {} and {}", keys.max_leaves, keys.max_sections);
-        told.push(Diagnostic::about("S043", text).help(format!("raise rods.max_leaves and rods.max_sections, {now}")));
+        diagnostics
+            .push(Diagnostic::about("S043", text).help(format!("raise rods.max_leaves and rods.max_sections, {now}")));
     }
-    told
+    diagnostics
 }
 
-/// Stalks of some leaves as one mesh. They wear what their blades do, at the place where these begin.
+/// Petioles of some leaves as one mesh of tubes, with the material of their blades at the texture coordinates of the blade's base.
+/// # Errors
+/// `TooMany` beyond 2^16 sections of a petiole.
 fn petiole_mesh(
     plant: &Plant,
-    boughs: &RodPlant,
-    dressing: &SkinBinding,
+    plant_rods: &RodPlant,
+    binding: &SkinBinding,
     leaves: &[usize],
     first_material: u32,
-) -> (Mesh, Vec<VertexBinding>) {
+) -> Result<(Mesh, Vec<VertexBinding>)> {
     let (mut mesh, mut bound) = (Mesh::default(), Vec::new());
-    let rods = boughs.rods();
+    let rods = plant_rods.rods();
     for leaf in leaves {
-        let Some(rod) = boughs.leaf_stalk(*leaf) else { continue };
-        let base = rods.base_attachment(rod).map(|(on, frame)| (on, dressing.local(&frame)));
-        let own = rods.sections(rod).map(|i| (i, dressing.rest[i]));
-        let all: Vec<(usize, (Vec3, Quat))> = base.into_iter().chain(own).collect();
-        let radius = rods.sections(rod).next().map_or(0.0, |i| narrow(rods.radius(i)) / dressing.stand.s.x);
-        let station = |(k, (_, (p, q))): (usize, &(usize, (Vec3, Quat)))| TubeSection {
-            joint: u16::try_from(k).unwrap_or(u16::MAX),
-            p: *p,
-            q: *q,
-            r: radius,
+        let Some(rod) = plant_rods.leaf_stalk(*leaf) else { continue };
+        // The tube starts on the section of the stem that carries the petiole and follows the petiole's own sections.
+        let base = rods.base_attachment(rod).map(|(on, frame)| (on, binding.to_asset_frame(&frame)));
+        let own = rods.sections(rod).map(|i| (i, binding.rest[i]));
+        let sections: Vec<(usize, (Vec3, Quat))> = base.into_iter().chain(own).collect();
+        let radius = rods.sections(rod).next().map_or(0.0, |i| narrow(rods.radius(i)) / binding.transform.s.x);
+        let tube_section = |(k, (_, (p, q))): (usize, &(usize, (Vec3, Quat)))| {
+            Ok(TubeSection { joint: convert::narrow(k, "sections of a petiole")?, p: *p, q: *q, r: radius })
         };
-        let stations: Vec<TubeSection> = all.iter().enumerate().map(station).collect();
-        let (mut tube, skin) = tube(&stations, STALK_TUBE);
+        let tube_sections: Vec<TubeSection> = sections.iter().enumerate().map(tube_section).collect::<Result<_>>()?;
+        let (mut tube, skin) = tube(&tube_sections, PETIOLE_TUBE);
         let proto = &plant.protos[usize::from(plant.organs[*leaf].proto)].mesh;
-        tube.uvs.fill(at_foot(proto));
+        tube.uvs.fill(base_uv(proto));
         let material = proto.subsets.first().map_or(0, |s| s.material) + first_material;
         mesh.append(&tube.with_material(material));
         bound.extend(skin.joints.iter().zip(&skin.weights).map(|(j, w)| {
-            let sections = [j[0], j[1]].map(|k| all.get(usize::from(k)).map(|s| s.0));
-            VertexBinding { sections, share: w[1] }
+            let ends = [j[0], j[1]].map(|k| sections.get(usize::from(k)).map(|s| s.0));
+            VertexBinding { sections: ends, share: w[1] }
         }));
     }
-    (mesh, bound)
+    Ok((mesh, bound))
 }
 
-/// Where on its maps a blade begins.
-fn at_foot(mesh: &Mesh) -> Vec2 {
+/// Texture coordinates of the blade's vertex nearest to its pivot.
+fn base_uv(mesh: &Mesh) -> Vec2 {
     let near = |best: usize, i: usize| if mesh.points[i].length() < mesh.points[best].length() { i } else { best };
     mesh.uvs.get((0..mesh.points.len()).fold(0, near)).copied().unwrap_or_default()
 }
 
 impl SkinBinding {
-    fn new(boughs: &RodPlant, stand: Trs, most: usize) -> Self {
-        let rods = boughs.rods();
-        let mut all = Self {
-            stand,
+    /// Gives joints to the first `max_joints` - 1 sections, after the root; the others follow the joint of the section before them
+    /// or of the one that carries their rod.
+    fn new(plant_rods: &RodPlant, transform: Trs, max_joints: usize) -> Result<Self> {
+        let rods = plant_rods.rods();
+        let mut binding = Self {
+            transform,
             jointed: Vec::new(),
             joints: vec![0; rods.len()],
             rest: Vec::new(),
             bound: Vec::new(),
             groups: Vec::new(),
         };
-        all.rest = (0..rods.len()).map(|i| all.local(&rods.reference_frame(i))).collect();
-        // Rods come wood first, so that with few joints it is leaves that share them.
-        let mut carried = 0;
+        binding.rest = (0..rods.len()).map(|i| binding.to_asset_frame(&rods.reference_frame(i))).collect();
+        // Rods are ordered from the trunk outwards: with few joints it is petioles and twigs that share those of their carriers.
+        let mut previous = 0;
         for i in 0..rods.len() {
             let rod = rods.rod_of_section(i);
-            let joint = if i + 1 < most.max(1) {
-                all.jointed.push(i);
-                u16::try_from(i + 1).unwrap_or(u16::MAX)
+            let joint = if i + 1 < max_joints.max(1) {
+                binding.jointed.push(i);
+                convert::narrow(i + 1, "joints of a plant")?
             } else if i == rods.sections(rod).start {
-                rods.base_attachment(rod).map_or(0, |(on, _)| all.joints[on])
+                rods.base_attachment(rod).map_or(0, |(on, _)| binding.joints[on])
             } else {
-                carried
+                previous
             };
-            carried = joint;
-            all.joints[i] = joint;
+            previous = joint;
+            binding.joints[i] = joint;
         }
-        all
+        Ok(binding)
     }
 
-    /// A frame of the world in the asset's space.
-    fn local(&self, f: &SectionFrame) -> (Vec3, Quat) {
-        (self.place(f.p), self.turned(f.rotation()))
+    /// Position and rotation of a section in asset space, from its frame in the world.
+    fn to_asset_frame(&self, f: &SectionFrame) -> (Vec3, Quat) {
+        (self.to_asset_point(f.p), self.to_asset_rotation(f.rotation()))
     }
 
-    fn place(&self, p: DVec3) -> Vec3 {
-        let back = self.stand.r.as_dquat().normalize().conjugate();
-        (back * (p - self.stand.t.as_dvec3()) / f64::from(self.stand.s.x)).as_vec3()
+    fn to_asset_point(&self, p: DVec3) -> Vec3 {
+        let back = self.transform.r.as_dquat().normalize().conjugate();
+        (back * (p - self.transform.t.as_dvec3()) / f64::from(self.transform.s.x)).as_vec3()
     }
 
-    fn turned(&self, q: DQuat) -> Quat {
-        (self.stand.r.as_dquat().normalize().conjugate() * q).as_quat().normalize()
+    fn to_asset_rotation(&self, q: DQuat) -> Quat {
+        (self.transform.r.as_dquat().normalize().conjugate() * q).as_quat().normalize()
     }
 
     fn skeleton(&self) -> Skeleton {
@@ -294,139 +316,155 @@ impl SkinBinding {
         Skeleton { joints: [root].into_iter().chain(self.jointed.iter().map(section)).collect() }
     }
 
-    /// Joint that a leaf's blade follows.
-    pub fn joint(&self, boughs: &RodPlant, leaf: usize) -> u16 {
-        boughs.leaf_section(leaf).map_or(0, |section| self.joints[section])
+    /// The joint that the blade of a leaf follows. `leaf`: index into the plant's organs.
+    pub fn leaf_joint(&self, rods: &RodPlant, leaf: usize) -> u16 {
+        rods.leaf_section(leaf).map_or(0, |section| self.joints[section])
     }
 
     /// Leaves of each instancer, as indices into the plant's organs.
-    pub fn groups(&self) -> &[Vec<usize>] {
+    pub fn leaf_groups(&self) -> &[Vec<usize>] {
         &self.groups
     }
 
-    fn skin(&self, bound: &[VertexBinding]) -> SkinWeights {
+    /// Joint indices and weights of vertices, the larger weight first.
+    fn skin_weights(&self, bound: &[VertexBinding]) -> SkinWeights {
         let mut skin = SkinWeights::default();
         for b in bound {
-            let [a, z] = b.sections.map(|s| s.map_or(0, |s| self.joints[s]));
-            let (one, two) =
-                if b.share > 0.5 { ((z, b.share), (a, 1.0 - b.share)) } else { ((a, 1.0 - b.share), (z, b.share)) };
-            if a == z || two.1 <= 0.0 {
-                skin.joints.push([one.0, 0, 0, 0]);
+            let [first, second] = b.sections.map(|s| s.map_or(0, |s| self.joints[s]));
+            let (major, minor) = if b.share > 0.5 {
+                ((second, b.share), (first, 1.0 - b.share))
+            } else {
+                ((first, 1.0 - b.share), (second, b.share))
+            };
+            if first == second || minor.1 <= 0.0 {
+                skin.joints.push([major.0, 0, 0, 0]);
                 skin.weights.push([1.0, 0.0, 0.0, 0.0]);
             } else {
-                skin.joints.push([one.0, two.0, 0, 0]);
-                skin.weights.push([one.1, two.1, 0.0, 0.0]);
+                skin.joints.push([major.0, minor.0, 0, 0]);
+                skin.weights.push([major.1, minor.1, 0.0, 0.0]);
             }
         }
         skin
     }
 
-    /// The plant's mesh and leaves in the current pose of `rods`, which are those of `plant`.
-    pub fn frame(&self, asset: &Asset, rods: &RodSystem, plant: &dyn RainTarget) -> AssetFrame {
-        let now: Vec<(Vec3, Quat)> = (0..rods.len()).map(|i| self.local(&rods.section_frame(i))).collect();
-        let joint = |i: &usize| Trs { t: now[*i].0, r: now[*i].1, s: Vec3::ONE };
+    /// Joints, vertices and leaves of the asset in the current pose of `rods`, which are those of `plant`.
+    pub fn pose_asset(&self, asset: &Asset, rods: &RodSystem, plant: &dyn RainTarget) -> AssetFrame {
+        let pose: Vec<(Vec3, Quat)> = (0..rods.len()).map(|i| self.to_asset_frame(&rods.section_frame(i))).collect();
+        let joint = |i: &usize| Trs { t: pose[*i].0, r: pose[*i].1, s: Vec3::ONE };
         let meshes = asset.meshes.iter().zip(&self.bound);
         AssetFrame {
             pose: [Trs::IDENTITY].into_iter().chain(self.jointed.iter().map(joint)).collect(),
-            meshes: meshes.map(|(m, bound)| self.posed_points(&m.mesh, bound, &now, rods)).collect(),
-            instancers: self.groups.iter().map(|leaves| InstancerFrame::State(self.leaves(leaves, plant))).collect(),
+            meshes: meshes.map(|(m, bound)| self.posed_points(&m.mesh, bound, &pose, rods)).collect(),
+            instancers: self
+                .groups
+                .iter()
+                .map(|leaves| InstancerFrame::State(self.leaf_states(leaves, plant)))
+                .collect(),
             ..AssetFrame::default()
         }
     }
 
-    fn leaves(&self, leaves: &[usize], plant: &dyn RainTarget) -> InstanceState {
+    /// Positions, rotations and velocities of leaves in asset space.
+    fn leaf_states(&self, leaves: &[usize], plant: &dyn RainTarget) -> InstanceState {
         let blades: Vec<_> = leaves.iter().map(|i| plant.leaf_pose(*i)).collect();
-        let back = self.stand.r.as_dquat().normalize().conjugate();
-        let scale = f64::from(self.stand.s.x);
+        let back = self.transform.r.as_dquat().normalize().conjugate();
+        let scale = f64::from(self.transform.s.x);
         InstanceState {
-            positions: blades.iter().map(|b| self.place(b.position)).collect(),
-            orientations: blades.iter().map(|b| self.turned(b.orientation)).collect(),
+            positions: blades.iter().map(|b| self.to_asset_point(b.position)).collect(),
+            orientations: blades.iter().map(|b| self.to_asset_rotation(b.orientation)).collect(),
             velocities: blades.iter().map(|b| (back * b.velocity / scale).as_vec3()).collect(),
             angular_velocities: blades.iter().map(|b| (back * b.angular_velocity).as_vec3()).collect(),
             ..InstanceState::default()
         }
     }
 
-    fn posed_points(&self, mesh: &Mesh, bound: &[VertexBinding], now: &[(Vec3, Quat)], rods: &RodSystem) -> MeshFrame {
+    /// Linear blend skinning of a mesh's points, normals and velocities: each is the mean of where its two sections carry it,
+    /// weighted by their shares.
+    fn posed_points(&self, mesh: &Mesh, bound: &[VertexBinding], pose: &[(Vec3, Quat)], rods: &RodSystem) -> MeshFrame {
         if bound.is_empty() {
             return MeshFrame::Same;
         }
-        let back = self.stand.r.conjugate();
+        // Velocity and angular velocity of each section, and its rotation away from rest, in asset space.
+        let back = self.transform.r.conjugate();
         let motions: Vec<(Vec3, Vec3)> = (0..rods.len())
             .map(|i| {
                 let (v, spin) = rods.section_velocity(i);
-                (back * v.as_vec3() / self.stand.s.x, back * spin.as_vec3())
+                (back * v.as_vec3() / self.transform.s.x, back * spin.as_vec3())
             })
             .collect();
-        let turns: Vec<Quat> = now.iter().zip(&self.rest).map(|(n, r)| n.1 * r.1.conjugate()).collect();
-        let mut out = (Vec::new(), Vec::new(), Vec::new());
+        let turns: Vec<Quat> = pose.iter().zip(&self.rest).map(|(n, r)| n.1 * r.1.conjugate()).collect();
+        let (mut points, mut normals, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
         for ((b, p), n) in bound.iter().zip(&mesh.points).zip(&mesh.normals) {
-            let (mut place, mut normal, mut speed) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+            let (mut place, mut normal, mut velocity) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
             for (section, share) in b.sections.into_iter().zip([1.0 - b.share, b.share]) {
                 let Some(s) = section else {
                     place += *p * share;
                     normal += *n * share;
                     continue;
                 };
+                // A rigid section moves the arm r from its centre by v + w x r.
                 let arm = turns[s] * (*p - self.rest[s].0);
-                place += (now[s].0 + arm) * share;
+                place += (pose[s].0 + arm) * share;
                 normal += (turns[s] * *n) * share;
-                speed += (motions[s].0 + motions[s].1.cross(arm)) * share;
+                velocity += (motions[s].0 + motions[s].1.cross(arm)) * share;
             }
-            out.0.push(place);
-            out.1.push(math::normalize_or(normal, *n));
-            out.2.push(speed);
+            points.push(place);
+            normals.push(math::normalize_or(normal, *n));
+            velocities.push(velocity);
         }
-        MeshFrame::Points { points: out.0, normals: out.1, velocities: out.2 }
+        MeshFrame::Points { points, normals, velocities }
     }
 }
 
-/// A plant on rods in a wind: asked for frames in order it goes on from the last.
+/// Motion of a plant on rods in a wind. Frames in rising order cost one step each; an earlier frame starts again.
 #[derive(Debug)]
 pub struct RodPlantMotion {
     start: RodPlant,
-    dressing: SkinBinding,
+    binding: SkinBinding,
     fps: f64,
-    steps: u32,
-    /// Steps before the first frame.
-    before: u32,
-    now: Mutex<Option<(RodPlant, u64)>>,
+    steps_per_frame: u32,
+    /// Steps of the spin-up, before the first frame.
+    spin_up_steps: u32,
+    /// The rods after the last frame that was evaluated, and that frame's number.
+    state: Mutex<Option<(RodPlant, u64)>>,
 }
 
 impl RodPlantMotion {
-    /// In a wind that has blown for a while, unless the clip begins from rest.
-    pub fn new(rod_plants: (RodPlant, SkinBinding), recipe: &PlantRecipe, air: &PlantWind, fps: f64) -> Self {
-        let start = rod_plants.0.with_wind(Some(Arc::clone(&air.wind) as Arc<dyn Wind>));
-        let steps = recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(|| start.steps_per_frame(fps));
+    /// Places rods in a wind, in which they spin up before the clip unless the clip starts from rest.
+    pub fn new(rods: RodPlant, binding: SkinBinding, recipe: &PlantRecipe, wind: &PlantWind, fps: f64) -> Self {
+        let start = rods.with_wind(Some(Arc::clone(&wind.wind) as Arc<dyn Wind>));
+        let steps_per_frame =
+            recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(|| start.steps_per_frame(fps));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds of steps")]
-        let before = if air.take.from_rest { 0 } else { (PRE_ROLL * fps).round() as u32 * steps };
-        Self { start, dressing: rod_plants.1, fps, steps, before, now: Mutex::new(None) }
+        let spin_up_steps = if wind.clip.from_rest { 0 } else { (SPIN_UP_TIME * fps).round() as u32 * steps_per_frame };
+        Self { start, binding, fps, steps_per_frame, spin_up_steps, state: Mutex::new(None) }
     }
 
-    /// Frame `number` from the first.
+    /// Steps the rods to the `number`-th frame of the clip and poses the asset.
     /// # Errors
-    /// `Simulation` for rods that fly apart.
+    /// `Simulation` for rods that diverge.
     fn evaluate(&self, asset: &Asset, number: u64) -> Result<AssetFrame> {
-        let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
-        let h = 1.0 / (self.fps * f64::from(self.steps));
-        let (mut boughs, mut frames) = match now.take().filter(|n| n.1 <= number) {
-            Some(state) => state,
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let h = 1.0 / (self.fps * f64::from(self.steps_per_frame));
+        let (mut rods, mut frames) = match state.take().filter(|n| n.1 <= number) {
+            Some(reached) => reached,
             None => {
-                let mut boughs = self.start.clone();
-                for k in 0..self.before {
-                    boughs.step((f64::from(k) - f64::from(self.before)) * h, h)?;
+                // The spin-up runs at negative times and ends at the clip's first frame.
+                let mut rods = self.start.clone();
+                for k in 0..self.spin_up_steps {
+                    rods.step((f64::from(k) - f64::from(self.spin_up_steps)) * h, h)?;
                 }
-                (boughs, 0)
+                (rods, 0)
             }
         };
         while frames < number {
-            for k in 0..self.steps {
-                boughs.step(frames as f64 / self.fps + f64::from(k) * h, h)?;
+            for k in 0..self.steps_per_frame {
+                rods.step(frames as f64 / self.fps + f64::from(k) * h, h)?;
             }
             frames += 1;
         }
-        let frame = self.dressing.frame(asset, boughs.rods(), &boughs);
-        *now = Some((boughs, frames));
+        let frame = self.binding.pose_asset(asset, rods.rods(), &rods);
+        *state = Some((rods, frames));
         Ok(frame)
     }
 }

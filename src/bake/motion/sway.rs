@@ -10,28 +10,29 @@ use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::scene::{BarkMotion, PlantKeys};
 use crate::recipe::{Growth, PlantRecipe};
 use osier_base::Result;
+use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::narrow;
 use osier_motion::sway::{
-    BeamElements, BendTrack, ElementBudget, ElementLocation, JointRig, LeafFlutter, OrganBindings, PaperSimulation,
-    PointBinding, PosedSkeleton, SwayParams,
+    BeamElements, BendTrack, ClipOptions, ElementBudget, ElementLocation, JointRig, LeafAir, LeafFlutter,
+    OrganBindings, PaperSimulation, PointBinding, PosedSkeleton, SwayParams, check_key_limit,
 };
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, instance_states};
 use osier_wind::Wind;
 
-/// Most joints for engines.
+/// Largest number of joints with `motion = "game"`, for the skinning limits of game engines.
 const MAX_GAME_JOINTS: u32 = 64;
 
-/// Moves one plant.
+/// Recorded sway of one plant.
 #[derive(Debug, Clone)]
 pub struct SwayMotion {
-    /// Its joints.
+    /// Joints of the skeleton, and the elements that each of them follows.
     pub rig: JointRig,
     elements: BeamElements,
     track: BendTrack,
-    /// All of it, where every point is wanted.
-    body: Option<PointBinding>,
+    /// Binding of the bark's points to elements, where frames carry points (`motion = "cache"`).
+    bark: Option<PointBinding>,
     /// One per instancer, in the instancer's order of organs.
     leaves: Vec<LeafMotion>,
     wind: Arc<dyn Wind>,
@@ -46,31 +47,31 @@ struct LeafMotion {
     locations: Vec<ElementLocation>,
 }
 
-/// The organs of one instancer, with what the recipe says of their flutter.
+/// The organs of one instancer, with the strength of their flutter.
 pub struct FlutterGroup<'a> {
     /// In the instancer's order.
     pub organs: &'a [&'a Organ],
-    /// Factor on their flutter.
+    /// Factor on the amplitude of the flutter; 0 for organs that do not flutter.
     pub flutter: f32,
 }
 
 impl<'a> FlutterGroup<'a> {
-    /// Of an organ of the recipe.
-    pub fn of(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
-        // Twigs, which come after the organs of a table's tree, ride on their branch.
+    /// The group of an organ of the recipe; `organ`: index into the recipe's organs.
+    pub fn from_recipe(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
+        // Instanced branchlets, which follow the organs of an IFS tree, are rigid with their branch.
         let other = if matches!(recipe.growth, Growth::Ifs(..)) { 0.0 } else { 1.0 };
         let flutter = recipe.organs.get(organ).map_or(other, |o| narrow(o.keys.flutter));
         Self { organs, flutter }
     }
 }
 
-/// What is seen of a plant at rest.
+/// The bark's points and the leaves of a plant at rest, which the sway moves.
 pub struct SwaySurface<'a> {
     /// The bark's points, m.
     pub points: &'a [Vec3],
-    /// Axis and arc length, m, of each.
+    /// Axis and arc length on it, m, of each point.
     pub bindings: &'a [(u32, f32)],
-    /// One per instancer.
+    /// In the order of the asset's instancers.
     pub leaves: &'a [FlutterGroup<'a>],
 }
 
@@ -85,106 +86,114 @@ struct SwaySample {
 }
 
 impl SwayMotion {
-    /// Measures a plant and lets the wind move it.
+    /// Divides a plant into beam elements and records their bends in the wind over the clip.
     /// # Errors
-    /// `Limit`, `Cancelled`.
+    /// `Limit` for the number of motion keys, `Cancelled`.
     pub fn new(
         plant: &Plant,
         keys: &PlantKeys,
-        air: &PlantWind,
+        wind: &PlantWind,
         params: SwayParams,
         surface: &SwaySurface<'_>,
         context: &BakeContext<'_>,
     ) -> Result<Self> {
         let (limits, cancel) = (context.limits, context.cancel);
         let cached = keys.motion == BarkMotion::Cache;
-        let most = if keys.motion == BarkMotion::Game { MAX_GAME_JOINTS } else { u32::MAX };
-        let joints = keys.max_joints.min(most) as usize;
+        let max_joints = if keys.motion == BarkMotion::Game { MAX_GAME_JOINTS } else { u32::MAX };
+        let joints = to_usize(keys.max_joints.min(max_joints));
+        // Frames with points can bend every branch; a skeleton has elements only where joints can show them.
         let budget = match keys.motion {
-            BarkMotion::Cache => ElementBudget::Elements(keys.max_branches as usize),
+            BarkMotion::Cache => ElementBudget::Elements(to_usize(keys.max_branches)),
             BarkMotion::Game => ElementBudget::Coarse(joints),
             BarkMotion::Skin | BarkMotion::Static | BarkMotion::Still => ElementBudget::Joints(joints),
         };
         let elements = BeamElements::build(plant, &params.wood, budget);
-        osier_motion::sway::check_key_limit(&elements, air.take, limits)?;
-        let take = if air.draft {
-            osier_motion::sway::ClipOptions { frames: 1, repeats: false, from_rest: true, ..air.take }
+        // An estimate checks the limit for the whole clip, but records one frame.
+        check_key_limit(&elements, wind.clip, limits)?;
+        let clip = if wind.estimate_only {
+            ClipOptions { frames: 1, repeats: false, from_rest: true, ..wind.clip }
         } else {
-            air.take
+            wind.clip
         };
-        let track = match air.paper {
+        let track = match wind.paper {
             Some(paper) => {
-                let simulation = PaperSimulation::new(plant, &elements, &*air.wind, params, paper);
-                BendTrack::record_as_printed(simulation, take, limits, cancel)?
+                let simulation = PaperSimulation::new(plant, &elements, &*wind.wind, params, paper);
+                BendTrack::record_as_printed(simulation, clip, limits, cancel)?
             }
-            None => BendTrack::record(&elements, &*air.wind, params, take, limits, cancel)?,
+            None => BendTrack::record(&elements, &*wind.wind, params, clip, limits, cancel)?,
         };
-        let foliage = |l: &FlutterGroup<'_>| {
-            let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
-            let speed = air.wind.mean_at(params.stand.apply(Vec3::Y * middle).y).length();
-            let flutter = LeafFlutter::new(l.organs, speed, air.wind.period(), l.flutter);
+        // Leaves flutter at the rate of the mean wind at their mean height.
+        let leaf_motion = |l: &FlutterGroup<'_>| {
+            let mean_height =
+                l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
+            let speed = wind.wind.mean_at(params.stand.apply(Vec3::Y * mean_height).y).length();
+            let flutter = LeafFlutter::new(l.organs, speed, wind.wind.period(), l.flutter);
             LeafMotion {
-                flutter: if air.paper.is_some() { flutter.as_printed() } else { flutter },
+                flutter: if wind.paper.is_some() { flutter.as_printed() } else { flutter },
                 bindings: OrganBindings::new(plant, l.organs),
                 locations: l.organs.iter().map(|o| elements.locate(o.axis, o.s)).collect(),
             }
         };
         Ok(Self {
             rig: JointRig::build(plant, &elements, joints),
-            body: cached.then(|| PointBinding::new(plant, &elements, surface.points, surface.bindings)),
-            leaves: surface.leaves.iter().map(foliage).collect(),
-            wind: Arc::clone(&air.wind),
+            bark: cached.then(|| PointBinding::new(plant, &elements, surface.points, surface.bindings)),
+            leaves: surface.leaves.iter().map(leaf_motion).collect(),
+            wind: Arc::clone(&wind.wind),
             elements,
             track,
             params,
         })
     }
 
-    /// Angles that the paper's equations would take beyond a right one.
-    pub fn clamped(&self) -> u64 {
+    /// Number of angles that the paper's equations would have taken beyond 90 degrees, over all frames.
+    pub fn clamped_angles(&self) -> u64 {
         self.track.clamped()
     }
 
-    /// The asset at `seconds`; `step`: seconds between frames, for velocities.
+    /// The asset at a time of the clip, s; `step`: time between two frames, s, over which velocities are central differences.
     fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+        // The track interpolates, so the bends half a frame before and after are at hand: their difference is the motion over one
+        // frame, for motion blur.
         let (number, step) = (seconds / step, narrow(step));
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
         let base_rotations = [&bends[0], &bends[2]].map(|b| self.elements.base_rotations(b));
         let sample = SwaySample { bends, base_rotations, seconds, step };
         let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
-        let skeleton = self.body.as_ref().map(|body| body.pose(&self.elements, &sample.bends[1]));
-        if let Some((body, skeleton)) = self.body.as_ref().zip(skeleton.as_ref()) {
-            frame.meshes = self.meshes(asset, body, skeleton, &sample);
+        let skeleton = self.bark.as_ref().map(|bark| bark.pose(&self.elements, &sample.bends[1]));
+        if let Some((bark, skeleton)) = self.bark.as_ref().zip(skeleton.as_ref()) {
+            frame.meshes = self.mesh_frames(asset, bark, skeleton, &sample);
         }
-        frame.instancers =
-            (0..asset.instancers.len()).map(|i| self.instancer(asset, i, &frame, skeleton.as_ref(), &sample)).collect();
+        frame.instancers = (0..asset.instancers.len())
+            .map(|i| self.instancer_frame(asset, i, &frame, skeleton.as_ref(), &sample))
+            .collect();
         frame
     }
 
     /// Points, normals and velocities of the meshes that deform.
-    fn meshes(
+    fn mesh_frames(
         &self,
         asset: &Asset,
-        body: &PointBinding,
+        bark: &PointBinding,
         skeleton: &PosedSkeleton,
         sample: &SwaySample,
     ) -> Vec<MeshFrame> {
-        let one = |m: &osier_scene::MeshObject| {
+        let mesh_frame = |m: &osier_scene::MeshObject| {
             if m.motion != MeshMotion::Deforming {
                 return MeshFrame::Same;
             }
-            let [before, after] = [0, 2].map(|k| body.bark(&body.pose(&self.elements, &sample.bends[k])));
+            let [before, after] = [0, 2].map(|k| bark.bark(&bark.pose(&self.elements, &sample.bends[k])));
             MeshFrame::Points {
-                points: body.bark(skeleton),
-                normals: body.normals(skeleton, &m.mesh.normals),
+                points: bark.bark(skeleton),
+                normals: bark.normals(skeleton, &m.mesh.normals),
                 velocities: before.iter().zip(&after).map(|(a, b)| (*b - *a) / sample.step).collect(),
             }
         };
-        asset.meshes.iter().map(one).collect()
+        asset.meshes.iter().map(mesh_frame).collect()
     }
 
-    /// Places of one instancer's leaves, with their flutter.
-    fn instancer(
+    /// Positions and rotations of one instancer's leaves: from the posed elements where frames carry points, else from the joints;
+    /// then their flutter.
+    fn instancer_frame(
         &self,
         asset: &Asset,
         i: usize,
@@ -202,29 +211,27 @@ impl SwayMotion {
             }
             None => instance_states(asset, instancer, i, frame).into_owned(),
         };
-        self.flutter(leaves, &mut state, sample);
+        self.add_flutter(leaves, &mut state, sample);
         InstancerFrame::State(state)
     }
 
-    /// Lets leaves flutter about where their twigs hold them.
-    fn flutter(&self, leaves: &LeafMotion, state: &mut InstanceState, sample: &SwaySample) {
+    /// Turns each leaf about its attachment by its flutter in the wind that reaches it.
+    fn add_flutter(&self, leaves: &LeafMotion, state: &mut InstanceState, sample: &SwaySample) {
         let stand = self.params.stand;
         let places: Vec<Vec3> = state.positions.iter().map(|p| stand.apply(*p)).collect();
-        let mut air = vec![Vec3::ZERO; places.len()];
-        self.wind.sample(&places, sample.seconds, &mut air);
+        let mut velocities = vec![Vec3::ZERO; places.len()];
+        self.wind.sample(&places, sample.seconds, &mut velocities);
         for (k, q) in state.orientations.iter_mut().enumerate() {
-            let spot = leaves.locations[k];
-            let wind = stand.r.conjugate() * air[k] * self.elements.wind_exposure(spot);
+            let location = leaves.locations[k];
+            // Wind in the plant's space, reduced by the shelter of the crown.
+            let wind = stand.r.conjugate() * velocities[k] * self.elements.wind_exposure(location);
             let [before, after] =
-                [0, 1].map(|n| self.elements.rotation_at(&sample.base_rotations[n], &sample.bends[2 * n], spot));
+                [0, 1].map(|n| self.elements.rotation_at(&sample.base_rotations[n], &sample.bends[2 * n], location));
             // Angular velocity of the twig over the frame, for small turns: twice the vector part of the rotation from half a frame
             // before to half a frame after, divided by the frame's length.
             let turned = after * before.conjugate();
             let spin = turned.xyz() * (2.0 * turned.w.signum() / sample.step);
-            *q = leaves
-                .flutter
-                .orientation(k, *q, sample.seconds, osier_motion::sway::LeafAir { wind, spin })
-                .normalize();
+            *q = leaves.flutter.orientation(k, *q, sample.seconds, LeafAir { wind, spin }).normalize();
         }
     }
 }

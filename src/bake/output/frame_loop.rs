@@ -1,4 +1,4 @@
-//! Frames to exporters.
+//! The frame loop: evaluates frames and hands each to all exporters.
 
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
@@ -7,47 +7,52 @@ use osier_base::{Error, Result};
 use osier_export::{Exporter, Warning};
 use osier_scene::{Frame, check_frame, check_scene, largest};
 
-/// An exporter with the name shown for it.
+/// An exporter with the name that its errors and progress show.
 pub struct NamedExporter {
-    /// Its format.
+    /// The word of its format.
     pub name: &'static str,
-    /// It.
+    /// The open exporter.
     pub exporter: Box<dyn Exporter>,
 }
 
-/// Writes the frames `numbers` (none: a still asset) of a stage by all writers. Each frame goes to the writers in
-/// parallel while the next is computed, so at most two frames are in memory.
+/// Writes the frames `numbers` of a scene (none: a still scene) with all exporters. Each frame is written by the exporters in
+/// parallel while the next one is evaluated, so that at most two frames are in memory.
 /// # Errors
-/// The first failure in the order of the writers; `Cancelled`.
+/// The first failure in the order of the exporters; `Cancelled`.
 pub fn write_frames(
     animated: &AnimatedScene,
-    writers: &mut [NamedExporter],
+    exporters: &mut [NamedExporter],
     numbers: &[u32],
     context: &BakeContext<'_>,
 ) -> Result<Vec<Warning>> {
     check_scene(&animated.scene)?;
-    context.progress.stage("writing", writers.len() as u64);
-    for_each_exporter(writers, |w| w.begin(&animated.scene))?;
-    let mut most: Vec<Vec<f64>> = vec![Vec::new(); animated.scene.tables.len()];
+    context.progress.stage("writing", exporters.len() as u64);
+    // Static data: geometry, materials, rest poses.
+    for_each_exporter(exporters, |e| e.begin(&animated.scene))?;
+    // Largest value of every table column so far, from which warnings are derived at the end.
+    let mut largest_rows: Vec<Vec<f64>> = vec![Vec::new(); animated.scene.tables.len()];
     let phased: Vec<u32> =
-        numbers.iter().copied().filter(|n| writers.iter().any(|w| w.exporter.wants_phases(*n))).collect();
-    let make = |n: u32| {
-        let made = evaluate_frame(&animated.scene, &animated.motions, n, phased.contains(&n))?;
-        let air = animated.wind.as_ref().map(|air| air.at(&animated.scene, n)).transpose()?;
-        Ok::<_, Error>(Frame { air: air.unwrap_or_default(), ..made })
+        numbers.iter().copied().filter(|n| exporters.iter().any(|e| e.exporter.wants_phases(*n))).collect();
+    let evaluate = |n: u32| {
+        let frame = evaluate_frame(&animated.scene, &animated.motions, n, phased.contains(&n))?;
+        let air = animated.wind.as_ref().map(|wind| wind.sample_frame(&animated.scene, n)).transpose()?;
+        Ok::<_, Error>(Frame { air: air.unwrap_or_default(), ..frame })
     };
     if let Some((first, rest)) = numbers.split_first() {
         context.progress.stage("writing frames", numbers.len() as u64);
-        let mut current: Frame = make(*first)?;
+        let mut current: Frame = evaluate(*first)?;
         for next in rest.iter().map(Some).chain([None]) {
             context.cancel.check()?;
             check_frame(&animated.scene, &current)?;
-            for (most, row) in most.iter_mut().zip(&current.rows) {
-                *most = largest([&**most, row]);
+            for (largest_row, row) in largest_rows.iter_mut().zip(&current.rows) {
+                *largest_row = largest([&**largest_row, row]);
             }
-            let (done, following) =
-                osier_base::par::join(|| for_each_exporter(writers, |w| w.frame(&current)), || next.map(|n| make(*n)));
-            done?;
+            // Overlap writing this frame with evaluating the next. A failed export is reported before a failed frame.
+            let (written, following) = osier_base::par::join(
+                || for_each_exporter(exporters, |e| e.frame(&current)),
+                || next.map(|n| evaluate(*n)),
+            );
+            written?;
             context.progress.advance(1);
             if let Some(f) = following {
                 current = f?;
@@ -55,19 +60,19 @@ pub fn write_frames(
         }
     }
     context.cancel.check()?;
-    context.progress.stage("finishing", writers.len() as u64);
-    let summaries = for_each_exporter(writers, Exporter::finish)?;
-    let measured = animated.scene.tables.iter().zip(&most).flat_map(|(table, most)| table.warnings(most));
+    context.progress.stage("finishing", exporters.len() as u64);
+    let summaries = for_each_exporter(exporters, Exporter::finish)?;
+    let measured = animated.scene.tables.iter().zip(&largest_rows).flat_map(|(table, row)| table.warnings(row));
     let measured = measured.map(|(code, message)| Warning { code, message });
     Ok(measured.chain(summaries.into_iter().flat_map(|s| s.warnings)).collect())
 }
 
-/// Calls every exporter, in parallel.
+/// Calls all exporters in parallel; returns their results in order, or the first error in order.
 fn for_each_exporter<R: Send>(
-    writers: &mut [NamedExporter],
+    exporters: &mut [NamedExporter],
     call: impl Fn(&mut (dyn Exporter + 'static)) -> Result<R> + Sync + Send,
 ) -> Result<Vec<R>> {
-    let mut jobs: Vec<(&mut NamedExporter, Option<Result<R>>)> = writers.iter_mut().map(|w| (w, None)).collect();
-    osier_base::par::par_each(&mut jobs, |(writer, result)| *result = Some(call(writer.exporter.as_mut())));
+    let mut jobs: Vec<(&mut NamedExporter, Option<Result<R>>)> = exporters.iter_mut().map(|e| (e, None)).collect();
+    osier_base::par::par_each(&mut jobs, |(named, result)| *result = Some(call(named.exporter.as_mut())));
     jobs.into_iter().filter_map(|(_, result)| result).collect()
 }

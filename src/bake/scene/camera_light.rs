@@ -1,4 +1,4 @@
-//! From where a scene is seen, and in what light.
+//! Camera, sun and sky of a scene.
 
 use glam::Vec3;
 
@@ -8,13 +8,14 @@ use osier_base::math::narrow;
 use osier_base::par::par_map;
 use osier_scene::{Asset, AssetFrame, AssetKind, Camera, Fog, Placement, Sky, Sun, asset_bounds};
 
-/// The camera as the scene has it, or fitted to the plants.
-pub fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {
+/// The camera of the keys; without them it frames all placements at rest.
+pub fn scene_camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {
     let rest = AssetFrame::default();
+    // An asset's bounds at rest, joined with those that its points reach over the clip.
     let reach = |a: &Asset| a.points.iter().fold(Bounds::default(), |b, c| b.union(c.reach));
-    // The wind brings rain from far away; only its fall on the plants is looked at.
-    let falls = |a: &Asset| a.kind == AssetKind::Tracks && a.instancers.is_empty() && !reach(a).is_empty();
-    let boxed = |a: &Asset| if falls(a) { reach(a) } else { asset_bounds(a, &rest).union(reach(a)) };
+    // Wind-driven rain starts far outside the plants: of rain only the reach around them is framed.
+    let is_rain = |a: &Asset| a.kind == AssetKind::Tracks && a.instancers.is_empty() && !reach(a).is_empty();
+    let boxed = |a: &Asset| if is_rain(a) { reach(a) } else { asset_bounds(a, &rest).union(reach(a)) };
     let boxes: Vec<Bounds> = par_map(assets, boxed);
     let corners = placements.iter().flat_map(|s| {
         let b = boxes.get(s.asset).copied().unwrap_or_default();
@@ -34,8 +35,8 @@ pub fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Ca
     camera
 }
 
-/// The sun as the scene has it.
-pub fn sun(recipe: &Recipe) -> Sun {
+/// The sun of the keys; angles in radians.
+pub fn scene_sun(recipe: &Recipe) -> Sun {
     let keys = &recipe.sun;
     Sun {
         elevation: narrow(keys.elevation),
@@ -46,8 +47,8 @@ pub fn sun(recipe: &Recipe) -> Sun {
     }
 }
 
-/// The sky as the scene has it, with its haze.
-pub fn sky(recipe: &Recipe) -> Sky {
+/// The sky of the keys, with fog where they set a visibility.
+pub fn scene_sky(recipe: &Recipe) -> Sky {
     let keys = &recipe.sky;
     let strength = narrow(keys.strength);
     let fog = recipe.fog.visibility.map(|visibility| Fog {

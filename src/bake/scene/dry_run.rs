@@ -1,4 +1,4 @@
-//! A recipe as it is looked at before it is run: what it would make is counted, nothing is drawn or simulated.
+//! Reduction of a recipe for estimates: everything that a bake would make is counted, nothing is drawn or simulated at full size.
 
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::plant_materials::organ_names;
@@ -7,37 +7,38 @@ use crate::recipe::scene::WindSolver;
 use crate::recipe::{Growth, PlantRecipe, Recipe};
 use osier_scene::{Clip, Image, Pixels};
 
-/// Pixels along a side of maps that are only counted.
-const SIDE: u32 = 16;
-/// Individuals of a plant that are grown to be counted.
-const SAMPLE: usize = 64;
-/// Clusters of the wood of a mesh along its diagonal, at most.
-const CLUSTERS: f32 = 300.0;
+/// Pixels along a side of maps that are only counted. Own: the smallest that all painters accept.
+const REDUCED_SIDE: u32 = 16;
+/// Individuals of each plant that an estimate grows; the others are counted as copies of these. Own: the mean of 64 is within a few
+/// percent; more take longer.
+const SAMPLED_INDIVIDUALS: usize = 64;
+/// Largest number of skeleton nodes along the diagonal of an imported mesh. Own: keeps the extraction under a second.
+const MAX_SKELETON_NODES: f32 = 300.0;
 
-/// The recipe with small maps, and with air that needs no lattice and no time to run up.
+/// The recipe with small maps, coarse skeletons, an analytic wind in place of a lattice, and no spin-up.
 pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
     let mut draft = recipe.clone();
     if draft.lattice.solver == WindSolver::Lbm {
         draft.lattice.solver = WindSolver::Analytic;
     }
     draft.flight.iter_mut().for_each(|flight| flight.keys.spin_up = 0.0);
-    draft.ground.side = draft.ground.side.min(SIDE);
+    draft.ground.side = draft.ground.side.min(REDUCED_SIDE);
     for plant in &mut draft.plants {
-        plant.bark.side = plant.bark.side.min(SIDE);
-        plant.shoot.side = plant.shoot.side.min(SIDE);
+        plant.bark.side = plant.bark.side.min(REDUCED_SIDE);
+        plant.shoot.side = plant.shoot.side.min(REDUCED_SIDE);
         // Leaves of tables are drawn once for all plants, and their shape follows from the drawing.
         for organ in plant.organs.iter_mut().filter(|o| o.ifs.is_none()) {
-            organ.keys.side = organ.keys.side.min(SIDE);
+            organ.keys.side = organ.keys.side.min(REDUCED_SIDE);
         }
         if let Growth::Mesh(import, keys) = &mut plant.growth {
-            let least = f64::from(import.mesh.bounds().size().length() / CLUSTERS);
+            let least = f64::from(import.mesh.bounds().size().length() / MAX_SKELETON_NODES);
             keys.spacing = keys.spacing.map(|s| s.max(least));
         }
     }
     draft
 }
 
-/// The recipe as rain needs it: one frame of it, from the first drop.
+/// The recipe with one frame of rain and no spin-up.
 pub fn first_rain_frame(recipe: &Recipe) -> Recipe {
     let mut short = recipe.clone();
     short.clip = Clip { end: recipe.clip.end.min(recipe.clip.start + 1), ..recipe.clip };
@@ -45,7 +46,8 @@ pub fn first_rain_frame(recipe: &Recipe) -> Recipe {
     short
 }
 
-/// Keeps the first of a plant's individuals, which stand for the others; how many each stands for, itself included.
+/// Keeps the first [`SAMPLED_INDIVIDUALS`] of each plant and lets them represent the others in turn; returns how many individuals each
+/// represents, itself included.
 pub fn sample_individuals(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
     let mut kept: Vec<Vec<usize>> = vec![Vec::new(); plants];
     let mut seen = vec![0_usize; plants];
@@ -56,7 +58,7 @@ pub fn sample_individuals(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
         let (Some(kept), Some(seen)) = (kept.get_mut(individual.plant), seen.get_mut(individual.plant)) else {
             continue;
         };
-        if kept.len() < SAMPLE {
+        if kept.len() < SAMPLED_INDIVIDUALS {
             kept.push(individuals.len());
             individuals.push(individual);
             weights.push(0);
@@ -67,35 +69,36 @@ pub fn sample_individuals(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
         places.push(place);
     }
     layout.individuals = individuals;
-    for s in &mut layout.standings {
+    for s in &mut layout.instances {
         s.individual = places.get(s.individual).copied().unwrap_or(0);
     }
     weights
 }
 
-/// Gives the pictures of a plant that was drawn small the sizes that are meant; they hold no pixels then.
-pub fn restore_image_sizes(look: &mut MaterialSet, meant: &PlantRecipe) {
-    let made = meant.organs.iter().zip(organ_names(meant)).filter(|(o, _)| o.mesh.is_none() && o.ifs.is_none());
-    let organs = made.map(|(o, name)| (format!("{}_{name}", meant.id), o.keys.side));
-    let barks = [("bark", meant.bark.side), ("shoot", meant.shoot.side)];
+/// Gives the images of a reduced plant the sizes of the full recipe, without pixels.
+pub fn restore_image_sizes(set: &mut MaterialSet, full: &PlantRecipe) {
+    let painted = full.organs.iter().zip(organ_names(full)).filter(|(o, _)| o.mesh.is_none() && o.ifs.is_none());
+    let organs = painted.map(|(o, name)| (format!("{}_{name}", full.id), o.keys.side));
+    let barks = [("bark", full.bark.side), ("shoot", full.shoot.side)];
     let sides: Vec<(String, u32)> =
-        organs.chain(barks.map(|(part, side)| (format!("{}_{part}", meant.id), side))).collect();
-    for image in &mut look.images {
-        let own = sides.iter().filter(|(name, _)| image.name.starts_with(name)).max_by_key(|(name, _)| name.len());
-        if let Some((_, side)) = own {
-            sized(image, *side);
+        organs.chain(barks.map(|(part, side)| (format!("{}_{part}", full.id), side))).collect();
+    for image in &mut set.images {
+        // Image names begin with that of their part; the longest match wins where one name begins another.
+        let part = sides.iter().filter(|(name, _)| image.name.starts_with(name)).max_by_key(|(name, _)| name.len());
+        if let Some((_, side)) = part {
+            set_size(image, *side);
         }
     }
 }
 
-/// The same for the ground, whose maps have a side of `side`.
-pub fn restore_ground_sizes(look: &mut MaterialSet, side: u32) {
-    look.images.iter_mut().for_each(|image| sized(image, side));
+/// Gives the images of a reduced ground a side of `side` pixels, without pixels.
+pub fn restore_ground_sizes(set: &mut MaterialSet, side: u32) {
+    set.images.iter_mut().for_each(|image| set_size(image, side));
 }
 
-/// `side`: pixels that the keys ask for, of which [`SIDE`] were drawn.
-fn sized(image: &mut Image, side: u32) {
-    let times = side / SIDE.min(side.max(1));
+/// `side`: pixels that the keys ask for, of which [`REDUCED_SIDE`] were drawn.
+fn set_size(image: &mut Image, side: u32) {
+    let times = side / REDUCED_SIDE.min(side.max(1));
     if times > 1 {
         image.width = image.width.saturating_mul(times);
         image.height = image.height.saturating_mul(times);

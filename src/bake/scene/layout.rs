@@ -1,4 +1,4 @@
-//! Who grows and where they stand.
+//! Placement: the individuals of a scene and where their copies stand.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::assets::terrain;
-use crate::bake::scene::plant_layout::{PlantInstance, PlantLayout, individual, rotation, tangent};
+use crate::bake::scene::plant_layout::{PlantInstance, PlantLayout, axis_rotation, next_individual, slope_tangent};
 use crate::bake::scene::scatter;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
 use osier_base::Result;
@@ -16,20 +16,21 @@ use osier_base::rng::Rng;
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::Trs;
 
-/// Lays out all of a recipe: its places, and what is strewn over its land, which comes back too.
+/// Lays out the places of a recipe and scatters plants over its terrain, which is returned too.
 /// # Errors
-/// `Range` for land outside its ranges, `Limit`, `Cancelled`.
+/// `Range` for a terrain outside its ranges, `Limit`, `Cancelled`.
 pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<(PlantLayout, Option<Terrain>)> {
     let mut layout = lay_out(recipe);
     let Some(keys) = &recipe.terrain else { return Ok((layout, None)) };
-    let land = terrain::shape(keys, recipe.general.seed)?;
-    for s in &mut layout.standings {
+    // Places give heights above the terrain; scattered plants are placed on it directly.
+    let land = terrain::generate_terrain(keys, recipe.general.seed)?;
+    for s in &mut layout.instances {
         let at = &mut s.transform.t;
         at.y += land.height_at(at.x, at.z);
-        s.slope = Some(tangent(land.normal_at(at.x, at.z)));
+        s.slope = Some(slope_tangent(land.normal_at(at.x, at.z)));
     }
     scatter::scatter_plants(recipe, &land, &mut layout, context)?;
-    name(recipe, &mut layout);
+    name_assets(recipe, &mut layout);
     Ok((layout, Some(land)))
 }
 
@@ -40,36 +41,39 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
     let mut ordinals = vec![0_u32; recipe.plants.len()];
     for (index, place) in recipe.places.iter().enumerate() {
         let first = layout.individuals.len();
-        // All that grows from a mesh looks the same.
+        // Individuals of an imported mesh do not differ, so that one serves all copies by default.
         let modelled = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Mesh(..)));
-        let alike = if modelled { 1 } else { place.keys.count };
-        // What rains on one does not on another.
-        let alone = recipe.rain.is_some();
-        let kinds =
-            if alone { place.keys.count } else { place.keys.individuals.unwrap_or(alike).min(place.keys.count) };
-        for _ in 0..kinds {
-            layout.individuals.extend(individual(recipe, place.plant, place.keys.seed, &mut ordinals));
+        let default_count = if modelled { 1 } else { place.keys.count };
+        // In the rain each copy has drops of its own, and so must be an individual.
+        let individuals = if recipe.rain.is_some() {
+            place.keys.count
+        } else {
+            place.keys.individuals.unwrap_or(default_count).min(place.keys.count)
+        };
+        for _ in 0..individuals {
+            layout.individuals.extend(next_individual(recipe, place.plant, place.keys.seed, &mut ordinals));
         }
         let mut clear = PlacementGrid::new(math::narrow(place.keys.clear));
-        let middle = Vec3::from_array(place.keys.at.map(math::narrow));
-        layout.standings.iter().map(|s| s.transform.t - middle).for_each(|p| clear.add(Vec2::new(p.x, p.z)));
-        let spots = spread(recipe.general.seed, index, place, &clear);
+        // Copies are spread around the place's centre, away from what earlier places put there.
+        let center = Vec3::from_array(place.keys.at.map(math::narrow));
+        layout.instances.iter().map(|s| s.transform.t - center).for_each(|p| clear.insert(Vec2::new(p.x, p.z)));
+        let spots = spread_copies(recipe.general.seed, index, place, &clear);
         for (copy, spot) in spots.iter().enumerate() {
-            let kind = copy % kinds.max(1) as usize;
-            // Copies that share a motion lean one way: they face the wind alike.
-            let transform =
-                copy_transform(recipe.general.seed, index, copy, if recipe.moves { kind } else { copy }, place, *spot);
-            let individual = first + kind;
-            layout.standings.push(PlantInstance { individual, transform, slope: None });
+            let shared = copy % individuals.max(1) as usize;
+            // Copies that share a recorded motion must face the wind alike: they get the same turn about the vertical.
+            let turned_as = if recipe.moves { shared } else { copy };
+            let transform = copy_transform(recipe.general.seed, index, copy, turned_as, place, *spot);
+            let individual = first + shared;
+            layout.instances.push(PlantInstance { individual, transform, slope: None });
         }
     }
-    name(recipe, &mut layout);
+    name_assets(recipe, &mut layout);
     layout
 }
 
-/// `oak` if there is one oak, else `oak_1`, `oak_2`, ...; `oak_1` as well where the whole scene is called `oak`, so that
-/// both have files of their own.
-fn name(recipe: &Recipe, layout: &mut PlantLayout) {
+/// Names the assets: `oak` for the only individual of plant `oak`, else `oak_1`, `oak_2`, ...; `oak_1` too where the scene is called
+/// `oak`, so that scene and plant have files of different names.
+fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
     let mut totals = vec![0_u32; recipe.plants.len()];
     for i in &layout.individuals {
         if let Some(t) = totals.get_mut(i.plant) {
@@ -88,8 +92,9 @@ fn name(recipe: &Recipe, layout: &mut PlantLayout) {
     }
 }
 
-/// Where the copies of a group stand, relative to its middle. `clear`: what they keep away from, likewise.
-fn spread(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec2> {
+/// Positions of a place's copies relative to its centre, m, by best-candidate sampling: up to 24 uniform draws in the disc, of which the
+/// first that keeps both distances is taken, else the best. `clear`: plants of earlier places, relative to the same centre.
+fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec2> {
     let count = place.keys.count;
     if count == 1 {
         return vec![Vec2::ZERO];
@@ -99,29 +104,30 @@ fn spread(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -
     (0..u64::from(count))
         .map(|copy| {
             let mut rng = Rng::at(seed, &["place".into(), index.into(), copy.into(), "spot".into()]);
+            // Radius as the square root of a uniform draw: even density over the disc.
             let mut best = (f32::NEG_INFINITY, Vec2::ZERO);
             for _ in 0..24 {
                 let r = radius * math::sqrt_f32(rng.unit_f32());
                 let a = std::f32::consts::TAU * rng.unit_f32();
                 let spot = Vec2::new(r * math::cos_f32(a), r * math::sin_f32(a));
                 let room = near.distance(spot);
-                // What stands in the way of another place counts more than crowding within this one.
+                // Overlap with another place weighs a thousand times as much as crowding within this one.
                 let lacking = clear.side - clear.distance(spot);
-                let worth = room - 1e3 * lacking;
-                if worth > best.0 {
-                    best = (worth, spot);
+                let score = room - 1e3 * lacking;
+                if score > best.0 {
+                    best = (score, spot);
                 }
                 if room >= spacing && lacking <= 0.0 {
                     break;
                 }
             }
-            near.add(best.1);
+            near.insert(best.1);
             best.1
         })
         .collect()
 }
 
-/// Points in square cells of the spacing's side, for the distance to the nearest one.
+/// Points in square cells as wide as the distance that is kept, so that the nearest point within it lies in the 3 x 3 cells around.
 struct PlacementGrid {
     side: f32,
     cells: BTreeMap<(i64, i64), Vec<Vec2>>,
@@ -137,7 +143,7 @@ impl PlacementGrid {
         ((p.x / self.side).floor() as i64, (p.y / self.side).floor() as i64)
     }
 
-    fn add(&mut self, p: Vec2) {
+    fn insert(&mut self, p: Vec2) {
         if self.side > 0.0 {
             self.cells.entry(self.cell(p)).or_default().push(p);
         }
@@ -155,21 +161,22 @@ impl PlacementGrid {
     }
 }
 
-/// `facing`: the copy whose turn this one shares.
-fn copy_transform(seed: u64, index: usize, copy: usize, facing: usize, place: &PlaceRecipe, spot: Vec2) -> Trs {
+/// Transform of one copy of a place. `turned_as`: the copy whose drawn turn it shares.
+fn copy_transform(seed: u64, index: usize, copy: usize, turned_as: usize, place: &PlaceRecipe, spot: Vec2) -> Trs {
     let keys = &place.keys;
     let stream = |copy: usize| Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
-    let drawn_turn = stream(facing).range(0.0, std::f64::consts::TAU);
+    let drawn_turn = stream(turned_as).range(0.0, std::f64::consts::TAU);
+    // The scale is the second draw of the copy's own stream; its first is the turn.
     let mut rng = stream(copy);
     rng.next_u64();
     let drawn_scale = rng.range(-1.0, 1.0);
     let turn = keys.turn.unwrap_or(if keys.count > 1 { drawn_turn } else { 0.0 });
-    let lean_to = rotation(Vec3::Y, keys.lean_to) * Vec3::X;
-    let lean = rotation(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);
-    let at = Vec3::from_array(keys.at.map(math::narrow));
+    let lean_to = axis_rotation(Vec3::Y, keys.lean_to) * Vec3::X;
+    let lean = axis_rotation(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);
+    let center = Vec3::from_array(keys.at.map(math::narrow));
     Trs {
-        t: at + Vec3::new(spot.x, 0.0, spot.y),
-        r: (lean * rotation(Vec3::Y, turn)).normalize(),
+        t: center + Vec3::new(spot.x, 0.0, spot.y),
+        r: (lean * axis_rotation(Vec3::Y, turn)).normalize(),
         s: Vec3::splat(math::narrow(keys.scale * (1.0 + keys.vary * drawn_scale))),
     }
 }
@@ -192,9 +199,9 @@ mod tests {
             ))
         };
         let (few, many) = (group(10), group(30));
-        assert_eq!((many.individuals.len(), many.standings.len()), (3, 30));
-        assert_eq!(few.standings[..], many.standings[..10]);
-        let p: Vec<Vec3> = many.standings.iter().map(|s| s.transform.t).collect();
+        assert_eq!((many.individuals.len(), many.instances.len()), (3, 30));
+        assert_eq!(few.instances[..], many.instances[..10]);
+        let p: Vec<Vec3> = many.instances.iter().map(|s| s.transform.t).collect();
         assert!(p.iter().all(|p| p.distance(Vec3::new(5.0, 0.0, 0.0)) <= 10.0));
         assert!((0..30).all(|i| (0..i).all(|j| p[i].distance(p[j]) >= 2.0)));
     }
@@ -204,7 +211,7 @@ mod tests {
         let l = laid(
             "[[place]]\nplant = \"b\"\nat = [1, 0, 2]\n[[place]]\nplant = \"a\"\ncount = 400\nradius = 3\nclear = 1\nindividuals = 1\nat = [0, 0, 2]",
         );
-        let p: Vec<Vec3> = l.standings.iter().map(|s| s.transform.t).collect();
+        let p: Vec<Vec3> = l.instances.iter().map(|s| s.transform.t).collect();
         assert!(p[1..].iter().all(|q| q.distance(p[0]) >= 1.0));
         assert!(p[1..].iter().any(|q| q.distance(p[0]) < 1.3));
     }
@@ -222,7 +229,7 @@ mod tests {
     #[test]
     fn a_lean_of_90_degrees_lies_down() {
         let l = laid("[[place]]\nplant = \"a\"\nlean_deg = 90\nlean_to_deg = 90\nturn_deg = 30");
-        let up = l.standings[0].transform.r * Vec3::Y;
+        let up = l.instances[0].transform.r * Vec3::Y;
         assert!((up - Vec3::NEG_Z).length() < 1e-6, "{up}");
     }
 }

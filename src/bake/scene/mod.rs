@@ -2,6 +2,7 @@
 
 pub mod animated;
 pub mod assembly;
+pub(crate) mod builder;
 pub mod camera_light;
 pub(crate) mod dry_run;
 pub mod layout;

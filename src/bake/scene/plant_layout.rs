@@ -7,54 +7,54 @@ use osier_base::math;
 use osier_base::rng::{child, mix64, word};
 use osier_scene::Trs;
 
-/// One plant to grow.
+/// One plant to grow: a member of its species with its own random draws.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Individual {
     /// Index into the recipe's plants.
     pub plant: usize,
     /// Asset id, `[a-z0-9_]+`.
     pub asset: String,
-    /// Names it in ids: of its plant's name and its ordinal, never of a seed.
+    /// Identifier from the plant's name and the individual's ordinal; no seed changes it.
     pub id: u32,
-    /// Seed of its draws.
+    /// Seed of its growth.
     pub seed: u64,
 }
 
-/// One showing of an individual.
+/// A placement of an individual, which several may share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlantInstance {
     /// Index into [`PlantLayout::individuals`].
     pub individual: usize,
     /// World from plant space.
     pub transform: Trs,
-    /// Tangent of the land's slope there, by which a thick foot is sunk; `None` where there is no land.
+    /// Tangent of the terrain's slope there, which tells how deep the foot is sunk; `None` without terrain.
     pub slope: Option<f32>,
 }
 
-/// Individuals and their places.
+/// Individuals and their placements.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlantLayout {
     /// In the order of the places.
     pub individuals: Vec<Individual>,
     /// In the order of the places.
-    pub standings: Vec<PlantInstance>,
+    pub instances: Vec<PlantInstance>,
 }
 
 impl PlantLayout {
-    /// Where the first copy of each individual stands.
-    pub fn first_stands(&self) -> Vec<Trs> {
-        let mut stands = vec![None; self.individuals.len()];
-        for s in &self.standings {
-            if let Some(stand) = stands.get_mut(s.individual) {
-                stand.get_or_insert(s.transform);
+    /// Transform of the first instance of each individual, whose place in the wind all of its instances share.
+    pub fn first_transforms(&self) -> Vec<Trs> {
+        let mut transforms = vec![None; self.individuals.len()];
+        for s in &self.instances {
+            if let Some(first) = transforms.get_mut(s.individual) {
+                first.get_or_insert(s.transform);
             }
         }
-        stands.into_iter().map(|s| s.unwrap_or(Trs::IDENTITY)).collect()
+        transforms.into_iter().map(|s| s.unwrap_or(Trs::IDENTITY)).collect()
     }
 }
 
-/// The next individual of a plant. `seed`: of its place, 0 for none.
-pub(crate) fn individual(recipe: &Recipe, index: usize, seed: u64, ordinals: &mut [u32]) -> Option<Individual> {
+/// The next individual of a plant. `seed`: that of its `[[place]]`, 0 for none.
+pub(crate) fn next_individual(recipe: &Recipe, index: usize, seed: u64, ordinals: &mut [u32]) -> Option<Individual> {
     let plant = recipe.plants.get(index)?;
     let ordinal = ordinals.get_mut(index)?;
     let id = child(word(&plant.name), u64::from(*ordinal));
@@ -68,11 +68,12 @@ pub(crate) fn individual(recipe: &Recipe, index: usize, seed: u64, ordinals: &mu
 }
 
 /// Tangent of the slope of a surface with this unit normal.
-pub(crate) fn tangent(normal: Vec3) -> f32 {
+pub(crate) fn slope_tangent(normal: Vec3) -> f32 {
     math::sqrt_f32((1.0 - normal.y * normal.y).max(0.0)) / normal.y.max(1e-3)
 }
 
-pub(crate) fn rotation(axis: Vec3, angle: f64) -> Quat {
+/// Rotation by `angle`, radians, about a unit axis, by deterministic sine and cosine.
+pub(crate) fn axis_rotation(axis: Vec3, angle: f64) -> Quat {
     let v = axis * math::narrow(math::sin(angle * 0.5));
     Quat::from_xyzw(v.x, v.y, v.z, math::narrow(math::cos(angle * 0.5)))
 }

@@ -1,12 +1,13 @@
-//! Plants strewn over the land.
+//! Scattering of plants over a terrain, and their seating on its slopes.
 
 use glam::Vec3;
 
 use crate::bake::BakeContext;
-use crate::bake::scene::plant_layout::{PlantInstance, PlantLayout, individual, rotation, tangent};
+use crate::bake::scene::plant_layout::{PlantInstance, PlantLayout, axis_rotation, next_individual, slope_tangent};
 use crate::recipe::scene::SkinKeys;
 use crate::recipe::{Recipe, ScatterRecipe};
 use osier_base::Result;
+use osier_base::convert::{index, to_usize};
 use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
 use osier_base::rng::Rng;
 use osier_plants::surface::terrain::Terrain;
@@ -16,11 +17,11 @@ use osier_plants::surface::terrain::scatter::{
 use osier_scene::Trs;
 use osier_scene::plant::{NONE, Plant};
 
-/// How far every foot goes into the land, m.
+/// Depth to which every foot is sunk below the lowest terrain around it, m. Own: less than the terrain's rounding between samples would
+/// leave gaps.
 const FOOT_DEPTH: f32 = 0.02;
 
-/// Strews what a recipe wants over its land. Every plant of a `[[scatter]]` is grown a few times, and each of its copies
-/// shows one of these.
+/// Scatters the plants of every `[[scatter]]` over the terrain. Of each plant `individuals` are grown; every copy shows one of them.
 /// # Errors
 /// `Limit` beyond the candidates or instances allowed, `Cancelled`.
 pub(crate) fn scatter_plants(
@@ -29,59 +30,66 @@ pub(crate) fn scatter_plants(
     layout: &mut PlantLayout,
     context: &BakeContext<'_>,
 ) -> Result<()> {
+    // Individuals are numbered on from those of the places.
     let mut ordinals = vec![0_u32; recipe.plants.len()];
     for i in &layout.individuals {
         if let Some(n) = ordinals.get_mut(i.plant) {
             *n += 1;
         }
     }
-    let place = |s: &PlantInstance| [s.transform.t.x, s.transform.t.z];
-    let mut taken: Vec<ScatterObstacle> =
-        layout.standings.iter().map(|s| ScatterObstacle { at: place(s), spacing: 0.0 }).collect();
-    for (entry, sown) in recipe.scatters.iter().enumerate() {
+    // Plants that are placed already keep scattered ones at the distance `clear`.
+    let position = |s: &PlantInstance| [s.transform.t.x, s.transform.t.z];
+    let mut obstacles: Vec<ScatterObstacle> =
+        layout.instances.iter().map(|s| ScatterObstacle { at: position(s), spacing: 0.0 }).collect();
+    for (entry, recipe_entry) in recipe.scatters.iter().enumerate() {
         context.cancel.check()?;
-        let sowing = sowing(sown);
-        let spots = scatter(land, &sowing, &taken, scatter_key(recipe.general.seed, entry), context.limits)?;
-        let standing = layout.standings.len().saturating_add(spots.len());
-        context.limits.check("instances", standing as u64, "the number of placements")?;
+        let params = scatter_params(recipe_entry);
+        let spots = scatter(land, &params, &obstacles, scatter_key(recipe.general.seed, entry), context.limits)?;
+        let count = layout.instances.len().saturating_add(spots.len());
+        context.limits.check("instances", count as u64, "the number of placements")?;
         // Individuals of each plant, as indices into the layout's.
         let mut grown: Vec<Vec<usize>> = Vec::new();
-        for (plant, _) in &sown.plants {
+        for (plant, _) in &recipe_entry.plants {
             let first = layout.individuals.len();
-            let many = (0..sown.keys.individuals).filter_map(|_| individual(recipe, *plant, 0, &mut ordinals));
-            layout.individuals.extend(many);
+            let new =
+                (0..recipe_entry.keys.individuals).filter_map(|_| next_individual(recipe, *plant, 0, &mut ordinals));
+            layout.individuals.extend(new);
             grown.push((first..layout.individuals.len()).collect());
         }
-        let weights: Vec<f64> = sown.plants.iter().map(|p| p.1).collect();
+        let weights: Vec<f64> = recipe_entry.plants.iter().map(|p| p.1).collect();
         for spot in spots {
+            // Draws of a spot, in this order: plant, individual, turn, scale.
             let mut rng = spot.rng;
-            let Some(mine) = grown.get(rng.pick(&weights)) else { continue };
-            let pick = rng.below(u32::try_from(mine.len()).unwrap_or(u32::MAX)) as usize;
-            let Some(&individual) = mine.get(pick) else { continue };
-            // Copies that share a motion lean one way: they face the wind alike.
-            let facing = recipe.moves.then(|| {
+            let Some(candidates) = grown.get(rng.pick(&weights)) else { continue };
+            let pick = to_usize(rng.below(index(candidates.len(), "individuals of a scatter")?));
+            let Some(&individual) = candidates.get(pick) else { continue };
+            // Copies that share a recorded motion must face the wind alike: their turn is drawn from the individual's id.
+            let shared_turn = recipe.moves.then(|| {
                 let seed = layout.individuals.get(individual).map_or(0, |i| u64::from(i.id));
                 Rng::at(recipe.general.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
             });
-            let (transform, slope) = scattered_transform(land, sown, spot.at, facing, &mut rng);
-            layout.standings.push(PlantInstance { individual, transform, slope: Some(slope) });
+            let (transform, slope) = scattered_transform(land, recipe_entry, spot.at, shared_turn, &mut rng);
+            layout.instances.push(PlantInstance { individual, transform, slope: Some(slope) });
         }
-        taken.extend(
-            layout.standings[taken.len()..].iter().map(|s| ScatterObstacle { at: place(s), spacing: sowing.spacing }),
+        // Later entries keep clear of what this one placed.
+        obstacles.extend(
+            layout.instances[obstacles.len()..]
+                .iter()
+                .map(|s| ScatterObstacle { at: position(s), spacing: params.spacing }),
         );
     }
     Ok(())
 }
 
-fn sowing(sown: &ScatterRecipe) -> ScatterParams {
-    let keys = &sown.keys;
+fn scatter_params(recipe: &ScatterRecipe) -> ScatterParams {
+    let keys = &recipe.keys;
     ScatterParams {
         spacing: narrow(keys.spacing),
         clear: keys.clear.map(narrow),
         slope_max: narrow(keys.slope_max),
         altitude: keys.altitude.map(narrow),
         density: narrow(keys.density),
-        mask: sown.mask.clone().map(|m| DensityMask { width: m.width, height: m.height, values: m.values }),
+        mask: recipe.mask.clone().map(|m| DensityMask { width: m.width, height: m.height, values: m.values }),
         clump: narrow(keys.clump),
         disc: keys.radius.map(|radius| ScatterDisc {
             at: keys.at.map(narrow),
@@ -93,25 +101,26 @@ fn sowing(sown: &ScatterRecipe) -> ScatterParams {
     }
 }
 
-/// `facing`: a turn that is given instead of drawn.
+/// Transform of a copy at a point of the terrain, and the tangent of the slope there. `shared_turn`: replaces the drawn turn, radians.
 fn scattered_transform(
     land: &Terrain,
-    sown: &ScatterRecipe,
+    recipe: &ScatterRecipe,
     [x, z]: [f32; 2],
-    facing: Option<f64>,
+    shared_turn: Option<f64>,
     rng: &mut Rng,
 ) -> (Trs, f32) {
-    let keys = &sown.keys;
+    let keys = &recipe.keys;
     let normal = land.normal_at(x, z);
     let drawn = rng.range(0.0, std::f64::consts::TAU);
-    let turn = facing.unwrap_or(drawn);
+    let turn = shared_turn.unwrap_or(drawn);
     let scale = narrow(rng.range(keys.scale[0], keys.scale[1]));
+    // `align` 0: upright; 1: along the terrain's normal.
     let up = Vec3::Y.lerp(normal, narrow(keys.align)).normalize();
-    let r = (rotation_between(Vec3::Y, up) * rotation(Vec3::Y, turn)).normalize();
-    (Trs { t: Vec3::new(x, land.height_at(x, z), z), r, s: Vec3::splat(scale) }, tangent(normal))
+    let r = (rotation_between(Vec3::Y, up) * axis_rotation(Vec3::Y, turn)).normalize();
+    (Trs { t: Vec3::new(x, land.height_at(x, z), z), r, s: Vec3::splat(scale) }, slope_tangent(normal))
 }
 
-/// Largest distance from the foot's middle to the outside of what stands on the land, m.
+/// Radius of a plant's foot, m: largest distance from its pivot to the outside of a root collar, flare included.
 pub(crate) fn foot_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
     let flare = 1.0 + narrow(skin.flare);
     let roots = plant.axes.iter().filter(|a| a.parent == NONE).map(|a| a.first as usize);
@@ -122,11 +131,12 @@ pub(crate) fn foot_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
     })
 }
 
-/// Sinks what stands on land until its foot is covered all round: by the foot's radius times the slope, or by as much as
-/// the land falls off around it. `foot_radii`: as [`foot_radius`] has them, by individual.
+/// Sinks plants into the terrain until no side of their foot is above it: by the foot's radius times the slope's tangent, or by the
+/// largest drop of the terrain on a circle of that radius, whichever is more. `foot_radii`: by individual, m.
 pub(crate) fn snap_to_terrain(layout: &mut PlantLayout, foot_radii: &[f32], land: &Terrain) {
-    for s in &mut layout.standings {
+    for s in &mut layout.instances {
         if let (Some(slope), Some(foot)) = (s.slope, foot_radii.get(s.individual)) {
+            // Lowest terrain at 16 points around the foot.
             let (at, r) = (&mut s.transform.t, foot * s.transform.s.x);
             let around = (0..16_u8).map(|k| f32::from(k) * (std::f32::consts::TAU / 16.0));
             let lowest =

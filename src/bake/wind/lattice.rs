@@ -1,11 +1,11 @@
-//! The lattice wind of a recipe.
+//! The lattice Boltzmann wind of a recipe: options, run over the clip, memory, checks.
 
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
 use crate::bake::BakeContext;
-use crate::bake::assets::obstacles::{Obstacles, flows_round};
+use crate::bake::assets::obstacles::{Obstacles, has_lattice_clip};
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::cache::wind_spin_up;
 use crate::bake::scene::plant_layout::PlantLayout;
@@ -21,47 +21,49 @@ use osier_wind::{
     RecordedWind, RecordingOptions, SideCondition, UniformWind, Wind, WindProfile,
 };
 
-/// Room for leaves around a plant's wood, m.
+/// Margin for leaves around a plant's nodes, m, within which the wind is recorded. Own: longer than leaf and petiole of the presets;
+/// leaves outside sample the border value.
 const LEAF_MARGIN: f32 = 0.5;
 
-/// What a lattice wind is asked for.
+/// Extent of a recording of the lattice wind.
 #[derive(Debug, Clone, Copy)]
 pub struct LatticeRequest<'a> {
-    /// Where it is kept, m; the whole box if this is empty.
+    /// Box that is recorded, m; the whole domain if this is empty.
     pub bounds: Bounds,
-    /// What stands in it.
+    /// Obstacles and land.
     pub solids: &'a [Solid],
-    /// Frames after which it repeats.
-    pub repeats: Option<usize>,
+    /// Length of the loop in frames; `None` for the clip without a loop.
+    pub loop_frames: Option<usize>,
 }
 
-/// Where plants are, with room for their leaves.
+/// World bounds of all plants with [`LEAF_MARGIN`], m.
 pub fn plant_bounds(layout: &PlantLayout, grown: &[GrownPlant]) -> Bounds {
     let own: Vec<Bounds> =
         grown.iter().map(|g| Bounds::of(g.plant.nodes.p.iter().copied()).grown(LEAF_MARGIN)).collect();
-    let corners = layout.standings.iter().filter_map(|s| {
+    // Bounds of each individual once, then the corners of every copy of it.
+    let corners = layout.instances.iter().filter_map(|s| {
         let bounds = own.get(s.individual).filter(|b| !b.is_empty())?;
         Some(bounds.corners().map(|c| s.transform.apply(c)))
     });
     Bounds::of(corners.flatten())
 }
 
-/// What stands in a recipe's lattice wind; nothing in another one.
+/// Solids of a recipe's lattice wind; none for any other wind.
 pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
-    if !flows_round(recipe) {
+    if !has_lattice_clip(recipe) {
         return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
-    let reach =
-        2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
-    obstacles.within(narrow(reach)).list().to_vec()
+    // A square around the origin that holds the domain, wherever its base centre lies.
+    let side = 2.0 * (x.max(z) * recipe.lattice.cell_size + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
+    obstacles.solids_within(narrow(side)).list().to_vec()
 }
 
-/// What a recipe says of its lattice.
+/// Options of the solver from the keys of `[wind]` and `[wind.lattice]`.
 pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
     let (wind, keys) = (&recipe.wind, &recipe.lattice);
     let direction = DVec3::new(cos(wind.direction), 0.0, -sin(wind.direction));
-    // A quarter turn is along an axis, whatever cosines say.
+    // cos(90 degrees) is 6e-17 in floating point: set such components to zero, so that the wind is exactly along an axis.
     let direction = DVec3::from_array(direction.to_array().map(|d| if d.abs() < 1e-12 { 0.0 } else { d })).normalize();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 8 to 4096")]
     let cells = keys.cells.map(|n| n as u32);
@@ -107,7 +109,7 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
     }
 }
 
-/// The analytic wind of a recipe: what comes in, everywhere.
+/// The analytic stand-in for a lattice wind: the inlet's profile and gusts in the whole domain, without solids.
 pub fn analytic_inlet(options: &LatticeOptions) -> InletWind {
     let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
     let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
@@ -119,7 +121,7 @@ pub fn analytic_inlet(options: &LatticeOptions) -> InletWind {
 /// Those of [`LatticeSolver::new`] and [`RecordedWind::record`].
 pub fn run_lattice(
     recipe: &Recipe,
-    wanted: &LatticeRequest<'_>,
+    request: &LatticeRequest<'_>,
     context: &BakeContext<'_>,
     report: &mut Report,
 ) -> Result<Arc<dyn Wind>> {
@@ -129,16 +131,16 @@ pub fn run_lattice(
         WindSolver::Analytic => return Ok(Arc::new(analytic_inlet(&options))),
         WindSolver::Lbm => {}
     }
-    let mut lattice = wind_spin_up::load_or_spin_up(&options, wanted.solids, context)?;
-    let repeats = wanted.repeats.is_some();
-    let frames = wanted.repeats.unwrap_or(recipe.clip.len());
-    let take = RecordingOptions { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };
-    let recorded = RecordedWind::record(&mut lattice, take, context.limits, context.progress, context.cancel)?;
-    report_notes(&lattice, report);
+    let mut lattice = wind_spin_up::load_or_spin_up(&options, request.solids, context)?;
+    let repeats = request.loop_frames.is_some();
+    let frames = request.loop_frames.unwrap_or(recipe.clip.len());
+    let options = RecordingOptions { bounds: request.bounds, frames, fps: recipe.clip.fps(), repeats };
+    let recorded = RecordedWind::record(&mut lattice, options, context.limits, context.progress, context.cancel)?;
+    report_warnings(&lattice, report);
     Ok(Arc::new(recorded))
 }
 
-/// Bytes of memory of a recipe's lattice wind, by what they are for; none without.
+/// Memory of a recipe's lattice wind, bytes, by purpose; empty without one.
 pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
     if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
@@ -153,10 +155,10 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     ]
 }
 
-/// Memory of a lattice up to which its cells are made to be looked at, bytes.
+/// Memory of a lattice, bytes, up to which a check voxelizes its solids; a larger one is checked by its options alone.
 const MAX_CHECKED_BYTES: u64 = 200_000_000;
 
-/// What a recipe's lattice would say of itself before it runs; of a large one without what stands in it.
+/// Reports the warnings of a recipe's lattice without running it; those of solids only up to [`MAX_CHECKED_BYTES`].
 /// # Errors
 /// Those of [`LatticeSolver::new`].
 pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_>, report: &mut Report) -> Result<()> {
@@ -165,20 +167,20 @@ pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_
     }
     let options = lattice_options(recipe);
     if LatticeMemory::estimate(&options).total() > MAX_CHECKED_BYTES {
-        push_notes(&LatticeSolver::check_options(&options, context.limits)?, report);
+        push_warnings(&LatticeSolver::check_options(&options, context.limits)?, report);
     } else {
-        report_notes(&LatticeSolver::new(&options, solids, context.limits)?, report);
+        report_warnings(&LatticeSolver::new(&options, solids, context.limits)?, report);
     }
     Ok(())
 }
 
-/// Passes on what a lattice wind says of itself.
-pub fn report_notes(lattice: &LatticeSolver, report: &mut Report) {
-    push_notes(lattice.warnings(), report);
+/// Adds the warnings of a lattice to a report.
+pub fn report_warnings(lattice: &LatticeSolver, report: &mut Report) {
+    push_warnings(lattice.warnings(), report);
 }
 
-fn push_notes(notes: &[LatticeWarning], report: &mut Report) {
-    for note in notes {
+fn push_warnings(warnings: &[LatticeWarning], report: &mut Report) {
+    for note in warnings {
         let code = codes::find(note.code).map_or("S020", |c| c.code);
         report.push(Diagnostic::about(code, note.text.clone()));
     }

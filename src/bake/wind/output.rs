@@ -1,4 +1,4 @@
-//! The wind that files tell: that of a flight, else what plants sway in, else one of its own.
+//! The wind that `[output.wind]` exports: that of a flight, else that of the plants, else one that is stepped for the output alone.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,44 +16,44 @@ use osier_scene::solid::Solid;
 use osier_scene::{AirGrid, Scene};
 use osier_wind::Wind;
 
-/// Bytes of a velocity.
-const BYTES: u64 = 12;
+/// Bytes of a velocity: three f32.
+const BYTES_PER_VELOCITY: u64 = 12;
 
-/// Tells the wind of a scene at its grids.
+/// Samples the wind of a scene at the points of its grids.
 #[derive(Debug)]
 pub struct WindOutput {
     source: WindOutputSource,
-    /// Places of each grid, m.
-    places: Vec<Vec<Vec3>>,
+    /// Points of each grid, m.
+    points: Vec<Vec<Vec3>>,
 }
 
 #[derive(Debug)]
 enum WindOutputSource {
-    /// Known at any time of the clip.
-    Known(Arc<dyn Wind>),
-    /// What catkins fly in.
+    /// Analytic or recorded: can be sampled at any time of the clip.
+    Recorded(Arc<dyn Wind>),
+    /// Stepped along with the flight.
     Flight(Arc<FlightPlayback>),
-    /// Nothing else is moved by it.
-    Own(Box<Mutex<WindPlayback>>),
+    /// Stepped for the output alone.
+    Stepped(Box<Mutex<WindPlayback>>),
 }
 
-/// What else in the scene has wind.
+/// The motions of a scene that already have a wind which can be exported.
 pub struct WindUsers<'a> {
-    /// The flight, which steps a wind of its own.
+    /// The flight, which steps its own wind.
     pub flight: Option<Arc<FlightPlayback>>,
-    /// What plants sway in.
-    pub air: Option<&'a PlantWind>,
-    /// What stands in a lattice wind.
+    /// Wind of the plants.
+    pub plants: Option<&'a PlantWind>,
+    /// Solids of a lattice wind.
     pub solids: &'a [Solid],
 }
 
 impl WindOutput {
-    /// None if a recipe asks for no files of its wind, or stands still.
+    /// `None` if the recipe exports no wind, or has no clip.
     /// # Errors
     /// `Limit`; those of a lattice.
-    pub fn of(
+    pub fn from_recipe(
         recipe: &Recipe,
-        others: &WindUsers<'_>,
+        users: &WindUsers<'_>,
         context: &BakeContext<'_>,
         report: &mut Report,
     ) -> Result<Option<Arc<Self>>> {
@@ -65,46 +65,48 @@ impl WindOutput {
             let longest = plane.cells.iter().copied().max().unwrap_or(0) as u64;
             context.limits.check("image-side", longest, "texels along a side of a plane of output.wind")?;
         }
-        // Two frames are held: one that is written, one that is made.
-        let held = grids.iter().map(AirGrid::count).fold(0, u64::saturating_add).saturating_mul(2 * BYTES);
-        context.limits.check("wind-bytes", held, "the bytes of output.wind in two frames")?;
-        let source = match (others.flight.clone(), others.air) {
-            (Some(course), _) => WindOutputSource::Flight(course),
-            (None, Some(air)) => WindOutputSource::Known(Arc::clone(&air.wind)),
+        // Two frames are in memory: the one that is written, and the next.
+        let bytes =
+            grids.iter().map(AirGrid::count).fold(0, u64::saturating_add).saturating_mul(2 * BYTES_PER_VELOCITY);
+        context.limits.check("wind-bytes", bytes, "the bytes of output.wind in two frames")?;
+        let source = match (users.flight.clone(), users.plants) {
+            (Some(flight), _) => WindOutputSource::Flight(flight),
+            (None, Some(plants)) => WindOutputSource::Recorded(Arc::clone(&plants.wind)),
             (None, None) => {
-                let mut stream = WindPlayback::new(recipe, others.solids, 0.0, context);
-                stream.spin_up(context.progress, report)?;
-                WindOutputSource::Own(Box::new(Mutex::new(stream)))
+                let mut playback = WindPlayback::new(recipe, users.solids, 0.0, context);
+                playback.spin_up(context.progress, report)?;
+                WindOutputSource::Stepped(Box::new(Mutex::new(playback)))
             }
         };
-        Ok(Some(Arc::new(Self { source, places: grids.iter().map(AirGrid::places).collect() })))
+        Ok(Some(Arc::new(Self { source, points: grids.iter().map(AirGrid::places).collect() })))
     }
 
-    /// Velocities, m/s, at the places of each grid at a frame; none of those that are not due.
+    /// Velocities, m/s, at the points of each grid at a frame; empty for a grid that is not written in this frame.
     /// # Errors
     /// Those of a lattice.
-    pub fn at(&self, scene: &Scene, number: u32) -> Result<Vec<Vec<Vec3>>> {
+    pub fn sample_frame(&self, scene: &Scene, number: u32) -> Result<Vec<Vec<Vec3>>> {
         let since = number.saturating_sub(scene.clip.start);
         if !scene.air.iter().any(|g| g.is_due(since)) {
             return Ok(Vec::new());
         }
         let (seconds, fps) = (scene.clip.seconds(number), scene.clip.fps());
         let (wind, t) = match &self.source {
-            WindOutputSource::Known(wind) => (Arc::clone(wind), seconds),
-            WindOutputSource::Flight(course) => course.wind(u64::from(since))?,
-            WindOutputSource::Own(stream) => {
-                let mut stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
-                (stream.during(u64::from(since.saturating_sub(1)), fps)?, seconds)
+            WindOutputSource::Recorded(wind) => (Arc::clone(wind), seconds),
+            WindOutputSource::Flight(flight) => flight.wind_at(u64::from(since))?,
+            WindOutputSource::Stepped(playback) => {
+                let mut playback = playback.lock().unwrap_or_else(PoisonError::into_inner);
+                (playback.wind_between(u64::from(since.saturating_sub(1)), fps)?, seconds)
             }
         };
-        let told = |(grid, places): (&AirGrid, &Vec<Vec3>)| {
-            if grid.is_due(since) { velocities(&*wind, places, t) } else { Vec::new() }
+        let sample = |(grid, points): (&AirGrid, &Vec<Vec3>)| {
+            if grid.is_due(since) { sample_velocities(&*wind, points, t) } else { Vec::new() }
         };
-        Ok(scene.air.iter().zip(&self.places).map(told).collect())
+        Ok(scene.air.iter().zip(&self.points).map(sample).collect())
     }
 }
 
-fn velocities(wind: &dyn Wind, places: &[Vec3], t: f64) -> Vec<Vec3> {
+/// Wind velocities at points, m/s, sampled in parallel chunks.
+fn sample_velocities(wind: &dyn Wind, places: &[Vec3], t: f64) -> Vec<Vec3> {
     let chunks = par_chunks(places, CHUNK, |_, places| {
         let mut out = vec![Vec3::ZERO; places.len()];
         wind.sample(places, t, &mut out);

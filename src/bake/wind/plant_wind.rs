@@ -1,4 +1,4 @@
-//! The wind of a recipe, and how its plants take it.
+//! The wind in which plants sway, and the parameters of their sway.
 
 use std::sync::Arc;
 
@@ -19,28 +19,30 @@ use osier_wind::{
     CALM_SPEED, GustWind, GustWindOptions, ScaledWind, SineWind, SineWindOptions, UniformWind, Wind, WindSum,
 };
 
-/// Wind as it meets the plants.
+/// The wind at the plants of a scene, with the settings of their sway.
 #[derive(Debug, Clone)]
 pub struct PlantWind {
-    /// The wind.
+    /// Sum of the scene's winds, each with its scale.
     pub wind: Arc<dyn Wind>,
-    /// What is kept of the motion.
-    pub take: ClipOptions,
+    /// Frames to record, and whether they loop or start from rest.
+    pub clip: ClipOptions,
     flicker: f64,
     whip: f64,
     fps: f64,
     phases: u32,
-    /// Bends follow the measured taper; branches have second modes; gravity presses on what leans.
+    /// Whether bending follows the branches' measured taper.
     measured: bool,
-    overtones: bool,
+    /// Whether branches have a second bending mode.
+    second_modes: bool,
+    /// Whether gravity bends what leans.
     gravity: bool,
-    /// The paper's equations, if they are asked for.
+    /// Parameters of the paper's sway model; `None` for the beam model.
     pub paper: Option<PaperParams>,
-    /// Of the motion only its size is asked for.
-    pub draft: bool,
+    /// Whether motions are counted for an estimate and not simulated.
+    pub estimate_only: bool,
 }
 
-/// Those of a scene's winds that are known at any time without being stepped; none in a calm.
+/// Sum of a scene's winds that can be sampled at any time without a simulation; `None` in calm air.
 pub fn analytic_winds(recipe: &Recipe) -> Option<Arc<dyn Wind>> {
     let all = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).filter(|(_, keys)| keys.blows());
     let mut winds: Vec<Arc<dyn Wind>> = Vec::new();
@@ -56,12 +58,12 @@ pub fn analytic_winds(recipe: &Recipe) -> Option<Arc<dyn Wind>> {
 }
 
 impl PlantWind {
-    /// None in a still scene and in calm air. `wanted`: what a lattice wind is kept for and what stands in it.
+    /// Builds the winds of a recipe, and runs and records a lattice wind as `request` asks. `None` in a still scene and in calm air.
     /// # Errors
     /// Those of [`run_lattice`], for a lattice wind.
-    pub fn of(
+    pub fn from_recipe(
         recipe: &Recipe,
-        wanted: &LatticeRequest<'_>,
+        request: &LatticeRequest<'_>,
         context: &BakeContext<'_>,
         report: &mut Report,
     ) -> Result<Option<Self>> {
@@ -69,27 +71,23 @@ impl PlantWind {
         if recipe.clip.len() < 2 || !recipe.blows() {
             return Ok(None);
         }
-        let round = sway.loop_frames(&recipe.clip);
-        let (frames, repeats) = (round.unwrap_or(recipe.clip.len()), round.is_some());
-        let take = ClipOptions {
+        // A loop has a period of its own, in frames; all winds below repeat with it.
+        let loop_frames = sway.loop_frames(&recipe.clip);
+        let (frames, repeats) = (loop_frames.unwrap_or(recipe.clip.len()), loop_frames.is_some());
+        let clip = ClipOptions {
             frames,
             repeats,
             from_rest: !repeats && sway.start == SwayStart::Rest,
             lean: sway.lean,
             gain: sway.exaggerate,
         };
-        let period = round.map(|n| n as f64 / recipe.clip.fps());
+        let period = loop_frames.map(|n| n as f64 / recipe.clip.fps());
         let winds: Vec<(u64, &WindKeys)> = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).collect();
         let winds: Vec<(u64, &WindKeys)> = winds.into_iter().filter(|(_, keys)| keys.blows()).collect();
         let flickers = winds.iter().filter(|(_, keys)| keys.model != WindModel::Uniform);
         let flicker = flickers.map(|(_, keys)| keys.flicker).fold(0.0, f64::max);
         let lattice = (recipe.wind.model == WindModel::Lattice).then(|| {
-            let wind = run_lattice(
-                recipe,
-                &LatticeRequest { repeats: repeats.then_some(frames), ..*wanted },
-                context,
-                report,
-            )?;
+            let wind = run_lattice(recipe, &LatticeRequest { loop_frames, ..*request }, context, report)?;
             Ok::<Arc<dyn Wind>, osier_base::Error>(Arc::new(ScaledWind { wind, factor: narrow(recipe.wind.scale) }))
         });
         let others = winds.iter().filter(|(_, keys)| keys.model != WindModel::Lattice);
@@ -98,51 +96,52 @@ impl PlantWind {
         let wind = if winds.len() == 1 { winds.remove(0) } else { Arc::new(WindSum(winds)) };
         Ok(Some(Self {
             wind,
-            take,
+            clip,
             flicker,
             whip: sway.whip,
             fps: recipe.clip.fps(),
-            // A loop of its own does not come round with the clip, whose frames copies would have to borrow.
+            // A copy's phase is a frame of the clip, so that a loop of another length than the clip's allows none.
             phases: if frames == recipe.clip.len() { sway.phases } else { 1 },
             measured: sway.profile == BendProfile::Measured,
-            overtones: sway.modes > 1,
+            second_modes: sway.modes > 1,
             gravity: sway.gravity,
-            paper: paper(sway),
-            draft: false,
+            paper: paper_params(sway),
+            estimate_only: false,
         }))
     }
 
-    /// The same for plants whose motion is counted and not shown.
+    /// The same wind for an estimate, which counts motions without simulating them.
     pub fn for_estimate(self) -> Self {
-        Self { draft: true, ..self }
+        Self { estimate_only: true, ..self }
     }
 
-    /// Frames by which a copy at `at` is ahead of the one at `first`, m, whose motion it shows: gusts reach what stands
-    /// downwind later. One of a few, so that copies share states.
+    /// Frames by which a copy at `copy` is ahead of the copy at `first`, whose motion it shows: gusts reach a copy downwind later by
+    /// d.u / |u|^2. Quantised to `sway.phases` values per loop, so that copies share states. Positions in m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the number of frames")]
-    pub fn phase(&self, first: Vec3, at: Vec3) -> u32 {
-        let frames = self.take.frames as f64;
+    pub fn phase_offset(&self, first: Vec3, copy: Vec3) -> u32 {
+        let frames = self.clip.frames as f64;
         let count = f64::from(self.phases).min(frames);
-        if !self.take.repeats || count < 2.0 {
+        if !self.clip.repeats || count < 2.0 {
             return 0;
         }
         let mean = self.wind.mean().as_dvec3();
         if mean.length() < CALM_SPEED {
             return 0;
         }
-        let late = (at - first).as_dvec3().dot(mean) / mean.length_squared();
-        let share = (-late * self.fps / frames).rem_euclid(1.0);
-        ((share * count).round() % count / count * frames).round() as u32 % self.take.frames.max(1) as u32
+        // Delay as a share of the loop, negative as a later gust shows an earlier state.
+        let delay = (copy - first).as_dvec3().dot(mean) / mean.length_squared();
+        let share = (-delay * self.fps / frames).rem_euclid(1.0);
+        ((share * count).round() % count / count * frames).round() as u32 % self.clip.frames.max(1) as u32
     }
 
-    /// How a plant that stands at `stand` takes it.
-    pub fn manner(&self, keys: &WoodKeys, stand: Trs) -> SwayParams {
-        let wood = WoodParams { measured: self.measured, second_modes: self.overtones, ..wood(keys) };
+    /// Parameters of the sway of a plant whose first copy has this transform.
+    pub fn sway_params(&self, keys: &WoodKeys, stand: Trs) -> SwayParams {
+        let wood = WoodParams { measured: self.measured, second_modes: self.second_modes, ..wood_params(keys) };
         SwayParams { wood, flicker: self.flicker, whip: self.whip, stand, gravity: self.gravity, fps: self.fps }
     }
 }
 
-fn paper(sway: &SwayKeys) -> Option<PaperParams> {
+fn paper_params(sway: &SwayKeys) -> Option<PaperParams> {
     let has = |fix: PaperFix| sway.fixes.contains(&fix);
     (sway.model == SwayModel::Paper).then(|| PaperParams {
         fixes: PaperCorrections {
@@ -155,7 +154,7 @@ fn paper(sway: &SwayKeys) -> Option<PaperParams> {
     })
 }
 
-/// One of a scene's winds; `number`: which, as each has noise of its own.
+/// One of a scene's winds, scaled. `number`: counted from 0, from which each wind's noise gets a seed of its own.
 fn scaled_wind(keys: &WindKeys, period: Option<f64>, seed: u64, number: u64) -> Arc<dyn Wind> {
     let seed = if number == 0 { seed } else { rng::child(seed, number) };
     let wind = analytic_wind(keys, period, seed);
@@ -192,8 +191,8 @@ fn analytic_wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Win
     }
 }
 
-/// What a plant is made of.
-pub fn wood(keys: &WoodKeys) -> WoodParams {
+/// Material of a plant's wood and leaves, from its keys or its timber.
+pub fn wood_params(keys: &WoodKeys) -> WoodParams {
     WoodParams {
         elasticity: keys.elasticity.or(keys.timber.map(|t| t.elasticity())),
         density: keys.density,

@@ -1,5 +1,5 @@
-//! The wind of a flight, one frame after another: a lattice goes on as the flight does, and only two of its snapshots are
-//! kept; any other wind is asked at its own time.
+//! The wind of a flight, frame by frame: a lattice is stepped along with the flight, with two snapshots in memory; analytic winds
+//! are sampled at the time of the clip.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use crate::bake::BakeContext;
 use crate::bake::cache::wind_spin_up;
-use crate::bake::wind::lattice::{lattice_options, report_notes};
+use crate::bake::wind::lattice::{lattice_options, report_warnings};
 use crate::bake::wind::plant_wind;
 use crate::recipe::Recipe;
 use crate::recipe::scene::{WindModel, WindSolver};
@@ -22,21 +22,23 @@ use osier_wind::{
     InterpolatedWind, LatticeOptions, LatticeSolver, LatticeStats, ScaledWind, Wind, WindSnapshot, WindSum,
 };
 
-/// Height above a surface at which a wind by formula is known, m.
-const KNOWN_HEIGHT: f64 = 0.5;
+/// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down to the surface. Own:
+/// half a cell of a typical lattice.
+const ANALYTIC_KNOWN_HEIGHT: f64 = 0.5;
 
 /// Wind from a flight's first frame on.
 #[derive(Debug)]
 pub struct WindPlayback {
-    /// Winds by formula.
-    others: Option<Arc<dyn Wind>>,
-    /// Time between the flight's start and the clip's, s: formulas count from the clip's.
-    before: f64,
-    source: Option<LatticeConfig>,
-    flow: Option<LatticeState>,
+    /// Sum of the analytic winds.
+    analytic: Option<Arc<dyn Wind>>,
+    /// Time from the flight's start to the clip's, s. Analytic winds count time from the clip's start.
+    lead: f64,
+    config: Option<LatticeConfig>,
+    /// `None` until the spin-up.
+    lattice: Option<LatticeState>,
 }
 
-/// What a lattice is made of, to begin again.
+/// Everything that a lattice is built from, so that it can be started again.
 #[derive(Debug)]
 struct LatticeConfig {
     options: LatticeOptions,
@@ -47,37 +49,39 @@ struct LatticeConfig {
     scale: f32,
 }
 
-/// A lattice that runs.
+/// A running lattice, between two frames.
 #[derive(Debug)]
 struct LatticeState {
-    lattice: LatticeSolver,
+    solver: LatticeSolver,
     before: Arc<WindSnapshot>,
     after: Arc<WindSnapshot>,
+    /// Frame of `before`, counted from the flight's start.
     frame: u64,
 }
 
 impl LatticeConfig {
-    fn begin(&self, progress: &dyn Progress) -> Result<LatticeState> {
+    /// Builds the lattice, spins it up and computes the snapshots of the first two frames.
+    fn start(&self, progress: &dyn Progress) -> Result<LatticeState> {
         let context = BakeContext { limits: &self.limits, cancel: &self.cancel, progress, cache: self.cache.as_ref() };
-        let mut lattice = wind_spin_up::load_or_spin_up(&self.options, &self.solids, &context)?;
-        let before = lattice.advance(progress, &self.cancel)?;
-        let after = lattice.advance(progress, &self.cancel)?;
-        Ok(LatticeState { lattice, before, after, frame: 0 })
+        let mut solver = wind_spin_up::load_or_spin_up(&self.options, &self.solids, &context)?;
+        let before = solver.advance(progress, &self.cancel)?;
+        let after = solver.advance(progress, &self.cancel)?;
+        Ok(LatticeState { solver, before, after, frame: 0 })
     }
 
-    /// The wind from a frame to the next.
-    fn during(&self, flow: &mut LatticeState, frame: u64, fps: f64) -> Result<Arc<dyn Wind>> {
-        if frame < flow.frame {
-            *flow = self.begin(&Silent)?;
+    /// Steps to `frame` and interpolates between its snapshot and the next. An earlier frame starts the lattice again.
+    fn wind_between(&self, state: &mut LatticeState, frame: u64, fps: f64) -> Result<Arc<dyn Wind>> {
+        if frame < state.frame {
+            *state = self.start(&Silent)?;
         }
-        while flow.frame < frame {
-            let next = flow.lattice.advance(&Silent, &self.cancel)?;
-            flow.before = std::mem::replace(&mut flow.after, next);
-            flow.frame += 1;
+        while state.frame < frame {
+            let next = state.solver.advance(&Silent, &self.cancel)?;
+            state.before = std::mem::replace(&mut state.after, next);
+            state.frame += 1;
         }
         let wind = Arc::new(InterpolatedWind {
-            before: Arc::clone(&flow.before),
-            after: Arc::clone(&flow.after),
+            before: Arc::clone(&state.before),
+            after: Arc::clone(&state.after),
             t0: frame as f64 / fps,
             t1: (frame + 1) as f64 / fps,
         });
@@ -86,14 +90,14 @@ impl LatticeConfig {
 }
 
 impl WindPlayback {
-    /// The wind of a recipe's flight, which starts `before` s before the clip. `solids`: what a lattice flows around.
-    pub fn new(recipe: &Recipe, solids: &[Solid], before: f64, context: &BakeContext<'_>) -> Self {
+    /// The wind of a recipe's flight, which starts `lead` s before the clip. `solids`: obstacles of a lattice.
+    pub fn new(recipe: &Recipe, solids: &[Solid], lead: f64, context: &BakeContext<'_>) -> Self {
         let lattice = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
         let mut options = lattice_options(recipe);
-        // Curves count from the clip's start, a lattice from its own.
+        // The keys' curves count time from the clip's start, the lattice from its own: shift the curves.
         let inlet = &mut options.inlet;
-        inlet.speed_curve.iter_mut().chain(&mut inlet.direction_curve).for_each(|row| row[0] += before);
-        let source = (lattice && recipe.wind.blows()).then(|| LatticeConfig {
+        inlet.speed_curve.iter_mut().chain(&mut inlet.direction_curve).for_each(|row| row[0] += lead);
+        let config = (lattice && recipe.wind.blows()).then(|| LatticeConfig {
             options,
             solids: solids.to_vec(),
             limits: context.limits.clone(),
@@ -101,66 +105,66 @@ impl WindPlayback {
             cache: context.cache.cloned(),
             scale: narrow(recipe.wind.scale),
         });
-        Self { others: plant_wind::analytic_winds(recipe), before, source, flow: None }
+        Self { analytic: plant_wind::analytic_winds(recipe), lead, config, lattice: None }
     }
 
-    /// Lets a lattice run up; whatever it says of itself goes into `report`.
+    /// Spins up a lattice, loaded from the cache if there is one; adds its warnings to `report`.
     /// # Errors
     /// Those of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
     pub fn spin_up(&mut self, progress: &dyn Progress, report: &mut Report) -> Result<()> {
-        if let Some(source) = &self.source {
-            let flow = source.begin(progress)?;
-            report_notes(&flow.lattice, report);
-            self.flow = Some(flow);
+        if let Some(config) = &self.config {
+            let state = config.start(progress)?;
+            report_warnings(&state.solver, report);
+            self.lattice = Some(state);
         }
         Ok(())
     }
 
-    /// Least height above a surface at which the wind is known, m.
+    /// Least height above a surface at which the wind is known, m: half a lattice cell, or [`ANALYTIC_KNOWN_HEIGHT`].
     pub fn known_height(&self) -> f64 {
-        self.source.as_ref().map_or(KNOWN_HEIGHT, |s| s.options.spacing / 2.0)
+        self.config.as_ref().map_or(ANALYTIC_KNOWN_HEIGHT, |s| s.options.spacing / 2.0)
     }
 
-    /// Width of the cells of a lattice wind, m.
-    pub fn cell(&self) -> Option<f64> {
-        self.source.as_ref().map(|s| s.options.spacing)
+    /// Width of the cells of a lattice wind, m; `None` for analytic winds.
+    pub fn cell_size(&self) -> Option<f64> {
+        self.config.as_ref().map(|s| s.options.spacing)
     }
 
-    /// How a lattice wind did until now.
-    pub fn health(&self) -> Option<LatticeStats> {
-        self.flow.as_ref().map(|f| f.lattice.stats())
+    /// Statistics of a lattice wind so far; `None` for analytic winds.
+    pub fn lattice_stats(&self) -> Option<LatticeStats> {
+        self.lattice.as_ref().map(|l| l.solver.stats())
     }
 
-    /// The wind between a frame of the flight and the next.
+    /// The wind between `frame` and the next, counted from the flight's start.
     /// # Errors
     /// Those of [`LatticeSolver::advance`].
-    pub fn during(&mut self, frame: u64, fps: f64) -> Result<Arc<dyn Wind>> {
-        let mut all: Vec<Arc<dyn Wind>> = Vec::new();
-        if let Some(source) = &self.source {
-            if self.flow.is_none() {
-                self.flow = Some(source.begin(&Silent)?);
+    pub fn wind_between(&mut self, frame: u64, fps: f64) -> Result<Arc<dyn Wind>> {
+        let mut winds: Vec<Arc<dyn Wind>> = Vec::new();
+        if let Some(config) = &self.config {
+            if self.lattice.is_none() {
+                self.lattice = Some(config.start(&Silent)?);
             }
-            if let Some(flow) = &mut self.flow {
-                all.push(source.during(flow, frame, fps)?);
+            if let Some(state) = &mut self.lattice {
+                winds.push(config.wind_between(state, frame, fps)?);
             }
         }
-        if let Some(wind) = &self.others {
-            all.push(Arc::new(DelayedWind { wind: Arc::clone(wind), before: self.before }));
+        if let Some(wind) = &self.analytic {
+            winds.push(Arc::new(DelayedWind { wind: Arc::clone(wind), delay: self.lead }));
         }
-        Ok(if all.len() == 1 { all.remove(0) } else { Arc::new(WindSum(all)) })
+        Ok(if winds.len() == 1 { winds.remove(0) } else { Arc::new(WindSum(winds)) })
     }
 }
 
-/// A wind whose time starts later.
+/// A wind whose time 0 comes `delay` s later.
 #[derive(Debug)]
 struct DelayedWind {
     wind: Arc<dyn Wind>,
-    before: f64,
+    delay: f64,
 }
 
 impl Wind for DelayedWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
-        self.wind.sample(places, t - self.before, out);
+        self.wind.sample(places, t - self.delay, out);
     }
 
     fn mean(&self) -> Vec3 {

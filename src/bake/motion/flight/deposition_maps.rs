@@ -1,4 +1,4 @@
-//! Maps of what came to rest: how many, or how heavy, on each square metre of the ground and of walls.
+//! Deposition maps: number or mass of deposited catkins per square metre, on the ground and on walls.
 
 use glam::Vec3;
 
@@ -26,7 +26,7 @@ impl DepositionMaps {
         let mass = keys.map_of == DepositQuantity::Mass;
         let mut fields = Vec::new();
         let mut add = |name: String, (corner, along, down): (Vec3, Vec3, Vec3)| {
-            let texels = |length: f32| texels(length, keys.map_texel);
+            let texels = |length: f32| texel_count(length, keys.map_texel);
             fields.push(Field {
                 name,
                 what: "deposition",
@@ -58,22 +58,24 @@ impl DepositionMaps {
         Self { fields, sides, mass, blur: narrow(keys.map_blur) }
     }
 
-    /// Values of all maps now; the sum of value times texel area is what lies there.
-    pub fn values(&self, flights: &FlightSimulation) -> Vec<Vec<f32>> {
+    /// Area densities of all maps, row by row: 1/m^2, or mg/m^2. The sum of density times texel area over a map is the number or
+    /// mass that lies on its surface.
+    pub fn densities(&self, flights: &FlightSimulation) -> Vec<Vec<f32>> {
         let mut sums: Vec<Vec<f64>> = self.fields.iter().map(|f| vec![0.0; f.width * f.height]).collect();
         for c in flights.by_id().filter(|c| c.state().is_deposited()) {
-            let map = self.map_of(c);
+            let map = self.map_index(c);
             if let (Some(field), Some(sum)) = (self.fields.get(map), sums.get_mut(map)) {
                 let weight = if self.mass { c.mass() * 1e6 } else { 1.0 };
-                self.put(field, sum, c.position().as_vec3(), weight);
+                self.splat(field, sum, c.position().as_vec3(), weight);
             }
         }
         let areas = self.fields.iter().map(Field::texel_area);
         sums.into_iter().zip(areas).map(|(sum, area)| sum.into_iter().map(|v| narrow(v / area)).collect()).collect()
     }
 
-    /// What is at a wall belongs to the side that looks its way; all else to the ground below.
-    fn map_of(&self, c: &Catkin) -> usize {
+    /// Index of the map that counts a catkin: on a wall, that of the side whose normal is nearest to the contact normal; else the
+    /// ground's.
+    fn map_index(&self, c: &Catkin) -> usize {
         let (face, normal) = c.rests_on();
         let side = face.filter(|_| c.state() == CatkinState::OnWall).and_then(|i| self.sides.get(i as usize)?.as_ref());
         side.map_or(0, |(first, four)| {
@@ -82,40 +84,44 @@ impl DepositionMaps {
         })
     }
 
-    fn put(&self, field: &Field, sum: &mut [f64], at: Vec3, weight: f64) {
-        let from = at - field.corner;
+    /// Spreads a weight evenly over the texels whose centres lie within `blur` m of a world position, so that the total is kept.
+    fn splat(&self, field: &Field, sum: &mut [f64], position: Vec3, weight: f64) {
+        // Texel coordinates: the components along the map's edges as shares of their lengths, times the texel counts.
+        let from = position - field.corner;
         let share = |axis: Vec3| from.dot(axis) / axis.length_squared();
         let (x, y) = (share(field.along) * field.width as f32, share(field.down) * field.height as f32);
-        let reach = [field.along.length() / field.width as f32, field.down.length() / field.height as f32];
-        let [rx, ry] = reach.map(|texel| self.blur / texel);
-        let (xs, ys) = (covered(x, rx, field.width), covered(y, ry, field.height));
+        // The blur's radius in texels along each edge; the disc is an ellipse where texels are not square.
+        let texel_size = [field.along.length() / field.width as f32, field.down.length() / field.height as f32];
+        let [rx, ry] = texel_size.map(|texel| self.blur / texel);
+        let (xs, ys) = (texel_range(x, rx, field.width), texel_range(y, ry, field.height));
         let inside = |i: usize, k: usize| {
             let (dx, dy) = (i as f32 + 0.5 - x, k as f32 + 0.5 - y);
-            let away = glam::Vec2::new(dx / rx.max(0.5), dy / ry.max(0.5));
-            self.blur <= 0.0 || away.length_squared() <= 1.0
+            let offset = glam::Vec2::new(dx / rx.max(0.5), dy / ry.max(0.5));
+            self.blur <= 0.0 || offset.length_squared() <= 1.0
         };
         let texels: Vec<usize> = ys
             .clone()
             .flat_map(|k| xs.clone().filter(move |i| inside(*i, k)).map(move |i| k * field.width + i))
             .collect();
-        let home = nearest(y, field.height) * field.width + nearest(x, field.width);
-        let texels = if texels.is_empty() { vec![home] } else { texels };
-        let part = weight / texels.len() as f64;
-        texels.iter().for_each(|t| sum[*t] += part);
+        // A disc smaller than a texel may hold no centre: then the texel below it takes all.
+        let nearest = nearest_texel(y, field.height) * field.width + nearest_texel(x, field.width);
+        let texels = if texels.is_empty() { vec![nearest] } else { texels };
+        let share = weight / texels.len() as f64;
+        texels.iter().for_each(|t| sum[*t] += share);
     }
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the map")]
-fn nearest(v: f32, count: usize) -> usize {
+fn nearest_texel(v: f32, count: usize) -> usize {
     (v.max(0.0) as usize).min(count - 1)
 }
 
-/// Texels that a spread of `reach` about `v` may touch, within a map.
-fn covered(v: f32, reach: f32, count: usize) -> std::ops::RangeInclusive<usize> {
-    nearest(v - reach, count)..=nearest(v + reach, count)
+/// Texels that a disc of `radius` texels around `v` may touch, clamped to the map.
+fn texel_range(v: f32, radius: f32, count: usize) -> std::ops::RangeInclusive<usize> {
+    nearest_texel(v - radius, count)..=nearest_texel(v + radius, count)
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 1..16384")]
-fn texels(length: f32, texel: f64) -> usize {
+fn texel_count(length: f32, texel: f64) -> usize {
     (f64::from(length) / texel).ceil().clamp(1.0, 16_384.0) as usize
 }

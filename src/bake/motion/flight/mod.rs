@@ -1,5 +1,6 @@
-//! Flights over a clip: from a recipe to states, rows of a table and maps, frame by frame.
+//! Flights of catkins: playback of the simulation frame by frame, with its table, deposition maps and trajectories.
 
+pub(crate) mod assembly;
 mod deposition_maps;
 mod stats;
 mod trajectories;
@@ -31,93 +32,107 @@ use osier_scene::{
 };
 use osier_wind::Wind;
 
-/// Attribute of a catkin: how often it has come back to its start.
+/// Instance attribute: how often a catkin was recycled to its start.
 const GENERATION: &str = "generation";
 
-/// Time in which a catkin that came to rest sinks until its lowest hair touches, s.
+/// Time constant, s, of the visual settling of a deposited catkin, whose bounding ball touches before its hairs do. Own: by eye;
+/// longer shows it hover, shorter shows it jump.
 const SETTLE_TIME: f32 = 0.12;
 
-/// A flight that can be asked for any frame; asked in order it goes on from the last.
+/// A flight that can be evaluated at any frame. Frames in rising order cost one step each; an earlier frame restarts it.
 #[derive(Debug)]
 pub struct FlightPlayback {
     start: FlightSimulation,
-    /// Frames flown before the first of the clip.
-    before: u64,
+    /// Frames simulated before the first of the clip.
+    spin_up: u64,
     deposits: DepositionMaps,
     /// Points of the hairs of each kind, m.
     hairs: Vec<Vec<Vec3>>,
     settle: bool,
-    /// Thickness of the lines behind them, m.
-    line: f32,
-    now: Mutex<FlightState>,
+    /// Width of the trajectories at the catkins, m.
+    trail_width: f32,
+    state: Mutex<FlightState>,
 }
 
 #[derive(Debug)]
 struct FlightState {
-    flights: FlightSimulation,
+    simulation: FlightSimulation,
+    /// Frames done, counted from the start of the spin-up.
     frames: u64,
-    stream: WindPlayback,
-    /// How far each is sunk towards what it lies on, m.
-    sunk: Vec<Vec3>,
+    wind: WindPlayback,
+    /// Offset, m, by which each deposited catkin is drawn closer to the surface that it lies on.
+    settled: Vec<Vec3>,
     trails: Option<Trajectories>,
 }
 
-/// What a flight needs of its scene.
-pub struct FlightContext<'a> {
-    /// The scene.
+/// The parts of a scene that a flight takes place in.
+pub(crate) struct FlightContext<'a> {
     pub recipe: &'a Recipe,
-    /// Its flight.
     pub flight: &'a FlightRecipe,
-    /// The box of air.
-    pub inside: Bounds,
-    /// What is in the way.
+    /// Box of the flight, m; its sides are the side boundary.
+    pub domain: Bounds,
+    /// Obstacles and land.
     pub solids: Arc<Solids>,
     /// Least height above a surface at which the wind is known, m.
     pub known_height: f64,
-    /// Width of the wind's cells, m, if it has any.
-    pub cell: Option<f64>,
-    /// Ends of twigs that let go, m, with their weights.
-    pub twigs: &'a [(Vec3, f64)],
+    /// Width of a lattice wind's cells, m; `None` for an analytic wind.
+    pub cell_size: Option<f64>,
+    /// Release points of a canopy.
+    pub twigs: &'a [TwigTip],
+}
+
+/// A twig's end that releases catkins.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TwigTip {
+    /// World position, m.
+    pub(crate) position: Vec3,
+    /// Share of the catkins that start here, relative to the other tips; the weight of its plant.
+    pub(crate) weight: f64,
 }
 
 impl FlightPlayback {
     /// A flight at its first frame.
-    pub fn new(setting: &FlightContext<'_>, stream: WindPlayback, models: &[CatkinModel]) -> Self {
-        let keys = &setting.flight.keys;
-        let options = options(setting, models);
-        let starts = starts(setting, &options);
-        let start = FlightSimulation::new(options, Arc::clone(&setting.solids), &starts);
-        let trails = lines(setting, start.options());
-        let mut now =
-            FlightState { flights: start.clone(), frames: 0, stream, sunk: vec![Vec3::ZERO; start.len()], trails };
-        now.draw();
+    pub(crate) fn new(scene: &FlightContext<'_>, wind: WindPlayback, models: &[CatkinModel]) -> Self {
+        let keys = &scene.flight.keys;
+        let params = flight_params(scene, models);
+        let starts = catkin_starts(scene, &params);
+        let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
+        let trails = new_trajectories(scene, start.options());
+        let settled = vec![Vec3::ZERO; start.len()];
+        let mut state = FlightState { simulation: start.clone(), frames: 0, wind, settled, trails };
+        state.extend_trajectories();
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
         Self {
-            before: before(setting.flight, setting.recipe),
-            deposits: DepositionMaps::new(keys, setting.inside, &setting.solids),
+            spin_up: spin_up_frames(scene.flight, scene.recipe),
+            deposits: DepositionMaps::new(keys, scene.domain, &scene.solids),
             hairs: models.iter().map(hairs).collect(),
             settle: keys.settle,
-            line: narrow(keys.trail_width),
-            now: Mutex::new(now),
+            trail_width: narrow(keys.trail_width),
+            state: Mutex::new(state),
             start,
         }
     }
 
-    /// Number of those that found no place to start outside of solids.
-    pub fn buried(&self) -> u64 {
+    /// Number of catkins for which no start outside of solids was found.
+    pub fn enclosed_starts(&self) -> u64 {
         self.start.stats().buried
     }
 
-    /// The table that frames fill, and the maps. `said`: warnings so far.
-    pub fn measures(&self, keys: &FlightKeys, said: Vec<(&'static str, String)>) -> (Table, &[osier_scene::Field]) {
-        let lattice = self.now.lock().unwrap_or_else(PoisonError::into_inner).stream.health();
+    /// Declarations of the flight's table and deposition maps, which frames fill. `warnings`: those so far, by code.
+    pub fn table_and_fields(
+        &self,
+        keys: &FlightKeys,
+        warnings: Vec<(&'static str, String)>,
+    ) -> (Table, &[osier_scene::Field]) {
+        let lattice = self.state.lock().unwrap_or_else(PoisonError::into_inner).wind.lattice_stats();
         let solids: Vec<&str> = self.start.solids().list().iter().map(|s| s.name.as_str()).collect();
-        (stats::table(keys, self.start.len(), &solids, lattice, said), &self.deposits.fields)
+        (stats::flight_table(keys, self.start.len(), &solids, lattice, warnings), &self.deposits.fields)
     }
 
-    /// The asset at rest: as it starts, or in a `still` scene as its one frame has it. `material`: of the lines behind them.
+    /// The asset at rest: at the start of the spin-up, or in a `still` scene at the scene's one frame. `material`: index in the
+    /// scene of the trajectories' material.
     /// # Errors
-    /// Those of [`WindPlayback::during`].
+    /// `TooMany`; those of [`WindPlayback::wind_between`].
     pub fn asset(&self, prototypes: Vec<Prototype>, material: u32, still: bool) -> Result<Asset> {
         let all: Vec<&Catkin> = self.start.by_id().collect();
         let instancer = Instancer {
@@ -126,15 +141,17 @@ impl FlightPlayback {
             ids: (0..all.len() as u64).collect(),
             protos: all.iter().map(|c| u32::from(c.kind())).collect(),
             scales: all.iter().map(|c| Vec3::splat(c.scale())).collect(),
-            rest: if still { self.state(0)? } else { self.rest() },
+            rest: if still { self.state_at(0)? } else { self.initial_state() },
             motion: InstancerMotion::Free,
             tracked: true,
         };
-        let drawn = |now: &mut FlightState| now.trails.as_ref().map(|t| t.curves(self.line, material, !still));
+        let curves = |state: &mut FlightState| {
+            state.trails.as_ref().map(|t| t.curves(self.trail_width, material, !still)).transpose()
+        };
         let trails = if still {
-            self.at(0, drawn)?
+            self.at_frame(0, curves)??
         } else {
-            drawn(&mut self.now.lock().unwrap_or_else(PoisonError::into_inner))
+            curves(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))?
         };
         Ok(Asset {
             id: "catkins".into(),
@@ -148,54 +165,58 @@ impl FlightPlayback {
         })
     }
 
-    /// The wind at a frame, and the time to ask it at, s.
+    /// The wind at a frame of the clip, and the time at which to sample it, s.
     /// # Errors
-    /// Those of [`WindPlayback::during`].
-    pub fn wind(&self, number: u64) -> Result<(Arc<dyn Wind>, f64)> {
+    /// Those of [`WindPlayback::wind_between`].
+    pub fn wind_at(&self, number: u64) -> Result<(Arc<dyn Wind>, f64)> {
         let fps = self.start.options().fps;
-        let frame = self.before + number;
-        // Of the frame that was flown last: a lattice need not go on for this.
-        let wind = self.at(number, |now| now.stream.during(frame.saturating_sub(1), fps))??;
+        let frame = self.spin_up + number;
+        // The wind of the step that ended at this frame, which is at hand; the next one would advance the lattice.
+        let wind = self.at_frame(number, |state| state.wind.wind_between(frame.saturating_sub(1), fps))??;
         Ok((wind, frame as f64 / fps))
     }
 
-    fn at<R>(&self, number: u64, look: impl FnOnce(&mut FlightState) -> R) -> Result<R> {
-        let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
-        let wanted = self.before + number;
-        if now.frames > wanted {
-            now.flights = self.start.clone();
-            now.sunk.fill(Vec3::ZERO);
-            now.frames = 0;
-            now.trails.iter_mut().for_each(Trajectories::clear);
-            now.draw();
+    /// Brings the simulation to a frame of the clip and evaluates its state there.
+    fn at_frame<R>(&self, number: u64, evaluate: impl FnOnce(&mut FlightState) -> R) -> Result<R> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let target = self.spin_up + number;
+        // The simulation cannot step back: an earlier frame starts it again, spin-up included.
+        if state.frames > target {
+            state.simulation = self.start.clone();
+            state.settled.fill(Vec3::ZERO);
+            state.frames = 0;
+            state.trails.iter_mut().for_each(Trajectories::clear);
+            state.extend_trajectories();
         }
-        while now.frames < wanted {
-            let (frame, fps) = (now.frames, now.flights.options().fps);
-            let wind = now.stream.during(frame, fps)?;
-            now.flights.advance_frame(&*wind);
-            now.frames += 1;
-            self.sink(&mut now);
-            now.draw();
+        while state.frames < target {
+            let (frame, fps) = (state.frames, state.simulation.options().fps);
+            let wind = state.wind.wind_between(frame, fps)?;
+            state.simulation.advance_frame(&*wind);
+            state.frames += 1;
+            self.settle_deposited(&mut state);
+            state.extend_trajectories();
         }
-        Ok(look(&mut now))
+        Ok(evaluate(&mut state))
     }
 
-    /// Lowers what rests until its lowest hair touches, and raises what flies again, both softly.
-    fn sink(&self, now: &mut FlightState) {
+    /// Lowers deposited catkins until their lowest hair touches, and raises those that lift off again, with the time constant
+    /// [`SETTLE_TIME`]. Only their drawing moves, not the simulation.
+    fn settle_deposited(&self, state: &mut FlightState) {
         if !self.settle {
             return;
         }
-        let share = 1.0 - osier_base::math::exp_f32(-narrow(1.0 / now.flights.options().fps) / SETTLE_TIME);
-        let FlightState { flights, sunk, .. } = now;
-        for (c, sunk) in flights.by_id().zip(sunk) {
-            let wanted = if c.state().is_deposited() { self.gap(c) } else { Vec3::ZERO };
-            *sunk += (wanted - *sunk) * share;
+        // Exponential approach: after one frame the share 1 - exp(-dt/tau) of the remaining way is done.
+        let share = 1.0 - osier_base::math::exp_f32(-narrow(1.0 / state.simulation.options().fps) / SETTLE_TIME);
+        let FlightState { simulation, settled, .. } = state;
+        for (c, settled) in simulation.by_id().zip(settled) {
+            let goal = if c.state().is_deposited() { self.gap_below_hairs(c) } else { Vec3::ZERO };
+            *settled += (goal - *settled) * share;
         }
     }
 
-    /// From the lowest hair, seen from what it lies on, to the ball's lowest point, m. At the foot of a wall it lies on
-    /// the ground.
-    fn gap(&self, c: &Catkin) -> Vec3 {
+    /// Vector from the lowest hair to the lowest point of the bounding ball, m, along the normal of the surface. In a corner of
+    /// wall and ground the ground's normal counts.
+    fn gap_below_hairs(&self, c: &Catkin) -> Vec3 {
         let normal = if c.state() == CatkinState::Corner { Vec3::Y } else { c.rests_on().1 };
         let out = c.turn().conjugate() * normal;
         let hairs = self.hairs.get(usize::from(c.kind())).map_or(&[][..], Vec::as_slice);
@@ -203,88 +224,90 @@ impl FlightPlayback {
         -normal * (c.radius() + lowest * c.scale()).max(0.0)
     }
 
-    fn state(&self, number: u64) -> Result<InstanceState> {
-        self.at(number, |now| shown(now))
+    fn state_at(&self, number: u64) -> Result<InstanceState> {
+        self.at_frame(number, |state| state.instance_state())
     }
 
-    /// All at the flight's very start: what is written where nothing moves.
-    fn rest(&self) -> InstanceState {
-        let now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
-        shown(&now)
+    /// The catkins before the first step, for the asset at rest.
+    fn initial_state(&self) -> InstanceState {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).instance_state()
     }
 }
 
 impl AssetMotion for FlightPlayback {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
-        self.at(time.index(), |now| AssetFrame {
-            instancers: vec![InstancerFrame::State(shown(now))],
-            curves: now.trails.iter().map(|t| CurvesFrame::Points(t.points().to_vec())).collect(),
+        self.at_frame(time.index(), |state| AssetFrame {
+            instancers: vec![InstancerFrame::State(state.instance_state())],
+            curves: state.trails.iter().map(|t| CurvesFrame::Points(t.points().to_vec())).collect(),
             ..AssetFrame::default()
         })
     }
 
     fn row(&self, frame: u64) -> Result<Option<TableRow>> {
-        self.at(frame, |now| Some(TableRow { table: stats::TABLE, values: now.row() }))
+        self.at_frame(frame, |state| Some(TableRow { table: stats::TABLE, values: state.table_row() }))
     }
 
     fn fields(&self, frame: u64) -> Result<Vec<Vec<f32>>> {
-        self.at(frame, |now| self.deposits.values(&now.flights))
+        self.at_frame(frame, |state| self.deposits.densities(&state.simulation))
     }
 }
 
 impl FlightState {
-    /// Row of the table.
-    fn row(&self) -> Vec<f64> {
-        stats::row(&self.flights.stats(), &self.flights.deposits_per_solid(), self.stream.health())
+    fn table_row(&self) -> Vec<f64> {
+        stats::flight_row(&self.simulation.stats(), &self.simulation.deposits_per_solid(), self.wind.lattice_stats())
     }
 
-    /// Draws the lines on to where all are.
-    fn draw(&mut self) {
+    /// Appends the current positions to the trajectories.
+    fn extend_trajectories(&mut self) {
         if let Some(mut trails) = self.trails.take() {
-            let state = shown(self);
+            let state = self.instance_state();
             trails.push(&state, state.attribute(GENERATION).and_then(AttributeData::integers).unwrap_or_default());
             self.trails = Some(trails);
         }
     }
-}
 
-/// The lines of a scene whose catkins draw any.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
-fn lines(setting: &FlightContext<'_>, options: &FlightParams) -> Option<Trajectories> {
-    let frames = (setting.flight.keys.trails * options.fps).round() as usize;
-    let size = setting.inside.size();
-    (frames > 0).then(|| Trajectories::new(frames + 1, size.x.min(size.z) / 2.0))
-}
-
-fn shown(now: &FlightState) -> InstanceState {
-    let s = now.flights.frame();
-    let number = |v: &u32| i32::try_from(*v).unwrap_or(i32::MAX);
-    InstanceState {
-        positions: s.positions.iter().zip(&now.sunk).map(|(p, sunk)| *p + *sunk).collect(),
-        orientations: s.orientations,
-        alive: s.states.iter().map(|s| s.is_seen()).collect(),
-        velocities: s.velocities,
-        angular_velocities: s.angular_velocities,
-        attributes: vec![
-            Attribute::instance("state", AttributeData::I32(s.states.iter().map(|s| *s as i32).collect())),
-            Attribute::instance("cluster", AttributeData::I32(s.clusters.iter().map(number).collect())),
-            Attribute::instance(GENERATION, AttributeData::I32(s.generations.iter().map(number).collect())),
-        ],
+    /// Transforms and attributes of all catkins, settling included, in the order of their ids.
+    fn instance_state(&self) -> InstanceState {
+        let s = self.simulation.frame();
+        let number = |v: &u32| i32::try_from(*v).unwrap_or(i32::MAX);
+        InstanceState {
+            positions: s.positions.iter().zip(&self.settled).map(|(p, settled)| *p + *settled).collect(),
+            orientations: s.orientations,
+            alive: s.states.iter().map(|s| s.is_seen()).collect(),
+            velocities: s.velocities,
+            angular_velocities: s.angular_velocities,
+            attributes: vec![
+                Attribute::instance("state", AttributeData::I32(s.states.iter().map(|s| *s as i32).collect())),
+                Attribute::instance("cluster", AttributeData::I32(s.clusters.iter().map(number).collect())),
+                Attribute::instance(GENERATION, AttributeData::I32(s.generations.iter().map(number).collect())),
+            ],
+        }
     }
 }
 
-/// Frames of a flight before the first of the clip.
+/// Trajectories of the length that `flight.trails` asks for; `None` where it is 0. A catkin that moves by more than half the
+/// domain's width in a frame was recycled or wrapped.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
+fn new_trajectories(scene: &FlightContext<'_>, params: &FlightParams) -> Option<Trajectories> {
+    let frames = (scene.flight.keys.trails * params.fps).round() as usize;
+    let size = scene.domain.size();
+    (frames > 0).then(|| Trajectories::new(frames + 1, size.x.min(size.z) / 2.0))
+}
+
+/// Frames of the spin-up, simulated before the first frame of the clip.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
-pub fn before(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
+pub(crate) fn spin_up_frames(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
     (flight.keys.spin_up * recipe.clip.fps()).round() as u64
 }
 
-fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams {
-    let (recipe, keys) = (setting.recipe, &setting.flight.keys);
-    let forms = &setting.flight.forms;
+/// Parameters of the simulation from the keys of `[flight]`.
+fn flight_params(scene: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams {
+    let (recipe, keys) = (scene.recipe, &scene.flight.keys);
+    let forms = &scene.flight.forms;
     let kind = |(i, m): (usize, &CatkinModel)| CatkinKind { radius: m.radius, weight: forms[i % forms.len().max(1)] };
-    let own = if keys.release == FlightRelease::Sky { FlightBoundary::Recycle } else { FlightBoundary::Exit };
-    let edge = match keys.sides.unwrap_or(own) {
+    // Catkins released all over the sky are recycled unless the keys say otherwise, so that their number stays.
+    let default = if keys.release == FlightRelease::Sky { FlightBoundary::Recycle } else { FlightBoundary::Exit };
+    let edge = match keys.sides.unwrap_or(default) {
         FlightBoundary::Exit => SideBoundary::Exit,
         FlightBoundary::Recycle => SideBoundary::Recycle,
         FlightBoundary::Periodic => SideBoundary::Periodic,
@@ -294,7 +317,7 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
         seed: recipe.general.seed,
         fps: recipe.clip.fps(),
         substeps: keys.substeps,
-        inside: setting.inside,
+        inside: scene.domain,
         edges: [edge; 2],
         band: keys.band,
         kinds: models.iter().enumerate().map(kind).collect(),
@@ -313,41 +336,44 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
         stick_close: keys.stick_close,
         check_every: keys.check_every,
         gamma: keys.gamma,
-        humidity: setting.flight.wet.as_ref().map_or(GroundHumidity::Even(keys.humidity), map),
+        humidity: scene.flight.wet.as_ref().map_or(GroundHumidity::Even(keys.humidity), map),
         lift_speed: keys.lift_speed,
         lift_wet: keys.lift_wet,
-        known_height: setting.known_height,
-        longest_step: setting.cell.unwrap_or(f64::INFINITY),
+        known_height: scene.known_height,
+        // A catkin that crosses a cell of the wind in one step would miss what the wind does there.
+        longest_step: scene.cell_size.unwrap_or(f64::INFINITY),
         flutter: keys.flutter,
         ..FlightParams::default()
     }
 }
 
-fn starts(setting: &FlightContext<'_>, options: &FlightParams) -> Vec<CatkinStart> {
-    let (flight, keys) = (setting.flight, &setting.flight.keys);
-    let seed = setting.recipe.general.seed;
-    let all_over = |duration| {
-        let sky_box = SkyRelease { seed, count: keys.count, inside: options.inside, band: keys.band, duration };
-        sky_starts(&sky_box, &setting.solids)
+/// Where and under which condition each catkin is released.
+fn catkin_starts(scene: &FlightContext<'_>, params: &FlightParams) -> Vec<CatkinStart> {
+    let (flight, keys) = (scene.flight, &scene.flight.keys);
+    let seed = scene.recipe.general.seed;
+    let from_sky = |duration| {
+        let sky_box = SkyRelease { seed, count: keys.count, inside: params.inside, band: keys.band, duration };
+        sky_starts(&sky_box, &scene.solids)
     };
     match keys.release {
-        FlightRelease::Sky => all_over(0.0),
-        FlightRelease::Rain => all_over(keys.duration),
+        FlightRelease::Sky => from_sky(0.0),
+        FlightRelease::Rain => from_sky(keys.duration),
         FlightRelease::Points => {
             let start = |p: &[f64; 3]| CatkinStart { at: DVec3::from_array(*p), wait: ReleaseCondition::Until(0.0) };
             flight.starts.iter().map(start).collect()
         }
-        FlightRelease::Canopy => canopy_starts(setting.twigs, keys.count, seed),
+        FlightRelease::Canopy => canopy_starts(scene.twigs, keys.count, seed),
     }
 }
 
-/// Twigs drawn by weight, each seed with a patience of its own.
-fn canopy_starts(twigs: &[(Vec3, f64)], count: u32, seed: u64) -> Vec<CatkinStart> {
-    let mut sums = Vec::with_capacity(twigs.len());
+/// Starts at twig tips drawn by weight. Each catkin waits for a wind exposure drawn from the unit exponential distribution.
+fn canopy_starts(twigs: &[TwigTip], count: u32, seed: u64) -> Vec<CatkinStart> {
+    // Cumulative weights: a uniform draw times their total falls into one tip's interval.
+    let mut cumulative = Vec::with_capacity(twigs.len());
     let mut sum = 0.0;
-    for (_, weight) in twigs {
-        sum += weight;
-        sums.push(sum);
+    for tip in twigs {
+        sum += tip.weight;
+        cumulative.push(sum);
     }
     if sum <= 0.0 {
         return Vec::new();
@@ -355,12 +381,13 @@ fn canopy_starts(twigs: &[(Vec3, f64)], count: u32, seed: u64) -> Vec<CatkinStar
     (0..count)
         .map(|id| {
             let mut draw = Rng::at(seed, &["flight".into(), id.into(), 0_u64.into(), "start".into()]);
-            let at = draw.unit_f64() * sum;
-            let twig = sums.partition_point(|s| *s <= at).min(twigs.len() - 1);
-            // Some way about the very end, else those of one twig would start as one.
-            let about = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * 0.05;
+            let pick = draw.unit_f64() * sum;
+            let twig = cumulative.partition_point(|s| *s <= pick).min(twigs.len() - 1);
+            // A normal offset of 5 cm, so that the catkins of one tip do not start in one point and stick together.
+            let offset = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * 0.05;
             CatkinStart {
-                at: twigs[twig].0.as_dvec3() + about,
+                at: twigs[twig].position.as_dvec3() + offset,
+                // The inverse distribution function of the unit exponential: -ln(1 - u).
                 wait: ReleaseCondition::Wind(-ln(1.0 - draw.unit_f64())),
             }
         })

@@ -1,4 +1,4 @@
-//! What a flight is measured by: columns of its table, what is said once, and what is worth a warning.
+//! Statistics of a flight: columns of its table, their values at a frame, and the thresholds of warnings.
 
 use crate::recipe::scene::FlightKeys;
 use crate::recipe::word_of;
@@ -10,8 +10,8 @@ use osier_wind::LatticeStats;
 /// Name of the table of a flight.
 pub const TABLE: &str = "flight";
 
-/// Columns that count what is so at a frame, or measure it.
-const NOW: [(&str, &str); 15] = [
+/// Columns of the state at a frame, with units.
+const STATE_COLUMNS: [(&str, &str); 15] = [
     ("pending", ""),
     ("airborne", ""),
     ("grounded", ""),
@@ -29,41 +29,46 @@ const NOW: [(&str, &str); 15] = [
     ("flight_distance", "m"),
 ];
 
-/// Columns that count what happened until a frame.
-const TOTAL: [&str; 6] = ["merges", "deposits", "lift_offs", "recycled", "left", "long_steps"];
+/// Columns of events, accumulated up to a frame.
+const TOTAL_COLUMNS: [&str; 6] = ["merges", "deposits", "lift_offs", "recycled", "left", "long_steps"];
 
-/// Columns of a lattice wind: cells held at the fastest speed so far, checkered part of the density and mean density less 1.
-const LATTICE: [&str; 3] = ["wind_clamps", "wind_checkered", "wind_mass_error"];
+/// Columns of a lattice wind: cells clamped to the largest speed so far, checkerboard amplitude of the density, and mean density
+/// less 1.
+const LATTICE_COLUMNS: [&str; 3] = ["wind_clamps", "wind_checkered", "wind_mass_error"];
 
-/// Checkered density above which a lattice wind has come apart.
-const CHECKERED: f64 = 1e-3;
+/// Checkerboard amplitude of the density above which a warning says that the lattice is unstable. Own: stable runs stay two
+/// orders below; a smaller value warns earlier.
+const MAX_CHECKERBOARD: f64 = 1e-3;
 
-/// Most solids by whose counts runs are compared.
-const COMPARED: usize = 4;
+/// Number of solids whose deposits a sweep lists as its outcome.
+const COMPARED_SOLIDS: usize = 4;
 
-/// The table of a flight past solids of these names. `lattice`: how its lattice wind did until the first frame, if it has one.
-/// `said`: warnings so far.
-pub fn table(
+/// Declares the table of a flight past solids of these names. `lattice`: statistics of its lattice wind before the first frame,
+/// if it has one. `said`: warnings so far, by code.
+pub fn flight_table(
     keys: &FlightKeys,
     count: usize,
     solids: &[&str],
     lattice: Option<LatticeStats>,
     said: Vec<(&'static str, String)>,
 ) -> Table {
-    let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
+    let mut columns: Vec<(String, &'static str)> =
+        STATE_COLUMNS.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
     columns.extend(solids.iter().map(|name| (format!("at_{name}"), "")));
-    let counted = TOTAL.iter().copied().chain(lattice.iter().flat_map(|_| LATTICE));
+    let counted = TOTAL_COLUMNS.iter().copied().chain(lattice.iter().flat_map(|_| LATTICE_COLUMNS));
     columns.extend(counted.map(|name| (name.to_owned(), "")));
+    // Plots, totals and outcomes refer to columns by index.
     let find = |name: &str| columns.iter().position(|c| c.0 == name);
     let plot = |names: &[&str]| names.iter().filter_map(|n| find(n)).collect();
-    let totals = TOTAL.iter().chain(&["wind_clamps"]).filter_map(|n| find(n)).collect();
+    let totals = TOTAL_COLUMNS.iter().chain(&["wind_clamps"]).filter_map(|n| find(n)).collect();
     let mut outcome: Vec<usize> = plot(&["exited", "grounded", "corner", "lift_offs"]);
-    outcome.extend(solids.iter().take(COMPARED).filter_map(|name| find(&format!("at_{name}"))));
+    outcome.extend(solids.iter().take(COMPARED_SOLIDS).filter_map(|name| find(&format!("at_{name}"))));
     let plots = vec![
         ("Catkins by what they do", plot(&["airborne", "grounded", "on_wall", "corner", "exited", "pending"])),
         ("Sticking and coming to rest", plot(&["clusters", "largest", "merges", "deposits", "lift_offs"])),
         ("Speed", plot(&["mean_speed", "max_speed", "ground_wind"])),
     ];
+    // A warning is given once, with the largest value of its column; clamped cells of the spin-up were reported before.
     let watched = [
         (
             "long_steps",
@@ -79,7 +84,7 @@ pub fn table(
         ),
         (
             "wind_checkered",
-            CHECKERED,
+            MAX_CHECKERBOARD,
             "S023",
             "the lattice wind has come apart into a checkerboard of density {}; raise wind.lattice.tau_floor",
         ),
@@ -88,11 +93,20 @@ pub fn table(
         Some(Watch { column: find(name)?, above: *above, code, text })
     };
     let watches = watched.iter().filter_map(watch).collect();
-    Table { name: TABLE.into(), totals, outcome, plots, parameters: parameters(keys, count), said, watches, columns }
+    Table {
+        name: TABLE.into(),
+        totals,
+        outcome,
+        plots,
+        parameters: parameters_json(keys, count),
+        said,
+        watches,
+        columns,
+    }
 }
 
-/// What rules a flight, as it was resolved.
-fn parameters(keys: &FlightKeys, count: usize) -> serde_json::Value {
+/// The resolved parameters of a flight, for the header of its table.
+fn parameters_json(keys: &FlightKeys, count: usize) -> serde_json::Value {
     serde_json::json!({
         "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.spin_up,
         "scale": keys.scale, "mass_mg": keys.mass / units::MILLIGRAM, "fall_speed_m_s": keys.fall, "fall_spread": keys.fall_spread,
@@ -104,8 +118,8 @@ fn parameters(keys: &FlightKeys, count: usize) -> serde_json::Value {
     })
 }
 
-/// A row of [`table`].
-pub fn row(t: &FlightStats, at_solids: &[u64], lattice: Option<LatticeStats>) -> Vec<f64> {
+/// One row of [`flight_table`], its columns in order.
+pub fn flight_row(t: &FlightStats, at_solids: &[u64], lattice: Option<LatticeStats>) -> Vec<f64> {
     let counts = [
         t.pending,
         t.airborne,
@@ -147,7 +161,8 @@ mod tests {
             ..FlightStats::default()
         };
         for lattice in [None, Some(HEALTH)] {
-            let (table, row) = (table(&keys, 5, &["wall"], lattice, Vec::new()), row(&tally, &[7], lattice));
+            let (table, row) =
+                (flight_table(&keys, 5, &["wall"], lattice, Vec::new()), flight_row(&tally, &[7], lattice));
             assert_eq!(table.columns.len(), row.len());
             let of = |name: &str| table.columns.iter().position(|c| c.0 == name).map(|i| row[i]);
             assert_eq!((of("pending"), of("penetrations"), of("flight_distance")), (Some(1.0), Some(10.0), Some(15.0)));
@@ -159,16 +174,17 @@ mod tests {
     /// A clamped cell of the run-up was told before; what comes later is told with its number.
     #[test]
     fn what_went_wrong_is_told_once() {
-        let table = table(&FlightKeys::defaults(), 5, &[], Some(HEALTH), Vec::new());
+        let table = flight_table(&FlightKeys::defaults(), 5, &[], Some(HEALTH), Vec::new());
         let told = |t: &FlightStats, h: LatticeStats| -> Vec<&str> {
-            table.warnings(&row(t, &[], Some(h))).iter().map(|w| w.0).collect()
+            table.warnings(&flight_row(t, &[], Some(h))).iter().map(|w| w.0).collect()
         };
         let calm = LatticeStats { checkerboard: 0.0, ..HEALTH };
         assert!(told(&FlightStats::default(), calm).is_empty());
         assert_eq!(told(&FlightStats { long_steps: 3, ..FlightStats::default() }, HEALTH), ["S027", "S023"]);
         assert_eq!(told(&FlightStats::default(), LatticeStats { clamped_cells: 6, ..calm }), ["S022"]);
         let text =
-            &table.warnings(&row(&FlightStats { long_steps: 3, ..FlightStats::default() }, &[], Some(calm)))[0].1;
+            &table.warnings(&flight_row(&FlightStats { long_steps: 3, ..FlightStats::default() }, &[], Some(calm)))[0]
+                .1;
         assert!(text.starts_with("3 times a catkin"), "{text}");
     }
 }

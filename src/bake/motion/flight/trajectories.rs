@@ -1,33 +1,35 @@
-//! Lines behind what flies: the last places of each, newest last.
+//! Trajectories behind flying catkins: the last positions of each, newest last.
 
 use glam::Vec3;
 
+use osier_base::Result;
+use osier_base::convert::index;
 use osier_scene::{Curves, InstanceState};
 
-/// Points of all lines. A line is cut where its catkin came back elsewhere or was wrapped to the other side: nothing streaks
-/// across the box. What is not seen, or has not moved for the whole time, has a line without length.
+/// Points of all trajectories. One restarts where its catkin was recycled or wrapped to the other side of the domain, so that no
+/// line crosses it. A catkin that is not visible, or has not moved for the whole length, has a line of length zero.
 #[derive(Debug, Clone)]
 pub struct Trajectories {
     /// Points of each line.
     length: usize,
-    /// A way longer than this in a frame is no flight, m.
-    leap: f32,
+    /// Distance, m, above which a frame's movement is a jump and not a flight.
+    max_step: f32,
     points: Vec<Vec3>,
     generations: Vec<i32>,
 }
 
 impl Trajectories {
-    /// Lines of `length` points, two at least, that have not begun. `leap`: what no catkin flies in a frame, m.
-    pub fn new(length: usize, leap: f32) -> Self {
-        Self { length: length.max(2), leap, points: Vec::new(), generations: Vec::new() }
+    /// Trajectories of `length` points (at least two) without positions yet. `max_step`: longest flight in one frame, m.
+    pub fn new(length: usize, max_step: f32) -> Self {
+        Self { length: length.max(2), max_step, points: Vec::new(), generations: Vec::new() }
     }
 
-    /// Forgets everything.
+    /// Removes all positions; the next ones restart every trajectory.
     pub fn clear(&mut self) {
         self.points.clear();
     }
 
-    /// Goes on to where all are now. `generations`: how often each has come back.
+    /// Appends the current positions. `generations`: how often each catkin was recycled.
     pub fn push(&mut self, state: &InstanceState, generations: &[i32]) {
         let begun = !self.points.is_empty();
         if !begun {
@@ -37,7 +39,7 @@ impl Trajectories {
         let lines = self.points.chunks_exact_mut(self.length).zip(&mut self.generations);
         for (i, ((line, generation), (p, now))) in lines.zip(state.positions.iter().zip(generations)).enumerate() {
             let last = line.last().copied().unwrap_or(*p);
-            if *generation != *now || !state.is_alive(i) || last.distance(*p) > self.leap {
+            if *generation != *now || !state.is_alive(i) || last.distance(*p) > self.max_step {
                 line.fill(*p);
                 *generation = *now;
             } else {
@@ -52,19 +54,21 @@ impl Trajectories {
         &self.points
     }
 
-    /// The lines as curves of a material, `width` m thick at the catkin and tapering to nothing.
-    pub fn curves(&self, width: f32, material: u32, moving: bool) -> Curves {
+    /// The trajectories as curves of a material, `width` m thick at the catkin and tapering to zero.
+    /// # Errors
+    /// `TooMany` beyond 2^32 points of a curve.
+    pub fn curves(&self, width: f32, material: u32, moving: bool) -> Result<Curves> {
         let count = self.points.len() / self.length;
         let share = |k: usize| width * k as f32 / (self.length - 1) as f32;
         let widths: Vec<f32> = (0..self.length).map(share).collect();
-        Curves {
+        Ok(Curves {
             name: "trails".into(),
             material,
-            counts: vec![u32::try_from(self.length).unwrap_or(u32::MAX); count],
+            counts: vec![index(self.length, "points of a trajectory")?; count],
             points: self.points.clone(),
             widths: widths.repeat(count),
             moving,
-        }
+        })
     }
 }
 
@@ -102,7 +106,7 @@ mod tests {
     fn lines_taper_to_nothing() {
         let mut t = Trajectories::new(3, 5.0);
         t.push(&InstanceState { positions: vec![Vec3::ZERO, Vec3::Y], ..InstanceState::default() }, &[0, 0]);
-        let curves = t.curves(0.5, 7, true);
+        let curves = t.curves(0.5, 7, true).expect("few points");
         assert_eq!((curves.counts, curves.material), (vec![3, 3], 7));
         assert_eq!(curves.widths, [0.0, 0.25, 0.5, 0.0, 0.25, 0.5]);
         t.clear();

@@ -1,115 +1,115 @@
-//! Drops as numbers: the record tables `drops`, `events` and `leaves` of each frame, and which point of the cloud of falling
-//! drops shows which drop.
+//! The record tables `drops`, `events` and `leaves` of each frame, and the slots of falling drops in the point cloud.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, Quat, Vec3};
 
+use osier_base::Result;
+use osier_base::convert::index;
 use osier_base::math::narrow;
 use osier_motion::rain::{DropEventKind, RainEvent, RainFrame, RainLeaf, SessileDrop, sphere_diameter};
 use osier_scene::{CodeList, RecordColumn, RecordTable};
 
-/// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
-const PAUSE: u64 = 2;
-/// Speed from which a drop on a leaf counts as running, m/s.
-pub(super) const RUNS: f64 = 1e-3;
-/// What is written for a leaf or a second drop where there is none.
-const NONE: i32 = -1;
+/// Frames for which a slot stays empty after its drop is gone, so that motion blur does not streak from one drop to the next.
+const SLOT_PAUSE: u64 = 2;
+/// Speed above which a drop on a leaf counts as running, m/s. Own: by eye; a smaller speed counts creeping drops too.
+pub(super) const RUNNING_SPEED: f64 = 1e-3;
+/// Written in a signed column for a leaf or a second drop where there is none.
+const MISSING: i32 = -1;
 
-/// What a drop does.
+/// State of a drop; its number is written in the column `state`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum DropState {
-    /// It falls.
-    Falls,
-    /// It lies on a leaf.
-    Rests,
-    /// It moves over a leaf, faster than 1 mm/s.
-    Runs,
-    /// It hangs at a leaf's margin.
-    Hangs,
-    /// It is a cap of the tail of the drop before it in the list, with a share of that one's water.
+    Airborne,
+    /// On a leaf, at most as fast as [`RUNNING_SPEED`].
+    Resting,
+    /// On a leaf, faster than that.
+    Running,
+    /// Pendant at a leaf's margin.
+    Hanging,
+    /// A cap of the tail of the drop before it in the list, with a share of that drop's water.
     Tail,
 }
 
 impl DropState {
-    /// All, in the order of their numbers, with the words for them.
+    /// All states in the order of their numbers, with their words in the code list.
     const ALL: [(Self, &'static str); 5] = [
-        (Self::Falls, "falls"),
-        (Self::Rests, "rests"),
-        (Self::Runs, "runs"),
-        (Self::Hangs, "hangs"),
+        (Self::Airborne, "falls"),
+        (Self::Resting, "rests"),
+        (Self::Running, "runs"),
+        (Self::Hanging, "hangs"),
         (Self::Tail, "tail"),
     ];
 }
 
-/// A drop at a frame. Places and directions in the world.
+/// One row of the table `drops`; positions and directions in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct DropRecord {
-    /// Its number, the same at all frames: counted from 0 as drops are first seen in the clip.
+    /// Number of the drop, the same in all frames, counted from 0 in the order in which drops appear in the clip.
     id: u32,
-    /// What it does.
     state: DropState,
-    /// The leaf that it is on, counted from 0 over all plants in the order of their places.
+    /// The leaf that it is on, counted from 0 over all plants in the order of their placements.
     leaf: Option<u32>,
     /// Caps of its tail that follow it in the list.
     tail: u32,
-    /// Where on the leaf, texture coordinates; 0 in the air.
+    /// Texture coordinates on the leaf; 0 in the air.
     uv: [f32; 2],
     /// Side of the leaf: 1 the upper one, -1 the lower one; 0 in the air and at the margin.
     side: f32,
-    /// Middle, m: of the base on the leaf, of the circle that it hangs from, of the drop in the air.
-    place: Vec3,
-    /// m^3: of a head without its tail.
+    /// Centre, m: of the footprint on the leaf, of the circle that it hangs from, of the airborne drop.
+    position: Vec3,
+    /// Volume, m^3; of a head without its tail.
     volume: f64,
-    /// m/s, the leaf's own motion in it.
+    /// Velocity, m/s, including that of the leaf.
     velocity: Vec3,
-    /// Radius, m: of the base, of the circle that it hangs from, of the drop in the air.
+    /// Radius, m: of the footprint, of the circle that it hangs from, of the airborne drop.
     a: f32,
-    /// Height over the leaf in its middle, m; 0 where it does not lie.
+    /// Height of the cap over the leaf, m; 0 for drops that do not lie on one.
     height: f32,
-    /// How much longer than round its footprint is, 1 or more.
+    /// Aspect ratio of the footprint, 1 for a circle.
     q: f32,
-    /// How far it leans along its axis, 0 and more.
+    /// Skew of the cap along its axis, 0 or more.
     s: f32,
-    /// Long axis of its footprint, or where it hangs to; unit, 0 in the air.
+    /// Long axis of the footprint, or direction of hanging; a unit vector, 0 in the air.
     axis: Vec3,
-    /// How far what hangs has thinned, 0 to 1, when it falls.
+    /// Necking of a pendant drop, 0 to 1, at which it detaches.
     thin: f32,
 }
 
-/// A leaf in the rain at a frame.
+/// One row of the table `leaves`.
 #[derive(Debug, Clone, Copy)]
 struct LeafRecord {
-    /// Its number, as [`DropRecord::leaf`].
+    /// Number of the leaf, as [`DropRecord::leaf`].
     leaf: u32,
-    /// Drops that lie, run or hang on it.
+    /// Drops on it that rest, run or hang.
     drops: u32,
-    /// Their water, m^3.
+    /// Volume of these drops, m^3.
     volume: f64,
-    /// Share of it that is wet, by how much.
+    /// Mean wetness of the blade, 0 to 1.
     wetness: f32,
-    /// Its pivot in the world, m.
-    place: Vec3,
+    /// Pivot in the world, m.
+    position: Vec3,
     /// World from leaf space.
-    turn: Quat,
+    rotation: Quat,
 }
 
-/// Small numbers for the drops of a clip, in the order in which its frames show them and tell of them.
-pub(super) fn numbers(moments: &[RainFrame]) -> BTreeMap<u64, u32> {
+/// Small numbers for the ids of a clip's drops, in the order in which frames contain them: first as drops, then in events.
+pub(super) fn drop_numbers(frames: &[RainFrame]) -> Result<BTreeMap<u64, u32>> {
     let mut known = BTreeMap::new();
-    for m in moments {
-        let seen =
-            m.sessile.iter().map(|d| d.id).chain(m.pendant.iter().map(|d| d.id)).chain(m.airborne.iter().map(|d| d.id));
-        let told = m.events.iter().flat_map(|e| e.other.into_iter().chain([e.id]));
-        for id in seen.chain(told) {
-            let next = u32::try_from(known.len()).unwrap_or(u32::MAX);
+    for frame in frames {
+        let on_leaves = frame.sessile.iter().map(|d| d.id).chain(frame.pendant.iter().map(|d| d.id));
+        let in_frame = on_leaves.chain(frame.airborne.iter().map(|d| d.id));
+        let in_events = frame.events.iter().flat_map(|e| e.other.into_iter().chain([e.id]));
+        for id in in_frame.chain(in_events) {
+            let next = index(known.len(), "raindrops of a clip")?;
             known.entry(id).or_insert(next);
         }
     }
-    known
+    Ok(known)
 }
 
-/// The code lists of the columns `state` and `what`. Scenes without rain have them, too, so that their readers find the keys.
+/// The code lists of the columns `state` and `what`. Scenes without rain have them too, so that readers of the manifest can rely on
+/// the keys.
 pub fn code_lists() -> Vec<CodeList> {
     vec![
         CodeList { name: "states", words: DropState::ALL.map(|(_, word)| word).to_vec() },
@@ -117,45 +117,45 @@ pub fn code_lists() -> Vec<CodeList> {
     ]
 }
 
-/// The tables of a frame: all drops, what happened to drops since the frame before in order of time steps, and all leaves.
-/// `start`: time of the clip's first frame, s; the columns of times count from it.
-pub(super) fn tables(
-    moment: &RainFrame,
+/// The record tables of a frame: all drops, the events since the frame before in the order of time steps, and all leaves.
+/// `start`: time of the clip's first frame, s, from which the column `t` counts.
+pub(super) fn record_tables(
+    frame: &RainFrame,
     leaves: &[RainLeaf],
     numbers: &BTreeMap<u64, u32>,
     start: f64,
 ) -> Vec<RecordTable> {
     let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
-    let drops = drop_table(&drops(moment, leaves, &number));
-    vec![drops, event_table(&moment.events, &number, start), leaf_table(moment)]
+    let drops = drop_table(&drop_records(frame, leaves, &number));
+    vec![drops, event_table(&frame.events, &number, start), leaf_table(frame)]
 }
 
-/// All drops: on leaves with each head's tail right behind it, at margins, in the air.
-fn drops(moment: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -> u32) -> Vec<DropRecord> {
-    let mut now = Vec::new();
-    for d in &moment.sessile {
-        record_sessile_drop(moment, d, &leaves[d.leaf], number(&d.id), &mut now);
+/// Records of all drops: sessile ones with each head's tail right behind it, then pendant ones, then airborne ones.
+fn drop_records(frame: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -> u32) -> Vec<DropRecord> {
+    let mut records = Vec::new();
+    for d in &frame.sessile {
+        record_sessile_drop(frame, d, &leaves[d.leaf], number(&d.id), &mut records);
     }
-    now.extend(moment.pendant.iter().map(|d| {
-        let blade = &moment.leaf_poses[d.leaf];
+    records.extend(frame.pendant.iter().map(|d| {
+        let blade = &frame.leaf_poses[d.leaf];
         let p = blade.position + blade.orientation * d.p;
         DropRecord {
             leaf: u32::try_from(d.leaf).ok(),
-            place: p.as_vec3(),
+            position: p.as_vec3(),
             velocity: blade.velocity_at(p).as_vec3(),
             a: narrow(d.radius),
             axis: (blade.orientation * d.axis).as_vec3(),
             thin: narrow(d.necking),
-            ..plain(number(&d.id), DropState::Hangs, d.volume)
+            ..blank_record(number(&d.id), DropState::Hanging, d.volume)
         }
     }));
-    now.extend(moment.airborne.iter().map(|d| DropRecord {
-        place: d.p.as_vec3(),
+    records.extend(frame.airborne.iter().map(|d| DropRecord {
+        position: d.p.as_vec3(),
         velocity: d.v.as_vec3(),
         a: narrow(sphere_diameter(d.volume) / 2.0),
-        ..plain(number(&d.id), DropState::Falls, d.volume)
+        ..blank_record(number(&d.id), DropState::Airborne, d.volume)
     }));
-    now
+    records
 }
 
 fn drop_table(drops: &[DropRecord]) -> RecordTable {
@@ -169,9 +169,9 @@ fn drop_table(drops: &[DropRecord]) -> RecordTable {
         f32s("u", "", |d| d.uv[0]),
         f32s("v", "", |d| d.uv[1]),
         f32s("side", "", |d| d.side),
-        f32s("x", "m", |d| d.place.x),
-        f32s("y", "m", |d| d.place.y),
-        f32s("z", "m", |d| d.place.z),
+        f32s("x", "m", |d| d.position.x),
+        f32s("y", "m", |d| d.position.y),
+        f32s("z", "m", |d| d.position.z),
         f32s("vx", "m/s", |d| d.velocity.x),
         f32s("vy", "m/s", |d| d.velocity.y),
         f32s("vz", "m/s", |d| d.velocity.z),
@@ -203,21 +203,21 @@ fn event_table(events: &[RainEvent], number: &impl Fn(&u64) -> u32, start: f64) 
     RecordTable { name: "events", columns }
 }
 
-/// All leaves with the drops that lie, run or hang on them.
-fn leaf_table(moment: &RainFrame) -> RecordTable {
-    let blades = (0_u32..).zip(&moment.leaf_poses).zip(&moment.wetness);
+/// All leaves, each with the number and volume of the drops on it.
+fn leaf_table(frame: &RainFrame) -> RecordTable {
+    let blades = (0_u32..).zip(&frame.leaf_poses).zip(&frame.wetness);
     let mut leaves: Vec<LeafRecord> = blades
         .map(|((leaf, blade), wetness)| LeafRecord {
             leaf,
             drops: 0,
             volume: 0.0,
             wetness: narrow(*wetness),
-            place: blade.position.as_vec3(),
-            turn: blade.orientation.as_quat(),
+            position: blade.position.as_vec3(),
+            rotation: blade.orientation.as_quat(),
         })
         .collect();
-    let lying = moment.sessile.iter().map(|d| (d.leaf, d.volume));
-    for (leaf, volume) in lying.chain(moment.pendant.iter().map(|d| (d.leaf, d.volume))) {
+    let sessile = frame.sessile.iter().map(|d| (d.leaf, d.volume));
+    for (leaf, volume) in sessile.chain(frame.pendant.iter().map(|d| (d.leaf, d.volume))) {
         leaves[leaf].drops += 1;
         leaves[leaf].volume += volume;
     }
@@ -227,24 +227,24 @@ fn leaf_table(moment: &RainFrame) -> RecordTable {
         RecordColumn::u32("drops", "", &leaves, |l| l.drops),
         RecordColumn::f64("volume", "m^3", &leaves, |l| l.volume),
         f32s("wetness", "", |l| l.wetness),
-        f32s("x", "m", |l| l.place.x),
-        f32s("y", "m", |l| l.place.y),
-        f32s("z", "m", |l| l.place.z),
-        f32s("qx", "", |l| l.turn.x),
-        f32s("qy", "", |l| l.turn.y),
-        f32s("qz", "", |l| l.turn.z),
-        f32s("qw", "", |l| l.turn.w),
+        f32s("x", "m", |l| l.position.x),
+        f32s("y", "m", |l| l.position.y),
+        f32s("z", "m", |l| l.position.z),
+        f32s("qx", "", |l| l.rotation.x),
+        f32s("qy", "", |l| l.rotation.y),
+        f32s("qz", "", |l| l.rotation.z),
+        f32s("qw", "", |l| l.rotation.w),
     ];
     RecordTable { name: "leaves", columns }
 }
 
-/// A number in a signed column, where something may be missing.
+/// A number in a signed column; [`MISSING`] where there is none.
 fn number_or_none(number: Option<u32>) -> i32 {
-    number.and_then(|n| i32::try_from(n).ok()).unwrap_or(NONE)
+    number.and_then(|n| i32::try_from(n).ok()).unwrap_or(MISSING)
 }
 
-/// A drop on nothing.
-fn plain(id: u32, state: DropState, volume: f64) -> DropRecord {
+/// A record whose columns that depend on the state are 0.
+fn blank_record(id: u32, state: DropState, volume: f64) -> DropRecord {
     DropRecord {
         id,
         state,
@@ -252,7 +252,7 @@ fn plain(id: u32, state: DropState, volume: f64) -> DropRecord {
         tail: 0,
         uv: [0.0; 2],
         side: 0.0,
-        place: Vec3::ZERO,
+        position: Vec3::ZERO,
         volume,
         velocity: Vec3::ZERO,
         a: 0.0,
@@ -264,43 +264,46 @@ fn plain(id: u32, state: DropState, volume: f64) -> DropRecord {
     }
 }
 
-/// A drop on a leaf, and its tail.
-fn record_sessile_drop(moment: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: u32, out: &mut Vec<DropRecord>) {
-    let blade = &moment.leaf_poses[d.leaf];
-    let running = d.v.length() > RUNS;
-    let head = if running { DropState::Runs } else { DropState::Rests };
+/// Appends the records of a sessile drop: its head, then the caps of its tail.
+fn record_sessile_drop(frame: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: u32, out: &mut Vec<DropRecord>) {
+    let blade = &frame.leaf_poses[d.leaf];
+    let running = d.v.length() > RUNNING_SPEED;
+    let head = if running { DropState::Running } else { DropState::Resting };
+    #[allow(clippy::cast_possible_truncation, reason = "at most rain.drop.tail_drops caps")]
+    let tail = d.caps.len().saturating_sub(1) as u32;
     for (k, bead) in d.caps.iter().enumerate() {
         let p = blade.position + blade.orientation * leaf.point_at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
-        let tail = u32::try_from(d.caps.len() - 1).unwrap_or(u32::MAX);
         let (q, s) = if k == 0 { (d.deformation.stretch, d.deformation.skew) } else { (1.0, 0.0) };
         out.push(DropRecord {
             leaf: u32::try_from(d.leaf).ok(),
             tail: if k == 0 { tail } else { 0 },
             uv: bead.uv.as_vec2().to_array(),
             side: narrow(d.side),
-            place: p.as_vec3(),
+            position: p.as_vec3(),
             velocity: (blade.velocity_at(p) + blade.orientation * d.v).as_vec3(),
             a: narrow(bead.cap.a),
             height: narrow(bead.cap.top()),
             q: narrow(q),
             s: narrow(s),
             axis: (blade.orientation * d.axis).as_vec3(),
-            ..plain(id, if k == 0 { head } else { DropState::Tail }, bead.volume)
+            ..blank_record(id, if k == 0 { head } else { DropState::Tail }, bead.volume)
         });
     }
 }
 
-/// Slots of what is in the air, and how many are needed: a slot rests before it shows another drop.
-pub(super) fn slots(moments: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
+/// Slots of the airborne drops of each frame, and how many slots the clip needs. A drop keeps its slot while it falls; a slot that
+/// becomes free pauses for [`SLOT_PAUSE`] frames before the lowest free one is used again.
+pub(super) fn point_slots(frames: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
+    // Slot of each airborne drop, and the last frame that contains it.
     let mut held: BTreeMap<u64, (u32, u64)> = BTreeMap::new();
     let mut free: BTreeSet<u32> = BTreeSet::new();
-    let mut resting: Vec<(u64, u32)> = Vec::new();
+    let mut pausing: Vec<(u64, u32)> = Vec::new();
     let mut count = 0_u32;
     let mut all = Vec::new();
-    for (frame, moment) in (0_u64..).zip(moments) {
-        resting.retain(|(until, slot)| *until > frame || !free.insert(*slot));
-        let mut now = Vec::with_capacity(moment.airborne.len());
-        for drop in &moment.airborne {
+    for (number, frame) in (0_u64..).zip(frames) {
+        pausing.retain(|(until, slot)| *until > number || !free.insert(*slot));
+        let mut in_frame = Vec::with_capacity(frame.airborne.len());
+        for drop in &frame.airborne {
             let slot = held.get(&drop.id).map_or_else(
                 || {
                     free.pop_first().unwrap_or_else(|| {
@@ -310,17 +313,17 @@ pub(super) fn slots(moments: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
                 },
                 |s| s.0,
             );
-            held.insert(drop.id, (slot, frame));
-            now.push(slot);
+            held.insert(drop.id, (slot, number));
+            in_frame.push(slot);
         }
         held.retain(|_, (slot, seen)| {
-            let stays = *seen == frame;
+            let stays = *seen == number;
             if !stays {
-                resting.push((frame + PAUSE, *slot));
+                pausing.push((number + SLOT_PAUSE, *slot));
             }
             stays
         });
-        all.push(now);
+        all.push(in_frame);
     }
     (all, count as usize)
 }

@@ -1,4 +1,4 @@
-//! What rain falls on beside plants: level or waving ground, or a land's hills.
+//! The ground under rain: level, wavy or terrain.
 
 use glam::Vec3;
 
@@ -7,27 +7,31 @@ use osier_motion::rain::GroundHeight;
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Terrain;
 
-/// How far below everything drops end where no ground is shown, m.
-const BELOW: f64 = 0.1;
+/// Depth below the lowest point of all plants at which drops are removed where no ground is shown, m. Own: out of the camera's sight;
+/// deeper keeps more drops in the air.
+const REMOVAL_DEPTH: f64 = 0.1;
 
 /// The ground of a scene in which it rains.
 #[derive(Debug)]
 pub enum RainGround {
-    /// None, or level at y = 0.
-    Level(bool),
-    /// Waves around a middle.
+    /// The plane y = 0, or none where it is not shown.
+    Level {
+        /// Whether the scene shows a ground.
+        shown: bool,
+    },
+    /// A wavy ground, and the world position of its centre.
     Waves(Ground, Vec3),
-    /// Hills.
-    Hills(Terrain),
+    /// The heights of a terrain.
+    Terrain(Terrain),
 }
 
 impl RainGround {
-    /// Where drops end. `lowest`: height of the lowest point of all plants, m.
-    pub fn floor(self, lowest: f32) -> Box<dyn GroundHeight> {
-        let below = f64::from(lowest) - BELOW;
+    /// Heights at which drops end. `lowest`: height of the lowest point of all plants, m.
+    pub fn into_height(self, lowest: f32) -> Box<dyn GroundHeight> {
+        let removal = f64::from(lowest) - REMOVAL_DEPTH;
         match self {
-            Self::Level(shown) => Box::new(if shown { below.max(0.0) } else { below }),
-            shaped => Box::new(shaped),
+            Self::Level { shown } => Box::new(if shown { removal.max(0.0) } else { removal }),
+            uneven => Box::new(uneven),
         }
     }
 }
@@ -36,9 +40,9 @@ impl GroundHeight for RainGround {
     fn height(&self, x: f64, z: f64) -> f64 {
         let [x, z] = [x, z].map(narrow);
         f64::from(match self {
-            Self::Level(_) => 0.0,
-            Self::Waves(ground, middle) => ground.height(x - middle.x, z - middle.z),
-            Self::Hills(land) => land.height_at(x, z),
+            Self::Level { .. } => 0.0,
+            Self::Waves(ground, center) => ground.height(x - center.x, z - center.z),
+            Self::Terrain(terrain) => terrain.height_at(x, z),
         })
     }
 }

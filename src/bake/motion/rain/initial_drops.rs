@@ -1,4 +1,4 @@
-//! Drops of `[[rain.lying]]`: refused where no leaf is, and laid down when the clip begins.
+//! Initial drops of `[[rain.lying]]`: checked against the leaves, and deposited when the clip begins.
 
 use glam::{DVec2, DVec3};
 
@@ -6,10 +6,10 @@ use crate::recipe::scene::SessileDropKeys;
 use osier_base::{Error, Result};
 use osier_motion::rain::{RainLeaf, RainSimulation};
 
-/// Whether all of them lie on leaves.
+/// Checks that every initial drop lies on a leaf's blade.
 /// # Errors
 /// S004, with the key that is wrong.
-pub fn check(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
+pub fn check_initial_drops(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
     for (i, drop) in lying.iter().enumerate() {
         let Some(leaf) = leaves.get(drop.leaf as usize) else {
             let text = format!(
@@ -32,10 +32,10 @@ pub fn check(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
     Ok(())
 }
 
-/// Lays them down.
-pub fn place(storm: &mut RainSimulation, lying: &[SessileDropKeys]) {
+/// Deposits the initial drops with their velocities along and across the blade.
+pub fn deposit_initial_drops(simulation: &mut RainSimulation, lying: &[SessileDropKeys]) {
     for drop in lying {
         let v = DVec3::new(drop.speed[1], drop.speed[0], 0.0);
-        storm.deposit_drop(drop.leaf as usize, DVec2::from_array(drop.at), v, drop.volume);
+        simulation.deposit_drop(drop.leaf as usize, DVec2::from_array(drop.at), v, drop.volume);
     }
 }

@@ -1,10 +1,11 @@
-//! Rain of a recipe: which leaves it falls on, what a clip of it is, and how it is shown.
+//! Rain on the plants of a scene: the simulation over the clip, recorded, and the assets that show it.
 
 mod drop_records;
 mod ground;
 mod initial_drops;
 pub(crate) mod leaf_maps;
 mod params;
+mod scene_leaf;
 mod stats;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,418 +15,389 @@ use glam::{DQuat, DVec3, Vec3};
 
 pub use self::drop_records::code_lists;
 pub use self::ground::RainGround;
+use self::scene_leaf::{SceneLeaf, WETNESS, scene_leaves, select_mapped_leaves, set_leaf_wetness};
 use crate::bake::BakeContext;
+use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::assets::plants::RainedRods;
 use crate::bake::motion::rod_plant::SkinBinding;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
+use crate::bake::scene::builder::SceneBuilder;
+use crate::bake::scene::plant_layout::PlantLayout;
+use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::Recipe;
 use crate::recipe::scene::RainRecipe;
 use osier_base::Result;
+use osier_base::convert::{index, limit, to_usize};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
-    AlphaMask, DropMesh, DropParams, LeafAttachment, LeafCollider, LeafPose, LeafSurface, LeafWaterMaps, PendantFamily,
-    RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, VeinMap,
-    WoodSegment, sphere_diameter,
+    DropMesh, DropParams, LeafAttachment, LeafPose, LeafWaterMaps, PendantFamily, RainConfig, RainEmitter, RainFrame,
+    RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, WoodSegment, sphere_diameter,
 };
 use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
-    Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, InstancerFrame, MapFrame, MapSequence, Material,
-    MaterialClass, MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs,
+    Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, MapFrame, MapSequence, Material, MaterialClass,
+    MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs,
 };
 use osier_wind::Wind;
 
-/// Steps of a frame where nothing asks for more.
+/// Time steps per frame where rods need no more. Own: a drop of 2 mm then falls about 3 cm per step at 24 frames per second; fewer let
+/// drops skip over thin leaves' motion.
 const DEFAULT_SUBSTEPS: u32 = 8;
-/// Bytes of one frame's drops that are counted as one of the limit's keys, and what those are called.
-const KEY: u64 = 64;
-const HELD: &str = "the number of leaves and raindrops times frames";
+/// Bytes of recorded drops that count as one key of the limit `motion-keys`.
+const BYTES_PER_KEY: u64 = 64;
+/// What the limit counts, for its message.
+const COUNTED: &str = "the number of leaves and raindrops times frames";
 /// Index of refraction of water.
-const WATER: f32 = osier_base::physics::WATER_IOR;
+const WATER_IOR: f32 = osier_base::physics::WATER_IOR;
 
-/// Attribute of leaves and drops: share of the surface that is wet, 0 to 1.
-const WETNESS: &str = "wetness";
-
-/// A leaf of the scene.
-pub struct SceneLeaf {
-    /// Asset, instancer and instance.
-    pub at: (usize, usize, usize),
-    /// Its blade.
-    pub sheet: Arc<LeafSurface>,
-    target: Arc<LeafCollider>,
-    /// Number by which its plant knows it, and the joint that it rides on.
-    number: usize,
-    /// See `number`.
-    pub joint: Option<u16>,
-    /// World from leaf space.
-    p: DVec3,
-    q: DQuat,
-    scale: f64,
-}
-
-/// A leaf with maps of its own.
+/// A leaf with water maps of its own.
 #[derive(Debug)]
 struct MappedLeaf {
     leaf: usize,
-    chart: Arc<UvRaster>,
+    raster: Arc<UvRaster>,
 }
 
-/// Rain through a clip.
+/// Recorded rain: every frame of the clip's drops and of the plants that they move.
 #[derive(Debug)]
 pub struct RainPlayback {
-    moments: Vec<RainFrame>,
-    /// Leaves as they were before the first drop: their blades and sizes.
+    frames: Vec<RainFrame>,
+    /// Leaves before the first drop: their blades and sizes.
     leaves: Vec<RainLeaf>,
     mapped_leaves: Vec<MappedLeaf>,
-    /// Frames of the plants that move; none of those that do not.
+    /// Frames of each plant; empty for a plant that does not move.
     plants: Vec<Vec<AssetFrame>>,
-    manner: DropParams,
+    params: DropParams,
     /// Small numbers of the drops, by their ids.
     numbers: BTreeMap<u64, u32>,
-    /// Slots of the points that show what falls, frame by frame.
+    /// Slot in the point cloud of each airborne drop, frame by frame.
     slots: Vec<Vec<u32>>,
+    /// Points of the cloud; a slot without a drop has width 0.
     capacity: usize,
-    /// Shapes of what hangs, by the bits of the radius.
+    /// Shapes of pendant drops, by the bits of the radius that they hang from.
     shapes: BTreeMap<u64, PendantFamily>,
     material: u32,
     maps: Mutex<LeafMapState>,
-    /// Whether water alone has maps, too.
+    /// Whether the water's thickness is a map layer too.
     water_maps: bool,
 }
 
 #[derive(Debug)]
 struct LeafMapState {
-    /// Frames done.
-    done: u64,
-    wet: Vec<LeafWaterMaps>,
+    /// Frames that the maps have advanced through.
+    frames: u64,
+    /// Parallel to the mapped leaves.
+    leaves: Vec<LeafWaterMaps>,
 }
 
-/// What rain adds to a scene.
-pub struct RainAsset {
-    /// Shows drops.
-    pub asset: Asset,
-    /// It, through the clip.
-    pub rain: Arc<RainPlayback>,
-    /// Sheets that maps are made of.
-    pub map_sequences: Vec<MapSequence>,
-    /// What is measured.
-    pub table: Table,
+/// Simulated rain, before it is added to the scene.
+struct SimulatedRain {
+    /// Drops on leaves as a mesh, airborne ones as points.
+    asset: Asset,
+    playback: Arc<RainPlayback>,
+    map_sequences: Vec<MapSequence>,
+    table: Table,
+}
+
+/// What rain adds to a scene beside assets. Empty without rain.
+#[derive(Default)]
+pub(crate) struct AddedRain {
+    /// Water maps of leaves.
+    pub(crate) map_sequences: Vec<MapSequence>,
+    /// Statistics, one row per frame; `None` in a still scene.
+    pub(crate) table: Option<Table>,
 }
 
 /// Parts of a scene that rain falls on.
-pub struct RainScene<'a> {
-    /// The recipe.
-    pub recipe: &'a Recipe,
-    /// Assets of grown plants, one per standing; leaves with maps are taken out of their instancers.
-    pub assets: &'a mut Vec<Asset>,
-    /// Materials.
-    pub materials: &'a mut Vec<Material>,
-    /// Their pictures.
-    pub images: &'a [Image],
-    /// Where each stands.
-    pub stands: &'a [Trs],
-    /// The plants themselves.
-    pub plants: &'a [&'a Plant],
-    /// Rods that each moves by, if it has any.
-    pub rod_plants: Vec<Option<(RodPlant, SkinBinding)>>,
-    /// Moving air.
-    pub wind: Option<Arc<dyn Wind>>,
-    /// Ground.
-    pub soil: RainGround,
+struct RainScene<'a> {
+    recipe: &'a Recipe,
+    /// Assets of the grown plants; leaves with maps are taken out of their instancers.
+    assets: &'a mut Vec<Asset>,
+    materials: &'a mut Vec<Material>,
+    /// Images of the materials' maps; empty in an estimate.
+    images: &'a [Image],
+    /// Of each plant's first copy, parallel to `assets`.
+    transforms: &'a [Trs],
+    /// Parallel to `assets`.
+    plants: &'a [&'a Plant],
+    /// Rods of each plant, parallel to `assets`.
+    plant_rods: Vec<RainedRods>,
+    wind: Option<Arc<dyn Wind>>,
+    ground: RainGround,
 }
 
-/// Lets it rain.
+/// Simulates the rain of a recipe on its plants and adds it to the scene: an asset of drops, motions of the plants that drops
+/// move, meshes of leaves with maps. `estimating`: images hold no pixels, so that leaves have no alpha.
 /// # Errors
 /// `Simulation`, `Limit`, `Cancelled`.
-pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeContext<'_>) -> Result<RainAsset> {
-    let RainScene { recipe, assets, materials, images, stands, plants, rod_plants, wind, soil } = under;
-    let found = scene_leaves(assets, materials, images, stands, &rod_plants);
-    let mapped_leaves = nearest(recipe, &found);
-    let steps = steps(rain, recipe, &rod_plants);
-    let (boughs, dressings): (Vec<Option<RodPlant>>, Vec<Option<SkinBinding>>) =
-        rod_plants.into_iter().map(Option::unzip).unzip();
-    let mut bearers: Vec<Box<dyn RainTarget>> = Vec::new();
-    for (k, boughs) in boughs.into_iter().enumerate() {
-        bearers.push(match boughs {
-            Some(boughs) => Box::new(boughs.with_wind(wind.clone())),
-            None => stiff(k, &found, plants, stands),
+pub(crate) fn add_rain(
+    recipe: &Recipe,
+    estimating: bool,
+    layout: &PlantLayout,
+    grown: &[GrownPlant],
+    wind: Option<&PlantWind>,
+    ground: RainGround,
+    plant_rods: Vec<RainedRods>,
+    builder: &mut SceneBuilder,
+    context: &BakeContext<'_>,
+) -> Result<AddedRain> {
+    let Some(rain) = &recipe.rain else { return Ok(AddedRain::default()) };
+    let transforms = layout.first_transforms();
+    let plants: Vec<&Plant> = grown.iter().map(|g| &g.plant).collect();
+    let scene = RainScene {
+        recipe,
+        assets: &mut builder.assets,
+        materials: &mut builder.materials,
+        images: if estimating { &[] } else { &builder.images },
+        transforms: &transforms,
+        plants: &plants,
+        plant_rods,
+        wind: wind.map(|w| Arc::clone(&w.wind)),
+        ground,
+    };
+    let simulated = simulate_rain(scene, rain, context)?;
+    // Plants that rain moves take their motion from its record.
+    for (plant, motion) in builder.motions.iter_mut().enumerate() {
+        if simulated.playback.moves_plant(plant) {
+            *motion = Some(Arc::new(RainedPlantMotion { rain: Arc::clone(&simulated.playback), plant }));
+        }
+    }
+    let moves = recipe.clip.len() > 1;
+    let motion = moves.then_some(simulated.playback as Arc<dyn AssetMotion>);
+    builder.add_placed(simulated.asset, Trs::IDENTITY, motion);
+    Ok(AddedRain { map_sequences: simulated.map_sequences, table: moves.then_some(simulated.table) })
+}
+
+/// Simulates and records the whole clip.
+fn simulate_rain(scene: RainScene<'_>, rain: &RainRecipe, context: &BakeContext<'_>) -> Result<SimulatedRain> {
+    let RainScene { recipe, assets, materials, images, transforms, plants, plant_rods, wind, ground } = scene;
+
+    // Targets: leaf blades on plants that rods move, or on static ones.
+    let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_rods);
+    let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves);
+    let steps = steps_per_frame(rain, recipe, &plant_rods);
+    let (rods, bindings): (Vec<Option<RodPlant>>, Vec<Option<SkinBinding>>) =
+        plant_rods.into_iter().map(Option::unzip).unzip();
+    let mut targets: Vec<Box<dyn RainTarget>> = Vec::new();
+    for (k, rods) in rods.into_iter().enumerate() {
+        targets.push(match rods {
+            Some(rods) => Box::new(rods.with_wind(wind.clone())),
+            None => static_target(k, &scene_leaves, plants, transforms),
         });
     }
-    let over = bounds(assets, stands);
-    let manner = params::manner(rain, recipe.general.seed);
+
+    // Rain falls from an emitter above the plants' bounds, displaced by the wind.
+    let bounds = plant_bounds(assets, transforms);
+    let params = params::drop_params(rain, recipe.general.seed);
     let clip = recipe.clip;
     let frames = clip.len() as u64;
-    let rainfall = params::rainfall(rain, recipe);
-    let shower = rain.keys.falls.then(|| RainEmitter::new(rainfall, over, wind.clone()));
-    let area = shower.as_ref().map(RainEmitter::area);
-    check_memory(&shower, over, frames, found.len(), context)?;
-    let hung = found.iter().enumerate().map(|(i, f)| {
-        let leaf = RainLeaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
-        (leaf, LeafAttachment { plant: f.at.0, leaf: f.number, collider: Arc::clone(&f.target) })
+    let rainfall = params::rainfall_params(rain, recipe);
+    let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
+    let area = emitter.as_ref().map(RainEmitter::area);
+    check_memory(&emitter, bounds, frames, scene_leaves.len(), context)?;
+    let leaves = scene_leaves.iter().enumerate().map(|(i, f)| {
+        let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
+        (leaf, LeafAttachment { plant: f.instance.asset, leaf: f.number, collider: Arc::clone(&f.collider) })
     });
-    let floor = soil.floor(over.min.y);
-    let parts = RainConfig {
-        params: manner.clone(),
-        emitter: shower,
-        plants: bearers,
-        leaves: hung.collect(),
-        wind,
-        ground: floor,
-    };
-    let mut storm = RainSimulation::new(parts);
-    let dry = storm.leaves().to_vec();
-    initial_drops::check(&rain.lying, &dry)?;
-    let (moments, mut plants) = record_frames(&mut storm, rain, recipe, steps, assets, &dressings, &found, context)?;
-    let material = u32::try_from(materials.len()).unwrap_or(u32::MAX);
+    let ground = ground.into_height(bounds.min.y);
+    let config =
+        RainConfig { params: params.clone(), emitter, plants: targets, leaves: leaves.collect(), wind, ground };
+    let mut simulation = RainSimulation::new(config);
+    let dry_leaves = simulation.leaves().to_vec();
+    initial_drops::check_initial_drops(&rain.lying, &dry_leaves)?;
+    let RainRecord { frames: rain_frames, mut plants } =
+        record_frames(&mut simulation, rain, recipe, steps, assets, &bindings, &scene_leaves, context)?;
+
+    // Water's material, then the materials of the leaves with maps.
+    let material = index(materials.len(), "materials of a scene")?;
     materials.push(Material {
-        ior: WATER,
+        ior: WATER_IOR,
         roughness: 0.0,
         ..Material::plain("water".into(), MaterialClass::Water, [0.98, 0.99, 1.0], 0.0)
     });
-    let side = recipe.maps.resolution as usize;
-    let charts = leaf_maps::charts(&found, &mapped_leaves, side);
-    let rate = rain.keys.falls.then_some(rain.keys.rate);
-    let (mut map_sequences, kept) =
-        leaf_maps::add_leaf_maps(assets, materials, &found, &mapped_leaves, stands, recipe)?;
+    let rasters = leaf_maps::uv_rasters(&scene_leaves, &mapped_leaves, to_usize(recipe.maps.resolution));
+    let (mut map_sequences, kept) = leaf_maps::add_leaf_maps(assets, materials, &scene_leaves, &mapped_leaves, recipe)?;
+    // The recorded frames still have these leaves as instances.
     for (frames, masks) in plants.iter_mut().zip(&kept) {
-        frames.iter_mut().for_each(|frame| leaf_maps::thin_frame(frame, masks));
+        frames.iter_mut().for_each(|frame| leaf_maps::retain_frame_instances(frame, masks));
     }
     let mapped_leaves: Vec<MappedLeaf> =
-        mapped_leaves.iter().zip(charts).map(|(leaf, chart)| MappedLeaf { leaf: *leaf, chart }).collect();
-    let (slots, capacity) = drop_records::slots(&moments);
-    let rain = RainPlayback {
-        shapes: shapes(&moments, manner.g),
-        numbers: drop_records::numbers(&moments),
-        maps: Mutex::new(LeafMapState { done: 0, wet: Vec::new() }),
+        mapped_leaves.iter().zip(rasters).map(|(leaf, raster)| MappedLeaf { leaf: *leaf, raster }).collect();
+    let (slots, capacity) = drop_records::point_slots(&rain_frames);
+    let playback = RainPlayback {
+        shapes: pendant_shapes(&rain_frames, params.g),
+        numbers: drop_records::drop_numbers(&rain_frames)?,
+        maps: Mutex::new(LeafMapState { frames: 0, leaves: Vec::new() }),
         water_maps: recipe.maps.water,
-        leaves: dry,
+        leaves: dry_leaves,
         plants,
-        moments,
+        frames: rain_frames,
         mapped_leaves,
-        manner,
+        params,
         slots,
         capacity,
         material,
     };
     let moves = frames > 1;
-    let asset = rain.asset(moves, over);
+    let asset = playback.asset(moves, bounds);
+    // A still scene has the maps of its one frame.
     if !moves {
-        for (sequence, maps) in map_sequences.iter_mut().zip(rain.map_frames(0)) {
+        for (sequence, maps) in map_sequences.iter_mut().zip(playback.map_frames(0)) {
             sequence.rest = Some(maps);
         }
     }
-    let table = stats::table(&rain.manner, rate.zip(area));
-    Ok(RainAsset { asset, rain: Arc::new(rain), map_sequences, table })
+    let rate = rain.keys.falls.then_some(rain.keys.rate);
+    let table = stats::rain_table(&playback.params, rate, area);
+    Ok(SimulatedRain { asset, playback: Arc::new(playback), map_sequences, table })
 }
 
-/// Every blade of the scene, plant by plant.
-fn scene_leaves(
-    assets: &[Asset],
-    materials: &[Material],
-    images: &[Image],
-    stands: &[Trs],
-    rod_plants: &[Option<(RodPlant, SkinBinding)>],
-) -> Vec<SceneLeaf> {
-    let mut found = Vec::new();
-    for (a, (asset, stand)) in assets.iter().zip(stands).enumerate() {
-        let rods = rod_plants.get(a).and_then(Option::as_ref);
-        let mut count = 0;
-        for (i, instancer) in asset.instancers.iter().enumerate() {
-            let sheets: Vec<Option<(Arc<LeafSurface>, Arc<LeafCollider>)>> = instancer
-                .prototypes
-                .iter()
-                .map(|p| {
-                    let cover = AlphaMask::of_mesh_materials(&p.mesh, materials, images);
-                    let grooves = VeinMap::of_mesh_materials(&p.mesh, materials, images);
-                    let sheet = Arc::new(LeafSurface::new(&p.mesh)?.with_maps(cover, grooves));
-                    let target = Arc::new(LeafCollider::new(&sheet));
-                    Some((sheet, target))
-                })
-                .collect();
-            for k in 0..instancer.len() {
-                let Some(Some((sheet, target))) = sheets.get(instancer.protos[k] as usize) else { continue };
-                let trs = stand.then_inner(&instancer.transform(&instancer.rest, k));
-                let organ = rods.and_then(|(_, dressing)| dressing.groups().get(i)?.get(k).copied());
-                let joint = rods.zip(organ).map(|((boughs, dressing), organ)| dressing.joint(boughs, organ));
-                let number = organ.unwrap_or(count);
-                count += 1;
-                found.push(SceneLeaf {
-                    number,
-                    joint,
-                    at: (a, i, k),
-                    sheet: Arc::clone(sheet),
-                    target: Arc::clone(target),
-                    p: trs.t.as_dvec3(),
-                    q: trs.r.as_dquat().normalize(),
-                    scale: f64::from(trs.s.x),
-                });
-            }
-        }
-    }
-    found
-}
-
-/// Leaves that have maps: the nearest to the scene's own camera, else the first.
-fn nearest(recipe: &Recipe, found: &[SceneLeaf]) -> Vec<usize> {
-    let most = recipe.maps.max_mapped_leaves as usize;
-    let mut order: Vec<usize> = (0..found.len()).collect();
-    if let Some(eye) = recipe.camera.eye {
-        let eye = DVec3::from_array(eye);
-        order.sort_by(|a, b| found[*a].p.distance(eye).total_cmp(&found[*b].p.distance(eye)).then(a.cmp(b)));
-    }
-    order.truncate(most);
-    order.sort_unstable();
-    order
-}
-
-/// A plant that nothing moves.
-fn stiff(k: usize, found: &[SceneLeaf], plants: &[&Plant], stands: &[Trs]) -> Box<dyn RainTarget> {
-    let leaves: Vec<(DVec3, DQuat)> = found.iter().filter(|f| f.at.0 == k).map(|f| (f.p, f.q)).collect();
-    let mut boughs = Vec::new();
-    if let Some((plant, stand)) = plants.get(k).zip(stands.get(k)) {
+/// A plant that does not move: its leaves, and its stems as tapered capsules between nodes.
+fn static_target(k: usize, scene_leaves: &[SceneLeaf], plants: &[&Plant], transforms: &[Trs]) -> Box<dyn RainTarget> {
+    let on_plant = scene_leaves.iter().filter(|f| f.instance.asset == k);
+    let leaves: Vec<(DVec3, DQuat)> = on_plant.map(|f| (f.position, f.rotation)).collect();
+    let mut segments = Vec::new();
+    if let Some((plant, transform)) = plants.get(k).zip(transforms.get(k)) {
         for axis in plant.axes.iter().filter(|a| a.kind != AxisKind::Root) {
             let range = plant.nodes_of(axis);
             for i in range.start..range.end.saturating_sub(1) {
-                let end = |i: usize| stand.apply(plant.nodes.p[i]).as_dvec3();
-                let radius = |i: usize| f64::from(plant.nodes.r[i] * stand.s.x);
-                boughs.push(WoodSegment { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
+                let end = |i: usize| transform.apply(plant.nodes.p[i]).as_dvec3();
+                let radius = |i: usize| f64::from(plant.nodes.r[i] * transform.s.x);
+                segments.push(WoodSegment { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
             }
         }
     }
-    Box::new(StaticPlant::new(&leaves, boughs))
+    Box::new(StaticPlant::new(&leaves, segments))
 }
 
-fn bounds(assets: &[Asset], stands: &[Trs]) -> Bounds {
+/// World bounds of the plants at rest, m.
+fn plant_bounds(assets: &[Asset], transforms: &[Trs]) -> Bounds {
     let rest = AssetFrame::default();
     let corners = assets
         .iter()
-        .zip(stands)
-        .flat_map(|(asset, stand)| osier_scene::asset_bounds(asset, &rest).corners().map(|c| stand.apply(c)));
+        .zip(transforms)
+        .flat_map(|(asset, trs)| osier_scene::asset_bounds(asset, &rest).corners().map(|c| trs.apply(c)));
     Bounds::of(corners)
 }
 
-/// Leaves and drops that are in the air at once, times frames, must fit. Drops on leaves are counted as they come ([`record`]).
+/// Checks the memory of leaf poses and airborne drops over all frames before anything is simulated. Drops on leaves are counted as
+/// they are recorded ([`record_frames`]).
 fn check_memory(
-    shower: &Option<RainEmitter>,
-    over: Bounds,
+    emitter: &Option<RainEmitter>,
+    bounds: Bounds,
     frames: u64,
     leaves: usize,
     context: &BakeContext<'_>,
 ) -> Result<()> {
-    // The slowest fall at 2 m/s.
-    let seconds = (f64::from(over.size().y) + 1.0) / 2.0;
-    let falling = shower.as_ref().map_or(0.0, RainEmitter::rate) * seconds * 96.0;
-    let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / KEY as f64;
+    // Drops in the air at once: emission rate times the fall time from 1 m above the plants, at 2 m/s for the smallest drops;
+    // 96 bytes each.
+    let seconds = (f64::from(bounds.size().y) + 1.0) / 2.0;
+    let falling = emitter.as_ref().map_or(0.0, RainEmitter::rate) * seconds * 96.0;
+    let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / BYTES_PER_KEY as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
-    context.limits.check("motion-keys", drops as u64, HELD)
+    context.limits.check("motion-keys", drops as u64, COUNTED)
 }
 
-/// Steps of a frame: as many as the rods need.
-fn steps(rain: &RainRecipe, recipe: &Recipe, rod_plants: &[Option<(RodPlant, SkinBinding)>]) -> u32 {
+/// Time steps per frame: those of the keys, else as many as the stiffest rods need.
+fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_rods: &[RainedRods]) -> u32 {
     let fps = recipe.clip.fps();
-    let most = rod_plants.iter().flatten().fold(DEFAULT_SUBSTEPS, |m, (boughs, _)| m.max(boughs.steps_per_frame(fps)));
-    rain.keys.substeps.unwrap_or(most)
+    let needed = plant_rods.iter().flatten().fold(DEFAULT_SUBSTEPS, |m, (rods, _)| m.max(rods.steps_per_frame(fps)));
+    rain.keys.substeps.unwrap_or(needed)
 }
 
-/// Rain frame by frame, and the frames of each plant that moves.
-type RainRecord = (Vec<RainFrame>, Vec<Vec<AssetFrame>>);
+/// Rain frame by frame, with the frames of the plants.
+struct RainRecord {
+    frames: Vec<RainFrame>,
+    /// Frames of each plant's asset; empty for a plant that does not move.
+    plants: Vec<Vec<AssetFrame>>,
+}
 
-/// Steps through the clip.
+/// Steps the simulation through spin-up and clip and captures every frame.
 fn record_frames(
-    storm: &mut RainSimulation,
+    simulation: &mut RainSimulation,
     rain: &RainRecipe,
     recipe: &Recipe,
     steps: u32,
     assets: &[Asset],
-    dressings: &[Option<SkinBinding>],
-    found: &[SceneLeaf],
+    bindings: &[Option<SkinBinding>],
+    scene_leaves: &[SceneLeaf],
     context: &BakeContext<'_>,
 ) -> Result<RainRecord> {
     let fps = recipe.clip.fps();
     let h = 1.0 / (fps * f64::from(steps));
     let frames = recipe.clip.len() as u64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
-    let before = (rain.keys.spin_up / h).round() as u64;
-    context.progress.stage("raining", frames + before / u64::from(steps));
-    // Wet traces from before the clip are kept for its first frame.
-    for k in 0..before {
-        storm.step(h)?;
+    let spin_up_steps = (rain.keys.spin_up / h).round() as u64;
+    context.progress.stage("raining", frames + spin_up_steps / u64::from(steps));
+    // Spin-up: the clip's first frame shows the drops and wet traces of this time, but events before it are discarded.
+    for k in 0..spin_up_steps {
+        simulation.step(h)?;
         if k % u64::from(steps) == 0 {
             context.cancel.check()?;
             context.progress.advance(1);
-            // What happened before the clip nobody asks for.
-            storm.take_events();
+            simulation.take_events();
         }
     }
-    initial_drops::place(storm, &rain.lying);
-    let mut moments = Vec::new();
-    let mut held = 0;
-    let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); dressings.len()];
-    for frame in 0..frames {
+    initial_drops::deposit_initial_drops(simulation, &rain.lying);
+
+    // Clip: capture, then step to the next frame.
+    let mut rain_frames = Vec::new();
+    let mut recorded_bytes = 0;
+    let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); bindings.len()];
+    for (number, frame) in (recipe.clip.start..).zip(0..frames) {
         context.cancel.check()?;
-        storm.check_water_budget(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
-        let moment = RainFrame::capture(storm);
-        held += moment.memory_bytes();
-        context.limits.check("motion-keys", held / KEY, HELD)?;
-        for (k, (bearer, dressing)) in storm.plants().iter().zip(dressings).enumerate() {
-            let shown = bearer.posed_rods().zip(dressing.as_ref()).zip(assets.get(k));
-            plants[k].extend(shown.map(|((rods, dressing), asset)| dressing.frame(asset, rods, &**bearer)));
+        simulation.check_water_budget(number)?;
+        let rain_frame = RainFrame::capture(simulation);
+        recorded_bytes += rain_frame.memory_bytes();
+        context.limits.check("motion-keys", recorded_bytes / BYTES_PER_KEY, COUNTED)?;
+        for (k, (target, binding)) in simulation.plants().iter().zip(bindings).enumerate() {
+            let moving = target.posed_rods().zip(binding.as_ref()).zip(assets.get(k));
+            plants[k].extend(moving.map(|((rods, binding), asset)| binding.pose_asset(asset, rods, &**target)));
         }
-        moisten(&mut plants, found, &moment.wetness);
-        moments.push(moment);
+        set_leaf_wetness(&mut plants, scene_leaves, &rain_frame.wetness);
+        rain_frames.push(rain_frame);
         context.progress.advance(1);
         if frame + 1 < frames {
-            (0..steps).try_for_each(|_| storm.step(h))?;
+            (0..steps).try_for_each(|_| simulation.step(h))?;
         }
     }
-    Ok((moments, plants))
+    Ok(RainRecord { frames: rain_frames, plants })
 }
 
-/// Tells the newest frames of plants how wet their leaves are.
-fn moisten(plants: &mut [Vec<AssetFrame>], found: &[SceneLeaf], wetness: &[f64]) {
-    for (leaf, wetness) in found.iter().zip(wetness) {
-        let (plant, instancer, k) = leaf.at;
-        let frame = plants.get_mut(plant).and_then(|frames| frames.last_mut());
-        if let Some(InstancerFrame::State(state)) = frame.and_then(|f| f.instancers.get_mut(instancer))
-            && let Some(value) = state.unit_attribute_mut(WETNESS).get_mut(k)
-        {
-            *value = narrow(*wetness);
-        }
-    }
-}
-
-fn shapes(moments: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
-    let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.pendant).map(|h| h.radius.to_bits()).collect();
+/// Shapes of pendant drops for every radius that occurs in the clip, by the bits of the radius; `g` in m/s^2.
+fn pendant_shapes(frames: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
+    let radii: BTreeSet<u64> = frames.iter().flat_map(|f| &f.pendant).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
-    let made = par_map(&radii, |bits| PendantFamily::new(f64::from_bits(*bits), g));
-    radii.into_iter().zip(made).collect()
+    let shapes = par_map(&radii, |bits| PendantFamily::new(f64::from_bits(*bits), g));
+    radii.into_iter().zip(shapes).collect()
 }
 
 impl RainPlayback {
-    fn moment(&self, nth: u64) -> &RainFrame {
-        let last = self.moments.len().saturating_sub(1);
-        &self.moments[usize::try_from(nth).unwrap_or(usize::MAX).min(last)]
+    /// The `nth` frame of the clip; the last one after it.
+    fn frame_at(&self, nth: u64) -> &RainFrame {
+        let last = self.frames.len().saturating_sub(1);
+        &self.frames[limit(nth).min(last)]
     }
 
-    /// Water on leaves and at their margins at a frame from the first.
-    fn water(&self, nth: u64) -> DropMesh {
-        let moment = self.moment(nth);
+    /// Mesh of sessile and pendant drops at the `nth` frame of the clip.
+    fn water_mesh(&self, nth: u64) -> DropMesh {
+        let frame = self.frame_at(nth);
         let mut water = DropMesh::default();
-        // The number of its drop at each point: each drop fills the list up to the end of its own points.
+        // Attribute `drop_id` of each vertex: after a drop is appended, its number fills the list up to the last vertex.
         let mut ids: Vec<i32> = Vec::new();
         let number = |id: &u64| self.numbers.get(id).and_then(|n| i32::try_from(*n).ok()).unwrap_or(-1);
-        for drop in &moment.sessile {
-            water.add_sessile(&self.leaves[drop.leaf], &moment.leaf_poses[drop.leaf], drop);
+        for drop in &frame.sessile {
+            water.add_sessile(&self.leaves[drop.leaf], &frame.leaf_poses[drop.leaf], drop);
             ids.resize(water.mesh.points.len(), number(&drop.id));
         }
-        for drop in &moment.pendant {
+        for drop in &frame.pendant {
             if let Some(shapes) = self.shapes.get(&drop.radius.to_bits()) {
-                water.add_pendant(&moment.leaf_poses[drop.leaf], drop, shapes);
+                water.add_pendant(&frame.leaf_poses[drop.leaf], drop, shapes);
                 ids.resize(water.mesh.points.len(), number(&drop.id));
             }
         }
-        // Water is as wet as leaves under it may be.
+        // Full wetness, so that materials that read the attribute treat drops and wet leaves alike.
         let wetness = vec![1.0; ids.len()];
         water.mesh.attributes = vec![
             Attribute::vertex("drop_id", AttributeData::I32(ids)),
@@ -435,24 +407,25 @@ impl RainPlayback {
         water
     }
 
-    /// Positions, widths and velocities of what is in the air.
-    fn air(&self, nth: u64) -> (Vec<Vec3>, Vec<f32>, Vec<Vec3>) {
-        let moment = self.moment(nth);
-        let slots = self.slots.get(usize::try_from(nth).unwrap_or(usize::MAX)).map_or(&[][..], Vec::as_slice);
+    /// Positions, diameters and velocities of the point cloud of airborne drops; a slot without a drop has diameter 0.
+    fn airborne_points(&self, nth: u64) -> (Vec<Vec3>, Vec<f32>, Vec<Vec3>) {
+        let frame = self.frame_at(nth);
+        let slots = self.slots.get(limit(nth)).map_or(&[][..], Vec::as_slice);
         let n = self.capacity;
         let (mut p, mut w, mut v) = (vec![Vec3::ZERO; n], vec![0.0; n], vec![Vec3::ZERO; n]);
-        for (drop, slot) in moment.airborne.iter().zip(slots) {
-            let k = *slot as usize;
+        for (drop, slot) in frame.airborne.iter().zip(slots) {
+            let k = to_usize(*slot);
             (p[k], w[k], v[k]) = (drop.p.as_vec3(), narrow(sphere_diameter(drop.volume)), drop.v.as_vec3());
         }
         (p, w, v)
     }
 
-    fn asset(&self, moves: bool, over: Bounds) -> Asset {
-        let mut water = self.water(0);
-        // Numbers of drops join the frames of a clip; a mesh at rest has none.
+    /// The asset of drops at the first frame. `plants`: bounds of the plants, around which the camera frames the fall.
+    fn asset(&self, moves: bool, plants: Bounds) -> Asset {
+        let mut water = self.water_mesh(0);
+        // Attributes of drops belong to frames; the mesh at rest has none.
         water.mesh.attributes.clear();
-        let (positions, widths, _) = self.air(0);
+        let (positions, widths, _) = self.airborne_points(0);
         let motion = if moves { MeshMotion::Varying } else { MeshMotion::Still };
         let empty = water.mesh.points.is_empty() && !moves;
         let drops = MeshObject { name: "drops".into(), mesh: water.mesh, motion, skin: None };
@@ -464,7 +437,7 @@ impl RainPlayback {
             colors: Vec::new(),
             attributes: Vec::new(),
             moving: moves,
-            reach: over.grown(0.6),
+            reach: plants.grown(0.6),
         };
         Asset {
             id: "rain".into(),
@@ -478,11 +451,11 @@ impl RainPlayback {
         }
     }
 
-    /// The drops' asset at a frame from the first.
+    /// The asset of drops at the `nth` frame of the clip.
     fn water_frame(&self, nth: u64) -> AssetFrame {
-        let DropMesh { mesh, velocities } = self.water(nth);
-        let (positions, widths, velocity) = self.air(nth);
-        let points = PointsFrame::State { positions, widths, velocities: velocity, colors: Vec::new() };
+        let DropMesh { mesh, velocities } = self.water_mesh(nth);
+        let (positions, widths, point_velocities) = self.airborne_points(nth);
+        let points = PointsFrame::State { positions, widths, velocities: point_velocities, colors: Vec::new() };
         AssetFrame {
             meshes: vec![MeshFrame::Whole { mesh, velocities }],
             points: if self.capacity > 0 { vec![points] } else { Vec::new() },
@@ -490,36 +463,37 @@ impl RainPlayback {
         }
     }
 
-    /// Whether plant `k` moves.
-    pub fn moves(&self, k: usize) -> bool {
+    /// Whether drops move plant `k`.
+    pub fn moves_plant(&self, k: usize) -> bool {
         self.plants.get(k).is_some_and(|frames| !frames.is_empty())
     }
 
-    /// A plant that rain moves at a frame from the first.
-    pub fn plant(&self, k: usize, nth: u64) -> AssetFrame {
+    /// The asset of plant `k` at the `nth` frame of the clip.
+    pub fn plant_frame(&self, k: usize, nth: u64) -> AssetFrame {
         let frames = self.plants.get(k).map_or(&[][..], Vec::as_slice);
-        let nth = usize::try_from(nth).unwrap_or(usize::MAX).min(frames.len().saturating_sub(1));
+        let nth = limit(nth).min(frames.len().saturating_sub(1));
         frames.get(nth).cloned().unwrap_or_default()
     }
 
-    /// Maps of the leaves that have some, at a frame from the first. Asked in order they go on from the last.
+    /// Maps of the mapped leaves at the `nth` frame of the clip. Traces dry over time, so that maps advance frame by frame; an earlier
+    /// frame starts from dry leaves.
     pub fn map_frames(&self, nth: u64) -> Vec<MapFrame> {
-        let mut now = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
-        if now.done > nth + 1 || now.wet.is_empty() {
-            let dry = |h: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&h.chart), self.leaves[h.leaf].scale);
-            *now = LeafMapState { done: 0, wet: self.mapped_leaves.iter().map(dry).collect() };
+        let mut state = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
+        if state.frames > nth + 1 || state.leaves.is_empty() {
+            let dry = |m: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&m.raster), self.leaves[m.leaf].scale);
+            *state = LeafMapState { frames: 0, leaves: self.mapped_leaves.iter().map(dry).collect() };
         }
-        while now.done <= nth {
-            let moment = self.moment(now.done);
+        while state.frames <= nth {
+            let frame = self.frame_at(state.frames);
             let mut jobs: Vec<(&mut LeafWaterMaps, &MappedLeaf)> =
-                now.wet.iter_mut().zip(&self.mapped_leaves).collect();
-            par_map_mut(&mut jobs, |(wet, mapped)| {
-                let water = moment.leaf_map_input(mapped.leaf);
-                wet.advance(&self.leaves[mapped.leaf].blade, &water.caps, &water.wet_spots, moment.t, &self.manner);
+                state.leaves.iter_mut().zip(&self.mapped_leaves).collect();
+            par_map_mut(&mut jobs, |(maps, mapped)| {
+                let water = frame.leaf_map_input(mapped.leaf);
+                maps.advance(&self.leaves[mapped.leaf].blade, &water.caps, &water.wet_spots, frame.t, &self.params);
             });
-            now.done += 1;
+            state.frames += 1;
         }
-        now.wet.iter().map(|w| leaf_maps::map_frame(w.maps(), self.water_maps)).collect()
+        state.leaves.iter().map(|l| leaf_maps::map_frame(l.maps(), self.water_maps)).collect()
     }
 }
 
@@ -529,7 +503,7 @@ impl AssetMotion for RainPlayback {
     }
 
     fn row(&self, frame: u64) -> Result<Option<TableRow>> {
-        Ok(Some(TableRow { table: stats::TABLE, values: stats::row(self.moment(frame)) }))
+        Ok(Some(TableRow { table: stats::TABLE, values: stats::rain_row(self.frame_at(frame)) }))
     }
 
     fn maps(&self, frame: u64) -> Vec<MapFrame> {
@@ -537,14 +511,14 @@ impl AssetMotion for RainPlayback {
     }
 
     fn records(&self, frame: u64) -> Vec<RecordTable> {
-        drop_records::tables(self.moment(frame), &self.leaves, &self.numbers, self.moment(0).t)
+        drop_records::record_tables(self.frame_at(frame), &self.leaves, &self.numbers, self.frame_at(0).t)
     }
 }
 
-/// Motion of a plant that rain moves.
+/// Motion of a plant that drops move, from the record of the rain.
 #[derive(Debug, Clone)]
 pub struct RainedPlantMotion {
-    /// The recorded rain.
+    /// The recorded rain, which holds the frames of all plants.
     pub rain: Arc<RainPlayback>,
     /// Index of the plant's asset.
     pub plant: usize,
@@ -552,7 +526,7 @@ pub struct RainedPlantMotion {
 
 impl AssetMotion for RainedPlantMotion {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
-        Ok(self.rain.plant(self.plant, time.index()))
+        Ok(self.rain.plant_frame(self.plant, time.index()))
     }
 }
 

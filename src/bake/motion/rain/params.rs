@@ -1,4 +1,4 @@
-//! From keys of a recipe to how drops behave and how rain falls.
+//! Parameters of drops and of rainfall from the keys of `[rain]`.
 
 use crate::recipe::Recipe;
 use crate::recipe::scene::{
@@ -9,7 +9,8 @@ use osier_motion::rain::{
     WettingParams, capillary_length,
 };
 
-pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
+/// Parameters of wetting, impact, friction, merging and trails.
+pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
     let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);
     DropParams {
         seed,
@@ -63,7 +64,9 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
     }
 }
 
-pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
+/// Intensity, drop sizes and envelope of the rainfall. Times of the keys count from the clip's start, those of the simulation from
+/// the start of the spin-up.
+pub(super) fn rainfall_params(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
     let keys = &rain.keys;
     let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.spin_up;
     RainfallParams {

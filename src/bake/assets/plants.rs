@@ -1,0 +1,212 @@
+//! The plants of a scene: their materials, their growth, and their assets with the motion that the scene asks for.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bake::BakeContext;
+use crate::bake::assets::material_set::{MaterialSet, PlantMaterials};
+use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
+use crate::bake::assets::plant_materials::plant_materials;
+use crate::bake::assets::plant_mesh::build_plant_asset;
+use crate::bake::motion::AssetMotion;
+use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, SkinBinding, build_rod_plant};
+use crate::bake::motion::sway::SwayMotion;
+use crate::bake::scene::builder::SceneBuilder;
+use crate::bake::scene::plant_layout::{Individual, PlantInstance, PlantLayout};
+use crate::bake::scene::scatter;
+use crate::bake::wind::plant_wind::PlantWind;
+use crate::recipe::scene::BarkMotion;
+use crate::recipe::{PlantRecipe, Recipe};
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::files::Names;
+use osier_base::par::par_map;
+use osier_base::{Error, Result};
+use osier_motion::rods::RodPlant;
+use osier_scene::{Asset, Placement, Trs};
+
+/// A plant's rods with the binding of its meshes to them; `None` for a plant that does not move on rods in the rain.
+pub(crate) type RainedRods = Option<(RodPlant, SkinBinding)>;
+
+/// What [`add_plants`] found out while it built the plants' assets.
+pub(crate) struct AddedPlants {
+    /// Angles that the paper's sway model clamped to 90 degrees, over all plants and frames.
+    pub(crate) clamped_angles: u64,
+    /// Parallel to the layout's individuals.
+    pub(crate) rods_in_rain: Vec<RainedRods>,
+}
+
+/// One plant's asset, before it is added to the scene.
+struct BuiltPlant {
+    asset: Asset,
+    motion: Option<Arc<dyn AssetMotion>>,
+    clamped_angles: u64,
+    rods_in_rain: RainedRods,
+    diagnostics: Vec<Diagnostic>,
+}
+
+impl BuiltPlant {
+    fn without_motion(asset: Asset, diagnostics: Vec<Diagnostic>) -> Self {
+        Self { asset, motion: None, clamped_angles: 0, rods_in_rain: None, diagnostics }
+    }
+}
+
+/// Bark, leaf and organ materials of each plant of a recipe; an empty set for a plant that is placed nowhere.
+/// # Errors
+/// The first error of [`plant_materials`], in the order of the plants.
+pub(crate) fn build_materials(
+    recipe: &Recipe,
+    layout: &PlantLayout,
+    context: &BakeContext<'_>,
+) -> Result<Vec<MaterialSet>> {
+    let indexed: Vec<_> = recipe.plants.iter().enumerate().collect();
+    let sets = par_map(&indexed, |(i, plant)| {
+        context.cancel.check()?;
+        let used = layout.individuals.iter().any(|n| n.plant == *i);
+        let set = if used { plant_materials(plant, recipe.general.seed, context) } else { Ok(MaterialSet::default()) };
+        context.progress.advance(1);
+        set
+    });
+    sets.into_iter().collect()
+}
+
+/// Grows all individuals of a layout, with the warnings of their derivations.
+/// # Errors
+/// `Input` with the faults of all individuals together; else the first other error.
+pub(crate) fn grow_plants(
+    recipe: &Recipe,
+    layout: &PlantLayout,
+    sets: &[MaterialSet],
+    context: &BakeContext<'_>,
+) -> Result<(Vec<GrownPlant>, Report)> {
+    let grown = par_map(&layout.individuals, |individual| {
+        context.cancel.check()?;
+        let (plant, set) = plant_with(recipe, sets, individual)?;
+        let grown = grow_plant(plant, individual, set, context);
+        context.progress.advance(1);
+        grown
+    });
+    let mut report = Report::default();
+    let mut plants = Vec::new();
+    for result in grown {
+        match result {
+            Ok(mut plant) => {
+                report.extend(std::mem::take(&mut plant.report));
+                plants.push(plant);
+            }
+            Err(Error::Input(faults)) => report.extend(*faults),
+            Err(other) => return Err(other),
+        }
+    }
+    report.into_result(plants)
+}
+
+/// The recipe of an individual's plant, and the entry for it in a list that is parallel to the recipe's plants.
+fn plant_with<'a, T>(recipe: &'a Recipe, list: &'a [T], individual: &Individual) -> Result<(&'a PlantRecipe, &'a T)> {
+    let both = recipe.plants.get(individual.plant).zip(list.get(individual.plant));
+    both.ok_or_else(|| Error::input("S005", "a place names a plant that is not there"))
+}
+
+/// Builds the assets of all grown plants in parallel and adds them to the scene, one per individual, without placements.
+/// # Errors
+/// The first error of a plant, in the order of the individuals.
+pub(crate) fn add_plants(
+    recipe: &Recipe,
+    wind: Option<&PlantWind>,
+    layout: &PlantLayout,
+    materials: &[PlantMaterials],
+    grown: &[GrownPlant],
+    builder: &mut SceneBuilder,
+    context: &BakeContext<'_>,
+    report: &mut Report,
+) -> Result<AddedPlants> {
+    let jobs: Vec<(usize, &Individual, &GrownPlant)> =
+        layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
+    let transforms = layout.first_transforms();
+    let built = par_map(&jobs, |(i, individual, grown)| {
+        let (plant, materials) = plant_with(recipe, materials, individual)?;
+        let transform = transforms.get(*i).copied().unwrap_or(Trs::IDENTITY);
+        let built = build_plant(recipe, plant, wind, grown, materials, individual, transform, context);
+        context.progress.advance(1);
+        built
+    });
+    let mut added = AddedPlants { clamped_angles: 0, rods_in_rain: Vec::new() };
+    let built: Vec<BuiltPlant> = built.into_iter().collect::<Result<_>>()?;
+    for (plant, individual) in built.into_iter().zip(&layout.individuals) {
+        let group = recipe.plants.get(individual.plant).map(|p| p.id.clone()).unwrap_or_default();
+        builder.add_asset(Asset { group, ..plant.asset }, plant.motion);
+        added.clamped_angles += plant.clamped_angles;
+        added.rods_in_rain.push(plant.rods_in_rain);
+        plant.diagnostics.into_iter().for_each(|d| report.push(d));
+    }
+    Ok(added)
+}
+
+/// Builds one plant: on rods where its recipe has `[plants.NAME.rods]`, else on the elements of the sway model.
+/// `transform`: of its first copy, whose place in the wind all copies share.
+fn build_plant(
+    recipe: &Recipe,
+    plant: &PlantRecipe,
+    wind: Option<&PlantWind>,
+    grown: &GrownPlant,
+    materials: &PlantMaterials,
+    individual: &Individual,
+    transform: Trs,
+    context: &BakeContext<'_>,
+) -> Result<BuiltPlant> {
+    let still = matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static);
+    let clock = FrameClock { fps: recipe.clip.fps(), first: recipe.clip.start };
+    let build_rods =
+        || build_rod_plant(grown, plant, materials, individual, transform, clock, recipe.gravity(), context);
+    let moves_on_rods = plant.rods.is_some() && !still;
+
+    // In the rain the rods are stepped together with the drops, by the rain simulation: only hand them over.
+    if moves_on_rods && recipe.rain.is_some() && recipe.clip.len() > 1 {
+        let built = build_rods()?;
+        let rods_in_rain = Some((built.rods, built.binding));
+        return Ok(BuiltPlant { rods_in_rain, ..BuiltPlant::without_motion(built.asset, built.diagnostics) });
+    }
+    // Without rain the rods step by themselves in the wind.
+    if let Some(wind) = wind.filter(|_| moves_on_rods) {
+        let built = build_rods()?;
+        let motion = RodPlantMotion::new(built.rods, built.binding, plant, wind, clock.fps);
+        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
+        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(built.asset, built.diagnostics) });
+    }
+    // A still plant on rods keeps the petioles that its rods are drawn as, but no joints.
+    if plant.rods.is_some() {
+        return Ok(BuiltPlant::without_motion(build_rods()?.into_still_asset(), Vec::new()));
+    }
+    let (asset, sway) = build_plant_asset(grown, plant, materials, individual, wind.map(|w| (w, transform)), context)?;
+    Ok(BuiltPlant {
+        clamped_angles: sway.as_ref().map_or(0, SwayMotion::clamped_angles),
+        motion: sway.map(|m| Arc::new(m) as Arc<dyn AssetMotion>),
+        ..BuiltPlant::without_motion(asset, Vec::new())
+    })
+}
+
+/// Placements of the plants' assets, with unique names. In a looping wind a copy shows its asset's motion shifted by the
+/// time that gusts take from the first copy to it.
+pub(crate) fn place_plants(wind: Option<&PlantWind>, builder: &SceneBuilder, layout: &PlantLayout) -> Vec<Placement> {
+    let SceneBuilder { assets, motions, .. } = builder;
+    let mut names = Names::default();
+    let mut first: BTreeMap<usize, Vec3> = BTreeMap::new();
+    let mut place = |instance: &PlantInstance| {
+        let id = assets.get(instance.individual).map_or("plant", |a| &a.id);
+        let first = *first.entry(instance.individual).or_insert(instance.transform.t);
+        // Rods are stepped from frame to frame and cannot be evaluated at a second phase.
+        let phased = motions.get(instance.individual).and_then(Option::as_ref).is_some_and(|m| m.supports_phases());
+        let phase = wind.filter(|_| phased).map_or(0, |wind| wind.phase_offset(first, instance.transform.t));
+        Placement { name: names.unique(id), asset: instance.individual, transform: instance.transform, phase }
+    };
+    layout.instances.iter().map(&mut place).collect()
+}
+
+/// Radius of each individual's foot, m, as [`scatter::foot_radius`].
+pub(crate) fn foot_radii(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec<f32> {
+    let foot_radius = |(individual, grown): (&Individual, &GrownPlant)| {
+        recipe.plants.get(individual.plant).map_or(0.0, |plant| scatter::foot_radius(&grown.plant, &plant.skin))
+    };
+    layout.individuals.iter().zip(grown).map(foot_radius).collect()
+}

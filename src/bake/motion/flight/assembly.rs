@@ -1,0 +1,131 @@
+//! Adds the catkins of a recipe to its scene: flying, or one of each model side by side.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bake::BakeContext;
+use crate::bake::assets::catkin;
+use crate::bake::assets::obstacles::Obstacles;
+use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::motion::AssetMotion;
+use crate::bake::motion::flight::{FlightContext, FlightPlayback, TwigTip, spin_up_frames};
+use crate::bake::scene::builder::SceneBuilder;
+use crate::bake::scene::plant_layout::PlantLayout;
+use crate::bake::wind::playback::WindPlayback;
+use crate::recipe::scene::{CatkinKeys, WindModel};
+use crate::recipe::{FlightRecipe, KeyTable as _, Recipe};
+use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_scene::plant::AxisKind;
+use osier_scene::{Asset, Field, Table, Trs};
+
+/// A flight that was added to a scene, and what it records in each frame.
+pub(crate) struct AddedFlight {
+    pub(crate) playback: Arc<FlightPlayback>,
+    /// Statistics, one row per frame.
+    pub(crate) table: Table,
+    /// Deposition maps.
+    pub(crate) fields: Vec<Field>,
+}
+
+/// Adds the catkins of a recipe, if it has any: as a flight with `[flight]`, else at rest in a row. `twigs`: as [`twig_tips`].
+/// # Errors
+/// `Limit`, `Cancelled`; those of a lattice wind.
+pub(crate) fn add_catkins(
+    recipe: &Recipe,
+    obstacles: &Obstacles<'_>,
+    twigs: &[TwigTip],
+    builder: &mut SceneBuilder,
+    context: &BakeContext<'_>,
+    report: &mut Report,
+) -> Result<Option<AddedFlight>> {
+    if recipe.catkin.is_none() && recipe.flight.is_none() {
+        return Ok(None);
+    }
+    let defaults = CatkinKeys::defaults();
+    let keys = recipe.catkin.as_ref().unwrap_or(&defaults);
+    let models = catkin::catkin_models(keys, recipe.general.seed, context)?;
+    let lods = catkin::CatkinLods::from_keys(keys);
+    let first_material = builder.add_materials(catkin::catkin_materials(&models, &lods)?)?.first_material;
+    let Some(flight) = &recipe.flight else {
+        let asset = catkin::side_by_side_asset(&models, &lods, first_material)?;
+        builder.add_placed(asset, Trs::IDENTITY, None);
+        return Ok(None);
+    };
+    let (asset, added) =
+        start_flight(recipe, flight, obstacles, twigs, &models, &lods, first_material, context, report)?;
+    let motion = Arc::clone(&added.playback) as Arc<dyn AssetMotion>;
+    builder.add_placed(asset, Trs::IDENTITY, Some(motion));
+    Ok(Some(added))
+}
+
+/// Spins up the wind of a flight and sets the flight to its first frame.
+fn start_flight(
+    recipe: &Recipe,
+    flight: &FlightRecipe,
+    obstacles: &Obstacles<'_>,
+    twigs: &[TwigTip],
+    models: &[catkin::CatkinModel],
+    lods: &catkin::CatkinLods,
+    first_material: u32,
+    context: &BakeContext<'_>,
+    report: &mut Report,
+) -> Result<(Asset, AddedFlight)> {
+    let domain = flight_domain(recipe, flight.keys.size);
+    let points = f64::from(flight.keys.count) * (flight.keys.trails * recipe.clip.fps()).round();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below 2^53")]
+    context.limits.check("vertices", points as u64, "the number of points of flight.trails")?;
+
+    // The wind starts as many seconds before the clip as the flight does, and spins up before that.
+    let solids = Arc::new(obstacles.solids_within(domain.size().max_element()));
+    let early = spin_up_frames(flight, recipe) as f64 / recipe.clip.fps();
+    let mut wind = WindPlayback::new(recipe, solids.list(), early, context);
+    let reported = report.diagnostics.len();
+    wind.spin_up(context.progress, report)?;
+
+    let (known_height, cell_size) = (wind.known_height(), wind.cell_size());
+    let scene = FlightContext { recipe, flight, domain, solids, known_height, cell_size, twigs };
+    let playback = FlightPlayback::new(&scene, wind, models);
+    if playback.enclosed_starts() > 0 {
+        let text = format!("{} catkins found no place to start outside of solids", playback.enclosed_starts());
+        let help = "raise flight.band, or make room between the solids";
+        report.push(Diagnostic::about("S026", text).help(help));
+    }
+
+    // The table repeats the warnings of the spin-up and of the start, so that readers of the file see them too.
+    let warnings = report.diagnostics.iter().skip(reported).map(|d| (d.code, d.message.clone())).collect();
+    let (table, fields) = playback.table_and_fields(&flight.keys, warnings);
+    let fields = fields.to_vec();
+    let prototypes = models.iter().map(|m| m.prototype(lods, first_material)).collect();
+    let asset = playback.asset(prototypes, first_material, recipe.clip.len() < 2)?;
+    Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields }))
+}
+
+/// The box that catkins fly in: a lattice's own, or one of `size` (width, height, depth in m) that stands on the origin.
+fn flight_domain(recipe: &Recipe, size: [f64; 3]) -> Bounds {
+    let lattice = recipe.wind.model == WindModel::Lattice;
+    let [w, h, d] = if lattice { recipe.lattice.cells.map(|n| n * recipe.lattice.cell_size) } else { size }.map(narrow);
+    let base = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
+    Bounds { min: base - Vec3::new(w / 2.0, 0.0, d / 2.0), max: base + Vec3::new(w / 2.0, h, d / 2.0) }
+}
+
+/// Ends of all stems but the trunks of the plants that `[flight]` names as its canopy; none without a flight.
+pub(crate) fn twig_tips(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec<TwigTip> {
+    let Some(flight) = &recipe.flight else { return Vec::new() };
+    let mut tips = Vec::new();
+    for instance in &layout.instances {
+        let Some((individual, grown)) = layout.individuals.get(instance.individual).zip(grown.get(instance.individual))
+        else {
+            continue;
+        };
+        let Some((_, weight)) = flight.canopy.iter().find(|(plant, _)| *plant == individual.plant) else { continue };
+        let plant = &grown.plant;
+        let stems = plant.axes.iter().filter(|a| a.kind == AxisKind::Stem && a.order > 0);
+        let ends = stems.filter_map(|a| plant.nodes.p.get(plant.nodes_of(a)).and_then(<[Vec3]>::last));
+        tips.extend(ends.map(|p| TwigTip { position: instance.transform.apply(*p), weight: *weight }));
+    }
+    tips
+}

@@ -1,0 +1,59 @@
+//! Collects the parts of a scene while it is assembled.
+
+use std::sync::Arc;
+
+use crate::bake::assets::material_set::{MaterialSet, PlantMaterials, map_slots};
+use crate::bake::motion::AssetMotion;
+use osier_base::Result;
+use osier_base::convert::index;
+use osier_scene::{Asset, Image, Material, Placement, Trs};
+
+/// Materials, images, assets with their motions, and placements, in the order in which they are added.
+#[derive(Default)]
+pub(crate) struct SceneBuilder {
+    pub(crate) images: Vec<Image>,
+    pub(crate) materials: Vec<Material>,
+    pub(crate) assets: Vec<Asset>,
+    /// Parallel to `assets`; `None` for an asset that stands still.
+    pub(crate) motions: Vec<Option<Arc<dyn AssetMotion>>>,
+    pub(crate) placements: Vec<Placement>,
+}
+
+impl SceneBuilder {
+    /// Adds an asset without a placement; returns its index.
+    pub(crate) fn add_asset(&mut self, asset: Asset, motion: Option<Arc<dyn AssetMotion>>) -> usize {
+        self.assets.push(asset);
+        self.motions.push(motion);
+        self.assets.len() - 1
+    }
+
+    /// Adds an asset with one placement, which is named after the asset's id.
+    pub(crate) fn add_placed(&mut self, asset: Asset, transform: Trs, motion: Option<Arc<dyn AssetMotion>>) {
+        let name = asset.id.clone();
+        let asset = self.add_asset(asset, motion);
+        self.placements.push(Placement { name, asset, transform, phase: 0 });
+    }
+
+    /// Appends `suffix` to an id until no asset of the scene has it.
+    pub(crate) fn make_unique(&self, id: &mut String, suffix: &str) {
+        while self.assets.iter().any(|a| a.id == *id) {
+            id.push_str(suffix);
+        }
+    }
+
+    /// Adds materials and images, and shifts the materials' image indices to where the images now are.
+    /// # Errors
+    /// `TooMany` beyond 2^32 materials or images.
+    pub(crate) fn add_materials(&mut self, set: MaterialSet) -> Result<PlantMaterials> {
+        let organ_names = set.names;
+        let tile = set.materials.first().map_or(0.5, |bark| bark.tile);
+        let first_material = index(self.materials.len(), "materials of a scene")?;
+        let first_image = index(self.images.len(), "images of a scene")?;
+        self.images.extend(set.images);
+        self.materials.extend(set.materials.into_iter().map(|mut material| {
+            map_slots(&mut material.maps).into_iter().for_each(|slot| *slot = slot.map(|i| i + first_image));
+            material
+        }));
+        Ok(PlantMaterials { first_material, tile, organ_names, shader_wind: false })
+    }
+}
