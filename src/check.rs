@@ -67,6 +67,7 @@ pub fn check(request: &Request, with_notes: bool, context: &BakeContext<'_>) -> 
     let mut result = CheckResult::default();
     match check_into(request, with_notes, context, &mut result) {
         Ok(()) => {}
+        // What was found before the error stays in the result; faults of the scene join the report.
         Err(Error::Input(report)) => result.report.extend(*report),
         Err(other) => result.failure = Some(other),
     }
@@ -89,6 +90,7 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     }
     let assembled = assemble_for_estimate(&recipe, SceneParts::default(), context)?;
     result.report.extend(assembled.report.clone());
+    // An empty list of frames stands for a still scene.
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
     result.estimate = Some(assembled.counts(&recipe, &frames));

@@ -140,6 +140,7 @@ fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, 
 /// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.
 fn is_coefficient_table(path: &Path, bytes: &[u8]) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    // Searched line by line before any parsing: a scene with a syntax error must still be reported as a scene.
     let has_ifs_table = || bytes.split(|b| *b == b'\n').any(|l| l.starts_with(b"[ifs") || l.starts_with(b"[[ifs"));
     matches!(ending.as_str(), "ifs" | "flame") || (ending == "toml" && has_ifs_table())
 }

@@ -29,6 +29,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         return sweep::run(context, args);
     }
     let mut request = find_scene(args.scene.as_deref().unwrap_or("showcase"), &context.sources)?;
+    // The flag becomes an override of the scene's key, so that it is checked and enters the scene's hash like any other.
     if let Some(formats) = &args.formats {
         let words: Vec<String> = formats.split(',').map(|f| format!("\"{}\"", f.trim())).collect();
         request.set.push(format!("output.formats=[{}]", words.join(",")));
@@ -58,6 +59,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         // Shown even if the scene itself then exceeds a limit.
         context.console.note(&report::lattice_memory_text(&memory));
     }
+    // What an earlier bake into this folder kept is reused: grown leaves here, the spun-up wind by the cache below.
     ifs_leaves::load(&recipe, &root, &context.limits);
     let stores = !context.common.dry_run && stores_spin_up(&recipe);
     let cache = if stores { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
@@ -71,6 +73,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         scene::assemble_scene(&recipe, parts, &work)?
     };
     display.done();
+    // Messages of the cache are held back until the progress bar is gone.
     let messages = cache.iter().flat_map(BakeCache::take_messages);
     messages.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
@@ -79,6 +82,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    // What follows may still refuse the bake, and comes before the first file of the output.
     refuse_invisible(&built.animated.scene)?;
     let counts = built.counts(&recipe, &frames);
     counts.check_limits(&context.limits)?;
@@ -124,6 +128,7 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
         return Err(format!("--frames: frame {outside} is outside the scene's {start} to {end}"));
     }
     let mut hasher = blake3::Hasher::new();
+    // Four bytes per frame number: the encoding of two different lists never coincides.
     hasher.update(recipe.hash.as_bytes());
     for f in &frames {
         hasher.update(&f.to_le_bytes());
@@ -135,6 +140,7 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
 /// Why the selected frames cannot be written: placements with a phase offset, or the still glTF file, need frames
 /// that are not selected.
 fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
+    // The still glTF file shows one frame of the clip, which must be among the written ones.
     let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
     if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
         return Some(format!("--frames: frame {frame} of output.gltf.frame is not selected"));
@@ -153,6 +159,7 @@ fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Opt
 /// by the run that wrote it.
 fn current(context: &Context, root: &Path, recipe: &Recipe) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
+    // The same hash under another version of the program may stand for other bytes.
     let is_same = m.scene.hash == recipe.hash && m.version == VERSION;
     (is_same && found.is_complete() && is_settled(root, &key(recipe))).then_some(m)
 }

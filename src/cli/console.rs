@@ -41,6 +41,7 @@ impl Console {
     /// # Errors
     /// `Io` if standard output cannot be written for another reason.
     pub fn result(&self, text: &str) -> Result<()> {
+        // After `osier list | head` the reader is gone; writing again would fail at every line.
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
@@ -83,6 +84,7 @@ impl Console {
     /// Prints the error that ends a run.
     pub fn error(&self, error: &Error) {
         match error {
+            // Faults of files are shown with their source lines, all other errors in one line.
             Error::Input(report) => self.report(report),
             other => self.complain(&other.to_string()),
         }

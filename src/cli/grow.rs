@@ -30,16 +30,19 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     };
+    // Bytes of a glb would be read by the terminal as control sequences.
     if to_pipe && std::io::stdout().is_terminal() {
         context.console.complain("standard output is a terminal; redirect the binary file: -o - > x.glb");
         return Ok(2);
     }
+    // A table that could grow a tree is an attractor where its picture is asked for.
     let is_picture = matches!(format, SingleFileFormat::Picture(_));
     let find = if is_picture { find_picture } else { find_scene };
     let mut request = find(&args.source, &context.sources)?;
     request.steps = args.steps;
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
+    // One still file shows the first frame only.
     recipe.clip.end = recipe.clip.start;
     let output = OutputFile { args, name: &name, to_pipe };
     match format {

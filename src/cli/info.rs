@@ -17,6 +17,7 @@ use osier_scene::MaterialClass;
 /// Runs `osier info`; the result is the exit code.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {
     let path = &args.path;
+    // A folder and its manifest stand for the whole bake, any other file of it for itself.
     if path.is_dir() {
         return describe_bake(context, path, None);
     }

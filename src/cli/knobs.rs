@@ -26,6 +26,7 @@ pub fn of_sources(context: &Context, sources: &[String]) -> Result<Vec<GrammarPa
 
 /// A heading and one parameter per line; empty text without any.
 pub fn as_text(parameters: &[GrammarParameter]) -> String {
+    // The widest `KEY=VALUE`, with one column for the sign between.
     let Some(width) = parameters.iter().map(|p| p.key.len() + p.value.len() + 1).max() else { return String::new() };
     let width = width.min(MAX_KEY_WIDTH);
     let row = |p: &GrammarParameter| {

@@ -72,6 +72,8 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
     let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
     let mut tables = options();
     for table in &mut tables {
+        // The header of a table counts for all of its keys, so that `list options wind speed` finds `speed` below
+        // `[wind]`.
         let place = format!("{} {}", table.path, table.about).to_lowercase();
         table.keys.retain(|key| {
             let text = format!("{place} {} {} {}", key.name, key.help, key.listing.accepts).to_lowercase();

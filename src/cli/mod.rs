@@ -60,6 +60,7 @@ pub fn main() -> ExitCode {
         Ok(cli) => guarded(cli),
         Err(e) => {
             let _ = e.print();
+            // Help and version are printed on standard output and are successes; all else is a usage error.
             ExitCode::from(if e.use_stderr() { 2 } else { 0 })
         }
     }
@@ -68,6 +69,7 @@ pub fn main() -> ExitCode {
 /// Runs the command; a panic is a bug of the program and is reported in two lines with exit code 101.
 fn guarded(cli: Cli) -> ExitCode {
     let verbose = cli.common.verbose;
+    // The default hook, with its location and backtrace, is kept for `--verbose`.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
         use std::io::Write as _;

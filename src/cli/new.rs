@@ -30,6 +30,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     let scene_name = format!("{}.toml", safe_name(&name));
     let mut files: Vec<(String, String)> = vec![(scene_name.clone(), scene)];
     files.extend(grammars.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
+    // All names are compared before the first file is written, so that a refusal leaves no partial copy.
     if let Some(path) = files.iter().map(|(f, _)| args.name.join(f)).find(|p| p.symlink_metadata().is_ok()) {
         let path = path.display();
         context.console.complain(&format!("\"{path}\" already exists and is not overwritten; choose another name"));
@@ -62,6 +63,7 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
 fn scene_and_grammars(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
     let bare = stem(from);
     if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| !from.ends_with(".l")) {
+        // Grammars are found by their quoted name in the text of the scene.
         let needed = |p: &&Preset| p.name.ends_with(".l") && scene.text.contains(&format!("\"{}\"", p.name));
         return Some((scene.text.to_owned(), presets::PRESETS.iter().filter(needed).collect()));
     }

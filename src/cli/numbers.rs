@@ -8,6 +8,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     for part in text.split(',') {
         let bad = || format!("\"{part}\" is not A, A-B or A-B:STEP");
         let number = |t: &str| t.trim().parse::<u32>().map_err(|_| bad());
+        // A step that cannot be read becomes 0 and is refused below, with the whole part in the message.
         let (range, step) = part.split_once(':').map_or((part, 1), |(r, s)| (r, number(s).unwrap_or(0)));
         let (a, b) = match range.split_once('-') {
             Some((a, b)) => (number(a)?, number(b)?),
@@ -16,6 +17,8 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
         if step == 0 || b < a {
             return Err(bad());
         }
+        // Counted before the numbers are listed: `0-4294967295` must not take the memory of four thousand million
+        // numbers.
         if u64::from((b - a) / step) >= limit {
             return Err(format!("\"{part}\" holds more than {limit} numbers"));
         }
@@ -47,7 +50,9 @@ pub fn key_values(text: &str) -> Result<KeyValues, String> {
             let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(bad);
             let (a, b) = (number(a)?, number(b)?);
             let n: u32 = n.trim().parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(bad)?;
+            // Keys that take whole numbers refuse `3.0`, so whole values are written without a point.
             let is_whole = a.fract() == 0.0 && b.fract() == 0.0 && ((b - a) / f64::from((n - 1).max(1))).fract() == 0.0;
+            // N evenly spaced values, both ends included; a single one is A.
             let value = |i: u32| a + (b - a) * f64::from(i) / f64::from((n - 1).max(1));
             let text = |v: f64| if is_whole { format!("{v:.0}") } else { trimmed(v) };
             (0..n).map(|i| text(value(i))).collect()

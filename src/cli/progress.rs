@@ -114,6 +114,7 @@ impl<'a> StageTimer<'a> {
         let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
         let mut out: Vec<(String, f64)> = Vec::new();
         for (i, (name, from)) in begun.iter().enumerate() {
+            // A stage lasts until the next begins; the last one is still running.
             let took = begun.get(i + 1).map_or_else(|| from.elapsed(), |next| next.1 - *from).as_secs_f64();
             match out.iter_mut().find(|s| s.0 == *name) {
                 Some(stage) => stage.1 += took,

@@ -111,6 +111,7 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
         }
         None => vec![None],
     };
+    // Saturating, since the product of many long axes can exceed 64 bits.
     let count = sweeps.iter().fold(seeds.len() as u64, |n, s| n.saturating_mul(s.values.len() as u64));
     if count > MAX_RUNS {
         return Err(format!("--sweep: {count} runs, more than {MAX_RUNS}; take fewer values or seeds"));
@@ -118,6 +119,7 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     // The Cartesian product grows key by key from one empty combination.
     let mut combinations: Vec<Vec<String>> = vec![Vec::new()];
     for s in &sweeps {
+        // Cartesian product of the axes: every choice so far is extended by each value of the next key.
         let with =
             |c: &Vec<String>| s.values.iter().map(|v| [&c[..], std::slice::from_ref(v)].concat()).collect::<Vec<_>>();
         combinations = combinations.iter().flat_map(with).collect();
@@ -173,6 +175,7 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
         let numbers = m.outcome.iter().map(|[mean, ..]| format!("{mean:.0}"));
         m.values.iter().cloned().chain([m.count.to_string()]).chain(numbers).collect()
     }));
+    // Columns are right-aligned to their widest cell, headings included.
     let columns = lines.first().map_or(0, Vec::len);
     let widths: Vec<usize> =
         (0..columns).map(|i| lines.iter().map(|l| l[i].chars().count()).max().unwrap_or(0)).collect();

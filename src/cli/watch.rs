@@ -25,6 +25,8 @@ pub(super) fn listen(cancel: &Cancel) -> std::io::Result<()> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::flag;
     let armed = Arc::new(AtomicBool::new(false));
+    // Order matters: the conditional exit is registered before the handler that arms it, so that the first signal only
+    // arms it and the second one exits. Codes are 128 plus the signal's number, as shells have them.
     for (signal, code, number) in [(SIGINT, 130, 2), (SIGTERM, 143, 15)] {
         flag::register_conditional_shutdown(signal, code, Arc::clone(&armed))?;
         flag::register(signal, Arc::clone(&armed))?;
@@ -69,11 +71,13 @@ fn limit_error(bytes: u64, most: u64) -> Error {
 fn resident_bytes() -> Option<u64> {
     let text = read_input(Path::new("/proc/self/statm"), 4096).ok()?;
     let text = String::from_utf8(text).ok()?;
+    // The second field of `/proc/self/statm` is the resident set, in pages.
     text.split_whitespace().nth(1)?.parse::<u64>().ok()?.checked_mul(PAGE_BYTES)
 }
 
 /// Exits the process with the code of an error, while other threads still work or block, as in a write to a full pipe.
 fn end(why: Error) -> ! {
+    // `process::exit` runs no destructors, so unfinished files are removed here.
     drop_parts();
     let code = i32::from(why.exit_code());
     // Writing to standard error may block as well, so it happens on a thread that the exit does not

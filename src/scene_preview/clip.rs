@@ -120,6 +120,7 @@ impl<'a> PreviewClip<'a> {
                 }
             }
             ClipContent::Frames(numbers) => {
+                // One camera for all frames, so that the picture moves only where the scene does.
                 let request = self.request(self.camera);
                 for number in numbers {
                     let frame = self.scene.frame(*number)?;
@@ -149,6 +150,7 @@ impl<'a> PreviewClip<'a> {
 /// it takes in the scene. `fps`: of the scene.
 fn frame_rate_of(fps: (u32, u32), numbers: &[u32]) -> (u32, u32) {
     let step = numbers.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1).max(1);
+    // Showing every n-th frame divides the rate by n.
     (fps.0, fps.1.saturating_mul(step))
 }
 

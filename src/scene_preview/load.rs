@@ -108,6 +108,7 @@ impl PreviewScene {
             let ending = format!("{}.{profile}.glb", manifest.scene.name);
             files.iter().map(|f| f.0.as_str()).find(|path| path.ends_with(&ending))
         };
+        // The Blender profile comes first, the web profile only where the other was not written.
         match scene_file("blender").or_else(|| scene_file("web")) {
             Some(path) => Self::of_mesh_file(&folder.join(path), search, limits),
             None => {

@@ -67,6 +67,7 @@ pub fn preview_together(
 ) -> Result<Vec<Picture>> {
     let subjects = scenes.iter().map(|(scene, frame)| scene.subject(frame.as_ref())).collect::<Result<Vec<_>>>()?;
     let Some((first, others)) = subjects.split_first() else { return Ok(Vec::new()) };
+    // One subject that holds all others: cameras fitted to it have the same scale in every picture.
     let union = others.iter().fold(first.clone(), |union, subject| union.with(subject));
     context.progress.stage("drawing", tile_count(options.size) * scenes.len() as u64);
     let mut pictures = Vec::with_capacity(scenes.len());

@@ -68,6 +68,7 @@ impl PreviewOptions {
         match self.view {
             Some(PreviewView::Scene) => own,
             Some(PreviewView::Fitted(view)) => subject.camera(view, self.aspect(), vfov),
+            // Without `--view` a camera that the scene places wins over a fitted one.
             None if scene.has_camera() => own,
             None => subject.camera(CameraView::Portrait, self.aspect(), vfov),
         }

@@ -119,9 +119,11 @@ pub fn grow(
     };
     let grown = match format {
         SingleFileFormat::Scene(format) => {
+            // With a clip of one frame no motion is simulated beyond the frame that is written.
             let clip = Clip { end: recipe.clip.start, ..recipe.clip };
             let still = Recipe { clip, ..recipe.clone() };
             let scene = StillScene::assemble(&still, context)?;
+            // Checked before the folder receives anything.
             scene.estimate(format, profile)?.check_limits(context.limits)?;
             let warnings = scene.write(name, folder, profile, context)?;
             GrownFile { report: scene.into_report(), warnings }

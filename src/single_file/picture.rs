@@ -48,6 +48,7 @@ pub fn write_picture(
         PictureEncoding::Png => {
             let (density, tone, flat) = attractor::render_attractor(cloud, recipe, context)?;
             let samples = tone_mapped(&density, &tone, flat);
+            // A background makes every pixel opaque, so no alpha channel is needed.
             let channels = if tone.background.is_some() { 3 } else { 4 };
             let image = quantised(density.width, density.height, channels, &samples, recipe.picture.bits)?;
             folder.write(name, "png", &textures::png(&image)?)
@@ -89,6 +90,7 @@ pub fn canvas_image(canvas: &layered_picture::LayerCanvas, recipe: &Recipe) -> R
 /// An image of samples in 0 to 1, rows from the top, rounded to the nearest of `bits` per channel.
 fn quantised(width: usize, height: usize, channels: u8, samples: &[f32], bits: u32) -> Result<Image> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
+    // Half a step is added for rounding to nearest; the cast truncates.
     let word = |v: &f32| (v.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
     let pixels = if bits > 8 {
         Pixels::U16(samples.iter().map(word).collect())

@@ -19,6 +19,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
             return Ok(Outcome::Refused(format!("a clip is written as .gif, .png or .apng, not as .{other}")));
         }
     };
+    // A turntable without `--frame` shows the scene at rest, for which no motion needs to be simulated.
     let with_motion = args.turntable.is_none() || args.frame.is_some();
     let scene = load(context, args, &args.source, flags.options.quality, with_motion, &Variation::default(), work)?;
     context.console.report(scene.report());

@@ -38,6 +38,7 @@ impl PreviewFlags {
             return Err("a contact sheet has two axes: give two --sweep, or --seeds and one --sweep".into());
         }
         let sheet = !seeds.is_empty() || !sweeps.is_empty();
+        // Each of these modes decides alone how many pictures there are and how they are arranged.
         let modes = [sheet, !frames.is_empty(), args.turntable.is_some(), args.compare.is_some()];
         if modes.iter().filter(|m| **m).count() > 1 {
             return Err("--seeds/--sweep, --frames, --turntable and --compare exclude each other".into());
@@ -45,6 +46,7 @@ impl PreviewFlags {
         let moving = !frames.is_empty() || args.turntable.is_some();
         let size = match &args.size {
             Some(text) => size(text, context)?,
+            // Smaller where one run renders many pictures.
             None if sheet => [320, 320],
             None if moving => [480, 480],
             None => [800, 800],
@@ -82,6 +84,7 @@ fn size(text: &str, context: &Context) -> Result<[u32; 2], String> {
 pub fn check_picture_limits([width, height]: [u64; 2], context: &Context) -> Result<(), String> {
     let limits = &context.limits;
     limits.check("image-side", width.max(height), "a side of the picture, in pixels,").map_err(|e| e.to_string())?;
+    // Four channels of one byte.
     let bytes = width.saturating_mul(height).saturating_mul(4);
     limits.check("image-bytes", bytes, "the picture, in bytes,").map_err(|e| e.to_string())
 }

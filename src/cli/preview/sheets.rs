@@ -47,6 +47,7 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
             cells.len()
         )));
     }
+    // The sheet as a whole is compared with the limits before any of its scenes is grown.
     if let Err(why) = check_picture_limits(contact_sheet_size(cells.len(), columns, flags.options.size), context) {
         return Ok(Outcome::Refused(why));
     }
@@ -143,8 +144,10 @@ fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
         .collect();
     match &axes[..] {
         [across, down] => {
+            // Row by row: the second axis is the outer loop.
             let pairs = down.iter().flat_map(|d| across.iter().map(move |a| (a, d)));
             let both = |(a, d): (&Variation, &Variation)| {
+                // Only one of the two axes can be seeds.
                 PlannedCell::new(Variation { seed: a.seed.or(d.seed), set: [&a.set[..], &d.set].concat() })
             };
             (pairs.map(both).collect(), across.len())

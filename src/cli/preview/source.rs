@@ -55,6 +55,7 @@ pub fn load(
     }
     let mut request = find_scene(name, &context.sources)?;
     request.steps = args.steps;
+    // The cell's overrides come after those of the command line, and its seed replaces theirs.
     request.set.extend(variation.set.iter().cloned());
     request.seed = variation.seed.or(request.seed);
     let (recipe, warnings) = resolve(&request)?;
