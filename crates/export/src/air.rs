@@ -36,6 +36,7 @@ impl Exporter for Air {
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = &self.scene else { return Ok(()) };
         for (grid, values) in scene.air.iter().zip(&frame.air).filter(|(_, v)| !v.is_empty()) {
+            // A plane has a normal axis and is an image; a box has none and is a volume.
             let (kind, ending) = if grid.across.is_some() { ("exr.wind", "exr") } else { ("vti.wind", "vti") };
             let path = format!("wind/{}.{}.{ending}", grid.name, scene.clip.tag(frame.number));
             let Some(mut out) = self.folder.create(&path, kind, Some(frame.number))? else { continue };
@@ -64,6 +65,7 @@ fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], fram
         _ => ((nx, ny), (0..ny).rev().flat_map(|y| (0..nx).map(move |x| y * nx + x)).collect()),
     };
     // For the header: the upper left corner of the image in space, and the vectors along its rows and down its columns.
+    // Sides of the grid, m: along the normal of a plane it is one cell.
     let ends = DVec3::new(nx as f64, ny as f64, nz as f64) * grid.side;
     let (x, y, z) = (DVec3::X * ends.x, DVec3::Y * ends.y, DVec3::Z * ends.z);
     let (corner, along, down) = match across {

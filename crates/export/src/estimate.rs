@@ -45,6 +45,7 @@ impl EstimateInput<'_> {
 
     /// Numbers in all maps of every map sequence at one frame.
     pub fn map_samples(&self) -> u64 {
+        // Normals have three channels, heights and weights one: numbers, not texels, decide on the bytes.
         let channels = |s: &MapSequence| s.layers.iter().map(|l| l.encoding.channels() as u64).sum::<u64>();
         self.scene.map_sequences.iter().map(|s| s.texels() as u64 * channels(s)).sum()
     }
@@ -201,6 +202,7 @@ impl MergedSize {
             all.triangles += mesh.triangles.len() as u64;
             mapped |= !mesh.uvs.is_empty();
         }
+        // If one mesh has coordinates, the merged mesh has them at all vertices, zero elsewhere.
         all.mapped_vertices = if mapped { all.vertices } else { 0 };
         all
     }

@@ -54,6 +54,7 @@ pub fn values(sequence: &MapSequence, layer: usize, maps: &MapFrame, number: u32
     let mut out = Values { samples: Vec::with_capacity(raw.len()), cut: 0 };
     for (i, v) in raw.iter().enumerate() {
         let Some(sample) = stored(encoding, *v, sequence.height_range) else {
+            // Texel of the number, then its column and row from the top, for the message.
             let texel = i / encoding.channels();
             let (column, row) = (texel % sequence.side.max(1), texel / sequence.side.max(1));
             return Err(Error::export("X001", format!("{}: texel {column}, {row} is {v}", place())));

@@ -60,6 +60,7 @@ struct PartBlock<'a> {
 
 impl PartBlock<'_> {
     fn parts(&self, world: Trs) -> impl Iterator<Item = (&Mesh, Trs)> {
+        // Both cases as one iterator: at most one mesh, then the instances if there are any.
         let (mesh, instances) = match &self.source {
             PartSource::Mesh(mesh) => (Some((*mesh, world)), None),
             PartSource::Instances(instancer) => (None, Some(live_instances(instancer, &instancer.rest))),
@@ -204,6 +205,7 @@ pub(super) fn format_in_parallel<'a, R: Send>(
     mut put: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
     let mut batches: Vec<Vec<PartRange<'a>>> = Vec::new();
+    // Elements that the current batch still takes; 0 opens the first batch at the first range.
     let mut room = 0;
     for range in pieces {
         let size = range.range.len();

@@ -49,6 +49,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     let size = MergedSize::of(input.scene);
     // Decimal digits of the largest index.
     let digits = size.vertices.max(1).ilog10() + 1;
+    // Indices of a face: three corners with point and normal, and a coordinate where there are any.
     let numbers = if size.mapped_vertices > 0 { 9 } else { 6 };
     // An index is a blank or a slash and its digits; the vertices before 10^(digits - 1) have one digit less.
     let fewer = numbers * 10_u64.pow(digits - 1) / size.vertices.max(1);
@@ -259,6 +260,7 @@ fn write_material(text: &mut TextBuffer, scene: &Scene, m: &Material, pictures: 
     text.put("\nNs ").num((1e6 * smooth * smooth).round() / 1e3).put("\nd 1\n");
     if let Some(image) = map {
         text.put("map_Kd ").put(pictures).put(&image.name).put(".png\n");
+        // The alpha channel of the colour texture serves as the opacity map.
         if m.alpha_cutoff.is_some() && image.channels == 4 {
             text.put("map_d ").put(pictures).put(&image.name).put(".png\n");
         }

@@ -106,6 +106,7 @@ impl Pc2Header {
 
 /// For each vertex of the glTF file's primitives, in order, its index in the mesh.
 fn written_order(mesh: &osier_scene::Mesh) -> Vec<usize> {
+    // Splitting the identity list as the glTF writer splits the points gives the index of each written vertex.
     let all: Vec<usize> = (0..mesh.points.len()).collect();
     split_by_material(mesh).iter().flat_map(|p| p.gather(&all).into_owned()).collect()
 }

@@ -227,6 +227,7 @@ fn write_points<'a>(
             None => names.push((name, wide)),
         }
     }
+    // Counted before the rows are made, because the header with the number of records is written first.
     let seen = |c: &PlacedCloud<'_>| (0..c.now.positions.len()).filter(|k| c.width(*k) > 0.0).count();
     let count: usize = clouds.iter().map(seen).sum();
     let more: String =
@@ -312,6 +313,7 @@ const FIXED_COLUMN: &str = "wetness";
 fn instance_file(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, frame: u32) -> Vec<u8> {
     let instancer = &asset.instancers[i];
     let states = instance_states(asset, instancer, i, state);
+    // The fixed column comes first in every file; the others follow in the order of the instancer.
     let others = states.attributes.iter().filter(|a| a.name != FIXED_COLUMN && a.data.scalars().is_some());
     let columns: Vec<&str> = std::iter::once(FIXED_COLUMN).chain(others.map(|a| a.name)).collect();
     let values: Vec<&[f32]> = columns
@@ -377,6 +379,7 @@ fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, T
 }
 
 fn vertex_rows(body: &mut Vec<u8>, range: &PartRange<'_>, vertex_colors: &VertexColors<'_>) {
+    // Small meshes are coloured anew in each range; only those split into several ranges are worth keeping.
     let own;
     let colors = match vertex_colors.large_colors.get(&address(range.mesh)) {
         Some(colors) => colors,
@@ -414,6 +417,7 @@ impl<'a> VertexColors<'a> {
 
     /// The colour of each vertex: that of the last material, in the order of the file, whose faces have it.
     fn colors(&self, mesh: &Mesh) -> Vec<[u8; 4]> {
+        // White for vertices that no face uses.
         let mut colors = vec![[255_u8; 4]; mesh.points.len()];
         let mut subsets: Vec<&osier_scene::Subset> = mesh.subsets.iter().collect();
         subsets.sort_by_key(|s| self.rank.get(&s.material).copied().unwrap_or(usize::MAX));

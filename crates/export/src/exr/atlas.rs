@@ -33,6 +33,7 @@ struct TilePosition {
 impl AtlasWriter {
     fn tile_position(&self, sequence: usize) -> TilePosition {
         let row = self.row.max(1);
+        // row^2 tiles to an atlas, filled row by row from the top.
         let (atlas, tile) = (sequence / (row * row), sequence % (row * row));
         TilePosition { atlas, corner: [tile % row, tile / row].map(|k| k * self.pitch + BORDER) }
     }
@@ -42,6 +43,7 @@ impl AtlasWriter {
     /// X012 if the maps of a sequence are larger than an atlas.
     pub(super) fn begin(&mut self, folder: &Folder, scene: &Scene) -> Result<()> {
         let side = scene.map_sequences.iter().map(|s| s.side).max().unwrap_or(0);
+        // All tiles have the size of the largest map, so that a position follows from the number of the sequence alone.
         self.pitch = side + 2 * BORDER;
         self.row = ATLAS / self.pitch;
         if self.row == 0 {

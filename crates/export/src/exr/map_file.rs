@@ -53,6 +53,7 @@ impl FrameMapFile {
         let Some(mut out) = folder.create(path, layer.file_kind, Some(number))? else { return Ok(()) };
         let label = MapLabel { name: &self.name, height_range: self.height_range };
         let comment = comment(scene, label, layer, number);
+        // The new comment has the length of the old one, so that all offsets in the file stay valid.
         let (head, tail) = self.bytes.split_at(self.comment_offset);
         out.put(head)?;
         out.put(comment.as_bytes())?;

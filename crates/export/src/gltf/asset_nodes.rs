@@ -87,6 +87,7 @@ impl GltfDocument<'_> {
         let Some(source) = input.scene.assets.get(asset) else { return Ok(AssetNodes::default()) };
         let Some(tracks) = input.tracks.assets.get(asset) else { return Ok(AssetNodes::default()) };
         let mut nodes = AssetNodes::default();
+        // Without frames nothing is posed: joints would cost nodes and skins and show the rest pose.
         let selection = if input.tracks.is_still() { None } else { self.select_joints(asset) };
         for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
             self.add_mesh_object(&mut nodes, source, object, selection.as_ref(), shapes)?;
@@ -192,6 +193,7 @@ impl GltfDocument<'_> {
         let is_rest = |mesh: &Mesh, s: &MorphShape| {
             s.points == mesh.points && (s.normals.is_empty() || s.normals == mesh.normals)
         };
+        // Frames at rest need no target: all weights are 0 there.
         let morphed: Vec<usize> = (0..shapes.len()).filter(|&i| !is_rest(mesh_source.mesh, &shapes[i])).collect();
         let tag = |i: usize| {
             let number = self.input.tracks.numbers.get(i).copied().unwrap_or_default();

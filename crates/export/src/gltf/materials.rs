@@ -47,6 +47,7 @@ impl GltfDocument<'_> {
             GeometryKind::Ribbon => format!("{}_ribbon", source.name),
             GeometryKind::ColoredPoints | GeometryKind::PlainPoints => format!("{}_points", source.name),
         };
+        // The factor multiplies vertex colours, too, so it is left at white for points that have colours.
         let factor_is_white = maps.color.is_some() || variant.geometry == GeometryKind::ColoredPoints;
         // A factor multiplies its texture, so beside a texture it is 1; values that equal the schema's default are omitted.
         let [r, g, b] = source.base_color;
@@ -59,6 +60,7 @@ impl GltfDocument<'_> {
             roughness_factor: is_not_default(rough, 1.0).then_some(rough),
             metallic_roughness_texture: self.texture_ref(maps.roughness)?,
         };
+        // A cutoff applies to the alpha of the colour texture and has no effect without one.
         let cutoff = source.alpha_cutoff.filter(|_| maps.color.is_some());
         let is_water = shows_maps && source.class == MaterialClass::Water;
         Ok(Material {
@@ -100,6 +102,7 @@ impl GltfDocument<'_> {
         let name = source.name.clone();
         let entry = match &mut self.pictures {
             ImageStorage::Embedded => {
+                // JPEG where the image has no alpha; the others stay PNG.
                 let small = if self.input.profile == Profile::Web { jpeg(source)? } else { None };
                 let mime_type = Some(if small.is_some() { "image/jpeg" } else { "image/png" });
                 let bytes = small.as_deref().unwrap_or(self.input.textures.png(image));

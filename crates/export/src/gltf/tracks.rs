@@ -128,6 +128,7 @@ impl AssetTracks {
 
     fn push(&mut self, asset: &Asset, frame: &AssetFrame) {
         if let Some(skeleton) = &asset.skeleton {
+            // A frame without a pose shows the skeleton at rest; the track needs an entry all the same, one for each key time.
             let posed = frame.pose.len() == skeleton.joints.len();
             self.poses.push(if posed { frame.pose.clone() } else { skeleton.rest_pose() });
         }
@@ -164,6 +165,7 @@ impl MorphFrames {
     fn push(&mut self, shape: impl FnOnce() -> MorphShape) {
         match self {
             Self::Frames(list) if list.len() < MORPH_TARGETS => list.push(shape()),
+            // The shapes gathered so far are released at once.
             Self::Frames(_) => *self = Self::TooMany,
             Self::Still | Self::TooMany => {}
         }
@@ -175,6 +177,7 @@ impl InstanceTrack {
     /// keys are spent on motion that is not visible.
     pub(super) fn hold_while_dead(&self) -> (Vec<Vec3>, Vec<Quat>) {
         let first = self.alive.iter().position(|a| *a).unwrap_or(0);
+        // Before the first live frame the index stays at that frame; after the last one it stays at the last live frame.
         let mut source = first;
         let mut frames = Vec::with_capacity(self.alive.len());
         for (i, alive) in self.alive.iter().enumerate() {

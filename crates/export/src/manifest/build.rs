@@ -121,6 +121,7 @@ fn asset_entry(asset: &Asset, paths: &[&str]) -> AssetEntry {
         })
     };
     let bounds = asset_bounds(asset, &AssetFrame::default());
+    // An empty box has infinite corners, which JSON cannot hold: zeros stand for it.
     let corners = if bounds.is_empty() { [[0.0; 3]; 2] } else { [bounds.min, bounds.max].map(|v| v.to_array()) };
     AssetEntry {
         id: asset.id.clone(),

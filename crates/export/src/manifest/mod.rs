@@ -222,6 +222,7 @@ impl Manifest {
             match file {
                 FileEntry::Single { path, bytes, blake3, .. } => all.push((path.clone(), *bytes, blake3.clone())),
                 FileEntry::Sequence { path, items, .. } => {
+                    // The inverse of grouping: the placeholder becomes the frame number with the digits of the bake.
                     let name = |f: u32| path.replacen("####", &format!("{f:0width$}", width = self.time.digits), 1);
                     all.extend(items.iter().map(|i| (name(i.frame), i.bytes, i.blake3.clone())));
                 }

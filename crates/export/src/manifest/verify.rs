@@ -73,6 +73,7 @@ pub fn verify(dir: &Path, limit: u64) -> Result<(Manifest, Verification)> {
             Some(_) => {}
         }
     }
+    // The manifest cannot list itself, as it holds the hash of everything listed.
     let is_extra = |path: &String| path != MANIFEST && !named.contains_key(path.as_str());
     found.extra = list_files(dir)?.into_iter().filter(is_extra).collect();
     Ok((manifest, found))

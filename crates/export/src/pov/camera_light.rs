@@ -97,6 +97,7 @@ fn scaled(a: [f64; 3], s: f64) -> [f64; 3] {
 pub(super) fn write_sun(text: &mut TextBuffer, space: PovSpace, sun: &Sun, bounds: Bounds) {
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());
+    // The factor 1 / pi converts irradiance into the colour of the light, as above.
     let strength = EXPOSURE * sun.strength / std::f32::consts::PI;
     // Diameter of the disc that is seen under the sun's angle from that distance: 2 d tan(angle / 2).
     let size = 2.0 * distance * math::tan_f32(sun.angle * 0.5);

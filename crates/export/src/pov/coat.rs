@@ -46,6 +46,7 @@ impl CoatWriter {
                 out.put(file)?;
                 out.commit()?;
             }
+            // Each material whose weight this map is mixes its bare and its coated texture by the value of the map, 0 to 1.
             for (i, _) in (0_u32..).zip(&scene.materials).filter(|(_, m)| is_weight(m, *sequence, *layer)) {
                 text.put("#declare M_")
                     .int(i)

@@ -73,6 +73,7 @@ fn include_phase(text: &mut TextBuffer, scene: &Scene, includes: &str, phase: u3
     let (first, count) = (written.first().copied().unwrap_or(0), written.len() as u64);
     let last = written.last().copied().unwrap_or(first);
     let step = if count > 1 { (u64::from(last - first) / (count - 1)).max(1) } else { 1 };
+    // Frames ahead as positions in the list of written frames; phases between two of them are rounded down.
     let ahead = (u64::from(phase) / step) % count.max(1);
     text.put(&format!("#declare OsLater = {first} + mod((OsFrame - {first}) / {step} + {ahead}, {count}) * {step};\n"));
     text.put(&format!("#declare OsLaterTag = str(OsLater, -{}, 0);\n", scene.clip.digits()));

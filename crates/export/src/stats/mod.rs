@@ -116,6 +116,7 @@ impl Whole {
         let Some((_, last)) = rows.last() else { return whole };
         let most = largest(rows.iter().map(|(_, row)| row.as_slice()));
         for (i, ((name, _), value)) in table.columns.iter().zip(last).enumerate() {
+            // A total is cumulative: its last value says all, a mean over frames would mean nothing.
             if table.totals.contains(&i) {
                 whole.totals.push((name.clone(), *value));
                 continue;
@@ -131,6 +132,7 @@ impl Whole {
 
 /// The shortest decimal that reads back equal; -0 as 0.
 fn number(v: f64) -> String {
+    // ryu writes whole numbers as `1.0`; the tables have them as `1`.
     let mut buffer = ryu::Buffer::new();
     let text = buffer.format(v + 0.0);
     text.strip_suffix(".0").unwrap_or(text).to_owned()

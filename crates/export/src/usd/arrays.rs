@@ -16,6 +16,7 @@ pub(super) fn as_float3(v: &[Vec3]) -> &[[f32; 3]] {
 /// # Errors
 /// `TooMany` if a value exceeds `i32::MAX`.
 pub(super) fn as_ints<'a>(values: &'a [u32], what: &'static str) -> Result<&'a [i32]> {
+    // Below 2^31 a number has the same bits as u32 and as i32: the memory is reinterpreted, not copied.
     narrow::<i32, u32>(values.iter().copied().max().unwrap_or(0), what)?;
     Ok(bytemuck::cast_slice(values))
 }

@@ -54,6 +54,7 @@ impl AnimatedPrim for CoatWeight {
     fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let sequence = self.coat.sequence as usize;
         let both = sample.asset.meshes.get(self.index).zip(cx.scene.map_sequences.get(sequence));
+        // A frame without maps gets no sample, so that the values of the last one are held.
         let (Some((object, of)), Some(maps)) = (both, sample.maps.get(sequence)) else { return Ok(()) };
         let values = weight_at_points(&object.mesh, &self.coat, of, Some(maps));
         self.primvar.sample(layer, sample.time, &[values])

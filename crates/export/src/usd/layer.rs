@@ -98,6 +98,7 @@ impl LayerBuilder {
         let scope = format!("{root}/mtl");
         let Some(source) = cx.scene.materials.get(material as usize) else { return Ok(()) };
         let path = format!("{scope}/{}", safe_name(&source.name));
+        // Scope and materials share one set of paths: their paths differ, and each is defined once.
         if self.defined_materials.insert(scope.clone()) {
             self.define_prim(&scope, "Scope")?;
         }

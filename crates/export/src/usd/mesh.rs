@@ -167,6 +167,7 @@ fn define_display_color(layer: &mut LayerBuilder, path: &str, mesh: &Mesh) -> Re
     if mesh.colors.is_empty() || mesh.colors.len() != mesh.points.len() {
         return Ok(());
     }
+    // `displayColor` has three components; the alpha of the vertex colours is dropped.
     let rgb: Vec<[f32; 3]> = mesh.colors.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
     let spec = AttrSpec::primvar("color3f[]", "vertex");
     layer.writer.create_attr(&format!("{path}.primvars:displayColor"), &spec, Some(UsdArray::Float3(&rgb).into()))?;
@@ -217,6 +218,7 @@ impl VelocitySamples {
         count: usize,
         time: f64,
     ) -> Result<()> {
+        // No attribute as long as no frame has had velocities: one of zeros alone would only cost space.
         if values.is_empty() && self.0.is_none() {
             return Ok(());
         }
@@ -226,6 +228,7 @@ impl VelocitySamples {
         };
         self.0 = Some(attr);
         let zeros;
+        // Once the attribute exists every frame gets a sample: without one, the last motion would be held.
         let values = if values.len() == count {
             values
         } else {
@@ -293,6 +296,7 @@ impl VaryingMesh {
         mesh: &Mesh,
     ) -> Result<Self> {
         let attrs = define_mesh(cx, layer, place, mesh)?;
+        // At rest the number of velocities equals that of the points of the rest mesh, as it does in every frame.
         let still = vec![[0.0; 3]; mesh.points.len()];
         let path = format!("{}.velocities", place.path);
         let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;

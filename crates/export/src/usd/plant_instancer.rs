@@ -102,6 +102,7 @@ pub(super) fn plan_placements<'a>(scene: &'a Scene, root: &str, instancers: bool
 /// Names of the plants of which an individual has several placements.
 fn groups_with_copies(scene: &Scene) -> BTreeSet<&str> {
     let mut seen = BTreeSet::new();
+    // `insert` returns false for an asset that was seen before: these are the second and further placements.
     let repeated = scene.placements.iter().filter(|p| !seen.insert(p.asset));
     let groups = repeated.filter_map(|p| scene.assets.get(p.asset)).map(|a| a.group.as_str());
     groups.filter(|group| !group.is_empty()).collect()

@@ -85,6 +85,7 @@ impl<T: Interpolated> SampleReducer<T> {
     fn restores_waiting(&self, next: &TimeSample<T>) -> bool {
         let Some(last) = &self.last else { return false };
         self.waiting.iter().all(|w| {
+            // The parameter of the waiting frame between the two samples, 0 to 1, computed in f64 from the times.
             let t = osier_base::math::narrow((w.time - last.time) / (next.time - last.time));
             let ends = last.values.iter().zip(&next.values);
             w.values.iter().zip(ends).all(|(v, (a, b))| v.is_between(a, b, t, self.tolerance))

@@ -142,6 +142,7 @@ fn quaternion<T: Decimal>(q: &[T; 4]) -> Option<String> {
 }
 
 fn matrix4d(m: &[f64; 16]) -> Option<String> {
+    // The array is row-major, so four numbers in a row are a row of the literal.
     let rows: Option<Vec<String>> = m.chunks_exact(4).map(tuple).collect();
     rows.map(|r| format!("( {} )", r.join(", ")))
 }

@@ -70,6 +70,7 @@ impl CodedInteger for i64 {
 /// The most frequent delta; of equally frequent ones the largest, as OpenUSD chooses it.
 fn most_common_delta<W: CodedInteger>(deltas: &[W]) -> W {
     let mut sorted = deltas.to_vec();
+    // Equal deltas become runs: counting them this way needs no map.
     sorted.sort_unstable();
     let mut best = (W::ZERO, 0);
     for run in sorted.chunk_by(|a, b| a == b) {

@@ -132,6 +132,7 @@ impl UsdcWriter {
         let (parent, name) = if is_prim { split_prim_path(path) } else { split_property_path(path) };
         let token = self.tokens.intern(name);
         if let Some(members) = self.prim_specs.get(parent).and_then(|p| self.members.get_mut(p)) {
+            // Children and properties are separate lists of names, in the order in which they were defined.
             if is_prim { members.children.push(token) } else { members.properties.push(token) }
         }
         let path = self.paths.intern(path);
@@ -158,6 +159,7 @@ impl UsdcWriter {
     fn layer_arc_bytes(&mut self, arc: &CompositionArc) -> Vec<u8> {
         let mut item = self.intern_string(&arc.asset).to_le_bytes().to_vec();
         item.extend(self.paths.intern(&arc.prim).to_le_bytes());
+        // 0 - phase instead of -phase: the phase 0 gives +0.
         item.extend((0.0 - f64::from(arc.phase)).to_le_bytes());
         item.extend(1.0_f64.to_le_bytes());
         item
