@@ -28,7 +28,7 @@ pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8
     text.resize(text.len().next_multiple_of(4), b' ');
     bin.resize(bin.len().next_multiple_of(4), 0);
     let total = file_length(text.len(), bin.len())?;
-    // The header of 12 bytes and the head of the first chunk, all little-endian u32.
+    // The 12 bytes of the file's header, then length and type of the first chunk, all little-endian u32 (section 4.4.2).
     for word in [MAGIC, VERSION, total, length(&text)?, JSON] {
         put(&word.to_le_bytes())?;
     }

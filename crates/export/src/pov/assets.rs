@@ -268,7 +268,7 @@ impl PovAsset<'_> {
     ) -> usize {
         text.put(&format!("#declare L_{}_{i} = ", self.index));
         let mut lines = TextBuffer::default();
-        // Formatted before the declaration, because a union of one or none is written in another form.
+        // Formatted into a buffer first, because the form of the object depends on the number of instances.
         let count = write_instances(
             &mut lines,
             self.space,

@@ -60,7 +60,7 @@ impl InstancerBounds {
         let mut span = ExtentLanes { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3] };
         let placed = positions.chunks(LANES).zip(turns.chunks(LANES));
         for (block, (shown, (t, q))) in self.blocks.iter().zip(placed).enumerate() {
-            // The last block may have fewer than four instances.
+            // The last block has 1 to 4 instances; its empty lanes count as not alive.
             let n = t.len().min(q.len());
             let lives = |l: usize| shown.any[l] && l < n && alive.get(block * LANES + l) != Some(&false);
             let live: [bool; LANES] = std::array::from_fn(lives);
