@@ -29,7 +29,9 @@ pub(super) struct MeshPart {
 /// X001 for a value that is not finite, X010 for an index beyond the points or no triangle at all.
 pub(super) fn join(context: &mut ImportContext<'_>, mut parts: Vec<MeshPart>) -> ImportResult<Mesh> {
     parts.retain(|p| !p.triangles.is_empty());
+    // A stable sort: parts of one material keep the order of the file and become one subset.
     parts.sort_by_key(|p| p.material);
+    // A mesh has an attribute for all of its points or for none, so where one part has it the others are filled up.
     let with_uvs = parts.iter().any(|p| !p.uvs.is_empty());
     let with_colors = parts.iter().any(|p| !p.colors.is_empty());
     let mut mesh = Mesh::default();
@@ -96,6 +98,7 @@ fn check_part(context: &ImportContext<'_>, part: &MeshPart) -> ImportResult<()> 
 /// Converts a part to +Y up and metres.
 fn to_world_axes(context: &ImportContext<'_>, part: &mut MeshPart) -> ImportResult<()> {
     let (up, scale) = (context.options.up, context.options.scale);
+    // A quarter turn about x, which keeps the handedness and with it the winding of triangles.
     let turn = |v: Vec3| if up == UpAxis::Z { Vec3::new(v.x, v.z, -v.y) } else { v };
     part.points.iter_mut().for_each(|p| *p = turn(*p) * scale);
     part.normals.iter_mut().for_each(|n| *n = turn(*n));
@@ -138,6 +141,7 @@ fn fill_normals(part: &mut MeshPart) {
     }
     let mut sums = vec![Vec3::ZERO; places.len()];
     for t in &part.triangles {
+        // The cross product is already weighted by the area of the triangle.
         let area = double_area(&part.points, *t);
         for i in t {
             if let Some(sum) = place_of.get(*i as usize).and_then(|p| sums.get_mut(*p)) {

@@ -107,6 +107,7 @@ pub fn read(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<Im
     let mut context = ImportContext::new(path, bytes, options);
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     let result = match ending.as_deref() {
+        // The magic of a binary file counts more than its ending.
         _ if bytes.starts_with(b"glTF") => gltf::read(&mut context, bytes),
         Some("gltf" | "glb") => gltf::read(&mut context, bytes),
         Some("obj") => obj::read(&mut context, bytes),
@@ -159,6 +160,7 @@ pub fn read_grey(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Resu
         Error::Input(Box::new(report))
     })?;
     let channels = usize::from(raw.channels);
+    // Alpha is left out of the mean.
     let colors = if channels == 1 { 1 } else { 3 };
     let mean = |p: &[u8]| p.iter().take(colors).map(|v| u16::from(*v)).sum::<u16>();
     let scale = 1.0 / (255.0 * f32::from(if colors == 1 { 1_u8 } else { 3 }));

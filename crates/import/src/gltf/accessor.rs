@@ -120,6 +120,7 @@ impl Accessors<'_> {
             let elements = elements.ok_or_else(|| fault("passes the end of its bufferView"))?;
             elements.enumerate().for_each(|(i, e)| put(i, e));
         }
+        // Sparse values replace the elements of the view, or zeros where there is no view.
         let Some(sparse) = &accessor.sparse else { return Ok(()) };
         let count = usize::try_from(sparse.count.0).ok().filter(|n| *n <= layout.count);
         let count = count.ok_or_else(|| fault("has more sparse values than elements"))?;
@@ -150,6 +151,7 @@ impl Accessors<'_> {
         let view = self.document.root.buffer_views.get(view)?;
         let bytes = self.buffers.view(view)?.get(usize::try_from(offset).ok()?..)?;
         let stride = view.byte_stride.map_or(size, |s| s.0);
+        // The last element need not be followed by the rest of its stride: stride (n - 1) + size bytes.
         let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(size))?;
         let bytes = bytes.get(..needed)?;
         (stride >= size && size > 0).then(|| bytes.chunks(stride).take(count).filter_map(move |c| c.get(..size)))
@@ -165,6 +167,7 @@ fn unsigned(bytes: &[u8]) -> u32 {
 /// Source: glTF 2.0 specification, section 3.11 (integers to normalized floats).
 fn component(bytes: &[u8], kind: ComponentType, normalized: bool) -> f32 {
     let raw = unsigned(bytes);
+    // Sign extension: the value is moved to the top of the word and back by an arithmetic shift.
     let signed = |bits: u32| f64::from((raw << (32 - bits)).cast_signed() >> (32 - bits));
     let (value, one) = match kind {
         ComponentType::F32 => return f32::from_bits(raw),
@@ -174,6 +177,7 @@ fn component(bytes: &[u8], kind: ComponentType, normalized: bool) -> f32 {
         ComponentType::U16 => (f64::from(raw), 65_535.0),
         ComponentType::U32 => (f64::from(raw), f64::from(u32::MAX)),
     };
+    // Signed integers have one value more below 0: -128 / 127 is clamped to -1.
     narrow(if normalized { (value / one).max(-1.0) } else { value })
 }
 

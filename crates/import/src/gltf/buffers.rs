@@ -23,9 +23,11 @@ impl<'a> Buffers<'a> {
         for (i, buffer) in root.buffers.iter().enumerate() {
             let bytes = match (&buffer.uri, bin) {
                 (Some(uri), _) => Cow::Owned(resource(context, &format!("buffers[{i}]"), uri, left)?),
+                // Only the first buffer may omit its uri: it is then the binary chunk of the file.
                 (None, Some(bin)) if i == 0 => Cow::Borrowed(bin),
                 (None, _) => return Err(context.error_in_file("X010", format_args!("buffers[{i}] has no bytes"))),
             };
+            // More bytes than declared are allowed, since a binary chunk is padded to a multiple of four.
             if (bytes.len() as u64) < buffer.byte_length.0 {
                 let (has, wants) = (bytes.len(), buffer.byte_length.0);
                 let message = format_args!("buffers[{i}] holds {has} bytes where {wants} are declared");
@@ -76,6 +78,7 @@ pub(super) fn resource(context: &mut ImportContext<'_>, place: &str, uri: &str, 
 /// Standard base64 with or without padding; `None` for anything else.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let digits = text.trim_end_matches('=');
+    // At most two signs of padding, and a single digit over a multiple of four holds no byte.
     if text.len() - digits.len() > 2 || digits.len() % 4 == 1 {
         return None;
     }
@@ -91,6 +94,7 @@ fn base64(text: &str) -> Option<Vec<u8>> {
             _ => return None,
         };
         bits = (bits << 6) | u32::from(value);
+        // Six bits per digit; a byte is complete once eight are held.
         held += 6;
         if held >= 8 {
             held -= 8;

@@ -23,6 +23,7 @@ pub(super) fn split<'a>(context: &ImportContext<'_>, bytes: &'a [u8]) -> ImportR
         Box::new(context.error_about_file("X010", format_args!("is damaged: {why}")).help("export it again"))
     };
     let word = |at: usize| bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+    // Header of 12 bytes: magic, version, length of the whole file, each a little-endian word.
     if word(4) != Some(2) {
         return Err(context.error_about_file("X010", "is not glTF 2.0; export it as version 2"));
     }
@@ -31,11 +32,13 @@ pub(super) fn split<'a>(context: &ImportContext<'_>, bytes: &'a [u8]) -> ImportR
     let mut chunks = GlbChunks { json: &[], bin: None };
     let mut at = 12_usize;
     while at < body.len() {
+        // Each chunk: length of its data, type, data.
         let chunk = word(at).zip(word(at + 4)).and_then(|(n, kind)| {
             let start = at + 8;
             body.get(start..start.checked_add(n as usize)?).map(|data| (kind, data))
         });
         let (kind, data) = chunk.ok_or_else(|| damaged("a chunk is cut off"))?;
+        // The first chunk must be JSON, and one binary chunk may follow; a reader ignores chunks of other types.
         match kind {
             JSON if at == 12 => chunks.json = data,
             BIN if chunks.bin.is_none() => chunks.bin = Some(data),

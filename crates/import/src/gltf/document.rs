@@ -99,6 +99,7 @@ impl GltfDocument {
         let uv_transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, uv_transform(m)?))).collect();
         let ior = |m: &Value| m.pointer("/extensions/KHR_materials_ior/ior")?.as_f64();
         let iors = entries(top, "materials").filter_map(|(i, m)| Some((i, ior(m)?))).collect();
+        // What is left is validated by the `gltf` crate.
         let stripped = serde_json::to_vec(&value)
             .map_err(|e| context.error_about_file("X010", format_args!("is damaged: {e}")))?;
         drop(value);
@@ -112,6 +113,7 @@ impl GltfDocument {
 
 /// Reports a JSON syntax error with its position.
 fn syntax_error(context: &mut ImportContext<'_>, text: &str, e: &serde_json::Error) {
+    // The parser gives line and column; a span needs the byte offset.
     let line_start: usize = text.split_inclusive('\n').take(e.line().saturating_sub(1)).map(str::len).sum();
     let at = (line_start + e.column().saturating_sub(1)).min(text.len());
     let source = context.report.sources.add(context.name(), text);

@@ -43,6 +43,7 @@ impl<'a> GltfMaterials<'a> {
         let transform = material.and_then(|i| self.document.uv_transforms.get(&i)).copied();
         let given = material.and_then(|i| self.document.root.materials.get(i));
         let texture = given.and_then(|g| g.pbr_metallic_roughness.base_color_texture.as_ref());
+        // The extension's texCoord overrides that of the texture.
         let set = transform.and_then(|t| t.set).or(texture.map(|t| t.tex_coord)).unwrap_or(0);
         (set, transform)
     }
@@ -72,6 +73,7 @@ impl<'a> GltfMaterials<'a> {
             return Ok(material);
         };
         let pbr = &given.pbr_metallic_roughness;
+        // The factors multiply the pictures, so they are applied to the pictures and not kept beside them.
         let [r, g, b, a] = pbr.base_color_factor.0.map(|v| v.clamp(0.0, 1.0));
         material.base_color = [r, g, b];
         material.roughness = pbr.roughness_factor.0.clamp(0.0, 1.0);

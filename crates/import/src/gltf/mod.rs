@@ -28,6 +28,7 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     }
     let chunks = container::split(context, bytes)?;
     let Some(document) = GltfDocument::read(context, chunks.json)? else { return Ok(ImportedMesh::default()) };
+    // Counted before the walk, whose tables have one entry per node.
     let nodes = document.root.nodes.len();
     if nodes > MAX_NODES {
         let message = format_args!("has {} nodes, the limit is {}", grouped(nodes as u64), grouped(MAX_NODES as u64));

@@ -84,6 +84,7 @@ fn root_nodes(document: &GltfDocument) -> Vec<usize> {
     if let Some(scene) = root.scenes.get(scene) {
         return scene.nodes.iter().map(|n| n.value()).collect();
     }
+    // Without scenes the roots are the nodes that no other node has as its child.
     let mut is_child = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|n| n.children.iter().flatten()) {
         if let Some(flag) = is_child.get_mut(child.value()) {
@@ -128,6 +129,7 @@ fn instance_matrices(
         read(accessor_of.rotation, Type::Vec4)?,
         read(accessor_of.scale, Type::Vec3)?,
     );
+    // The attributes are optional, but those that are given have one value per instance.
     let counts: Vec<usize> =
         [(&t, 3), (&r, 4), (&s, 3)].iter().filter_map(|(v, n)| v.as_ref().map(|v| v.len() / n)).collect();
     let n = counts.first().copied().unwrap_or(0);

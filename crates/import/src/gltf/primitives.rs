@@ -32,11 +32,13 @@ pub(super) fn mesh_parts(
     let mut parts = Vec::new();
     let (mut vertices, mut triangles) = (0, 0);
     for instance in instances {
+        // A mesh that several nodes place is read once.
         let local = match meshes.entry(instance.mesh) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => new.insert(mesh(context, &accessors, instance.mesh, materials)?),
         };
         for part in local {
+            // Counted before the copies are made.
             let copies = instance.world_from_mesh.len() as u64;
             vertices += part.points.len() as u64 * copies;
             triangles += part.triangles.len() as u64 * copies;
@@ -56,6 +58,7 @@ fn transformed(part: &MeshPart, world_from_mesh: Mat4) -> MeshPart {
     let det = linear.determinant();
     part.points.iter_mut().for_each(|p| *p = world_from_mesh.transform_point3(*p));
     if det.abs() > 0.0 {
+        // Normals go with the inverse transpose, so that they stay perpendicular under unequal scales.
         let for_normals = linear.inverse().transpose();
         part.normals.iter_mut().for_each(|n| *n = (for_normals * *n).normalize_or_zero());
     } else {
@@ -149,6 +152,7 @@ fn rgba(c: &[f32]) -> [f32; 4] {
 fn from_gltf_uv(uv: Vec2, transform: Option<UvTransform>) -> Vec2 {
     let Some(t) = transform else { return Vec2::new(uv.x, 1.0 - uv.y) };
     let (sin, cos) = (math::sin(t.rotation), math::cos(t.rotation));
+    // In the file's coordinates, with v down; the last line turns v up.
     let (u, v) = (f64::from(uv.x) * t.scale[0], f64::from(uv.y) * t.scale[1]);
     let (u, v) = (cos * u + sin * v + t.offset[0], -sin * u + cos * v + t.offset[1]);
     Vec2::new(math::narrow(u), math::narrow(1.0 - v))
@@ -165,6 +169,7 @@ fn triangles(order: &[u32], mode: Mode) -> Vec<[u32; 3]> {
         (Mode::TriangleStrip, _) => {
             let turned = |(i, w): (usize, &[u32])| {
                 let [a, b, c] = triple(w);
+                // Every second triangle of a strip has its first two corners swapped, so that all have one winding.
                 if i % 2 == 0 { [a, b, c] } else { [b, a, c] }
             };
             order.windows(3).enumerate().map(turned).collect()

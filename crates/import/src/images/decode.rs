@@ -51,6 +51,7 @@ impl DecodedImage {
             let tint = |v: u8| units::srgb_from_linear(units::linear_from_srgb(f32::from(v) / 255.0) * f);
             (0..=255_u8).map(|v| units::byte(tint(v))).collect()
         };
+        // A channel has 256 values, so the conversion to linear and back is tabulated once per channel.
         let colors: Vec<Vec<u8>> = factor.iter().take(3).map(|f| table(*f)).collect();
         let alpha: Vec<u8> = (0..=255_u8).map(|v| units::byte(f32::from(v) / 255.0 * factor[3])).collect();
         let tables: Vec<&Vec<u8>> = colors.iter().chain([&alpha]).collect();
@@ -108,6 +109,7 @@ pub(crate) fn decode(
     limits.max_alloc = Some(budget);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|e| failed(&e))?;
+    // Dimensions come from the header: nothing is decoded before they are within the limits.
     let (width, height) = decoder.dimensions();
     if u64::from(width.max(height)) > side {
         let message = format_args!("{place}: image of {width} x {height} pixels, the limit is {side} a side");
@@ -145,6 +147,7 @@ fn is_complete_png(bytes: &[u8]) -> bool {
     loop {
         let head = |k: usize| bytes.get(at + k..at + k + 4);
         let (Some(length), Some(kind)) = (head(0).and_then(|b| b.try_into().ok()), head(4)) else { return false };
+        // A chunk is its length, type, data and checksum: 12 bytes beside the data.
         let next = at.saturating_add(12).saturating_add(u32::from_be_bytes(length) as usize);
         if next > bytes.len() {
             return false;
@@ -158,6 +161,7 @@ fn is_complete_png(bytes: &[u8]) -> bool {
 
 /// True if an end-of-image marker (FFD9) follows the last start-of-scan marker (FFDA). Embedded thumbnails have both, before it.
 fn is_complete_jpeg(bytes: &[u8]) -> bool {
+    // Markers of JPEG: FF D9 ends the image, FF DA starts a scan.
     let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
     last([0xff, 0xd9]).is_some_and(|end| last([0xff, 0xda]).is_some_and(|scan| end > scan))
 }

@@ -37,10 +37,12 @@ fn polygon(points: &[Vec3], face: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let extent = corners.iter().fold(0.0_f32, |m, p| m.max((*p - origin).abs().max_element()));
     let local: Vec<Vec3> = corners.iter().map(|p| (*p - origin) / extent.max(f32::MIN_POSITIVE)).collect();
     let normal = normalize_or(geometry::newell(&local), Vec3::ZERO);
+    // Axes of the polygon's plane with x cross y along the normal, so that the outline is counter-clockwise.
     let (x, y) = (perpendicular(normal), normal.cross(perpendicular(normal)));
     let outline: Vec<Vec2> = local.iter().map(|p| Vec2::new(x.dot(*p), y.dot(*p))).collect();
     let cut = if normal.length_squared() > 0.5 { geometry::triangulate(&outline) } else { Vec::new() };
     let corner = |i: usize| face.get(i).copied().unwrap_or(0);
+    // A simple polygon gives exactly n - 2 triangles; fewer mean that it crosses itself or has no area.
     if cut.len() == face.len() - 2 {
         triangles.extend(cut.iter().map(|t| t.map(|i| corner(i as usize))));
     } else {

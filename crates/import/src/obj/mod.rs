@@ -30,6 +30,8 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
     let Some(text) = text(context, &context.name(), bytes) else { return Ok(ImportedMesh::default()) };
     let name = context.name();
     let mut checked = CheckedText::new(&name, &text);
+    // First pass: every line is checked, so that all faults come with their place. The second pass, by `tobj`, builds the
+    // mesh.
     let Some(scan) = scan::scan(context, &mut checked)? else { return Ok(ImportedMesh::default()) };
     let library = MaterialLibraries::read(context, &mut checked, &scan.libraries);
     if context.report.has_errors() {

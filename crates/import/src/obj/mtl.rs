@@ -70,6 +70,7 @@ impl MaterialLibraries {
                 checked.report(context, syntax_error);
                 continue;
             }
+            // The lines up to the next `newmtl` describe this material.
             if key.text == "newmtl" {
                 rest.text.clone_into(&mut material);
             }
@@ -249,7 +250,9 @@ fn map_file(line: ObjToken<'_>) -> ObjToken<'_> {
     while rest.starts_with('-') {
         let (option, mut after) = rest.split_once(' ').unwrap_or((rest, ""));
         let (least, most) = match option {
+            // u, and where given v and w: a word that is no number begins the file name.
             "-o" | "-s" | "-t" => (1, 3),
+            // Base and gain.
             "-mm" => (2, 2),
             _ => (1, 1),
         };

@@ -114,6 +114,7 @@ fn vertex<'a>(
 ) -> Result<(), SyntaxError> {
     let all: Vec<ObjToken<'a>> = tokens.take(7).collect();
     match numbers(key, all.iter().copied(), 3..=6)? {
+        // The fourth number is the weight w of a rational vertex, by which x, y and z are divided.
         4 => {
             if let Some(w) = all.get(3)
                 && w.number()?.abs() < f64::from(f32::MIN_POSITIVE)
@@ -155,6 +156,7 @@ fn face<'a>(
     }
     if key.text == "f" {
         counts.faceless += u64::from(n < 3);
+        // A polygon of n corners is cut into n - 2 triangles.
         counts.triangles += n.saturating_sub(2) as u64;
     }
     Ok(())
@@ -168,6 +170,7 @@ fn index(token: ObjToken<'_>, field: Option<&str>, count: u64, what: &str, optio
         None => "",
     };
     let help = "count from 1, or backwards from -1, over what stands above this line";
+    // Negative indices count backwards from the last element defined so far; 0 is none.
     let digits = field.strip_prefix('-').unwrap_or(field);
     let plain = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
     if !plain {

@@ -44,6 +44,7 @@ impl ObjToken<'_> {
 
 /// The text with continued lines joined and tabs replaced by blanks; every byte keeps its offset.
 pub(super) fn plain(text: &str) -> String {
+    // A backslash and its line end become two blanks, as many bytes as they were.
     text.replace("\\\n", "  ").replace('\t', " ")
 }
 
@@ -52,6 +53,7 @@ pub(super) fn lines(plain: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut next = 0;
     let with_start = plain.split('\n').map(move |line| {
         let start = next;
+        // One byte more for the line end that `split` took away.
         next += line.len() + 1;
         (start, line)
     });
