@@ -206,6 +206,7 @@ impl FlightParams {
 
     /// Range of attraction, m: where it has decayed to a hundredth.
     pub fn attraction_radius(&self) -> f64 {
+        // exp(-gamma r^2) = 1/100 solved for r.
         osier_base::math::sqrt(osier_base::math::ln(100.0) / self.gamma)
     }
 }

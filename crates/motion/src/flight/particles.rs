@@ -110,6 +110,7 @@ impl VelocityDecay {
         if !options.inertia {
             return Self { whole: 0.0, half: 0.0 };
         }
+        // Linear drag: dv/dt = (u - v) / tau has the solution u - v = (u0 - v0) exp(-t/tau), exact for any step.
         let (tau, dt) = (options.relaxation_time(fall), options.time_step());
         Self { whole: exp(-dt / tau), half: exp(-dt / (2.0 * tau)) }
     }
@@ -125,6 +126,7 @@ impl Catkin {
         let kind = draw.pick(&weights).min(options.kinds.len().saturating_sub(1));
         let (kind, base) = (0_u16..).zip(&options.kinds).nth(kind).map_or((0, 0.02), |(index, k)| (index, k.radius));
         let scale = draw.range(options.scales[0], options.scales[1]);
+        // Cut off at two standard deviations, so that a spread below one half leaves every speed positive.
         let fall = options.fall * (1.0 + options.fall_spread * draw.normal().clamp(-2.0, 2.0));
         // Catkins released at time 0 are airborne from the first frame.
         let waits = !matches!(start.wait, ReleaseCondition::Until(t) if t <= 0.0);

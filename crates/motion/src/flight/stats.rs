@@ -104,6 +104,7 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
             CatkinState::Corner => &mut t.corner,
             CatkinState::Exited => &mut t.exited,
         } += 1;
+        // Speeds relative to the ground, not to the air.
         if c.state == CatkinState::Airborne {
             let speed = c.v.length();
             speeds += speed;
@@ -115,6 +116,7 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
             time += c.rested - c.since;
             way += sqrt(d.x * d.x + d.z * d.z);
         }
+        // A single is visible and in no cluster; clusters are counted from their own list below.
         t.singles += u64::from(c.state.is_seen() && !c.clustered);
     }
     let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };

@@ -88,6 +88,7 @@ impl StepTables {
 
 /// Relaxation time at a cell of any plane without a sponge in z: that of the sponge in x, at least that of the ground.
 fn tau_without_z_sponge(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
+    // A longer relaxation time is a larger viscosity, so the sponge damps what would be reflected at the boundary.
     let (tau, ground) = (params.tau, &params.ground);
     let sponge = params.sponge[0].get(x).copied().unwrap_or(0.0);
     (tau + sponge * ground.sponge_tau(y, tau)).max(ground.min_tau_at(y, tau))

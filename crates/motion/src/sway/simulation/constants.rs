@@ -184,6 +184,7 @@ impl SecondModes {
 
 /// Step coefficients of one mode; modes above the Nyquist frequency of the frames are quasi-static.
 fn oscillator_step(w: f64, zeta: f64, fps: f64, step: f64) -> OscillatorStep {
+    // The angular Nyquist frequency is pi times the frame rate; a faster mode would show as a slower one, by aliasing.
     let fast = w > std::f64::consts::PI * fps;
     if fast { OscillatorStep::first_order_lag(w, step) } else { OscillatorStep::new(w, zeta, step) }
 }
@@ -211,6 +212,8 @@ impl RowLayout {
             next = padded_row_count(next);
             slots[count - 1].1 = next;
         }
+        // The k-th stations of all elements follow each other, so that a register loads the k-th stations of its elements
+        // at once.
         let mut begin = 0;
         for slot in &mut slots {
             slot.0 = begin;

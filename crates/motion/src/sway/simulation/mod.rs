@@ -155,6 +155,7 @@ impl<'a> SwaySimulation<'a> {
             step: self.step,
             fresh: settle || self.steps_since_reset == 0,
             between,
+            // The second difference of positions needs two earlier steps; in equilibrium nothing accelerates.
             whip: if settle || self.steps_since_reset < 2 { 0.0 } else { self.params.whip },
             settle,
         });
@@ -165,6 +166,7 @@ impl<'a> SwaySimulation<'a> {
         let stand = self.params.stand;
         let back = stand.r.conjugate();
         for (w, row) in self.world.iter_mut().zip(&self.constants.stations) {
+            // The wind is asked at world positions; the answer is turned back into the plant's space.
             *w = stand.apply(to_dvec3(self.state.places.row(*row)).as_vec3());
         }
         self.wind.sample(&self.world, t, &mut self.station_wind);
@@ -197,6 +199,8 @@ fn steps_per_wind_sample(step: f64) -> u32 {
 fn element_noise(e: &BeamElement, period: Option<f64>) -> [TimeNoise; 2] {
     let mut draw = rng::Rng::from_key(rng::child(e.id, rng::word("flicker")));
     let hertz = e.w[0] / std::f64::consts::TAU;
+    // Flicker near the element's own frequency, spread by 30 % so that neighbours do not beat together; shedding at that
+    // frequency.
     let wanted = [(hertz * draw.range(0.7, 1.3)).min(MAX_FLICKER_HZ), hertz.min(2.0 * MAX_FLICKER_HZ)];
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
     wanted.map(|hertz| TimeNoise::new((draw.next_u64() >> 32) as u32, hertz, period))

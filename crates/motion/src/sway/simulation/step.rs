@@ -90,6 +90,8 @@ fn element_groups<S: Simd>(constants: &SimulationConstants) -> usize {
 #[inline(always)]
 fn station_count<S: Simd>(constants: &SimulationConstants, group: usize) -> usize {
     let mut count = 0;
+    // Elements are sorted by descending station count, so the rows of the k-th stations are a prefix of the elements'
+    // rows.
     while count < constants.station_slots.len() && group * S::F64_LANES < constants.station_slots[count].1 {
         count += 1;
     }
@@ -217,6 +219,7 @@ fn accumulate_base_transforms(constants: &SimulationConstants, state: &mut Simul
                 // The vector turned by a quaternion: v + 2 w (u x v) + 2 u x (u x v).
                 let (tx, ty, tz) = (2.0 * (b * pz - c * py), 2.0 * (c * px - a * pz), 2.0 * (a * py - b * px));
                 [
+                    // Hamilton product of the carrier's rotation and the link's, then the link's offset turned and added.
                     d * x + a * w + b * z - c * y,
                     d * y - a * z + b * w + c * x,
                     d * z + a * y - b * x + c * w,
@@ -285,6 +288,7 @@ impl IntegrateStep<'_> {
         let (constants, state) = (self.constants, &mut *self.state);
         let zero = Vec3Lanes([F64Lanes::from_scalar(simd, 0.0); 3]);
         let between = F64Lanes::from_scalar(simd, self.between);
+        // 1/dt and 1/dt^2 for the differences below; inertia acts against the acceleration, hence the sign.
         let (rate, square, whip) = (1.0 / self.step, 1.0 / (self.step * self.step), -self.whip);
         for g in 0..element_groups::<S>(constants) {
             let count = station_count::<S>(constants, g);
