@@ -355,8 +355,7 @@ impl Common {
     /// # Errors
     /// A message for a flag or a variable that cannot be read.
     pub fn limits(&self, environment: Option<OsString>) -> Result<Limits, String> {
-        // In rising precedence: memory of the machine and of its control group, the process's own bound, the environment,
-        // the flags.
+        // The smallest of three bounds: memory of the machine, of its control group, and address space of the process.
         let [machine, container] = ["/proc/meminfo", "/sys/fs/cgroup/memory.max"].map(system_text);
         let mut limits = Limits::of_machine(&machine, &container).within_process(&system_text("/proc/self/limits"));
         let text = environment.map(|v| v.to_string_lossy().into_owned()).unwrap_or_default();
