@@ -46,7 +46,7 @@ use output::single_file::refuse_invisible;
 use scene::animated::AnimatedScene;
 use scene::assembly::SceneParts;
 
-/// What a bake made.
+/// Manifest, warnings and statistics of a finished bake.
 #[derive(Debug)]
 pub struct Baked {
     /// The manifest, as it is written: scene, materials, all files with their hashes.

@@ -429,10 +429,11 @@ impl Resolver<'_> {
 
 /// Without [[place]], every plant stands once, 4 m from its neighbour.
 fn default_places(plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
-    let at = |i: usize| [4.0 * f64::from(u32::try_from(i).unwrap_or(u32::MAX)), 0.0, 0.0];
-    (0..plants.len())
-        .map(|i| PlaceRecipe { plant: i, keys: PlaceKeys { at: at(i), ..PlaceKeys::defaults() } })
-        .collect()
+    let place = |(plant, number): (usize, u32)| {
+        let at = [4.0 * f64::from(number), 0.0, 0.0];
+        PlaceRecipe { plant, keys: PlaceKeys { at, ..PlaceKeys::defaults() } }
+    };
+    (0..plants.len()).zip(0_u32..).map(place).collect()
 }
 
 pub(super) fn span_of(root: &TomlTable, path: &[&str]) -> Option<Span> {

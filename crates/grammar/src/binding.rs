@@ -47,7 +47,7 @@ pub enum TurtleAction {
     Widen,
     /// Sets the colour index.
     Colour,
-    /// Begins a polygon.
+    /// Begins a polygon, as `{` does.
     Polygon,
     /// Adds the current position to the polygon.
     Vertex,

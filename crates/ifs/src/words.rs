@@ -61,7 +61,7 @@ pub struct Word {
 struct WordMeasure {
     /// Product of the scales of its letters.
     size: f64,
-    /// Number of letters.
+    /// Number of letters: maps applied one after another.
     depth: u16,
     /// Number of letters that do not continue an axis.
     order: u16,

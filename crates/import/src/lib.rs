@@ -141,9 +141,9 @@ struct ImportedMesh {
 /// An image of one channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GreyImage {
-    /// Pixels in a row.
+    /// Width of the image, pixels.
     pub width: usize,
-    /// Number of rows.
+    /// Height of the image, pixels.
     pub height: usize,
     /// Brightness, 0..1, row by row from the top left.
     pub values: Vec<f32>,

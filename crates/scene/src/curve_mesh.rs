@@ -7,7 +7,7 @@ use glam::{Quat, Vec2, Vec3};
 use super::{Curves, Mesh};
 use osier_base::math;
 
-/// Sides of a tube.
+/// Sides of the tube that a curve becomes.
 const SIDES: u32 = 3;
 
 /// A ribbon along each curve, two vertices per point, as wide as the curve. `points`: the curve points of one frame.
@@ -95,7 +95,7 @@ fn tube(mesh: &mut Mesh, line: &[Vec3], widths: &[f32]) {
             mesh.uvs.push(Vec2::new(k as f32 / SIDES as f32, along));
         }
     }
-    for i in 0..u32::try_from(line.len() - 1).unwrap_or(0) {
+    for i in (0_u32..).take(line.len() - 1) {
         for k in 0..SIDES {
             let [a, b] = [k, (k + 1) % SIDES].map(|k| base + SIDES * i + k);
             let [c, d] = [a + SIDES, b + SIDES];
@@ -122,7 +122,7 @@ fn ribbon(mesh: &mut Mesh, rest: &[Vec3], line: &[Vec3], widths: &[f32]) {
         mesh.normals.extend([normal; 2]);
         mesh.uvs.extend([Vec2::new(0.0, along), Vec2::new(1.0, along)]);
     }
-    for i in (0..u32::try_from(line.len() - 1).unwrap_or(0)).map(|i| base + 2 * i) {
+    for i in (0_u32..).take(line.len() - 1).map(|i| base + 2 * i) {
         mesh.triangles.extend([[i, i + 1, i + 2], [i + 2, i + 1, i + 3]]);
     }
 }

@@ -87,7 +87,7 @@ pub enum InstancerFrame {
 /// Curves at one frame.
 #[derive(Debug, Clone, Default)]
 pub enum CurvesFrame {
-    /// The rest state.
+    /// As in the scene.
     #[default]
     Same,
     /// New points, m, one per point.

@@ -29,7 +29,7 @@ pub struct Points {
 /// One point cloud at one frame.
 #[derive(Debug, Clone, Default)]
 pub enum PointsFrame {
-    /// The rest state.
+    /// The points as in the scene.
     #[default]
     Same,
     /// New positions and widths.

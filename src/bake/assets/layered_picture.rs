@@ -24,9 +24,9 @@ const BYTES_PER_PIXEL: u64 = 96;
 /// A picture in sRGB with straight alpha, 0..1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerCanvas {
-    /// Columns, pixels.
+    /// Width of the picture, pixels.
     pub width: usize,
-    /// Rows, pixels.
+    /// Height of the picture, pixels.
     pub height: usize,
     /// Row by row from the top.
     pub pixels: Vec<[f32; 4]>,

@@ -26,7 +26,7 @@ const TILES: [f32; 3] = [0.20, 0.058, 0.034];
 
 /// The ground under a scene.
 pub enum GroundSurface<'a> {
-    /// The plane y = 0.
+    /// The plane y = 0, without a ground mesh.
     Level,
     /// A wavy ground, and the world position of its centre.
     Waves(&'a Ground, Vec3),

@@ -51,7 +51,7 @@ impl FrameTime {
 /// A row of one of the scene's tables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableRow {
-    /// Name of the table.
+    /// Name of the table, as in the scene.
     pub table: &'static str,
     /// One value for each of its columns.
     pub values: Vec<f64>,

@@ -292,6 +292,7 @@ impl<'a> RodAssembly<'a> {
             sections: (0..self.rods.len()).map(|i| self.rest_transform(i)).collect(),
             bodies: self.rods.bodies().iter().map(|b| self.rest_transform(b.section).0).collect(),
         };
+        // One material per mesh. Skins address joints: the root, then the sections of all rods, then the weights.
         let joints = joint_transforms(&rest);
         let (mut materials, mut meshes) = (Vec::new(), Vec::new());
         let mut add = |name: String, color: [f32; 3], mesh: Mesh, skin: SkinWeights| -> Result<()> {
@@ -306,6 +307,7 @@ impl<'a> RodAssembly<'a> {
             add(rod.id.clone(), rod.keys.color, mesh, skin)?;
         }
         for (k, weight) in self.weights.iter().enumerate().filter(|(_, w)| w.visible) {
+            // A ball follows the joint of its weight, after those of all sections.
             let joint = narrow(1 + rest.sections.len() + k, "joints of a rod")?;
             let name = format!("{}_weight_{}", self.members[0].id, k + 1);
             let (mesh, skin) = ball(rest.bodies[k], math::narrow(weight.radius), joint);

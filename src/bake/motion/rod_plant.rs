@@ -91,7 +91,7 @@ pub struct SkinBinding {
 /// Frame rate of a clip and number of its first frame, by which the rods name the frame of an error.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameClock {
-    /// Frames per second.
+    /// Frame rate of the clip, 1/s.
     pub fps: f64,
     /// Number of the clip's first frame.
     pub first: u32,

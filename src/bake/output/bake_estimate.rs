@@ -18,9 +18,9 @@ pub struct BakeEstimate {
     pub triangles: u64,
     /// Instances of prototypes.
     pub instances: u64,
-    /// Points of clouds.
+    /// Points of all attractors.
     pub points: u64,
-    /// Joints.
+    /// Joints of all skeletons.
     pub joints: u64,
     /// Frames that are written; 0 for a still scene.
     pub frames: u64,

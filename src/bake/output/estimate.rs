@@ -22,7 +22,7 @@ pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[
     )
 }
 
-/// What is counted.
+/// The quantity that is counted, for the table.
 pub(crate) struct CountJob<'a> {
     /// Formats that are written.
     pub(crate) formats: &'a [&'static FormatInfo],

@@ -11,7 +11,7 @@ use osier_scene::{Frame, check_frame, check_scene, largest};
 pub struct NamedExporter {
     /// The word of its format.
     pub name: &'static str,
-    /// The open exporter.
+    /// The exporter, after `begin`.
     pub exporter: Box<dyn Exporter>,
 }
 

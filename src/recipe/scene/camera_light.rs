@@ -23,7 +23,7 @@ keys! {
         elevation: f64 = "elevation_deg" degrees(40.0, -90.0, 90.0);
         /// Direction from which the sun shines: 0 is +X, 90 is -Z.
         azimuth: f64 = "direction_deg" SunDirection(-15.0);
-        /// Colour.
+        /// Colour of the light.
         color: [f32; 3] = "color" ColorType("#fff9ee");
         /// Irradiance on a surface that faces the sun.
         strength: f64 = "strength" number(3.0, 0.0, 1000.0, "W/m^2");
@@ -50,7 +50,7 @@ keys! {
     FogKeys at "fog" {
         /// Distance at which 2 % of the contrast remains; without it there is no haze.
         visibility: Option<f64> = "visibility" OptionalKey(number(400.0, 0.1, 1e7, "m"), "none");
-        /// Colour.
+        /// Colour of the light.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#edf3f9"), "the sky's at the horizon");
         /// Height at which a quarter of the density remains; 0 for a constant density.
         height: f64 = "height" number(0.0, 0.0, 1e5, "m");

@@ -97,7 +97,7 @@ keys! {
         gravity: RodGravity = "gravity" OneOf(RodGravity::Posed);
         /// Initial velocity of the tip, decreasing to zero at the base.
         launch: [f64; 3] = "launch" NumberArray([0.0; 3], number(0.0, -1000.0, 1000.0, "m/s"));
-        /// Colour of the rod.
+        /// Colour of the whole rod.
         color: [f32; 3] = "color" ColorType("#8a6f4d");
     }
     /// A boundary condition of a rod.

@@ -22,7 +22,7 @@ pub enum Severity {
 /// A text edit that resolves a diagnostic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fix {
-    /// Bytes to replace.
+    /// Range of bytes that the fix replaces.
     pub span: Span,
     /// Text that replaces them; empty to delete.
     pub replacement: String,

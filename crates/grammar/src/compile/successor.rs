@@ -12,7 +12,7 @@ use osier_base::diagnostic::Diagnostic;
 /// Modules that one successor may contain after its repeats are expanded; larger counts belong into productions.
 const MAX_SUCCESSOR_MODULES: usize = 1 << 20;
 
-/// An open `repeat`.
+/// A `repeat` whose block is not yet closed.
 #[derive(Debug)]
 struct OpenRepeat {
     /// Index of the first module of its body.

@@ -80,6 +80,7 @@ impl GltfDocument {
                 return Ok(None);
             }
         };
+        // Parse into a tree first: what the `gltf` crate would refuse or lose is read and removed here.
         let mut value: Value = match serde_json::from_str(&text) {
             Ok(value) => value,
             Err(e) => {

@@ -35,6 +35,7 @@ pub(super) fn scan(context: &mut ImportContext<'_>, checked: &mut CheckedText<'_
     let mut counts = ObjCounts::default();
     let mut libraries = Vec::new();
     let mut errors = 0;
+    // Check every statement that is read later; other keywords (groups, smoothing, curves) are ignored.
     for (start, line) in lines(&plain) {
         let mut tokens = tokens(start, line);
         let Some(key) = tokens.next() else { continue };

@@ -30,7 +30,7 @@ pub enum SideBoundary {
 /// Start position and release condition of a catkin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatkinStart {
-    /// Start position, m.
+    /// Position at release, m.
     pub at: DVec3,
     /// Condition of its release.
     pub wait: ReleaseCondition,
@@ -49,11 +49,11 @@ pub enum ReleaseCondition {
 /// Humidity of the ground, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GroundHumidity {
-    /// Uniform humidity.
+    /// The same humidity everywhere, 0 to 1.
     Even(f64),
     /// A raster over the box, its first row at -z.
     Map {
-        /// Pixels along x.
+        /// Pixels of the map along x.
         width: usize,
         /// Rows from -z to +z, 0 to 1.
         values: Vec<f32>,

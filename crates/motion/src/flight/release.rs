@@ -13,7 +13,7 @@ use osier_scene::solid::Solids;
 pub struct SkyRelease {
     /// Seed of the start positions and times.
     pub seed: u64,
-    /// Number of catkins.
+    /// Number of catkins to release.
     pub count: u32,
     /// Bounds of the simulated air, m.
     pub inside: Bounds,

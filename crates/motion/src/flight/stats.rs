@@ -21,9 +21,9 @@ pub(super) struct EventCounters {
 /// Number of catkins by state at one time, and event counts until then.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FlightStats {
-    /// Waiting catkins.
+    /// Catkins not yet released.
     pub pending: u64,
-    /// Airborne catkins.
+    /// Catkins in the air, singly or in clusters.
     pub airborne: u64,
     /// Deposited on ground, roofs and tops of walls.
     pub grounded: u64,
@@ -43,7 +43,7 @@ pub struct FlightStats {
     pub merges: u64,
     /// Depositions so far.
     pub deposits: u64,
-    /// Lift-offs so far.
+    /// Lift-offs since the first step.
     pub lift_offs: u64,
     /// Recycled catkins so far.
     pub recycled: u64,

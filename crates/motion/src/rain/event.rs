@@ -7,19 +7,19 @@ use glam::DVec3;
 pub enum DropEventKind {
     /// It came to be: from the sky, by a splash of `other`, or put there.
     Born,
-    /// It struck a leaf.
+    /// A drop struck a leaf.
     Struck,
     /// It swallowed `other`.
     Merged,
     /// The tail of `other` left it behind.
     Bead,
-    /// It came to hang.
+    /// A drop began to hang at a margin.
     Hung,
     /// It left its leaf; with `other`, from that, which hangs on.
     Fell,
     /// It ended on the ground, or below everything.
     Ground,
-    /// It ended on wood.
+    /// A drop was absorbed by wood.
     Wood,
     /// It came to the margin of its leaf, along which it goes on.
     Edge,

@@ -51,7 +51,7 @@ pub struct PendantDrop {
     pub necking: f64,
 }
 
-/// A drop that falls.
+/// A drop in the air at the time of the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirborneDrop {
     /// Emission index; stable over frames, threads and time steps.

@@ -17,7 +17,7 @@ pub enum ElementBudget {
     Joints(usize),
     /// By joints, coarse: 2, 1, 1.
     Coarse(usize),
-    /// By elements.
+    /// One list for each element.
     Elements(usize),
 }
 

@@ -13,7 +13,7 @@ use osier_wind::Wind;
 /// Time range of a recording, and scaling of its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
-    /// Number of frames.
+    /// Number of frames of the clip.
     pub frames: usize,
     /// Loop: the frame after the last is the first; the wind must have the same period.
     pub repeats: bool,
@@ -165,7 +165,7 @@ impl BendTrack {
         a.iter().zip(b).map(|(a, b)| [0, 1].map(|k| math::lerp(a[k], b[k], t))).collect()
     }
 
-    /// Number of frames.
+    /// Number of frames of the clip.
     #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.frames.len()

@@ -27,7 +27,7 @@ pub(crate) struct AddedFlight {
     pub(crate) playback: Arc<FlightPlayback>,
     /// Statistics, one row per frame.
     pub(crate) table: Table,
-    /// Deposition maps.
+    /// Deposition maps: a field for the ground and for each solid.
     pub(crate) fields: Vec<Field>,
 }
 

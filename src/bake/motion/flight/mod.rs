@@ -84,7 +84,7 @@ pub(crate) struct FlightContext<'a> {
 /// A twig's end that releases catkins.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TwigTip {
-    /// World position, m.
+    /// Position in the world, m.
     pub(crate) position: Vec3,
     /// Share of the catkins that start here, relative to the other tips; the weight of its plant.
     pub(crate) weight: f64,

@@ -12,6 +12,7 @@ use osier_motion::rain::{
 /// Parameters of wetting, impact, friction, merging and trails.
 pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
     let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);
+    // Keys are in SI units; the choices of the scene select the physical law or the one printed in the paper.
     DropParams {
         seed,
         wetting: WettingParams {

@@ -30,7 +30,7 @@ const SAME_STEP_TOLERANCE: f64 = 1e-9;
 struct RodPlantLeaf {
     /// Carrying section; none for rigid wood.
     section: Option<usize>,
-    /// Rod of its stalk.
+    /// Index of the rod that is its stalk.
     stalk: Option<usize>,
     /// Pivot, m, and orientation in the section's frame, or in the world.
     p: DVec3,
@@ -156,7 +156,7 @@ impl RodPlant {
         all
     }
 
-    /// Sets the wind.
+    /// Sets the wind that drags on wood and leaves.
     #[must_use]
     pub fn with_wind(self, wind: Option<Arc<dyn Wind>>) -> Self {
         Self { wind, ..self }
@@ -168,7 +168,7 @@ impl RodPlant {
         Self { clock: (fps, first), ..self }
     }
 
-    /// The rod system.
+    /// The rods of the whole plant.
     pub fn rods(&self) -> &RodSystem {
         &self.rods
     }

@@ -31,7 +31,7 @@ pub struct SwayParams {
     pub stand: Trs,
     /// Whether gravity acts on deviations from the grown pose.
     pub gravity: bool,
-    /// Frames per second.
+    /// Frame rate of the clip, 1/s.
     pub fps: f64,
 }
 
@@ -57,7 +57,7 @@ pub struct SwaySimulation<'a> {
 }
 
 impl<'a> SwaySimulation<'a> {
-    /// A plant at rest.
+    /// A simulation at rest, without deflection.
     pub fn new(elements: &'a BeamElements, wind: &'a dyn Wind, params: SwayParams) -> Self {
         // A whole number of steps per frame.
         let per_frame = (STEPS_PER_SECOND / params.fps).ceil().max(1.0);

@@ -74,13 +74,13 @@ impl SkeletonGraph {
         self.nodes_of_clusters.push(of);
     }
 
-    /// Adds an edge.
+    /// Adds an edge in both directions.
     fn link(&mut self, a: u32, b: u32) {
         self.nodes[a as usize].neighbours.push(b);
         self.nodes[b as usize].neighbours.push(a);
     }
 
-    /// Removes an edge.
+    /// Removes an edge in both directions.
     fn unlink(&mut self, a: u32, b: u32) {
         self.nodes[a as usize].neighbours.retain(|n| *n != b);
         self.nodes[b as usize].neighbours.retain(|n| *n != a);
