@@ -7,12 +7,12 @@ use crate::recipe::scene::WindSolver;
 use crate::recipe::{Growth, PlantRecipe, Recipe};
 use osier_scene::{Clip, Image, Pixels};
 
-/// Pixels along a side of maps that are only counted. Own: the smallest that all painters accept.
+/// Pixels along a side of maps that are only counted. Own: small, and within the range of the key `side`.
 const REDUCED_SIDE: u32 = 16;
-/// Individuals of each plant that an estimate grows; the others are counted as copies of these. Own: the mean of 64 is within a few
-/// percent; more take longer.
+/// Individuals of each plant that an estimate grows; the others are counted as copies of these. Own: enough for
+/// the accuracy that a prediction promises (a quarter); more take longer.
 const SAMPLED_INDIVIDUALS: usize = 64;
-/// Largest number of skeleton nodes along the diagonal of an imported mesh. Own: keeps the extraction under a second.
+/// Largest number of skeleton nodes along the diagonal of an imported mesh. Own: bounds the time of the extraction.
 const MAX_SKELETON_NODES: f32 = 300.0;
 
 /// The recipe with small maps, coarse skeletons, an analytic wind in place of a lattice, and no spin-up.

@@ -17,8 +17,8 @@ use osier_plants::surface::terrain::scatter::{
 use osier_scene::Trs;
 use osier_scene::plant::{NONE, Plant};
 
-/// Depth to which every foot is sunk below the lowest terrain around it, m. Own: less than the terrain's rounding between samples would
-/// leave gaps.
+/// Depth to which every foot is sunk below the lowest terrain around it, m. Own: small beside a stem, enough to
+/// hide gaps between samples of the terrain.
 const FOOT_DEPTH: f32 = 0.02;
 
 /// Scatters the plants of every `[[scatter]]` over the terrain. Of each plant `individuals` are grown; every copy shows one of them.

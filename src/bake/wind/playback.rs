@@ -23,7 +23,7 @@ use osier_wind::{
 };
 
 /// Least height above a surface at which an analytic wind is sampled, m; below it a flight scales the wind down to the surface. Own:
-/// half a cell of a typical lattice.
+/// a cell of the default lattice.
 const ANALYTIC_KNOWN_HEIGHT: f64 = 0.5;
 
 /// Wind from a flight's first frame on.

@@ -36,8 +36,8 @@ const TOTAL_COLUMNS: [&str; 6] = ["merges", "deposits", "lift_offs", "recycled",
 /// less 1.
 const LATTICE_COLUMNS: [&str; 3] = ["wind_clamps", "wind_checkered", "wind_mass_error"];
 
-/// Checkerboard amplitude of the density above which a warning says that the lattice is unstable. Own: stable runs stay two
-/// orders below; a smaller value warns earlier.
+/// Checkerboard amplitude of the density above which a warning says that the lattice is unstable. Guessed, not
+/// measured; a smaller value warns earlier.
 const MAX_CHECKERBOARD: f64 = 1e-3;
 
 /// Number of solids whose deposits a sweep lists as its outcome.
