@@ -160,7 +160,7 @@ fn every_mistake_is_named() {
         (2, &["oak", "--background", "#12345"], "#f4f1ea"),
         (2, &["oak", "--sun", "40"], "ELEVATION,DIRECTION"),
         (2, &["oak", "--sweep", "x=1:2"], "FROM:TO:COUNT"),
-        (2, &["oak", "--seeds", "0-3", "--turntable"], "choose one"),
+        (2, &["oak", "--seeds", "0-3", "--turntable"], "exclude each other"),
         (2, &["oak", "--seeds", "0-5000"], "1024"),
         (2, &[SPRIG, "--frame", "99"], "outside the scene's 1 to 6"),
         (2, &[SPRIG, "--frames", "5-9"], "outside the scene's 1 to 6"),
