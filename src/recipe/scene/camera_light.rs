@@ -50,7 +50,7 @@ keys! {
     FogKeys at "fog" {
         /// Distance at which 2 % of the contrast remains; without it there is no haze.
         visibility: Option<f64> = "visibility" OptionalKey(number(400.0, 0.1, 1e7, "m"), "none");
-        /// Colour of the light.
+        /// Colour of the haze.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#edf3f9"), "the sky's at the horizon");
         /// Height at which a quarter of the density remains; 0 for a constant density.
         height: f64 = "height" number(0.0, 0.0, 1e5, "m");
