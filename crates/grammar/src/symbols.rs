@@ -26,7 +26,7 @@ pub(crate) const TWO_CHARACTER_COMMANDS: [(char, char); 20] = [
     ('?', 'L'),
 ];
 
-/// A symbol's number: its place in [`LocatedSymbols`].
+/// A symbol's number: its place in `LocatedSymbols`.
 pub type SymbolId = u16;
 
 /// The symbols of a grammar in order of appearance.

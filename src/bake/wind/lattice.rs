@@ -36,7 +36,7 @@ pub struct LatticeRequest<'a> {
     pub loop_frames: Option<usize>,
 }
 
-/// World bounds of all plants with [`LEAF_MARGIN`], m.
+/// World bounds of all plants with `LEAF_MARGIN`, m.
 pub fn plant_bounds(layout: &PlantLayout, grown: &[GrownPlant]) -> Bounds {
     let own: Vec<Bounds> =
         grown.iter().map(|g| Bounds::of(g.plant.nodes.p.iter().copied()).grown(LEAF_MARGIN)).collect();
@@ -158,7 +158,7 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
 /// Memory of a lattice, bytes, up to which a check voxelizes its solids; a larger one is checked by its options alone.
 const MAX_CHECKED_BYTES: u64 = 200_000_000;
 
-/// Reports the warnings of a recipe's lattice without running it; those of solids only up to [`MAX_CHECKED_BYTES`].
+/// Reports the warnings of a recipe's lattice without running it; those of solids only up to `MAX_CHECKED_BYTES`.
 /// # Errors
 /// Those of [`LatticeSolver::new`].
 pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_>, report: &mut Report) -> Result<()> {

@@ -120,7 +120,7 @@ impl WindPlayback {
         Ok(())
     }
 
-    /// Least height above a surface at which the wind is known, m: half a lattice cell, or [`ANALYTIC_KNOWN_HEIGHT`].
+    /// Least height above a surface at which the wind is known, m: half a lattice cell, or `ANALYTIC_KNOWN_HEIGHT`.
     pub fn known_height(&self) -> f64 {
         self.config.as_ref().map_or(ANALYTIC_KNOWN_HEIGHT, |s| s.options.spacing / 2.0)
     }

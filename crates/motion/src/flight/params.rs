@@ -77,7 +77,7 @@ impl GroundHumidity {
     }
 }
 
-/// Parameters of a [`FlightSimulation`]. Lengths in m, times in s, speeds in m/s.
+/// Parameters of a `FlightSimulation`. Lengths in m, times in s, speeds in m/s.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightParams {
     /// Seed of all random numbers.
@@ -134,7 +134,7 @@ pub struct FlightParams {
     pub lift_wet: f64,
     /// Least height above a surface at which the wind field is resolved, m; below, the logarithmic law is used.
     pub known_height: f64,
-    /// Displacement per step above which steps are counted in [`FlightStats::long_steps`], m.
+    /// Displacement per step above which steps are counted in `FlightStats::long_steps`, m.
     pub longest_step: f64,
     /// Aerodynamic roughness length of the ground, m.
     pub roughness: f64,
