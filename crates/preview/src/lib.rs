@@ -11,19 +11,19 @@
 //!
 //! ```
 //! use osier_base::progress::{Cancel, Silent};
-//! use osier_preview::{Backdrop, CameraView, Light, PreviewMaterials, Quality, RenderRequest, RenderScene, Subject, render};
+//! use osier_preview::{Backdrop, Light, PreviewMaterials, Quality, RenderRequest, RenderScene, render};
 //! use osier_scene::{
 //!     Asset, AssetKind, Camera, Clip, Material, MaterialClass, Placement, Points, Scene, Sky, Sun, Trs,
 //! };
 //! use glam::Vec3;
 //!
 //! # fn main() -> osier_base::Result<()> {
-//! // One red ball of 20 mm.
+//! // One red ball of 0.3 m, 1 m in front of the camera.
 //! let ball = Points {
 //!     name: "ball".into(),
 //!     material: 0,
 //!     positions: vec![Vec3::ZERO],
-//!     widths: vec![0.02],
+//!     widths: vec![0.3],
 //!     colors: Vec::new(),
 //!     attributes: Vec::new(),
 //!     moving: false,
@@ -62,15 +62,15 @@
 //! let materials = PreviewMaterials::new(&scene, Quality::Normal);
 //! let render_scene = RenderScene::new(&scene, None, &materials);
 //! let request = RenderRequest {
-//!     camera: Subject::of(&scene, None).camera(CameraView::Portrait, 1.0, 0.6),
+//!     camera: scene.camera,
 //!     size: [32, 32],
 //!     light: Light::new(&scene.sun, &scene.sky),
 //!     backdrop: Backdrop::Clear { floor: None },
 //!     seed: 0,
 //! };
 //! let picture = render(&render_scene, &request, &Cancel::default(), &Silent)?;
-//! let [r, g, _, alpha] = picture.at(16, 16);
-//! assert!(r > g && alpha == 255 && picture.at(0, 0) == [0; 4]);
+//! let alpha = |x, y| picture.at(x, y)[3];
+//! assert_eq!([alpha(16, 16), alpha(0, 0)], [255, 0], "the ball in the centre, nothing in the corner");
 //! # Ok(())
 //! # }
 //! ```
