@@ -85,7 +85,7 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
         }
     }
     // A picture of layers has no geometry to estimate.
-    if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
+    if recipe.is_layered_picture() {
         return Ok(());
     }
     let assembled = assemble_for_estimate(&recipe, SceneParts::default(), context)?;

@@ -97,9 +97,9 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     if let Some(ending) = path.extension().filter(|e| ["obj", "glb", "gltf"].iter().any(|m| e.eq_ignore_ascii_case(m)))
     {
         let message = format!("\"{source}\" is a mesh (.{}), neither scene nor grammar", ending.display());
-        let mut report = Report::default();
-        report.push(Diagnostic::about("S001", message).help("name it in a scene: mesh = \"FILE\" below an organ"));
-        return Err(Error::Input(Box::new(report)));
+        return Err(Diagnostic::about("S001", message)
+            .help("name it in a scene: mesh = \"FILE\" below an organ")
+            .into());
     }
     let text = files::decode(&bytes, files::Encoding::Utf8).map_err(|bad| {
         let mut report = Report::default();
@@ -118,10 +118,8 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
 
 /// S001 for a folder where a scene was expected.
 fn folder_error(source: &str) -> Error {
-    let mut report = Report::default();
     let help = "name a scene or grammar in it; `osier info` and `osier preview` take the folder of a bake";
-    report.push(Diagnostic::about("S001", format!("\"{source}\" is a folder, not a scene")).help(help));
-    Error::Input(Box::new(report))
+    Diagnostic::about("S001", format!("\"{source}\" is a folder, not a scene")).help(help).into()
 }
 
 /// The request for a coefficient table: a tree if its maps name branches, else an attractor. `as=cloud` and `as=tree`

@@ -103,6 +103,11 @@ impl Recipe {
         self.wind.blows() || self.added.iter().any(scene::WindKeys::blows)
     }
 
+    /// True if the scene is a picture composed of layers, without anything in space.
+    pub fn is_layered_picture(&self) -> bool {
+        !self.layers.is_empty() && self.plants.is_empty() && self.clouds.is_empty() && self.terrain.is_none()
+    }
+
     /// True if the wind is simulated on a lattice.
     pub fn has_lattice_wind(&self) -> bool {
         self.wind.model == scene::WindModel::Lattice

@@ -114,9 +114,7 @@ impl PreviewScene {
             None => {
                 let message = format!("\"{}\" is a bake without a .glb of the whole scene", folder.display());
                 let help = "preview its scene file, or bake it again with --formats glb";
-                let mut report = Report::default();
-                report.push(Diagnostic::about("S001", message).help(help));
-                Err(Error::Input(Box::new(report)))
+                Err(Diagnostic::about("S001", message).help(help).into())
             }
         }
     }

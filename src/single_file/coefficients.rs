@@ -41,11 +41,7 @@ impl CoefficientTables {
             TableFormat::Fractint => Ok(entries(&items)),
             TableFormat::Flame => flames(&items),
         };
-        let (text, losses) = encoded.map_err(|d| {
-            let mut report = Report::default();
-            report.push(*d);
-            Error::Input(Box::new(report))
-        })?;
+        let (text, losses) = encoded.map_err(|d| Error::from(*d))?;
         let mut report = Report::default();
         losses.into_iter().for_each(|d| report.push(d));
         Ok(Self { text, systems: items.len(), report })

@@ -116,7 +116,7 @@ impl Error {
 
     /// A fault of the input that shows only while it is used, so that it has no place in a file. `message`: subject, fact, next step.
     pub fn input(code: &'static str, message: impl Into<String>) -> Self {
-        Self::Input(Box::new(Report { diagnostics: vec![Diagnostic::about(code, message)], ..Report::default() }))
+        Diagnostic::about(code, message).into()
     }
 
     /// An export error with its stable code, X001 to X030.
@@ -126,6 +126,13 @@ impl Error {
 }
 
 /// 1 for an absent input, 75 (EX_TEMPFAIL) for errors that may pass, 74 (EX_IOERR) for the others; see sysexits.h.
+/// The fault of one diagnostic without a place.
+impl From<Diagnostic> for Error {
+    fn from(diagnostic: Diagnostic) -> Self {
+        Self::Input(Box::new(Report { diagnostics: vec![diagnostic], ..Report::default() }))
+    }
+}
+
 fn io_code(action: &str, source: &std::io::Error) -> u8 {
     match source.kind() {
         std::io::ErrorKind::NotFound if action == "open" => 1,

@@ -368,7 +368,8 @@ fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
             return x / (x + y);
         }
     }
-    // Large parameters are hardly ever accepted; there the distribution is close to normal.
+    // Candidates of large parameters are hardly ever accepted; there the distribution is close to normal. Parameters below about
+    // 1e-5 get here as well, because X and Y underflow to 0: their distribution, with peaks at 0 and 1, is not what is drawn.
     let mean = a / (a + b);
     let variance = mean * (1.0 - mean) / (a + b + 1.0);
     (mean + math::sqrt(variance) * stream.normal()).clamp(0.0, 1.0)

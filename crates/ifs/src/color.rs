@@ -282,7 +282,7 @@ fn palette_color(palette: &[[f32; 3]], by_map: &[[f32; 3]], i: usize) -> [f32; 3
         ([], _) => &fallback[..],
         (p, _) => p,
     };
-    // Position on the list of colours, interpolated between its neighbours.
+    // Palette steps are spread evenly over the list.
     let at = i as f32 / (PALETTE_STEPS - 1) as f32 * (list.len() - 1) as f32;
     let low = (at as usize).min(list.len() - 1);
     let high = (low + 1).min(list.len() - 1);

@@ -27,7 +27,7 @@ const NEUTRAL_EXPONENT: f64 = 1e-3;
 /// Independent chains of maps for the Lyapunov exponent, and steps of each.
 const LYAPUNOV_CHAINS: u64 = 64;
 const LYAPUNOV_STEPS: u32 = 4096;
-/// Singular values below this share of the largest coefficient are 0.
+/// A map is singular if its smallest singular value is at most this share of its largest.
 const SINGULAR_RATIO: f64 = 1e-9;
 
 /// Analysis of a system: what is known before it is drawn.

@@ -103,9 +103,8 @@ impl ColorCounter<'_> {
         }
     }
 
-    /// Hits (0) or a colour's sum (1 to 3) of a cell.
+    /// Hits (0) or a colour's sum (1 to 3) of a cell, including what was spilled from it.
     fn sum(&self, i: usize, k: usize) -> u64 {
-        // Current cell plus what was spilled from it before.
         let kept = u64::from(self.cells[i].0[k]);
         if self.spilled.is_empty() {
             return kept;

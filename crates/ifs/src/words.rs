@@ -182,16 +182,15 @@ pub fn expand(
     let root =
         Word { parent: NONE, letter: 0, depth: 0, order: 0, size: 1.0, radius: 1.0, map: Affine::IDENTITY, id: 0 };
     let mut out = Expansion::default();
-    // Length of `out.words`: the index of the next word.
-    let mut word_count = 0_u32;
+    let mut next_index = 0_u32;
     let mut stack = vec![(root, vary.map_or(0, |v| v.key))];
     while let Some((word, key)) = stack.pop() {
         if !limits.admit(WordMeasure { size: word.size, depth: word.depth, order: word.order }) {
             out.cuts.push(word);
             continue;
         }
-        let index = word_count;
-        word_count += 1;
+        let index = next_index;
+        next_index += 1;
         out.words.push(word);
         for (i, map) in ifs.maps.iter().enumerate().rev() {
             let Some(scale) = letters.scale.get(i).copied().flatten() else { continue };

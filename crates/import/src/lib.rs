@@ -154,11 +154,7 @@ pub struct GreyImage {
 /// `Input` with X010 if it is damaged, of another format, or over a limit.
 pub fn read_grey(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<GreyImage> {
     let context = ImportContext::new(path, bytes, options);
-    let raw = images::decode(&context, "mask", bytes, &mut 0).map_err(|d| {
-        let mut report = Report::default();
-        report.push(*d);
-        Error::Input(Box::new(report))
-    })?;
+    let raw = images::decode(&context, "mask", bytes, &mut 0).map_err(|d| Error::from(*d))?;
     let channels = usize::from(raw.channels);
     // Alpha is left out of the mean.
     let colors = if channels == 1 { 1 } else { 3 };

@@ -143,7 +143,7 @@ impl<'a> Solid<'a> {
             if half.length() < w * 0.5 {
                 return vec![RoundCone::ball(*p, radius, None)];
             }
-            // The drop is spread over its way, so opacity falls with the length of the streak.
+            // Motion blur spreads the drop along its path, so opacity falls with the streak's length.
             let opacity = (STREAK_OPACITY * radius / half.length()).min(1.0);
             let cone =
                 |end: Vec3| RoundCone::new([*p, end], [radius, radius * STREAK_END_RADIUS]).with_opacity(opacity);

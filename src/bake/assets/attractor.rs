@@ -76,7 +76,7 @@ fn build_attractor(
     let keys = &recipe.keys;
     context.limits.check("points", u64::from(keys.points), "the number of points")?;
     // Metres per table unit, and the table point that becomes the asset's origin.
-    let (low, high) = visible_bounds(recipe);
+    let (low, high) = trimmed_bounds(recipe);
     let size = high - low;
     let scale = match keys.height {
         Some(h) if size.y > 0.0 => h / size.y,
@@ -166,7 +166,7 @@ fn mean_color(cloud: &AttractorPoints) -> [f32; 3] {
 
 /// Lower and upper corner of the part of an attractor that is shown, table units: all of it, or its quantile box if it is
 /// unbounded.
-pub(crate) fn visible_bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
+pub(crate) fn trimmed_bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
     if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
 }
 
@@ -253,7 +253,7 @@ fn rotated_by_view<'a>(system: &'a Ifs, view: Option<&PictureView>) -> Cow<'a, I
 fn picture_window(recipe: &AttractorRecipe, keys: &PictureKeys, view: Option<&PictureView>) -> PictureWindow {
     let k = keys.oversample.max(1);
     let (width, height) = ((keys.width * k) as usize, (keys.height * k) as usize);
-    let corners = if keys.fit == PictureFit::Quantile { recipe.extent.quantile } else { visible_bounds(recipe) };
+    let corners = if keys.fit == PictureFit::Quantile { recipe.extent.quantile } else { trimmed_bounds(recipe) };
     let mut fitted = PictureWindow::fitted(corners.0, corners.1, width, height);
     if let Some(v) = view {
         let (across, down) = (v.width / f64::from(keys.width * k), v.width / v.aspect / f64::from(keys.height * k));

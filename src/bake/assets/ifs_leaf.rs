@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::OrganRecipe;
 use crate::recipe::scene::{BladeDetail, OrganKeys};
-use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::diagnostic::Diagnostic;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, mix64, word};
 use osier_base::{Error, Result};
@@ -107,9 +107,7 @@ pub fn bark_grain(table: &Ifs, side: u32) -> Result<BarkGrain> {
 
 /// An error without source labels: the table was parsed before, and the message names it.
 fn table_error(d: Diagnostic) -> Error {
-    let mut report = Report::default();
-    report.push(Diagnostic { labels: Vec::new(), ..d });
-    Error::Input(Box::new(report))
+    Diagnostic { labels: Vec::new(), ..d }.into()
 }
 
 fn leaf_material(

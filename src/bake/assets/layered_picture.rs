@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::attractor::{
-    DEFAULT_POINTS_PER_PIXEL, MAX_HISTOGRAM_BYTES, check_escapes, color_labels, visible_bounds,
+    DEFAULT_POINTS_PER_PIXEL, MAX_HISTOGRAM_BYTES, check_escapes, color_labels, trimmed_bounds,
 };
 use crate::recipe::scene::ColorBy;
 use crate::recipe::{AttractorRecipe, LayerRecipe, Recipe};
@@ -145,7 +145,7 @@ fn attractor_layer(
 ) -> Result<LayerBitmap> {
     let keys = &layer.keys;
     let canvas = (scene.picture.width as usize, scene.picture.height as usize);
-    let (low, high) = visible_bounds(cloud);
+    let (low, high) = trimmed_bounds(cloud);
     let natural = (high - low).max(DVec3::splat(1e-12));
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
     let size = match (keys.width, keys.height) {

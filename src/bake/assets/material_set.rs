@@ -34,7 +34,7 @@ impl MaterialSet {
     /// `TooMany` beyond 2^32 materials or images.
     pub(crate) fn add(&mut self, mut material: Material, images: Vec<Image>) -> Result<u32> {
         let first = index(self.images.len(), "images of a plant")?;
-        for map in map_slots(&mut material.maps) {
+        for map in image_indices_mut(&mut material.maps) {
             *map = map.map(|i| i + first);
         }
         self.images.extend(images);
@@ -57,6 +57,6 @@ pub struct PlantMaterials {
 }
 
 /// The image indices of a material's maps.
-pub(crate) fn map_slots(maps: &mut Maps) -> [&mut Option<u32>; 4] {
+pub(crate) fn image_indices_mut(maps: &mut Maps) -> [&mut Option<u32>; 4] {
     [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height]
 }

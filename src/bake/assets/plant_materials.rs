@@ -8,7 +8,7 @@ use glam::Vec3;
 use crate::bake::BakeContext;
 use crate::bake::assets::billboards;
 use crate::bake::assets::ifs_leaf;
-use crate::bake::assets::material_set::{MaterialSet, map_slots};
+use crate::bake::assets::material_set::{MaterialSet, image_indices_mut};
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
 use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, ImportedMeshKeys, OrganKeys};
@@ -64,7 +64,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         set.names.push(name);
     }
     if tuft {
-        add_tuft_stalk(&mut set, &plant.id)?;
+        add_stalk_organ(&mut set, &plant.id)?;
     }
     // Billboards picture subtrees with the bark and leaves above, so they come after these.
     if let (Growth::Ifs(stems, keys), Some(card)) = (&plant.growth, plant.organs.iter().position(|o| o.letter == CARD))
@@ -91,7 +91,7 @@ pub(crate) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
 }
 
 /// Adds the stalk of a tuft as an organ of fixed size.
-fn add_tuft_stalk(set: &mut MaterialSet, plant: &str) -> Result<()> {
+fn add_stalk_organ(set: &mut MaterialSet, plant: &str) -> Result<()> {
     let id = set.add(catkin::stalk_material(&format!("{plant}_stalk")), Vec::new())?;
     let mesh = catkin::stalk(narrow(CatkinKeys::defaults().stalk_radius), (12, 8)).with_material(id);
     // Nothing of it lies above its pivot, so that its size is not set by its length along +Y but is a factor.
@@ -158,7 +158,7 @@ fn add_imported_materials(set: &mut MaterialSet, import: &Imported, prefix: &str
     set.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
     set.materials.extend(import.materials.iter().map(|m| {
         let mut material = Material { name: renamed(&m.name), ..m.clone() };
-        map_slots(&mut material.maps).into_iter().for_each(|map| *map = map.map(|i| i + first_image));
+        image_indices_mut(&mut material.maps).into_iter().for_each(|map| *map = map.map(|i| i + first_image));
         material
     }));
     Ok(first_material)

@@ -30,7 +30,7 @@ use osier_scene::{Asset, Placement, Trs};
 pub(crate) type RainedRods = Option<(RodPlant, SkinBinding)>;
 
 /// What [`add_plants`] found out while it built the plants' assets.
-pub(crate) struct AddedPlants {
+pub(crate) struct PlantBuildResult {
     /// Angles that the paper's sway model clamped to 90 degrees, over all plants and frames.
     pub(crate) clamped_angles: u64,
     /// Parallel to the layout's individuals.
@@ -120,7 +120,7 @@ pub(crate) fn add_plants(
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
     report: &mut Report,
-) -> Result<AddedPlants> {
+) -> Result<PlantBuildResult> {
     let jobs: Vec<(usize, &Individual, &GrownPlant)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
     let transforms = layout.first_transforms();
@@ -131,7 +131,7 @@ pub(crate) fn add_plants(
         context.progress.advance(1);
         built
     });
-    let mut added = AddedPlants { clamped_angles: 0, rods_in_rain: Vec::new() };
+    let mut added = PlantBuildResult { clamped_angles: 0, rods_in_rain: Vec::new() };
     let built: Vec<BuiltPlant> = built.into_iter().collect::<Result<_>>()?;
     for (plant, individual) in built.into_iter().zip(&layout.individuals) {
         let group = recipe.plants.get(individual.plant).map(|p| p.id.clone()).unwrap_or_default();
@@ -174,7 +174,7 @@ fn build_plant(
         let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
         return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(built.asset, built.diagnostics) });
     }
-    // A still plant on rods keeps the petioles that its rods are drawn as, but no joints.
+    // A still plant with rods keeps the petiole meshes that are built from them, but no joints.
     if plant.rods.is_some() {
         return Ok(BuiltPlant::without_motion(build_rods()?.into_still_asset(), Vec::new()));
     }

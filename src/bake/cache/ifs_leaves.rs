@@ -58,19 +58,19 @@ struct BladeOutline {
 }
 
 /// A leaf of a recipe that an IFS table draws.
-struct CachedLeaf<'a> {
+struct CacheableLeaf<'a> {
     /// Name of its material and prefix of its maps.
     name: String,
     hash: String,
     drawn: &'a LazyLeaf,
 }
 
-fn cached_leaves(recipe: &Recipe) -> Vec<CachedLeaf<'_>> {
+fn cacheable_leaves(recipe: &Recipe) -> Vec<CacheableLeaf<'_>> {
     let mut all = Vec::new();
     for plant in &recipe.plants {
         for (organ, name) in plant.organs.iter().zip(plant_materials::organ_names(plant)) {
             if let Some(hash) = ifs_leaf::drawn_leaf_hash(organ) {
-                all.push(CachedLeaf { name: format!("{}_{name}", plant.id), hash, drawn: &organ.drawn });
+                all.push(CacheableLeaf { name: format!("{}_{name}", plant.id), hash, drawn: &organ.drawn });
             }
         }
     }
@@ -79,8 +79,8 @@ fn cached_leaves(recipe: &Recipe) -> Vec<CachedLeaf<'_>> {
 
 /// Loads the leaves that an earlier bake stored in a folder; missing and damaged ones are left to be drawn.
 pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
-    let cached_leaves = cached_leaves(recipe);
-    par_map(&cached_leaves, |leaf| {
+    let cacheable_leaves = cacheable_leaves(recipe);
+    par_map(&cacheable_leaves, |leaf| {
         if let Some(drawn) = load_leaf(leaf, root, limits) {
             // Two organs with one table and equal keys share the leaf: the second finds it set, to the same value.
             let _ = leaf.drawn.set(Ok(drawn));
@@ -88,7 +88,7 @@ pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
     });
 }
 
-fn load_leaf(leaf: &CachedLeaf<'_>, root: &Path, limits: &Limits) -> Option<DrawnLeaf> {
+fn load_leaf(leaf: &CacheableLeaf<'_>, root: &Path, limits: &Limits) -> Option<DrawnLeaf> {
     let bytes = read_below(root, &leaf_path(&leaf.name), limits.get("text-bytes")).ok()??;
     let file = parse_leaf_file(&bytes).filter(|f| f.hash == leaf.hash)?;
     let listed = [&file.maps.color, &file.maps.normal, &file.maps.rough, &file.maps.height];
@@ -137,7 +137,7 @@ fn parse_leaf_file(bytes: &[u8]) -> Option<LeafFile> {
 pub fn store(recipe: &Recipe, folder: &Folder) -> Result<()> {
     let files = folder.files();
     let listed = |path: &str| files.iter().find(|f| f.path == path).map(|f| f.blake3.as_str());
-    for leaf in cached_leaves(recipe) {
+    for leaf in cacheable_leaves(recipe) {
         let Some(Ok(drawn)) = leaf.drawn.get() else { continue };
         let hashes: Option<Vec<&str>> = MAPS.iter().map(|(map, _)| listed(&map_path(&leaf.name, map))).collect();
         let Some(hashes) = hashes else { continue };
@@ -154,7 +154,7 @@ fn map_path(name: &str, map: &str) -> String {
     format!("textures/{name}_{map}.png")
 }
 
-fn leaf_file_text(leaf: &CachedLeaf<'_>, drawn: &DrawnLeaf, hashes: &[&str]) -> String {
+fn leaf_file_text(leaf: &CacheableLeaf<'_>, drawn: &DrawnLeaf, hashes: &[&str]) -> String {
     // Rust prints the shortest decimals that read back to the same bits.
     let pair = |p: &DVec2| format!("[{:?}, {:?}]", p.x, p.y);
     let list = |l: &[DVec2]| l.iter().map(pair).collect::<Vec<_>>().join(", ");

@@ -14,16 +14,16 @@ use osier_scene::Scene;
 /// `weights`: how many assets each of the first stands for, itself included.
 pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[u64]) -> BakeEstimate {
     let formats: Vec<&FormatInfo> = recipe.output.keys.formats.iter().map(|f| f.0).collect();
-    count_formats(
+    estimate_formats(
         stage,
         recipe,
         &export_options(recipe),
-        &CountJob { formats: &formats, frames, weights, single: false },
+        &EstimateJob { formats: &formats, frames, weights, single: false },
     )
 }
 
 /// The quantity that is counted, for the table.
-pub(crate) struct CountJob<'a> {
+pub(crate) struct EstimateJob<'a> {
     /// Formats that are written.
     pub(crate) formats: &'a [&'static FormatInfo],
     /// Frames that are written; 0 for a still scene.
@@ -35,15 +35,15 @@ pub(crate) struct CountJob<'a> {
 }
 
 /// Estimates a scene written in some formats.
-pub(crate) fn count_formats(
+pub(crate) fn estimate_formats(
     stage: &AnimatedScene,
     recipe: &Recipe,
     options: &ExportOptions,
-    job: &CountJob,
+    job: &EstimateJob,
 ) -> BakeEstimate {
     let scene = &stage.scene;
     let assets = AssetSize::of_scene(scene, job.frames, job.weights);
-    let pictures: u64 = scene.images.iter().map(packed_bytes).sum();
+    let pictures: u64 = scene.images.iter().map(png_bytes).sum();
     let input = EstimateInput { scene, assets: &assets, frames: job.frames, pictures, options, single: job.single };
     let mut c = BakeEstimate {
         assets: assets.iter().map(|a| a.weight).sum(),
@@ -74,6 +74,6 @@ fn wind_bytes(scene: &Scene, frames: u64) -> u64 {
 }
 
 /// PNG takes about half of noise-like pictures' bytes.
-fn packed_bytes(image: &osier_scene::Image) -> u64 {
+fn png_bytes(image: &osier_scene::Image) -> u64 {
     decoded_bytes(image) / 2
 }

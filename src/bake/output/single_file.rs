@@ -1,7 +1,7 @@
 //! How large a file of its own a still scene becomes.
 
 use crate::bake::output::bake_estimate::BakeEstimate;
-use crate::bake::output::estimate::{CountJob, count_formats};
+use crate::bake::output::estimate::{EstimateJob, estimate_formats};
 use crate::bake::output::exporters::export_options;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::scene::assembly::AssembledScene;
@@ -16,8 +16,8 @@ use osier_scene::{Asset, AssetKind, Scene};
 pub fn estimate_file(built: &AssembledScene, recipe: &Recipe, format: &'static FormatInfo, web: bool) -> BakeEstimate {
     let mut options = export_options(recipe);
     options.gltf_profiles = vec![if web { Profile::Web } else { Profile::Blender }];
-    let job = CountJob { formats: &[format], frames: 0, weights: &built.weights, single: true };
-    BakeEstimate { modules: built.modules, ..count_formats(&built.animated, recipe, &options, &job) }
+    let job = EstimateJob { formats: &[format], frames: 0, weights: &built.weights, single: true };
+    BakeEstimate { modules: built.modules, ..estimate_formats(&built.animated, recipe, &options, &job) }
 }
 
 /// Refuses a file that would hold nothing.

@@ -23,7 +23,7 @@ use crate::bake::scene::dry_run;
 use crate::bake::scene::layout::lay_out_scene;
 use crate::bake::scene::scatter::snap_to_terrain;
 use crate::bake::wind::lattice::{LatticeRequest, check_lattice, lattice_solids, plant_bounds};
-use crate::bake::wind::output::{WindOutput, WindUsers};
+use crate::bake::wind::output::{AvailableWinds, WindOutput};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::Recipe;
 use osier_base::diagnostic::Report;
@@ -87,7 +87,7 @@ fn assemble(
     parts: SceneParts,
     context: &BakeContext<'_>,
 ) -> Result<AssembledScene> {
-    if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
+    if recipe.is_layered_picture() {
         let reason = format!("\"{}\" is a picture, not a scene in space: osier grow {0} -o {0}.png", recipe.name);
         return Err(Error::input("S006", reason));
     }
@@ -195,7 +195,7 @@ fn assemble(
 
     // The exported wind is the one that the scene already has, if it has one.
     let playback = flight.as_ref().map(|flight| Arc::clone(&flight.playback));
-    let users = WindUsers { flight: playback, plants: wind.as_ref(), solids: &solids };
+    let users = AvailableWinds { flight: playback, plants: wind.as_ref(), solids: &solids };
     let wind_output = WindOutput::from_recipe(recipe, &users, context, &mut report)?;
 
     // A camera without keys frames what was added so far; the ground, which reaches farther, is framed only when alone.

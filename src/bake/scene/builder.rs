@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::bake::assets::material_set::{MaterialSet, PlantMaterials, map_slots};
+use crate::bake::assets::material_set::{MaterialSet, PlantMaterials, image_indices_mut};
 use crate::bake::motion::AssetMotion;
 use osier_base::Result;
 use osier_base::convert::index;
@@ -51,7 +51,7 @@ impl SceneBuilder {
         let first_image = index(self.images.len(), "images of a scene")?;
         self.images.extend(set.images);
         self.materials.extend(set.materials.into_iter().map(|mut material| {
-            map_slots(&mut material.maps).into_iter().for_each(|slot| *slot = slot.map(|i| i + first_image));
+            image_indices_mut(&mut material.maps).into_iter().for_each(|slot| *slot = slot.map(|i| i + first_image));
             material
         }));
         Ok(PlantMaterials { first_material, tile, organ_names, shader_wind: false })

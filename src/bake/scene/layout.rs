@@ -6,7 +6,9 @@ use glam::{Vec2, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::assets::terrain;
-use crate::bake::scene::plant_layout::{PlantInstance, PlantLayout, axis_rotation, next_individual, slope_tangent};
+use crate::bake::scene::plant_layout::{
+    PlantInstance, PlantLayout, next_individual, rotation_about_axis, slope_tangent,
+};
 use crate::bake::scene::scatter;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
 use osier_base::Result;
@@ -171,12 +173,12 @@ fn copy_transform(seed: u64, index: usize, copy: usize, turned_as: usize, place:
     rng.next_u64();
     let drawn_scale = rng.range(-1.0, 1.0);
     let turn = keys.turn.unwrap_or(if keys.count > 1 { drawn_turn } else { 0.0 });
-    let lean_to = axis_rotation(Vec3::Y, keys.lean_to) * Vec3::X;
-    let lean = axis_rotation(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);
+    let lean_to = rotation_about_axis(Vec3::Y, keys.lean_to) * Vec3::X;
+    let lean = rotation_about_axis(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);
     let center = Vec3::from_array(keys.at.map(math::narrow));
     Trs {
         t: center + Vec3::new(spot.x, 0.0, spot.y),
-        r: (lean * axis_rotation(Vec3::Y, turn)).normalize(),
+        r: (lean * rotation_about_axis(Vec3::Y, turn)).normalize(),
         s: Vec3::splat(math::narrow(keys.scale * (1.0 + keys.vary * drawn_scale))),
     }
 }

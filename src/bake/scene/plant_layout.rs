@@ -73,7 +73,7 @@ pub(crate) fn slope_tangent(normal: Vec3) -> f32 {
 }
 
 /// Rotation by `angle`, radians, about a unit axis, by deterministic sine and cosine.
-pub(crate) fn axis_rotation(axis: Vec3, angle: f64) -> Quat {
+pub(crate) fn rotation_about_axis(axis: Vec3, angle: f64) -> Quat {
     let v = axis * math::narrow(math::sin(angle * 0.5));
     Quat::from_xyzw(v.x, v.y, v.z, math::narrow(math::cos(angle * 0.5)))
 }

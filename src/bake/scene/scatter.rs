@@ -3,7 +3,9 @@
 use glam::Vec3;
 
 use crate::bake::BakeContext;
-use crate::bake::scene::plant_layout::{PlantInstance, PlantLayout, axis_rotation, next_individual, slope_tangent};
+use crate::bake::scene::plant_layout::{
+    PlantInstance, PlantLayout, next_individual, rotation_about_axis, slope_tangent,
+};
 use crate::recipe::scene::SkinKeys;
 use crate::recipe::{Recipe, ScatterRecipe};
 use osier_base::Result;
@@ -116,7 +118,7 @@ fn scattered_transform(
     let scale = narrow(rng.range(keys.scale[0], keys.scale[1]));
     // `align` 0: upright; 1: along the terrain's normal.
     let up = Vec3::Y.lerp(normal, narrow(keys.align)).normalize();
-    let r = (rotation_between(Vec3::Y, up) * axis_rotation(Vec3::Y, turn)).normalize();
+    let r = (rotation_between(Vec3::Y, up) * rotation_about_axis(Vec3::Y, turn)).normalize();
     (Trs { t: Vec3::new(x, land.height_at(x, z), z), r, s: Vec3::splat(scale) }, slope_tangent(normal))
 }
 

@@ -38,7 +38,7 @@ enum WindOutputSource {
 }
 
 /// The motions of a scene that already have a wind which can be exported.
-pub struct WindUsers<'a> {
+pub struct AvailableWinds<'a> {
     /// The flight, which steps its own wind.
     pub flight: Option<Arc<FlightPlayback>>,
     /// Wind of the plants.
@@ -53,7 +53,7 @@ impl WindOutput {
     /// `Limit`; those of a lattice.
     pub fn from_recipe(
         recipe: &Recipe,
-        users: &WindUsers<'_>,
+        users: &AvailableWinds<'_>,
         context: &BakeContext<'_>,
         report: &mut Report,
     ) -> Result<Option<Arc<Self>>> {

@@ -48,7 +48,7 @@ pub fn analytic_winds(recipe: &Recipe) -> Option<Arc<dyn Wind>> {
     let mut winds: Vec<Arc<dyn Wind>> = Vec::new();
     for (i, keys) in all {
         if keys.model != WindModel::Lattice {
-            winds.push(scaled_wind(keys, None, recipe.general.seed, i));
+            winds.push(build_wind(keys, None, recipe.general.seed, i));
         } else if recipe.lattice.solver == WindSolver::Analytic {
             let wind = Arc::new(analytic_inlet(&lattice_options(recipe)));
             winds.push(Arc::new(ScaledWind { wind, factor: narrow(keys.scale) }));
@@ -91,7 +91,7 @@ impl PlantWind {
             Ok::<Arc<dyn Wind>, osier_base::Error>(Arc::new(ScaledWind { wind, factor: narrow(recipe.wind.scale) }))
         });
         let others = winds.iter().filter(|(_, keys)| keys.model != WindModel::Lattice);
-        let others = others.map(|(i, keys)| scaled_wind(keys, period, recipe.general.seed, *i));
+        let others = others.map(|(i, keys)| build_wind(keys, period, recipe.general.seed, *i));
         let mut winds: Vec<Arc<dyn Wind>> = lattice.transpose()?.into_iter().chain(others).collect();
         let wind = if winds.len() == 1 { winds.remove(0) } else { Arc::new(WindSum(winds)) };
         Ok(Some(Self {
@@ -155,7 +155,7 @@ fn paper_params(sway: &SwayKeys) -> Option<PaperParams> {
 }
 
 /// One of a scene's winds, scaled. `number`: counted from 0, from which each wind's noise gets a seed of its own.
-fn scaled_wind(keys: &WindKeys, period: Option<f64>, seed: u64, number: u64) -> Arc<dyn Wind> {
+fn build_wind(keys: &WindKeys, period: Option<f64>, seed: u64, number: u64) -> Arc<dyn Wind> {
     let seed = if number == 0 { seed } else { rng::child(seed, number) };
     let wind = analytic_wind(keys, period, seed);
     Arc::new(ScaledWind { wind, factor: narrow(keys.scale) })

@@ -8,8 +8,8 @@ use crate::bake::BakeContext;
 use crate::recipe::{Recipe, resolve};
 use crate::scene_preview::PreviewScene;
 use crate::source::find_scene;
+use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
-use osier_base::{Error, Result};
 use osier_preview::Quality;
 
 /// Endings of mesh files, which are read as they are.
@@ -49,9 +49,7 @@ pub fn load(
     if WRITE_ONLY_ENDINGS.contains(&ending.as_str()) {
         let message = format!("\"{name}\" (.{ending}) is a file for other programs");
         let help = "preview its scene, or the .glb of the same bake (--formats glb)";
-        let mut report = Report::default();
-        report.push(Diagnostic::about("S001", message).help(help));
-        return Err(Error::Input(Box::new(report)));
+        return Err(Diagnostic::about("S001", message).help(help).into());
     }
     let mut request = find_scene(name, &context.sources)?;
     request.steps = args.steps;

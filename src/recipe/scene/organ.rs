@@ -28,7 +28,7 @@ choices! {
         Light = "light",
         /// For crowns of many thousand leaves: 20 to 50 points.
         Crown = "crown",
-        /// For close-ups: every tooth, 100 to 250 points.
+        /// For plants near the camera: every tooth, 100 to 250 points.
         Hero = "hero",
         /// For pictures of a few leaves: a smooth margin, thousands of points, a map of its relief.
         Close = "close",

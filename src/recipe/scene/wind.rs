@@ -273,8 +273,7 @@ impl Resolver<'_> {
         };
         // The sampled domain: that of the lattice, else of the flight, else `size` around the origin.
         let on_lattice = wind.model == WindModel::Lattice;
-        let size =
-            if on_lattice { lattice.cells.map(|n| n * lattice.cell_size) } else { flight_size.unwrap_or(keys.size) };
+        let size = if on_lattice { lattice.size() } else { flight_size.unwrap_or(keys.size) };
         if let Some(entry) = table.get("size").filter(|_| on_lattice || flight_size.is_some()) {
             let owner = if on_lattice { "the lattice" } else { "[flight]" };
             let text = format!("output.wind.size is given, but {owner} has a size");
@@ -451,6 +450,11 @@ impl WindKeys {
 }
 
 impl LatticeKeys {
+    /// Width, height and depth of the domain, m.
+    pub fn size(&self) -> [f64; 3] {
+        self.cells.map(|n| n * self.cell_size)
+    }
+
     /// Times, s, and the change of direction since the first, rad.
     pub fn direction_changes(&self) -> Vec<[f64; 2]> {
         let first = self.direction_curve.first().map_or(0.0, |row| row[1]);

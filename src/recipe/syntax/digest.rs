@@ -63,7 +63,7 @@ impl<T: Digest, const N: usize> Digest for [T; N] {
     }
 }
 
-/// A list of none or one.
+/// Hashed like a list of zero or one element.
 impl<T: Digest> Digest for Option<T> {
     fn digest(&self, hasher: &mut blake3::Hasher) {
         u64::from(self.is_some()).digest(hasher);

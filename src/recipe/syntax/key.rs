@@ -1,7 +1,7 @@
 //! One declaration per key: it feeds reading, `osier list options`, defaults and the scene hash.
 
 use super::registry::{RecipePart, TableInfo};
-use super::renamed::{changed_meaning, present_name};
+use super::renamed::{RenamedKey, renamed_key};
 use super::tree::{TomlNode, TomlTable, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
 
@@ -86,8 +86,8 @@ pub fn refuse_unknown(table: &TomlTable, path: &str, declared: &str, known: &[&s
         if report.is_full() {
             return;
         }
-        report.push(match present_name(declared, &entry.key) {
-            Some(new) => renamed(entry, path, new, changed_meaning(declared, &entry.key)),
+        report.push(match renamed_key(declared, &entry.key) {
+            Some(key) => renamed(entry, path, key),
             None => unknown(entry, path, known),
         });
     }
@@ -113,10 +113,11 @@ impl TableReader<'_> {
 }
 
 /// S002 for a key of an earlier version, with its present name and, where its meaning changed, how to change the value.
-fn renamed(entry: &super::tree::TomlEntry, path: &str, new: &str, change: Option<&str>) -> Diagnostic {
+fn renamed(entry: &super::tree::TomlEntry, path: &str, key: &RenamedKey) -> Diagnostic {
+    let new = key.new;
     let text = format!("[{path}] has no key \"{}\"", entry.key);
     let d = Diagnostic::error("S002", text, entry.key_span, "renamed key");
-    match change {
+    match key.change {
         // The new name alone would change the scene, so that no fix is offered.
         Some(change) => d.help(format!("`{}` is now `{new}`; {change}", entry.key)),
         None => d.help(format!("`{}` is now `{new}`", entry.key)).fix(entry.key_span, new),

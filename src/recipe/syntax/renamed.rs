@@ -1,49 +1,64 @@
 //! Keys that had another name in an earlier version: `osier check` and `osier bake` name the new one.
 
-/// Path of the table, old key, new key.
-const RENAMED: &[(&str, &str, &str)] = &[
-    ("rod", "E_GPa", "elasticity_gpa"),
-    ("rod", "EI", "bending_stiffness"),
-    ("rod", "GJ", "torsional_stiffness"),
-    ("rod", "zeta", "damping_ratio"),
-    ("rod", "gain", "compliance"),
-    ("rod.clamp", "keys", "keyframes"),
-    ("rod.clamp", "turn_keys", "turn_keyframes"),
-    ("rod.load", "keys", "keyframes"),
-    ("plants.NAME.rods", "petiole_E_GPa", "petiole_elasticity_gpa"),
-    ("plants.NAME.rods", "gain", "compliance"),
-    ("rain", "keys", "envelope_keyframes"),
-    ("rain", "size", "size_distribution"),
-    ("rain", "g", "gravity"),
-    ("rain.impact", "gain", "impulse_factor"),
-    ("rain.impact", "eps", "energy_loss"),
-    ("rain.drop", "theta_deg", "contact_angle_deg"),
-    ("rain.drop", "mu", "friction_coefficient"),
-    ("rain.drop", "H_N", "paper_friction_n"),
-    ("rain.drop", "k_f", "retention_factor"),
-    ("rain.drop", "tau_v_s", "velocity_decay_s"),
-    ("rain.drop", "k_H_N", "paper_attraction_n"),
-    ("rain.drop", "phi_c", "paper_lever_max"),
-    ("rain.drop", "tail_beta", "tail_ratio"),
-    ("rain.drop", "tail_n", "tail_drops"),
-    ("rain.wet", "zeta", "decay_fraction"),
-    ("rain.wet", "half_life_s", "decay_time_s"),
-    ("maps", "hero_max", "max_mapped_leaves"),
-    ("wind.lattice", "reference", "reference_height"),
-    ("flight", "preroll", "spin_up_s"),
-    ("wind.lattice", "preroll", "spin_up_s"),
-    ("rain", "before_s", "spin_up_s"),
-    ("sun", "azimuth_deg", "direction_deg"),
-    ("terrain", "n", "subdivisions"),
-];
-
-/// The present name of a key that an earlier version knew. `table`: path of its declaration, as `plants.NAME.rods`.
-pub fn present_name(table: &str, key: &str) -> Option<&'static str> {
-    RENAMED.iter().find(|(t, old, _)| *t == table && *old == key).map(|(.., new)| *new)
+/// A key that was renamed.
+#[derive(Debug, Clone, Copy)]
+pub struct RenamedKey {
+    /// Path of the table, as `plants.NAME.rods`.
+    table: &'static str,
+    /// Name of the key in earlier versions.
+    old: &'static str,
+    /// Present name.
+    pub new: &'static str,
+    /// How the value must be changed, where its meaning changed as well.
+    pub change: Option<&'static str>,
 }
 
-/// What a value must be changed by where the key was renamed together with its meaning.
-pub fn changed_meaning(table: &str, key: &str) -> Option<&'static str> {
-    (table == "sun" && key == "azimuth_deg")
-        .then_some("subtract 90: directions of sun, wind and lean are counted from +X towards -Z")
+const fn key(table: &'static str, old: &'static str, new: &'static str) -> RenamedKey {
+    RenamedKey { table, old, new, change: None }
+}
+
+const RENAMED: &[RenamedKey] = &[
+    key("rod", "E_GPa", "elasticity_gpa"),
+    key("rod", "EI", "bending_stiffness"),
+    key("rod", "GJ", "torsional_stiffness"),
+    key("rod", "zeta", "damping_ratio"),
+    key("rod", "gain", "compliance"),
+    key("rod.clamp", "keys", "keyframes"),
+    key("rod.clamp", "turn_keys", "turn_keyframes"),
+    key("rod.load", "keys", "keyframes"),
+    key("plants.NAME.rods", "petiole_E_GPa", "petiole_elasticity_gpa"),
+    key("plants.NAME.rods", "gain", "compliance"),
+    key("rain", "keys", "envelope_keyframes"),
+    key("rain", "size", "size_distribution"),
+    key("rain", "g", "gravity"),
+    key("rain.impact", "gain", "impulse_factor"),
+    key("rain.impact", "eps", "energy_loss"),
+    key("rain.drop", "theta_deg", "contact_angle_deg"),
+    key("rain.drop", "mu", "friction_coefficient"),
+    key("rain.drop", "H_N", "paper_friction_n"),
+    key("rain.drop", "k_f", "retention_factor"),
+    key("rain.drop", "tau_v_s", "velocity_decay_s"),
+    key("rain.drop", "k_H_N", "paper_attraction_n"),
+    key("rain.drop", "phi_c", "paper_lever_max"),
+    key("rain.drop", "tail_beta", "tail_ratio"),
+    key("rain.drop", "tail_n", "tail_drops"),
+    key("rain.wet", "zeta", "decay_fraction"),
+    key("rain.wet", "half_life_s", "decay_time_s"),
+    key("maps", "hero_max", "max_mapped_leaves"),
+    key("wind.lattice", "reference", "reference_height"),
+    key("flight", "preroll", "spin_up_s"),
+    key("wind.lattice", "preroll", "spin_up_s"),
+    key("rain", "before_s", "spin_up_s"),
+    RenamedKey {
+        table: "sun",
+        old: "azimuth_deg",
+        new: "direction_deg",
+        change: Some("subtract 90: directions of sun, wind and lean are counted from +X towards -Z"),
+    },
+    key("terrain", "n", "subdivisions"),
+];
+
+/// The renamed key that an earlier version knew by this name. `table`: path of its declaration.
+pub fn renamed_key(table: &str, key: &str) -> Option<&'static RenamedKey> {
+    RENAMED.iter().find(|r| r.table == table && r.old == key)
 }

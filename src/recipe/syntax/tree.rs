@@ -34,7 +34,7 @@ pub enum TomlValue {
 }
 
 impl TomlValue {
-    /// The word for it in messages.
+    /// Name of the value's type in messages, with its article.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Text(_) => "a text",

@@ -97,7 +97,7 @@ impl Excerpt {
             start = if start > 0 { line_start(bytes, start - 1) } else { start };
             end = if end < bytes.len() { line_end(bytes, end + 1) } else { end };
         }
-        // The renderer counts lines from the excerpt's first, which is this one of the file.
+        // File line number of the excerpt's first line, from which the renderer counts.
         let line = 1 + bytes.iter().take(start).filter(|b| **b == b'\n').count();
         Self { text: masked(text.get(start..end).unwrap_or_default()), start, line }
     }

@@ -208,7 +208,7 @@ fn invisible_ids(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
 }
 
 impl AnimatedInstancer {
-    /// Takes positions, and the orientations in `before`, of a frame, and writes the samples that later frames cannot restore.
+    /// Passes positions, and the orientations in `before`, of a frame to the reducers, and writes the samples that they keep.
     fn push_reduced(&mut self, layer: &mut LayerBuilder, time: f64, positions: Vec<Vec3>) -> Result<()> {
         let Some(reducers) = &mut self.reducers else { return Ok(()) };
         // Both are reduced on their own: an attribute has its own times, and often one of them changes less than the other.

@@ -71,7 +71,7 @@ impl LogicalLine {
 
 /// The keyword that a list of tokens begins with and how many tokens it takes.
 fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
-    // Keywords are matched without blanks and case, the longest first: "derivation length", "define-angle".
+    // Blanks and case are ignored, and the longest keyword wins: "derivation length", "define-angle".
     let mut word = String::new();
     let mut best = None;
     for (i, t) in tokens.iter().take(3).enumerate() {
@@ -85,7 +85,7 @@ fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
         }
     }
     let (k, n) = best?;
-    let needs_no_colon = matches!(
+    let colon_optional = matches!(
         k,
         Keyword::Lsystem
             | Keyword::Ring
@@ -97,9 +97,9 @@ fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     );
     let next = tokens.get(n);
     // Any symbol may follow `bind`, a colon only as the second.
-    let needs_no_colon = needs_no_colon || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
+    let colon_optional = colon_optional || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
     // A keyword counts only in front of a colon or a brace, or alone, so that symbols may be spelled like keywords.
-    let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || needs_no_colon || next.is_none();
+    let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || colon_optional || next.is_none();
     fits.then_some((k, n))
 }
 

@@ -67,16 +67,15 @@ pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> FlatBlade {
 fn compact(points: Vec<DVec2>, triangles: Vec<[usize; 3]>) -> FlatBlade {
     // `new`: index of each kept point after renumbering, in the order in which triangles use them.
     let mut new = vec![u32::MAX; points.len()];
-    // `kept_count`: length of `kept`, the index of the next point.
-    let (mut kept, mut kept_count) = (Vec::new(), 0_u32);
+    let (mut kept, mut next_index) = (Vec::new(), 0_u32);
     let triangles = triangles
         .iter()
         .map(|t| {
             t.map(|i| {
                 let slot = &mut new[i];
                 if *slot == u32::MAX {
-                    *slot = kept_count;
-                    kept_count += 1;
+                    *slot = next_index;
+                    next_index += 1;
                     kept.push(points[i]);
                 }
                 *slot

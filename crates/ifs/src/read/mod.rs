@@ -75,8 +75,7 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
     if bytes.len() > limit {
         let text =
             format!("\"{name}\" has {} bytes, the limit is {}", grouped(bytes.len() as u64), grouped(limit as u64));
-        report.push(Diagnostic::about("I008", text).help("split the file, or name a system in a smaller one"));
-        return Err(Error::Input(Box::new(report)));
+        return Err(Diagnostic::about("I008", text).help("split the file, or name a system in a smaller one").into());
     }
     // DOS editors end a file with 0x1A.
     let end = bytes.iter().position(|b| *b == 0x1A).unwrap_or(bytes.len());
@@ -120,7 +119,6 @@ pub fn pick<'a>(systems: &'a [Ifs], name: Option<&str>, file: &str) -> Result<&'
         None => systems.first(),
     };
     found.ok_or_else(|| {
-        let mut report = Report::default();
         let d = match name {
             Some(name) => {
                 let d = Diagnostic::about("I001", format!("\"{file}\" has no system \"{name}\""));
@@ -135,8 +133,7 @@ pub fn pick<'a>(systems: &'a [Ifs], name: Option<&str>, file: &str) -> Result<&'
             None => Diagnostic::about("I001", format!("\"{file}\" holds no system"))
                 .help("a system is written NAME { a b c d e f p ... }, one map per line"),
         };
-        report.push(d);
-        Error::Input(Box::new(report))
+        Error::from(d)
     })
 }
 

@@ -228,7 +228,7 @@ impl<'l> ObjMaterials<'l> {
         table_index(self.images.len() - 1)
     }
 
-    /// The image of one of a material's maps.
+    /// Decodes the image of one of a material's maps; `None` if the library has none for it.
     fn decode_map(
         &mut self,
         context: &ImportContext<'_>,

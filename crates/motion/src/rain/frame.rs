@@ -121,7 +121,7 @@ impl RainFrame {
                 // The cosine between the drop's normal and the vertical, for the paper's wedge shape.
                 let facing = leaf.point_at(d.uv).map_or(1.0, |s| (simulation.poses()[i].orientation * s.n).y.abs());
                 let caps = d.caps(params, facing);
-                // What is under water now is wet, also where the drop has not moved since the last spot.
+                // Each covered spot is wet now, even if the drop has not moved since the last recorded spot.
                 wet_spots.extend(caps.iter().map(|cap| LeafWetSpot {
                     leaf: i,
                     spot: WetSpot { uv: cap.uv, a: cap.cap.a, t: simulation.time() },

@@ -194,8 +194,7 @@ impl CantileverBeam {
     pub fn fundamental_angular_frequency(&self) -> f64 {
         let mut load = self.mass.clone();
         let mut square = 0.0;
-        // The deflection under inertial loads of the last shape is a better shape; w^2 = work of the loads / sum m
-        // y^2.
+        // Stodola: the next shape is the deflection under the inertial loads of the last one. Rayleigh: w^2 = sum q y / sum m y^2.
         for _ in 0..2 {
             let y = self.deflection(&load);
             let work = load.iter().zip(&y).fold(0.0, |s, (q, y)| s + q * y);

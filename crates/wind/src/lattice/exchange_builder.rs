@@ -51,14 +51,14 @@ struct GhostLink {
     sent: usize,
 }
 
-/// What is being listed.
+/// The exchange while its links and ghosts are collected.
 struct ExchangeBuilder<'a> {
     domain: &'a Domain,
-    /// By plane of arrival.
+    /// Sorted by the plane of the receiving cell.
     links: Vec<RunLink>,
     ghosts: Vec<GhostNode>,
     ghost_at: BTreeMap<[isize; 3], usize>,
-    /// By plane of arrival.
+    /// Sorted by the plane of the receiving cell.
     ghost_links: Vec<GhostLink>,
     /// The cell nearest to each ghost.
     nearest: Vec<[usize; 3]>,
@@ -84,7 +84,7 @@ pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<Bo
                 let edge = y == 0 || y + 1 == n[1] || z == 0 || z + 1 == n[2];
                 for x in 0..n[0] {
                     let cell = [x, y, z];
-                    // Only cells at faces or beside solids take part.
+                    // All other populations stream from their neighbour without an exchange.
                     let at_boundary = edge || x == 0 || x + 1 == n[0];
                     if !domain.is_solid(cell) && (at_boundary || domain.upstream_is_solid(cell, i)) {
                         builder.link_population(cell, i);

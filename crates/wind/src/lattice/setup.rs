@@ -262,7 +262,8 @@ pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceConditio
     })
 }
 
-/// Boundary conditions with every face open that is open at any time.
+/// Boundary conditions in which each face that is ever open is open, for the sizes of tables. In a turning wind the choice of inlet or
+/// outlet is a placeholder.
 pub(super) fn faces_ever_open(options: &LatticeOptions) -> [FaceCondition; 6] {
     let mut faces = face_conditions(options, 0.0);
     if !options.inlet.direction_curve.is_empty() {

@@ -27,7 +27,7 @@ pub(super) const VELOCITIES: [[i32; 3]; Q] = [
 /// Weights w_i of rest, axes and diagonals.
 pub(super) const WEIGHTS: [f64; 3] = [2.0 / 9.0, 1.0 / 9.0, 1.0 / 72.0];
 
-/// Weight of direction `i`.
+/// Weight of direction `i`: its share of the density at rest.
 pub(super) const fn weight(i: usize) -> f64 {
     match i {
         0 => WEIGHTS[0],

@@ -24,7 +24,7 @@ use super::stepper::BoundaryInputs;
 
 const RESTING_WALL: FaceCondition = FaceCondition::Wall([0.0; 3]);
 
-/// A flow of either code.
+/// A test flow, stepped by the reference or by the production solver.
 enum TestFlow {
     Reference(Box<ReferenceSolver>),
     Production(Box<FlowState>),

@@ -89,8 +89,8 @@ fn start_flight(
     let (known_height, cell_size) = (wind.known_height(), wind.cell_size());
     let scene = FlightContext { recipe, flight, domain, solids, known_height, cell_size, twigs };
     let playback = FlightPlayback::new(&scene, wind, models);
-    if playback.enclosed_starts() > 0 {
-        let text = format!("{} catkins found no place to start outside of solids", playback.enclosed_starts());
+    if playback.enclosed_start_count() > 0 {
+        let text = format!("{} catkins found no place to start outside of solids", playback.enclosed_start_count());
         let help = "raise flight.band, or make room between the solids";
         report.push(Diagnostic::about("S026", text).help(help));
     }
@@ -107,7 +107,7 @@ fn start_flight(
 /// The box that catkins fly in: a lattice's own, or one of `size` (width, height, depth in m) that stands on the origin.
 fn flight_domain(recipe: &Recipe, size: [f64; 3]) -> Bounds {
     let lattice = recipe.wind.model == WindModel::Lattice;
-    let [w, h, d] = if lattice { recipe.lattice.cells.map(|n| n * recipe.lattice.cell_size) } else { size }.map(narrow);
+    let [w, h, d] = if lattice { recipe.lattice.size() } else { size }.map(narrow);
     let base = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
     Bounds { min: base - Vec3::new(w / 2.0, 0.0, d / 2.0), max: base + Vec3::new(w / 2.0, h, d / 2.0) }
 }

@@ -114,7 +114,7 @@ impl FlightPlayback {
     }
 
     /// Number of catkins for which no start outside of solids was found.
-    pub fn enclosed_starts(&self) -> u64 {
+    pub fn enclosed_start_count(&self) -> u64 {
         self.start.stats().buried
     }
 

@@ -90,7 +90,7 @@ impl ValueHeap {
         bytes: &[u8],
         write: impl FnOnce(&mut Self) -> Result<()>,
     ) -> Result<u64> {
-        // The key holds the hash, not the bytes: 33 bytes of memory for a value, however long the array is.
+        // The key holds the hash, not the bytes, so that an entry's size does not grow with the array.
         let key = (kind, *blake3::hash(bytes).as_bytes());
         if let Some(found) = self.known.get(&key) {
             return Ok(*found);

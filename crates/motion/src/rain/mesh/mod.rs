@@ -75,7 +75,7 @@ struct PointMotion<'a> {
     v: DVec3,
 }
 
-/// Numbers of points and triangles of a mesh at which a part of it begins.
+/// Indices of the first point and the first triangle of a part.
 #[derive(Clone, Copy)]
 struct MeshPartStart {
     point: usize,

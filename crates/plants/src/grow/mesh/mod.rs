@@ -139,9 +139,7 @@ fn no_skeleton_error(parts: &MeshParts, options: &SkeletonOptions) -> Error {
             "model trunk and branches as tubes: cards and single lines have no skeleton",
         )
     };
-    let mut report = Report::default();
-    report.push(Diagnostic::about("X018", message).help(help));
-    Error::Input(Box::new(report))
+    Diagnostic::about("X018", message).help(help).into()
 }
 
 /// The points of each node's clusters.
@@ -195,7 +193,7 @@ impl MeshPlant {
         cluster_sites: &ClusterSites<'_>,
         options: &SkeletonOptions,
     ) {
-        // Blades that become organs are removed from the mesh.
+        // `left`: blades that cannot become organs; they stay in the mesh.
         let near = bind::wood_search(&self.plant);
         let left = leaves::place_leaves(&mut self.plant, &imported.mesh, &parts.blades, &near);
         self.warn_rigid_leaves(imported, parts, &left, options);

@@ -133,8 +133,8 @@ fn dilate(texels: &mut [BillboardTexel], side: usize) {
 
 impl Tuft {
     /// The tuft as billboards through its middle. `crossed`: three quads, each with a quarter of the texture, else one that
-    /// faces +Z with all of it. The mesh has one material, the returned one, whose pictures are straight in alpha.
-    /// Own: hairs are drawn round and whole, 8 x 8 samples to a pixel; the alpha cutoff preserves the covered area.
+    /// faces +Z with all of it. The mesh has one material, the returned one, whose images have straight (not premultiplied) alpha.
+    /// Source: own. Hairs are drawn as cylinders with 8 x 8 samples per pixel; the alpha cutoff preserves the covered area.
     pub fn billboards(&self, name: &str, crossed: bool) -> (Mesh, SurfaceMaterial) {
         let (views, pixels) = if crossed { (&VIEWS[..], SIDE / 2) } else { (&VIEWS[..1], SIDE) };
         let mut texels = vec![BillboardTexel::default(); SIDE * SIDE];
@@ -150,7 +150,7 @@ impl Tuft {
             for (i, t) in seen.into_iter().enumerate() {
                 texels[(corner.1 + i / pixels) * SIDE + corner.0 + i % pixels] = t;
             }
-            // What lies flat is seen from above, at the height of most of the hair.
+            // The horizontal quad lies at the hairs' mean height; vertical quads pass through the origin.
             let middle = if view[2] == Vec3::Y { Vec3::Y * narrow(height) } else { Vec3::ZERO };
             push_quad(&mut mesh, *view, middle, self.radius, corner, pixels);
         }

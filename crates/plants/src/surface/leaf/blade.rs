@@ -20,7 +20,7 @@ use osier_scene::Mesh;
 pub enum BladeDetail {
     /// For a picture of a few leaves: a smooth margin, some thousand triangles that follow every bend.
     Close,
-    /// For close-ups: every tooth, 100 to 250 points.
+    /// For plants near the camera: every tooth, 100 to 250 points.
     Hero,
     /// For plants seen whole: 40 to 90 points, teeth left to the eye.
     Light,
