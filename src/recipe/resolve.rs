@@ -103,12 +103,12 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         raining: root.get("rain").is_some(),
     };
     let recipe = resolver.recipe(&root);
-    name_knobs(&recipe, &mut resolver.report);
+    suggest_define_keys(&recipe, &mut resolver.report);
     resolver.report.into_result(recipe)
 }
 
 /// Where an unknown key of the scene is a #define of one of its grammars, the help names the key that reaches it.
-fn name_knobs(recipe: &Recipe, report: &mut Report) {
+fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
     for d in report.diagnostics.iter_mut().filter(|d| d.code == "S002") {
         let Some(name) = d.message.strip_prefix("a scene has no key \"").and_then(|m| m.strip_suffix('"')) else {
             continue;
@@ -158,6 +158,13 @@ pub(super) struct NamedTable<'a> {
     pub(in crate::recipe) id: String,
 }
 
+/// The table `morph` of a cloud.
+pub(super) struct MorphTable<'a> {
+    pub(in crate::recipe) table: &'a TomlTable,
+    /// Place of its name in the scene, for messages.
+    pub(in crate::recipe) span: Span,
+}
+
 pub(super) struct Resolver<'a> {
     pub(in crate::recipe) request: &'a Request,
     pub(in crate::recipe) registry: Registry,
@@ -194,7 +201,7 @@ impl Resolver<'_> {
         let (mut wind, added) = self.wind(root);
         let lattice = self.lattice(root, &mut wind);
         let sway = self.sway(root, clip);
-        let sway = self.unrepeated(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
+        let sway = self.disable_loop(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
         self.report_fitted_lengths(root, &wind, &sway, &clip);
         // Files of the wind sample the domain of the lattice, else of the flight, else of their own table.
         let flight_size = flight.as_ref().map(|f| f.keys.size);
@@ -300,7 +307,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// What a file holds, or nothing once its faults are told.
+    /// What a file holds, or nothing once its faults are reported.
     pub(in crate::recipe) fn load_or_report<T>(&mut self, read: Result<T>, file: &ReferencedFile) -> Option<T> {
         match read {
             Ok(held) => Some(held),
@@ -403,7 +410,7 @@ impl Resolver<'_> {
             usd: self.section_at(table, "output", "usd"),
             gltf: {
                 let keys = self.section_at(table, "output", "gltf");
-                self.shown_frame(root, keys, clip)
+                self.check_gltf_frame(root, keys, clip)
             },
             wind,
         }
@@ -416,7 +423,7 @@ impl Resolver<'_> {
     }
 
     /// The one frame that a glTF shows is one of the clip's.
-    fn shown_frame(&mut self, root: &TomlTable, keys: GltfKeys, clip: Clip) -> GltfKeys {
+    fn check_gltf_frame(&mut self, root: &TomlTable, keys: GltfKeys, clip: Clip) -> GltfKeys {
         if let Some(frame) = keys.frame.filter(|f| !(clip.start..=clip.end).contains(f)) {
             let span = span_of(root, &["output", "gltf", "frame"]).unwrap_or(self.whole);
             let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);

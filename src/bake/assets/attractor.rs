@@ -178,7 +178,8 @@ pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Resul
     if share <= MAX_ESCAPED_SHARE {
         return Ok(());
     }
-    let reason = format!("\"{}\" runs away: {:.1} % of the tests find a lost point", recipe.system.name, share * 100.0);
+    let reason =
+        format!("\"{}\" diverges: {:.1} % of the tests find a point that escapes", recipe.system.name, share * 100.0);
     Err(Error::input("I023", reason))
 }
 

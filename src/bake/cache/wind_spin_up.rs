@@ -23,7 +23,7 @@ pub fn load_or_spin_up(options: &LatticeOptions, solids: &[Solid], context: &Bak
         Ok(true) => {}
         Ok(false) => lattice.spin_up(context.progress, context.cancel)?,
         Err(why) => {
-            cache.add_message(format!("\"{path}\" {why}: the air runs up again"));
+            cache.add_message(format!("\"{path}\" {why}: the wind spins up again"));
             lattice.spin_up(context.progress, context.cancel)?;
         }
     }

@@ -1,8 +1,8 @@
 //! `[clouds.NAME]`: attractors of coefficient tables, as points.
 
 use super::IfsTreeKeys;
-use super::morph::MorphTable;
-use crate::recipe::resolve::{NamedTable, Resolver};
+use super::condensation::SystemFile;
+use crate::recipe::resolve::{MorphTable, NamedTable, Resolver};
 use crate::recipe::syntax::{
     ColorList, FileReference, OneOf, OptionalKey, Reference, StringType, TomlTable, TomlValue, degrees, integer,
     millimetres, number, point, wrong,
@@ -17,8 +17,6 @@ use osier_ifs::game::extent;
 use osier_ifs::stems::{TreeSystem, is_tree, stems};
 use osier_ifs::weights::WeightRule;
 use osier_ifs::{Ifs, read};
-use osier_import::Imported;
-use std::sync::Arc;
 
 choices! {
     /// What the colour of a point stands for.
@@ -98,15 +96,6 @@ pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];
 /// Bytes of memory of a point of a cloud, as measured while it is made.
 pub(super) const POINT: u64 = 40;
 
-/// A system with all that its file names.
-pub(in crate::recipe) struct SystemFile {
-    pub system: Ifs,
-    /// Holds the texts that its spans point into.
-    pub report: Report,
-    /// Its condensation meshes, in order.
-    pub meshes: Vec<Arc<Imported>>,
-}
-
 impl Resolver<'_> {
     /// All clouds of a scene; `names`: those already taken by plants.
     pub(in crate::recipe) fn clouds(&mut self, root: &TomlTable, names: &mut Names) -> Vec<AttractorRecipe> {
@@ -125,9 +114,9 @@ impl Resolver<'_> {
 
     fn cloud(&mut self, name: &str, id: String, span: Span, table: &TomlTable) -> Option<AttractorRecipe> {
         let path = format!("clouds.{name}");
-        let told = self.report.diagnostics.len();
+        let reported = self.report.diagnostics.len();
         let keys = self.read_keys::<AttractorKeys>(table, &path);
-        if keys.ifs.is_none() && self.report.diagnostics.len() > told {
+        if keys.ifs.is_none() && self.report.diagnostics.len() > reported {
             return None;
         }
         let named = NamedTable { name, path: &path, id };
@@ -157,10 +146,10 @@ impl Resolver<'_> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
         let SystemFile { system, report, .. } = self.system(&file, &keys.system)?;
         if self.request.thorough && self.request.bare.is_some() && keys.system.is_empty() {
-            self.others(&file, &system);
+            self.study_other_systems(&file, &system);
         }
         // Probabilities come from the key, else from the table, else from the column of the file.
-        let rule = keys.weights.map_or(system.weights.unwrap_or(WeightRule::File), rule);
+        let rule = keys.weights.map_or(system.weights.unwrap_or(WeightRule::File), weight_rule);
         let study = self.study(&system, rule, &report)?;
         // A system whose orbits diverge has no bounds: its diagnostic names the map.
         match extent(&system, &study) {
@@ -190,10 +179,10 @@ impl Resolver<'_> {
     }
 
     /// What is odd about the other systems of a file.
-    fn others(&mut self, file: &ReferencedFile, drawn: &Ifs) {
+    fn study_other_systems(&mut self, file: &ReferencedFile, drawn: &Ifs) {
         let Ok((mut systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
         for system in systems.iter_mut().filter(|s| s.name != drawn.name) {
-            if self.meshes(system, file, &sources).is_some()
+            if self.import_set_meshes(system, file, &sources).is_some()
                 && let Some(study) = self.study(system, system.weights.unwrap_or(WeightRule::File), &sources)
                 && let Err(escaped) = extent(system, &study)
             {
@@ -203,7 +192,7 @@ impl Resolver<'_> {
     }
 
     /// Reads the table of a tree: it, its name for people, and the meshes that stand on its words.
-    pub(in crate::recipe) fn stems(
+    pub(in crate::recipe) fn tree_system(
         &mut self,
         reference: &Reference,
         keys: &IfsTreeKeys,
@@ -237,7 +226,7 @@ impl Resolver<'_> {
         });
         let (mut system, report) = self.load_or_report(picked, file)?;
         self.report.extend(report.clone());
-        let meshes = self.meshes(&mut system, file, &report)?;
+        let meshes = self.import_set_meshes(&mut system, file, &report)?;
         Some(SystemFile { system, report, meshes })
     }
 
@@ -249,8 +238,8 @@ impl Resolver<'_> {
         sources: &Report,
     ) -> Option<SystemAnalysis> {
         match dynamics::study(system, rule).into_result(sources) {
-            Ok((study, told)) => {
-                self.report.extend(told);
+            Ok((study, reported)) => {
+                self.report.extend(reported);
                 Some(study)
             }
             Err(Error::Input(faults)) => {
@@ -262,7 +251,7 @@ impl Resolver<'_> {
     }
 }
 
-fn rule(from: WeightsFrom) -> WeightRule {
+fn weight_rule(from: WeightsFrom) -> WeightRule {
     match from {
         WeightsFrom::File => WeightRule::File,
         WeightsFrom::FileRaw => WeightRule::Raw,

@@ -1,6 +1,5 @@
 //! Mesh files that coefficient tables name as condensation sets.
 
-use super::attractor::SystemFile;
 use super::{OrganKeys, UpAxis};
 use crate::recipe::resolve::Resolver;
 use crate::recipe::syntax::KeyTable;
@@ -16,10 +15,19 @@ use std::sync::Arc;
 /// The first letter of the organs that stand for the meshes of a tree's table; further ones follow it.
 const FIRST: u32 = 'A' as u32;
 
+/// A system with all that its file names.
+pub(in crate::recipe) struct SystemFile {
+    pub system: Ifs,
+    /// Holds the texts that its spans point into.
+    pub report: Report,
+    /// Its condensation meshes, in order.
+    pub meshes: Vec<Arc<Imported>>,
+}
+
 impl Resolver<'_> {
     /// Reads the meshes that a system names, beside its file. `sources`: of the texts that its spans point into.
     /// Complaints point at the name in the table.
-    pub(in crate::recipe) fn meshes(
+    pub(in crate::recipe) fn import_set_meshes(
         &mut self,
         system: &mut Ifs,
         file: &ReferencedFile,
@@ -28,7 +36,7 @@ impl Resolver<'_> {
         let mut all = Vec::new();
         for set in &mut system.condensation {
             let CondensationShape::Mesh(model) = &mut set.shape else { continue };
-            match self.model(model, file) {
+            match self.import_set_mesh(model, file) {
                 Ok(imported) => all.push(Arc::new(imported)),
                 Err(faults) => {
                     // What is wrong inside the mesh has its place there, all else where the table names it.
@@ -44,7 +52,7 @@ impl Resolver<'_> {
         Some(all)
     }
 
-    fn model(&mut self, model: &mut MeshReference, file: &ReferencedFile) -> Result<Imported, Box<Report>> {
+    fn import_set_mesh(&mut self, model: &mut MeshReference, file: &ReferencedFile) -> Result<Imported, Box<Report>> {
         let limit = self.request.limits.get("mesh-bytes");
         let about = |d: Diagnostic| Box::new(Report { diagnostics: vec![d], ..Report::default() });
         let library = &self.request.library;

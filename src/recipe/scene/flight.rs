@@ -149,7 +149,7 @@ impl Resolver<'_> {
         let entry = root.get("flight")?;
         let table = self.table(root, "", "flight")?;
         let mut keys = self.read_keys::<FlightKeys>(table, "flight");
-        as_printed(&mut keys, table);
+        apply_paper_defaults(&mut keys, table);
         self.limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
         self.memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
         for (name, pair) in [("band", keys.band), ("scale", keys.scale)] {
@@ -284,7 +284,7 @@ impl Resolver<'_> {
 }
 
 /// With preset = "paper" what the scene does not say is as the paper has it.
-fn as_printed(keys: &mut FlightKeys, table: &TomlTable) {
+fn apply_paper_defaults(keys: &mut FlightKeys, table: &TomlTable) {
     if keys.preset != FlightPreset::Paper {
         return;
     }

@@ -2,7 +2,7 @@
 
 use super::AttractorKeys;
 use crate::recipe::AttractorRecipe;
-use crate::recipe::resolve::{NamedTable, Resolver};
+use crate::recipe::resolve::{MorphTable, NamedTable, Resolver};
 use crate::recipe::syntax::{
     ColorList, FileReference, OneOf, Reference, StringType, TomlNode, TomlTable, TomlValue, TurnList, join, number,
     wrong,
@@ -82,13 +82,6 @@ recipe! {
     }
 }
 
-/// The table `morph` of a cloud.
-pub(super) struct MorphTable<'a> {
-    pub(super) table: &'a TomlTable,
-    /// Place of its name in the scene, for messages.
-    pub(super) span: Span,
-}
-
 /// A table that has been read, with where the scene names it.
 struct Row {
     key: MorphKeyframe,
@@ -114,17 +107,18 @@ impl Resolver<'_> {
         let path = join(path, "morph");
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
         self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
-        let told = self.report.diagnostics.len();
+        let reported = self.report.diagnostics.len();
         let morph = self.read_keys::<MorphKeys>(table, &path);
-        self.idle(cloud, &path);
+        self.report_unused_keys(cloud, &path);
         // Read every table, then check times and turns, then interpolate and check contraction in between.
-        let rows = self.rows(name, &path, MorphTable { table, span }, &keys)?;
-        self.times(&rows);
-        if self.report.diagnostics.iter().skip(told).any(|d| d.severity == osier_base::diagnostic::Severity::Error) {
+        let rows = self.read_keyframes(name, &path, MorphTable { table, span }, &keys)?;
+        self.check_keyframes_of_morph(&rows);
+        if self.report.diagnostics.iter().skip(reported).any(|d| d.severity == osier_base::diagnostic::Severity::Error)
+        {
             return None;
         }
-        let made = self.led(&rows, &morph)?;
-        self.between(&rows, &made)?;
+        let made = self.interpolate_tables(&rows, &morph)?;
+        self.check_contraction_between(&rows, &made)?;
         if let Some(k) = made.reweighted().filter(|_| morph.weights == MorphWeights::Follow)
             && let Some(row) = rows.get(k)
         {
@@ -142,7 +136,7 @@ impl Resolver<'_> {
     }
 
     /// S007 for keys that a morph does not heed.
-    fn idle(&mut self, cloud: &TomlTable, path: &str) {
+    fn report_unused_keys(&mut self, cloud: &TomlTable, path: &str) {
         let others = [("ifs", "name it in the first key instead"), ("system", "name it in the first key instead")];
         for (name, help) in
             others.into_iter().chain([("voxel_mm", "voxels that contain a point would change with time")])
@@ -154,7 +148,13 @@ impl Resolver<'_> {
         }
     }
 
-    fn rows(&mut self, name: &str, path: &str, morph: MorphTable<'_>, keys: &AttractorKeys) -> Option<Vec<Row>> {
+    fn read_keyframes(
+        &mut self,
+        name: &str,
+        path: &str,
+        morph: MorphTable<'_>,
+        keys: &AttractorKeys,
+    ) -> Option<Vec<Row>> {
         let MorphTable { table, span } = morph;
         let path = join(path, "key");
         let list = match table.get("key").map(|e| &e.node) {
@@ -174,7 +174,7 @@ impl Resolver<'_> {
         let mut rows: Vec<Row> = Vec::new();
         let mut whole = true;
         for (i, node) in list.iter().enumerate() {
-            match self.row(name, &format!("{path}.{i}"), node, keys, &rows) {
+            match self.read_keyframe(name, &format!("{path}.{i}"), node, keys, &rows) {
                 Some(row) => rows.push(row),
                 None => whole = false,
             }
@@ -182,7 +182,14 @@ impl Resolver<'_> {
         whole.then_some(rows)
     }
 
-    fn row(&mut self, name: &str, path: &str, node: &TomlNode, keys: &AttractorKeys, known: &[Row]) -> Option<Row> {
+    fn read_keyframe(
+        &mut self,
+        name: &str,
+        path: &str,
+        node: &TomlNode,
+        keys: &AttractorKeys,
+        known: &[Row],
+    ) -> Option<Row> {
         let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(path, node, "a table"));
             return None;
@@ -204,7 +211,7 @@ impl Resolver<'_> {
         Some(Row { key, cloud, span: node.span, at, ifs, turns })
     }
 
-    fn times(&mut self, rows: &[Row]) {
+    fn check_keyframes_of_morph(&mut self, rows: &[Row]) {
         for pair in rows.windows(2) {
             let [a, b] = [pair[0].key.at, pair[1].key.at];
             if b <= a {
@@ -223,7 +230,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn led(&mut self, rows: &[Row], keys: &MorphKeys) -> Option<Morph> {
+    fn interpolate_tables(&mut self, rows: &[Row], keys: &MorphKeys) -> Option<Morph> {
         let options = MorphOptions {
             smooth: keys.ease == MorphEase::Smooth,
             fixed_points: keys.shift == MorphShift::FixedPoint,
@@ -248,7 +255,7 @@ impl Resolver<'_> {
     }
 
     /// Where some map stretches at its key, what lies between has to be judged as well: I021.
-    fn between(&mut self, rows: &[Row], morph: &Morph) -> Option<()> {
+    fn check_contraction_between(&mut self, rows: &[Row], morph: &Morph) -> Option<()> {
         let stretches = |r: &Row| r.cloud.system.maps.iter().any(|m| m.affine.norm() >= 1.0);
         for pair in rows.windows(2).filter(|p| p.iter().any(stretches)) {
             let [a, b] = [pair[0].key.at, pair[1].key.at];

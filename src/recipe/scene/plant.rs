@@ -138,9 +138,9 @@ impl Resolver<'_> {
 
     fn plant(&mut self, name: &str, id: String, span: Span, table: &TomlTable) -> Option<PlantRecipe> {
         let path = format!("plants.{name}");
-        let told = self.report.diagnostics.len();
+        let reported = self.report.diagnostics.len();
         let mut keys = self.read_keys::<PlantKeys>(table, &path);
-        let misread = self.report.diagnostics.len() > told;
+        let misread = self.report.diagnostics.len() > reported;
         keys.steps = self.request.steps.or(keys.steps);
         let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
         let mut organs = self.organs(table, &path);
@@ -150,7 +150,7 @@ impl Resolver<'_> {
         let mut skin: SkinKeys = self.section_at(table, &path, "skin");
         let wood = self.section_at(table, &path, "wood");
         let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
-        let grains = [self.grain(&bark)?, self.grain(&shoot)?];
+        let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
         if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
             let d =
                 Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
@@ -159,7 +159,7 @@ impl Resolver<'_> {
         // One of mesh, grammar and coefficient table grows the plant. `letters` are the organs that the grammar or table uses.
         let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
-                let (mesh, import) = self.modelled(&keys, &path, table)?;
+                let (mesh, import) = self.import_plant_mesh(&keys, &path, table)?;
                 let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
                 organs = vec![OrganRecipe { letter: 'l', keys: flutter, ifs: None, drawn: Arc::default(), mesh: None }];
                 (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
@@ -175,7 +175,7 @@ impl Resolver<'_> {
             }
             (None, Some(reference)) => {
                 let mut tree: IfsTreeKeys = self.section_at(table, &path, "tree");
-                let (stems, source, sets) = self.stems(reference, &tree)?;
+                let (stems, source, sets) = self.tree_system(reference, &tree)?;
                 tree.twigs &= self.can_instance_twigs(table, &path, &stems, &tree, rods.is_some());
                 organs.retain(|o| sets.iter().all(|s| s.letter != o.letter));
                 organs.extend(sets);
@@ -253,7 +253,7 @@ impl Resolver<'_> {
     }
 
     /// Reads the mesh of a whole plant: its name for people, and what it holds.
-    fn modelled(
+    fn import_plant_mesh(
         &mut self,
         keys: &PlantKeys,
         path: &str,
@@ -285,7 +285,7 @@ impl Resolver<'_> {
 
     /// The table of a bark; the outer `None` if it cannot be read.
     #[allow(clippy::option_option, reason = "a table that fails is not the same as no table")]
-    fn grain(&mut self, bark: &BarkKeys) -> Option<Option<Arc<Ifs>>> {
+    fn bark_grain_table(&mut self, bark: &BarkKeys) -> Option<Option<Arc<Ifs>>> {
         match &bark.ifs {
             Some(r) => Some(Some(Arc::new(self.plane_table(r, &bark.system, "bark is tiled")?))),
             None => Some(None),
@@ -375,12 +375,12 @@ impl Resolver<'_> {
         let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);
         let (grammar, diagnostics) = self.load_or_report(parsed, file)?;
         self.report.extend(Report { sources, diagnostics });
-        self.unused(&grammar, keys);
+        self.report_unused_defines(&grammar, keys);
         Some(grammar)
     }
 
     /// S007 for values that no #define of the grammar takes.
-    fn unused(&mut self, grammar: &Grammar, keys: &PlantKeys) {
+    fn report_unused_defines(&mut self, grammar: &Grammar, keys: &PlantKeys) {
         let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
         for (name, _) in keys.set.iter().filter(|(name, _)| !known.contains(&name.as_str())) {
             let near = nearest(name, known.iter().copied());

@@ -220,12 +220,12 @@ impl Resolver<'_> {
             impact: self.section_at(table, "rain", "impact"),
             drop: self.section_at(table, "rain", "drop"),
             wet: self.section_at(table, "rain", "wet"),
-            lying: self.lying(table),
+            lying: self.sessile_drops(table),
             keys,
         };
         // The preset of the paper replaces defaults, never keys that the scene gives.
-        as_printed(&mut rain, table);
-        self.angles(&rain.drop, table);
+        apply_paper_defaults(&mut rain, table);
+        self.check_contact_angles(&rain.drop, table);
         if rain.keys.envelope == RainEnvelope::Keys
             && (rain.keys.envelope_keyframes.is_empty()
                 || rain.keys.envelope_keyframes.windows(2).any(|k| k[1][0] <= k[0][0]))
@@ -242,7 +242,7 @@ impl Resolver<'_> {
         Some(rain)
     }
 
-    fn lying(&mut self, table: &TomlTable) -> Vec<SessileDropKeys> {
+    fn sessile_drops(&mut self, table: &TomlTable) -> Vec<SessileDropKeys> {
         let Some(entry) = table.get("lying") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("rain.lying", &entry.node, "a list: write [[rain.lying]]"));
@@ -260,7 +260,7 @@ impl Resolver<'_> {
     }
 
     /// The angle at rest lies between those at which rims move.
-    fn angles(&mut self, drop: &DropKeys, table: &TomlTable) {
+    fn check_contact_angles(&mut self, drop: &DropKeys, table: &TomlTable) {
         if drop.receding <= drop.contact_angle && drop.contact_angle <= drop.advancing {
             return;
         }
@@ -279,12 +279,12 @@ impl Resolver<'_> {
 }
 
 /// What the paper prints, where the scene says nothing else.
-fn as_printed(rain: &mut RainRecipe, table: &TomlTable) {
+fn apply_paper_defaults(rain: &mut RainRecipe, table: &TomlTable) {
     if rain.keys.preset != RainPreset::Paper {
         return;
     }
     let said = |section: &str, key: &str| {
-        let at = if section.is_empty() { Some(table) } else { below(table, section) };
+        let at = if section.is_empty() { Some(table) } else { subtable(table, section) };
         at.is_some_and(|t| t.get(key).is_some())
     };
     macro_rules! unless {
@@ -305,7 +305,7 @@ fn as_printed(rain: &mut RainRecipe, table: &TomlTable) {
     }
 }
 
-fn below<'t>(table: &'t TomlTable, name: &str) -> Option<&'t TomlTable> {
+fn subtable<'t>(table: &'t TomlTable, name: &str) -> Option<&'t TomlTable> {
     match &table.get(name)?.node.value {
         TomlValue::Table(t) => Some(t),
         _ => None,

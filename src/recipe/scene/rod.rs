@@ -170,10 +170,10 @@ impl Resolver<'_> {
             return None;
         }
         // A rod without `on` has a base of its own; any other is fixed to a rod that the scene lists before it.
-        let on = if keys.on.is_empty() { None } else { Some(self.stands_on(&keys.on, of("on"), before)?) };
+        let on = if keys.on.is_empty() { None } else { Some(self.carrier_rod(&keys.on, of("on"), before)?) };
         self.check_rod(&keys, table, node.span, on.is_some());
-        let clamps = self.parts(table, &path, "clamp", |r, t, p| r.rod_clamp(t, p));
-        let loads = self.parts(table, &path, "load", |r, t, p| r.rod_load(t, p));
+        let clamps = self.read_subtables(table, &path, "clamp", |r, t, p| r.rod_clamp(t, p));
+        let loads = self.read_subtables(table, &path, "load", |r, t, p| r.rod_load(t, p));
         if let (Some(_), Some(entry)) = (on, table.get("clamp")) {
             let text = format!("[[rod]] {} is fixed to \"{}\" and has clamps of its own", i + 1, keys.on);
             let d = Diagnostic::warning("S007", text, entry.key_span, "both constrain the rod");
@@ -184,7 +184,7 @@ impl Resolver<'_> {
     }
 
     /// Index of the rod of a name, among those before.
-    fn stands_on(&mut self, name: &str, span: Span, before: &[RodRecipe]) -> Option<usize> {
+    fn carrier_rod(&mut self, name: &str, span: Span, before: &[RodRecipe]) -> Option<usize> {
         let found = before.iter().position(|r| r.keys.name == name);
         if found.is_none() {
             let d =
@@ -239,7 +239,7 @@ impl Resolver<'_> {
     }
 
     /// A list of tables below a rod.
-    fn parts<T>(
+    fn read_subtables<T>(
         &mut self,
         table: &TomlTable,
         path: &str,
@@ -272,8 +272,8 @@ impl Resolver<'_> {
     fn rod_clamp(&mut self, table: &TomlTable, path: &str) -> Option<RodClampKeys> {
         let keys = self.read_keys::<RodClampKeys>(table, path);
         // Displacements have three components after the time, rotations one angle.
-        let good = self.rod_times(table, path, "keyframes", &keys.keyframes, 4)
-            & self.rod_times(table, path, "turn_keyframes", &keys.turn_keyframes, 2);
+        let good = self.check_rod_keyframes(table, path, "keyframes", &keys.keyframes, 4)
+            & self.check_rod_keyframes(table, path, "turn_keyframes", &keys.turn_keyframes, 2);
         let only = [("turn_keyframes", RodHold::Fixed), ("axis", RodHold::Fixed), ("line", RodHold::Guided)];
         for (name, hold) in only {
             if let Some(entry) = table.get(name).filter(|_| keys.hold != hold) {
@@ -313,7 +313,7 @@ impl Resolver<'_> {
             self.report.push(d.help("write keyframes = [[0, ...]]: seconds, then what acts"));
             return None;
         }
-        let good = self.rod_times(table, path, "keyframes", &keys.keyframes, count);
+        let good = self.check_rod_keyframes(table, path, "keyframes", &keys.keyframes, count);
         let light = keys.kind == RodLoadKind::Mass && keys.keyframes.iter().any(|k| k.get(1).is_some_and(|m| *m < 0.0));
         if let Some(entry) = table.get("keyframes").filter(|_| light) {
             let d = Diagnostic::error("S004", format!("{path}: a mass below 0"), entry.node.span, "at least 0 kg");
@@ -323,7 +323,14 @@ impl Resolver<'_> {
     }
 
     /// Whether keyframes have `count` numbers and rise in time; S003 or S004 if not. `path`, `name`: of the table and its key.
-    fn rod_times(&mut self, table: &TomlTable, path: &str, name: &str, keys: &[Vec<f64>], count: usize) -> bool {
+    fn check_rod_keyframes(
+        &mut self,
+        table: &TomlTable,
+        path: &str,
+        name: &str,
+        keys: &[Vec<f64>],
+        count: usize,
+    ) -> bool {
         let span = table.get(name).map_or(self.whole, |e| e.node.span);
         if let Some(key) = keys.iter().find(|k| k.len() != count) {
             let text = format!("a keyframe of {path}.{name} has {} numbers, but must have {count}", key.len());

@@ -75,16 +75,16 @@ impl Resolver<'_> {
             Some(TomlValue::Table(t)) => Some(t),
             _ => None,
         };
-        let keys = self.one_wind(keys, "wind", table);
+        let keys = self.resolve_speed(keys, "wind", table);
         let Some(entry) = table.and_then(|t| t.get("add")) else { return (keys, Vec::new()) };
         let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("wind.add", &entry.node, "a list: write [[wind.add]]"));
             return (keys, Vec::new());
         };
-        (keys, list.iter().enumerate().filter_map(|(i, node)| self.added(i, node)).collect())
+        (keys, list.iter().enumerate().filter_map(|(i, node)| self.added_wind(i, node)).collect())
     }
 
-    fn added(&mut self, i: usize, node: &TomlNode) -> Option<WindKeys> {
+    fn added_wind(&mut self, i: usize, node: &TomlNode) -> Option<WindKeys> {
         let path = format!("wind.add.{i}");
         let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
@@ -102,11 +102,11 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S004", format!("{path} uses a lattice"), at, "only [wind] can be");
             self.report.push(d.help("write it as the scene's [wind], and add the others to it"));
         }
-        Some(self.one_wind(keys, &path, Some(table)))
+        Some(self.resolve_speed(keys, &path, Some(table)))
     }
 
     /// A given speed wins over a number of Beaufort's scale.
-    fn one_wind(&mut self, mut keys: WindKeys, path: &str, table: Option<&TomlTable>) -> WindKeys {
+    fn resolve_speed(&mut self, mut keys: WindKeys, path: &str, table: Option<&TomlTable>) -> WindKeys {
         let span = |key: &str| table.and_then(|t| span_of(t, &[key]));
         if let Some((number, at)) = keys.beaufort.zip(span("beaufort")) {
             if span("speed").is_some() {
@@ -175,9 +175,9 @@ impl Resolver<'_> {
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
         }
         // Curves replace the constant speed and direction; the preset of the paper then fills what the scene left open.
-        self.speed_curve(parent, table, &keys, wind);
-        self.direction_curve(parent, table, &keys, wind);
-        as_printed(&mut keys, table);
+        self.apply_speed_curve(parent, table, &keys, wind);
+        self.apply_direction_curve(parent, table, &keys, wind);
+        apply_paper_defaults(&mut keys, table);
         if keys.preset == LatticePreset::Paper
             && parent.get("speed").is_none()
             && wind.beaufort.is_none()
@@ -189,7 +189,7 @@ impl Resolver<'_> {
     }
 
     /// The largest speed of a curve is the wind's.
-    fn speed_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
+    fn apply_speed_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("speed_curve").filter(|_| !keys.speed_curve.is_empty()) else { return };
         let most = keys.speed_curve.iter().map(|row| row[1]).fold(0.0, f64::max);
         if !(FASTEST[0]..=FASTEST[1]).contains(&most) {
@@ -209,7 +209,13 @@ impl Resolver<'_> {
     }
 
     /// The first direction of a curve is the wind's.
-    fn direction_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
+    fn apply_direction_curve(
+        &mut self,
+        parent: &TomlTable,
+        table: &TomlTable,
+        keys: &LatticeKeys,
+        wind: &mut WindKeys,
+    ) {
         let Some(entry) = table.get("direction_curve") else { return };
         let Some([early, first]) = keys.direction_curve.first().copied() else { return };
         if early < 0.0 {
@@ -232,7 +238,7 @@ impl Resolver<'_> {
     }
 
     /// What a curve moves does not repeat. `curve`: its key.
-    pub(in crate::recipe) fn unrepeated(
+    pub(in crate::recipe) fn disable_loop(
         &mut self,
         root: &TomlTable,
         mut sway: SwayKeys,
@@ -281,19 +287,19 @@ impl Resolver<'_> {
         }
         let side = keys.texel.unwrap_or(if on_lattice { lattice.cell_size } else { 0.5 });
         let at = if on_lattice { DVec3::from_array(lattice.at) } else { DVec3::ZERO };
-        let space =
+        let domain =
             SampledDomain { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side };
         // Each plane becomes a grid one cell thick, named by its axis and position; the volume comes last.
         let mut names = Names::default();
         let mut grids = Vec::new();
         let mut slices = Vec::new();
-        for (i, node) in self.slices(table).iter().enumerate() {
-            if let Some(slice) = self.slice(i, node, &space) {
-                grids.push(space.plane(&slice, &mut names));
+        for (i, node) in self.wind_slices(table).iter().enumerate() {
+            if let Some(slice) = self.wind_slice(i, node, &domain) {
+                grids.push(domain.plane_grid(&slice, &mut names));
                 slices.push(slice);
             }
         }
-        grids.extend(keys.vti_every.map(|every| space.whole(every, &mut names)));
+        grids.extend(keys.vti_every.map(|every| domain.volume_grid(every, &mut names)));
         if clip.len() < 2 && !grids.is_empty() {
             let at = parent.get("wind").map_or(self.whole, |e| e.key_span);
             let d = Diagnostic::warning(
@@ -307,7 +313,7 @@ impl Resolver<'_> {
         WindOutputRecipe { keys, slices, grids }
     }
 
-    fn slices<'t>(&mut self, table: &'t TomlTable) -> &'t [TomlNode] {
+    fn wind_slices<'t>(&mut self, table: &'t TomlTable) -> &'t [TomlNode] {
         match table.get("slice").map(|e| &e.node) {
             Some(TomlNode { value: TomlValue::List(list), .. }) => list,
             Some(other) => {
@@ -318,7 +324,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn slice(&mut self, i: usize, node: &TomlNode, space: &SampledDomain) -> Option<WindSliceKeys> {
+    fn wind_slice(&mut self, i: usize, node: &TomlNode, domain: &SampledDomain) -> Option<WindSliceKeys> {
         let path = format!("output.wind.slice.{i}");
         let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
@@ -327,7 +333,7 @@ impl Resolver<'_> {
         let keys = self.read_keys::<WindSliceKeys>(table, &path);
         // The plane must lie inside the sampled domain along its normal.
         let axis = keys.across as usize;
-        let (low, high) = (space.low[axis], space.low[axis] + space.size[axis]);
+        let (low, high) = (domain.low[axis], domain.low[axis] + domain.size[axis]);
         if !(low..=high).contains(&keys.at) {
             let at = table.get("at").map_or(node.span, |e| e.node.span);
             let text = format!("{path}.at is {} m, outside the wind domain", keys.at);
@@ -403,7 +409,7 @@ impl SampledDomain {
         self.size.to_array().map(|length| ((length / self.side - 1e-9).ceil()).max(1.0) as usize)
     }
 
-    fn plane(&self, keys: &WindSliceKeys, names: &mut Names) -> AirGrid {
+    fn plane_grid(&self, keys: &WindSliceKeys, names: &mut Names) -> AirGrid {
         let axis = keys.across as usize;
         let (mut cells, mut corner) = (self.cells(), self.low);
         cells[axis] = 1;
@@ -413,7 +419,7 @@ impl SampledDomain {
         AirGrid { name, cells, corner, side: self.side, across: Some(axis), every: keys.every }
     }
 
-    fn whole(&self, every: u32, names: &mut Names) -> AirGrid {
+    fn volume_grid(&self, every: u32, names: &mut Names) -> AirGrid {
         let name = names.unique("box");
         AirGrid { name, cells: self.cells(), corner: self.low, side: self.side, across: None, every }
     }
@@ -423,7 +429,7 @@ impl SampledDomain {
 const PAPER_SPEED: f64 = 2.0;
 
 /// What \[catkin\] Table 2 and its figures say, where a scene says nothing.
-fn as_printed(keys: &mut LatticeKeys, table: &TomlTable) {
+fn apply_paper_defaults(keys: &mut LatticeKeys, table: &TomlTable) {
     if keys.preset != LatticePreset::Paper {
         return;
     }

@@ -1,6 +1,6 @@
 //! One declaration per key: it feeds reading, `osier list options`, defaults and the scene hash.
 
-use super::registry::{RecipePart, TableInfo};
+use super::digest::Digest;
 use super::renamed::{RenamedKey, renamed_key};
 use super::tree::{TomlNode, TomlTable, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
@@ -46,6 +46,25 @@ pub struct KeyInfo {
     pub help: String,
     /// Accepted values, default and unit.
     pub listing: KeyListing,
+}
+
+/// One table of a scene file, for listings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TableInfo {
+    /// Path, `NAME` standing for the artist's names; empty at the top.
+    pub path: &'static str,
+    /// Paths of further tables with the same keys.
+    pub also: &'static [&'static str],
+    /// Purpose of the table, one sentence or two.
+    pub about: String,
+    /// Its keys, in the order of declaration.
+    pub keys: Vec<KeyInfo>,
+}
+
+/// A part of a recipe: it feeds its values to the scene hash and lists the tables that they are read from.
+pub trait RecipePart: Digest {
+    /// Appends the tables of this part that are not yet in `tables`.
+    fn list(tables: &mut Vec<TableInfo>);
 }
 
 /// A table of a scene file.

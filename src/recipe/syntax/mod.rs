@@ -8,9 +8,9 @@ mod tree;
 mod value_types;
 
 pub use digest::Digest;
-pub use key::{KeyInfo, KeyListing, KeyTable, TableReader, ValueType};
+pub use key::{KeyInfo, KeyListing, KeyTable, RecipePart, TableInfo, TableReader, ValueType};
 pub(super) use key::{choices, join, keys, wrong};
-pub use registry::{RecipePart, Registry, TableInfo};
+pub use registry::Registry;
 pub(super) use registry::{digest_field, list_table, recipe};
 pub(super) use tree::{TomlNode, TomlTable, TomlValue, apply_override, parse};
 pub(super) use value_types::*;

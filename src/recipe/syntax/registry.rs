@@ -4,29 +4,9 @@
 //! `keys!` declares a table with its keys; `recipe!` declares a struct of the recipe, whose fields are tables, values or other
 //! such structs. A field outside its `derived` block is hashed and listed, so that no key can miss the hash or the listing.
 
-use super::digest::Digest;
-use super::key::{KeyInfo, KeyTable, known_names, refuse_unknown};
+use super::key::{KeyTable, RecipePart, TableInfo, known_names, refuse_unknown};
 use super::tree::TomlTable;
 use osier_base::diagnostic::Report;
-
-/// One table of a scene file, for listings.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TableInfo {
-    /// Path, `NAME` standing for the artist's names; empty at the top.
-    pub path: &'static str,
-    /// Paths of further tables with the same keys.
-    pub also: &'static [&'static str],
-    /// Purpose of the table, one sentence or two.
-    pub about: String,
-    /// Its keys, in the order of declaration.
-    pub keys: Vec<KeyInfo>,
-}
-
-/// A part of a recipe: it feeds its values to the scene hash and lists the tables that they are read from.
-pub trait RecipePart: Digest {
-    /// Appends the tables of this part that are not yet in `tables`.
-    fn list(tables: &mut Vec<TableInfo>);
-}
 
 impl<T: RecipePart> RecipePart for Option<T> {
     fn list(tables: &mut Vec<TableInfo>) {

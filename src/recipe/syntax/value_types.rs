@@ -1,8 +1,9 @@
 //! What keys accept.
 
 use super::digest::Digest;
-use super::key::{Fault, KeyListing, KeyTable, ValueType, finite_number, known_names, outside, refuse_unknown, wrong};
-use super::registry::TableInfo;
+use super::key::{
+    Fault, KeyListing, KeyTable, TableInfo, ValueType, finite_number, known_names, outside, refuse_unknown, wrong,
+};
 use super::tree::{TomlNode, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::units;

@@ -171,7 +171,7 @@ mod tests {
         }
     }
 
-    /// A clamped cell of the run-up was told before; what comes later is told with its number.
+    /// Clamped cells of the spin-up were reported before; later ones are reported with their number.
     #[test]
     fn what_went_wrong_is_told_once() {
         let table = flight_table(&FlightKeys::defaults(), 5, &[], Some(HEALTH), Vec::new());
