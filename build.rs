@@ -1,7 +1,9 @@
 //! Tells the program which sources it was built from: files of a bake that another program wrote are then made anew,
-//! even if both call themselves by the same version.
+//! even if both call themselves by the same version. Lists the presets: every file of their folders.
 #![allow(clippy::disallowed_methods, clippy::print_stdout, reason = "reads the sources, speaks to cargo")]
 
+use std::env;
+use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -11,6 +13,9 @@ const SOURCES: [&str; 8] = ["src", "crates", "grammars", "ifs-tables", "meshes",
 
 /// Offset and prime of the 64-bit FNV-1a hash.
 const FNV: [u64; 2] = [0xcbf2_9ce4_8422_2325, 0x0100_0000_01b3];
+
+/// Folders whose files are presets.
+const PRESETS: [&str; 4] = ["grammars", "ifs-tables", "meshes", "scenes"];
 
 fn add(hash: u64, bytes: &[u8]) -> u64 {
     let length = (bytes.len() as u64).to_le_bytes();
@@ -41,5 +46,25 @@ fn main() -> io::Result<()> {
         hash = add(add(hash, name.as_bytes()), &fs::read(&path)?);
     }
     println!("cargo::rustc-env=OSIER_SOURCES={hash:016x}");
-    Ok(())
+    write_preset_list()
+}
+
+/// Writes `presets.rs` into Cargo's output folder: an array of name and content of each preset, sorted by name.
+fn write_preset_list() -> io::Result<()> {
+    let missing = |name: &str| io::Error::other(format!("Cargo sets no {name}"));
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").ok_or_else(|| missing("CARGO_MANIFEST_DIR"))?);
+    let target = PathBuf::from(env::var_os("OUT_DIR").ok_or_else(|| missing("OUT_DIR"))?).join("presets.rs");
+    let mut presets = Vec::new();
+    for folder in PRESETS {
+        let mut paths = Vec::new();
+        files(&root.join(folder), &mut paths)?;
+        presets.extend(paths.into_iter().filter_map(|path| Some((path.file_name()?.to_owned(), path))));
+    }
+    presets.sort();
+    let entry = |(name, path): &(OsString, PathBuf)| {
+        let name = name.to_string_lossy();
+        format!("    Preset {{ name: {name:?}, text: include_str!({:?}) }},\n", path.to_string_lossy())
+    };
+    let entries: String = presets.iter().map(entry).collect();
+    fs::write(target, format!("&[\n{entries}]\n"))
 }

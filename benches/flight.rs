@@ -38,7 +38,6 @@ fn median(mut all: Vec<f64>) -> f64 {
 fn flights(n: u32, models: &[CatkinModel], stick_radius: f64) -> FlightSimulation {
     let options = FlightParams {
         kinds: models.iter().map(|m| CatkinKind { radius: m.radius, weight: 1.0 }).collect(),
-        check_every: 1,
         stick_radius,
         edges: [SideBoundary::Periodic; 2],
         ..FlightParams::default()

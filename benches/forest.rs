@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use osier::bake::BakeContext;
 use osier::bake::output::{exporters, frame_loop};
-use osier::bake::scene::{SceneParts, assemble_scene};
+use osier::bake::scene::{SceneOptions, assemble_scene};
 use osier::export::textures::Textures;
 use osier::files::Folder;
 use osier::limits::Limits;
@@ -34,7 +34,7 @@ fn forest(count: u32, individuals: u32) -> (f64, u64) {
     let request = Request { name: "forest".into(), text: text.into(), set: set.into(), ..Request::default() };
     let recipe = resolve(&request).expect("scene").0;
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    let built = assemble_scene(&recipe, SceneParts::default(), &work).expect("stage");
+    let built = assemble_scene(&recipe, SceneOptions::default(), &work).expect("stage");
     let dir = tempfile::tempdir().expect("dir");
     let folder = Folder::open(dir.path()).expect("folder");
     let textures = Arc::new(Textures::encode(&built.animated.scene).expect("pictures"));

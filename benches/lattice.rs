@@ -37,6 +37,7 @@ fn options(n: u32, smagorinsky: f64, steps: u32) -> LatticeOptions {
             gust_strength: 0.0,
             gust_period: 8.0,
             turbulence: 0.0,
+            turbulence_length: None,
             turbulence_modes: 0,
             seed: 1,
         },
@@ -49,8 +50,9 @@ fn options(n: u32, smagorinsky: f64, steps: u32) -> LatticeOptions {
         ground: GroundCondition::Rough(0.05),
         sides: SideCondition::Auto,
         outlet_nonequilibrium: false,
-        sponge_cells: 0,
+        sponge_cells: Some(0),
         spin_up: Some(0.0),
+        lead_frames: 0,
     }
 }
 

@@ -107,7 +107,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
         tables: Vec::new(),
-        code_lists: Vec::new(),
+        enum_labels: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
         map_sequences: Vec::new(),

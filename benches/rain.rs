@@ -16,8 +16,8 @@ use osier::geometry::Bounds;
 use osier::limits::Limits;
 use osier::motion::rain::{
     CapDeformation, CapOnLeaf, DropParams, DropSizes, IntensityEnvelope, LeafAttachment, LeafCollider, LeafSurface,
-    LeafWaterMaps, RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainfallParams, StaticPlant, UvRaster,
-    WetSpot,
+    LeafWaterMaps, RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainSolids, RainfallParams,
+    StillRainPlant, UvRaster, WetSpot,
 };
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Request, resolve};
@@ -73,13 +73,13 @@ fn slid(drops: &[Slider], k: u32, manner: &DropParams) -> (Vec<CapOnLeaf>, Vec<W
         let y = (d.uv.y - 0.05 * t / 0.08).rem_euclid(1.0);
         let (mut volume, mut back) = (d.volume, 0.0);
         for i in 0..=TAIL {
-            let cap = manner.wetting.cap(volume, 1.0);
+            let cap = manner.wetting.cap(volume);
             let uv = DVec2::new(d.uv.x, (y + back / 0.08).rem_euclid(1.0));
             let footprint = CapDeformation { stretch: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
             blobs.push(CapOnLeaf { uv, cap, deformation: footprint, axis: DVec3::NEG_Y });
-            soaks.push(WetSpot { uv, a: cap.a, t });
+            soaks.push(WetSpot { uv, from: uv, a: cap.a, t });
             volume *= 0.8_f64 * 0.8 * 0.8;
-            back += 0.9 * manner.wetting.cap(volume, 1.0).a;
+            back += 0.9 * manner.wetting.cap(volume).a;
         }
     }
     (blobs, soaks)
@@ -124,7 +124,7 @@ fn middle(times: &mut [f64]) -> f64 {
 
 /// Both ways in turn, so that both meet the same machine.
 fn cell(side: usize, count: usize, with: (&LeafSurface, &DropParams)) -> Cell {
-    let chart = Arc::new(UvRaster::new(with.0, side));
+    let chart = Arc::new(UvRaster::new(with.0, side, None));
     let drops: Vec<Vec<Slider>> = (0..LEAVES).map(|i| sliders(count / LEAVES, i, with.1)).collect();
     let fresh = || (0..LEAVES).map(|_| LeafWaterMaps::new(Arc::clone(&chart), 1.0)).collect::<Vec<_>>();
     let (mut slow, mut wet) = (fresh(), fresh());
@@ -178,7 +178,7 @@ fn staged(name: &str, set: &[String]) -> (AssembledScene, f64) {
     let (recipe, _) = resolve(&request).expect("a recipe");
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
     let start = Instant::now();
-    let built = scene::assemble_scene(&recipe, scene::SceneParts::default(), &work).expect("a scene");
+    let built = scene::assemble_scene(&recipe, scene::SceneOptions::default(), &work).expect("a scene");
     (built, start.elapsed().as_secs_f64())
 }
 
@@ -225,7 +225,7 @@ fn table_one() {
 /// The whole of it: five leaves of 900 triangles, 200 drops on them that lie, run, merge and hang, rain, maps of 512 x 512.
 fn whole_frames(manner: &DropParams) {
     let sheet = Arc::new(LeafSurface::new(&flat(21)).expect("a blade"));
-    let chart = Arc::new(UvRaster::new(&sheet, 512));
+    let chart = Arc::new(UvRaster::new(&sheet, 512, None));
     let target = Arc::new(LeafCollider::new(&sheet));
     let mut draw = Rng::at(5, &["frames".into()]);
     let poses: Vec<(DVec3, DQuat)> = (0..LEAVES)
@@ -254,10 +254,11 @@ fn whole_frames(manner: &DropParams) {
     let parts = RainConfig {
         params: manner.clone(),
         emitter: Some(RainEmitter::new(rain, over, None)),
-        plants: vec![Box::new(StaticPlant::new(&poses, Vec::new()))],
+        plants: vec![Box::new(StillRainPlant::new(&poses, Vec::new()))],
         leaves: leaves.collect(),
         wind: None,
         ground: Box::new(0.8),
+        solids: RainSolids::default(),
     };
     let mut storm = RainSimulation::new(parts);
     let mut wet: Vec<LeafWaterMaps> = (0..LEAVES).map(|_| LeafWaterMaps::new(Arc::clone(&chart), 1.0)).collect();

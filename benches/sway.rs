@@ -7,10 +7,10 @@ use glam::Vec3;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::scene::layout::lay_out_scene;
-use osier::bake::scene::{SceneParts, assemble_scene};
+use osier::bake::scene::{SceneOptions, assemble_scene};
 use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
-use osier::motion::sway::{BeamElements, ElementBudget, JointRig, SwayParams, SwaySimulation, WoodParams};
+use osier::motion::sway::{BeamElements, JointBudget, JointRig, SwayParams, SwaySimulation, WoodParams};
 use osier::plant::Plant;
 use osier::presets::find;
 use osier::progress::{Cancel, Silent};
@@ -46,7 +46,7 @@ fn grown(name: &str, work: &BakeContext<'_>) -> Plant {
 
 /// Simulates 240 frames of up to 2,000 branches.
 fn stepped(plant: &Plant, wind: &GustWind, manner: SwayParams) {
-    let elements = BeamElements::build(plant, &manner.wood, ElementBudget::Elements(2000));
+    let elements = BeamElements::build(plant, &manner.wood, 2000);
     let (branches, stations) = (elements.list.len(), elements.stations.len());
     let seconds = best(|| {
         let mut run = SwaySimulation::new(&elements, wind, manner);
@@ -82,8 +82,8 @@ fn main() {
     let seconds = best(|| wind.sample(&places, 3.0, &mut air));
     println!("wind: {:.0} ns a sample", seconds / places.len() as f64 * 1e9);
 
-    let few = BeamElements::build(&plant, &manner.wood, ElementBudget::Joints(256));
-    let rig = JointRig::build(&plant, &few, 256);
+    let few = BeamElements::build(&plant, &manner.wood, 2000);
+    let rig = JointRig::build(&plant, &few, JointBudget { joints: 256, coarse: false });
     let bends = vec![[0.1_f32, 0.05]; few.list.len()];
     let bindings: Vec<(u32, f32)> = (0..plant.axes.len())
         .flat_map(|a| plant.nodes_of(&plant.axes[a]).map(move |k| (a, k)))
@@ -101,9 +101,9 @@ fn main() {
         let set: Vec<&str> = set.iter().map(String::as_str).collect();
         let moving = recipe("birch", &set);
         let still = recipe("birch", &[]);
-        let before = best(|| drop(assemble_scene(&still, SceneParts::default(), &work).expect("stage")));
+        let before = best(|| drop(assemble_scene(&still, SceneOptions::default(), &work).expect("stage")));
         let start = Instant::now();
-        let stage = assemble_scene(&moving, SceneParts::default(), &work).expect("stage").animated;
+        let stage = assemble_scene(&moving, SceneOptions::default(), &work).expect("stage").animated;
         let recorded = start.elapsed().as_secs_f64() - before;
         let frames = best(|| drop(motion::evaluate_frame(&stage.scene, &stage.motions, 100, false)));
         println!(

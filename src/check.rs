@@ -1,7 +1,7 @@
 //! Validation of a scene without drawing or simulating it: every fault, and an estimate of what a bake would write.
 
 use crate::bake::output::single_file::refuse_invisible;
-use crate::bake::scene::{SceneParts, assemble_for_estimate};
+use crate::bake::scene::{SceneOptions, assemble_for_estimate};
 use crate::bake::{BakeContext, BakeEstimate};
 use crate::recipe::{Growth, Recipe, Request, resolve};
 use osier_base::diagnostic::Report;
@@ -88,7 +88,7 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     if recipe.is_layered_picture() {
         return Ok(());
     }
-    let assembled = assemble_for_estimate(&recipe, SceneParts::default(), context)?;
+    let assembled = assemble_for_estimate(&recipe, SceneOptions::default(), context)?;
     result.report.extend(assembled.report.clone());
     // An empty list of frames stands for a still scene.
     let frames: Vec<u32> =

@@ -19,7 +19,10 @@ say "every preset at seeds 0 to 63"
 OSIER_SEEDS=64 cargo test --release --test it presets -- --nocapture
 
 say "flows that take minutes"
-cargo test --release --lib lattice::validation -- --ignored
+cargo test --release --lib lattice:: -- --ignored
+cargo test --release --test it control -- --ignored
+cargo test --release --test it rain_wind -- --ignored
+cargo test --release --test it flights -- --ignored
 
 say "the same bytes from debug, release and without the newer instruction sets"
 cargo build --quiet

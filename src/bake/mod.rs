@@ -28,7 +28,7 @@ pub mod wind;
 
 pub use context::BakeContext;
 pub use output::bake_estimate::BakeEstimate;
-pub use wind::lattice::lattice_memory;
+pub use wind::lattice::{SolidInCells, lattice_memory, solids_in_cells};
 
 use std::sync::Arc;
 
@@ -44,7 +44,7 @@ use output::exporters;
 use output::frame_loop::write_frames;
 use output::single_file::refuse_invisible;
 use scene::animated::AnimatedScene;
-use scene::assembly::SceneParts;
+use scene::assembly::SceneOptions;
 
 /// Manifest, warnings and statistics of a finished bake.
 #[derive(Debug)]
@@ -63,16 +63,16 @@ pub struct Baked {
 /// `Input` with the faults of grammars, `Limit` before memory is spent, `Export` and `Io` of what cannot be written, `Cancelled`.
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
-    let built = scene::assembly::assemble_scene(recipe, SceneParts::default(), context)?;
+    let built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
     refuse_invisible(&built.animated.scene)?;
-    let (manifest, warnings) = save(recipe, &built.animated, frames, folder, context)?;
+    let (manifest, warnings) = write_files(recipe, &built.animated, frames, folder, context)?;
     Ok(Baked { manifest, report: built.report, warnings })
 }
 
 /// Writes all files of a scene that was built, frame by frame, the manifest last.
 /// # Errors
 /// `Export` and `Io` of what cannot be written, `Cancelled`.
-pub fn save(
+pub fn write_files(
     recipe: &Recipe,
     animated: &AnimatedScene,
     frames: &[u32],
@@ -84,7 +84,7 @@ pub fn save(
     cache::ifs_leaves::store(recipe, folder)?;
     let mut writers = exporters::bake_exporters(folder, &textures, recipe, frames);
     let warnings = write_frames(animated, &mut writers, frames, context)?;
-    let settings = exporters::settings(&recipe.output, frames);
+    let settings = exporters::manifest_settings(&recipe.output, frames);
     let manifest = manifest::build(&animated.scene, &folder.files(), &warnings, &settings);
     manifest::write(folder, &manifest)?;
     folder.finish()?;

@@ -59,13 +59,17 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         // Shown even if the scene itself then exceeds a limit.
         context.console.note(&report::lattice_memory_text(&memory));
     }
+    let solids = bake::solids_in_cells(&recipe);
+    if !solids.is_empty() {
+        context.console.note(&report::solids_in_cells_text(&solids));
+    }
     // What an earlier bake into this folder kept is reused: grown leaves here, the spun-up wind by the cache below.
     ifs_leaves::load(&recipe, &root, &context.limits);
     let stores = !context.common.dry_run && stores_spin_up(&recipe);
     let cache = if stores { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
     let work =
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
-    let parts = scene::SceneParts::default();
+    let parts = scene::SceneOptions::default();
     let dry = context.common.dry_run;
     let built = if dry {
         scene::assemble_for_estimate(&recipe, parts, &work)?
@@ -103,7 +107,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         Some(cache) => cache.folder().clone(),
         None => open(context, args, &recipe, &root)?,
     };
-    let written = bake::save(&recipe, &built.animated, &frames, &folder, &work);
+    let written = bake::write_files(&recipe, &built.animated, &frames, &folder, &work);
     display.done();
     let (manifest, export_warnings) = written?;
     for w in &export_warnings {

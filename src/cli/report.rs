@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::Context;
-use crate::bake::BakeEstimate;
+use crate::bake::{BakeEstimate, SolidInCells};
 use osier_base::Result;
 use osier_base::limits::grouped;
 
@@ -53,6 +53,15 @@ pub fn lattice_memory_text(parts: &[(&'static str, u64)]) -> String {
     let all = byte_size(parts.iter().map(|p| p.1).sum());
     let each: Vec<String> = parts.iter().map(|(what, bytes)| format!("{what} {}", byte_size(*bytes))).collect();
     format!("memory of the lattice wind: {all} ({})", each.join(", "))
+}
+
+/// Sizes of solids in cells of the lattice wind on one line.
+pub fn solids_in_cells_text(solids: &[SolidInCells]) -> String {
+    let each = solids.iter().map(|s| {
+        let thickness = s.thickness.map_or_else(String::new, |t| format!(", {t:.1} thick"));
+        format!("{} {:.1} high{thickness}", s.name, s.height)
+    });
+    format!("solids in cells of the lattice wind: {}", each.collect::<Vec<_>>().join("; "))
 }
 
 fn by_name(parts: &[(&'static str, u64)]) -> Value {

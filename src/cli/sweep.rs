@@ -9,7 +9,7 @@ use super::Context;
 use super::args::Bake;
 use super::numbers::{self, KeyValues, key_values};
 use super::progress::ProgressDisplay;
-use crate::bake::motion::table_rows;
+use crate::bake::motion::{FrameTime, table_rows};
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use crate::source::find_scene;
@@ -17,7 +17,7 @@ use osier_base::Result;
 use osier_base::files::{Folder, WriteOptions};
 use osier_base::progress::{Progress as _, Silent};
 use osier_export::VERSION;
-use osier_export::stats::{Run, Sweep, Whole};
+use osier_export::stats::{MapStatistics, Run, Spread, Sweep, Whole};
 use osier_scene::Scene;
 
 /// Runs of a sweep at most: each is a simulation of the whole clip.
@@ -82,7 +82,14 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     display.stage("running", frames);
     let mut all = Sweep { title: first.general.title.clone(), keys, ..Sweep::default() };
     for (recipe, planned) in recipes.iter().zip(runs) {
-        let (scene, whole) = simulate(context, recipe, &display)?;
+        let SimulatedRun { scene, whole, maps } = simulate(context, recipe, &display)?;
+        // Runs of one choice follow each other; its statistics begin with the first.
+        if all.runs.last().is_none_or(|last| last.values != planned.values) {
+            all.maps.push(scene.fields.iter().cloned().map(MapStatistics::new).collect());
+        }
+        for (statistics, values) in all.maps.last_mut().into_iter().flatten().zip(&maps) {
+            statistics.add(values);
+        }
         all.outcome = scene
             .tables
             .iter()
@@ -131,10 +138,19 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     Ok(SweepPlan { keys: sweeps.into_iter().map(|s| s.key).collect(), runs })
 }
 
+/// What a sweep keeps of one run.
+struct SimulatedRun {
+    scene: Arc<Scene>,
+    /// Summary of the first table.
+    whole: Whole,
+    /// Values of the scene's fields at the last frame.
+    maps: Vec<Vec<f32>>,
+}
+
 /// Simulates the clip of one run and summarises its statistics.
-fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<(Arc<Scene>, Whole)> {
+fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<SimulatedRun> {
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
-    let stage = scene::assemble_scene(recipe, scene::SceneParts::default(), &work)?.animated;
+    let stage = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?.animated;
     let mut all = Vec::new();
     for number in recipe.clip.start..=recipe.clip.end {
         context.cancel.check()?;
@@ -143,7 +159,9 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
         display.advance(1);
     }
     let whole = stage.scene.tables.first().map(|table| Whole::of(table, &all)).unwrap_or_default();
-    Ok((stage.scene, whole))
+    let last = FrameTime::of_frame(&stage.scene, recipe.clip.end).index();
+    let maps = stage.motions.iter().flatten().map(|m| m.fields(last)).collect::<Result<Vec<_>>>()?.concat();
+    Ok(SimulatedRun { scene: stage.scene, whole, maps })
 }
 
 fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<()> {
@@ -172,14 +190,18 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let heads = all.keys.iter().cloned().chain(["runs".into()]).chain(all.outcome.iter().cloned());
     let mut lines: Vec<Vec<String>> = vec![heads.collect()];
     lines.extend(means.iter().map(|m| {
-        let numbers = m.outcome.iter().map(|[mean, ..]| format!("{mean:.0}"));
+        let with_spread = |s: &Spread| {
+            if m.count > 1 { format!("{:.0} ± {:.0}", s.mean, s.deviation) } else { format!("{:.0}", s.mean) }
+        };
+        let numbers = m.outcome.iter().map(with_spread);
         m.values.iter().cloned().chain([m.count.to_string()]).chain(numbers).collect()
     }));
     // Columns are right-aligned to their widest cell, headings included.
     let columns = lines.first().map_or(0, Vec::len);
     let widths: Vec<usize> =
         (0..columns).map(|i| lines.iter().map(|l| l[i].chars().count()).max().unwrap_or(0)).collect();
-    let mut text = format!("{}  {} runs: sweep.csv, sweep.json, sweep.svg\n", root.display(), all.runs.len());
+    let mut text =
+        format!("{}  {} runs: sweep.csv, means.csv, sweep.json, sweep.svg, maps/\n", root.display(), all.runs.len());
     for line in &lines {
         let cells: Vec<String> = line.iter().zip(&widths).map(|(cell, w)| format!("{cell:>w$}")).collect();
         text += &format!("  {}\n", cells.join("  "));

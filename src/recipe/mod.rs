@@ -108,7 +108,7 @@ impl Recipe {
         !self.layers.is_empty() && self.plants.is_empty() && self.clouds.is_empty() && self.terrain.is_none()
     }
 
-    /// True if the wind is simulated on a lattice.
+    /// True if the wind has `model = "lattice"`, whatever its solver.
     pub fn has_lattice_wind(&self) -> bool {
         self.wind.model == scene::WindModel::Lattice
     }
@@ -281,6 +281,8 @@ recipe! {
     FlightRecipe {
         /// Emission, motion and deposition.
         keys: scene::FlightKeys;
+        /// Rectangles on the ground in which depositions are counted.
+        zones: Vec<scene::FlightZoneKeys>, hashed by element;
         derived {
             /// With release from plants: indices into [`Recipe::plants`], with their weights.
             canopy: Vec<(usize, f64)>;

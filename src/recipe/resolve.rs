@@ -200,7 +200,7 @@ impl Resolver<'_> {
         // A lattice and its curves may set the speed and direction of the wind; a wind that changes with time cannot loop.
         let (mut wind, added) = self.wind(root);
         let lattice = self.lattice(root, &mut wind);
-        let sway = self.sway(root, clip);
+        let sway = self.sway(root, clip, flight.is_some());
         let sway = self.disable_loop(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
         self.report_fitted_lengths(root, &wind, &sway, &clip);
         // Files of the wind sample the domain of the lattice, else of the flight, else of their own table.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
-use crate::bake::scene::{AnimatedScene, SceneParts, assemble_scene};
+use crate::bake::scene::{AnimatedScene, SceneOptions, assemble_scene};
 use crate::recipe::Recipe;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::{self, SearchPaths};
@@ -42,7 +42,7 @@ impl PreviewScene {
             recipe.clip.end = recipe.clip.start;
         }
         cap_map_sides(&mut recipe, quality);
-        let assembled = assemble_scene(&recipe, SceneParts::default(), context)?;
+        let assembled = assemble_scene(&recipe, SceneOptions::default(), context)?;
         let has_camera = recipe.camera.eye.is_some() || recipe.camera.target.is_some();
         Ok(Self { animated: assembled.animated, has_camera, name: recipe.name, report: assembled.report })
     }
@@ -89,7 +89,7 @@ impl PreviewScene {
             placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
             land: None,
             tables: Vec::new(),
-            code_lists: Vec::new(),
+            enum_labels: Vec::new(),
             fields: Vec::new(),
             air: Vec::new(),
             map_sequences: Vec::new(),

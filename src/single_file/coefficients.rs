@@ -1,6 +1,6 @@
 //! Coefficient tables of attractors and trees, written as `.ifs` or `.flame`.
 
-use crate::bake::output::ifs_tables::systems;
+use crate::bake::output::ifs_tables::ifs_systems;
 use crate::recipe::Recipe;
 use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};
@@ -31,7 +31,7 @@ impl CoefficientTables {
     /// # Errors
     /// X030 if the recipe has none; `Input` if the notation cannot hold one of them.
     pub fn encode(recipe: &Recipe, format: TableFormat) -> Result<Self> {
-        let items = systems(recipe);
+        let items = ifs_systems(recipe);
         if items.is_empty() {
             let reason =
                 format!("\"{}\" holds no coefficients; .ifs and .flame are for tables and their trees", recipe.name);

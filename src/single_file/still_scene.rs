@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::bake::output::single_file::{estimate_file, refuse_empty};
 use crate::bake::output::{exporters, frame_loop};
-use crate::bake::scene::{AssembledScene, SceneParts, assemble_for_estimate, assemble_scene};
+use crate::bake::scene::{AssembledScene, SceneOptions, assemble_for_estimate, assemble_scene};
 use crate::bake::{BakeContext, BakeEstimate};
 use crate::recipe::Recipe;
 use osier_base::diagnostic::Report;
@@ -27,7 +27,7 @@ impl<'r> StillScene<'r> {
     /// # Errors
     /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
     pub fn assemble(recipe: &'r Recipe, context: &BakeContext<'_>) -> Result<Self> {
-        Ok(Self { recipe, assembled: assemble_scene(recipe, SceneParts { ground: false }, context)? })
+        Ok(Self { recipe, assembled: assemble_scene(recipe, SceneOptions { ground: false }, context)? })
     }
 
     /// As [`StillScene::assemble`] with the least work that [`StillScene::estimate`] needs; the scene cannot be
@@ -35,7 +35,7 @@ impl<'r> StillScene<'r> {
     /// # Errors
     /// As [`StillScene::assemble`].
     pub fn assemble_for_estimate(recipe: &'r Recipe, context: &BakeContext<'_>) -> Result<Self> {
-        Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneParts { ground: false }, context)? })
+        Ok(Self { recipe, assembled: assemble_for_estimate(recipe, SceneOptions { ground: false }, context)? })
     }
 
     /// Warnings of grammars and growth.

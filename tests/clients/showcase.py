@@ -44,11 +44,17 @@ def alone(key, kind):
     return [o for o in single if base(o) in key.split("/")]
 
 
-def find(key, kind):
-    """An object by its name, or by the name of its placement and its own: PLACEMENT/NAME."""
+def find(key, kind, want=None, graph=None):
+    """An object by its name, or by the name of its placement and its own: PLACEMENT/NAME.
+
+    Blender drops the name of a placement whose only child is a mesh or a SkelRoot, and keeps the child's: of several such objects the
+    one whose vertices are nearest to what is wanted is taken, and compared like all others.
+    """
     if "/" not in key:
         return bpy.data.objects[key]
-    hits = objects.get((key, kind), []) or alone(key, kind)
+    hits = objects.get((key, kind), []) or objects.get((f"skel/{key.split('/')[1]}", kind), []) or alone(key, kind)
+    if len(hits) > 1 and want:
+        hits = [min(hits, key=lambda o: numpy.abs(means(o, graph) - numpy.array(want["mean"])).max())]
     assert len(hits) == 1, (key, hits)
     return hits[0]
 
@@ -65,6 +71,17 @@ def vertices(o, graph):
     o.data.vertices.foreach_get("co", local)
     world = numpy.array(o.matrix_world, dtype=float)
     return ours(local.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
+
+
+seen = {}
+
+
+def means(o, graph):
+    """Mean of the world positions of an object's vertices at the present frame: hundreds of objects are compared with each other."""
+    key = (o.name, bpy.context.scene.frame_current)
+    if key not in seen:
+        seen[key] = vertices(o, graph).mean(axis=0)
+    return seen[key]
 
 
 def pivots(graph):
@@ -124,11 +141,16 @@ for number, frame in wanted["frames"].items():
     scene.frame_set(int(number) - shift)
     graph = bpy.context.evaluated_depsgraph_get()
     shared = copies(graph)
+    without_skin = 0
     for key, want in frame["meshes"].items():
+        if want.get("copy") and key not in bpy.data.objects:
+            without_skin += 1
+            continue
         if key in shared:
             worst = max(worst, close(shared[key], want, f"{key}, frame {number}"))
             continue
-        worst = max(worst, close(vertices(find(key, "MESH"), graph), want, f"{key}, frame {number}"))
+        worst = max(worst, close(vertices(find(key, "MESH", want, graph), graph), want, f"{key}, frame {number}"))
+    assert without_skin == wanted.get("without_skin", 0), (without_skin, wanted.get("without_skin", 0))
     shown = pivots(graph)
     for key, want in frame["instancers"].items():
         got = shown.get(find(key, "POINTCLOUD").name, numpy.empty((0, 3)))

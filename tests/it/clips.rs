@@ -10,7 +10,7 @@ use std::process::Command;
 
 use crate::common::gltf_objects::{alone, objects};
 use osier::bake::scene::AnimatedScene;
-use osier::bake::scene::{SceneParts, assemble_scene};
+use osier::bake::scene::{SceneOptions, assemble_scene};
 use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
 use osier::progress::{Cancel, Silent};
@@ -53,7 +53,7 @@ fn stage(text: &str, motion: &str) -> AnimatedScene {
     let set = vec![format!("plants.tree.motion=\"{motion}\"")];
     let request = Request { name: "tree".into(), text: text.into(), set, ..Request::default() };
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage").animated
+    assemble_scene(&resolve(&request).expect("scene").0, SceneOptions::default(), &work).expect("stage").animated
 }
 
 fn frames(stage: &AnimatedScene) -> Vec<Frame> {

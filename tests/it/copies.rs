@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use glam::Vec3;
-use osier::bake::scene::SceneParts;
+use osier::bake::scene::SceneOptions;
 use osier::presets;
 use osier::scene::Scene;
 use serde_json::{Value, json};
@@ -29,7 +29,7 @@ fn baked(name: &str, preset: &str, more: &[&str]) -> PathBuf {
 /// The same scene through the library, at rest.
 fn scene(preset: &str) -> Scene {
     let preset = presets::find(&format!("{preset}.toml")).expect("preset");
-    let built = grown::stage(&grown::recipe(preset, None, false), SceneParts::default());
+    let built = grown::stage(&grown::recipe(preset, None, false), SceneOptions::default());
     Scene::clone(&built.animated.scene)
 }
 
@@ -116,11 +116,13 @@ fn blender_opens_a_wood_of_a_hundred_trees() {
     assert!(number(&r, "seconds") < 20.0 && number(&r, "off") < 1e-3, "{r}");
 }
 
-/// Most seconds for a scene on a machine that does other things too: three times what is asked of a quiet one.
+/// Most seconds for a scene on a machine that does other things too: three times what a quiet one takes. Blender's time grows with
+/// the armatures: 26 s for 64 in the showcase, 12 s for 24.
 #[test]
 fn blender_opens_the_meadow_and_the_showcase_from_gltf() {
     let Some(python) = clients::python() else { return };
-    for (preset, seconds, armatures, weighed) in [("meadow", 90.0, 64.0, 200_000.0), ("showcase", 30.0, 6.0, 600_000.0)]
+    for (preset, seconds, armatures, weighed) in
+        [("meadow", 90.0, 64.0, 200_000.0), ("showcase", 40.0, 24.0, 600_000.0)]
     {
         let set = ["--formats", "glb", "--set", "output.gltf.profiles=[\"blender\"]"];
         let folder = baked(&format!("{preset}-gltf"), preset, &set);

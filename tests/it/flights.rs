@@ -1,6 +1,11 @@
 //! Catkins in flight, through the program: what is refused, what is counted, what clients see, and that walls and wet
 //! ground do what they are for.
-#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "tests run the program, read its files and print what they measure"
+)]
 
 use crate::common::clients;
 use std::collections::BTreeMap;
@@ -12,7 +17,7 @@ fn osier(arguments: &[&str]) -> std::process::Output {
 }
 
 const SCENE: &str = "seed = 5\n[frames]\nend = 48\n[ground]\nrelief = 0\n[catkin]\nhairs = 20\nlod = 2\n\
-    [flight]\ncount = 200\nsize = [12, 6, 8]\nband = [0.02, 0.7]\nhumidity = 0.7\n\
+    [flight]\ncount = 200\nsize = [12, 6, 8]\nband = [0.02, 0.7]\nhumidity = 0.7\nstick_radius = 0.2\n\
     [[solid]]\nname = \"wall\"\nat = [1.5, 0, 0]\nsize = [0.3, 2, 6]\n\
     [[solid]]\nname = \"shed\"\nshape = \"house\"\nat = [-3, 0, 1]\nsize = [2, 1.5, 1.6]\nroof = 0.8\nturn_deg = 20\n\
     [wind]\nspeed = 2\n";
@@ -92,8 +97,8 @@ fn tables_and_maps_count_everybody() {
     assert!(lying > 10.0 && last(&columns, "merges") > 3.0, "{columns:?}");
     let maps: Vec<PathBuf> =
         std::fs::read_dir(out.join("maps/deposition")).expect("maps").map(|e| e.expect("entry").path()).collect();
-    // The ground, four sides of two solids; each at frames 1 and 25 and once more for the last.
-    assert_eq!(maps.len(), 3 * 9, "{maps:?}");
+    // The ground, roof and four sides of two solids; each at frames 1 and 25 and once more for the last.
+    assert_eq!(maps.len(), 3 * 11, "{maps:?}");
     let mut sum = 0.0;
     for map in maps.iter().filter(|m| {
         m.to_string_lossy().matches('.').count() == m.parent().expect("dir").to_string_lossy().matches('.').count() + 1
@@ -124,12 +129,71 @@ fn tables_and_maps_count_everybody() {
     assert!(about["warnings"].as_array().expect("list").is_empty(), "{about}");
 }
 
+/// Sums of density times texel area over the maps of a folder, at the last frame, by the names of the maps.
+fn map_sums(folder: &Path) -> BTreeMap<String, f64> {
+    let mut sums = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).expect("maps") {
+        let path = entry.expect("entry").path();
+        let name = path.file_stem().expect("name").to_string_lossy().into_owned();
+        let picture = exr::prelude::read_first_flat_layer_from_file(&path).expect("our maps open");
+        let comment = picture.layer_data.attributes.comments.as_ref().expect("a comment").to_string();
+        let about: serde_json::Value = serde_json::from_str(&comment).expect("json");
+        let values = picture.layer_data.channel_data.list[0].sample_data.values_as_f32().map(f64::from);
+        sums.insert(name, values.sum::<f64>() * about["texel_area_m2"].as_f64().expect("area"));
+    }
+    sums
+}
+
+/// Maps of landings hold every deposition, also of catkins that were lifted off again; columns count them by solid and by zone.
+#[test]
+fn landings_are_counted_once_each() {
+    let dir = tempfile::tempdir().expect("dir");
+    let zone = |name: &str, x: [f64; 2]| format!("[[flight.zone]]\nname = \"{name}\"\nx = {x:?}\nz = [-9, 9]\n");
+    let zones = [zone("all", [-9.0, 9.0]), zone("left", [-9.0, -1.0]), zone("right", [-1.0, 9.0])].concat();
+    let text = SCENE
+        .replace("humidity = 0.7", "humidity = 0.05")
+        .replace("end = 48", "end = 144")
+        .replace("count = 200", "count = 600");
+    let text = text.replacen("[[solid]]", &format!("{zones}[[solid]]"), 1);
+    let path = scene(dir.path(), "landings", &text);
+    let out = baked(dir.path(), "out", &path, &["--formats", "csv,exr", "--set", "flight.map_counts=landings"]);
+    let columns = table(&out);
+    let of = |name: &str| last(&columns, name);
+    let lying = of("grounded") + of("on_wall") + of("corner");
+    assert!(of("lift_offs") > 20.0 && of("deposits") > lying + 20.0, "{} deposits, {lying} at rest", of("deposits"));
+    let sums = map_sums(&out.join("maps/landings"));
+    let total: f64 = sums.values().sum();
+    assert!((total - of("deposits")).abs() < 1e-3 * total, "{total} on maps, {} deposits", of("deposits"));
+    // Both halves of the ground, which the ground's map shows as well.
+    assert!(of("ground_left") > 5.0 && of("ground_right") > 5.0, "{columns:?}");
+    assert!((of("ground_left") + of("ground_right") - of("ground_all")).abs() < 0.5);
+    assert!((sums["ground"] - of("ground_all")).abs() < 1e-3 * total, "{} in {sums:?}", of("ground_all"));
+    // What landed at a solid is on its maps, or in the corner between it and the ground.
+    let is_of =
+        |name: &str, solid: &str| name == format!("roof_{solid}") || name.starts_with(&format!("wall_{solid}_"));
+    for solid in ["wall", "shed"] {
+        let own: f64 = sums.iter().filter(|(name, _)| is_of(name, solid)).map(|(_, sum)| sum).sum();
+        let landed = of(&format!("landed_{solid}"));
+        assert!(own > 0.5 && own < landed + 0.5, "{solid}: {landed}, {sums:?}");
+    }
+    // Events add up; quantiles of the distance are in order about the mean.
+    for name in ["landed_wall", "ground_all", "deposits"] {
+        assert!(columns[name].windows(2).all(|w| w[0] <= w[1]), "{name}");
+    }
+    let [low, middle, high] = ["10", "50", "90"].map(|q| of(&format!("flight_distance_{q}")));
+    assert!(0.0 < low && low < middle && middle < high && (low..high).contains(&of("flight_distance")), "{columns:?}");
+    // The same scene maps those at rest by default.
+    let rest = baked(dir.path(), "rest", &path, &["--formats", "csv,exr"]);
+    let total: f64 = map_sums(&rest.join("maps/deposition")).values().sum();
+    assert!((total - lying).abs() < 1e-3 * lying, "{total} on maps, {lying} at rest");
+}
+
 /// A lattice says how it did, and catkins that leap over its cells are told of: in the files, and by the program's end.
 #[test]
 fn a_lattice_says_how_it_did() {
     let dir = tempfile::tempdir().expect("dir");
     let text = "seed = 5\n[frames]\nend = 24\n[ground]\nrelief = 0\n[catkin]\nhairs = 2\n[flight]\ncount = 100\n\
-        [[solid]]\nsize = [0.3, 1, 2]\n[wind]\nmodel = \"lattice\"\nspeed = 6\n[wind.lattice]\ncells = [32, 24, 24]\ndx = 0.2\n";
+        [[solid]]\nsize = [0.3, 1.6, 2]\n[wind]\nmodel = \"lattice\"\nspeed = 6\n[wind.lattice]\ncells = [32, 24, 24]\ndx = 0.2\n";
     let path = scene(dir.path(), "leaps", text);
     let out = dir.path().join("out");
     let (path, to) = (path.to_str().expect("path"), out.to_str().expect("path"));
@@ -209,7 +273,45 @@ fn a_sweep_is_a_row_for_each_run() {
     let told: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("sweep.json")).expect("json")).expect("json");
     assert!(told["means"].as_array().expect("means").iter().all(|m| m["runs"] == 2), "{told}");
+    let means = std::fs::read_to_string(out.join("means.csv")).expect("means");
+    let means: Vec<Vec<&str>> = means.lines().map(|l| l.split(',').collect()).collect();
+    assert!(means.len() == 5 && means[4][..3] == ["2.0", "1", "2"], "{means:?}");
+    for name in ["deposits", "flight_distance_50", "landed_wall", "mean_grounded"] {
+        let column = |head: &[&str], name: &str| head.iter().position(|n| *n == name).expect("column");
+        let [a, b] = [7, 8].map(|i: usize| rows[i][column(&rows[0], name)].parse::<f64>().expect("number"));
+        let of = |name: &str| means[4][column(&means[0], name)].parse::<f64>().expect("number");
+        // Of two values: their mean, and their difference over the root of two.
+        let close = |found: f64, wanted: f64| (found - wanted).abs() <= 1e-12 * wanted.abs();
+        let deviation = of(&format!("{name}_deviation"));
+        assert!(close(of(name), (a + b) / 2.0) && close(deviation, (a - b).abs() / 2.0_f64.sqrt()), "{name}: {a} {b}");
+    }
     assert!(std::fs::read_to_string(out.join("sweep.svg")).expect("plot").matches("<polyline").count() == 12);
+    // Maps over the seeds: the mean densities of all surfaces integrate to the mean number of catkins at rest.
+    let choice = out.join("maps/03_2.0_1");
+    let at_rest = |row: &[&str]| {
+        let cell = |name| row[rows[0].iter().position(|n| *n == name).expect("column")].parse::<f64>().expect("number");
+        cell("grounded") + cell("on_wall") + cell("corner")
+    };
+    let expected = (at_rest(&rows[7]) + at_rest(&rows[8])) / 2.0;
+    let (mut sum, mut deviations) = (0.0, 0.0);
+    for entry in std::fs::read_dir(&choice).expect("maps of a choice") {
+        let path = entry.expect("entry").path();
+        let name = path.file_name().expect("name").to_string_lossy().into_owned();
+        if !name.ends_with(".exr") {
+            assert!(name.ends_with("_mean.png"), "{name}");
+            continue;
+        }
+        let picture = exr::prelude::read_first_flat_layer_from_file(&path).expect("our maps open");
+        let comment = picture.layer_data.attributes.comments.as_ref().expect("a comment").to_string();
+        let about: serde_json::Value = serde_json::from_str(&comment).expect("json");
+        assert_eq!(about["runs"], 2);
+        let values = picture.layer_data.channel_data.list[0].sample_data.values_as_f32().map(f64::from);
+        let total = values.sum::<f64>() * about["texel_area_m2"].as_f64().expect("area");
+        if name.ends_with("_mean.exr") { sum += total } else { deviations += total }
+    }
+    assert!(expected > 5.0 && (sum - expected).abs() < 1e-3 * expected, "{sum} against {expected}");
+    // Catkins of two seeds rest in different texels.
+    assert!(deviations > 0.5 * expected, "{deviations}");
     let refused: [(&[&str], i32, &str); 4] = [
         (&["bake", path, "--sweep", "flight.humidity=0:1:3", "--formats", "usd"], 2, "leave out --formats"),
         (&["bake", path, "--sweep", "flight.humidity=0:1"], 2, "KEY=FROM:TO:COUNT"),
@@ -224,12 +326,17 @@ fn a_sweep_is_a_row_for_each_run() {
 }
 
 /// A wall of so many metres in a lattice wind, on ground so wet.
-fn behind_a_wall(folder: &Path, (height, humidity): (f64, f64), seed: u64) -> BTreeMap<String, Vec<f64>> {
-    let text = format!(
+fn wall_scene(height: f64, humidity: f64) -> String {
+    format!(
         "[frames]\nend = 192\n[ground]\nrelief = 0\n[catkin]\nhairs = 2\n[flight]\ncount = 600\nband = [0.02, 0.6]\n\
          sides = \"exit\"\nhumidity = {humidity}\nstick_radius = 0\n[[solid]]\nat = [0, 0, 0]\nsize = [0.5, {height}, 9]\n\
          [wind]\nmodel = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [48, 28, 48]\ndx = 0.25\n"
-    );
+    )
+}
+
+/// The table of a bake of such a scene.
+fn behind_a_wall(folder: &Path, (height, humidity): (f64, f64), seed: u64) -> BTreeMap<String, Vec<f64>> {
+    let text = wall_scene(height, humidity);
     let name = format!("h{height}_w{humidity}_s{seed}");
     let path = scene(folder, &name, &text);
     table(&baked(folder, &format!("{name}_out"), &path, &["--formats", "csv", "--seed", &seed.to_string()]))
@@ -259,6 +366,45 @@ fn wetter_ground_holds_more() {
             runs.windows(2).all(|p| p[0].0 <= p[1].0) && runs[0].0 < runs[3].0 && runs[4].1 < 0.5,
             "seed {seed}: {runs:?}"
         );
+    }
+}
+
+/// Counts behind a wall do not depend on the time step of the flight, nor on that of the lattice, within the spread of the seeds.
+#[test]
+#[ignore = "minutes of simulation; tests/full.sh runs it"]
+fn counts_do_not_depend_on_the_time_steps() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "steps", &wall_scene(1.6, 0.2));
+    let counts = |name: &str, more: &[&str]| {
+        let out = dir.path().join(name);
+        let fixed = ["-q", "bake", path.to_str().expect("path"), "--seeds", "1-6", "-o", out.to_str().expect("path")];
+        let run = osier(&[&fixed, more].concat());
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        let text = std::fs::read_to_string(out.join("means.csv")).expect("means");
+        let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let (heads, row) = (lines.next().expect("heads"), lines.next().expect("a row"));
+        let of = |name: &str| {
+            let at = heads.iter().position(|h| *h == name).expect("column");
+            row[at].parse::<f64>().expect("a number")
+        };
+        ["exited", "lift_offs", "mean_grounded", "flight_distance_50"].map(|c| [of(c), of(&format!("{c}_deviation"))])
+    };
+    let usual = counts("usual", &[]);
+    println!("usual: {usual:.1?}");
+    let others = [
+        ("flight2", ["--set", "flight.substeps=2"]),
+        ("flight4", ["--set", "flight.substeps=4"]),
+        ("lattice2", ["--set", "wind.lattice.steps=10"]),
+        ("lattice4", ["--set", "wind.lattice.steps=20"]),
+    ];
+    for (name, more) in others {
+        let found = counts(name, &more);
+        println!("{name}: {found:.1?}");
+        for (a, b) in usual.iter().zip(&found) {
+            // Three standard errors of the difference of two means of six.
+            let error = ((a[1] * a[1] + b[1] * b[1]) / 6.0).sqrt();
+            assert!((a[0] - b[0]).abs() < 3.0 * error, "{name}: {usual:.1?} {found:.1?}");
+        }
     }
 }
 

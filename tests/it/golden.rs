@@ -52,7 +52,7 @@ fn built(name: &str) -> scene::AssembledScene {
     };
     let recipe = resolve(&request).unwrap_or_else(|e| panic!("{name}: {e}")).0;
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    scene::assemble_scene(&recipe, scene::SceneParts::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"))
+    scene::assemble_scene(&recipe, scene::SceneOptions::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// All numbers of some frames as one, and the counts of every twelfth.

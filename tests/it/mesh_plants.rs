@@ -13,12 +13,12 @@ use std::path::Path;
 
 use glam::Vec3;
 use osier::bake::motion::evaluate_frame;
-use osier::bake::scene::{AssembledScene, SceneParts};
+use osier::bake::scene::{AssembledScene, SceneOptions};
 use osier::plant::Plant;
 use osier::recipe::{Library, Recipe, Request, resolve};
 use osier::scene::{Mesh, mesh_points};
 
-const STILL: SceneParts = SceneParts { ground: false };
+const STILL: SceneOptions = SceneOptions { ground: false };
 
 fn scene(folder: &Path, text: &str) -> osier::Result<(Recipe, osier::diagnostic::Report)> {
     let library = Library::new(&folder.join("scene.toml"), &[]).expect("folder");

@@ -15,7 +15,7 @@ use std::process::Command;
 
 use crate::common::grown::Grown;
 use glam::{DVec3, Vec3};
-use osier::bake::scene::SceneParts;
+use osier::bake::scene::SceneOptions;
 use osier::par::par_map;
 use osier::plant::{Axis, Plant};
 use osier::presets::{PRESETS, Preset};
@@ -296,7 +296,7 @@ fn individuals_are_those_of_the_stage() {
     for preset in growing() {
         let mut recipe = grown::recipe(preset, Some(3), false);
         recipe.clip.end = recipe.clip.start;
-        let scene = grown::stage(&recipe, SceneParts { ground: false }).animated.scene;
+        let scene = grown::stage(&recipe, SceneOptions { ground: false }).animated.scene;
         check_scene(&scene).unwrap_or_else(|e| panic!("{}: {e}", preset.name));
         let grown = grown::individuals(&recipe);
         assert_eq!(scene.assets.len(), grown.len(), "{}", preset.name);

@@ -13,7 +13,7 @@ use crate::common::synthetic;
 use std::path::Path;
 
 use osier::bake::motion;
-use osier::bake::scene::SceneParts;
+use osier::bake::scene::SceneOptions;
 use osier::export::pov::PovOptions;
 use osier::presets;
 use osier::preview::{Backdrop, Light, PreviewMaterials, Quality, RenderRequest, RenderScene, render};
@@ -76,7 +76,7 @@ fn outlines_agree_with_povray_on_five_scenes() {
         [("oak.toml", 1, None), ("birch.toml", 3, None), ("poplar-twig.toml", 2, Some(40)), ("oak.toml", 8, Some(10))]
     {
         let preset = presets::find(name).expect("preset");
-        let stage = grown::stage(&grown::recipe(preset, Some(seed), false), SceneParts { ground: false }).animated;
+        let stage = grown::stage(&grown::recipe(preset, Some(seed), false), SceneOptions { ground: false }).animated;
         let frame: Option<Frame> =
             frame.map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, n, true).expect("a frame"));
         scenes.push((format!("{name} {seed}"), (*stage.scene).clone(), frame));

@@ -4,8 +4,9 @@
 use std::fs;
 use std::path::Path;
 
+use crate::common::clients;
 use assert_cmd::Command;
-use osier::bake::scene::{SceneParts, assemble_scene};
+use osier::bake::scene::{SceneOptions, assemble_scene};
 use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
 use osier::progress::{Cancel, Silent};
@@ -61,7 +62,7 @@ fn stage(set: &[&str]) -> osier::bake::scene::AnimatedScene {
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage").animated
+    assemble_scene(&resolve(&request).expect("scene").0, SceneOptions::default(), &work).expect("stage").animated
 }
 
 #[test]
@@ -204,7 +205,7 @@ fn winds_of_a_scene_add_up() {
         let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
         let work =
             BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-        assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage").animated
+        assemble_scene(&resolve(&request).expect("scene").0, SceneOptions::default(), &work).expect("stage").animated
     };
     let one = of(&still, &["wind.speed=12"]);
     let two = of(&format!("{still}[[wind.add]]\nmodel = \"uniform\"\nspeed = 6\n"), &[]);
@@ -247,7 +248,7 @@ fn internodes_that_the_paper_bends_too_far_are_counted() {
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-    let built = assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage");
+    let built = assemble_scene(&resolve(&request).expect("scene").0, SceneOptions::default(), &work).expect("stage");
     let said: Vec<&str> = built.report.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(said, ["X020"]);
 }
@@ -332,3 +333,65 @@ fn engines_get_few_joints_merged_leaves_and_attributes() {
         }
     }
 }
+
+/// The showcase's trees alone, in its wind.
+fn trees_of_the_showcase() -> String {
+    let text = osier::presets::find("showcase.toml").expect("preset").text;
+    let mut kept = String::new();
+    // Tables begin at a line with a bracket.
+    for table in text.split("\n[").enumerate().map(|(k, t)| if k == 0 { t.to_owned() } else { format!("\n[{t}") }) {
+        let other = |name: &str| table.contains(&format!("plants.{name}")) || table.contains(&format!("\"{name}\""));
+        if !["poplar_twig", "grass", "tall_grass"].into_iter().any(other) && !table.starts_with("\n[ground]") {
+            kept.push_str(&table);
+        }
+    }
+    kept + "\n[ground]\nshow = false\n"
+}
+
+#[test]
+fn boughs_of_one_size_sway_alike_in_amount_and_unlike_in_phase() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    fs::write(dir.path().join("trees.toml"), trees_of_the_showcase()).expect("scene");
+    let mut osier = Command::cargo_bin("osier").expect("osier");
+    osier
+        .current_dir(dir.path())
+        .args(["-q", "bake", "trees.toml", "-o", "out", "--formats", "usd"])
+        .assert()
+        .success();
+    let file = dir.path().join("out/trees.usda");
+    let said = clients::python_script(&python, "sway_amplitudes.py", &[&file.to_string_lossy(), "3"]);
+    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let line = text.lines().rev().find(|l| l.starts_with('{')).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(line).expect("JSON");
+    let meshes = report["meshes"].as_object().expect("trees");
+    assert_eq!(meshes.len(), 3, "an oak and two birches");
+    let mut compared = 0;
+    for (name, tree) in meshes {
+        for class in tree["classes"].as_array().expect("classes") {
+            let pairs = class["correlation"].as_array().expect("by distance");
+            let many = pairs.iter().filter(|p| p[1].as_u64().is_some_and(|n| n >= 300));
+            let by_distance: Vec<f64> = many.filter_map(|p| p[0].as_f64()).collect();
+            if let (Some(near), Some(far)) = (by_distance.first(), by_distance.last()) {
+                assert!(by_distance.len() < 2 || near > far, "{name}: {class}");
+                compared += usize::from(by_distance.len() > 1);
+            }
+            // Shorter wood is twigs, whose place on the limb decides how far they are carried.
+            if class["length"][0].as_f64().is_none_or(|m| m < BOUGH) {
+                continue;
+            }
+            // The oak's boughs are drawn with a wide range of thickness: on the outer limbs a quarter of that on the inner ones.
+            let most = if tree["boughs"].as_u64().is_some_and(|n| n > 1000) { 4.0 } else { 3.0 };
+            assert!(class["ratio"].as_f64().is_some_and(|r| r <= most), "{name}: {class}");
+            assert!(class["amplitude"]["p100"].as_f64().is_some_and(|m| m < 0.2), "{name}: {class}");
+        }
+    }
+    assert!(compared >= 10, "{report}");
+    // Leaves sway wherever they grow, those of twigs without joints, too.
+    for (name, leaves) in report["leaves"].as_object().expect("leaves") {
+        assert!(leaves["amplitude"]["p10"].as_f64().is_some_and(|m| m > 5e-4), "{name}: {leaves}");
+    }
+}
+
+/// Least length of a bough, m.
+const BOUGH: f64 = 0.5;

@@ -39,15 +39,15 @@ fn files(out: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// Cells, lowest corner, side, time and velocities of a VTI, by the rules of the format alone.
-struct Vti {
-    cells: [usize; 3],
-    corner: Vec<f64>,
-    side: Vec<f64>,
-    time: f64,
-    values: Vec<[f32; 3]>,
+pub(crate) struct Vti {
+    pub(crate) cells: [usize; 3],
+    pub(crate) corner: Vec<f64>,
+    pub(crate) side: Vec<f64>,
+    pub(crate) time: f64,
+    pub(crate) values: Vec<[f32; 3]>,
 }
 
-fn vti(path: &Path) -> Vti {
+pub(crate) fn vti(path: &Path) -> Vti {
     let bytes = std::fs::read(path).expect("vti");
     let start = bytes.windows(2).position(|w| w == b"\n_").expect("appended data") + 2;
     let head = std::str::from_utf8(&bytes[..start]).expect("XML before the data");
@@ -259,7 +259,8 @@ fn air_that_was_kept_gives_the_same_bytes() {
     // It is read: what was changed and signed anew changes the wind.
     let head = state.iter().position(|b| *b == b'\n').expect("a line") + 1;
     let mut body = state[head + 65..].to_vec();
-    let middle = body.len() / 2;
+    // Whole numbers of four bytes from the end, where the populations are.
+    let middle = body.len() - body.len() / 8 * 4;
     body[middle..middle + 64].chunks_mut(4).for_each(|g| g.copy_from_slice(&0.01_f32.to_le_bytes()));
     let signed = [&state[..head], blake3::hash(&body).to_hex().as_bytes(), b"\n", &body].concat();
     let path = kept(&used);

@@ -185,7 +185,7 @@ pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Meshes and transforms of the live instances.
+/// Mesh and transform of each live instance; an instance whose prototype does not exist is skipped.
 fn live_instances<'a>(instancer: &'a Instancer, state: &'a InstanceState) -> impl Iterator<Item = (&'a Mesh, Trs)> {
     (0..instancer.len()).filter(|i| state.is_alive(*i)).filter_map(|i| {
         let proto = instancer.protos.get(i).and_then(|p| instancer.prototypes.get(*p as usize))?;

@@ -28,7 +28,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     asset_folder: Some("obj"),
     endings: &[("obj", "Wavefront mesh with .mtl and pictures")],
     pictures_beside: true,
-    memory_percent: 0,
+    memory_percent: 8,
     estimate,
     open: |job| vec![Box::new(ObjExporter::new(job.folder.clone(), Arc::clone(&job.textures), job.target()))],
 };

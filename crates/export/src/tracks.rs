@@ -172,7 +172,7 @@ fn index_json(scene: &Scene, files: &BTreeMap<&'static str, RecordFile>) -> Valu
         "skeletons": skeletons.collect::<Vec<_>>(),
         "files": files.iter().map(|(name, f)| file(name, f)).collect::<Vec<_>>(),
     });
-    for list in &scene.code_lists {
+    for list in &scene.enum_labels {
         index[list.name] = json!(list.words);
     }
     index

@@ -108,7 +108,7 @@ impl ModuleString {
         self.birth.extend_from_slice(&other.birth[range]);
     }
 
-    /// Consecutive substrings of `n` modules, the last one shorter.
+    /// Consecutive substrings of `n` modules; the last one may be shorter.
     pub(crate) fn chunks(&self, n: usize) -> Vec<Self> {
         let chunk = |start: usize| {
             let mut chunk = Self::default();

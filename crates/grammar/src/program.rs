@@ -137,7 +137,7 @@ impl IgnoredSymbols {
     }
 }
 
-/// The blocks that run around steps.
+/// Code that runs before and after the derivation (`start`, `end`) and each of its steps (`start_each`, `end_each`).
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ControlBlocks {
     pub start: Option<Bytecode>,

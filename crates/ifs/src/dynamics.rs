@@ -37,7 +37,8 @@ pub struct SystemAnalysis {
     pub probabilities: Vec<f64>,
     /// Probability of the next map (column) after the last one (row), where the file has a chaos matrix.
     pub next: Option<Vec<Vec<f64>>>,
-    /// E1, mean of ln of the norms.
+    /// E1: sum over the maps of probability times ln of the norm of the linear part. An upper bound of `exponent`;
+    /// negative is enough for an attractor.
     pub mean_log: f64,
     /// Top Lyapunov exponent of the random product, per step.
     pub exponent: f64,

@@ -5,6 +5,7 @@
 //! - [`rods`]: poles, twigs and stalks as elastic rods of prism springs, solved implicitly; also whole plants on rods.
 //! - [`flight`]: catkins carried by the wind, which stick together, deposit and take off again.
 //! - [`rain`]: drops that fall on leaves, run, hang and drip.
+//! - [`sway_in_rain`]: plants of the sway model that raindrops strike, load and shake.
 
 pub mod flight;
 mod lanes;
@@ -12,3 +13,4 @@ pub mod rain;
 #[allow(clippy::needless_range_loop, reason = "indices over corners and columns, as in the formulas")]
 pub mod rods;
 pub mod sway;
+pub mod sway_in_rain;

@@ -81,8 +81,7 @@ impl<W: Write> ClipWriter<W> {
                     |n: u32| u16::try_from(n).map_err(|_| encoding_error("a side of a GIF has at most 65535 pixels"));
                 let mut encoder = gif::Encoder::new(sink, side(width)?, side(height)?, &[]).map_err(encoding_error)?;
                 encoder.set_repeat(gif::Repeat::Infinite).map_err(encoding_error)?;
-                // Rounded 100 / fps. A delay beyond the 655 s that the format holds is limited to
-                // it.
+                // Delay between frames in hundredths of a second, rounded and limited to the 655 s that the format holds.
                 let delay = (100 * u64::from(base) + u64::from(rate) / 2) / u64::from(rate);
                 #[allow(clippy::cast_possible_truncation, reason = "limited to 16 bits")]
                 let delay = delay.min(u64::from(u16::MAX)) as u16;

@@ -1,13 +1,13 @@
-//! Coats, such as films of water: where a map sequence gives them weight, a surface is darker and smoother and
-//! has the normals of the film.
+//! Coats, such as films of water: where a map sequence gives them weight, a surface is darker and smoother. It keeps its own
+//! normals: what stands on it, such as drops, is meshes.
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
 use super::materials::ShadingParams;
-use osier_base::math::{lerp, normalize_or};
-use osier_scene::{Frame, MapEncoding, Material, Scene};
+use osier_base::math::lerp;
+use osier_scene::{Frame, Material, Scene};
 
 /// Roughness of a closed film: smooth, with the ripple that the surface below leaves in it.
 const COAT_ROUGHNESS: f32 = 0.08;
@@ -17,8 +17,6 @@ const COAT_ROUGHNESS: f32 = 0.08;
 pub(super) struct CoatMap {
     /// Weight of the film, 0 to 1.
     weight: Arc<Vec<f32>>,
-    /// Unit normals in tangent space: of the bare surface where it is dry, of the film elsewhere.
-    normal: Arc<Vec<[f32; 3]>>,
     /// Texels along a side.
     side: usize,
     /// Albedo under a closed film as a fraction of that of the bare surface.
@@ -34,10 +32,8 @@ impl CoatMap {
             let i = coat.sequence as usize;
             let (maps, sequence) = (now.get(i)?.as_ref()?, scene.map_sequences.get(i)?);
             let weight = Arc::clone(maps.scalars(sequence.layer(coat.weight)?)?);
-            let normal = Arc::clone(maps.vectors(sequence.layer_encoded(MapEncoding::Normal)?)?);
-            let is_complete = weight.len() == sequence.texels() && normal.len() == sequence.texels();
             let (side, darkening) = (sequence.side, coat.darkening);
-            (side > 0 && is_complete).then_some(Self { weight, normal, side, darkening })
+            (side > 0 && weight.len() == sequence.texels()).then_some(Self { weight, side, darkening })
         };
         scene.materials.iter().map(coat).collect()
     }
@@ -46,27 +42,22 @@ impl CoatMap {
     /// coordinates.
     pub(super) fn apply(&self, shading: &mut ShadingParams, uv: Vec2, footprint: f32) {
         // [yang-wu] eq. 10: linear between the reflectance of the bare and of the coated surface.
-        let w = self.filtered(uv, footprint, |i| Vec3::splat(self.weight[i])).x.clamp(0.0, 1.0);
+        let w = self.filtered(uv, footprint).clamp(0.0, 1.0);
         shading.albedo *= lerp(1.0, self.darkening, w);
         shading.roughness = lerp(shading.roughness, shading.roughness.min(COAT_ROUGHNESS), w);
     }
 
-    /// Unit normal in tangent space.
-    pub(super) fn normal(&self, uv: Vec2, footprint: f32) -> Vec3 {
-        normalize_or(self.filtered(uv, footprint, |i| Vec3::from_array(self.normal[i])), Vec3::Z)
-    }
-
     /// A map filtered over a sample: one bilinear look-up for a sample that is narrower than a texel, else the mean of
     /// four across it.
-    fn filtered(&self, uv: Vec2, footprint: f32, map: impl Fn(usize) -> Vec3) -> Vec3 {
+    fn filtered(&self, uv: Vec2, footprint: f32) -> f32 {
         #[allow(clippy::cast_precision_loss, reason = "maps are at most 8192 texels wide")]
         if footprint * (self.side as f32) < 1.0 {
-            return self.bilinear(uv, &map);
+            return self.bilinear(uv);
         }
         // Four look-ups at the middles of the quarters of the sample: a box filter of its width.
         let corners = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
-        let each = corners.map(|(x, y)| self.bilinear(uv + Vec2::new(x, y) * (footprint * 0.25), &map));
-        each.iter().sum::<Vec3>() * 0.25
+        let each = corners.map(|(x, y)| self.bilinear(uv + Vec2::new(x, y) * (footprint * 0.25)));
+        each.iter().sum::<f32>() * 0.25
     }
 
     /// Bilinear interpolation between the middles of four texels; row 0 is the top, and the edge is repeated beyond it.
@@ -76,36 +67,37 @@ impl CoatMap {
         clippy::cast_sign_loss,
         reason = "texels of a map"
     )]
-    fn bilinear(&self, uv: Vec2, map: &impl Fn(usize) -> Vec3) -> Vec3 {
+    fn bilinear(&self, uv: Vec2) -> f32 {
         let most = (self.side - 1) as f32;
         // Texel centres lie at half-integer coordinates; v runs up, rows run down.
         let at = (Vec2::new(uv.x, 1.0 - uv.y) * self.side as f32 - 0.5).clamp(Vec2::ZERO, Vec2::splat(most));
         let (x, y) = (at.x as usize, at.y as usize);
         let fraction = at - Vec2::new(x as f32, y as f32);
-        let texel = |dx: usize, dy: usize| map((y + dy).min(self.side - 1) * self.side + (x + dx).min(self.side - 1));
-        let row = |dy: usize| texel(0, dy).lerp(texel(1, dy), fraction.x);
-        row(0).lerp(row(1), fraction.y)
+        let texel =
+            |dx: usize, dy: usize| self.weight[(y + dy).min(self.side - 1) * self.side + (x + dx).min(self.side - 1)];
+        let row = |dy: usize| lerp(texel(0, dy), texel(1, dy), fraction.x);
+        lerp(row(0), row(1), fraction.y)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     fn coat() -> CoatMap {
-        let normal = vec![[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]];
         let weight = vec![0.0, 1.0, 0.5, 0.0];
-        CoatMap { weight: Arc::new(weight), normal: Arc::new(normal), side: 2, darkening: 0.55 }
+        CoatMap { weight: Arc::new(weight), side: 2, darkening: 0.55 }
     }
 
     #[test]
     fn the_upper_right_texel_is_where_v_is_large() {
         let coat = coat();
-        let at = |u: f32, v: f32| coat.filtered(Vec2::new(u, v), 0.0, |i| Vec3::splat(coat.weight[i])).x;
+        let at = |u: f32, v: f32| coat.filtered(Vec2::new(u, v), 0.0);
         let found = [at(0.75, 0.75), at(1.0, 1.0), at(0.25, 0.25), at(0.25, 0.75)];
         assert!(found.iter().zip([1.0, 1.0, 0.5, 0.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
         assert!((at(0.5, 0.5) - 0.375).abs() < 1e-6);
-        assert!((coat.normal(Vec2::new(0.75, 0.75), 0.0) - Vec3::new(0.6, 0.0, 0.8)).length() < 1e-6);
     }
 
     #[test]

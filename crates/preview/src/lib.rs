@@ -54,7 +54,7 @@
 //!     placements: vec![Placement { name: "ball".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
 //!     land: None,
 //!     tables: Vec::new(),
-//!     code_lists: Vec::new(),
+//!     enum_labels: Vec::new(),
 //!     fields: Vec::new(),
 //!     air: Vec::new(),
 //!     map_sequences: Vec::new(),

@@ -125,12 +125,9 @@ impl RenderScene<'_> {
         self.coats.get(material as usize)?.as_ref()
     }
 
-    /// The interpolated normal, perturbed by the normal map of the coat or of the material. The map's x runs along
-    /// growing u, its y along growing v.
+    /// The interpolated normal, perturbed by the normal map of the material. The map's x runs along growing u, its y along growing v.
     fn mapped_normal(&self, s: &SurfaceAttributes, width: f32) -> Vec3 {
-        let from_material = || self.materials.normal_map(s.material, s.uv, width);
-        let from_coat = self.coat(s.material).map(|map| map.normal(s.uv, width));
-        let Some(m) = from_coat.or_else(from_material) else { return s.smooth_normal };
+        let Some(m) = self.materials.normal_map(s.material, s.uv, width) else { return s.smooth_normal };
         // Tangent vectors dp/du and dp/dv of the triangle: the solution of e = dp/du * d.x + dp/dv
         // * d.y for both edges.
         let ([e1, e2], [d1, d2]) = (s.edges, s.uv_edges);

@@ -59,7 +59,7 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
         placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
         tables: Vec::new(),
-        code_lists: Vec::new(),
+        enum_labels: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
         map_sequences: Vec::new(),

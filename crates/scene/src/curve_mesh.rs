@@ -77,7 +77,7 @@ fn each(curves: &Curves, mut f: impl FnMut(usize, &[Vec3], &[f32])) {
 }
 
 fn tube(mesh: &mut Mesh, line: &[Vec3], widths: &[f32]) {
-    let base = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+    let base = mesh.next_point();
     let tangents = tangents(line);
     let mut side = math::perpendicular(tangents[0]);
     let mut along = 0.0;
@@ -105,7 +105,7 @@ fn tube(mesh: &mut Mesh, line: &[Vec3], widths: &[f32]) {
 }
 
 fn ribbon(mesh: &mut Mesh, rest: &[Vec3], line: &[Vec3], widths: &[f32]) {
-    let base = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+    let base = mesh.next_point();
     let tangents = tangents(line);
     let start = math::normalize_or(rest[1] - rest[0], Vec3::Y);
     let turn: Quat = math::rotation_between(start, tangents[0]);

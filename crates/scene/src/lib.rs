@@ -235,7 +235,7 @@ pub struct Scene {
     /// Tables that grow by a row with every frame.
     pub tables: Vec<Table>,
     /// Words that codes in the frames' record tables stand for.
-    pub code_lists: Vec<CodeList>,
+    pub enum_labels: Vec<CodeList>,
     /// Maps that frames fill.
     pub fields: Vec<Field>,
     /// Grids on which frames sample the wind's velocity.

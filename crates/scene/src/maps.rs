@@ -71,11 +71,6 @@ impl MapSequence {
         self.layers.iter().position(|l| l.name == name)
     }
 
-    /// Index of the first layer with an encoding.
-    pub fn layer_encoded(&self, encoding: MapEncoding) -> Option<usize> {
-        self.layers.iter().position(|l| l.encoding == encoding)
-    }
-
     /// Number of texels of one map: `side` squared.
     pub fn texels(&self) -> usize {
         self.side.saturating_mul(self.side)

@@ -42,18 +42,30 @@ impl Mesh {
         Bounds::of(self.points.iter().copied())
     }
 
+    /// Index of the point that is added next. The limit `vertices` refuses meshes long before they hold 2^32 points, which
+    /// would take 48 GB for positions alone.
+    #[inline]
+    pub fn next_point(&self) -> u32 {
+        u32::try_from(self.points.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Index of the triangle that is added next; triangles are bounded as points are.
+    #[inline]
+    pub fn next_triangle(&self) -> u32 {
+        u32::try_from(self.triangles.len()).unwrap_or(u32::MAX)
+    }
+
     /// One subset over all triangles.
     #[inline]
     pub fn with_material(mut self, material: MaterialId) -> Self {
-        let count = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
+        let count = self.next_triangle();
         self.subsets = vec![Subset { material, first: 0, count }];
         self
     }
 
     /// Appends another mesh; its subsets follow, one equal to the last is merged into it.
     pub fn append(&mut self, other: &Self) {
-        let base = u32::try_from(self.points.len()).unwrap_or(u32::MAX);
-        let first = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
+        let (base, first) = (self.next_point(), self.next_triangle());
         Attribute::append_all(&mut self.attributes, self.points.len(), &other.attributes, other.points.len());
         self.points.extend_from_slice(&other.points);
         self.normals.extend_from_slice(&other.normals);

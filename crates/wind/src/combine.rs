@@ -1,4 +1,4 @@
-//! Wind fields computed from other wind fields: scaled, and summed.
+//! Wind fields computed from other wind fields: scaled, summed, and shifted in time.
 
 use std::sync::Arc;
 
@@ -25,8 +25,12 @@ impl Wind for ScaledWind {
         self.wind.mean() * self.factor
     }
 
-    fn mean_at(&self, height: f32) -> Vec3 {
-        self.wind.mean_at(height) * self.factor
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.wind.mean_at(position) * self.factor
+    }
+
+    fn mean_during(&self, t: f64) -> Vec3 {
+        self.wind.mean_during(t) * self.factor
     }
 
     fn period(&self) -> Option<f64> {
@@ -66,8 +70,12 @@ impl Wind for WindSum {
         self.0.iter().map(|w| w.mean()).sum()
     }
 
-    fn mean_at(&self, height: f32) -> Vec3 {
-        self.0.iter().map(|w| w.mean_at(height)).sum()
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.0.iter().map(|w| w.mean_at(position)).sum()
+    }
+
+    fn mean_during(&self, t: f64) -> Vec3 {
+        self.0.iter().map(|w| w.mean_during(t)).sum()
     }
 
     /// The common period of all winds, if they have one; a wind that never changes (period 0) fits any period.
@@ -77,6 +85,50 @@ impl Wind for WindSum {
             let agree = own <= 0.0 || common <= 0.0 || (own - common).abs() < 1e-9;
             agree.then_some(own.max(common))
         })
+    }
+}
+
+/// A wind on the clock of a simulation that started before time 0 of the wind.
+/// ```
+/// use std::sync::Arc;
+///
+/// use glam::Vec3;
+/// use osier_wind::{GustWind, GustWindOptions, ShiftedWind, Wind};
+///
+/// let gusts = Arc::new(GustWind::new(GustWindOptions::default()));
+/// let shifted = ShiftedWind { wind: gusts.clone(), lead: 5.0 };
+/// let (mut a, mut b) = ([Vec3::ZERO], [Vec3::ZERO]);
+/// gusts.sample(&[Vec3::Y], 0.0, &mut a);
+/// shifted.sample(&[Vec3::Y], 5.0, &mut b);
+/// assert_eq!(a, b);
+/// ```
+#[derive(Debug, Clone)]
+pub struct ShiftedWind {
+    /// The wind on its own clock.
+    pub wind: Arc<dyn Wind>,
+    /// Time that the simulation's clock shows at time 0 of the wind, s.
+    pub lead: f64,
+}
+
+impl Wind for ShiftedWind {
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
+        self.wind.sample(positions, t - self.lead, out);
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.wind.mean()
+    }
+
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.wind.mean_at(position)
+    }
+
+    fn mean_during(&self, t: f64) -> Vec3 {
+        self.wind.mean_during(t - self.lead)
+    }
+
+    fn period(&self) -> Option<f64> {
+        self.wind.period()
     }
 }
 
@@ -101,7 +153,7 @@ mod tests {
         assert_eq!(twice.mean(), Vec3::X * 9.0);
         let both = WindSum(vec![gust(None), Arc::new(UniformWind(Vec3::Z * 3.0))]);
         assert!(sample(&both).iter().zip(&alone).all(|(a, b)| *a == *b + Vec3::Z * 3.0));
-        assert_eq!((both.mean(), both.mean_at(10.0)), (Vec3::new(4.5, 0.0, 3.0), Vec3::new(4.5, 0.0, 3.0)));
+        assert_eq!((both.mean(), both.mean_at(Vec3::Y * 10.0)), (Vec3::new(4.5, 0.0, 3.0), Vec3::new(4.5, 0.0, 3.0)));
         assert_eq!(both.period(), None);
         let repeating = WindSum(vec![gust(Some(5.0)), Arc::new(UniformWind(Vec3::Z)), gust(Some(5.0))]);
         assert_eq!(repeating.period(), Some(5.0));

@@ -245,8 +245,8 @@ impl Wind for GustWind {
         self.options.direction * math::narrow(self.options.speed)
     }
 
-    fn mean_at(&self, height: f32) -> Vec3 {
-        self.mean() * self.height_factor(height)
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.mean() * self.height_factor(position.y)
     }
 
     fn period(&self) -> Option<f64> {

@@ -1,7 +1,8 @@
 //! Wind fields: the trait [`Wind`] gives the air velocity at any position and time.
 //!
 //! - Analytic winds: [`UniformWind`]; [`GustWind`], gusts and eddies that travel downwind and may repeat; [`SineWind`], the
-//!   wind of [zhao-zhang] 3.1. [`ScaledWind`] and [`WindSum`] combine winds.
+//!   wind of [zhao-zhang] 3.1. [`ScaledWind`] and [`WindSum`] combine winds, [`WindOverLand`] lays one over hills, and
+//!   [`ShiftedWind`] is one on the clock of a simulation that started earlier.
 //! - Simulated wind: [`LatticeSolver`], a lattice Boltzmann solver with solids in the flow (\[catkin\] 3), read frame by frame
 //!   ([`InterpolatedWind`]) or recorded for a whole clip ([`RecordedWind`]).
 //!
@@ -14,12 +15,13 @@
 //! let wind = GustWind::new(GustWindOptions { speed: beaufort_speed(4.0), ..GustWindOptions::default() });
 //! let mut velocities = [Vec3::ZERO; 2];
 //! wind.sample(&[Vec3::Y, Vec3::Y * 10.0], 0.0, &mut velocities);
-//! assert!(wind.mean_at(1.0).x < wind.mean_at(10.0).x);
+//! assert!(wind.mean_at(Vec3::Y).x < wind.mean_at(Vec3::Y * 10.0).x);
 //! ```
 
 mod combine;
 mod gradient_noise;
 mod gust_wind;
+mod land;
 mod lattice;
 mod noise_block;
 mod sine_wind;
@@ -29,9 +31,10 @@ use std::fmt::Debug;
 
 use glam::Vec3;
 
-pub use combine::{ScaledWind, WindSum};
+pub use combine::{ScaledWind, ShiftedWind, WindSum};
 pub use gradient_noise::TimeNoise;
 pub use gust_wind::{GustWind, GustWindOptions, fit_gust_length};
+pub use land::WindOverLand;
 pub use lattice::{
     GroundCondition, InletOptions, InletWind, InterpolatedWind, LatticeMemory, LatticeOptions, LatticeSolver,
     LatticeStats, LatticeWarning, RecordedWind, RecordingOptions, SideCondition, WindProfile, WindSnapshot,
@@ -49,8 +52,14 @@ pub trait Wind: Debug + Send + Sync {
     /// Mean velocity at 10 m above the ground, m/s.
     fn mean(&self) -> Vec3;
 
-    /// Mean velocity at a height above the ground, m/s.
-    fn mean_at(&self, height: f32) -> Vec3;
+    /// Mean velocity at a position, m, over all times, in m/s.
+    fn mean_at(&self, position: Vec3) -> Vec3;
+
+    /// Mean velocity at 10 m around the time `t`, s, in m/s: that of [`Wind::mean`], unless speed or direction are prescribed
+    /// over time.
+    fn mean_during(&self, _t: f64) -> Vec3 {
+        self.mean()
+    }
 
     /// Time after which the field repeats everywhere, s; 0 if it never changes, none if it never repeats.
     fn period(&self) -> Option<f64>;
@@ -76,7 +85,7 @@ impl Wind for UniformWind {
         self.0
     }
 
-    fn mean_at(&self, _: f32) -> Vec3 {
+    fn mean_at(&self, _: Vec3) -> Vec3 {
         self.0
     }
 

@@ -154,8 +154,8 @@ impl Wind for SineWind {
         self.options.direction * math::narrow(self.options.speed)
     }
 
-    fn mean_at(&self, height: f32) -> Vec3 {
-        if self.options.literal { self.mean() } else { self.mean() * power_law(height, self.options.power) }
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        if self.options.literal { self.mean() } else { self.mean() * power_law(position.y, self.options.power) }
     }
 
     fn period(&self) -> Option<f64> {

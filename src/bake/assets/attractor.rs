@@ -187,7 +187,7 @@ pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Resul
 /// pictures by density alone.
 /// # Errors
 /// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
-pub fn render_attractor(
+pub fn attractor_density(
     recipe: &AttractorRecipe,
     scene: &Recipe,
     context: &BakeContext<'_>,

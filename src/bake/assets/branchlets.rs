@@ -17,7 +17,7 @@ use osier_scene::{Mesh, Trs};
 /// Builds the meshes of a tree's branchlet prototypes. `tile`: width of one repeat of the bark, m.
 /// # Errors
 /// `Limit` for the vertices of one branchlet or of all together, `Cancelled`.
-pub fn add_branchlet_meshes(
+pub fn skin_branchlets(
     tree: &mut Plant,
     twigs: &[Branchlet],
     recipe: &PlantRecipe,

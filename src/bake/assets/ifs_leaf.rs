@@ -38,7 +38,7 @@ pub fn build_ifs_leaf(
     seed: u64,
 ) -> Result<OrganSpec> {
     let keys = &recipe.keys;
-    let (spec, colors) = leaf_parameters(keys);
+    let (spec, colors) = drawn_leaf_spec(keys);
     let drawn = recipe.drawn.get_or_init(|| leaf::mapped(table, &spec, &colors));
     let drawn = drawn.as_ref().map_err(|d| table_error((**d).clone()))?;
     let size = keys.size.unwrap_or(DEFAULT_LENGTH);
@@ -66,12 +66,12 @@ pub fn build_ifs_leaf(
 /// What decides the leaf that a table draws for an organ, as a hash; `None` for an organ of another kind.
 pub fn drawn_leaf_hash(recipe: &OrganRecipe) -> Option<String> {
     let table = recipe.ifs.as_deref().filter(|_| recipe.mesh.is_none())?;
-    let (spec, colors) = leaf_parameters(&recipe.keys);
+    let (spec, colors) = drawn_leaf_spec(&recipe.keys);
     Some(leaf::hash(table, &spec, &colors))
 }
 
 /// Resolution and outline tolerance of a drawn leaf, and its colours.
-fn leaf_parameters(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
+fn drawn_leaf_spec(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
     let spec = LeafSpec {
         side: (keys.side as usize).max(64),
         close: keys.close,

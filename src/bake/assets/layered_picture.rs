@@ -114,7 +114,7 @@ fn blend_over(under: [f32; 4], color: [f32; 3], alpha: f32) -> [f32; 4] {
 
 /// The rectangle of a layer of `size` (width, height in pixels), whose foot's centre its key `at` gives as a share of the canvas.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a picture, at most ten times it")]
-fn layer_rect(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2]) -> PixelRect {
+fn rect_on_canvas(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2]) -> PixelRect {
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
     let left = (layer.keys.at[0] * w - 0.5 * wide).round();
     let bottom = (h - layer.keys.at[1] * h).round();
@@ -125,7 +125,7 @@ fn layer_rect(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2
 fn gradient_layer(layer: &LayerRecipe, canvas: &LayerCanvas) -> LayerBitmap {
     let keys = &layer.keys;
     let size = [keys.width.unwrap_or(1.0) * canvas.width as f64, keys.height.unwrap_or(1.0) * canvas.height as f64];
-    let rect = layer_rect(layer, (canvas.width, canvas.height), size);
+    let rect = rect_on_canvas(layer, (canvas.width, canvas.height), size);
     let foot = keys.color.unwrap_or_default().map(srgb_from_linear);
     let top = keys.color2.map_or(foot, |c| c.map(srgb_from_linear));
     let row = |v: usize| {
@@ -154,7 +154,7 @@ fn attractor_layer(
         (None, y) => [y.unwrap_or(1.0) * h * natural.x / natural.y, y.unwrap_or(1.0) * h],
     };
     let max_side = 10.0 * w.max(h);
-    let rect = layer_rect(layer, canvas, size.map(|v| v.min(max_side)));
+    let rect = rect_on_canvas(layer, canvas, size.map(|v| v.min(max_side)));
     let pixels = rect.width as u64 * rect.height as u64;
     if pixels.saturating_mul(BYTES_PER_PIXEL) > MAX_HISTOGRAM_BYTES {
         let reason = format!(

@@ -15,7 +15,7 @@ use osier_plants::surface::ground::Ground;
 use osier_plants::surface::masonry;
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::solid::{Form, LandForm, Prism, Shell, Solid, Solids};
-use osier_scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject, Trs};
+use osier_scene::{Asset, AssetKind, MaterialId, Mesh, MeshMotion, MeshObject, Trs};
 
 /// Heights along each side of the height field that a wavy ground is sampled into. Own: 0.5 m apart over a field of 256 m;
 /// fewer smooth the waves that catkins land on.
@@ -41,17 +41,19 @@ pub struct Obstacles<'a> {
 }
 
 impl<'a> Obstacles<'a> {
-    /// The obstacles of a recipe; none where neither a lattice wind nor a flight uses them.
+    /// The obstacles of a recipe: no solids where neither a lattice wind nor a flight meets them, nothing where no wind blows either.
     /// # Errors
     /// X010 for a mesh without triangles.
     pub fn from_recipe(recipe: &Recipe, surface: GroundSurface<'a>) -> Result<Self> {
-        if recipe.flight.is_none() && !has_lattice_clip(recipe) {
+        let meets_solids = recipe.flight.is_some() || lattice_wind_in_clip(recipe);
+        let blows = recipe.clip.len() >= 2 && recipe.blows();
+        if !meets_solids && !blows {
             return Ok(Self { solids: Vec::new(), surface: GroundSurface::Level, terrain: None });
         }
-        let solids = recipe
-            .solids
-            .iter()
-            .map(|solid| Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity }));
+        let solids =
+            recipe.solids.iter().filter(|_| meets_solids).map(|solid| {
+                Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity })
+            });
         let terrain = match &surface {
             GroundSurface::Terrain(terrain) => {
                 LandForm::new(terrain.side, terrain.size, terrain.heights.clone()).map(Arc::new)
@@ -61,14 +63,27 @@ impl<'a> Obstacles<'a> {
         Ok(Self { solids: solids.collect::<Result<_>>()?, surface, terrain })
     }
 
-    /// All solids, the land last. `side`: of the square around the origin within which a wavy ground is sampled, m.
-    pub fn solids_within(&self, side: f32) -> Solids {
-        let land = match self.surface {
+    /// The land under the scene; `None` for a level one. `side`: as for [`Obstacles::solids_within`].
+    fn terrain_within(&self, side: f32) -> Option<Arc<LandForm>> {
+        match self.surface {
             GroundSurface::Waves(ground, center) if ground.amplitude > 0.0 => {
                 sample_ground(ground, center, side).map(Arc::new)
             }
             _ => self.terrain.clone(),
-        };
+        }
+    }
+
+    /// The land from which the heights of the wind count; `None` where it is level, or nearly so.
+    pub fn ground_heights_for_wind(&self, recipe: &Recipe) -> Option<Arc<LandForm>> {
+        let center = if let GroundSurface::Waves(_, center) = self.surface { center.abs().max_element() } else { 0.0 };
+        let land = self.terrain_within(narrow(recipe.ground.size) + 2.0 * center)?;
+        let [low, high] = land.height_range();
+        (high - low >= LEAST_HILL).then_some(land)
+    }
+
+    /// All solids, the land last. `side`: of the square around the origin within which a wavy ground is sampled, m.
+    pub fn solids_within(&self, side: f32) -> Solids {
+        let land = self.terrain_within(side);
         let level = land.is_none();
         let land = land.map(|l| Solid { name: "land".into(), form: Form::Land(l), humidity: 0.0 });
         // Where a solid and the land are equally near, a catkin rests on the one that comes first: the solid.
@@ -76,8 +91,12 @@ impl<'a> Obstacles<'a> {
     }
 }
 
+/// Height, m, from the lowest to the highest point from which a ground has hills, over which the wind blows as over the plain. Own:
+/// the height below which the profile of the wind is constant; lower waves are within its roughness.
+const LEAST_HILL: f32 = 0.5;
+
 /// Whether a recipe has a clip with a lattice wind: the only wind that flows around solids.
-pub fn has_lattice_clip(recipe: &Recipe) -> bool {
+pub fn lattice_wind_in_clip(recipe: &Recipe) -> bool {
     recipe.wind.model == WindModel::Lattice && recipe.clip.len() >= 2
 }
 
@@ -115,7 +134,7 @@ pub(crate) fn add_obstacles(recipe: &Recipe, builder: &mut SceneBuilder) -> Resu
     for solid in recipe.solids.iter().filter(|s| s.keys.show) {
         let first_material = builder.add_materials(obstacle_materials(solid))?.first_material;
         let mut asset = obstacle_asset(solid, first_material);
-        builder.make_unique(&mut asset.id, "_solid");
+        builder.make_id_unique(&mut asset.id, "_solid");
         builder.add_placed(asset, Trs::IDENTITY, None);
     }
     Ok(())
@@ -140,9 +159,35 @@ fn obstacle_materials(solid: &SolidRecipe) -> MaterialSet {
     set
 }
 
+/// The faces of all obstacles in world space at which rain ends, shown or not; their materials are not those of the scene.
+pub(crate) fn rain_faces(recipe: &Recipe) -> Vec<Mesh> {
+    // The slabs of a roof leave a slit at the ridge; the prism under them is closed.
+    let prisms = recipe.solids.iter().filter(|solid| solid.mesh.is_none()).map(|solid| prism_mesh(&solid_prism(solid)));
+    recipe.solids.iter().map(|solid| obstacle_mesh(solid, 0)).chain(prisms).collect()
+}
+
+/// The closed surface of a prism, without normals and materials.
+fn prism_mesh(prism: &Prism) -> Mesh {
+    let [near, far] = prism.ends();
+    let mut mesh = Mesh::default();
+    let mut push = |outline: &[Vec3]| {
+        let corners = mesh.points.len()..;
+        mesh.points.extend_from_slice(outline);
+        let first: Vec<u32> = corners.take(outline.len()).filter_map(|i| u32::try_from(i).ok()).collect();
+        mesh.triangles.extend(first.windows(2).skip(1).map(|k| [first[0], k[0], k[1]]));
+    };
+    for i in 0..near.len() {
+        let k = (i + 1) % near.len();
+        push(&[near[i], near[k], far[k], far[i]]);
+    }
+    push(&near);
+    push(&far);
+    mesh
+}
+
 /// The mesh of an obstacle in world space; `first_material`: index in the scene of the first of [`obstacle_materials`].
-fn obstacle_asset(solid: &SolidRecipe, first_material: MaterialId) -> Asset {
-    let mesh = match &solid.mesh {
+fn obstacle_mesh(solid: &SolidRecipe, first_material: MaterialId) -> Mesh {
+    match &solid.mesh {
         Some(imported) => {
             let rotation = glam::Quat::from_rotation_y(narrow(solid.keys.turn));
             let position = Vec3::from_array(solid.keys.at.map(narrow));
@@ -153,7 +198,12 @@ fn obstacle_asset(solid: &SolidRecipe, first_material: MaterialId) -> Asset {
             mesh
         }
         None => masonry::masonry(&solid_prism(solid), first_material),
-    };
+    }
+}
+
+/// The asset of an obstacle; `first_material`: as for [`obstacle_mesh`].
+fn obstacle_asset(solid: &SolidRecipe, first_material: MaterialId) -> Asset {
+    let mesh = obstacle_mesh(solid, first_material);
     Asset {
         id: solid.id.clone(),
         kind: AssetKind::Import,

@@ -16,6 +16,7 @@ use crate::recipe::scene::set_letters;
 use crate::recipe::scene::{BranchRadii, IfsTreeKeys};
 use crate::recipe::scene::{LineStyle, TropismKeys};
 use crate::recipe::{Growth, PlantRecipe};
+use osier_base::convert::saturating_byte;
 use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};
 use osier_grammar::{DeriveOptions, derive};
@@ -56,7 +57,7 @@ pub fn grow_plant(
             let plant = if keys.twigs {
                 let (mut tree, twigs) = ifs::branchlets::grow(stems, identity, &options, context.limits)?;
                 let tile = set.materials.first().map_or(0.5, |bark| bark.tile);
-                branchlets::add_branchlet_meshes(&mut tree, &twigs, recipe, tile, context)?;
+                branchlets::skin_branchlets(&mut tree, &twigs, recipe, tile, context)?;
                 tree
             } else {
                 ifs::grow(stems, identity, &options, context.limits)?
@@ -124,7 +125,7 @@ fn saturating_u16(limit: u32) -> u16 {
 fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptions> {
     let keys = &recipe.turtle;
     let defaults = TurtleOptions::default();
-    let byte = |v: Option<u32>, default: u8| v.and_then(|v| u8::try_from(v).ok()).unwrap_or(default);
+    let byte = |v: Option<u32>, default: u8| v.map_or(default, saturating_byte);
     let mut organs = BTreeMap::new();
     for (letter, spec) in &set.organs {
         organs.insert(*letter, spec.clone());

@@ -124,7 +124,7 @@ fn mesh_plant_materials(
     for proto in &mut tree.plant.protos {
         for s in &mut Arc::make_mut(&mut proto.mesh).subsets {
             let known = leaf_materials.get(&s.material).copied();
-            let leaf = known.map_or_else(|| split_leaf_material(&mut set, &tree.wood, s.material), Ok)?;
+            let leaf = known.map_or_else(|| derive_leaf_material(&mut set, &tree.wood, s.material), Ok)?;
             leaf_materials.insert(s.material, leaf);
             s.material = leaf;
         }
@@ -135,7 +135,7 @@ fn mesh_plant_materials(
 
 /// The material of leaves that have `material` in the file: two-sided, and translucent where the file sets no translucency. It
 /// replaces `material`, or is added beside it where the wood uses that too.
-fn split_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
+fn derive_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
     let Some(own) = set.materials.get_mut(to_usize(material)) else { return Ok(material) };
     let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
     if leaf.translucency <= 0.0 {
@@ -175,7 +175,7 @@ fn build_leaf(
     bare: bool,
 ) -> Result<OrganSpec> {
     let keys = &recipe.keys;
-    let spec = blade_spec(keys, mix64(&[seed, word(plant), word(name)]));
+    let spec = leaf_blade_spec(keys, mix64(&[seed, word(plant), word(name)]));
     let colors = leaf_colors(keys);
     let material_name = format!("{plant}_{name}");
     let mut surface =
@@ -204,11 +204,11 @@ fn build_leaf(
 /// Radius of an organ's petiole at size 1, m; `None` for imported and drawn leaves, whose petiole has no parameter.
 pub(crate) fn petiole_radius(recipe: &OrganRecipe) -> Option<f64> {
     let own = recipe.mesh.is_none() && recipe.ifs.is_none();
-    own.then(|| f64::from(blade_spec(&recipe.keys, 0).petiole_radius))
+    own.then(|| f64::from(leaf_blade_spec(&recipe.keys, 0).petiole_radius))
 }
 
 /// The parameters of the outline's species, overridden by the keys that are set.
-fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
+fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let base = match keys.blade {
         BladeOutline::Lobed => BladeSpec::oak(),
         BladeOutline::Toothed => BladeSpec::birch(),

@@ -25,7 +25,7 @@ use osier_scene::{
 
 /// Marks the plants whose copies glTF may show without a skeleton: those with more than one copy, where all copies together
 /// need more skins than `output.gltf.skins` allows. Their bark gets the attributes by which a shader sways it.
-pub(crate) fn mark_shader_wind(recipe: &Recipe, layout: &PlantLayout, materials: &mut [PlantMaterials]) {
+pub(crate) fn choose_shader_wind(recipe: &Recipe, layout: &PlantLayout, materials: &mut [PlantMaterials]) {
     let written = recipe.output.writes(&osier_export::gltf::FORMAT);
     let beyond_skins = layout.instances.len() > to_usize(recipe.output.gltf.skins);
     let mut copies = vec![0_usize; materials.len()];

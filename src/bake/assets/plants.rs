@@ -11,7 +11,8 @@ use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::plant_materials;
 use crate::bake::assets::plant_mesh::build_plant_asset;
 use crate::bake::motion::AssetMotion;
-use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, SkinBinding, build_rod_plant};
+use crate::bake::motion::rain::PlantInRain;
+use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
 use crate::bake::motion::sway::SwayMotion;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::{Individual, PlantInstance, PlantLayout};
@@ -23,18 +24,14 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
-use osier_motion::rods::RodPlant;
 use osier_scene::{Asset, Placement, Trs};
 
-/// A plant's rods with the binding of its meshes to them; `None` for a plant that does not move on rods in the rain.
-pub(crate) type RainedRods = Option<(RodPlant, SkinBinding)>;
-
-/// What [`add_plants`] found out while it built the plants' assets.
+/// What [`add_plant_assets`] found out while it built the plants' assets.
 pub(crate) struct PlantBuildResult {
     /// Angles that the paper's sway model clamped to 90 degrees, over all plants and frames.
     pub(crate) clamped_angles: u64,
-    /// Parallel to the layout's individuals.
-    pub(crate) rods_in_rain: Vec<RainedRods>,
+    /// What moves each plant in the rain, parallel to the layout's individuals.
+    pub(crate) motions_in_rain: Vec<PlantInRain>,
 }
 
 /// One plant's asset, before it is added to the scene.
@@ -42,20 +39,20 @@ struct BuiltPlant {
     asset: Asset,
     motion: Option<Arc<dyn AssetMotion>>,
     clamped_angles: u64,
-    rods_in_rain: RainedRods,
+    motion_in_rain: PlantInRain,
     diagnostics: Vec<Diagnostic>,
 }
 
 impl BuiltPlant {
     fn without_motion(asset: Asset, diagnostics: Vec<Diagnostic>) -> Self {
-        Self { asset, motion: None, clamped_angles: 0, rods_in_rain: None, diagnostics }
+        Self { asset, motion: None, clamped_angles: 0, motion_in_rain: PlantInRain::Still, diagnostics }
     }
 }
 
 /// Bark, leaf and organ materials of each plant of a recipe; an empty set for a plant that is placed nowhere.
 /// # Errors
 /// The first error of [`plant_materials`], in the order of the plants.
-pub(crate) fn build_materials(
+pub(crate) fn plant_material_sets(
     recipe: &Recipe,
     layout: &PlantLayout,
     context: &BakeContext<'_>,
@@ -82,7 +79,7 @@ pub(crate) fn grow_plants(
 ) -> Result<(Vec<GrownPlant>, Report)> {
     let grown = par_map(&layout.individuals, |individual| {
         context.cancel.check()?;
-        let (plant, set) = plant_with(recipe, sets, individual)?;
+        let (plant, set) = plant_and_entry(recipe, sets, individual)?;
         let grown = grow_plant(plant, individual, set, context);
         context.progress.advance(1);
         grown
@@ -103,7 +100,11 @@ pub(crate) fn grow_plants(
 }
 
 /// The recipe of an individual's plant, and the entry for it in a list that is parallel to the recipe's plants.
-fn plant_with<'a, T>(recipe: &'a Recipe, list: &'a [T], individual: &Individual) -> Result<(&'a PlantRecipe, &'a T)> {
+fn plant_and_entry<'a, T>(
+    recipe: &'a Recipe,
+    list: &'a [T],
+    individual: &Individual,
+) -> Result<(&'a PlantRecipe, &'a T)> {
     let both = recipe.plants.get(individual.plant).zip(list.get(individual.plant));
     both.ok_or_else(|| Error::input("S005", "a place names a plant that is not there"))
 }
@@ -111,7 +112,7 @@ fn plant_with<'a, T>(recipe: &'a Recipe, list: &'a [T], individual: &Individual)
 /// Builds the assets of all grown plants in parallel and adds them to the scene, one per individual, without placements.
 /// # Errors
 /// The first error of a plant, in the order of the individuals.
-pub(crate) fn add_plants(
+pub(crate) fn add_plant_assets(
     recipe: &Recipe,
     wind: Option<&PlantWind>,
     layout: &PlantLayout,
@@ -125,19 +126,19 @@ pub(crate) fn add_plants(
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
     let transforms = layout.first_transforms();
     let built = par_map(&jobs, |(i, individual, grown)| {
-        let (plant, materials) = plant_with(recipe, materials, individual)?;
+        let (plant, materials) = plant_and_entry(recipe, materials, individual)?;
         let transform = transforms.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let built = build_plant(recipe, plant, wind, grown, materials, individual, transform, context);
         context.progress.advance(1);
         built
     });
-    let mut added = PlantBuildResult { clamped_angles: 0, rods_in_rain: Vec::new() };
+    let mut added = PlantBuildResult { clamped_angles: 0, motions_in_rain: Vec::new() };
     let built: Vec<BuiltPlant> = built.into_iter().collect::<Result<_>>()?;
     for (plant, individual) in built.into_iter().zip(&layout.individuals) {
         let group = recipe.plants.get(individual.plant).map(|p| p.id.clone()).unwrap_or_default();
         builder.add_asset(Asset { group, ..plant.asset }, plant.motion);
         added.clamped_angles += plant.clamped_angles;
-        added.rods_in_rain.push(plant.rods_in_rain);
+        added.motions_in_rain.push(plant.motion_in_rain);
         plant.diagnostics.into_iter().for_each(|d| report.push(d));
     }
     Ok(added)
@@ -158,14 +159,14 @@ fn build_plant(
     let still = matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static);
     let clock = FrameClock { fps: recipe.clip.fps(), first: recipe.clip.start };
     let build_rods =
-        || build_rod_plant(grown, plant, materials, individual, transform, clock, recipe.gravity(), context);
+        || build_rod_plant_at_rest(grown, plant, materials, individual, transform, clock, recipe.gravity(), context);
     let moves_on_rods = plant.rods.is_some() && !still;
 
     // In the rain the rods are stepped together with the drops, by the rain simulation: only hand them over.
     if moves_on_rods && recipe.rain.is_some() && recipe.clip.len() > 1 {
         let built = build_rods()?;
-        let rods_in_rain = Some((built.rods, built.binding));
-        return Ok(BuiltPlant { rods_in_rain, ..BuiltPlant::without_motion(built.asset, built.diagnostics) });
+        let motion_in_rain = PlantInRain::Rods { rods: Box::new(built.rods), binding: built.binding };
+        return Ok(BuiltPlant { motion_in_rain, ..BuiltPlant::without_motion(built.asset, built.diagnostics) });
     }
     // Without rain the rods step by themselves in the wind.
     if let Some(wind) = wind.filter(|_| moves_on_rods) {
@@ -179,11 +180,14 @@ fn build_plant(
         return Ok(BuiltPlant::without_motion(build_rods()?.into_still_asset(), Vec::new()));
     }
     let (asset, sway) = build_plant_asset(grown, plant, materials, individual, wind.map(|w| (w, transform)), context)?;
-    Ok(BuiltPlant {
-        clamped_angles: sway.as_ref().map_or(0, SwayMotion::clamped_angles),
-        motion: sway.map(|m| Arc::new(m) as Arc<dyn AssetMotion>),
-        ..BuiltPlant::without_motion(asset, Vec::new())
-    })
+    let clamped_angles = sway.as_ref().map_or(0, SwayMotion::clamp_count);
+    // In the rain the drops' motion is added to the sway, and the record of the rain holds both.
+    let sway = sway.map(Arc::new);
+    let (motion, motion_in_rain) = match sway {
+        Some(sway) if recipe.rain.is_some() => (None, PlantInRain::Sway(sway)),
+        sway => (sway.map(|m| m as Arc<dyn AssetMotion>), PlantInRain::Still),
+    };
+    Ok(BuiltPlant { clamped_angles, motion, motion_in_rain, ..BuiltPlant::without_motion(asset, Vec::new()) })
 }
 
 /// Placements of the plants' assets, with unique names. In a looping wind a copy shows its asset's motion shifted by the
@@ -203,10 +207,10 @@ pub(crate) fn place_plants(wind: Option<&PlantWind>, builder: &SceneBuilder, lay
     layout.instances.iter().map(&mut place).collect()
 }
 
-/// Radius of each individual's foot, m, as [`scatter::foot_radius`].
-pub(crate) fn foot_radii(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec<f32> {
-    let foot_radius = |(individual, grown): (&Individual, &GrownPlant)| {
-        recipe.plants.get(individual.plant).map_or(0.0, |plant| scatter::foot_radius(&grown.plant, &plant.skin))
+/// Radius of each individual's foot, m, as [`scatter::footprint_radius`].
+pub(crate) fn stem_foot_radii(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec<f32> {
+    let footprint_radius = |(individual, grown): (&Individual, &GrownPlant)| {
+        recipe.plants.get(individual.plant).map_or(0.0, |plant| scatter::footprint_radius(&grown.plant, &plant.skin))
     };
-    layout.individuals.iter().zip(grown).map(foot_radius).collect()
+    layout.individuals.iter().zip(grown).map(footprint_radius).collect()
 }

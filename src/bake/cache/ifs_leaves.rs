@@ -33,13 +33,13 @@ struct LeafFile {
     #[serde(rename = "length")]
     _length: f64,
     side: u32,
-    maps: MapHashes,
-    blade: BladeOutline,
+    maps: CachedMapHashes,
+    blade: CachedBlade,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct MapHashes {
+struct CachedMapHashes {
     color: String,
     normal: String,
     rough: String,
@@ -48,7 +48,7 @@ struct MapHashes {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct BladeOutline {
+struct CachedBlade {
     anchor: [f64; 2],
     solid: [f64; 2],
     start: f64,
@@ -104,7 +104,7 @@ fn load_leaf(leaf: &CacheableLeaf<'_>, root: &Path, limits: &Limits) -> Option<D
     };
     let (color, normal, rough) = (bytes()?, bytes()?, bytes()?);
     let Some(Pixels::U16(height)) = pixels.next()? else { return None };
-    let BladeOutline { anchor, solid, start, midrib, points, triangles } = file.blade;
+    let CachedBlade { anchor, solid, start, midrib, points, triangles } = file.blade;
     let (point, points_of) = (DVec2::from_array, |l: Vec<[f64; 2]>| l.into_iter().map(DVec2::from_array).collect());
     let flat = FlatBlade { points: points_of(points), triangles };
     let place = BladePlacement {

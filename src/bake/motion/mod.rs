@@ -22,9 +22,31 @@ use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use osier_base::Result;
 use osier_base::par::par_map;
+use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene};
+
+/// A point of a plant at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisPoint {
+    /// In plant space, m.
+    pub position: Vec3,
+    /// Index of the axis that it belongs to.
+    pub axis: u32,
+    /// Arc length of the point on its axis, m.
+    pub arc_length: f32,
+}
+
+/// Points of a plant that its motion carries along.
+pub trait CarriedPoints: Debug + Send + Sync {
+    /// Where the points are at a time, m, in plant space, in the order in which they were bound.
+    /// # Errors
+    /// As [`AssetMotion::frame`].
+    fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>>;
+}
 
 /// A time of the clip at which an asset is evaluated.
 #[derive(Debug, Clone, Copy)]
@@ -87,6 +109,12 @@ pub trait AssetMotion: Debug + Send + Sync {
     /// Record tables of single elements that the motion simulates, such as drops; their names are the motion's own.
     fn records(&self, _frame: u64) -> Vec<RecordTable> {
         Vec::new()
+    }
+
+    /// Binds points of the asset's plant to this motion; `None` if the motion carries none. Times before the clip are those of its
+    /// first frame, unless the motion repeats.
+    fn carry_points(self: Arc<Self>, _plant: &Plant, _points: &[AxisPoint]) -> Option<Arc<dyn CarriedPoints>> {
+        None
     }
 
     /// Whether copies of the asset may show it at phases of the clip that differ.

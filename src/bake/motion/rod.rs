@@ -8,7 +8,6 @@ use glam::{DMat3, DVec3, Quat, Vec3};
 use crate::bake::BakeContext;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::scene::builder::SceneBuilder;
-use crate::bake::wind::plant_wind::analytic_winds;
 use crate::recipe::scene::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoadKeys, RodLoadKind};
 use crate::recipe::{Recipe, RodRecipe};
 use osier_base::Result;
@@ -71,7 +70,7 @@ struct WeightBall {
 }
 
 /// A rod that is clamped in the world and all rods that are attached to it, which are solved as one system.
-struct RodAssembly<'a> {
+struct ConnectedRods<'a> {
     /// The rod in the world first; each other one after the rod that it is attached to.
     members: Vec<&'a RodRecipe>,
     /// Parallel to `members`.
@@ -81,19 +80,20 @@ struct RodAssembly<'a> {
     weights: Vec<WeightBall>,
 }
 
-/// Adds the rods of a recipe to the scene; `estimating`: without simulating their motion.
+/// Adds the rods of a recipe to the scene, which move in `wind`; `estimating`: without simulating their motion.
 /// # Errors
 /// `Simulation` for rods that diverge, `Limit`, `Cancelled`.
 pub(crate) fn add_rods(
     recipe: &Recipe,
+    wind: Option<&dyn Wind>,
     estimating: bool,
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
     report: &mut Report,
 ) -> Result<()> {
     let first = index(builder.materials.len(), "materials of a scene")?;
-    for mut new in build_rod_assets(recipe, estimating, first, context, report)? {
-        builder.make_unique(&mut new.asset.id, "_rod");
+    for mut new in build_rod_assets(recipe, wind, estimating, first, context, report)? {
+        builder.make_id_unique(&mut new.asset.id, "_rod");
         builder.materials.extend(new.materials);
         let motion = new.motion.map(|motion| Arc::new(motion) as Arc<dyn AssetMotion>);
         builder.add_placed(new.asset, Trs::IDENTITY, motion);
@@ -104,17 +104,17 @@ pub(crate) fn add_rods(
 /// One asset for each rod in the world with all that is attached to it. `first_material`: number of the scene's materials so far.
 fn build_rod_assets(
     recipe: &Recipe,
+    wind: Option<&dyn Wind>,
     estimating: bool,
     first_material: u32,
     context: &BakeContext<'_>,
     report: &mut Report,
 ) -> Result<Vec<RodAsset>> {
-    let wind = analytic_winds(recipe).filter(|_| recipe.blows());
     let roots = (0..recipe.rods.len()).filter(|i| recipe.rods[*i].on.is_none());
     let mut assets = Vec::new();
     let mut material = first_material;
     for root in roots {
-        let mut group = RodAssembly::new(recipe, root)?;
+        let mut group = ConnectedRods::new(recipe, root)?;
         group.report_stability(recipe.clip.fps(), report);
         // `gravity = "posed"`: find a rest shape from which gravity bends the rod into its drawn shape. A rod that can turn freely
         // has no such equilibrium, and one without solution is left weightless.
@@ -129,7 +129,7 @@ fn build_rod_assets(
         let motion = match recipe.clip.len() {
             0 | 1 => None,
             _ if estimating => Some(RodMotion(Arc::default())),
-            _ => Some(group.simulate_clip(recipe, wind.as_deref(), context)?),
+            _ => Some(group.simulate_clip(recipe, wind, context)?),
         };
         let (materials, asset) = group.build_asset(material, motion.is_some())?;
         material += index(materials.len(), "materials of rods")?;
@@ -138,7 +138,7 @@ fn build_rod_assets(
     Ok(assets)
 }
 
-impl<'a> RodAssembly<'a> {
+impl<'a> ConnectedRods<'a> {
     /// The rod `root` of the recipe and all that are attached to it, directly or to each other.
     fn new(recipe: &'a Recipe, root: usize) -> Result<Self> {
         // A rod's base can only name a rod before it, so one pass from `root` on finds all members in order.
@@ -212,7 +212,7 @@ impl<'a> RodAssembly<'a> {
         }
         // The system is rebuilt with its bodies: their mass enters the section matrices.
         let rods = std::mem::replace(&mut self.rods, RodSystem::new(&[], &[]));
-        self.rods = rods.with_bodies(bodies);
+        self.rods = rods.with_added_bodies(bodies);
         self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
         // A launch velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
         for (k, rod) in self.members.iter().enumerate() {
@@ -228,7 +228,7 @@ impl<'a> RodAssembly<'a> {
     /// Warns of a Gauss-Seidel solver that cannot hold the rods' stiffness (S041), and of torsion that the number of sections
     /// makes too soft (S040).
     fn report_stability(&self, fps: f64, report: &mut Report) {
-        if self.exceeds_gauss_seidel_stiffness(fps) {
+        if self.too_stiff_for_gauss_seidel(fps) {
             let text = format!(
                 "rod \"{}\" is too stiff for single passes over its springs: it hangs limp",
                 self.members[0].id
@@ -279,11 +279,11 @@ impl<'a> RodAssembly<'a> {
     }
 
     /// Whether the springs are too stiff for one Gauss-Seidel pass per step: the rod would sag under its weight.
-    fn exceeds_gauss_seidel_stiffness(&self, fps: f64) -> bool {
+    fn too_stiff_for_gauss_seidel(&self, fps: f64) -> bool {
         let keys = &self.members[0].keys;
         let steps = keys.substeps.unwrap_or_else(|| self.rods.steps_per_frame(fps));
         keys.integrator == RodIntegrator::XpbdGs
-            && self.rods.max_step_stiffness(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
+            && self.rods.max_step_stiffness_ratio(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
     }
 
     /// Materials and the asset: a tube per rod, and a ball per visible weight. `moves`: with joints and skinning.
@@ -399,7 +399,7 @@ mod tests {
         let (recipe, mut report) = resolve(&request).expect("a good scene");
         let (limits, cancel) = (Limits::default(), Cancel::default());
         let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
-        let made = build_rod_assets(&recipe, false, 3, &context, &mut report).expect("moves");
+        let made = build_rod_assets(&recipe, None, false, 3, &context, &mut report).expect("moves");
         (made, report.diagnostics.iter().map(|d| d.code).collect())
     }
 

@@ -9,7 +9,7 @@ use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::petiole_radius;
 use crate::bake::assets::plant_mesh::{bark_mesh, group_organs, instancer_name, leaf_instancer, organ_of_prototype};
-use crate::bake::motion::{AssetMotion, FrameTime};
+use crate::bake::motion::{AssetMotion, AxisPoint, CarriedPoints, FrameTime};
 use crate::bake::scene::plant_layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood_params};
 use crate::recipe::scene::BarkMotion;
@@ -19,19 +19,15 @@ use osier_base::convert::{self, to_usize};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{narrow, smoothstep};
 use osier_base::{Result, math};
-use osier_motion::rain::RainTarget;
-use osier_motion::rods::{RodPlant, RodPlantParams, RodSystem, SectionFrame};
+use osier_motion::rain::RainPlant;
+use osier_motion::rods::{PLANT_SPIN_UP_SECONDS, RodPlant, RodPlantParams, RodSystem, SectionFrame};
 use osier_plants::surface::rod_tube::{TubeResolution, TubeSection, tube};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, InstanceState, InstancerFrame, InstancerMotion, Joint, Mesh, MeshFrame, MeshMotion,
     MeshObject, Skeleton, SkinWeights, Trs,
 };
-use osier_wind::Wind;
 
-/// Spin-up in the wind before the first frame of a clip that does not start at rest, s. Own: a few periods of a branch; a longer one
-/// costs time before the first frame, a shorter one shows the rods start to move.
-const SPIN_UP_TIME: f64 = 2.0;
 /// Largest number of joints with `motion = "game"`, for the skinning limits of game engines.
 const MAX_GAME_JOINTS: u32 = 64;
 /// Radius of petioles whose organ has no such parameter, m. Own: of a birch's or poplar's petiole.
@@ -46,7 +42,7 @@ pub struct RodPlantAsset {
     /// The plant's rods at rest, in world space.
     pub rods: RodPlant,
     /// Binding of meshes and leaves to the rods.
-    pub binding: SkinBinding,
+    pub binding: RodBinding,
     /// Warnings of stems and leaves without rods, and of a rest shape that was not found.
     pub diagnostics: Vec<Diagnostic>,
 }
@@ -73,7 +69,7 @@ struct VertexBinding {
 
 /// Binding of a plant's meshes and leaves to the sections of its rods.
 #[derive(Debug, Clone)]
-pub struct SkinBinding {
+pub struct RodBinding {
     /// World from asset space, of the plant's first copy.
     transform: Trs,
     /// Sections that have joints of their own; joint 0 is the fixed root, section `jointed[i]` has joint i + 1.
@@ -100,7 +96,7 @@ pub struct FrameClock {
 /// Lays out the rods of a plant and builds its asset at rest. `transform`: of the plant's first copy; `gravity`: m/s^2.
 /// # Errors
 /// `Limit` for the skin's vertices, `TooMany`, `Cancelled`.
-pub fn build_rod_plant(
+pub fn build_rod_plant_at_rest(
     grown: &GrownPlant,
     recipe: &PlantRecipe,
     materials: &PlantMaterials,
@@ -116,7 +112,8 @@ pub fn build_rod_plant(
     let plant = &grown.plant;
     // Rods: one per stem and petiole, down to the thinnest that the limits allow.
     let params = rod_plant_params(plant, recipe, materials, keys, gravity);
-    let rods = RodPlant::new(plant, &transform, &params, &individual.asset).with_frame_clock(clock.fps, clock.first);
+    let rods =
+        RodPlant::new(plant, &transform, &params, &individual.asset).with_frame_numbering(clock.fps, clock.first);
     let (mesh, bindings) = bark_mesh(grown, recipe, materials, context)?;
     let max_joints = if recipe.keys.motion == BarkMotion::Game {
         recipe.keys.max_joints.min(MAX_GAME_JOINTS)
@@ -128,12 +125,12 @@ pub fn build_rod_plant(
     let organ_indices: std::collections::BTreeMap<u64, usize> =
         plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
     let organ_index = |o: &&Organ| organ_indices.get(&o.id).copied().unwrap_or(0);
-    let mut binding = SkinBinding::new(&rods, transform, to_usize(max_joints))?;
+    let mut binding = RodBinding::new(&rods, transform, to_usize(max_joints))?;
     binding.groups = groups.values().map(|organs| organs.iter().map(organ_index).collect()).collect();
     // With a joint for every section skinning shows the rods exactly; with fewer, frames carry vertex positions.
     let skinned = binding.jointed.len() == rods.rods().len() && recipe.keys.motion != BarkMotion::Cache;
     let bind_vertex = |(axis, s): &(u32, f32)| {
-        let nearest = rods.axis_sections(*axis, f64::from(*s));
+        let nearest = rods.section_blend_at(*axis, f64::from(*s));
         // Smoothstep has zero slope at both sections, where the blended bark is then tangent to them: no kinks.
         VertexBinding { sections: nearest.sections, share: smoothstep(0.0, 1.0, narrow(nearest.share)) }
     };
@@ -225,7 +222,7 @@ fn rod_plant_diagnostics(rods: &RodPlant, name: &str, keys: &RodPlantKeys) -> Ve
 fn petiole_mesh(
     plant: &Plant,
     plant_rods: &RodPlant,
-    binding: &SkinBinding,
+    binding: &RodBinding,
     leaves: &[usize],
     first_material: u32,
 ) -> Result<(Mesh, Vec<VertexBinding>)> {
@@ -244,7 +241,7 @@ fn petiole_mesh(
         let tube_sections: Vec<TubeSection> = sections.iter().enumerate().map(tube_section).collect::<Result<_>>()?;
         let (mut tube, skin) = tube(&tube_sections, PETIOLE_TUBE);
         let proto = &plant.protos[usize::from(plant.organs[*leaf].proto)].mesh;
-        tube.uvs.fill(base_uv(proto));
+        tube.uvs.fill(uv_at_pivot(proto));
         let material = proto.subsets.first().map_or(0, |s| s.material) + first_material;
         mesh.append(&tube.with_material(material));
         bound.extend(skin.joints.iter().zip(&skin.weights).map(|(j, w)| {
@@ -256,12 +253,12 @@ fn petiole_mesh(
 }
 
 /// Texture coordinates of the blade's vertex nearest to its pivot.
-fn base_uv(mesh: &Mesh) -> Vec2 {
+fn uv_at_pivot(mesh: &Mesh) -> Vec2 {
     let near = |best: usize, i: usize| if mesh.points[i].length() < mesh.points[best].length() { i } else { best };
     mesh.uvs.get((0..mesh.points.len()).fold(0, near)).copied().unwrap_or_default()
 }
 
-impl SkinBinding {
+impl RodBinding {
     /// Gives joints to the first `max_joints` - 1 sections, after the root; the others follow the joint of the section before them
     /// or of the one that carries their rod.
     fn new(plant_rods: &RodPlant, transform: Trs, max_joints: usize) -> Result<Self> {
@@ -295,10 +292,10 @@ impl SkinBinding {
 
     /// Position and rotation of a section in asset space, from its frame in the world.
     fn to_asset_frame(&self, f: &SectionFrame) -> (Vec3, Quat) {
-        (self.to_asset_point(f.p), self.to_asset_rotation(f.rotation()))
+        (self.world_to_asset(f.p), self.to_asset_rotation(f.rotation()))
     }
 
-    fn to_asset_point(&self, p: DVec3) -> Vec3 {
+    fn world_to_asset(&self, p: DVec3) -> Vec3 {
         let back = self.transform.r.as_dquat().normalize().conjugate();
         (back * (p - self.transform.t.as_dvec3()) / f64::from(self.transform.s.x)).as_vec3()
     }
@@ -348,7 +345,7 @@ impl SkinBinding {
     }
 
     /// Joints, vertices and leaves of the asset in the current pose of `rods`, which are those of `plant`.
-    pub fn pose_asset(&self, asset: &Asset, rods: &RodSystem, plant: &dyn RainTarget) -> AssetFrame {
+    pub fn pose_asset(&self, asset: &Asset, rods: &RodSystem, plant: &dyn RainPlant) -> AssetFrame {
         let pose: Vec<(Vec3, Quat)> = (0..rods.len()).map(|i| self.to_asset_frame(&rods.section_frame(i))).collect();
         let joint = |i: &usize| Trs { t: pose[*i].0, r: pose[*i].1, s: Vec3::ONE };
         let meshes = asset.meshes.iter().zip(&self.bound);
@@ -365,17 +362,31 @@ impl SkinBinding {
     }
 
     /// Positions, rotations and velocities of leaves in asset space.
-    fn leaf_states(&self, leaves: &[usize], plant: &dyn RainTarget) -> InstanceState {
+    fn leaf_states(&self, leaves: &[usize], plant: &dyn RainPlant) -> InstanceState {
         let blades: Vec<_> = leaves.iter().map(|i| plant.leaf_pose(*i)).collect();
         let back = self.transform.r.as_dquat().normalize().conjugate();
         let scale = f64::from(self.transform.s.x);
         InstanceState {
-            positions: blades.iter().map(|b| self.to_asset_point(b.position)).collect(),
+            positions: blades.iter().map(|b| self.world_to_asset(b.position)).collect(),
             orientations: blades.iter().map(|b| self.to_asset_rotation(b.orientation)).collect(),
             velocities: blades.iter().map(|b| (back * b.velocity / scale).as_vec3()).collect(),
             angular_velocities: blades.iter().map(|b| (back * b.angular_velocity).as_vec3()).collect(),
             ..InstanceState::default()
         }
+    }
+
+    /// Rotation of each section away from rest, in asset space.
+    fn section_rotations(&self, pose: &[(Vec3, Quat)]) -> Vec<Quat> {
+        pose.iter().zip(&self.rest).map(|(now, rest)| now.1 * rest.1.conjugate()).collect()
+    }
+
+    /// Where two sections carry a point: the mean by their shares, m, in asset space.
+    fn posed_point(&self, point: Vec3, bound: VertexBinding, pose: &[(Vec3, Quat)], turns: &[Quat]) -> Vec3 {
+        let carried = |section: Option<usize>| match section {
+            Some(s) => pose[s].0 + turns[s] * (point - self.rest[s].0),
+            None => point,
+        };
+        carried(bound.sections[0]).lerp(carried(bound.sections[1]), bound.share)
     }
 
     /// Linear blend skinning of a mesh's points, normals and velocities: each is the mean of where its two sections carry it,
@@ -388,11 +399,11 @@ impl SkinBinding {
         let back = self.transform.r.conjugate();
         let motions: Vec<(Vec3, Vec3)> = (0..rods.len())
             .map(|i| {
-                let (v, spin) = rods.section_velocity(i);
+                let (v, spin) = rods.section_rigid_velocity(i);
                 (back * v.as_vec3() / self.transform.s.x, back * spin.as_vec3())
             })
             .collect();
-        let turns: Vec<Quat> = pose.iter().zip(&self.rest).map(|(n, r)| n.1 * r.1.conjugate()).collect();
+        let turns = self.section_rotations(pose);
         let (mut points, mut normals, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
         for ((b, p), n) in bound.iter().zip(&mesh.points).zip(&mesh.normals) {
             let (mut place, mut normal, mut velocity) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
@@ -420,7 +431,7 @@ impl SkinBinding {
 #[derive(Debug)]
 pub struct RodPlantMotion {
     start: RodPlant,
-    binding: SkinBinding,
+    binding: RodBinding,
     fps: f64,
     steps_per_frame: u32,
     /// Steps of the spin-up, before the first frame.
@@ -431,19 +442,20 @@ pub struct RodPlantMotion {
 
 impl RodPlantMotion {
     /// Places rods in a wind, in which they spin up before the clip unless the clip starts from rest.
-    pub fn new(rods: RodPlant, binding: SkinBinding, recipe: &PlantRecipe, wind: &PlantWind, fps: f64) -> Self {
-        let start = rods.with_wind(Some(Arc::clone(&wind.wind) as Arc<dyn Wind>));
+    pub fn new(rods: RodPlant, binding: RodBinding, recipe: &PlantRecipe, wind: &PlantWind, fps: f64) -> Self {
+        let start = rods.with_wind(Some(Arc::clone(&wind.rod_wind)));
         let steps_per_frame =
             recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(|| start.steps_per_frame(fps));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds of steps")]
-        let spin_up_steps = if wind.clip.from_rest { 0 } else { (SPIN_UP_TIME * fps).round() as u32 * steps_per_frame };
+        let spin_up_steps =
+            if wind.clip.from_rest { 0 } else { (PLANT_SPIN_UP_SECONDS * fps).round() as u32 * steps_per_frame };
         Self { start, binding, fps, steps_per_frame, spin_up_steps, state: Mutex::new(None) }
     }
 
-    /// Steps the rods to the `number`-th frame of the clip and poses the asset.
+    /// Steps the rods to the `number`-th frame of the clip and reads their state.
     /// # Errors
     /// `Simulation` for rods that diverge.
-    fn evaluate(&self, asset: &Asset, number: u64) -> Result<AssetFrame> {
+    fn evaluate<R>(&self, number: u64, read: impl FnOnce(&RodPlant) -> R) -> Result<R> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let h = 1.0 / (self.fps * f64::from(self.steps_per_frame));
         let (mut rods, mut frames) = match state.take().filter(|n| n.1 <= number) {
@@ -463,14 +475,43 @@ impl RodPlantMotion {
             }
             frames += 1;
         }
-        let frame = self.binding.pose_asset(asset, rods.rods(), &rods);
+        let found = read(&rods);
         *state = Some((rods, frames));
-        Ok(frame)
+        Ok(found)
     }
 }
 
 impl AssetMotion for RodPlantMotion {
     fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
-        self.evaluate(asset, time.index())
+        self.evaluate(time.index(), |rods| self.binding.pose_asset(asset, rods.rods(), rods))
+    }
+
+    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[AxisPoint]) -> Option<Arc<dyn CarriedPoints>> {
+        let bind = |point: &AxisPoint| {
+            let nearest = self.start.section_blend_at(point.axis, f64::from(point.arc_length));
+            (point.position, VertexBinding { sections: nearest.sections, share: narrow(nearest.share) })
+        };
+        let points = points.iter().map(bind).collect();
+        Some(Arc::new(RodPoints { motion: self, points }))
+    }
+}
+
+/// Points of a plant on rods.
+#[derive(Debug)]
+struct RodPoints {
+    motion: Arc<RodPlantMotion>,
+    points: Vec<(Vec3, VertexBinding)>,
+}
+
+impl CarriedPoints for RodPoints {
+    fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>> {
+        let binding = &self.motion.binding;
+        self.motion.evaluate(time.index(), |plant| {
+            let rods = plant.rods();
+            let pose: Vec<(Vec3, Quat)> =
+                (0..rods.len()).map(|i| binding.to_asset_frame(&rods.section_frame(i))).collect();
+            let turns = binding.section_rotations(&pose);
+            self.points.iter().map(|(point, bound)| binding.posed_point(*point, *bound, &pose, &turns)).collect()
+        })
     }
 }

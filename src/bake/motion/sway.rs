@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 
 use crate::bake::BakeContext;
-use crate::bake::motion::{AssetMotion, FrameTime};
+use crate::bake::motion::{AssetMotion, AxisPoint, CarriedPoints, FrameTime};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::scene::{BarkMotion, PlantKeys};
 use crate::recipe::{Growth, PlantRecipe};
@@ -14,8 +14,8 @@ use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::narrow;
 use osier_motion::sway::{
-    BeamElements, BendTrack, ClipOptions, ElementBudget, ElementLocation, JointRig, LeafAir, LeafFlutter,
-    OrganBindings, PaperSimulation, PointBinding, PosedSkeleton, SwayParams, check_key_limit,
+    BeamElements, BendTrack, ClipOptions, ElementLocation, JointBudget, JointRig, LeafAir, LeafFlutter, OrganBindings,
+    PaperSimulation, PointBinding, PosedSkeleton, SwayParams, check_key_limit,
 };
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, instance_states};
@@ -31,8 +31,10 @@ pub struct SwayMotion {
     pub rig: JointRig,
     elements: BeamElements,
     track: BendTrack,
-    /// Binding of the bark's points to elements, where frames carry points (`motion = "cache"`).
-    bark: Option<PointBinding>,
+    /// Binding of nodes to elements and, where frames carry points, of the bark's points.
+    body: PointBinding,
+    /// Whether frames carry points (`motion = "cache"`).
+    cached: bool,
     /// One per instancer, in the instancer's order of organs.
     leaves: Vec<LeafMotion>,
     wind: Arc<dyn Wind>,
@@ -75,6 +77,22 @@ pub struct SwaySurface<'a> {
     pub leaves: &'a [FlutterGroup<'a>],
 }
 
+/// A swaying plant in the wind alone, in its own space.
+pub struct SwayPlaces {
+    /// State of each instancer.
+    pub instances: Vec<InstanceState>,
+    /// Positions of the plant's nodes, m.
+    pub nodes: Vec<Vec3>,
+}
+
+/// What drops add to a swaying plant at a frame.
+pub struct RainedSway {
+    /// Angles that drops add to each bend, rad.
+    pub added_bends: Vec<[f32; 2]>,
+    /// State of each instancer, drops and wind together.
+    pub instances: Vec<InstanceState>,
+}
+
 /// The bends of all elements around one frame.
 struct SwaySample {
     /// Half a frame before, at the frame, and half a frame after it.
@@ -100,14 +118,11 @@ impl SwayMotion {
         let (limits, cancel) = (context.limits, context.cancel);
         let cached = keys.motion == BarkMotion::Cache;
         let max_joints = if keys.motion == BarkMotion::Game { MAX_GAME_JOINTS } else { u32::MAX };
-        let joints = to_usize(keys.max_joints.min(max_joints));
-        // Frames with points can bend every branch; a skeleton has elements only where joints can show them.
-        let budget = match keys.motion {
-            BarkMotion::Cache => ElementBudget::Elements(to_usize(keys.max_branches)),
-            BarkMotion::Game => ElementBudget::Coarse(joints),
-            BarkMotion::Skin | BarkMotion::Static | BarkMotion::Still => ElementBudget::Joints(joints),
-        };
-        let elements = BeamElements::build(plant, &params.wood, budget);
+        let joints =
+            JointBudget { joints: to_usize(keys.max_joints.min(max_joints)), coarse: keys.motion == BarkMotion::Game };
+        // All branches are simulated, whatever the joints can show of them: a limb sways by what its twigs catch, and leaves follow
+        // twigs that have no joints.
+        let elements = BeamElements::build(plant, &params.wood, to_usize(keys.max_branches));
         // An estimate checks the limit for the whole clip, but records one frame.
         check_key_limit(&elements, wind.clip, limits)?;
         let clip = if wind.estimate_only {
@@ -126,7 +141,7 @@ impl SwayMotion {
         let leaf_motion = |l: &FlutterGroup<'_>| {
             let mean_height =
                 l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
-            let speed = wind.wind.mean_at(params.stand.apply(Vec3::Y * mean_height).y).length();
+            let speed = wind.wind.mean_at(params.stand.apply(Vec3::Y * mean_height)).length();
             let flutter = LeafFlutter::new(l.organs, speed, wind.wind.period(), l.flutter);
             LeafMotion {
                 flutter: if wind.paper.is_some() { flutter.as_printed() } else { flutter },
@@ -136,7 +151,11 @@ impl SwayMotion {
         };
         Ok(Self {
             rig: JointRig::build(plant, &elements, joints),
-            bark: cached.then(|| PointBinding::new(plant, &elements, surface.points, surface.bindings)),
+            body: match cached {
+                true => PointBinding::new(plant, &elements, surface.points, surface.bindings),
+                false => PointBinding::new(plant, &elements, &[], &[]),
+            },
+            cached,
             leaves: surface.leaves.iter().map(leaf_motion).collect(),
             wind: Arc::clone(&wind.wind),
             elements,
@@ -146,37 +165,78 @@ impl SwayMotion {
     }
 
     /// Number of angles that the paper's equations would have taken beyond 90 degrees, over all frames.
-    pub fn clamped_angles(&self) -> u64 {
+    pub fn clamp_count(&self) -> u64 {
         self.track.clamped()
     }
 
-    /// The asset at a time of the clip, s; `step`: time between two frames, s, over which velocities are central differences.
-    fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+    /// The bends around a time of the clip, s; `step`: time between two frames, s.
+    fn sample(&self, time: FrameTime) -> SwaySample {
         // The track interpolates, so the bends half a frame before and after are at hand: their difference is the motion over one
         // frame, for motion blur.
-        let (number, step) = (seconds / step, narrow(step));
+        let number = time.seconds / time.step;
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
         let base_rotations = [&bends[0], &bends[2]].map(|b| self.elements.base_rotations(b));
-        let sample = SwaySample { bends, base_rotations, seconds, step };
-        let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
-        let skeleton = self.bark.as_ref().map(|bark| bark.pose(&self.elements, &sample.bends[1]));
-        if let Some((bark, skeleton)) = self.bark.as_ref().zip(skeleton.as_ref()) {
-            frame.meshes = self.mesh_frames(asset, bark, skeleton, &sample);
+        SwaySample { bends, base_rotations, seconds: time.seconds, step: narrow(time.step) }
+    }
+
+    /// Leaves and nodes at a time of the clip, in the wind alone. `asset`: its meshes may be missing.
+    pub fn places(&self, asset: &Asset, time: FrameTime) -> SwayPlaces {
+        let sample = self.sample(time);
+        let frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
+        let skeleton = self.body.pose(&self.elements, &sample.bends[1]);
+        let states =
+            (0..asset.instancers.len()).map(|i| match self.instancer_frame(asset, i, &frame, &skeleton, &sample) {
+                InstancerFrame::State(state) => state,
+                InstancerFrame::Same => asset.instancers[i].rest.clone(),
+            });
+        SwayPlaces { instances: states.collect(), nodes: skeleton.positions().to_vec() }
+    }
+
+    /// The asset at a time of the clip with what drops add to it.
+    pub fn frame_in_rain(&self, asset: &Asset, time: FrameTime, rained: RainedSway) -> AssetFrame {
+        let mut sample = self.sample(time);
+        // Drops move the plant alike over the time of the central differences: velocities of bark are those in the wind.
+        for (bend, added) in sample.bends.iter_mut().flat_map(|bends| bends.iter_mut().zip(&rained.added_bends)) {
+            *bend = [bend[0] + added[0], bend[1] + added[1]];
         }
-        frame.instancers = (0..asset.instancers.len())
-            .map(|i| self.instancer_frame(asset, i, &frame, skeleton.as_ref(), &sample))
-            .collect();
+        let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
+        if self.cached {
+            let skeleton = self.body.pose(&self.elements, &sample.bends[1]);
+            frame.meshes = self.mesh_frames(asset, &skeleton, &sample);
+        }
+        frame.instancers = rained.instances.into_iter().map(InstancerFrame::State).collect();
+        frame
+    }
+
+    /// The elements that bend.
+    pub fn elements(&self) -> &BeamElements {
+        &self.elements
+    }
+
+    /// Parameters of the sway, with the place of the plant's first copy.
+    pub fn params(&self) -> SwayParams {
+        self.params
+    }
+
+    /// The asset at a time of the clip.
+    fn evaluate(&self, asset: &Asset, time: FrameTime) -> AssetFrame {
+        let sample = self.sample(time);
+        let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
+        if !self.cached && asset.instancers.is_empty() {
+            return frame;
+        }
+        let skeleton = self.body.pose(&self.elements, &sample.bends[1]);
+        if self.cached {
+            frame.meshes = self.mesh_frames(asset, &skeleton, &sample);
+        }
+        frame.instancers =
+            (0..asset.instancers.len()).map(|i| self.instancer_frame(asset, i, &frame, &skeleton, &sample)).collect();
         frame
     }
 
     /// Points, normals and velocities of the meshes that deform.
-    fn mesh_frames(
-        &self,
-        asset: &Asset,
-        bark: &PointBinding,
-        skeleton: &PosedSkeleton,
-        sample: &SwaySample,
-    ) -> Vec<MeshFrame> {
+    fn mesh_frames(&self, asset: &Asset, skeleton: &PosedSkeleton, sample: &SwaySample) -> Vec<MeshFrame> {
+        let bark = &self.body;
         let mesh_frame = |m: &osier_scene::MeshObject| {
             if m.motion != MeshMotion::Deforming {
                 return MeshFrame::Same;
@@ -191,25 +251,26 @@ impl SwayMotion {
         asset.meshes.iter().map(mesh_frame).collect()
     }
 
-    /// Positions and rotations of one instancer's leaves: from the posed elements where frames carry points, else from the joints;
-    /// then their flutter.
+    /// Positions and rotations of one instancer's leaves: those of the posed elements, but near the bark that joints carry where frames
+    /// carry no points; then their flutter.
     fn instancer_frame(
         &self,
         asset: &Asset,
         i: usize,
         frame: &AssetFrame,
-        skeleton: Option<&PosedSkeleton>,
+        skeleton: &PosedSkeleton,
         sample: &SwaySample,
     ) -> InstancerFrame {
         let (Some(instancer), Some(leaves)) = (asset.instancers.get(i), self.leaves.get(i)) else {
             return InstancerFrame::Same;
         };
-        let mut state = match skeleton {
-            Some(skeleton) => {
-                let (positions, orientations) = leaves.bindings.at(skeleton);
-                InstanceState { positions, orientations, ..InstanceState::default() }
-            }
-            None => instance_states(asset, instancer, i, frame).into_owned(),
+        let mut state = if self.cached {
+            let (positions, orientations) = leaves.bindings.at(skeleton);
+            InstanceState { positions, orientations, ..InstanceState::default() }
+        } else {
+            let mut state = instance_states(asset, instancer, i, frame).into_owned();
+            state.orientations = leaves.bindings.approach(skeleton, &mut state.positions);
+            state
         };
         self.add_flutter(leaves, &mut state, sample);
         InstancerFrame::State(state)
@@ -238,11 +299,32 @@ impl SwayMotion {
 
 impl AssetMotion for SwayMotion {
     fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
-        Ok(self.evaluate(asset, time.seconds, time.step))
+        Ok(self.evaluate(asset, time))
+    }
+
+    fn carry_points(self: Arc<Self>, plant: &Plant, points: &[AxisPoint]) -> Option<Arc<dyn CarriedPoints>> {
+        let positions: Vec<Vec3> = points.iter().map(|point| point.position).collect();
+        let sites: Vec<(u32, f32)> = points.iter().map(|point| (point.axis, point.arc_length)).collect();
+        let binding = PointBinding::new(plant, &self.elements, &positions, &sites);
+        Some(Arc::new(SwayingPoints { motion: self, binding }))
     }
 
     fn supports_phases(&self) -> bool {
         true
+    }
+}
+
+/// Points of a plant that sways.
+#[derive(Debug)]
+struct SwayingPoints {
+    motion: Arc<SwayMotion>,
+    binding: PointBinding,
+}
+
+impl CarriedPoints for SwayingPoints {
+    fn positions(&self, time: FrameTime) -> Result<Vec<Vec3>> {
+        let SwayMotion { track, elements, .. } = &*self.motion;
+        Ok(self.binding.bark(&self.binding.pose(elements, &track.at(time.seconds / time.step))))
     }
 }
 

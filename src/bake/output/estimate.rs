@@ -43,7 +43,7 @@ pub(crate) fn estimate_formats(
 ) -> BakeEstimate {
     let scene = &stage.scene;
     let assets = AssetSize::of_scene(scene, job.frames, job.weights);
-    let pictures: u64 = scene.images.iter().map(png_bytes).sum();
+    let pictures: u64 = scene.images.iter().map(estimate_png_size).sum();
     let input = EstimateInput { scene, assets: &assets, frames: job.frames, pictures, options, single: job.single };
     let mut c = BakeEstimate {
         assets: assets.iter().map(|a| a.weight).sum(),
@@ -61,7 +61,7 @@ pub(crate) fn estimate_formats(
     if !job.single || (pictures > 0 && job.formats.iter().any(|f| f.pictures_beside)) {
         c.sizes.push(("pictures", pictures));
     }
-    let wind = wind_bytes(scene, job.frames);
+    let wind = estimate_wind_bytes(scene, job.frames);
     c.sizes.extend((wind > 0).then_some(("wind", wind)));
     c.bytes = c.sizes.iter().map(|s| s.1).sum();
     c.memory = predict_memory(scene, job.formats, recipe, &c);
@@ -69,11 +69,11 @@ pub(crate) fn estimate_formats(
 }
 
 /// What planes and boxes of wind take.
-fn wind_bytes(scene: &Scene, frames: u64) -> u64 {
+fn estimate_wind_bytes(scene: &Scene, frames: u64) -> u64 {
     scene.air.iter().map(|g| frames.div_ceil(u64::from(g.every.max(1))).saturating_mul(12 * g.count())).sum()
 }
 
 /// PNG takes about half of noise-like pictures' bytes.
-fn png_bytes(image: &osier_scene::Image) -> u64 {
+fn estimate_png_size(image: &osier_scene::Image) -> u64 {
     decoded_bytes(image) / 2
 }

@@ -22,7 +22,8 @@ pub fn bake_exporters(
     let mut options = export_options(recipe);
     options.usd.first = frames.first().copied();
     let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
-    let mut writers: Vec<NamedExporter> = recipe.output.keys.formats.iter().flat_map(|f| open(f.0, &job)).collect();
+    let mut writers: Vec<NamedExporter> =
+        recipe.output.keys.formats.iter().flat_map(|f| open_format_writers(f.0, &job)).collect();
     if !recipe.output.wind.grids.is_empty() {
         writers.push(NamedExporter { name: "wind", exporter: Box::new(air::Air::new(folder.clone())) });
     }
@@ -42,11 +43,11 @@ pub fn file_exporter(
     let mut options = export_options(recipe);
     options.gltf_profiles = vec![if web { gltf::Profile::Web } else { gltf::Profile::Blender }];
     let job = ExportJob { folder, textures: Arc::clone(textures), options: &options, file: Some(name) };
-    open(format, &job).into_iter().next()
+    open_format_writers(format, &job).into_iter().next()
 }
 
 /// Opens the writers of a format under its word.
-fn open(format: &FormatInfo, job: &ExportJob) -> Vec<NamedExporter> {
+fn open_format_writers(format: &FormatInfo, job: &ExportJob) -> Vec<NamedExporter> {
     (format.open)(job).into_iter().map(|exporter| NamedExporter { name: format.word, exporter }).collect()
 }
 
@@ -55,10 +56,10 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
     let output = &recipe.output;
     ExportOptions {
         usd: usd::UsdOptions {
-            up: up(output),
+            up: up_axis(output),
             maps: output.writes(&exr::FORMAT),
-            copies: copies(output),
-            tolerance: tolerance(output),
+            copies: copy_style(output),
+            tolerance: usd_tolerance(output),
             ..usd::UsdOptions::default()
         },
         gltf: gltf::GltfOptions {
@@ -68,24 +69,24 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
             assets: output.gltf.assets,
             ..gltf::GltfOptions::default()
         },
-        gltf_profiles: output.gltf.profiles.iter().map(|p| profile(*p)).collect(),
+        gltf_profiles: output.gltf.profiles.iter().map(|p| gltf_profile(*p)).collect(),
         pov: pov_options(output),
         exr: exr::ExrOptions { atlas: recipe.maps.atlas },
     }
 }
 
 /// What the manifest says about the choices, for a bake of these frames in rising order.
-pub fn settings(output: &OutputRecipe, frames: &[u32]) -> manifest::Settings {
+pub fn manifest_settings(output: &OutputRecipe, frames: &[u32]) -> manifest::Settings {
     manifest::Settings {
         up_axis: if output.usd.up == UpAxis::Z { "Z".into() } else { "Y".into() },
         substeps: 1,
-        step: stride(frames),
+        step: frame_stride(frames),
         pov_units_per_m: osier_base::math::narrow(output.pov.units),
     }
 }
 
 /// Largest step that meets every one of the rising `frames` from the first; 1 if there is no second.
-fn stride(frames: &[u32]) -> u32 {
+fn frame_stride(frames: &[u32]) -> u32 {
     let gcd = |a: u32, b: u32| {
         let (mut a, mut b) = (a, b);
         while b > 0 {
@@ -96,12 +97,12 @@ fn stride(frames: &[u32]) -> u32 {
     frames.windows(2).fold(0, |step, pair| gcd(step, pair[1].abs_diff(pair[0]))).max(1)
 }
 
-fn up(output: &OutputRecipe) -> usd::UpAxis {
+fn up_axis(output: &OutputRecipe) -> usd::UpAxis {
     if output.usd.up == UpAxis::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
 }
 
 /// Angles and lengths of the recipe are in radians and metres.
-fn tolerance(output: &OutputRecipe) -> usd::Tolerance {
+fn usd_tolerance(output: &OutputRecipe) -> usd::Tolerance {
     let keys = &output.usd;
     usd::Tolerance {
         metres: osier_base::math::narrow(keys.tolerance),
@@ -109,14 +110,14 @@ fn tolerance(output: &OutputRecipe) -> usd::Tolerance {
     }
 }
 
-fn copies(output: &OutputRecipe) -> usd::CopyStyle {
+fn copy_style(output: &OutputRecipe) -> usd::CopyStyle {
     match output.usd.copies {
         CopyStyle::Instancer => usd::CopyStyle::Instancer,
         CopyStyle::References => usd::CopyStyle::References,
     }
 }
 
-fn profile(profile: GltfProfile) -> gltf::Profile {
+fn gltf_profile(profile: GltfProfile) -> gltf::Profile {
     match profile {
         GltfProfile::Blender => gltf::Profile::Blender,
         GltfProfile::Web => gltf::Profile::Web,
@@ -137,11 +138,11 @@ fn pov_options(output: &OutputRecipe) -> pov::PovOptions {
 
 #[cfg(test)]
 mod tests {
-    use super::stride;
+    use super::frame_stride;
 
     #[test]
     fn the_step_of_a_selection_meets_all_of_it() {
-        assert_eq!((stride(&[]), stride(&[5]), stride(&[1, 2, 3])), (1, 1, 1));
-        assert_eq!((stride(&[1, 11, 21]), stride(&[1, 5, 11]), stride(&[0, 9, 15])), (10, 2, 3));
+        assert_eq!((frame_stride(&[]), frame_stride(&[5]), frame_stride(&[1, 2, 3])), (1, 1, 1));
+        assert_eq!((frame_stride(&[1, 11, 21]), frame_stride(&[1, 5, 11]), frame_stride(&[0, 9, 15])), (10, 2, 3));
     }
 }

@@ -6,15 +6,15 @@ use osier_ifs::weights::probabilities;
 use osier_ifs::write::{TableItem, squashed};
 
 /// All attractors and table-grown trees of a recipe, in its order; trees with their trunk as a map.
-pub fn systems(recipe: &Recipe) -> Vec<TableItem> {
+pub fn ifs_systems(recipe: &Recipe) -> Vec<TableItem> {
     let trees = recipe.plants.iter().filter_map(|p| match &p.growth {
         Growth::Ifs(stems, _) => Some(squashed(stems)),
         Growth::Grammar(_) | Growth::Mesh(..) => None,
     });
-    recipe.clouds.iter().map(cloud).chain(trees).collect()
+    recipe.clouds.iter().map(attractor_system).chain(trees).collect()
 }
 
-fn cloud(recipe: &AttractorRecipe) -> TableItem {
+fn attractor_system(recipe: &AttractorRecipe) -> TableItem {
     let system = &recipe.system;
     let (low, high) = if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds };
     let (size, middle) = (high - low, (low + high) * 0.5);

@@ -7,11 +7,12 @@ use crate::bake::assets::attractor::add_attractors;
 use crate::bake::assets::ground::{add_ground, ground_materials, place_on_ground};
 use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::obstacles::{GroundSurface, Obstacles, add_obstacles};
-use crate::bake::assets::plant_mesh::mark_shader_wind;
-use crate::bake::assets::plants::{add_plants, build_materials, foot_radii, grow_plants, place_plants};
+use crate::bake::assets::plant_mesh::choose_shader_wind;
+use crate::bake::assets::plants::{add_plant_assets, grow_plants, place_plants, plant_material_sets, stem_foot_radii};
 use crate::bake::assets::terrain::{add_terrain, lift_camera, terrain_height_field};
-use crate::bake::motion::flight::assembly::{add_catkins, twig_tips};
-use crate::bake::motion::rain::{RainGround, add_rain, code_lists};
+use crate::bake::motion::flight::assembly::add_catkins;
+use crate::bake::motion::flight::canopy::Canopy;
+use crate::bake::motion::rain::{RainGround, add_rain, enum_labels};
 use crate::bake::motion::rod::add_rods;
 use crate::bake::motion::sway::report_clamped_angles;
 use crate::bake::output::bake_estimate::BakeEstimate;
@@ -21,25 +22,26 @@ use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::camera_light::{scene_camera, scene_sky, scene_sun};
 use crate::bake::scene::dry_run;
 use crate::bake::scene::layout::lay_out_scene;
-use crate::bake::scene::scatter::snap_to_terrain;
-use crate::bake::wind::lattice::{LatticeRequest, check_lattice, lattice_solids, plant_bounds};
-use crate::bake::wind::output::{AvailableWinds, WindOutput};
+use crate::bake::scene::scatter::sink_feet;
+use crate::bake::wind::lattice::{check_lattice, lattice_solids};
+use crate::bake::wind::needs::WindNeeds;
+use crate::bake::wind::output::WindOutput;
 use crate::bake::wind::plant_wind::PlantWind;
+use crate::bake::wind::scene_wind::{SceneWind, WindObserver, WindSurroundings, WindUser};
 use crate::recipe::Recipe;
 use osier_base::diagnostic::Report;
-use osier_base::geometry::Bounds;
 use osier_base::par::join;
 use osier_base::{Error, Result};
 use osier_scene::{Field, Scene, Table};
 
 /// Optional parts of a scene that the caller asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SceneParts {
+pub struct SceneOptions {
     /// Whether the ground or the terrain becomes an asset; plants stand on it either way.
     pub ground: bool,
 }
 
-impl Default for SceneParts {
+impl Default for SceneOptions {
     fn default() -> Self {
         Self { ground: true }
     }
@@ -56,35 +58,56 @@ pub struct AssembledScene {
     pub modules: u64,
     /// In an estimate: how many individuals each of the first assets stands for. Empty in a scene that can be written.
     pub weights: Vec<u64>,
+    /// The wind of the scene, which all of its parts read.
+    pub wind: Arc<SceneWind>,
 }
 
 impl AssembledScene {
     /// Counts and bytes that a bake of these frames will write; no frames for a still scene.
     pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
-        BakeEstimate { modules: self.modules, ..estimate(&self.animated, recipe, frames.len() as u64, &self.weights) }
+        let mut counts = estimate(&self.animated, recipe, frames.len() as u64, &self.weights);
+        counts.memory.extend(Some(("recorded wind", self.wind.recorded_bytes())).filter(|part| part.1 > 0));
+        BakeEstimate { modules: self.modules, ..counts }
     }
 }
 
 /// Grows the plants of a recipe, builds all of its assets and simulates what is recorded ahead: lattice wind, rods, rain.
 /// # Errors
 /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
-pub fn assemble_scene(recipe: &Recipe, parts: SceneParts, context: &BakeContext<'_>) -> Result<AssembledScene> {
-    assemble(recipe, None, parts, context)
+pub fn assemble_scene(recipe: &Recipe, parts: SceneOptions, context: &BakeContext<'_>) -> Result<AssembledScene> {
+    assemble(recipe, None, parts, None, context)
+}
+
+/// As [`assemble_scene`]; `observer` is told what the parts of the scene sample of its wind, in the frames to come too.
+/// # Errors
+/// As [`assemble_scene`].
+pub fn assemble_observed_scene(
+    recipe: &Recipe,
+    parts: SceneOptions,
+    observer: Arc<dyn WindObserver>,
+    context: &BakeContext<'_>,
+) -> Result<AssembledScene> {
+    assemble(recipe, None, parts, Some(observer), context)
 }
 
 /// As [`assemble_scene`] for an estimate: maps are not drawn; wind, rain and motions are not simulated. The scene can be
 /// counted, but not written.
 /// # Errors
 /// As [`assemble_scene`].
-pub fn assemble_for_estimate(recipe: &Recipe, parts: SceneParts, context: &BakeContext<'_>) -> Result<AssembledScene> {
-    assemble(&dry_run::reduced_recipe(recipe), Some(recipe), parts, context)
+pub fn assemble_for_estimate(
+    recipe: &Recipe,
+    parts: SceneOptions,
+    context: &BakeContext<'_>,
+) -> Result<AssembledScene> {
+    assemble(&dry_run::reduced_recipe(recipe), Some(recipe), parts, None, context)
 }
 
 /// `full`: in an estimate, the recipe that `recipe` is a reduction of; `None` for a scene that will be written.
 fn assemble(
     recipe: &Recipe,
     full: Option<&Recipe>,
-    parts: SceneParts,
+    parts: SceneOptions,
+    observer: Option<Arc<dyn WindObserver>>,
     context: &BakeContext<'_>,
 ) -> Result<AssembledScene> {
     if recipe.is_layered_picture() {
@@ -106,7 +129,7 @@ fn assemble(
     // threads idle.
     let (plants, ground_surface) = join(
         || {
-            let mut sets = build_materials(recipe, &layout, context)?;
+            let mut sets = plant_material_sets(recipe, &layout, context)?;
             let full_plants = full.iter().flat_map(|m| &m.plants);
             sets.iter_mut().zip(full_plants).for_each(|(set, plant)| dry_run::restore_image_sizes(set, plant));
             context.progress.stage("growing", layout.individuals.len() as u64);
@@ -128,13 +151,13 @@ fn assemble(
     material_sets.iter().filter_map(|l| l.tree.as_ref()).for_each(|tree| report.extend(tree.report.clone()));
     // The radius of a grown foot tells how deep it must be sunk into a slope.
     if let Some(terrain) = &terrain {
-        let foot_radii = foot_radii(recipe, &layout, &grown);
-        snap_to_terrain(&mut layout, &foot_radii, terrain);
+        let stem_foot_radii = stem_foot_radii(recipe, &layout, &grown);
+        sink_feet(&mut layout, &stem_foot_radii, terrain);
     }
     let mut builder = SceneBuilder::default();
     let mut materials: Vec<PlantMaterials> =
         material_sets.into_iter().map(|set| builder.add_materials(set)).collect::<Result<_>>()?;
-    mark_shader_wind(recipe, &layout, &mut materials);
+    choose_shader_wind(recipe, &layout, &mut materials);
     context.progress.stage("skinning", layout.individuals.len() as u64);
     let weight = |i: usize| weights.get(i).copied().unwrap_or(1);
     let modules = grown.iter().enumerate().map(|(i, g)| g.modules * weight(i)).sum();
@@ -149,25 +172,22 @@ fn assemble(
     let solids = lattice_solids(full.unwrap_or(recipe), &obstacles);
     full.map_or(Ok(()), |full| check_lattice(full, &solids, context, &mut report))?;
 
-    // Wind: recorded within the plants' bounds. When the wind field itself is exported and no flight steps a wind of its own,
-    // the whole domain is recorded (an empty box stands for it).
-    let whole_domain = !recipe.output.wind.grids.is_empty() && recipe.flight.is_none();
-    let bounds = if whole_domain { Bounds::of([]) } else { plant_bounds(&layout, &grown) };
-    let request = LatticeRequest { bounds, solids: &solids, loop_frames: None };
-    // Without plants nothing samples a recorded wind.
-    let has_plants = !layout.individuals.is_empty();
-    let wind = if has_plants { PlantWind::from_recipe(recipe, &request, context, &mut report)? } else { None };
+    // The one wind, which all that follows reads.
+    let needs = WindNeeds::of_scene(full.unwrap_or(recipe), &layout, &grown);
+    let surroundings = WindSurroundings { solids: &solids, land: obstacles.ground_heights_for_wind(recipe) };
+    let scene_wind = Arc::new(SceneWind::new(recipe, full, &needs, &surroundings, observer, context, &mut report)?);
+    let wind = PlantWind::new(recipe, &scene_wind);
     let wind = if estimating { wind.map(PlantWind::for_estimate) } else { wind };
 
-    // Plants. In the rain they move on rods, stepped together with the drops, or not at all: no sway.
-    let sway_wind = wind.as_ref().filter(|_| recipe.rain.is_none());
-    let added = add_plants(recipe, sway_wind, &layout, &materials, &grown, &mut builder, context, &mut report)?;
+    // Plants. In the rain they move together with the drops.
+    let added =
+        add_plant_assets(recipe, wind.as_ref(), &layout, &materials, &grown, &mut builder, context, &mut report)?;
     report_clamped_angles(added.clamped_angles, &mut report);
-    builder.placements = place_plants(sway_wind, &builder, &layout);
+    builder.placements = place_plants(wind.as_ref(), &builder, &layout);
 
     // Rain reads the plants' assets as they were just built, and takes the leaves that get maps of their own out of them. An
     // estimate simulates one frame of it, from the first drop.
-    let short_recipe = full.map(dry_run::first_rain_frame);
+    let short_recipe = full.map(dry_run::recipe_of_first_rain_frame);
     let rain_recipe = short_recipe.as_ref().unwrap_or(recipe);
     let rain_ground = match (&terrain, &ground) {
         (Some(terrain), _) if recipe.rain.is_some() => RainGround::Terrain(terrain.clone()),
@@ -179,24 +199,23 @@ fn assemble(
         estimating,
         &layout,
         &grown,
-        wind.as_ref(),
+        scene_wind.field(WindUser::Rain).filter(|_| recipe.clip.len() >= 2),
         rain_ground,
-        added.rods_in_rain,
+        added.motions_in_rain,
         &mut builder,
         context,
+        &mut report,
     )?;
 
     // Everything else that is seen. Files list assets in this order.
     add_attractors(recipe, &mut builder, context)?;
-    let twigs = twig_tips(recipe, &layout, &grown);
-    let flight = add_catkins(recipe, &obstacles, &twigs, &mut builder, context, &mut report)?;
-    add_rods(recipe, estimating, &mut builder, context, &mut report)?;
+    let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
+    let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
+    let rod_wind = scene_wind.field(WindUser::Rods);
+    add_rods(recipe, rod_wind.as_deref(), estimating, &mut builder, context, &mut report)?;
     add_obstacles(recipe, &mut builder)?;
 
-    // The exported wind is the one that the scene already has, if it has one.
-    let playback = flight.as_ref().map(|flight| Arc::clone(&flight.playback));
-    let users = AvailableWinds { flight: playback, plants: wind.as_ref(), solids: &solids };
-    let wind_output = WindOutput::from_recipe(recipe, &users, context, &mut report)?;
+    let wind_output = WindOutput::from_recipe(recipe, &scene_wind, context)?;
 
     // A camera without keys frames what was added so far; the ground, which reaches farther, is framed only when alone.
     let empty = builder.placements.is_empty();
@@ -231,7 +250,7 @@ fn assemble(
         placements: builder.placements,
         land: terrain.map(terrain_height_field),
         tables: flight_table.into_iter().chain(rain.table).collect(),
-        code_lists: code_lists(),
+        enum_labels: enum_labels(),
         fields,
         air: if wind_output.is_some() { recipe.output.wind.grids.clone() } else { Vec::new() },
         map_sequences: rain.map_sequences,
@@ -241,5 +260,6 @@ fn assemble(
         report,
         modules,
         weights,
+        wind: scene_wind,
     })
 }

@@ -35,7 +35,7 @@ impl SceneBuilder {
     }
 
     /// Appends `suffix` to an id until no asset of the scene has it.
-    pub(crate) fn make_unique(&self, id: &mut String, suffix: &str) {
+    pub(crate) fn make_id_unique(&self, id: &mut String, suffix: &str) {
         while self.assets.iter().any(|a| a.id == *id) {
             id.push_str(suffix);
         }

@@ -39,7 +39,7 @@ pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
 }
 
 /// The recipe with one frame of rain and no spin-up.
-pub fn first_rain_frame(recipe: &Recipe) -> Recipe {
+pub fn recipe_of_first_rain_frame(recipe: &Recipe) -> Recipe {
     let mut short = recipe.clone();
     short.clip = Clip { end: recipe.clip.end.min(recipe.clip.start + 1), ..recipe.clip };
     short.rain.iter_mut().for_each(|rain| rain.keys.spin_up = 0.0);
@@ -86,18 +86,18 @@ pub fn restore_image_sizes(set: &mut MaterialSet, full: &PlantRecipe) {
         // Image names begin with that of their part; the longest match wins where one name begins another.
         let part = sides.iter().filter(|(name, _)| image.name.starts_with(name)).max_by_key(|(name, _)| name.len());
         if let Some((_, side)) = part {
-            set_size(image, *side);
+            set_image_size(image, *side);
         }
     }
 }
 
 /// Gives the images of a reduced ground a side of `side` pixels, without pixels.
 pub fn restore_ground_sizes(set: &mut MaterialSet, side: u32) {
-    set.images.iter_mut().for_each(|image| set_size(image, side));
+    set.images.iter_mut().for_each(|image| set_image_size(image, side));
 }
 
 /// `side`: pixels that the keys ask for, of which [`REDUCED_SIDE`] were drawn.
-fn set_size(image: &mut Image, side: u32) {
+fn set_image_size(image: &mut Image, side: u32) {
     let times = side / REDUCED_SIDE.min(side.max(1));
     if times > 1 {
         image.width = image.width.saturating_mul(times);

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use crate::bake::BakeContext;
 use crate::bake::assets::terrain;
 use crate::bake::scene::plant_layout::{
-    PlantInstance, PlantLayout, next_individual, rotation_about_axis, slope_tangent,
+    PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
 use crate::bake::scene::scatter;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
@@ -29,7 +29,7 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<(Plan
     for s in &mut layout.instances {
         let at = &mut s.transform.t;
         at.y += land.height_at(at.x, at.z);
-        s.slope = Some(slope_tangent(land.normal_at(at.x, at.z)));
+        s.slope = Some(tan_of_slope(land.normal_at(at.x, at.z)));
     }
     scatter::scatter_plants(recipe, &land, &mut layout, context)?;
     name_assets(recipe, &mut layout);
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_keep_their_distance_and_their_places() {
+    fn larger_counts_keep_earlier_plants() {
         let group = |n| {
             laid(&format!(
                 "[[place]]\nplant = \"a\"\ncount = {n}\nradius = 10\nspacing = 2\nindividuals = 3\nvary = 0.2\nat = [5, 0, 0]"

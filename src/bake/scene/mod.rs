@@ -10,4 +10,4 @@ pub mod plant_layout;
 pub(crate) mod scatter;
 
 pub use animated::AnimatedScene;
-pub use assembly::{AssembledScene, SceneParts, assemble_for_estimate, assemble_scene};
+pub use assembly::{AssembledScene, SceneOptions, assemble_for_estimate, assemble_observed_scene, assemble_scene};

@@ -68,7 +68,7 @@ pub(crate) fn next_individual(recipe: &Recipe, index: usize, seed: u64, ordinals
 }
 
 /// Tangent of the slope of a surface with this unit normal.
-pub(crate) fn slope_tangent(normal: Vec3) -> f32 {
+pub(crate) fn tan_of_slope(normal: Vec3) -> f32 {
     math::sqrt_f32((1.0 - normal.y * normal.y).max(0.0)) / normal.y.max(1e-3)
 }
 

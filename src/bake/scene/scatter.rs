@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::bake::BakeContext;
 use crate::bake::scene::plant_layout::{
-    PlantInstance, PlantLayout, next_individual, rotation_about_axis, slope_tangent,
+    PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
 use crate::recipe::scene::SkinKeys;
 use crate::recipe::{Recipe, ScatterRecipe};
@@ -119,11 +119,11 @@ fn scattered_transform(
     // `align` 0: upright; 1: along the terrain's normal.
     let up = Vec3::Y.lerp(normal, narrow(keys.align)).normalize();
     let r = (rotation_between(Vec3::Y, up) * rotation_about_axis(Vec3::Y, turn)).normalize();
-    (Trs { t: Vec3::new(x, land.height_at(x, z), z), r, s: Vec3::splat(scale) }, slope_tangent(normal))
+    (Trs { t: Vec3::new(x, land.height_at(x, z), z), r, s: Vec3::splat(scale) }, tan_of_slope(normal))
 }
 
 /// Radius of a plant's foot, m: largest distance from its pivot to the outside of a root collar, flare included.
-pub(crate) fn foot_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
+pub(crate) fn footprint_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
     let flare = 1.0 + narrow(skin.flare);
     let roots = plant.axes.iter().filter(|a| a.parent == NONE).map(|a| a.first as usize);
     roots.fold(0.0, |most, i| {
@@ -134,10 +134,10 @@ pub(crate) fn foot_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
 }
 
 /// Sinks plants into the terrain until no side of their foot is above it: by the foot's radius times the slope's tangent, or by the
-/// largest drop of the terrain on a circle of that radius, whichever is more. `foot_radii`: by individual, m.
-pub(crate) fn snap_to_terrain(layout: &mut PlantLayout, foot_radii: &[f32], land: &Terrain) {
+/// largest drop of the terrain on a circle of that radius, whichever is more. `stem_foot_radii`: by individual, m.
+pub(crate) fn sink_feet(layout: &mut PlantLayout, stem_foot_radii: &[f32], land: &Terrain) {
     for s in &mut layout.instances {
-        if let (Some(slope), Some(foot)) = (s.slope, foot_radii.get(s.individual)) {
+        if let (Some(slope), Some(foot)) = (s.slope, stem_foot_radii.get(s.individual)) {
             // Lowest terrain at 16 points around the foot.
             let (at, r) = (&mut s.transform.t, foot * s.transform.s.x);
             let around = (0..16_u8).map(|k| f32::from(k) * (std::f32::consts::TAU / 16.0));
@@ -151,7 +151,7 @@ pub(crate) fn snap_to_terrain(layout: &mut PlantLayout, foot_radii: &[f32], land
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake::scene::assembly::{SceneParts, assemble_scene};
+    use crate::bake::scene::assembly::{SceneOptions, assemble_scene};
     use crate::recipe::{Request, resolve};
     use osier_base::limits::Limits;
     use osier_base::progress::{Cancel, Silent};
@@ -190,7 +190,7 @@ individuals = 2
         let recipe = resolve(&request).expect("scene").0;
         let context =
             BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
-        assemble_scene(&recipe, SceneParts::default(), &context).expect("stage").animated
+        assemble_scene(&recipe, SceneOptions::default(), &context).expect("stage").animated
     }
 
     #[test]

@@ -1,56 +1,33 @@
-//! The lattice Boltzmann wind of a recipe: options, run over the clip, memory, checks.
+//! The lattice Boltzmann wind of a recipe: options, the plan of its run, steps from frame to frame, memory, checks.
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2};
 
 use crate::bake::BakeContext;
-use crate::bake::assets::obstacles::{Obstacles, has_lattice_clip};
-use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::assets::obstacles::{Obstacles, lattice_wind_in_clip};
 use crate::bake::cache::wind_spin_up;
-use crate::bake::scene::plant_layout::PlantLayout;
-use crate::recipe::Recipe;
-use crate::recipe::scene::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, WindModel, WindSolver};
-use osier_base::Result;
-use osier_base::diagnostic::{Diagnostic, Report, codes};
-use osier_base::geometry::Bounds;
-use osier_base::math::{cos, narrow, sin};
-use osier_scene::solid::Solid;
-use osier_wind::{
-    GroundCondition, InletOptions, InletWind, LatticeMemory, LatticeOptions, LatticeSolver, LatticeWarning,
-    RecordedWind, RecordingOptions, SideCondition, UniformWind, Wind, WindProfile,
+use crate::bake::wind::needs::WindNeeds;
+use crate::recipe::scene::{
+    LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, SolidShape, WindModel, WindSolver,
 };
-
-/// Margin for leaves around a plant's nodes, m, within which the wind is recorded. Own: longer than leaf and petiole of the presets;
-/// leaves outside sample the border value.
-const LEAF_MARGIN: f32 = 0.5;
-
-/// Extent of a recording of the lattice wind.
-#[derive(Debug, Clone, Copy)]
-pub struct LatticeRequest<'a> {
-    /// Box that is recorded, m; the whole domain if this is empty.
-    pub bounds: Bounds,
-    /// Obstacles and land.
-    pub solids: &'a [Solid],
-    /// Length of the loop in frames; `None` for the clip without a loop.
-    pub loop_frames: Option<usize>,
-}
-
-/// World bounds of all plants with `LEAF_MARGIN`, m.
-pub fn plant_bounds(layout: &PlantLayout, grown: &[GrownPlant]) -> Bounds {
-    let own: Vec<Bounds> =
-        grown.iter().map(|g| Bounds::of(g.plant.nodes.p.iter().copied()).grown(LEAF_MARGIN)).collect();
-    // Bounds of each individual once, then the corners of every copy of it.
-    let corners = layout.instances.iter().filter_map(|s| {
-        let bounds = own.get(s.individual).filter(|b| !b.is_empty())?;
-        Some(bounds.corners().map(|c| s.transform.apply(c)))
-    });
-    Bounds::of(corners.flatten())
-}
+use crate::recipe::{Recipe, SolidRecipe};
+use osier_base::diagnostic::{Diagnostic, Report, codes};
+use osier_base::files::BakeCache;
+use osier_base::geometry::Bounds;
+use osier_base::limits::{Limits, grouped};
+use osier_base::math::{cos, narrow, sin};
+use osier_base::progress::{Cancel, Progress, Silent};
+use osier_base::{Error, Result};
+use osier_scene::solid::{LandForm, Solid};
+use osier_wind::{
+    GroundCondition, InletOptions, InletWind, InterpolatedWind, LatticeMemory, LatticeOptions, LatticeSolver,
+    LatticeStats, LatticeWarning, RecordingOptions, SideCondition, Wind, WindProfile, WindSnapshot,
+};
 
 /// Solids of a recipe's lattice wind; none for any other wind.
 pub fn lattice_solids(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
-    if !has_lattice_clip(recipe) {
+    if !lattice_wind_in_clip(recipe) {
         return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
@@ -86,6 +63,7 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
             gust_strength: keys.gust,
             gust_period: keys.gust_period,
             turbulence: keys.turbulence,
+            turbulence_length: keys.turbulence_length,
             turbulence_modes: keys.modes,
             seed: recipe.general.seed,
         },
@@ -106,38 +84,216 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
         outlet_nonequilibrium: keys.outlet == LatticeOutlet::Nonequilibrium,
         sponge_cells: keys.sponge,
         spin_up: keys.spin_up,
+        lead_frames: 0,
     }
 }
 
 /// The analytic stand-in for a lattice wind: the inlet's profile and gusts in the whole domain, without solids.
-pub fn analytic_inlet(options: &LatticeOptions) -> InletWind {
+pub fn analytic_inlet(recipe: &Recipe, land: Option<Arc<LandForm>>) -> InletWind {
+    let options = lattice_options(recipe);
     let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
     let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
-    InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, [false; 3])
+    InletWind::new(options.inlet, origin, options.spacing, options.cells, [false; 3]).over_land(land)
 }
 
-/// The wind of a recipe's lattice for the whole clip.
-/// # Errors
-/// Those of [`LatticeSolver::new`] and [`RecordedWind::record`].
-pub fn run_lattice(
-    recipe: &Recipe,
-    request: &LatticeRequest<'_>,
-    context: &BakeContext<'_>,
-    report: &mut Report,
-) -> Result<Arc<dyn Wind>> {
-    let options = lattice_options(recipe);
-    match recipe.lattice.solver {
-        WindSolver::Still => return Ok(Arc::new(UniformWind(Vec3::ZERO))),
-        WindSolver::Analytic => return Ok(Arc::new(analytic_inlet(&options))),
-        WindSolver::Lbm => {}
+/// How a lattice is run for the parts of a scene that read it.
+#[derive(Debug, Clone)]
+pub struct LatticePlan {
+    /// Options of the solver, of the recording and of the steps alike.
+    pub options: LatticeOptions,
+    /// What is recorded ahead of the frames.
+    pub recorded: Option<RecordingOptions>,
+    /// Whether the whole box is stepped along with the frames.
+    pub stepped: bool,
+}
+
+impl LatticePlan {
+    /// The plan for a recipe; `None` if it has no lattice that is simulated, or if nothing reads it.
+    ///
+    /// A loop is recorded: of the whole box if catkins, rain or files read it. Without a loop what is simulated ahead of the frames
+    /// is recorded, and what is read frame by frame is stepped. If a scene has both, one recording of the whole box serves both as
+    /// long as it fits in memory; else the lattice is simulated a second time, with the same velocities.
+    /// # Errors
+    /// `Limit` for a recording that is too large.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
+    pub fn new(recipe: &Recipe, needs: &WindNeeds, limits: &Limits) -> Result<Option<Self>> {
+        let solved = recipe.has_lattice_wind() && recipe.lattice.solver == WindSolver::Lbm && recipe.wind.blows();
+        if !solved || needs.is_empty() {
+            return Ok(None);
+        }
+        let (fps, loop_frames) = (recipe.clip.fps(), recipe.sway.loop_frames(&recipe.clip));
+        let frames = loop_frames.unwrap_or(recipe.clip.len());
+        // A spin-up of whole frames stays one, in spite of rounding errors.
+        let in_frames = |seconds: f64| (seconds * fps - 1e-6).ceil().max(0.0) as u32;
+        let (region_lead, box_lead) = (in_frames(needs.region_lead), in_frames(needs.box_lead));
+        let reads_box = needs.box_ahead || needs.box_by_frame;
+        let lead_frames = match loop_frames {
+            Some(frames) => RecordingOptions::loop_lead(frames, fps),
+            None => region_lead.max(if reads_box { box_lead } else { 0 }),
+        };
+        let options = LatticeOptions { lead_frames, ..lattice_options(recipe) };
+        let (lead, repeats) = (lead_frames, loop_frames.is_some());
+        let whole = RecordingOptions { bounds: Bounds::of([]), lead, frames, fps, repeats };
+        let region = RecordingOptions { bounds: needs.region, ..whole };
+        let solver_bytes = LatticeMemory::estimate(&options).total();
+        let budget = limits.get("wind-bytes").min(limits.get("memory").saturating_sub(solver_bytes) / 2);
+        let (recorded, stepped) = if repeats || needs.box_ahead {
+            (Some(if reads_box { whole } else { region }), false)
+        } else if needs.region.is_empty() {
+            (None, true)
+        } else if !needs.box_by_frame {
+            (Some(region), false)
+        } else if whole.predicted_bytes(&options) <= budget {
+            (Some(whole), false)
+        } else {
+            (Some(RecordingOptions { lead: region_lead, ..region }), true)
+        };
+        let plan = Self { options, recorded, stepped };
+        plan.check_limits(limits)?;
+        Ok(Some(plan))
     }
-    let mut lattice = wind_spin_up::load_or_spin_up(&options, request.solids, context)?;
-    let repeats = request.loop_frames.is_some();
-    let frames = request.loop_frames.unwrap_or(recipe.clip.len());
-    let options = RecordingOptions { bounds: request.bounds, frames, fps: recipe.clip.fps(), repeats };
-    let recorded = RecordedWind::record(&mut lattice, options, context.limits, context.progress, context.cancel)?;
-    report_warnings(&lattice, report);
-    Ok(Arc::new(recorded))
+
+    /// Bytes of the recording; 0 without one.
+    pub fn recorded_bytes(&self) -> u64 {
+        self.recorded.map_or(0, |recorded| recorded.predicted_bytes(&self.options))
+    }
+
+    fn check_limits(&self, limits: &Limits) -> Result<()> {
+        let (bytes, limit) = (self.recorded_bytes(), limits.get("wind-bytes"));
+        if bytes > limit {
+            // A loop of the whole box is large; without it catkins read a lattice that is stepped along.
+            let loops = self.recorded.is_some_and(|recorded| recorded.repeats);
+            let other = if loops { ", or sway.repeat = false, or a shorter sway.loop" } else { "" };
+            return Err(Error::Limit {
+                name: "the bytes of the recorded wind".into(),
+                wanted: grouped(bytes),
+                limit: grouped(limit),
+                flag: format!("--max-wind-bytes{other}"),
+            });
+        }
+        // Without a recording the solver itself refuses what does not fit.
+        if bytes == 0 {
+            return Ok(());
+        }
+        let all = LatticeMemory::estimate(&self.options).total().saturating_add(bytes);
+        limits.check("memory", all, "the memory of the lattice wind and its recording, in bytes,")
+    }
+}
+
+/// S034 where the land in the box of a lattice lies below its base, under which there is no air.
+pub fn report_land_below(options: &LatticeOptions, land: &LandForm, report: &mut Report) {
+    let [x, _, z] = options.cells.map(|n| f64::from(n) * options.spacing);
+    let (base, spacing) = (options.base_center, options.spacing);
+    let along = |size: f64, n: u32, middle: f64| (0..=n).map(move |i| middle - size / 2.0 + f64::from(i) * spacing);
+    let heights = along(x, options.cells[0], base.x).flat_map(|x| {
+        along(z, options.cells[2], base.z).map(move |z| f64::from(land.height(Vec2::new(narrow(x), narrow(z)))))
+    });
+    let lowest = heights.fold(f64::INFINITY, f64::min);
+    // A part of a cell is lost to the staircase of cells anyway.
+    if lowest < base.y - spacing {
+        let text = format!(
+            "the ground goes down to {lowest:.1} m in the box of the lattice wind, whose base is at {:.1} m: there is no wind below",
+            base.y
+        );
+        let help = format!("set the second number of wind.lattice.at to {:.1}, and add cells upwards", lowest.floor());
+        report.push(Diagnostic::about("S034", text).help(help));
+    }
+}
+
+/// Everything that a lattice is built from, so that it can be started again.
+#[derive(Debug)]
+pub struct LatticeConfig {
+    options: LatticeOptions,
+    solids: Vec<Solid>,
+    limits: Limits,
+    cancel: Cancel,
+    cache: Option<BakeCache>,
+}
+
+impl LatticeConfig {
+    /// Copies what a lattice needs out of the context of a bake.
+    pub fn new(options: LatticeOptions, solids: &[Solid], context: &BakeContext<'_>) -> Self {
+        let (limits, cancel, cache) = (context.limits.clone(), context.cancel.clone(), context.cache.cloned());
+        Self { options, solids: solids.to_vec(), limits, cancel, cache }
+    }
+
+    /// Builds the lattice, spins it up and computes its first snapshots.
+    fn start(&self, progress: &dyn Progress) -> Result<LatticeState> {
+        let context = BakeContext { limits: &self.limits, cancel: &self.cancel, progress, cache: self.cache.as_ref() };
+        let mut solver = wind_spin_up::load_or_spin_up(&self.options, &self.solids, &context)?;
+        let before = SteppedSnapshot::advance(&mut solver, progress, &self.cancel)?;
+        let after = SteppedSnapshot::advance(&mut solver, progress, &self.cancel)?;
+        Ok(LatticeState { solver, before, after, frame: -i64::from(self.options.lead_frames) })
+    }
+}
+
+/// A lattice that is stepped from frame to frame, with two snapshots in memory.
+#[derive(Debug)]
+pub struct SteppedLattice {
+    config: LatticeConfig,
+    state: LatticeState,
+}
+
+#[derive(Debug)]
+struct LatticeState {
+    solver: LatticeSolver,
+    before: SteppedSnapshot,
+    after: SteppedSnapshot,
+    /// Frame of `before`, counted from the clip's first.
+    frame: i64,
+}
+
+/// A snapshot, and the statistics of the solver when it was taken.
+#[derive(Debug, Clone)]
+struct SteppedSnapshot {
+    wind: Arc<WindSnapshot>,
+    stats: LatticeStats,
+}
+
+impl SteppedSnapshot {
+    fn advance(solver: &mut LatticeSolver, progress: &dyn Progress, cancel: &Cancel) -> Result<Self> {
+        Ok(Self { wind: solver.advance(progress, cancel)?, stats: solver.stats() })
+    }
+}
+
+impl SteppedLattice {
+    /// Spins a lattice up.
+    /// # Errors
+    /// Those of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
+    pub fn start(config: LatticeConfig, progress: &dyn Progress) -> Result<Self> {
+        let state = config.start(progress)?;
+        Ok(Self { config, state })
+    }
+
+    /// The solver, for its warnings.
+    pub fn solver(&self) -> &LatticeSolver {
+        &self.state.solver
+    }
+
+    /// The wind between a frame and the next; frames count from the clip's first. An earlier frame than that of the last call starts
+    /// the lattice again.
+    /// # Errors
+    /// Those of [`LatticeSolver::advance`].
+    pub fn wind_between(&mut self, frame: i64) -> Result<Arc<dyn Wind>> {
+        let (config, frame) = (&self.config, frame.max(-i64::from(self.config.options.lead_frames)));
+        if frame < self.state.frame {
+            self.state = config.start(&Silent)?;
+        }
+        let state = &mut self.state;
+        while state.frame < frame {
+            let next = SteppedSnapshot::advance(&mut state.solver, &Silent, &config.cancel)?;
+            state.before = std::mem::replace(&mut state.after, next);
+            state.frame += 1;
+        }
+        let [before, after] = [&state.before, &state.after].map(|snapshot| Arc::clone(&snapshot.wind));
+        let (t0, t1) = (before.time(), after.time());
+        Ok(Arc::new(InterpolatedWind { before, after, t0, t1 }))
+    }
+
+    /// Statistics of the solver at the frame of the last call, or at the one after it.
+    pub fn stats(&self, frame: i64) -> LatticeStats {
+        if frame > self.state.frame { self.state.after.stats } else { self.state.before.stats }
+    }
 }
 
 /// Memory of a recipe's lattice wind, bytes, by purpose; empty without one.
@@ -153,6 +309,35 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
         ("solid cells", m.solid_cells),
         ("open faces", m.open_faces),
     ]
+}
+
+/// Size of a solid in cells of the lattice.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolidInCells {
+    /// Name of the solid, as in its key `name`.
+    pub name: String,
+    /// Height above its foot, cells.
+    pub height: f64,
+    /// Smaller horizontal extent before rotation, cells; none for meshes.
+    pub thickness: Option<f64>,
+}
+
+/// Sizes of a recipe's solids in cells of its lattice; empty without one.
+pub fn solids_in_cells(recipe: &Recipe) -> Vec<SolidInCells> {
+    if lattice_memory(recipe).is_empty() {
+        return Vec::new();
+    }
+    let cell = recipe.lattice.cell_size;
+    let of_solid = |solid: &SolidRecipe| {
+        let keys = &solid.keys;
+        let (height, thickness) = match &solid.mesh {
+            Some(mesh) => (f64::from(Bounds::of(mesh.mesh.points.iter().copied()).size().y), None),
+            None if keys.shape == SolidShape::House => (keys.size[1] + keys.roof, Some(keys.size[0].min(keys.size[2]))),
+            None => (keys.size[1], Some(keys.size[0].min(keys.size[2]))),
+        };
+        SolidInCells { name: solid.id.clone(), height: height / cell, thickness: thickness.map(|t| t / cell) }
+    };
+    recipe.solids.iter().map(of_solid).collect()
 }
 
 /// Memory of a lattice, bytes, up to which a check voxelizes its solids; a larger one is checked by its options alone.

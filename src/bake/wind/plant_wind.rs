@@ -1,29 +1,23 @@
-//! The wind in which plants sway, and the parameters of their sway.
+//! How plants answer the wind of the scene: the parameters of their sway.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::bake::BakeContext;
-use crate::bake::wind::lattice::{LatticeRequest, analytic_inlet, lattice_options, run_lattice};
+use crate::bake::wind::scene_wind::{SceneWind, WindUser};
 use crate::recipe::Recipe;
-use crate::recipe::scene::{
-    BendProfile, PaperFix, SwayKeys, SwayModel, SwayStart, WindKeys, WindModel, WindSolver, WoodKeys,
-};
-use osier_base::math::{cos, narrow, sin};
-use osier_base::rng;
-use osier_base::{Result, diagnostic::Report};
+use crate::recipe::scene::{BendProfile, PaperFix, SwayKeys, SwayModel, SwayStart, WindModel, WoodKeys};
 use osier_motion::sway::{ClipOptions, PaperCorrections, PaperParams, SwayParams, WoodParams};
 use osier_scene::Trs;
-use osier_wind::{
-    CALM_SPEED, GustWind, GustWindOptions, ScaledWind, SineWind, SineWindOptions, UniformWind, Wind, WindSum,
-};
+use osier_wind::{CALM_SPEED, Wind};
 
 /// The wind at the plants of a scene, with the settings of their sway.
 #[derive(Debug, Clone)]
 pub struct PlantWind {
-    /// Sum of the scene's winds, each with its scale.
+    /// The scene's wind, for branches of the sway model and their leaves.
     pub wind: Arc<dyn Wind>,
+    /// The scene's wind, for plants on rods.
+    pub rod_wind: Arc<dyn Wind>,
     /// Frames to record, and whether they loop or start from rest.
     pub clip: ClipOptions,
     flicker: f64,
@@ -42,36 +36,13 @@ pub struct PlantWind {
     pub estimate_only: bool,
 }
 
-/// Sum of a scene's winds that can be sampled at any time without a simulation; `None` in calm air.
-pub fn analytic_winds(recipe: &Recipe) -> Option<Arc<dyn Wind>> {
-    let all = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).filter(|(_, keys)| keys.blows());
-    let mut winds: Vec<Arc<dyn Wind>> = Vec::new();
-    for (i, keys) in all {
-        if keys.model != WindModel::Lattice {
-            winds.push(build_wind(keys, None, recipe.general.seed, i));
-        } else if recipe.lattice.solver == WindSolver::Analytic {
-            let wind = Arc::new(analytic_inlet(&lattice_options(recipe)));
-            winds.push(Arc::new(ScaledWind { wind, factor: narrow(keys.scale) }));
-        }
-    }
-    if winds.len() > 1 { Some(Arc::new(WindSum(winds))) } else { winds.pop() }
-}
-
 impl PlantWind {
-    /// Builds the winds of a recipe, and runs and records a lattice wind as `request` asks. `None` in a still scene and in calm air.
-    /// # Errors
-    /// Those of [`run_lattice`], for a lattice wind.
-    pub fn from_recipe(
-        recipe: &Recipe,
-        request: &LatticeRequest<'_>,
-        context: &BakeContext<'_>,
-        report: &mut Report,
-    ) -> Result<Option<Self>> {
+    /// The wind of a scene with the settings of its plants' sway; `None` in a still scene and in calm air.
+    pub fn new(recipe: &Recipe, scene: &SceneWind) -> Option<Self> {
         let sway = &recipe.sway;
-        if recipe.clip.len() < 2 || !recipe.blows() {
-            return Ok(None);
-        }
-        // A loop has a period of its own, in frames; all winds below repeat with it.
+        let wind = scene.field(WindUser::Sway).filter(|_| recipe.clip.len() >= 2 && recipe.blows())?;
+        let rod_wind = scene.field(WindUser::RodPlants)?;
+        // A loop has a period of its own, in frames; the scene's wind repeats with it.
         let loop_frames = sway.loop_frames(&recipe.clip);
         let (frames, repeats) = (loop_frames.unwrap_or(recipe.clip.len()), loop_frames.is_some());
         let clip = ClipOptions {
@@ -81,21 +52,12 @@ impl PlantWind {
             lean: sway.lean,
             gain: sway.exaggerate,
         };
-        let period = loop_frames.map(|n| n as f64 / recipe.clip.fps());
-        let winds: Vec<(u64, &WindKeys)> = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).collect();
-        let winds: Vec<(u64, &WindKeys)> = winds.into_iter().filter(|(_, keys)| keys.blows()).collect();
-        let flickers = winds.iter().filter(|(_, keys)| keys.model != WindModel::Uniform);
-        let flicker = flickers.map(|(_, keys)| keys.flicker).fold(0.0, f64::max);
-        let lattice = (recipe.wind.model == WindModel::Lattice).then(|| {
-            let wind = run_lattice(recipe, &LatticeRequest { loop_frames, ..*request }, context, report)?;
-            Ok::<Arc<dyn Wind>, osier_base::Error>(Arc::new(ScaledWind { wind, factor: narrow(recipe.wind.scale) }))
-        });
-        let others = winds.iter().filter(|(_, keys)| keys.model != WindModel::Lattice);
-        let others = others.map(|(i, keys)| build_wind(keys, period, recipe.general.seed, *i));
-        let mut winds: Vec<Arc<dyn Wind>> = lattice.transpose()?.into_iter().chain(others).collect();
-        let wind = if winds.len() == 1 { winds.remove(0) } else { Arc::new(WindSum(winds)) };
-        Ok(Some(Self {
+        let winds = [&recipe.wind].into_iter().chain(&recipe.added);
+        let flickers = winds.filter(|keys| keys.blows() && keys.model != WindModel::Uniform);
+        let flicker = flickers.map(|keys| keys.flicker).fold(0.0, f64::max);
+        Some(Self {
             wind,
+            rod_wind,
             clip,
             flicker,
             whip: sway.whip,
@@ -107,7 +69,7 @@ impl PlantWind {
             gravity: sway.gravity,
             paper: paper_params(sway),
             estimate_only: false,
-        }))
+        })
     }
 
     /// The same wind for an estimate, which counts motions without simulating them.
@@ -152,43 +114,6 @@ fn paper_params(sway: &SwayKeys) -> Option<PaperParams> {
         recoil: sway.recoil,
         damping: sway.paper_damping,
     })
-}
-
-/// One of a scene's winds, scaled. `number`: counted from 0, from which each wind's noise gets a seed of its own.
-fn build_wind(keys: &WindKeys, period: Option<f64>, seed: u64, number: u64) -> Arc<dyn Wind> {
-    let seed = if number == 0 { seed } else { rng::child(seed, number) };
-    let wind = analytic_wind(keys, period, seed);
-    Arc::new(ScaledWind { wind, factor: narrow(keys.scale) })
-}
-
-fn analytic_wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Wind> {
-    let direction = Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)));
-    match keys.model {
-        WindModel::Calm | WindModel::Uniform | WindModel::Lattice => {
-            Arc::new(UniformWind(direction * narrow(keys.speed)))
-        }
-        WindModel::Gust => Arc::new(GustWind::new(GustWindOptions {
-            direction,
-            speed: keys.speed,
-            gust: narrow(keys.gust),
-            turbulence: narrow(keys.turbulence),
-            gust_length: keys.gust_length,
-            eddy_size: keys.eddy_size,
-            wander: narrow(keys.wander),
-            power: narrow(keys.power),
-            period,
-            seed,
-        })),
-        WindModel::Perlin => Arc::new(SineWind::new(SineWindOptions {
-            direction,
-            speed: keys.speed,
-            gust: narrow(keys.gust),
-            power: narrow(keys.power),
-            literal: keys.literal,
-            period,
-            seed,
-        })),
-    }
 }
 
 /// Material of a plant's wood and leaves, from its keys or its timber.

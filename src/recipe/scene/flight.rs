@@ -4,8 +4,8 @@ use super::{SolidKeys, SolidShape, UpAxis};
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::word_of;
 use crate::recipe::syntax::{
-    BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, TomlNode, TomlTable,
-    TomlValue, integer, milligrams, number, wrong,
+    BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, StringType, TomlNode,
+    TomlTable, TomlValue, integer, milligrams, number, wrong,
 };
 use crate::recipe::syntax::{choices, keys};
 use crate::recipe::{FlightRecipe, PlantRecipe, SolidRecipe};
@@ -42,6 +42,13 @@ choices! {
         /// As the paper by Wang and others has it: carried by the wind and falling.
         Paper = "paper",
     }
+    /// Which catkins a map of deposits counts.
+    DepositEvent {
+        /// Those at rest at the frame of the map.
+        Resting = "resting",
+        /// Every deposition up to the frame, also of those that were lifted off again.
+        Landings = "landings",
+    }
     /// What a map of deposits counts.
     DepositQuantity {
         /// Number of catkins per area.
@@ -61,10 +68,13 @@ keys! {
         /// Where catkins are released: in a layer of the sky at once ("sky") or over time ("rain"), from plants ("canopy"),
         /// at positions of a file ("points").
         release: FlightRelease = "release" OneOf(FlightRelease::Sky);
-        /// With "rain": period of release.
+        /// With "rain": period of release, counted from the start of the spin-up.
         duration: f64 = "duration" number(10.0, 0.0, 86_400.0, "s");
         /// With "sky" and "rain": layer of release, as fractions of the height of the domain.
         band: [f64; 2] = "band" NumberArray([0.3, 0.95], number(0.0, 0.0, 1.0, ""));
+        /// With "canopy": period over which the catkins ripen, counted from the start of the spin-up, at a constant rate of
+        /// count / ripening_s; ripe ones leave in wind above `release_speed`. 0: all are ripe at the start.
+        ripening: f64 = "ripening_s" number(0.0, 0.0, 86_400.0, "s");
         /// With "canopy": plants with weights: { poplar = 1 }.
         canopy: Vec<(String, f64)> = "canopy" NamedNumbers;
         /// With "points": text file with x, y, z in metres on each line.
@@ -75,7 +85,11 @@ keys! {
         size: [f64; 3] = "size" NumberArray([35.0, 35.0, 35.0], number(35.0, 0.5, 1e4, "m"));
         /// What happens at the sides: catkins leave ("exit"), re-enter at the inflow ("recycle"), or at the opposite side
         /// ("periodic").
-        sides: Option<FlightBoundary> = "sides" OptionalKey(OneOf(FlightBoundary::Recycle), "recycle with release \"sky\", else exit");
+        sides: Option<FlightBoundary> = "sides" OptionalKey(OneOf(FlightBoundary::Recycle), "periodic where the lattice wind is; else recycle with release \"sky\", exit with others");
+        /// What happens at the two sides across x, instead of `sides`.
+        sides_x: Option<FlightBoundary> = "sides_x" OptionalKey(OneOf(FlightBoundary::Exit), "as sides");
+        /// What happens at the two sides across z, instead of `sides`.
+        sides_z: Option<FlightBoundary> = "sides_z" OptionalKey(OneOf(FlightBoundary::Periodic), "as sides");
         /// Smallest and largest scale of a catkin.
         scale: [f64; 2] = "scale" NumberArray([0.8, 1.2], number(1.0, 0.05, 20.0, ""));
         /// Weights of the variants v0 (sleek) to v4 (fluffy, bent).
@@ -93,13 +107,11 @@ keys! {
         /// Factor on tumbling.
         flutter: f64 = "flutter" number(1.0, 0.0, 3.0, "");
         /// Reach of hairs and charge; catkins that come closer adhere. 0 uses their radius.
-        stick_radius: f64 = "stick_radius" number(0.2, 0.0, 1.0, "m");
-        /// Probability of adhesion.
+        stick_radius: f64 = "stick_radius" number(0.05, 0.0, 1.0, "m");
+        /// Probability that an encounter ends in adhesion; two that stay within reach have another one each second.
         stick_probability: f64 = "stick_probability" number(1.0, 0.0, 1.0, "");
         /// Distance of adhering catkins, as a fraction of the sum of their radii.
         stick_close: f64 = "stick_close" number(0.8, 0.2, 1.0, "");
-        /// Time steps between two tests for contacts.
-        check_every: u32 = "check_every" integer(4, 1, 64);
         /// Whether clusters rotate in the air.
         cluster_rotation: bool = "cluster_rotation" BooleanType(true);
         /// Exponent b: clusters of n catkins settle n^b times as fast.
@@ -112,10 +124,12 @@ keys! {
         humidity: f64 = "humidity" number(0.3, 0.0, 1.0, "");
         /// Image of the humidity over the domain, top at -z, white is wet; instead of `humidity`.
         humidity_map: Option<Reference> = "humidity_map" FileReference(".png, .jpg");
-        /// Wind speed at 0.1 m above the ground that lifts a dry catkin.
+        /// Wind speed at 0.1 m above the ground from which on a dry catkin lifts off.
         lift_speed: f64 = "lift_speed" number(0.25, 0.01, 20.0, "m/s");
         /// Factor k of humidity h in the lift-off threshold: 1 + k h / (1 - h).
         lift_wet: f64 = "lift_wet" number(3.0, 0.0, 100.0, "");
+        /// Probability per second of lift-off in wind of twice the threshold; it grows in proportion to the excess.
+        lift_rate: f64 = "lift_rate" number(1.0, 0.0, 100.0, "1/s");
         /// With "canopy": probability per second of release in wind of twice `release_speed`.
         release_rate: f64 = "release_rate" number(0.2, 0.0, 100.0, "1/s");
         /// With "canopy": wind speed below which no catkin is released.
@@ -130,10 +144,21 @@ keys! {
         map_texel: f64 = "map_texel" number(0.25, 0.01, 10.0, "m");
         /// Frames between two deposition maps.
         map_every: Option<u32> = "map_every" OptionalKey(integer(24, 1, 1_000_000), "the last frame only");
+        /// Which catkins deposition maps count: those at rest at the frame, or every deposition since the start of the spin-up.
+        map_counts: DepositEvent = "map_counts" OneOf(DepositEvent::Resting);
         /// Quantity of deposition maps: number or mass per area.
         map_of: DepositQuantity = "map_of" OneOf(DepositQuantity::Count);
         /// Radius of the filter of deposition maps, which conserves the sum.
         map_blur: f64 = "map_blur" number(0.0, 0.0, 10.0, "m");
+    }
+    /// A rectangle on the ground. The table of the flight counts the depositions in it, in a column `ground_<name>`.
+    FlightZoneKeys at "flight.zone" {
+        /// Name of its column.
+        name: String = "name" StringType("zone");
+        /// Its extent along x.
+        x: [f64; 2] = "x" NumberArray([0.0, 1.0], number(0.0, -1e6, 1e6, "m"));
+        /// Its extent along z.
+        z: [f64; 2] = "z" NumberArray([0.0, 1.0], number(0.0, -1e6, 1e6, "m"));
     }
 }
 
@@ -171,7 +196,30 @@ impl Resolver<'_> {
             let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg"])?;
             self.grey(&file)
         });
-        Some(FlightRecipe { keys, canopy, forms, starts, wet })
+        Some(FlightRecipe { zones: self.flight_zones(table), keys, canopy, forms, starts, wet })
+    }
+
+    /// `[[flight.zone]]`, with names of which no two are equal.
+    fn flight_zones(&mut self, table: &TomlTable) -> Vec<FlightZoneKeys> {
+        let Some(entry) = table.get("zone") else { return Vec::new() };
+        let TomlValue::List(list) = &entry.node.value else {
+            self.report.push(*wrong("flight.zone", &entry.node, "a list: write [[flight.zone]]"));
+            return Vec::new();
+        };
+        let (mut zones, mut names) = (Vec::new(), Names::default());
+        for (i, node) in list.iter().enumerate() {
+            let path = format!("flight.zone.{i}");
+            let TomlValue::Table(t) = &node.value else {
+                self.report.push(*wrong(&path, node, "a table"));
+                continue;
+            };
+            let mut keys = self.read_keys::<FlightZoneKeys>(t, &path);
+            self.in_order(t, &path, "x", keys.x);
+            self.in_order(t, &path, "z", keys.z);
+            keys.name = names.unique(&keys.name);
+            zones.push(keys);
+        }
+        zones
     }
 
     /// Plants (indices into the recipe's) that let catkins go, with their weights.

@@ -83,7 +83,7 @@ keys! {
         /// Populations that enter at outlets.
         outlet: LatticeOutlet = "outlet" OneOf(LatticeOutlet::Equilibrium);
         /// Width in cells of the viscous layer (sponge) before an outlet.
-        sponge: u32 = "sponge" integer(8, 0, 32);
+        sponge: Option<u32> = "sponge" OptionalKey(integer(8, 0, 32), "4 m, at most a sixth of the box");
         /// Inflow profile over height.
         profile: LatticeProfile = "profile" OneOf(LatticeProfile::Log);
         /// Boundary condition of the ground: wall stress of a rough surface, or no slip.
@@ -108,6 +108,8 @@ keys! {
         gust_period: f64 = "gust_period" number(8.0, 0.1, 600.0, "s");
         /// Turbulence intensity of the inflow, per component.
         turbulence: f64 = "turbulence" number(0.1, 0.0, 0.4, "");
+        /// Longest wavelength of the turbulence; the shortest is an eighth of it, or six cells if that is longer.
+        turbulence_length: Option<f64> = "turbulence_length" OptionalKey(number(20.0, 0.1, 1e3, "m"), "twice the reference height, at most the height of the domain");
         /// Number of Fourier modes of the turbulence.
         modes: u32 = "modes" integer(24, 0, 128);
         /// Duration of the spin-up before the first frame.

@@ -58,7 +58,7 @@ keys! {
         motion: BarkMotion = "motion" OneOf(BarkMotion::Skin);
         /// Largest number of joints of the skeleton.
         max_joints: u32 = "max_joints" integer(256, 1, 300);
-        /// With `motion = "cache"`: largest number of branches that bend individually.
+        /// Largest number of branches that bend individually.
         max_branches: u32 = "max_branches" integer(2000, 1, 100_000);
     }
 }

@@ -36,7 +36,7 @@ choices! {
     }
     /// What a drop's blow does.
     ImpactModel {
-        /// Momentum along the normal is conserved.
+        /// Momentum is conserved.
         Momentum = "momentum",
         /// A share of its energy moves the leaf, as the paper has it.
         PaperEnergy = "paper_energy",
@@ -105,16 +105,19 @@ keys! {
         spin_up: f64 = "spin_up_s" number(0.0, 0.0, 600.0, "s");
         /// Time steps per frame.
         substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the rods need");
+        /// Largest number of drops on leaves and at margins that a frame shows as meshes: those nearest to the camera if the scene has
+        /// `camera.eye`, else the largest. All others wet their leaves and are in the tables.
+        max_drop_meshes: u32 = "max_drop_meshes" integer(4000, 0, 1_000_000);
         /// Gravitational acceleration, of drops and of all rods of the scene.
         gravity: f64 = "gravity" number(9.81, 0.01, 30.0, "m/s^2");
     }
     /// Impacts of raindrops on leaves.
     ImpactKeys at "rain.impact" {
-        /// Impact law: conservation of momentum along the normal, or the energy of the paper.
+        /// Impact law: conservation of momentum, or the energy of the paper.
         model: ImpactModel = "model" OneOf(ImpactModel::Momentum);
         /// With "paper_energy": fraction of energy that is lost.
         energy_loss: f64 = "energy_loss" number(0.1, 0.0, 1.0, "");
-        /// With "momentum": coefficient of restitution of the impulse; drops do not bounce.
+        /// With "momentum": coefficient of restitution; fast drops bounce with this fraction of their speed along the normal.
         restitution: f64 = "restitution" number(0.0, 0.0, 0.9, "");
         /// Factor on impulses of impacts, for exaggerated motion.
         impulse_factor: f64 = "impulse_factor" number(1.0, 1.0, 10.0, "");
@@ -149,9 +152,9 @@ keys! {
         velocity_decay: f64 = "velocity_decay_s" number(0.05, 0.005, 1.0, "s");
         /// Spatial variation of pinning over the leaf.
         pin_noise: f64 = "pin_noise" number(0.3, 0.0, 0.9, "");
-        /// Condition for coalescence: contact, or the distance of the paper.
+        /// Condition for coalescence: contact, or the distance of the paper, within which drops attract each other.
         merge: DropMerge = "merge" OneOf(DropMerge::Touch);
-        /// With merge "paper": constant k_H of the distance of coalescence.
+        /// With merge "paper": constant k_H of the attraction of drops that overlap, and of the distance of coalescence.
         paper_attraction: f64 = "paper_attraction_n" number(1e-4, 1e-7, 1.0, "N");
         /// Lever arm of the weight of drops: physical, or with the additional factor of the paper.
         lever: DropLever = "lever" OneOf(DropLever::Physical);

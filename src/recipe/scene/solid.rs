@@ -1,4 +1,4 @@
-//! `[[solid]]`: obstacles to wind and catkins.
+//! `[[solid]]`: obstacles to wind, rain and catkins.
 
 use crate::recipe::syntax::{
     BooleanType, ColorType, FileReference, NumberArray, OneOf, OptionalKey, Reference, StringType, degrees, number,
@@ -13,13 +13,13 @@ choices! {
         Block = "block",
         /// A house with a gable roof.
         House = "house",
-        /// A closed mesh of a file.
+        /// A mesh of a file. An open one stops wind and catkins, but is not filled.
         Mesh = "mesh",
     }
 }
 
 keys! {
-    /// A solid: an obstacle for wind and catkins.
+    /// A solid: an obstacle for wind, rain and catkins.
     SolidKeys at "solid" {
         /// Name, also of its deposition maps.
         name: String = "name" StringType("");

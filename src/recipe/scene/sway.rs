@@ -59,10 +59,10 @@ keys! {
         profile: BendProfile = "profile" OneOf(BendProfile::Uniform);
         /// Whether the weight of a deflected branch acts in its new direction.
         gravity: bool = "gravity_change" BooleanType(false);
-        /// Period of the motion, rounded to frames.
+        /// Period of the wind and the motion, rounded to frames.
         loop_duration: Option<f64> = "loop" OptionalKey(number(4.0, 2.0, 3600.0, "s"), "the clip, if it loops");
-        /// Whether the clip loops: the frame after the last equals the first.
-        repeat: Option<bool> = "repeat" OptionalKey(BooleanType(true), "true for clips of 2 s and more");
+        /// Whether the clip loops: the frame after the last equals the first. All that reads the wind reads a wind that loops.
+        repeat: Option<bool> = "repeat" OptionalKey(BooleanType(true), "true for clips of 2 s and more without [flight]");
         /// Number of time offsets of copies of a plant, by which gusts reach them at different times; 1 moves all copies in
         /// step.
         phases: u32 = "phases" integer(12, 1, 1000);

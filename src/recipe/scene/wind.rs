@@ -344,9 +344,12 @@ impl Resolver<'_> {
         Some(keys)
     }
 
-    /// Answer to the wind.
-    pub(in crate::recipe) fn sway(&mut self, root: &TomlTable, clip: Clip) -> SwayKeys {
-        let keys: SwayKeys = self.section(root, "sway");
+    /// Answer to the wind. `flies`: the scene has a flight, which never repeats, so that its wind loops only if a key asks for it.
+    pub(in crate::recipe) fn sway(&mut self, root: &TomlTable, clip: Clip, flies: bool) -> SwayKeys {
+        let mut keys: SwayKeys = self.section(root, "sway");
+        if flies && keys.loop_duration.is_none() {
+            keys.repeat.get_or_insert(false);
+        }
         let span = |key: &str| span_of(root, &["sway", key]);
         if keys.repeat == Some(true) && keys.loop_duration.is_none() && seconds(&clip) < SHORTEST_LOOP {
             let text = format!("a clip of {:.2} s is too short to repeat", seconds(&clip));
@@ -438,7 +441,7 @@ fn apply_paper_defaults(keys: &mut LatticeKeys, table: &TomlTable) {
         keys.gust = 0.0;
     }
     if free("sponge") {
-        keys.sponge = 0;
+        keys.sponge = Some(0);
     }
     if free("ground") {
         keys.ground = LatticeGround::Smooth;

@@ -61,7 +61,7 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         placements: vec![Placement { name: "it".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
         tables: Vec::new(),
-        code_lists: Vec::new(),
+        enum_labels: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
         map_sequences: Vec::new(),

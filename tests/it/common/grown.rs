@@ -9,7 +9,7 @@ use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::assets::plant_mesh::build_plant_asset;
 use osier::bake::assets::skin_options::skin_options;
 use osier::bake::scene::layout::lay_out_scene;
-use osier::bake::scene::{AssembledScene, SceneParts, assemble_scene};
+use osier::bake::scene::{AssembledScene, SceneOptions, assemble_scene};
 use osier::limits::Limits;
 use osier::plant::Plant;
 use osier::presets::Preset;
@@ -51,7 +51,7 @@ fn small_maps(plant: &mut PlantRecipe) {
 }
 
 /// Scene and movers of a recipe.
-pub fn stage(recipe: &Recipe, parts: SceneParts) -> AssembledScene {
+pub fn stage(recipe: &Recipe, parts: SceneOptions) -> AssembledScene {
     with_work(|work| assemble_scene(recipe, parts, work)).unwrap_or_else(|e| panic!("{}: {e}", recipe.name))
 }
 

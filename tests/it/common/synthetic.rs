@@ -52,7 +52,7 @@ pub fn scene() -> (Scene, Vec<Frame>) {
             unit: "1/m^2",
             every: Some(4),
         }],
-        code_lists: Vec::new(),
+        enum_labels: Vec::new(),
         air: Vec::new(),
         map_sequences: vec![MapSequence {
             name: "cache_l0".into(),

@@ -117,6 +117,11 @@ pub const CODES: &[Code] = &[
     row("S025", Error, "the stored state belongs to another lattice wind"),
     row("S026", Warning, "catkins that would be released inside solids are omitted"),
     row("S027", Warning, "catkins move by more than a lattice cell per step"),
+    row("S030", Error, "solids block the inflow of the lattice wind"),
+    row("S031", Warning, "a solid is too few cells of the lattice high"),
+    row("S032", Warning, "the mesh of a solid is open"),
+    row("S033", Warning, "the cells of the lattice are too coarse for the turbulence of its inflow"),
+    row("S034", Warning, "the ground lies below the base of the lattice wind"),
     row("S040", Warning, "the torsional stiffness of a rod is below that of its material"),
     row("S041", Warning, "the integrator is not stable or not accurate for a rod of this stiffness"),
     row("S042", Warning, "no rest shape found for the weight of a rod; its own weight is ignored"),
@@ -142,6 +147,9 @@ pub const CODES: &[Code] = &[
     row("X019", Warning, "part of the mesh of a plant is not connected to it"),
     row("X020", Warning, "the paper's equations deflect an internode by more than its length; the angle is clamped"),
     row("X021", Warning, "more swaying plants than a glTF file has skins for"),
+    row("X022", Warning, "texture coordinates of a leaf in the rain are no chart; one is made for it"),
+    row("X023", Warning, "rain falls through a leaf whose mesh has no area"),
+    row("X024", Warning, "more drops on leaves than a frame shows as meshes"),
     row("X030", Error, "nothing to write: no triangles and no points"),
 ];
 

@@ -214,7 +214,7 @@ impl BinaryBuffer {
 
     /// A buffer view from `byte_offset` to the end of the buffer.
     fn add_view(&mut self, byte_offset: usize, target: Option<u32>) -> Result<Index> {
-        // Both containers count bytes in 32 bits; checked here, so that the export stops before memory is exhausted.
+        // A .glb counts its bytes in 32 bits, and a .gltf is held to the same limit. Checked here, so that the export stops before memory is exhausted.
         if u32::try_from(self.bytes.len()).is_err() {
             return Err(too_large(self.bytes.len()));
         }

@@ -54,7 +54,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     asset_folder: Some("gltf"),
     endings: &[("glb", "glTF in one file, pictures inside"), ("gltf", "glTF as JSON, data and pictures beside it")],
     pictures_beside: false,
-    memory_percent: 130,
+    memory_percent: 112,
     estimate,
     open,
 };

@@ -178,7 +178,7 @@ pub enum FileEntry {
 /// A file of a sequence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ItemEntry {
-    /// Number of its frame.
+    /// Frame of the clip; the file's name holds it padded with zeros (`Clip::tag`).
     pub frame: u32,
     /// Size of the file, bytes; checked together with the hash.
     pub bytes: u64,

@@ -13,14 +13,18 @@
 //!     keys: vec!["solid.0.size.1".into()],
 //!     outcome: vec!["exited".into()],
 //!     runs: vec![run(1, 10.0), run(2, 14.0)],
+//!     ..Sweep::default()
 //! };
-//! assert_eq!(sweep.means()[0].outcome, [[12.0, 10.0, 14.0]], "mean, least and most over the seeds");
+//! let exited = sweep.means()[0].outcome[0];
+//! assert_eq!([exited.mean, exited.least, exited.most], [12.0, 10.0, 14.0], "over the seeds");
 //! ```
 
+mod map_statistics;
 mod plot;
 mod sweep;
 
-pub use sweep::{Mean, Run, Sweep};
+pub use map_statistics::MapStatistics;
+pub use sweep::{Mean, Run, Spread, Sweep};
 
 use std::fmt::Write as _;
 use std::sync::Arc;

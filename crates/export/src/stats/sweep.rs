@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
 
+use super::map_statistics::MapStatistics;
 use super::plot::{PlotAxis, PlotLine, PlotPanel, draw_panels};
 use super::{Whole, named, number};
 use osier_base::Result;
@@ -20,6 +21,8 @@ pub struct Sweep {
     pub outcome: Vec<String>,
     /// In the order in which they were simulated.
     pub runs: Vec<Run>,
+    /// Maps at the last frame over the seeds, for each choice of values in the order of [`Sweep::means`].
+    pub maps: Vec<Vec<MapStatistics>>,
 }
 
 /// One simulation of a sweep: its parameters and the summary of its results.
@@ -42,8 +45,36 @@ pub struct Mean {
     pub values: Vec<String>,
     /// Number of runs over which the mean is taken, at least 1.
     pub count: usize,
-    /// Mean, minimum and maximum of each column of the outcome.
-    pub outcome: Vec<[f64; 3]>,
+    /// Of each column of the outcome.
+    pub outcome: Vec<Spread>,
+}
+
+/// A quantity over runs that differ in their seeds only.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// Smallest value.
+    pub least: f64,
+    /// Largest value.
+    pub most: f64,
+    /// Standard deviation with n - 1 in the denominator; 0 for a single run.
+    pub deviation: f64,
+}
+
+impl Spread {
+    /// The spread of at least one value.
+    pub fn of(values: &[f64]) -> Self {
+        let count = values.len().max(1) as f64;
+        let mean = values.iter().fold(0.0, |sum, v| sum + v) / count;
+        let squares = values.iter().fold(0.0, |sum, v| sum + (v - mean) * (v - mean));
+        Self {
+            mean,
+            least: values.iter().copied().fold(f64::INFINITY, f64::min),
+            most: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            deviation: (squares / (count - 1.0).max(1.0)).sqrt(),
+        }
+    }
 }
 
 impl Run {
@@ -60,8 +91,8 @@ impl Run {
 }
 
 impl Sweep {
-    /// Means over the seeds, in the order of the first runs of each choice of values.
-    pub fn means(&self) -> Vec<Mean> {
+    /// Runs of equal values, in the order of the first of each.
+    fn groups(&self) -> Vec<Vec<&Run>> {
         let mut groups: Vec<Vec<&Run>> = Vec::new();
         for run in &self.runs {
             match groups.iter_mut().find(|g| g[0].values == run.values) {
@@ -69,26 +100,40 @@ impl Sweep {
                 None => groups.push(vec![run]),
             }
         }
-        let mean = |group: &Vec<&Run>| {
-            let of = |name: &String| {
-                let each = || group.iter().map(|r| r.outcome(name));
-                let sum = each().fold(0.0, |sum, v| sum + v);
-                // Outcomes are counts and sizes, not negative, so the maximum may start at 0.
-                [sum / group.len() as f64, each().fold(f64::INFINITY, f64::min), each().fold(0.0, f64::max)]
-            };
-            Mean { values: group[0].values.clone(), count: group.len(), outcome: self.outcome.iter().map(of).collect() }
-        };
-        groups.iter().map(mean).collect()
+        groups
     }
 
-    /// Writes `sweep.csv`, `sweep.json`, and `sweep.svg` if there are keys and runs.
+    /// Means over the seeds, in the order of the first runs of each choice of values.
+    pub fn means(&self) -> Vec<Mean> {
+        let mean = |group: &Vec<&Run>| {
+            let of = |name: &String| Spread::of(&group.iter().map(|r| r.outcome(name)).collect::<Vec<_>>());
+            Mean { values: group[0].values.clone(), count: group.len(), outcome: self.outcome.iter().map(of).collect() }
+        };
+        self.groups().iter().map(mean).collect()
+    }
+
+    /// Writes `sweep.csv` (a row for each run), `means.csv` (a row for each choice of values), `sweep.json`, `sweep.svg` if there are
+    /// keys and runs, and `maps/<choice>/` with mean and standard deviation of each map over the seeds, where `<choice>` is the
+    /// number of a choice of values and the values.
     /// # Errors
-    /// `Io`.
+    /// `Io`; X012 for a map beyond the sizes of an image.
     pub fn write(&self, folder: &Folder) -> Result<()> {
         folder.write("sweep.csv", "sweep.csv", self.csv().as_bytes())?;
+        folder.write("means.csv", "sweep.csv", self.means_csv().as_bytes())?;
         folder.write("sweep.json", "sweep.json", format!("{:#}\n", self.json()).as_bytes())?;
         if !self.keys.is_empty() && !self.runs.is_empty() {
             folder.write("sweep.svg", "sweep.svg", self.svg().as_bytes())?;
+        }
+        // All pictures of a map share the scale of the choice with the largest density, so that they can be compared.
+        let count = self.maps.iter().map(Vec::len).max().unwrap_or(0);
+        let brightest: Vec<f64> = (0..count)
+            .map(|k| self.maps.iter().filter_map(|maps| maps.get(k)).map(MapStatistics::largest).fold(0.0, f64::max))
+            .collect();
+        for (i, (maps, choice)) in self.maps.iter().zip(self.means()).enumerate() {
+            let path = format!("maps/{}", choice_folder(i, &choice.values));
+            for (map, brightest) in maps.iter().zip(&brightest) {
+                map.write(folder, &path, *brightest)?;
+            }
         }
         Ok(())
     }
@@ -107,6 +152,24 @@ impl Sweep {
         out
     }
 
+    /// For each choice of values the number of its runs, then mean and standard deviation of each column of `sweep.csv` over them.
+    fn means_csv(&self) -> String {
+        let names: Vec<String> = self.runs.first().map(|r| r.numbers().map(|n| n.0).collect()).unwrap_or_default();
+        let columns = names.iter().flat_map(|name| [name.clone(), format!("{name}_deviation")]);
+        let heads: Vec<String> =
+            self.keys.iter().map(|k| csv_cell(k)).chain(["runs".to_owned()]).chain(columns).collect();
+        let mut out = heads.join(",") + "\n";
+        for group in self.groups() {
+            let rows: Vec<Vec<f64>> = group.iter().map(|run| run.numbers().map(|n| n.1).collect()).collect();
+            let spread = |k: usize| Spread::of(&rows.iter().filter_map(|row| row.get(k).copied()).collect::<Vec<_>>());
+            let numbers = (0..names.len()).map(spread).flat_map(|s| [number(s.mean), number(s.deviation)]);
+            let values = group[0].values.iter().map(|v| csv_cell(v));
+            let all: Vec<String> = values.chain([group.len().to_string()]).chain(numbers).collect();
+            let _ = writeln!(out, "{}", all.join(","));
+        }
+        out
+    }
+
     fn json(&self) -> Value {
         let values = |list: &[String]| -> Map<String, Value> {
             self.keys.iter().zip(list).map(|(k, v)| (k.clone(), v.clone().into())).collect()
@@ -118,10 +181,10 @@ impl Sweep {
             })
         };
         let mean = |m: &Mean| {
-            let each = |(name, [mean, least, most]): (&String, &[f64; 3])| {
-                (name.clone(), json!({ "mean": mean, "least": least, "most": most }))
-            };
-            let outcome: Map<String, Value> = self.outcome.iter().zip(&m.outcome).map(each).collect();
+            let spread =
+                |s: &Spread| json!({ "mean": s.mean, "least": s.least, "most": s.most, "deviation": s.deviation });
+            let names = self.outcome.iter().cloned();
+            let outcome: Map<String, Value> = names.zip(m.outcome.iter().map(spread)).collect();
             json!({ "values": values(&m.values), "runs": m.count, "outcome": outcome })
         };
         json!({
@@ -156,8 +219,12 @@ impl Sweep {
                 let label: Vec<String> = keys.zip(*rest).map(|(k, v)| format!("{k} {v}")).collect();
                 PlotLine {
                     label: label.join(", "),
-                    points: those.iter().map(|m| [position(m), m.outcome[i][0]]).collect(),
-                    spread: those.iter().filter(|m| m.count > 1).map(|m| [m.outcome[i][1], m.outcome[i][2]]).collect(),
+                    points: those.iter().map(|m| [position(m), m.outcome[i].mean]).collect(),
+                    spread: those
+                        .iter()
+                        .filter(|m| m.count > 1)
+                        .map(|m| [m.outcome[i].least, m.outcome[i].most])
+                        .collect(),
                 }
             };
             PlotPanel { name: name.replace('_', " "), lines: others.iter().map(line).collect() }
@@ -165,6 +232,12 @@ impl Sweep {
         let axis = PlotAxis { ticks: ticks.clone(), label: self.keys.first().cloned().unwrap_or_default() };
         draw_panels(&self.title, &axis, &self.outcome.iter().enumerate().map(panel).collect::<Vec<_>>())
     }
+}
+
+/// Name of the folder of a choice: its number and its values, in letters that every file system takes.
+fn choice_folder(number: usize, values: &[String]) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '-' { c } else { '_' };
+    values.iter().fold(format!("{number:02}"), |name, value| name + "_" + &value.chars().map(plain).collect::<String>())
 }
 
 /// A cell of a CSV row (RFC 4180): in quotes if it has a comma, a quote or a line break.
@@ -198,6 +271,7 @@ mod tests {
                 run(["0.5", "0.5"], 1, 20.0),
                 run(["0.5", "[1, 2]"], 1, 4.0),
             ],
+            maps: Vec::new(),
         }
     }
 
@@ -205,7 +279,15 @@ mod tests {
     fn seeds_are_averaged_and_choices_are_not() {
         let means = sweep().means();
         assert_eq!(means.iter().map(|m| m.count).collect::<Vec<_>>(), [2, 1, 1]);
-        assert_eq!(means[0].outcome, [[12.0, 10.0, 14.0], [2.0, 2.0, 2.0]]);
+        let spread = |mean, least, most, deviation| Spread { mean, least, most, deviation };
+        // Two values 4 apart: each 2 from the mean, and the sum of squares 8 over n - 1 = 1.
+        assert_eq!(means[0].outcome, [spread(12.0, 10.0, 14.0, 8.0_f64.sqrt()), spread(2.0, 2.0, 2.0, 0.0)]);
+    }
+
+    #[test]
+    fn folders_of_choices_are_plain_names() {
+        assert_eq!(choice_folder(3, &["[1, 2]".into(), "0.5".into()]), "03__1__2__0.5");
+        assert_eq!(choice_folder(0, &[]), "00");
     }
 
     #[test]
@@ -214,6 +296,20 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], "solid.0.size.1,flight.humidity,seed,merges,exited,mean_exited");
         assert_eq!((lines[1], lines[4]), ("2,0.5,1,2,10,5", "0.5,\"[1, 2]\",1,2,4,2"));
+    }
+
+    #[test]
+    fn a_row_of_means_for_each_choice() {
+        let text = sweep().means_csv();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(
+            lines[0],
+            "solid.0.size.1,flight.humidity,runs,merges,merges_deviation,exited,exited_deviation,mean_exited,mean_exited_deviation"
+        );
+        // Values 10 and 14: mean 12, deviation sqrt(8); of their halves half of both.
+        let numbers: Vec<f64> = lines[1].split(',').map(|v| v.parse().expect("a number")).collect();
+        assert_eq!(numbers, [2.0, 0.5, 2.0, 2.0, 0.0, 12.0, 8.0_f64.sqrt(), 6.0, 2.0_f64.sqrt()]);
+        assert_eq!((lines.len(), lines[3]), (4, "0.5,\"[1, 2]\",1,2,0,4,0,2,0"));
     }
 
     /// Two panels; a line for each humidity, from the lowest wall to the highest, with the spread of the seeds.

@@ -29,7 +29,7 @@ pub(super) fn define_material(
         writer.create_attr(&format!("{path}.outputs:displacement"), &AttrSpec::connected("token", source), None)?;
     }
     if m.translucency > 0.0 {
-        // The preview surface has no word for it; Blender shows it as a custom property.
+        // UsdPreviewSurface has no input for translucency; Blender shows this attribute as a custom property.
         let property = format!("{path}.userProperties:osier:translucency");
         writer.create_attr(
             &property,

@@ -27,17 +27,15 @@ pub(super) struct Brackets {
 /// Partner of every bracket; `NO_PARTNER` for all else and for brackets without one.
 pub(super) fn matching_brackets(modules: &ModuleString, brackets: Brackets) -> Vec<u32> {
     let mut partner = vec![NO_PARTNER; modules.len()];
-    let mut stack: Vec<usize> = Vec::new();
-    // A module beyond 2^32 counts as unmatched; a string of that length exceeds any memory limit.
-    let short = |i: usize| u32::try_from(i).unwrap_or(NO_PARTNER);
-    for (i, &s) in modules.symbols().iter().enumerate() {
+    let mut stack: Vec<u32> = Vec::new();
+    for (i, &s) in (0_u32..).zip(modules.symbols()) {
         if s == brackets.open {
             stack.push(i);
         } else if s == brackets.close
             && let Some(o) = stack.pop()
         {
-            partner[o] = short(i);
-            partner[i] = short(o);
+            partner[o as usize] = i;
+            partner[i as usize] = o;
         }
     }
     partner

@@ -220,8 +220,7 @@ fn add_petiole(mesh: &mut Mesh, place: &BladePlacement, pose: &BladePose) {
     if length <= 0.0 || radius <= 0.0 {
         return;
     }
-    // A blade has some thousand points.
-    let first = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+    let first = mesh.next_point();
     let foot = place.solid / place.side;
     let blade = place.midrib.last().map_or(1.0, |t| t.distance(place.anchor)).max(1e-9);
     // The tube ends inside the blade, a quarter of its length beyond its base.

@@ -82,7 +82,8 @@ pub fn simplified(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
             stack.extend([(a, k), (k, b)]);
         }
     }
-    // Restore points where the simplified ring crosses itself; each round adds at least one point per crossing edge.
+    // While the simplified ring crosses itself, put back the farthest dropped point of each crossing edge; an edge without
+    // dropped points stays as it is. At most 32 rounds.
     for _ in 0..32 {
         let kept: Vec<usize> = (0..n).filter(|i| keep[*i]).collect();
         let edges: Vec<(usize, usize)> =

@@ -189,7 +189,7 @@ fn warn_portability(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader,
         let span = reader.span(a, b);
         reader.push(Diagnostic::warning("I009", text, span, "here").help(help));
     };
-    // Each check names what Fractint does, so that authors can judge whether it matters.
+    // All but the last help text say what Fractint does with such an entry, so that authors can judge whether it matters.
     if header.above {
         let help = "Fractint wants the brace on the line of the name";
         note(reader, "the brace stands on the line after the name", help, (open, open + 1));

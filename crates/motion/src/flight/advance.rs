@@ -66,17 +66,21 @@ impl FlightSimulation {
         }
         let leaving = WindRelease { rate: self.options.release_rate, speed: self.options.release_speed };
         let dt = self.options.time_step();
-        // The wind is sampled only if some catkin waits for it; releases by time need none.
+        // The wind is sampled only at ripe catkins that wait for it; releases by time need none.
+        let due = |c: &Catkin| match c.wait {
+            ReleaseCondition::Until(when) => t >= when,
+            ReleaseCondition::Wind { ripe, .. } => t + dt > ripe,
+        };
         let mut pending: Vec<&mut Catkin> =
-            self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending).collect();
+            self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending && due(c)).collect();
         let places: Vec<Vec3> = pending.iter().map(|c| c.x.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
-        if pending.iter().any(|c| matches!(c.wait, ReleaseCondition::Wind(_))) {
+        if pending.iter().any(|c| matches!(c.wait, ReleaseCondition::Wind { .. })) {
             wind.sample(&places, t, &mut air);
         }
         for (c, air) in pending.iter_mut().zip(air) {
             if leaving.releases(&mut c.wait, air, t, dt) {
-                c.state = CatkinState::Airborne;
+                (c.state, c.free) = (CatkinState::Airborne, true);
                 c.since = t;
             }
         }
@@ -103,7 +107,7 @@ impl FlightSimulation {
                 *place = step(c).half_step(c.x, c.v, pull(c, *air, t)).as_vec3();
             }
             wind.sample(&places, t + dt / 2.0, &mut air);
-            let (mut landed, mut escaped) = (0_u64, Vec::new());
+            let (mut landed, mut escaped) = (Vec::new(), Vec::new());
             for (c, air) in those.iter_mut().zip(&air) {
                 let (way, v) = step(c).full_step(c.v, pull(c, *air, t + dt / 2.0));
                 // Sweep the ball along its displacement: the first contact ends the flight.
@@ -112,7 +116,9 @@ impl FlightSimulation {
                 let landing = path.sweep(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
-                landed += u64::from(c.land_on(&landing));
+                if c.land_on(&landing) {
+                    landed.extend(c.resting_place());
+                }
                 if options.is_outside(c.x) {
                     escaped.push(c.id);
                 }
@@ -120,9 +126,9 @@ impl FlightSimulation {
             (landed, PresentStates::of_catkins(chunk), escaped)
         });
         // Join the results of all tasks in the order of tasks, not of threads.
-        self.counters.deposits += landed.iter().map(|l| l.0).sum::<u64>();
         self.present = landed.iter().fold(PresentStates::default(), |present, l| present.union(l.1));
-        self.escaped = landed.into_iter().flat_map(|l| l.2).collect();
+        self.escaped = landed.iter().flat_map(|l| l.2.iter().copied()).collect();
+        self.record_landings(landed.into_iter().flat_map(|l| l.0));
     }
 
     /// Advances airborne clusters, each as one rigid body.
@@ -137,10 +143,12 @@ impl FlightSimulation {
             chunk.iter_mut().map(|cluster| self.advance_cluster(cluster, &mut probe, wind, t)).collect::<Vec<_>>()
         });
         for (cluster, landing) in flying.into_iter().zip(landings.into_iter().flatten()) {
-            if landing.touches() {
-                self.counters.deposits += cluster.members.len() as u64;
-            }
             self.follow_cluster(cluster, &landing);
+            if landing.touches() {
+                let places =
+                    cluster.members.iter().filter_map(|id| self.catkin(*id).resting_place()).collect::<Vec<_>>();
+                self.record_landings(places);
+            }
         }
         self.present = clusters.values().fold(self.present, |present, c| present.with_state(c.state));
         self.clusters = clusters;
@@ -242,7 +250,7 @@ mod tests {
         fn mean(&self) -> Vec3 {
             Vec3::ZERO
         }
-        fn mean_at(&self, _: f32) -> Vec3 {
+        fn mean_at(&self, _: Vec3) -> Vec3 {
             Vec3::ZERO
         }
         fn period(&self) -> Option<f64> {
@@ -256,7 +264,7 @@ mod tests {
     }
 
     fn plain() -> FlightParams {
-        FlightParams { glide: 0.0, fall_spread: 0.0, check_every: 64, ..FlightParams::default() }
+        FlightParams { glide: 0.0, fall_spread: 0.0, stick_probability: 0.0, ..FlightParams::default() }
     }
 
     /// Falling from rest in still air: v = -u_g (1 - e^(-t/tau)), y = -u_g (t - tau (1 - e^(-t/tau))).

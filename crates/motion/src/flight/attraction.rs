@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use super::collision::{SweptBall, push_out_of_solids, surface_contact};
 use super::particles::{Catkin, CatkinState, NO_TARGET};
 use super::{CATKINS_PER_TASK, FlightSimulation};
-use crate::flight::tuning::{MAX_JOIN_PUSH_OUT_ROUNDS, SAME_TIME};
+use crate::flight::tuning::{ATTRACTION_TICK, MAX_JOIN_PUSH_OUT_ROUNDS, SAME_TIME};
 use osier_base::math::{exp, ln, narrow};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
@@ -39,7 +39,7 @@ impl FlightSimulation {
     /// Moves attracted singles over this step, subdivided at the ticks in it.
     pub(super) fn attract_singles(&mut self, t: f64) {
         // Split the step at ticks: targets are constant in between.
-        let (tick, end) = (self.options.tick, t + self.options.time_step());
+        let (tick, end) = (ATTRACTION_TICK, t + self.options.time_step());
         let mut now = t;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ticks of a clip")]
         let mut next = ((t - SAME_TIME) / tick).ceil().max(0.0) as u64;
@@ -118,7 +118,7 @@ impl FlightSimulation {
                 return None;
             }
             // 1 - (1 - F)^(dt/T), with pull = ln(1 - F).
-            let share = 1.0 - exp(c.pull * dt / self.options.tick);
+            let share = 1.0 - exp(c.pull * dt / ATTRACTION_TICK);
             let way = project_onto_surface(c, (target.x - c.x) * share);
             // Solids stop the motion; what still overlaps is pushed out.
             let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&self.solids);
@@ -190,7 +190,6 @@ mod tests {
             humidity: super::super::GroundHumidity::Even(1.0),
             scales: [1.0, 1.0],
             fall_spread: 0.0,
-            check_every: 1,
             ..FlightParams::default()
         };
         let radius = options.kinds[0].radius;

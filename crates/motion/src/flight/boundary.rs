@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::particles::{Catkin, CatkinState, NO_TARGET, VelocityDecay};
 use super::release::inflow_point;
 use super::{FlightSimulation, ReleaseCondition, SideBoundary};
-use crate::flight::tuning::HIDDEN_FRAMES;
+use crate::flight::tuning::{HIDDEN_FRAMES, MAX_START_DRAWS};
 use osier_base::rng::Rng;
 
 impl FlightSimulation {
@@ -53,14 +53,14 @@ impl FlightSimulation {
         }
     }
 
-    /// Translates a single or a cluster without adding to its path.
+    /// Translates a single or a cluster without adding to its path or to its distance from its release.
     fn translate(&mut self, root: u32, by: DVec3) {
         if let Some(c) = self.clusters.get_mut(&root) {
             c.x += by;
             let members = c.members.clone();
-            members.iter().for_each(|id| self.catkin_mut(*id).x += by);
+            members.iter().for_each(|id| self.catkin_mut(*id).jump(by));
         } else {
-            self.catkin_mut(root).x += by;
+            self.catkin_mut(root).jump(by);
         }
     }
 
@@ -116,16 +116,17 @@ impl FlightSimulation {
                 let mut draw =
                     Rng::at(seed, &["flight".into(), c.id.into(), (c.generation + 1).into(), "entry".into()]);
                 // Draw until the position is outside of solids; the last draw counts.
-                c.x = inflow_point(wind, inside, band, &mut draw);
-                for _ in 1..64 {
-                    if !solids.contains(c.x.as_vec3()) {
+                let mut at = inflow_point(wind, inside, band, &mut draw);
+                for _ in 1..MAX_START_DRAWS {
+                    if !solids.contains(at.as_vec3()) {
                         break;
                     }
-                    c.x = inflow_point(wind, inside, band, &mut draw);
+                    at = inflow_point(wind, inside, band, &mut draw);
                 }
+                c.jump(at - c.x);
                 c.moved = true;
             } else if c.moved && now + frame * 1e-6 >= when + frame {
-                c.restart_flight(wind, now, &options);
+                c.restart_flight(wind, &options);
                 back += 1;
             }
         }
@@ -134,15 +135,21 @@ impl FlightSimulation {
 }
 
 impl Catkin {
-    /// Starts a new flight at the present position, with the mean wind and settling.
-    fn restart_flight(&mut self, wind: Vec3, t: f64, options: &super::FlightParams) {
+    /// Moves it without a flight: the distance from its release stays.
+    fn jump(&mut self, by: DVec3) {
+        self.x += by;
+        self.from += by;
+    }
+
+    /// Continues the flight at the present position, with the mean wind and settling.
+    fn restart_flight(&mut self, wind: Vec3, options: &super::FlightParams) {
         self.generation += 1;
         self.state = CatkinState::Airborne;
         self.v = wind.as_dvec3() - DVec3::Y * self.fall;
         self.travel = DVec3::ZERO;
-        self.moved = false;
+        (self.moved, self.free) = (false, true);
         self.rested = -1.0;
         self.lag = VelocityDecay::for_settling_speed(self.fall, options);
-        (self.lift, self.from, self.since) = (0.0, self.x, t);
+        self.lift = 0.0;
     }
 }

@@ -248,9 +248,11 @@ impl FlightSimulation {
         let (ci, cj) = (self.catkin(i), self.catkin(j));
         let between = self.nearest_image(cj.x - ci.x);
         let flies = one.state == CatkinState::Airborne && other.state == CatkinState::Airborne;
-        let close = self.options.stick_close * f64::from(ci.radius + cj.radius);
-        // In the air the pair contracts along the new bond until it is `stick_close` of both radii apart.
-        let far = flies && between.length() > close;
+        let touching = f64::from(ci.radius + cj.radius);
+        let close = self.options.stick_close * touching;
+        // A pair that met in the air contracts along the new bond until it is `stick_close` of both radii apart, even if one
+        // of the two has landed since.
+        let far = between.length() > if flies { close } else { touching };
         let left = if far { between * (1.0 - close / between.length()) } else { DVec3::ZERO };
         // The deposited one determines the surface that both rest on.
         let resting = if one.state == CatkinState::Airborne { b } else { a };
@@ -262,13 +264,15 @@ impl FlightSimulation {
         whole.fall = whole.sum_of_fall_speeds / n * pow(n, self.options.beta);
         whole.lag = VelocityDecay::for_settling_speed(whole.fall, &self.options);
         let root = a.min(b);
-        let mut landed = 0;
+        let mut landed = Vec::new();
         // All members take over the state of the merged body.
         for id in &whole.members {
             let state = whole.state;
             let c = self.catkin_mut(*id);
             // Who sticks to what lies has come to rest by it.
-            landed += u64::from(c.state == CatkinState::Airborne && state.is_deposited());
+            if c.state == CatkinState::Airborne && state.is_deposited() {
+                landed.push(*id);
+            }
             c.root = root;
             c.clustered = true;
             c.state = state;
@@ -279,9 +283,10 @@ impl FlightSimulation {
             }
         }
         self.clusters.insert(root, whole);
-        self.counters.deposits += landed;
         self.counters.merges += 1;
         self.place_members(root);
+        let places: Vec<_> = landed.into_iter().filter_map(|id| self.catkin(id).resting_place()).collect();
+        self.record_landings(places);
     }
 
     /// Sets positions and velocities of members from their cluster.

@@ -97,6 +97,14 @@ pub(super) fn push_out_of_solids(solids: &Solids, mut at: DVec3, radius: f32) ->
     at
 }
 
+/// Brings a sphere that slid by `way`, m, back to a surface that curved away below it by no more than it slid.
+pub(super) fn follow_surface(solids: &Solids, at: DVec3, radius: f32, way: DVec3) -> DVec3 {
+    // Without this what slides over an edge would take off and land in every step.
+    let near = solids.near(at.as_vec3(), radius + narrow(way.length()));
+    let gap = near.map_or(0.0, |n| n.nearest.distance - radius);
+    near.map_or(at, |n| at - n.nearest.normal.as_dvec3() * f64::from(gap.max(0.0)))
+}
+
 /// Whether ground or a top face supports a sphere.
 pub(super) fn is_supported(solids: &Solids, at: DVec3, radius: f32) -> bool {
     solids.all_near(at.as_vec3(), radius * CONTACT_FACTOR).iter().any(|n| n.nearest.normal.y > GROUND_NORMAL_Y)

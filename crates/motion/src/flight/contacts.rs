@@ -4,19 +4,19 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::particles::{Catkin, CatkinState};
 use super::{FlightParams, FlightSimulation, SideBoundary};
-use crate::flight::tuning::{MAX_CELLS_PER_AXIS, PLANES_PER_TASK, REST_CELL, ROUNDING_MARGIN};
+use crate::flight::tuning::{ENCOUNTER_TIME, MAX_CELLS_PER_AXIS, PLANES_PER_TASK, REST_CELL, ROUNDING_MARGIN};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 
-/// An airborne catkin over the interval since the last search.
+/// A catkin over a step at whose beginning it was airborne.
 #[derive(Debug, Clone, Copy)]
 struct SweptCatkin {
     id: u32,
     root: u32,
-    /// Displacement over the interval, m.
+    /// Displacement in the step, m.
     way: Vec3,
     reach: f32,
 }
@@ -24,7 +24,7 @@ struct SweptCatkin {
 impl SweptCatkin {
     /// Whether two catkins came within reach. `between`: from the midpoint of this one's path to that of the other's.
     fn comes_within_reach(&self, other: &Self, between: Vec3) -> bool {
-        // Swept spheres: the closest approach of two linear motions over the interval, in relative coordinates.
+        // Swept spheres: the closest approach of two linear motions over the step, in relative coordinates.
         let way = other.way - self.way;
         let start = between - way * 0.5;
         let square = way.length_squared();
@@ -65,17 +65,17 @@ pub(super) struct ContactGrid {
 }
 
 impl ContactGrid {
-    /// Collects catkins that were airborne since the last search. `begin`: also starts the next interval for all
+    /// Collects catkins that were airborne when the step began. `begin`: also starts the next step's paths of all
     /// catkins.
     fn collect_flyers(&mut self, options: &FlightParams, catkins: &mut [Catkin], begin: bool) {
         self.flyers.clear();
         self.loose.clear();
         self.round = options.edges.map(|e| e == SideBoundary::Periodic);
         (self.low, self.size) = (options.inside.min, options.inside.size());
-        // Only catkins that were airborne for the whole interval have a straight path.
+        // Those that were airborne when the step began: the path of one that landed ends there.
         let stick = narrow(options.stick_radius);
         for c in catkins {
-            if c.free && c.state == CatkinState::Airborne {
+            if c.free && c.state.is_seen() {
                 let way = c.travel.as_vec3();
                 let middle = self.wrap((c.x - c.travel * 0.5).as_vec3());
                 self.flyers.push(SweptCatkin { id: c.id, root: c.root, way, reach: c.radius.max(stick) });
@@ -243,7 +243,7 @@ struct RestingCatkins<'a> {
 }
 
 impl Catkin {
-    /// Starts the interval up to the next search.
+    /// Starts the path of the next step.
     fn begin_contact_interval(&mut self) {
         self.travel = DVec3::ZERO;
         self.free = self.state == CatkinState::Airborne;
@@ -252,15 +252,16 @@ impl Catkin {
 }
 
 impl FlightSimulation {
-    /// Finds contacts since the last search and joins the pairs that hold.
+    /// Finds contacts of this step and joins the pairs that hold.
     pub(super) fn join_contacts(&mut self, t: f64) {
-        // One draw per pair and search, addressed by both indices and the number of the search.
-        let check = self.step / u64::from(self.options.check_every.max(1));
+        // One draw per pair and encounter, not per step, addressed by both indices and the time.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of a clip")]
+        let encounter = (t / ENCOUNTER_TIME) as u64;
         let pairs = self.airborne_contacts();
         let chance = self.options.stick_probability;
         for (i, j) in pairs {
             let holds = chance >= 1.0 || {
-                let address = ["stick".into(), i.into(), j.into(), check.into()];
+                let address = ["stick".into(), i.into(), j.into(), encounter.into()];
                 Rng::at(self.options.seed, &address).chance(chance)
             };
             if holds {
@@ -276,7 +277,7 @@ impl FlightSimulation {
     }
 
     fn airborne_contacts(&mut self) -> Vec<(u32, u32)> {
-        // Without deposits no other search needs the paths of this interval.
+        // Without deposits no other search needs the paths of this step.
         self.contact_grid.collect_flyers(&self.options, &mut self.catkins, !self.present.deposited);
         if self.contact_grid.flyers.len() < 2 {
             return Vec::new();
@@ -318,12 +319,11 @@ impl FlightSimulation {
         pairs
     }
 
-    /// Adds the pairs of a catkin with the deposited ones that its path since the last search touches.
+    /// Adds the pairs of a catkin with the deposited ones that its path in this step touches.
     fn pairs_with_resting(&self, c: &Catkin, resting: &RestingCatkins<'_>, pairs: &mut Vec<(u32, u32)>) {
         let RestingCatkins { grid, widest, bounds } = *resting;
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
-        // A deposited catkin is tested at its present position only.
-        let start = if c.state == CatkinState::Airborne { (c.x - c.travel).as_vec3() } else { end };
+        let start = (c.x - c.travel).as_vec3();
         let (low, high) = (start.min(end) - Vec3::splat(reach), start.max(end) + Vec3::splat(reach));
         if high.cmplt(bounds.min).any() || low.cmpgt(bounds.max).any() {
             return;
@@ -335,8 +335,12 @@ impl FlightSimulation {
             }
             let way = end - start;
             let from = start - other.x.as_vec3();
-            let square = way.length_squared();
-            let s = if square > 0.0 { (-from.dot(way) / square).clamp(0.0, 1.0) } else { 0.0 };
+            let (square, closing) = (way.length_squared(), -from.dot(way));
+            // One in the air joins what it moves towards, not the heap that it was torn or lifted off.
+            if c.state == CatkinState::Airborne && closing <= 0.0 {
+                return;
+            }
+            let s = if square > 0.0 { (closing / square).clamp(0.0, 1.0) } else { 0.0 };
             let touch = c.radius + other.radius;
             if (from + way * s).length_squared() <= touch * touch {
                 pairs.push((c.id.min(id), c.id.max(id)));
@@ -382,7 +386,7 @@ mod tests {
         for edges in
             [[SideBoundary::Recycle; 2], [SideBoundary::Periodic; 2], [SideBoundary::Periodic, SideBoundary::Exit]]
         {
-            let mut flights = some(2000, FlightParams { edges, ..FlightParams::default() });
+            let mut flights = some(2000, FlightParams { edges, stick_radius: 0.2, ..FlightParams::default() });
             for (i, c) in (0..).zip(&mut flights.catkins) {
                 let f = f64::from(i);
                 c.travel = DVec3::new((f * 0.37) % 1.0 - 0.5, (f * 0.71) % 1.0 - 0.5, (f * 0.13) % 2.0 - 1.0);

@@ -4,7 +4,8 @@ use glam::{DVec3, Vec3};
 
 use super::clusters::CatkinCluster;
 use super::collision::{
-    SurfaceContact, SweepResult, SweptBall, combined_contact, deepest_penetration, push_out_of_solids, surface_contact,
+    SurfaceContact, SweepResult, SweptBall, combined_contact, deepest_penetration, follow_surface, push_out_of_solids,
+    surface_contact,
 };
 use super::particles::{Catkin, CatkinState};
 use super::tuning::{GROUND_NORMAL_Y, MAX_PUSH_OUT_PASSES, PENETRATION_TOLERANCE};
@@ -25,7 +26,6 @@ impl Catkin {
         self.state = hold.state;
         self.normal = hold.normal;
         self.face = hold.face;
-        self.free = false;
         self.moved_since_check = true;
     }
 }
@@ -115,6 +115,7 @@ impl FlightSimulation {
             cluster.v = (landing.at - cluster.x) / dt;
             cluster.x = landing.at;
             if landing.contact.is_none() {
+                self.counters.falls += cluster.members.len() as u64;
                 cluster.state = CatkinState::Airborne;
             }
             self.clusters.insert(root, cluster);
@@ -124,13 +125,16 @@ impl FlightSimulation {
         let solids = std::sync::Arc::clone(&self.solids);
         let c = self.catkin_mut(root);
         let (gone, _) = SweptBall { from: c.x, way, radius: c.radius }.trace_free_share(&solids);
-        let at = push_out_of_solids(&solids, c.x + way * gone, c.radius);
+        let at = follow_surface(&solids, push_out_of_solids(&solids, c.x + way * gone, c.radius), c.radius, way);
         c.v = (at - c.x) / dt;
         c.travel += at - c.x;
         c.x = at;
         match surface_contact(&solids, at, c.radius) {
             Some(hold) => c.rest_on(hold),
-            None => c.state = CatkinState::Airborne,
+            None => {
+                (c.state, c.rested) = (CatkinState::Airborne, -1.0);
+                self.counters.falls += 1;
+            }
         }
     }
 

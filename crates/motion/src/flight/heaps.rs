@@ -211,11 +211,16 @@ impl FlightSimulation {
                 surface_contact(&self.solids, c.x, c.radius)
             });
             let held = combined_contact(&holds.collect::<Vec<_>>());
+            self.counters.falls += if held.is_none() { members.len() as u64 } else { 0 };
             for id in &members {
                 let c = self.catkin_mut(*id);
                 (c.root, c.clustered) = (members[0], members.len() > 1);
                 match held {
-                    Some(hold) => c.rest_on(hold),
+                    Some(hold) => {
+                        c.rest_on(hold);
+                        // It lies where it lay: it does not join again what it was just torn off.
+                        c.moved_since_check = false;
+                    }
                     None => (c.state, c.rested) = (CatkinState::Airborne, -1.0),
                 }
             }

@@ -1,14 +1,18 @@
 //! Lift-off: the wind resuspends deposits, the more easily the drier the ground.
 //!
-//! Own: the paper names the humidity and the "viscosity of the ground" without an equation. A deposit of n catkins
-//! lifts off when the wind at 0.1 m exceeds u_t0 (1 + k h / (1 - h)) min(3, n^(1/3)).
+//! Own: the paper names the humidity and the "viscosity of the ground" without an equation. The threshold of a deposit
+//! of n catkins is a wind at 0.1 m of u_t = u_t0 (1 + k h / (1 - h)) min(3, n^(1/3)). Above it lift-off is a random
+//! process with the rate r (u / u_t - 1), as for the resuspension of particles by bursts of turbulence. Each lift-off
+//! carries the deposit off the surface by at least [`MIN_HOP`] radii. A rate and a least height make their number
+//! independent of the time step; with the threshold alone, deposits near it would lift off and land in every step.
 
 use glam::{DVec3, Vec3};
 
 use super::FlightSimulation;
 use super::particles::CatkinState;
-use crate::flight::tuning::{CREEP_SHARE, LIFT_HEIGHT, UPDRAFT_SHARE};
-use osier_base::math::{cbrt, ln};
+use crate::flight::tuning::{CREEP_SHARE, LIFT_HEIGHT, MIN_HOP, UPDRAFT_SHARE, UPDRAFT_TIME};
+use osier_base::math::{cbrt, ln, narrow, sqrt};
+use osier_base::rng::Rng;
 use osier_wind::Wind;
 
 /// A deposited single or cluster, with what its threshold depends on.
@@ -17,35 +21,39 @@ struct RestingDeposit {
     count: usize,
     at: DVec3,
     radius: f64,
+    /// Normal of the surface that carries it: in a corner the ground's.
     normal: Vec3,
     humidity: f64,
     wall: bool,
 }
 
 impl FlightSimulation {
-    /// Lifts deposits above their threshold, and lets singles near it creep.
+    /// Lifts deposits off where the wind exceeds their threshold, and lets singles near it creep.
     pub(super) fn lift_off(&mut self, wind: &dyn Wind, t: f64) {
         let deposits = if self.present.deposited { self.resting_deposits() } else { Vec::new() };
         if deposits.is_empty() {
             return;
         }
-        // Sample the wind at the height where it is resolved, along the surface normal for wall deposits.
-        let height = self.options.known_height.max(LIFT_HEIGHT);
+        // The wind over ground 0.1 m above it; from walls where it is resolved, since nearer they block what leaves them.
+        let known = self.options.min_resolved_height.max(LIFT_HEIGHT);
         let above = |d: &RestingDeposit| {
-            let out = if d.wall { d.normal } else { Vec3::Y }.as_dvec3();
-            (d.at + out * (height - d.radius)).as_vec3()
+            let (out, height) = if d.wall { (d.normal, known) } else { (Vec3::Y, LIFT_HEIGHT) };
+            (d.at + out.as_dvec3() * (height - d.radius)).as_vec3()
         };
         let places: Vec<Vec3> = deposits.iter().map(above).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t, &mut air);
         let z0 = self.options.roughness;
-        // Logarithmic law: u(0.1 m) / u(height).
-        let down = ln((LIFT_HEIGHT + z0) / z0) / ln((height + z0) / z0);
+        // Logarithmic law: u(0.1 m) / u(known).
+        let down = ln((LIFT_HEIGHT + z0) / z0) / ln((known + z0) / z0);
         // On walls only the wind away from the wall counts, elsewhere the horizontal wind.
         let mut sum = 0.0;
         for (d, air) in deposits.iter().zip(&air) {
-            let speed = if d.wall { air.dot(d.normal).max(0.0) } else { Vec3::new(air.x, 0.0, air.z).length() };
-            let speed = f64::from(speed) * down;
+            let speed = if d.wall {
+                f64::from(air.dot(d.normal).max(0.0)) * down
+            } else {
+                f64::from(Vec3::new(air.x, 0.0, air.z).length())
+            };
             sum += speed;
             self.lift_or_creep(d, *air, speed, t);
         }
@@ -72,7 +80,7 @@ impl FlightSimulation {
                     count,
                     at: c.x,
                     radius: f64::from(c.radius),
-                    normal: c.normal,
+                    normal: if c.state == CatkinState::Corner { Vec3::Y } else { c.normal },
                     humidity,
                     wall,
                 }
@@ -93,17 +101,32 @@ impl FlightSimulation {
     /// Lifts a deposit off, or lets a single catkin creep, at time `t`, s. `air`: wind above it, m/s; `speed`: that wind at
     /// 0.1 m from the surface, m/s.
     fn lift_or_creep(&mut self, d: &RestingDeposit, air: Vec3, speed: f64, t: f64) {
-        // Above the threshold a deposit lifts off; a single creeps from half of it on.
+        // Above the threshold a deposit lifts off at some time; a single creeps from half of it on until then.
         let least = self.lift_off_threshold(d);
-        if speed > least {
+        if speed > least && self.lifts_in_this_step(d.root, self.options.lift_rate * (speed / least - 1.0)) {
             let fall = self.clusters.get(&d.root).map_or_else(|| self.catkin(d.root).fall, |c| c.fall);
-            self.take_off(d.root, fall + UPDRAFT_SHARE * (speed - least), t);
+            let rise = updraft_to_height(MIN_HOP * d.radius, fall) + UPDRAFT_SHARE * (speed - least);
+            self.take_off(d.root, fall + rise, t + self.options.time_step());
         } else if d.count == 1 && !d.wall && speed > least / 2.0 {
-            let level = Vec3::new(air.x, 0.0, air.z).normalize_or_zero().as_dvec3();
-            self.slide_deposit(d.root, level * (CREEP_SHARE * (1.0 - d.humidity) * speed * self.options.time_step()));
+            // Along the surface, in the direction of the wind over it.
+            let along = (air - d.normal * air.dot(d.normal)).normalize_or_zero().as_dvec3();
+            self.slide_deposit(d.root, along * (CREEP_SHARE * (1.0 - d.humidity) * speed * self.options.time_step()));
         } else if !d.wall {
             self.stop_creeping(d.root);
         }
+    }
+
+    /// Advances a deposit's random lift-off by a step at the given rate, 1/s, and returns whether it takes place.
+    fn lifts_in_this_step(&mut self, root: u32, rate: f64) -> bool {
+        // The integral of the rate until the lift-off is exponentially distributed, whatever the time step.
+        let (seed, dt) = (self.options.seed, self.options.time_step());
+        let c = self.catkin_mut(root);
+        if c.lift_exposure <= 0.0 {
+            let address = ["flight".into(), c.id.into(), c.generation.into(), c.hops.into(), "lift".into()];
+            c.lift_exposure = narrow(-ln(1.0 - Rng::at(seed, &address).unit_f64())).max(f32::MIN_POSITIVE);
+        }
+        c.lift_exposure -= narrow(rate * dt);
+        c.lift_exposure <= 0.0
     }
 
     fn stop_creeping(&mut self, root: u32) {
@@ -113,10 +136,10 @@ impl FlightSimulation {
         }
     }
 
-    /// Makes a deposit airborne with an updraft of initially `rise`, m/s.
+    /// Makes a deposit airborne at time `t`, s, with an updraft of initially `rise`, m/s.
     fn take_off(&mut self, root: u32, rise: f64, t: f64) {
-        self.counters.lift_offs += 1;
         let members = self.clusters.get(&root).map_or_else(|| vec![root], |c| c.members.clone());
+        self.counters.lift_offs += members.len() as u64;
         if let Some(c) = self.clusters.get_mut(&root) {
             (c.state, c.v, c.lift, c.lifted) = (CatkinState::Airborne, DVec3::ZERO, rise, t);
             c.loose = true;
@@ -124,8 +147,35 @@ impl FlightSimulation {
         for id in members {
             let c = self.catkin_mut(id);
             (c.state, c.v, c.target) = (CatkinState::Airborne, DVec3::ZERO, super::particles::NO_TARGET);
-            (c.lift, c.lifted, c.from, c.since) = (rise, t, c.x, t);
-            c.rested = -1.0;
+            (c.lift, c.lifted, c.lift_exposure, c.rested) = (rise, t, 0.0, -1.0);
+            c.hops += 1;
+            // Contacts of this step were searched before: its path begins here.
+            (c.free, c.travel) = (true, DVec3::ZERO);
+        }
+    }
+}
+
+/// Initial updraft in excess of the settling speed `fall`, m/s, that carries a catkin at least `height` m up in calm
+/// air.
+fn updraft_to_height(height: f64, fall: f64) -> f64 {
+    // With the updraft (fall + e) exp(-t / T) the greatest height is T (e - fall ln(1 + e / fall)). Its inverse as a
+    // series in y = sqrt(2 height / (T fall)), cut off where the next term is negative.
+    let y = sqrt(2.0 * height / (UPDRAFT_TIME * fall));
+    fall * y * (1.0 + y / 3.0 + y * y / 36.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn updraft_carries_to_its_height() {
+        for fall in [0.1, 0.24, 1.0] {
+            for height in [0.01, 0.04, 0.2] {
+                let e = updraft_to_height(height, fall);
+                let top = UPDRAFT_TIME * (e - fall * ln(1.0 + e / fall));
+                assert!(top > height && top < 1.1 * height, "{top} for {height} at {fall}");
+            }
         }
     }
 }

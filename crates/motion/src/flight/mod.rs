@@ -31,6 +31,7 @@ mod contacts;
 mod deposit;
 mod heaps;
 mod lift_off;
+mod near_surface;
 mod params;
 mod particles;
 mod present_states;
@@ -44,18 +45,19 @@ mod tests;
 
 use std::sync::Arc;
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use osier_scene::solid::Solids;
 use osier_wind::Wind;
 
 pub use params::{CatkinKind, CatkinStart, FlightParams, GroundHumidity, ReleaseCondition, SideBoundary};
-pub use particles::{Catkin, CatkinState};
+pub use particles::{Catkin, CatkinState, RestingPlace};
 pub use release::{SkyRelease, sky_starts};
 pub use stats::FlightStats;
 
 use clusters::CatkinClusters;
 use contacts::ContactGrid;
+use near_surface::NearSurfaceWind;
 use present_states::PresentStates;
 
 /// Catkins per task: large enough that scheduling costs nothing, small enough for the L2 cache.
@@ -87,6 +89,17 @@ pub struct FlightSimulation {
     /// Buffers of the contact search, reused.
     contact_grid: ContactGrid,
     counters: stats::EventCounters,
+    /// Depositions of the last step.
+    landings: Vec<RestingPlace>,
+}
+
+/// A place that moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CarriedPoint {
+    /// In the world, m.
+    pub position: DVec3,
+    /// m/s.
+    pub velocity: DVec3,
 }
 
 /// Visible state of all catkins at one time, by index.
@@ -113,7 +126,8 @@ impl FlightSimulation {
     /// [`FlightStats::buried`].
     pub fn new(options: FlightParams, solids: Arc<Solids>, starts: &[CatkinStart]) -> Self {
         let mut catkins: Vec<Catkin> = (0..).zip(starts).map(|(id, start)| Catkin::new(id, *start, &options)).collect();
-        let mut counters = stats::EventCounters::default();
+        let mut counters =
+            stats::EventCounters { deposits_at: vec![0; solids.list().len()], ..stats::EventCounters::default() };
         for c in &mut catkins {
             if solids.contains(c.x.as_vec3()) {
                 c.state = CatkinState::Exited;
@@ -138,6 +152,7 @@ impl FlightSimulation {
             escaped,
             contact_grid,
             counters,
+            landings: Vec::new(),
         }
     }
 
@@ -176,7 +191,10 @@ impl FlightSimulation {
     /// Advances by one step.
     pub fn advance(&mut self, wind: &dyn Wind) {
         let t = self.seconds();
-        self.mean_wind = wind.mean();
+        let solids = Arc::clone(&self.solids);
+        let wind: &dyn Wind = &NearSurfaceWind::new(wind, &solids, &self.options);
+        self.mean_wind = wind.mean_during(t);
+        self.landings.clear();
         if self.options.sorted && self.step.is_multiple_of(SORT_INTERVAL_STEPS) {
             self.sort_by_location();
         }
@@ -188,9 +206,7 @@ impl FlightSimulation {
         self.contract_resting_clusters();
         self.relax_heaps();
         self.slide_down_walls(wind, t);
-        if (self.step + 1).is_multiple_of(u64::from(self.options.check_every.max(1))) {
-            self.join_contacts(t);
-        }
+        self.join_contacts(t);
         // Attraction to deposited clusters, lift-off by the wind, sides of the box, and last rotation.
         self.attract_singles(t);
         self.lift_off(wind, t);
@@ -228,6 +244,20 @@ impl FlightSimulation {
 
     fn catkin_mut(&mut self, id: u32) -> &mut Catkin {
         &mut self.catkins[self.slot[id as usize] as usize]
+    }
+
+    /// Whether any catkin waits for its release.
+    pub fn has_pending(&self) -> bool {
+        self.present.pending
+    }
+
+    /// Moves the catkins that wait for their release with what they hang on. `carried`: where each is, by its index.
+    pub fn move_pending(&mut self, carried: impl Fn(u32) -> Option<CarriedPoint>) {
+        for c in self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending) {
+            if let Some(CarriedPoint { position, velocity }) = carried(c.id) {
+                (c.x, c.from, c.v) = (position, position, velocity);
+            }
+        }
     }
 
     /// Present visible state.

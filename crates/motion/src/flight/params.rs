@@ -42,8 +42,13 @@ pub enum ReleaseCondition {
     /// At a time since the start, s.
     Until(f64),
     /// By the wind: when the integral of [`FlightParams::release_rate`] times the relative excess of the local wind
-    /// over [`FlightParams::release_speed`] reaches this value.
-    Wind(f64),
+    /// over [`FlightParams::release_speed`] reaches `exposure`, from the time `ripe` on, s.
+    Wind {
+        /// Integral at which it is released.
+        exposure: f64,
+        /// Time since the start before which it is not released, s.
+        ripe: f64,
+    },
 }
 
 /// Humidity of the ground, 0 to 1.
@@ -120,20 +125,21 @@ pub struct FlightParams {
     pub stick_probability: f64,
     /// Distance to which bonded catkins contract, over the sum of their radii.
     pub stick_close: f64,
-    /// Steps between two contact searches, >= 1.
-    pub check_every: u32,
     /// Decay of attraction with distance, 1/m^2, > 0; gamma of \[catkin\] eq. 14.
     pub gamma: f64,
-    /// Interval at which attraction targets are chosen anew.
-    pub tick: f64,
     /// Humidity of the ground.
     pub humidity: GroundHumidity,
-    /// Wind speed at 0.1 m height that lifts a dry single.
+    /// Wind speed at 0.1 m height from which on a dry single lifts off.
     pub lift_speed: f64,
+    /// Lift-off rate, 1/s, where the wind at 0.1 m is twice its threshold.
+    pub lift_rate: f64,
     /// Increase of that speed with humidity, k in 1 + k h / (1 - h).
     pub lift_wet: f64,
     /// Least height above a surface at which the wind field is resolved, m; below, the logarithmic law is used.
-    pub known_height: f64,
+    pub min_resolved_height: f64,
+    /// Height above a surface below which the wind across it decreases to 0, m; as `min_resolved_height` for a wind field that
+    /// does not blow through solids.
+    pub blocking_height: f64,
     /// Displacement per step above which steps are counted in `FlightStats::long_steps`, m.
     pub longest_step: f64,
     /// Aerodynamic roughness length of the ground, m.
@@ -164,16 +170,16 @@ impl Default for FlightParams {
             beta: 0.0,
             release_rate: 0.2,
             release_speed: 0.6,
-            stick_radius: 0.2,
+            stick_radius: 0.05,
             stick_probability: 1.0,
             stick_close: 0.8,
-            check_every: 4,
             gamma: 4.605,
-            tick: 0.3,
             humidity: GroundHumidity::Even(0.3),
             lift_speed: 0.25,
+            lift_rate: 1.0,
             lift_wet: 3.0,
-            known_height: 0.25,
+            min_resolved_height: 0.25,
+            blocking_height: 1.0,
             longest_step: f64::INFINITY,
             roughness: 0.05,
             flutter: 1.0,

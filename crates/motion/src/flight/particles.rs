@@ -36,6 +36,21 @@ impl CatkinState {
     }
 }
 
+/// Where a catkin rests, and what rests there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RestingPlace {
+    /// Origin of the hairs, m.
+    pub position: DVec3,
+    /// Mass of the catkin, kg.
+    pub mass: f64,
+    /// Whether it lies, is at a wall or in a corner.
+    pub state: CatkinState,
+    /// Index of the supporting solid, none for level ground; in a corner that of the wall.
+    pub face: Option<u32>,
+    /// Normal of the supporting surface.
+    pub normal: Vec3,
+}
+
 /// Marks a catkin without an attraction target.
 pub(super) const NO_TARGET: u32 = u32::MAX;
 
@@ -53,12 +68,12 @@ pub struct Catkin {
     pub(super) state: CatkinState,
     /// Member of a cluster.
     pub(super) clustered: bool,
-    /// Airborne since the last contact search.
+    /// Airborne when this step's path began.
     pub(super) free: bool,
-    /// Deposited or displaced since that search.
+    /// Deposited or displaced since the last contact search.
     pub(super) moved_since_check: bool,
     pub(super) x: DVec3,
-    /// Path since that search, not wrapped at periodic sides, m.
+    /// Path since that search, of about a step, not wrapped at periodic sides, m.
     pub(super) travel: DVec3,
 
     pub(super) v: DVec3,
@@ -88,7 +103,11 @@ pub struct Catkin {
     /// Attraction target, and ln(1 - F): the logarithm of the distance's share that is left after a tick.
     pub(super) target: u32,
     pub(super) pull: f64,
-    /// Start position, m, and time, s, of the present flight.
+    /// Lift-offs so far, and the integral of the lift-off rate that is left until the next; 0 if not yet drawn.
+    pub(super) hops: u32,
+    pub(super) lift_exposure: f32,
+    /// Position, m, and time, s, of its release. The position moves along where the catkin is moved at sides of the
+    /// box, so that the distance from it is that through the air.
     pub(super) from: DVec3,
     pub(super) since: f64,
     /// Time of its deposition, s; negative in flight.
@@ -157,6 +176,8 @@ impl Catkin {
             face: None,
             target: NO_TARGET,
             pull: 0.0,
+            hops: 0,
+            lift_exposure: 0.0,
             from: start.at,
             since: 0.0,
             rested: -1.0,
@@ -209,6 +230,23 @@ impl Catkin {
     /// Smallest index in its cluster.
     pub fn root(&self) -> u32 {
         self.root
+    }
+
+    /// Horizontal distance from its release, m, without the jumps at sides of the box.
+    pub fn flight_distance(&self) -> f64 {
+        let d = self.x - self.from;
+        osier_base::math::sqrt(d.x * d.x + d.z * d.z)
+    }
+
+    /// Time from its release to its last deposition, s; `None` in flight.
+    pub fn flight_time(&self) -> Option<f64> {
+        (self.state.is_deposited() && self.rested >= 0.0).then_some(self.rested - self.since)
+    }
+
+    /// Where it rests; `None` in flight.
+    pub fn resting_place(&self) -> Option<RestingPlace> {
+        let Self { x: position, mass, state, face, normal, .. } = *self;
+        state.is_deposited().then_some(RestingPlace { position, mass, state, face, normal })
     }
 
     /// Index of the supporting solid, none for level ground, and the surface normal.

@@ -77,10 +77,11 @@ impl WindRelease {
     pub fn releases(self, wait: &mut ReleaseCondition, air: Vec3, t: f64, dt: f64) -> bool {
         match wait {
             ReleaseCondition::Until(when) => t >= *when,
-            ReleaseCondition::Wind(left) => {
-                // Cumulative hazard: the release time does not depend on the step.
-                *left -= self.rate * (f64::from(air.length()) / self.speed - 1.0).max(0.0) * dt;
-                *left <= 0.0
+            ReleaseCondition::Wind { exposure, ripe } => {
+                // Cumulative hazard over the ripe part of the step: the release time does not depend on the step.
+                let part = (t + dt - *ripe).clamp(0.0, dt);
+                *exposure -= self.rate * (f64::from(air.length()) / self.speed - 1.0).max(0.0) * part;
+                *exposure <= 0.0
             }
         }
     }
@@ -95,11 +96,13 @@ mod tests {
     fn wind_release_is_independent_of_the_step() {
         for dt in [0.1, 0.01, 0.001] {
             let leaving = WindRelease { rate: 0.2, speed: 0.6 };
-            let (mut wait, mut t) = (ReleaseCondition::Wind(0.5), 0.0);
-            while !leaving.releases(&mut wait, Vec3::X * 1.2, t, dt) {
-                t += dt;
+            for ripe in [0.0, 4.0] {
+                let (mut wait, mut t) = (ReleaseCondition::Wind { exposure: 0.5, ripe }, 0.0);
+                while !leaving.releases(&mut wait, Vec3::X * 1.2, t, dt) {
+                    t += dt;
+                }
+                assert!((t - ripe - 2.5).abs() <= 2.0 * dt, "{t} at {dt}");
             }
-            assert!((t - 2.5).abs() <= 2.0 * dt, "{t} at {dt}");
         }
     }
 

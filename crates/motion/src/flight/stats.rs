@@ -1,7 +1,7 @@
 //! Statistics of a flight.
 
-use super::{CatkinState, FlightSimulation};
-use osier_base::math::sqrt;
+use super::{CatkinState, FlightSimulation, RestingPlace};
+use osier_base::convert::to_usize;
 use osier_scene::solid::Solids;
 
 /// Event counts since the start.
@@ -9,7 +9,10 @@ use osier_scene::solid::Solids;
 pub(super) struct EventCounters {
     pub merges: u64,
     pub deposits: u64,
+    /// Of these, those at each solid.
+    pub deposits_at: Vec<u64>,
     pub lift_offs: u64,
+    pub falls: u64,
     pub recycled: u64,
     pub left: u64,
     pub buried: u64,
@@ -41,10 +44,13 @@ pub struct FlightStats {
     pub largest: u64,
     /// Joins of two bodies so far.
     pub merges: u64,
-    /// Depositions so far.
+    /// Depositions so far, each member of a cluster counted.
     pub deposits: u64,
-    /// Lift-offs since the first step.
+    /// Lift-offs by the wind so far, each member of a cluster counted.
     pub lift_offs: u64,
+    /// Times that a deposit lost its support and fell, each member of a cluster counted. Deposits less lift-offs and
+    /// falls are those that lie, unless they crept out of the box.
+    pub falls: u64,
     /// Recycled catkins so far.
     pub recycled: u64,
     /// Exits from the box so far.
@@ -55,10 +61,12 @@ pub struct FlightStats {
     pub max_speed: f64,
     /// Mean wind at 0.1 m over deposits, m/s.
     pub ground_wind: f64,
-    /// Mean flight time of deposited catkins, s.
+    /// Mean time from the release to the last deposition of deposited catkins, s.
     pub flight_time: f64,
-    /// Mean horizontal flight distance of deposited catkins, m.
+    /// Mean horizontal distance of deposited catkins from their release, m.
     pub flight_distance: f64,
+    /// Distance, m, that 10, 50 and 90 % of them do not exceed; 0 without deposits.
+    pub distance_quantiles: [f64; 3],
     /// Deposited catkins that penetrate a surface by more than 0.1 mm.
     pub penetrations: u64,
     /// Catkins that start inside a solid and never fly.
@@ -90,11 +98,43 @@ impl FlightSimulation {
         }
         out
     }
+
+    /// Where catkins were deposited in the last step, each member of a cluster once.
+    pub fn landings(&self) -> &[RestingPlace] {
+        &self.landings
+    }
+
+    /// Depositions so far at each solid, in the order of the solids, whatever became of them.
+    pub fn landings_per_solid(&self) -> &[u64] {
+        &self.counters.deposits_at
+    }
+
+    /// Counts depositions of this step.
+    pub(super) fn record_landings(&mut self, places: impl IntoIterator<Item = RestingPlace>) {
+        for place in places {
+            self.counters.deposits += 1;
+            if let Some(n) = place.face.and_then(|i| self.counters.deposits_at.get_mut(to_usize(i))) {
+                *n += 1;
+            }
+            self.landings.push(place);
+        }
+    }
+}
+
+/// Value that the share `q` (0 to 1) of the ascending `sorted` does not exceed, linear between two values; 0 for none.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the number of values")]
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    // Rank q (n - 1), counted from 0: the median of two values is their mean.
+    let rank = q * sorted.len().saturating_sub(1) as f64;
+    let at = |i: usize| sorted.get(i).copied();
+    let low = at(rank as usize).unwrap_or(0.0);
+    low + (at(rank as usize + 1).unwrap_or(low) - low) * rank.fract()
 }
 
 pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
     let mut t = FlightStats::default();
-    let (mut speeds, mut time, mut way) = (0.0, 0.0, 0.0);
+    let (mut speeds, mut time) = (0.0, 0.0);
+    let mut distances = Vec::new();
     for c in flights.by_id() {
         *match c.state {
             CatkinState::Pending => &mut t.pending,
@@ -110,11 +150,10 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
             speeds += speed;
             t.max_speed = t.max_speed.max(speed);
         }
-        // Flight time and horizontal distance of each deposit.
+        // Flight time and horizontal distance of each deposit, from its release.
         if c.state.is_deposited() {
-            let d = c.x - c.from;
-            time += c.rested - c.since;
-            way += sqrt(d.x * d.x + d.z * d.z);
+            time += c.flight_time().unwrap_or(0.0);
+            distances.push(c.flight_distance());
         }
         // A single is visible and in no cluster; clusters are counted from their own list below.
         t.singles += u64::from(c.state.is_seen() && !c.clustered);
@@ -123,11 +162,32 @@ pub(super) fn collect_stats(flights: &FlightSimulation) -> FlightStats {
     t.clusters = flights.clusters.len() as u64;
     t.largest = flights.clusters.values().map(|c| c.members.len() as u64).max().unwrap_or(0);
     t.mean_speed = mean(speeds, t.airborne);
+    let way = distances.iter().fold(0.0, |sum, d| sum + d);
     (t.flight_time, t.flight_distance) = (mean(time, t.deposited()), mean(way, t.deposited()));
+    distances.sort_unstable_by(f64::total_cmp);
+    t.distance_quantiles = [0.1, 0.5, 0.9].map(|q| quantile(&distances, q));
     t.penetrations = flights.count_penetrations();
     let e = &flights.counters;
-    (t.merges, t.deposits, t.lift_offs) = (e.merges, e.deposits, e.lift_offs);
+    (t.merges, t.deposits, t.lift_offs, t.falls) = (e.merges, e.deposits, e.lift_offs, e.falls);
     (t.recycled, t.left, t.buried, t.ground_wind) = (e.recycled, e.left, e.buried, e.ground_wind);
     t.long_steps = e.long_steps;
     t
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_linear_between_ranks() {
+        // Eleven values 0, 10 .. 100: ranks 1, 5 and 9; of two values the shares themselves.
+        let tens: Vec<f64> = (0..11).map(|i| f64::from(i) * 10.0).collect();
+        let cases: [(&[f64], [f64; 3]); 4] =
+            [(&[], [0.0; 3]), (&[7.0], [7.0; 3]), (&tens, [10.0, 50.0, 90.0]), (&[0.0, 4.0], [0.4, 2.0, 3.6])];
+        for (values, expected) in cases {
+            for (q, expected) in [0.1, 0.5, 0.9].into_iter().zip(expected) {
+                assert!((quantile(values, q) - expected).abs() < 1e-12, "{q} of {values:?}");
+            }
+        }
+    }
 }

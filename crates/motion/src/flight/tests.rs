@@ -34,7 +34,8 @@ fn no_catkin_penetrates_solids_or_is_lost() {
     let wind = gusts(3.0);
     for substeps in [1, 2, 5] {
         let humidity = GroundHumidity::Even(0.7);
-        let mut all = flights(2000, FlightParams { substeps, humidity, ..FlightParams::default() }, &solids);
+        let mut all =
+            flights(2000, FlightParams { substeps, humidity, stick_radius: 0.2, ..FlightParams::default() }, &solids);
         let frames = if substeps == 1 { 240 } else { 96 };
         for frame in 0..frames {
             all.advance_frame(&wind);
@@ -45,7 +46,7 @@ fn no_catkin_penetrates_solids_or_is_lost() {
             assert_eq!(all.by_id().filter(inside).count(), 0, "frame {frame} at {substeps} substeps");
         }
         let t = all.stats();
-        assert!(t.deposited() > 150 && t.merges > 20 && t.grounded > 0, "{t:?}");
+        assert!(t.deposited() > 100 && t.merges > 20 && t.grounded > 0, "{t:?}");
         assert!(all.by_id().any(|c| c.face == Some(0)) && all.by_id().any(|c| c.face == Some(1)));
     }
 }
@@ -139,20 +140,20 @@ fn fingerprint(sample: &FlightFrame) -> u64 {
 #[test]
 fn results_are_independent_of_order_and_threads() {
     let solids = wall_and_house();
-    let run = |threads: usize, check_every: u32, sorted: bool| {
+    let run = |threads: usize, sorted: bool| {
         osier_base::par::on_threads(threads, || {
-            let mut all = flights(6000, FlightParams { check_every, sorted, ..FlightParams::default() }, &solids);
+            let humidity = GroundHumidity::Even(0.0);
+            let options = FlightParams { stick_radius: 0.2, humidity, sorted, ..FlightParams::default() };
+            let mut all = flights(6000, options, &solids);
             let wind = gusts(3.0);
             (0..72).for_each(|_| all.advance_frame(&wind));
             (fingerprint(&all.frame()), all.stats())
         })
     };
-    for check_every in [1, 4] {
-        let reference = run(1, check_every, true);
-        assert!(reference.1.merges > 50);
-        for (threads, sorted) in [(2, true), (16, true), (1, false), (5, false)] {
-            assert_eq!(run(threads, check_every, sorted), reference, "{threads} threads, sorted: {sorted}");
-        }
+    let reference = run(1, true);
+    assert!(reference.1.merges > 50 && reference.1.lift_offs > 20, "{:?}", reference.1);
+    for (threads, sorted) in [(2, true), (16, true), (1, false), (5, false)] {
+        assert_eq!(run(threads, sorted), reference, "{threads} threads, sorted: {sorted}");
     }
 }
 
@@ -160,10 +161,10 @@ fn results_are_independent_of_order_and_threads() {
 #[test]
 fn wet_ground_holds_more_catkins() {
     for seed in 0..8 {
-        let runs = [0.0, 0.1, 0.2, 0.4, 1.0].map(|h| {
+        let runs = [0.0, 0.1, 0.2, 0.3, 1.0].map(|h| {
             let options = FlightParams { seed, humidity: GroundHumidity::Even(h), ..FlightParams::default() };
             let mut all = flights(300, options, &Arc::new(Solids::new(Vec::new(), true)));
-            let wind = gusts(1.5);
+            let wind = gusts(2.0);
             let mut held = 0;
             for _ in 0..360 {
                 all.advance_frame(&wind);
@@ -174,6 +175,47 @@ fn wet_ground_holds_more_catkins() {
         let rates = runs.map(|(held, lifted)| lifted / held);
         assert!(runs.windows(2).all(|p| p[0].0 < p[1].0), "seed {seed}: {runs:?}");
         assert!(rates.windows(2).all(|p| p[0] > p[1]) && runs[4].1 < 0.5, "seed {seed}: {runs:?}");
+    }
+}
+
+/// Sums over eight seeds of what a flight in gusts counts, at `substeps`: lift-offs, mergers, catkins that lie and that
+/// cling to others, the last two as means over the frames.
+fn counted_in_gusts(substeps: u32, humidity: f64) -> [f64; 4] {
+    let inside = osier_base::geometry::Bounds { min: Vec3::new(-8.0, 0.0, -8.0), max: Vec3::new(8.0, 8.0, 8.0) };
+    let mut sums = [0.0; 4];
+    for seed in 0..8 {
+        let options = FlightParams {
+            seed,
+            substeps,
+            inside,
+            edges: [SideBoundary::Periodic; 2],
+            humidity: GroundHumidity::Even(humidity),
+            ..FlightParams::default()
+        };
+        let mut all = flights(400, options, &Arc::new(Solids::new(Vec::new(), true)));
+        let wind = gusts(3.0);
+        for _ in 0..240 {
+            all.advance_frame(&wind);
+            let t = all.stats();
+            sums[2] += t.deposited() as f64 / 240.0;
+            sums[3] += (400 - t.singles) as f64 / 240.0;
+        }
+        let t = all.stats();
+        assert_eq!(t.deposits, t.lift_offs + t.falls + t.deposited());
+        sums[0] += t.lift_offs as f64;
+        sums[1] += t.merges as f64;
+    }
+    sums
+}
+
+/// Lift-offs, mergers and deposits do not depend on the time step: a quarter of it changes none by more than 5 %.
+#[test]
+fn counts_are_independent_of_the_step() {
+    for humidity in [0.0, 0.3] {
+        let [whole, quarter] = [1, 4].map(|substeps| counted_in_gusts(substeps, humidity));
+        for (a, b) in whole.iter().zip(&quarter) {
+            assert!((a - b).abs() < 0.05 * b && *b > 50.0, "{whole:?} {quarter:?} at {humidity}");
+        }
     }
 }
 
@@ -227,7 +269,7 @@ fn upper_member_at_a_wall_sinks_to_its_foot() {
 /// What clings to something that comes to rest comes down to it, however far it was when both met.
 #[test]
 fn no_deposit_hangs_above_its_support() {
-    let options = FlightParams { humidity: GroundHumidity::Even(1.0), ..FlightParams::default() };
+    let options = FlightParams { humidity: GroundHumidity::Even(1.0), stick_radius: 0.2, ..FlightParams::default() };
     let places = [0.08, 0.38, 0.68].map(|y| DVec3::new(0.1 * y, y, 0.0));
     let starts = places.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
     let mut all = FlightSimulation::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts);

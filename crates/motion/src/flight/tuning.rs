@@ -78,6 +78,14 @@ pub(crate) const MIN_SINK_SHARE: f64 = 0.05;
 /// Tolerance on positions in a heap, m: a hundredth of a small catkin.
 pub(crate) const POSITION_TOLERANCE: f64 = 1e-4;
 
+/// Interval at which attraction targets are chosen anew, s: the time step of \[catkin\] 4.3. Longer: catkins arrive
+/// later at heaps; results do not depend on the time step.
+pub(crate) const ATTRACTION_TICK: f64 = 0.3;
+
+/// Time after which two catkins within reach of each other that did not stick may try again, s: about as long as two
+/// that fly past each other stay within reach. Shorter: `stick_probability` has less effect.
+pub(crate) const ENCOUNTER_TIME: f64 = 1.0;
+
 /// Reference height of the threshold wind, m.
 pub(crate) const LIFT_HEIGHT: f64 = 0.1;
 
@@ -86,6 +94,10 @@ pub(crate) const CREEP_SHARE: f64 = 0.3;
 
 /// Updraft at lift-off over the excess of the wind above the threshold. Lower: catkins hop; higher: they fly off.
 pub(crate) const UPDRAFT_SHARE: f64 = 0.5;
+
+/// Height that every lift-off reaches in calm air, over the radius. Lower: lift-offs that nobody sees are counted, the
+/// more, the shorter the time step.
+pub(crate) const MIN_HOP: f64 = 2.0;
 
 /// Decay time of the updraft after a lift-off, s. Longer: lifted catkins rise out of sight; shorter: they drop at
 /// once.

@@ -1,4 +1,4 @@
-//! Continuous collision of falling drops with moving leaves and with wood.
+//! Continuous collision of falling drops with moving leaves, with wood and with solids.
 
 use std::fmt;
 use std::time::Duration;
@@ -13,8 +13,9 @@ use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 
 use crate::rain::leaf::surface::LeafSurface;
+use crate::rain::solids::RainSolids;
 use crate::rain::target::{LeafPose, WoodSegment};
-use crate::rain::tuning::{HIT_TIE, TRIANGLE_SLACK};
+use crate::rain::tuning::{HIT_TIE, REFITS_PER_BUILD, TRIANGLE_SLACK};
 
 /// A triangle in the form that the intersection test takes.
 #[derive(Debug, Clone, Copy)]
@@ -27,11 +28,16 @@ struct ColliderTriangle {
     index: u32,
 }
 
-/// The triangles of a blade in a bounding volume hierarchy, at scale 1; shared by all leaves of one shape.
-pub struct LeafCollider {
+/// Triangles in a bounding volume hierarchy.
+pub(crate) struct TriangleHierarchy {
     bvh: CwBvh,
     /// In the order of the hierarchy.
     triangles: Vec<ColliderTriangle>,
+}
+
+/// The triangles of a blade in a bounding volume hierarchy, at scale 1; shared by all leaves of one shape.
+pub struct LeafCollider {
+    hierarchy: TriangleHierarchy,
     /// Center of the bounding sphere, m.
     center: DVec3,
     /// Radius of the bounding sphere, m.
@@ -40,7 +46,7 @@ pub struct LeafCollider {
 
 impl fmt::Debug for LeafCollider {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "LeafCollider of {} triangles", self.triangles.len())
+        write!(f, "LeafCollider of {} triangles", self.hierarchy.triangles.len())
     }
 }
 
@@ -62,32 +68,27 @@ struct TriangleHit {
     weights: [f32; 2],
 }
 
-impl LeafCollider {
-    /// Builds the hierarchy of a blade.
-    pub fn new(blade: &LeafSurface) -> Self {
-        let corner = |i: u32| blade.points()[i as usize].as_vec3();
-        let boxes: Vec<Aabb> = blade
-            .triangles()
+impl TriangleHierarchy {
+    /// Builds the hierarchy over triangles, each of which names three of the points, m.
+    pub(crate) fn new(points: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        let corners = |t: &[u32; 3]| t.map(|i| points[i as usize]);
+        let boxes: Vec<Aabb> = triangles
             .iter()
             .map(|t| {
-                let [a, b, c] = t.map(|i| Vec3A::from(corner(i)));
+                let [a, b, c] = corners(t).map(Vec3A::from);
                 Aabb::new(a.min(b).min(c), a.max(b).max(c))
             })
             .collect();
         let bvh = build_cwbvh(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
         let triangle = |index: &u32| {
-            let [a, b, c] = blade.triangles()[*index as usize].map(corner);
+            let [a, b, c] = corners(&triangles[*index as usize]);
             ColliderTriangle { corner: a, edges: [b - a, c - a], index: *index }
         };
         let triangles = bvh.primitive_indices.iter().map(triangle).collect();
-        // A sphere around the centroid bounds the blade in any orientation.
-        let n = blade.points().len().max(1) as f64;
-        let center = blade.points().iter().fold(DVec3::ZERO, |s, p| s + *p) / n;
-        let radius = blade.points().iter().fold(0.0, |m: f64, p| m.max(p.distance(center)));
-        Self { bvh, triangles, center, radius }
+        Self { bvh, triangles }
     }
 
-    /// The first hit, from either side, of the straight path between two points of the blade's own space, m.
+    /// The first hit, from either side, of the straight path between two points, m.
     pub(crate) fn intersect(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
         let d = (to - from).as_vec3();
         let length = d.length();
@@ -115,12 +116,31 @@ impl LeafCollider {
             weights: hit.weights.map(f64::from),
         })
     }
+}
+
+impl LeafCollider {
+    /// Builds the hierarchy of a blade.
+    pub fn new(blade: &LeafSurface) -> Self {
+        let corners: Vec<Vec3> = blade.points().iter().map(|p| p.as_vec3()).collect();
+        let hierarchy = TriangleHierarchy::new(&corners, blade.triangles());
+        // A sphere around the centroid bounds the blade in any orientation.
+        let n = blade.points().len().max(1) as f64;
+        let center = blade.points().iter().fold(DVec3::ZERO, |s, p| s + *p) / n;
+        let radius = blade.points().iter().fold(0.0, |m: f64, p| m.max(p.distance(center)));
+        Self { hierarchy, center, radius }
+    }
+
+    /// The first hit, from either side, of the straight path between two points of the blade's own space, m.
+    pub(crate) fn intersect(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
+        self.hierarchy.intersect(from, to)
+    }
 
     /// The first hit by a test of every triangle; what [`LeafCollider::intersect`] is tested against.
     #[cfg(test)]
     fn intersect_all(&self, from: DVec3, to: DVec3) -> Option<(f32, u32)> {
         let (o, d) = (from.as_vec3(), (to - from).as_vec3());
-        let hits = self.triangles.iter().filter_map(|t| intersect_triangle(o, d, t).map(|hit| (hit.t, t.index)));
+        let hits =
+            self.hierarchy.triangles.iter().filter_map(|t| intersect_triangle(o, d, t).map(|hit| (hit.t, t.index)));
         hits.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
     }
 }
@@ -193,45 +213,110 @@ pub(crate) enum DropHit {
     Leaf { leaf: usize, hit: LeafHit },
     /// The wood segment of this index.
     Wood { segment: usize, hit: WoodHit },
+    /// A wall, a roof or a mesh.
+    Solid {
+        /// Fraction of the path, 0 to 1.
+        t: f64,
+    },
 }
 
 impl DropHit {
     /// Fraction of the drop's path, 0 to 1.
-    pub fn t(&self) -> f64 {
+    pub fn path_fraction(&self) -> f64 {
         match self {
             Self::Leaf { hit, .. } => hit.t,
             Self::Wood { hit, .. } => hit.t,
+            Self::Solid { t } => *t,
         }
     }
 }
 
-/// All leaves and wood during a time step, in a bounding volume hierarchy over the boxes that they sweep.
+/// A bounding volume hierarchy over the boxes that leaves and wood sweep, kept from step to step: plants move as a whole, so that
+/// their boxes stay neighbours, and the hierarchy is fitted to the new boxes instead of built anew.
+#[derive(Default)]
+pub(crate) struct SweptHierarchy {
+    /// `None` before the first step, and without leaves and wood.
+    bvh: Option<Bvh2>,
+    boxes: Vec<Aabb>,
+    /// Steps since it was built.
+    age: u32,
+}
+
+impl fmt::Debug for SweptHierarchy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "SweptHierarchy of {} boxes", self.boxes.len())
+    }
+}
+
+impl SweptHierarchy {
+    /// Fits the hierarchy to the boxes of a step, or builds it.
+    fn update(&mut self, boxes: Vec<Aabb>) {
+        let known = self.boxes.len();
+        self.boxes = boxes;
+        match &mut self.bvh {
+            Some(bvh) if known == self.boxes.len() && self.age < REFITS_PER_BUILD => {
+                for node in bvh.nodes.iter_mut().filter(|node| node.is_leaf()) {
+                    let first = node.first_index as usize;
+                    let primitives = &bvh.primitive_indices[first..first + node.prim_count as usize];
+                    let union = |sum: Aabb, i: &u32| sum.union(&self.boxes[*i as usize]);
+                    node.set_aabb(primitives.iter().fold(Aabb::empty(), union));
+                }
+                bvh.refit_all();
+                self.age += 1;
+            }
+            bvh => {
+                let params = BvhBuildParams::very_fast_build();
+                *bvh = (!self.boxes.is_empty()).then(|| build_bvh2(&self.boxes, params, &mut Duration::default()));
+                self.age = 0;
+            }
+        }
+    }
+}
+
+/// All leaves, wood and solids during a time step.
 pub(crate) struct RainCollider<'a> {
     leaves: &'a [MovingLeaf<'a>],
     wood: &'a [WoodSegment],
-    /// `None` if there is neither leaf nor wood.
-    bvh: Option<Bvh2>,
+    solids: &'a RainSolids,
+    /// Over the leaves, then the wood.
+    hierarchy: &'a SweptHierarchy,
 }
 
 impl<'a> RainCollider<'a> {
-    /// Builds the hierarchy; its primitives are the leaves, then the wood.
-    pub fn new(leaves: &'a [MovingLeaf<'a>], wood: &'a [WoodSegment]) -> Self {
+    /// Fits the hierarchy, which is kept from the step before, to the leaves and the wood of this step.
+    pub fn new(
+        leaves: &'a [MovingLeaf<'a>],
+        wood: &'a [WoodSegment],
+        solids: &'a RainSolids,
+        hierarchy: &'a mut SweptHierarchy,
+    ) -> Self {
         let aabb = |[lo, hi]: [DVec3; 2]| Aabb::new(lo.as_vec3().into(), hi.as_vec3().into());
         let capsule_bounds = |b: &WoodSegment| {
             let r = DVec3::splat(b.radii[0].max(b.radii[1]));
             [b.ends[0].min(b.ends[1]) - r, b.ends[0].max(b.ends[1]) + r]
         };
-        let boxes: Vec<Aabb> =
-            leaves.iter().map(MovingLeaf::swept_bounds).chain(wood.iter().map(capsule_bounds)).map(aabb).collect();
-        let bvh = (!boxes.is_empty())
-            .then(|| build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Duration::default()));
-        Self { leaves, wood, bvh }
+        let swept = leaves.iter().map(MovingLeaf::swept_bounds).chain(wood.iter().map(capsule_bounds));
+        hierarchy.update(swept.map(aabb).collect());
+        Self { leaves, wood, solids, hierarchy }
     }
 
     /// The first hit of a drop of diameter `d`, m, on its path between two world positions. `ignore_leaf`: a leaf that it passes
     /// through.
     pub fn first_hit(&self, path: [DVec3; 2], d: f64, ignore_leaf: Option<usize>) -> Option<DropHit> {
-        let bvh = self.bvh.as_ref()?;
+        let plant = self.first_plant_hit(path, d, ignore_leaf);
+        let solid = self.solids.first_hit(path, d).map(|t| DropHit::Solid { t });
+        // What is met first; of a tie the leaf or the wood.
+        match (plant, solid) {
+            (Some(plant), Some(solid)) => {
+                Some(if solid.path_fraction() < plant.path_fraction() { solid } else { plant })
+            }
+            (plant, solid) => plant.or(solid),
+        }
+    }
+
+    /// As [`RainCollider::first_hit`], of leaves and wood only.
+    fn first_plant_hit(&self, path: [DVec3; 2], d: f64, ignore_leaf: Option<usize>) -> Option<DropHit> {
+        let bvh = self.hierarchy.bvh.as_ref()?;
         // Broad phase: primitives whose boxes overlap that of the path.
         let r = Vec3::splat(osier_base::math::narrow(d));
         let [a, b] = path.map(|p| p.as_vec3());
@@ -256,7 +341,9 @@ impl<'a> RainCollider<'a> {
                     intersect_wood(&self.wood[segment], path, d).map(|hit| DropHit::Wood { segment, hit })
                 }
             };
-            if let Some(s) = hit.filter(|s| best.is_none_or(|b| s.t() < b.t() - f64::from(HIT_TIE))) {
+            if let Some(s) =
+                hit.filter(|s| best.is_none_or(|b| s.path_fraction() < b.path_fraction() - f64::from(HIT_TIE)))
+            {
                 best = Some(s);
             }
         }
@@ -335,7 +422,11 @@ mod tests {
             for _ in 0..10 {
                 let next = p - DVec3::Y * (10.0 * h);
                 let moved = MovingLeaf { collider: &collider, scale: 1.0, poses: [pose(y), pose(y + 0.03)] };
-                met = met.or_else(|| RainCollider::new(&[moved], &[]).first_hit([p, next], 1e-3, None));
+                met =
+                    met.or_else(|| {
+                        RainCollider::new(&[moved], &[], &RainSolids::default(), &mut SweptHierarchy::default())
+                            .first_hit([p, next], 1e-3, None)
+                    });
                 (p, y) = (next, y + 0.03);
             }
             let Some(DropHit::Leaf { leaf: 0, hit }) = met else { panic!("{k}: {met:?}") };
@@ -345,10 +436,46 @@ mod tests {
     }
 
     #[test]
+    fn a_hierarchy_that_is_fitted_finds_what_a_new_one_finds() {
+        let blade = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let collider = LeafCollider::new(&blade);
+        let mut draw = Rng::at(5, &["crown".into()]);
+        let mut places: Vec<DVec3> =
+            (0..400).map(|_| DVec3::new(draw.range(-1.0, 1.0), draw.range(-1.0, 1.0), draw.range(-1.0, 1.0))).collect();
+        let solids = RainSolids::default();
+        let mut kept = SweptHierarchy::default();
+        let mut hits = 0;
+        for _ in 0..3 * REFITS_PER_BUILD {
+            let before = places.clone();
+            places.iter_mut().for_each(|p| *p += DVec3::new(draw.range(0.0, 0.01), draw.range(-0.01, 0.01), 0.005));
+            let flat = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
+            let pose = |p: DVec3| LeafPose::at_rest(p, flat);
+            let moving: Vec<MovingLeaf<'_>> = before
+                .iter()
+                .zip(&places)
+                .map(|(a, b)| MovingLeaf { collider: &collider, scale: 1.0, poses: [pose(*a), pose(*b)] })
+                .collect();
+            let mut new = SweptHierarchy::default();
+            let rebuilt = RainCollider::new(&moving, &[], &solids, &mut new);
+            let fitted = RainCollider::new(&moving, &[], &solids, &mut kept);
+            for _ in 0..50 {
+                let from = DVec3::new(draw.range(-1.0, 1.0), 1.0, draw.range(-1.0, 1.0));
+                let path = [from, from - DVec3::Y * draw.range(0.0, 2.0)];
+                let hit = fitted.first_hit(path, 2e-3, None);
+                assert_eq!(hit, rebuilt.first_hit(path, 2e-3, None));
+                hits += usize::from(hit.is_some());
+            }
+        }
+        assert!(hits > 100, "{hits}");
+    }
+
+    #[test]
     fn wood_is_met_where_it_is_thick() {
         let wood = WoodSegment { ends: [DVec3::ZERO, DVec3::X], radii: [0.02, 0.01] };
         let segments = [wood];
-        let collider = RainCollider::new(&[], &segments);
+        let solids = RainSolids::default();
+        let mut hierarchy = SweptHierarchy::default();
+        let collider = RainCollider::new(&[], &segments, &solids, &mut hierarchy);
         let drop = |z: f64| collider.first_hit([DVec3::new(0.5, 0.1, z), DVec3::new(0.5, -0.1, z)], 1e-3, None);
         assert!(
             matches!(drop(0.0), Some(DropHit::Wood { segment: 0, hit }) if (hit.t - 0.5).abs() < 1e-9 && (hit.fraction - 0.5).abs() < 1e-9)

@@ -1,13 +1,16 @@
 //! Emission of raindrops: how many, of what sizes, and from where.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
 use crate::rain::fall::{sample_wind, sphere_volume, terminal_speed};
-use crate::rain::source_region::{SourceRegion, SourceTracer};
+use crate::rain::shelter::Shelter;
+use crate::rain::source_region::{DriftTracer, SourceRegion};
 use crate::rain::tuning::{
-    DIAMETER_RANGE_MM, DIAMETER_STEPS_PER_ENTRY, DIAMETER_TABLE_SIZE, ENVELOPE_SAMPLES, GUST_PERIOD, POISSON_CHUNK_MEAN,
+    DIAMETER_RANGE_MM, DIAMETER_STEPS_PER_ENTRY, DIAMETER_TABLE_SIZE, EMISSION_SLICE, ENVELOPE_SAMPLES, GUST_PERIOD,
+    POISSON_CHUNK_MEAN,
 };
 use osier_base::geometry::Bounds;
 use osier_base::keyframes::interpolate;
@@ -73,7 +76,7 @@ pub struct RainfallParams {
 #[derive(Debug)]
 pub struct RainEmitter {
     params: RainfallParams,
-    tracer: SourceTracer,
+    tracer: DriftTracer,
     /// Diameters of equal probability, m, ascending.
     diameters: Vec<f64>,
     /// Size class of each diameter, an index of the tracer's source regions.
@@ -82,8 +85,13 @@ pub struct RainEmitter {
     flux: f64,
     /// Mean area of the source regions over diameters and the clip, m^2.
     area: f64,
-    /// The epoch of the last step; none before the first.
+    /// What keeps rain from parts of the emission plane; `None` if nothing does.
+    shelter: Option<Shelter>,
+    /// The epoch of the last slice; none before the first.
     epoch: Option<WindEpoch>,
+    /// Number of the next slice of time to be drawn, and the drops of earlier ones that are not yet emitted, in the order of times.
+    next_slice: u64,
+    pending: VecDeque<EmittedDrop>,
 }
 
 /// Source regions during one epoch, in which the wind counts as unchanged.
@@ -122,7 +130,7 @@ impl RainEmitter {
         let diameters = diameters_of_equal_probability(&params);
         let mean_volume = diameters.iter().map(|d| sphere_volume(*d)).sum::<f64>() / diameters.len().max(1) as f64;
         let end = |d: Option<&f64>| d.copied().unwrap_or(1e-3);
-        let mut tracer = SourceTracer::new(bounds, wind, [end(diameters.first()), end(diameters.last())], params.g);
+        let mut tracer = DriftTracer::new(bounds, wind, [end(diameters.first()), end(diameters.last())], params.g);
         let classes: Vec<usize> = diameters.iter().map(|d| tracer.size_class(*d)).collect();
         // The area that an average drop is emitted from: needed for `total`, for estimates and statistics.
         let areas = tracer.mean_areas(params.duration, |t| envelope_factor(&params, t));
@@ -133,7 +141,24 @@ impl RainEmitter {
             Some(total) => total / (area * envelope_integral_of_clip(&params)).max(f64::MIN_POSITIVE),
             None => params.intensity / mean_volume,
         };
-        Self { params, tracer, diameters, classes, flux, area, epoch: None }
+        Self {
+            params,
+            tracer,
+            diameters,
+            classes,
+            flux,
+            area,
+            shelter: None,
+            epoch: None,
+            next_slice: 0,
+            pending: VecDeque::new(),
+        }
+    }
+
+    /// The emitter without the drops that something keeps from its plane.
+    #[must_use]
+    pub(crate) fn with_shelter(self, shelter: Shelter) -> Self {
+        Self { shelter: Some(shelter), ..self }
     }
 
     /// Number flux at factor 1 of the envelope, drops per m^2 and s.
@@ -147,43 +172,59 @@ impl RainEmitter {
     }
 
     /// Mean number of drops per second at factor 1 of the envelope.
-    pub fn rate(&self) -> f64 {
+    pub fn mean_drop_rate(&self) -> f64 {
         self.flux * self.area
     }
 
-    /// Emits the drops of step `number`, which begins at time `t` and lasts `h`, s, in the order of their times. The result
-    /// depends on these arguments only, not on earlier calls.
-    pub fn emit(&mut self, number: u64, t: f64, h: f64) -> Vec<EmittedDrop> {
+    /// Emits the drops of all times before `end`, s, that were not emitted before, in the order of their times. They do not depend on
+    /// the times at which this is called: counts, sizes and positions are drawn for slices of time of fixed length.
+    pub fn emit_until(&mut self, end: f64) -> Vec<EmittedDrop> {
+        while self.next_slice as f64 * EMISSION_SLICE < end {
+            let drops = self.draw_slice(self.next_slice);
+            self.pending.extend(drops);
+            self.next_slice += 1;
+        }
+        let count = self.pending.partition_point(|drop| drop.t < end);
+        self.pending.drain(..count).collect()
+    }
+
+    /// The drops of slice `number` of time, in the order of their times.
+    fn draw_slice(&mut self, number: u64) -> Vec<EmittedDrop> {
+        let (start, middle) = (number as f64 * EMISSION_SLICE, (number as f64 + 0.5) * EMISSION_SLICE);
         let mut draw = Rng::at(self.params.seed, &["rain".into(), 0_u64.into(), number.into()]);
         let key = Rng::key(self.params.seed, &["rain".into(), "gusts".into()]);
-        let fluctuation = 1.0 + self.params.jitter * f64::from(gradient1(key, math::narrow(t / GUST_PERIOD), 1 << 20));
-        let epoch = self.take_or_trace_epoch(t);
+        let fluctuation =
+            1.0 + self.params.jitter * f64::from(gradient1(key, math::narrow(middle / GUST_PERIOD), 1 << 20));
+        let epoch = self.take_or_trace_epoch(middle);
         // The count is Poisson distributed. Its mean covers the bounding rectangles of the source regions, averaged over diameters;
         // candidates outside of a region are rejected below.
         let mean_area = epoch.cumulative_areas.last().copied().unwrap_or(0.0) / self.diameters.len().max(1) as f64;
-        let mean = self.flux * mean_area * envelope_factor(&self.params, t) * h * fluctuation.max(0.0);
-        let count = sample_poisson(mean, &mut draw);
-        let mut emitted: Vec<EmittedDrop> = Vec::new();
+        let rate = self.flux * mean_area * envelope_factor(&self.params, middle) * fluctuation.max(0.0);
+        let count = sample_poisson(rate * EMISSION_SLICE, &mut draw);
+        let mut drops: Vec<EmittedDrop> = Vec::new();
         for _ in 0..count {
-            let offset = draw.range(0.0, h);
+            let offset = draw.range(0.0, EMISSION_SLICE);
             let DiameterSample { class, d } = self.sample_diameter(&epoch.cumulative_areas, draw.unit_f64());
             let fractions = DVec2::new(draw.unit_f64(), draw.unit_f64());
             // Rejection sampling: a drop from outside of the region of its size would miss the bounds.
             let Some(p) = epoch.regions.get(class).and_then(|region| region.point(fractions)) else { continue };
             let p = DVec3::new(p.x, self.tracer.emission_plane_y(), p.y);
             let v = -DVec3::Y * terminal_speed(d);
-            emitted.push(EmittedDrop { t: t + offset, p, v, volume: sphere_volume(d) });
+            drops.push(EmittedDrop { t: start + offset, p, v, volume: sphere_volume(d) });
         }
         self.epoch = Some(epoch);
+        if let Some(shelter) = &self.shelter {
+            shelter.retain_unsheltered(&mut drops, self.tracer.wind(), middle);
+        }
         // Drops start with the velocity of the air around them.
-        let positions: Vec<Vec3> = emitted.iter().map(|b| b.p.as_vec3()).collect();
-        let winds = sample_wind(self.tracer.wind(), &positions, t);
-        emitted.iter_mut().zip(winds).for_each(|(b, wind)| b.v += wind.as_dvec3());
-        emitted.sort_by(|a, b| a.t.total_cmp(&b.t));
-        emitted
+        let positions: Vec<Vec3> = drops.iter().map(|b| b.p.as_vec3()).collect();
+        let winds = sample_wind(self.tracer.wind(), &positions, middle);
+        drops.iter_mut().zip(winds).for_each(|(b, wind)| b.v += wind.as_dvec3());
+        drops.sort_by(|a, b| a.t.total_cmp(&b.t));
+        drops
     }
 
-    /// The epoch at time `t`, s: that of the last step if it still lasts.
+    /// The epoch at time `t`, s: that of the last slice if it still lasts.
     fn take_or_trace_epoch(&mut self, t: f64) -> WindEpoch {
         let number = self.tracer.epoch_index(t);
         if let Some(epoch) = self.epoch.take().filter(|epoch| epoch.number == number) {
@@ -327,14 +368,14 @@ mod tests {
         assert!((2300.0..3100.0).contains(&emitter.flux()), "{}", emitter.flux());
         let (mut water, mut counts, h) = (0.0, Vec::new(), 0.005);
         for k in 0..8000_u64 {
-            let emitted = emitter.emit(k, k as f64 * h, h);
+            let emitted = emitter.emit_until((k + 1) as f64 * h);
             water += emitted.iter().map(|b| b.volume).sum::<f64>();
             counts.push(emitted.len());
         }
         assert!(counts.iter().sum::<usize>() > 100_000);
         let area = 1.0;
         assert!((water / (area * 8000.0 * h) / rainfall().intensity - 1.0).abs() < 0.03);
-        let (mean, n) = (emitter.rate() * h, counts.len() as f64);
+        let (mean, n) = (emitter.mean_drop_rate() * h, counts.len() as f64);
         // Counts scatter as Poisson's do, neither more nor less.
         let scatter: f64 = counts.iter().map(|c| (*c as f64 - mean) * (*c as f64 - mean) / mean).sum();
         assert!(sigmas(scatter, n).abs() < 3.29, "{scatter}");
@@ -366,7 +407,7 @@ mod tests {
         let mut found: Vec<f64> = Vec::new();
         let mut k = 0_u64;
         while found.len() < 20_000 {
-            found.extend(emitter.emit(k, 0.0, 0.01).iter().map(|b| sphere_diameter(b.volume) * 1e3));
+            found.extend(emitter.emit_until((k + 1) as f64 * 0.01).iter().map(|b| sphere_diameter(b.volume) * 1e3));
             k += 1;
         }
         found.sort_by(f64::total_cmp);
@@ -388,11 +429,34 @@ mod tests {
     }
 
     #[test]
+    fn the_same_drops_fall_at_any_time_step() {
+        let drops = |h: f64| {
+            let wind = osier_wind::GustWind::new(osier_wind::GustWindOptions::default());
+            let rain = RainfallParams { jitter: 0.3, ..rainfall() };
+            let mut emitter = RainEmitter::new(rain, bounds(), Some(Arc::new(wind)));
+            let (mut t, mut all) = (0.0, Vec::new());
+            while t < 1.0 {
+                let emitted = emitter.emit_until(t + h);
+                assert!(emitted.iter().all(|drop| (t..t + h).contains(&drop.t)));
+                all.extend(emitted);
+                t += h;
+            }
+            all.retain(|drop| drop.t < 1.0);
+            all
+        };
+        let first = drops(1.0 / 192.0);
+        assert!(first.len() > 1000);
+        for h in [1.0 / 12.0, 1.0 / 24.0, 1.0 / 1000.0] {
+            assert!(drops(h) == first, "{h}");
+        }
+    }
+
+    #[test]
     fn a_clip_has_the_total_number_of_drops() {
         let bell = IntensityEnvelope::Bell { center: 5.0, width: 2.5 };
         let fall = RainfallParams { total: Some(2000.0), envelope: bell, jitter: 0.2, ..rainfall() };
         let mut emitter = RainEmitter::new(fall, bounds(), Some(Arc::new(osier_wind::UniformWind(Vec3::X))));
-        let count: usize = (0..2000_u64).map(|k| emitter.emit(k, k as f64 * 0.005, 0.005).len()).sum();
+        let count = emitter.emit_until(10.0).len();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt() + 60.0, "{count}");
     }
 }

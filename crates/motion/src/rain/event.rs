@@ -23,11 +23,13 @@ pub enum DropEventKind {
     Wood,
     /// It came to the margin of its leaf, along which it goes on.
     Edge,
+    /// It ended on a solid: a wall, a roof or a mesh.
+    Solid,
 }
 
 impl DropEventKind {
     /// All, in the order of their numbers, with the words for them.
-    pub const ALL: [(Self, &'static str); 9] = [
+    pub const ALL: [(Self, &'static str); 10] = [
         (Self::Born, "born"),
         (Self::Struck, "struck"),
         (Self::Merged, "merged"),
@@ -37,6 +39,7 @@ impl DropEventKind {
         (Self::Ground, "ground"),
         (Self::Wood, "wood"),
         (Self::Edge, "edge"),
+        (Self::Solid, "solid"),
     ];
 }
 

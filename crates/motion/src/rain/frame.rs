@@ -118,13 +118,12 @@ impl RainFrame {
                     });
                     continue;
                 }
-                // The cosine between the drop's normal and the vertical, for the paper's wedge shape.
-                let facing = leaf.point_at(d.uv).map_or(1.0, |s| (simulation.poses()[i].orientation * s.n).y.abs());
-                let caps = d.caps(params, facing);
-                // Each covered spot is wet now, even if the drop has not moved since the last recorded spot.
-                wet_spots.extend(caps.iter().map(|cap| LeafWetSpot {
-                    leaf: i,
-                    spot: WetSpot { uv: cap.uv, a: cap.cap.a, t: simulation.time() },
+                let caps = d.caps(params);
+                // What caps cover is wet now. The head has also covered its path since the last recorded spot.
+                wet_spots.extend(caps.iter().enumerate().map(|(k, cap)| {
+                    let from = if k == 0 { d.last_wet_uv.unwrap_or(cap.uv) } else { cap.uv };
+                    let spot = WetSpot { uv: cap.uv, from, a: cap.cap.a, t: simulation.time() };
+                    LeafWetSpot { leaf: i, spot }
                 }));
                 sessile.push(SessileDrop {
                     id: d.id,

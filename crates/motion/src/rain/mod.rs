@@ -1,6 +1,6 @@
 //! Rain: drops that fall, strike leaves and wood, rest, run, hang and drip, and the water maps that they leave.
 //!
-//! A [`RainSimulation`] advances all drops and the plants they fall on, which implement [`RainTarget`]; a [`RainFrame`] is its state
+//! A [`RainSimulation`] advances all drops and the plants they fall on, which implement [`RainPlant`]; a [`RainFrame`] is its state
 //! at one frame. [`LeafWaterMaps`] turns frames into texture maps of a leaf, [`DropMesh`] into meshes of drops.
 //! Source: [yang-wu], sections 3 and 4; docs/rain.md lists the differences.
 //!
@@ -12,7 +12,7 @@
 //! use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 //! use osier_motion::rain::{
 //!     DropMesh, DropParams, LeafAttachment, LeafCollider, LeafSurface, RainConfig, RainFrame, RainLeaf, RainSimulation,
-//!     StaticPlant,
+//!     RainSolids, StillRainPlant,
 //! };
 //! use osier_scene::Mesh;
 //!
@@ -31,10 +31,11 @@
 //! let mut simulation = RainSimulation::new(RainConfig {
 //!     params: DropParams::default(),
 //!     emitter: None,
-//!     plants: vec![Box::new(StaticPlant::new(&[pose], Vec::new()))],
+//!     plants: vec![Box::new(StillRainPlant::new(&[pose], Vec::new()))],
 //!     leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafAttachment { plant: 0, leaf: 0, collider })],
 //!     wind: None,
 //!     ground: Box::new(0.0),
+//!     solids: RainSolids::default(),
 //! });
 //! simulation.deposit_drop(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 40e-9);
 //! for _ in 0..20 {
@@ -56,12 +57,15 @@ mod emitter;
 mod event;
 mod fall;
 mod frame;
+mod ground;
 mod impact;
 mod leaf;
 mod maps;
 mod mesh;
 mod params;
+mod shelter;
 mod simulation;
+mod solids;
 mod source_region;
 mod target;
 mod tuning;
@@ -75,11 +79,15 @@ pub use emitter::{DropSizes, EmittedDrop, IntensityEnvelope, RainEmitter, Rainfa
 pub use event::{DropEventKind, RainEvent};
 pub use fall::{sphere_diameter, sphere_volume};
 pub use frame::{AirborneDrop, LeafMapInput, PendantDrop, RainFrame, SessileDrop};
+pub use ground::GroundHeight;
 pub use leaf::alpha_mask::AlphaMask;
+pub use leaf::chart::{LeafChart, UvFault};
+pub use leaf::relief::ReliefMap;
 pub use leaf::surface::LeafSurface;
 pub use leaf::veins::VeinMap;
 pub use maps::{CapOnLeaf, LeafMaps, LeafWaterMaps, TexelCounters, UvRaster};
-pub use mesh::DropMesh;
+pub use mesh::{DropDetail, DropMesh};
 pub use params::{DropParams, FrictionModel, ImpactLaw, LeverArm, MergeRule, capillary_length};
-pub use simulation::{GroundHeight, LeafAttachment, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
-pub use target::{LeafPose, RainTarget, StaticPlant, WoodSegment};
+pub use simulation::{LeafAttachment, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
+pub use solids::RainSolids;
+pub use target::{LeafPose, RainPlant, StillRainPlant, WoodSegment};

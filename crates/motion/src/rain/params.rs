@@ -2,7 +2,7 @@
 
 use crate::rain::drops::spherical_cap::{CapShape, WettingParams};
 use crate::rain::leaf::wetness::DryingLaw;
-use crate::rain::tuning::MIN_CAPILLARY_GRAVITY;
+use crate::rain::tuning::MIN_GRAVITY;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
 /// Law of the impulse between a drop and the plant that it strikes.
@@ -58,7 +58,7 @@ pub enum LeverArm {
 /// params.wetting.contact_angle = 110_f64.to_radians();
 /// params.wetting.receding = 100_f64.to_radians();
 /// params.wetting.advancing = 118_f64.to_radians();
-/// let (waxy, average) = (params.wetting.cap(1e-8, 1.0), DropParams::default().wetting.cap(1e-8, 1.0));
+/// let (waxy, average) = (params.wetting.cap(1e-8), DropParams::default().wetting.cap(1e-8));
 /// assert!(waxy.top() > average.top() && waxy.a < average.a);
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -162,5 +162,5 @@ impl Default for DropParams {
 
 /// Capillary length of water under gravity `g`, m/s^2: sqrt(gamma / (rho g)), m.
 pub fn capillary_length(g: f64) -> f64 {
-    osier_base::math::sqrt(WATER_SURFACE_TENSION / (WATER_DENSITY * g.max(MIN_CAPILLARY_GRAVITY)))
+    osier_base::math::sqrt(WATER_SURFACE_TENSION / (WATER_DENSITY * g.max(MIN_GRAVITY)))
 }

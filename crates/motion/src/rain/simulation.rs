@@ -4,28 +4,34 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::collide::{DropHit, LeafCollider, LeafHit, MovingLeaf, RainCollider, WoodHit};
+use super::collide::{DropHit, LeafCollider, LeafHit, MovingLeaf, RainCollider, SweptHierarchy, WoodHit};
 use super::drops::rain_leaf::{AttachedWater, DropCounters, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
-use super::drops::surface_drop::SurfaceDrop;
+use super::drops::surface_drop::LeafDrop;
 use super::emitter::{EmittedDrop, RainEmitter};
 use super::event::{DropEventKind, RainEvent};
 use super::fall::{sample_wind, sphere_diameter, sphere_volume, step_velocity};
-use super::impact::impact_impulse;
-use super::params::{DropParams, ImpactLaw};
-use super::target::{LeafPose, RainTarget, WoodSegment};
+use super::ground::{GroundHeight, ground_crossing};
+use super::impact::{Impact, weber_number, wood_impulse};
+use super::params::DropParams;
+use super::shelter::Shelter;
+use super::solids::RainSolids;
+use super::target::{LeafPose, RainPlant, WoodSegment};
 use super::tuning::{
-    BUDGET_TOLERANCE, DROPS_PER_TASK, IGNORE_LEAF_TIME, SPLASH_ANGLES, SPLASH_DIAMETERS, SPLASH_DROPLETS,
-    SPLASH_OFFSET, SPLASH_SPEEDS, SPLASH_WEBER_NUMBER,
+    ACCELERATION_RESPONSE_TIME, BUDGET_TOLERANCE, DROP_WIND_INTERVAL, DROPS_PER_TASK, IGNORE_LEAF_TIME,
+    MAX_SPLASH_DROPLETS, SPLASH_ANGLES, SPLASH_DIAMETERS, SPLASH_OFFSET, SPLASH_SPEEDS, SPLASH_WEBER_NUMBER,
 };
 use osier_base::math;
 use osier_base::par::{par_chunks, par_map_mut};
-use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
+use osier_base::physics::WATER_DENSITY;
 use osier_base::rng::Rng;
 use osier_base::{Error, Result};
 use osier_wind::Wind;
 
 /// Bit that is set in the identifiers of splash droplets, so that tables can tell them from emitted drops.
 const SPLASH_ID: u64 = 1 << 62;
+/// Bit that is set in the identifiers of emitted drops, which are counted on their own: they are the same whatever other drops there
+/// are.
+const EMITTED_ID: u64 = 1 << 61;
 
 /// A falling drop with the state that its time step needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +47,16 @@ pub struct FallingDrop {
     ignore_leaf: Option<IgnoredLeaf>,
     /// Time within the present step at which it is emitted, s; 0 for older drops.
     spawn_offset: f64,
+    wind: HeldWind,
+}
+
+/// The wind at a drop, sampled every [`DROP_WIND_INTERVAL`] and held in between: a drop answers the wind within tenths of a second.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct HeldWind {
+    /// Velocity, m/s.
+    velocity: Vec3,
+    /// Time of the next sample, s; 0 for a drop that has none.
+    until: f64,
 }
 
 /// A leaf that a drop passes through for a short time, as it has just left it or fallen through one of its holes.
@@ -77,12 +93,14 @@ pub struct WaterBudget {
     pub ground: f64,
     /// Absorbed by wood that drops struck.
     pub wood: f64,
+    /// On walls, roofs and meshes that drops struck.
+    pub solids: f64,
 }
 
 impl WaterBudget {
     /// Relative error of conservation: |sum - emitted| / emitted.
     pub fn error(&self) -> f64 {
-        let sum = self.air + self.leaves + self.pendants + self.ground + self.wood;
+        let sum = self.air + self.leaves + self.pendants + self.ground + self.wood + self.solids;
         (sum - self.emitted).abs() / self.emitted.max(1e-18)
     }
 }
@@ -96,19 +114,6 @@ pub struct LeafWetSpot {
     pub spot: WetSpot,
 }
 
-/// The ground, at which drops end that strike nothing before.
-pub trait GroundHeight: std::fmt::Debug + Send + Sync {
-    /// Height of the ground at `x` and `z`, m.
-    fn height(&self, x: f64, z: f64) -> f64;
-}
-
-/// Level ground at this height, m.
-impl GroundHeight for f64 {
-    fn height(&self, _: f64, _: f64) -> f64 {
-        *self
-    }
-}
-
 /// Initial state and parameters of a [`RainSimulation`].
 pub struct RainConfig {
     /// Parameters of drops on leaves.
@@ -116,13 +121,15 @@ pub struct RainConfig {
     /// Source of drops; `None` for scenes that only deposit drops.
     pub emitter: Option<RainEmitter>,
     /// Plants that rain falls on.
-    pub plants: Vec<Box<dyn RainTarget>>,
+    pub plants: Vec<Box<dyn RainPlant>>,
     /// Leaves of all plants, with the plants that carry them.
     pub leaves: Vec<(RainLeaf, LeafAttachment)>,
     /// Wind that carries falling drops; `None` in calm air.
     pub wind: Option<Arc<dyn Wind>>,
     /// Ground at which drops end.
     pub ground: Box<dyn GroundHeight>,
+    /// Walls, roofs and meshes at which drops end.
+    pub solids: RainSolids,
 }
 
 /// Rain on plants, advanced step by step.
@@ -131,29 +138,65 @@ pub struct RainSimulation {
     /// Parameters of drops on leaves.
     pub params: DropParams,
     emitter: Option<RainEmitter>,
-    plants: Vec<Box<dyn RainTarget>>,
+    plants: Vec<Box<dyn RainPlant>>,
     leaves: Vec<RainLeaf>,
     attachments: Vec<LeafAttachment>,
     falling: Vec<FallingDrop>,
     poses: Vec<LeafPose>,
+    /// Accelerations of the leaves that drops respond to, by leaf.
+    responses: Vec<LeafAcceleration>,
     /// Wood segments of each plant.
     wood: Vec<Vec<WoodSegment>>,
+    /// Over the boxes that leaves and wood sweep in a step.
+    hierarchy: SweptHierarchy,
     wind: Option<Arc<dyn Wind>>,
-    ground: Box<dyn GroundHeight>,
+    ground: Arc<dyn GroundHeight>,
+    /// Height that the ground nowhere exceeds, m.
+    ground_top: f64,
+    solids: RainSolids,
     t: f64,
-    steps: u64,
+    /// Number of the last drop that was emitted, and identifier of the last drop that came about otherwise.
+    last_emitted: u64,
     last_id: u64,
     emitted: f64,
     water_on_ground: f64,
     water_on_wood: f64,
+    water_on_solids: f64,
     wet_spots: Vec<LeafWetSpot>,
     counters: DropCounters,
     events: Vec<RainEvent>,
 }
 
+/// Acceleration of a leaf, smoothed over [`ACCELERATION_RESPONSE_TIME`].
+#[derive(Debug, Clone, Copy, Default)]
+struct LeafAcceleration {
+    /// Of the origin, m/s^2.
+    linear: DVec3,
+    /// Angular acceleration, rad/s^2.
+    angular: DVec3,
+}
+
+impl LeafAcceleration {
+    /// Approaches the acceleration of `pose` for `h`, s; exact for an acceleration that is constant over the step.
+    fn follow(&mut self, pose: &LeafPose, h: f64) {
+        let share = 1.0 - math::exp(-h / ACCELERATION_RESPONSE_TIME);
+        self.linear += (pose.acceleration - self.linear) * share;
+        self.angular += (pose.angular_acceleration - self.angular) * share;
+    }
+}
+
+/// Water that a splash has ejected.
+#[derive(Debug, Clone, Copy, Default)]
+struct SplashVolumes {
+    /// Volume, m^3.
+    volume: f64,
+    /// Momentum in the world, kg m/s.
+    momentum: DVec3,
+}
+
 /// Outcome of a falling drop's time step.
 #[derive(Clone, Copy)]
-enum FallOutcome {
+enum FallEnd {
     Airborne,
     Ground,
     Hit(DropHit),
@@ -161,7 +204,7 @@ enum FallOutcome {
 
 /// A falling drop at the point where it strikes something.
 #[derive(Clone, Copy)]
-struct StruckDrop {
+struct LeafStrike {
     drop: FallingDrop,
     hit: DropHit,
 }
@@ -170,24 +213,31 @@ impl RainSimulation {
     /// A simulation at time 0, before the first drop.
     pub fn new(config: RainConfig) -> Self {
         let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafAttachment>) = config.leaves.into_iter().unzip();
+        let ground: Arc<dyn GroundHeight> = config.ground.into();
+        let shelter = Shelter::new(config.solids.clone(), Arc::clone(&ground));
         let mut simulation = Self {
             params: config.params,
-            emitter: config.emitter,
+            emitter: config.emitter.map(|emitter| emitter.with_shelter(shelter)),
             plants: config.plants,
             wet_spots: Vec::new(),
             poses: Vec::new(),
+            responses: vec![LeafAcceleration::default(); leaves.len()],
             wood: Vec::new(),
+            hierarchy: SweptHierarchy::default(),
             leaves,
             attachments,
             falling: Vec::new(),
             wind: config.wind,
-            ground: config.ground,
+            ground_top: ground.highest(),
+            ground,
+            solids: config.solids,
             t: 0.0,
-            steps: 0,
+            last_emitted: 0,
             last_id: 0,
             emitted: 0.0,
             water_on_ground: 0.0,
             water_on_wood: 0.0,
+            water_on_solids: 0.0,
             counters: DropCounters::default(),
             events: Vec::new(),
         };
@@ -204,14 +254,14 @@ impl RainSimulation {
         self.emitted += volume;
         let pose = self.poses.get(leaf).copied();
         if let Some((rain_leaf, pose)) = self.leaves.get_mut(leaf).zip(pose) {
-            rain_leaf.drops.push(SurfaceDrop::new(id, 1.0, uv, v, volume));
+            rain_leaf.drops.push(LeafDrop::new(id, 1.0, uv, v, volume));
             let p = rain_leaf.point_at(uv).map_or(pose.position, |s| pose.position + pose.orientation * s.p);
             let event = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
             self.events.push(RainEvent { leaf: Some(leaf), ..event });
         }
     }
 
-    /// A new identifier, counted from 1.
+    /// A new identifier of a drop that is not emitted, counted from 1.
     fn next_id(&mut self) -> u64 {
         self.last_id += 1;
         self.last_id
@@ -222,7 +272,7 @@ impl RainSimulation {
     }
 
     fn wood_segments(&self) -> Vec<Vec<WoodSegment>> {
-        let of_plant = |plant: &dyn RainTarget| {
+        let of_plant = |plant: &dyn RainPlant| {
             let mut out = Vec::new();
             plant.wood_segments(&mut out);
             out
@@ -251,7 +301,7 @@ impl RainSimulation {
     }
 
     /// The plants in their present state.
-    pub fn plants(&self) -> &[Box<dyn RainTarget>] {
+    pub fn plants(&self) -> &[Box<dyn RainPlant>] {
         &self.plants
     }
 
@@ -277,6 +327,7 @@ impl RainSimulation {
             emitted: self.emitted,
             ground: self.water_on_ground,
             wood: self.water_on_wood,
+            solids: self.water_on_solids,
             ..WaterBudget::default()
         };
         budget.air = self.falling.iter().map(|d| d.volume).sum();
@@ -301,15 +352,18 @@ impl RainSimulation {
         self.wood = self.wood_segments();
         let hits = self.advance_falling(&before, h);
         self.t += h;
-        self.steps += 1;
         // Hits change plants and draw random numbers, hence one after the other in a fixed order.
-        for StruckDrop { drop, hit } in hits {
+        for LeafStrike { drop, hit } in hits {
             match hit {
-                DropHit::Leaf { leaf, hit } => self.hit_leaf(&drop, leaf, &hit),
-                DropHit::Wood { segment, hit } => self.hit_wood(&drop, segment, hit),
+                DropHit::Leaf { leaf, hit } => self.strike_leaf(&drop, leaf, &hit),
+                DropHit::Wood { segment, hit } => self.strike_wood(&drop, segment, hit),
+                DropHit::Solid { .. } => {
+                    self.events.push(RainEvent::new(DropEventKind::Solid, drop.id, self.t, drop.p, drop.volume));
+                    self.water_on_solids += drop.volume;
+                }
             }
         }
-        self.step_leaves(h);
+        self.step_leaf_drops(h);
         Ok(())
     }
 
@@ -325,18 +379,28 @@ impl RainSimulation {
 
     fn emit(&mut self, h: f64) {
         let Some(emitter) = &mut self.emitter else { return };
-        let emitted: Vec<EmittedDrop> = emitter.emit(self.steps, self.t, h);
+        let emitted: Vec<EmittedDrop> = emitter.emit_until(self.t + h);
         for d in emitted {
-            let id = self.next_id();
+            self.last_emitted += 1;
+            let id = self.last_emitted | EMITTED_ID;
             self.emitted += d.volume;
             self.events.push(RainEvent::new(DropEventKind::Born, id, d.t, d.p, d.volume));
             let spawn_offset = d.t - self.t;
-            self.falling.push(FallingDrop { id, p: d.p, v: d.v, volume: d.volume, ignore_leaf: None, spawn_offset });
+            self.falling.push(FallingDrop {
+                id,
+                p: d.p,
+                v: d.v,
+                volume: d.volume,
+                ignore_leaf: None,
+                spawn_offset,
+                wind: HeldWind::default(),
+            });
         }
     }
 
     /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
-    fn advance_falling(&mut self, before: &[LeafPose], h: f64) -> Vec<StruckDrop> {
+    fn advance_falling(&mut self, before: &[LeafPose], h: f64) -> Vec<LeafStrike> {
+        self.sample_due_winds();
         // Leaves sweep from their poses before the step to those after it; wood, which is slower, is taken as at rest.
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();
         let moving: Vec<MovingLeaf> = (0..self.leaves.len())
@@ -346,52 +410,70 @@ impl RainSimulation {
                 poses: [before[i], self.poses[i]],
             })
             .collect();
-        let collider = RainCollider::new(&moving, &wood);
-        // The wind is sampled for all drops at once, which recorded and lattice winds do much faster than one by one.
-        let positions: Vec<Vec3> = self.falling.iter().map(|d| d.p.as_vec3()).collect();
-        let winds = sample_wind(self.wind.as_deref(), &positions, self.t);
-        let drops_in_wind: Vec<(FallingDrop, Vec3)> = self.falling.iter().copied().zip(winds).collect();
-        let (t, ground, g) = (self.t, &self.ground, self.params.g);
-        let advance = |(drop, wind): &(FallingDrop, Vec3)| {
+        let collider = RainCollider::new(&moving, &wood, &self.solids, &mut self.hierarchy);
+        let (t, ground, ground_top, g) = (self.t, &self.ground, self.ground_top, self.params.g);
+        let advance = |drop: &FallingDrop| {
             // A drop that was emitted within the step falls only from then on. Velocity first, then position (semi-implicit Euler).
             let mut drop = *drop;
             let h = h - std::mem::replace(&mut drop.spawn_offset, 0.0);
-            drop.v = step_velocity(drop.v, drop.volume, g, wind.as_dvec3(), h);
+            drop.v = step_velocity(drop.v, drop.volume, g, drop.wind.velocity.as_dvec3(), h);
             let to = drop.p + drop.v * h;
             let ignored = drop.ignore_leaf.filter(|ignored| t < ignored.until).map(|ignored| ignored.leaf);
-            let outcome = match collider.first_hit([drop.p, to], sphere_diameter(drop.volume), ignored) {
-                Some(hit) => FallOutcome::Hit(hit),
-                None if to.y < ground.height(to.x, to.z) => FallOutcome::Ground,
-                None => FallOutcome::Airborne,
+            // Above the highest ground there is none to reach.
+            let landing = if to.y < ground_top { ground_crossing(&**ground, [drop.p, to]) } else { None };
+            let hit = collider.first_hit([drop.p, to], sphere_diameter(drop.volume), ignored);
+            // What the drop comes to first counts: it stops there.
+            let outcome = match (hit, landing) {
+                (Some(hit), landing) if landing.is_none_or(|fraction| hit.path_fraction() <= fraction) => {
+                    FallEnd::Hit(hit)
+                }
+                (_, Some(_)) => FallEnd::Ground,
+                _ => FallEnd::Airborne,
             };
-            // A drop that strikes something stops there; one that reaches the ground may end below it within its last step.
-            let fraction = if let FallOutcome::Hit(hit) = &outcome { hit.t() } else { 1.0 };
+            let fraction = match &outcome {
+                FallEnd::Hit(hit) => hit.path_fraction(),
+                FallEnd::Ground => landing.unwrap_or(1.0),
+                FallEnd::Airborne => 1.0,
+            };
             drop.p = drop.p.lerp(to, fraction);
             (drop, outcome)
         };
-        let task = |_: usize, part: &[(FallingDrop, Vec3)]| part.iter().map(advance).collect::<Vec<_>>();
-        let outcomes = par_chunks(&drops_in_wind, DROPS_PER_TASK, task).concat();
+        let task = |_: usize, part: &[FallingDrop]| part.iter().map(advance).collect::<Vec<_>>();
+        let outcomes = par_chunks(&self.falling, DROPS_PER_TASK, task).concat();
         // Serial, in the order of drops: sums of volumes do not depend on the number of threads.
         let mut hits = Vec::new();
         self.falling.clear();
         for (drop, outcome) in outcomes {
             match outcome {
-                FallOutcome::Airborne => self.falling.push(drop),
-                FallOutcome::Ground => {
+                FallEnd::Airborne => self.falling.push(drop),
+                FallEnd::Ground => {
                     self.events.push(RainEvent::new(DropEventKind::Ground, drop.id, t + h, drop.p, drop.volume));
                     self.water_on_ground += drop.volume;
                 }
-                FallOutcome::Hit(hit) => hits.push(StruckDrop { drop, hit }),
+                FallEnd::Hit(hit) => hits.push(LeafStrike { drop, hit }),
             }
         }
         // In the order of time within the step; identifiers decide between hits at the same time.
-        hits.sort_by(|a, b| a.hit.t().total_cmp(&b.hit.t()).then(a.drop.id.cmp(&b.drop.id)));
+        hits.sort_by(|a, b| a.hit.path_fraction().total_cmp(&b.hit.path_fraction()).then(a.drop.id.cmp(&b.drop.id)));
         hits
+    }
+
+    /// Samples the wind for all drops whose sample is due, at once: recorded and lattice winds do so much faster than one by one.
+    fn sample_due_winds(&mut self) {
+        let Some(wind) = self.wind.as_deref() else { return };
+        let t = self.t;
+        let due: Vec<usize> = (0..self.falling.len()).filter(|i| self.falling[*i].wind.until <= t).collect();
+        let positions: Vec<Vec3> = due.iter().map(|i| self.falling[*i].p.as_vec3()).collect();
+        // Samples are due at whole multiples of the interval, whatever the time step.
+        let until = ((t / DROP_WIND_INTERVAL).floor() + 1.0) * DROP_WIND_INTERVAL;
+        for (i, velocity) in due.into_iter().zip(sample_wind(Some(wind), &positions, t)) {
+            self.falling[i].wind = HeldWind { velocity, until };
+        }
     }
 
     /// Applies the impulse of a drop to the wood that it strikes, which absorbs its water. `segment`: index over the wood of all
     /// plants.
-    fn hit_wood(&mut self, drop: &FallingDrop, mut segment: usize, hit: WoodHit) {
+    fn strike_wood(&mut self, drop: &FallingDrop, mut segment: usize, hit: WoodHit) {
         // Find the plant that the segment belongs to, and the index on it.
         let fraction = hit.fraction;
         for (plant, wood) in self.wood.iter().enumerate() {
@@ -402,110 +484,114 @@ impl RainSimulation {
             // Wood takes up the whole of the relative momentum, not only that along its normal: the drop stays on it.
             let plant = &mut self.plants[plant];
             let relative = drop.v - plant.wood_velocity(segment, fraction);
-            let direction = relative.normalize_or_zero();
-            let m = WATER_DENSITY * drop.volume;
-            let inverse_mass = plant.wood_inverse_effective_mass(segment, fraction, direction);
-            let energy = 0.5 * m * relative.length_squared();
-            let j = impact_impulse(self.params.impact, m, relative.length(), inverse_mass, energy, 0.0);
-            plant.apply_wood_impulse(segment, fraction, direction * (j * self.params.impulse_factor));
+            let inverse_mass = plant.wood_inverse_effective_mass(segment, fraction, relative.normalize_or_zero());
+            let j = wood_impulse(self.params.impact, WATER_DENSITY * drop.volume, relative, inverse_mass);
+            plant.apply_wood_impulse(segment, fraction, j * self.params.impulse_factor);
             break;
         }
         self.events.push(RainEvent::new(DropEventKind::Wood, drop.id, self.t, drop.p, drop.volume));
         self.water_on_wood += drop.volume;
     }
 
-    /// Lets a drop strike a leaf: it falls through a hole, or transfers an impulse, may splash, and becomes a sessile drop.
-    fn hit_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &LeafHit) {
+    /// Lets a drop strike a leaf: it falls through a hole, or transfers an impulse, may splash, and bounces or becomes a sessile drop.
+    /// The impulse on the leaf is all momentum that the drop has lost, that of its splash included.
+    fn strike_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &LeafHit) {
         let (pose, leaf) = (self.poses[i], &self.leaves[i]);
         let uv = leaf.blade.interpolate_uv(hit.triangle, hit.weights);
+        let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: self.t + IGNORE_LEAF_TIME });
         let Some(surface) = leaf.point_at(uv).filter(|_| leaf.blade.is_solid(uv)) else {
             // A hole of the alpha mask, or the very edge of a triangle at the margin, where no surface is found.
-            let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: self.t + IGNORE_LEAF_TIME });
             self.falling.push(FallingDrop { ignore_leaf, ..*drop });
             return;
         };
-        // Velocity relative to the material point of the leaf, and the normal of the side that it comes from.
+        // Velocity relative to the material point of the leaf, and the normal of the side that it comes from: against the relative
+        // motion, so that the speed of approach is not negative.
         let point = pose.position + pose.orientation * surface.p;
-        let mut relative = drop.v - pose.velocity_at(point);
-        // `n` points against the relative motion, so the speed of approach is not negative.
+        let surface_velocity = pose.velocity_at(point);
+        let relative = drop.v - surface_velocity;
         let up = pose.orientation * surface.n;
         let side = if relative.dot(up) <= 0.0 { 1.0 } else { -1.0 };
-        let n = up * side;
-        let approach = (-relative.dot(n)).max(0.0);
-        let m = WATER_DENSITY * drop.volume;
-        let LeafAttachment { plant, leaf: leaf_on_plant, .. } = self.attachments[i];
-        // Momentum acts along the normal; the paper's energy model pushes the leaf along the drop's flight.
-        let direction = match self.params.impact {
-            ImpactLaw::Momentum { .. } => n,
-            ImpactLaw::PaperEnergy { .. } => -relative.normalize_or(-n),
-        };
-        // The plant's rods give the effective mass with which the leaf resists at the point of impact.
-        let inverse_mass = self.plants[plant].inverse_effective_mass(leaf_on_plant, point, direction);
-        let energy = 0.5 * m * relative.length_squared();
-        let leaf_speed = -pose.velocity_at(point).dot(direction);
-        let j = impact_impulse(self.params.impact, m, approach, inverse_mass, energy, leaf_speed);
-        self.plants[plant].apply_impulse(leaf_on_plant, point, direction * (-j * self.params.impulse_factor));
-        self.counters = self.counters.combine(DropCounters { impacts: 1, max_impulse: j, ..DropCounters::default() });
-        // Weber number We = rho u^2 d / gamma: the ratio of inertia to surface tension decides whether the drop splashes.
-        let mut volume = drop.volume;
-        let weber = WATER_DENSITY * approach * approach * sphere_diameter(volume) / WATER_SURFACE_TENSION;
-        if weber > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
-            volume -= self.eject_splash_droplets(drop, i, point, n, relative);
+        let normal = up * side;
+        let diameter = sphere_diameter(drop.volume);
+        let mut impact = Impact { mass: WATER_DENSITY * drop.volume, diameter, relative, normal, surface_velocity };
+        let mut splashed = SplashVolumes::default();
+        if weber_number(impact.approach(), diameter) > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
+            splashed = self.eject_splash_droplets(drop, i, point, &impact);
         }
-        // The water that has not splashed stays on the leaf.
+        // The water that has not splashed strikes the leaf. The plant gives the effective mass with which the leaf resists there.
+        let volume = drop.volume - splashed.volume;
+        impact.mass = WATER_DENSITY * volume;
+        let LeafAttachment { plant, leaf: leaf_on_plant, .. } = self.attachments[i];
+        let target = &mut self.plants[plant];
+        let outcome =
+            impact.strike(&self.params, |direction| target.inverse_effective_mass(leaf_on_plant, point, direction));
+        let recoil = drop.v * (WATER_DENSITY * splashed.volume) - splashed.momentum;
+        let impulse = outcome.impulse + recoil;
+        target.apply_impulse(leaf_on_plant, point, impulse * self.params.impulse_factor);
+        let max_impulse = impulse.length();
+        self.counters = self.counters.combine(DropCounters { impacts: 1, max_impulse, ..DropCounters::default() });
         let event = RainEvent::new(DropEventKind::Struck, drop.id, self.t, point, volume);
-        self.events.push(RainEvent { leaf: Some(i), impulse: j * self.params.impulse_factor, ..event });
-        // The drop keeps a part of its tangential velocity relative to the leaf.
-        relative -= n * relative.dot(n);
-        let v = pose.orientation.inverse() * relative * self.params.tangent_keep;
-        self.leaves[i].drops.push(SurfaceDrop::new(drop.id, side, uv, v, volume));
+        self.events.push(RainEvent { leaf: Some(i), impulse: max_impulse * self.params.impulse_factor, ..event });
+        if outcome.bounces {
+            let v = surface_velocity + outcome.relative;
+            self.falling.push(FallingDrop { v, volume, ignore_leaf, ..*drop });
+        } else {
+            let v = pose.orientation.inverse() * outcome.relative;
+            self.leaves[i].drops.push(LeafDrop::new(drop.id, side, uv, v, volume));
+        }
     }
 
-    /// Ejects the splashed part of a drop as droplets in a crown around the normal `n`, and returns its volume, m^3.
+    /// Ejects the splashed part of a drop as droplets in a crown around the normal.
     fn eject_splash_droplets(
         &mut self,
         drop: &FallingDrop,
         leaf: usize,
         point: DVec3,
-        n: DVec3,
-        relative: DVec3,
-    ) -> f64 {
+        impact: &Impact,
+    ) -> SplashVolumes {
         // Draws are addressed by the drop's identifier, so that they do not depend on other drops.
         let mut draw = Rng::at(self.params.seed, &["drop".into(), drop.id.into(), "splash".into()]);
-        let splashed = self.params.splash * drop.volume;
-        let count = SPLASH_DROPLETS[0] + draw.below(SPLASH_DROPLETS[1]);
-        let [least, most] = SPLASH_DIAMETERS;
-        let sizes: Vec<f64> = (0..count).map(|_| sphere_volume(draw.range(least, most))).collect();
-        let sum: f64 = sizes.iter().sum();
+        let n = impact.normal;
         let (x, y) = n.any_orthonormal_pair();
-        let mut ejected = 0.0;
-        for size in sizes {
-            // Drawn sizes determine fractions of the splashed volume, so that it is conserved exactly.
-            let volume = splashed * size / sum;
+        let mut ejected = SplashVolumes::default();
+        for volume in splash_volumes(self.params.splash * drop.volume, &mut draw) {
             // A direction of the crown: polar angle from the normal, azimuth around it.
             let azimuth = draw.range(0.0, std::f64::consts::TAU);
             let polar = draw.range(SPLASH_ANGLES[0], SPLASH_ANGLES[1]).to_radians();
             let tangent = x * math::cos(azimuth) + y * math::sin(azimuth);
             let direction = n * math::cos(polar) + tangent * math::sin(polar);
             // Droplets start on the moving leaf, and ignore it until they are clear of it.
-            let speed = draw.range(SPLASH_SPEEDS[0], SPLASH_SPEEDS[1]) * relative.length();
-            let v = direction * speed + self.poses[leaf].velocity_at(point);
+            let speed = draw.range(SPLASH_SPEEDS[0], SPLASH_SPEEDS[1]) * impact.relative.length();
+            let v = direction * speed + impact.surface_velocity;
             let id = self.next_id() | SPLASH_ID;
             let ignore_leaf = Some(IgnoredLeaf { leaf, until: self.t + IGNORE_LEAF_TIME });
             let p = point + n * SPLASH_OFFSET;
             let event = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
             self.events.push(RainEvent { other: Some(drop.id), ..event });
-            self.falling.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
-            ejected += volume;
+            self.falling.push(FallingDrop {
+                id,
+                p,
+                v,
+                volume,
+                ignore_leaf,
+                spawn_offset: 0.0,
+                wind: HeldWind::default(),
+            });
+            ejected.volume += volume;
+            ejected.momentum += v * (WATER_DENSITY * volume);
         }
         ejected
     }
 
     /// Advances the drops on all leaves in parallel, then applies their loads and collects their results leaf by leaf, so that
     /// identifiers and sums do not depend on threads.
-    fn step_leaves(&mut self, h: f64) {
+    fn step_leaf_drops(&mut self, h: f64) {
         let (t, params) = (self.t, &self.params);
-        let mut jobs: Vec<(&mut RainLeaf, LeafPose)> = self.leaves.iter_mut().zip(self.poses.iter().copied()).collect();
+        let felt = self.responses.iter_mut().zip(&self.poses).map(|(response, pose)| {
+            response.follow(pose, h);
+            LeafPose { acceleration: response.linear, angular_acceleration: response.angular, ..*pose }
+        });
+        let mut jobs: Vec<(&mut RainLeaf, LeafPose)> = self.leaves.iter_mut().zip(felt).collect();
         let mut results = par_map_mut(&mut jobs, |(leaf, pose)| {
             // Most leaves are dry most of the time.
             if leaf.drops.is_empty() {
@@ -534,10 +620,31 @@ impl RainSimulation {
                 let event = RainEvent::new(DropEventKind::Fell, id, t, drop.p, drop.volume);
                 self.events.push(RainEvent { leaf: Some(i), other, ..event });
                 let (p, v, volume) = (drop.p, drop.v, drop.volume);
-                self.falling.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
+                self.falling.push(FallingDrop {
+                    id,
+                    p,
+                    v,
+                    volume,
+                    ignore_leaf,
+                    spawn_offset: 0.0,
+                    wind: HeldWind::default(),
+                });
             }
         }
     }
+}
+
+/// Volumes of the droplets of a splash of `volume`, m^3, in total.
+fn splash_volumes(volume: f64, draw: &mut Rng) -> Vec<f64> {
+    let [least, most] = SPLASH_DIAMETERS;
+    let (mut sizes, mut sum) = (Vec::new(), 0.0);
+    while sum < volume && sizes.len() < MAX_SPLASH_DROPLETS {
+        let size = sphere_volume(draw.range(least, most));
+        sum += size;
+        sizes.push(size);
+    }
+    // The sizes that were drawn determine fractions of the volume, so that it is conserved exactly.
+    sizes.iter().map(|size| volume * size / sum).collect()
 }
 
 #[cfg(test)]

@@ -55,7 +55,7 @@ impl LevelRect {
 
 /// Horizontal drift of drops of one size since their start, m, for each band of the bounds' height from the top: the rectangle of
 /// drifts that occur while they are in the band; empty if none gets there.
-type DriftByBand = [LevelRect; HEIGHT_BANDS];
+type DriftByHeight = [LevelRect; HEIGHT_BANDS];
 
 /// The part of the emission plane from which drops of similar size come to the bounds: the union of a rectangle for each height
 /// band.
@@ -67,7 +67,7 @@ pub(crate) struct SourceRegion {
 
 impl SourceRegion {
     /// The region for the footprint of the bounds.
-    fn new(footprint: &LevelRect, drift: &DriftByBand) -> Self {
+    fn new(footprint: &LevelRect, drift: &DriftByHeight) -> Self {
         // A drop at x - drift crosses the bounds at x; rectangles grow by what the traced drops may have missed of the wind.
         let source = |drift: &LevelRect| {
             let margin = DVec2::splat(SOURCE_MARGIN) + drift.size() * DRIFT_MARGIN;
@@ -109,7 +109,7 @@ impl SourceRegion {
 
 /// Finds source regions by tracing drops through the wind.
 #[derive(Debug)]
-pub(crate) struct SourceTracer {
+pub(crate) struct DriftTracer {
     bounds: Bounds,
     wind: Option<Arc<dyn Wind>>,
     g: f64,
@@ -123,10 +123,10 @@ pub(crate) struct SourceTracer {
 #[derive(Debug)]
 struct EpochDrifts {
     epoch: u64,
-    drifts: Vec<DriftByBand>,
+    drifts: Vec<DriftByHeight>,
 }
 
-impl SourceTracer {
+impl DriftTracer {
     /// A tracer of drops between two diameters, m, that fall on `bounds`, m, under gravity `g`, m/s^2.
     pub(crate) fn new(bounds: Bounds, wind: Option<Arc<dyn Wind>>, [least, most]: [f64; 2], g: f64) -> Self {
         // Without wind, or with drops of one size, there is nothing to tell apart.
@@ -152,7 +152,7 @@ impl SourceTracer {
         f64::from(self.bounds.max.y) + EMISSION_CLEARANCE
     }
 
-    /// Size class of diameter `d`, m: an index of [`SourceTracer::regions`].
+    /// Size class of diameter `d`, m: an index of [`DriftTracer::regions`].
     pub(crate) fn size_class(&self, d: f64) -> usize {
         self.diameters.partition_point(|size| *size <= d).clamp(1, self.diameters.len() - 1) - 1
     }
@@ -169,7 +169,7 @@ impl SourceTracer {
         // Enclose the drifts at the beginning and the end of the epoch, and those of both diameters that bound a class.
         let footprint = self.footprint();
         let (a, b) = (self.epoch_drifts(epoch), self.epoch_drifts(epoch + 1));
-        let over_epoch: Vec<DriftByBand> =
+        let over_epoch: Vec<DriftByHeight> =
             a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|k| a[k].union(b[k]))).collect();
         let classes = over_epoch.windows(2);
         classes.map(|d| SourceRegion::new(&footprint, &std::array::from_fn(|k| d[0][k].union(d[1][k])))).collect()
@@ -196,12 +196,12 @@ impl SourceTracer {
         LevelRect { min: level(self.bounds.min), max: level(self.bounds.max) }
     }
 
-    fn epoch_drifts(&mut self, epoch: u64) -> Vec<DriftByBand> {
+    fn epoch_drifts(&mut self, epoch: u64) -> Vec<DriftByHeight> {
         if let Some(known) = self.recent.iter().find(|known| known.epoch == epoch) {
             return known.drifts.clone();
         }
         let t = epoch as f64 * EPOCH_DURATION;
-        let drifts: Vec<DriftByBand> = self.diameters.iter().map(|d| self.drift_by_band(*d, t)).collect();
+        let drifts: Vec<DriftByHeight> = self.diameters.iter().map(|d| self.drift_by_height(*d, t)).collect();
         self.recent.insert(0, EpochDrifts { epoch, drifts: drifts.clone() });
         // Regions need two successive epochs.
         self.recent.truncate(2);
@@ -210,7 +210,7 @@ impl SourceTracer {
 
     /// Drift of drops of diameter `d`, m, that start at time `t`, s, and come to the corners and the center of the bounds at their top,
     /// middle and bottom.
-    fn drift_by_band(&self, d: f64, t: f64) -> DriftByBand {
+    fn drift_by_height(&self, d: f64, t: f64) -> DriftByHeight {
         let footprint = self.footprint();
         if self.wind.is_none() {
             return [LevelRect { min: DVec2::ZERO, max: DVec2::ZERO }; HEIGHT_BANDS];
@@ -231,7 +231,7 @@ impl SourceTracer {
     }
 
     /// Drift of drops of diameter `d`, m, that start at points of the emission plane at time `t`, s.
-    fn trace_drift(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByBand {
+    fn trace_drift(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByHeight {
         let mut drift = [LevelRect::EMPTY; HEIGHT_BANDS];
         // Bands reach a little beyond the bounds, as the regions do.
         let (low, high) = (f64::from(self.bounds.min.y) - SOURCE_MARGIN, f64::from(self.bounds.max.y) + SOURCE_MARGIN);
@@ -271,7 +271,7 @@ impl SourceTracer {
 
 /// The point of the emission plane from which a drop comes to `target` in a height band, by a known drift. If no drop gets to that
 /// band, the nearest band below, else above, that one gets to stands in.
-fn start_to_reach(drift: &DriftByBand, band: usize, target: DVec2) -> DVec2 {
+fn start_to_reach(drift: &DriftByHeight, band: usize, target: DVec2) -> DVec2 {
     let known = drift[band..].iter().chain(drift[..band].iter().rev()).find(|d| !d.is_empty());
     target - known.map_or(DVec2::ZERO, LevelRect::center)
 }
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn calm_rain_starts_right_above() {
-        let mut tracer = SourceTracer::new(tree(), None, [5e-4, 6e-3], 9.81);
+        let mut tracer = DriftTracer::new(tree(), None, [5e-4, 6e-3], 9.81);
         let regions = tracer.regions(0);
         assert_eq!(regions.len(), 1);
         assert!((regions[0].area() - 4.1 * 4.1).abs() < 1e-9 && (tracer.emission_plane_y() - 9.5).abs() < 1e-9);
@@ -304,7 +304,7 @@ mod tests {
 
     #[test]
     fn steady_wind_shifts_each_size_by_its_own_drift() {
-        let mut tracer = SourceTracer::new(tree(), Some(Arc::new(UniformWind(Vec3::X * 5.0))), [5e-4, 6e-3], 9.81);
+        let mut tracer = DriftTracer::new(tree(), Some(Arc::new(UniformWind(Vec3::X * 5.0))), [5e-4, 6e-3], 9.81);
         for d in [5e-4, 1e-3, 3e-3, 5.9e-3] {
             let regions = tracer.regions(0);
             let source = &regions[tracer.size_class(d)];
@@ -325,7 +325,7 @@ mod tests {
     fn source_regions_cover_what_crosses_the_bounds_in_gusts() {
         let gust = GustWind::new(GustWindOptions { speed: 8.0, seed: 3, ..GustWindOptions::default() });
         for over in [tree(), Bounds { min: Vec3::new(-0.1, 0.3, -0.1), max: Vec3::new(0.1, 0.6, 0.1) }] {
-            let mut tracer = SourceTracer::new(over, Some(Arc::new(gust.clone())), [5e-4, 6e-3], 9.81);
+            let mut tracer = DriftTracer::new(over, Some(Arc::new(gust.clone())), [5e-4, 6e-3], 9.81);
             let (mut crossed, mut covered) = (0, 0);
             for k in 0..40_u32 {
                 let t = 0.33 * f64::from(k);
@@ -348,7 +348,7 @@ mod tests {
         }
     }
 
-    fn crosses(tracer: &SourceTracer, d: f64, t: f64, from: DVec2, height: f64) -> bool {
+    fn crosses(tracer: &DriftTracer, d: f64, t: f64, from: DVec2, height: f64) -> bool {
         let h = (height / terminal_speed(d) / 30.0).min(0.01);
         let mut p = DVec3::new(from.x, tracer.emission_plane_y(), from.y);
         let air = |p: DVec3, t: f64| sample_wind(tracer.wind(), &[p.as_vec3()], t)[0].as_dvec3();

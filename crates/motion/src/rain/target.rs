@@ -65,7 +65,7 @@ pub struct WoodSegment {
 }
 
 /// A plant that rain falls on: it takes impulses, forces and attached water, and moves. All in world space and SI units.
-pub trait RainTarget: Send + std::fmt::Debug {
+pub trait RainPlant: Send + std::fmt::Debug {
     /// Number of leaves; their order never changes.
     fn leaf_count(&self) -> usize;
 
@@ -83,7 +83,7 @@ pub trait RainTarget: Send + std::fmt::Debug {
     fn apply_force(&mut self, leaf: usize, point: DVec3, force: DVec3);
 
     /// Attaches water of `mass`, kg, with its center of mass at the world position `center`, to a leaf. The water has weight and
-    /// inertia and follows the leaf until the next call; [`RainTarget::apply_force`] is for forces beyond its weight.
+    /// inertia and follows the leaf until the next call; [`RainPlant::apply_force`] is for forces beyond its weight.
     fn set_attached_mass(&mut self, leaf: usize, mass: f64, center: DVec3);
 
     /// Replaces the content of `out` by the current wood segments; their number and order never change.
@@ -103,6 +103,11 @@ pub trait RainTarget: Send + std::fmt::Debug {
     /// `Simulation` if the plant's integration diverges.
     fn step(&mut self, t: f64, h: f64) -> Result<()>;
 
+    /// Angles that drops add to each recorded bend of a plant of the sway model, rad; `None` for other plants.
+    fn added_bends(&self) -> Option<Vec<[f32; 2]>> {
+        None
+    }
+
     /// The rods that pose the plant's skeleton, for animating its mesh; none for a plant that does not move.
     fn posed_rods(&self) -> Option<&RodSystem> {
         None
@@ -111,19 +116,19 @@ pub trait RainTarget: Send + std::fmt::Debug {
 
 /// A plant that nothing moves.
 #[derive(Debug, Clone)]
-pub struct StaticPlant {
+pub struct StillRainPlant {
     poses: Vec<LeafPose>,
     wood: Vec<WoodSegment>,
 }
 
-impl StaticPlant {
+impl StillRainPlant {
     /// Leaves at positions, m, and orientations in the world, and the wood that carries them.
     pub fn new(leaves: &[(DVec3, DQuat)], wood: Vec<WoodSegment>) -> Self {
         Self { poses: leaves.iter().map(|(p, q)| LeafPose::at_rest(*p, *q)).collect(), wood }
     }
 }
 
-impl RainTarget for StaticPlant {
+impl RainPlant for StillRainPlant {
     fn leaf_count(&self) -> usize {
         self.poses.len()
     }

@@ -12,6 +12,9 @@ pub const DIAMETER_STEPS_PER_ENTRY: usize = 16;
 pub const ENVELOPE_SAMPLES: u32 = 2000;
 /// Largest mean of a Poisson count that is drawn at once: exp(-30) is far from underflow. Other values change all draws.
 pub const POISSON_CHUNK_MEAN: f64 = 30.0;
+/// Length of the slices of time for which emitted drops are drawn, s: a whole part of [`EPOCH_DURATION`]. Fixed, so that another
+/// time step gives the same drops; shorter costs more draws.
+pub const EMISSION_SLICE: f64 = 0.01;
 /// Period of the noise by which the rainfall rate fluctuates, s.
 pub const GUST_PERIOD: f64 = 0.5;
 /// Smallest terminal speed, m/s; the formula of Atlas et al. becomes negative below 0.11 mm.
@@ -39,8 +42,24 @@ pub const AREA_SAMPLES: u32 = 32;
 /// Times of a clip at which it is measured for the mean.
 pub const AREA_TIMES: u32 = 16;
 
+// Shelter and ground.
+
+/// Time step in which drops are followed back to what may shelter their place of emission, s: up to half a metre of fall; longer
+/// steps straighten the paths of drops in gusts.
+pub const SHELTER_STEP: f64 = 0.05;
+/// Most such steps: 100 m of the slowest drops' fall.
+pub const MAX_SHELTER_STEPS: u32 = 1000;
+/// Bisections that find where a path meets uneven ground: to a billionth of the path of one step.
+pub const GROUND_BISECTIONS: u32 = 30;
+
 // Time step, collision and impact.
 
+/// Steps for which the hierarchy of leaves and wood is fitted to their motion before it is built anew. Affects speed only: more let the
+/// boxes of its inner nodes grow, fewer build more often.
+pub const REFITS_PER_BUILD: u32 = 64;
+/// Time between two samples of the wind at a falling drop, s: a drop of 1 mm falls 8 cm in it, and takes 0.4 s to answer a gust. Longer
+/// lags behind gusts; shorter makes the wind the cost of a storm.
+pub const DROP_WIND_INTERVAL: f64 = 1.0 / 48.0;
 /// Drops that one parallel task advances. Affects speed only.
 pub const DROPS_PER_TASK: usize = 256;
 /// Time for which a drop that has left a leaf ignores that leaf, s. Long enough to fall clear of it; longer lets drops pass through.
@@ -51,10 +70,12 @@ pub const HIT_TIE: f32 = 1e-7;
 pub const TRIANGLE_SLACK: f32 = -1e-6;
 /// Weber number rho u^2 d / gamma above which an impact splashes; lower makes more impacts splash.
 pub const SPLASH_WEBER_NUMBER: f64 = 100.0;
-/// Number of splash droplets: this many, plus a random number below the second.
-pub const SPLASH_DROPLETS: [u32; 2] = [6, 15];
-/// Diameters of splash droplets before they are scaled to the splashed volume, m.
+/// Diameters of splash droplets, m; as many are drawn as hold the splashed volume.
 pub const SPLASH_DIAMETERS: [f64; 2] = [2e-4, 5e-4];
+/// Most droplets of a splash: of a drop of 4 mm that loses a third. Those of larger splashes are larger instead.
+pub const MAX_SPLASH_DROPLETS: usize = 400;
+/// Weber number of the rebound above which a drop bounces: below, its motion is weaker than the surface tension that holds it.
+pub const REBOUND_WEBER_NUMBER: f64 = 1.0;
 /// Angles of splash droplets from the surface normal, degrees: a crown, as in photographs.
 pub const SPLASH_ANGLES: [f64; 2] = [50.0, 70.0];
 /// Speeds of splash droplets as fractions of the impact speed.
@@ -68,6 +89,23 @@ pub const BUDGET_TOLERANCE: f64 = 1e-9;
 
 /// Smallest determinant of a triangle's texture coordinates; below it the triangle belongs to a petiole, which is mapped to a line.
 pub const MIN_UV_AREA: f64 = 1e-9;
+/// Depth by which two triangles may overlap in a texture, as a fraction of the extent of all: rounding, and slips of an artist that are
+/// smaller than a texel of the finest map.
+pub const OVERLAP_TOLERANCE: f64 = 1e-4;
+/// Fraction of the area of a blade in its texture that may overlap or lie at seams: petioles of made leaves, whose tubes lie on a strip
+/// of the texture that is a tenth of that; a seam across a mesh of 100,000 triangles is more.
+pub const MAX_FAULTY_AREA: f64 = 0.005;
+/// Distance in texture coordinates by which corners of neighbouring triangles may lie apart, or beyond the texture.
+pub const CHART_SEAM_TOLERANCE: f64 = 1e-3;
+/// Smallest fraction of a triangle's area that a projection on a plane may leave, the cosine of 84 degrees: steeper parts would have too
+/// few texels.
+pub const MIN_PROJECTED_AREA: f64 = 0.1;
+/// Gap around pieces of a chart, as a fraction of its side: at 512 texels wider than what maps continue beyond the margin.
+pub const CHART_GAP: f64 = 1.0 / 64.0;
+/// Relative residual at which the embedding of a blade is solved: far below a texel.
+pub const EMBED_TOLERANCE: f64 = 1e-9;
+/// Most rounds of its solution; a blade of 100,000 triangles needs about a thousand.
+pub const EMBED_ROUNDS: usize = 20_000;
 /// Wetness of the grid that counts as dry, 0 to 1; ten half-lives.
 pub const MIN_WETNESS: f64 = 1.0 / 1024.0;
 /// Cells each way of the vein map: of a leaf of 150 mm a cell is as wide as a small drop.
@@ -81,9 +119,10 @@ pub const VEIN_RMS_SCALE: f64 = 0.5;
 
 /// Height factor of [`CapShape::Paper`](crate::rain::CapShape::Paper), as printed in the paper.
 pub const PAPER_HEIGHT_FACTOR: f64 = 0.5;
-/// Contact angle from which the formula of the skew, whose tangents diverge, is replaced by a constant, degrees; and that constant.
+/// Contact angle from which the formula of the skew, whose tangents diverge, is replaced by the largest skew, degrees; and that skew:
+/// by eye, more makes the front of a drop a wall.
 pub const NEAR_RIGHT_ANGLE: f64 = 85.0;
-pub const MAX_SKEW_NEAR_RIGHT_ANGLE: f64 = 0.4;
+pub const MAX_SKEW: f64 = 0.4;
 /// Speed at which a drop is stretched most and its tail is longest, m/s.
 pub const FULL_TAIL_SPEED: f64 = 0.15;
 /// Stretch at that speed, and right after a merger, both beyond 1.
@@ -104,11 +143,15 @@ pub const MIN_BEAD_RADIUS: f64 = 3e-4;
 
 // Motion of sessile drops.
 
-/// Speed below which a drop is at rest, m/s. Also the limit of the state `runs` in exported tables.
-pub const REST_SPEED: f64 = 1e-3;
+/// Speed below which a drop that the forces hold is at rest, m/s: dry friction brings it to exactly 0 within microseconds; larger
+/// values would hold drops that start slowly.
+pub const STOP_SPEED: f64 = 1e-5;
 /// Speed across the margin above which a drop leaves the leaf instead of being stopped by the edge, m/s.
 pub const MARGIN_ESCAPE_SPEED: f64 = 0.3;
-/// Limit of the leaf's acceleration that acts on drops, m/s^2: an impact's spike within one step would throw off every drop.
+/// Time constant with which drops respond to the leaf's acceleration, s: about sqrt(rho V / gamma), the time in which surface tension
+/// deforms a drop of 10 mm^3. An impact, which accelerates the leaf within a single time step, then acts alike for any step.
+pub const ACCELERATION_RESPONSE_TIME: f64 = 0.01;
+/// Limit of that acceleration, m/s^2: beyond, drops would deform rather than follow.
 pub const MAX_LEAF_ACCELERATION: f64 = 50.0;
 /// Time in which the axis of a resting drop turns downhill, s.
 pub const AXIS_TURN_TIME: f64 = 0.1;
@@ -126,22 +169,42 @@ pub const STEER_DIRECTIONS: u32 = 16;
 pub const STEER_INTERVAL: f64 = 0.5;
 pub const STEER_LOOKAHEAD: f64 = 0.6;
 /// Weights of a direction's score beside its agreement with the present velocity (weight 1): downhill, wetness, veins, noise.
-/// Larger weights bend paths more; with all at 0 drops run straight.
+/// Larger weights bend paths more; with all at 0 drops run straight. That of noise is multiplied by the variation of pinning.
 pub const STEER_DOWNHILL: f64 = 0.5;
 pub const STEER_WETNESS: f64 = 0.3;
 pub const STEER_VEIN: f64 = 0.2;
-pub const STEER_NOISE: f64 = 0.15;
+pub const STEER_NOISE: f64 = 0.5;
 /// Factor on texture coordinates for the noise that steers, so that it differs from that of pinning.
 pub const STEER_NOISE_SCALE: f64 = 2.0;
-/// Length of a substep of a run in base radii, and most substeps of a step.
-pub const SUBSTEP_LENGTH: f64 = 0.5;
+/// Distance from a decision within which it is due, in base radii: rounding.
+pub const STEER_TOLERANCE: f64 = 1e-6;
+/// Longest step in which drops of a leaf move before those that touch merge and tails change, s: with drops that run, and with others.
+/// The largest distance that a drop may run within it, in base radii: so that fast drops do not pass over others. Most such substeps
+/// of a step.
+pub const MAX_RUN_STEP: f64 = 1.0 / 384.0;
+pub const MAX_REST_STEP: f64 = 1.0 / 120.0;
+pub const MAX_DROP_SHIFT: f64 = 0.5;
 pub const MAX_SUBSTEPS: u32 = 64;
+/// Length of a segment of a run in base radii: below [`MARGIN_DISTANCE`], so that no drop runs past the margin unseen.
+pub const SEGMENT_LENGTH: f64 = 0.25;
+/// Largest turn of the heading in a segment, as a fraction of the speed, if gravity is oblique to it; then a segment is also at most
+/// this part of the viscous time constant, and at least as long as the time given, s. Smaller turns cost more segments.
+pub const MAX_SEGMENT_TURN: f64 = 0.25;
+pub const SEGMENTS_PER_DECAY_TIME: f64 = 8.0;
+pub const MIN_SEGMENT_TIME: f64 = 2e-4;
+/// Most segments of a substep: more than a drop needs that turns all the time.
+pub const MAX_RUN_SEGMENTS: u32 = 256;
+/// Length of a piece of the recorded path, in base radii, below which the next is added to it.
+pub const PATH_SPACING: f64 = 0.1;
 /// Distance from the margin at which a drop is stopped by it, in base radii.
 pub const MARGIN_DISTANCE: f64 = 0.3;
 /// Distance by which a drop that would cross the margin within a substep is moved inward, in base radii.
 pub const MARGIN_INSET: f64 = 0.02;
 /// Distance after which a moving drop marks the surface as wet again, in base radii.
 pub const WET_MARK_INTERVAL: f64 = 0.25;
+/// Distance behind a running drop at which its track begins to act on drops, in base radii: with less a drop would feel its own water in
+/// the coarse grid of wetness.
+pub const TRACK_DISTANCE: f64 = 2.5;
 /// Relative enlargement of the distance within which pairs of drops are tested for touching, against rounding.
 pub const SWEEP_TOLERANCE: f64 = 1e-9;
 
@@ -153,8 +216,8 @@ pub const MAX_PENDANT_RADIUS: f64 = 1.5e-3;
 pub const LOW_POINT_REACH: f64 = 1e-3;
 /// Height difference that counts as level when a lower point of the margin is sought, m.
 pub const LEVEL_TOLERANCE: f64 = 1e-6;
-/// A drop counts as stuck at the margin below this multiple of [`REST_SPEED`].
-pub const STUCK_SPEED: f64 = 10.0;
+/// A drop counts as stuck at the margin below this speed, m/s.
+pub const STUCK_SPEED: f64 = 0.01;
 /// A pendant drop runs back onto the leaf where gravity points inward by this fraction of its magnitude.
 pub const TIPPED_OVER: f64 = 0.2;
 /// How far inside the margin it then lies, in attachment radii.
@@ -170,10 +233,11 @@ pub const MAX_PENDANT_LENGTH: f64 = 5e-3;
 pub const DETACHED_FRACTION: f64 = 0.93;
 /// Time from exceeding the maximum volume to detachment, s: thinning of the neck of a water drop of some millimetres.
 pub const NECKING_TIME: f64 = 0.04;
-/// Smallest gravity in profiles of pendant drops, m/s^2; with less the capillary length, hence drops, would grow without limit.
-pub const MIN_GRAVITY: f64 = 0.05;
-/// Smallest gravity in the capillary length of sessile drops, m/s^2.
-pub const MIN_CAPILLARY_GRAVITY: f64 = 1e-3;
+/// Smallest gravity in the capillary length of sessile and pendant drops, m/s^2, and in the maximum volume of the latter: that of the
+/// key `rain.gravity`. A leaf that falls freely has less, with which drops would grow without limit.
+pub const MIN_GRAVITY: f64 = 0.01;
+/// Attraction of [`MergeRule::Paper`](crate::rain::MergeRule::Paper) at most, in units of its constant: the printed logarithm has no limit.
+pub const MAX_ATTRACTION: f64 = 3.0;
 /// Largest factor on the length of the profile of the maximum volume with which more water is shown.
 pub const MAX_PENDANT_STRETCH: f64 = 1.6;
 /// Shape at the end of necking, after photographs: relative lengthening of the drop, and relative narrowing of its neck.
@@ -195,32 +259,44 @@ pub const WET_RADIUS_FACTOR: f64 = 1.15;
 /// cuts off parts of drops, larger costs time.
 pub const WINDOW_MARGIN_MIN: f64 = 1.05;
 pub const WINDOW_MARGIN_MAX: f64 = 1.25;
+/// Texels by which maps continue beyond the margin of the blade: enough for bilinear filters and two levels of mipmaps.
+pub const MAP_BLEED: usize = 4;
+/// Most samples across a texel when the relief of a leaf is reduced to a map; more follow finer relief and cost time once.
+pub const MAX_RELIEF_SAMPLES: usize = 4;
 /// Cosine of the angle to the mean normal within which all normals lie if the blade is not folded. Folded blades cost more time.
 pub const FOLD_COSINE: f32 = 0.8;
 
 // Meshes of drops.
 
-/// Rings and sides of a small drop and of a large one, and the radius from which a drop is large, m.
+/// Number of rings and sides of a small drop and of a large one, and the radius from which a drop is large, m.
 pub const SMALL_DROP_GRID: [u32; 2] = [6, 24];
 pub const LARGE_DROP_GRID: [u32; 2] = [12, 48];
 pub const LARGE_DROP_RADIUS: f64 = 1e-3;
+/// The same of drops that a camera sees from afar, and of drops that it sees as a pixel or two.
+pub const AFAR_DROP_GRID: [u32; 2] = [4, 12];
+pub const DISTANT_DROP_GRID: [u32; 2] = [1, 6];
+/// Radius over distance below which a drop is seen from afar, and below which it is distant: about 6 and 2 pixels across in a picture of
+/// 1080 lines that shows 40 degrees. Larger: coarse drops are seen as such; smaller: files hold vertices that nobody sees.
+pub const AFAR_DROP_ANGLE: f64 = 2e-3;
+pub const DISTANT_DROP_ANGLE: f64 = 7e-4;
 /// Exponent of the spacing of rings: above 1 they are denser towards the contact line, where highlights and refraction vary most.
 pub const RIM_DENSITY: f64 = 1.6;
 /// How far water reaches below the leaf's surface, m, so that no air is left between.
 pub const UNDERSIDE_DEPTH: f64 = 1e-4;
-/// Columns of a tail body across the path.
-pub const TAIL_COLUMNS: u32 = 14;
-/// Rows of a tail body per radius of its narrowest cap, and most rows.
-pub const TAIL_ROWS_PER_RADIUS: f64 = 7.0;
+/// Columns of a tail body across the path: near, from afar and distant.
+pub const TAIL_COLUMNS: [u32; 3] = [14, 6, 4];
+/// Rows of a tail body per radius of its narrowest cap: near, from afar and distant; fewest and most rows.
+pub const TAIL_ROWS_PER_RADIUS: [f64; 3] = [7.0, 3.0, 1.0];
+pub const MIN_TAIL_ROWS: [u32; 3] = [16, 8, 4];
 pub const MAX_TAIL_ROWS: u32 = 160;
 /// Slices along a tail body, and steps from the middle to the rim of each, by which its volume is measured.
 pub const TAIL_SLICES: u32 = 96;
 pub const TAIL_SLICE_STEPS: u32 = 24;
 /// Limits of the factor on the heights of a tail body that conserves volume; beyond them it would not look like water.
 pub const TAIL_HEIGHT_RANGE: [f64; 2] = [0.4, 1.6];
-/// Sides of a pendant drop, and about how many points its profile has.
-pub const PENDANT_SIDES: u32 = 32;
-pub const PROFILE_POINTS: usize = 40;
-/// Height of a pendant drop above its attachment, in radii, and the rings of that part.
+/// Sides of a pendant drop, and about how many points its profile has: near, from afar and distant.
+pub const PENDANT_SIDES: [u32; 3] = [32, 12, 6];
+pub const PROFILE_POINTS: [usize; 3] = [40, 12, 4];
+/// Height of a pendant drop above its attachment, in radii, and the rings of that part: near, from afar and distant.
 pub const SEAT_HEIGHT: f64 = 0.35;
-pub const SEAT_RINGS: u32 = 8;
+pub const SEAT_RINGS: [u32; 3] = [8, 3, 2];

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::rods::prism::{SectionCorners, SectionFrame};
+use crate::rods::prism::{SectionFrame, Vector9};
 use crate::rods::springs::{
     CORNER_RADIUS_RATIO, RodInterval, SPRINGS_PER_SECTION, spring_lengths, spring_stiffnesses, spring_vectors,
 };
@@ -49,7 +49,7 @@ pub struct RodDescription {
 #[derive(Debug, Clone)]
 pub(crate) struct SampledRod {
     pub frames: Vec<SectionFrame>,
-    pub corners: Vec<SectionCorners>,
+    pub corners: Vec<Vector9>,
     pub radii: Vec<f64>,
     /// Arc length from the base, m.
     pub s: Vec<f64>,
@@ -107,7 +107,7 @@ impl RodDescription {
     }
 
     /// Sections at equal steps of arc length, with rotation-minimizing frames.
-    pub(crate) fn discretize(&self) -> SampledRod {
+    pub(crate) fn sample(&self) -> SampledRod {
         let curve = self.sample_spline();
         let n = self.section_count();
         let length = curve.last().map_or(0.0, |p| p.2);
@@ -167,7 +167,7 @@ fn rotation_minimizing_frames(p: &[DVec3]) -> Vec<SectionFrame> {
 
 /// A free section in a tree of rods: nine degrees of freedom, the positions of three corners.
 #[derive(Debug, Clone)]
-pub(crate) struct RodSection {
+pub(crate) struct SectionProperties {
     pub rod: usize,
     pub radius: f64,
     /// Arc length on its rod, m.
@@ -184,14 +184,14 @@ pub(crate) struct RodSection {
 
 /// Base of a rod that is rigid with a section of its parent rod and has no degrees of freedom of its own.
 #[derive(Debug, Clone)]
-pub(crate) struct RodAttachment {
+pub(crate) struct AttachedBase {
     /// Index of the carrying section.
     pub on: u32,
     /// Corners of the base in that section's frame, m.
-    pub local: SectionCorners,
+    pub local: Vector9,
 }
 
-/// Range and properties of one rod in a [`RodTree`].
+/// Range and properties of one rod in a [`SectionTree`].
 #[derive(Debug, Clone)]
 pub(crate) struct RodLayout {
     /// Free sections; the attached base of a child rod is not among them.
@@ -206,20 +206,20 @@ pub(crate) struct RodLayout {
 
 /// All free sections of connected rods, parents first.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct RodTree {
-    pub sections: Vec<RodSection>,
+pub(crate) struct SectionTree {
+    pub sections: Vec<SectionProperties>,
     /// Index of the preceding section and of the one before that, as springs couple them; see
     /// [`crate::rods::solver::block::solve_block_system`].
     pub predecessors: Vec<[u32; 2]>,
-    pub bases: Vec<RodAttachment>,
+    pub bases: Vec<AttachedBase>,
     pub rods: Vec<RodLayout>,
     /// Corners of the reference shape, which is the pose as drawn, m.
-    pub reference: Vec<SectionCorners>,
+    pub reference: Vec<Vector9>,
 }
 
-impl RodTree {
+impl SectionTree {
     /// Discretizes rods. Parents stand before their children.
-    pub(crate) fn new(rods: &[RodDescription]) -> Self {
+    pub(crate) fn discretize(rods: &[RodDescription]) -> Self {
         let mut tree = Self::default();
         rods.iter().enumerate().for_each(|(number, rod)| tree.add_rod(number, rod));
         tree.set_rest_lengths(&tree.reference.clone());
@@ -227,7 +227,7 @@ impl RodTree {
     }
 
     fn add_rod(&mut self, number: usize, rod: &RodDescription) {
-        let line = rod.discretize();
+        let line = rod.sample();
         let first = self.sections.len();
         let parent = rod.parent.map(|(rod, s)| self.nearest_section(rod, s));
         let own = usize::from(parent.is_some());
@@ -237,13 +237,13 @@ impl RodTree {
         // parent's section.
         let base = parent.map(|on| {
             let frame = SectionFrame::from_corners(&self.reference[on]);
-            self.bases.push(RodAttachment { on: to_stored_index(on), local: frame.corners_to_local(&line.corners[0]) });
+            self.bases.push(AttachedBase { on: to_stored_index(on), local: frame.corners_to_local(&line.corners[0]) });
             // The half interval at the base moves with the parent.
             self.sections[on].mass += masses[0];
             self.bases.len() - 1
         });
         for j in own..line.frames.len() {
-            // Predecessors of section j: within the rod, or the carrying section where the attached base takes their
+            // PredecessorPair of section j: within the rod, or the carrying section where the attached base takes their
             // place.
             let before = |k: usize| match (j.checked_sub(k), parent) {
                 (Some(at), Some(on)) if at < own => to_stored_index(on),
@@ -255,7 +255,7 @@ impl RodTree {
             let over = if own == 1 && j == 1 { NONE } else { before(2) };
             self.predecessors.push([before(1), over]);
             self.reference.push(line.corners[j]);
-            self.sections.push(RodSection {
+            self.sections.push(SectionProperties {
                 rod: number,
                 radius: line.radii[j],
                 s: line.s[j],
@@ -283,7 +283,7 @@ impl RodTree {
 
     /// Corners of both predecessors of section `i`, given the corners `x` of all sections; an attached base is carried
     /// along rigidly.
-    pub(crate) fn predecessor_corners(&self, i: usize, x: &[SectionCorners]) -> [SectionCorners; 2] {
+    pub(crate) fn predecessor_corners(&self, i: usize, x: &[Vector9]) -> [Vector9; 2] {
         [0, 1].map(|k| match (self.predecessors[i][k], self.sections[i].base[k]) {
             (_, base) if base != NONE => {
                 let base = &self.bases[base as usize];
@@ -295,7 +295,7 @@ impl RodTree {
     }
 
     /// Sets the rest lengths of all springs so that the shape `x` is free of stress.
-    pub(crate) fn set_rest_lengths(&mut self, x: &[SectionCorners]) {
+    pub(crate) fn set_rest_lengths(&mut self, x: &[Vector9]) {
         for i in 0..self.sections.len() {
             let [up, over] = self.predecessor_corners(i, x);
             self.sections[i].rest_lengths = spring_lengths(&spring_vectors(&x[i], &up, &over));

@@ -25,7 +25,7 @@
 
 mod layout;
 mod modes;
-mod plant;
+pub(crate) mod plant;
 mod prism;
 mod record;
 mod solver;
@@ -36,8 +36,10 @@ mod tests;
 mod tuning;
 
 pub use layout::{RodDescription, RodMaterial};
+pub(crate) use plant::RigidBlade;
 pub use plant::{RodPlant, RodPlantParams, SectionBlend};
 pub use prism::SectionFrame;
 pub use record::{Actuation, Integrator, MAX_SUBSTEPS, RecordingParams, RodPose};
 pub use solver::{MAX_GAUSS_SEIDEL_STIFFNESS, StepFailure};
 pub use system::{AttachedBody, ClampKind, RodClamp, RodSystem};
+pub use tuning::PLANT_SPIN_UP_SECONDS;

@@ -6,7 +6,7 @@ use osier_base::math;
 /// Mass of a section and its attached bodies, kg, with the first and second moment along the rod about the section, kg
 /// m and kg m^2.
 #[derive(Debug, Clone, Copy, Default)]
-struct LumpedMass {
+struct MassMoments {
     mass: f64,
     first: f64,
     second: f64,
@@ -18,7 +18,7 @@ impl RodSystem {
         let lumps = self.lumped_masses();
         for rod in 0..self.dampings.len() {
             let material = self.tree.rods[rod].material;
-            let hertz = self.estimate_fundamental_hz(rod, &lumps);
+            let hertz = self.estimate_rod_hz(rod, &lumps);
             let anchored = self.is_anchored(rod);
             let recovery = if anchored { material.recovery } else { 0.0 };
             // Rayleigh damping with equal mass and stiffness parts at the fundamental w: a = zeta w, b = zeta / w, so that
@@ -37,9 +37,9 @@ impl RodSystem {
     }
 
     /// Lumped mass of each section with the bodies of the plant, and with the child rods that it carries.
-    fn lumped_masses(&self) -> Vec<LumpedMass> {
-        let mut lumps: Vec<LumpedMass> =
-            self.tree.sections.iter().map(|s| LumpedMass { mass: 3.0 * s.mass, ..LumpedMass::default() }).collect();
+    fn lumped_masses(&self) -> Vec<MassMoments> {
+        let mut lumps: Vec<MassMoments> =
+            self.tree.sections.iter().map(|s| MassMoments { mass: 3.0 * s.mass, ..MassMoments::default() }).collect();
         // Bodies of the plant count; foreign ones (water, weights) must not change the damping of the wood.
         for body in self.bodies.iter().filter(|b| b.of_plant) {
             let (lump, lever) = (&mut lumps[body.section], body.at.z);
@@ -62,7 +62,7 @@ impl RodSystem {
     /// Fundamental frequency of a rod, Hz: of an anchored rod from its static deflection under lateral gravity, of a
     /// free one as a beam pinned at both ends.
     /// Source: Rayleigh's quotient w^2 = g sum(m y) / sum(m y^2); [yang-wu] eq. 1 for the deflection.
-    fn estimate_fundamental_hz(&self, rod: usize, lumps: &[LumpedMass]) -> f64 {
+    fn estimate_rod_hz(&self, rod: usize, lumps: &[MassMoments]) -> f64 {
         let span = &self.tree.rods[rod];
         let n = span.intervals.len();
         if !self.is_anchored(rod) {
@@ -74,8 +74,8 @@ impl RodSystem {
         }
         // The mass of an attached base belongs to the parent rod.
         let first = n + 1 - span.sections.len();
-        let lump = |j: usize| if j < first { LumpedMass::default() } else { lumps[span.sections.start + j - first] };
-        let at = self.clamped_section(rod).map_or(0, |i| i - span.sections.start);
+        let lump = |j: usize| if j < first { MassMoments::default() } else { lumps[span.sections.start + j - first] };
+        let at = self.clamped_section_of_rod(rod).map_or(0, |i| i - span.sections.start);
         let (mut top, mut bottom) = (0.0, 0.0);
         // Both sides of the clamp are cantilevers; numerator and denominator of the quotient add up.
         for forth in [true, false] {
@@ -83,7 +83,7 @@ impl RodSystem {
             let interval = |k: usize| if forth { &span.intervals[at + k] } else { &span.intervals[at - 1 - k] };
             let beyond = |k: usize| {
                 let lump = lump(if forth { at + k } else { at - k });
-                LumpedMass { first: if forth { lump.first } else { -lump.first }, ..lump }
+                MassMoments { first: if forth { lump.first } else { -lump.first }, ..lump }
             };
             // Moments at both ends of each interval, from the free end inwards, for one newton on each kilogram.
             let (mut moments, mut moment, mut shear) = (vec![[0.0; 2]; count], 0.0, 0.0);

@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 /// Positions, velocities or forces of three corners: x, y, z of each, one after another.
-pub type SectionCorners = [f64; 9];
+pub type Vector9 = [f64; 9];
 /// A 9x9 block of a matrix over the degrees of freedom of two sections, by rows.
 pub type Matrix9 = [[f64; 9]; 9];
 
@@ -13,13 +13,13 @@ const SIN: [f64; 3] = [0.0, 0.866_025_403_784_438_6, -0.866_025_403_784_438_6];
 
 /// Vector of corner `c`.
 #[inline(always)]
-pub fn corner(x: &SectionCorners, c: usize) -> DVec3 {
+pub fn corner(x: &Vector9, c: usize) -> DVec3 {
     DVec3::new(x[3 * c], x[3 * c + 1], x[3 * c + 2])
 }
 
 /// Adds `d` to the vector of corner `c`.
 #[inline(always)]
-pub fn add_to_corner(x: &mut SectionCorners, c: usize, d: DVec3) {
+pub fn add_to_corner(x: &mut Vector9, c: usize, d: DVec3) {
     x[3 * c] += d.x;
     x[3 * c + 1] += d.y;
     x[3 * c + 2] += d.z;
@@ -27,7 +27,7 @@ pub fn add_to_corner(x: &mut SectionCorners, c: usize, d: DVec3) {
 
 /// Corners by evaluating a function of the corner's index.
 #[inline(always)]
-pub fn corners_from_fn(f: impl Fn(usize) -> DVec3) -> SectionCorners {
+pub fn corners_from_fn(f: impl Fn(usize) -> DVec3) -> Vector9 {
     let mut x = [0.0; 9];
     for c in 0..3 {
         add_to_corner(&mut x, c, f(c));
@@ -37,25 +37,25 @@ pub fn corners_from_fn(f: impl Fn(usize) -> DVec3) -> SectionCorners {
 
 /// Mean of the three corners.
 #[inline(always)]
-pub fn centroid(x: &SectionCorners) -> DVec3 {
+pub fn centroid(x: &Vector9) -> DVec3 {
     (corner(x, 0) + corner(x, 1) + corner(x, 2)) / 3.0
 }
 
 /// Scalar product over all nine components.
 #[inline(always)]
-pub fn corner_dot(a: &SectionCorners, b: &SectionCorners) -> f64 {
+pub fn corner_dot(a: &Vector9, b: &Vector9) -> f64 {
     (0..9).fold(0.0, |sum, k| sum + a[k] * b[k])
 }
 
 /// Product m x.
 #[inline(always)]
-pub fn matrix_vector(m: &Matrix9, x: &SectionCorners) -> SectionCorners {
+pub fn matrix_vector(m: &Matrix9, x: &Vector9) -> Vector9 {
     std::array::from_fn(|k| corner_dot(&m[k], x))
 }
 
 /// Product m^T x.
 #[inline(always)]
-pub fn transposed_matrix_vector(m: &Matrix9, x: &SectionCorners) -> SectionCorners {
+pub fn transposed_matrix_vector(m: &Matrix9, x: &Vector9) -> Vector9 {
     let mut y = [0.0; 9];
     for k in 0..9 {
         for (y, m) in y.iter_mut().zip(&m[k]) {
@@ -81,7 +81,7 @@ pub struct SectionFrame {
 impl SectionFrame {
     /// The frame that three corners span. Collinear corners have no frame: its directions are then zero.
     /// Source: [yang-wu] 2.1, the frame from deformed corners; Own: `u` is the mean of the estimates from both axes.
-    pub fn from_corners(x: &SectionCorners) -> Self {
+    pub fn from_corners(x: &Vector9) -> Self {
         let p = centroid(x);
         let (mut a, mut b) = (DVec3::ZERO, DVec3::ZERO);
         // Least-squares axes of the triangle: sum of cos(a_c) d_c lies along u, sum of sin(a_c) d_c along v.
@@ -104,7 +104,7 @@ impl SectionFrame {
     }
 
     /// Corners of an equilateral triangle with circumradius `rho`, m.
-    pub fn corner_positions(&self, rho: f64) -> SectionCorners {
+    pub fn corner_positions(&self, rho: f64) -> Vector9 {
         corners_from_fn(|c| self.p + rho * (COS[c] * self.u + SIN[c] * self.v))
     }
 
@@ -114,13 +114,13 @@ impl SectionFrame {
     }
 
     /// World positions of corners given in the frame's coordinates `local`, m.
-    pub fn local_positions_to_world(&self, local: &SectionCorners) -> SectionCorners {
+    pub fn local_positions_to_world(&self, local: &Vector9) -> Vector9 {
         let m = self.matrix();
         corners_from_fn(|c| self.p + m * corner(local, c))
     }
 
     /// Inverse of [`SectionFrame::local_positions_to_world`].
-    pub fn corners_to_local(&self, x: &SectionCorners) -> SectionCorners {
+    pub fn corners_to_local(&self, x: &Vector9) -> Vector9 {
         let m = self.matrix().transpose();
         corners_from_fn(|c| m * (corner(x, c) - self.p))
     }
@@ -146,7 +146,7 @@ pub struct RigidSectionMap {
 
 impl RigidSectionMap {
     /// Map for corners at `x`, m, which must not be collinear.
-    pub fn from_corners(x: &SectionCorners) -> Self {
+    pub fn from_corners(x: &Vector9) -> Self {
         let p = centroid(x);
         let arms = [0, 1, 2].map(|c| corner(x, c) - p);
         let mut i = DMat3::ZERO;
@@ -157,13 +157,13 @@ impl RigidSectionMap {
     }
 
     /// Velocity of the centroid, m/s, and angular velocity, rad/s, of corners with velocities `v`, m/s.
-    pub fn rigid_velocity(&self, v: &SectionCorners) -> (DVec3, DVec3) {
+    pub fn rigid_velocity(&self, v: &Vector9) -> (DVec3, DVec3) {
         let spin = (0..3).fold(DVec3::ZERO, |s, c| s + self.arms[c].cross(corner(v, c)));
         (centroid(v), self.inverse * spin)
     }
 
     /// Corner forces, N, equivalent to a force, N, and a torque, N m, at the centroid.
-    pub fn corner_forces(&self, force: DVec3, torque: DVec3) -> SectionCorners {
+    pub fn corner_forces(&self, force: DVec3, torque: DVec3) -> Vector9 {
         // f_c = F/3 + (I^-1 T) x r_c: the corner forces of least norm with this resultant.
         let t = self.inverse * torque;
         corners_from_fn(|c| force / 3.0 + t.cross(self.arms[c]))
@@ -171,7 +171,7 @@ impl RigidSectionMap {
 
     /// Jacobian J of points that are rigid with the section, dX = J dx, with respect to the section's corners. `x`:
     /// the points, m.
-    pub fn attachment_jacobian(&self, x: &SectionCorners) -> Matrix9 {
+    pub fn attachment_jacobian(&self, x: &Vector9) -> Matrix9 {
         let mut j = [[0.0; 9]; 9];
         for c in 0..3 {
             let q = corner(x, c) - self.p;
@@ -187,7 +187,7 @@ impl RigidSectionMap {
 
     /// Mass matrix W^T M W of a rigid body attached to the section, over the corners. `at`: from the centroid to the
     /// body's centre, m; `mass`, kg; `inertia` about the body's own centre, kg m^2, both in world directions.
-    pub fn mass_matrix(&self, at: DVec3, mass: f64, inertia: DMat3) -> Matrix9 {
+    pub fn body_mass_matrix(&self, at: DVec3, mass: f64, inertia: DMat3) -> Matrix9 {
         let s = cross_matrix(at);
         // The 6x6 spatial mass matrix about the section's centroid, [[m, -m s], [m s, I - m s s]] with s = [at]x.
         let (a, b) = (DMat3::from_diagonal(DVec3::splat(mass)), s * -mass);
@@ -232,7 +232,7 @@ fn set_corner_block(block: &mut Matrix9, c: usize, a: usize, m: &DMat3) {
 mod tests {
     use super::*;
 
-    fn sample_corners() -> (SectionFrame, SectionCorners) {
+    fn sample_corners() -> (SectionFrame, Vector9) {
         let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 0.7);
         let frame =
             SectionFrame { p: DVec3::new(1.0, 2.0, -3.0), u: turn * DVec3::X, v: turn * DVec3::Y, w: turn * DVec3::Z };
@@ -269,7 +269,7 @@ mod tests {
         let (at, mass, inertia) =
             (DVec3::new(0.05, 0.01, -0.02), 0.3, DMat3::from_diagonal(DVec3::new(1e-4, 2e-4, 3e-4)));
         let moved = corners_from_fn(|c| v + w.cross(corner(&x, c) - rigid.p));
-        let m = rigid.mass_matrix(at, mass, inertia);
+        let m = rigid.body_mass_matrix(at, mass, inertia);
         let energy = 0.5 * corner_dot(&moved, &matrix_vector(&m, &moved));
         let own = 0.5 * mass * (v + w.cross(at)).length_squared() + 0.5 * w.dot(inertia * w);
         assert!((energy - own).abs() < 1e-12, "{energy} {own}");

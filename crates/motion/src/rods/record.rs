@@ -257,7 +257,7 @@ impl RodSystem {
             let end = i + 1 == span.sections.end || (i == span.sections.start && span.base.is_none());
             let area = 2.0 * section.radius * length * if end { 0.5 } else { 1.0 };
             let along = self.section_frame(i).w;
-            let u = air.as_dvec3() - self.section_velocity(i).0;
+            let u = air.as_dvec3() - self.section_rigid_velocity(i).0;
             // Cross-flow principle: only the normal component exerts drag.
             let u = u - along * along.dot(u);
             let f = 0.5 * AIR_DENSITY * drag[section.rod] * area * u.length() * u;
@@ -282,7 +282,7 @@ impl RodSystem {
                 }
                 // Released in this step: it starts with the velocity of its point of attachment.
                 None if body.mass <= 0.0 => {
-                    let (f, (v, spin)) = (self.section_frame(body.section), self.section_velocity(body.section));
+                    let (f, (v, spin)) = (self.section_frame(body.section), self.section_rigid_velocity(body.section));
                     let arm = f.matrix() * body.at;
                     let p = f.p + arm;
                     *state = Some(ReleasedWeight { p, v: v + spin.cross(arm), floor: body.reach.min(p.y) });

@@ -1,6 +1,6 @@
 //! The springs between the corners of neighbouring sections: families, stiffness and forces.
 
-use crate::rods::prism::SectionCorners;
+use crate::rods::prism::Vector9;
 use crate::rods::tuning::{SHEAR_SHARE_RANGE, TWO_INTERVAL_BENDING_SHARE};
 use osier_base::math;
 
@@ -110,7 +110,7 @@ pub(crate) type SpringVectors = [[f64; SPRINGS_PER_SECTION]; 3];
 /// Vector from each spring's corner of this section to its far end. `own`: corners of the section; `up`, `over`: of
 /// its predecessors, m.
 #[inline(always)]
-pub(crate) fn spring_vectors(own: &SectionCorners, up: &SectionCorners, over: &SectionCorners) -> SpringVectors {
+pub(crate) fn spring_vectors(own: &Vector9, up: &Vector9, over: &Vector9) -> SpringVectors {
     let mut d = [[0.0; SPRINGS_PER_SECTION]; 3];
     for axis in 0..3 {
         let row = &mut d[axis];
@@ -126,7 +126,7 @@ pub(crate) fn spring_vectors(own: &SectionCorners, up: &SectionCorners, over: &S
 }
 
 /// Direction, tension and geometric stiffness of a section's springs.
-pub(crate) struct SpringState {
+pub(crate) struct SpringStates {
     /// Unit vectors towards the far ends.
     pub e: SpringVectors,
     /// Tension, N.
@@ -141,8 +141,8 @@ pub(crate) fn spring_state(
     d: &SpringVectors,
     k: &[f64; SPRINGS_PER_SECTION],
     l: &[f64; SPRINGS_PER_SECTION],
-) -> SpringState {
-    let mut s = SpringState { e: *d, tension: [0.0; SPRINGS_PER_SECTION], across: [0.0; SPRINGS_PER_SECTION] };
+) -> SpringStates {
+    let mut s = SpringStates { e: *d, tension: [0.0; SPRINGS_PER_SECTION], across: [0.0; SPRINGS_PER_SECTION] };
     for i in 0..SPRINGS_PER_SECTION {
         let length = (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt().max(1e-30);
         let inverse = 1.0 / length;
@@ -161,7 +161,7 @@ pub(crate) fn spring_state(
 /// relative velocity of the far end, m/s.
 #[inline(always)]
 pub(crate) fn spring_forces(
-    s: &SpringState,
+    s: &SpringStates,
     k: &[f64; SPRINGS_PER_SECTION],
     v: &SpringVectors,
     b: f64,
@@ -193,12 +193,7 @@ pub(crate) fn spring_lengths(d: &SpringVectors) -> [f64; SPRINGS_PER_SECTION] {
 
 /// Adds spring forces to the corners of the section, and the opposite to the corners at the far ends.
 #[inline(always)]
-pub(crate) fn scatter_spring_forces(
-    f: &SpringVectors,
-    own: &mut SectionCorners,
-    up: &mut SectionCorners,
-    over: &mut SectionCorners,
-) {
+pub(crate) fn add_spring_forces(f: &SpringVectors, own: &mut Vector9, up: &mut Vector9, over: &mut Vector9) {
     for axis in 0..3 {
         let row = &f[axis];
         for c in 0..3 {

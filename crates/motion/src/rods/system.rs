@@ -2,13 +2,13 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::rods::layout::{RodDescription, RodTree, to_stored_index};
+use crate::rods::layout::{RodDescription, SectionTree, to_stored_index};
 use crate::rods::prism::{
-    Matrix9, RigidSectionMap, SectionCorners, SectionFrame, add_to_corner, centroid, corner, corner_dot,
-    corners_from_fn, matrix_vector,
+    Matrix9, RigidSectionMap, SectionFrame, Vector9, add_to_corner, centroid, corner, corner_dot, corners_from_fn,
+    matrix_vector,
 };
-use crate::rods::solver::assemble::{AttachedBaseState, SpringAssembly};
-use crate::rods::solver::block::{BlockRow, Predecessors, solve_block_system};
+use crate::rods::solver::assemble::{BaseState, SpringAssembly};
+use crate::rods::solver::block::{BlockRow, PredecessorPair, solve_block_system};
 use crate::rods::tuning::{CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, STEP_COUNT_RANGE, STEP_PHASE};
 use osier_base::math;
 use osier_scene::plant::NONE;
@@ -35,18 +35,18 @@ pub struct RodClamp {
     pub shift: DVec3,
     /// Prescribed rotation about the section's centre, from the reference shape.
     pub turn: DQuat,
-    reference: SectionCorners,
+    reference: Vector9,
 }
 
 impl RodClamp {
-    fn target_corners(&self) -> SectionCorners {
+    fn target_corners(&self) -> Vector9 {
         // Rotate the reference corners about their centre, then translate.
         let p = centroid(&self.reference);
         corners_from_fn(|c| p + self.shift + self.turn * (corner(&self.reference, c) - p))
     }
 
     /// Unit vectors over the section's nine degrees of freedom along which motion is prescribed, and their number.
-    fn constrained_directions(&self) -> ([SectionCorners; 9], usize) {
+    fn constrained_directions(&self) -> ([Vector9; 9], usize) {
         let mut directions = [[0.0; 9]; 9];
         if self.hold == ClampKind::Fixed {
             directions.iter_mut().enumerate().for_each(|(k, w)| w[k] = 1.0);
@@ -99,7 +99,7 @@ pub(crate) struct RodModalParams {
 
 /// Mass matrices of a section that carries bodies: with all of them, and with those of the plant only.
 #[derive(Debug, Clone)]
-struct SectionMassMatrices {
+struct TotalAndPlantMassMatrices {
     all: Matrix9,
     own: Matrix9,
 }
@@ -107,7 +107,7 @@ struct SectionMassMatrices {
 /// Connected rods: topology, state (positions, velocities, BDF2 history), clamps, attached bodies and loads.
 #[derive(Debug, Clone)]
 pub struct RodSystem {
-    pub(crate) tree: RodTree,
+    pub(crate) tree: SectionTree,
     pub(crate) clamps: Vec<RodClamp>,
     pub(crate) bodies: Vec<AttachedBody>,
     /// Gravitational acceleration, m/s^2.
@@ -118,15 +118,15 @@ pub struct RodSystem {
     /// Per rod: the frame in which its rest positions are constant.
     anchors: Vec<RestAnchor>,
     /// Rest positions in the anchor's frame, m.
-    rest_positions: Vec<SectionCorners>,
+    rest_positions: Vec<Vector9>,
     /// Positions and velocities, now and one step before (BDF2 history).
-    pub(crate) x: Vec<SectionCorners>,
-    pub(crate) v: Vec<SectionCorners>,
-    pub(crate) before: [Vec<SectionCorners>; 2],
+    pub(crate) x: Vec<Vector9>,
+    pub(crate) v: Vec<Vector9>,
+    pub(crate) before: [Vec<Vector9>; 2],
     /// External forces, N: those that last until cleared, and impulses over the step length, which act in one step
     /// only.
-    external_forces: Vec<SectionCorners>,
-    impulse_forces: Vec<SectionCorners>,
+    external_forces: Vec<Vector9>,
+    impulse_forces: Vec<Vector9>,
     /// Factor on impulses in this step; a first step takes less of them, see [`RodSystem::step_implicit`].
     pub(crate) share: f64,
     /// The BDF2 history is not valid: the next step is an implicit Euler step.
@@ -148,18 +148,18 @@ enum RestAnchor {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SolverBuffers {
     pub rows: Vec<BlockRow>,
-    pub change: Vec<SectionCorners>,
-    pub force: Vec<SectionCorners>,
+    pub change: Vec<Vector9>,
+    pub force: Vec<Vector9>,
     /// Loads that stay constant within a step, N.
-    pub load: Vec<SectionCorners>,
+    pub load: Vec<Vector9>,
     /// Rest positions in the world, m.
-    pub places: Vec<SectionCorners>,
-    pub next: Vec<SectionCorners>,
-    pub speed: Vec<SectionCorners>,
-    pub attached_bases: Vec<AttachedBaseState>,
+    pub places: Vec<Vector9>,
+    pub next: Vec<Vector9>,
+    pub speed: Vec<Vector9>,
+    pub attached_bases: Vec<BaseState>,
     pub damping: Vec<f64>,
     pub factors: Vec<f64>,
-    section_masses: Vec<SectionMassMatrices>,
+    section_masses: Vec<TotalAndPlantMassMatrices>,
     /// Per section: index into `section_masses`, or [`NONE`] for a section without bodies.
     mass_index: Vec<u32>,
 }
@@ -168,7 +168,7 @@ impl RodSystem {
     /// Discretizes rods; every section is in its reference shape, at rest. Parents stand before children. `holds`:
     /// rod, arc length on it, m, and boundary condition of each clamp.
     pub fn new(rods: &[RodDescription], holds: &[(usize, f64, ClampKind)]) -> Self {
-        let tree = RodTree::new(rods);
+        let tree = SectionTree::discretize(rods);
         let n = tree.sections.len();
         let zero = vec![[0.0; 9]; n];
         // A clamp holds the section nearest to its arc length.
@@ -191,7 +191,7 @@ impl RodSystem {
             places: tree.reference.clone(),
             next: zero.clone(),
             speed: zero.clone(),
-            attached_bases: vec![AttachedBaseState::default(); tree.bases.len()],
+            attached_bases: vec![BaseState::default(); tree.bases.len()],
             damping: vec![0.0; rods.len()],
             factors: vec![1.0; rods.len()],
             section_masses: Vec::new(),
@@ -217,7 +217,7 @@ impl RodSystem {
             step,
             divergence_limit: f64::MAX,
         };
-        all.find_rest_anchors();
+        all.set_anchors();
         all.store_rest_positions(&all.tree.reference.clone());
         all.update_damping();
         all
@@ -225,13 +225,13 @@ impl RodSystem {
 
     /// Adds bodies and recomputes frequencies and damping with them.
     #[must_use]
-    pub fn with_bodies(mut self, bodies: Vec<AttachedBody>) -> Self {
+    pub fn with_added_bodies(mut self, bodies: Vec<AttachedBody>) -> Self {
         self.bodies.extend(bodies);
         self.update_damping();
         self
     }
 
-    fn find_rest_anchors(&mut self) {
+    fn set_anchors(&mut self) {
         for (rod, span) in self.tree.rods.iter().enumerate() {
             let fixed = |c: &RodClamp| c.hold == ClampKind::Fixed && span.sections.contains(&c.section);
             // A parent rod takes precedence; else the first fixed clamp on the rod itself.
@@ -259,7 +259,7 @@ impl RodSystem {
     }
 
     /// Stores `x` as rest positions, relative to the present frames of the anchors.
-    pub(crate) fn store_rest_positions(&mut self, x: &[SectionCorners]) {
+    pub(crate) fn store_rest_positions(&mut self, x: &[Vector9]) {
         for i in 0..x.len() {
             self.rest_positions[i] = match self.anchors[self.tree.sections[i].rod] {
                 RestAnchor::None => x[i],
@@ -275,7 +275,7 @@ impl RodSystem {
     }
 
     /// The clamped section of a rod that is anchored by a clamp of its own.
-    pub(crate) fn clamped_section(&self, rod: usize) -> Option<usize> {
+    pub(crate) fn clamped_section_of_rod(&self, rod: usize) -> Option<usize> {
         match self.anchors[rod] {
             RestAnchor::Clamp(c) => Some(self.clamps[c].section),
             _ => None,
@@ -340,7 +340,7 @@ impl RodSystem {
     }
 
     /// Velocity, m/s, and angular velocity, rad/s, of a section.
-    pub fn section_velocity(&self, section: usize) -> (DVec3, DVec3) {
+    pub fn section_rigid_velocity(&self, section: usize) -> (DVec3, DVec3) {
         RigidSectionMap::from_corners(&self.x[section]).rigid_velocity(&self.v[section])
     }
 
@@ -391,7 +391,7 @@ impl RodSystem {
     }
 
     /// Acceleration of a section under a force: M^-1 f.
-    pub(crate) fn apply_inverse_mass(&self, i: usize, f: &SectionCorners) -> SectionCorners {
+    pub(crate) fn apply_inverse_mass(&self, i: usize, f: &Vector9) -> Vector9 {
         // Sections without bodies have the same lumped mass at every corner.
         match self.step.section_masses.get(self.step.mass_index[i] as usize) {
             None => f.map(|f| f / self.tree.sections[i].mass),
@@ -401,7 +401,7 @@ impl RodSystem {
 
     /// M x of a section; `of_plant`: with the plant's own bodies only.
     #[inline]
-    pub(crate) fn apply_mass(&self, i: usize, x: &SectionCorners, of_plant: bool) -> SectionCorners {
+    pub(crate) fn apply_mass(&self, i: usize, x: &Vector9, of_plant: bool) -> Vector9 {
         match self.step.section_masses.get(self.step.mass_index[i] as usize) {
             None => x.map(|x| x * self.tree.sections[i].mass),
             Some(section_masses) => matrix_vector(if of_plant { &section_masses.own } else { &section_masses.all }, x),
@@ -437,14 +437,14 @@ impl RodSystem {
                 step.mass_index[i] = to_stored_index(step.section_masses.len());
                 let mut bare = [[0.0; 9]; 9];
                 (0..9).for_each(|k| bare[k][k] = tree.sections[i].mass);
-                step.section_masses.push(SectionMassMatrices { all: bare, own: bare });
+                step.section_masses.push(TotalAndPlantMassMatrices { all: bare, own: bare });
             }
             if body.mass <= 0.0 {
                 continue;
             }
             // Inertia of the body in world directions: m I m^T.
             let m = SectionFrame::from_corners(&x[i]).matrix();
-            let block = RigidSectionMap::from_corners(&x[i]).mass_matrix(
+            let block = RigidSectionMap::from_corners(&x[i]).body_mass_matrix(
                 m * body.at,
                 body.mass,
                 m * body.inertia * m.transpose(),
@@ -540,7 +540,7 @@ impl RodSystem {
     }
 
     /// M_own (x - x_rest) of section `i` at `step.next`: minus the restoring force over its stiffness per mass.
-    pub(crate) fn mass_times_rest_offset(&self, i: usize) -> SectionCorners {
+    pub(crate) fn mass_times_rest_offset(&self, i: usize) -> Vector9 {
         self.apply_mass(i, &subtract_corners(&self.step.next[i], &self.step.places[i]), true)
     }
 
@@ -591,17 +591,17 @@ impl RodSystem {
 
     /// Solves the Newton system for `step.change`; false if its matrix is not positive definite.
     pub(crate) fn solve_newton_update(&mut self) -> bool {
-        let predecessors: &[Predecessors] = &self.tree.predecessors;
+        let predecessors: &[PredecessorPair] = &self.tree.predecessors;
         solve_block_system(&mut self.step.rows, predecessors, &mut self.step.change)
     }
 }
 
-pub(crate) fn subtract_corners(a: &SectionCorners, b: &SectionCorners) -> SectionCorners {
+pub(crate) fn subtract_corners(a: &Vector9, b: &Vector9) -> Vector9 {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
 /// Solves a 9x9 symmetric positive definite system by elimination without pivoting.
-pub(crate) fn solve_matrix9(m: &Matrix9, f: &SectionCorners) -> SectionCorners {
+pub(crate) fn solve_matrix9(m: &Matrix9, f: &Vector9) -> Vector9 {
     let (mut a, mut x) = (*m, *f);
     // Forward elimination, then back substitution.
     for k in 0..9 {

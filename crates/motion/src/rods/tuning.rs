@@ -92,3 +92,7 @@ pub(crate) const BUFFET_COEFFICIENT: f64 = 0.25;
 
 /// Vector area over area below which a mesh counts as closed: half of its area then faces the wind.
 pub(crate) const CLOSED_MESH_SHARE: f64 = 0.2;
+
+/// Spin-up in the wind before the first frame of a clip whose plants on rods do not start at rest, s. Own: a few periods of a branch; a
+/// longer one costs time before the first frame, a shorter one shows the rods start to move.
+pub const PLANT_SPIN_UP_SECONDS: f64 = 2.0;

@@ -41,6 +41,25 @@ impl SlopeProfile {
             _ => uniform_load_slope(x),
         }
     }
+
+    /// Integral of the slope from the base to `x`, 0 to 1, over that of the tip: the deflection at `x` over the length, per tip slope.
+    pub fn integral(&self, x: f64) -> f64 {
+        let x = x.clamp(0.0, 1.0);
+        // Of P = 3 x - 3 x^2 + x^3.
+        let Self::Table(table) = self else { return x * x * (1.5 - x * (1.0 - x * 0.25)) };
+        // Trapezoids between the entries are exact for what `at` interpolates.
+        let h = 1.0 / table.len().saturating_sub(1).max(1) as f64;
+        let mut sum = 0.0;
+        for k in 0..table.len().saturating_sub(1) {
+            let from = k as f64 * h;
+            let to = x.min(from + h);
+            if to <= from {
+                break;
+            }
+            sum += 0.5 * (self.at(from) + self.at(to)) * (to - from);
+        }
+        sum
+    }
 }
 
 /// Second over first natural frequency of a uniform cantilever.
@@ -139,6 +158,11 @@ pub struct CantileverBeam {
 }
 
 impl CantileverBeam {
+    /// Multiplies the stiffness by a factor.
+    pub fn stiffen(&mut self, factor: f64) {
+        self.rigidity.iter_mut().chain(&mut self.between).for_each(|r| *r *= factor);
+    }
+
     /// Tip slope per unit transverse force at each station, 1/N: c(s) = integral of (s - x) / (E I) over 0..s.
     pub fn compliance(&self) -> Vec<f64> {
         let (mut c, mut slope) = (0.0, 0.0);
@@ -294,6 +318,17 @@ mod tests {
             between: x.iter().map(|x| stiff((x + h / 2.0).min(l))).collect(),
             mass: x.iter().map(mass).collect(),
             x,
+        }
+    }
+
+    #[test]
+    fn slopes_add_up_to_the_deflection() {
+        let table = SlopeProfile::Table((0..=32).map(|k| uniform_load_slope(f64::from(k) / 32.0)).collect());
+        for x in [0.0, 0.2, 0.53, 1.0] {
+            let expected =
+                (0..1000).map(|k| uniform_load_slope((f64::from(k) + 0.5) * x / 1000.0) * x / 1000.0).sum::<f64>();
+            assert!((SlopeProfile::Even.integral(x) - expected).abs() < 1e-6);
+            assert!((table.integral(x) - expected).abs() < 1e-3, "{x}");
         }
     }
 

@@ -6,9 +6,11 @@ use std::ops::Range;
 use glam::{DVec3, Quat};
 
 use super::beam::{CantileverBeam, SlopeProfile, rotation_f32, second_mode_slope};
-use super::segments::{AxisSegment, AxisSegments, BranchLoad, ElementBudget};
+use super::segments::{AxisSegment, AxisSegments, BranchLoad};
 use super::wood::{WoodParams, damping_ratio};
-use crate::sway::tuning::{CROWN_SHELTER, FREQUENCY_SPREAD, MIN_HZ, MODE_SPLIT};
+use crate::sway::tuning::{
+    CROWN_SHELTER, FREQUENCY_SPREAD, MIN_HZ, MODE_SPLIT, SELF_WEIGHT_SLOPE, SELF_WEIGHT_STIFFENING,
+};
 use osier_base::math;
 use osier_base::rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
@@ -36,6 +38,10 @@ pub struct BeamElement {
     pub bend_axes: [DVec3; 2],
     /// Length, m.
     pub length: f64,
+    /// From its base to its tip at rest, m.
+    pub chord: DVec3,
+    /// Slope of its tip per unit force across it there, 1/N.
+    pub tip_compliance: f64,
     /// Range of its stations in [`BeamElements::stations`].
     pub stations: Range<usize>,
     /// Tip slope of the carrier per unit force at this element's base, 1/N.
@@ -87,9 +93,7 @@ pub struct BeamElements {
     pub list: Vec<BeamElement>,
     /// Stations of all elements.
     pub stations: Vec<LoadStation>,
-    /// Whether elements get the smaller number of joints.
-    pub(crate) coarse: bool,
-    /// Indices of the elements in descending order of visible motion.
+    /// Indices of the elements by branching order, then by falling length of their axis.
     pub ranked: Vec<u32>,
     /// Per axis: end of each segment, m, and its element or [`NONE`].
     parts: Vec<Vec<(f32, u32)>>,
@@ -98,20 +102,19 @@ pub struct BeamElements {
 }
 
 impl BeamElements {
-    /// Selects and measures the elements of a plant. Segments beyond the budget ride rigidly on their carrier and add
-    /// to its load.
+    /// Selects and measures the elements of a plant, `budget` at most. Segments beyond it ride rigidly on their carrier
+    /// and add to its load.
     /// Source: the hierarchy of [zhao-zhang] 3.2, one element for a branch instead of for an internode.
-    pub fn build(plant: &Plant, wood: &WoodParams, budget: ElementBudget) -> Self {
-        // Rank all segments by visible motion, then select within the budget.
+    pub fn build(plant: &Plant, wood: &WoodParams, budget: usize) -> Self {
+        // Rank all segments by size, then select within the budget.
         let segments = AxisSegments::from_plant(plant, wood);
-        let ranked = segments.ranked_by_motion();
+        let ranked = segments.ranked_by_size(plant);
         let kept = segments.select(&ranked, budget);
         let source =
             ElementContext { plant, wood, segments: &segments, kept: &kept, crown: CrownEllipsoid::from_plant(plant) };
         let mut all = Self {
             parts: vec![Vec::new(); plant.axes.len()],
             carriers: vec![ElementLocation { element: NONE, at: 0.0 }; plant.axes.len()],
-            coarse: matches!(budget, ElementBudget::Coarse(_)),
             ..Self::default()
         };
         let mut index = vec![NONE; segments.list.len()];
@@ -164,6 +167,8 @@ impl BeamElements {
             up: frame * DVec3::Y,
             bend_axes: [frame * DVec3::X, frame * DVec3::Z],
             length: f64::from(segment.span[1] - segment.span[0]),
+            chord: (source.plant.frame(axis, segment.span[1]).p - site.p).as_dvec3(),
+            tip_compliance: measured.compliance.last().copied().unwrap_or(0.0),
             stations: first..self.stations.len(),
             carrier_compliance,
             w: measured.mode_frequencies(source, segment, id),
@@ -315,7 +320,8 @@ struct ElementBeam {
 impl ElementBeam {
     fn new(&ElementContext { plant, wood, segments, kept, .. }: &ElementContext<'_>, i: usize) -> Self {
         let segment = &segments.list[i];
-        let mut beam = segments.beam(plant, wood, i);
+        // The factor on the stiffness is a wish beyond what the wood needs to carry itself: it comes last.
+        let mut beam = segments.beam(plant, &WoodParams { stiffness: 1.0, ..*wood }, i);
         let mut own: Vec<BranchLoad> = segments.wood_along(plant, wood, i, beam.x.len());
         for (s, load) in &segment.leaves {
             distribute_load(&beam.x, &mut own, f64::from(s - segment.span[0]), *load);
@@ -327,6 +333,9 @@ impl ElementBeam {
             distribute_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
         }
         beam.mass = own.iter().zip(&hung).map(|(o, h)| o.mass + h.mass).collect();
+        let (axis, [from, to]) = (&plant.axes[segment.axis as usize], segment.span);
+        let along = (plant.frame(axis, to).p - plant.frame(axis, from).p).as_dvec3().normalize_or(DVec3::Y);
+        beam.stiffen(self_weight_stiffening(&beam, along) * wood.stiffness);
         let drag = |l: &BranchLoad| wood.drag * l.wood + wood.leaf_drag * l.leaf;
         let wind: Vec<f64> = own.iter().zip(&hung).map(|(o, h)| drag(o) + drag(h)).collect();
         let shape =
@@ -392,6 +401,17 @@ impl ElementBeam {
     }
 }
 
+/// Factor on the stiffness of a beam that grew along `along`, where its weight would bend its tip farther than
+/// [`SELF_WEIGHT_SLOPE`]: the plant is grown with its weight, and wood of a drawn thickness that could not carry it would not
+/// have grown so. Weight does not bend an upright stem, and it holds a hanging twig as stiffness does.
+/// Source: T. A. McMahon and R. E. Kronauer, "Tree structures: deducing the principle of mechanical design", Journal of
+/// Theoretical Biology 59, 1976: branches of a tree deflect alike for their length under their weight.
+fn self_weight_stiffening(beam: &CantileverBeam, along: DVec3) -> f64 {
+    let across = if along.y > 0.0 { math::sqrt((1.0 - along.y * along.y).max(0.0)) } else { 1.0 };
+    let slope = beam.compliance().iter().zip(&beam.mass).fold(0.0, |sum, (c, m)| sum + c * m);
+    math::pow((osier_base::physics::GRAVITY * across * slope / SELF_WEIGHT_SLOPE).max(1.0), SELF_WEIGHT_STIFFENING)
+}
+
 fn ratio_or_zero(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
@@ -426,7 +446,7 @@ mod tests {
     fn rod_is_one_element_with_its_theoretical_frequency() {
         let plant = rod(3.5, 0.035, 0.035);
         let wood = WoodParams { elasticity: Some(8e9), ..WoodParams::default() };
-        let all = BeamElements::build(&plant, &wood, ElementBudget::Elements(10));
+        let all = BeamElements::build(&plant, &wood, 10);
         assert_eq!(all.list.len(), 1);
         let e = &all.list[0];
         let hertz = (e.w[0] + e.w[1]) * 0.5 / std::f64::consts::TAU;
@@ -445,7 +465,7 @@ mod tests {
 
     #[test]
     fn thin_ends_are_elements_of_their_own() {
-        let all = BeamElements::build(&rod(4.0, 0.04, 0.002), &WoodParams::default(), ElementBudget::Elements(10));
+        let all = BeamElements::build(&rod(4.0, 0.04, 0.002), &WoodParams::default(), 10);
         assert!(all.list.len() == 2 && all.list[1].parent == 0 && (all.list[1].at - 1.0).abs() < 1e-9);
         assert!(all.list[1].w[0] > all.list[0].w[0]);
     }
@@ -454,8 +474,8 @@ mod tests {
     fn parents_come_first_and_segments_beyond_the_budget_ride() {
         let plant = tree(40);
         let wood = WoodParams::default();
-        let full = BeamElements::build(&plant, &wood, ElementBudget::Elements(1000));
-        let few = BeamElements::build(&plant, &wood, ElementBudget::Elements(20));
+        let full = BeamElements::build(&plant, &wood, 1000);
+        let few = BeamElements::build(&plant, &wood, 20);
         assert!(full.list.len() >= 81 && few.list.len() == 20);
         for all in [&full, &few] {
             assert!(all.list.iter().enumerate().all(|(i, e)| e.parent == NONE || (e.parent as usize) < i));
@@ -473,7 +493,7 @@ mod tests {
     fn leaves_add_drag_and_mass_to_their_twigs() {
         let (bare, leafy) = (tree(5), leafy(5));
         let wood = WoodParams::default();
-        let build = |p: &Plant| BeamElements::build(p, &wood, ElementBudget::Elements(100));
+        let build = |p: &Plant| BeamElements::build(p, &wood, 100);
         let (a, b) = (build(&bare), build(&leafy));
         let leaf: f64 = b.stations.iter().map(|s| s.load.leaf).sum();
         assert!((leaf - leafy.organs.len() as f64 * 0.01).abs() < 1e-6, "{leaf} m2");
@@ -484,7 +504,7 @@ mod tests {
     #[test]
     fn trunk_has_the_requested_frequency() {
         let wood = WoodParams { trunk_hertz: Some(0.51), ..WoodParams::default() };
-        let all = BeamElements::build(&tree(5), &wood, ElementBudget::Elements(100));
+        let all = BeamElements::build(&tree(5), &wood, 100);
         let hertz = all.list[0].w[0] / std::f64::consts::TAU;
         assert!((hertz / 0.51 - 1.0).abs() < 0.22, "{hertz}");
     }

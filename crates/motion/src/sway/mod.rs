@@ -5,7 +5,7 @@
 //! [`PointBinding`] every point of the bark, [`LeafFlutter`] adds the motion of leaves.
 //! ```
 //! use glam::{Quat, Vec3};
-//! use osier_motion::sway::{BeamElements, ElementBudget, SwayParams, SwaySimulation, WoodParams};
+//! use osier_motion::sway::{BeamElements, SwayParams, SwaySimulation, WoodParams};
 //! use osier_scene::Trs;
 //! use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Plant};
 //! use osier_wind::UniformWind;
@@ -36,7 +36,7 @@
 //! };
 //! let plant = Plant { axes: vec![trunk], nodes, ..Plant::default() };
 //! let wood = WoodParams::default();
-//! let elements = BeamElements::build(&plant, &wood, ElementBudget::Elements(10));
+//! let elements = BeamElements::build(&plant, &wood, 10);
 //!
 //! // Its static bend in a steady wind of 10 m/s.
 //! let wind = UniformWind(Vec3::X * 10.0);
@@ -54,7 +54,7 @@ mod rig;
 mod segments;
 mod simulation;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 mod track;
@@ -63,13 +63,15 @@ mod wind_weights;
 mod wood;
 mod zhao_zhang;
 
+pub(crate) use beam::OscillatorStep;
 pub use elements::{BeamElement, BeamElements, ElementLocation, LoadStation};
 pub use flutter::{LeafAir, LeafFlutter};
 pub use pose::{OrganBindings, PointBinding, PosedSkeleton};
-pub use rig::JointRig;
-pub use segments::{BranchLoad, ElementBudget};
+pub use rig::{JointBudget, JointRig};
+pub use segments::BranchLoad;
 pub use simulation::{SwayParams, SwaySimulation};
 pub use track::{BendTrack, ClipOptions, check_key_limit};
+pub use tuning::SPIN_UP_SECONDS;
 pub use wind_weights::WindWeights;
 pub(crate) use wood::damping_ratio;
 pub use wood::{AIR_DENSITY, LEAF_FOLD_SPEED, WoodParams};

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::elements::{BeamElements, ElementLocation};
-use crate::sway::tuning::{COLLAR_RADII, POINTS_PER_TASK};
+use crate::sway::tuning::{COLLAR_RADII, MAX_LEAF_OFFSET, POINTS_PER_TASK};
 use osier_base::math;
 use osier_base::par::par_chunks;
 use osier_scene::plant::{NONE, Organ, Plant};
@@ -126,12 +126,26 @@ impl OrganBindings {
     pub fn at(&self, skeleton: &PosedSkeleton) -> (Vec<Vec3>, Vec<Quat>) {
         self.0.iter().map(|(h, q)| (skeleton.position(h), (skeleton.rotation(h) * *q).normalize())).unzip()
     }
+
+    /// Moves organs that joints carry to `positions`, m, towards their places on the posed skeleton, but hardly farther than
+    /// `MAX_LEAF_OFFSET`, so that a leaf of a twig without joints sways and stays at its twig. Returns their orientations
+    /// on the posed skeleton.
+    pub fn approach(&self, skeleton: &PosedSkeleton, positions: &mut [Vec3]) -> Vec<Quat> {
+        let (places, orientations) = self.at(skeleton);
+        for (carried, place) in positions.iter_mut().zip(places) {
+            let offset = place - *carried;
+            let distance = offset.length();
+            if distance > 1e-9 {
+                *carried += offset * (MAX_LEAF_OFFSET / distance * math::tanh_f32(distance / MAX_LEAF_OFFSET));
+            }
+        }
+        orientations
+    }
 }
 
 impl PosedSkeleton {
     /// Positions of the nodes, m.
-    #[cfg(test)]
-    pub(crate) fn places(&self) -> &[Vec3] {
+    pub fn positions(&self) -> &[Vec3] {
         &self.p
     }
 

@@ -1,13 +1,16 @@
 //! Skeleton of a plant within a joint budget, with skin weights.
 //!
 //! Elements get joints: four on a trunk, two on main branches, one on others. A joint has the rotation at the middle
-//! of its stretch; what is beyond the budget rides rigidly on the nearest joint of its carrier.
+//! of its stretch; what is beyond the budget rides rigidly on the nearest joint of its carrier. Branches get joints by
+//! size: all of one order and class of length, or none; where lengths have no classes, the bend fades out towards the
+//! length at which the joints end, so that branches of one size move alike.
 
 use glam::Quat;
 
 use super::elements::{BeamElements, ElementLocation};
 use super::pose::own_share;
-use super::segments::joints_per_order;
+use crate::sway::tuning::{CLASS_GAP, JOINT_FADE};
+use osier_base::math;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Joint, Skeleton, SkinWeights, Trs};
 
@@ -36,6 +39,17 @@ pub struct JointRig {
     chains: Vec<Vec<u16>>,
     /// Per axis: the joint that its base follows.
     carriers: Vec<u16>,
+    /// Per bend of the elements: share of it that the joints show.
+    shares: Vec<f32>,
+}
+
+/// Limit of a skeleton.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct JointBudget {
+    /// Number of joints, root included, at least 1 and at most 65,535.
+    pub joints: usize,
+    /// Two joints on a trunk and one on any other element, in place of four, two and one.
+    pub coarse: bool,
 }
 
 /// Pending joint of the depth-first traversal.
@@ -48,15 +62,16 @@ struct JointTask {
 }
 
 impl JointRig {
-    /// Builds the skeleton. `budget`: number of joints, at least 1 and at most 65,535.
-    pub fn build(plant: &Plant, elements: &BeamElements, budget: usize) -> Self {
-        let counts = joints_per_element(elements, budget.clamp(1, 65_535));
+    /// Builds the skeleton within the budget.
+    pub fn build(plant: &Plant, elements: &BeamElements, budget: JointBudget) -> Self {
+        let JointShares { counts, shares } = JointShares::new(plant, elements, budget);
         let still = ElementLocation { element: NONE, at: 0.0 };
         let mut rig = Self {
             skeleton: Skeleton { joints: vec![Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY }] },
             bones: vec![RigJoint { axis: NONE, spot: still, middle: 0.0, pivot: 0.0 }],
             chains: vec![Vec::new(); plant.axes.len()],
             carriers: vec![0; plant.axes.len()],
+            shares,
         };
         rig.add_in_depth_first_order(plant, elements, &counts);
         rig.find_carriers(plant);
@@ -183,8 +198,9 @@ impl JointRig {
 
     /// Parent-from-joint transforms of all joints for bends of the elements, rad.
     pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> Vec<Trs> {
-        let bases = elements.base_rotations(bends);
-        let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, bends, b.spot)).collect();
+        let bends: Vec<[f32; 2]> = bends.iter().zip(&self.shares).map(|(b, share)| b.map(|b| b * share)).collect();
+        let bases = elements.base_rotations(&bends);
+        let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, &bends, b.spot)).collect();
         // Rotations are absolute; a joint stores its rotation relative to the parent.
         let local = |(joint, q): (&Joint, &Quat)| {
             let parent = joint.parent.and_then(|p| turns.get(p as usize)).copied().unwrap_or(Quat::IDENTITY);
@@ -194,21 +210,103 @@ impl JointRig {
     }
 }
 
-/// Number of joints of each element within the budget, most visible elements first; joint 0 is the root.
-fn joints_per_element(elements: &BeamElements, budget: usize) -> Vec<usize> {
-    let mut counts = vec![0; elements.list.len()];
-    // Greedy in the order of visibility; an element needs a carrier with joints.
-    let mut left = budget.saturating_sub(1);
-    for &e in &elements.ranked {
-        let element = &elements.list[e as usize];
-        let wanted = joints_per_order(element.order, elements.coarse);
-        let carried = element.parent == NONE || counts[element.parent as usize] > 0;
-        if carried && wanted <= left {
-            counts[e as usize] = wanted;
+/// Joints shared out to elements.
+struct JointShares {
+    /// Number of joints of each element.
+    counts: Vec<usize>,
+    /// Share of each bend that the joints show: of first modes, then of second ones.
+    shares: Vec<f32>,
+}
+
+/// A branch that may get joints: the elements of one axis.
+struct Bough<'a> {
+    elements: &'a [u32],
+    order: u8,
+    /// Length of its axis, m.
+    length: f32,
+}
+
+impl JointShares {
+    /// Shares the joints of a budget out by order and length; joint 0 is the root.
+    fn new(plant: &Plant, elements: &BeamElements, budget: JointBudget) -> Self {
+        let of_axis = |e: &u32| elements.list[*e as usize].axis;
+        let bough = |list| {
+            let first: &[u32] = list;
+            let axis = &plant.axes[of_axis(&first[0]) as usize];
+            Bough { elements: first, order: axis.order, length: axis.length }
+        };
+        // The elements of one axis follow each other in the ranking.
+        let boughs: Vec<Bough<'_>> = elements.ranked.chunk_by(|a, b| of_axis(a) == of_axis(b)).map(bough).collect();
+        let joints = |bough: &Bough<'_>, k: usize| joints_per_order(bough.order, budget.coarse || k > 0);
+        // As many as the budget holds in the order of size; a carrier comes before what it carries.
+        let mut left = budget.joints.clamp(1, 65_535) - 1;
+        let mut fitting = 0;
+        for bough in &boughs {
+            let wanted: usize = (0..bough.elements.len()).map(|k| joints(bough, k)).sum();
+            if wanted > left {
+                break;
+            }
             left -= wanted;
+            fitting += 1;
         }
+        let SizeCut { count, fade } = SizeCut::new(&boughs, fitting);
+        let mut all = Self { counts: vec![0; elements.list.len()], shares: vec![1.0; elements.bend_count()] };
+        for bough in &boughs[..count] {
+            let share = match &fade {
+                Some((order, from, to)) if *order == bough.order => math::smoothstep(*from, *to, bough.length),
+                _ => 1.0,
+            };
+            for (k, e) in bough.elements.iter().enumerate() {
+                let element = &elements.list[*e as usize];
+                all.counts[*e as usize] = joints(bough, k);
+                for bend in [Some(*e as usize), element.second_mode].into_iter().flatten() {
+                    all.shares[bend] = share;
+                }
+            }
+        }
+        all
     }
-    counts
+}
+
+/// Where the joints end among branches sorted by order and falling length.
+struct SizeCut {
+    /// Number of branches with joints.
+    count: usize,
+    /// Order whose bends fade out, with the lengths, m, at which nothing and all of them is shown.
+    fade: Option<(u8, f32, f32)>,
+}
+
+impl SizeCut {
+    /// `fitting`: number of branches that the budget holds.
+    fn new(boughs: &[Bough<'_>], fitting: usize) -> Self {
+        let clean = |count| Self { count, fade: None };
+        let Some(next) = boughs.get(fitting) else { return clean(fitting) };
+        // Orders are included whole, but for the last.
+        let first = boughs.partition_point(|b| b.order < next.order);
+        if fitting <= first {
+            return clean(fitting);
+        }
+        // A wide gap between two lengths divides the last order into classes; the shorter class gets no joints.
+        let gap = |k: usize| boughs[k - 1].length / boughs[k].length.max(1e-9);
+        let widest = (first + 1..=fitting).max_by(|a, b| gap(*a).total_cmp(&gap(*b)));
+        if let Some(k) = widest.filter(|k| gap(*k) >= CLASS_GAP) {
+            return clean(k);
+        }
+        // Without classes the bend grows from nothing at the longest branch without joints.
+        let (from, longest) = (next.length, boughs[first].length);
+        let to = (from * JOINT_FADE).min(longest);
+        if to <= from * 1.001 { clean(fitting) } else { Self { count: fitting, fade: Some((next.order, from, to)) } }
+    }
+}
+
+/// Joints of an element of a branching order.
+fn joints_per_order(order: u8, coarse: bool) -> usize {
+    match order {
+        0 if coarse => 2,
+        0 => 4,
+        1 if !coarse => 2,
+        _ => 1,
+    }
 }
 
 /// Weights of a vertex, summed per joint.
@@ -248,13 +346,12 @@ impl JointWeights {
 #[allow(clippy::cast_possible_truncation, reason = "small plants")]
 mod tests {
     use super::*;
-    use crate::sway::segments::ElementBudget;
-    use crate::sway::testing::tree;
+    use crate::sway::testing::{axis, rod, tree};
     use crate::sway::wood::WoodParams;
 
     fn rig(plant: &Plant, joints: usize) -> (BeamElements, JointRig) {
-        let elements = BeamElements::build(plant, &WoodParams::default(), ElementBudget::Joints(joints));
-        let rig = JointRig::build(plant, &elements, joints);
+        let elements = BeamElements::build(plant, &WoodParams::default(), 2000);
+        let rig = JointRig::build(plant, &elements, JointBudget { joints, coarse: false });
         (elements, rig)
     }
 
@@ -287,6 +384,53 @@ mod tests {
         let rider = (0..plant.axes.len()).find(|&a| rig.chains[a].is_empty()).expect("some do not fit");
         let (joints, weights) = rig.weights(&plant, rider as u32, plant.axes[rider].length);
         assert_eq!((joints[0], weights[0]), (rig.carriers[rider], 1.0));
+    }
+
+    /// A trunk with upright branches of these lengths, m.
+    fn comb(lengths: impl IntoIterator<Item = f32>) -> Plant {
+        let mut plant = rod(4.0, 0.1, 0.04);
+        for (i, length) in (0_u16..).zip(lengths) {
+            let s = 0.5 + 0.03 * f32::from(i);
+            axis(&mut plant, (0, s), (glam::Vec3::Y * s, glam::Vec3::X * length), (0.01, 0.008));
+        }
+        plant
+    }
+
+    #[test]
+    fn branches_of_one_class_of_length_get_joints_or_none() {
+        // 20 long and 80 short branches: the budget holds some of the short ones, too.
+        let plant = comb((0..100_u8).map(|i| if i % 5 == 0 { 1.5 } else { 0.5 } + 0.001 * f32::from(i)));
+        let (_, rig) = rig(&plant, 128);
+        let with = |long: bool| {
+            let boughs = (1..plant.axes.len()).filter(|a| (plant.axes[*a].length > 1.0) == long);
+            boughs.filter(|a| !rig.chains[*a].is_empty()).count()
+        };
+        assert_eq!((with(true), with(false)), (20, 0));
+        assert!(rig.shares.iter().all(|s| *s >= 1.0));
+    }
+
+    #[test]
+    fn bends_fade_out_towards_the_length_without_joints() {
+        let plant = comb((0..100_u8).map(|i| 0.5 + 0.015 * f32::from(i)));
+        let (elements, rig) = rig(&plant, 128);
+        let share = |a: usize| {
+            if rig.chains[a].is_empty() { 0.0 } else { rig.shares[elements.locate(a as u32, 0.1).element as usize] }
+        };
+        let shares: Vec<f32> = (1..plant.axes.len()).map(share).collect();
+        assert!(shares.windows(2).all(|w| w[0] <= w[1] && w[1] - w[0] < 0.1), "longer branches show more: {shares:?}");
+        assert!(shares[0] <= 0.0 && shares[99] >= 1.0);
+        // Twice the share of a bend is twice the rotation.
+        let faded = (0..100).find(|k| (0.3..0.7).contains(&shares[*k])).expect("one between");
+        let mut bends = vec![[0.0; 2]; elements.list.len()];
+        let e = elements.locate(faded as u32 + 1, 0.1).element as usize;
+        bends[e] = [0.2, 0.0];
+        let turned = rig.pose(&elements, &bends)[usize::from(rig.chains[faded + 1][0])].r.to_axis_angle().1;
+        let full = elements.rotation_at(
+            &elements.base_rotations(&bends),
+            &bends,
+            rig.bones[usize::from(rig.chains[faded + 1][0])].spot,
+        );
+        assert!((turned / (full.to_axis_angle().1 * shares[faded]) - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -10,17 +10,6 @@ use crate::sway::tuning::{
 use osier_base::math;
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
 
-/// Budget of bending elements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ElementBudget {
-    /// By joints: 4, 2, 1 for an element of order 0, 1, 2 and more.
-    Joints(usize),
-    /// By joints, coarse: 2, 1, 1.
-    Coarse(usize),
-    /// One list for each element.
-    Elements(usize),
-}
-
 /// Drag areas and mass of a part of a plant.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct BranchLoad {
@@ -60,8 +49,6 @@ pub(crate) struct AxisSegment {
     pub(crate) leaves: Vec<(f32, BranchLoad)>,
     /// Total load of it and of everything that it carries.
     pub(crate) total: BranchLoad,
-    /// Total length of wood on it, its own included, m.
-    reach: f32,
 }
 
 /// All segments of a plant, parents first.
@@ -69,13 +56,11 @@ pub(crate) struct AxisSegments {
     pub(crate) list: Vec<AxisSegment>,
     /// Sort key of each segment: order and id of its axis; roots come last.
     keys: Vec<(u8, u64)>,
-    /// Tip slope of each segment in a wind of unit dynamic pressure.
-    bends: Vec<f64>,
 }
 
 impl AxisSegments {
     pub(crate) fn from_plant(plant: &Plant, wood: &WoodParams) -> Self {
-        let mut all = Self { list: Vec::new(), keys: Vec::new(), bends: Vec::new() };
+        let mut all = Self { list: Vec::new(), keys: Vec::new() };
         let mut first: Vec<usize> = Vec::with_capacity(plant.axes.len());
         for (i, axis) in (0_u32..).zip(&plant.axes) {
             first.push(all.list.len());
@@ -111,7 +96,6 @@ impl AxisSegments {
                 children: Vec::new(),
                 leaves: Vec::new(),
                 total: BranchLoad::default(),
-                reach: end - from,
             });
             self.keys.push((if axis.kind == AxisKind::Root { u8::MAX } else { axis.order }, axis.id));
             if let Some(p) = parent {
@@ -134,58 +118,40 @@ impl AxisSegments {
     }
 
     fn accumulate_totals(&mut self, plant: &Plant, wood: &WoodParams) {
-        self.bends = vec![0.0; self.list.len()];
         // Children come after their parents: totals accumulate from the tips inwards.
         for i in (0..self.list.len()).rev() {
             let own = self.wood_along(plant, wood, i, 3).into_iter().fold(BranchLoad::default(), BranchLoad::add);
             let own = self.list[i].leaves.iter().fold(own, |sum, (_, l)| sum + *l);
             let segment = &mut self.list[i];
             segment.total = segment.total + own;
-            let (total, reach, parent) = (segment.total, segment.reach, segment.parent);
-            let axis = &plant.axes[segment.axis as usize];
-            let middle = plant.frame(axis, (segment.span[0] + segment.span[1]) * 0.5).r;
-            let length = f64::from(segment.span[1] - segment.span[0]);
-            // Tip slope F L^2 / (6 E I) of a uniformly loaded cantilever at unit dynamic pressure.
-            let force = wood.drag * total.wood + wood.leaf_drag * total.leaf;
-            self.bends[i] = force * length * length / (6.0 * wood.rigidity(f64::from(middle)).max(1e-9));
+            let (total, parent) = (segment.total, segment.parent);
             if let Some(p) = parent {
                 self.list[p].total = self.list[p].total + total;
-                self.list[p].reach += reach;
             }
         }
     }
 
-    /// Segments by branching order, then by length moved times slope, then by id.
-    pub(crate) fn ranked_by_motion(&self) -> Vec<usize> {
+    /// Segments by branching order, then by falling length of their axis, then by id: those of one axis together. Size
+    /// and not flexibility decides, so that branches of one size all bend or none does.
+    pub(crate) fn ranked_by_size(&self, plant: &Plant) -> Vec<usize> {
         let mut ranked: Vec<usize> = (0..self.list.len()).collect();
-        // Visible motion: length that moves times tip slope.
-        let weight = |i: usize| f64::from(self.list[i].reach) * self.bends[i];
+        let length = |i: usize| plant.axes[self.list[i].axis as usize].length;
         ranked.sort_by(|&a, &b| {
             let by_order = self.keys[a].0.cmp(&self.keys[b].0);
-            let by_weight = weight(b).total_cmp(&weight(a));
-            by_order.then(by_weight).then(self.keys[a].1.cmp(&self.keys[b].1)).then(a.cmp(&b))
+            let by_length = length(b).total_cmp(&length(a));
+            by_order.then(by_length).then(self.keys[a].1.cmp(&self.keys[b].1)).then(a.cmp(&b))
         });
         ranked
     }
 
-    /// Selects segments within the budget, each only if its carrier is selected.
-    pub(crate) fn select(&self, ranked: &[usize], budget: ElementBudget) -> Vec<bool> {
+    /// Selects at most `budget` segments, each only if its carrier is selected.
+    pub(crate) fn select(&self, ranked: &[usize], budget: usize) -> Vec<bool> {
         let mut kept = vec![false; self.list.len()];
-        let mut left = match budget {
-            ElementBudget::Joints(n) | ElementBudget::Coarse(n) => n.saturating_sub(1),
-            ElementBudget::Elements(n) => n,
-        };
+        let mut left = budget;
         for &i in ranked {
-            let order = self.keys[i].0;
-            // Cost of a segment in the unit of the budget.
-            let cost = match budget {
-                ElementBudget::Joints(_) => joints_per_order(order, false),
-                ElementBudget::Coarse(_) => joints_per_order(order, true),
-                ElementBudget::Elements(_) => 1,
-            };
-            if order != u8::MAX && cost <= left && self.list[i].parent.is_none_or(|p| kept[p]) {
+            if left > 0 && self.keys[i].0 != u8::MAX && self.list[i].parent.is_none_or(|p| kept[p]) {
                 kept[i] = true;
-                left -= cost;
+                left -= 1;
             }
         }
         kept
@@ -228,16 +194,6 @@ impl AxisSegments {
             }
         };
         (0..n).map(one).collect()
-    }
-}
-
-/// Joints of an element of a branching order.
-pub(crate) fn joints_per_order(order: u8, coarse: bool) -> usize {
-    match order {
-        0 if coarse => 2,
-        0 => 4,
-        1 if !coarse => 2,
-        _ => 1,
     }
 }
 

@@ -18,7 +18,7 @@ fn params(wood: WoodParams) -> SwayParams {
 }
 
 fn elements(plant: &Plant, wood: &WoodParams) -> BeamElements {
-    BeamElements::build(plant, wood, ElementBudget::Elements(1000))
+    BeamElements::build(plant, wood, 1000)
 }
 
 fn take(frames: usize, repeats: bool) -> ClipOptions {
@@ -57,7 +57,7 @@ impl Wind for Turning {
     fn mean(&self) -> Vec3 {
         self.then
     }
-    fn mean_at(&self, _: f32) -> Vec3 {
+    fn mean_at(&self, _: Vec3) -> Vec3 {
         self.then
     }
     fn period(&self) -> Option<f64> {
@@ -159,11 +159,84 @@ fn loops_close_in_angle_and_rate() {
 }
 
 #[test]
+fn loops_end_where_they_began() {
+    // Short clips and little damping: the start is remembered for many repetitions.
+    let (plant, wood) = (leafy(12), WoodParams { damping: 0.3, ..WoodParams::default() });
+    let all = elements(&plant, &wood);
+    let shaken = SwayParams { flicker: 0.15, ..params(wood) };
+    let track = record(&all, &gusts(Some(2.0)), shaken, take(48, true));
+    assert!(track.closed_gap() > 0.0 && track.closed_gap() <= 1e-4, "{} rad", track.closed_gap());
+    for e in 0..all.list.len() {
+        for way in 0..2 {
+            let b: Vec<f32> = (0..=48_u16).map(|k| track.at(f64::from(k))[e][way]).collect();
+            let rms =
+                math::sqrt(b.windows(2).map(|w| f64::from(w[1] - w[0]) * f64::from(w[1] - w[0])).sum::<f64>() / 48.0);
+            // Closing the loop changes every rate by the gap over the clip, and so the rate at the seam.
+            assert!(track.closed_gap() / 48.0 < 0.02 * rms, "element {e}: {rms} a frame");
+        }
+    }
+}
+
+#[test]
+fn amplitudes_do_not_depend_on_the_frame_rate() {
+    let (plant, wood) = (leafy(12), WoodParams::default());
+    let all = elements(&plant, &wood);
+    let amplitudes = |fps: f64| -> Vec<f64> {
+        let frames = (0..).take_while(|k| f64::from(*k) < 6.0 * fps).count();
+        let track =
+            record(&all, &gusts(Some(6.0)), SwayParams { flicker: 0.15, fps, ..params(wood) }, take(frames, true));
+        let spread = |e: usize, way: usize| {
+            let b: Vec<f64> = (0..frames).map(|k| f64::from(track.at(k as f64)[e][way])).collect();
+            let mean = b.iter().sum::<f64>() / frames as f64;
+            b.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / frames as f64
+        };
+        (0..all.list.len()).map(|e| math::sqrt(spread(e, 0) + spread(e, 1))).collect()
+    };
+    let (once, twice, four) = (amplitudes(24.0), amplitudes(48.0), amplitudes(96.0));
+    for other in [&twice, &four] {
+        for (e, (a, b)) in all.list.iter().zip(once.iter().zip(other)) {
+            assert!((a / b - 1.0).abs() < 0.02, "element of order {}, {:?} rad/s: {a} and {b} rad", e.order, e.w);
+        }
+    }
+}
+
+#[test]
+fn thin_wood_carries_its_own_weight() {
+    // A level limb whose weight, as drawn, would bend its tip by more than half a right angle, and one twice as thick.
+    let limb = |r: f32| {
+        let mut plant = rod(0.5, 0.1, 0.1);
+        testing::axis(&mut plant, (0, 0.4), (Vec3::Y * 0.4, Vec3::X * 3.0), (r, r));
+        elements(&plant, &WoodParams::default())
+    };
+    let swing = |r: f32| {
+        let all = limb(r);
+        let e = &all.list[1];
+        let stations = &all.stations[e.stations.clone()];
+        let slope: f64 = stations.iter().map(|s| s.load.mass * 9.81 * s.tip_compliances[1]).sum();
+        (slope, e.w[0] / std::f64::consts::TAU)
+    };
+    let drawn = |r: f64| 900.0 * 9.81 * 4.0 * 27.0 / (6.0 * WoodParams::default().elasticity_at(r) * r * r);
+    let ((slope, hertz), (thick, _)) = (swing(0.008), swing(0.05));
+    // The cube root of the slope in units of 0.02 is left.
+    let expected = 0.02 * math::pow(drawn(0.008) / 0.02, 1.0 / 3.0);
+    assert!(drawn(0.008) > 0.4 && (slope / expected - 1.0).abs() < 0.02, "{} as drawn, {slope}", drawn(0.008));
+    assert!((thick / drawn(0.05) - 1.0).abs() < 0.02, "thick wood is as drawn: {thick}");
+    // g / (L slope) sets the frequency of a level beam: 1.24 sqrt(g / deflection) / (2 pi), with a deflection of 3/4 L slope.
+    let wanted = 1.24 / std::f64::consts::TAU * math::sqrt(9.81 / (0.75 * 3.0 * expected));
+    assert!((hertz / wanted - 1.0).abs() < 0.22, "{hertz} Hz for {wanted}");
+    // The factor on the stiffness comes on top of it.
+    let mut plant = rod(0.5, 0.1, 0.1);
+    testing::axis(&mut plant, (0, 0.4), (Vec3::Y * 0.4, Vec3::X * 3.0), (0.008, 0.008));
+    let soft = elements(&plant, &WoodParams { stiffness: 0.25, ..WoodParams::default() });
+    assert!((soft.list[1].w[0] / limb(0.008).list[1].w[0] - 0.5).abs() < 1e-3);
+}
+
+#[test]
 fn nothing_moves_in_calm_air() {
     let (plant, wood) = (leafy(8), WoodParams::default());
     let all = elements(&plant, &wood);
     let track = record(&all, &UniformWind(Vec3::ZERO), params(wood), take(60, true));
-    let rig = JointRig::build(&plant, &all, 256);
+    let rig = JointRig::build(&plant, &all, JointBudget { joints: 256, coarse: false });
     for k in 0..60_u16 {
         let pose = rig.pose(&all, &track.at(f64::from(k)));
         assert!(pose.iter().all(|t| t.r == Quat::IDENTITY));
@@ -200,8 +273,8 @@ fn correlation(a: &[f32], b: &[f32]) -> f32 {
 #[test]
 fn skinning_follows_the_full_motion_of_thick_wood() {
     let (plant, wood) = (leafy(40), WoodParams::default());
-    let all = BeamElements::build(&plant, &wood, ElementBudget::Joints(300));
-    let rig = JointRig::build(&plant, &all, 300);
+    let all = BeamElements::build(&plant, &wood, 300);
+    let rig = JointRig::build(&plant, &all, JointBudget { joints: 300, coarse: false });
     let mut bark = Vec::new();
     for (a, axis) in plant.axes.iter().enumerate().filter(|(_, axis)| axis.order <= 1) {
         for k in plant.nodes_of(axis) {
@@ -234,7 +307,7 @@ fn bends_preserve_branch_lengths_and_attachments() {
     let body = PointBinding::new(&plant, &all, &plant.nodes.p, &[]);
     let bends: Vec<[f32; 2]> = (0..all.list.len()).map(|k| [0.4 - 0.03 * k as f32, 0.2]).collect();
     let skeleton = body.pose(&all, &bends);
-    let p = skeleton.places();
+    let p = skeleton.positions();
     for axis in &plant.axes {
         for k in plant.nodes_of(axis).skip(1) {
             let (now, rest) = ((p[k] - p[k - 1]).length(), (plant.nodes.p[k] - plant.nodes.p[k - 1]).length());

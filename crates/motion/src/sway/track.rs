@@ -3,7 +3,7 @@
 use super::elements::BeamElements;
 use super::simulation::{SwayParams, SwaySimulation};
 use super::zhao_zhang::{PaperSimulation, STEPS_PER_SECOND};
-use crate::sway::tuning::{MAX_BEND, MAX_SPIN_UP_CLIPS, SPIN_UP_DECAY, SPIN_UP_SECONDS};
+use crate::sway::tuning::{LOOP_TOLERANCE, MAX_BEND, MAX_SPIN_UP_CLIPS, SPIN_UP_SECONDS};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;
@@ -36,6 +36,8 @@ pub struct BendTrack {
     repeats: bool,
     /// Number of angles in the paper's equations that were clamped.
     clamped: u64,
+    /// Largest difference between the bends after a looping clip and at its start, rad, which was distributed over the clip.
+    closed_gap: f64,
 }
 
 impl BendTrack {
@@ -99,45 +101,60 @@ impl BendTrack {
     ) -> Result<(Vec<ElementBends>, ElementBends)> {
         // Spin-up: start in the static equilibrium of the mean wind, then simulate until the start is forgotten.
         let mut run = SwaySimulation::new(elements, wind, params);
-        let length = clip.frames as f64 / params.fps;
         let mut mean_bends = vec![[0.0; 2]; elements.bend_count()];
         run.relax_to_mean_wind();
-        let lead = if clip.from_rest {
+        if clip.from_rest {
             run.reset_to_rest();
-            0.0
         } else {
             mean_bends = run.bends();
-            if clip.repeats { length * spin_up_clips(elements, length) } else { SPIN_UP_SECONDS }
-        };
-        let steps = run.steps();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand frames")]
-        let lead = (lead * params.fps).round() as i64;
+            Self::spin_up(&mut run, params.fps, clip, cancel)?;
+        }
         let mut frames: Vec<ElementBends> = Vec::with_capacity(clip.frames + 1);
-        // Spin-up before frame 0; one frame after the clip, by which a loop is closed.
-        for frame in (-lead..0).chain((0_i64..).take(clip.frames + 1)) {
+        // One frame after the clip, by which a loop is closed.
+        for frame in 0..=clip.frames {
             cancel.check()?;
-            if frame >= 0 {
-                frames.push(run.bends());
-            }
-            for k in 0..steps {
-                #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
-                run.advance((frame as f64 + f64::from(k) / f64::from(steps)) / params.fps);
-            }
+            frames.push(run.bends());
+            advance_frame(&mut run, frame as f64, params.fps);
         }
         Ok((frames, mean_bends))
+    }
+
+    /// Simulates what precedes frame 0: for a loop whole clips, until two of them end alike; else a few seconds.
+    fn spin_up(run: &mut SwaySimulation<'_>, fps: f64, clip: ClipOptions, cancel: &Cancel) -> Result<()> {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds")]
+        let (frames, most) = match clip.repeats {
+            true => (clip.frames, MAX_SPIN_UP_CLIPS),
+            false => ((SPIN_UP_SECONDS * fps).round() as usize, 1),
+        };
+        let mut before = run.bends();
+        for _ in 0..most {
+            for left in (1..=frames).rev() {
+                cancel.check()?;
+                advance_frame(run, -(left as f64), fps);
+            }
+            let after = run.bends();
+            let gap = largest_difference(&before, &after);
+            if gap <= LOOP_TOLERANCE {
+                break;
+            }
+            before = after;
+        }
+        Ok(())
     }
 
     /// Closes the loop and scales bends for output. The last of `frames` is the one after the clip.
     fn from_frames(mut frames: Vec<ElementBends>, mean_bends: &[[f64; 2]], clip: ClipOptions) -> Result<Self> {
         let after = frames.pop();
-        if let Some(after) = after.filter(|_| clip.repeats) {
+        let mut closed_gap = 0.0;
+        if let Some((after, first)) = after.filter(|_| clip.repeats).zip(frames.first()) {
+            closed_gap = largest_difference(first, &after);
             close_loop(&mut frames, &after);
         }
         // Scaling acts on the deviation from the static bend, so that exaggeration does not change the lean.
         let scaled = |b: &ElementBends| b.iter().zip(mean_bends).map(|(b, m)| scaled_bend(*b, *m, &clip)).collect();
         let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(scaled).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
-            return Ok(Self { frames, repeats: clip.repeats, clamped: 0 });
+            return Ok(Self { frames, repeats: clip.repeats, clamped: 0, closed_gap });
         }
         Err(Error::export("X001", "the simulated sway of a branch diverged"))
     }
@@ -165,6 +182,11 @@ impl BendTrack {
         a.iter().zip(b).map(|(a, b)| [0, 1].map(|k| math::lerp(a[k], b[k], t))).collect()
     }
 
+    /// Largest difference between the bends after a looping clip and at its start, rad.
+    pub fn closed_gap(&self) -> f64 {
+        self.closed_gap
+    }
+
     /// Number of frames of the clip.
     #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
@@ -180,11 +202,17 @@ pub fn check_key_limit(elements: &BeamElements, clip: ClipOptions, limits: &Limi
     limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
 }
 
-/// Repetitions of the clip until the initial state has decayed.
-fn spin_up_clips(elements: &BeamElements, length: f64) -> f64 {
-    // The slowest decay rate zeta w of all elements determines how long the start is remembered.
-    let slowest = elements.list.iter().map(|e| e.damping_ratio * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
-    (SPIN_UP_DECAY / (slowest * length)).ceil().clamp(1.0, MAX_SPIN_UP_CLIPS)
+/// Advances a simulation by the steps of a frame.
+fn advance_frame(run: &mut SwaySimulation<'_>, frame: f64, fps: f64) {
+    let steps = run.steps();
+    for k in 0..steps {
+        run.advance((frame + f64::from(k) / f64::from(steps)) / fps);
+    }
+}
+
+/// Largest difference between two bends, rad.
+fn largest_difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 /// Closes a loop: distributes the difference between the frame after the clip and the first linearly over all frames.

@@ -8,6 +8,12 @@ pub(crate) const MIN_HZ: f64 = 0.1;
 pub(crate) const FREQUENCY_SPREAD: f64 = 0.18;
 pub(crate) const MODE_SPLIT: f64 = 0.03;
 
+/// Slope of the tip of a branch under its own weight up to which the drawn wood is taken as it is, and power of the slope in
+/// units of it by which thinner wood is stiffer. Higher slope or lower power: long thin limbs swing slowly and far beside
+/// neighbours that are drawn a little thicker; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
+pub(crate) const SELF_WEIGHT_SLOPE: f64 = 0.02;
+pub(crate) const SELF_WEIGHT_STIFFENING: f64 = 2.0 / 3.0;
+
 /// Share of the wind that the centre of a crown is sheltered from. Higher: inner branches stand still; 0: crowns move
 /// like bare branches.
 pub(crate) const CROWN_SHELTER: f64 = 0.6;
@@ -47,6 +53,12 @@ pub(crate) const MAX_FLICKER_HZ: f64 = 3.0;
 /// Damping ratio of the second mode over that of the first. Lower: limbs oscillate for long after a gust.
 pub(crate) const SECOND_MODE_DAMPING: f64 = 1.5;
 
+/// Amplitude of a branch over that of the carrier that shakes it at its own frequency, at most. The model leaves out how a
+/// swinging branch pulls back at its carrier, which damps both; without a limit, branches of three orders and like
+/// frequencies raise each other's swing until they circle without a gust. Higher: single boughs swing far beside quiet ones;
+/// lower: twigs do not lag behind their limb.
+pub(crate) const MAX_RESONANCE_GAIN: f64 = 1.5;
+
 /// Limit of the inertial acceleration, m/s^2: a jolt must not throw twigs.
 pub(crate) const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
 
@@ -54,16 +66,16 @@ pub(crate) const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
 /// look like whips.
 pub(crate) const SECOND_MODE_FORCING: f64 = 0.15;
 
-/// Repetitions of a looping clip that are simulated as spin-up, at most. More: only lightly damped
-/// trunks in short clips gain.
-pub(crate) const MAX_SPIN_UP_CLIPS: f64 = 8.0;
+/// Repetitions of a looping clip that are simulated as spin-up, at most: a trunk of 0.3 Hz in a clip of 2 s forgets its start
+/// within them. More: only slower trunks gain.
+pub(crate) const MAX_SPIN_UP_CLIPS: u32 = 40;
 
-/// Decay exponent after which the initial state counts as forgotten: e^-6 = 0.2 % is left and distributed over the
-/// loop.
-pub(crate) const SPIN_UP_DECAY: f64 = 6.0;
+/// Bend by which two repetitions of a clip may still differ where it counts as periodic, rad; the rest is distributed over
+/// the loop. Higher: the motion jumps at the seam; lower: slow trunks take many repetitions.
+pub(crate) const LOOP_TOLERANCE: f64 = 1e-4;
 
 /// Spin-up time of a clip that does not loop, s: a few periods of a slow trunk. Shorter: the first frames sway up.
-pub(crate) const SPIN_UP_SECONDS: f64 = 5.0;
+pub const SPIN_UP_SECONDS: f64 = 5.0;
 
 /// Limit of recorded bends, rad, approached by a hyperbolic tangent. Larger: branches fold back on
 /// themselves in storms.
@@ -72,6 +84,19 @@ pub(crate) const MAX_BEND: f32 = 1.4;
 /// Bark within this many radii of a fork follows the parent axis. Larger: thick collars; smaller: the bark
 /// tears.
 pub(crate) const COLLAR_RADII: f32 = 1.5;
+
+/// Length of a branch over that of the longest without joints, from which it bends as simulated; shorter ones bend by a
+/// falling share. Lower: branches that bend stand beside rigid ones of nearly their length; higher: more branches bend less
+/// than simulated.
+pub(crate) const JOINT_FADE: f32 = 1.5;
+
+/// Ratio of two lengths that follow each other among sorted branches, from which the longer ones are a class of their own
+/// that needs no fading. Lower: gaps of chance between lengths count as classes.
+pub(crate) const CLASS_GAP: f32 = 1.25;
+
+/// Distance, m, by which a leaf may leave the written bark for its simulated place, approached by a hyperbolic tangent:
+/// about the length of its stalk. Larger: leaves float beside twigs that have no joints; smaller: they stand still there.
+pub(crate) const MAX_LEAF_OFFSET: f32 = 0.02;
 
 /// Bark points per task: enough work to outweigh the scheduling.
 pub(crate) const POINTS_PER_TASK: usize = 4096;

@@ -77,7 +77,7 @@ impl ShadowCells {
             .scan(0_u32, |next, row| {
                 let first = *next;
                 // A band has at most 2^22 pixels.
-                *next += u32::try_from(row.len()).unwrap_or(u32::MAX);
+                *next += row.iter().map(|_| 1).sum::<u32>();
                 Some((first, row))
             })
             .collect();

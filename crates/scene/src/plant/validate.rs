@@ -156,6 +156,11 @@ fn kept(plant: &Plant, axis: &Axis) -> Vec<usize> {
     keep
 }
 
+/// Index or number of nodes as axes store it. The nodes are some of those that the plant's axes indexed with u32 before.
+fn stored_index(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
 fn drop_empty_segments(plant: &mut Plant, warnings: &mut Vec<Warning>) {
     let shorter = |i: &usize| plant.nodes_of(&plant.axes[*i]).skip(1).any(|k| !apart(&plant.nodes, k, k - 1));
     let changed: Vec<usize> = (0..plant.axes.len()).filter(shorter).collect();
@@ -165,7 +170,7 @@ fn drop_empty_segments(plant: &mut Plant, warnings: &mut Vec<Warning>) {
     let keep: Vec<Vec<usize>> = plant.axes.iter().map(|a| kept(plant, a)).collect();
     let old = std::mem::take(&mut plant.nodes);
     for (axis, keep) in plant.axes.iter_mut().zip(&keep) {
-        axis.first = u32::try_from(plant.nodes.len()).unwrap_or(u32::MAX);
+        axis.first = stored_index(plant.nodes.len());
         for &i in keep {
             copy_node(&mut plant.nodes, &old, i);
         }
@@ -173,7 +178,7 @@ fn drop_empty_segments(plant: &mut Plant, warnings: &mut Vec<Warning>) {
             copy_node(&mut plant.nodes, &old, only);
             stretch(&mut plant.nodes, only, &old);
         }
-        axis.count = u32::try_from(keep.len().max(2)).unwrap_or(u32::MAX);
+        axis.count = stored_index(keep.len().max(2));
         axis.length = plant.nodes.s.last().copied().unwrap_or(0.0);
     }
     note(warnings, "segments of no length were dropped", changed);

@@ -64,6 +64,11 @@ impl LandForm {
         }
     }
 
+    /// Its lowest and its highest height, m.
+    pub fn height_range(&self) -> [f32; 2] {
+        [self.bounds.min.y, self.bounds.max.y]
+    }
+
     /// Its highest and lowest heights over the whole square.
     pub(super) fn bounds(&self) -> Bounds {
         self.bounds
@@ -71,6 +76,39 @@ impl LandForm {
 
     pub(super) fn contains(&self, at: Vec3) -> bool {
         at.y < self.height(Vec2::new(at.x, at.z))
+    }
+
+    /// Whether a segment dips to less than `slack`, m, over the land.
+    pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
+        let gap = |t: f32| {
+            let p = from.lerp(to, t);
+            p.y - self.height(Vec2::new(p.x, p.z))
+        };
+        // The land is flat between the lines of its cells and their diagonals, so that the gap is least at one of these or at an
+        // end. Lines: x, z and x - z at whole multiples of the step.
+        let cells = |p: Vec3| [p.x / self.step(), p.z / self.step(), (p.x - p.z) / self.step()];
+        let offset = [(self.side - 1) as f32 / 2.0, (self.side - 1) as f32 / 2.0, 0.0];
+        let dips = |axis: usize| {
+            let (a, b) = (cells(from)[axis] + offset[axis], cells(to)[axis] + offset[axis]);
+            let (mut line, last) = (a.min(b).ceil(), a.max(b));
+            while line <= last {
+                if gap(((line - a) / (b - a)).clamp(0.0, 1.0)) < slack {
+                    return true;
+                }
+                line += 1.0;
+            }
+            false
+        };
+        gap(0.0) < slack || gap(1.0) < slack || (0..3).any(dips)
+    }
+
+    /// Whether the surface may pass through a box: false only if it does not.
+    pub(super) fn may_touch(&self, within: Bounds) -> bool {
+        let (center, half) = (within.center(), within.size() / 2.0);
+        // From the middle the land rises or falls by its steepest slope at most.
+        let slope = (1.0 / (self.flattest * self.flattest) - 1.0).max(0.0).sqrt();
+        let gap = center.y - self.height(Vec2::new(center.x, center.z));
+        gap.abs() <= half.y + slope * Vec2::new(half.x, half.z).length()
     }
 
     fn corner(&self, x: usize, z: usize) -> Vec3 {
@@ -128,6 +166,19 @@ impl LandForm {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn segments_meet_a_ridge_between_their_ends() {
+        // A ridge one metre high along z at x = 0, its cells half a metre wide.
+        let heights = (0..81).map(|i| if i % 9 == 4 { 1.0 } else { 0.0 }).collect();
+        let land = LandForm::new(9, 4.0, heights).expect("fits");
+        let across = |y: f32| [Vec3::new(-0.6, y, 0.1), Vec3::new(0.7, y, 0.3)];
+        assert!(land.meets(across(0.9), 1e-4) && !land.meets(across(1.01), 1e-4));
+        assert!(!land.meets([Vec3::new(0.6, 0.1, -1.0), Vec3::new(1.4, 0.1, 1.0)], 1e-4));
+        assert!(land.meets([Vec3::new(1.0, 0.5, 0.0), Vec3::new(1.0, -0.1, 0.0)], 1e-4));
+        let around = |x: f32, y: f32| Bounds { min: Vec3::new(x, y, 0.0), max: Vec3::new(x + 0.2, y + 0.2, 0.2) };
+        assert!(land.may_touch(around(-0.1, 0.7)) && !land.may_touch(around(1.0, 3.0)));
+    }
 
     #[test]
     fn a_slope_is_as_far_as_its_plane() {

@@ -24,7 +24,7 @@ use glam::Vec3;
 use osier_base::geometry::Bounds;
 
 pub use land::LandForm;
-pub use prism::{Prism, Side, Slab};
+pub use prism::{Prism, Side};
 pub use shell::Shell;
 
 /// Where a surface is nearest.
@@ -43,7 +43,7 @@ pub enum Form {
     Prism(Prism),
     /// A height field over a square of land.
     Land(Arc<LandForm>),
-    /// A closed triangle mesh.
+    /// A triangle mesh.
     Shell(Arc<Shell>),
 }
 
@@ -89,10 +89,42 @@ impl Solid {
         }
     }
 
-    /// Its thinnest direction, for those who would miss it between two of their own points; none for hills and meshes.
+    /// Whether a segment between two places outside passes through the solid or comes within `slack`, m, of it.
     #[inline]
-    pub fn slab(&self) -> Option<Slab> {
-        if let Form::Prism(p) = &self.form { Some(p.slab()) } else { None }
+    pub fn meets(&self, segment: [Vec3; 2], slack: f32) -> bool {
+        match &self.form {
+            Form::Prism(p) => p.meets(segment, slack),
+            Form::Land(l) => l.meets(segment, slack),
+            Form::Shell(s) => s.meets(segment, slack),
+        }
+    }
+
+    /// Whether its surface may pass through a box: false only if it does not.
+    #[inline]
+    pub fn may_touch(&self, within: Bounds) -> bool {
+        match &self.form {
+            Form::Prism(p) => p.nearest(within.center()).distance.abs() <= within.size().length() / 2.0,
+            Form::Land(l) => l.may_touch(within),
+            Form::Shell(s) => s.may_touch(within),
+        }
+    }
+
+    /// Edges of a mesh that do not belong to two triangles: with any, the mesh is not closed. 0 for all other shapes.
+    #[inline]
+    pub fn open_edges(&self) -> usize {
+        if let Form::Shell(s) = &self.form { s.open_edges() } else { 0 }
+    }
+
+    /// Text of the warning S032 for a mesh that is not closed; `None` for all other solids. `stopped`: what its surface stops all the same.
+    pub fn open_mesh_warning(&self, stopped: &str) -> Option<String> {
+        let edges = self.open_edges();
+        (edges > 0).then(|| {
+            format!(
+                "the mesh of solid \"{}\" has {edges} open edges: its surface stops {stopped}, but the air inside counts as air; \
+                 close the mesh if it is to be solid",
+                self.name
+            )
+        })
     }
 }
 
@@ -148,6 +180,17 @@ impl Solids {
         let mut found: Vec<Near> = if self.level && at.y <= reach { vec![level] } else { Vec::new() };
         self.each_near(at, reach, |near| found.push(near));
         found
+    }
+
+    /// Whether a segment between two places outside passes through a solid or comes within `slack`, m, of one.
+    #[inline]
+    pub fn meets(&self, segment: [Vec3; 2], slack: f32) -> bool {
+        let (low, high) = (segment[0].min(segment[1]) - slack, segment[0].max(segment[1]) + slack);
+        self.all.iter().zip(&self.boxes).any(|(solid, b)| {
+            // Land goes on beyond its square.
+            let near = matches!(solid.form, Form::Land(_)) || low.cmple(b.max).all() && high.cmpge(b.min).all();
+            near && solid.meets(segment, slack)
+        })
     }
 
     fn each_near(&self, at: Vec3, reach: f32, mut take: impl FnMut(Near)) {

@@ -20,17 +20,6 @@ pub struct Prism {
     half: f32,
 }
 
-/// The thinnest direction of a solid.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slab {
-    /// Middle of the solid, m.
-    pub center: Vec3,
-    /// Unit vector across it.
-    pub across: Vec3,
-    /// How thick it is, m.
-    pub thickness: f32,
-}
-
 /// A steep face as a rectangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
@@ -102,6 +91,18 @@ impl Prism {
         [front(1.0), front(-1.0), end(1.0), end(-1.0)]
     }
 
+    /// The rectangle over it as seen from above, at the height of its highest edge: rows along the width, columns along the depth.
+    pub fn plan(&self) -> Side {
+        let (low, high) =
+            self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+        Side {
+            corner: self.world(Vec2::new(low.x, high.y), -self.half),
+            along: self.width * (2.0 * self.half),
+            down: self.depth * (high.x - low.x),
+            normal: Vec3::Y,
+        }
+    }
+
     fn world(&self, p: Vec2, along: f32) -> Vec3 {
         self.foot + self.width * along + self.depth * p.x + Vec3::Y * p.y
     }
@@ -110,18 +111,32 @@ impl Prism {
         Bounds::of(self.ends().into_iter().flatten())
     }
 
-    /// Its thinnest direction.
-    pub(super) fn slab(&self) -> Slab {
-        let b = self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
-        let size = b.1 - b.0;
-        let center = self.world((b.0 + b.1) / 2.0, 0.0);
-        let (across, thickness) =
-            if size.x <= 2.0 * self.half { (self.depth, size.x) } else { (self.width, 2.0 * self.half) };
-        if size.y < thickness {
-            Slab { center, across: Vec3::Y, thickness: size.y }
-        } else {
-            Slab { center, across, thickness }
+    /// Whether a segment meets the prism grown by `slack`, m, on every side.
+    /// Source: M. Cyrus, J. Beck, "Generalized two- and three-dimensional clipping", 1978.
+    pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
+        // Along the width and in the plane of the outline; the segment is from + t (to - from), t from 0 to 1.
+        let plane = |p: Vec3| Vec2::new((p - self.foot).dot(self.depth), p.y - self.foot.y);
+        let (a, b) = (plane(from), plane(to));
+        let (along_a, along_b) = ((from - self.foot).dot(self.width), (to - self.foot).dot(self.width));
+        let ends = [(along_a - self.half, along_b - self.half), (-along_a - self.half, -along_b - self.half)];
+        let edges = self.outline.iter().enumerate().map(|(i, p)| {
+            let normal = edge_normal(*p, self.outline[(i + 1) % self.outline.len()]);
+            ((a - *p).dot(normal), (b - *p).dot(normal))
+        });
+        // Clip the part of the segment within reach against each face: distances of both ends from it, outwards.
+        let (mut enter, mut leave) = (0.0_f32, 1.0_f32);
+        for (start, end) in ends.into_iter().chain(edges) {
+            let (start, end) = (start - slack, end - slack);
+            if start > 0.0 && end > 0.0 {
+                return false;
+            }
+            if start > 0.0 {
+                enter = enter.max(start / (start - end));
+            } else if end > 0.0 {
+                leave = leave.min(start / (start - end));
+            }
         }
+        enter <= leave
     }
 
     pub(super) fn nearest(&self, at: Vec3) -> Nearest {
@@ -145,8 +160,8 @@ fn outline(corners: &[Vec2], p: Vec2) -> (f32, Vec2) {
     let mut inside = (f32::NEG_INFINITY, Vec2::Y);
     let mut outside = (f32::INFINITY, Vec2::Y);
     for (i, a) in corners.iter().enumerate() {
-        let edge = corners[(i + 1) % corners.len()] - *a;
-        let normal = Vec2::new(edge.y, -edge.x).normalize();
+        let next = corners[(i + 1) % corners.len()];
+        let (edge, normal) = (next - *a, edge_normal(*a, next));
         let depth = (p - *a).dot(normal);
         if depth > inside.0 {
             inside = (depth, normal);
@@ -160,6 +175,11 @@ fn outline(corners: &[Vec2], p: Vec2) -> (f32, Vec2) {
         }
     }
     if inside.0 <= 0.0 { inside } else { outside }
+}
+
+/// Unit normal, outwards, of the edge of a counter-clockwise outline from `a` to `b`.
+fn edge_normal(a: Vec2, b: Vec2) -> Vec2 {
+    Vec2::new(b.y - a.y, a.x - b.x).normalize()
 }
 
 #[cfg(test)]
@@ -216,10 +236,27 @@ mod tests {
     }
 
     #[test]
-    fn thin_walls_know_their_thin_side() {
-        let wall = Prism::block(Vec3::ZERO, Vec3::new(20.0, 3.0, 0.2), 0.0);
-        assert_eq!(wall.slab(), Slab { center: Vec3::Y * 1.5, across: Vec3::Z, thickness: 0.2 });
-        let quarter = Prism::block(Vec3::ZERO, Vec3::new(20.0, 3.0, 0.2), std::f32::consts::FRAC_PI_2);
-        assert_eq!(quarter.slab().across, Vec3::X);
+    fn segments_meet_a_prism_where_their_points_are_inside() {
+        let house = house();
+        let mut met = 0;
+        for i in 0..400_u16 {
+            let f = f32::from(i);
+            let at = |s: f32| {
+                Vec3::new(
+                    3.0 + (f * 0.37 * s) % 16.0 - 8.0,
+                    (f * 0.21 * s) % 11.0 - 1.0,
+                    -2.0 + (f * 0.53) % 14.0 - 7.0,
+                )
+            };
+            let (from, to) = (at(1.0), at(1.7));
+            let inside = (0..=1000).map(|k| house.nearest(from.lerp(to, k as f32 / 1000.0)).distance);
+            let nearest = inside.fold(f32::INFINITY, f32::min);
+            let meets = house.meets([from, to], 0.0);
+            met += usize::from(meets);
+            // Segments that graze an edge may go either way at this sampling.
+            assert!(nearest.abs() < 0.02 || meets == (nearest < 0.0), "{from} {to}: {meets}, {nearest}");
+            assert!(nearest > 0.4 || house.meets([from, to], 0.4), "{from} {to}: {nearest}");
+        }
+        assert!((50..350).contains(&met), "{met}");
     }
 }

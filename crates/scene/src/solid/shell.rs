@@ -1,4 +1,4 @@
-//! Closed meshes as solids.
+//! Triangle meshes as solids, closed or open.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::Nearest;
 use osier_base::geometry::Bounds;
 
-/// A closed triangle mesh with a tree of boxes over it.
+/// A triangle mesh with a tree of boxes over it. One with open edges has a surface, but what is inside is a guess.
 #[derive(Clone)]
 pub struct Shell {
     triangles: Vec<[Vec3; 3]>,
@@ -76,16 +76,44 @@ impl Shell {
         let mut count = 0;
         let far = self.bounds.size().max_element() * 2.0;
         let reach = from + way * far;
-        let strip = Aabb::new(from.min(reach).into(), from.max(reach).into());
-        self.tree.aabb_traverse(strip, |tree, node| {
-            let node = &tree.nodes[node as usize];
-            let first = node.first_index as usize;
-            for i in &tree.primitive_indices[first..first + node.prim_count as usize] {
-                count += usize::from(meets(self.triangles[*i as usize], from, way));
-            }
+        self.each_in_box(Bounds { min: from.min(reach), max: from.max(reach) }, |triangle| {
+            count += usize::from(meets(triangle, from, way));
             true
         });
         count
+    }
+
+    /// Calls `take` with the triangles of the tree's leaves that overlap a box, until it returns false.
+    fn each_in_box(&self, within: Bounds, mut take: impl FnMut([Vec3; 3]) -> bool) {
+        self.tree.aabb_traverse(Aabb::new(within.min.into(), within.max.into()), |tree, node| {
+            let node = &tree.nodes[node as usize];
+            let first = node.first_index as usize;
+            let mut triangles = tree.primitive_indices[first..first + node.prim_count as usize].iter();
+            triangles.all(|i| take(self.triangles[*i as usize]))
+        });
+    }
+
+    /// Whether a segment comes within `slack`, m, of the surface or passes it.
+    pub(super) fn meets(&self, [from, to]: [Vec3; 2], slack: f32) -> bool {
+        let within = Bounds { min: from.min(to), max: from.max(to) }.grown(slack);
+        let mut met = false;
+        self.each_in_box(within, |triangle| {
+            met = segment_meets(triangle, [from, to], slack);
+            !met
+        });
+        met
+    }
+
+    /// Whether the surface may pass through a box: false only if it does not.
+    pub(super) fn may_touch(&self, within: Bounds) -> bool {
+        let (center, half) = (within.center(), within.size() / 2.0);
+        let mut touched = false;
+        self.each_in_box(within, |[a, b, c]| {
+            let normal = (b - a).cross(c - a);
+            touched = normal.dot(center - a).abs() <= normal.abs().dot(half);
+            !touched
+        });
+        touched
     }
 
     pub(super) fn nearest(&self, at: Vec3) -> Nearest {
@@ -157,6 +185,24 @@ fn meets([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> bool {
     u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(lift) / det > 0.0
 }
 
+/// Whether a segment passes a triangle grown by `slack`, m, in its plane, or ends within `slack` of it. The slack leaves no gap
+/// between triangles that share an edge.
+fn segment_meets([a, b, c]: [Vec3; 3], [from, to]: [Vec3; 2], slack: f32) -> bool {
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let inside = |p: Vec3| {
+        // Signed distances from the three edges, inwards.
+        [(a, b), (b, c), (c, a)].iter().all(|(p0, p1)| {
+            let inward = normal.cross(*p1 - *p0).normalize_or_zero();
+            (p - *p0).dot(inward) >= -slack
+        })
+    };
+    let (start, end) = ((from - a).dot(normal), (to - a).dot(normal));
+    if start.abs() <= slack && inside(from) || end.abs() <= slack && inside(to) {
+        return true;
+    }
+    start * end < 0.0 && inside(from + (to - from) * (start / (start - end)))
+}
+
 /// The point of a triangle nearest to `p`.
 /// Source: C. Ericson, "Real-time collision detection", 2005, section 5.1.5 (regions of corners, edges and face).
 pub(super) fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
@@ -215,6 +261,33 @@ mod tests {
             assert!((near.distance - truth).abs() < 1e-5, "{at}: {near:?} {truth}");
             assert!(cube.nearest(at - near.normal * near.distance).distance.abs() < 1e-4);
         }
+    }
+
+    #[test]
+    fn segments_meet_the_surface_and_not_what_is_beside_it() {
+        let cube = cube();
+        for i in 0..500_u16 {
+            let f = f32::from(i);
+            let at = |s: f32| Vec3::new((f * 0.371 * s) % 4.0, (f * 0.533 * s) % 4.0, (f * 0.717 * s) % 4.0) - 2.0;
+            let (from, to) = (at(1.0), at(1.3));
+            let distance = |p: Vec3| {
+                let over = p.abs() - Vec3::ONE;
+                over.max(Vec3::ZERO).length() + over.max_element().min(0.0)
+            };
+            let along: Vec<f32> = (0..=1000).map(|k| distance(from.lerp(to, k as f32 / 1000.0))).collect();
+            let low = along.iter().copied().fold(f32::INFINITY, f32::min);
+            let high = along.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let meets = cube.meets([from, to], 1e-4);
+            assert!(low.abs() < 0.01 || high.abs() < 0.01 || meets == (low < 0.0 && high > 0.0), "{from} {to}");
+            let within = Bounds { min: from.min(to), max: from.max(to) };
+            assert!(!meets || cube.may_touch(within), "{from} {to}");
+        }
+        // Along the shared diagonal of a face's two triangles, in the plane of a face, and ending on one.
+        assert!(cube.meets([Vec3::new(0.3, 0.3, -2.0), Vec3::new(0.3, 0.3, 0.0)], 1e-4));
+        assert!(cube.meets([Vec3::new(1.0, 0.2, 0.3), Vec3::new(1.0, 0.4, 0.3)], 1e-4));
+        assert!(cube.meets([Vec3::new(1.5, 0.2, 0.3), Vec3::new(1.0, 0.2, 0.3)], 1e-4));
+        assert!(!cube.meets([Vec3::new(1.5, 0.2, 0.3), Vec3::new(1.01, 0.2, 0.3)], 1e-4));
+        assert!(!cube.may_touch(Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) }));
     }
 
     #[test]

@@ -210,7 +210,6 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
 /// Forcing term of Guo et al. for direction `i`: w_i [3 (c_i - u) + 9 (c_i.u) c_i].F
 #[inline(always)]
 fn force_term<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
-    // First c_i.u, then the sum over components of [3 (c_i - u) + 9 (c_i.u) c_i] F.
     let mut cu = u[0].splat(0.0);
     for a in 0..3 {
         cu = cu + u[a].splat(f64::from(VELOCITIES[i][a])) * u[a];

@@ -1,7 +1,8 @@
 //! The simulated box: solid cells, the boundary condition of each face, and from where each population arrives.
 
+use super::cut_links::CutLinks;
 use super::grid::LatticeGrid;
-use super::stencil::{VELOCITIES, opposite, reflected_direction};
+use super::stencil::{Q, VELOCITIES, opposite, reflected_direction};
 
 /// Boundary condition of one face of the domain. Faces are numbered -x, +x, -y, +y, -z, +z.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +35,8 @@ pub(super) struct Domain {
     pub faces: [FaceCondition; 6],
     /// Whether each cell is solid, x fastest.
     pub solid: Vec<bool>,
+    /// Links that a surface cuts though it may hold no cell centre.
+    pub cuts: CutLinks,
 }
 
 /// Where the population that arrives at a cell was before the streaming.
@@ -81,13 +84,26 @@ impl Domain {
         node
     }
 
-    /// From where the population comes that arrives at the fluid cell `x` in direction `i`. Conditions take precedence in
-    /// the order wall, periodic, slip, open; what is still outside or solid then bounces back.
+    /// Whether a surface cuts the link from a cell in direction `i`, to its neighbour or to the face before that.
+    #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
+    pub(super) fn is_link_cut(&self, x: [usize; 3], i: usize) -> bool {
+        let end = std::array::from_fn(|a| x[a] as isize + VELOCITIES[i][a] as isize);
+        let far = self.node_as_cell(self.wrap_periodic(end)).map(|cell| self.grid.cell_index(cell));
+        self.cuts.is_cut(self.grid.cell_index(x), i) || far.is_some_and(|far| self.cuts.is_cut(far, opposite(i)))
+    }
+
+    /// From where the population comes that arrives at the fluid cell `x` in direction `i`. A surface that cuts its way comes
+    /// first; conditions of faces take precedence in the order wall, periodic, slip, open; what is still outside, solid or cut
+    /// then bounces back.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     pub(super) fn population_source(&self, x: [usize; 3], i: usize) -> PopulationSource {
         // Streaming: the population that arrives in direction i was at x - c_i. Whatever lies there decides.
         let upstream: [isize; 3] = std::array::from_fn(|a| x[a] as isize - VELOCITIES[i][a] as isize);
         let bounce_back = PopulationSource::Cell { direction: opposite(i), cell: x };
+        // The half of the way next to x.
+        if self.cuts.is_cut(self.grid.cell_index(x), opposite(i)) {
+            return bounce_back;
+        }
         let outside = self.faces_outside_of(upstream);
         // Walls: halfway bounce-back, with the momentum of a moving wall.
         let mut walls = outside.iter().flatten().filter_map(|f| match self.faces[*f] {
@@ -118,9 +134,14 @@ impl Domain {
             return PopulationSource::Ghost { direction, position: node };
         }
         // Inside: plain streaming, or the mirrored or wrapped cell. A solid there means halfway bounce-back: the wall
-        // lies midway, and the population returns to its own cell in the opposite direction.
+        // lies midway, and the population returns to its own cell in the opposite direction. So does one whose first half of
+        // the way is cut.
+        let is_free = |cell: [usize; 3]| {
+            let c = self.grid.cell_index(cell);
+            !self.solid[c] && !self.cuts.is_cut(c, direction)
+        };
         match self.node_as_cell(node) {
-            Some(cell) if !self.is_solid(cell) => {
+            Some(cell) if is_free(cell) => {
                 if direction == i && node == upstream {
                     PopulationSource::Neighbour
                 } else {
@@ -131,9 +152,21 @@ impl Domain {
         }
     }
 
-    /// Whether the upstream neighbour of a cell is solid; the cell must not lie at a face.
-    pub(super) fn upstream_is_solid(&self, x: [usize; 3], i: usize) -> bool {
-        self.is_solid(std::array::from_fn(|a| x[a].wrapping_add_signed(-(VELOCITIES[i][a] as isize))))
+    /// Whether the upstream neighbour of a cell is solid, or the link from it cut; the cell must not lie at a face.
+    pub(super) fn upstream_is_blocked(&self, x: [usize; 3], i: usize) -> bool {
+        let upstream = std::array::from_fn(|a| x[a].wrapping_add_signed(-(VELOCITIES[i][a] as isize)));
+        let [here, there] = [x, upstream].map(|cell| self.grid.cell_index(cell));
+        self.solid[there] || self.cuts.is_cut(here, opposite(i)) || self.cuts.is_cut(there, i)
+    }
+
+    /// Whether a surface cuts a link between this air cell and another: the cell lies beside a wall that may hold no cell.
+    #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
+    pub(super) fn is_beside_cut_link(&self, x: [usize; 3]) -> bool {
+        (1..Q).any(|i| {
+            let end = std::array::from_fn(|a| x[a] as isize + VELOCITIES[i][a] as isize);
+            let solid = self.node_as_cell(self.wrap_periodic(end)).is_some_and(|cell| self.is_solid(cell));
+            !solid && self.is_link_cut(x, i)
+        })
     }
 
     /// The cell of the domain nearest to a node outside.

@@ -86,7 +86,7 @@ pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<Bo
                     let cell = [x, y, z];
                     // All other populations stream from their neighbour without an exchange.
                     let at_boundary = edge || x == 0 || x + 1 == n[0];
-                    if !domain.is_solid(cell) && (at_boundary || domain.upstream_is_solid(cell, i)) {
+                    if !domain.is_solid(cell) && (at_boundary || domain.upstream_is_blocked(cell, i)) {
                         builder.link_population(cell, i);
                     }
                 }

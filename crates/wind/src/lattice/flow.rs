@@ -127,6 +127,20 @@ impl FlowState {
         moments(&self.outgoing_populations(cell))
     }
 
+    /// The air cell with the highest speed; the first of several.
+    pub(super) fn fastest_cell(&self) -> [usize; 3] {
+        let n = self.domain.grid.n;
+        let mut fastest = ([0; 3], -1.0);
+        for c in (0..self.domain.grid.cell_count()).filter(|c| !self.domain.solid[*c]) {
+            let cell = [c % n[0], c / n[0] % n[1], c / n[0] / n[1]];
+            let square: f32 = self.moments_at(cell).1.iter().map(|u| u * u).sum();
+            if square > fastest.1 {
+                fastest = (cell, square);
+            }
+        }
+        fastest.0
+    }
+
     /// Reads density and checkerboard of every cell without doing a step.
     pub(super) fn diagnose(&self) -> FlowDiagnostics {
         let mut planes: Vec<_> = (0..self.domain.grid.n[2]).map(|z| (z, None)).collect();

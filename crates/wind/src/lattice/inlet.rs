@@ -1,19 +1,22 @@
 //! The inflow of the lattice as a function of position and time: mean profile, gusts and synthetic turbulence.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::super::{CALM_SPEED, Wind};
 use super::ground::shear_coefficient;
 use super::tuning::{
-    GUST_MEMORY, GUST_TICKS, MAX_GUST, RAMP_STEPS, TURBULENCE_FULL_HEIGHT, TURBULENCE_WAVELENGTHS, TURN_PER_INTERVAL,
+    GUST_MEMORY, GUST_TICKS, MAX_GUST, RAMP_STEPS, SHORTEST_WAVELENGTH_CELLS, TURBULENCE_FULL_HEIGHT,
+    TURBULENCE_LENGTH_PER_HEIGHT, TURBULENCE_RANGE, TURN_PER_INTERVAL,
 };
 use osier_base::keyframes::interpolate;
 use osier_base::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use osier_base::rng::Rng;
 use osier_base::simd::F32Lanes;
+use osier_scene::solid::LandForm;
 
 /// Height profile of the mean wind.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +54,8 @@ pub struct InletOptions {
     pub gust_period: f64,
     /// Turbulence intensity: standard deviation of each component over the mean speed.
     pub turbulence: f64,
+    /// Longest wavelength of the turbulence, m; none for twice the reference height, at most the height of the box.
+    pub turbulence_length: Option<f64>,
     /// Number of Fourier modes that make the turbulence.
     pub turbulence_modes: u32,
     /// Seed of gusts and turbulence.
@@ -81,18 +86,24 @@ struct FourierMode {
 /// let options = LatticeOptions::default();
 /// let inlet = InletWind::new(options.inlet, DVec3::ZERO, options.spacing, options.cells, [false; 3]);
 /// assert!((inlet.profile(10.0) - 1.0).abs() < 1e-12);
-/// assert!(inlet.peak_speed(35.0) > 4.5 && inlet.mean_at(2.0).x < 4.5);
+/// assert!(inlet.peak_speed(35.0) > 4.5 && inlet.mean_at(2.0 * glam::Vec3::Y).x < 4.5);
 /// ```
 #[derive(Debug, Clone)]
 pub struct InletWind {
     options: InletOptions,
-    /// Lowest corner of the box, m, whose bottom is the ground.
+    /// Lowest corner of the box, m, whose bottom is the ground where no land rises above it.
     origin: DVec3,
+    /// Terrain in the box; heights of the profile count from it.
+    land: Option<Arc<LandForm>>,
     /// Spacing of the lattice, m.
     spacing: f64,
     /// Height at which the mean speed holds, m.
     reference_height: f64,
+    /// Longest wavelength of the turbulence, m.
+    turbulence_length: f64,
+    /// Modes that the cells carry, and which share they are of the root mean square of all.
     modes: Vec<FourierMode>,
+    carried_turbulence: f64,
 }
 
 /// What all positions have in common at one time.
@@ -113,8 +124,36 @@ impl InletWind {
     pub fn new(options: InletOptions, origin: DVec3, spacing: f64, cells: [u32; 3], periodic: [bool; 3]) -> Self {
         let size = DVec3::from_array(cells.map(f64::from)) * spacing;
         let reference_height = options.reference_height.unwrap_or(size.y.min(10.0));
-        let modes = fourier_modes(&options, spacing, size, periodic);
-        Self { options, origin, spacing, reference_height, modes }
+        let default_length = (TURBULENCE_LENGTH_PER_HEIGHT * reference_height).min(size.y);
+        let turbulence_length = options.turbulence_length.unwrap_or(default_length);
+        let (modes, carried_turbulence) = fourier_modes(&options, turbulence_length, spacing, size, periodic);
+        let land = None;
+        Self { options, origin, land, spacing, reference_height, turbulence_length, modes, carried_turbulence }
+    }
+
+    /// Longest wavelength of the turbulence, m.
+    pub fn turbulence_length(&self) -> f64 {
+        self.turbulence_length
+    }
+
+    /// Root mean square of the turbulence that the cells carry, over that of the whole, 0 to 1: waves shorter than six cells are
+    /// left out.
+    pub fn carried_turbulence(&self) -> f64 {
+        self.carried_turbulence
+    }
+
+    /// The same inflow over hills, above which its profile begins.
+    #[must_use]
+    pub fn over_land(self, land: Option<Arc<LandForm>>) -> Self {
+        Self { land, ..self }
+    }
+
+    /// Height of the ground at a position, over the bottom of the box, m: that of a land above it, else 0.
+    fn ground_height(&self, position: DVec3) -> f64 {
+        self.land.as_ref().map_or(0.0, |land| {
+            let [x, z] = [position.x, position.z].map(narrow);
+            (f64::from(land.height(Vec2::new(x, z))) - self.origin.y).max(0.0)
+        })
     }
 
     /// Mean speed at a height above the ground, m, over the one at the reference height.
@@ -245,9 +284,10 @@ impl InletWind {
         sum
     }
 
-    /// Share of the turbulence at a height above the ground, m: 0 at the ground, 1 from [`TURBULENCE_FULL_HEIGHT`] cells on.
+    /// Share of the turbulence at a height above the ground, m: 0 at the ground, 1 from [`TURBULENCE_FULL_HEIGHT`] longest
+    /// wavelengths on.
     pub(super) fn turbulence_envelope(&self, height: f64) -> f64 {
-        (height / (TURBULENCE_FULL_HEIGHT * self.spacing)).clamp(0.0, 1.0)
+        (height / (TURBULENCE_FULL_HEIGHT * self.turbulence_length)).clamp(0.0, 1.0)
     }
 
     /// Mean speed at a height above the ground, m, in m/s. `gust`: factor on it.
@@ -255,9 +295,9 @@ impl InletWind {
         self.options.speed * gust * self.profile(height)
     }
 
-    /// Mean velocity, m/s, at the world height y, m, in the direction of time `t`, s.
-    pub(super) fn mean_velocity_at(&self, height: f32, t: f64) -> Vec3 {
-        (self.direction(t) * self.speed_at(f64::from(height) - self.origin.y, 1.0)).as_vec3()
+    /// Mean velocity, m/s, at a height above the ground, m, in the direction of time `t`, s.
+    fn mean_velocity_at(&self, height: f64, t: f64) -> Vec3 {
+        (self.direction(t) * self.speed_at(height, 1.0)).as_vec3()
     }
 
     /// Velocity at a position, m, and time `t`, s, in m/s.
@@ -268,14 +308,15 @@ impl InletWind {
     /// Velocity at a position, m, in m/s, in a state of [`InletWind::state_at`]; 0 below the ground.
     pub(super) fn velocity_with_state(&self, position: DVec3, state: &InletState) -> DVec3 {
         let offset = position - self.origin;
-        if offset.y < 0.0 {
+        let height = offset.y - self.ground_height(position);
+        if height < 0.0 {
             return DVec3::ZERO;
         }
         // Frozen turbulence: evaluate the modes where the air of this position was at 0 s.
         let upstream = offset - state.displacement;
         let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(upstream) + m.phase)).sum();
-        state.direction * self.speed_at(offset.y, state.gust)
-            + eddies * (self.turbulence_envelope(offset.y) * state.speed_factor)
+        state.direction * self.speed_at(height, state.gust)
+            + eddies * (self.turbulence_envelope(height) * state.speed_factor)
     }
 }
 
@@ -288,11 +329,16 @@ impl Wind for InletWind {
     }
 
     fn mean(&self) -> Vec3 {
-        self.mean_at(10.0)
+        self.mean_during(0.0)
     }
 
-    fn mean_at(&self, height: f32) -> Vec3 {
-        self.mean_velocity_at(height, 0.0)
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        let place = position.as_dvec3();
+        self.mean_velocity_at(place.y - self.origin.y - self.ground_height(place), 0.0)
+    }
+
+    fn mean_during(&self, t: f64) -> Vec3 {
+        self.mean_velocity_at(10.0, t)
     }
 
     fn period(&self) -> Option<f64> {
@@ -317,13 +363,20 @@ pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
     DVec3::new(d.x * c + d.z * s, 0.0, d.z * c - d.x * s)
 }
 
-/// Draws the modes of isotropic turbulence whose spectrum falls as in the inertial range. `size`: of the box, m.
-fn fourier_modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3]) -> Vec<FourierMode> {
+/// Draws the modes of isotropic turbulence whose spectrum falls as in the inertial range, down from wavelengths of `longest` m.
+/// Which modes there are does not depend on the cells; those too short for cells of `spacing` m are left out. Also returns which
+/// share of the root mean square is left. `size`: of the box, m.
+fn fourier_modes(
+    options: &InletOptions,
+    longest: f64,
+    spacing: f64,
+    size: DVec3,
+    periodic: [bool; 3],
+) -> (Vec<FourierMode>, f64) {
     if options.turbulence <= 0.0 || options.turbulence_modes == 0 {
-        return Vec::new();
+        return (Vec::new(), 1.0);
     }
-    let shortest = TURBULENCE_WAVELENGTHS[0] * spacing;
-    let longest = (TURBULENCE_WAVELENGTHS[1] * spacing).min(size.y).max(shortest);
+    let shortest = TURBULENCE_RANGE * longest;
     let count = f64::from(options.turbulence_modes);
     // One wavelength at random in each of `count` equal intervals of the logarithm, so that no scale is left out.
     let lengths: Vec<f64> = (0..options.turbulence_modes)
@@ -334,12 +387,17 @@ fn fourier_modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [b
         .collect();
     // Kolmogorov: at logarithmic spacing a mode of wavelength l has an amplitude proportional to l^(1/3). A cosine has half its
     // squared amplitude as variance, shared by three components: sum a^2 / 6 = (intensity U)^2 gives the amplitude at 1 m.
-    let power: f64 = lengths.iter().map(|l| pow(*l, 2.0 / 3.0) / 2.0).sum();
+    let power_of = |l: &f64| pow(*l, 2.0 / 3.0) / 2.0;
+    let power: f64 = lengths.iter().map(power_of).sum();
     let amplitude = sqrt(3.0 / power) * options.turbulence * options.speed;
-    (0..options.turbulence_modes)
+    let is_carried = |length: &f64| *length >= SHORTEST_WAVELENGTH_CELLS * spacing;
+    let carried: f64 = lengths.iter().filter(|l| is_carried(l)).map(power_of).sum();
+    let modes = (0..options.turbulence_modes)
         .zip(&lengths)
+        .filter(|(_, length)| is_carried(length))
         .map(|(m, length)| fourier_mode(options, m, *length, amplitude, size, periodic))
-        .collect()
+        .collect();
+    (modes, sqrt(carried / power))
 }
 
 /// Stream of random numbers for one property of mode `m`.

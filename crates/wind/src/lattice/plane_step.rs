@@ -185,7 +185,7 @@ impl PlaneStep<'_> {
                     let sponge = load_lanes(simd, &tables.sponge_tau, node);
                     relaxation = uniform.with_tau(base.max(z_sponge.mul_add(sponge, uniform.tau)));
                 }
-                // Read: direction i is in array i of an even step, in array opp(i) of an odd one.
+                // AA pattern (see `StepParity`): before an odd step, populations lie in the slot of the opposite direction.
                 let read = [
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
                     a13[b], a14[b],

@@ -1,28 +1,35 @@
 //! The simulated wind of a whole clip, which can be sampled at any time and position.
 
+use std::cell::LazyCell;
 use std::sync::Arc;
 
 use glam::Vec3;
-use half::f16;
 
 use super::super::Wind;
 use super::inlet::InletWind;
+use super::report::LatticeStats;
+use super::setup::{LatticeOptions, periodic_axes};
 use super::snapshot::WindSnapshot;
-use super::snapshot_grid::SnapshotGrid;
+use super::snapshot_grid::{CellRange, SnapshotGrid};
 use super::solver::LatticeSolver;
-use super::tuning::{LOOP_FADE, RECORDING_MARGIN};
+use super::tuning::LOOP_FADE;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::{Cancel, Progress};
 
+/// Bytes of a recorded velocity: three f32, as a snapshot has them.
+const BYTES_PER_VELOCITY: u64 = 12;
+
 /// Region and time span of a recording.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordingOptions {
-    /// Region in which the wind will be sampled, m.
+    /// Region in which the wind will be sampled, m; the whole box if it is empty.
     pub bounds: Bounds,
-    /// Number of frames in the clip.
+    /// Frames that are kept before time 0; at most [`LatticeOptions::lead_frames`].
+    pub lead: u32,
+    /// Number of frames from time 0 on.
     pub frames: usize,
     /// Frame rate of the clip, frames per second.
     pub fps: f64,
@@ -30,20 +37,44 @@ pub struct RecordingOptions {
     pub repeats: bool,
 }
 
-/// A recorded wind: velocities in half precision at every cell of a region, for every frame of a clip.
+impl RecordingOptions {
+    /// Frames before the first of a loop of `frames` frames, from which its end fades into its beginning.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the frames of two seconds")]
+    pub fn loop_lead(frames: usize, fps: f64) -> u32 {
+        let fade = (LOOP_FADE * fps).ceil() as u32;
+        u32::try_from(frames).map_or(fade, |frames| fade.min(frames))
+    }
+
+    /// Number of recorded frames. One more than the clip and its lead: the last one is the end of the last interval.
+    fn frame_count(&self) -> u64 {
+        u64::from(self.lead) + self.frames as u64 + 1
+    }
+
+    /// Bytes that the recording of a lattice with these options takes.
+    pub fn predicted_bytes(&self, lattice: &LatticeOptions) -> u64 {
+        let n = lattice.cells.map(|n| n as usize);
+        let whole = CellRange::covering(n, lattice.origin(), lattice.spacing, periodic_axes(lattice), self.bounds);
+        let values = whole.n.iter().fold(1_u64, |count, n| count.saturating_mul(*n as u64 + 2));
+        self.frame_count().saturating_mul(values).saturating_mul(BYTES_PER_VELOCITY)
+    }
+}
+
+/// A recorded wind: the velocities of the snapshots at every cell of a region, for every frame of a clip and of the time before it.
 #[derive(Debug)]
 pub struct RecordedWind {
     grid: SnapshotGrid,
-    frames: Vec<Vec<[f16; 3]>>,
+    frames: Vec<Vec<[f32; 3]>>,
+    /// Statistics of the solver at each frame.
+    stats: Vec<LatticeStats>,
     fps: f64,
-    /// Frames recorded before the first of a loop, for the cross-fade at its end.
+    /// Frames recorded before time 0; in a loop those from which its end fades into its beginning.
     lead: usize,
     period: Option<f64>,
     inlet: Arc<InletWind>,
 }
 
 impl RecordedWind {
-    /// Runs a solver that has done no step through a clip and keeps the velocities of a region.
+    /// Runs a solver that has done no frame through a clip and keeps the velocities of a region.
     /// # Errors
     /// `Limit` if the recording would take more than `wind-bytes`; those of [`LatticeSolver::advance`].
     pub fn record(
@@ -53,29 +84,39 @@ impl RecordedWind {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Self> {
-        let (grid, low) = lattice.snapshot_grid().crop(options.bounds, RECORDING_MARGIN);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the frames of two seconds")]
-        let lead = if options.repeats { ((LOOP_FADE * options.fps).ceil() as usize).min(options.frames) } else { 0 };
-        // One frame more than the clip: the last one is the end of the last interval.
-        let count = lead + options.frames + 1;
-        limits.check("wind-bytes", (count * grid.value_count() * 6) as u64, "the bytes of the recorded wind")?;
-        let mut frames = Vec::with_capacity(count);
-        for frame in 0..count {
+        let (grid, low) = lattice.snapshot_grid().crop(options.bounds);
+        let (lead, count) = (options.lead.min(lattice.lead_frames()), options.frame_count());
+        let skipped = u64::from(lattice.lead_frames() - lead);
+        let bytes = count.saturating_mul(grid.value_count() as u64).saturating_mul(BYTES_PER_VELOCITY);
+        limits.check("wind-bytes", bytes, "the bytes of the recorded wind")?;
+        let (mut frames, mut stats) = (Vec::new(), Vec::new());
+        for frame in 0..skipped + count {
             let snapshot = lattice.advance(progress, cancel)?;
             if frame == 0 {
-                progress.stage("recording the wind", count as u64);
+                progress.stage("recording the wind", skipped + count);
             }
             progress.advance(1);
-            frames.push(crop_to_half_precision(&snapshot, &grid, low));
+            if frame < skipped {
+                continue;
+            }
+            frames.push(crop_velocities(&snapshot, &grid, low));
+            stats.push(lattice.stats());
         }
         let period = options.repeats.then_some(options.frames as f64 / options.fps);
         let inlet = Arc::clone(lattice.inlet());
-        Ok(Self { grid, frames, fps: options.fps, lead, period, inlet })
+        Ok(Self { grid, frames, stats, fps: options.fps, lead: lead as usize, period, inlet })
     }
 
     /// Bytes of memory that the velocities take.
     pub fn bytes(&self) -> u64 {
-        (self.frames.len() * self.grid.value_count() * 6) as u64
+        self.frames.len() as u64 * self.grid.value_count() as u64 * BYTES_PER_VELOCITY
+    }
+
+    /// Statistics of the solver at a frame, counted from time 0; those of the first or last recorded frame outside the recording.
+    pub fn stats(&self, frame: i64) -> Option<LatticeStats> {
+        let index = frame.saturating_add(self.lead as i64).max(0);
+        let recorded = usize::try_from(index).ok().and_then(|i| self.stats.get(i));
+        recorded.or(self.stats.last()).copied()
     }
 
     /// Adds `weight` times the velocities at `frame`, a fractional index into the recorded frames: linear in time, trilinear in
@@ -88,11 +129,13 @@ impl RecordedWind {
         let before = (frame as usize).min(last.saturating_sub(1));
         let fraction = narrow(frame - before as f64);
         let (a, b) = (&self.frames[before], &self.frames[(before + 1).min(last)]);
-        // Outside the recorded region the undisturbed inflow blows.
-        let t = frame / self.fps;
-        let inlet_state = self.inlet.state_at(t, self.inlet.gust_factor(t));
+        // Outside the box the undisturbed inflow blows. Its state is computed where a position needs it.
+        let inlet_state = LazyCell::new(|| {
+            let t = (frame - self.lead as f64) / self.fps;
+            self.inlet.state_at(t, self.inlet.gust_factor(t))
+        });
         let value = |k: usize| {
-            let (a, b) = (vec3_from_f16(a[k]), vec3_from_f16(b[k]));
+            let (a, b) = (Vec3::from_array(a[k]), Vec3::from_array(b[k]));
             a + (b - a) * fraction
         };
         for (position, u) in positions.iter().zip(out) {
@@ -102,15 +145,10 @@ impl RecordedWind {
     }
 }
 
-/// From half to single precision.
-fn vec3_from_f16(v: [f16; 3]) -> Vec3 {
-    Vec3::new(v[0].to_f32(), v[1].to_f32(), v[2].to_f32())
-}
-
 /// Velocities of a snapshot at the values of a cropped grid that begins at the cell `low`.
-fn crop_to_half_precision(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f16; 3]> {
+fn crop_velocities(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f32; 3]> {
     let values = (0..part.value_count()).map(|k| snapshot.values[snapshot.grid.index_in_uncropped(part, low, k)]);
-    values.map(|[x, y, z, _]| [x, y, z].map(f16::from_f32)).collect()
+    values.map(|[x, y, z, _]| [x, y, z]).collect()
 }
 
 impl Wind for RecordedWind {
@@ -118,7 +156,7 @@ impl Wind for RecordedWind {
         out.fill(Vec3::ZERO);
         let lead = self.lead as f64;
         let Some(period) = self.period else {
-            self.add_weighted_frame(positions, t * self.fps, 1.0, out);
+            self.add_weighted_frame(positions, t * self.fps + lead, 1.0, out);
             return;
         };
         // Time within the loop, in frames after the first; the recording starts `lead` frames earlier.
@@ -136,8 +174,12 @@ impl Wind for RecordedWind {
         self.inlet.mean()
     }
 
-    fn mean_at(&self, height: f32) -> Vec3 {
-        self.inlet.mean_at(height)
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.inlet.mean_at(position)
+    }
+
+    fn mean_during(&self, t: f64) -> Vec3 {
+        self.inlet.mean_during(t)
     }
 
     fn period(&self) -> Option<f64> {

@@ -2,13 +2,14 @@
 
 use glam::DVec3;
 
-use super::domain::FaceCondition;
+use super::cells::Cells;
+use super::domain::{Domain, FaceCondition};
 use super::ground::GroundModel;
 use super::inlet::{InletOptions, InletWind, WindProfile, direction_at};
 use super::report::LatticeWarning;
 use super::tuning::{
-    MIN_TAU_WITHOUT_EDDIES, PARALLEL_COMPONENT, REFUSED_SPEED, SLOW_SPEED, SPIN_UP_SOUND_CROSSINGS, TARGET_SPEED,
-    WARN_SPEED,
+    MAX_SPONGE_SHARE, MIN_CARRIED_TURBULENCE, MIN_TAU_WITHOUT_EDDIES, PARALLEL_COMPONENT, REFUSED_SPEED, SLOW_SPEED,
+    SPIN_UP_SOUND_CROSSINGS, SPONGE_CELLS, SPONGE_DEPTH, TARGET_SPEED, WARN_SPEED,
 };
 use osier_base::math::{cos, narrow};
 use osier_base::rng;
@@ -61,10 +62,12 @@ pub struct LatticeOptions {
     pub sides: SideCondition,
     /// Outlets extrapolate the non-equilibrium part of the populations too, which damps the flow less.
     pub outlet_nonequilibrium: bool,
-    /// Depth of the sponge before each outlet, cells, over which the viscosity rises.
-    pub sponge_cells: u32,
-    /// Spin-up time before the first frame, s; none for one flow through the box.
+    /// Depth of the sponge before each outlet, cells, over which the viscosity rises; none for 4 m, within limits.
+    pub sponge_cells: Option<u32>,
+    /// Spin-up time before the first snapshot, s; none for one flow through the box.
     pub spin_up: Option<f64>,
+    /// Snapshots before time 0, from which gusts and the curves of speed and direction count.
+    pub lead_frames: u32,
 }
 
 impl Default for LatticeOptions {
@@ -84,6 +87,7 @@ impl Default for LatticeOptions {
                 gust_strength: 0.2,
                 gust_period: 8.0,
                 turbulence: 0.1,
+                turbulence_length: None,
                 turbulence_modes: 24,
                 seed: 0,
             },
@@ -95,10 +99,31 @@ impl Default for LatticeOptions {
             ground: GroundCondition::Rough(0.05),
             sides: SideCondition::Auto,
             outlet_nonequilibrium: false,
-            sponge_cells: 8,
+            sponge_cells: None,
             spin_up: None,
+            lead_frames: 0,
         }
     }
+}
+
+impl LatticeOptions {
+    /// Lowest corner of the box, m.
+    pub(super) fn origin(&self) -> DVec3 {
+        let size = DVec3::from_array(self.cells.map(f64::from)) * self.spacing;
+        self.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0
+    }
+
+    /// Whether the flow is periodic along x and along z.
+    pub fn periodic_sides(&self) -> [bool; 2] {
+        let [x, _, z] = periodic_axes(self);
+        [x, z]
+    }
+}
+
+/// Axes whose faces are joined.
+pub(super) fn periodic_axes(options: &LatticeOptions) -> [bool; 3] {
+    let faces = face_conditions(options, 0.0);
+    [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic)
 }
 
 /// Quantities that follow from the options.
@@ -117,9 +142,12 @@ pub(super) struct LatticeSetup {
     pub ground: GroundModel,
     /// Axis that the wind is most parallel to, 0 or 2.
     pub along: usize,
-    /// Time steps before the first frame.
+    /// Time steps before the first snapshot.
     pub spin_up: u64,
-    sponge: u32,
+    /// Snapshots before time 0.
+    pub lead_frames: u32,
+    /// Depth of the sponge before each outlet, cells.
+    sponge: f64,
     /// Hash of options and solids.
     fingerprint: u64,
 }
@@ -140,14 +168,13 @@ impl LatticeSetup {
         // The box, its faces and the inflow, in metres.
         let n = options.cells.map(|n| n as usize);
         let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
-        let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
-        let faces = face_conditions(options, 0.0);
+        let origin = options.origin();
         let along = usize::from(direction.z.abs() > direction.x.abs()) * 2;
-        let periodic = [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic);
+        let periodic = periodic_axes(options);
         let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
         // The largest inflow speed sets the time step; nu = (tau - 1/2)/3 in lattice units, the relaxation time.
         let peak = inlet.peak_speed(size.y);
-        let mut warnings = Vec::new();
+        let mut warnings: Vec<LatticeWarning> = check_turbulence(&inlet, options.spacing).into_iter().collect();
         let steps = steps_per_frame(options, peak, &mut warnings)?;
         let dt = 1.0 / (options.fps * f64::from(steps));
         let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
@@ -169,8 +196,21 @@ impl LatticeSetup {
         };
         let spin_up = spin_up_steps(options, dt, size, n, along);
         let fingerprint = options_hash(options);
-        let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge_cells);
-        Ok((Self { n, origin, spacing, fps, steps, dt, tau, ground, along, spin_up, sponge, fingerprint }, warnings))
+        let (spacing, fps, lead_frames) = (options.spacing, options.fps, options.lead_frames);
+        let sponge = options.sponge_cells.map_or_else(|| default_sponge_depth(n[along], spacing), f64::from);
+        let setup =
+            Self { n, origin, spacing, fps, steps, dt, tau, ground, along, spin_up, lead_frames, sponge, fingerprint };
+        Ok((setup, warnings))
+    }
+
+    /// Time of a snapshot, s; snapshots count from the first one, whole numbers or parts of them.
+    pub(super) fn snapshot_time(&self, snapshot: f64) -> f64 {
+        (snapshot - f64::from(self.lead_frames)) / self.fps
+    }
+
+    /// Place and size of the cells.
+    pub(super) fn cells(&self) -> Cells {
+        Cells { origin: self.origin, spacing: self.spacing }
     }
 
     /// Number of cells of the box.
@@ -200,17 +240,18 @@ impl LatticeSetup {
         self.fingerprint
     }
 
-    /// Adds the solid cells, packed into words of 64 bits, to the fingerprint.
-    pub(super) fn add_solids_to_fingerprint(&mut self, solid: &[bool]) {
-        let bits = solid.chunks(64).map(|c| c.iter().fold(0, |bits, s| bits << 1 | u64::from(*s)));
-        self.fingerprint = bits.fold(self.fingerprint, rng::child);
+    /// Adds the solid cells and cut half links, packed into words of 64 bits, to the fingerprint.
+    pub(super) fn add_solids_to_fingerprint(&mut self, domain: &Domain) {
+        let cells = domain.solid.chunks(64).map(|c| c.iter().fold(0, |bits, s| bits << 1 | u64::from(*s)));
+        let halves = domain.cuts.halves().chunks(4).map(|c| c.iter().fold(0, |bits, h| bits << 16 | u64::from(*h)));
+        self.fingerprint = cells.chain(halves).fold(self.fingerprint, rng::child);
     }
 
     /// Strength of the sponge by x and by z: it rises with the square of the depth from 0 to 1 at an outlet, in proportion to
     /// which the relaxation time rises to 1.
     pub(super) fn sponge_strength(&self, faces: [FaceCondition; 6]) -> [Vec<f32>; 2] {
         let strength = |axis: usize| {
-            let (n, depth) = (self.n[axis], f64::from(self.sponge));
+            let (n, depth) = (self.n[axis], self.sponge);
             // Depth into the sponge from either face, over its thickness; the square makes it set in smoothly, so that
             // it reflects little.
             let at_cell = |x: usize| {
@@ -289,6 +330,24 @@ fn check_direction_curve(options: &LatticeOptions) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+/// Depth of a sponge, cells: [`SPONGE_DEPTH`] within limits. `cells`: length of the box along the wind.
+fn default_sponge_depth(cells: usize, spacing: f64) -> f64 {
+    let [least, most] = SPONGE_CELLS;
+    (SPONGE_DEPTH / spacing).round().clamp(least, most).min((MAX_SPONGE_SHARE * cells as f64).round().max(least))
+}
+
+/// Warns if the cells are too coarse for the turbulence of the inflow.
+fn check_turbulence(inlet: &InletWind, spacing: f64) -> Option<LatticeWarning> {
+    let carried = inlet.carried_turbulence();
+    let text = format!(
+        "cells of {spacing} m carry only {:.0} % of the inflow's turbulence, whose eddies are {:.1} m long; lower \
+         wind.lattice.dx or raise wind.lattice.turbulence_length",
+        100.0 * carried,
+        inlet.turbulence_length()
+    );
+    (carried < MIN_CARRIED_TURBULENCE).then_some(LatticeWarning { code: "S033", text })
 }
 
 /// Steps per frame: those asked for, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells per step.

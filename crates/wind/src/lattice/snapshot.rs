@@ -1,5 +1,6 @@
 //! Wind snapshots, and the wind between two of them.
 
+use std::cell::LazyCell;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -13,12 +14,12 @@ pub struct WindSnapshot {
     pub(super) grid: Arc<SnapshotGrid>,
     /// Velocity, m/s, and density less 1 by cell, halo included.
     pub(super) values: Vec<[f32; 4]>,
-    /// Time since the first frame, s.
+    /// Time, s; 0 is the clip's first frame.
     pub(super) time: f64,
 }
 
 impl WindSnapshot {
-    /// Time since the first frame, s.
+    /// Time, s; 0 is the clip's first frame.
     pub fn time(&self) -> f64 {
         self.time
     }
@@ -68,9 +69,9 @@ impl Wind for InterpolatedWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         let part = if self.t1 > self.t0 { ((t - self.t0) / (self.t1 - self.t0)).clamp(0.0, 1.0) } else { 0.0 };
         let part = osier_base::math::narrow(part);
-        // State of the undisturbed inflow, which applies outside the box, once per call.
+        // State of the undisturbed inflow, which applies outside the box; computed where a place needs it.
         let (grid, inlet) = (&self.before.grid, &self.before.grid.inlet);
-        let outside = inlet.state_at(t, inlet.gust_factor(t));
+        let outside = LazyCell::new(|| inlet.state_at(t, inlet.gust_factor(t)));
         for (place, u) in places.iter().zip(out) {
             // Linear in time at the cells, before the interpolation in space.
             let value = |k: usize| {
@@ -83,11 +84,15 @@ impl Wind for InterpolatedWind {
     }
 
     fn mean(&self) -> Vec3 {
-        self.mean_at(10.0)
+        self.before.grid.inlet.mean()
     }
 
-    fn mean_at(&self, height: f32) -> Vec3 {
-        self.before.grid.inlet.mean_velocity_at(height, self.t0)
+    fn mean_at(&self, position: Vec3) -> Vec3 {
+        self.before.grid.inlet.mean_at(position)
+    }
+
+    fn mean_during(&self, t: f64) -> Vec3 {
+        self.before.grid.inlet.mean_during(t)
     }
 
     fn period(&self) -> Option<f64> {

@@ -4,11 +4,24 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use super::cells::Cells;
 use super::domain::{Domain, FaceCondition};
 use super::inlet::InletWind;
-use super::tuning::OUTSIDE_BLEND_CELLS;
+use super::tuning::{OUTSIDE_BLEND_CELLS, RECORDING_MARGIN};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
+use osier_scene::solid::{Solid, Solids};
+
+/// What interpolation between eight cells has to mind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum NearSurface {
+    /// Nothing.
+    Air,
+    /// Some of the cells are solid.
+    Solid,
+    /// A surface may pass between air cells.
+    Cut,
+}
 
 /// Layout of snapshot values, and which cells are solid. Shared by all snapshots of a run.
 #[derive(Debug)]
@@ -22,60 +35,101 @@ pub(super) struct SnapshotGrid {
     pub periodic: [bool; 3],
     /// By cell, halo included: solid, or below the ground.
     pub solid: Vec<bool>,
-    /// By cell, halo included: whether any of the eight cells of which it is the lowest corner is solid.
-    near_solid: Vec<bool>,
+    /// By cell, halo included: a surface cuts a link between it and other air.
+    beside_cut: Vec<bool>,
+    /// By cell, halo included: what is among the eight cells of which it is the lowest corner.
+    near: Vec<NearSurface>,
+    /// Solids whose surfaces cut links.
+    solids: Arc<Solids>,
     /// The wind outside the grid.
     pub inlet: Arc<InletWind>,
     /// The lowest face is ground.
     ground: bool,
+    /// By axis: the first and last border of the whole box, of which this may be a part, in cells from the origin.
+    whole_box: [[f64; 2]; 3],
+}
+
+/// A range of cells: the lowest one, and how many there are along each axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CellRange {
+    pub low: [usize; 3],
+    pub n: [usize; 3],
+}
+
+impl CellRange {
+    /// The cells of a box of `n` cells that cover some bounds, m, [`RECORDING_MARGIN`] wider; all along an axis whose bounds are
+    /// empty. `origin`: lowest corner of the box, m.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
+    pub(super) fn covering(n: [usize; 3], origin: DVec3, spacing: f64, periodic: [bool; 3], bounds: Bounds) -> Self {
+        let mut range = Self { low: [0; 3], n };
+        for a in 0..3 {
+            let in_cells = |v: f32| narrow((f64::from(v) - origin[a]) / spacing);
+            let (from, to) = (in_cells(bounds.min[a]) - RECORDING_MARGIN, in_cells(bounds.max[a]) + RECORDING_MARGIN);
+            let size = n[a] as f32;
+            // A periodic axis stays whole if the bounds cross its end.
+            if periodic[a] && (from < 0.0 || to > size) || from > to {
+                continue;
+            }
+            range.low[a] = (from.clamp(0.0, size - 1.0) as usize).min(n[a] - 1);
+            range.n[a] = (to.clamp(1.0, size).ceil() as usize).max(range.low[a] + 1) - range.low[a];
+        }
+        range
+    }
 }
 
 impl SnapshotGrid {
-    /// `origin`: lowest corner, m; `spacing`: m.
-    pub(super) fn new(domain: &Domain, origin: DVec3, spacing: f64, inlet: Arc<InletWind>) -> Self {
-        let n = domain.grid.n;
+    /// `solids`: all that stand in the wind.
+    pub(super) fn new(domain: &Domain, cells: Cells, solids: &[Solid], inlet: Arc<InletWind>) -> Self {
+        let (n, Cells { origin, spacing }) = (domain.grid.n, cells);
         let periodic = [0, 2, 4].map(|f| domain.faces[f] == FaceCondition::Periodic);
         let ground = matches!(domain.faces[2], FaceCondition::Wall(_) | FaceCondition::Rough);
-        let mut grid = Self { n, origin, spacing, periodic, solid: Vec::new(), near_solid: Vec::new(), inlet, ground };
-        grid.solid = (0..grid.value_count())
-            .map(|k| {
-                let at = grid.coordinates_of_value(k);
-                ground && at[1] == 0 || domain.is_solid(grid.source_of_halo_cell(at))
-            })
+        let has_cuts = !domain.cuts.halves().is_empty();
+        let solids = Arc::new(Solids::new(if has_cuts { solids.to_vec() } else { Vec::new() }, false));
+        let (solid, beside_cut, near) = (Vec::new(), Vec::new(), Vec::new());
+        let whole_box = n.map(|n| [0.0, n as f64]);
+        let mut grid = Self { n, origin, spacing, periodic, solid, beside_cut, near, solids, inlet, ground, whole_box };
+        let source = |k: usize| grid.source_of_halo_cell(grid.coordinates_of_value(k));
+        let values = 0..grid.value_count();
+        let solid = values
+            .clone()
+            .map(|k| ground && grid.coordinates_of_value(k)[1] == 0 || domain.is_solid(source(k)))
             .collect();
-        grid.mark_cells_near_solids();
+        let beside = |k: usize| has_cuts && !domain.is_solid(source(k)) && domain.is_beside_cut_link(source(k));
+        let beside_cut = values.map(beside).collect();
+        (grid.solid, grid.beside_cut) = (solid, beside_cut);
+        grid.mark_cells_near_surfaces();
         grid
     }
 
-    fn mark_cells_near_solids(&mut self) {
+    fn mark_cells_near_surfaces(&mut self) {
         let strides = self.strides();
-        let any = |k: usize| (0..8).any(|c| self.solid.get(k + corner_offset(c, strides)).copied().unwrap_or(false));
-        self.near_solid = (0..self.value_count()).map(any).collect();
+        let any = |cells: &[bool], k: usize| {
+            (0..8).any(|c| cells.get(k + corner_offset(c, strides)).copied().unwrap_or(false))
+        };
+        let near = |k: usize| match () {
+            () if any(&self.beside_cut, k) => NearSurface::Cut,
+            () if any(&self.solid, k) => NearSurface::Solid,
+            () => NearSurface::Air,
+        };
+        self.near = (0..self.value_count()).map(near).collect();
     }
 
-    /// The part of the grid that covers some bounds, m, `margin` cells wider, and the part's lowest cell.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
-    pub(super) fn crop(&self, bounds: Bounds, margin: f32) -> (Self, [usize; 3]) {
-        // Axis by axis the range of cells that the bounds touch, in cells from the corner.
-        let (mut low, mut n) = ([0; 3], self.n);
-        for a in 0..3 {
-            let in_cells = |v: f32| narrow((f64::from(v) - self.origin[a]) / self.spacing);
-            let (from, to) = (in_cells(bounds.min[a]) - margin, in_cells(bounds.max[a]) + margin);
-            let size = self.n[a] as f32;
-            // A periodic axis stays whole if the bounds cross its end.
-            if self.periodic[a] && (from < 0.0 || to > size) || from > to {
-                continue;
-            }
-            low[a] = (from.clamp(0.0, size - 1.0) as usize).min(self.n[a] - 1);
-            n[a] = (to.clamp(1.0, size).ceil() as usize).max(low[a] + 1) - low[a];
-        }
+    /// The part of the grid that covers some bounds, m, and the part's lowest cell.
+    pub(super) fn crop(&self, bounds: Bounds) -> (Self, [usize; 3]) {
+        let CellRange { low, n } = CellRange::covering(self.n, self.origin, self.spacing, self.periodic, bounds);
         let periodic = std::array::from_fn(|a| self.periodic[a] && n[a] == self.n[a]);
         let origin = self.origin + DVec3::new(low[0] as f64, low[1] as f64, low[2] as f64) * self.spacing;
         let (spacing, inlet) = (self.spacing, Arc::clone(&self.inlet));
         let ground = self.ground && low[1] == 0;
-        let mut part = Self { n, origin, spacing, periodic, solid: Vec::new(), near_solid: Vec::new(), inlet, ground };
-        part.solid = (0..part.value_count()).map(|k| self.solid[self.index_in_uncropped(&part, low, k)]).collect();
-        part.mark_cells_near_solids();
+        let solids = Arc::clone(&self.solids);
+        let (solid, beside_cut, near) = (Vec::new(), Vec::new(), Vec::new());
+        let whole_box = std::array::from_fn(|a| self.whole_box[a].map(|border| border - low[a] as f64));
+        let mut part = Self { n, origin, spacing, periodic, solid, beside_cut, near, solids, inlet, ground, whole_box };
+        let crop = |all: &[bool]| {
+            (0..part.value_count()).map(|k| all[self.index_in_uncropped(&part, low, k)]).collect::<Vec<_>>()
+        };
+        (part.solid, part.beside_cut) = (crop(&self.solid), crop(&self.beside_cut));
+        part.mark_cells_near_surfaces();
         (part, low)
     }
 
@@ -121,7 +175,8 @@ impl SnapshotGrid {
     }
 
     /// Velocity at a point, m, by trilinear interpolation of `values` (by index) at the eight cell centres around it.
-    /// Within half a cell of a solid it falls linearly to 0; outside the grid, `outside` blends in over
+    /// Within half a cell of a solid it falls linearly to 0, and cells behind a wall do not count; outside the box, `outside`
+    /// blends in over
     /// [`OUTSIDE_BLEND_CELLS`].
     /// Source: \[catkin\] eq. 11.
     /// Differs: eq. 11 starts at the closest node, which makes negative weights; this starts at the one below.
@@ -132,13 +187,17 @@ impl SnapshotGrid {
         if s.y <= 0.0 && self.ground {
             return Vec3::ZERO;
         }
-        let (mut base, mut fraction, mut beyond) = ([0; 3], [0.0; 3], 0.0_f64);
+        let (mut base, mut fraction, mut beyond, mut place) = ([0; 3], [0.0; 3], 0.0_f64, s);
         for a in 0..3 {
-            // Wrap periodic axes, clamp the others and note how far outside the point is, cells.
+            // Wrap periodic axes, clamp the others and note how far outside the box the point is, cells.
             let n = self.n[a] as f64;
             let inside = if self.periodic[a] { s[a] - (s[a] / n).floor() * n } else { s[a].clamp(0.0, n) };
-            beyond = beyond.max((s[a] - inside).abs() * f64::from(u8::from(!self.periodic[a])));
+            if !self.periodic[a] {
+                let [first, last] = self.whole_box[a];
+                beyond = beyond.max(first - s[a]).max(s[a] - last);
+            }
             // Values sit at cell centres, half a cell in, after one halo cell.
+            place[a] = inside;
             let from = inside + 0.5;
             base[a] = (from as usize).min(self.n[a]);
             fraction[a] = narrow(from - base[a] as f64);
@@ -146,7 +205,10 @@ impl SnapshotGrid {
         // Interpolate between the eight cells around the point; outside the box, fade into the undisturbed inflow.
         let strides = self.strides();
         let first = base[0] + base[1] * strides[1] + base[2] * strides[2];
-        let inner = self.interpolate_trilinear(first, fraction, values);
+        let inner = match self.near[first] {
+            NearSurface::Cut => self.interpolate_beside_walls(place, base, fraction, values),
+            near => self.interpolate_trilinear(first, near, fraction, values),
+        };
         if beyond > 0.0 {
             let share = narrow(beyond.min(1e3)).min(OUTSIDE_BLEND_CELLS) / OUTSIDE_BLEND_CELLS;
             return inner + (outside() - inner) * share;
@@ -155,13 +217,16 @@ impl SnapshotGrid {
     }
 
     /// Trilinear interpolation between the eight cells from index `first` on.
-    fn interpolate_trilinear(&self, first: usize, fraction: [f32; 3], values: impl Fn(usize) -> Vec3) -> Vec3 {
+    fn interpolate_trilinear(
+        &self,
+        first: usize,
+        near: NearSurface,
+        fraction: [f32; 3],
+        values: impl Fn(usize) -> Vec3,
+    ) -> Vec3 {
         let strides = self.strides();
-        let weight = |c: usize| {
-            let along = |a: usize| if c >> a & 1 == 1 { fraction[a] } else { 1.0 - fraction[a] };
-            along(0) * along(1) * along(2)
-        };
-        if !self.near_solid[first] {
+        let weight = |c: usize| trilinear_weight(fraction, c);
+        if near == NearSurface::Air {
             return (0..8).fold(Vec3::ZERO, |sum, c| sum + values(first + corner_offset(c, strides)) * weight(c));
         }
         // Beside solids: the mean over the fluid cells alone, times the distance to the nearest solid cell (not to its
@@ -178,6 +243,48 @@ impl SnapshotGrid {
         }
         if total > 0.0 { sum / total * (nearest * 2.0).min(1.0) } else { Vec3::ZERO }
     }
+
+    /// The same where a surface may pass between the cells: the mean over the air cells whose centres are seen from the point,
+    /// times the distance to the nearest surface, which rises from 0 to 1 over half a cell. `place`: the point, in cells from the
+    /// lowest corner; `base`: coordinates of the lowest of the eight cells, counted from the halo.
+    fn interpolate_beside_walls(
+        &self,
+        place: DVec3,
+        base: [usize; 3],
+        fraction: [f32; 3],
+        values: impl Fn(usize) -> Vec3,
+    ) -> Vec3 {
+        let strides = self.strides();
+        let first = base[0] + base[1] * strides[1] + base[2] * strides[2];
+        let in_world = |cells: DVec3| (self.origin + cells * self.spacing).as_vec3();
+        let (at, half) = (in_world(place), narrow(self.spacing / 2.0));
+        let ground = if self.ground { narrow(place.y * self.spacing) } else { f32::INFINITY };
+        let distance = self.solids.near(at, half).map_or(f32::INFINITY, |near| near.nearest.distance).min(ground);
+        if distance <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        for c in 0..8 {
+            let (k, weight) = (first + corner_offset(c, strides), trilinear_weight(fraction, c));
+            if weight <= 0.0 || self.solid[k] {
+                continue;
+            }
+            // Halo cells stand for others, to which the way within the box counts.
+            let center = |a: usize| (base[a] + (c >> a & 1)) as f64 - 0.5;
+            let center = DVec3::from_array(std::array::from_fn(|a| center(a).clamp(0.0, self.n[a] as f64)));
+            if !self.solids.meets([at, in_world(center)], 0.0) {
+                sum += values(k) * weight;
+                total += weight;
+            }
+        }
+        if total > 0.0 { sum / total * (distance / half).min(1.0) } else { Vec3::ZERO }
+    }
+}
+
+/// Weight of one of eight corners ([`corner_offset`]) in a trilinear interpolation.
+fn trilinear_weight(fraction: [f32; 3], c: usize) -> f32 {
+    let along = |a: usize| if c >> a & 1 == 1 { fraction[a] } else { 1.0 - fraction[a] };
+    along(0) * along(1) * along(2)
 }
 
 /// Offset of one of eight corners: bit `a` of `c` is a step along axis `a`.

@@ -5,29 +5,34 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::blockage::narrowest_open_share;
+use super::cells::cell_center;
 use super::collide::{MAX_SPEED, smagorinsky_factor};
+use super::cut_links::CutLinks;
 use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotTarget};
-use super::domain::{Domain, FaceCondition};
+use super::domain::Domain;
 use super::flow::{FlowState, LayerVelocity};
 use super::grid::{LatticeGrid, StepParity};
 use super::inlet::{InletNodes, InletStep, InletWind, spin_up_ramp};
 use super::memory_estimate::LatticeMemory;
 use super::outlet_targets::{OutletTargets, inlet_nodes, profile_deviation};
 use super::report::{LatticeStats, LatticeWarning};
-use super::setup::{LatticeOptions, LatticeSetup, face_conditions, faces_ever_open};
+use super::setup::{LatticeOptions, LatticeSetup, face_conditions, faces_ever_open, periodic_axes};
 use super::snapshot::WindSnapshot;
 use super::snapshot_grid::SnapshotGrid;
 use super::step_tables::FlowParams;
 use super::stepper::BoundaryInputs;
-use super::tuning::{CHECK_INTERVAL, CHECKERBOARD_WARNING, DENSITY_RANGE, MAX_CLAMPED_SHARE};
-use super::voxelize::{cell_center, fill_and_check_solids, voxelize};
+use super::tuning::{
+    CHECK_INTERVAL, CHECKERBOARD_WARNING, DENSITY_RANGE, MAX_BLOCKAGE, MAX_CLAMPED_SHARE, REFUSED_BLOCKAGE,
+};
+use super::voxelize::{fill_and_check_solids, voxelize};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::par;
 use osier_base::progress::{Cancel, Progress};
 use osier_base::{Error, Result};
-use osier_scene::solid::Solid;
+use osier_scene::solid::{Form, Solid};
 
 /// Snapshots whose memory is reused: the two that a wind is interpolated between, and the next.
 const REUSED_SNAPSHOTS: usize = 3;
@@ -54,6 +59,8 @@ pub struct LatticeSolver {
     /// By y, along the wind, cells per step: how much the profile exceeds its mean, and its shear coefficient.
     profile_deviation: Vec<[f64; 2]>,
     fluid_cells: usize,
+    /// Share of the rows of cells along the wind that solids block.
+    blocked: f64,
     pub(super) stats: LatticeStats,
     /// Snapshots delivered so far.
     frames: u32,
@@ -75,7 +82,7 @@ impl LatticeSolver {
     /// Voxelizes the solids and allocates the flow; no step is done. `solids`: obstacles in the wind.
     /// # Errors
     /// `Range` for options that contradict each other; `Limit` for too many cells; `Io` if the system cannot provide the
-    /// memory; `Input` with S024 if all cells are solid.
+    /// memory; `Input` with S024 if all cells are solid, with S030 if the solids let hardly any air through.
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
         // Refuse what is too large before any memory is allocated.
         let (mut setup, mut warnings) = LatticeSetup::new(options)?;
@@ -91,12 +98,14 @@ impl LatticeSolver {
         let grid = LatticeGrid::new(n);
         let (origin, spacing) = (setup.origin, options.spacing);
         let faces = face_conditions(options, 0.0);
-        let solid = voxelize(&grid, origin, spacing, solids);
-        let mut domain = Domain { grid, faces: faces_ever_open(options), solid };
-        let report = fill_and_check_solids(&mut domain, solids, origin, spacing, setup.along);
+        let solid = voxelize(&grid, setup.cells(), solids);
+        let cuts = CutLinks::find(&grid, setup.cells(), solids, &solid);
+        let mut domain = Domain { grid, faces: faces_ever_open(options), solid, cuts };
+        let report = fill_and_check_solids(&mut domain, solids, setup.cells(), setup.along);
         domain.faces = faces;
         warnings.extend(report.warnings());
-        setup.add_solids_to_fingerprint(&domain.solid);
+        check_blockage(&domain, report.blocked)?;
+        setup.add_solids_to_fingerprint(&domain);
         let fluid_cells = grid.cell_count() - report.solid;
         if fluid_cells == 0 {
             return Err(all_solid_error());
@@ -109,10 +118,12 @@ impl LatticeSolver {
             force: [0.0; 3],
         };
         // Inflow, and what outlets have to let out in return.
-        let periodic = [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic);
-        let inlet = InletWind::new(options.inlet.clone(), origin, spacing, options.cells, periodic);
+        let periodic = periodic_axes(options);
+        let land =
+            solids.iter().find_map(|s| if let Form::Land(land) = &s.form { Some(Arc::clone(land)) } else { None });
+        let inlet = InletWind::new(options.inlet.clone(), origin, spacing, options.cells, periodic).over_land(land);
         let inlet = Arc::new(inlet);
-        let snapshot_grid = Arc::new(SnapshotGrid::new(&domain, origin, spacing, Arc::clone(&inlet)));
+        let snapshot_grid = Arc::new(SnapshotGrid::new(&domain, setup.cells(), solids, Arc::clone(&inlet)));
         let flow = FlowState::new(domain, params, options.outlet_nonequilibrium)?;
         let inlet_nodes = inlet_nodes(&flow, &inlet, &setup);
         let outlet_targets = OutletTargets::new(&flow, &inlet, &setup);
@@ -131,6 +142,7 @@ impl LatticeSolver {
             warnings,
             profile_deviation,
             fluid_cells,
+            blocked: report.blocked,
             stats,
             frames: 0,
             past: VecDeque::new(),
@@ -156,12 +168,18 @@ impl LatticeSolver {
         self.stats
     }
 
-    /// Time steps before the first frame.
+    /// Snapshots before time 0.
+    pub fn lead_frames(&self) -> u32 {
+        self.setup.lead_frames
+    }
+
+    /// Time steps before the first snapshot.
     pub fn spin_up_steps(&self) -> u64 {
         self.setup.spin_up
     }
 
-    /// Time steps per frame.
+    /// Time steps of the lattice between two snapshots of [`LatticeSolver::advance`]: those of the options, or the fewest at
+    /// which the wind passes no more than a tenth of a cell per step.
     pub fn steps_per_frame(&self) -> u32 {
         self.setup.steps
     }
@@ -191,15 +209,14 @@ impl LatticeSolver {
         })
     }
 
-    /// The wind of the next frame. The first call completes the spin-up, with `progress`; time counts from the first
-    /// frame.
+    /// The wind of the next frame. The first call completes the spin-up, with `progress`.
     /// # Errors
     /// `Input` with S024 when the flow diverges, `Cancelled` when asked to stop.
     pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<WindSnapshot>> {
         let mut values = self.snapshot_buffer();
         // Inside the thread pool for the whole frame: entering it anew for every step costs more than small steps do.
         par::among(|| self.run_to_frame(&mut values, progress, cancel))?;
-        let time = f64::from(self.frames) / self.setup.fps;
+        let time = self.setup.snapshot_time(f64::from(self.frames));
         self.frames += 1;
         let snapshot = Arc::new(WindSnapshot { grid: Arc::clone(&self.grid), values, time });
         self.past.push_back(Arc::clone(&snapshot));
@@ -296,9 +313,9 @@ impl LatticeSolver {
         }
     }
 
-    /// Time of a step since the first frame, s; steps count from rest.
+    /// Time of a step, s; steps count from rest.
     fn step_time(&self, step: u64) -> f64 {
-        (step as f64 - self.setup.spin_up as f64) * self.setup.dt
+        (step as f64 - self.setup.spin_up as f64) * self.setup.dt + self.setup.snapshot_time(0.0)
     }
 
     /// Computes the inflow of the step `ahead` steps from now.
@@ -313,7 +330,7 @@ impl LatticeSolver {
     fn update_faces(&mut self, frame: u64) -> Result<()> {
         let Some(options) = &self.turning else { return Ok(()) };
         // Half a frame earlier: the conditions in the middle of the interval that leads to the frame.
-        let faces = face_conditions(options, ((frame as f64 - 0.5) / self.setup.fps).max(0.0));
+        let faces = face_conditions(options, self.setup.snapshot_time(frame as f64 - 0.5));
         if faces != self.flow.domain.faces {
             self.flow.set_faces(faces, self.setup.sponge_strength(faces))?;
             self.inlet_nodes = inlet_nodes(&self.flow, &self.inlet, &self.setup);
@@ -326,10 +343,12 @@ impl LatticeSolver {
     fn count_and_limit_clamped(&mut self, step: u64, count: u64) -> Result<()> {
         let speed = MAX_SPEED * self.setup.speed_unit();
         if self.stats.clamped_cells == 0 {
+            let [x, y, z] = self.flow.fastest_cell();
+            let at = cell_center(self.setup.cells(), [x, y, z]);
             let text = format!(
-                "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {step} and was clamped; lower \
-                 wind.speed, or set wind.lattice.steps to more than {}",
-                self.setup.steps
+                "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {step}, fastest in cell ({x}, {y}, \
+                 {z}) at ({:.2}, {:.2}, {:.2}) m, and was clamped; lower wind.speed, or set wind.lattice.steps to more than {}",
+                at.x, at.y, at.z, self.setup.steps
             );
             self.warnings.push(LatticeWarning { code: "S022", text });
         }
@@ -347,7 +366,7 @@ impl LatticeSolver {
         let bad = planes.iter().enumerate().find_map(|(z, p)| p.out_of_range.map(|[x, y]| [x, y, z]));
         if let Some(cell) = bad {
             let (drho, u) = self.flow.moments_at(cell);
-            let at = cell_center(self.setup.origin, self.setup.spacing, cell);
+            let at = cell_center(self.setup.cells(), cell);
             let u = Vec3::from_array(u) * narrow(self.setup.speed_unit());
             return Err(self.divergence_error(format!(
                 "density {:.3} (allowed {} to {}) and velocity ({:.2}, {:.2}, {:.2}) m/s in cell ({}, {}, {}) at ({:.2}, \
@@ -374,8 +393,16 @@ impl LatticeSolver {
 
     fn divergence_error(&self, what: String) -> Error {
         let message = format!("the lattice wind diverged in frame {} at step {}: {what}", self.frames, self.flow.step);
+        let wider = if self.blocked > MAX_BLOCKAGE {
+            format!(
+                "enlarge the box with wind.lattice.cells (solids block {:.0} % of its section), ",
+                100.0 * self.blocked
+            )
+        } else {
+            String::new()
+        };
         let help = format!(
-            "raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or lower wind.speed",
+            "{wider}raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or lower wind.speed",
             self.setup.steps
         );
         input_error("S024", message, help)
@@ -427,6 +454,7 @@ impl LatticeSolver {
         LatticeGrid::population_bytes(self.setup.n)
             + self.flow.exchange.memory_bytes() as u64
             + 3 * self.flow.domain.solid.len() as u64
+            + self.flow.domain.cuts.memory_bytes() as u64
     }
 }
 
@@ -434,6 +462,24 @@ impl LatticeSolver {
 fn input_error(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Error {
     let diagnostics = vec![Diagnostic::about(code, message).help(help)];
     Error::Input(Box::new(Report { diagnostics, ..Report::default() }))
+}
+
+/// Refuses a wind that has hardly any way past the solids. `blocked`: share of rows of cells that they block.
+fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
+    // The exact search is costly, and has nothing to find while enough rows are free.
+    if blocked <= REFUSED_BLOCKAGE {
+        return Ok(());
+    }
+    let open = narrowest_open_share(domain, 1.0 - REFUSED_BLOCKAGE);
+    if open >= 1.0 - REFUSED_BLOCKAGE {
+        return Ok(());
+    }
+    let share = 100.0 * (1.0 - open);
+    let message =
+        format!("solids block {share:.0} % of the section of the lattice wind's inflow: the air cannot pass them");
+    let help =
+        "enlarge the box with wind.lattice.cells until half of the section stays open, or leave a gap in the solids";
+    Err(input_error("S030", message, help))
 }
 
 /// No cell of the lattice holds air.

@@ -36,11 +36,21 @@ pub(super) const DENSITY_RANGE: [f32; 2] = [0.5, 1.5];
 /// dynamic pressure at the target speed.
 pub(super) const CHECKERBOARD_WARNING: f64 = 1e-3;
 
+/// Distance from a surface, cells, within which a link counts as cut by it. It must exceed the rounding of positions in f32, a
+/// hundred-thousandth of a cell some hundred cells from the origin, so that no link slips between two triangles; far less than a
+/// cell, so that nothing else is touched.
+pub(super) const SURFACE_SLACK: f64 = 1e-3;
 /// Cells between a solid and an open face, fewer of which disturb the face's flow enough for a warning.
 pub(super) const OPEN_FACE_CLEARANCE: usize = 4;
 /// Share of the inflow's cross-section that solids may block before a warning: the wind squeezed past them is then some
 /// 40 % too fast.
 pub(super) const MAX_BLOCKAGE: f64 = 0.3;
+
+/// Share of the inflow that may be blocked at the narrowest place before the run is refused: the inflow of 0.06 to 0.1 cells per step
+/// would pass the rest at the speed of sound, 0.58, or faster, and piles up at the inlet instead.
+pub(super) const REFUSED_BLOCKAGE: f64 = 0.9;
+/// Cells per height of a solid, fewer of which are warned of: the length of the wake still changes with the size of the cells.
+pub(super) const MIN_CELLS_PER_HEIGHT: u32 = 8;
 
 /// Linear interpolations of a gust per correlation time. Fewer: visible kinks; more: nothing but time.
 pub(super) const GUST_TICKS: f64 = 32.0;
@@ -48,12 +58,26 @@ pub(super) const GUST_TICKS: f64 = 32.0;
 pub(super) const GUST_MEMORY: f64 = 7.0;
 /// Largest gust over its standard deviation; bounds the speed that steps per frame are planned for.
 pub(super) const MAX_GUST: f64 = 2.0;
-/// Shortest and longest wavelength of inflow turbulence, cells. Shorter waves are damped within a few cells of the inlet;
-/// longer ones act like gusts.
-pub(super) const TURBULENCE_WAVELENGTHS: [f64; 2] = [6.0, 32.0];
-/// Height, cells, from which on inflow turbulence has its full strength; it falls linearly to 0 at the ground, through
-/// which no eddy may blow.
-pub(super) const TURBULENCE_FULL_HEIGHT: f64 = 6.0;
+/// Longest wavelength of inflow turbulence over the reference height, if the scene sets none. The spectrum of the vertical velocity
+/// over flat ground in neutral air peaks at wavelengths of about twice the height (Kaimal, Wyngaard, Izumi, Cote 1972); longer
+/// waves are gusts.
+pub(super) const TURBULENCE_LENGTH_PER_HEIGHT: f64 = 2.0;
+/// Shortest wavelength of inflow turbulence over the longest. Smaller eddies have a quarter of the energy, and follow from the
+/// larger ones within a few of their lengths.
+pub(super) const TURBULENCE_RANGE: f64 = 0.125;
+/// Shortest wavelength that the cells carry, cells: shorter ones are damped within a few cells of the inlet, and left out.
+pub(super) const SHORTEST_WAVELENGTH_CELLS: f64 = 6.0;
+/// Share of the turbulence's root mean square that the cells carry, below which a warning is given.
+pub(super) const MIN_CARRIED_TURBULENCE: f64 = 0.8;
+/// Height over the longest wavelength from which on inflow turbulence has its full strength; it falls linearly to 0 at the
+/// ground, through which no eddy may blow.
+pub(super) const TURBULENCE_FULL_HEIGHT: f64 = 0.15;
+/// Depth of the sponge before an outlet, m, if the scene sets none: about a wall's height, over which eddies are damped.
+pub(super) const SPONGE_DEPTH: f64 = 4.0;
+/// Least and largest depth of that sponge, cells. Fewer: sound is reflected; more: nothing but a smaller box.
+pub(super) const SPONGE_CELLS: [f64; 2] = [4.0, 32.0];
+/// Share of the box's length that the sponge of a small box takes, at most.
+pub(super) const MAX_SPONGE_SHARE: f64 = 1.0 / 6.0;
 /// Turn of the wind, rad, per interval of Simpson's rule for the distance that the mean wind has travelled.
 pub(super) const TURN_PER_INTERVAL: f64 = 0.1;
 

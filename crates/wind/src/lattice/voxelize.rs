@@ -2,18 +2,20 @@
 
 use std::collections::VecDeque;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
+use super::blockage::blocked_row_share;
+use super::cells::{Cells, cell_center};
 use super::domain::Domain;
 use super::grid::LatticeGrid;
 use super::report::LatticeWarning;
-use super::tuning::{MAX_BLOCKAGE, OPEN_FACE_CLEARANCE};
-use osier_base::geometry::Bounds;
+use super::stencil::opposite;
+use super::tuning::{MAX_BLOCKAGE, MIN_CELLS_PER_HEIGHT, OPEN_FACE_CLEARANCE};
 use osier_base::par;
-use osier_scene::solid::{Form, Slab, Solid};
+use osier_scene::solid::{Form, Solid};
 
 /// Result of [`fill_and_check_solids`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct VoxelReport {
     /// Number of solid cells, filled ones included.
     pub solid: usize,
@@ -21,59 +23,74 @@ pub(super) struct VoxelReport {
     pub filled: usize,
     /// Whether a solid other than terrain is within [`OPEN_FACE_CLEARANCE`] of an open face.
     pub crowded: bool,
-    /// Share of the cross-section that solids block, if it is above [`MAX_BLOCKAGE`].
-    pub blocked: Option<f64>,
+    /// Share of the cross-section that solids block.
+    pub blocked: f64,
+    /// Solids lower than [`MIN_CELLS_PER_HEIGHT`] cells, and their heights in cells.
+    pub coarse: Vec<(String, f64)>,
+    /// Warnings of open meshes.
+    pub open: Vec<String>,
 }
 
 impl VoxelReport {
     /// The result as warnings S021.
     pub(super) fn warnings(&self) -> Vec<LatticeWarning> {
         let mut warnings = Vec::new();
-        let mut warn = |text: String| warnings.push(LatticeWarning { code: "S021", text });
+        let mut warn = |code, text: String| warnings.push(LatticeWarning { code, text });
+        // What disturbs the flow of the whole box.
         if self.crowded {
-            warn(format!(
-                "a solid is within {OPEN_FACE_CLEARANCE} cells of an inlet or outlet of the lattice wind and disturbs the \
+            warn(
+                "S021",
+                format!(
+                    "a solid is within {OPEN_FACE_CLEARANCE} cells of an inlet or outlet of the lattice wind and disturbs the \
                  flow there; enlarge the box with wind.lattice.cells"
-            ));
+                ),
+            );
         }
-        if let Some(share) = self.blocked {
-            warn(format!(
-                "solids block {:.0} % of the cross-section of the lattice wind and accelerate the flow past them; \
+        if self.blocked > MAX_BLOCKAGE {
+            warn(
+                "S021",
+                format!(
+                    "solids block {:.0} % of the cross-section of the lattice wind and accelerate the flow past them; \
                  enlarge the box with wind.lattice.cells",
-                100.0 * share
-            ));
+                    100.0 * self.blocked
+                ),
+            );
         }
         if self.filled > 0 {
-            warn(format!("{} air cells are enclosed by solids and count as solid: no wind blows there", self.filled));
+            let text =
+                format!("{} air cells are enclosed by solids and count as solid: no wind blows there", self.filled);
+            warn("S021", text);
+        }
+        // What disturbs the flow about single solids.
+        for (name, cells) in &self.coarse {
+            let finer = format!("wind.lattice.dx to 1/{MIN_CELLS_PER_HEIGHT} of its height or less");
+            warn(
+                "S031",
+                format!(
+                    "solid \"{name}\" is only {cells:.1} cells high: its wake depends on the size of the cells; lower {finer}"
+                ),
+            );
+        }
+        for text in &self.open {
+            warn("S032", text.clone());
         }
         warnings
     }
 }
 
-/// Centre of a cell, m. `origin`: lowest corner of the box, m; `spacing`: edge of a cell, m.
-pub(super) fn cell_center(origin: DVec3, spacing: f64, cell: [usize; 3]) -> Vec3 {
-    let offset = DVec3::new(cell[0] as f64 + 0.5, cell[1] as f64 + 0.5, cell[2] as f64 + 0.5);
-    (origin + offset * spacing).as_vec3()
-}
-
-/// Whether each cell is solid, x fastest: its centre is inside a solid, or it belongs to the one layer of cells that stands for a
-/// solid thinner than a cell.
-pub(super) fn voxelize(grid: &LatticeGrid, origin: DVec3, spacing: f64, solids: &[Solid]) -> Vec<bool> {
+/// Whether each cell is solid, x fastest: its centre is inside a solid.
+pub(super) fn voxelize(grid: &LatticeGrid, cells: Cells, solids: &[Solid]) -> Vec<bool> {
     let planes: Vec<usize> = (0..grid.n[2]).collect();
-    let half = osier_base::math::narrow(spacing / 2.0);
-    // Bounds and slab once per solid; a cell outside the bounds needs no exact test.
-    let candidates: Vec<_> =
-        solids.iter().map(|s| (s, candidate_bounds(s, half), slab_thinner_than_cell(s, half))).collect();
     // One task per plane; within the plane each solid tests the cells inside its bounds.
     let planes = par::par_map(&planes, |z| {
         let mut plane = vec![false; grid.n[0] * grid.n[1]];
-        for (solid, bounds, thin) in &candidates {
-            for (i, cell) in plane.iter_mut().enumerate() {
-                let center = cell_center(origin, spacing, [i % grid.n[0], i / grid.n[0], *z]);
-                let inside = center.cmpge(bounds.min).all() && center.cmple(bounds.max).all();
-                let claims =
-                    || solid.contains(center) || thin.is_some_and(|t| is_in_slab_layer(solid, t, half, center));
-                *cell = *cell || inside && claims();
+        for solid in solids {
+            let Some([columns, rows]) = cells.plane_range(grid, solid, 0.0, *z) else { continue };
+            for y in rows {
+                for x in columns.clone() {
+                    let cell = &mut plane[x + grid.n[0] * y];
+                    *cell = *cell || solid.contains(cell_center(cells, [x, y, *z]));
+                }
             }
         }
         plane
@@ -81,44 +98,10 @@ pub(super) fn voxelize(grid: &LatticeGrid, origin: DVec3, spacing: f64, solids: 
     planes.concat()
 }
 
-/// Bounds in which a solid may own cells; terrain extends without bound horizontally and downwards. `half`: half an edge of a
-/// cell, m.
-fn candidate_bounds(solid: &Solid, half: f32) -> Bounds {
-    // One cell wider: a thin solid may own a cell whose centre lies outside of it.
-    let bounds = solid.bounds().grown(2.0 * half);
-    match solid.form {
-        Form::Land(_) => {
-            Bounds { min: Vec3::splat(f32::NEG_INFINITY), max: Vec3::new(f32::INFINITY, bounds.max.y, f32::INFINITY) }
-        }
-        _ => bounds,
-    }
-}
-
-/// The slab of a solid thinner than a cell, whose inside may lie between all cell centres. `half`: half an edge of a cell, m.
-fn slab_thinner_than_cell(solid: &Solid, half: f32) -> Option<Slab> {
-    solid.slab().filter(|s| s.thickness <= 2.001 * half)
-}
-
-/// Whether the cell at `center` belongs to the layer that stands for a thin solid: the solid's middle plane passes within half
-/// a cell of its centre. Distances are along the axis nearest to the slab's normal, so that each row has exactly one such cell
-/// and the layer has no hole.
-fn is_in_slab_layer(solid: &Solid, slab: Slab, half: f32, center: Vec3) -> bool {
-    let axis = slab.across.abs().max_position();
-    let distance = (center - slab.center).dot(slab.across) / slab.across[axis];
-    let mut projected = center;
-    projected[axis] -= distance;
-    distance >= -half && distance < half && solid.contains(projected)
-}
-
 /// Makes enclosed air solid, then checks the clearance of open faces and the blockage of the cross-section. `along`: axis that
 /// the wind is most parallel to.
-pub(super) fn fill_and_check_solids(
-    domain: &mut Domain,
-    solids: &[Solid],
-    origin: DVec3,
-    spacing: f64,
-    along: usize,
-) -> VoxelReport {
+pub(super) fn fill_and_check_solids(domain: &mut Domain, solids: &[Solid], cells: Cells, along: usize) -> VoxelReport {
+    let Cells { origin, spacing } = cells;
     let filled = fill_enclosed_air(domain);
     // Clearance: terrain has to reach the faces, obstacles must not.
     let obstacles: Vec<Solid> = solids.iter().filter(|s| !matches!(s.form, Form::Land(_))).cloned().collect();
@@ -134,26 +117,17 @@ pub(super) fn fill_and_check_solids(
                 || open(2 * a + 1) && b.max[a] > high[a] - clearance && b.min[a] < high[a]
         })
     });
-    // Blockage: the share of rows of cells along the wind with at least one solid cell.
-    let across = [(along + 1) % 3, (along + 2) % 3];
-    let mut blocked_rows = 0_usize;
-    for i in 0..n[across[0]] {
-        for j in 0..n[across[1]] {
-            let mut cell = [0; 3];
-            (cell[across[0]], cell[across[1]]) = (i, j);
-            blocked_rows += usize::from((0..n[along]).any(|k| {
-                cell[along] = k;
-                domain.is_solid(cell)
-            }));
-        }
-    }
-    let share = blocked_rows as f64 / (n[across[0]] * n[across[1]]) as f64;
+    let blocked = blocked_row_share(domain, along);
     let solid = domain.solid.iter().filter(|s| **s).count();
-    VoxelReport { solid, filled, crowded, blocked: (share > MAX_BLOCKAGE).then_some(share) }
+    let bounded = obstacles.iter().map(|s| (s.name.clone(), cells.height_of(s)));
+    // Heights of whole cells may be rounded.
+    let coarse = bounded.filter(|(_, height)| *height < f64::from(MIN_CELLS_PER_HEIGHT) - 0.01).collect();
+    let open = obstacles.iter().filter_map(|s| s.open_mesh_warning("the lattice wind")).collect();
+    VoxelReport { solid, filled, crowded, blocked, coarse, open }
 }
 
 /// Makes solid every air cell from which no path through air leads to an open face: a flood fill from the open faces.
-/// Returns their number.
+/// Returns their number, without cells whose centre lies on a surface: no wind is expected there.
 #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit")]
 fn fill_enclosed_air(domain: &mut Domain) -> usize {
     let n = domain.grid.n;
@@ -171,6 +145,10 @@ fn fill_enclosed_air(domain: &mut Domain) -> usize {
     // Spread to the six neighbours, across periodic faces too.
     while let Some(cell) = queue.pop_front() {
         for f in 0..6 {
+            // Faces are numbered -x, +x, ..., directions along the axes +x, -x, ... from 1 on.
+            if domain.is_link_cut(cell, opposite(f + 1)) {
+                continue;
+            }
             let mut next = cell.map(|c| c as isize);
             next[f / 2] += if f.is_multiple_of(2) { -1 } else { 1 };
             let Some(next) = domain.node_as_cell(domain.wrap_periodic(next)) else { continue };
@@ -182,10 +160,10 @@ fn fill_enclosed_air(domain: &mut Domain) -> usize {
         }
     }
     let mut filled = 0;
-    for (solid, reached) in domain.solid.iter_mut().zip(&reached) {
+    for (c, (solid, reached)) in domain.solid.iter_mut().zip(&reached).enumerate() {
         if !*solid && !*reached {
             *solid = true;
-            filled += 1;
+            filled += usize::from(!domain.cuts.is_isolated(c));
         }
     }
     filled

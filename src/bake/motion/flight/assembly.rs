@@ -7,19 +7,17 @@ use glam::Vec3;
 use crate::bake::BakeContext;
 use crate::bake::assets::catkin;
 use crate::bake::assets::obstacles::Obstacles;
-use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::motion::AssetMotion;
-use crate::bake::motion::flight::{FlightContext, FlightPlayback, TwigTip, spin_up_frames};
+use crate::bake::motion::flight::canopy::Canopy;
+use crate::bake::motion::flight::{FlightPlayback, FlightSetup};
 use crate::bake::scene::builder::SceneBuilder;
-use crate::bake::scene::plant_layout::PlantLayout;
-use crate::bake::wind::playback::WindPlayback;
+use crate::bake::wind::scene_wind::SceneWind;
 use crate::recipe::scene::{CatkinKeys, WindModel};
 use crate::recipe::{FlightRecipe, KeyTable as _, Recipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
-use osier_scene::plant::AxisKind;
 use osier_scene::{Asset, Field, Table, Trs};
 
 /// A flight that was added to a scene, and what it records in each frame.
@@ -31,13 +29,14 @@ pub(crate) struct AddedFlight {
     pub(crate) fields: Vec<Field>,
 }
 
-/// Adds the catkins of a recipe, if it has any: as a flight with `[flight]`, else at rest in a row. `twigs`: as [`twig_tips`].
+/// Adds the catkins of a recipe, if it has any: as a flight with `[flight]`, else at rest in a row. `canopy`: the twigs that release them.
 /// # Errors
 /// `Limit`, `Cancelled`; those of a lattice wind.
 pub(crate) fn add_catkins(
     recipe: &Recipe,
     obstacles: &Obstacles<'_>,
-    twigs: &[TwigTip],
+    wind: &Arc<SceneWind>,
+    canopy: Canopy,
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
     report: &mut Report,
@@ -56,18 +55,19 @@ pub(crate) fn add_catkins(
         return Ok(None);
     };
     let (asset, added) =
-        start_flight(recipe, flight, obstacles, twigs, &models, &lods, first_material, context, report)?;
+        start_flight(recipe, flight, obstacles, wind, canopy, &models, &lods, first_material, context, report)?;
     let motion = Arc::clone(&added.playback) as Arc<dyn AssetMotion>;
     builder.add_placed(asset, Trs::IDENTITY, Some(motion));
     Ok(Some(added))
 }
 
-/// Spins up the wind of a flight and sets the flight to its first frame.
+/// Sets a flight to its first frame.
 fn start_flight(
     recipe: &Recipe,
     flight: &FlightRecipe,
     obstacles: &Obstacles<'_>,
-    twigs: &[TwigTip],
+    wind: &Arc<SceneWind>,
+    canopy: Canopy,
     models: &[catkin::CatkinModel],
     lods: &catkin::CatkinLods,
     first_material: u32,
@@ -79,24 +79,25 @@ fn start_flight(
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below 2^53")]
     context.limits.check("vertices", points as u64, "the number of points of flight.trails")?;
 
-    // The wind starts as many seconds before the clip as the flight does, and spins up before that.
     let solids = Arc::new(obstacles.solids_within(domain.size().max_element()));
-    let early = spin_up_frames(flight, recipe) as f64 / recipe.clip.fps();
-    let mut wind = WindPlayback::new(recipe, solids.list(), early, context);
-    let reported = report.diagnostics.len();
-    wind.spin_up(context.progress, report)?;
-
-    let (known_height, cell_size) = (wind.known_height(), wind.cell_size());
-    let scene = FlightContext { recipe, flight, domain, solids, known_height, cell_size, twigs };
-    let playback = FlightPlayback::new(&scene, wind, models);
+    let (min_resolved_height, cell_size) = (wind.min_resolved_height(), wind.cell_size());
+    let scene = FlightSetup { recipe, flight, domain, solids, min_resolved_height, cell_size };
+    let playback = FlightPlayback::new(&scene, wind, canopy, models)?;
     if playback.enclosed_start_count() > 0 {
         let text = format!("{} catkins found no place to start outside of solids", playback.enclosed_start_count());
         let help = "raise flight.band, or make room between the solids";
         report.push(Diagnostic::about("S026", text).help(help));
     }
 
-    // The table repeats the warnings of the spin-up and of the start, so that readers of the file see them too.
-    let warnings = report.diagnostics.iter().skip(reported).map(|d| (d.code, d.message.clone())).collect();
+    // A simulated lattice warns of open meshes itself.
+    if scene.cell_size.is_none() {
+        let warnings = scene.solids.list().iter().filter_map(|solid| solid.open_mesh_warning("catkins"));
+        report.diagnostics.extend(warnings.map(|text| Diagnostic::about("S032", text)));
+    }
+
+    // The table repeats the warnings of the wind and of the start, so that readers of the file see them too.
+    let is_of_flight = |d: &&Diagnostic| d.code.starts_with("S02") || d.code == "S034";
+    let warnings = report.diagnostics.iter().filter(is_of_flight).map(|d| (d.code, d.message.clone())).collect();
     let (table, fields) = playback.table_and_fields(&flight.keys, warnings);
     let fields = fields.to_vec();
     let prototypes = models.iter().map(|m| m.prototype(lods, first_material)).collect();
@@ -110,22 +111,4 @@ fn flight_domain(recipe: &Recipe, size: [f64; 3]) -> Bounds {
     let [w, h, d] = if lattice { recipe.lattice.size() } else { size }.map(narrow);
     let base = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
     Bounds { min: base - Vec3::new(w / 2.0, 0.0, d / 2.0), max: base + Vec3::new(w / 2.0, h, d / 2.0) }
-}
-
-/// Ends of all stems but the trunks of the plants that `[flight]` names as its canopy; none without a flight.
-pub(crate) fn twig_tips(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec<TwigTip> {
-    let Some(flight) = &recipe.flight else { return Vec::new() };
-    let mut tips = Vec::new();
-    for instance in &layout.instances {
-        let Some((individual, grown)) = layout.individuals.get(instance.individual).zip(grown.get(instance.individual))
-        else {
-            continue;
-        };
-        let Some((_, weight)) = flight.canopy.iter().find(|(plant, _)| *plant == individual.plant) else { continue };
-        let plant = &grown.plant;
-        let stems = plant.axes.iter().filter(|a| a.kind == AxisKind::Stem && a.order > 0);
-        let ends = stems.filter_map(|a| plant.nodes.p.get(plant.nodes_of(a)).and_then(<[Vec3]>::last));
-        tips.extend(ends.map(|p| TwigTip { position: instance.transform.apply(*p), weight: *weight }));
-    }
-    tips
 }

@@ -1,35 +1,51 @@
-//! Deposition maps: number or mass of deposited catkins per square metre, on the ground and on walls.
+//! Deposition maps: number or mass of deposited catkins per square metre, on the ground, on roofs and on walls.
 
 use glam::Vec3;
 
-use crate::recipe::scene::{DepositQuantity, FlightKeys};
+use crate::recipe::scene::{DepositEvent, DepositQuantity, FlightKeys};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
-use osier_motion::flight::{Catkin, CatkinState, FlightSimulation};
+use osier_motion::flight::{CatkinState, RestingPlace};
 use osier_scene::Field;
 use osier_scene::solid::{Form, Side, Solids};
 
-/// Maps of a flight: the ground first, then four sides of each straight solid.
+/// Maps of a flight: the ground first, then for each obstacle its roof and, if its walls are plane, its four sides.
 #[derive(Debug, Clone)]
 pub struct DepositionMaps {
     /// As the scene holds them.
     pub fields: Vec<Field>,
-    /// For each solid, where its four maps begin.
-    sides: Vec<Option<(usize, [Side; 4])>>,
+    /// Parallel to the solids; `None` for land, whose deposits lie on the ground's map.
+    obstacles: Vec<Option<ObstacleMaps>>,
     mass: bool,
     blur: f32,
+    /// Whether the maps count every deposition since the start, not what rests at a frame.
+    pub cumulative: bool,
+}
+
+/// Number or mass in each texel of all maps, row by row.
+pub type TexelSums = Vec<Vec<f64>>;
+
+/// Where the maps of an obstacle stand among the fields.
+#[derive(Debug, Clone)]
+struct ObstacleMaps {
+    /// Index of the map of its roof, seen from above.
+    roof: usize,
+    /// The sides of a straight obstacle, whose maps follow that of the roof; `None` for a mesh, whose map from above counts
+    /// what clings to its walls too.
+    sides: Option<[Side; 4]>,
 }
 
 impl DepositionMaps {
     /// Maps over the box `inside` and over `solids`.
     pub fn new(keys: &FlightKeys, inside: Bounds, solids: &Solids) -> Self {
         let mass = keys.map_of == DepositQuantity::Mass;
+        let cumulative = keys.map_counts == DepositEvent::Landings;
         let mut fields = Vec::new();
-        let mut add = |name: String, (corner, along, down): (Vec3, Vec3, Vec3)| {
+        let mut add = |name: String, Side { corner, along, down, .. }: Side| {
             let texels = |length: f32| texel_count(length, keys.map_texel);
             fields.push(Field {
                 name,
-                what: "deposition",
+                what: if cumulative { "landings" } else { "deposition" },
                 width: texels(along.length()),
                 height: texels(down.length()),
                 corner,
@@ -39,53 +55,73 @@ impl DepositionMaps {
                 every: keys.map_every,
             });
         };
-        let size = inside.size();
-        add("ground".into(), (Vec3::new(inside.min.x, 0.0, inside.min.z), Vec3::X * size.x, Vec3::Z * size.z));
-        let mut sides = Vec::new();
-        let mut next = 1;
+        add("ground".into(), plan_of_bounds(Bounds { max: inside.max.with_y(0.0), ..inside }));
+        let mut obstacles = Vec::new();
+        let mut roof = 1;
         for solid in solids.list() {
-            let Form::Prism(prism) = &solid.form else {
-                sides.push(None);
-                continue;
+            let (plan, sides) = match &solid.form {
+                Form::Land(_) => {
+                    obstacles.push(None);
+                    continue;
+                }
+                Form::Prism(prism) => (prism.plan(), Some(prism.sides())),
+                Form::Shell(_) => (plan_of_bounds(solid.bounds()), None),
             };
-            let four = prism.sides();
-            for (side, name) in four.iter().zip(["front", "back", "right", "left"]) {
-                add(format!("wall_{}_{name}", solid.name), (side.corner, side.along, side.down));
+            add(format!("roof_{}", solid.name), plan);
+            for (side, name) in sides.iter().flatten().zip(["front", "back", "right", "left"]) {
+                add(format!("wall_{}_{name}", solid.name), *side);
             }
-            sides.push(Some((next, four)));
-            next += 4;
+            obstacles.push(Some(ObstacleMaps { roof, sides }));
+            roof += 1 + sides.map_or(0, |sides| sides.len());
         }
-        Self { fields, sides, mass, blur: narrow(keys.map_blur) }
+        Self { fields, obstacles, mass, blur: narrow(keys.map_blur), cumulative }
+    }
+
+    /// Sums of maps on which nothing lies.
+    pub fn empty_sums(&self) -> TexelSums {
+        self.fields.iter().map(|f| vec![0.0; f.width * f.height]).collect()
+    }
+
+    /// Adds catkins at rest to the map of the surface that carries each.
+    pub fn add(&self, sums: &mut TexelSums, places: impl IntoIterator<Item = RestingPlace>) {
+        for place in places {
+            let map = self.map_index(&place);
+            if let (Some(field), Some(sum)) = (self.fields.get(map), sums.get_mut(map)) {
+                let weight = if self.mass { place.mass * 1e6 } else { 1.0 };
+                self.add_to_texels(field, sum, place.position.as_vec3(), weight);
+            }
+        }
     }
 
     /// Area densities of all maps, row by row: 1/m^2, or mg/m^2. The sum of density times texel area over a map is the number or
-    /// mass that lies on its surface.
-    pub fn densities(&self, flights: &FlightSimulation) -> Vec<Vec<f32>> {
-        let mut sums: Vec<Vec<f64>> = self.fields.iter().map(|f| vec![0.0; f.width * f.height]).collect();
-        for c in flights.by_id().filter(|c| c.state().is_deposited()) {
-            let map = self.map_index(c);
-            if let (Some(field), Some(sum)) = (self.fields.get(map), sums.get_mut(map)) {
-                let weight = if self.mass { c.mass() * 1e6 } else { 1.0 };
-                self.splat(field, sum, c.position().as_vec3(), weight);
-            }
-        }
+    /// mass that lies on its surface, or was deposited there.
+    pub fn densities(&self, sums: TexelSums) -> Vec<Vec<f32>> {
         let areas = self.fields.iter().map(Field::texel_area);
         sums.into_iter().zip(areas).map(|(sum, area)| sum.into_iter().map(|v| narrow(v / area)).collect()).collect()
     }
 
-    /// Index of the map that counts a catkin: on a wall, that of the side whose normal is nearest to the contact normal; else the
-    /// ground's.
-    fn map_index(&self, c: &Catkin) -> usize {
-        let (face, normal) = c.rests_on();
-        let side = face.filter(|_| c.state() == CatkinState::OnWall).and_then(|i| self.sides.get(i as usize)?.as_ref());
-        side.map_or(0, |(first, four)| {
-            let facing = |k: &usize| four[*k].normal.dot(normal);
-            first + (0..4).max_by(|a, b| facing(a).total_cmp(&facing(b))).unwrap_or(0)
-        })
+    /// Whether a catkin rests on the ground, at the foot of a wall too, and not on an obstacle.
+    pub fn is_on_ground(&self, place: &RestingPlace) -> bool {
+        self.map_index(place) == 0
+    }
+
+    /// Index of the map that counts a catkin: on a wall, that of the side whose normal is nearest to the contact normal; on top of
+    /// an obstacle, that of its roof; on the ground, at the foot of a wall too, the ground's.
+    fn map_index(&self, place: &RestingPlace) -> usize {
+        let Some(maps) = place.face.and_then(|i| self.obstacles.get(i as usize)?.as_ref()) else { return 0 };
+        match (place.state, &maps.sides) {
+            // In the corner between ground and wall the supporting surface is the wall.
+            (CatkinState::Corner, _) => 0,
+            (CatkinState::OnWall, Some(sides)) => {
+                let facing = |k: &usize| sides[*k].normal.dot(place.normal);
+                maps.roof + 1 + (0..4).max_by(|a, b| facing(a).total_cmp(&facing(b))).unwrap_or(0)
+            }
+            _ => maps.roof,
+        }
     }
 
     /// Spreads a weight evenly over the texels whose centres lie within `blur` m of a world position, so that the total is kept.
-    fn splat(&self, field: &Field, sum: &mut [f64], position: Vec3, weight: f64) {
+    fn add_to_texels(&self, field: &Field, sum: &mut [f64], position: Vec3, weight: f64) {
         // Texel coordinates: the components along the map's edges as shares of their lengths, times the texel counts.
         let from = position - field.corner;
         let share = |axis: Vec3| from.dot(axis) / axis.length_squared();
@@ -109,6 +145,12 @@ impl DepositionMaps {
         let share = weight / texels.len() as f64;
         texels.iter().for_each(|t| sum[*t] += share);
     }
+}
+
+/// The top of a box as a map sees it from above: rows along +X, columns along +Z.
+fn plan_of_bounds(bounds: Bounds) -> Side {
+    let size = bounds.size();
+    Side { corner: bounds.min.with_y(bounds.max.y), along: Vec3::X * size.x, down: Vec3::Z * size.z, normal: Vec3::Y }
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the map")]

@@ -1,6 +1,7 @@
 //! Flights of catkins: playback of the simulation frame by frame, with its table, deposition maps and trajectories.
 
 pub(crate) mod assembly;
+pub(crate) mod canopy;
 mod deposition_maps;
 mod stats;
 mod trajectories;
@@ -10,16 +11,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::{DVec3, Vec3};
 
 use crate::bake::assets::catkin::CatkinModel;
-use crate::bake::motion::flight::deposition_maps::DepositionMaps;
+use crate::bake::motion::flight::canopy::{Canopy, TwigPositions, TwigSite};
+use crate::bake::motion::flight::deposition_maps::{DepositionMaps, TexelSums};
 use crate::bake::motion::flight::trajectories::Trajectories;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
-use crate::bake::wind::playback::WindPlayback;
-use crate::recipe::scene::{FlightBoundary, FlightKeys, FlightRelease};
+use crate::bake::wind::lattice::lattice_options;
+use crate::bake::wind::scene_wind::{SceneWind, WindUser};
+use crate::recipe::scene::{FlightBoundary, FlightKeys, FlightRelease, FlightZoneKeys, WindModel};
 use crate::recipe::{FlightRecipe, Recipe};
 use osier_base::Result;
+use osier_base::convert::to_usize;
 use osier_base::geometry::Bounds;
-use osier_base::math::{ln, narrow};
-use osier_base::rng::Rng;
+use osier_base::math::narrow;
 use osier_import::GreyImage;
 use osier_motion::flight::{
     Catkin, CatkinKind, CatkinStart, CatkinState, FlightParams, FlightSimulation, GroundHumidity, ReleaseCondition,
@@ -30,7 +33,7 @@ use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, CurvesFrame, InstanceState, Instancer, InstancerFrame,
     InstancerMotion, Prototype, Table,
 };
-use osier_wind::Wind;
+use osier_wind::{ShiftedWind, Wind};
 
 /// Instance attribute: how often a catkin was recycled to its start.
 const GENERATION: &str = "generation";
@@ -39,13 +42,25 @@ const GENERATION: &str = "generation";
 /// longer shows it hover, shorter shows it jump.
 const SETTLE_TIME: f32 = 0.12;
 
+/// Height above a surface below which an analytic wind across it decreases to 0, m. Own: an eddy's size near the ground, where the
+/// default eddies are 4 m; higher: catkins of gusts stay longer in the air, lower: gusts press them down.
+const ANALYTIC_BLOCKING_HEIGHT: f64 = 1.0;
+
 /// A flight that can be evaluated at any frame. Frames in rising order cost one step each; an earlier frame restarts it.
 #[derive(Debug)]
 pub struct FlightPlayback {
     start: FlightSimulation,
+    /// The one wind of the scene, which all its parts read.
+    wind: Arc<SceneWind>,
+    /// The twigs that catkins wait at.
+    canopy: Canopy,
+    /// Site of each catkin; empty if they do not start at twigs.
+    sites: Vec<TwigSite>,
     /// Frames simulated before the first of the clip.
     spin_up: u64,
     deposits: DepositionMaps,
+    /// Rectangles on the ground in which depositions are counted.
+    zones: Vec<FlightZoneKeys>,
     /// Points of the hairs of each kind, m.
     hairs: Vec<Vec<Vec3>>,
     settle: bool,
@@ -59,14 +74,19 @@ struct FlightState {
     simulation: FlightSimulation,
     /// Frames done, counted from the start of the spin-up.
     frames: u64,
-    wind: WindPlayback,
     /// Offset, m, by which each deposited catkin is drawn closer to the surface that it lies on.
     settled: Vec<Vec3>,
     trails: Option<Trajectories>,
+    /// All depositions so far, for maps that count them; else empty.
+    landed: TexelSums,
+    /// Depositions so far in each zone.
+    in_zones: Vec<u64>,
+    /// The twigs at the last frame that a catkin waited at; `None` where none waits at a twig.
+    twigs: Option<TwigPositions>,
 }
 
 /// The parts of a scene that a flight takes place in.
-pub(crate) struct FlightContext<'a> {
+pub(crate) struct FlightSetup<'a> {
     pub recipe: &'a Recipe,
     pub flight: &'a FlightRecipe,
     /// Box of the flight, m; its sides are the side boundary.
@@ -74,43 +94,60 @@ pub(crate) struct FlightContext<'a> {
     /// Obstacles and land.
     pub solids: Arc<Solids>,
     /// Least height above a surface at which the wind is known, m.
-    pub known_height: f64,
+    pub min_resolved_height: f64,
     /// Width of a lattice wind's cells, m; `None` for an analytic wind.
     pub cell_size: Option<f64>,
-    /// Release points of a canopy.
-    pub twigs: &'a [TwigTip],
-}
-
-/// A twig's end that releases catkins.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct TwigTip {
-    /// Position in the world, m.
-    pub(crate) position: Vec3,
-    /// Share of the catkins that start here, relative to the other tips; the weight of its plant.
-    pub(crate) weight: f64,
 }
 
 impl FlightPlayback {
     /// A flight at its first frame.
-    pub(crate) fn new(scene: &FlightContext<'_>, wind: WindPlayback, models: &[CatkinModel]) -> Self {
+    /// # Errors
+    /// Those of the motions of plants that release catkins.
+    pub(crate) fn new(
+        scene: &FlightSetup<'_>,
+        wind: &Arc<SceneWind>,
+        canopy: Canopy,
+        models: &[CatkinModel],
+    ) -> Result<Self> {
         let keys = &scene.flight.keys;
         let params = flight_params(scene, models);
-        let starts = catkin_starts(scene, &params);
+        let spin_up = spin_up_frames(scene.flight, scene.recipe);
+        let (starts, sites) = match keys.release {
+            FlightRelease::Canopy => {
+                let twigs = canopy.positions(frame_time(-spin_up.cast_signed(), params.fps))?;
+                canopy.starts(keys.count, keys.ripening, scene.recipe.general.seed, &twigs)
+            }
+            _ => (free_starts(scene, &params), Vec::new()),
+        };
         let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
         let trails = new_trajectories(scene, start.options());
         let settled = vec![Vec3::ZERO; start.len()];
-        let mut state = FlightState { simulation: start.clone(), frames: 0, wind, settled, trails };
+        let deposits = DepositionMaps::new(keys, scene.domain, &scene.solids);
+        let landed = if deposits.cumulative { deposits.empty_sums() } else { TexelSums::new() };
+        let mut state = FlightState {
+            simulation: start.clone(),
+            frames: 0,
+            settled,
+            trails,
+            landed,
+            in_zones: vec![0; scene.flight.zones.len()],
+            twigs: None,
+        };
         state.extend_trajectories();
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
-        Self {
-            spin_up: spin_up_frames(scene.flight, scene.recipe),
-            deposits: DepositionMaps::new(keys, scene.domain, &scene.solids),
+        Ok(Self {
+            wind: Arc::clone(wind),
+            canopy,
+            sites,
+            spin_up,
+            deposits,
+            zones: scene.flight.zones.clone(),
             hairs: models.iter().map(hairs).collect(),
             settle: keys.settle,
             trail_width: narrow(keys.trail_width),
             state: Mutex::new(state),
             start,
-        }
+        })
     }
 
     /// Number of catkins for which no start outside of solids was found.
@@ -124,15 +161,17 @@ impl FlightPlayback {
         keys: &FlightKeys,
         warnings: Vec<(&'static str, String)>,
     ) -> (Table, &[osier_scene::Field]) {
-        let lattice = self.state.lock().unwrap_or_else(PoisonError::into_inner).wind.lattice_stats();
+        let lattice = self.wind.lattice_stats(self.clip_frame(0));
         let solids: Vec<&str> = self.start.solids().list().iter().map(|s| s.name.as_str()).collect();
-        (stats::flight_table(keys, self.start.len(), &solids, lattice, warnings), &self.deposits.fields)
+        let zones: Vec<&str> = self.zones.iter().map(|z| z.name.as_str()).collect();
+        let places = stats::CountedPlaces { solids: &solids, zones: &zones };
+        (stats::flight_table(keys, self.start.len(), places, lattice, warnings), &self.deposits.fields)
     }
 
     /// The asset at rest: at the start of the spin-up, or in a `still` scene at the scene's one frame. `material`: index in the
     /// scene of the trajectories' material.
     /// # Errors
-    /// `TooMany`; those of [`WindPlayback::wind_between`].
+    /// `TooMany`; those of [`SceneWind::wind_until_next_frame`].
     pub fn asset(&self, prototypes: Vec<Prototype>, material: u32, still: bool) -> Result<Asset> {
         let all: Vec<&Catkin> = self.start.by_id().collect();
         let instancer = Instancer {
@@ -141,7 +180,7 @@ impl FlightPlayback {
             ids: (0..all.len() as u64).collect(),
             protos: all.iter().map(|c| u32::from(c.kind())).collect(),
             scales: all.iter().map(|c| Vec3::splat(c.scale())).collect(),
-            rest: if still { self.state_at(0)? } else { self.initial_state() },
+            rest: if still { self.state_at(0)? } else { self.unreleased_state() },
             motion: InstancerMotion::Free,
             tracked: true,
         };
@@ -149,7 +188,7 @@ impl FlightPlayback {
             state.trails.as_ref().map(|t| t.curves(self.trail_width, material, !still)).transpose()
         };
         let trails = if still {
-            self.at_frame(0, curves)??
+            self.with_state_at(0, curves)??
         } else {
             curves(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))?
         };
@@ -165,19 +204,24 @@ impl FlightPlayback {
         })
     }
 
-    /// The wind at a frame of the clip, and the time at which to sample it, s.
-    /// # Errors
-    /// Those of [`WindPlayback::wind_between`].
-    pub fn wind_at(&self, number: u64) -> Result<(Arc<dyn Wind>, f64)> {
-        let fps = self.start.options().fps;
-        let frame = self.spin_up + number;
-        // The wind of the step that ended at this frame, which is at hand; the next one would advance the lattice.
-        let wind = self.at_frame(number, |state| state.wind.wind_between(frame.saturating_sub(1), fps))??;
-        Ok((wind, frame as f64 / fps))
+    /// Number of a frame of the simulation, counted from the clip's first.
+    fn clip_frame(&self, simulated: u64) -> i64 {
+        // Both are below 2^32.
+        simulated.cast_signed() - self.spin_up.cast_signed()
+    }
+
+    fn stats_row(&self, state: &FlightState) -> Vec<f64> {
+        let (simulation, lattice) = (&state.simulation, self.wind.lattice_stats(self.clip_frame(state.frames)));
+        let counts = stats::PlaceCounts {
+            resting: &simulation.deposits_per_solid(),
+            landed: simulation.landings_per_solid(),
+            in_zones: &state.in_zones,
+        };
+        stats::flight_row(&simulation.stats(), counts, lattice)
     }
 
     /// Brings the simulation to a frame of the clip and evaluates its state there.
-    fn at_frame<R>(&self, number: u64, evaluate: impl FnOnce(&mut FlightState) -> R) -> Result<R> {
+    fn with_state_at<R>(&self, number: u64, evaluate: impl FnOnce(&mut FlightState) -> R) -> Result<R> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let target = self.spin_up + number;
         // The simulation cannot step back: an earlier frame starts it again, spin-up included.
@@ -185,18 +229,70 @@ impl FlightPlayback {
             state.simulation = self.start.clone();
             state.settled.fill(Vec3::ZERO);
             state.frames = 0;
+            state.landed.iter_mut().for_each(|sums| sums.fill(0.0));
+            state.in_zones.fill(0);
+            state.twigs = None;
             state.trails.iter_mut().for_each(Trajectories::clear);
             state.extend_trajectories();
         }
         while state.frames < target {
-            let (frame, fps) = (state.frames, state.simulation.options().fps);
-            let wind = state.wind.wind_between(frame, fps)?;
-            state.simulation.advance_frame(&*wind);
+            // The clock of the simulation starts with the spin-up, that of the wind with the clip.
+            let wind = self.wind.wind_until_next_frame(WindUser::Flight, self.clip_frame(state.frames))?;
+            let lead = self.spin_up as f64 / state.simulation.options().fps;
+            self.advance_frame(&mut state, &ShiftedWind { wind, lead })?;
             state.frames += 1;
             self.settle_deposited(&mut state);
             state.extend_trajectories();
         }
         Ok(evaluate(&mut state))
+    }
+
+    /// Advances the simulation by one frame; catkins that wait at a twig move with it in each substep.
+    fn advance_frame(&self, state: &mut FlightState, wind: &dyn Wind) -> Result<()> {
+        let (fps, substeps) = (state.simulation.options().fps, state.simulation.options().substeps.max(1));
+        if self.sites.is_empty() || !state.simulation.has_pending() {
+            for _ in 0..substeps {
+                self.advance(state, wind);
+            }
+            return Ok(());
+        }
+        let twigs_at = |frame: u64| self.canopy.positions(frame_time(self.clip_frame(frame), fps));
+        let before = state.twigs.take().map_or_else(|| twigs_at(state.frames), Ok)?;
+        let after = twigs_at(state.frames + 1)?;
+        for k in 0..substeps {
+            let share = f64::from(k) / f64::from(substeps);
+            let site = |id: u32| self.sites.get(to_usize(id))?.between([&before, &after], share, 1.0 / fps);
+            state.simulation.move_pending(site);
+            self.advance(state, wind);
+        }
+        state.twigs = Some(after);
+        Ok(())
+    }
+
+    /// Advances the simulation by one step, and counts its depositions by zone and on maps.
+    fn advance(&self, state: &mut FlightState, wind: &dyn Wind) {
+        state.simulation.advance(wind);
+        for place in state.simulation.landings().iter().filter(|place| self.deposits.is_on_ground(place)) {
+            let holds = |zone: &FlightZoneKeys| {
+                (zone.x[0]..zone.x[1]).contains(&place.position.x) && (zone.z[0]..zone.z[1]).contains(&place.position.z)
+            };
+            for (count, _) in state.in_zones.iter_mut().zip(&self.zones).filter(|(_, zone)| holds(zone)) {
+                *count += 1;
+            }
+        }
+        if self.deposits.cumulative {
+            self.deposits.add(&mut state.landed, state.simulation.landings().iter().copied());
+        }
+    }
+
+    /// Densities of the deposition maps in a state.
+    fn densities(&self, state: &FlightState) -> Vec<Vec<f32>> {
+        if self.deposits.cumulative {
+            return self.deposits.densities(state.landed.clone());
+        }
+        let mut sums = self.deposits.empty_sums();
+        self.deposits.add(&mut sums, state.simulation.by_id().filter_map(Catkin::resting_place));
+        self.deposits.densities(sums)
     }
 
     /// Lowers deposited catkins until their lowest hair touches, and raises those that lift off again, with the time constant
@@ -225,18 +321,18 @@ impl FlightPlayback {
     }
 
     fn state_at(&self, number: u64) -> Result<InstanceState> {
-        self.at_frame(number, |state| state.instance_state())
+        self.with_state_at(number, |state| state.instance_state())
     }
 
     /// The catkins before the first step, for the asset at rest.
-    fn initial_state(&self) -> InstanceState {
+    fn unreleased_state(&self) -> InstanceState {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).instance_state()
     }
 }
 
 impl AssetMotion for FlightPlayback {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
-        self.at_frame(time.index(), |state| AssetFrame {
+        self.with_state_at(time.index(), |state| AssetFrame {
             instancers: vec![InstancerFrame::State(state.instance_state())],
             curves: state.trails.iter().map(|t| CurvesFrame::Points(t.points().to_vec())).collect(),
             ..AssetFrame::default()
@@ -244,19 +340,15 @@ impl AssetMotion for FlightPlayback {
     }
 
     fn row(&self, frame: u64) -> Result<Option<TableRow>> {
-        self.at_frame(frame, |state| Some(TableRow { table: stats::TABLE, values: state.table_row() }))
+        self.with_state_at(frame, |state| Some(TableRow { table: stats::TABLE, values: self.stats_row(state) }))
     }
 
     fn fields(&self, frame: u64) -> Result<Vec<Vec<f32>>> {
-        self.at_frame(frame, |state| self.deposits.densities(&state.simulation))
+        self.with_state_at(frame, |state| self.densities(state))
     }
 }
 
 impl FlightState {
-    fn table_row(&self) -> Vec<f64> {
-        stats::flight_row(&self.simulation.stats(), &self.simulation.deposits_per_solid(), self.wind.lattice_stats())
-    }
-
     /// Appends the current positions to the trajectories.
     fn extend_trajectories(&mut self) {
         if let Some(mut trails) = self.trails.take() {
@@ -288,7 +380,7 @@ impl FlightState {
 /// Trajectories of the length that `flight.trails` asks for; `None` where it is 0. A catkin that moves by more than half the
 /// domain's width in a frame was recycled or wrapped.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
-fn new_trajectories(scene: &FlightContext<'_>, params: &FlightParams) -> Option<Trajectories> {
+fn new_trajectories(scene: &FlightSetup<'_>, params: &FlightParams) -> Option<Trajectories> {
     let frames = (scene.flight.keys.trails * params.fps).round() as usize;
     let size = scene.domain.size();
     (frames > 0).then(|| Trajectories::new(frames + 1, size.x.min(size.z) / 2.0))
@@ -296,29 +388,22 @@ fn new_trajectories(scene: &FlightContext<'_>, params: &FlightParams) -> Option<
 
 /// Frames of the spin-up, simulated before the first frame of the clip.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
-pub(crate) fn spin_up_frames(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
+fn spin_up_frames(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
     (flight.keys.spin_up * recipe.clip.fps()).round() as u64
 }
 
 /// Parameters of the simulation from the keys of `[flight]`.
-fn flight_params(scene: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams {
+fn flight_params(scene: &FlightSetup<'_>, models: &[CatkinModel]) -> FlightParams {
     let (recipe, keys) = (scene.recipe, &scene.flight.keys);
     let forms = &scene.flight.forms;
     let kind = |(i, m): (usize, &CatkinModel)| CatkinKind { radius: m.radius, weight: forms[i % forms.len().max(1)] };
-    // Catkins released all over the sky are recycled unless the keys say otherwise, so that their number stays.
-    let default = if keys.release == FlightRelease::Sky { FlightBoundary::Recycle } else { FlightBoundary::Exit };
-    let edge = match keys.sides.unwrap_or(default) {
-        FlightBoundary::Exit => SideBoundary::Exit,
-        FlightBoundary::Recycle => SideBoundary::Recycle,
-        FlightBoundary::Periodic => SideBoundary::Periodic,
-    };
     let map = |wet: &GreyImage| GroundHumidity::Map { width: wet.width, values: wet.values.clone() };
     FlightParams {
         seed: recipe.general.seed,
         fps: recipe.clip.fps(),
         substeps: keys.substeps,
         inside: scene.domain,
-        edges: [edge; 2],
+        edges: side_boundaries(scene),
         band: keys.band,
         kinds: models.iter().enumerate().map(kind).collect(),
         scales: keys.scale,
@@ -334,12 +419,19 @@ fn flight_params(scene: &FlightContext<'_>, models: &[CatkinModel]) -> FlightPar
         stick_radius: keys.stick_radius,
         stick_probability: keys.stick_probability,
         stick_close: keys.stick_close,
-        check_every: keys.check_every,
         gamma: keys.gamma,
         humidity: scene.flight.wet.as_ref().map_or(GroundHumidity::Even(keys.humidity), map),
         lift_speed: keys.lift_speed,
         lift_wet: keys.lift_wet,
-        known_height: scene.known_height,
+        lift_rate: keys.lift_rate,
+        min_resolved_height: scene.min_resolved_height,
+        // A lattice flows around solids, up to its cells; an analytic wind blows through them and into the ground.
+        blocking_height: if scene.cell_size.is_some() { scene.min_resolved_height } else { ANALYTIC_BLOCKING_HEIGHT },
+        roughness: if recipe.wind.model == WindModel::Lattice {
+            recipe.lattice.roughness
+        } else {
+            FlightParams::default().roughness
+        },
         // A catkin that crosses a cell of the wind in one step would miss what the wind does there.
         longest_step: scene.cell_size.unwrap_or(f64::INFINITY),
         flutter: keys.flutter,
@@ -347,8 +439,32 @@ fn flight_params(scene: &FlightContext<'_>, models: &[CatkinModel]) -> FlightPar
     }
 }
 
-/// Where and under which condition each catkin is released.
-fn catkin_starts(scene: &FlightContext<'_>, params: &FlightParams) -> Vec<CatkinStart> {
+/// Boundary conditions of the sides across x and across z.
+fn side_boundaries(scene: &FlightSetup<'_>) -> [SideBoundary; 2] {
+    // Where the lattice wind is periodic, so are catkins. Elsewhere those released all over the sky are recycled, so that their
+    // number stays, and others leave.
+    let keys = &scene.flight.keys;
+    let lattice = scene.cell_size.is_some();
+    let periodic = if lattice { lattice_options(scene.recipe).periodic_sides() } else { [false; 2] };
+    let open = if keys.release == FlightRelease::Sky { FlightBoundary::Recycle } else { FlightBoundary::Exit };
+    let own = [keys.sides_x, keys.sides_z];
+    std::array::from_fn(|axis| {
+        let default = if periodic[axis] { FlightBoundary::Periodic } else { open };
+        match own[axis].or(keys.sides).unwrap_or(default) {
+            FlightBoundary::Exit => SideBoundary::Exit,
+            FlightBoundary::Recycle => SideBoundary::Recycle,
+            FlightBoundary::Periodic => SideBoundary::Periodic,
+        }
+    })
+}
+
+/// The time of a frame, counted from the clip's first.
+fn frame_time(frame: i64, fps: f64) -> FrameTime {
+    FrameTime { seconds: frame as f64 / fps, step: 1.0 / fps }
+}
+
+/// Where and under which condition each catkin is released that starts in the sky or at given points.
+fn free_starts(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
     let (flight, keys) = (scene.flight, &scene.flight.keys);
     let seed = scene.recipe.general.seed;
     let from_sky = |duration| {
@@ -362,34 +478,6 @@ fn catkin_starts(scene: &FlightContext<'_>, params: &FlightParams) -> Vec<Catkin
             let start = |p: &[f64; 3]| CatkinStart { at: DVec3::from_array(*p), wait: ReleaseCondition::Until(0.0) };
             flight.starts.iter().map(start).collect()
         }
-        FlightRelease::Canopy => canopy_starts(scene.twigs, keys.count, seed),
+        FlightRelease::Canopy => Vec::new(),
     }
-}
-
-/// Starts at twig tips drawn by weight. Each catkin waits for a wind exposure drawn from the unit exponential distribution.
-fn canopy_starts(twigs: &[TwigTip], count: u32, seed: u64) -> Vec<CatkinStart> {
-    // Cumulative weights: a uniform draw times their total falls into one tip's interval.
-    let mut cumulative = Vec::with_capacity(twigs.len());
-    let mut sum = 0.0;
-    for tip in twigs {
-        sum += tip.weight;
-        cumulative.push(sum);
-    }
-    if sum <= 0.0 {
-        return Vec::new();
-    }
-    (0..count)
-        .map(|id| {
-            let mut draw = Rng::at(seed, &["flight".into(), id.into(), 0_u64.into(), "start".into()]);
-            let pick = draw.unit_f64() * sum;
-            let twig = cumulative.partition_point(|s| *s <= pick).min(twigs.len() - 1);
-            // A normal offset of 5 cm, so that the catkins of one tip do not start in one point and stick together.
-            let offset = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * 0.05;
-            CatkinStart {
-                at: twigs[twig].position.as_dvec3() + offset,
-                // The inverse distribution function of the unit exponential: -ln(1 - u).
-                wait: ReleaseCondition::Wind(-ln(1.0 - draw.unit_f64())),
-            }
-        })
-        .collect()
 }

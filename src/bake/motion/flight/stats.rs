@@ -11,7 +11,7 @@ use osier_wind::LatticeStats;
 pub const TABLE: &str = "flight";
 
 /// Columns of the state at a frame, with units.
-const STATE_COLUMNS: [(&str, &str); 15] = [
+const STATE_COLUMNS: [(&str, &str); 18] = [
     ("pending", ""),
     ("airborne", ""),
     ("grounded", ""),
@@ -27,10 +27,13 @@ const STATE_COLUMNS: [(&str, &str); 15] = [
     ("ground_wind", "m/s"),
     ("flight_time", "s"),
     ("flight_distance", "m"),
+    ("flight_distance_10", "m"),
+    ("flight_distance_50", "m"),
+    ("flight_distance_90", "m"),
 ];
 
 /// Columns of events, accumulated up to a frame.
-const TOTAL_COLUMNS: [&str; 6] = ["merges", "deposits", "lift_offs", "recycled", "left", "long_steps"];
+const TOTAL_COLUMNS: [&str; 7] = ["merges", "deposits", "lift_offs", "falls", "recycled", "left", "long_steps"];
 
 /// Columns of a lattice wind: cells clamped to the largest speed so far, checkerboard amplitude of the density, and mean density
 /// less 1.
@@ -43,24 +46,38 @@ const MAX_CHECKERBOARD: f64 = 1e-3;
 /// Number of solids whose deposits a sweep lists as its outcome.
 const COMPARED_SOLIDS: usize = 4;
 
-/// Declares the table of a flight past solids of these names. `lattice`: statistics of its lattice wind before the first frame,
+/// Names of the places at which the table of a flight counts depositions.
+#[derive(Debug, Clone, Copy)]
+pub struct CountedPlaces<'a> {
+    /// Solids.
+    pub solids: &'a [&'a str],
+    /// Rectangles on the ground.
+    pub zones: &'a [&'a str],
+}
+
+/// Declares the table of a flight that counts at `places`. `lattice`: statistics of its lattice wind before the first frame,
 /// if it has one. `said`: warnings so far, by code.
 pub fn flight_table(
     keys: &FlightKeys,
     count: usize,
-    solids: &[&str],
+    places: CountedPlaces<'_>,
     lattice: Option<LatticeStats>,
     said: Vec<(&'static str, String)>,
 ) -> Table {
     let mut columns: Vec<(String, &'static str)> =
         STATE_COLUMNS.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
+    let CountedPlaces { solids, zones } = places;
     columns.extend(solids.iter().map(|name| (format!("at_{name}"), "")));
+    let of_solids = solids.iter().map(|name| format!("landed_{name}"));
+    let landed: Vec<String> = of_solids.chain(zones.iter().map(|name| format!("ground_{name}"))).collect();
+    columns.extend(landed.iter().map(|name| (name.clone(), "")));
     let counted = TOTAL_COLUMNS.iter().copied().chain(lattice.iter().flat_map(|_| LATTICE_COLUMNS));
     columns.extend(counted.map(|name| (name.to_owned(), "")));
     // Plots, totals and outcomes refer to columns by index.
     let find = |name: &str| columns.iter().position(|c| c.0 == name);
     let plot = |names: &[&str]| names.iter().filter_map(|n| find(n)).collect();
-    let totals = TOTAL_COLUMNS.iter().chain(&["wind_clamps"]).filter_map(|n| find(n)).collect();
+    let events = TOTAL_COLUMNS.iter().chain(&["wind_clamps"]).copied().chain(landed.iter().map(String::as_str));
+    let totals = events.filter_map(find).collect();
     let mut outcome: Vec<usize> = plot(&["exited", "grounded", "corner", "lift_offs"]);
     outcome.extend(solids.iter().take(COMPARED_SOLIDS).filter_map(|name| find(&format!("at_{name}"))));
     let plots = vec![
@@ -111,15 +128,26 @@ fn parameters_json(keys: &FlightKeys, count: usize) -> serde_json::Value {
         "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.spin_up,
         "scale": keys.scale, "mass_mg": keys.mass / units::MILLIGRAM, "fall_speed_m_s": keys.fall, "fall_spread": keys.fall_spread,
         "glide": keys.glide, "inertia": keys.inertia, "flutter": keys.flutter, "stick_radius_m": keys.stick_radius,
-        "stick_probability": keys.stick_probability, "stick_close": keys.stick_close, "check_every": keys.check_every,
+        "stick_probability": keys.stick_probability, "stick_close": keys.stick_close, "lift_rate_1_s": keys.lift_rate,
         "cluster_rotation": keys.cluster_rotation, "cluster_fall_power": keys.beta, "gamma_1_m2": keys.gamma,
         "humidity": keys.humidity, "humidity_map": keys.humidity_map.as_ref().map(|r| r.text.clone()),
         "lift_speed_m_s": keys.lift_speed, "lift_wet": keys.lift_wet,
     })
 }
 
+/// Catkins at each solid and in each zone, in the order of [`CountedPlaces`].
+#[derive(Debug, Clone, Copy)]
+pub struct PlaceCounts<'a> {
+    /// At rest at a frame.
+    pub resting: &'a [u64],
+    /// Depositions up to a frame.
+    pub landed: &'a [u64],
+    /// Depositions up to a frame in each zone on the ground.
+    pub in_zones: &'a [u64],
+}
+
 /// One row of [`flight_table`], its columns in order.
-pub fn flight_row(t: &FlightStats, at_solids: &[u64], lattice: Option<LatticeStats>) -> Vec<f64> {
+pub fn flight_row(t: &FlightStats, at: PlaceCounts<'_>, lattice: Option<LatticeStats>) -> Vec<f64> {
     let counts = [
         t.pending,
         t.airborne,
@@ -132,10 +160,11 @@ pub fn flight_row(t: &FlightStats, at_solids: &[u64], lattice: Option<LatticeSta
         t.largest,
         t.penetrations,
     ];
-    let totals = [t.merges, t.deposits, t.lift_offs, t.recycled, t.left, t.long_steps];
+    let totals = [t.merges, t.deposits, t.lift_offs, t.falls, t.recycled, t.left, t.long_steps];
     let mut row: Vec<f64> = counts.iter().map(|v| *v as f64).collect();
     row.extend([t.mean_speed, t.max_speed, t.ground_wind, t.flight_time, t.flight_distance]);
-    row.extend(at_solids.iter().map(|v| *v as f64));
+    row.extend(t.distance_quantiles);
+    row.extend(at.resting.iter().chain(at.landed).chain(at.in_zones).map(|v| *v as f64));
     row.extend(totals.iter().map(|v| *v as f64));
     row.extend(lattice.iter().flat_map(|h| [h.clamped_cells as f64, h.checkerboard, h.density_error]));
     row
@@ -146,6 +175,8 @@ mod tests {
     use super::*;
     use crate::recipe::KeyTable as _;
 
+    const NOWHERE: PlaceCounts<'_> = PlaceCounts { resting: &[], landed: &[], in_zones: &[] };
+    const NO_PLACES: CountedPlaces<'_> = CountedPlaces { solids: &[], zones: &[] };
     const HEALTH: LatticeStats =
         LatticeStats { steps: 9, clamped_cells: 4, peak_checkerboard: 0.5, checkerboard: 0.25, density_error: -0.125 };
 
@@ -156,17 +187,23 @@ mod tests {
             pending: 1,
             penetrations: 10,
             flight_distance: 15.0,
+            distance_quantiles: [5.0, 12.0, 31.0],
             merges: 16,
-            long_steps: 21,
+            falls: 19,
+            long_steps: 22,
             ..FlightStats::default()
         };
         for lattice in [None, Some(HEALTH)] {
-            let (table, row) =
-                (flight_table(&keys, 5, &["wall"], lattice, Vec::new()), flight_row(&tally, &[7], lattice));
+            let (table, row) = (
+                flight_table(&keys, 5, CountedPlaces { solids: &["wall"], zones: &["yard"] }, lattice, Vec::new()),
+                flight_row(&tally, PlaceCounts { resting: &[7], landed: &[9], in_zones: &[4] }, lattice),
+            );
             assert_eq!(table.columns.len(), row.len());
             let of = |name: &str| table.columns.iter().position(|c| c.0 == name).map(|i| row[i]);
             assert_eq!((of("pending"), of("penetrations"), of("flight_distance")), (Some(1.0), Some(10.0), Some(15.0)));
-            assert_eq!((of("merges"), of("long_steps"), of("at_wall")), (Some(16.0), Some(21.0), Some(7.0)));
+            assert_eq!((of("merges"), of("long_steps"), of("at_wall")), (Some(16.0), Some(22.0), Some(7.0)));
+            assert_eq!((of("falls"), of("landed_wall"), of("ground_yard")), (Some(19.0), Some(9.0), Some(4.0)));
+            assert_eq!((of("flight_distance_10"), of("flight_distance_90")), (Some(5.0), Some(31.0)));
             assert_eq!(of("wind_mass_error"), lattice.map(|h| h.density_error));
         }
     }
@@ -174,17 +211,18 @@ mod tests {
     /// Clamped cells of the spin-up were reported before; later ones are reported with their number.
     #[test]
     fn what_went_wrong_is_told_once() {
-        let table = flight_table(&FlightKeys::defaults(), 5, &[], Some(HEALTH), Vec::new());
+        let table = flight_table(&FlightKeys::defaults(), 5, NO_PLACES, Some(HEALTH), Vec::new());
         let told = |t: &FlightStats, h: LatticeStats| -> Vec<&str> {
-            table.warnings(&flight_row(t, &[], Some(h))).iter().map(|w| w.0).collect()
+            table.warnings(&flight_row(t, NOWHERE, Some(h))).iter().map(|w| w.0).collect()
         };
         let calm = LatticeStats { checkerboard: 0.0, ..HEALTH };
         assert!(told(&FlightStats::default(), calm).is_empty());
         assert_eq!(told(&FlightStats { long_steps: 3, ..FlightStats::default() }, HEALTH), ["S027", "S023"]);
         assert_eq!(told(&FlightStats::default(), LatticeStats { clamped_cells: 6, ..calm }), ["S022"]);
         let text =
-            &table.warnings(&flight_row(&FlightStats { long_steps: 3, ..FlightStats::default() }, &[], Some(calm)))[0]
-                .1;
+            &table.warnings(&flight_row(&FlightStats { long_steps: 3, ..FlightStats::default() }, NOWHERE, Some(calm)))
+                [0]
+            .1;
         assert!(text.starts_with("3 times a catkin"), "{text}");
     }
 }

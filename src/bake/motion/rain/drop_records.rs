@@ -66,7 +66,7 @@ struct DropRecord {
     a: f32,
     /// Height of the cap over the leaf, m; 0 for drops that do not lie on one.
     height: f32,
-    /// Aspect ratio of the footprint, 1 for a circle.
+    /// Stretch q of the footprint, 1 for a circle: its semi-axes are `a` q along `axis` and `a` / q across it.
     q: f32,
     /// Skew of the cap along its axis, 0 or more.
     s: f32,
@@ -94,7 +94,7 @@ struct LeafRecord {
 }
 
 /// Small numbers for the ids of a clip's drops, in the order in which frames contain them: first as drops, then in events.
-pub(super) fn drop_numbers(frames: &[RainFrame]) -> Result<BTreeMap<u64, u32>> {
+pub(super) fn number_drops(frames: &[RainFrame]) -> Result<BTreeMap<u64, u32>> {
     let mut known = BTreeMap::new();
     for frame in frames {
         let on_leaves = frame.sessile.iter().map(|d| d.id).chain(frame.pendant.iter().map(|d| d.id));
@@ -110,7 +110,7 @@ pub(super) fn drop_numbers(frames: &[RainFrame]) -> Result<BTreeMap<u64, u32>> {
 
 /// The code lists of the columns `state` and `what`. Scenes without rain have them too, so that readers of the manifest can rely on
 /// the keys.
-pub fn code_lists() -> Vec<CodeList> {
+pub fn enum_labels() -> Vec<CodeList> {
     vec![
         CodeList { name: "states", words: DropState::ALL.map(|(_, word)| word).to_vec() },
         CodeList { name: "events", words: DropEventKind::ALL.map(|(_, word)| word).to_vec() },
@@ -293,7 +293,7 @@ fn record_sessile_drop(frame: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: 
 
 /// Slots of the airborne drops of each frame, and how many slots the clip needs. A drop keeps its slot while it falls; a slot that
 /// becomes free pauses for [`SLOT_PAUSE`] frames before the lowest free one is used again.
-pub(super) fn point_slots(frames: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
+pub(super) fn assign_point_slots(frames: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
     // Slot of each airborne drop, and the last frame that contains it.
     let mut held: BTreeMap<u64, (u32, u64)> = BTreeMap::new();
     let mut free: BTreeSet<u32> = BTreeSet::new();

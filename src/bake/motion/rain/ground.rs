@@ -7,7 +7,7 @@ use osier_motion::rain::GroundHeight;
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Terrain;
 
-/// Depth below the lowest point of all plants at which drops are removed where no ground is shown, m. Own: out of the camera's sight;
+/// Depth below the lowest point of all plants and solids at which drops are removed where no ground is shown, m. Own: out of the camera's sight;
 /// deeper keeps more drops in the air.
 const REMOVAL_DEPTH: f64 = 0.1;
 
@@ -26,11 +26,11 @@ pub enum RainGround {
 }
 
 impl RainGround {
-    /// Heights at which drops end. `lowest`: height of the lowest point of all plants, m.
-    pub fn into_height(self, lowest: f32) -> Box<dyn GroundHeight> {
-        let removal = f64::from(lowest) - REMOVAL_DEPTH;
+    /// Heights at which drops end. `lowest`: height of the lowest point of all plants and solids, m.
+    pub fn into_height(self, lowest: f64) -> Box<dyn GroundHeight> {
         match self {
-            Self::Level { shown } => Box::new(if shown { removal.max(0.0) } else { removal }),
+            Self::Level { shown: true } => Box::new(0.0),
+            Self::Level { shown: false } => Box::new(lowest - REMOVAL_DEPTH),
             uneven => Box::new(uneven),
         }
     }
@@ -43,6 +43,15 @@ impl GroundHeight for RainGround {
             Self::Level { .. } => 0.0,
             Self::Waves(ground, center) => ground.height(x - center.x, z - center.z),
             Self::Terrain(terrain) => terrain.height_at(x, z),
+        })
+    }
+
+    fn highest(&self) -> f64 {
+        f64::from(match self {
+            Self::Level { .. } => 0.0,
+            // Noise within 1 either way, less that at the centre.
+            Self::Waves(ground, _) => 2.0 * ground.amplitude,
+            Self::Terrain(terrain) => terrain.heights.iter().copied().fold(f32::NEG_INFINITY, f32::max),
         })
     }
 }

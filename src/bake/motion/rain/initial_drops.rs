@@ -13,8 +13,7 @@ pub fn check_initial_drops(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Re
     for (i, drop) in lying.iter().enumerate() {
         let Some(leaf) = leaves.get(drop.leaf as usize) else {
             let text = format!(
-                "rain.lying.{i}.leaf is {}, but {} leaves can carry drops, counted from 0; a leaf without texture \
-                 coordinates (uv) is none of them",
+                "rain.lying.{i}.leaf is {}, but the scene has {} leaves, counted from 0, that can carry drops",
                 drop.leaf,
                 leaves.len()
             );

@@ -5,15 +5,17 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use crate::bake::motion::rain::chart_textures;
 use crate::bake::motion::rain::scene_leaf::{LeafInstance, SceneLeaf, WETNESS};
 use crate::recipe::Recipe;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
 use osier_base::math::{self, narrow};
-use osier_motion::rain::{LeafMaps, LeafSurface, UvRaster};
+use osier_motion::rain::{LeafMaps, LeafSurface, RainFrame, ReliefMap, UvRaster};
 use osier_scene::{
-    Asset, AssetFrame, Coat, InstanceState, Instancer, InstancerFrame, InstancerMotion, MapEncoding, MapFrame,
-    MapLayer, MapSequence, MapTexels, Material, Mesh, MeshMotion, MeshObject, SkinWeights, Subset, Trs,
+    Asset, AssetFrame, Coat, Image, InstanceState, Instancer, InstancerFrame, InstancerMotion, MapEncoding, MapFrame,
+    MapLayer, MapSequence, MapTexels, Maps, Material, Mesh, MeshFrame, MeshMotion, MeshObject, Prototype, SkinWeights,
+    Subset, Trs,
 };
 
 /// Albedo of a wet leaf as a share of that of a dry one: light is caught in the film of water. Own: chosen by eye against
@@ -27,47 +29,72 @@ const LAYERS: [MapLayer; 3] = [
     MapLayer { name: "normal", file_kind: "exr.normal", encoding: MapEncoding::Normal },
 ];
 
-/// The layer of water thickness, on request. The blade of the mesh has no relief of its own, so the height map is the water's
-/// thickness, and both layers share its memory.
+/// The layer of water thickness, on request.
 const WATER_LAYER: MapLayer = MapLayer { name: "water", file_kind: "exr.water", encoding: MapEncoding::Thickness };
 
 /// A leaf's maps in the order of [`LAYERS`]; `water`: with [`WATER_LAYER`].
-pub fn map_frame(maps: &LeafMaps, water: bool) -> MapFrame {
-    let height = || MapTexels::Scalar(Arc::clone(&maps.height));
-    let layers = [height(), MapTexels::Scalar(Arc::clone(&maps.wetness)), MapTexels::Vector(Arc::clone(&maps.normal))];
-    MapFrame { layers: layers.into_iter().chain(water.then(height)).collect() }
+pub fn leaf_map_frame(maps: &LeafMaps, water: bool) -> MapFrame {
+    let scalar = |map: &Arc<Vec<f32>>| MapTexels::Scalar(Arc::clone(map));
+    let layers = [scalar(&maps.height), scalar(&maps.wetness), MapTexels::Vector(Arc::clone(&maps.normal))];
+    MapFrame { layers: layers.into_iter().chain(water.then(|| scalar(&maps.water))).collect() }
 }
 
 /// Per asset, instancer and instance: whether the instance stays in its instancer.
-pub type InstanceMasks = Vec<Vec<Vec<bool>>>;
+pub type KeptInstances = Vec<Vec<Vec<bool>>>;
 
-/// Rasters of the mapped leaves' texture coordinates; leaves with one blade share one. `side`: texels.
-pub fn uv_rasters(leaves: &[SceneLeaf], mapped_leaves: &[usize], side: usize) -> Vec<Arc<UvRaster>> {
+/// Rasters of the mapped leaves' charts, with the relief of their materials; leaves with one blade share one. `side`: texels.
+pub fn build_uv_rasters(
+    leaves: &[SceneLeaf],
+    mapped_leaves: &[usize],
+    side: usize,
+    assets: &[Asset],
+    materials: &[Material],
+    images: &[Image],
+) -> Vec<Arc<UvRaster>> {
     let mut rasters: Vec<(Arc<LeafSurface>, Arc<UvRaster>)> = Vec::new();
     mapped_leaves
         .iter()
         .map(|i| {
-            let surface = &leaves[*i].surface;
-            let known = rasters.iter().find(|(s, _)| Arc::ptr_eq(s, surface)).map(|(_, r)| Arc::clone(r));
+            let leaf = &leaves[*i];
+            let known = rasters.iter().find(|(s, _)| Arc::ptr_eq(s, &leaf.surface)).map(|(_, r)| Arc::clone(r));
             known.unwrap_or_else(|| {
-                let raster = Arc::new(UvRaster::new(surface, side));
-                rasters.push((Arc::clone(surface), Arc::clone(&raster)));
+                let relief =
+                    ReliefMap::of_mesh_materials(&instance_prototype(assets, leaf.instance).mesh, materials, images);
+                let raster = Arc::new(UvRaster::new(&leaf.surface, side, relief.as_ref()));
+                rasters.push((Arc::clone(&leaf.surface), Arc::clone(&raster)));
                 raster
             })
         })
         .collect()
 }
 
-/// Takes mapped leaves out of their instancers and adds each as a mesh with a wet material and a map sequence.
+/// The instance_prototype of an instance.
+fn instance_prototype(assets: &[Asset], of: LeafInstance) -> &Prototype {
+    let instancer = &assets[of.asset].instancers[of.instancer];
+    &instancer.prototypes[to_usize(instancer.protos[of.instance])]
+}
+
+/// What leaves with maps add to a scene.
+pub struct AddedLeafMaps {
+    pub sequences: Vec<MapSequence>,
+    /// Textures that are drawn anew over charts, to follow those of the scene.
+    pub images: Vec<Image>,
+    /// Instances that stay in their instancers.
+    pub kept: KeptInstances,
+}
+
+/// Takes mapped leaves out of their instancers and adds each as a mesh with a wet material and a map sequence. `images`: textures of the
+/// scene; empty in an estimate.
 /// # Errors
-/// `TooMany` beyond 2^32 sequences or materials.
+/// `TooMany` beyond 2^32 sequences, materials or images.
 pub fn add_leaf_maps(
     assets: &mut [Asset],
     materials: &mut Vec<Material>,
+    images: &[Image],
     leaves: &[SceneLeaf],
     mapped_leaves: &[usize],
     recipe: &Recipe,
-) -> Result<(Vec<MapSequence>, InstanceMasks)> {
+) -> Result<AddedLeafMaps> {
     // Number of each leaf on its plant, which names its mesh and maps.
     let mut leaf_counts = vec![0_usize; assets.len()];
     let mut numbers = vec![0_usize; leaves.len()];
@@ -76,24 +103,40 @@ pub fn add_leaf_maps(
         leaf_counts[leaf.instance.asset] += 1;
     }
     let mut sequences = Vec::new();
+    let mut new_images = Vec::new();
+    let mut charted = ChartedMaterials::default();
     let mut removed: BTreeSet<LeafInstance> = BTreeSet::new();
     for i in mapped_leaves {
         let leaf = &leaves[*i];
         let LeafInstance { asset, instancer, instance } = leaf.instance;
+        let of_prototype = &instance_prototype(assets, leaf.instance).mesh;
+        // A blade with a chart of its own has its textures drawn anew over it.
+        let mut mesh = match leaf.surface.chart() {
+            Some(chart) => {
+                let mut mesh = chart.apply_to(of_prototype);
+                let has_textures = of_prototype.uvs.len() == of_prototype.points.len();
+                charted.assign(&mut mesh, &leaf.surface, has_textures, materials, images, &mut new_images)?;
+                mesh
+            }
+            None => of_prototype.clone(),
+        };
         let asset = &mut assets[asset];
         let instancer = &asset.instancers[instancer];
-        let prototype = &instancer.prototypes[to_usize(instancer.protos[instance])];
         let id = format!("l{:04}", numbers[*i]);
         let name = format!("{}_{id}", asset.id);
         let trs = instancer.transform(&instancer.rest, instance);
-        let mut mesh = transform_mesh(&prototype.mesh, &trs);
+        transform_mesh(&mut mesh, &trs);
         let sequence = index(sequences.len(), "leaves with maps")?;
         assign_wet_material(&mut mesh, materials, &name, sequence)?;
         let skin = leaf.joint.map(|j| SkinWeights {
             joints: vec![[j, 0, 0, 0]; mesh.points.len()],
             weights: vec![[1.0, 0.0, 0.0, 0.0]; mesh.points.len()],
         });
-        let motion = if skin.is_some() { MeshMotion::Skinned } else { MeshMotion::Still };
+        let motion = match &skin {
+            _ if leaf.deforms => MeshMotion::Deforming,
+            Some(_) => MeshMotion::Skinned,
+            None => MeshMotion::Still,
+        };
         asset.meshes.push(MeshObject { name: format!("leaf_{id}"), mesh, motion, skin });
         sequences.push(MapSequence {
             name,
@@ -105,7 +148,7 @@ pub fn add_leaf_maps(
         removed.insert(leaf.instance);
     }
     // Filter the instancers; those that lose their last leaf are removed.
-    let mut kept = InstanceMasks::new();
+    let mut kept = KeptInstances::new();
     for (a, asset) in assets.iter_mut().enumerate() {
         let is_kept = |instancer, instance| !removed.contains(&LeafInstance { asset: a, instancer, instance });
         let mask = |(n, i): (usize, &Instancer)| (0..i.len()).map(|k| is_kept(n, k)).collect();
@@ -114,7 +157,49 @@ pub fn add_leaf_maps(
         asset.instancers.retain(|i| !i.is_empty());
         kept.push(masks);
     }
-    Ok((sequences, kept))
+    Ok(AddedLeafMaps { sequences, images: new_images, kept })
+}
+
+/// Materials whose textures were drawn anew over the chart of a blade.
+#[derive(Default)]
+struct ChartedMaterials {
+    /// Blade and material, and the material that replaces it.
+    done: Vec<(Arc<LeafSurface>, u32, u32)>,
+}
+
+impl ChartedMaterials {
+    /// Gives a mesh with a chart as its texture coordinates materials whose textures lie in that chart. A mesh without texture
+    /// coordinates of its own gets materials without textures.
+    fn assign(
+        &mut self,
+        mesh: &mut Mesh,
+        surface: &Arc<LeafSurface>,
+        has_textures: bool,
+        materials: &mut Vec<Material>,
+        images: &[Image],
+        new_images: &mut Vec<Image>,
+    ) -> Result<()> {
+        for subset in &mut mesh.subsets {
+            let known = self.done.iter().find(|(s, m, _)| Arc::ptr_eq(s, surface) && *m == subset.material);
+            if let Some((_, _, replacement)) = known {
+                subset.material = *replacement;
+                continue;
+            }
+            let Some(plain) = materials.get(subset.material as usize).cloned() else { continue };
+            // Names with the number of the chart are unique.
+            let suffix = format!("_chart{}", self.done.len());
+            let maps = if has_textures {
+                chart_textures::resample_to_charts(surface, &plain, images, &suffix, new_images)?
+            } else {
+                Maps::default()
+            };
+            let replacement = index(materials.len(), "materials of a scene")?;
+            materials.push(Material { name: format!("{}{suffix}", plain.name), maps, ..plain });
+            self.done.push((Arc::clone(surface), subset.material, replacement));
+            subset.material = replacement;
+        }
+        Ok(())
+    }
 }
 
 /// Replaces each material of a leaf by a copy with a coat of water, which reads map sequence `sequence`.
@@ -135,15 +220,40 @@ fn assign_wet_material(mesh: &mut Mesh, materials: &mut Vec<Material>, name: &st
     Ok(())
 }
 
-fn transform_mesh(mesh: &Mesh, trs: &Trs) -> Mesh {
-    Mesh {
-        points: mesh.points.iter().map(|p| trs.apply(*p)).collect(),
-        normals: mesh.normals.iter().map(|n| math::normalize_or(trs.r * *n, Vec3::Y)).collect(),
-        ..mesh.clone()
+fn transform_mesh(mesh: &mut Mesh, trs: &Trs) {
+    mesh.points.iter_mut().for_each(|p| *p = trs.apply(*p));
+    mesh.normals.iter_mut().for_each(|n| *n = math::normalize_or(trs.r * *n, Vec3::Y));
+}
+
+/// Adds to each frame of a plant the points of those of its leaves with maps that move beside their joints. `assets`: with these leaves
+/// as their last meshes; `transforms`: of the plants' first copies.
+pub fn add_posed_leaves(
+    plants: &mut [Vec<AssetFrame>],
+    rain_frames: &[RainFrame],
+    assets: &[Asset],
+    transforms: &[Trs],
+    leaves: &[SceneLeaf],
+    mapped_leaves: &[usize],
+) {
+    let mut left = vec![0_usize; assets.len()];
+    mapped_leaves.iter().for_each(|i| left[leaves[*i].instance.asset] += 1);
+    for i in mapped_leaves {
+        let leaf = &leaves[*i];
+        let a = leaf.instance.asset;
+        let at = assets[a].meshes.len() - left[a];
+        left[a] -= 1;
+        if !leaf.deforms {
+            continue;
+        }
+        let (mesh, transform) = (&assets[a].meshes[at].mesh, transforms[a]);
+        for (frame, rain_frame) in plants[a].iter_mut().zip(rain_frames) {
+            frame.meshes.resize(at, MeshFrame::Same);
+            frame.meshes.push(leaf.posed_mesh(mesh, transform, &rain_frame.leaf_poses[*i]));
+        }
     }
 }
 
-fn retain_masked<T>(list: &mut Vec<T>, keep: &[bool]) {
+fn retain_kept<T>(list: &mut Vec<T>, keep: &[bool]) {
     let mut k = 0;
     list.retain(|_| {
         k += 1;
@@ -153,21 +263,21 @@ fn retain_masked<T>(list: &mut Vec<T>, keep: &[bool]) {
 
 /// Keeps the instances whose flag in `keep` is set.
 fn retain_instances(instancer: &mut Instancer, keep: &[bool]) {
-    retain_masked(&mut instancer.ids, keep);
-    retain_masked(&mut instancer.protos, keep);
-    retain_masked(&mut instancer.scales, keep);
-    retain_states(&mut instancer.rest, keep);
+    retain_kept(&mut instancer.ids, keep);
+    retain_kept(&mut instancer.protos, keep);
+    retain_kept(&mut instancer.scales, keep);
+    retain_kept_states(&mut instancer.rest, keep);
     if let InstancerMotion::Joints(joints) = &mut instancer.motion {
-        retain_masked(joints, keep);
+        retain_kept(joints, keep);
     }
 }
 
-fn retain_states(state: &mut InstanceState, keep: &[bool]) {
-    retain_masked(&mut state.positions, keep);
-    retain_masked(&mut state.orientations, keep);
-    retain_masked(&mut state.alive, keep);
-    retain_masked(&mut state.velocities, keep);
-    retain_masked(&mut state.angular_velocities, keep);
+fn retain_kept_states(state: &mut InstanceState, keep: &[bool]) {
+    retain_kept(&mut state.positions, keep);
+    retain_kept(&mut state.orientations, keep);
+    retain_kept(&mut state.alive, keep);
+    retain_kept(&mut state.velocities, keep);
+    retain_kept(&mut state.angular_velocities, keep);
     state.attributes.iter_mut().for_each(|a| a.data.retain(keep));
 }
 
@@ -175,7 +285,7 @@ fn retain_states(state: &mut InstanceState, keep: &[bool]) {
 pub fn retain_frame_instances(frame: &mut AssetFrame, masks: &[Vec<bool>]) {
     for (state, keep) in frame.instancers.iter_mut().zip(masks) {
         if let InstancerFrame::State(state) = state {
-            retain_states(state, keep);
+            retain_kept_states(state, keep);
         }
     }
     let mut masks = masks.iter();

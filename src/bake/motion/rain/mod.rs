@@ -1,10 +1,12 @@
 //! Rain on the plants of a scene: the simulation over the clip, recorded, and the assets that show it.
 
+mod chart_textures;
 mod drop_records;
 mod ground;
 mod initial_drops;
 pub(crate) mod leaf_maps;
 mod params;
+mod plant_in_rain;
 mod scene_leaf;
 mod stats;
 
@@ -13,35 +15,35 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3, Vec3};
 
-pub use self::drop_records::code_lists;
+pub use self::drop_records::enum_labels;
 pub use self::ground::RainGround;
+pub(crate) use self::plant_in_rain::PlantInRain;
+use self::plant_in_rain::{RainClock, RainedPlant, RainedPlantRecorder, plant_in_rain};
 use self::scene_leaf::{SceneLeaf, WETNESS, scene_leaves, select_mapped_leaves, set_leaf_wetness};
 use crate::bake::BakeContext;
+use crate::bake::assets::obstacles::rain_faces;
 use crate::bake::assets::plant_growth::GrownPlant;
-use crate::bake::assets::plants::RainedRods;
-use crate::bake::motion::rod_plant::SkinBinding;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::PlantLayout;
-use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::Recipe;
 use crate::recipe::scene::RainRecipe;
 use osier_base::Result;
 use osier_base::convert::{index, limit, to_usize};
+use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
-    DropMesh, DropParams, LeafAttachment, LeafPose, LeafWaterMaps, PendantFamily, RainConfig, RainEmitter, RainFrame,
-    RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, WoodSegment, sphere_diameter,
+    DropDetail, DropMesh, DropParams, LeafAttachment, LeafPose, LeafWaterMaps, PendantFamily, RainConfig, RainEmitter,
+    RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster, WoodSegment, sphere_diameter,
 };
-use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, MapFrame, MapSequence, Material, MaterialClass,
     MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs,
 };
-use osier_wind::Wind;
+use osier_wind::{ShiftedWind, Wind};
 
 /// Time steps per frame where rods need no more. Own: a drop of 2 mm then falls about 3 cm per step at 24 frames per second; fewer let
 /// drops skip over thin leaves' motion.
@@ -79,13 +81,38 @@ pub struct RainPlayback {
     /// Shapes of pendant drops, by the bits of the radius that they hang from.
     shapes: BTreeMap<u64, PendantFamily>,
     material: u32,
-    maps: Mutex<LeafMapState>,
+    shown: DropMeshLimit,
+    maps: Mutex<AdvancingLeafMaps>,
     /// Whether the water's thickness is a map layer too.
     water_maps: bool,
 }
 
+/// Which drops on leaves are shown as meshes.
+#[derive(Debug, Clone, Copy)]
+struct DropMeshLimit {
+    /// Largest number of drops of a frame.
+    max_drops: usize,
+    /// Position of the camera, m: the nearest drops are shown; `None` for the largest.
+    eye: Option<DVec3>,
+}
+
+/// The drops on leaves that a frame shows as meshes.
+enum ShownDrops {
+    All,
+    Ids(BTreeSet<u64>),
+}
+
+impl ShownDrops {
+    fn includes(&self, id: u64) -> bool {
+        match self {
+            Self::All => true,
+            Self::Ids(ids) => ids.contains(&id),
+        }
+    }
+}
+
 #[derive(Debug)]
-struct LeafMapState {
+struct AdvancingLeafMaps {
     /// Frames that the maps have advanced through.
     frames: u64,
     /// Parallel to the mapped leaves.
@@ -98,6 +125,8 @@ struct SimulatedRain {
     asset: Asset,
     playback: Arc<RainPlayback>,
     map_sequences: Vec<MapSequence>,
+    /// Textures of leaves that were drawn anew over charts.
+    images: Vec<Image>,
     table: Table,
 }
 
@@ -111,7 +140,7 @@ pub(crate) struct AddedRain {
 }
 
 /// Parts of a scene that rain falls on.
-struct RainScene<'a> {
+struct RainInputs<'a> {
     recipe: &'a Recipe,
     /// Assets of the grown plants; leaves with maps are taken out of their instancers.
     assets: &'a mut Vec<Asset>,
@@ -122,10 +151,11 @@ struct RainScene<'a> {
     transforms: &'a [Trs],
     /// Parallel to `assets`.
     plants: &'a [&'a Plant],
-    /// Rods of each plant, parallel to `assets`.
-    plant_rods: Vec<RainedRods>,
+    /// What moves each plant, parallel to `assets`.
+    plant_motions: Vec<PlantInRain>,
     wind: Option<Arc<dyn Wind>>,
     ground: RainGround,
+    solids: RainSolids,
 }
 
 /// Simulates the rain of a recipe on its plants and adds it to the scene: an asset of drops, motions of the plants that drops
@@ -137,31 +167,36 @@ pub(crate) fn add_rain(
     estimating: bool,
     layout: &PlantLayout,
     grown: &[GrownPlant],
-    wind: Option<&PlantWind>,
+    wind: Option<Arc<dyn Wind>>,
     ground: RainGround,
-    plant_rods: Vec<RainedRods>,
+    plant_motions: Vec<PlantInRain>,
     builder: &mut SceneBuilder,
     context: &BakeContext<'_>,
+    report: &mut Report,
 ) -> Result<AddedRain> {
     let Some(rain) = &recipe.rain else { return Ok(AddedRain::default()) };
     let transforms = layout.first_transforms();
     let plants: Vec<&Plant> = grown.iter().map(|g| &g.plant).collect();
-    let scene = RainScene {
+    let scene = RainInputs {
         recipe,
         assets: &mut builder.assets,
         materials: &mut builder.materials,
         images: if estimating { &[] } else { &builder.images },
         transforms: &transforms,
         plants: &plants,
-        plant_rods,
-        wind: wind.map(|w| Arc::clone(&w.wind)),
+        plant_motions,
+        wind,
         ground,
+        solids: RainSolids::new(&rain_faces(recipe))?,
     };
-    let simulated = simulate_rain(scene, rain, context)?;
+    let simulated = simulate_rain(scene, rain, context, report)?;
+    if !estimating {
+        builder.images.extend(simulated.images);
+    }
     // Plants that rain moves take their motion from its record.
     for (plant, motion) in builder.motions.iter_mut().enumerate() {
-        if simulated.playback.moves_plant(plant) {
-            *motion = Some(Arc::new(RainedPlantMotion { rain: Arc::clone(&simulated.playback), plant }));
+        if simulated.playback.plant_moves(plant) {
+            *motion = Some(Arc::new(PlantMotionInRain { rain: Arc::clone(&simulated.playback), plant }));
         }
     }
     let moves = recipe.clip.len() > 1;
@@ -171,21 +206,31 @@ pub(crate) fn add_rain(
 }
 
 /// Simulates and records the whole clip.
-fn simulate_rain(scene: RainScene<'_>, rain: &RainRecipe, context: &BakeContext<'_>) -> Result<SimulatedRain> {
-    let RainScene { recipe, assets, materials, images, transforms, plants, plant_rods, wind, ground } = scene;
+fn simulate_rain(
+    scene: RainInputs<'_>,
+    rain: &RainRecipe,
+    context: &BakeContext<'_>,
+    report: &mut Report,
+) -> Result<SimulatedRain> {
+    let RainInputs { recipe, assets, materials, images, transforms, plants, plant_motions, wind, ground, solids } =
+        scene;
 
-    // Targets: leaf blades on plants that rods move, or on static ones.
-    let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_rods);
+    // Targets: leaf blades on plants that rods or the wind move, or on static ones.
+    let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
     let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves);
-    let steps = steps_per_frame(rain, recipe, &plant_rods);
-    let (rods, bindings): (Vec<Option<RodPlant>>, Vec<Option<SkinBinding>>) =
-        plant_rods.into_iter().map(Option::unzip).unzip();
-    let mut targets: Vec<Box<dyn RainTarget>> = Vec::new();
-    for (k, rods) in rods.into_iter().enumerate() {
-        targets.push(match rods {
-            Some(rods) => Box::new(rods.with_wind(wind.clone())),
-            None => static_target(k, &scene_leaves, plants, transforms),
-        });
+    let steps = steps_per_frame(rain, recipe, &plant_motions);
+    // The simulation's clock starts with the spin-up, that of the wind with the clip.
+    let step = 1.0 / (recipe.clip.fps() * f64::from(steps));
+    let lead = spin_up_steps(rain, step) as f64 * step;
+    let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
+    let clock = RainClock { fps: recipe.clip.fps(), lead, gravity: rain.keys.gravity };
+    let (mut targets, mut recorders) = (Vec::new(), Vec::new());
+    for (k, motion) in plant_motions.into_iter().enumerate() {
+        let on_plant = scene_leaves.iter().filter(|leaf| leaf.instance.asset == k).collect();
+        let of = RainedPlant { plant: plants[k], asset: &assets[k], transform: transforms[k], leaves: on_plant };
+        let (target, recorder) = plant_in_rain(motion, &of, clock, wind.clone(), || still_plant(&of));
+        targets.push(target);
+        recorders.push(recorder);
     }
 
     // Rain falls from an emitter above the plants' bounds, displaced by the wind.
@@ -201,14 +246,15 @@ fn simulate_rain(scene: RainScene<'_>, rain: &RainRecipe, context: &BakeContext<
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
         (leaf, LeafAttachment { plant: f.instance.asset, leaf: f.number, collider: Arc::clone(&f.collider) })
     });
-    let ground = ground.into_height(bounds.min.y);
+    let lowest = f64::from(bounds.min.y);
+    let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
     let config =
-        RainConfig { params: params.clone(), emitter, plants: targets, leaves: leaves.collect(), wind, ground };
+        RainConfig { params: params.clone(), emitter, plants: targets, leaves: leaves.collect(), wind, ground, solids };
     let mut simulation = RainSimulation::new(config);
     let dry_leaves = simulation.leaves().to_vec();
     initial_drops::check_initial_drops(&rain.lying, &dry_leaves)?;
-    let RainRecord { frames: rain_frames, mut plants } =
-        record_frames(&mut simulation, rain, recipe, steps, assets, &bindings, &scene_leaves, context)?;
+    let RecordedRain { frames: rain_frames, mut plants } =
+        record_frames(&mut simulation, rain, recipe, steps, assets, &recorders, &scene_leaves, context)?;
 
     // Water's material, then the materials of the leaves with maps.
     let material = index(materials.len(), "materials of a scene")?;
@@ -217,19 +263,25 @@ fn simulate_rain(scene: RainScene<'_>, rain: &RainRecipe, context: &BakeContext<
         roughness: 0.0,
         ..Material::plain("water".into(), MaterialClass::Water, [0.98, 0.99, 1.0], 0.0)
     });
-    let rasters = leaf_maps::uv_rasters(&scene_leaves, &mapped_leaves, to_usize(recipe.maps.resolution));
-    let (mut map_sequences, kept) = leaf_maps::add_leaf_maps(assets, materials, &scene_leaves, &mapped_leaves, recipe)?;
+    let side = to_usize(recipe.maps.resolution);
+    let rasters = leaf_maps::build_uv_rasters(&scene_leaves, &mapped_leaves, side, assets, materials, images);
+    let leaf_maps::AddedLeafMaps { sequences: mut map_sequences, images: new_images, kept } =
+        leaf_maps::add_leaf_maps(assets, materials, images, &scene_leaves, &mapped_leaves, recipe)?;
     // The recorded frames still have these leaves as instances.
     for (frames, masks) in plants.iter_mut().zip(&kept) {
         frames.iter_mut().for_each(|frame| leaf_maps::retain_frame_instances(frame, masks));
     }
+    leaf_maps::add_posed_leaves(&mut plants, &rain_frames, assets, transforms, &scene_leaves, &mapped_leaves);
     let mapped_leaves: Vec<MappedLeaf> =
         mapped_leaves.iter().zip(rasters).map(|(leaf, raster)| MappedLeaf { leaf: *leaf, raster }).collect();
-    let (slots, capacity) = drop_records::point_slots(&rain_frames);
+    let (slots, capacity) = drop_records::assign_point_slots(&rain_frames);
+    let max_drops = to_usize(rain.keys.max_drop_meshes);
+    report_hidden_drops(&rain_frames, max_drops, report);
     let playback = RainPlayback {
-        shapes: pendant_shapes(&rain_frames, params.g),
-        numbers: drop_records::drop_numbers(&rain_frames)?,
-        maps: Mutex::new(LeafMapState { frames: 0, leaves: Vec::new() }),
+        shown: DropMeshLimit { max_drops, eye: recipe.camera.eye.map(DVec3::from_array) },
+        shapes: pendant_families(&rain_frames, params.g),
+        numbers: drop_records::number_drops(&rain_frames)?,
+        maps: Mutex::new(AdvancingLeafMaps { frames: 0, leaves: Vec::new() }),
         water_maps: recipe.maps.water,
         leaves: dry_leaves,
         plants,
@@ -250,25 +302,23 @@ fn simulate_rain(scene: RainScene<'_>, rain: &RainRecipe, context: &BakeContext<
     }
     let rate = rain.keys.falls.then_some(rain.keys.rate);
     let table = stats::rain_table(&playback.params, rate, area);
-    Ok(SimulatedRain { asset, playback: Arc::new(playback), map_sequences, table })
+    Ok(SimulatedRain { asset, playback: Arc::new(playback), map_sequences, images: new_images, table })
 }
 
 /// A plant that does not move: its leaves, and its stems as tapered capsules between nodes.
-fn static_target(k: usize, scene_leaves: &[SceneLeaf], plants: &[&Plant], transforms: &[Trs]) -> Box<dyn RainTarget> {
-    let on_plant = scene_leaves.iter().filter(|f| f.instance.asset == k);
-    let leaves: Vec<(DVec3, DQuat)> = on_plant.map(|f| (f.position, f.rotation)).collect();
+fn still_plant(of: &RainedPlant<'_>) -> Box<dyn RainPlant> {
+    let RainedPlant { plant, transform, .. } = of;
+    let leaves: Vec<(DVec3, DQuat)> = of.leaves.iter().map(|f| (f.position, f.rotation)).collect();
     let mut segments = Vec::new();
-    if let Some((plant, transform)) = plants.get(k).zip(transforms.get(k)) {
-        for axis in plant.axes.iter().filter(|a| a.kind != AxisKind::Root) {
-            let range = plant.nodes_of(axis);
-            for i in range.start..range.end.saturating_sub(1) {
-                let end = |i: usize| transform.apply(plant.nodes.p[i]).as_dvec3();
-                let radius = |i: usize| f64::from(plant.nodes.r[i] * transform.s.x);
-                segments.push(WoodSegment { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
-            }
+    for axis in plant.axes.iter().filter(|a| a.kind != AxisKind::Root) {
+        let range = plant.nodes_of(axis);
+        for i in range.start..range.end.saturating_sub(1) {
+            let end = |i: usize| transform.apply(plant.nodes.p[i]).as_dvec3();
+            let radius = |i: usize| f64::from(plant.nodes.r[i] * transform.s.x);
+            segments.push(WoodSegment { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
         }
     }
-    Box::new(StaticPlant::new(&leaves, segments))
+    Box::new(StillRainPlant::new(&leaves, segments))
 }
 
 /// World bounds of the plants at rest, m.
@@ -293,21 +343,30 @@ fn check_memory(
     // Drops in the air at once: emission rate times the fall time from 1 m above the plants, at 2 m/s for the smallest drops;
     // 96 bytes each.
     let seconds = (f64::from(bounds.size().y) + 1.0) / 2.0;
-    let falling = emitter.as_ref().map_or(0.0, RainEmitter::rate) * seconds * 96.0;
+    let falling = emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate) * seconds * 96.0;
     let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / BYTES_PER_KEY as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
     context.limits.check("motion-keys", drops as u64, COUNTED)
 }
 
 /// Time steps per frame: those of the keys, else as many as the stiffest rods need.
-fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_rods: &[RainedRods]) -> u32 {
+fn steps_per_frame(rain: &RainRecipe, recipe: &Recipe, plant_motions: &[PlantInRain]) -> u32 {
     let fps = recipe.clip.fps();
-    let needed = plant_rods.iter().flatten().fold(DEFAULT_SUBSTEPS, |m, (rods, _)| m.max(rods.steps_per_frame(fps)));
+    let needed = plant_motions
+        .iter()
+        .filter_map(PlantInRain::rods)
+        .fold(DEFAULT_SUBSTEPS, |m, (rods, _)| m.max(rods.steps_per_frame(fps)));
     rain.keys.substeps.unwrap_or(needed)
 }
 
+/// Steps of `h`, s, before the first frame of the clip.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
+fn spin_up_steps(rain: &RainRecipe, h: f64) -> u64 {
+    (rain.keys.spin_up / h).round() as u64
+}
+
 /// Rain frame by frame, with the frames of the plants.
-struct RainRecord {
+struct RecordedRain {
     frames: Vec<RainFrame>,
     /// Frames of each plant's asset; empty for a plant that does not move.
     plants: Vec<Vec<AssetFrame>>,
@@ -320,15 +379,14 @@ fn record_frames(
     recipe: &Recipe,
     steps: u32,
     assets: &[Asset],
-    bindings: &[Option<SkinBinding>],
+    recorders: &[RainedPlantRecorder],
     scene_leaves: &[SceneLeaf],
     context: &BakeContext<'_>,
-) -> Result<RainRecord> {
+) -> Result<RecordedRain> {
     let fps = recipe.clip.fps();
     let h = 1.0 / (fps * f64::from(steps));
     let frames = recipe.clip.len() as u64;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
-    let spin_up_steps = (rain.keys.spin_up / h).round() as u64;
+    let spin_up_steps = spin_up_steps(rain, h);
     context.progress.stage("raining", frames + spin_up_steps / u64::from(steps));
     // Spin-up: the clip's first frame shows the drops and wet traces of this time, but events before it are discarded.
     for k in 0..spin_up_steps {
@@ -344,16 +402,16 @@ fn record_frames(
     // Clip: capture, then step to the next frame.
     let mut rain_frames = Vec::new();
     let mut recorded_bytes = 0;
-    let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); bindings.len()];
+    let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); recorders.len()];
     for (number, frame) in (recipe.clip.start..).zip(0..frames) {
         context.cancel.check()?;
         simulation.check_water_budget(number)?;
         let rain_frame = RainFrame::capture(simulation);
         recorded_bytes += rain_frame.memory_bytes();
         context.limits.check("motion-keys", recorded_bytes / BYTES_PER_KEY, COUNTED)?;
-        for (k, (target, binding)) in simulation.plants().iter().zip(bindings).enumerate() {
-            let moving = target.posed_rods().zip(binding.as_ref()).zip(assets.get(k));
-            plants[k].extend(moving.map(|((rods, binding), asset)| binding.pose_asset(asset, rods, &**target)));
+        let time = FrameTime { seconds: frame as f64 / fps, step: fps.recip() };
+        for (k, (target, recorder)) in simulation.plants().iter().zip(recorders).enumerate() {
+            plants[k].extend(recorder.frame(&assets[k], &**target, time));
         }
         set_leaf_wetness(&mut plants, scene_leaves, &rain_frame.wetness);
         rain_frames.push(rain_frame);
@@ -362,11 +420,20 @@ fn record_frames(
             (0..steps).try_for_each(|_| simulation.step(h))?;
         }
     }
-    Ok(RainRecord { frames: rain_frames, plants })
+    Ok(RecordedRain { frames: rain_frames, plants })
+}
+
+/// X024 where frames have more drops on leaves than they show as meshes.
+fn report_hidden_drops(frames: &[RainFrame], max_drops: usize, report: &mut Report) {
+    let most = frames.iter().map(|frame| frame.sessile.len() + frame.pendant.len()).max().unwrap_or(0);
+    if most > max_drops {
+        let text = format!("up to {most} drops are on leaves at a frame, of which {max_drops} are shown as meshes");
+        report.push(Diagnostic::about("X024", text).help("the others wet their leaves; raise rain.max_drop_meshes"));
+    }
 }
 
 /// Shapes of pendant drops for every radius that occurs in the clip, by the bits of the radius; `g` in m/s^2.
-fn pendant_shapes(frames: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
+fn pendant_families(frames: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
     let radii: BTreeSet<u64> = frames.iter().flat_map(|f| &f.pendant).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
     let shapes = par_map(&radii, |bits| PendantFamily::new(f64::from_bits(*bits), g));
@@ -380,19 +447,44 @@ impl RainPlayback {
         &self.frames[limit(nth).min(last)]
     }
 
+    /// The drops on leaves of which a frame shows meshes.
+    fn shown_drops(&self, frame: &RainFrame) -> ShownDrops {
+        let count = frame.sessile.len() + frame.pendant.len();
+        if count <= self.shown.max_drops {
+            return ShownDrops::All;
+        }
+        // The nearest to the camera, or the largest; of equal ones those with lower identifiers.
+        let rank = |leaf: usize, volume: f64| match self.shown.eye {
+            Some(eye) => frame.leaf_poses[leaf].position.distance(eye),
+            None => -volume,
+        };
+        let sessile = frame.sessile.iter().map(|d| (rank(d.leaf, d.volume), d.id));
+        let mut ranked: Vec<(f64, u64)> =
+            sessile.chain(frame.pendant.iter().map(|d| (rank(d.leaf, d.volume), d.id))).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        ShownDrops::Ids(ranked.into_iter().take(self.shown.max_drops).map(|(_, id)| id).collect())
+    }
+
     /// Mesh of sessile and pendant drops at the `nth` frame of the clip.
-    fn water_mesh(&self, nth: u64) -> DropMesh {
+    fn drops_mesh(&self, nth: u64) -> DropMesh {
         let frame = self.frame_at(nth);
+        let shown = self.shown_drops(frame);
         let mut water = DropMesh::default();
         // Attribute `drop_id` of each vertex: after a drop is appended, its number fills the list up to the last vertex.
         let mut ids: Vec<i32> = Vec::new();
         let number = |id: &u64| self.numbers.get(id).and_then(|n| i32::try_from(*n).ok()).unwrap_or(-1);
-        for drop in &frame.sessile {
+        let detail = |leaf: usize, radius: f64| match self.shown.eye {
+            Some(eye) => DropDetail::at_distance(radius, frame.leaf_poses[leaf].position.distance(eye)),
+            None => DropDetail::Near,
+        };
+        for drop in frame.sessile.iter().filter(|drop| shown.includes(drop.id)) {
+            water.detail = detail(drop.leaf, drop.caps.first().map_or(0.0, |head| head.cap.max_radius()));
             water.add_sessile(&self.leaves[drop.leaf], &frame.leaf_poses[drop.leaf], drop);
             ids.resize(water.mesh.points.len(), number(&drop.id));
         }
-        for drop in &frame.pendant {
+        for drop in frame.pendant.iter().filter(|drop| shown.includes(drop.id)) {
             if let Some(shapes) = self.shapes.get(&drop.radius.to_bits()) {
+                water.detail = detail(drop.leaf, drop.radius);
                 water.add_pendant(&frame.leaf_poses[drop.leaf], drop, shapes);
                 ids.resize(water.mesh.points.len(), number(&drop.id));
             }
@@ -422,7 +514,7 @@ impl RainPlayback {
 
     /// The asset of drops at the first frame. `plants`: bounds of the plants, around which the camera frames the fall.
     fn asset(&self, moves: bool, plants: Bounds) -> Asset {
-        let mut water = self.water_mesh(0);
+        let mut water = self.drops_mesh(0);
         // Attributes of drops belong to frames; the mesh at rest has none.
         water.mesh.attributes.clear();
         let (positions, widths, _) = self.airborne_points(0);
@@ -452,8 +544,8 @@ impl RainPlayback {
     }
 
     /// The asset of drops at the `nth` frame of the clip.
-    fn water_frame(&self, nth: u64) -> AssetFrame {
-        let DropMesh { mesh, velocities } = self.water_mesh(nth);
+    fn drops_frame(&self, nth: u64) -> AssetFrame {
+        let DropMesh { mesh, velocities, .. } = self.drops_mesh(nth);
         let (positions, widths, point_velocities) = self.airborne_points(nth);
         let points = PointsFrame::State { positions, widths, velocities: point_velocities, colors: Vec::new() };
         AssetFrame {
@@ -464,7 +556,7 @@ impl RainPlayback {
     }
 
     /// Whether drops move plant `k`.
-    pub fn moves_plant(&self, k: usize) -> bool {
+    pub fn plant_moves(&self, k: usize) -> bool {
         self.plants.get(k).is_some_and(|frames| !frames.is_empty())
     }
 
@@ -481,7 +573,7 @@ impl RainPlayback {
         let mut state = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
         if state.frames > nth + 1 || state.leaves.is_empty() {
             let dry = |m: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&m.raster), self.leaves[m.leaf].scale);
-            *state = LeafMapState { frames: 0, leaves: self.mapped_leaves.iter().map(dry).collect() };
+            *state = AdvancingLeafMaps { frames: 0, leaves: self.mapped_leaves.iter().map(dry).collect() };
         }
         while state.frames <= nth {
             let frame = self.frame_at(state.frames);
@@ -493,13 +585,13 @@ impl RainPlayback {
             });
             state.frames += 1;
         }
-        state.leaves.iter().map(|l| leaf_maps::map_frame(l.maps(), self.water_maps)).collect()
+        state.leaves.iter().map(|l| leaf_maps::leaf_map_frame(l.maps(), self.water_maps)).collect()
     }
 }
 
 impl AssetMotion for RainPlayback {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
-        Ok(self.water_frame(time.index()))
+        Ok(self.drops_frame(time.index()))
     }
 
     fn row(&self, frame: u64) -> Result<Option<TableRow>> {
@@ -517,14 +609,14 @@ impl AssetMotion for RainPlayback {
 
 /// Motion of a plant that drops move, from the record of the rain.
 #[derive(Debug, Clone)]
-pub struct RainedPlantMotion {
+pub struct PlantMotionInRain {
     /// The recorded rain, which holds the frames of all plants.
     pub rain: Arc<RainPlayback>,
     /// Index of the plant's asset.
     pub plant: usize,
 }
 
-impl AssetMotion for RainedPlantMotion {
+impl AssetMotion for PlantMotionInRain {
     fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
         Ok(self.rain.plant_frame(self.plant, time.index()))
     }

@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 
-use crate::bake::assets::plants::RainedRods;
+use super::plant_in_rain::PlantInRain;
 use crate::recipe::Recipe;
 use osier_base::convert::to_usize;
+use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::narrow;
-use osier_motion::rain::{AlphaMask, LeafCollider, LeafSurface, VeinMap};
-use osier_scene::{Asset, AssetFrame, Image, InstancerFrame, Material, Trs};
+use osier_motion::rain::{AlphaMask, LeafCollider, LeafPose, LeafSurface, VeinMap};
+use osier_scene::{Asset, AssetFrame, Image, InstancerFrame, InstancerMotion, Material, Mesh, MeshFrame, Trs};
 
 /// Attribute of leaves and drops: share of the surface that is wet, 0 to 1.
 pub(super) const WETNESS: &str = "wetness";
@@ -25,13 +26,15 @@ pub(crate) struct LeafInstance {
 /// A leaf blade of the scene, at rest.
 pub(crate) struct SceneLeaf {
     pub(crate) instance: LeafInstance,
-    /// The blade in its own space; instances of one prototype share it.
+    /// The blade in its own space; instances of one instance_prototype share it.
     pub(crate) surface: Arc<LeafSurface>,
     pub(super) collider: Arc<LeafCollider>,
     /// Number of the leaf on its plant: the index of its organ on a plant on rods, else counted in order.
     pub(super) number: usize,
-    /// The joint that the leaf rides on, for a plant on rods.
+    /// The joint that the leaf rides on, for a plant that moves.
     pub(crate) joint: Option<u16>,
+    /// Whether the leaf moves beside its joint, so that frames carry its points.
+    pub(crate) deforms: bool,
     /// Pivot in the world, m.
     pub(super) position: DVec3,
     /// World from leaf space.
@@ -39,28 +42,54 @@ pub(crate) struct SceneLeaf {
     pub(super) scale: f64,
 }
 
+impl SceneLeaf {
+    /// The leaf's mesh at a pose of the world, in plant space. `mesh`: at rest, in plant space; `transform`: world from plant space.
+    pub(super) fn posed_mesh(&self, mesh: &Mesh, transform: Trs, pose: &LeafPose) -> MeshFrame {
+        let stand = transform.r.as_dquat().normalize();
+        let (back, scale) = (stand.conjugate(), f64::from(transform.s.x));
+        // The blade is rigid: it turns from its orientation at rest to that of the pose, about its pivot.
+        let turn = pose.orientation * self.rotation.conjugate();
+        let place = |p: &Vec3| pose.position + turn * (transform.apply(*p).as_dvec3() - self.position);
+        let normal = back * turn * stand;
+        MeshFrame::Points {
+            points: mesh
+                .points
+                .iter()
+                .map(|p| (back * (place(p) - transform.t.as_dvec3()) / scale).as_vec3())
+                .collect(),
+            normals: mesh.normals.iter().map(|n| (normal * n.as_dvec3()).as_vec3()).collect(),
+            velocities: mesh.points.iter().map(|p| (back * pose.velocity_at(place(p)) / scale).as_vec3()).collect(),
+        }
+    }
+}
+
 /// Collects every leaf blade of the scene, plant by plant. `transforms`: of each plant's first copy, parallel to `assets`.
-/// Prototypes without texture coordinates carry no drops.
+/// Prototypes whose triangles have no area carry no drops.
 pub(super) fn scene_leaves(
     assets: &[Asset],
     materials: &[Material],
     images: &[Image],
     transforms: &[Trs],
-    plant_rods: &[RainedRods],
+    plant_motions: &[PlantInRain],
+    report: &mut Report,
 ) -> Vec<SceneLeaf> {
     let mut leaves = Vec::new();
     for (a, (asset, transform)) in assets.iter().zip(transforms).enumerate() {
-        let rods = plant_rods.get(a).and_then(Option::as_ref);
+        let motion = plant_motions.get(a);
+        let rods = motion.and_then(PlantInRain::rods);
+        let deforms = motion.is_some_and(PlantInRain::sways);
         let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
-            // Surface and collider of each prototype: alpha and height maps tell where blade and veins are.
+            // Surface and collider of each instance_prototype: alpha and height maps tell where blade and veins are.
             let prototypes: Vec<Option<(Arc<LeafSurface>, Arc<LeafCollider>)>> = instancer
                 .prototypes
                 .iter()
                 .map(|p| {
                     let alpha = AlphaMask::of_mesh_materials(&p.mesh, materials, images);
                     let veins = VeinMap::of_mesh_materials(&p.mesh, materials, images);
-                    let surface = Arc::new(LeafSurface::new(&p.mesh)?.with_maps(alpha, veins));
+                    let surface = LeafSurface::new(&p.mesh);
+                    chart_diagnostic(&asset.id, &p.name, surface.as_ref()).into_iter().for_each(|d| report.push(d));
+                    let surface = Arc::new(surface?.with_maps(alpha, veins));
                     let collider = Arc::new(LeafCollider::new(&surface));
                     Some((surface, collider))
                 })
@@ -69,12 +98,17 @@ pub(super) fn scene_leaves(
                 let Some(Some((surface, collider))) = prototypes.get(to_usize(instancer.protos[k])) else { continue };
                 let trs = transform.then_inner(&instancer.transform(&instancer.rest, k));
                 let organ = rods.and_then(|(_, binding)| binding.leaf_groups().get(i)?.get(k).copied());
-                let joint = rods.zip(organ).map(|((rods, binding), organ)| binding.leaf_joint(rods, organ));
+                let joint = match (&instancer.motion, rods.zip(organ)) {
+                    (_, Some(((rods, binding), organ))) => Some(binding.leaf_joint(rods, organ)),
+                    (InstancerMotion::Joints(joints), None) if deforms => joints.get(k).copied(),
+                    _ => None,
+                };
                 let number = organ.unwrap_or(count);
                 count += 1;
                 leaves.push(SceneLeaf {
                     number,
                     joint,
+                    deforms,
                     instance: LeafInstance { asset: a, instancer: i, instance: k },
                     surface: Arc::clone(surface),
                     collider: Arc::clone(collider),
@@ -86,6 +120,25 @@ pub(super) fn scene_leaves(
         }
     }
     leaves
+}
+
+/// What a blade's texture coordinates mean for its water, where they are not its chart.
+fn chart_diagnostic(plant: &str, leaf: &str, surface: Option<&LeafSurface>) -> Option<Diagnostic> {
+    let mend = "give the leaf texture coordinates from 0 to 1 in which no two of its parts overlap and none is cut";
+    let Some(surface) = surface else {
+        let text = format!("plant {plant}: rain falls through leaf {leaf}, whose mesh has no triangle with an area");
+        return Some(Diagnostic::about("X023", text).help("take a mesh whose triangles are a blade"));
+    };
+    let chart = surface.chart()?;
+    let mut text = format!(
+        "plant {plant}: texture coordinates of leaf {leaf} {}; its water has a chart of its own, over which the textures \
+         of leaves with maps are drawn anew",
+        chart.fault.words()
+    );
+    if chart.cuts > 0 {
+        text = format!("{text}, in pieces: {} cuts act on drops like margins", chart.cuts);
+    }
+    Some(Diagnostic::about("X022", text).help(mend))
 }
 
 /// Leaves that get maps, in the order of the scene: the nearest to the scene's camera, or the first without its position.

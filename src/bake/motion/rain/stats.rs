@@ -12,7 +12,7 @@ pub const TABLE: &str = "rain";
 const MM3: f64 = 1e9;
 
 /// Columns of the state at a frame: numbers of drops, and volumes of water by place.
-const STATE_COLUMNS: [(&str, &str); 10] = [
+const STATE_COLUMNS: [(&str, &str); 11] = [
     ("in_air", ""),
     ("at_rest", ""),
     ("running", ""),
@@ -22,6 +22,7 @@ const STATE_COLUMNS: [(&str, &str); 10] = [
     ("water_hanging", "mm3"),
     ("water_ground", "mm3"),
     ("water_wood", "mm3"),
+    ("water_solids", "mm3"),
     ("rained", "mm3"),
 ];
 
@@ -63,7 +64,8 @@ pub fn rain_row(frame: &RainFrame) -> Vec<f64> {
         .iter()
         .map(|n| *n as f64)
         .collect();
-    row.extend([water.air, water.leaves, water.pendants, water.ground, water.wood, water.emitted].map(|v| v * MM3));
+    let volumes = [water.air, water.leaves, water.pendants, water.ground, water.wood, water.solids, water.emitted];
+    row.extend(volumes.map(|v| v * MM3));
     row.extend(
         [counters.impacts, counters.mergers, counters.beads, counters.pendants, counters.detachments].map(|n| n as f64),
     );

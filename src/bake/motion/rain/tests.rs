@@ -1,6 +1,6 @@
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
-use crate::bake::scene::assembly::{AssembledScene, SceneParts, assemble_scene};
+use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene};
 use crate::recipe::{Request, resolve};
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
@@ -24,7 +24,7 @@ fn within(limits: &Limits, more: &str) -> osier_base::Result<AssembledScene> {
     let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
     let cancel = Cancel::default();
     let context = BakeContext { limits, cancel: &cancel, progress: &Silent, cache: None };
-    assemble_scene(&recipe, SceneParts::default(), &context)
+    assemble_scene(&recipe, SceneOptions::default(), &context)
 }
 
 fn at(built: &AssembledScene, number: u32) -> Frame {
@@ -81,7 +81,7 @@ fn the_table_tells_where_all_water_is() {
         let frame = at(&built, number);
         let of = |name: &str| frame.rows[0][table.columns.iter().position(|c| c.0 == name).expect("a column")];
         assert_eq!(frame.rows[0].len(), table.columns.len());
-        let parts = ["water_air", "water_leaves", "water_hanging", "water_ground", "water_wood"];
+        let parts = ["water_air", "water_leaves", "water_hanging", "water_ground", "water_wood", "water_solids"];
         let sum: f64 = parts.iter().map(|name| of(name)).sum();
         assert!((sum / of("rained") - 1.0).abs() < 1e-9 && sum > 0.0, "{sum}");
         assert!(of("struck") >= struck && of("hardest_blow") > 0.0 && of("in_air") > 0.0);
@@ -110,4 +110,47 @@ fn leaves_on_rods_give_way() {
     check_frame(scene, &b).expect("sound");
     let moved = a.assets[0].pose.iter().zip(&b.assets[0].pose).any(|(a, b)| a.t.distance(b.t) > 1e-6);
     assert!(moved);
+}
+
+#[test]
+fn height_maps_hold_relief_and_water_and_water_maps_the_water() {
+    let more = "falls = false\n[[rain.lying]]\nleaf = 0\nat = [0.5, 0.5]\nvolume_mm3 = 3\n";
+    let text = format!("{SCENE}{more}")
+        .replace("side = 32", "side = 64\ndetail = \"close\"")
+        .replace("resolution = 32", "resolution = 64\nwater = true");
+    let request = Request { name: "test".into(), text, ..Request::default() };
+    let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
+    let (limits, cancel) = (Limits::default(), Cancel::default());
+    let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
+    let built = assemble_scene(&recipe, SceneOptions::default(), &context).expect("a scene");
+    let scene = &built.animated.scene;
+    let sequence = &scene.map_sequences[0];
+    let worn = scene.materials.iter().find(|m| m.coat.is_some_and(|c| c.sequence == 0)).expect("a wet leaf");
+    let image = &scene.images[worn.maps.height.expect("a relief") as usize];
+    let osier_scene::Pixels::U16(relief) = &image.pixels else { panic!("16 bits") };
+    assert_eq!((image.width, sequence.side), (64, 64));
+    let maps = &at(&built, 1).maps[0];
+    let scalar = |name: &str| maps.scalars(sequence.layer(name).expect("a layer")).expect("numbers");
+    let (height, water) = (scalar("height"), scalar("water"));
+    let normal = maps.vectors(sequence.layer("normal").expect("a layer")).expect("vectors");
+    // The height over the water alone is the relief of the material, in a band along the middle of the blade.
+    let (mut dry, mut wet, mut sloped) = (0, 0, 0);
+    for k in (8..56).flat_map(|y| (28..36).map(move |x| y * 64 + x)) {
+        let own = f32::from(relief[k]) / 65535.0 * worn.height_range;
+        // The leaf is scaled, and its relief with it.
+        let scale = (height[k] - water[k]) / own.max(1e-9);
+        assert!(own < 1e-6 || (0.3..3.0).contains(&scale), "{k}: {scale}");
+        if water[k] > 0.0 {
+            wet += 1;
+        } else {
+            dry += 1;
+            sloped += usize::from(normal[k][2] < 0.9999);
+        }
+    }
+    let band = (8..56).flat_map(|y| (28..36).map(move |x| y * 64 + x)).filter(|k| relief[*k] > 6000);
+    let scales: Vec<f32> =
+        band.map(|k| (height[k] - water[k]) / (f32::from(relief[k]) / 65535.0 * worn.height_range)).collect();
+    let (least, most) = scales.iter().fold((f32::MAX, 0.0_f32), |(a, b), s| (a.min(*s), b.max(*s)));
+    assert!(scales.len() > 200 && least / most > 0.999, "{} of {least} to {most}", scales.len());
+    assert!(wet > 5 && dry > 200 && sloped > dry / 4, "{wet} {dry} {sloped}");
 }

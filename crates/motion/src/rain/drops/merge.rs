@@ -3,16 +3,17 @@
 use glam::DVec3;
 
 use crate::rain::drops::rain_leaf::{LeafStep, LeafStepResult, RainLeaf};
-use crate::rain::drops::surface_drop::SurfaceDrop;
+use crate::rain::drops::spherical_cap::CapLaw;
+use crate::rain::drops::surface_drop::LeafDrop;
 use crate::rain::event::{DropEventKind, RainEvent};
 use crate::rain::params::{DropParams, MergeRule};
-use crate::rain::tuning::SWEEP_TOLERANCE;
+use crate::rain::tuning::{MAX_ATTRACTION, SWEEP_TOLERANCE};
 use osier_base::math;
 use osier_base::physics::WATER_DENSITY;
 
 /// The circle by which a drop touches others, in leaf space.
 #[derive(Debug, Clone, Copy)]
-struct ContactCircle {
+struct MergeCircle {
     /// Center in leaf space, m.
     p: DVec3,
     /// Base radius of the head, or radius of attachment of a pendant drop, m.
@@ -22,7 +23,7 @@ struct ContactCircle {
 impl RainLeaf {
     /// Merges drops that touch, pair by pair, until none do: the heavier absorbs the lighter.
     /// Source: [yang-wu] eq. 13; eq. 12 with [`MergeRule::Paper`].
-    pub(super) fn merge_drops(&self, drops: &mut Vec<SurfaceDrop>, step: &LeafStep<'_>, result: &mut LeafStepResult) {
+    pub(super) fn merge_drops(&self, drops: &mut Vec<LeafDrop>, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let params = step.params;
         drops.sort_by_key(|d| d.id);
         // Where nothing has moved since the last test, nothing can touch anew.
@@ -30,16 +31,22 @@ impl RainLeaf {
             return;
         }
         // A drop without a circle lies beyond the blade and touches nothing.
-        let mut circles: Vec<Option<ContactCircle>> = drops.iter().map(|d| self.contact_circle(d, params)).collect();
+        let law = &params.wetting.cap_law();
+        let mut circles: Vec<Option<MergeCircle>> = drops.iter().map(|d| self.merge_circle(d, law, params)).collect();
         while let Some(DropPair { first: i, second: k }) = first_touching_pair(drops, &circles, params) {
             // The heavier drop keeps its identifier and its place in the list.
             let (heavy, light) = if drops[k].volume > drops[i].volume { (k, i) } else { (i, k) };
             let gone = drops[light].clone();
             result.counters.mergers += 1;
+            let before = (drops[heavy].v * drops[heavy].volume + gone.v * gone.volume) * WATER_DENSITY;
             self.absorb(&mut drops[heavy], &gone);
-            circles[heavy] = self.contact_circle(&drops[heavy], params);
+            circles[heavy] = self.merge_circle(&drops[heavy], law, params);
             let p = circles[heavy].map_or(step.pose.position, |circle| step.world_point(circle.p));
             let kept = &drops[heavy];
+            // The attachment of a pendant drop stops what runs into it.
+            if kept.pendant.is_some() {
+                result.react(step, p, kept.v * (WATER_DENSITY * kept.volume) - before);
+            }
             let event = RainEvent::new(DropEventKind::Merged, kept.id, step.t, p, kept.volume);
             result.events.push(RainEvent { other: Some(gone.id), ..event });
             drops.remove(light);
@@ -48,18 +55,46 @@ impl RainLeaf {
         drops.iter_mut().for_each(|d| d.merge_tested = true);
     }
 
-    fn contact_circle(&self, drop: &SurfaceDrop, params: &DropParams) -> Option<ContactCircle> {
+    /// Forces by which drops on the same side attract each other, in leaf space, N, parallel to `drops`; zero but for
+    /// [`MergeRule::Paper`], by which they overlap before they merge. Source: [yang-wu] eq. 12, k ln(d0 / d) with the distance d0 at
+    /// which they touch, limited to [`MAX_ATTRACTION`] k.
+    pub(super) fn attractions(&self, drops: &[LeafDrop], params: &DropParams) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; drops.len()];
+        if params.merge != MergeRule::Paper {
+            return forces;
+        }
+        let law = &params.wetting.cap_law();
+        let circles: Vec<Option<MergeCircle>> = drops.iter().map(|d| self.merge_circle(d, law, params)).collect();
+        for (i, a) in circles.iter().enumerate() {
+            for (k, b) in circles.iter().enumerate().skip(i + 1) {
+                let (Some(a), Some(b)) = (a, b) else { continue };
+                let (apart, touching) = (b.p - a.p, a.radius + b.radius);
+                let distance = apart.length();
+                if distance >= touching || !on_one_side(&drops[i], &drops[k]) {
+                    continue;
+                }
+                let strength = math::ln(touching / distance.max(f64::MIN_POSITIVE)).min(MAX_ATTRACTION);
+                let force = apart.normalize_or_zero() * (params.attraction_force * strength);
+                forces[i] += force;
+                forces[k] -= force;
+            }
+        }
+        forces
+    }
+
+    fn merge_circle(&self, drop: &LeafDrop, law: &CapLaw, params: &DropParams) -> Option<MergeCircle> {
         match drop.pendant {
-            Some(anchor) => Some(ContactCircle { p: anchor.margin.p, radius: anchor.radius }),
+            Some(anchor) => Some(MergeCircle { p: anchor.margin.p, radius: anchor.radius }),
             None => {
-                self.point_at(drop.uv).map(|point| ContactCircle { p: point.p, radius: drop.head_cap(params, 1.0).a })
+                let radius = drop.head_cap_by(law, params).a;
+                self.surface_under(drop).map(|surface| MergeCircle { p: surface.p, radius })
             }
         }
     }
 
     /// Merges `light` into `heavy`: volumes add, momentum is conserved, the new center is the center of mass. Of two drops of
     /// which one is pendant, the result is pendant.
-    fn absorb(&self, heavy: &mut SurfaceDrop, light: &SurfaceDrop) {
+    fn absorb(&self, heavy: &mut LeafDrop, light: &LeafDrop) {
         let volume = heavy.volume + light.volume;
         // Density is constant, so that fractions of volume weight the center of mass and momentum.
         let share = light.volume / volume;
@@ -84,6 +119,7 @@ impl RainLeaf {
         heavy.volume = volume;
         heavy.merge_tested = false;
         heavy.last_wet_uv = None;
+        heavy.last_wet_p = None;
     }
 }
 
@@ -95,11 +131,7 @@ struct DropPair {
 }
 
 /// The first pair of drops that touch, in the order of their indices. Only pairs with a drop that has moved are tested.
-fn first_touching_pair(
-    drops: &[SurfaceDrop],
-    circles: &[Option<ContactCircle>],
-    params: &DropParams,
-) -> Option<DropPair> {
+fn first_touching_pair(drops: &[LeafDrop], circles: &[Option<MergeCircle>], params: &DropParams) -> Option<DropPair> {
     // Sweep and prune: sort the centers along the leaf; the largest radius bounds how far from a drop another can touch it.
     let mut sorted: Vec<(f64, usize)> =
         (0..).zip(circles).filter_map(|(i, circle)| Some((circle.as_ref()?.p.y, i))).collect();
@@ -107,7 +139,7 @@ fn first_touching_pair(
     let max_radius = circles.iter().flatten().fold(0.0, |m: f64, circle| m.max(circle.radius));
     let mut first: Option<DropPair> = None;
     for (moved, circle) in circles.iter().enumerate().filter(|(i, _)| !drops[*i].merge_tested) {
-        let Some(ContactCircle { p, radius }) = circle else { continue };
+        let Some(MergeCircle { p, radius }) = circle else { continue };
         let reach = (radius + max_radius) * (1.0 + SWEEP_TOLERANCE);
         let from = sorted.partition_point(|(y, _)| *y < p.y - reach);
         for &(_, other) in sorted[from..].iter().take_while(|(y, _)| *y <= p.y + reach) {
@@ -120,11 +152,15 @@ fn first_touching_pair(
     first
 }
 
-/// Whether two drops on the same side of the leaf touch. A pendant drop, at the margin, touches drops on both sides.
-fn drops_touch(drops: &[SurfaceDrop], circles: &[Option<ContactCircle>], pair: DropPair, params: &DropParams) -> bool {
+/// Whether two drops are on the same side of the leaf. A pendant drop, at the margin, is on both.
+fn on_one_side(a: &LeafDrop, b: &LeafDrop) -> bool {
+    a.pendant.is_some() || b.pendant.is_some() || a.side * b.side > 0.0
+}
+
+/// Whether two drops on the same side of the leaf touch.
+fn drops_touch(drops: &[LeafDrop], circles: &[Option<MergeCircle>], pair: DropPair, params: &DropParams) -> bool {
     let DropPair { first: i, second: k } = pair;
     let (Some(a), Some(b)) = (circles[i], circles[k]) else { return false };
-    let any_pendant = drops[i].pendant.is_some() || drops[k].pendant.is_some();
     let reach = match params.merge {
         MergeRule::Touch => a.radius + b.radius,
         // Eq. 12: the attraction k ln(d0 / d) exceeds the friction mu m g of the lighter drop below d = d0 exp(-mu m g / k).
@@ -133,7 +169,7 @@ fn drops_touch(drops: &[SurfaceDrop], circles: &[Option<ContactCircle>], pair: D
             (a.radius + b.radius) * math::exp(-params.friction_coefficient * lighter / params.attraction_force)
         }
     };
-    a.p.distance(b.p) <= reach && (any_pendant || drops[i].side * drops[k].side > 0.0)
+    a.p.distance(b.p) <= reach && on_one_side(&drops[i], &drops[k])
 }
 
 #[cfg(test)]
@@ -157,11 +193,11 @@ mod tests {
                 let mut circles = Vec::new();
                 for id in 0..40 {
                     let side = if draw.chance(0.8) { 1.0 } else { -1.0 };
-                    let mut drop = SurfaceDrop::new(id, side, DVec2::ZERO, DVec3::ZERO, draw.range(1e-9, 3e-8));
+                    let mut drop = LeafDrop::new(id, side, DVec2::ZERO, DVec3::ZERO, draw.range(1e-9, 3e-8));
                     drop.merge_tested = draw.chance(0.6);
                     drops.push(drop);
                     let p = DVec3::new(draw.range(-0.02, 0.02), draw.range(0.0, 0.08), draw.range(0.0, 0.001));
-                    circles.push(draw.chance(0.95).then(|| ContactCircle { p, radius: draw.range(2e-4, 2e-3) }));
+                    circles.push(draw.chance(0.95).then(|| MergeCircle { p, radius: draw.range(2e-4, 2e-3) }));
                 }
                 let pairs = (0..40).flat_map(|i| (i + 1..40).map(move |k| DropPair { first: i, second: k }));
                 let mut moved =
@@ -183,7 +219,7 @@ mod tests {
             let mut one = |most: f64| {
                 let uv = DVec2::new(draw.range(0.1, 0.9), draw.range(0.1, 0.9));
                 let v = DVec3::new(draw.range(-0.5, 0.5), draw.range(-0.5, 0.5), 0.0);
-                SurfaceDrop::new(id, 1.0, uv, v, draw.range(1e-11, most))
+                LeafDrop::new(id, 1.0, uv, v, draw.range(1e-11, most))
             };
             let (mut kept, gone) = (one(1e-7), one(1e-8));
             let (water, push) = (kept.volume + gone.volume, kept.v * kept.volume + gone.v * gone.volume);
@@ -193,5 +229,27 @@ mod tests {
             assert!((kept.v * kept.volume - push).length() < 1e-12 * push.length());
             assert!(kept.uv.distance(middle) < 1e-12);
         }
+    }
+
+    #[test]
+    fn overlapping_drops_attract_each_other_by_the_papers_law() {
+        let leaf = RainLeaf::new(Arc::new(LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade")), 1.0, 0);
+        let paper = DropParams { merge: MergeRule::Paper, ..DropParams::default() };
+        let pair = |apart: f64, side: f64| {
+            let at = |v: f64, side: f64, volume: f64| LeafDrop::new(1, side, DVec2::new(0.5, v), DVec3::ZERO, volume);
+            [at(0.5, 1.0, 9e-9), at(0.5 + apart / 0.08, side, 3e-9)]
+        };
+        let touching: f64 = pair(0.0, 1.0).iter().map(|d| d.head_cap(&paper).a).sum();
+        for (share, strength) in [(0.9, math::ln(1.0 / 0.9)), (0.5, math::ln(2.0)), (1e-3, MAX_ATTRACTION), (1.01, 0.0)]
+        {
+            let forces = leaf.attractions(&pair(share * touching, 1.0), &paper);
+            let wanted = DVec3::Y * (strength * paper.attraction_force);
+            assert!((forces[0] - wanted).length() < 1e-6 * paper.attraction_force, "{share}: {forces:?}");
+            assert!(forces[0] == -forces[1]);
+        }
+        // Neither through the leaf nor by the other rule.
+        assert!(leaf.attractions(&pair(0.5 * touching, -1.0), &paper).iter().all(|f| *f == DVec3::ZERO));
+        let touch = DropParams::default();
+        assert!(leaf.attractions(&pair(0.5 * touching, 1.0), &touch).iter().all(|f| *f == DVec3::ZERO));
     }
 }

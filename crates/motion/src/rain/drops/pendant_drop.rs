@@ -6,11 +6,11 @@ use super::pendant_profile::{RADIUS_RANGE, max_pendant_volume};
 use super::rain_leaf::{DetachedDrop, LeafStep, LeafStepResult, RainLeaf};
 use super::retention::{EffectiveGravity, dry_retention, effective_gravity};
 use super::spherical_cap::SphericalCap;
-use super::surface_drop::{PendantAnchor, SurfaceDrop};
+use super::surface_drop::{LeafDrop, PendantAnchor};
 use crate::rain::leaf::surface::MarginPoint;
 use crate::rain::tuning::{
     DETACHED_FRACTION, LEVEL_TOLERANCE, LOW_POINT_REACH, MARGIN_UV_SHIFT, MAX_PENDANT_LENGTH, MAX_PENDANT_RADIUS,
-    NECKING_TIME, REST_SPEED, RETURN_INSET, RETURN_UV_SHIFT, STUCK_SPEED, TIPPED_OVER,
+    NECKING_TIME, RETURN_INSET, RETURN_UV_SHIFT, STUCK_SPEED, TIPPED_OVER,
 };
 use osier_base::physics::WATER_DENSITY;
 
@@ -19,7 +19,7 @@ impl RainLeaf {
     /// of the margin, or no force drives it along the margin. Returns whether it is pendant now.
     pub(super) fn try_become_pendant(
         &self,
-        drop: &mut SurfaceDrop,
+        drop: &mut LeafDrop,
         gravity: &EffectiveGravity,
         cap: &SphericalCap,
         margin: &MarginPoint,
@@ -37,10 +37,9 @@ impl RainLeaf {
         let down = gravity.total.normalize_or_zero();
         let reach = cap.a.max(LOW_POINT_REACH);
         let not_lower =
-            |offset: f64| (self.blade.along_margin(margin, offset, self.scale) - margin.p).dot(down) < LEVEL_TOLERANCE;
+            |offset: f64| (self.blade.walk_margin(margin, offset, self.scale) - margin.p).dot(down) < LEVEL_TOLERANCE;
         let at_tip = self.blade.is_tip(margin.p, self.scale, reach);
-        let stuck =
-            m * gravity.tangential.dot(margin.tangent).abs() <= retention && drop.v.length() < STUCK_SPEED * REST_SPEED;
+        let stuck = m * gravity.tangential.dot(margin.tangent).abs() <= retention && drop.v.length() < STUCK_SPEED;
         if !(at_tip || (not_lower(reach) && not_lower(-reach)) || stuck) {
             return false;
         }
@@ -58,7 +57,7 @@ impl RainLeaf {
 
     /// Advances a pendant drop: it returns to a blade that has tipped over; if its volume exceeds the maximum for its attachment, it
     /// necks for [`NECKING_TIME`], then most of it detaches. Source: Tate 1864; Harkins and Brown 1919.
-    pub(super) fn step_pendant(&self, drop: &mut SurfaceDrop, step: &LeafStep<'_>, result: &mut LeafStepResult) {
+    pub(super) fn step_pendant(&self, drop: &mut LeafDrop, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let Some(mut pendant) = drop.pendant else { return };
         let point = step.world_point(pendant.margin.p);
         let g = effective_gravity(step, pendant.margin.p);
@@ -91,7 +90,7 @@ impl RainLeaf {
     }
 
     /// Moves a pendant drop back onto the blade, just inside its attachment. Returns false, and leaves it, if no surface is there.
-    fn return_to_blade(&self, drop: &mut SurfaceDrop, pendant: &PendantAnchor) -> bool {
+    fn return_to_blade(&self, drop: &mut LeafDrop, pendant: &PendantAnchor) -> bool {
         let inside = pendant.margin.p - pendant.outward * (RETURN_INSET * pendant.radius);
         let uv = self.blade.uv_of_margin_point(&pendant.margin);
         // Texture coordinates on the margin itself may round to outside of it: look a little towards the middle.
@@ -105,7 +104,7 @@ impl RainLeaf {
     }
 
     /// A point of the blade near a drop whose own texture coordinates are beyond it, m of leaf space; the stalk's end if none is found.
-    pub(super) fn clamped_blade_point(&self, drop: &SurfaceDrop) -> DVec3 {
+    pub(super) fn clamped_blade_point(&self, drop: &LeafDrop) -> DVec3 {
         let near = drop.uv.clamp(DVec2::splat(0.01), DVec2::splat(0.99));
         self.point_at(near).map_or(DVec3::ZERO, |s| s.p)
     }
@@ -113,7 +112,7 @@ impl RainLeaf {
     /// Detaches a whole drop at a position, m, with a velocity relative to the leaf, m/s, both in leaf space.
     pub(super) fn detach_whole(
         &self,
-        drop: &mut SurfaceDrop,
+        drop: &mut LeafDrop,
         step: &LeafStep<'_>,
         position: DVec3,
         velocity: DVec3,

@@ -19,24 +19,24 @@ struct MaxVolumeRow {
     fraction: f64,
 }
 
-const fn table_row(radius: f64, fraction: f64) -> MaxVolumeRow {
+const fn max_volume_row(radius: f64, fraction: f64) -> MaxVolumeRow {
     MaxVolumeRow { radius, fraction }
 }
 
 /// Maximum volumes by radius of attachment. Source: Young-Laplace profiles at the limit of stability; the test
 /// `the_table_is_what_the_shapes_give` computes them.
 const MAX_VOLUME_TABLE: [MaxVolumeRow; 11] = [
-    table_row(0.3, 0.838),
-    table_row(0.4, 0.815),
-    table_row(0.5, 0.797),
-    table_row(0.6, 0.784),
-    table_row(0.75, 0.769),
-    table_row(1.0, 0.753),
-    table_row(1.25, 0.743),
-    table_row(1.5, 0.734),
-    table_row(1.75, 0.721),
-    table_row(2.0, 0.699),
-    table_row(2.25, 0.657),
+    max_volume_row(0.3, 0.838),
+    max_volume_row(0.4, 0.815),
+    max_volume_row(0.5, 0.797),
+    max_volume_row(0.6, 0.784),
+    max_volume_row(0.75, 0.769),
+    max_volume_row(1.0, 0.753),
+    max_volume_row(1.25, 0.743),
+    max_volume_row(1.5, 0.734),
+    max_volume_row(1.75, 0.721),
+    max_volume_row(2.0, 0.699),
+    max_volume_row(2.25, 0.657),
 ];
 /// Capillary length for which the table's radii are given, mm.
 const TABLE_CAPILLARY_LENGTH: f64 = 2.727;
@@ -64,7 +64,7 @@ pub type PendantProfile = Vec<[f64; 2]>;
 
 /// On which side of its greatest width a profile ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum ProfileBranch {
+enum ProfileEnd {
     /// Below it, where the radius still grows with height.
     Widening,
     /// Above it, where the radius falls again.
@@ -73,7 +73,7 @@ enum ProfileBranch {
 
 /// A profile in capillary lengths.
 #[derive(Debug, Clone)]
-struct ScaledProfile {
+struct DimensionlessProfile {
     points: PendantProfile,
     /// Volume in cubic capillary lengths.
     volume: f64,
@@ -81,7 +81,7 @@ struct ScaledProfile {
 
 /// Integrates the Young-Laplace equation from the apex, of radius of curvature `b`, up to the attachment of `radius`, all in
 /// capillary lengths. `None` if the profile does not reach that radius on the branch `end`.
-fn integrate_profile(b: f64, radius: f64, end: ProfileBranch) -> Option<ScaledProfile> {
+fn integrate_profile(b: f64, radius: f64, end: ProfileEnd) -> Option<DimensionlessProfile> {
     // With arc length s and tangent angle f: dx/ds = cos f, dz/ds = sin f, and the sum of the principal curvatures df/ds and
     // sin(f) / x equals the pressure 2/b - z. At the apex both curvatures are 1/b.
     let slope = |[x, z, f]: [f64; 3]| {
@@ -104,8 +104,8 @@ fn integrate_profile(b: f64, radius: f64, end: ProfileBranch) -> Option<ScaledPr
         // Volume of the conical frustum between two points.
         let frustum = |a: [f64; 3], b: [f64; 3]| PI * (b[1] - a[1]) * (a[0] * a[0] + a[0] * b[0] + b[0] * b[0]) / 3.0;
         let crossed = match end {
-            ProfileBranch::Widening => next[0] >= radius,
-            ProfileBranch::Narrowing => past_widest && next[0] <= radius,
+            ProfileEnd::Widening => next[0] >= radius,
+            ProfileEnd::Narrowing => past_widest && next[0] <= radius,
         };
         if crossed {
             // End exactly at the attachment, by linear interpolation within the step.
@@ -113,10 +113,10 @@ fn integrate_profile(b: f64, radius: f64, end: ProfileBranch) -> Option<ScaledPr
             let last = [radius, s[1] + t * (next[1] - s[1]), next[2]];
             volume += frustum(s, last);
             points.push([last[0], last[1]]);
-            return Some(ScaledProfile { points, volume });
+            return Some(DimensionlessProfile { points, volume });
         }
         if next[0] < s[0] {
-            if end == ProfileBranch::Widening {
+            if end == ProfileEnd::Widening {
                 return None;
             }
             past_widest = true;
@@ -140,7 +140,7 @@ pub struct PendantFamily {
     radius: f64,
     /// Radius of attachment in capillary lengths, within [`RADIUS_RANGE`].
     scaled_radius: f64,
-    /// Apex radius at which the profile's end changes from [`ProfileBranch::Widening`] to [`ProfileBranch::Narrowing`].
+    /// Apex radius at which the profile's end changes from [`ProfileEnd::Widening`] to [`ProfileEnd::Narrowing`].
     scaled_turn: f64,
     /// Apex radius of the profile of maximum volume.
     scaled_last: f64,
@@ -161,7 +161,7 @@ impl PendantFamily {
     pub fn profile(&self, volume: f64) -> PendantProfile {
         let l = self.capillary_length;
         let target = volume / (l * l * l);
-        let ScaledProfile { points, volume: reached } = self.scaled_profile(target);
+        let DimensionlessProfile { points, volume: reached } = self.dimensionless_profile(target);
         let stretch = if target > reached { (target / reached).min(MAX_PENDANT_STRETCH) } else { 1.0 };
         // A radius outside of the table's range is met by scaling the profile horizontally.
         let horizontal = self.radius / self.scaled_radius;
@@ -170,18 +170,18 @@ impl PendantFamily {
 
     /// The profile whose volume is nearest to `target`, in cubic capillary lengths. Volume grows along the family: first the
     /// apex radius falls while the profile ends on its widening branch, then it rises on the narrowing branch.
-    fn scaled_profile(&self, target: f64) -> ScaledProfile {
+    fn dimensionless_profile(&self, target: f64) -> DimensionlessProfile {
         let r = self.scaled_radius;
-        let at_turn = integrate_profile(self.scaled_turn, r, ProfileBranch::Widening);
+        let at_turn = integrate_profile(self.scaled_turn, r, ProfileEnd::Widening);
         let (mut lo, mut hi, end) = if at_turn.is_some_and(|profile| target <= profile.volume) {
-            (60.0 * r, self.scaled_turn, ProfileBranch::Widening)
+            (60.0 * r, self.scaled_turn, ProfileEnd::Widening)
         } else {
-            (self.scaled_turn, self.scaled_last, ProfileBranch::Narrowing)
+            (self.scaled_turn, self.scaled_last, ProfileEnd::Narrowing)
         };
         // Should neither limit have a profile, a cone of the volume of a half ball stands in.
-        let half_ball = ScaledProfile { points: vec![[0.0, 0.0], [r, r]], volume: 2.0 / 3.0 * PI * r * r * r };
+        let half_ball = DimensionlessProfile { points: vec![[0.0, 0.0], [r, r]], volume: 2.0 / 3.0 * PI * r * r * r };
         let mut best = integrate_profile(hi, r, end).or_else(|| integrate_profile(lo, r, end)).unwrap_or(half_ball);
-        if end == ProfileBranch::Narrowing && best.volume <= target {
+        if end == ProfileEnd::Narrowing && best.volume <= target {
             return best;
         }
         // Bisection of the apex radius; `lo` has too little volume, `hi` too much or no profile.
@@ -207,12 +207,12 @@ impl PendantFamily {
 fn min_widening_apex_radius(r: f64) -> f64 {
     // Bracket the limit, then bisect; without gravity it would be r itself, that of a half ball.
     let (mut lo, mut hi) = (0.5 * r, 4.0 * r);
-    while integrate_profile(hi, r, ProfileBranch::Widening).is_none() && hi < 100.0 * r {
+    while integrate_profile(hi, r, ProfileEnd::Widening).is_none() && hi < 100.0 * r {
         hi *= 1.5;
     }
     for _ in 0..48 {
         let b = 0.5 * (lo + hi);
-        if integrate_profile(b, r, ProfileBranch::Widening).is_some() {
+        if integrate_profile(b, r, ProfileEnd::Widening).is_some() {
             hi = b;
         } else {
             lo = b;
@@ -229,7 +229,7 @@ fn apex_radius_of_max_volume(turn: f64, r: f64) -> f64 {
     let mut b = turn;
     for _ in 0..400 {
         b *= 1.01;
-        match integrate_profile(b, r, ProfileBranch::Narrowing) {
+        match integrate_profile(b, r, ProfileEnd::Narrowing) {
             Some(profile) if profile.volume > max_volume => (best, max_volume) = (b, profile.volume),
             _ => break,
         }
@@ -238,7 +238,7 @@ fn apex_radius_of_max_volume(turn: f64, r: f64) -> f64 {
     let (mut lo, mut hi) = (best, best * 1.02);
     for _ in 0..30 {
         let b = 0.5 * (lo + hi);
-        match integrate_profile(b, r, ProfileBranch::Narrowing) {
+        match integrate_profile(b, r, ProfileEnd::Narrowing) {
             Some(profile) if profile.volume >= max_volume => (lo, max_volume) = (b, profile.volume),
             _ => hi = b,
         }
@@ -287,7 +287,6 @@ pub fn profile_volume(profile: &[[f64; 2]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rain::tuning::DETACHED_FRACTION;
 
     #[test]
     fn the_table_is_what_the_shapes_give() {
@@ -295,7 +294,7 @@ mod tests {
             let r = mm / TABLE_CAPILLARY_LENGTH;
             let tight = min_widening_apex_radius(r);
             let b = apex_radius_of_max_volume(tight, r);
-            let most = integrate_profile(b, r, ProfileBranch::Narrowing).expect("a shape").volume;
+            let most = integrate_profile(b, r, ProfileEnd::Narrowing).expect("a shape").volume;
             // In capillary lengths 2 pi R gamma / (rho g) is 2 pi r.
             let found = most / (2.0 * PI * r);
             assert!((found / c - 1.0).abs() < 0.01, "{mm}: {found} {c}");
@@ -336,15 +335,5 @@ mod tests {
             (length, narrow) = (z, neck(&thin));
         }
         assert!(narrow < 0.4 * seat, "{narrow} of {seat}");
-    }
-
-    #[test]
-    fn what_falls_is_tates_share() {
-        for mm in [0.5, 1.0, 1.5] {
-            let r = mm * 1e-3;
-            let share = DETACHED_FRACTION * max_pendant_volume(r, 9.81)
-                / (2.0 * PI * r * WATER_SURFACE_TENSION / (WATER_DENSITY * 9.81));
-            assert!((0.60..0.80).contains(&share), "{mm}: {share}");
-        }
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::surface_drop::SurfaceDrop;
+use super::surface_drop::LeafDrop;
 use crate::rain::event::{DropEventKind, RainEvent};
 use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use crate::rain::leaf::wetness::WetnessGrid;
@@ -19,7 +19,7 @@ pub struct RainLeaf {
     /// Factor on the size of the blade.
     pub scale: f64,
     /// Drops on the leaf, ordered by identifier.
-    pub drops: Vec<SurfaceDrop>,
+    pub drops: Vec<LeafDrop>,
     /// Wetness that acts on drops: tracks and places where drops have been.
     pub wetness_grid: WetnessGrid,
     /// Index that addresses the leaf's random draws.
@@ -54,14 +54,16 @@ pub struct DetachedDrop {
     pub is_whole: bool,
 }
 
-/// A spot of a leaf that was under water at a time.
+/// A part of a leaf that a drop has covered: its footprint, swept along a short straight path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WetSpot {
-    /// Center, texture coordinates.
+    /// Center of the footprint at the end of the path, texture coordinates.
     pub uv: DVec2,
+    /// Center at its beginning, texture coordinates; `uv` for a drop that has not moved.
+    pub from: DVec2,
     /// Base radius of the drop that covered it, m.
     pub a: f64,
-    /// Time at which it was covered, s.
+    /// Time at the end of the path, s.
     pub t: f64,
 }
 
@@ -105,6 +107,19 @@ pub struct PointForce {
     pub force: DVec3,
 }
 
+/// An impulse on a leaf at a point.
+///
+/// The water on a leaf has its inertia and weight through [`AttachedWater`], as if it were rigid with the leaf. What a drop gains in
+/// momentum relative to the leaf is therefore taken from the leaf, so that the momentum of both is conserved: of a drop that runs the
+/// leaf then feels the normal part of the weight and the resistance to the motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointImpulse {
+    /// Point of application in the world, m.
+    pub point: DVec3,
+    /// Impulse in the world, N s.
+    pub impulse: DVec3,
+}
+
 /// The water on a leaf as a rigid body attached to it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct AttachedWater {
@@ -121,11 +136,15 @@ pub struct LeafStepResult {
     pub detached: Vec<DetachedDrop>,
     /// Spots that became wet.
     pub wet_spots: Vec<WetSpot>,
+    /// Places on the tracks of running drops that they have left wet.
+    pub tracks: Vec<WetSpot>,
     /// Counts of the events.
     pub counters: DropCounters,
     /// The events in the order in which they occurred.
     pub events: Vec<RainEvent>,
-    /// Forces on the leaf beyond the weight of the attached water.
+    /// Impulses on the leaf by drops that change their velocity relative to it.
+    pub reactions: Vec<PointImpulse>,
+    /// Forces on the leaf beyond the weight of the attached water; the reactions are among them.
     pub forces: Vec<PointForce>,
     /// The water on the leaf after the step.
     pub attached: AttachedWater,
@@ -139,8 +158,15 @@ impl LeafStep<'_> {
 }
 
 impl LeafStepResult {
+    /// Records the reaction on the leaf to a gain of a drop's momentum relative to it, in leaf space, kg m/s, at a point of the world.
+    pub(super) fn react(&mut self, step: &LeafStep<'_>, point: DVec3, gain: DVec3) {
+        if gain != DVec3::ZERO {
+            self.reactions.push(PointImpulse { point, impulse: step.pose.orientation * -gain });
+        }
+    }
+
     /// Records the event `edge` of a drop at a point of leaf space, once per visit of the margin.
-    pub(super) fn record_margin_contact(&mut self, step: &LeafStep<'_>, drop: &mut SurfaceDrop, local: DVec3) {
+    pub(super) fn record_margin_contact(&mut self, step: &LeafStep<'_>, drop: &mut LeafDrop, local: DVec3) {
         if !std::mem::replace(&mut drop.at_margin, true) {
             let p = step.world_point(local);
             self.events.push(RainEvent::new(DropEventKind::Edge, drop.id, step.t, p, drop.volume));
@@ -148,7 +174,7 @@ impl LeafStepResult {
     }
 
     /// Records the event `hung` of a drop that has become pendant at a point of leaf space.
-    pub(super) fn record_pendant(&mut self, step: &LeafStep<'_>, drop: &SurfaceDrop, local: DVec3) {
+    pub(super) fn record_pendant(&mut self, step: &LeafStep<'_>, drop: &LeafDrop, local: DVec3) {
         self.counters.pendants += 1;
         let p = step.world_point(local);
         self.events.push(RainEvent::new(DropEventKind::Hung, drop.id, step.t, p, drop.volume));
@@ -166,6 +192,11 @@ impl RainLeaf {
         self.blade.point_at(uv, self.scale)
     }
 
+    /// The surface point under a drop, in leaf space; `None` beyond the blade.
+    pub(super) fn surface_under(&self, drop: &LeafDrop) -> Option<SurfacePoint> {
+        drop.located_surface().or_else(|| self.point_at(drop.uv))
+    }
+
     /// Volume of all water on the leaf, m^3.
     pub fn volume(&self) -> f64 {
         self.drops.iter().map(|d| d.volume).sum()
@@ -176,8 +207,9 @@ impl RainLeaf {
     pub fn mean_wetness(&self, t: f64, params: &DropParams) -> f64 {
         let tracks = self.wetness_grid.mean_wetness(self.blade.occupied_cells(), t, params.drying_law());
         // Base areas pi a^2 of the heads; tails add little.
-        let base = |d: &SurfaceDrop| {
-            let a = d.head_cap(params, 1.0).a;
+        let law = params.wetting.cap_law();
+        let base = |d: &LeafDrop| {
+            let a = d.head_cap_by(&law, params).a;
             std::f64::consts::PI * a * a
         };
         // Pendant drops cover next to nothing of the blade.

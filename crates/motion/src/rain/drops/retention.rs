@@ -3,14 +3,16 @@
 use glam::{DVec2, DVec3};
 
 use super::rain_leaf::{LeafStep, RainLeaf};
-use super::spherical_cap::SphericalCap;
-use super::surface_drop::SurfaceDrop;
+use super::spherical_cap::{CapLaw, SphericalCap};
+use super::surface_drop::LeafDrop;
 use crate::rain::leaf::surface::SurfacePoint;
-use crate::rain::params::DropParams;
-use crate::rain::tuning::{FRONT_DISTANCE, MAX_LEAF_ACCELERATION, PINNING_NOISE_CELLS, WET_RELIEF};
+use crate::rain::params::{DropParams, FrictionModel};
+use crate::rain::tuning::{
+    DYNAMIC_RETENTION, FRONT_DISTANCE, MAX_LEAF_ACCELERATION, PINNING_NOISE_CELLS, STOP_SPEED, WET_RELIEF,
+};
 use osier_base::math;
 use osier_base::noise::gradient2;
-use osier_base::physics::WATER_SURFACE_TENSION;
+use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 use osier_base::rng::Rng;
 
 /// Effective gravity on a drop, in leaf space, with its components at the surface.
@@ -23,6 +25,49 @@ pub(super) struct EffectiveGravity {
     pub tangential: DVec3,
     /// Component towards the surface, m/s^2; negative where it pulls the drop off.
     pub onto: f64,
+}
+
+/// Quantities of a step that are the same for all drops of a leaf.
+pub(super) struct StepConstants {
+    /// Law of the shape of caps.
+    pub cap_law: CapLaw,
+    /// Sine of the receding contact angle.
+    pub sin_receding: f64,
+    /// Contact-angle hysteresis cos(receding) - cos(advancing).
+    pub hysteresis: f64,
+    /// Key of the leaf's pinning noise.
+    pub pinning_key: u64,
+}
+
+impl StepConstants {
+    pub fn new(leaf: &RainLeaf, params: &DropParams) -> Self {
+        Self {
+            cap_law: params.wetting.cap_law(),
+            sin_receding: math::sin(params.wetting.receding),
+            hysteresis: contact_angle_hysteresis(params),
+            // The key differs from leaf to leaf.
+            pinning_key: Rng::key(params.seed, &["pin".into(), leaf.index.into()]),
+        }
+    }
+}
+
+/// The forces on a drop along the surface.
+pub(super) struct SurfaceForces {
+    /// Weight along the surface and the attraction of other drops, in leaf space, N.
+    pub drive: DVec3,
+    /// Largest drive that leaves a drop at rest where it is, N.
+    pub holding: f64,
+    /// Dry friction against the motion of a drop, N; at most `holding`.
+    pub resistance: f64,
+    /// Skew of the drop as a fraction of the largest, 0 to 1.
+    pub lean: f64,
+}
+
+impl SurfaceForces {
+    /// Whether a drop at rest stays at rest.
+    pub fn hold(&self) -> bool {
+        self.drive.length() <= self.holding
+    }
 }
 
 /// Effective gravity in the accelerated frame of the leaf, g - a, at a point of leaf space, in leaf space, m/s^2.
@@ -52,32 +97,65 @@ impl RainLeaf {
         EffectiveGravity { normal, total: g, tangential: g - normal * g.dot(normal), onto: -g.dot(normal) }
     }
 
+    /// The forces along the surface on a drop: the drive, and what holds it. `attraction`: force of other drops, in leaf space, N.
+    pub(super) fn surface_forces(
+        &self,
+        drop: &LeafDrop,
+        cap: &SphericalCap,
+        surface: &SurfacePoint,
+        gravity: &EffectiveGravity,
+        attraction: DVec3,
+        constants: &StepConstants,
+        step: &LeafStep<'_>,
+    ) -> SurfaceForces {
+        let params = step.params;
+        let m = WATER_DENSITY * drop.volume;
+        let drive = gravity.tangential * m + attraction - gravity.normal * attraction.dot(gravity.normal);
+        let sliding = params.friction_coefficient * m * gravity.onto.abs();
+        match params.friction {
+            FrictionModel::Retention => {
+                let heading = if drop.v.length() > STOP_SPEED { drop.v } else { drive }.normalize_or(drop.axis);
+                let retention = self.retention_force(drop, cap, surface, heading, constants, step);
+                // The hysteresis of a moving contact line is smaller. Friction, if there is any, also holds a drop at rest.
+                let resistance = DYNAMIC_RETENTION * retention + sliding;
+                // A drop leans in proportion to the load on its contact line, fully at the point of slipping.
+                let lean = if retention > 0.0 { (drive.length() / retention).min(1.0) } else { 1.0 };
+                SurfaceForces { drive, holding: retention.max(resistance), resistance, lean }
+            }
+            // [yang-wu] eq. 7: mu m g_n + H.
+            FrictionModel::Paper => {
+                let friction = sliding + params.friction_force;
+                SurfaceForces { drive, holding: friction, resistance: friction, lean: 1.0 }
+            }
+        }
+    }
+
     /// Retention force by contact-angle hysteresis on a drop that moves or would move along the unit tangent `direction`, N. Pinning
     /// varies over the leaf, and a wet surface ahead holds less.
     pub(super) fn retention_force(
         &self,
-        drop: &SurfaceDrop,
+        drop: &LeafDrop,
         cap: &SphericalCap,
         surface: &SurfacePoint,
         direction: DVec3,
+        constants: &StepConstants,
         step: &LeafStep<'_>,
     ) -> f64 {
         let params = step.params;
         // The force acts on the width of the contact line across the motion, which a stretch reduces.
         let width = 2.0 * cap.a / drop.stretch();
-        let noise = self.pinning_noise(drop.uv, params);
+        let noise = pinning_noise(constants.pinning_key, drop.uv);
         // Only the advancing front meets a new surface, so its wetness counts, not that under the drop.
         let ahead = drop.uv + surface.uv_offset(direction * (FRONT_DISTANCE * cap.a));
         let wet = self.wetness_grid.wetness(ahead, step.t, params.drying_law());
-        let uniform = params.retention_factor * WATER_SURFACE_TENSION * width * contact_angle_hysteresis(params);
+        let uniform = params.retention_factor * WATER_SURFACE_TENSION * width * constants.hysteresis;
         uniform * (1.0 + params.pinning_noise * noise) * (1.0 - WET_RELIEF * wet)
     }
+}
 
-    /// Gradient noise of the leaf's pinning at texture coordinates, about -1 to 1; constant over time, different from leaf to leaf.
-    pub(super) fn pinning_noise(&self, uv: DVec2, params: &DropParams) -> f64 {
-        // The key differs from leaf to leaf; the noise repeats only far beyond the texture.
-        let p = [math::narrow(uv.x * PINNING_NOISE_CELLS), math::narrow(uv.y * PINNING_NOISE_CELLS)];
-        let key = Rng::key(params.seed, &["pin".into(), self.index.into()]);
-        f64::from(gradient2(key, p, [4096, 4096]))
-    }
+/// Gradient noise of a leaf's pinning at texture coordinates, about -1 to 1; constant over time. `key`: [`StepConstants::pinning_key`].
+pub(super) fn pinning_noise(key: u64, uv: DVec2) -> f64 {
+    // The noise repeats only far beyond the texture.
+    let p = [math::narrow(uv.x * PINNING_NOISE_CELLS), math::narrow(uv.y * PINNING_NOISE_CELLS)];
+    f64::from(gradient2(key, p, [4096, 4096]))
 }

@@ -1,205 +1,332 @@
 //! Sessile drops: when they stay pinned, how they run over the leaf, and what happens to them at the margin.
 
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 use glam::DVec3;
 
 use super::rain_leaf::{LeafStep, LeafStepResult, RainLeaf};
-use super::retention::EffectiveGravity;
+use super::retention::{EffectiveGravity, StepConstants, SurfaceForces, pinning_noise};
 use super::spherical_cap::SphericalCap;
-use super::surface_drop::SurfaceDrop;
-use crate::rain::params::{DropParams, FrictionModel};
+use super::surface_drop::LeafDrop;
+use crate::rain::leaf::surface::{MarginPoint, SurfacePoint};
 use crate::rain::tuning::{
-    AXIS_TURN_TIME, DYNAMIC_RETENTION, MARGIN_DISTANCE, MARGIN_ESCAPE_SPEED, MARGIN_INSET, MAX_SUBSTEPS,
-    MIN_CAP_RADIUS, REST_SPEED, STEER_DIRECTIONS, STEER_DOWNHILL, STEER_INTERVAL, STEER_LOOKAHEAD, STEER_NOISE,
-    STEER_NOISE_SCALE, STEER_VEIN, STEER_WETNESS, SUBSTEP_LENGTH,
+    AXIS_TURN_TIME, MARGIN_DISTANCE, MARGIN_ESCAPE_SPEED, MARGIN_INSET, MAX_RUN_SEGMENTS, MAX_SEGMENT_TURN,
+    MIN_CAP_RADIUS, MIN_SEGMENT_TIME, SEGMENT_LENGTH, SEGMENTS_PER_DECAY_TIME, STEER_DIRECTIONS, STEER_DOWNHILL,
+    STEER_INTERVAL, STEER_LOOKAHEAD, STEER_NOISE, STEER_NOISE_SCALE, STEER_TOLERANCE, STEER_VEIN, STEER_WETNESS,
+    STOP_SPEED,
 };
 use osier_base::math;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
-/// Friction of [yang-wu] eq. 7 on a drop of mass `m`, kg: mu m g_n + H, N.
-fn paper_friction(params: &DropParams, m: f64, gravity: &EffectiveGravity) -> f64 {
-    params.friction_coefficient * m * gravity.onto.abs() + params.friction_force
-}
-
 impl RainLeaf {
-    /// Advances a sessile drop: it detaches, rests or runs.
-    pub(super) fn step_sessile(&self, drop: &mut SurfaceDrop, step: &LeafStep<'_>, result: &mut LeafStepResult) {
-        let params = step.params;
-        let Some(surface) = self.point_at(drop.uv) else {
-            return self.detach_whole(drop, step, self.clamped_blade_point(drop), DVec3::ZERO, result);
-        };
-        let gravity = self.surface_gravity(&surface, drop.side, step);
-        let m = WATER_DENSITY * drop.volume;
-        drop.since_merge += step.h;
-        // The paper's wedge shape depends on how far the drop's normal agrees with the vertical.
-        let facing = (step.pose.orientation * gravity.normal).y.abs();
-        let cap = drop.head_cap(params, facing);
-        // Adhesion normal to the surface: surface tension around the contact line, 2 pi a gamma sin(receding).
-        let adhesion = 2.0 * PI * cap.a * WATER_SURFACE_TENSION * math::sin(params.wetting.receding);
-        if -m * gravity.onto > adhesion {
-            return self.detach_whole(drop, step, surface.p + gravity.normal * cap.top(), drop.v, result);
-        }
-        // The surface has curved since the last step: keep the velocity tangential.
-        drop.v -= gravity.normal * drop.v.dot(gravity.normal);
-        let downhill = gravity.tangential.normalize_or(drop.axis);
-        let force = m * gravity.tangential.length();
-        let heading = if drop.v.length() > REST_SPEED { drop.v.normalize() } else { downhill };
-        let retention = self.retention_force(drop, &cap, &surface, heading, step);
-        // A drop leans in proportion to the load on its contact line, fully at the point of slipping.
-        drop.lean = match params.friction {
-            FrictionModel::Retention if retention > 0.0 => (force / retention).min(1.0),
-            _ => 1.0,
-        };
-        // The footprint of a resting drop turns downhill slowly; that of a running drop points along its motion.
-        let rests = drop.v.length() <= REST_SPEED;
-        if rests {
-            drop.v = DVec3::ZERO;
-            let across = downhill - drop.axis * drop.axis.dot(downhill);
-            drop.axis = (drop.axis + across * (step.h / AXIS_TURN_TIME).min(1.0)).normalize_or(downhill);
-        } else {
-            drop.axis = heading;
-        }
-        // Depinning: the drop moves once the force along the surface exceeds what holds it.
-        let pinned = match params.friction {
-            FrictionModel::Retention => force <= retention,
-            FrictionModel::Paper => force <= paper_friction(params, m, &gravity),
-        };
-        if rests && pinned {
-            drop.step_tail(cap.a, step.h, params);
-            return;
-        }
-        self.accelerate(drop, &gravity, retention, &cap, step);
-        self.move_along_surface(drop, &gravity, &cap, step, result);
-    }
-
-    /// Updates the velocity by gravity along the surface and friction against the motion; at intervals the drop chooses a new heading.
-    fn accelerate(
+    /// Advances a sessile drop: it detaches, rests or runs. `cap`: of its head. `attraction`: force of other drops on it, in leaf space, N.
+    pub(super) fn step_sessile(
         &self,
-        drop: &mut SurfaceDrop,
-        gravity: &EffectiveGravity,
-        retention: f64,
+        drop: &mut LeafDrop,
         cap: &SphericalCap,
+        attraction: DVec3,
+        constants: &StepConstants,
         step: &LeafStep<'_>,
+        result: &mut LeafStepResult,
     ) {
-        let (h, params) = (step.h, step.params);
-        let m = WATER_DENSITY * drop.volume;
-        drop.merge_tested = false;
-        drop.v += gravity.tangential * h;
-        let friction = match params.friction {
-            FrictionModel::Retention => {
-                DYNAMIC_RETENTION * retention + params.friction_coefficient * m * gravity.onto.abs()
+        drop.since_merge += step.h;
+        let (before, m) = (drop.v, WATER_DENSITY * drop.volume);
+        let start = self.surface_under(drop);
+        match start {
+            Some(start) => {
+                let end = self.run(drop, start, cap, attraction, constants, step, result);
+                drop.set_located_surface(Some(end));
             }
-            FrictionModel::Paper => paper_friction(params, m, gravity),
-        };
-        // Dry friction takes a constant h F / m, at most the whole speed; viscous drag v / tau is implicit, hence unconditionally
-        // stable: v' = v / (1 + h / tau).
-        let speed = drop.v.length();
-        let new_speed = (speed - h * friction / m).max(0.0) / (1.0 + h / params.velocity_decay_time);
-        drop.v = drop.v.normalize_or_zero() * new_speed;
-        if new_speed <= REST_SPEED {
-            drop.v = DVec3::ZERO;
-        } else if drop.since_steer >= STEER_INTERVAL * cap.a {
-            self.steer(drop, gravity, cap, step);
-            drop.since_steer = 0.0;
+            None => self.detach_whole(drop, step, self.clamped_blade_point(drop), drop.v, result),
         }
+        // Whatever has changed the drop's momentum relative to the leaf beside its weight, the leaf has given it; see
+        // [`PointImpulse`].
+        let point = step.world_point(start.map_or_else(|| self.clamped_blade_point(drop), |s| s.p));
+        result.react(step, point, (drop.v - before) * m);
     }
 
-    /// Turns a running drop to the best of a ring of directions by a weighted sum: straight on, downhill, towards wet surface, along
-    /// veins, and noise. Source: own; [yang-wu] gives no rule.
-    fn steer(&self, drop: &mut SurfaceDrop, gravity: &EffectiveGravity, cap: &SphericalCap, step: &LeafStep<'_>) {
-        let params = step.params;
-        let Some(surface) = self.point_at(drop.uv) else { return };
-        let (heading, downhill) = (drop.v.normalize_or_zero(), gravity.tangential.normalize_or_zero());
-        let across = gravity.normal.cross(heading);
-        let lookahead = (drop.v.length() * step.h).max(STEER_LOOKAHEAD * cap.a);
-        let (mut best_score, mut best) = (f64::NEG_INFINITY, heading);
-        for k in 0..STEER_DIRECTIONS {
-            let turn = 2.0 * PI * f64::from(k) / f64::from(STEER_DIRECTIONS);
-            let d = heading * math::cos(turn) + across * math::sin(turn);
-            let ahead = drop.uv + surface.uv_offset(d * lookahead);
-            let wet = self.wetness_grid.wetness(ahead, step.t, params.drying_law());
-            let vein = self.blade.vein_depth(ahead);
-            let noise = self.pinning_noise(ahead * STEER_NOISE_SCALE, params);
-            let score = d.dot(heading)
-                + STEER_DOWNHILL * d.dot(downhill)
-                + STEER_WETNESS * wet
-                + STEER_VEIN * vein
-                + STEER_NOISE * noise;
-            if score > best_score {
-                (best_score, best) = (score, d);
-            }
-        }
-        // Only the component of the velocity in the new direction remains; turning does not create speed.
-        drop.v = best * (drop.v.length() * best.dot(heading).max(0.0));
-    }
-
-    /// Moves a drop by its velocity in substeps of half a base radius, so that it cannot jump over the margin or a fold. At the margin
-    /// it detaches, becomes pendant, or runs on along the margin.
-    fn move_along_surface(
+    /// Runs a drop for the step in segments of constant force. Each ends where the drop stops, where it chooses a new heading, or
+    /// after a fraction of its radius, so that neither the time step nor the margin is jumped over. `start`: the surface
+    /// under the drop. Returns the surface where it has last been on the upper or lower side.
+    fn run(
         &self,
-        drop: &mut SurfaceDrop,
+        drop: &mut LeafDrop,
+        start: SurfacePoint,
+        cap: &SphericalCap,
+        attraction: DVec3,
+        constants: &StepConstants,
+        step: &LeafStep<'_>,
+        result: &mut LeafStepResult,
+    ) -> SurfacePoint {
+        let params = step.params;
+        let mut surface = start;
+        let mut left = step.h;
+        // How far the drop can move before it can come near the margin.
+        let mut clearance = 0.0;
+        for _ in 0..MAX_RUN_SEGMENTS {
+            let gravity = self.surface_gravity(&surface, drop.side, step);
+            let m = WATER_DENSITY * drop.volume;
+            // Adhesion normal to the surface: surface tension around the contact line, 2 pi a gamma sin(receding).
+            let adhesion = 2.0 * PI * cap.a * WATER_SURFACE_TENSION * constants.sin_receding;
+            if -m * gravity.onto > adhesion {
+                self.detach_whole(drop, step, surface.p + gravity.normal * cap.top(), drop.v, result);
+                break;
+            }
+            // The surface has curved since the last segment: keep the velocity tangential.
+            drop.v -= gravity.normal * drop.v.dot(gravity.normal);
+            let mut forces = self.surface_forces(drop, cap, &surface, &gravity, attraction, constants, step);
+            drop.lean = forces.lean;
+            if drop.v.length() <= STOP_SPEED && forces.hold() {
+                drop.v = DVec3::ZERO;
+                drop.turn_axis(forces.drive.normalize_or(drop.axis), left);
+                break;
+            }
+            drop.merge_tested = false;
+            let reach = SEGMENT_LENGTH * cap.a.max(MIN_CAP_RADIUS);
+            if clearance < 2.0 * MARGIN_DISTANCE * cap.a + reach {
+                let margin = self.blade.nearest_margin(surface.p, self.scale);
+                clearance = margin.map_or(f64::INFINITY, |margin| margin.distance);
+                drop.at_margin &= clearance < 2.0 * MARGIN_DISTANCE * cap.a;
+                if let Some(margin) = margin.filter(|_| clearance < MARGIN_DISTANCE * cap.a) {
+                    let outward = outward_at(&margin, &surface, drop.side);
+                    if self.meet_margin(drop, &gravity, cap, &surface, &margin, step, result) {
+                        break;
+                    }
+                    // The edge also takes up the force across it.
+                    forces.drive -= outward * forces.drive.dot(outward).max(0.0);
+                    if drop.v.length() <= STOP_SPEED && forces.hold() {
+                        drop.v = DVec3::ZERO;
+                        break;
+                    }
+                }
+            }
+            let farthest = reach.min((STEER_INTERVAL * cap.a - drop.since_steer).max(STEER_TOLERANCE * cap.a));
+            let segment = RunSegment::new(drop.v, &forces, m, params.velocity_decay_time, left, farthest);
+            let Some(end) = self.follow_segment(drop, &segment, &surface, &gravity, cap, step, result) else { break };
+            surface = end;
+            drop.axis = drop.v.normalize_or(drop.axis);
+            self.mark_wet_trail(drop, surface.p, cap.a, step, result);
+            if drop.since_steer >= (STEER_INTERVAL - STEER_TOLERANCE) * cap.a {
+                self.steer(drop, &surface, &gravity, cap, constants, step);
+                drop.since_steer = 0.0;
+            }
+            clearance -= segment.shift.length();
+            left -= segment.duration;
+            if left <= 0.0 {
+                break;
+            }
+        }
+        surface
+    }
+
+    /// Moves a drop by a segment of its run. Where that ends beyond the blade the drop stays at the margin, detaches or becomes pendant.
+    /// Returns the surface under the drop; `None` if it has left the upper or lower side.
+    fn follow_segment(
+        &self,
+        drop: &mut LeafDrop,
+        segment: &RunSegment,
+        surface: &SurfacePoint,
         gravity: &EffectiveGravity,
         cap: &SphericalCap,
         step: &LeafStep<'_>,
         result: &mut LeafStepResult,
+    ) -> Option<SurfacePoint> {
+        // Map the displacement to texture coordinates by the tangent plane here.
+        let next = drop.uv + surface.uv_offset(segment.shift);
+        drop.v = segment.v;
+        if let Some(there) = self.point_at(next) {
+            drop.record_path(drop.uv, segment.shift.length(), cap.a, step.params);
+            drop.uv = next;
+            // Follow the curvature of the surface at constant speed.
+            let n = there.n * drop.side;
+            let speed = drop.v.length();
+            drop.v = (drop.v - n * drop.v.dot(n)).normalize_or_zero() * speed;
+            return Some(there);
+        }
+        // The segment would end beyond the margin: move slightly inward, and go on along it.
+        let Some(margin) = self.blade.nearest_margin(surface.p, self.scale) else { return Some(*surface) };
+        let outward = outward_at(&margin, surface, drop.side);
+        if self.meet_margin(drop, gravity, cap, surface, &margin, step, result) {
+            return None;
+        }
+        drop.v = margin.tangent * drop.v.dot(margin.tangent);
+        let inside = drop.uv + surface.uv_offset(-outward * (MARGIN_INSET * cap.a));
+        let Some(there) = self.point_at(inside) else { return Some(*surface) };
+        drop.uv = inside;
+        Some(there)
+    }
+
+    /// Lets the margin act on a drop close to it: fast drops leave the leaf, others become pendant or lose their speed across it.
+    /// Returns whether the drop has left the upper or lower side.
+    fn meet_margin(
+        &self,
+        drop: &mut LeafDrop,
+        gravity: &EffectiveGravity,
+        cap: &SphericalCap,
+        surface: &SurfacePoint,
+        margin: &MarginPoint,
+        step: &LeafStep<'_>,
+        result: &mut LeafStepResult,
+    ) -> bool {
+        let outward = outward_at(margin, surface, drop.side);
+        let across = drop.v.dot(outward);
+        // The inertia of fast drops exceeds the retention of the edge.
+        if across > MARGIN_ESCAPE_SPEED {
+            self.detach_whole(drop, step, margin.p, drop.v, result);
+            return true;
+        }
+        // The edge stops the motion across it; what is left goes along it.
+        drop.v -= outward * across.max(0.0);
+        result.record_margin_contact(step, drop, surface.p);
+        let hangs = self.try_become_pendant(drop, gravity, cap, margin, outward, step);
+        if hangs {
+            result.record_pendant(step, drop, margin.p);
+        }
+        hangs
+    }
+
+    /// Turns a running drop to the best of a ring of directions by a weighted sum: straight on, downhill, towards wet surface, along
+    /// veins, and noise. `surface`: under the drop. Source: own; [yang-wu] gives no rule.
+    fn steer(
+        &self,
+        drop: &mut LeafDrop,
+        surface: &SurfacePoint,
+        gravity: &EffectiveGravity,
+        cap: &SphericalCap,
+        constants: &StepConstants,
+        step: &LeafStep<'_>,
     ) {
         let params = step.params;
-        let distance = drop.v.length() * step.h;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-        let substeps =
-            (distance / (SUBSTEP_LENGTH * cap.a.max(MIN_CAP_RADIUS))).ceil().clamp(1.0, f64::from(MAX_SUBSTEPS)) as u32;
-        let h = step.h / f64::from(substeps);
-        for _ in 0..substeps {
-            let Some(surface) = self.point_at(drop.uv) else { return };
-            let Some(margin) = self.blade.nearest_margin(surface.p, self.scale) else { return };
-            drop.at_margin &= margin.distance < 2.0 * MARGIN_DISTANCE * cap.a;
-            if margin.distance < MARGIN_DISTANCE * cap.a {
-                // Fast drops leave the leaf: their inertia exceeds the retention of the edge.
-                let n = surface.n * drop.side;
-                let outward = (margin.p - surface.p).normalize_or(n.cross(margin.tangent));
-                let across = drop.v.dot(outward);
-                if across > MARGIN_ESCAPE_SPEED {
-                    return self.detach_whole(drop, step, margin.p, drop.v, result);
-                }
-                // The edge stops the motion across it; what is left goes along it.
-                drop.v -= outward * across.max(0.0);
-                result.record_margin_contact(step, drop, surface.p);
-                if self.try_become_pendant(drop, gravity, cap, &margin, outward, step) {
-                    return result.record_pendant(step, drop, margin.p);
-                }
-            }
-            // Map the displacement to texture coordinates by the tangent plane here.
-            let shift = drop.v * h;
-            let next = drop.uv + surface.uv_offset(shift);
-            match self.point_at(next) {
-                Some(there) => {
-                    drop.record_path(drop.uv, shift.length(), cap.a, params);
-                    drop.uv = next;
-                    // Follow the curvature of the surface at constant speed.
-                    let n = there.n * drop.side;
-                    let speed = drop.v.length();
-                    drop.v = (drop.v - n * drop.v.dot(n)).normalize_or_zero() * speed;
-                }
-                None => {
-                    // The substep would end beyond the margin: keep the velocity along it and move slightly inward.
-                    let outward = (margin.p - surface.p).normalize_or(surface.n.cross(margin.tangent));
-                    let across = drop.v.dot(outward).max(0.0);
-                    if across > MARGIN_ESCAPE_SPEED {
-                        return self.detach_whole(drop, step, margin.p, drop.v, result);
-                    }
-                    drop.v = margin.tangent * drop.v.dot(margin.tangent);
-                    result.record_margin_contact(step, drop, surface.p);
-                    let inward = surface.uv_offset((surface.p - margin.p).normalize_or_zero() * (MARGIN_INSET * cap.a));
-                    if self.point_at(drop.uv + inward).is_some() {
-                        drop.uv += inward;
-                    }
-                    if self.try_become_pendant(drop, gravity, cap, &margin, outward, step) {
-                        result.record_pendant(step, drop, margin.p);
-                    }
-                    return;
-                }
-            }
+        let (heading, downhill) = (drop.v.normalize_or_zero(), gravity.tangential.normalize_or_zero());
+        let across = gravity.normal.cross(heading);
+        let lookahead = STEER_LOOKAHEAD * cap.a;
+        let mut wetness = self.wetness_grid.reader(step.t, params.drying_law());
+        let mut score = |turn: &UnitTurn| {
+            let d = heading * turn.cos + across * turn.sin;
+            let ahead = drop.uv + surface.uv_offset(d * lookahead);
+            let wet = wetness.wetness(ahead);
+            let vein = self.blade.vein_depth(ahead);
+            let noise = pinning_noise(constants.pinning_key, ahead * STEER_NOISE_SCALE);
+            d.dot(heading)
+                + STEER_DOWNHILL * d.dot(downhill)
+                + STEER_WETNESS * wet
+                + STEER_VEIN * vein
+                + STEER_NOISE * params.pinning_noise * noise
+        };
+        let scores = STEER_TURNS.each_ref().map(&mut score);
+        let n = scores.len();
+        let best = (0..n).fold(0, |best, k| if scores[k] > scores[best] { k } else { best });
+        // The maximum of the parabola through the best score and its neighbours: the heading then changes continuously with the place.
+        let (before, here, after) = (scores[(best + n - 1) % n], scores[best], scores[(best + 1) % n]);
+        let curvature = 2.0 * here - before - after;
+        let offset = if curvature > 0.0 { 0.5 * (after - before) / curvature } else { 0.0 };
+        let best = UnitTurn::new(STEER_SPACING * (best as f64 + offset));
+        let best = heading * best.cos + across * best.sin;
+        // Only the component of the velocity in the new direction remains; turning does not create speed.
+        drop.v = best * (drop.v.length() * best.dot(heading).max(0.0));
+    }
+}
+
+impl LeafDrop {
+    /// Turns the axis of a resting drop downhill for `h`, s.
+    fn turn_axis(&mut self, downhill: DVec3, h: f64) {
+        let across = downhill - self.axis * self.axis.dot(downhill);
+        self.axis = (self.axis + across * (1.0 - math::exp(-h / AXIS_TURN_TIME))).normalize_or(downhill);
+    }
+}
+
+/// Unit tangent of the blade across its margin, outwards, at a point close to it on a side of the blade.
+fn outward_at(margin: &MarginPoint, surface: &SurfacePoint, side: f64) -> DVec3 {
+    (margin.p - surface.p).normalize_or((surface.n * side).cross(margin.tangent))
+}
+
+/// Angle between neighbouring directions that a running drop compares, rad.
+const STEER_SPACING: f64 = 2.0 * PI / STEER_DIRECTIONS as f64;
+
+/// The turns from the heading to those directions.
+static STEER_TURNS: LazyLock<[UnitTurn; STEER_DIRECTIONS as usize]> =
+    LazyLock::new(|| std::array::from_fn(|k| UnitTurn::new(STEER_SPACING * k as f64)));
+
+/// Cosine and sine of a turn of the heading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct UnitTurn {
+    cos: f64,
+    sin: f64,
+}
+
+impl UnitTurn {
+    /// A turn by an angle, rad.
+    fn new(angle: f64) -> Self {
+        Self { cos: math::cos(angle), sin: math::sin(angle) }
+    }
+}
+
+/// A short piece of a run, over which the driving force, friction and heading are constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct RunSegment {
+    /// Duration, s.
+    duration: f64,
+    /// Displacement along the tangent plane, m.
+    shift: DVec3,
+    /// Velocity at the end, m/s.
+    v: DVec3,
+}
+
+impl RunSegment {
+    /// The motion of a drop of mass `m`, kg, from the velocity `v`, m/s, for at most `longest`, s, and `farthest`, m, both positive. It
+    /// ends earlier if friction stops the drop. `tau`: time constant of viscous decay, s.
+    ///
+    /// Along the heading the solution of dv/dt = f - v / tau is exact for any duration: v(t) = tau f + (v0 - tau f) e^(-t/tau). The
+    /// force across it bends the path; the segment is short enough for that to be a small angle.
+    fn new(v: DVec3, forces: &SurfaceForces, m: f64, tau: f64, longest: f64, farthest: f64) -> Self {
+        let drive = forces.drive / m;
+        let start = v.length();
+        let heading = v.normalize_or(drive.normalize_or_zero());
+        let along = drive.dot(heading);
+        let across = drive - heading * along;
+        let terminal = tau * (along - forces.resistance / m);
+        let mut duration = longest;
+        let bend = across.length();
+        if bend * longest > MAX_SEGMENT_TURN * start {
+            let turning = (MAX_SEGMENT_TURN * start / bend).min(tau / SEGMENTS_PER_DECAY_TIME);
+            duration = duration.min(turning.max(MIN_SEGMENT_TIME));
+        }
+        if terminal < 0.0 {
+            // Dry friction wins: the drop comes to a stop at tau ln(1 + v0 / -terminal).
+            duration = duration.min(tau * math::ln(1.0 - start / terminal));
+        }
+        let speed = |t: f64| (terminal + (start - terminal) * math::exp(-t / tau)).max(0.0);
+        let distance = |t: f64| terminal * t + (start - terminal) * tau * (1.0 - math::exp(-t / tau));
+        if distance(duration) > farthest {
+            duration = time_of_distance(&distance, &speed, duration, farthest);
+        }
+        let decay = 1.0 - math::exp(-duration / tau);
+        Self {
+            duration,
+            shift: heading * distance(duration) + across * (tau * (duration - tau * decay)),
+            v: heading * speed(duration) + across * (tau * decay),
         }
     }
+}
+
+/// The time, s, at which an increasing `distance`, m, with derivative `speed`, m/s, reaches `target`; it does so before `longest`.
+fn time_of_distance(distance: &impl Fn(f64) -> f64, speed: &impl Fn(f64) -> f64, longest: f64, target: f64) -> f64 {
+    // Newton's method, with bisection where it leaves the bracket.
+    let (mut lo, mut hi) = (0.0, longest);
+    let mut t = longest * target / distance(longest);
+    for _ in 0..60 {
+        let excess = distance(t) - target;
+        if excess.abs() <= 1e-12 * target {
+            break;
+        }
+        if excess > 0.0 {
+            hi = t;
+        } else {
+            lo = t;
+        }
+        let next = t - excess / speed(t).max(f64::MIN_POSITIVE);
+        t = if next > lo && next < hi { next } else { 0.5 * (lo + hi) };
+    }
+    t
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::rain::tuning::{MAX_SKEW_NEAR_RIGHT_ANGLE, NEAR_RIGHT_ANGLE, PAPER_HEIGHT_FACTOR};
+use crate::rain::tuning::{MAX_SKEW, NEAR_RIGHT_ANGLE, PAPER_HEIGHT_FACTOR};
 use osier_base::math;
 
 /// Rule for the height of a cap.
@@ -12,8 +12,8 @@ pub enum CapShape {
     Flattened,
     /// The fixed height factor that [yang-wu] prints, 0.5; does not conserve volume.
     Paper,
-    /// The factor lambda^kappa of [yang-wu] eq. 19, where kappa is the cosine between the drop's normal and the vertical; does not
-    /// conserve volume.
+    /// The factor lambda^kappa of [yang-wu] eq. 19, where kappa is the cosine between the normal of the leaf and that of the cap at
+    /// each place; does not conserve volume.
     Wedge,
 }
 
@@ -36,6 +36,25 @@ pub struct WettingParams {
     pub capillary_length: f64,
 }
 
+/// What caps of all volumes have in common: functions of the contact angle, and the rule for the height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CapLaw {
+    /// Rule for the height.
+    shape: CapShape,
+    /// Factor on the height; `None` for the one that gravity gives.
+    height_factor: Option<f64>,
+    /// Sine of the contact angle.
+    sine: f64,
+    /// Cosine of the contact angle.
+    cosine: f64,
+    /// Volume of the cap of a unit sphere, m^3.
+    unit_volume: f64,
+    /// Height of a puddle, m.
+    puddle: f64,
+    /// As in [`SphericalCap::wedge`].
+    wedge: f64,
+}
+
 /// A cap of a sphere, scaled in height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SphericalCap {
@@ -45,6 +64,9 @@ pub struct SphericalCap {
     pub a: f64,
     /// Factor on the height above the base.
     pub height_factor: f64,
+    /// Logarithm of a further factor where the cap's normal is that of the leaf; 0 for [`CapShape::Flattened`] and
+    /// [`CapShape::Paper`]. Elsewhere it is multiplied by the cosine between both, at least 0.
+    pub wedge: f64,
     /// Cosine of the contact angle; negative for a cap that overhangs its base.
     pub cos_angle: f64,
 }
@@ -57,46 +79,66 @@ pub fn unit_cap_volume(theta: f64) -> f64 {
 }
 
 impl WettingParams {
-    /// The cap of a drop of `volume`, m^3. `facing`: cosine between the drop's normal and the vertical, for
-    /// [`CapShape::Wedge`]. Source: [yang-wu] eq. 6 and 19.
-    pub fn cap(&self, volume: f64, facing: f64) -> SphericalCap {
-        // The sphere whose cap has this volume: V = r^3 V_1(theta).
-        let c = math::cos(self.contact_angle);
-        let r = math::cbrt(volume.max(0.0) / unit_cap_volume(self.contact_angle));
-        let height_factor = match self.shape {
-            CapShape::Flattened => self.height_factor.unwrap_or_else(|| self.flattening(r * (1.0 - c))),
-            CapShape::Paper => self.height_factor.unwrap_or(PAPER_HEIGHT_FACTOR),
-            CapShape::Wedge => math::pow(self.wedge_base, facing.clamp(0.0, 1.0)),
-        };
-        // Volume is proportional to the height factor and to r^3: a flatter cap is wider by its inverse cube root.
-        let r = if self.shape == CapShape::Flattened { r / math::cbrt(height_factor) } else { r };
-        SphericalCap { r, a: r * math::sin(self.contact_angle), height_factor, cos_angle: c }
+    /// The cap of a drop of `volume`, m^3.
+    pub fn cap(&self, volume: f64) -> SphericalCap {
+        self.cap_law().cap(volume)
     }
 
-    /// Height factor by which gravity flattens a cap of `height`, m. It blends between a sphere and a puddle, whose height is
-    /// 2 l sin(theta / 2) with the capillary length l: heights approach that limit and never exceed it.
-    fn flattening(&self, height: f64) -> f64 {
-        // With k = height / puddle the factor is (1 + k^3)^(-1/2): 1 for small drops.
-        let puddle = 2.0 * self.capillary_length * math::sin(0.5 * self.contact_angle);
-        let k = height / puddle;
-        1.0 / math::sqrt(1.0 + k * k * k)
+    /// What caps of all volumes have in common.
+    pub fn cap_law(&self) -> CapLaw {
+        CapLaw {
+            shape: self.shape,
+            height_factor: self.height_factor,
+            sine: math::sin(self.contact_angle),
+            cosine: math::cos(self.contact_angle),
+            unit_volume: unit_cap_volume(self.contact_angle),
+            puddle: 2.0 * self.capillary_length * math::sin(0.5 * self.contact_angle),
+            wedge: if self.shape == CapShape::Wedge { math::ln(self.wedge_base) } else { 0.0 },
+        }
     }
 
-    /// Volume of the cap with base radius `a`, m, without flattening, m^3.
+    /// Volume of the cap with base radius `a`, m, without gravity_height_factor, m^3.
     pub fn volume_of_base(&self, a: f64) -> f64 {
         let r = a / math::sin(self.contact_angle);
         unit_cap_volume(self.contact_angle) * r * r * r
     }
 
     /// Largest skew of a cap before its contact line moves: the slope at the front then is that of the advancing angle, or at the
-    /// rear that of the receding angle, whichever is reached first.
+    /// rear that of the receding angle, whichever is reached first; at most `MAX_SKEW`.
     pub fn max_skew(&self) -> f64 {
-        let t = math::tan(self.contact_angle);
-        // The tangents diverge towards 90 degrees.
-        if self.contact_angle >= NEAR_RIGHT_ANGLE.to_radians() {
-            return MAX_SKEW_NEAR_RIGHT_ANGLE;
+        // The tangents diverge towards 90 degrees: from there on no shear of the height makes a slope so steep.
+        let steep = |angle: f64| angle >= NEAR_RIGHT_ANGLE.to_radians();
+        if steep(self.contact_angle) {
+            return MAX_SKEW;
         }
-        (math::tan(self.advancing) / t - 1.0).min(1.0 - math::tan(self.receding) / t).max(0.0)
+        let slope = |angle: f64| math::tan(angle) / math::tan(self.contact_angle);
+        let front = if steep(self.advancing) { MAX_SKEW } else { slope(self.advancing) - 1.0 };
+        front.min(1.0 - slope(self.receding)).clamp(0.0, MAX_SKEW)
+    }
+}
+
+impl CapLaw {
+    /// The cap of a drop of `volume`, m^3. Source: [yang-wu] eq. 6 and 19.
+    pub fn cap(&self, volume: f64) -> SphericalCap {
+        // The sphere whose cap has this volume: V = r^3 V_1(theta).
+        let r = math::cbrt(volume.max(0.0) / self.unit_volume);
+        let gravity_factor = || self.gravity_height_factor(r * (1.0 - self.cosine));
+        let height_factor = match self.shape {
+            CapShape::Flattened => self.height_factor.unwrap_or_else(gravity_factor),
+            CapShape::Paper => self.height_factor.unwrap_or(PAPER_HEIGHT_FACTOR),
+            CapShape::Wedge => 1.0,
+        };
+        // Volume is proportional to the height factor and to r^3: a flatter cap is wider by its inverse cube root.
+        let r = if self.shape == CapShape::Flattened { r / math::cbrt(height_factor) } else { r };
+        SphericalCap { r, a: r * self.sine, height_factor, wedge: self.wedge, cos_angle: self.cosine }
+    }
+
+    /// Height factor by which gravity flattens a cap of `height`, m. It blends between a sphere and a puddle, whose height is
+    /// 2 l sin(theta / 2) with the capillary length l: heights approach that limit and never exceed it.
+    fn gravity_height_factor(&self, height: f64) -> f64 {
+        // With k = height / puddle the factor is (1 + k^3)^(-1/2): 1 for small drops.
+        let k = height / self.puddle;
+        1.0 / math::sqrt(1.0 + k * k * k)
     }
 }
 
@@ -110,12 +152,21 @@ impl SphericalCap {
         if under <= 0.0 || (self.cos_angle >= 0.0 && rho >= 1.0) {
             return 0.0;
         }
-        self.height_factor * (math::sqrt(under) - self.r * self.cos_angle).max(0.0)
+        let cosine = math::sqrt(under) / self.r;
+        self.height_factor_at(cosine) * (self.r * (cosine - self.cos_angle)).max(0.0)
+    }
+
+    /// Factor on the height where the normal of the sphere has this cosine with that of the leaf.
+    pub fn height_factor_at(&self, cosine: f64) -> f64 {
+        if self.wedge == 0.0 {
+            return self.height_factor;
+        }
+        self.height_factor * math::exp(self.wedge * cosine.max(0.0))
     }
 
     /// Height at the axis, m.
     pub fn top(&self) -> f64 {
-        self.height_factor * self.r * (1.0 - self.cos_angle)
+        self.height_factor_at(1.0) * self.r * (1.0 - self.cos_angle)
     }
 
     /// Largest distance of the cap from its axis, m: the base radius, or the sphere's radius if it overhangs.
@@ -198,7 +249,7 @@ mod tests {
     fn caps_hold_their_volume() {
         for theta in [30.0, 45.0, 60.0, 75.0, 90.0] {
             for (omega, q, skew) in [(None, 1.0, 0.0), (Some(0.7), 1.4, 0.2), (None, 1.1, 0.26)] {
-                let cap = wetting(theta, omega, CapShape::Flattened).cap(2e-8, 1.0);
+                let cap = wetting(theta, omega, CapShape::Flattened).cap(2e-8);
                 let found = volume(&cap, CapDeformation { stretch: q, skew });
                 assert!((found / 2e-8 - 1.0).abs() < 0.01, "{theta} {omega:?}: {found}");
             }
@@ -207,7 +258,7 @@ mod tests {
 
     #[test]
     fn the_papers_shape_loses_water_at_sixty_degrees() {
-        let cap = wetting(60.0, None, CapShape::Paper).cap(1e-8, 1.0);
+        let cap = wetting(60.0, None, CapShape::Paper).cap(1e-8);
         // As printed r sin(theta) is taken from the height, which leaves 0.0539 r^3 of a true 0.6545 r^3.
         assert!((unit_cap_volume(60.0_f64.to_radians()) - 0.6545).abs() < 1e-4);
         assert!((volume(&cap, CapDeformation::ROUND) / 0.5e-8 - 1.0).abs() < 0.01);
@@ -216,7 +267,30 @@ mod tests {
     #[test]
     fn big_drops_are_no_higher_than_puddles() {
         let w = wetting(60.0, None, CapShape::Flattened);
-        assert!(w.cap(1e-6, 1.0).top() < 2.0 * 2.727e-3 * math::sin(30.0_f64.to_radians()));
-        assert!((w.cap(1e-10, 1.0).height_factor - 1.0).abs() < 0.01);
+        assert!(w.cap(1e-6).top() < 2.0 * 2.727e-3 * math::sin(30.0_f64.to_radians()));
+        assert!((w.cap(1e-10).height_factor - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn the_wedge_raises_a_cap_by_the_cosine_of_its_own_normal() {
+        let plain = wetting(60.0, Some(1.0), CapShape::Flattened).cap(1e-8);
+        let raised = wetting(60.0, None, CapShape::Wedge).cap(1e-8);
+        for rho in [0.0, 0.3, 0.6, 0.9] {
+            let sine = rho * plain.a / plain.r;
+            let wanted = math::pow(1.05, math::sqrt(1.0 - sine * sine));
+            assert!((raised.height(rho) / plain.height(rho) - wanted).abs() < 1e-12, "{rho}");
+        }
+        assert!((raised.top() / plain.top() - 1.05).abs() < 1e-12);
+    }
+
+    #[test]
+    fn drops_lean_where_only_the_front_is_steep() {
+        let skew = |receding: f64, theta: f64, advancing: f64| {
+            let [receding, advancing] = [receding, advancing].map(f64::to_radians);
+            WettingParams { receding, advancing, ..wetting(theta, None, CapShape::Flattened) }.max_skew()
+        };
+        assert!((skew(52.0, 60.0, 68.0) - 0.261).abs() < 1e-3, "{}", skew(52.0, 60.0, 68.0));
+        assert!((skew(50.0, 72.0, 95.0) - MAX_SKEW).abs() < 1e-12 && (skew(50.0, 72.0, 84.9) - MAX_SKEW).abs() < 1e-12);
+        assert!(skew(60.0, 60.0, 95.0) < 1e-12, "without hysteresis at the rear it runs before it leans");
     }
 }

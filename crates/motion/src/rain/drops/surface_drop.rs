@@ -2,12 +2,12 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::rain::drops::spherical_cap::{CapDeformation, SphericalCap};
-use crate::rain::leaf::surface::MarginPoint;
+use crate::rain::drops::spherical_cap::{CapDeformation, CapLaw, SphericalCap};
+use crate::rain::leaf::surface::{MarginPoint, SurfacePoint};
 use crate::rain::params::DropParams;
 use crate::rain::tuning::{
-    FULL_TAIL_SPEED, MERGE_STRETCH, MERGE_STRETCH_TIME, MIN_CAP_RADIUS, MIN_TAIL_SHARE, SPEED_STRETCH, TAIL_SPACING,
-    TAIL_TIME,
+    FULL_TAIL_SPEED, MERGE_STRETCH, MERGE_STRETCH_TIME, MIN_CAP_RADIUS, MIN_TAIL_SHARE, PATH_SPACING, SPEED_STRETCH,
+    TAIL_SPACING, TAIL_TIME, TRACK_DISTANCE,
 };
 use osier_base::math;
 
@@ -33,9 +33,26 @@ pub struct PathPoint {
     pub length: f64,
 }
 
+/// The cap of a drop's head, with all that it depends on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct HeadCap {
+    volume: f64,
+    tail_count: f64,
+    tail_ratio: f64,
+    law: CapLaw,
+    cap: SphericalCap,
+}
+
+/// The surface under a drop, with the texture coordinates at which it was located.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct LocatedSurface {
+    uv: DVec2,
+    surface: SurfacePoint,
+}
+
 /// A drop on a leaf, in leaf space.
 #[derive(Debug, Clone)]
-pub struct SurfaceDrop {
+pub struct LeafDrop {
     /// Emission index; stable over frames, threads and time steps.
     pub id: u64,
     /// Side of the leaf: 1 on the upper, -1 on the lower.
@@ -68,6 +85,12 @@ pub struct SurfaceDrop {
     pub at_margin: bool,
     /// Texture coordinates at which it last wetted the leaf.
     pub last_wet_uv: Option<DVec2>,
+    /// The point of the blade there, in leaf space, m; `None` beyond the blade, or if it has not wetted the leaf.
+    pub last_wet_p: Option<DVec3>,
+    /// The cap of its head when it was last computed.
+    head: Option<HeadCap>,
+    /// The surface under it when it was last located in the present step of the leaf.
+    located: Option<LocatedSurface>,
 }
 
 /// One of the caps that a drop with its tail consists of.
@@ -81,7 +104,7 @@ pub struct DropCap {
     pub volume: f64,
 }
 
-impl SurfaceDrop {
+impl LeafDrop {
     /// A sessile drop without tail, with tangential velocity `v`, m/s, and `volume`, m^3.
     pub fn new(id: u64, side: f64, uv: DVec2, v: DVec3, volume: f64) -> Self {
         Self {
@@ -95,12 +118,15 @@ impl SurfaceDrop {
             lean: 0.0,
             since_merge: f64::INFINITY,
             path: Vec::new(),
-            since_steer: f64::INFINITY,
+            since_steer: 0.0,
             tail_count: 1.0,
             bead_draws: 0,
             merge_tested: false,
             at_margin: false,
             last_wet_uv: None,
+            last_wet_p: None,
+            head: None,
+            located: None,
         }
     }
 
@@ -139,21 +165,54 @@ impl SurfaceDrop {
         shares.iter().map(|s| s / sum).collect()
     }
 
-    /// The cap of the head alone. `facing`: as in [`crate::rain::WettingParams::cap`].
-    pub fn head_cap(&self, params: &DropParams, facing: f64) -> SphericalCap {
+    /// The cap of the head alone.
+    pub fn head_cap(&self, params: &DropParams) -> SphericalCap {
+        self.head_cap_by(&params.wetting.cap_law(), params)
+    }
+
+    /// The cap of the head alone by the law of `params`.
+    pub(super) fn head_cap_by(&self, law: &CapLaw, params: &DropParams) -> SphericalCap {
+        self.head_by(law, params).cap
+    }
+
+    /// The cap of the head alone by the law of `params`; it is computed again only once the drop has changed.
+    pub(super) fn update_head_cap(&mut self, law: &CapLaw, params: &DropParams) -> SphericalCap {
+        let head = self.head_by(law, params);
+        self.head = Some(head);
+        head.cap
+    }
+
+    fn head_by(&self, law: &CapLaw, params: &DropParams) -> HeadCap {
+        let (volume, tail_count, tail_ratio) = (self.volume, self.tail_count, params.tail_ratio);
+        if let Some(head) =
+            self.head.filter(|head| HeadCap { volume, tail_count, tail_ratio, law: *law, ..*head } == *head)
+        {
+            return head;
+        }
         let share = self.cap_shares(params).first().copied().unwrap_or(1.0);
-        params.wetting.cap(self.volume * share, facing)
+        HeadCap { volume, tail_count, tail_ratio, law: *law, cap: law.cap(volume * share) }
+    }
+
+    /// The surface under it, if it has been located since the drop last moved.
+    pub(super) fn located_surface(&self) -> Option<SurfacePoint> {
+        self.located.filter(|located| located.uv == self.uv).map(|located| located.surface)
+    }
+
+    /// Keeps the surface under it, or forgets it.
+    pub(super) fn set_located_surface(&mut self, surface: Option<SurfacePoint>) {
+        self.located = surface.map(|surface| LocatedSurface { uv: self.uv, surface });
     }
 
     /// The caps of the head and of the tail, back along the path.
-    pub fn caps(&self, params: &DropParams, facing: f64) -> Vec<DropCap> {
+    pub fn caps(&self, params: &DropParams) -> Vec<DropCap> {
         let shares = self.cap_shares(params);
+        let law = params.wetting.cap_law();
         let mut caps: Vec<DropCap> = Vec::with_capacity(shares.len());
         // Walk back from the head's center, cap by cap.
         let mut walker = PathWalker { path: &self.path, uv: self.uv, left: self.path.len(), walked: 0.0 };
         for share in shares {
             let volume = self.volume * share;
-            let cap = params.wetting.cap(volume, facing);
+            let cap = law.cap(volume);
             if caps.last().is_some() {
                 // Spacing by the smaller of two neighbours: a last cap that is half grown stands close to the one before it.
                 walker.walk_back(TAIL_SPACING * cap.a.max(MIN_CAP_RADIUS));
@@ -166,10 +225,13 @@ impl SurfaceDrop {
     /// Appends a displacement of `length`, m, that began at `from` to the path, and removes points too far back for the tail.
     /// `a`: base radius of the head, m.
     pub fn record_path(&mut self, from: DVec2, length: f64, a: f64, params: &DropParams) {
-        self.path.push(PathPoint { uv: from, length });
+        match self.path.last_mut() {
+            Some(last) if last.length + length < PATH_SPACING * a => last.length += length,
+            _ => self.path.push(PathPoint { uv: from, length }),
+        }
         self.since_steer += length;
-        // Twice the length of the longest tail: the head may grow by merging.
-        let needed = TAIL_SPACING * a * f64::from(params.tail_drops) * 2.0;
+        // Twice the length of the longest tail, as the head may grow by merging, and of the distance of wet tracks.
+        let needed = (TAIL_SPACING * f64::from(params.tail_drops)).max(TRACK_DISTANCE) * a * 2.0;
         let mut sum = 0.0;
         let keep = self.path.iter().rev().take_while(|point| {
             sum += point.length;
@@ -179,25 +241,25 @@ impl SurfaceDrop {
         self.path.drain(..first);
     }
 
-    /// Lets the tail grow or shrink for `h`, s, towards a number of caps proportional to the speed. `a`: base radius of the head,
-    /// m. Returns the index of the cap that has vanished, if one has.
-    pub fn step_tail(&mut self, a: f64, h: f64, params: &DropParams) -> Option<usize> {
+    /// Texture coordinates of the place on the path that is `distance`, m, behind; `None` if the path is shorter.
+    pub fn place_behind(&self, distance: f64) -> Option<DVec2> {
+        let mut walker = PathWalker { path: &self.path, uv: self.uv, left: self.path.len(), walked: 0.0 };
+        walker.walk_back(distance);
+        (walker.left > 0).then_some(walker.uv)
+    }
+
+    /// Number of caps that the tail and the head have `h` seconds later: it approaches a number proportional to the speed. `a`: base
+    /// radius of the head, m.
+    pub fn tail_count_after(&self, h: f64, a: f64, params: &DropParams) -> f64 {
         // A tail is no longer than the path that the drop has run.
         let length: f64 = self.path.iter().map(|point| point.length).sum();
         let most = 1.0 + length / (TAIL_SPACING * a.max(MIN_CAP_RADIUS));
         let speed = (self.v.length() / FULL_TAIL_SPEED).min(1.0);
         let target = (1.0 + f64::from(params.tail_drops.saturating_sub(1)) * params.tail_amount * speed).min(most);
         // Exponential approach, exact for any step: dn/dt = (target - n) / tau.
-        let before = self.tail_count;
-        self.tail_count += (target - self.tail_count) * (1.0 - math::exp(-h / TAIL_TIME));
-        self.tail_count = self.tail_count.min(most).max(1.0);
-        if target <= 1.0 && self.tail_count < 1.01 {
-            self.tail_count = 1.0;
-        }
-        // The last cap has index ceil(before) - 1; it has vanished if the count has fallen to that index.
-        let last = before.ceil() - 1.0;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
-        (last >= 1.0 && self.tail_count <= last && before > last).then_some(last as usize)
+        let count = target + (self.tail_count - target) * math::exp(-h / TAIL_TIME);
+        let count = count.min(most).max(1.0);
+        if target <= 1.0 && count < 1.01 { 1.0 } else { count }
     }
 
     /// Removes the attachment, the path and the tail of a drop that continues elsewhere.
@@ -250,14 +312,14 @@ mod tests {
     #[test]
     fn a_full_tail_keeps_the_volume_and_the_papers_ratio() {
         let params = DropParams::default();
-        let mut drop = SurfaceDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y, 1e-8);
+        let mut drop = LeafDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y, 1e-8);
         drop.tail_count = 8.0;
         drop.path = (0..100).map(path_point).collect();
-        let beads = drop.caps(&params, 1.0);
+        let beads = drop.caps(&params);
         assert_eq!(beads.len(), 8);
         let sum: f64 = beads.iter().map(|b| b.volume).sum();
         assert!((sum / 1e-8 - 1.0).abs() < 1e-12);
-        let whole = params.wetting.cap(1e-8, 1.0);
+        let whole = params.wetting.cap(1e-8);
         let ratio = math::cbrt(beads[0].volume / 1e-8);
         assert!((ratio - 0.789).abs() < 1e-3, "{ratio} of {}", whole.r);
         // Each is further back than the last, by nine tenths of its own base.
@@ -267,15 +329,22 @@ mod tests {
     }
 
     #[test]
-    fn a_drop_that_stops_draws_its_tail_in_and_names_what_it_loses() {
+    fn a_tail_grows_with_the_speed_and_is_drawn_in_alike_for_any_step() {
         let params = DropParams::default();
-        let mut drop = SurfaceDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y * 0.3, 1e-8);
-        drop.path = (0..100).map(path_point).collect();
-        (0..200).for_each(|_| assert_eq!(drop.step_tail(1e-3, 0.01, &params), None));
-        assert!(drop.tail_count > 7.9, "{}", drop.tail_count);
-        drop.v = DVec3::ZERO;
-        let lost: Vec<usize> = (0..200).filter_map(|_| drop.step_tail(1e-3, 0.005, &params)).collect();
-        assert_eq!(lost, [7, 6, 5, 4, 3, 2, 1]);
-        assert!((drop.tail_count - 1.0).abs() < 1e-12);
+        let ends = [1, 8, 64].map(|steps: u32| {
+            let mut drop = LeafDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y * 0.3, 1e-8);
+            drop.path = (0..100).map(path_point).collect();
+            let run = |drop: &mut LeafDrop, seconds: f64| {
+                let h = seconds / f64::from(steps);
+                (0..steps).for_each(|_| drop.tail_count = drop.tail_count_after(h, 1e-3, &params));
+                drop.tail_count
+            };
+            let grown = run(&mut drop, 0.5);
+            drop.v = DVec3::ZERO;
+            [grown, run(&mut drop, 0.1), run(&mut drop, 1.0)]
+        });
+        for [grown, shrinking, end] in ends {
+            assert!(grown > 7.9 && (shrinking - ends[0][1]).abs() < 1e-9 && (end - 1.0).abs() < 1e-12, "{ends:?}");
+        }
     }
 }

@@ -3,6 +3,10 @@
 use glam::DVec2;
 
 pub(crate) mod alpha_mask;
+pub(crate) mod chart;
+mod flatten;
+mod overlap;
+pub(crate) mod relief;
 pub(crate) mod surface;
 pub(crate) mod veins;
 pub(crate) mod wetness;

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::{GRID_CELLS, grid_cell};
 use crate::rain::leaf::alpha_mask::AlphaMask;
+use crate::rain::leaf::chart::{BladeChart, LeafChart};
 use crate::rain::leaf::veins::VeinMap;
 use crate::rain::tuning::MIN_UV_AREA;
 use osier_scene::Mesh;
@@ -86,10 +87,16 @@ pub struct MarginPoint {
 pub struct LeafSurface {
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
+    /// Coordinates in the chart: the mesh's own texture coordinates, or those of `chart`.
     uvs: Vec<DVec2>,
+    /// Coordinates in the textures of the mesh's material, where they differ.
+    texture_uvs: Option<Vec<DVec2>>,
+    chart: Option<LeafChart>,
     triangles: Vec<[u32; 3]>,
     /// dp/du and dp/dv of each triangle, m; constant over it.
     partials: Vec<[DVec3; 2]>,
+    /// Each triangle in the chart.
+    chart_triangles: Vec<ChartTriangle>,
     /// Triangles that overlap each cell of the grid over texture coordinates, row by row.
     cells: Vec<Vec<usize>>,
     margin: LeafMargin,
@@ -102,21 +109,26 @@ pub struct LeafSurface {
 }
 
 impl LeafSurface {
-    /// The blade of a mesh with texture coordinates; `None` without them or without a blade. Petioles, whose triangles have no
-    /// area in the texture, are left out.
+    /// The blade of a mesh; `None` if none of its triangles has an area. Drops are placed by the mesh's own texture coordinates where
+    /// they are one-to-one, else by a [chart](LeafSurface::chart) of the blade's own. Petioles, whose triangles have no area in the
+    /// texture, are left out.
     pub fn new(mesh: &Mesh) -> Option<Self> {
-        if mesh.uvs.len() != mesh.points.len() {
-            return None;
-        }
-        let points: Vec<DVec3> = mesh.points.iter().map(|p| p.as_dvec3()).collect();
-        let uvs: Vec<DVec2> = mesh.uvs.iter().map(|p| p.as_dvec2()).collect();
-        let normals: Vec<DVec3> = mesh.normals.iter().map(|p| p.as_dvec3()).collect();
+        let BladeChart { blade, own: chart } = BladeChart::new(mesh)?;
+        let vertex = |list: &[Vec3]| match &chart {
+            Some(chart) => chart.vertices.iter().map(|i| list[*i as usize].as_dvec3()).collect(),
+            None => list.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>(),
+        };
+        let (points, normals) = (vertex(&mesh.points), vertex(&mesh.normals));
+        let own_uvs = || mesh.uvs.iter().map(|p| p.as_dvec2()).collect::<Vec<_>>();
+        let uvs = chart.as_ref().map_or_else(own_uvs, |chart| chart.uvs.clone());
         let mut triangles = Vec::new();
+        let mut pieces = Vec::new();
         let mut partials = Vec::new();
         let mut area = 0.0;
-        for t in &mesh.triangles {
+        for (k, piece) in blade.indices.iter().zip(&blade.pieces) {
             // Over a triangle p is linear in (u, v): solve (e, f) = (dp/du, dp/dv) [uv1 uv2] for the partial derivatives, where
             // e and f are its edges in space, uv1 and uv2 in the texture.
+            let t = chart.as_ref().map_or(mesh.triangles[*k], |chart| chart.triangles[*k]);
             let [a, b, c] = t.map(|i| i as usize);
             let (uv1, uv2) = (uvs[b] - uvs[a], uvs[c] - uvs[a]);
             let det = uv1.x * uv2.y - uv1.y * uv2.x;
@@ -125,16 +137,78 @@ impl LeafSurface {
             }
             let (e, f) = (points[b] - points[a], points[c] - points[a]);
             partials.push([(e * uv2.y - f * uv1.y) / det, (f * uv1.x - e * uv2.x) / det]);
-            triangles.push(*t);
+            triangles.push(t);
+            pieces.push(*piece);
             area += 0.5 * e.cross(f).length();
         }
-        let margin = LeafMargin::new(&triangles, &points);
+        let margin = LeafMargin::new(&triangles, &pieces, &points);
         // Leaf space has its origin at the end of the stalk: the tip is the margin's farthest vertex.
         let starts = margin.edges.iter().map(|e| points[e[0] as usize]);
         let tip = starts.max_by(|a, b| a.length().total_cmp(&b.length()))?;
+        let chart_triangles = triangles.iter().map(|t| ChartTriangle::new(t.map(|k| uvs[k as usize]))).collect();
         let cells = triangles_by_cell(&triangles, &uvs);
+        let has_textures = chart.is_some() && mesh.uvs.len() == mesh.points.len();
+        let texture_uvs = chart
+            .as_ref()
+            .filter(|_| has_textures)
+            .map(|chart| chart.vertices.iter().map(|i| mesh.uvs[*i as usize].as_dvec2()).collect());
         let (alpha_mask, veins) = (None, None);
-        Some(Self { points, normals, uvs, triangles, partials, cells, margin, area, tip, alpha_mask, veins })
+        Some(Self {
+            points,
+            normals,
+            uvs,
+            texture_uvs,
+            chart,
+            triangles,
+            partials,
+            chart_triangles,
+            cells,
+            margin,
+            area,
+            tip,
+            alpha_mask,
+            veins,
+        })
+    }
+
+    /// The blade's chart if the texture coordinates of its mesh are not one-to-one, or missing.
+    pub fn chart(&self) -> Option<&LeafChart> {
+        self.chart.as_ref()
+    }
+
+    /// Factor between the sides of a picture over the chart and of one over the mesh's own texture coordinates that is as fine on the
+    /// blade; 1 for a blade without a chart of its own.
+    pub fn texture_scale(&self) -> f64 {
+        let Some(texture_uvs) = &self.texture_uvs else { return 1.0 };
+        let area = |uvs: &[DVec2]| {
+            let of = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| uvs[i as usize]);
+                (b - a).perp_dot(c - a).abs()
+            };
+            self.triangles.iter().map(of).sum::<f64>()
+        };
+        (area(texture_uvs) / area(&self.uvs).max(f64::MIN_POSITIVE)).sqrt()
+    }
+
+    /// Coordinates in the textures of the mesh's material for those of the chart; `None` beyond the blade. The same for a blade without
+    /// a chart of its own.
+    pub fn texture_uv(&self, uv: DVec2) -> Option<DVec2> {
+        let Some(texture_uvs) = &self.texture_uvs else { return Some(uv) };
+        let (i, weights) = self.locate(uv)?;
+        Some(self.triangles[i].iter().zip(weights).fold(DVec2::ZERO, |s, (k, w)| s + texture_uvs[*k as usize] * w))
+    }
+
+    /// dp/du and dp/dv of the textures of the mesh's material and of the chart at a point of the chart, m; `None` beyond the blade, or
+    /// where its textures have no area.
+    pub fn texture_and_chart_partials(&self, uv: DVec2) -> Option<[[DVec3; 2]; 2]> {
+        let (i, _) = self.locate(uv)?;
+        let [a, b, c] = self.triangles[i].map(|k| k as usize);
+        let texture_uvs = self.texture_uvs.as_ref()?;
+        let (uv1, uv2) = (texture_uvs[b] - texture_uvs[a], texture_uvs[c] - texture_uvs[a]);
+        let det = uv1.perp_dot(uv2);
+        let (e, f) = (self.points[b] - self.points[a], self.points[c] - self.points[a]);
+        let of_texture = [(e * uv2.y - f * uv1.y) / det, (f * uv1.x - e * uv2.x) / det];
+        (det.abs() >= MIN_UV_AREA).then_some([of_texture, self.partials[i]])
     }
 
     /// The same blade with holes and veins.
@@ -144,12 +218,14 @@ impl LeafSurface {
 
     /// Depth of the vein at texture coordinates, 0 to 1; 0 without a vein map.
     pub fn vein_depth(&self, uv: DVec2) -> f64 {
-        self.veins.as_ref().map_or(0.0, |veins| veins.depth(uv))
+        let Some(veins) = &self.veins else { return 0.0 };
+        self.texture_uv(uv).map_or(0.0, |uv| veins.depth(uv))
     }
 
     /// Whether a drop that strikes at texture coordinates meets leaf, not a hole of the alpha mask.
     pub fn is_solid(&self, uv: DVec2) -> bool {
-        self.alpha_mask.as_ref().is_none_or(|mask| mask.is_solid(uv))
+        let Some(mask) = &self.alpha_mask else { return true };
+        self.texture_uv(uv).is_some_and(|uv| mask.is_solid(uv))
     }
 
     /// The blade's triangles as indices of [`LeafSurface::points`].
@@ -185,17 +261,18 @@ impl LeafSurface {
 
     /// The point at texture coordinates of a leaf of factor `scale`; `None` beyond the blade.
     pub fn point_at(&self, uv: DVec2, scale: f64) -> Option<SurfacePoint> {
+        let (i, weights) = self.locate(uv)?;
+        Some(self.interpolate(i, weights, scale))
+    }
+
+    /// The triangle that holds texture coordinates, and their barycentric coordinates in it; `None` beyond the blade.
+    fn locate(&self, uv: DVec2) -> Option<(usize, [f64; 3])> {
         if !uv.is_finite() {
             return None;
         }
         let [x, y] = grid_cell(uv);
-        // Point location: only triangles whose boxes overlap the cell can contain the point.
-        for &i in &self.cells[y * GRID_CELLS + x] {
-            if let Some(weights) = self.barycentric(i, uv) {
-                return Some(self.interpolate(i, weights, scale));
-            }
-        }
-        None
+        // Only triangles whose boxes overlap the cell can contain the point.
+        self.cells[y * GRID_CELLS + x].iter().find_map(|&i| Some((i, self.chart_triangles[i].barycentric(uv)?)))
     }
 
     /// The point at texture coordinates; beyond the blade, the point on the tangent plane of `near`, whose own coordinates are
@@ -207,24 +284,14 @@ impl LeafSurface {
         })
     }
 
-    /// Barycentric coordinates of texture coordinates in triangle `i`; `None` outside of it.
-    fn barycentric(&self, i: usize, uv: DVec2) -> Option<[f64; 3]> {
-        // Solve uv = a + u (b - a) + v (c - a) by Cramer's rule.
-        let [a, b, c] = self.triangles[i].map(|k| self.uvs[k as usize]);
-        let (s, t, d) = (b - a, c - a, uv - a);
-        let det = s.x * t.y - s.y * t.x;
-        let (u, v) = ((d.x * t.y - d.y * t.x) / det, (s.x * d.y - s.y * d.x) / det);
-        let w = [1.0 - u - v, u, v];
-        w.iter().all(|w| *w >= -BARYCENTRIC_TOLERANCE).then_some(w)
-    }
-
     fn interpolate(&self, i: usize, weights: [f64; 3], scale: f64) -> SurfacePoint {
-        let t = self.triangles[i].map(|k| k as usize);
-        let sum = |list: &[DVec3]| (0..3).fold(DVec3::ZERO, |s, k| s + list[t[k]] * weights[k]);
+        let [a, b, c] = self.triangles[i];
+        let [u, v, w] = weights;
+        let sum = |list: &[DVec3]| DVec3::ZERO + list[a as usize] * u + list[b as usize] * v + list[c as usize] * w;
         // Lengths scale with the leaf, normals do not; without vertex normals that of the triangle stands in.
         let [dpdu, dpdv] = self.partials[i].map(|j| j * scale);
-        let face_normal = dpdu.cross(dpdv);
-        let n = sum(&self.normals).normalize_or(face_normal.normalize_or(DVec3::Z));
+        let face_normal = || dpdu.cross(dpdv).normalize_or(DVec3::Z);
+        let n = sum(&self.normals).try_normalize().unwrap_or_else(face_normal);
         SurfacePoint { p: sum(&self.points) * scale, n, dpdu, dpdv }
     }
 
@@ -233,23 +300,32 @@ impl LeafSurface {
         // Search at scale 1, scale the result.
         let q = p / scale;
         let mut best: Option<MarginPoint> = None;
-        for (edge, [a, b]) in self.margin.edges.iter().enumerate() {
+        let mut least = f64::INFINITY;
+        for (edge, MarginSegment { start, along, squared_length }) in self.margin.segments.iter().enumerate() {
             // Project onto the segment: the fraction is (q - a) . (b - a) / |b - a|^2, clamped to its ends.
-            let (a, b) = (self.points[*a as usize], self.points[*b as usize]);
-            let segment = b - a;
-            let fraction = ((q - a).dot(segment) / segment.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            let near = a + segment * fraction;
-            let distance = near.distance(q);
+            let fraction = ((q - *start).dot(*along) / squared_length).clamp(0.0, 1.0);
+            let near = *start + *along * fraction;
+            // Most edges are farther than the best: the square tells it without a root.
+            let squared = near.distance_squared(q);
+            if best.is_some() && squared >= least {
+                continue;
+            }
+            let distance = squared.sqrt();
             if best.is_none_or(|r| distance < r.distance) {
-                let tangent = segment.normalize_or(DVec3::X);
-                best = Some(MarginPoint { p: near, distance, tangent, edge, fraction });
+                least = squared;
+                best = Some(MarginPoint { p: near, distance, tangent: *along, edge, fraction });
             }
         }
-        best.map(|r| MarginPoint { p: r.p * scale, distance: r.distance * scale, ..r })
+        best.map(|r| MarginPoint {
+            p: r.p * scale,
+            distance: r.distance * scale,
+            tangent: r.tangent.normalize_or(DVec3::X),
+            ..r
+        })
     }
 
     /// The position on the margin at an arc length of `offset`, m, from a point of it; negative offsets go backwards.
-    pub fn along_margin(&self, from: &MarginPoint, offset: f64, scale: f64) -> DVec3 {
+    pub fn walk_margin(&self, from: &MarginPoint, offset: f64, scale: f64) -> DVec3 {
         let (mut edge, mut left) = (from.edge, offset.abs() / scale);
         let forward = offset >= 0.0;
         let ahead = |edge: usize| {
@@ -302,12 +378,51 @@ fn triangles_by_cell(triangles: &[[u32; 3]], uvs: &[DVec2]) -> Vec<Vec<usize>> {
     cells
 }
 
+/// A triangle in the chart: its first corner, its edges from there, and their determinant.
+#[derive(Debug, Clone, Copy)]
+struct ChartTriangle {
+    a: DVec2,
+    s: DVec2,
+    t: DVec2,
+    det: f64,
+}
+
+impl ChartTriangle {
+    fn new([a, b, c]: [DVec2; 3]) -> Self {
+        let (s, t) = (b - a, c - a);
+        Self { a, s, t, det: s.x * t.y - s.y * t.x }
+    }
+
+    /// Barycentric coordinates of texture coordinates; `None` outside of the triangle.
+    #[inline]
+    fn barycentric(&self, uv: DVec2) -> Option<[f64; 3]> {
+        // Solve uv = a + u s + v t by Cramer's rule.
+        let Self { a, s, t, det } = *self;
+        let d = uv - a;
+        let (u, v) = ((d.x * t.y - d.y * t.x) / det, (s.x * d.y - s.y * d.x) / det);
+        let w = [1.0 - u - v, u, v];
+        w.iter().all(|w| *w >= -BARYCENTRIC_TOLERANCE).then_some(w)
+    }
+}
+
 /// The boundary of the blade: edges with a single triangle, linked in their order around it.
 #[derive(Debug, Clone)]
 struct LeafMargin {
     /// Start and end vertex of each edge, in the winding of its triangle.
     edges: Vec<[u32; 2]>,
     neighbours: Vec<EdgeNeighbours>,
+    /// The edges in space at scale 1.
+    segments: Vec<MarginSegment>,
+}
+
+/// An edge of the margin in space, m.
+#[derive(Debug, Clone, Copy)]
+struct MarginSegment {
+    start: DVec3,
+    /// From its start to its end.
+    along: DVec3,
+    /// Square of its length, m^2; positive also for an edge without length.
+    squared_length: f64,
 }
 
 /// Indices of the margin edges before and after an edge; its own index where there is none.
@@ -318,14 +433,15 @@ struct EdgeNeighbours {
 }
 
 impl LeafMargin {
-    fn new(triangles: &[[u32; 3]], points: &[DVec3]) -> Self {
-        // Weld vertices that share a position (texture seams split them), so that a seam is no margin. Adding 0.0 turns -0.0
-        // into 0.0, whose bits are the same then.
-        let mut first_at: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+    /// `pieces`: piece of the chart that each triangle lies in; cuts between pieces are margins.
+    fn new(triangles: &[[u32; 3]], pieces: &[usize], points: &[DVec3]) -> Self {
+        // Weld vertices of a piece that share a position (seams of normals split them), so that a seam is no margin. Adding 0.0 turns
+        // -0.0 into 0.0, whose bits are the same then.
+        let mut first_at: BTreeMap<(usize, [u64; 3]), u32> = BTreeMap::new();
         let mut welded: BTreeMap<u32, u32> = BTreeMap::new();
-        for i in triangles.iter().flatten() {
+        for (i, piece) in triangles.iter().zip(pieces).flat_map(|(t, piece)| t.iter().map(move |i| (i, piece))) {
             let p = points[*i as usize].to_array().map(|x| (x + 0.0).to_bits());
-            let first = *first_at.entry(p).or_insert(*i);
+            let first = *first_at.entry((*piece, p)).or_insert(*i);
             welded.insert(*i, first);
         }
         // Count the triangles of each undirected edge: the boundary has one.
@@ -349,7 +465,13 @@ impl LeafMargin {
             next: starting.get(&e[1]).copied().unwrap_or(i),
         };
         let neighbours = edges.iter().enumerate().map(link).collect();
-        Self { edges, neighbours }
+        let segment = |[a, b]: &[u32; 2]| {
+            let start = points[*a as usize];
+            let along = points[*b as usize] - start;
+            MarginSegment { start, along, squared_length: along.length_squared().max(f64::MIN_POSITIVE) }
+        };
+        let segments = edges.iter().map(segment).collect();
+        Self { edges, neighbours, segments }
     }
 }
 
@@ -395,8 +517,8 @@ pub(crate) mod tests {
         let blade = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
         let margin = blade.nearest_margin(DVec3::new(0.018, 0.04, 0.0), 1.0).expect("a margin");
         assert!((margin.distance - 0.002).abs() < 1e-8);
-        let there = blade.along_margin(&margin, 0.05, 1.0);
-        let back = blade.along_margin(&margin, -0.05, 1.0);
+        let there = blade.walk_margin(&margin, 0.05, 1.0);
+        let back = blade.walk_margin(&margin, -0.05, 1.0);
         // 40 mm to a corner, then 10 mm along the short side; one way up, the other down.
         let mut ends = [there, back].map(|p| (p.y * 1000.0).round());
         ends.sort_by(f64::total_cmp);

@@ -23,6 +23,33 @@ impl DryingLaw {
     }
 }
 
+/// Reads wetness from a grid at one time. Places close together have mostly been covered at the same time: the last power is reused.
+#[derive(Debug)]
+pub(in crate::rain) struct WetnessReader<'a> {
+    grid: &'a WetnessGrid,
+    t: f64,
+    law: DryingLaw,
+    last: Option<WetnessAtAge>,
+}
+
+/// Wetness of a cell by the time at which it was last covered, s.
+#[derive(Debug, Clone, Copy)]
+struct WetnessAtAge {
+    covered: f32,
+    wetness: f64,
+}
+
+impl WetnessReader<'_> {
+    /// Wetness at texture coordinates: 0 to 1; the same as [`WetnessGrid::wetness`].
+    pub fn wetness(&mut self, uv: DVec2) -> f64 {
+        let Some(covered) = self.grid.covered_at(uv) else { return 0.0 };
+        match self.last {
+            Some(last) if last.covered.to_bits() == covered.to_bits() => last.wetness,
+            _ => self.last.insert(WetnessAtAge { covered, wetness: self.law.wetness(covered, self.t) }).wetness,
+        }
+    }
+}
+
 /// Times at which the cells of a grid over the leaf's texture were last covered by water; wetness follows from their age.
 #[derive(Debug, Clone, Default)]
 pub struct WetnessGrid {
@@ -47,11 +74,18 @@ impl WetnessGrid {
 
     /// Wetness at texture coordinates and time `t`, s: 0 to 1.
     pub fn wetness(&self, uv: DVec2, t: f64, law: DryingLaw) -> f64 {
+        self.covered_at(uv).map_or(0.0, |covered| law.wetness(covered, t))
+    }
+
+    /// Time at which the cell at texture coordinates was last covered, s; `None` if it never was.
+    fn covered_at(&self, uv: DVec2) -> Option<f32> {
         let [x, y] = grid_cell(uv);
-        match self.last_covered.get(y * GRID_CELLS + x) {
-            Some(covered) if covered.is_finite() => law.wetness(*covered, t),
-            _ => 0.0,
-        }
+        self.last_covered.get(y * GRID_CELLS + x).copied().filter(|covered| covered.is_finite())
+    }
+
+    /// Reads the wetness at time `t`, s, at many places.
+    pub(in crate::rain) fn reader(&self, t: f64, law: DryingLaw) -> WetnessReader<'_> {
+        WetnessReader { grid: self, t, law, last: None }
     }
 
     /// Mean wetness at time `t` over a blade that occupies `cells` cells, 0 to 1.

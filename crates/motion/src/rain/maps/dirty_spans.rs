@@ -100,7 +100,7 @@ impl DirtyBits {
     pub fn mark(&mut self, window: &TexelWindow) {
         for first in (window.lo[1]..window.hi[1]).step_by(TILE) {
             for (y, bounds) in (first..window.hi[1]).zip(window.tile_row_bounds(first)) {
-                let ColumnSpan { start, end } = window.clamp_columns(bounds);
+                let ColumnSpan { start, end } = window.columns_within(bounds);
                 if start < end {
                     let row = &mut self.words[y * self.words_per_row..(y + 1) * self.words_per_row];
                     set_bit_range(row, start / TILE, (end - 1) / TILE);

@@ -75,6 +75,8 @@ pub(super) struct CapKernel {
     /// r cos(theta), the height of the base over the sphere's center, m.
     base: f32,
     height_factor: f32,
+    /// [`SphericalCap::wedge`] over the sphere's radius, 1/m.
+    wedge: f32,
     /// Squared distance from the axis at which the cap ends, in base radii; infinite if the sphere's equator ends it.
     max_rho2: f32,
 }
@@ -93,6 +95,7 @@ impl CapKernel {
             r2: narrow(cap.r * cap.r),
             base: narrow(cap.r * cap.cos_angle),
             height_factor: narrow(cap.height_factor),
+            wedge: narrow(cap.wedge / cap.r),
             max_rho2: if cap.cos_angle < 0.0 { f32::INFINITY } else { 1.0 },
         }
     }
@@ -112,7 +115,14 @@ impl TexelKernel for CapKernel {
         let under = F32Lanes::from_scalar(simd, self.r2) - rho2 * self.a2;
         let zero = F32Lanes::from_scalar(simd, 0.0);
         // h = factor (sqrt(r^2 - a^2 rho^2) - r cos(theta)) (1 + skew x), with x clamped to the footprint.
-        let h = (under.max(zero).sqrt() + -self.base).max(zero) * self.height_factor;
+        let over_center = under.max(zero).sqrt();
+        let mut h = (over_center + -self.base).max(zero) * self.height_factor;
+        if self.wedge != 0.0 {
+            // e^x by its series: x is at most ln 1.5, where the first term left out is below 1e-5.
+            let x = over_center * self.wedge;
+            let series = [5.0, 4.0, 3.0, 2.0, 1.0].iter().fold(x.splat(1.0), |sum, k| sum * x * (1.0 / k) + 1.0);
+            h = h * series;
+        }
         let h = h * (x.max(x.splat(-1.0)).min(x.splat(1.0)) * self.skew + 1.0);
         // 0 outside of the sphere and outside of the contact line.
         let h = under.select_gt(0.0, h, zero);
@@ -120,11 +130,16 @@ impl TexelKernel for CapKernel {
     }
 }
 
-/// Wetness around a spot that was under water: w = peak edge(d) exp(-d / length). Source: [yang-wu] eq. 11.
+/// Wetness around a path that was under water: w = peak edge(d) exp(-d / length) with the distance d from the path, whose end is the
+/// center. Source: [yang-wu] eq. 11, for a drop that moves along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WetSpotKernel {
     pub center: KernelCenter,
-    /// Distance from the center at which the wet area ends, m.
+    /// From the center to the beginning of the path, m.
+    pub path: [f32; 3],
+    /// The same over its squared length, 1/m; 0 for a path without length.
+    pub along: [f32; 3],
+    /// Distance from the path at which the wet area ends, m.
     pub radius: f32,
     /// Inverse width of the linear edge, 1/m.
     pub inverse_edge: f32,
@@ -143,8 +158,11 @@ impl TexelKernel for WetSpotKernel {
     #[inline(always)]
     fn evaluate<S: Simd>(&self, d: [F32Lanes<S>; 3]) -> F32Lanes<S> {
         let simd = d[0].simd;
+        // The nearest point of the path: the projection onto it, clamped to its ends.
+        let t = dot(d, self.along).max(d[0].splat(0.0)).min(d[0].splat(1.0));
+        let d = [d[0] - t * self.path[0], d[1] - t * self.path[1], d[2] - t * self.path[2]];
         let d = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-        // Coverage of a texel by the disk, antialiased: (radius - d) / width + 1/2, clamped to 0 to 1.
+        // Coverage of a texel by the swept disk, antialiased: (radius - d) / width + 1/2, clamped to 0 to 1.
         let edge = ((F32Lanes::from_scalar(simd, self.radius) - d) * self.inverse_edge + 0.5)
             .max(d.splat(0.0))
             .min(d.splat(1.0));
@@ -212,7 +230,7 @@ impl<T: TexelKernel> WithSimd for MaxBlendPass<'_, T> {
         for first in (window.lo[1].max(rows.start)..last).step_by(TILE) {
             for (y, bounds) in (first..last).zip(window.tile_row_bounds(first)) {
                 // Intersect the window's columns of this row with the spans to process.
-                let columns = window.clamp_columns(bounds);
+                let columns = window.columns_within(bounds);
                 for span in spans.row(y) {
                     let (from, to) = (columns.start.max(span.start), columns.end.min(span.end));
                     if from >= to {

@@ -1,4 +1,5 @@
-//! Water maps of a leaf: height, wetness and normals over its texture. Per frame only the texels under changes are recomputed.
+//! Water maps of a leaf: height of relief and water, water alone, wetness and normals over its chart. Per frame only the texels under
+//! changes are recomputed.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -44,7 +45,7 @@ pub struct CapOnLeaf {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CapStamp {
     /// Bits of all that its texels depend on: equal keys give equal texels.
-    key: [u64; 11],
+    key: [u64; 12],
     kernel: CapKernel,
     window: TexelWindow,
 }
@@ -79,17 +80,21 @@ impl TexelCounters {
 /// Maps of one leaf: `side * side` texels, row 0 at v = 1. What holds a clone shares the memory until the maps go on.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LeafMaps {
-    /// Height of water over the leaf, m.
+    /// Height of the leaf's relief and the water on it, m; the memory of `water` for a leaf without relief.
     pub height: Arc<Vec<f32>>,
+    /// Height of the water over the relief, m.
+    pub water: Arc<Vec<f32>>,
     /// Share of the leaf that is wet, 0 to 1.
     pub wetness: Arc<Vec<f32>>,
-    /// Unit normals in tangent space of leaf and water: along u, along v, out.
+    /// Unit normals in tangent space of the relief and the water on it: along u, along v, out.
     pub normal: Arc<Vec<[f32; 3]>>,
 }
 
 /// The maps of one leaf while a frame updates them.
 struct WorkingMaps<'a> {
-    height: &'a mut Vec<f32>,
+    /// `None` for a leaf without relief, where it is the water.
+    height: Option<&'a mut Vec<f32>>,
+    water: &'a mut Vec<f32>,
     wetness: &'a mut Vec<f32>,
     normal: &'a mut Vec<[f32; 3]>,
 }
@@ -126,12 +131,14 @@ impl LeafWaterMaps {
     pub fn new(raster: Arc<UvRaster>, scale: f64) -> Self {
         let n = raster.side * raster.side;
         let tiles = raster.side.div_ceil(TILE);
+        let water = Arc::new(vec![0.0; n]);
         let maps = LeafMaps {
-            height: Arc::new(vec![0.0; n]),
+            height: if raster.relief.is_some() { Arc::new(vec![0.0; n]) } else { Arc::clone(&water) },
+            water,
             wetness: Arc::new(vec![0.0; n]),
             normal: Arc::new(vec![FLAT; n]),
         };
-        Self {
+        let mut dry = Self {
             full: RowSpans::full(raster.side),
             raster,
             scale: narrow(scale),
@@ -141,7 +148,13 @@ impl LeafWaterMaps {
             maps,
             damp: vec![false; tiles * tiles],
             counters: TexelCounters::default(),
+        };
+        if dry.raster.relief.is_some() {
+            // The dry leaf already has heights and normals.
+            dry.update(&FrameUpdate { dirty: DirtySpans::full(dry.raster.side), wet_spots: Vec::new(), decay: 1.0 });
+            dry.counters = TexelCounters::default();
         }
+        dry
     }
 
     /// The maps at the last frame.
@@ -200,8 +213,14 @@ impl LeafWaterMaps {
     /// Applies an update band by band of tile rows, so that a band stays in the processor's cache from its caps to its wet spots.
     fn update(&mut self, update: &FrameUpdate) {
         let mut maps = std::mem::take(&mut self.maps);
+        let has_relief = self.raster.relief.is_some();
+        if !has_relief {
+            // Let go of the memory that it shares with the water, which is written now.
+            maps.height = Arc::default();
+        }
         let own = &mut WorkingMaps {
-            height: Arc::make_mut(&mut maps.height),
+            height: has_relief.then(|| Arc::make_mut(&mut maps.height)),
+            water: Arc::make_mut(&mut maps.water),
             wetness: Arc::make_mut(&mut maps.wetness),
             normal: Arc::make_mut(&mut maps.normal),
         };
@@ -219,6 +238,9 @@ impl LeafWaterMaps {
         // Spots are stamped after drying, with their present wetness: their tiles dry from the next frame on.
         for spot in &update.wet_spots {
             for_each_tile(&spot.window, tiles, |k| self.damp[k] = true);
+        }
+        if !has_relief {
+            maps.height = Arc::clone(&maps.water);
         }
         self.maps = maps;
     }
@@ -244,13 +266,13 @@ impl LeafWaterMaps {
 
     fn cap_stamp(&self, blade: &LeafSurface, cap: &CapOnLeaf) -> Option<CapStamp> {
         let point = blade.point_at(cap.uv, f64::from(self.scale))?;
-        let SphericalCap { r, a, height_factor, cos_angle } = cap.cap;
+        let SphericalCap { r, a, height_factor, wedge, cos_angle } = cap.cap;
         let CapDeformation { stretch, skew } = cap.deformation;
         // The drop's axis was tangential to the surface where it last moved; project it onto the surface here.
         let axis = (cap.axis - point.n * cap.axis.dot(point.n)).normalize_or(point.n.any_orthonormal_vector());
         let [x, y, z] = cap.axis.to_array();
         Some(CapStamp {
-            key: [cap.uv.x, cap.uv.y, r, a, height_factor, cos_angle, stretch, skew, x, y, z].map(f64::to_bits),
+            key: [cap.uv.x, cap.uv.y, r, a, height_factor, wedge, cos_angle, stretch, skew, x, y, z].map(f64::to_bits),
             kernel: CapKernel::new(&cap.cap, &cap.deformation, self.kernel_center(&point), axis.as_vec3()),
             window: self.raster.footprint_window(cap.uv, &point, cap.cap.max_radius(), stretch, axis),
         })
@@ -293,19 +315,27 @@ impl LeafWaterMaps {
         band * TILE..((band + 1) * TILE).min(self.raster.side)
     }
 
-    /// Recomputes the heights of a band's dirty texels: the maximum over all caps.
+    /// Recomputes the water of a band's dirty texels, the maximum over all caps, and their heights: relief and water.
     fn update_heights(&mut self, maps: &mut WorkingMaps<'_>, dirty: &DirtySpans, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_rows(band));
         // Caps that have not changed are drawn again where they overlap dirty texels. The maximum does not depend on their order.
         let spans = &dirty.heights;
         for (y, span) in rows.clone().flat_map(|y| spans.row(y).iter().map(move |span| (y, span))) {
-            maps.height[y * n + span.start..y * n + span.end].fill(0.0);
+            maps.water[y * n + span.start..y * n + span.end].fill(0.0);
         }
         for stamp in self.stamps.iter().filter(|s| s.window.overlaps_rows(&rows)) {
-            let (kernel, window, texels) = (&stamp.kernel, &stamp.window, maps.height.as_mut_slice());
+            let (kernel, window, texels) = (&stamp.kernel, &stamp.window, maps.water.as_mut_slice());
             let pass = MaxBlendPass { kernel, window, raster: &self.raster, rows: &rows, spans, texels };
             self.counters.heights += arch.dispatch(pass);
+        }
+        let Some((relief, height)) = self.raster.relief.as_ref().zip(maps.height.as_mut()) else { return };
+        for (y, span) in rows.clone().flat_map(|y| spans.row(y).iter().map(move |span| (y, span))) {
+            let texels = y * n + span.start..y * n + span.end;
+            let sources = relief[texels.clone()].iter().zip(&maps.water[texels.clone()]);
+            for (height, (relief, water)) in height[texels].iter_mut().zip(sources) {
+                *height = relief * self.scale + water;
+            }
         }
     }
 
@@ -325,7 +355,8 @@ impl LeafWaterMaps {
         // raster's slope factors are those of scale 1.
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
         let inverse_distance = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
-        let WorkingMaps { height, normal, .. } = maps;
+        let WorkingMaps { height, water, normal, .. } = maps;
+        let height: &[f32] = height.as_deref().map_or(water.as_slice(), Vec::as_slice);
         let (inner, outer) = (start.max(1), end.min(n - 1));
         // Texels with neighbours on both sides, by vectors.
         let texels = y * n + inner..y * n + outer;
@@ -348,7 +379,7 @@ impl LeafWaterMaps {
         }
     }
 
-    /// Stamps of spots that were under water. Source: [yang-wu] eq. 11.
+    /// Stamps of paths that were under water. Source: [yang-wu] eq. 11.
     fn wet_spot_stamps(
         &self,
         blade: &LeafSurface,
@@ -367,17 +398,29 @@ impl LeafWaterMaps {
         };
         let stamp = |spot: &WetSpot| {
             let point = blade.point_at(spot.uv, f64::from(self.scale))?;
+            // Without a point there, as across a notch of the margin, the path has no length.
+            let start = blade.point_at(spot.from, f64::from(self.scale));
+            let middle = if start.is_some() { 0.5 * (spot.uv + spot.from) } else { spot.uv };
+            let path = start.map_or(DVec3::ZERO, |start| start.p - point.p);
             // The edge is one texel wide, so that the wet area does not depend on the resolution.
             let texel = point.dpdu.length().min(point.dpdv.length()) / n;
             let radius = WET_RADIUS_FACTOR * spot.a;
             let kernel = WetSpotKernel {
                 center: self.kernel_center(&point),
+                path: path.as_vec3().to_array(),
+                along: (path / path.length_squared().max(f64::MIN_POSITIVE)).as_vec3().to_array(),
                 radius: narrow(radius),
                 inverse_edge: narrow(1.0 / texel),
                 exponent_rate: narrow(-1.0 / params.decay_length),
                 peak: peak(spot.t),
             };
-            Some(WetSpotStamp { kernel, window: self.raster.circle_window(spot.uv, &point, radius + texel) })
+            // The swept disk lies in the ellipse around the middle of the path with half-axes A = radius + half and
+            // B = sqrt(radius A), where half is half the length of the path.
+            let (reach, half) = (radius + texel, 0.5 * path.length());
+            let (along, across) = (reach + half, (reach * (reach + half)).sqrt());
+            let axis = (path - point.n * path.dot(point.n)).normalize_or(point.n.any_orthonormal_vector());
+            let (size, stretch) = ((along * across).sqrt(), (along / across).sqrt());
+            Some(WetSpotStamp { kernel, window: self.raster.footprint_window(middle, &point, size, stretch, axis) })
         };
         wet_spots.iter().filter_map(stamp).collect()
     }

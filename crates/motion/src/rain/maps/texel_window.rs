@@ -80,7 +80,7 @@ impl TexelWindow {
 
     /// Whole columns within fractional bounds and the window.
     #[inline(always)]
-    pub fn clamp_columns(&self, [start, end]: [f64; 2]) -> ColumnSpan {
+    pub fn columns_within(&self, [start, end]: [f64; 2]) -> ColumnSpan {
         // Casts to integers saturate: what is below 0 becomes 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let (start, end) = (start as usize, end as usize);

@@ -1,13 +1,14 @@
-//! A leaf's blade sampled at the texels of a texture.
+//! A leaf's blade sampled at the texels of a texture, and somewhat beyond its margin.
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::texel_window::{ColumnSpan, TexelWindow};
+use crate::rain::leaf::relief::ReliefMap;
 use crate::rain::leaf::surface::{FirstFundamentalForm, LeafSurface, SurfacePoint};
-use crate::rain::tuning::{FOLD_COSINE, WINDOW_MARGIN_MAX, WINDOW_MARGIN_MIN};
+use crate::rain::tuning::{FOLD_COSINE, MAP_BLEED, MAX_RELIEF_SAMPLES, WINDOW_MARGIN_MAX, WINDOW_MARGIN_MIN};
 use osier_base::math::narrow;
 
-/// Coordinate of texels beyond the blade, m: so far away that no kernel reaches them.
+/// Coordinate of texels far beyond the blade, m: so far away that no kernel reaches them.
 const OFF_BLADE: f32 = 1e6;
 
 /// The blade at the texels of a texture; shared by all leaves of one shape.
@@ -15,13 +16,16 @@ const OFF_BLADE: f32 = 1e6;
 pub struct UvRaster {
     /// Texels of a side of the texture.
     pub(super) side: usize,
-    /// Positions of the texels at scale 1, m, row by row from the top, component by component; [`OFF_BLADE`] beyond the blade.
+    /// Positions of the texels at scale 1, m, row by row from the top, component by component; [`OFF_BLADE`] more than [`MAP_BLEED`]
+    /// texels beyond the blade.
     pub(super) p: [Vec<f32>; 3],
     /// Normals of the texels of a blade that folds back on itself; others need none.
     n: Option<[Vec<f32>; 3]>,
     /// Factors from derivatives of height by u and v to slopes along the tangent and the bitangent, 1/m; see
     /// [`super::kernels::normal`].
     pub(super) slope_factors: [Vec<f32>; 3],
+    /// Heights of the blade's relief at scale 1, m; `None` for a smooth one.
+    pub(super) relief: Option<Vec<f32>>,
     /// Factor on the radius of windows that covers the change of dp/du and dp/dv within them.
     margin: f64,
 }
@@ -33,7 +37,8 @@ pub(super) struct RasterRow<'a> {
     pub n: [&'a [f32]; 3],
 }
 
-/// A texel on the blade.
+/// A texel on the blade, or beyond its margin.
+#[derive(Debug, Clone, Copy)]
 struct SurfaceTexel {
     p: [f32; 3],
     n: [f32; 3],
@@ -57,20 +62,86 @@ impl SurfaceTexel {
     }
 }
 
+/// The texel beyond the blade's margin whose values continue those of a texel on the blade.
+#[derive(Debug, Clone, Copy)]
+struct BleedTexel {
+    texel: usize,
+    /// Index of the texel on the blade that is near.
+    source: usize,
+    /// Whether it is one of the outermost, beside which nothing is known.
+    outermost: bool,
+}
+
+/// Texels up to [`MAP_BLEED`] texels beyond those on the blade, from the margin outwards, so that filters of renderers that reach over
+/// the margin find the values of the blade.
+fn bleed_texels(on_blade: &[bool], side: usize) -> Vec<BleedTexel> {
+    let mut source: Vec<Option<usize>> = (0..side * side).map(|k| on_blade[k].then_some(k)).collect();
+    let mut ring: Vec<usize> = (0..side * side).filter(|k| on_blade[*k]).collect();
+    let mut found = Vec::new();
+    for distance in 1..=MAP_BLEED {
+        // Candidates beside the last ring, each with the source of the neighbour whose source is nearest; the lower index counts of two.
+        let squared = |a: usize, b: usize| {
+            let [x, y] = [(a % side).abs_diff(b % side), (a / side).abs_diff(b / side)];
+            x * x + y * y
+        };
+        let mut next: std::collections::BTreeMap<usize, usize> = std::collections::BTreeMap::new();
+        for k in &ring {
+            let Some(from) = source[*k] else { continue };
+            let (x, y) = (k % side, k / side);
+            for y in y.saturating_sub(1)..(y + 2).min(side) {
+                for texel in (x.saturating_sub(1)..(x + 2).min(side)).map(|x| y * side + x) {
+                    if source[texel].is_none() {
+                        let best = next.entry(texel).or_insert(from);
+                        let key = |s: usize| (squared(s, texel), s);
+                        if key(from) < key(*best) {
+                            *best = from;
+                        }
+                    }
+                }
+            }
+        }
+        next.iter().for_each(|(texel, from)| source[*texel] = Some(*from));
+        let outermost = distance == MAP_BLEED;
+        found.extend(next.iter().map(|(texel, source)| BleedTexel { texel: *texel, source: *source, outermost }));
+        ring = next.into_keys().collect();
+    }
+    found
+}
+
+/// Heights of a relief at the texels of a blade, m: each the mean over its texel. Beyond the margin those of the nearest texels on the
+/// blade, 0 farther away.
+fn relief_texels(blade: &LeafSurface, side: usize, relief: &ReliefMap, bleed: &[BleedTexel]) -> Vec<f32> {
+    // As many samples across a texel as it has pixels of the map.
+    let samples = relief.side().div_ceil(side).clamp(1, MAX_RELIEF_SAMPLES);
+    let n = (side * samples) as f64;
+    let rows: Vec<usize> = (0..side).collect();
+    let mean = |x: usize, y: usize| {
+        let fine = |k: usize| (k * samples..(k + 1) * samples).map(|k| (k as f64 + 0.5) / n);
+        let all = fine(y).flat_map(|y| fine(x).map(move |x| DVec2::new(x, 1.0 - y)));
+        let heights = all.filter_map(|uv| Some(relief.height(blade.texture_uv(uv)?)));
+        let (sum, count) = heights.fold((0.0, 0.0_f32), |s, h| (s.0 + h, s.1 + 1.0));
+        sum / count.max(1.0)
+    };
+    let row = |y: &usize| -> Vec<f32> { (0..side).map(|x| mean(x, *y)).collect() };
+    let mut heights: Vec<f32> = osier_base::par::par_map(&rows, row).into_iter().flatten().collect();
+    // The center of a texel decides whether it is on the blade: those of the bleed may hold samples of it.
+    for b in bleed {
+        heights[b.texel] = heights[b.source];
+    }
+    heights
+}
+
 impl UvRaster {
-    /// Samples a blade at `side` by `side` texels.
-    pub fn new(blade: &LeafSurface, side: usize) -> Self {
+    /// Samples a blade at `side` by `side` texels. `relief`: heights over the texture coordinates of the blade's material.
+    pub fn new(blade: &LeafSurface, side: usize, relief: Option<&ReliefMap>) -> Self {
         let rows: Vec<usize> = (0..side).collect();
         let n = side as f64;
+        let uv = |x: usize, y: usize| DVec2::new((x as f64 + 0.5) / n, 1.0 - (y as f64 + 0.5) / n);
         let row = |y: &usize| -> Vec<Option<SurfaceTexel>> {
-            let v = 1.0 - (*y as f64 + 0.5) / n;
-            let texel = |x: usize| Some(SurfaceTexel::new(&blade.point_at(DVec2::new((x as f64 + 0.5) / n, v), 1.0)?));
-            (0..side).map(texel).collect()
+            (0..side).map(|x| Some(SurfaceTexel::new(&blade.point_at(uv(x, *y), 1.0)?))).collect()
         };
-        let texels: Vec<Option<SurfaceTexel>> = osier_base::par::par_map(&rows, row).into_iter().flatten().collect();
-        let column = |off_blade: f32, f: &dyn Fn(&SurfaceTexel) -> f32| -> Vec<f32> {
-            texels.iter().map(|t| t.as_ref().map_or(off_blade, f)).collect()
-        };
+        let mut texels: Vec<Option<SurfaceTexel>> =
+            osier_base::par::par_map(&rows, row).into_iter().flatten().collect();
         // A blade whose normals all stay close to their mean cannot fold back on itself.
         let normals = || texels.iter().flatten().map(|t| Vec3::from_array(t.n));
         let mean = normals().sum::<Vec3>().normalize_or_zero();
@@ -87,18 +158,31 @@ impl UvRaster {
         } else {
             WINDOW_MARGIN_MAX
         };
+        // Beyond the margin the blade continues along the tangent planes of its outer texels.
+        let on_blade: Vec<bool> = texels.iter().map(Option::is_some).collect();
+        let bleed = bleed_texels(&on_blade, side);
+        for b in &bleed {
+            let [at, from] = [b.texel, b.source].map(|k| uv(k % side, k / side));
+            texels[b.texel] = blade.point_at(from, 1.0).map(|near| {
+                let SurfaceTexel { p, n, slope_factors } = SurfaceTexel::new(&SurfacePoint {
+                    p: near.p + near.dpdu * (at - from).x + near.dpdv * (at - from).y,
+                    ..near
+                });
+                // Of the outermost texels a neighbour is missing, and with it the slope.
+                SurfaceTexel { p, n, slope_factors: if b.outermost { [0.0; 3] } else { slope_factors } }
+            });
+        }
+        let column = |off_blade: f32, f: &dyn Fn(&SurfaceTexel) -> f32| -> Vec<f32> {
+            texels.iter().map(|t| t.as_ref().map_or(off_blade, f)).collect()
+        };
         Self {
             side,
             margin,
             p: [0, 1, 2].map(|k| column(OFF_BLADE, &|t| t.p[k])),
             n: folded.then(|| [0, 1, 2].map(|k| column(0.0, &|t| t.n[k]))),
             slope_factors: [0, 1, 2].map(|k| column(0.0, &|t| t.slope_factors[k])),
+            relief: relief.map(|relief| relief_texels(blade, side, relief, &bleed)),
         }
-    }
-
-    /// Texels within `radius`, m, of a point with texture coordinates `uv`.
-    pub(super) fn circle_window(&self, uv: DVec2, point: &SurfacePoint, radius: f64) -> TexelWindow {
-        self.ellipse_window(uv, point.dpdu, point.dpdv, radius)
     }
 
     /// Texels under a footprint of `radius`, m, stretched by `stretch` along the unit tangent `axis`.

@@ -14,11 +14,54 @@ use crate::rain::leaf::surface::SurfacePoint;
 use crate::rain::mesh::tail_body::TailedDropShape;
 use crate::rain::target::LeafPose;
 use crate::rain::tuning::{
-    LARGE_DROP_GRID, LARGE_DROP_RADIUS, PENDANT_SIDES, PROFILE_POINTS, RIM_DENSITY, SEAT_HEIGHT, SEAT_RINGS,
-    SMALL_DROP_GRID, TAIL_COLUMNS, UNDERSIDE_DEPTH,
+    AFAR_DROP_ANGLE, AFAR_DROP_GRID, DISTANT_DROP_ANGLE, DISTANT_DROP_GRID, LARGE_DROP_GRID, LARGE_DROP_RADIUS,
+    PENDANT_SIDES, PROFILE_POINTS, RIM_DENSITY, SEAT_HEIGHT, SEAT_RINGS, SMALL_DROP_GRID, TAIL_COLUMNS,
+    UNDERSIDE_DEPTH,
 };
 use osier_base::math;
 use osier_scene::Mesh;
+
+/// How finely a drop is meshed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum DropDetail {
+    /// For pictures in which the drop is more than a few pixels large.
+    #[default]
+    Near,
+    /// For a drop of a few pixels.
+    Afar,
+    /// For a drop of a pixel or two.
+    Distant,
+}
+
+impl DropDetail {
+    /// The detail of a drop of a radius, m, at a distance from the camera, m.
+    pub fn at_distance(radius: f64, distance: f64) -> Self {
+        match radius / distance.max(1e-9) {
+            angle if angle >= AFAR_DROP_ANGLE => Self::Near,
+            angle if angle >= DISTANT_DROP_ANGLE => Self::Afar,
+            _ => Self::Distant,
+        }
+    }
+
+    /// Index into the tables of numbers of rows and sides.
+    fn level(self) -> usize {
+        match self {
+            Self::Near => 0,
+            Self::Afar => 1,
+            Self::Distant => 2,
+        }
+    }
+
+    /// Number of rings and sides of a cap.
+    fn cap_grid(self, cap: &SphericalCap) -> [u32; 2] {
+        match self {
+            Self::Near if cap.max_radius() < LARGE_DROP_RADIUS => SMALL_DROP_GRID,
+            Self::Near => LARGE_DROP_GRID,
+            Self::Afar => AFAR_DROP_GRID,
+            Self::Distant => DISTANT_DROP_GRID,
+        }
+    }
+}
 
 /// The drops on leaves and at margins at a frame as one mesh.
 #[derive(Debug, Default)]
@@ -27,6 +70,8 @@ pub struct DropMesh {
     pub mesh: Mesh,
     /// Velocity of each point in the world, m/s.
     pub velocities: Vec<Vec3>,
+    /// How finely the next drop is meshed.
+    pub detail: DropDetail,
 }
 
 /// Maps points around a sessile drop, given along the leaf and above it, to the world.
@@ -57,8 +102,8 @@ impl<'a> DropPlacement<'a> {
     }
 
     /// Velocity of the drop's points.
-    fn point_motion(&self) -> PointMotion<'a> {
-        PointMotion { pose: self.pose, v: self.v }
+    fn drop_motion(&self) -> DropMotion<'a> {
+        DropMotion { pose: self.pose, v: self.v }
     }
 
     /// Whether triangles wound for the upper side have to be reversed.
@@ -69,7 +114,7 @@ impl<'a> DropPlacement<'a> {
 
 /// The motion of a drop's points: that of the leaf as a rigid body, plus the drop's own.
 #[derive(Clone, Copy)]
-struct PointMotion<'a> {
+struct DropMotion<'a> {
     pose: &'a LeafPose,
     /// Velocity relative to the leaf, in leaf space, m/s.
     v: DVec3,
@@ -97,7 +142,7 @@ impl DropMesh {
         index
     }
 
-    fn add_point(&mut self, p: DVec3, motion: PointMotion<'_>) -> u32 {
+    fn add_vertex(&mut self, p: DVec3, motion: DropMotion<'_>) -> u32 {
         let index = self.next_index();
         self.mesh.points.push(p.as_vec3());
         self.velocities.push((motion.pose.velocity_at(p) + motion.pose.orientation * motion.v).as_vec3());
@@ -105,7 +150,7 @@ impl DropMesh {
     }
 
     /// Appends a copy of a point, whose normal is then its own: for creases.
-    fn duplicate_point(&mut self, i: u32) -> u32 {
+    fn duplicate_vertex(&mut self, i: u32) -> u32 {
         let index = self.next_index();
         self.mesh.points.push(self.mesh.points[i as usize]);
         self.velocities.push(self.velocities[i as usize]);
@@ -163,7 +208,7 @@ impl DropMesh {
     fn add_cap(&mut self, placement: &DropPlacement<'_>, cap: &SphericalCap, drop: &SessileDrop) {
         // Polar angles run from 0 at the pole to the contact angle at the contact line.
         let theta = math::acos(cap.cos_angle.clamp(-1.0, 1.0));
-        let [rings, sides] = if cap.max_radius() < LARGE_DROP_RADIUS { SMALL_DROP_GRID } else { LARGE_DROP_GRID };
+        let [rings, sides] = self.detail.cap_grid(cap);
         // A cap that overhangs its base spans more than a quarter turn.
         let rings = if theta > FRAC_PI_2 { rings * 2 } else { rings };
         let n = placement.base.n;
@@ -182,17 +227,17 @@ impl DropMesh {
         let sphere_point = |q: f64, phi: f64| {
             let r1 = cap.r * math::sin(q);
             let shear = 1.0 + drop.deformation.skew * (r1 / cap.a * math::cos(phi)).clamp(-1.0, 1.0);
-            let h = raise * cap.height_factor * cap.r * (math::cos(q) - cap.cos_angle) * shear;
+            let h = raise * cap.height_factor_at(math::cos(q)) * cap.r * (math::cos(q) - cap.cos_angle) * shear;
             at(r1, phi, h.max(0.0))
         };
         let start = self.part_start();
-        let (motion, flip) = (placement.point_motion(), placement.flip());
-        let pole = self.add_point(sphere_point(0.0, 0.0), motion);
+        let (motion, flip) = (placement.drop_motion(), placement.flip());
+        let pole = self.add_vertex(sphere_point(0.0, 0.0), motion);
         let mut rim = Vec::new();
         for k in 1..=rings {
             let q = ring_angle(k);
             let azimuths = (0..sides).map(|i| TAU * f64::from(i) / f64::from(sides));
-            let ring: Vec<u32> = azimuths.map(|phi| self.add_point(sphere_point(q, phi), motion)).collect();
+            let ring: Vec<u32> = azimuths.map(|phi| self.add_vertex(sphere_point(q, phi), motion)).collect();
             // The first ring surrounds the pole, each other one the ring before it.
             if k == 1 {
                 self.add_fan(pole, &ring, flip);
@@ -220,19 +265,19 @@ impl DropMesh {
         point: impl Fn(f64, f64) -> DVec3,
     ) {
         let start = self.part_start();
-        let (motion, flip) = (placement.point_motion(), placement.flip());
+        let (motion, flip) = (placement.drop_motion(), placement.flip());
         // The contact line is a crease: copies of its points have the normals of the skirt.
-        let mut before: Vec<u32> = rim.iter().map(|i| self.duplicate_point(*i)).collect();
+        let mut before: Vec<u32> = rim.iter().map(|i| self.duplicate_vertex(*i)).collect();
         // Rings from the contact line inwards, at a constant depth below the leaf.
         for k in (1..=rings).rev() {
             let fraction = f64::from(k) / f64::from(rings);
             let azimuths = (0..sides).map(|i| TAU * f64::from(i) / f64::from(sides));
-            let ring: Vec<u32> = azimuths.map(|phi| self.add_point(point(fraction, phi), motion)).collect();
+            let ring: Vec<u32> = azimuths.map(|phi| self.add_vertex(point(fraction, phi), motion)).collect();
             self.add_ring_strip(&before, &ring, flip);
             before = ring;
         }
         // The last fan is seen from below, hence wound the other way round.
-        let center = self.add_point(point(0.0, 0.0), motion);
+        let center = self.add_vertex(point(0.0, 0.0), motion);
         for i in 0..before.len() {
             self.add_triangle([center, before[(i + 1) % before.len()], before[i]], flip);
         }
@@ -243,25 +288,25 @@ impl DropMesh {
     fn add_tail_body(&mut self, placement: &DropPlacement<'_>, drop: &SessileDrop) {
         let Some(body) = TailedDropShape::new(placement, drop) else { return };
         let start = self.part_start();
-        let motion = placement.point_motion();
-        let rows = body.row_count();
+        let motion = placement.drop_motion();
+        let (rows, columns) = (body.row_count(self.detail.level()), TAIL_COLUMNS[self.detail.level()]);
         // The first and the last row shrink to a point.
         let ends = [0, rows].map(|k| {
             let p = body.world_point(placement, body.row_position(k, rows), 0.0, 0.0);
-            self.add_point(p, motion)
+            self.add_vertex(p, motion)
         });
         let mut grid: Vec<Vec<u32>> = Vec::new();
         for k in 1..rows {
             let s = body.row_position(k, rows);
             let half_width = body.half_width(s);
             // The outer columns lie on the contact line.
-            let row = (0..=TAIL_COLUMNS)
+            let row = (0..=columns)
                 .map(|i| {
-                    let x = half_width * column_fraction(i);
-                    let on_rim = i == 0 || i == TAIL_COLUMNS;
+                    let x = half_width * column_fraction(i, columns);
+                    let on_rim = i == 0 || i == columns;
                     let h = if on_rim { 0.0 } else { body.height(s, x) };
                     let p = body.world_point(placement, s, x, h);
-                    self.add_point(p, motion)
+                    self.add_vertex(p, motion)
                 })
                 .collect();
             grid.push(row);
@@ -280,23 +325,24 @@ impl DropMesh {
         ends: [u32; 2],
     ) {
         let start = self.part_start();
-        let (motion, flip) = (placement.point_motion(), placement.flip());
-        let (n, rows) = (TAIL_COLUMNS as usize, body.row_count());
+        let (motion, flip) = (placement.drop_motion(), placement.flip());
+        let (rows, columns) = (body.row_count(self.detail.level()), TAIL_COLUMNS[self.detail.level()]);
+        let n = columns as usize;
         // The lower side has the same rows and columns.
         let mut lower_point = |k: u32, x: f64| {
             let p = body.world_point(placement, body.row_position(k, rows), x, -UNDERSIDE_DEPTH);
-            self.add_point(p, motion)
+            self.add_vertex(p, motion)
         };
         let lower_ends = [0, rows].map(|k| lower_point(k, 0.0));
-        let x_of = |k: u32, i: u32| body.half_width(body.row_position(k, rows)) * column_fraction(i);
+        let x_of = |k: u32, i: u32| body.half_width(body.row_position(k, rows)) * column_fraction(i, columns);
         let lower: Vec<Vec<u32>> =
-            (1..rows).map(|k| (0..=TAIL_COLUMNS).map(|i| lower_point(k, x_of(k, i))).collect()).collect();
+            (1..rows).map(|k| (0..=columns).map(|i| lower_point(k, x_of(k, i))).collect()).collect();
         // A skirt joins the outlines of both sides: the front end, the left side back, the rear end, the right side forth.
         let outline = |rows: &[Vec<u32>], ends: [u32; 2]| -> Vec<u32> {
             let (left, right) = (rows.iter().map(|r| r[0]), rows.iter().rev().map(|r| r[n]));
             [ends[0]].into_iter().chain(left).chain([ends[1]]).chain(right).collect()
         };
-        let upper: Vec<u32> = outline(grid, ends).iter().map(|i| self.duplicate_point(*i)).collect();
+        let upper: Vec<u32> = outline(grid, ends).iter().map(|i| self.duplicate_vertex(*i)).collect();
         let rim = outline(&lower, lower_ends);
         self.add_ring_strip(&upper, &rim, flip);
         self.triangulate_rows(&lower, lower_ends, !flip);
@@ -307,7 +353,7 @@ impl DropMesh {
     fn triangulate_rows(&mut self, grid: &[Vec<u32>], ends: [u32; 2], flip: bool) {
         // Fans at both ends, two triangles for each cell between.
         let last = grid.len() - 1;
-        for i in 0..TAIL_COLUMNS as usize {
+        for i in 0..grid[0].len() - 1 {
             self.add_triangle([ends[0], grid[0][i], grid[0][i + 1]], flip);
             self.add_triangle([ends[1], grid[last][i + 1], grid[last][i]], flip);
             for k in 1..=last {
@@ -327,23 +373,25 @@ impl DropMesh {
         let (x, y) = down.any_orthonormal_pair();
         let attachment = pose.position + pose.orientation * drop.p;
         let start = self.part_start();
-        let motion = PointMotion { pose, v: DVec3::ZERO };
-        let mut outline: Vec<[f64; 2]> = resample_profile(&profile);
+        let motion = DropMotion { pose, v: DVec3::ZERO };
+        let level = self.detail.level();
+        let (sides, seat_rings) = (PENDANT_SIDES[level], SEAT_RINGS[level]);
+        let mut outline: Vec<[f64; 2]> = resample_profile(&profile, PROFILE_POINTS[level]);
         // A quarter of an ellipse continues the outline over the leaf's edge, so that the drop encloses it.
         let rim = outline.last().map_or(drop.radius, |p| p[0]);
-        outline.extend((1..SEAT_RINGS).map(|k| {
-            let turn = FRAC_PI_2 * f64::from(k) / f64::from(SEAT_RINGS);
+        outline.extend((1..seat_rings).map(|k| {
+            let turn = FRAC_PI_2 * f64::from(k) / f64::from(seat_rings);
             [rim * math::cos(turn), length + SEAT_HEIGHT * rim * math::sin(turn)]
         }));
-        let apex = self.add_point(attachment + down * length, motion);
+        let apex = self.add_vertex(attachment + down * length, motion);
         // One ring per point of the outline, from the apex up; heights count from the apex against `down`.
         let mut before: Vec<u32> = Vec::new();
         for [r, z] in outline.iter().skip(1) {
             let center = attachment + down * (length - z);
-            let ring: Vec<u32> = (0..PENDANT_SIDES)
+            let ring: Vec<u32> = (0..sides)
                 .map(|i| {
-                    let turn = TAU * f64::from(i) / f64::from(PENDANT_SIDES);
-                    self.add_point(center + (x * math::cos(turn) + y * math::sin(turn)) * *r, motion)
+                    let turn = TAU * f64::from(i) / f64::from(sides);
+                    self.add_vertex(center + (x * math::cos(turn) + y * math::sin(turn)) * *r, motion)
                 })
                 .collect();
             if before.is_empty() {
@@ -354,7 +402,7 @@ impl DropMesh {
             before = ring;
         }
         // Close the part over the leaf's edge.
-        let top = self.add_point(attachment - down * (SEAT_HEIGHT * rim), motion);
+        let top = self.add_vertex(attachment - down * (SEAT_HEIGHT * rim), motion);
         for i in 0..before.len() {
             self.add_triangle([top, before[(i + 1) % before.len()], before[i]], false);
         }
@@ -362,9 +410,10 @@ impl DropMesh {
     }
 }
 
-/// Position of column `i` of a tail body as a fraction of the half width, -1 to 1; columns are denser towards the contact line.
-fn column_fraction(i: u32) -> f64 {
-    math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(TAIL_COLUMNS) - 1.0))
+/// Position of column `i` of `columns` of a tail body as a fraction of the half width, -1 to 1; columns are denser towards the contact
+/// line.
+fn column_fraction(i: u32, columns: u32) -> f64 {
+    math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(columns) - 1.0))
 }
 
 /// Factor on the heights of a faceted cap with which it holds the volume of the smooth one. `ring_angles`: polar angles from the pole
@@ -384,10 +433,10 @@ fn facet_volume_factor(ring_angles: &[f64], sides: u32) -> f64 {
     if faceted > 0.0 { smooth / faceted } else { 1.0 }
 }
 
-/// About [`PROFILE_POINTS`] points of a profile, evenly along it, the last one included.
-fn resample_profile(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
+/// About `points` points of a profile, evenly along it, the last one included.
+fn resample_profile(profile: &[[f64; 2]], points: usize) -> Vec<[f64; 2]> {
     let last = profile.len() - 1;
-    let step = (last / PROFILE_POINTS).max(1);
+    let step = (last / points).max(1);
     let mut out: Vec<[f64; 2]> = profile.iter().step_by(step).copied().collect();
     if !last.is_multiple_of(step) {
         out.push(profile[last]);
@@ -422,7 +471,7 @@ mod tests {
         let wetting = WettingParams { contact_angle: theta, receding: theta, advancing: theta, ..own };
         let cap = |(i, v): (usize, &f64)| {
             let uv = DVec2::new(0.5, 0.5 - 0.02 * i as f64);
-            DropCap { uv, cap: wetting.cap(*v, 1.0), volume: *v }
+            DropCap { uv, cap: wetting.cap(*v), volume: *v }
         };
         let caps = volumes.iter().enumerate().map(cap).collect();
         SessileDrop {
@@ -463,8 +512,7 @@ mod tests {
             for ((q, skew, omega), volume) in prints.into_iter().flat_map(|p| [(p, 2e-8), (p, 4e-10)]) {
                 let mut drop = sessile(theta, &[volume], CapDeformation { stretch: q, skew });
                 let own = DropParams::default().wetting;
-                let cap =
-                    WettingParams { contact_angle: theta.to_radians(), height_factor: omega, ..own }.cap(volume, 1.0);
+                let cap = WettingParams { contact_angle: theta.to_radians(), height_factor: omega, ..own }.cap(volume);
                 drop.caps[0].cap = cap;
                 let mut water = DropMesh::default();
                 water.add_sessile(&leaf, &pose, &drop);
@@ -487,9 +535,10 @@ mod tests {
         water.add_sessile(&leaf, &pose, &drop);
         let placement = DropPlacement::new(&leaf, &pose, drop.caps[0].uv, 1.0, DVec3::ZERO).expect("on the leaf");
         let body = TailedDropShape::new(&placement, &drop).expect("a body");
-        let area: f64 = (0..body.row_count())
+        let rows = body.row_count(water.detail.level());
+        let area: f64 = (0..rows)
             .map(|k| {
-                let [a, b] = [k, k + 1].map(|k| body.row_position(k, body.row_count()));
+                let [a, b] = [k, k + 1].map(|k| body.row_position(k, rows));
                 (b - a) * (body.half_width(a) + body.half_width(b))
             })
             .sum();

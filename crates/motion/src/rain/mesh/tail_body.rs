@@ -8,7 +8,9 @@ use glam::DVec3;
 use crate::rain::drops::spherical_cap::SphericalCap;
 use crate::rain::frame::SessileDrop;
 use crate::rain::mesh::DropPlacement;
-use crate::rain::tuning::{MAX_TAIL_ROWS, TAIL_HEIGHT_RANGE, TAIL_ROWS_PER_RADIUS, TAIL_SLICE_STEPS, TAIL_SLICES};
+use crate::rain::tuning::{
+    MAX_TAIL_ROWS, MIN_TAIL_ROWS, TAIL_HEIGHT_RANGE, TAIL_ROWS_PER_RADIUS, TAIL_SLICE_STEPS, TAIL_SLICES,
+};
 use osier_base::math;
 
 /// A tail body over the arc length s, m, of the path back from the head's center.
@@ -104,11 +106,13 @@ impl TailedDropShape {
         Some(body)
     }
 
-    /// Number of intervals between rows of its mesh.
+    /// Number of intervals between rows of its mesh; `level`: index of the detail.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    pub(super) fn row_count(&self) -> u32 {
+    pub(super) fn row_count(&self, level: usize) -> u32 {
         let narrowest = self.knots.iter().fold(f64::MAX, |m, knot| m.min(knot.size[0])).max(1e-5);
-        ((self.end - self.start) / narrowest * TAIL_ROWS_PER_RADIUS).ceil().clamp(16.0, f64::from(MAX_TAIL_ROWS)) as u32
+        ((self.end - self.start) / narrowest * TAIL_ROWS_PER_RADIUS[level])
+            .ceil()
+            .clamp(f64::from(MIN_TAIL_ROWS[level]), f64::from(MAX_TAIL_ROWS)) as u32
     }
 
     /// Arc length of row `k`, from the front to the rear; rows are denser at both ends, which are round.

@@ -53,7 +53,7 @@ pub(crate) enum AxisMotion {
 
 /// Attachment of a leaf: carrying rod, pivot and orientation in the world, m.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct LeafAttachment {
+pub(crate) struct LeafPlacement {
     /// Rod of its stalk, if it has one.
     pub stalk: Option<usize>,
     /// Rod that carries it or its stalk, and arc length there, m.
@@ -69,7 +69,7 @@ pub(crate) struct RodPlantLayout {
     pub rods: Vec<RodDescription>,
     pub holds: Vec<(usize, f64, ClampKind)>,
     pub axes: Vec<AxisMotion>,
-    pub leaves: Vec<LeafAttachment>,
+    pub leaves: Vec<LeafPlacement>,
     /// Stems and leaves beyond the budget.
     pub omitted: [usize; 2],
     scale: f64,
@@ -80,7 +80,7 @@ impl RodPlantLayout {
         let mut layout = Self { scale: f64::from(stand.s.x), ..Self::default() };
         // Candidates first, then the selection within the budget, then rods in the order of axes, so that carriers
         // come first.
-        let rods = layout.stem_rods(plant, stand, params);
+        let rods = layout.candidate_axis_rods(plant, stand, params);
         let selected = layout.stems_within_budget(plant, &rods, params);
         for (axis, rod) in plant.axes.iter().zip(rods) {
             let host = (axis.parent != NONE).then(|| layout.host_at(axis.parent, f64::from(axis.parent_s))).flatten();
@@ -107,7 +107,12 @@ impl RodPlantLayout {
     }
 
     /// Rod of each axis that may bend, without parent, and the arc length, m, from which on it is one.
-    fn stem_rods(&self, plant: &Plant, stand: &Trs, params: &RodPlantParams) -> Vec<Option<(f64, RodDescription)>> {
+    fn candidate_axis_rods(
+        &self,
+        plant: &Plant,
+        stand: &Trs,
+        params: &RodPlantParams,
+    ) -> Vec<Option<(f64, RodDescription)>> {
         let one = |axis: &Axis| {
             if axis.kind == AxisKind::Root {
                 return None;
@@ -202,7 +207,7 @@ impl RodPlantLayout {
         stand: &Trs,
         params: &RodPlantParams,
         with_stalk: bool,
-    ) -> LeafAttachment {
+    ) -> LeafPlacement {
         let (pivot, q) = plant.organ_site(organ);
         let site = plant.frame(&plant.axes[organ.axis as usize], organ.s);
         let (pivot, q) = (stand.apply(pivot).as_dvec3(), (stand.r * q).normalize().as_dquat().normalize());
@@ -210,7 +215,7 @@ impl RodPlantLayout {
         // A leaf on a petiole axis follows that rod and needs no stalk of its own.
         let host = self.host_at(organ.axis, f64::from(organ.s));
         let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
-        let mut attachment = LeafAttachment { stalk: None, host, pivot, q, scale };
+        let mut attachment = LeafPlacement { stalk: None, host, pivot, q, scale };
         if !with_stalk || on_petiole {
             return attachment;
         }

@@ -1,9 +1,9 @@
 //! A plant on rods: stems bend, leaves hang on stalks, and wind drag and the impulses of raindrops act on them.
 
 mod layout;
-mod leaf_sheet;
+mod rigid_blade;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::sync::Arc;
 
@@ -11,10 +11,11 @@ use glam::{DQuat, DVec3, Vec3};
 
 pub use self::layout::RodPlantParams;
 use self::layout::{AxisMotion, RodPlantLayout};
-use self::leaf_sheet::{LeafSheet, LeafSheetPose, VortexShedding};
-use crate::rain::{LeafPose, RainTarget, WoodSegment};
+pub(crate) use self::rigid_blade::RigidBlade;
+use self::rigid_blade::{LeafSheetPose, VortexShedding};
+use crate::rain::{LeafPose, RainPlant, WoodSegment};
 use crate::rods::StepFailure;
-use crate::rods::prism::{Matrix9, RigidSectionMap, SectionCorners, SectionFrame, corner_dot};
+use crate::rods::prism::{Matrix9, RigidSectionMap, SectionFrame, Vector9, corner_dot};
 use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
 use crate::rods::tuning::MAX_STEP_HALVINGS;
 use osier_base::{Error, Result};
@@ -36,14 +37,14 @@ struct RodPlantLeaf {
     p: DVec3,
     q: DQuat,
     scale: f64,
-    sheet: LeafSheet,
+    sheet: RigidBlade,
     eddies: VortexShedding,
     now: LeafPose,
 }
 
 /// End of a wood segment: carrying section, and position in its frame or in the world.
 #[derive(Debug, Clone, Copy)]
-struct WoodEnd {
+struct SegmentEnd {
     section: Option<usize>,
     p: DVec3,
     r: f64,
@@ -65,7 +66,7 @@ pub struct RodPlant {
     axes: Vec<AxisMotion>,
     scale: f64,
     leaves: Vec<RodPlantLeaf>,
-    wood: Vec<[WoodEnd; 2]>,
+    wood: Vec<[SegmentEnd; 2]>,
     /// Indices of the bodies attached to each section.
     bodies_on_section: Vec<Vec<usize>>,
     /// Whether each section is clamped.
@@ -91,7 +92,7 @@ impl RodPlant {
     pub fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams, name: &str) -> Self {
         let layout = RodPlantLayout::new(plant, stand, params);
         let rods = RodSystem::new(&layout.rods, &layout.holds);
-        let sheets: Vec<LeafSheet> = plant.protos.iter().map(|p| LeafSheet::from_mesh(&p.mesh)).collect();
+        let sheets: Vec<RigidBlade> = plant.protos.iter().map(|p| RigidBlade::from_mesh(&p.mesh)).collect();
         let mut leaves = Vec::with_capacity(layout.leaves.len());
         let (mut own, mut water) = (Vec::new(), Vec::new());
         for (organ, attachment) in plant.organs.iter().zip(&layout.leaves) {
@@ -124,7 +125,7 @@ impl RodPlant {
             leaves.push(RodPlantLeaf { section, stalk: attachment.stalk, p, q, scale, sheet, eddies, now });
         }
         // Water bodies come first, so that body k is the water on leaf k; then the blades.
-        let mut rods = if rods.is_empty() { rods } else { rods.with_bodies(water).with_bodies(own) };
+        let mut rods = if rods.is_empty() { rods } else { rods.with_added_bodies(water).with_added_bodies(own) };
         // Without a rest shape that balances gravity, the plant's own weight is left out.
         rods.gravity = -DVec3::Y * params.gravity;
         let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
@@ -164,7 +165,7 @@ impl RodPlant {
 
     /// Sets frame rate, frames per second, and number of the first frame, at time 0, for messages.
     #[must_use]
-    pub fn with_frame_clock(self, fps: f64, first: u32) -> Self {
+    pub fn with_frame_numbering(self, fps: f64, first: u32) -> Self {
         Self { clock: (fps, first), ..self }
     }
 
@@ -199,7 +200,7 @@ impl RodPlant {
     }
 
     /// Sections around arc length `s`, m in the plant, of an axis.
-    pub fn axis_sections(&self, axis: u32, s: f64) -> SectionBlend {
+    pub fn section_blend_at(&self, axis: u32, s: f64) -> SectionBlend {
         let still = SectionBlend { sections: [None; 2], share: 0.0 };
         let (rod, at) = match self.axes.get(axis as usize).copied().unwrap_or(AxisMotion::Still) {
             AxisMotion::Still => return still,
@@ -222,7 +223,7 @@ impl RodPlant {
     }
 
     /// Wood segments between sections, and between nodes of rigid wood.
-    fn build_wood_ends(&self, plant: &Plant, stand: &Trs) -> Vec<[WoodEnd; 2]> {
+    fn build_wood_ends(&self, plant: &Plant, stand: &Trs) -> Vec<[SegmentEnd; 2]> {
         let mut out = Vec::new();
         let stems = plant.axes.iter().enumerate().filter(|(_, a)| a.kind == AxisKind::Stem);
         for (index, axis) in stems {
@@ -247,7 +248,7 @@ impl RodPlant {
                 let end = self.attach_wood_end(Some(i), self.rods.reference_frame(i).p, self.rods.radius(i));
                 if let Some(last) = last {
                     let r = last.r.min(1.5 * end.r);
-                    out.push([WoodEnd { r, ..last }, end]);
+                    out.push([SegmentEnd { r, ..last }, end]);
                 }
                 last = Some(end);
             }
@@ -256,12 +257,12 @@ impl RodPlant {
     }
 
     /// End of a wood segment at `position`, m, in the world at rest, with `radius`, m, made rigid with a section.
-    fn attach_wood_end(&self, section: Option<usize>, position: DVec3, radius: f64) -> WoodEnd {
+    fn attach_wood_end(&self, section: Option<usize>, position: DVec3, radius: f64) -> SegmentEnd {
         let frame = section.map_or(WORLD_FRAME, |s| self.rods.reference_frame(s));
-        WoodEnd { section, p: world_rotation(&frame).conjugate() * (position - frame.p), r: radius }
+        SegmentEnd { section, p: world_rotation(&frame).conjugate() * (position - frame.p), r: radius }
     }
 
-    fn wood_end_position(&self, end: &WoodEnd) -> DVec3 {
+    fn segment_end_position(&self, end: &SegmentEnd) -> DVec3 {
         end.section.map_or(end.p, |s| {
             let f = self.rods.section_frame(s);
             f.p + f.matrix() * end.p
@@ -270,7 +271,7 @@ impl RodPlant {
 
     /// Velocity, m/s, of a world position that is rigid with a section.
     fn point_velocity(&self, section: usize, place: DVec3) -> DVec3 {
-        let (v, spin) = self.rods.section_velocity(section);
+        let (v, spin) = self.rods.section_rigid_velocity(section);
         v + spin.cross(place - self.rods.section_frame(section).p)
     }
 
@@ -286,13 +287,13 @@ impl RodPlant {
     }
 
     /// M^-1 f of a section with its present bodies.
-    fn apply_inverse_section_mass(&self, section: usize, f: &SectionCorners) -> SectionCorners {
+    fn apply_inverse_section_mass(&self, section: usize, f: &Vector9) -> Vector9 {
         let mut m: Matrix9 = [[0.0; 9]; 9];
         (0..9).for_each(|k| m[k][k] = self.rods.tree.sections[section].mass);
         let (rigid, frame) =
             (RigidSectionMap::from_corners(&self.rods.x[section]), self.rods.section_frame(section).matrix());
         for body in self.bodies_on_section[section].iter().map(|k| &self.rods.bodies[*k]).filter(|b| b.mass > 0.0) {
-            let block = rigid.mass_matrix(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
+            let block = rigid.body_mass_matrix(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
             m.as_flattened_mut().iter_mut().zip(block.as_flattened()).for_each(|(m, b)| *m += b);
         }
         solve_matrix9(&m, f)
@@ -306,7 +307,7 @@ impl RodPlant {
             let frame = rods.section_frame(section);
             let turn = world_rotation(&frame);
             let arm = turn * leaf.p;
-            let (v, spin) = rods.section_velocity(section);
+            let (v, spin) = rods.section_rigid_velocity(section);
             let (v, was) = (v + spin.cross(arm), leaf.now);
             let rate = |now: DVec3, before: DVec3| h.map_or(DVec3::ZERO, |h| (now - before) / h);
             leaf.now = LeafPose {
@@ -353,7 +354,7 @@ impl RodPlant {
         wind.sample(&places, t + h, &mut air);
         let attached = leaves.iter_mut().filter(|l| l.section.is_some());
         for ((leaf, (section, (p, q))), air) in attached.zip(&held).zip(&air) {
-            let (v, spin) = rods.section_velocity(*section);
+            let (v, spin) = rods.section_rigid_velocity(*section);
             let arm = *p - rods.section_frame(*section).p;
             let relative = air.as_dvec3() - v - spin.cross(arm);
             let plate = LeafSheetPose { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
@@ -363,7 +364,7 @@ impl RodPlant {
     }
 
     /// Advances by `h` seconds from time `t`, s, in `n` equal substeps.
-    fn run_substeps(&mut self, t: f64, h: f64, n: u32) -> std::result::Result<(), StepFailure> {
+    fn split_step(&mut self, t: f64, h: f64, n: u32) -> std::result::Result<(), StepFailure> {
         let h = h / f64::from(n);
         for k in 0..n {
             self.apply_external_forces(t + f64::from(k) * h, h, k == 0);
@@ -381,7 +382,7 @@ fn world_rotation(frame: &SectionFrame) -> DQuat {
     DQuat::from_mat3(&frame.matrix()).normalize()
 }
 
-impl RainTarget for RodPlant {
+impl RainPlant for RodPlant {
     fn leaf_count(&self) -> usize {
         self.leaves.len()
     }
@@ -416,15 +417,15 @@ impl RainTarget for RodPlant {
     fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
         out.clear();
         out.extend(self.wood.iter().map(|[a, b]| WoodSegment {
-            ends: [self.wood_end_position(a), self.wood_end_position(b)],
+            ends: [self.segment_end_position(a), self.segment_end_position(b)],
             radii: [a.r, b.r],
         }));
     }
 
     fn wood_inverse_effective_mass(&self, bough: usize, share: f64, along: DVec3) -> f64 {
-        let part = |end: &WoodEnd, share: f64| {
+        let part = |end: &SegmentEnd, share: f64| {
             end.section.map_or(0.0, |section| {
-                share * share * self.section_inverse_effective_mass(section, self.wood_end_position(end), along)
+                share * share * self.section_inverse_effective_mass(section, self.segment_end_position(end), along)
             })
         };
         let [a, b] = &self.wood[bough];
@@ -434,14 +435,14 @@ impl RainTarget for RodPlant {
     fn apply_wood_impulse(&mut self, bough: usize, share: f64, blow: DVec3) {
         for (end, share) in self.wood[bough].into_iter().zip([1.0 - share, share]) {
             if let Some(section) = end.section {
-                self.impulses.push((section, self.wood_end_position(&end), blow * share));
+                self.impulses.push((section, self.segment_end_position(&end), blow * share));
             }
         }
     }
 
     fn wood_velocity(&self, bough: usize, share: f64) -> DVec3 {
-        let of = |end: &WoodEnd| {
-            end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.wood_end_position(end)))
+        let of = |end: &SegmentEnd| {
+            end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.segment_end_position(end)))
         };
         of(&self.wood[bough][0]).lerp(of(&self.wood[bough][1]), share)
     }
@@ -465,7 +466,7 @@ impl RainTarget for RodPlant {
                 (self.rods.x, self.rods.v) = saved.clone();
                 self.rods.reset_history();
             }
-            if self.run_substeps(t, h, 1 << halving).is_ok() {
+            if self.split_step(t, h, 1 << halving).is_ok() {
                 if halving > 0 {
                     self.rods.reset_history();
                 }

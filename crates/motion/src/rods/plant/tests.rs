@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Quat, Vec3};
 
 use super::RodPlant;
-use crate::rain::RainTarget;
+use crate::rain::RainPlant;
 use crate::rods::plant::layout::RodPlantParams;
 use crate::sway::WoodParams;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
@@ -84,7 +84,7 @@ pub(crate) fn plant_params() -> RodPlantParams {
 }
 
 /// A step in which springs do nothing, s.
-const SHORT: f64 = 5e-10;
+pub(crate) const SHORT: f64 = 5e-10;
 
 fn rod_plant(stand: &Trs) -> RodPlant {
     RodPlant::new(&twig(), stand, &plant_params(), "twig")

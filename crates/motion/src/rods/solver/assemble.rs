@@ -2,27 +2,25 @@
 
 use pulp::{Arch, NullaryFnOnce};
 
-use crate::rods::layout::RodTree;
-use crate::rods::prism::{
-    Matrix9, RigidSectionMap, SectionCorners, SectionFrame, matrix_vector, transposed_matrix_vector,
-};
+use crate::rods::layout::SectionTree;
+use crate::rods::prism::{Matrix9, RigidSectionMap, SectionFrame, Vector9, matrix_vector, transposed_matrix_vector};
 use crate::rods::solver::block::{BlockRow, PREDECESSOR, SECOND_PREDECESSOR};
 use crate::rods::springs::{
-    FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION, SpringState, scatter_spring_forces, spring_forces,
+    FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION, SpringStates, add_spring_forces, spring_forces,
     spring_state, spring_vectors,
 };
 use osier_scene::plant::NONE;
 
 /// Kinematic state of a base that is rigid with a section of the parent rod.
 #[derive(Debug, Clone)]
-pub(crate) struct AttachedBaseState {
-    x: SectionCorners,
-    v: SectionCorners,
+pub(crate) struct BaseState {
+    x: Vector9,
+    v: Vector9,
     /// Jacobian of its corners with respect to those of the carrying section.
     j: Matrix9,
 }
 
-impl Default for AttachedBaseState {
+impl Default for BaseState {
     fn default() -> Self {
         Self { x: [0.0; 9], v: [0.0; 9], j: [[0.0; 9]; 9] }
     }
@@ -30,14 +28,14 @@ impl Default for AttachedBaseState {
 
 /// Inputs and outputs of one assembly over all springs of a tree.
 pub(crate) struct SpringAssembly<'a> {
-    pub tree: &'a RodTree,
-    pub x: &'a [SectionCorners],
-    pub v: &'a [SectionCorners],
+    pub tree: &'a SectionTree,
+    pub x: &'a [Vector9],
+    pub v: &'a [Vector9],
     /// Stiffness-proportional damping coefficient of each rod, s.
     pub damping: &'a [f64],
-    pub attached_bases: &'a mut [AttachedBaseState],
+    pub attached_bases: &'a mut [BaseState],
     /// Forces on the sections, N.
-    pub force: &'a mut [SectionCorners],
+    pub force: &'a mut [Vector9],
     /// Block rows of the tangent stiffness, and its factor for each rod; none for forces only.
     pub rows: Option<(&'a mut [BlockRow], &'a [f64])>,
 }
@@ -78,7 +76,7 @@ impl NullaryFnOnce for SpringAssembly<'_> {
             // Newton's third law: each spring pulls with +f at this section and -f at its far end.
             let (mut own, mut others) = ([0.0; 9], [[0.0; 9]; 2]);
             let [up, over] = &mut others;
-            scatter_spring_forces(&f, &mut own, up, over);
+            add_spring_forces(&f, &mut own, up, over);
             add_corners(&mut force[i], &own);
             for k in 0..2 {
                 match (section.base[k], tree.predecessors[i][k]) {
@@ -100,7 +98,7 @@ impl NullaryFnOnce for SpringAssembly<'_> {
 }
 
 #[inline(always)]
-fn add_corners(to: &mut SectionCorners, by: &SectionCorners) {
+fn add_corners(to: &mut Vector9, by: &Vector9) {
     for k in 0..9 {
         to[k] += by[k];
     }
@@ -108,12 +106,7 @@ fn add_corners(to: &mut SectionCorners, by: &SectionCorners) {
 
 /// Corners, velocities and Jacobians of the rod bases that are rigid with a section of another rod. `x`, m, `v`, m/s: all
 /// sections.
-fn update_attached_bases(
-    tree: &RodTree,
-    x: &[SectionCorners],
-    v: &[SectionCorners],
-    attached_bases: &mut [AttachedBaseState],
-) {
+fn update_attached_bases(tree: &SectionTree, x: &[Vector9], v: &[Vector9], attached_bases: &mut [BaseState]) {
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
         rider.x = SectionFrame::from_corners(&x[on]).local_positions_to_world(&base.local);
@@ -127,7 +120,7 @@ type SpringStiffnessMatrices = [[f64; SPRINGS_PER_SECTION]; 6];
 
 /// Tangent stiffness K = k [e e^T + max(0, 1 - L0/|d|) (1 - e e^T)] of each spring, times `factor`.
 #[inline(always)]
-fn spring_tangents(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64) -> SpringStiffnessMatrices {
+fn spring_tangents(s: &SpringStates, k: &[f64; SPRINGS_PER_SECTION], factor: f64) -> SpringStiffnessMatrices {
     let mut out = [[0.0; SPRINGS_PER_SECTION]; 6];
     for i in 0..SPRINGS_PER_SECTION {
         // across 1 + (k - across) e e^T, the same expression with one product per component.
@@ -154,9 +147,9 @@ fn unpack_spring_matrix(p: &SpringStiffnessMatrices, lane: usize) -> [[f64; 3]; 
 #[inline(always)]
 fn add_spring_blocks(
     p: &SpringStiffnessMatrices,
-    tree: &RodTree,
+    tree: &SectionTree,
     i: usize,
-    attached_bases: &[AttachedBaseState],
+    attached_bases: &[BaseState],
     rows: &mut [BlockRow],
 ) {
     // A spring between corners c and o adds its 3x3 block B to (c, c) and (o, o) and -B to (c, o) and (o, c); only

@@ -2,7 +2,7 @@
 
 use pulp::{Arch, NullaryFnOnce};
 
-use crate::rods::prism::SectionCorners;
+use crate::rods::prism::Vector9;
 use osier_scene::plant::NONE;
 
 /// Elements of a row: diagonal block, blocks to both predecessors, right-hand side, and padding to whole cache lines.
@@ -25,7 +25,7 @@ impl Default for BlockRow {
 
 impl BlockRow {
     /// Sets the right-hand side.
-    pub(crate) fn set_right_hand_side(&mut self, r: &SectionCorners) {
+    pub(crate) fn set_right_hand_side(&mut self, r: &Vector9) {
         for k in 0..9 {
             self.0[k][RIGHT_HAND_SIDE] = r[k];
         }
@@ -38,24 +38,20 @@ impl BlockRow {
 }
 
 /// Index of the preceding section and of the one before that, or [`NONE`]; both are lower than the section's own.
-pub(crate) type Predecessors = [u32; 2];
+pub(crate) type PredecessorPair = [u32; 2];
 
 /// Solves a symmetric positive definite system in place and writes the solution to `out`; false if a pivot was not
 /// positive. Where a section has a second predecessor, that is the first predecessor of its first: then no fill-in
 /// occurs.
 /// Own: block Cholesky in elimination-tree order; a section is coupled to two others only.
-pub(crate) fn solve_block_system(
-    rows: &mut [BlockRow],
-    predecessors: &[Predecessors],
-    out: &mut [SectionCorners],
-) -> bool {
+pub(crate) fn solve_block_system(rows: &mut [BlockRow], predecessors: &[PredecessorPair], out: &mut [Vector9]) -> bool {
     Arch::new().dispatch(BlockSolve { rows, predecessors, out })
 }
 
 struct BlockSolve<'a> {
     rows: &'a mut [BlockRow],
-    predecessors: &'a [Predecessors],
-    out: &'a mut [SectionCorners],
+    predecessors: &'a [PredecessorPair],
+    out: &'a mut [Vector9],
 }
 
 impl NullaryFnOnce for BlockSolve<'_> {
@@ -156,7 +152,7 @@ fn eliminate_into_second_predecessor(own: &BlockRow, over: &mut BlockRow) {
 
 /// Back substitution for one section, given the solution at its predecessors.
 #[inline(always)]
-fn back_substitute(own: &BlockRow, up: &SectionCorners, over: &SectionCorners) -> SectionCorners {
+fn back_substitute(own: &BlockRow, up: &Vector9, over: &Vector9) -> Vector9 {
     let mut x = [0.0; 9];
     for k in (0..9).rev() {
         let row = &own.0[k];
@@ -179,7 +175,7 @@ mod tests {
     /// A chain of five with a branch of three at its third: A = B^T B + 1 with the pattern of rods.
     #[test]
     fn branched_block_system_is_solved_exactly() {
-        let predecessors: Vec<Predecessors> =
+        let predecessors: Vec<PredecessorPair> =
             vec![[NONE, NONE], [0, NONE], [1, 0], [2, 1], [3, 2], [2, NONE], [5, 2], [6, 5]];
         let n = predecessors.len();
         let mut draw = osier_base::rng::Rng::at(3, &["blocks".into()]);

@@ -3,7 +3,7 @@
 
 use crate::rods::StepFailure;
 use crate::rods::prism::{
-    RigidSectionMap, SectionCorners, SectionFrame, add_to_corner, corner, corner_dot, transposed_matrix_vector,
+    RigidSectionMap, SectionFrame, Vector9, add_to_corner, corner, corner_dot, transposed_matrix_vector,
 };
 use crate::rods::springs::{FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION};
 use crate::rods::system::RodSystem;
@@ -56,7 +56,7 @@ impl RodSystem {
     /// never without damping.
     pub fn step_explicit_euler(&mut self, h: f64) {
         self.compute_undamped_accelerations(h);
-        let mut to: Vec<SectionCorners> = self.x.clone();
+        let mut to: Vec<Vector9> = self.x.clone();
         for i in 0..self.x.len() {
             let a = self.explicit_mass_damping(i);
             for k in 0..9 {
@@ -127,7 +127,7 @@ impl RodSystem {
             for lane in 0..SPRINGS_PER_SECTION - 1 {
                 self.project_spring_xpbd(i, lane, h);
             }
-            self.project_to_rest_position(i, h);
+            self.project_restoring_spring(i, h);
         }
         for i in 0..self.x.len() {
             for k in 0..9 {
@@ -203,7 +203,7 @@ impl RodSystem {
 
     /// XPBD projection of a section to its rest position: with mass-proportional stiffness the share k h^2 / (1 + k
     /// h^2).
-    fn project_to_rest_position(&mut self, i: usize, h: f64) {
+    fn project_restoring_spring(&mut self, i: usize, h: f64) {
         let back = self.dampings[self.tree.sections[i].rod].recovery * h * h;
         let share = back / (1.0 + back);
         for k in 0..9 {
@@ -212,9 +212,10 @@ impl RodSystem {
     }
 
     /// Largest k h^2 / m of all springs; above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single passes let a rod sag.
-    pub fn max_step_stiffness(&self, h: f64) -> f64 {
-        let one =
-            |s: &crate::rods::layout::RodSection| s.stiffness.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass;
+    pub fn max_step_stiffness_ratio(&self, h: f64) -> f64 {
+        let one = |s: &crate::rods::layout::SectionProperties| {
+            s.stiffness.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass
+        };
         self.tree.sections.iter().map(one).fold(0.0, f64::max)
     }
 }

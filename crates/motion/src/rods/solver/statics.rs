@@ -1,6 +1,6 @@
 //! Static equilibrium, rest shapes whose equilibrium is the reference shape, and energies.
 
-use crate::rods::prism::{SectionCorners, corner_dot};
+use crate::rods::prism::{Vector9, corner_dot};
 use crate::rods::springs::{spring_energy, spring_vectors};
 use crate::rods::system::{RodSystem, subtract_corners};
 use crate::rods::tuning::{
@@ -21,7 +21,7 @@ impl RodSystem {
         for _ in 0..MAX_EQUILIBRIUM_ITERATIONS {
             // Newton step on the equilibrium K dx = f(x), cut to a share of the total length so that large rotations stay
             // within reach of the linearisation, then shortened until the energy does not rise.
-            let Some(largest) = self.newton_displacement() else { return false };
+            let Some(largest) = self.static_newton_displacement() else { return false };
             self.line_search((MAX_NEWTON_STEP * length / largest.max(1e-300)).min(1.0));
             converged = largest < EQUILIBRIUM_TOLERANCE * length;
             if converged {
@@ -34,7 +34,7 @@ impl RodSystem {
 
     /// Fills `step.change` with the Newton displacement K^-1 f at the present shape and returns its largest component,
     /// m; none if the stiffness is singular.
-    fn newton_displacement(&mut self) -> Option<f64> {
+    fn static_newton_displacement(&mut self) -> Option<f64> {
         self.prepare_step(0.0);
         self.step.next.copy_from_slice(&self.x);
         self.step.speed.fill([0.0; 9]);
@@ -110,8 +110,7 @@ impl RodSystem {
             if !self.solve_equilibrium() {
                 break;
             }
-            let error =
-                self.x.iter().zip(&reference).map(|(a, b)| subtract_corners(a, b)).collect::<Vec<SectionCorners>>();
+            let error = self.x.iter().zip(&reference).map(|(a, b)| subtract_corners(a, b)).collect::<Vec<Vector9>>();
             if error.iter().flatten().all(|e| e.abs() < REST_SHAPE_TOLERANCE) {
                 self.x.copy_from_slice(&reference);
                 return true;
@@ -137,7 +136,7 @@ impl RodSystem {
         let mut least = f64::MAX;
         for _ in 0..MAX_RESIDUAL_ITERATIONS {
             self.set_rest_shape(&shape);
-            let Some(largest) = self.newton_displacement() else { break };
+            let Some(largest) = self.static_newton_displacement() else { break };
             if largest < RESIDUAL_TOLERANCE {
                 self.reset_history();
                 return true;
@@ -157,7 +156,7 @@ impl RodSystem {
     }
 
     /// Makes `x` the stress-free shape and the rest positions.
-    fn set_rest_shape(&mut self, x: &[SectionCorners]) {
+    fn set_rest_shape(&mut self, x: &[Vector9]) {
         self.tree.set_rest_lengths(x);
         self.store_rest_positions(x);
     }

@@ -6,7 +6,7 @@ use super::SwayParams;
 use crate::lanes::{Columns, padded_row_count};
 use crate::sway::beam::{OscillatorStep, SECOND_MODE_FREQUENCY_RATIO, second_mode_slope};
 use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
-use crate::sway::tuning::SECOND_MODE_DAMPING;
+use crate::sway::tuning::{MAX_RESONANCE_GAIN, SECOND_MODE_DAMPING};
 use crate::sway::wood::{AIR_DENSITY, WoodParams};
 
 /// Gravitational acceleration, m/s^2.
@@ -36,7 +36,7 @@ pub(crate) struct SimulationConstants {
     pub(crate) stations: Vec<usize>,
     /// Connections in the order of elements, carriers first.
     pub(crate) order: Vec<CarrierLink>,
-    /// First row and number of rows of all first, second, ... stations.
+    /// Entry k: first row and number of rows, padding included, that hold the k-th stations of all elements.
     pub(crate) station_slots: Vec<(usize, usize)>,
     /// Axes of both bending directions.
     pub(crate) bend_axes: Columns<6>,
@@ -149,8 +149,9 @@ impl SimulationConstants {
         // Drag per squared wind speed, and the rate at which drag stops the stretch per unit of wind speed.
         let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
         let stops = (bark + leaf) / s.load.mass.max(1e-12);
-        self.load_terms
-            .set(row, [0.5 * bark, 0.5 * leaf, s.tip_compliances[0], s.load.mass * s.tip_compliances[1], stops]);
+        // An oscillator shaken at its own frequency has 1 / (2 zeta) times the amplitude of what shakes it.
+        let inertia = s.load.mass * s.tip_compliances[1] * (2.0 * element.damping_ratio * MAX_RESONANCE_GAIN).min(1.0);
+        self.load_terms.set(row, [0.5 * bark, 0.5 * leaf, s.tip_compliances[0], inertia, stops]);
     }
 }
 

@@ -114,8 +114,8 @@ impl<'a> SwaySimulation<'a> {
             self.update_positions(true);
             let stand = self.params.stand;
             for (s, row) in self.elements.stations.iter().zip(&self.constants.stations) {
-                let height = stand.apply(to_dvec3(self.state.places.row(*row)).as_vec3()).y;
-                let air = stand.r.conjugate() * self.wind.mean_at(height) * s.open;
+                let place = stand.apply(to_dvec3(self.state.places.row(*row)).as_vec3());
+                let air = stand.r.conjugate() * self.wind.mean_at(place) * s.open;
                 self.state.air.iter_mut().for_each(|a| a.set(*row, air.as_dvec3().to_array()));
             }
             self.integrate(0.0, true);
@@ -209,14 +209,13 @@ fn element_noise(e: &BeamElement, period: Option<f64>) -> [TimeNoise; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sway::segments::ElementBudget;
     use crate::sway::testing::leafy;
     use osier_wind::{GustWind, GustWindOptions};
 
     #[test]
     fn results_are_independent_of_the_simd_width() {
         let wood = WoodParams { stiffness: 0.1, measured: true, second_modes: true, ..WoodParams::default() };
-        let elements = BeamElements::build(&leafy(23), &wood, ElementBudget::Elements(1000));
+        let elements = BeamElements::build(&leafy(23), &wood, 1000);
         let wind = GustWind::new(GustWindOptions { speed: 40.0, seed: 3, ..GustWindOptions::default() });
         let params = SwayParams { wood, flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: true, fps: 24.0 };
         let run = |arch: Arch| {

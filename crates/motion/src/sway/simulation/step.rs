@@ -303,7 +303,8 @@ impl IntegrateStep<'_> {
                 let [rest, along] = vector_pair(constants.rest.get(simd, s));
                 let (last, next) = (Vec3Lanes(state.air[0].get(simd, s)), Vec3Lanes(state.air[1].get(simd, s)));
                 let air = last + (next - last) * between;
-                // Semi-implicit drag: scale down velocities that drag would reverse within the step.
+                // Limit on aerodynamic damping: the station's velocity enters the drag scaled down, so that drag takes at most half of it
+                // within the step.
                 let slowed =
                     F64Lanes::from_scalar(simd, 0.5).div((stops * air.length() * self.step).max(between.splat(0.5)));
                 let speed =

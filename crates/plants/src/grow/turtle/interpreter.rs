@@ -247,7 +247,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Performs a command of one symbol, or begins one of several.
+    /// Performs a command that is a single symbol, or notes the prefix of a command of several symbols.
     fn command(&mut self, command: Command, c: char, m: Module<'_>) {
         if command == Command::Nothing {
             return;

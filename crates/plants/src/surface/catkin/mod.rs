@@ -17,7 +17,7 @@ pub use tuning::VARIANTS;
 /// Share of the hairs that is kept in the middle distance; the rest is made up for by width. Fewer hairs look like straw.
 const THINNED_SHARE: f64 = 0.3;
 
-/// Thickness and unevenness of a tuft's hairs.
+/// How a tuft is modelled: shape of its hairs, thickness of its stalk, and the materials of both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TuftSpec {
     /// Each hair is longer or shorter by at most this share, 0..0.9.

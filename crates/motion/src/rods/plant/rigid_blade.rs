@@ -13,7 +13,7 @@ use osier_wind::TimeNoise;
 
 /// A leaf mesh as a uniform rigid sheet, in leaf space at scale 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeafSheet {
+pub struct RigidBlade {
     /// One-sided area, m^2.
     pub area: f64,
     /// Centroid, m.
@@ -28,7 +28,7 @@ pub struct LeafSheet {
     extent: [f64; 2],
 }
 
-impl LeafSheet {
+impl RigidBlade {
     /// Integrates a mesh, which must not contain the stalk.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
@@ -73,7 +73,7 @@ fn outer_product(a: DVec3) -> DMat3 {
 #[derive(Debug, Clone, Copy)]
 pub struct LeafSheetPose<'a> {
     /// Area, centroid and extent in leaf space.
-    pub sheet: &'a LeafSheet,
+    pub sheet: &'a RigidBlade,
     /// World from leaf space.
     pub q: DQuat,
     /// Factor on lengths of the leaf space.
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn plate_mesh_has_the_area_and_inertia_of_a_plate() {
-        let sheet = LeafSheet::from_mesh(&plate());
+        let sheet = RigidBlade::from_mesh(&plate());
         assert!((sheet.area - 0.004).abs() < 1e-9 && (sheet.centroid - DVec3::Y * 0.05).length() < 1e-8);
         let m = 0.2 * sheet.area * 4.0;
         let i = sheet.inertia(0.2, 2.0);
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn wind_force_acts_across_a_plate_and_vanishes_edge_on() {
-        let sheet = LeafSheet::from_mesh(&plate());
+        let sheet = RigidBlade::from_mesh(&plate());
         let mean = |wind: DVec3| {
             let mut eddies = VortexShedding::new(5);
             let blade = LeafSheetPose { sheet: &sheet, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };

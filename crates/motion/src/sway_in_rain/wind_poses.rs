@@ -1,0 +1,208 @@
+//! Motion of a plant's leaves and wood in the wind alone, at any time between the frames at which it is recorded.
+
+use glam::{DQuat, DVec3};
+
+use osier_base::par::par_chunks;
+
+use super::tuning::LEAVES_PER_TASK;
+
+/// Position and orientation of a leaf in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafPlace {
+    /// Origin of leaf space (the end of the petiole), m.
+    pub position: DVec3,
+    /// Rotation from leaf space to the world.
+    pub orientation: DQuat,
+}
+
+/// A plant in the wind at a frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct WindPose {
+    /// Leaves, in the order in which the rain counts them.
+    pub leaves: Vec<LeafPlace>,
+    /// Positions of the plant's nodes in the world, m.
+    pub nodes: Vec<DVec3>,
+}
+
+/// A source of the poses of a plant in the wind.
+pub trait WindPoses: std::fmt::Debug + Send + Sync {
+    /// The pose at a frame, counted from the first of the clip. Later frames than the last of the clip continue or repeat it.
+    fn at_frame(&self, frame: u64) -> WindPose;
+}
+
+/// A leaf's place and its rate of change.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MovingPlace {
+    pub place: LeafPlace,
+    /// Velocity of the origin, m/s.
+    pub velocity: DVec3,
+    /// Angular velocity, rad/s.
+    pub angular_velocity: DVec3,
+}
+
+/// Poses around the present time, between which the plant moves with continuous velocity: cubic Hermite splines whose tangents are
+/// central differences of the frames (Catmull and Rom 1974).
+#[derive(Debug)]
+pub(super) struct WindMotion {
+    source: Box<dyn WindPoses>,
+    /// Frames per second.
+    fps: f64,
+    /// Frame at the beginning of the present interval.
+    frame: u64,
+    /// Poses at the frames `frame` - 1 to `frame` + 2; before the first frame the plant stands as in it.
+    keys: [WindPose; 4],
+    /// Present fraction of the interval, 0 to 1.
+    fraction: f64,
+    /// Whether the clip has begun; before, the plant stands.
+    runs: bool,
+}
+
+/// Values of the basis of a Hermite spline and their derivatives by the fraction of the interval: weights of the four keys.
+struct SplineWeights {
+    value: [f64; 4],
+    rate: [f64; 4],
+}
+
+impl SplineWeights {
+    fn at(x: f64) -> Self {
+        // Catmull-Rom: p(x) = sum of w_k p_k with tangents (p_{k+1} - p_{k-1}) / 2 at the two inner keys.
+        let (x2, x3) = (x * x, x * x * x);
+        Self {
+            value: [
+                0.5 * (-x3 + 2.0 * x2 - x),
+                0.5 * (3.0 * x3 - 5.0 * x2 + 2.0),
+                0.5 * (-3.0 * x3 + 4.0 * x2 + x),
+                0.5 * (x3 - x2),
+            ],
+            rate: [
+                0.5 * (-3.0 * x2 + 4.0 * x - 1.0),
+                0.5 * (9.0 * x2 - 10.0 * x),
+                0.5 * (-9.0 * x2 + 8.0 * x + 1.0),
+                0.5 * (3.0 * x2 - 2.0 * x),
+            ],
+        }
+    }
+}
+
+impl WindMotion {
+    /// The plant at the first frame of the clip.
+    pub fn new(source: Box<dyn WindPoses>, fps: f64) -> Self {
+        let first = source.at_frame(0);
+        let next = aligned(source.at_frame(1), &first);
+        let after = aligned(source.at_frame(2), &next);
+        Self { source, fps, frame: 0, keys: [first.clone(), first, next, after], fraction: 0.0, runs: false }
+    }
+
+    /// Moves on to time `t` of the clip, s; before the clip the plant stands as in its first frame. Times do not fall.
+    pub fn advance_to(&mut self, t: f64) {
+        self.runs = t > 0.0;
+        let frames = (t * self.fps).max(0.0);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
+        let wanted = frames as u64;
+        while self.frame < wanted {
+            self.frame += 1;
+            self.keys.rotate_left(1);
+            self.keys[3] = aligned(self.source.at_frame(self.frame + 2), &self.keys[2]);
+        }
+        self.fraction = (frames - self.frame as f64).clamp(0.0, 1.0);
+    }
+
+    /// Places and velocities of all leaves.
+    pub fn leaves(&self) -> Vec<MovingPlace> {
+        let weights = SplineWeights::at(self.fraction);
+        let rate = self.rate();
+        let [before, from, to, after] = &self.keys;
+        let place = |k: usize| {
+            let keys = [before.leaves[k], from.leaves[k], to.leaves[k], after.leaves[k]];
+            let blend = |weights: [f64; 4]| {
+                let mut sum = (DVec3::ZERO, [0.0; 4]);
+                for (key, w) in keys.iter().zip(weights) {
+                    sum.0 += key.position * w;
+                    let q = key.orientation.to_array();
+                    (0..4).for_each(|i| sum.1[i] += q[i] * w);
+                }
+                sum
+            };
+            let ((position, q), (velocity, dq)) = (blend(weights.value), blend(weights.rate));
+            let (q, dq) = (DQuat::from_array(q), DQuat::from_array(dq));
+            let length = q.length();
+            let orientation = q / length;
+            // Angular velocity of a rotation q / |q|: twice the vector part of q' q*; the change of length is along the real part.
+            let angular_velocity = ((dq / length) * orientation.conjugate()).xyz() * (2.0 * rate);
+            MovingPlace { place: LeafPlace { position, orientation }, velocity: velocity * rate, angular_velocity }
+        };
+        let indices: Vec<usize> = (0..from.leaves.len()).collect();
+        par_chunks(&indices, LEAVES_PER_TASK, |_, part| part.iter().map(|k| place(*k)).collect::<Vec<_>>()).concat()
+    }
+
+    /// Position of a node in the world, m, and its velocity, m/s: wood moves in straight lines between frames.
+    pub fn node(&self, k: usize) -> [DVec3; 2] {
+        let (from, to) = (self.keys[1].nodes[k], self.keys[2].nodes[k]);
+        [from.lerp(to, self.fraction), (to - from) * self.rate()]
+    }
+
+    /// Intervals per second; 0 before the clip.
+    fn rate(&self) -> f64 {
+        if self.runs { self.fps } else { 0.0 }
+    }
+}
+
+/// A pose whose quaternions are on the same side as those of the pose before, so that their components can be interpolated.
+fn aligned(mut pose: WindPose, before: &WindPose) -> WindPose {
+    for (leaf, last) in pose.leaves.iter_mut().zip(&before.leaves) {
+        if leaf.orientation.dot(last.orientation) < 0.0 {
+            leaf.orientation = -leaf.orientation;
+        }
+    }
+    pose
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A leaf on a circle of 0.1 m, which it turns with.
+    #[derive(Debug)]
+    struct Circle;
+
+    impl WindPoses for Circle {
+        fn at_frame(&self, frame: u64) -> WindPose {
+            let turn = DQuat::from_rotation_y(0.3 * frame as f64);
+            WindPose {
+                leaves: vec![LeafPlace { position: turn * DVec3::X * 0.1, orientation: turn }],
+                nodes: vec![turn * DVec3::X],
+            }
+        }
+    }
+
+    #[test]
+    fn velocities_are_the_rates_of_positions_and_orientations() {
+        let mut motion = WindMotion::new(Box::new(Circle), 24.0);
+        let h = 1e-4;
+        let mut last: Option<MovingPlace> = None;
+        for k in 0..5000 {
+            motion.advance_to(0.1 + f64::from(k) * h);
+            let now = motion.leaves()[0];
+            if let Some(last) = last {
+                let v = (now.place.position - last.place.position) / h;
+                assert!(v.distance(0.5 * (now.velocity + last.velocity)) < 1e-3, "{k}: {v} {}", now.velocity);
+                let turned = now.place.orientation * last.place.orientation.conjugate();
+                let spin = turned.xyz() * (2.0 * turned.w.signum() / h);
+                assert!(spin.distance(now.angular_velocity) < 0.02, "{k}: {spin} {}", now.angular_velocity);
+                assert!(now.velocity.distance(last.velocity) < 0.02, "{k}: no jump at frames");
+            }
+            last = Some(now);
+        }
+        let speed = 0.3 * 24.0;
+        let spin = last.expect("some").angular_velocity;
+        assert!((spin.y / speed - 1.0).abs() < 0.02, "{spin}");
+    }
+
+    #[test]
+    fn before_the_clip_the_plant_stands_as_in_its_first_frame() {
+        let mut motion = WindMotion::new(Box::new(Circle), 24.0);
+        motion.advance_to(-3.0);
+        let leaf = motion.leaves()[0];
+        assert!(leaf.velocity == DVec3::ZERO && leaf.place.position.distance(DVec3::X * 0.1) < 1e-12);
+    }
+}

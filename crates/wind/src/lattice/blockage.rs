@@ -1,0 +1,232 @@
+//! How much of the inflow solids block: rows of cells that they meet, and the narrowest way past them.
+
+use std::collections::VecDeque;
+
+use super::domain::{Domain, FaceCondition};
+use super::stencil::opposite;
+
+/// A cell face that was never reached from an inlet.
+const UNREACHED: u32 = u32::MAX;
+
+/// Share of the rows of cells along an axis that a solid cell or a cut link blocks, 0 to 1. What the wind cannot pass is at most
+/// this, since the other rows are free from end to end.
+pub(super) fn blocked_row_share(domain: &Domain, along: usize) -> f64 {
+    let n = domain.grid.n;
+    let across = [(along + 1) % 3, (along + 2) % 3];
+    let forward = 2 * along + 1;
+    let mut blocked = 0_usize;
+    for i in 0..n[across[0]] {
+        for j in 0..n[across[1]] {
+            let mut cell = [0; 3];
+            (cell[across[0]], cell[across[1]]) = (i, j);
+            blocked += usize::from((0..n[along]).any(|k| {
+                cell[along] = k;
+                domain.is_solid(cell) || domain.is_link_cut(cell, forward)
+            }));
+        }
+    }
+    blocked as f64 / (n[across[0]] * n[across[1]]) as f64
+}
+
+/// Share of the inflow's section that stays open at the narrowest place between inlets and outlets, 0 to 1, counted in faces of
+/// cells; no more than `enough` is looked for.
+///
+/// By the theorem of Menger the narrowest section has as many faces as there are ways from inlets to outlets that share none: the
+/// maximum flow through a network with an edge of capacity 1 for every face between two air cells.
+/// Source: Y. Dinitz, "Algorithm for solution of a problem of maximum flow in networks with power estimation", 1970.
+pub(super) fn narrowest_open_share(domain: &Domain, enough: f64) -> f64 {
+    let mut network = FaceNetwork::new(domain);
+    let inlets = network.ends(FaceCondition::Inlet);
+    let wanted = enough * inlets.len() as f64;
+    let mut flow = 0.0_f64;
+    // Each phase finds ways of the shortest length left; none left means that the flow is the largest.
+    while flow < wanted && network.find_levels(&inlets) {
+        for end in &inlets {
+            if flow < wanted && !network.is_end_used(*end) && network.find_way(*end) {
+                flow += 1.0;
+            }
+        }
+    }
+    if inlets.is_empty() { 1.0 } else { flow / inlets.len() as f64 }
+}
+
+/// The face of a cell at an end of the network: at an inlet or outlet.
+#[derive(Debug, Clone, Copy)]
+struct NetworkEnd {
+    cell: [usize; 3],
+    face: usize,
+}
+
+/// Air cells, joined by their faces. Faces are numbered -x, +x, -y, +y, -z, +z.
+struct FaceNetwork<'a> {
+    domain: &'a Domain,
+    /// By cell and axis: flow through its upper face, -1 to 1.
+    flow: Vec<[i8; 3]>,
+    /// By cell: faces at inlets and outlets that a way uses, by bits.
+    used_ends: Vec<u8>,
+    /// By cell: steps from the nearest unused inlet, and the face that the search tries next.
+    level: Vec<u32>,
+    next_face: Vec<u8>,
+}
+
+impl<'a> FaceNetwork<'a> {
+    fn new(domain: &'a Domain) -> Self {
+        let count = domain.grid.cell_count();
+        Self {
+            domain,
+            flow: vec![[0; 3]; count],
+            used_ends: vec![0; count],
+            level: vec![UNREACHED; count],
+            next_face: vec![0; count],
+        }
+    }
+
+    /// Faces of air cells at faces of the box of a condition.
+    fn ends(&self, condition: FaceCondition) -> Vec<NetworkEnd> {
+        let n = self.domain.grid.n;
+        let cells = (0..self.flow.len()).filter(|c| !self.domain.solid[*c]);
+        let cells = cells.map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
+        let faces = cells.flat_map(|cell| (0..6).map(move |face| NetworkEnd { cell, face }));
+        faces.filter(|end| self.is_end(*end, condition)).collect()
+    }
+
+    /// Whether a face of a cell lies in a face of the box of a condition, and no surface cuts the way there.
+    fn is_end(&self, NetworkEnd { cell, face }: NetworkEnd, condition: FaceCondition) -> bool {
+        let last = self.domain.grid.n[face / 2] - 1;
+        cell[face / 2] == if face.is_multiple_of(2) { 0 } else { last }
+            && self.domain.faces[face] == condition
+            && !self.domain.is_link_cut(cell, opposite(face + 1))
+    }
+
+    fn is_end_used(&self, NetworkEnd { cell, face }: NetworkEnd) -> bool {
+        self.used_ends[self.domain.grid.cell_index(cell)] >> face & 1 == 1
+    }
+
+    /// The air cell beyond a face, if one is there.
+    #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
+    fn neighbor(&self, cell: [usize; 3], face: usize) -> Option<[usize; 3]> {
+        let mut node = cell.map(|c| c as isize);
+        node[face / 2] += if face.is_multiple_of(2) { -1 } else { 1 };
+        let next = self.domain.node_as_cell(self.domain.wrap_periodic(node))?;
+        // Directions along the axes are numbered +x, -x, ... from 1 on.
+        (!self.domain.is_solid(next) && !self.domain.is_link_cut(cell, opposite(face + 1))).then_some(next)
+    }
+
+    /// The flow through a face between two cells, and its sign outwards.
+    fn face_flow(&mut self, cell: [usize; 3], next: [usize; 3], face: usize) -> (&mut i8, i8) {
+        let (owner, sign) = if face.is_multiple_of(2) { (next, -1) } else { (cell, 1) };
+        (&mut self.flow[self.domain.grid.cell_index(owner)][face / 2], sign)
+    }
+
+    /// Numbers the cells by their distance from unused inlets. Returns whether an unused outlet can be reached.
+    fn find_levels(&mut self, inlets: &[NetworkEnd]) -> bool {
+        self.level.fill(UNREACHED);
+        self.next_face.fill(0);
+        let grid = self.domain.grid;
+        let mut queue = VecDeque::new();
+        for end in inlets {
+            if !self.is_end_used(*end) {
+                self.level[grid.cell_index(end.cell)] = 0;
+                queue.push_back(end.cell);
+            }
+        }
+        let mut reached = false;
+        while let Some(cell) = queue.pop_front() {
+            for face in 0..6 {
+                let end = NetworkEnd { cell, face };
+                reached |= self.is_end(end, FaceCondition::Outlet) && !self.is_end_used(end);
+                let Some(next) = self.neighbor(cell, face) else { continue };
+                let (flow, sign) = self.face_flow(cell, next, face);
+                let at = grid.cell_index(next);
+                if *flow * sign < 1 && self.level[at] == UNREACHED {
+                    self.level[at] = self.level[grid.cell_index(cell)] + 1;
+                    queue.push_back(next);
+                }
+            }
+        }
+        reached
+    }
+
+    /// Finds a way from an inlet to an unused outlet along rising levels, and lets one unit flow.
+    fn find_way(&mut self, inlet: NetworkEnd) -> bool {
+        let grid = self.domain.grid;
+        // The way so far, as cells and the face by which each is left.
+        let (mut way, mut cell): (Vec<NetworkEnd>, [usize; 3]) = (Vec::new(), inlet.cell);
+        loop {
+            let c = grid.cell_index(cell);
+            let face = usize::from(self.next_face[c]);
+            if face == 6 {
+                // No way on from here: back, and from there by another face.
+                let Some(last) = way.pop() else { return false };
+                cell = last.cell;
+                self.next_face[grid.cell_index(cell)] += 1;
+                continue;
+            }
+            let end = NetworkEnd { cell, face };
+            if self.is_end(end, FaceCondition::Outlet) && !self.is_end_used(end) {
+                self.used_ends[c] |= 1 << face;
+                break;
+            }
+            let onward = self.neighbor(cell, face).filter(|next| {
+                let (flow, sign) = self.face_flow(cell, *next, face);
+                *flow * sign < 1 && self.level[grid.cell_index(*next)] == self.level[c] + 1
+            });
+            if let Some(next) = onward {
+                way.push(end);
+                cell = next;
+            } else {
+                self.next_face[c] += 1;
+            }
+        }
+        self.used_ends[grid.cell_index(inlet.cell)] |= 1 << inlet.face;
+        for step in way {
+            if let Some(next) = self.neighbor(step.cell, step.face) {
+                let (flow, sign) = self.face_flow(step.cell, next, step.face);
+                *flow += sign;
+            }
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::print_stdout, reason = "tests")]
+mod tests {
+    use super::super::cut_links::CutLinks;
+    use super::super::grid::LatticeGrid;
+    use super::*;
+
+    /// A channel along x of 24 x 10 x 12 cells, of which some are solid.
+    fn channel(solid: impl Fn([usize; 3]) -> bool) -> Domain {
+        let grid = LatticeGrid::new([24, 10, 12]);
+        let n = grid.n;
+        let solid = (0..grid.cell_count()).map(|c| solid([c % n[0], c / n[0] % n[1], c / n[0] / n[1]])).collect();
+        let faces = [
+            FaceCondition::Inlet,
+            FaceCondition::Outlet,
+            FaceCondition::Rough,
+            FaceCondition::Slip,
+            FaceCondition::Periodic,
+            FaceCondition::Periodic,
+        ];
+        Domain { grid, faces, solid, cuts: CutLinks::default() }
+    }
+
+    #[test]
+    fn the_narrowest_section_counts_and_not_what_stands_in_the_way() {
+        // Nothing; a wall across all but a gap of 2 x 3 cells; two walls that leave half each, on opposite sides; no gap.
+        let gap = |[x, y, z]: [usize; 3]| x == 12 && !(y < 2 && (4..7).contains(&z));
+        let staggered = |[x, y, _]: [usize; 3]| x == 6 && y < 5 || x == 18 && y >= 5;
+        for (domain, rows, open) in [
+            (channel(|_| false), 0.0, 1.0),
+            (channel(gap), 1.0 - 6.0 / 120.0, 6.0 / 120.0),
+            (channel(staggered), 1.0, 0.5),
+            (channel(|[x, _, _]| x == 3), 1.0, 0.0),
+        ] {
+            let (blocked, found) = (blocked_row_share(&domain, 0), narrowest_open_share(&domain, 1.0));
+            println!("rows blocked {blocked:.3}, open {found:.3}");
+            assert!((blocked - rows).abs() < 1e-12 && (found - open).abs() < 1e-12, "{blocked} {found}");
+            assert!((narrowest_open_share(&domain, 0.1) - open.min(0.1)).abs() < 1e-12);
+        }
+    }
+}

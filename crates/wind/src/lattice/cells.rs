@@ -1,0 +1,54 @@
+//! Where the cells of the lattice are in the world.
+
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+
+use super::grid::LatticeGrid;
+use osier_scene::solid::{Form, Solid};
+
+/// Place and size of the cells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Cells {
+    /// Lowest corner of the box, m.
+    pub origin: DVec3,
+    /// Length of a cell's edge, m.
+    pub spacing: f64,
+}
+
+/// Centre of a cell, m.
+pub(super) fn cell_center(cells: Cells, cell: [usize; 3]) -> Vec3 {
+    let offset = DVec3::new(cell[0] as f64 + 0.5, cell[1] as f64 + 0.5, cell[2] as f64 + 0.5);
+    (cells.origin + offset * cells.spacing).as_vec3()
+}
+
+impl Cells {
+    /// Height of a solid over the bottom of the box, or over its own foot if that is higher, cells.
+    pub(super) fn height_of(self, solid: &Solid) -> f64 {
+        let bounds = solid.bounds();
+        (f64::from(bounds.max.y) - f64::from(bounds.min.y).max(self.origin.y)) / self.spacing
+    }
+
+    /// Columns and rows of the plane `z` whose centres lie within a solid's bounds, `margin` m wider; none if the plane does
+    /// not. Land extends without bound horizontally and downwards.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
+    pub(super) fn plane_range(
+        self,
+        grid: &LatticeGrid,
+        solid: &Solid,
+        margin: f32,
+        z: usize,
+    ) -> Option<[Range<usize>; 2]> {
+        let bounds = solid.bounds().grown(margin);
+        let is_land = matches!(solid.form, Form::Land(_));
+        let range = |a: usize| {
+            // Cell k has its centre at k + 1/2.
+            let in_cells = |v: f32| (f64::from(v) - self.origin[a]) / self.spacing - 0.5;
+            let n = grid.n[a] as f64;
+            let low = if is_land { 0.0 } else { in_cells(bounds.min[a]).ceil().clamp(0.0, n) };
+            let high = if is_land && a != 1 { n } else { (in_cells(bounds.max[a]).floor() + 1.0).clamp(0.0, n) };
+            low as usize..high as usize
+        };
+        range(2).contains(&z).then(|| [range(0), range(1)])
+    }
+}

@@ -1,0 +1,160 @@
+//! The twigs that release catkins, and where their ends are at each frame.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::motion::{AxisPoint, CarriedPoints, FrameTime};
+use crate::bake::scene::builder::SceneBuilder;
+use crate::bake::scene::plant_layout::PlantLayout;
+use crate::recipe::Recipe;
+use osier_base::Result;
+use osier_base::math::ln;
+use osier_base::rng::Rng;
+use osier_motion::flight::{CarriedPoint, CatkinStart, ReleaseCondition};
+use osier_scene::Trs;
+use osier_scene::plant::{AxisKind, Plant};
+
+/// Standard deviation, m, of the place of a catkin about its twig's end, so that the catkins of one twig do not start in one point and
+/// stick together.
+const SPREAD: f64 = 0.05;
+
+/// The twigs of all plants that `[flight]` names as its canopy.
+#[derive(Debug, Default)]
+pub(crate) struct Canopy {
+    /// One for each placement of a plant.
+    plants: Vec<CanopyPlant>,
+}
+
+/// The twigs of one placement of a plant.
+#[derive(Debug)]
+struct CanopyPlant {
+    /// World from plant space.
+    transform: Trs,
+    /// Frames by which the placement's motion is ahead of its asset's.
+    phase: u32,
+    /// Share of the catkins that start at each of its twigs, relative to those of other plants.
+    weight: f64,
+    /// Ends of the twigs at rest, m, in plant space.
+    rest: Vec<Vec3>,
+    /// The same as the plant's motion carries them; `None` for a plant that stands still.
+    moving: Option<Arc<dyn CarriedPoints>>,
+}
+
+/// A twig's end and the place of a catkin beside it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TwigSite {
+    plant: usize,
+    twig: usize,
+    /// Position in the world, m.
+    offset: DVec3,
+}
+
+/// World positions, m, of the twigs' ends at one time, by plant.
+pub(crate) type TwigPositions = Vec<Vec<Vec3>>;
+
+impl Canopy {
+    /// Ends of all stems but the trunks of the plants that `[flight]` names, bound to the plants' motions; none without a flight.
+    pub(crate) fn of_scene(
+        recipe: &Recipe,
+        layout: &PlantLayout,
+        grown: &[GrownPlant],
+        builder: &SceneBuilder,
+    ) -> Self {
+        let Some(flight) = &recipe.flight else { return Self::default() };
+        let mut bound: Vec<Option<Arc<dyn CarriedPoints>>> = vec![None; layout.individuals.len()];
+        let mut plants = Vec::new();
+        for (i, instance) in layout.instances.iter().enumerate() {
+            let individual = instance.individual;
+            let Some((kind, grown)) = layout.individuals.get(individual).zip(grown.get(individual)) else { continue };
+            let Some((_, weight)) = flight.canopy.iter().find(|(plant, _)| *plant == kind.plant) else { continue };
+            let ends = twig_ends(&grown.plant);
+            // Copies of an individual share its motion.
+            let motion = builder.motions.get(individual).and_then(Option::as_ref);
+            if let (Some(slot @ None), Some(motion)) = (bound.get_mut(individual), motion) {
+                *slot = Arc::clone(motion).carry_points(&grown.plant, &ends);
+            }
+            plants.push(CanopyPlant {
+                transform: instance.transform,
+                phase: builder.placements.get(i).map_or(0, |placement| placement.phase),
+                weight: *weight,
+                rest: ends.iter().map(|end| end.position).collect(),
+                moving: bound.get(individual).cloned().flatten(),
+            });
+        }
+        Self { plants }
+    }
+
+    /// Where the ends of all twigs are at a time.
+    /// # Errors
+    /// Those of the plants' motions.
+    pub(crate) fn positions(&self, time: FrameTime) -> Result<TwigPositions> {
+        let posed = |plant: &CanopyPlant| {
+            let time = FrameTime { seconds: time.seconds + f64::from(plant.phase) * time.step, ..time };
+            let ends = plant.moving.as_ref().map(|moving| moving.positions(time)).transpose()?;
+            let ends = ends.as_ref().unwrap_or(&plant.rest);
+            Ok(ends.iter().map(|end| plant.transform.apply(*end)).collect())
+        };
+        self.plants.iter().map(posed).collect()
+    }
+
+    /// Draws a twig for each of `count` catkins. Each ripens at a time uniform in `ripening`, s, then waits for a wind exposure drawn from the unit exponential distribution.
+    /// `positions`: of the twigs at the start.
+    pub(crate) fn starts(
+        &self,
+        count: u32,
+        ripening: f64,
+        seed: u64,
+        positions: &TwigPositions,
+    ) -> (Vec<CatkinStart>, Vec<TwigSite>) {
+        // Cumulative weights: a uniform draw times their total falls into one twig's interval.
+        let (mut cumulative, mut twigs, mut sum) = (Vec::new(), Vec::new(), 0.0);
+        for (number, plant) in self.plants.iter().enumerate() {
+            for twig in 0..plant.rest.len() {
+                sum += plant.weight;
+                cumulative.push(sum);
+                twigs.push((number, twig));
+            }
+        }
+        if sum <= 0.0 {
+            return (Vec::new(), Vec::new());
+        }
+        let draw_start = |id: u32| {
+            let mut draw = Rng::at(seed, &["flight".into(), id.into(), 0_u64.into(), "start".into()]);
+            let pick = draw.unit_f64() * sum;
+            let (plant, twig) = twigs[cumulative.partition_point(|s| *s <= pick).min(twigs.len() - 1)];
+            let offset = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * SPREAD;
+            let site = TwigSite { plant, twig, offset };
+            // The inverse distribution function of the unit exponential: -ln(1 - u).
+            let exposure = -ln(1.0 - draw.unit_f64());
+            let wait = ReleaseCondition::Wind { exposure, ripe: ripening * draw.unit_f64() };
+            let at = site.position(positions).unwrap_or(DVec3::ZERO);
+            (CatkinStart { at, wait }, site)
+        };
+        (0..count).map(draw_start).unzip()
+    }
+}
+
+impl TwigSite {
+    /// Place of the catkin with its twig at one of some positions.
+    fn position(&self, positions: &TwigPositions) -> Option<DVec3> {
+        Some(positions.get(self.plant)?.get(self.twig)?.as_dvec3() + self.offset)
+    }
+
+    /// Place and velocity of the catkin at a share of the way between two frames, `duration` s apart.
+    pub(crate) fn between(&self, ends: [&TwigPositions; 2], share: f64, duration: f64) -> Option<CarriedPoint> {
+        let [before, after] = [self.position(ends[0])?, self.position(ends[1])?];
+        Some(CarriedPoint { position: before.lerp(after, share), velocity: (after - before) / duration })
+    }
+}
+
+/// Ends of all stems but the trunks.
+fn twig_ends(plant: &Plant) -> Vec<AxisPoint> {
+    let stems = (0..).zip(&plant.axes).filter(|(_, axis)| axis.kind == AxisKind::Stem && axis.order > 0);
+    let end = |(axis, a): (u32, &osier_scene::plant::Axis)| {
+        let position = *plant.nodes.p.get(plant.nodes_of(a)).and_then(<[Vec3]>::last)?;
+        Some(AxisPoint { position, axis, arc_length: a.length })
+    };
+    stems.filter_map(end).collect()
+}

@@ -1,0 +1,208 @@
+//! Plants that move in the rain: on rods, which the simulation of the rain steps, or on the elements of the sway model.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3, Vec3};
+
+use super::scene_leaf::{LeafInstance, SceneLeaf};
+use crate::bake::motion::FrameTime;
+use crate::bake::motion::rod_plant::RodBinding;
+use crate::bake::motion::sway::{RainedSway, SwayMotion};
+use osier_base::convert::to_usize;
+use osier_motion::rain::RainPlant;
+use osier_motion::rods::RodPlant;
+use osier_motion::sway_in_rain::{LeafPlace, SwayInRain, SwayingLeaf, SwayingRainPlant, WindPose, WindPoses};
+use osier_scene::plant::Plant;
+use osier_scene::{Asset, AssetFrame, InstanceState, Trs};
+use osier_wind::Wind;
+
+/// What moves a plant in the rain.
+pub(crate) enum PlantInRain {
+    /// Nothing.
+    Still,
+    /// Rods, which wind and drops bend.
+    Rods {
+        /// At rest, in world space.
+        rods: Box<RodPlant>,
+        /// Of the plant's meshes and leaves to the rods.
+        binding: RodBinding,
+    },
+    /// The sway in the wind, to which drops add.
+    Sway(Arc<SwayMotion>),
+}
+
+impl PlantInRain {
+    /// Rods and their binding, of a plant that moves on rods.
+    pub(crate) fn rods(&self) -> Option<(&RodPlant, &RodBinding)> {
+        match self {
+            Self::Rods { rods, binding } => Some((rods, binding)),
+            _ => None,
+        }
+    }
+
+    /// Whether the plant sways.
+    pub(crate) fn sways(&self) -> bool {
+        matches!(self, Self::Sway(_))
+    }
+}
+
+/// A plant of the scene with its asset, as the rain meets it.
+pub(super) struct RainedPlant<'a> {
+    pub(super) plant: &'a Plant,
+    pub(super) asset: &'a Asset,
+    /// World from plant space, of the first copy.
+    pub(super) transform: Trs,
+    /// Leaves of this plant that drops can strike, in their order on the plant.
+    pub(super) leaves: Vec<&'a SceneLeaf>,
+}
+
+/// Clock and gravity of the rain.
+#[derive(Clone, Copy)]
+pub(super) struct RainClock {
+    /// Frames per second.
+    pub(super) fps: f64,
+    /// Duration of the rain before the clip, s.
+    pub(super) lead: f64,
+    /// Gravitational acceleration, m/s^2.
+    pub(super) gravity: f64,
+}
+
+/// Records the frames of one plant that moves in the rain.
+pub(super) enum RainedPlantRecorder {
+    Still,
+    Rods(RodBinding),
+    Sway(SwayRecorder),
+}
+
+/// Writes the leaves of a swaying plant where wind and drops have moved them.
+pub(super) struct SwayRecorder {
+    motion: Arc<SwayMotion>,
+    /// The plant's instancers and skeleton, without meshes.
+    leafage: Arc<Asset>,
+    transform: Trs,
+    /// Instance of each leaf that drops can strike.
+    instances: Vec<LeafInstance>,
+}
+
+impl RainedPlantRecorder {
+    /// The asset of the plant in its present state; `None` for a plant that does not move.
+    pub(super) fn frame(&self, asset: &Asset, plant: &dyn RainPlant, time: FrameTime) -> Option<AssetFrame> {
+        match self {
+            Self::Still => None,
+            Self::Rods(binding) => plant.posed_rods().map(|rods| binding.pose_asset(asset, rods, plant)),
+            Self::Sway(recorder) => plant.added_bends().map(|bends| recorder.frame(asset, plant, bends, time)),
+        }
+    }
+}
+
+/// The plant as drops meet it, and what records its frames.
+pub(super) fn plant_in_rain(
+    motion: PlantInRain,
+    of: &RainedPlant<'_>,
+    clock: RainClock,
+    wind: Option<Arc<dyn Wind>>,
+    still: impl FnOnce() -> Box<dyn RainPlant>,
+) -> (Box<dyn RainPlant>, RainedPlantRecorder) {
+    match motion {
+        PlantInRain::Still => (still(), RainedPlantRecorder::Still),
+        PlantInRain::Rods { rods, binding } => (Box::new(rods.with_wind(wind)), RainedPlantRecorder::Rods(binding)),
+        PlantInRain::Sway(motion) => {
+            let recorder = SwayRecorder {
+                leafage: Arc::new(Asset { meshes: Vec::new(), ..of.asset.clone() }),
+                transform: of.transform,
+                instances: of.leaves.iter().map(|leaf| leaf.instance).collect(),
+                motion,
+            };
+            (Box::new(recorder.rain_plant(of, clock)), RainedPlantRecorder::Sway(recorder))
+        }
+    }
+}
+
+impl SwayRecorder {
+    /// The plant before the first drop.
+    fn rain_plant(&self, of: &RainedPlant<'_>, clock: RainClock) -> SwayingRainPlant {
+        // Organs are known by their ids, which the instances have too.
+        let organs: std::collections::BTreeMap<u64, usize> =
+            of.plant.organs.iter().enumerate().map(|(i, organ)| (organ.id, i)).collect();
+        let swaying = |leaf: &&SceneLeaf| {
+            let LeafInstance { instancer, instance, .. } = leaf.instance;
+            let instancer = &of.asset.instancers[instancer];
+            let organ = organs.get(&instancer.ids[instance]).map(|i| &of.plant.organs[*i]);
+            SwayingLeaf {
+                axis: organ.map_or(0, |organ| organ.axis),
+                s: organ.map_or(0.0, |organ| organ.s),
+                rest: instancer.rest.positions[instance].as_dvec3(),
+                scale: f64::from(instancer.scales[instance].x),
+                blade: &instancer.prototypes[to_usize(instancer.protos[instance])].mesh,
+            }
+        };
+        let leaves: Vec<SwayingLeaf<'_>> = of.leaves.iter().map(swaying).collect();
+        let poses = RecordedWindPoses {
+            motion: Arc::clone(&self.motion),
+            leafage: Arc::clone(&self.leafage),
+            transform: self.transform,
+            instances: self.instances.clone(),
+            step: clock.fps.recip(),
+        };
+        SwayingRainPlant::new(SwayInRain {
+            plant: of.plant,
+            elements: self.motion.elements(),
+            params: self.motion.params(),
+            leaves: &leaves,
+            poses: Box::new(poses),
+            lead: clock.lead,
+            gravity: clock.gravity,
+        })
+    }
+
+    /// The asset with leaves where the simulation has them; leaves on which no drop can lie stay with the wind.
+    fn frame(&self, asset: &Asset, plant: &dyn RainPlant, added_bends: Vec<[f32; 2]>, time: FrameTime) -> AssetFrame {
+        let mut instances = self.motion.places(&self.leafage, time).instances;
+        let back = self.transform.r.as_dquat().normalize().conjugate();
+        let scale = f64::from(self.transform.s.x);
+        for state in &mut instances {
+            let count = state.positions.len();
+            (state.velocities, state.angular_velocities) = (vec![Vec3::ZERO; count], vec![Vec3::ZERO; count]);
+        }
+        for (k, of) in self.instances.iter().enumerate() {
+            let InstanceState { positions, orientations, velocities, angular_velocities, .. } =
+                &mut instances[of.instancer];
+            let (pose, i) = (plant.leaf_pose(k), of.instance);
+            positions[i] = (back * (pose.position - self.transform.t.as_dvec3()) / scale).as_vec3();
+            orientations[i] = (back * pose.orientation).as_quat().normalize();
+            velocities[i] = (back * pose.velocity / scale).as_vec3();
+            angular_velocities[i] = (back * pose.angular_velocity).as_vec3();
+        }
+        self.motion.frame_in_rain(asset, time, RainedSway { added_bends, instances })
+    }
+}
+
+/// Poses of a plant's leaves and nodes in the wind, from its recorded sway.
+#[derive(Debug)]
+struct RecordedWindPoses {
+    motion: Arc<SwayMotion>,
+    /// The plant's instancers and skeleton.
+    leafage: Arc<Asset>,
+    transform: Trs,
+    instances: Vec<LeafInstance>,
+    /// Time between two frames, s.
+    step: f64,
+}
+
+impl WindPoses for RecordedWindPoses {
+    fn at_frame(&self, frame: u64) -> WindPose {
+        let time = FrameTime { seconds: frame as f64 * self.step, step: self.step };
+        let places = self.motion.places(&self.leafage, time);
+        let turn = self.transform.r.as_dquat().normalize();
+        let place = |of: &LeafInstance| {
+            let state = &places.instances[of.instancer];
+            let orientation: DQuat = state.orientations[of.instance].as_dquat();
+            LeafPlace {
+                position: self.transform.apply(state.positions[of.instance]).as_dvec3(),
+                orientation: (turn * orientation).normalize(),
+            }
+        };
+        let node = |p: &Vec3| -> DVec3 { self.transform.apply(*p).as_dvec3() };
+        WindPose { leaves: self.instances.iter().map(place).collect(), nodes: places.nodes.iter().map(node).collect() }
+    }
+}

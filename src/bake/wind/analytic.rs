@@ -1,0 +1,55 @@
+//! Winds of formulas, which can be sampled at any time.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::recipe::scene::{WindKeys, WindModel};
+use osier_base::math::{cos, narrow, sin};
+use osier_base::rng;
+use osier_scene::solid::LandForm;
+use osier_wind::{GustWind, GustWindOptions, SineWind, SineWindOptions, UniformWind, Wind, WindOverLand};
+
+/// One of a scene's winds. `period`: of a loop, s; `number`: counted from 0, from which each wind's noise gets a seed of its own;
+/// `land`: above which its heights count.
+pub fn formula_wind(
+    keys: &WindKeys,
+    period: Option<f64>,
+    seed: u64,
+    number: u64,
+    land: Option<&Arc<LandForm>>,
+) -> Arc<dyn Wind> {
+    let seed = if number == 0 { seed } else { rng::child(seed, number) };
+    let direction = Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)));
+    let wind: Arc<dyn Wind> = match keys.model {
+        // The same at all heights.
+        WindModel::Calm | WindModel::Uniform | WindModel::Lattice => {
+            return Arc::new(UniformWind(direction * narrow(keys.speed)));
+        }
+        WindModel::Gust => Arc::new(GustWind::new(GustWindOptions {
+            direction,
+            speed: keys.speed,
+            gust: narrow(keys.gust),
+            turbulence: narrow(keys.turbulence),
+            gust_length: keys.gust_length,
+            eddy_size: keys.eddy_size,
+            wander: narrow(keys.wander),
+            power: narrow(keys.power),
+            period,
+            seed,
+        })),
+        WindModel::Perlin => Arc::new(SineWind::new(SineWindOptions {
+            direction,
+            speed: keys.speed,
+            gust: narrow(keys.gust),
+            power: narrow(keys.power),
+            literal: keys.literal,
+            period,
+            seed,
+        })),
+    };
+    match land {
+        Some(land) => Arc::new(WindOverLand { wind, land: Arc::clone(land) }),
+        None => wind,
+    }
+}
