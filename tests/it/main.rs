@@ -38,6 +38,7 @@ mod references;
 mod scene_files;
 mod showcase;
 mod skin;
+mod storm;
 mod survives;
 mod sway;
 mod synthetic;

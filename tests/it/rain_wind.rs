@@ -11,9 +11,8 @@ use crate::common::program;
 use std::fs;
 use std::path::Path;
 
-use serde_json::Value;
-
 use crate::common::program::{arg, ends};
+use crate::common::track_records::{records, word_number};
 
 /// Frames per second, seconds of rain that count, and drops that level leaves are meant to catch in that time: enough for a
 /// statistical error of 2 %.
@@ -37,6 +36,8 @@ struct LeavesInRain<'a> {
     size: f64,
     /// Height of the ground, m.
     ground: f64,
+    /// `motion` of the plant: whether the wind moves it.
+    motion: &'a str,
     /// Tables of the scene beside those of plant and rain.
     more: &'a str,
 }
@@ -59,9 +60,10 @@ impl LeavesInRain<'_> {
         let mesh = "v -0.5 0 0\nv 0.5 0 0\nv 0.5 1 0\nv -0.5 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
             f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
         fs::write(dir.join("leaf.obj"), mesh).expect("mesh");
-        let (end, rate, size, more) = (FPS * SECONDS + 1, self.rate() * 3.6e6, self.size, self.more);
+        let (end, rate) = (FPS * SECONDS + 1, self.rate() * 3.6e6);
+        let Self { size, motion, more, .. } = self;
         format!(
-            "seed = 4\n[frames]\nend = {end}\nfps = {FPS}\n[plants.p]\ngrammar = \"{name}.l\"\n[plants.p.leaf]\n\
+            "seed = 4\n[frames]\nend = {end}\nfps = {FPS}\n[plants.p]\ngrammar = \"{name}.l\"\nmotion = \"{motion}\"\n[plants.p.leaf]\n\
              mesh = \"leaf.obj\"\nsize = {SIDE}\n[[place]]\nplant = \"p\"\n[maps]\nmax_mapped_leaves = 0\n\
              [output]\nformats = [\"tracks\", \"csv\"]\n[rain]\nrate_mm_per_h = {rate}\nspin_up_s = 2\njitter = 0\n\
              substeps = 24\nsize_distribution = \"fixed\"\nsize_mm = {size}\n{more}"
@@ -73,11 +75,10 @@ impl LeavesInRain<'_> {
         let (file, out) = (dir.join(format!("{name}.toml")), dir.join(name));
         fs::write(&file, self.scene(dir, name)).expect("scene");
         ends(0, &["-q", "bake", arg(&file), "-o", arg(&out)]);
-        // Normals of the leaves, from the first frame.
+        // Normals of the leaves in every frame.
         let leaves = records(&out, "leaves.bin", &["qx", "qy", "qz", "qw"]);
         let normals: Vec<glam::DVec3> = leaves
             .iter()
-            .take_while(|leaf| leaf.0 == leaves[0].0)
             .map(|(_, q)| glam::DQuat::from_xyzw(q[0], q[1], q[2], q[3]).normalize() * glam::DVec3::Z)
             .collect();
         // The mean path: drops in the air just above the leaves, over all frames.
@@ -93,7 +94,7 @@ impl LeavesInRain<'_> {
         let events = records(&out, "events.bin", &["what", "volume"]);
         let hits: Vec<f64> =
             events.iter().filter(|(frame, e)| *frame > 1 && (e[0] - struck).abs() < 0.5).map(|(_, e)| e[1]).collect();
-        let area = normals.iter().map(|n| n.dot(path).abs()).sum::<f64>() * SIDE * SIDE;
+        let area = normals.iter().map(|n| n.dot(path).abs()).sum::<f64>() / normals.len() as f64 * AREA;
         let meant = self.rate() * f64::from(SECONDS) * area;
         let caught = Caught { ratio: hits.iter().sum::<f64>() / meant, drops: hits.len(), normal: normals[0], path };
         println!("{name}: {caught:.3?}");
@@ -112,41 +113,6 @@ struct Caught {
     normal: glam::DVec3,
     /// Mean velocity of the drops above the leaves, over that of their fall.
     path: glam::DVec3,
-}
-
-/// The number of a word of a code list of tracks.
-fn word_number(out: &Path, list: &str, word: &str) -> f64 {
-    let index: Value = serde_json::from_slice(&fs::read(out.join("tracks/index.json")).expect("index")).expect("json");
-    index[list].as_array().expect("words").iter().position(|e| e == word).expect("the word") as f64
-}
-
-/// Numbers of all records of a file of tracks: frame, and the fields that are asked for.
-fn records(out: &Path, name: &str, wanted: &[&str]) -> Vec<(u64, Vec<f64>)> {
-    let index: Value = serde_json::from_slice(&fs::read(out.join("tracks/index.json")).expect("index")).expect("json");
-    let file = index["files"].as_array().expect("files").iter().find(|f| f["file"] == name).expect("the file");
-    let bytes = fs::read(out.join("tracks").join(name)).expect("records");
-    let count = |v: &Value| usize::try_from(v.as_u64().expect("a number")).expect("small");
-    let size = count(&file["record_bytes"]);
-    let fields = file["fields"].as_array().expect("fields");
-    let of = |record: &[u8], name: &str| {
-        let field = fields.iter().find(|f| f["name"] == name).expect("a field");
-        let at = count(&field["offset"]);
-        let four = || <[u8; 4]>::try_from(&record[at..at + 4]).expect("four bytes");
-        match field["type"].as_str().expect("a type") {
-            "u4" => f64::from(u32::from_le_bytes(four())),
-            "i4" => f64::from(i32::from_le_bytes(four())),
-            "f4" => f64::from(f32::from_le_bytes(four())),
-            _ => f64::from_le_bytes(record[at..at + 8].try_into().expect("eight bytes")),
-        }
-    };
-    let mut all = Vec::new();
-    for frame in file["frames"].as_array().expect("frames") {
-        let (first, many) = (count(&frame[1]), count(&frame[2]));
-        for record in bytes[first * size..(first + many) * size].chunks(size) {
-            all.push((frame[0].as_u64().expect("a frame"), wanted.iter().map(|n| of(record, n)).collect()));
-        }
-    }
-    all
 }
 
 const WINDS: [(&str, &str); 8] = [
@@ -168,7 +134,7 @@ fn catches_what_falls(turn: f64) {
     for (wind, more) in WINDS {
         for size in SIZES {
             let name = format!("{wind}_{size}");
-            let caught = LeavesInRain { turn, size, ground: 0.0, more }.bake(dir.path(), &name);
+            let caught = LeavesInRain { turn, size, ground: 0.0, motion: "still", more }.bake(dir.path(), &name);
             assert!(caught.drops > 1100, "{name}: too few drops for an error below 3 %");
             if (caught.ratio - 1.0).abs() > 0.1 {
                 wrong.push(format!("{name}: {caught:?}"));
@@ -198,10 +164,21 @@ fn rain_slants_by_wind_over_terminal_speed() {
     let dir = tempfile::tempdir().expect("dir");
     let speed = 9.65 - 10.3 * (-0.6_f64).exp();
     for turn in [40.0, 65.0] {
-        let leaf = LeavesInRain { turn, size: 1.0, ground: 0.0, more: WINDS[1].1 };
+        let leaf = LeavesInRain { turn, size: 1.0, ground: 0.0, motion: "still", more: WINDS[1].1 };
         let caught = leaf.bake(dir.path(), &format!("slant{turn}"));
         assert!((caught.path.x - 4.5 / speed).abs() < 0.01 && caught.path.z.abs() < 0.01, "{caught:?}");
         assert!((caught.ratio - 1.0).abs() < 0.1, "{caught:?}");
+    }
+}
+
+/// Leaves that sway catch by the area that they turn to the rain at each moment.
+#[test]
+fn leaves_that_sway_catch_what_their_area_meets() {
+    let dir = tempfile::tempdir().expect("dir");
+    for (name, more) in [WINDS[0], WINDS[4]] {
+        let still = LeavesInRain { turn: 90.0, size: 2.0, ground: 0.0, motion: "still", more };
+        let swaying = LeavesInRain { motion: "skin", ..still }.bake(dir.path(), &format!("{name}_sway"));
+        assert!((swaying.ratio - 1.0).abs() < 0.1, "{name}: {swaying:?}");
     }
 }
 
@@ -214,7 +191,8 @@ fn rain_falls_on_land_of_any_height() {
     let wavy = "[ground]\nrelief = 0.2\nwavelength = 5\n".to_owned();
     let lands = [("low", -20.0, flat(-20)), ("level", 0.0, flat(0)), ("high", 20.0, flat(20)), ("wavy", 0.0, wavy)];
     for (name, ground, land) in lands {
-        let caught = LeavesInRain { turn: 90.0, size: 1.0, ground, more: &land }.bake(dir.path(), name);
+        let caught =
+            LeavesInRain { turn: 90.0, size: 1.0, ground, motion: "still", more: &land }.bake(dir.path(), name);
         assert!(caught.normal.y.abs() > 0.999 && (caught.ratio - 1.0).abs() < 0.1, "{name}: {caught:?}");
         let out = dir.path().join(name);
         let end = word_number(&out, "events", "ground");
@@ -241,7 +219,8 @@ fn solids_shelter_what_is_below_and_behind() {
     ];
     for (name, roof) in roofs {
         let caught =
-            LeavesInRain { turn: 90.0, size: 1.0, ground: 0.0, more: &format!("{calm}{roof}") }.bake(dir.path(), name);
+            LeavesInRain { turn: 90.0, size: 1.0, ground: 0.0, motion: "still", more: &format!("{calm}{roof}") }
+                .bake(dir.path(), name);
         assert_eq!(caught.drops, 0, "{name}");
         let out = dir.path().join(name);
         // Nothing ends on the ground below it either.
@@ -253,8 +232,8 @@ fn solids_shelter_what_is_below_and_behind() {
     // A wall upwind of the leaf, and the same one downwind.
     for (x, most) in [(-0.9, 0.0), (1.9, 1.1)] {
         let wall = format!("{}[[solid]]\nat = [{x}, 0, 0]\nsize = [0.1, 4, 12]\n", WINDS[1].1);
-        let caught =
-            LeavesInRain { turn: 90.0, size: 1.0, ground: 0.0, more: &wall }.bake(dir.path(), &format!("wall{x}"));
+        let caught = LeavesInRain { turn: 90.0, size: 1.0, ground: 0.0, motion: "still", more: &wall }
+            .bake(dir.path(), &format!("wall{x}"));
         assert!(caught.ratio <= most && caught.ratio > most - 0.2, "{x}: {caught:?}");
     }
 }
@@ -264,7 +243,7 @@ fn solids_shelter_what_is_below_and_behind() {
 fn water_that_ends_on_solids_is_booked() {
     let dir = tempfile::tempdir().expect("dir");
     let table = "[wind]\nmodel = \"calm\"\n[[solid]]\nat = [0, 0, 0]\nsize = [12, 0.3, 16]\n";
-    LeavesInRain { turn: 140.0, size: 2.0, ground: 0.0, more: table }.bake(dir.path(), "table");
+    LeavesInRain { turn: 140.0, size: 2.0, ground: 0.0, motion: "still", more: table }.bake(dir.path(), "table");
     let out = dir.path().join("table");
     let text = fs::read_to_string(out.join("stats/rain.csv")).expect("table");
     let mut lines = text.lines();
@@ -287,7 +266,8 @@ fn water_that_ends_on_solids_is_booked() {
 fn lying_drops_are_there_when_the_clip_begins() {
     let dir = tempfile::tempdir().expect("dir");
     let lying = "falls = false\n[[rain.lying]]\nvolume_mm3 = 60\nat = [0.5, 0.95]\n";
-    let text = LeavesInRain { turn: 150.0, size: 1.0, ground: 0.0, more: lying }.scene(dir.path(), "steep");
+    let text =
+        LeavesInRain { turn: 150.0, size: 1.0, ground: 0.0, motion: "still", more: lying }.scene(dir.path(), "steep");
     let (file, out) = (dir.path().join("lying.toml"), dir.path().join("lying"));
     fs::write(&file, &text).expect("scene");
     ends(0, &["-q", "bake", arg(&file), "-o", arg(&out), "--frames", "1"]);

@@ -87,7 +87,7 @@ pub enum InstancerFrame {
 /// Curves at one frame.
 #[derive(Debug, Clone, Default)]
 pub enum CurvesFrame {
-    /// As in the scene.
+    /// The points that the scene holds.
     #[default]
     Same,
     /// New points, m, one per point.

@@ -32,7 +32,7 @@ use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene};
 /// A point of a plant at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisPoint {
-    /// In plant space, m.
+    /// Place in plant space, m.
     pub position: Vec3,
     /// Index of the axis that it belongs to.
     pub axis: u32,

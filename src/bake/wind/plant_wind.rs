@@ -9,7 +9,7 @@ use crate::recipe::Recipe;
 use crate::recipe::scene::{BendProfile, PaperFix, SwayKeys, SwayModel, SwayStart, WindModel, WoodKeys};
 use osier_motion::sway::{ClipOptions, PaperCorrections, PaperParams, SwayParams, WoodParams};
 use osier_scene::Trs;
-use osier_wind::{CALM_SPEED, Wind};
+use osier_wind::{CALM_SPEED, UniformWind, Wind};
 
 /// The wind at the plants of a scene, with the settings of their sway.
 #[derive(Debug, Clone)]
@@ -37,11 +37,16 @@ pub struct PlantWind {
 }
 
 impl PlantWind {
-    /// The wind of a scene with the settings of its plants' sway; `None` in a still scene and in calm air.
+    /// The wind of a scene with the settings of its plants' sway; `None` in a still scene, and in calm air unless it rains: drops move
+    /// plants without wind too.
     pub fn new(recipe: &Recipe, scene: &SceneWind) -> Option<Self> {
         let sway = &recipe.sway;
-        let wind = scene.field(WindUser::Sway).filter(|_| recipe.clip.len() >= 2 && recipe.blows())?;
-        let rod_wind = scene.field(WindUser::RodPlants)?;
+        if recipe.clip.len() < 2 || !(recipe.blows() || recipe.rain.is_some()) {
+            return None;
+        }
+        let calm = || -> Arc<dyn Wind> { Arc::new(UniformWind(Vec3::ZERO)) };
+        let wind = scene.field(WindUser::Sway).unwrap_or_else(calm);
+        let rod_wind = scene.field(WindUser::RodPlants).unwrap_or_else(calm);
         // A loop has a period of its own, in frames; the scene's wind repeats with it.
         let loop_frames = sway.loop_frames(&recipe.clip);
         let (frames, repeats) = (loop_frames.unwrap_or(recipe.clip.len()), loop_frames.is_some());

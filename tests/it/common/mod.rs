@@ -10,3 +10,4 @@ pub mod picture;
 pub mod pov;
 pub mod program;
 pub mod synthetic;
+pub mod track_records;

@@ -96,9 +96,9 @@ pub struct FlightSimulation {
 /// A place that moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CarriedPoint {
-    /// In the world, m.
+    /// Position in the world, m.
     pub position: DVec3,
-    /// m/s.
+    /// Velocity in the world, m/s.
     pub velocity: DVec3,
 }
 

@@ -17,9 +17,9 @@ pub(crate) const CORNER_RADIUS_RATIO: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Geometry and material between two neighbouring sections.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RodInterval {
-    /// Length, m.
+    /// Length at rest, m.
     pub length: f64,
-    /// Mean radius, m.
+    /// Mean of the radii of its ends, m.
     pub radius: f64,
     /// Young's modulus, Pa.
     pub young: f64,

@@ -46,7 +46,7 @@ pub(super) struct BendLever {
     element: usize,
     /// Slope there over that of the tip.
     slope: f64,
-    /// Plant space, m.
+    /// Part of the lever that is the same everywhere, m, in plant space.
     shift: DVec3,
 }
 

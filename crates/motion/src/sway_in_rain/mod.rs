@@ -80,7 +80,7 @@ struct WoodPiece {
     nodes: [usize; 2],
     /// Radii at the nodes in the world, m.
     radii: [f64; 2],
-    /// Of its middle.
+    /// What bends the wood at its middle; `None` on wood that does not bend.
     lever: Option<BendLever>,
 }
 

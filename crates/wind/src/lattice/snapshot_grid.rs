@@ -15,7 +15,7 @@ use osier_scene::solid::{Solid, Solids};
 /// What interpolation between eight cells has to mind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum NearSurface {
-    /// Nothing.
+    /// None of the cells is solid.
     Air,
     /// Some of the cells are solid.
     Solid,

@@ -112,6 +112,7 @@ impl FlightPlayback {
         let keys = &scene.flight.keys;
         let params = flight_params(scene, models);
         let spin_up = spin_up_frames(scene.flight, scene.recipe);
+        // Catkins of a canopy start where its twigs are at the beginning of the spin-up.
         let (starts, sites) = match keys.release {
             FlightRelease::Canopy => {
                 let twigs = canopy.positions(frame_time(-spin_up.cast_signed(), params.fps))?;
@@ -122,6 +123,7 @@ impl FlightPlayback {
         let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
         let trails = new_trajectories(scene, start.options());
         let settled = vec![Vec3::ZERO; start.len()];
+        // What frames accumulate begins empty; maps of landings add up over the clip, those of deposits are drawn anew.
         let deposits = DepositionMaps::new(keys, scene.domain, &scene.solids);
         let landed = if deposits.cumulative { deposits.empty_sums() } else { TexelSums::new() };
         let mut state = FlightState {
@@ -134,6 +136,7 @@ impl FlightPlayback {
             twigs: None,
         };
         state.extend_trajectories();
+        // The state before the spin-up is kept: a clip that is read from an earlier frame begins anew.
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
         Ok(Self {
             wind: Arc::clone(wind),

@@ -49,9 +49,9 @@ const COMPARED_SOLIDS: usize = 4;
 /// Names of the places at which the table of a flight counts depositions.
 #[derive(Debug, Clone, Copy)]
 pub struct CountedPlaces<'a> {
-    /// Solids.
+    /// Names of solids whose deposits are counted apart.
     pub solids: &'a [&'a str],
-    /// Rectangles on the ground.
+    /// Names of rectangles on the ground.
     pub zones: &'a [&'a str],
 }
 

@@ -18,7 +18,7 @@ use osier_wind::Wind;
 
 /// What moves a plant in the rain.
 pub(crate) enum PlantInRain {
-    /// Nothing.
+    /// Nothing: the plant stands still and takes all impulses.
     Still,
     /// Rods, which wind and drops bend.
     Rods {

@@ -1,0 +1,204 @@
+//! Plants that sway in the wind while it rains: drops strike, load and wet them in the same bake.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+
+use crate::common::program;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{DQuat, DVec3};
+
+use crate::common::program::{arg, ends};
+use crate::common::track_records::{records, word_number};
+
+/// A sapling: a stem with six twigs of eight leaves each.
+const SAPLING: &str = "Lsystem: sapling\nDerivation length: 0\nAxiom: !(0.03) F(0.8) \
+    BOUGHS !(0.02) F(0.5)\nendlsystem\n";
+/// Frames of the clip, and of those at its end over which means are taken.
+const FRAMES: u64 = 48;
+const LAST: u64 = 24;
+
+/// Rain and its steps in one bake of the sapling.
+#[derive(Clone, Copy)]
+struct Storm {
+    /// Whether drops fall.
+    rains: bool,
+    substeps: u32,
+    seed: u32,
+    /// More tables of the scene.
+    more: &'static str,
+}
+
+impl Storm {
+    /// Writes scene and grammar.
+    fn write(self, dir: &Path) -> PathBuf {
+        let leaves: String =
+            (0..8).map(|k| format!("F(0.06) [/({}) &(55) ~l(1)]", 97 * k)).collect::<Vec<_>>().join(" ");
+        let boughs: String = (0..6)
+            .map(|k| format!("!(0.02) F(0.06) [/({}) &(70) !(0.006) F(0.1) !(0.004) {leaves}]", 137 * k))
+            .collect::<Vec<_>>()
+            .join(" ");
+        fs::write(dir.join("sapling.l"), SAPLING.replace("BOUGHS", &boughs)).expect("grammar");
+        let Self { rains, substeps, seed, more } = self;
+        let text = format!(
+            "seed = {seed}\n[frames]\nend = {FRAMES}\n[plants.p]\ngrammar = \"sapling.l\"\n[plants.p.leaf]\n\
+             blade = \"elliptic\"\nsize = 0.1\n[[place]]\nplant = \"p\"\n[wind]\nmodel = \"gust\"\nspeed = 6\n\
+             [maps]\nmax_mapped_leaves = 0\n[rain]\nfalls = {rains}\nrate_mm_per_h = 150\nsize_distribution = \"fixed\"\n\
+             size_mm = 4\nspin_up_s = 1\nsubsteps = {substeps}\n{more}"
+        );
+        let file = dir.join("storm.toml");
+        fs::write(&file, text).expect("scene");
+        file
+    }
+
+    /// Bakes it as tracks and reads what its leaves did.
+    fn bake(self, name: &str) -> Crown {
+        let dir = tempfile::tempdir().expect("dir");
+        let (file, out) = (self.write(dir.path()), dir.path().join(name));
+        ends(0, &["-q", "bake", arg(&file), "-o", arg(&out), "--formats", "tracks"]);
+        let fields = ["leaf", "volume", "wetness", "x", "y", "z", "qx", "qy", "qz", "qw"];
+        let leaves = records(&out, "leaves.bin", &fields)
+            .into_iter()
+            .map(|(frame, f)| LeafAt {
+                frame,
+                leaf: f[0],
+                volume: f[1],
+                wetness: f[2],
+                pivot: DVec3::new(f[3], f[4], f[5]),
+                turn: DQuat::from_xyzw(f[6], f[7], f[8], f[9]).normalize(),
+            })
+            .collect();
+        let struck = word_number(&out, "events", "struck");
+        let hits = records(&out, "events.bin", &["what", "leaf"])
+            .into_iter()
+            .filter(|(_, e)| (e[0] - struck).abs() < 0.5)
+            .map(|(frame, e)| (frame, e[1]))
+            .collect();
+        Crown { leaves, hits }
+    }
+}
+
+/// A leaf at a frame.
+struct LeafAt {
+    frame: u64,
+    leaf: f64,
+    /// Water on it, m^3.
+    volume: f64,
+    wetness: f64,
+    pivot: DVec3,
+    turn: DQuat,
+}
+
+/// All leaves of a bake in the order of frames, and the frames and leaves of the impacts.
+struct Crown {
+    leaves: Vec<LeafAt>,
+    hits: Vec<(u64, f64)>,
+}
+
+/// How a wet crown differs from a dry one in the same wind, over the last frames.
+#[derive(Debug, Clone, Copy)]
+struct Difference {
+    /// Mean height that pivots have sunk, m.
+    sag: f64,
+    /// Root mean square of the angle between a leaf and the same leaf of the dry crown, radians.
+    nod: f64,
+    /// Mean water on a leaf, m^3.
+    water: f64,
+}
+
+impl Crown {
+    fn last_frames(&self) -> impl Iterator<Item = &LeafAt> {
+        self.leaves.iter().filter(|leaf| leaf.frame > FRAMES - LAST)
+    }
+
+    fn difference(&self, dry: &Self) -> Difference {
+        let mut sums = [0.0; 4];
+        for (wet, dry) in self.last_frames().zip(dry.last_frames()) {
+            assert!(wet.frame == dry.frame && (wet.leaf - dry.leaf).abs() < 0.5, "leaves in one order");
+            let angle = wet.turn.angle_between(dry.turn);
+            let add = [dry.pivot.y - wet.pivot.y, angle * angle, wet.volume, 1.0];
+            sums.iter_mut().zip(add).for_each(|(sum, a)| *sum += a);
+        }
+        let [sag, square, water, count] = sums;
+        Difference { sag: sag / count, nod: (square / count).sqrt(), water: water / count }
+    }
+}
+
+const RAIN: Storm = Storm { rains: true, substeps: 8, seed: 3, more: "" };
+
+/// The wind moves the crown; where drops strike, leaves nod; water lies on them and weighs down their twigs.
+#[test]
+fn drops_shake_load_and_wet_a_plant_that_sways() {
+    let dry = Storm { rains: false, ..RAIN }.bake("dry");
+    let wet = RAIN.bake("wet");
+    assert!(dry.hits.is_empty(), "{:?}", dry.hits);
+    assert!(wet.hits.len() > 100, "{} impacts", wet.hits.len());
+    let of_leaf = |crown: &Crown, k: usize| -> Vec<DVec3> {
+        crown.leaves.iter().filter(|leaf| (leaf.leaf - k as f64).abs() < 0.5).map(|leaf| leaf.pivot).collect()
+    };
+    // The wind alone carries the leaves of the twigs' ends to and fro.
+    let swings = (0..48).map(|k| {
+        let path = of_leaf(&dry, k);
+        path.iter().map(|p| p.distance(path[0])).fold(0.0, f64::max)
+    });
+    let widest = swings.fold(0.0, f64::max);
+    assert!(widest > 0.01, "the crown moves by {widest} m");
+    // A leaf that is struck turns further in that frame and the next than leaves that nothing has struck in the last half second.
+    let turns = |pick: &dyn Fn(u64, f64) -> bool| {
+        let angles: Vec<f64> = wet
+            .leaves
+            .iter()
+            .zip(&dry.leaves)
+            .filter(|(leaf, _)| leaf.frame > 1 && pick(leaf.frame, leaf.leaf))
+            .map(|(wet, dry)| wet.turn.angle_between(dry.turn))
+            .collect();
+        angles.iter().sum::<f64>() / angles.len() as f64
+    };
+    let hit_within = |frames: u64, frame: u64, leaf: f64| {
+        wet.hits.iter().any(|h| (h.1 - leaf).abs() < 0.5 && h.0 <= frame && h.0 + frames > frame)
+    };
+    let struck = turns(&|frame, leaf| hit_within(1, frame, leaf));
+    let spared = turns(&|frame, leaf| frame > 12 && !hit_within(12, frame, leaf));
+    println!("widest swing {widest:.3} m; turned by {struck:.4} struck, {spared:.4} spared");
+    assert!(struck > 0.05 && struck > 1.5 * spared, "{struck} and {spared} radians");
+    let difference = wet.difference(&dry);
+    println!("{difference:?}");
+    assert!(difference.water > 1e-9 && difference.sag > 1e-4, "{difference:?}");
+    let wetness = wet.last_frames().map(|leaf| leaf.wetness).fold(0.0, f64::max);
+    assert!(wetness > 0.05, "the wettest leaf: {wetness}");
+}
+
+/// Water, sag and nods are the same with twice and four times as many steps a frame, within the spread of seeds.
+#[test]
+fn a_storm_does_not_depend_on_its_steps() {
+    let mean = |substeps: u32| {
+        let mut sum = Difference { sag: 0.0, nod: 0.0, water: 0.0 };
+        for seed in 1..=4 {
+            let dry = Storm { rains: false, substeps, seed, ..RAIN }.bake("dry");
+            let wet = Storm { substeps, seed, ..RAIN }.bake("wet").difference(&dry);
+            sum = Difference { sag: sum.sag + wet.sag, nod: sum.nod + wet.nod, water: sum.water + wet.water };
+        }
+        sum
+    };
+    let coarse = mean(8);
+    for substeps in [16, 32] {
+        let fine = mean(substeps);
+        let ratios = [fine.sag / coarse.sag, fine.nod / coarse.nod, fine.water / coarse.water];
+        println!("{substeps} steps: sag, nod, water {ratios:.3?} of those of 8");
+        assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.1), "{substeps}: {ratios:?}");
+    }
+}
+
+/// All formats, at one and two threads, with maps, mesh drops and a skin.
+#[test]
+fn a_storm_gives_the_same_bytes_at_any_number_of_threads() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = Storm { more: "max_drop_meshes = 40\n", ..RAIN }.write(dir.path());
+    let text = fs::read_to_string(&file).expect("scene").replace("max_mapped_leaves = 0", "max_mapped_leaves = 4");
+    fs::write(&file, text.replace(&format!("end = {FRAMES}"), "end = 6")).expect("scene");
+    let trees = ["1", "2"].map(|threads| {
+        let out = dir.path().join(threads);
+        ends(0, &["-q", "bake", arg(&file), "-o", arg(&out), "-j", threads, "--formats", "usd,pov,tracks,csv"]);
+        program::tree(&out)
+    });
+    program::assert_same(&trees[0], &trees[1], "threads");
+}
