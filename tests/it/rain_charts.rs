@@ -49,7 +49,7 @@ fn bake(dir: &Path, name: &str, mesh: &str) -> Baked {
     image::RgbImage::from_fn(32, 32, color).save(folder.join("leaf.png")).expect("picture");
     let grammar = "Lsystem: leaf\nDerivation length: 0\nAxiom: !(0.002) F(0.3) &(70) ~l(1)\nendlsystem\n";
     fs::write(folder.join("leaf.l"), grammar).expect("grammar");
-    let scene = "seed = 4\n[frames]\nend = 13\n[plants.p]\ngrammar = \"leaf.l\"\n[plants.p.leaf]\nmesh = \"leaf.obj\"\n\
+    let scene = "seed = 4\n[frames]\nend = 13\n[plants.p]\ngrammar = \"leaf.l\"\nmotion = \"still\"\n[plants.p.leaf]\nmesh = \"leaf.obj\"\n\
         size = 0.16\n[[place]]\nplant = \"p\"\n[ground]\nshow = false\n[maps]\nresolution = 64\n[wind]\nmodel = \"calm\"\n\
         [output]\nformats = [\"usd\", \"exr\", \"csv\", \"tracks\"]\n[rain]\nrate_mm_per_h = 150\nspin_up_s = 1\nsubsteps = 8\n\
         [rain.drop]\npin_noise = 0\n";

@@ -55,7 +55,7 @@ impl LeavesInRain<'_> {
             format!("[/(90) +(90) f({z:.3}) -(90) /(-90) &({}) ~l(1)]", self.turn)
         };
         let row: String = (0..LEAVES).map(place).collect();
-        let grammar = format!("Lsystem: leaf\nDerivation length: 0\nAxiom: !(0.002) F({HEIGHT}) {row}\nendlsystem\n");
+        let grammar = format!("Lsystem: leaf\nDerivation length: 0\nAxiom: !(0.04) F({HEIGHT}) {row}\nendlsystem\n");
         fs::write(dir.join(format!("{name}.l")), grammar).expect("grammar");
         let mesh = "v -0.5 0 0\nv 0.5 0 0\nv 0.5 1 0\nv -0.5 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
             f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";

@@ -42,8 +42,8 @@ impl Storm {
         let text = format!(
             "seed = {seed}\n[frames]\nend = {FRAMES}\n[plants.p]\ngrammar = \"sapling.l\"\n[plants.p.leaf]\n\
              blade = \"elliptic\"\nsize = 0.1\n[[place]]\nplant = \"p\"\n[wind]\nmodel = \"gust\"\nspeed = 6\n\
-             [maps]\nmax_mapped_leaves = 0\n[rain]\nfalls = {rains}\nrate_mm_per_h = 150\nsize_distribution = \"fixed\"\n\
-             size_mm = 4\nspin_up_s = 1\nsubsteps = {substeps}\n{more}"
+             [maps]\nmax_mapped_leaves = 0\n[rain]\nfalls = {rains}\nrate_mm_per_h = 60\nsize_distribution = \"fixed\"\n\
+             size_mm = 2\nspin_up_s = 1\nsubsteps = {substeps}\n{more}"
         );
         let file = dir.join("storm.toml");
         fs::write(&file, text).expect("scene");
@@ -159,7 +159,7 @@ fn drops_shake_load_and_wet_a_plant_that_sways() {
     let struck = turns(&|frame, leaf| hit_within(1, frame, leaf));
     let spared = turns(&|frame, leaf| frame > 12 && !hit_within(12, frame, leaf));
     println!("widest swing {widest:.3} m; turned by {struck:.4} struck, {spared:.4} spared");
-    assert!(struck > 0.05 && struck > 1.5 * spared, "{struck} and {spared} radians");
+    assert!(struck > 0.01 && struck > 3.0 * spared, "{struck} and {spared} radians");
     let difference = wet.difference(&dry);
     println!("{difference:?}");
     assert!(difference.water > 1e-9 && difference.sag > 1e-4, "{difference:?}");
@@ -167,7 +167,7 @@ fn drops_shake_load_and_wet_a_plant_that_sways() {
     assert!(wetness > 0.05, "the wettest leaf: {wetness}");
 }
 
-/// Water, sag and nods are the same with twice and four times as many steps a frame, within the spread of seeds.
+/// Water, sag and nods are the same with twice and four times as many steps a frame within 10 %, as means of four seeds.
 #[test]
 fn a_storm_does_not_depend_on_its_steps() {
     let mean = |substeps: u32| {

@@ -169,6 +169,16 @@ impl SwayMotion {
         self.track.clamped()
     }
 
+    /// Whether the motion repeats after the clip, or after a loop within it.
+    pub fn repeats(&self) -> bool {
+        self.track.repeats()
+    }
+
+    /// Number of recorded frames.
+    pub fn frame_count(&self) -> usize {
+        self.track.len()
+    }
+
     /// The bends around a time of the clip, s; `step`: time between two frames, s.
     fn sample(&self, time: FrameTime) -> SwaySample {
         // The track interpolates, so the bends half a frame before and after are at hand: their difference is the motion over one

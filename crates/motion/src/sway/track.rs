@@ -187,9 +187,14 @@ impl BendTrack {
         self.closed_gap
     }
 
+    /// Whether the clip loops.
+    pub fn repeats(&self) -> bool {
+        self.repeats
+    }
+
     /// Number of frames of the clip.
-    #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
+    #[allow(clippy::len_without_is_empty, reason = "a clip has frames")]
+    pub fn len(&self) -> usize {
         self.frames.len()
     }
 }

@@ -139,7 +139,7 @@ impl SwayingRainPlant {
             }
         }
         let branches = BranchResponse::new(elements);
-        let motion = WindMotion::new(poses, params.fps);
+        let motion = WindMotion::new(poses, params.fps, -lead);
         let mut plant = Self { motion, branches, leaves, wood, poses: Vec::new(), stand, lead, gravity };
         plant.poses = plant.leaf_poses_after(None);
         plant

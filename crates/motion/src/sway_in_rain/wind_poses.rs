@@ -26,8 +26,8 @@ pub struct WindPose {
 
 /// A source of the poses of a plant in the wind.
 pub trait WindPoses: std::fmt::Debug + Send + Sync {
-    /// The pose at a frame, counted from the first of the clip. Later frames than the last of the clip continue or repeat it.
-    fn at_frame(&self, frame: u64) -> WindPose;
+    /// The pose at a frame, counted from the first of the clip, also before it and after its last frame.
+    fn at_frame(&self, frame: i64) -> WindPose;
 }
 
 /// A leaf's place and its rate of change.
@@ -48,13 +48,11 @@ pub(super) struct WindMotion {
     /// Frames per second.
     fps: f64,
     /// Frame at the beginning of the present interval.
-    frame: u64,
-    /// Poses at the frames `frame` - 1 to `frame` + 2; before the first frame the plant stands as in it.
+    frame: i64,
+    /// Poses at the frames `frame` - 1 to `frame` + 2.
     keys: [WindPose; 4],
     /// Present fraction of the interval, 0 to 1.
     fraction: f64,
-    /// Whether the clip has begun; before, the plant stands.
-    runs: bool,
 }
 
 /// Values of the basis of a Hermite spline and their derivatives by the fraction of the interval: weights of the four keys.
@@ -85,32 +83,31 @@ impl SplineWeights {
 }
 
 impl WindMotion {
-    /// The plant at the first frame of the clip.
-    pub fn new(source: Box<dyn WindPoses>, fps: f64) -> Self {
-        let first = source.at_frame(0);
-        let next = aligned(source.at_frame(1), &first);
-        let after = aligned(source.at_frame(2), &next);
-        Self { source, fps, frame: 0, keys: [first.clone(), first, next, after], fraction: 0.0, runs: false }
+    /// The plant at time `t` of the clip, s, negative before it.
+    pub fn new(source: Box<dyn WindPoses>, fps: f64, t: f64) -> Self {
+        let (frame, fraction) = frame_and_fraction(t * fps);
+        let before = source.at_frame(frame - 1);
+        let from = aligned(source.at_frame(frame), &before);
+        let to = aligned(source.at_frame(frame + 1), &from);
+        let after = aligned(source.at_frame(frame + 2), &to);
+        Self { source, fps, frame, keys: [before, from, to, after], fraction }
     }
 
-    /// Moves on to time `t` of the clip, s; before the clip the plant stands as in its first frame. Times do not fall.
+    /// Moves on to time `t` of the clip, s. Times do not fall.
     pub fn advance_to(&mut self, t: f64) {
-        self.runs = t > 0.0;
-        let frames = (t * self.fps).max(0.0);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
-        let wanted = frames as u64;
+        let (wanted, fraction) = frame_and_fraction(t * self.fps);
         while self.frame < wanted {
             self.frame += 1;
             self.keys.rotate_left(1);
             self.keys[3] = aligned(self.source.at_frame(self.frame + 2), &self.keys[2]);
         }
-        self.fraction = (frames - self.frame as f64).clamp(0.0, 1.0);
+        self.fraction = fraction;
     }
 
     /// Places and velocities of all leaves.
     pub fn leaves(&self) -> Vec<MovingPlace> {
         let weights = SplineWeights::at(self.fraction);
-        let rate = self.rate();
+        let rate = self.fps;
         let [before, from, to, after] = &self.keys;
         let place = |k: usize| {
             let keys = [before.leaves[k], from.leaves[k], to.leaves[k], after.leaves[k]];
@@ -138,13 +135,14 @@ impl WindMotion {
     /// Position of a node in the world, m, and its velocity, m/s: wood moves in straight lines between frames.
     pub fn node(&self, k: usize) -> [DVec3; 2] {
         let (from, to) = (self.keys[1].nodes[k], self.keys[2].nodes[k]);
-        [from.lerp(to, self.fraction), (to - from) * self.rate()]
+        [from.lerp(to, self.fraction), (to - from) * self.fps]
     }
+}
 
-    /// Intervals per second; 0 before the clip.
-    fn rate(&self) -> f64 {
-        if self.runs { self.fps } else { 0.0 }
-    }
+/// The frame before a time, in frames, and the fraction of the interval that has passed.
+#[allow(clippy::cast_possible_truncation, reason = "frames of a clip")]
+fn frame_and_fraction(frames: f64) -> (i64, f64) {
+    (frames.floor() as i64, frames - frames.floor())
 }
 
 /// A pose whose quaternions are on the same side as those of the pose before, so that their components can be interpolated.
@@ -166,7 +164,7 @@ mod tests {
     struct Circle;
 
     impl WindPoses for Circle {
-        fn at_frame(&self, frame: u64) -> WindPose {
+        fn at_frame(&self, frame: i64) -> WindPose {
             let turn = DQuat::from_rotation_y(0.3 * frame as f64);
             WindPose {
                 leaves: vec![LeafPlace { position: turn * DVec3::X * 0.1, orientation: turn }],
@@ -177,11 +175,11 @@ mod tests {
 
     #[test]
     fn velocities_are_the_rates_of_positions_and_orientations() {
-        let mut motion = WindMotion::new(Box::new(Circle), 24.0);
+        let mut motion = WindMotion::new(Box::new(Circle), 24.0, -0.2);
         let h = 1e-4;
         let mut last: Option<MovingPlace> = None;
         for k in 0..5000 {
-            motion.advance_to(0.1 + f64::from(k) * h);
+            motion.advance_to(f64::from(k) * h - 0.2);
             let now = motion.leaves()[0];
             if let Some(last) = last {
                 let v = (now.place.position - last.place.position) / h;
@@ -199,10 +197,12 @@ mod tests {
     }
 
     #[test]
-    fn before_the_clip_the_plant_stands_as_in_its_first_frame() {
-        let mut motion = WindMotion::new(Box::new(Circle), 24.0);
-        motion.advance_to(-3.0);
-        let leaf = motion.leaves()[0];
-        assert!(leaf.velocity == DVec3::ZERO && leaf.place.position.distance(DVec3::X * 0.1) < 1e-12);
+    fn places_at_frames_are_those_of_the_record_before_and_in_the_clip() {
+        for (start, t) in [(-3.0, -3.0), (-3.0, -1.5), (-3.0, 2.0), (0.0, 0.0)] {
+            let mut motion = WindMotion::new(Box::new(Circle), 24.0, start);
+            motion.advance_to(t);
+            let turn = DQuat::from_rotation_y(0.3 * t * 24.0);
+            assert!(motion.leaves()[0].place.position.distance(turn * DVec3::X * 0.1) < 1e-12, "{start} {t}");
+        }
     }
 }

@@ -234,7 +234,7 @@ fn simulate_rain(
     }
 
     // Rain falls from an emitter above the plants' bounds, displaced by the wind.
-    let bounds = plant_bounds(assets, transforms);
+    let bounds = plant_bounds(assets, transforms, &recorders);
     let params = params::drop_params(rain, recipe.general.seed);
     let clip = recipe.clip;
     let frames = clip.len() as u64;
@@ -321,14 +321,13 @@ fn still_plant(of: &RainedPlant<'_>) -> Box<dyn RainPlant> {
     Box::new(StillRainPlant::new(&leaves, segments))
 }
 
-/// World bounds of the plants at rest, m.
-fn plant_bounds(assets: &[Asset], transforms: &[Trs]) -> Bounds {
+/// World bounds of the plants, m, swaying or at rest.
+fn plant_bounds(assets: &[Asset], transforms: &[Trs], recorders: &[RainedPlantRecorder]) -> Bounds {
     let rest = AssetFrame::default();
-    let corners = assets
-        .iter()
-        .zip(transforms)
-        .flat_map(|(asset, trs)| osier_scene::asset_bounds(asset, &rest).corners().map(|c| trs.apply(c)));
-    Bounds::of(corners)
+    assets.iter().zip(transforms).zip(recorders).fold(Bounds::default(), |all, ((asset, trs), recorder)| {
+        let corners = osier_scene::asset_bounds(asset, &rest).corners();
+        all.union(recorder.bounds_in_wind(Bounds::of(corners.map(|c| trs.apply(c)))))
+    })
 }
 
 /// Checks the memory of leaf poses and airborne drops over all frames before anything is simulated. Drops on leaves are counted as

@@ -9,6 +9,7 @@ use crate::bake::motion::FrameTime;
 use crate::bake::motion::rod_plant::RodBinding;
 use crate::bake::motion::sway::{RainedSway, SwayMotion};
 use osier_base::convert::to_usize;
+use osier_base::geometry::Bounds;
 use osier_motion::rain::RainPlant;
 use osier_motion::rods::RodPlant;
 use osier_motion::sway_in_rain::{LeafPlace, SwayInRain, SwayingLeaf, SwayingRainPlant, WindPose, WindPoses};
@@ -82,9 +83,30 @@ pub(super) struct SwayRecorder {
     transform: Trs,
     /// Instance of each leaf that drops can strike.
     instances: Vec<LeafInstance>,
+    /// Leaf pivots and nodes at rest, in the world.
+    rest_bounds: Bounds,
+    /// Time between two frames, s.
+    step: f64,
 }
 
 impl RainedPlantRecorder {
+    /// World bounds of the plant during the clip, from those at rest: extended by as much as leaf pivots and nodes leave theirs.
+    pub(super) fn bounds_in_wind(&self, at_rest: Bounds) -> Bounds {
+        let Self::Sway(recorder) = self else { return at_rest };
+        let poses = recorder.wind_poses();
+        let frames = recorder.motion.frame_count();
+        let swept =
+            (0..frames).step_by(frames.div_ceil(SAMPLED_FRAMES).max(1)).fold(Bounds::default(), |swept, frame| {
+                let WindPose { leaves, nodes } = poses.at_frame(frame.cast_signed() as i64);
+                swept.union(Bounds::of(leaves.iter().map(|leaf| leaf.position).chain(nodes).map(|p| p.as_vec3())))
+            });
+        let rest = recorder.rest_bounds;
+        Bounds {
+            min: at_rest.min - (rest.min - swept.min).max(Vec3::ZERO),
+            max: at_rest.max + (swept.max - rest.max).max(Vec3::ZERO),
+        }
+    }
+
     /// The asset of the plant in its present state; `None` for a plant that does not move.
     pub(super) fn frame(&self, asset: &Asset, plant: &dyn RainPlant, time: FrameTime) -> Option<AssetFrame> {
         match self {
@@ -94,6 +116,9 @@ impl RainedPlantRecorder {
         }
     }
 }
+
+/// Frames of the wind that are looked at to see how far a plant sways: a gust lasts longer than a sixteenth of a clip.
+const SAMPLED_FRAMES: usize = 16;
 
 /// The plant as drops meet it, and what records its frames.
 pub(super) fn plant_in_rain(
@@ -107,7 +132,11 @@ pub(super) fn plant_in_rain(
         PlantInRain::Still => (still(), RainedPlantRecorder::Still),
         PlantInRain::Rods { rods, binding } => (Box::new(rods.with_wind(wind)), RainedPlantRecorder::Rods(binding)),
         PlantInRain::Sway(motion) => {
+            let pivot = |of_leaf: &&SceneLeaf| of_leaf.position.as_vec3();
+            let nodes = of.plant.nodes.p.iter().map(|p| of.transform.apply(*p));
             let recorder = SwayRecorder {
+                rest_bounds: Bounds::of(of.leaves.iter().map(pivot).chain(nodes)),
+                step: clock.fps.recip(),
                 leafage: Arc::new(Asset { meshes: Vec::new(), ..of.asset.clone() }),
                 transform: of.transform,
                 instances: of.leaves.iter().map(|leaf| leaf.instance).collect(),
@@ -137,22 +166,26 @@ impl SwayRecorder {
             }
         };
         let leaves: Vec<SwayingLeaf<'_>> = of.leaves.iter().map(swaying).collect();
-        let poses = RecordedWindPoses {
-            motion: Arc::clone(&self.motion),
-            leafage: Arc::clone(&self.leafage),
-            transform: self.transform,
-            instances: self.instances.clone(),
-            step: clock.fps.recip(),
-        };
         SwayingRainPlant::new(SwayInRain {
             plant: of.plant,
             elements: self.motion.elements(),
             params: self.motion.params(),
             leaves: &leaves,
-            poses: Box::new(poses),
+            poses: Box::new(self.wind_poses()),
             lead: clock.lead,
             gravity: clock.gravity,
         })
+    }
+
+    /// The record of the plant in the wind.
+    fn wind_poses(&self) -> RecordedWindPoses {
+        RecordedWindPoses {
+            motion: Arc::clone(&self.motion),
+            leafage: Arc::clone(&self.leafage),
+            transform: self.transform,
+            instances: self.instances.clone(),
+            step: self.step,
+        }
     }
 
     /// The asset with leaves where the simulation has them; leaves on which no drop can lie stay with the wind.
@@ -190,7 +223,9 @@ struct RecordedWindPoses {
 }
 
 impl WindPoses for RecordedWindPoses {
-    fn at_frame(&self, frame: u64) -> WindPose {
+    fn at_frame(&self, frame: i64) -> WindPose {
+        // Before a clip that does not repeat, the spin-up shows it backwards, so that the plant is in motion when the clip begins.
+        let frame = if self.motion.repeats() { frame } else { frame.abs() };
         let time = FrameTime { seconds: frame as f64 * self.step, step: self.step };
         let places = self.motion.places(&self.leafage, time);
         let turn = self.transform.r.as_dquat().normalize();

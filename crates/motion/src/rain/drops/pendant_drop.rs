@@ -48,7 +48,7 @@ impl RainLeaf {
         let bounds = RADIUS_RANGE.map(|r| r * params.wetting.capillary_length);
         let radius = radius.clamp(bounds[0], bounds[1]);
         drop.clear_history();
-        drop.pendant = Some(PendantAnchor { margin: *margin, radius, outward, necking: None });
+        drop.pendant = Some(PendantAnchor { margin: *margin, radius, outward, necking: None, max_volume: 0.0 });
         drop.v = DVec3::ZERO;
         drop.lean = 0.0;
         drop.merge_tested = false;
@@ -67,24 +67,30 @@ impl RainLeaf {
         }
         // Acceleration of the leaf adds to gravity: the maximum volume falls while it springs up.
         let max_volume = max_pendant_volume(pendant.radius, g.length());
-        if drop.volume <= max_volume {
+        // The excess over it is taken as linear in time, so that the necking does not depend on the step.
+        let [before, after] = [pendant.max_volume, max_volume].map(|max| drop.volume - max);
+        let crossing = before / (before - after);
+        let exceeded = match (before > 0.0, after > 0.0) {
+            (true, true) => 1.0,
+            (false, true) => 1.0 - crossing,
+            (true, false) => crossing,
+            (false, false) => 0.0,
+        };
+        let earlier = pendant.necking.filter(|_| before > 0.0).unwrap_or(0.0);
+        let necking = earlier + exceeded * step.h;
+        pendant.necking = (after > 0.0).then_some(necking);
+        pendant.max_volume = max_volume;
+        if exceeded > 0.0 && necking >= NECKING_TIME {
+            // Tate's law with Harkins and Brown's correction: what falls is a fixed fraction of the maximum.
+            let volume = DETACHED_FRACTION * max_volume.min(drop.volume);
+            drop.volume -= volume;
             pendant.necking = None;
-        } else {
-            let necking = pendant.necking.unwrap_or(0.0) + step.h;
-            pendant.necking = Some(necking);
-            if necking >= NECKING_TIME {
-                // Tate's law with Harkins and Brown's correction: what falls is a fixed fraction of the maximum.
-                let volume = (DETACHED_FRACTION * max_volume).min(drop.volume);
-                drop.volume -= volume;
-                pendant.necking = None;
-                // The detached drop starts below the attachment, at the length of a cylinder of the maximum volume.
-                let length = max_volume / (std::f64::consts::PI * pendant.radius * pendant.radius);
-                let p = point + (step.pose.orientation * drop.axis) * length.min(MAX_PENDANT_LENGTH);
-                let v = step.pose.velocity_at(point);
-                let is_whole = drop.volume <= 0.0;
-                result.detached.push(DetachedDrop { id: drop.id, p, v, volume, is_whole });
-                result.counters.detachments += 1;
-            }
+            // The detached drop starts below the attachment, at the length of a cylinder of the maximum volume.
+            let length = max_volume / (std::f64::consts::PI * pendant.radius * pendant.radius);
+            let p = point + (step.pose.orientation * drop.axis) * length.min(MAX_PENDANT_LENGTH);
+            let v = step.pose.velocity_at(point);
+            result.detached.push(DetachedDrop { id: drop.id, p, v, volume, is_whole: false });
+            result.counters.detachments += 1;
         }
         drop.pendant = Some(pendant);
     }

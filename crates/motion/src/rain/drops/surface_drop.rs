@@ -22,6 +22,8 @@ pub struct PendantAnchor {
     pub outward: DVec3,
     /// Time since its volume exceeded the maximum, s; `None` while it does not.
     pub necking: Option<f64>,
+    /// Maximum volume at the end of the last step, m^3; 0 before the first.
+    pub max_volume: f64,
 }
 
 /// A point of the path that a drop has run along.
