@@ -20,7 +20,7 @@ use osier_scene::{
 
 /// Albedo of a wet leaf as a share of that of a dry one: light is caught in the film of water. Own: chosen by eye against
 /// photographs of wet leaves, 0.4..0.8; a smaller value darkens wet leaves in previews and POV-Ray.
-const WET_ALBEDO: f32 = 0.55;
+pub(super) const WET_ALBEDO: f32 = 0.55;
 
 /// The layers of every leaf's map sequence.
 const LAYERS: [MapLayer; 3] = [

@@ -9,6 +9,7 @@ mod params;
 mod plant_in_rain;
 mod scene_leaf;
 mod stats;
+mod wet_film;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -175,6 +176,9 @@ pub(crate) fn add_rain(
     report: &mut Report,
 ) -> Result<AddedRain> {
     let Some(rain) = &recipe.rain else { return Ok(AddedRain::default()) };
+    if rain.wet.film > 0.0 {
+        wet_film::wet_leaf_materials(narrow(rain.wet.film), &mut builder.materials, &mut builder.images);
+    }
     let transforms = layout.first_transforms();
     let plants: Vec<&Plant> = grown.iter().map(|g| &g.plant).collect();
     let scene = RainInputs {
