@@ -1,6 +1,6 @@
 //! Validation of a scene without drawing or simulating it: every fault, and an estimate of what a bake would write.
 
-use crate::bake::output::single_file::refuse_invisible;
+use crate::bake::output::single_file::refuse_without_visible_plants;
 use crate::bake::scene::{SceneOptions, assemble_for_estimate};
 use crate::bake::{BakeContext, BakeEstimate};
 use crate::recipe::{Growth, Recipe, Request, resolve};
@@ -94,5 +94,5 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
     result.estimate = Some(assembled.counts(&recipe, &frames));
-    refuse_invisible(&assembled.animated.scene)
+    refuse_without_visible_plants(&assembled.animated.scene)
 }

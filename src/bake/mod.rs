@@ -28,7 +28,7 @@ pub mod wind;
 
 pub use context::BakeContext;
 pub use output::bake_estimate::BakeEstimate;
-pub use wind::lattice::{SolidInCells, lattice_memory, solids_in_cells};
+pub use wind::lattice::{SolidSizeInCells, lattice_memory, solids_in_cells};
 
 use std::sync::Arc;
 
@@ -42,7 +42,7 @@ use osier_export::textures::Textures;
 use crate::recipe::Recipe;
 use output::exporters;
 use output::frame_loop::write_frames;
-use output::single_file::refuse_invisible;
+use output::single_file::refuse_without_visible_plants;
 use scene::animated::AnimatedScene;
 use scene::assembly::SceneOptions;
 
@@ -64,7 +64,7 @@ pub struct Baked {
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
     let built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
-    refuse_invisible(&built.animated.scene)?;
+    refuse_without_visible_plants(&built.animated.scene)?;
     let (manifest, warnings) = write_files(recipe, &built.animated, frames, folder, context)?;
     Ok(Baked { manifest, report: built.report, warnings })
 }

@@ -9,7 +9,7 @@ use super::args::Bake;
 use super::progress::{ProgressDisplay, StageTimer};
 use super::{numbers, report, sweep};
 use crate::bake::cache::ifs_leaves;
-use crate::bake::output::single_file::refuse_invisible;
+use crate::bake::output::single_file::refuse_without_visible_plants;
 use crate::bake::scene::{self, AnimatedScene};
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
@@ -87,7 +87,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         return Ok(2);
     }
     // What follows may still refuse the bake, and comes before the first file of the output.
-    refuse_invisible(&built.animated.scene)?;
+    refuse_without_visible_plants(&built.animated.scene)?;
     let counts = built.counts(&recipe, &frames);
     counts.check_limits(&context.limits)?;
     if context.common.dry_run {

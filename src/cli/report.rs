@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::Context;
-use crate::bake::{BakeEstimate, SolidInCells};
+use crate::bake::{BakeEstimate, SolidSizeInCells};
 use osier_base::Result;
 use osier_base::limits::grouped;
 
@@ -56,7 +56,7 @@ pub fn lattice_memory_text(parts: &[(&'static str, u64)]) -> String {
 }
 
 /// Sizes of solids in cells of the lattice wind on one line.
-pub fn solids_in_cells_text(solids: &[SolidInCells]) -> String {
+pub fn solids_in_cells_text(solids: &[SolidSizeInCells]) -> String {
     let each = solids.iter().map(|s| {
         let thickness = s.thickness.map_or_else(String::new, |t| format!(", {t:.1} thick"));
         format!("{} {:.1} high{thickness}", s.name, s.height)

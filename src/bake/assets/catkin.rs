@@ -129,7 +129,7 @@ pub fn catkin_materials(models: &[CatkinModel], levels: &CatkinLods) -> Result<M
 }
 
 /// Grammar of one variant: eq. 1 and 2 of \[catkin\] with the angles of the keys, degrees.
-fn grammar_text(keys: &CatkinKeys, variant: usize) -> String {
+fn variant_grammar_text(keys: &CatkinKeys, variant: usize) -> String {
     let (tilt, turn) = VARIANTS[variant % VARIANTS.len()];
     let (tilt, turn) = (keys.fluffiness.map_or(tilt, degrees), keys.bend.map_or(turn, degrees));
     let delta = match keys.polar {
@@ -155,7 +155,7 @@ fn grammar_text(keys: &CatkinKeys, variant: usize) -> String {
 /// `Input` beyond a limit.
 pub fn grow_skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeContext<'_>) -> Result<Plant> {
     context.cancel.check()?;
-    let text = grammar_text(keys, variant);
+    let text = variant_grammar_text(keys, variant);
     let mut none =
         |reference: &str, _: &str| Err(osier_base::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
     let source = GrammarSource {

@@ -58,13 +58,13 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         let organ = match (&recipe.mesh, &recipe.ifs) {
             (Some(mesh), _) => add_imported_organ(&mut set, mesh, recipe, &plant.id, &name)?,
             (None, Some(table)) => ifs_leaf::build_ifs_leaf(&mut set, recipe, table, &plant.id, &name, seed)?,
-            (None, None) => build_leaf(&mut set, recipe, &plant.id, &name, seed, plant.rods.is_some())?,
+            (None, None) => build_leaf_blades(&mut set, recipe, &plant.id, &name, seed, plant.rods.is_some())?,
         };
         set.organs.insert(recipe.letter, organ);
         set.names.push(name);
     }
     if tuft {
-        add_stalk_organ(&mut set, &plant.id)?;
+        add_tuft_stalk(&mut set, &plant.id)?;
     }
     // Billboards picture subtrees with the bark and leaves above, so they come after these.
     if let (Growth::Ifs(stems, keys), Some(card)) = (&plant.growth, plant.organs.iter().position(|o| o.letter == CARD))
@@ -91,7 +91,7 @@ pub(crate) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
 }
 
 /// Adds the stalk of a tuft as an organ of fixed size.
-fn add_stalk_organ(set: &mut MaterialSet, plant: &str) -> Result<()> {
+fn add_tuft_stalk(set: &mut MaterialSet, plant: &str) -> Result<()> {
     let id = set.add(catkin::stalk_material(&format!("{plant}_stalk")), Vec::new())?;
     let mesh = catkin::stalk(narrow(CatkinKeys::defaults().stalk_radius), (12, 8)).with_material(id);
     // Nothing of it lies above its pivot, so that its size is not set by its length along +Y but is a factor.
@@ -124,7 +124,7 @@ fn mesh_plant_materials(
     for proto in &mut tree.plant.protos {
         for s in &mut Arc::make_mut(&mut proto.mesh).subsets {
             let known = leaf_materials.get(&s.material).copied();
-            let leaf = known.map_or_else(|| derive_leaf_material(&mut set, &tree.wood, s.material), Ok)?;
+            let leaf = known.map_or_else(|| imported_leaf_material(&mut set, &tree.wood, s.material), Ok)?;
             leaf_materials.insert(s.material, leaf);
             s.material = leaf;
         }
@@ -135,7 +135,7 @@ fn mesh_plant_materials(
 
 /// The material of leaves that have `material` in the file: two-sided, and translucent where the file sets no translucency. It
 /// replaces `material`, or is added beside it where the wood uses that too.
-fn derive_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
+fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
     let Some(own) = set.materials.get_mut(to_usize(material)) else { return Ok(material) };
     let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
     if leaf.translucency <= 0.0 {
@@ -166,7 +166,7 @@ fn add_imported_materials(set: &mut MaterialSet, import: &Imported, prefix: &str
 
 /// Leaf blades built from their parameters, `keys.variants` of them. `bare`: without petioles, which are then rods of the same
 /// length.
-fn build_leaf(
+fn build_leaf_blades(
     set: &mut MaterialSet,
     recipe: &OrganRecipe,
     plant: &str,

@@ -77,7 +77,7 @@ pub fn build_plant_asset(
     let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
     let instanced = groups.iter().filter(|_| !shaded);
     let instancers: Vec<Instancer> = instanced
-        .map(|(o, organs)| leaf_instancer(plant, materials, *o, organs, joint_motion(organs, rig)))
+        .map(|(o, organs)| leaf_instancer(plant, materials, *o, organs, organ_instancer_motion(organs, rig)))
         .collect::<Result<_>>()?;
     let mut merged = Vec::new();
     if shaded || materials.shader_wind {
@@ -177,7 +177,7 @@ pub(crate) fn instancer_name(materials: &PlantMaterials, organ: usize) -> String
 }
 
 /// The joint that each organ rides on; none without a rig.
-fn joint_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
+fn organ_instancer_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
     rig.map_or(InstancerMotion::Still, |rig| {
         InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect())
     })

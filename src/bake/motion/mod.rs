@@ -31,7 +31,7 @@ use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene};
 
 /// A point of a plant at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AxisPoint {
+pub struct PointOnAxis {
     /// Place in plant space, m.
     pub position: Vec3,
     /// Index of the axis that it belongs to.
@@ -113,7 +113,7 @@ pub trait AssetMotion: Debug + Send + Sync {
 
     /// Binds points of the asset's plant to this motion; `None` if the motion carries none. Times before the clip are those of its
     /// first frame, unless the motion repeats.
-    fn carry_points(self: Arc<Self>, _plant: &Plant, _points: &[AxisPoint]) -> Option<Arc<dyn CarriedPoints>> {
+    fn carry_points(self: Arc<Self>, _plant: &Plant, _points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         None
     }
 

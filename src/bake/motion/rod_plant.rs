@@ -9,7 +9,7 @@ use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::petiole_radius;
 use crate::bake::assets::plant_mesh::{bark_mesh, group_organs, instancer_name, leaf_instancer, organ_of_prototype};
-use crate::bake::motion::{AssetMotion, AxisPoint, CarriedPoints, FrameTime};
+use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis};
 use crate::bake::scene::plant_layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood_params};
 use crate::recipe::scene::BarkMotion;
@@ -486,8 +486,8 @@ impl AssetMotion for RodPlantMotion {
         self.evaluate(time.index(), |rods| self.binding.pose_asset(asset, rods.rods(), rods))
     }
 
-    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[AxisPoint]) -> Option<Arc<dyn CarriedPoints>> {
-        let bind = |point: &AxisPoint| {
+    fn carry_points(self: Arc<Self>, _plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
+        let bind = |point: &PointOnAxis| {
             let nearest = self.start.section_blend_at(point.axis, f64::from(point.arc_length));
             (point.position, VertexBinding { sections: nearest.sections, share: narrow(nearest.share) })
         };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 
 use crate::bake::BakeContext;
-use crate::bake::motion::{AssetMotion, AxisPoint, CarriedPoints, FrameTime};
+use crate::bake::motion::{AssetMotion, CarriedPoints, FrameTime, PointOnAxis};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::scene::{BarkMotion, PlantKeys};
 use crate::recipe::{Growth, PlantRecipe};
@@ -312,7 +312,7 @@ impl AssetMotion for SwayMotion {
         Ok(self.evaluate(asset, time))
     }
 
-    fn carry_points(self: Arc<Self>, plant: &Plant, points: &[AxisPoint]) -> Option<Arc<dyn CarriedPoints>> {
+    fn carry_points(self: Arc<Self>, plant: &Plant, points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
         let positions: Vec<Vec3> = points.iter().map(|point| point.position).collect();
         let sites: Vec<(u32, f32)> = points.iter().map(|point| (point.axis, point.arc_length)).collect();
         let binding = PointBinding::new(plant, &self.elements, &positions, &sites);

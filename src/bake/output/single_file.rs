@@ -40,7 +40,7 @@ pub fn refuse_empty(stage: &AnimatedScene, ending: &str) -> Result<()> {
 /// Refuses a scene whose plants all come out without anything to see, and in which nothing else is seen but ground.
 /// # Errors
 /// X030.
-pub fn refuse_invisible(scene: &Scene) -> Result<()> {
+pub fn refuse_without_visible_plants(scene: &Scene) -> Result<()> {
     let is_plant = |a: &&Asset| a.kind == AssetKind::Plant;
     let is_bare = |a: &Asset| {
         let one = MergedSize::of_asset(a);

@@ -181,7 +181,7 @@ impl LatticePlan {
 }
 
 /// S034 where the land in the box of a lattice lies below its base, under which there is no air.
-pub fn report_land_below(options: &LatticeOptions, land: &LandForm, report: &mut Report) {
+pub fn report_land_below_lattice(options: &LatticeOptions, land: &LandForm, report: &mut Report) {
     let [x, _, z] = options.cells.map(|n| f64::from(n) * options.spacing);
     let (base, spacing) = (options.base_center, options.spacing);
     let along = |size: f64, n: u32, middle: f64| (0..=n).map(move |i| middle - size / 2.0 + f64::from(i) * spacing);
@@ -313,7 +313,7 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
 
 /// Size of a solid in cells of the lattice.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SolidInCells {
+pub struct SolidSizeInCells {
     /// Name of the solid, as in its key `name`.
     pub name: String,
     /// Height above its foot, cells.
@@ -323,7 +323,7 @@ pub struct SolidInCells {
 }
 
 /// Sizes of a recipe's solids in cells of its lattice; empty without one.
-pub fn solids_in_cells(recipe: &Recipe) -> Vec<SolidInCells> {
+pub fn solids_in_cells(recipe: &Recipe) -> Vec<SolidSizeInCells> {
     if lattice_memory(recipe).is_empty() {
         return Vec::new();
     }
@@ -335,7 +335,7 @@ pub fn solids_in_cells(recipe: &Recipe) -> Vec<SolidInCells> {
             None if keys.shape == SolidShape::House => (keys.size[1] + keys.roof, Some(keys.size[0].min(keys.size[2]))),
             None => (keys.size[1], Some(keys.size[0].min(keys.size[2]))),
         };
-        SolidInCells { name: solid.id.clone(), height: height / cell, thickness: thickness.map(|t| t / cell) }
+        SolidSizeInCells { name: solid.id.clone(), height: height / cell, thickness: thickness.map(|t| t / cell) }
     };
     recipe.solids.iter().map(of_solid).collect()
 }

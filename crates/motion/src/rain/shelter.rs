@@ -37,7 +37,8 @@ impl Shelter {
         // that crosses a face or the ground is that of a drop that never comes.
         let mut tracks: Vec<BackwardPath> = drops.iter().map(BackwardPath::new).collect();
         for step in 0..MAX_SHELTER_STEPS {
-            let mut open: Vec<&mut BackwardPath> = tracks.iter_mut().filter(|k| k.is_open(self.top)).collect();
+            let mut open: Vec<&mut BackwardPath> =
+                tracks.iter_mut().filter(|k| k.may_meet_surface_below(self.top)).collect();
             if open.is_empty() {
                 break;
             }
@@ -74,7 +75,7 @@ impl BackwardPath {
     }
 
     /// Whether it may still meet something below the height `top`, m.
-    fn is_open(&self, top: f64) -> bool {
+    fn may_meet_surface_below(&self, top: f64) -> bool {
         !self.is_sheltered && self.p.y < top
     }
 }

@@ -350,7 +350,7 @@ impl RainSimulation {
         let before = std::mem::take(&mut self.poses);
         self.poses = self.leaf_poses();
         self.wood = self.wood_segments();
-        let hits = self.advance_falling(&before, h);
+        let hits = self.advance_falling_drops(&before, h);
         self.t += h;
         // Hits change plants and draw random numbers, hence one after the other in a fixed order.
         for LeafStrike { drop, hit } in hits {
@@ -399,7 +399,7 @@ impl RainSimulation {
     }
 
     /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
-    fn advance_falling(&mut self, before: &[LeafPose], h: f64) -> Vec<LeafStrike> {
+    fn advance_falling_drops(&mut self, before: &[LeafPose], h: f64) -> Vec<LeafStrike> {
         self.sample_due_winds();
         // Leaves sweep from their poses before the step to those after it; wood, which is slower, is taken as at rest.
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();

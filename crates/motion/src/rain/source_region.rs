@@ -167,7 +167,7 @@ impl DriftTracer {
     /// The source regions of an epoch by size class.
     pub(crate) fn regions(&mut self, epoch: u64) -> Vec<SourceRegion> {
         // Enclose the drifts at the beginning and the end of the epoch, and those of both diameters that bound a class.
-        let footprint = self.footprint();
+        let footprint = self.bounds_from_above();
         let (a, b) = (self.epoch_drifts(epoch), self.epoch_drifts(epoch + 1));
         let over_epoch: Vec<DriftByHeight> =
             a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|k| a[k].union(b[k]))).collect();
@@ -191,7 +191,7 @@ impl DriftTracer {
     }
 
     /// The bounds as seen from above.
-    fn footprint(&self) -> LevelRect {
+    fn bounds_from_above(&self) -> LevelRect {
         let level = |p: Vec3| DVec2::new(f64::from(p.x), f64::from(p.z));
         LevelRect { min: level(self.bounds.min), max: level(self.bounds.max) }
     }
@@ -211,7 +211,7 @@ impl DriftTracer {
     /// Drift of drops of diameter `d`, m, that start at time `t`, s, and come to the corners and the center of the bounds at their top,
     /// middle and bottom.
     fn drift_by_height(&self, d: f64, t: f64) -> DriftByHeight {
-        let footprint = self.footprint();
+        let footprint = self.bounds_from_above();
         if self.wind.is_none() {
             return [LevelRect { min: DVec2::ZERO, max: DVec2::ZERO }; HEIGHT_BANDS];
         }

@@ -97,7 +97,7 @@ impl SectionFrame {
     }
 
     /// The frame translated by `by`, m, and rotated about its origin by the small rotation vector `turn`, rad.
-    pub fn displaced(&self, by: DVec3, turn: DVec3) -> Self {
+    pub fn translated_and_rotated(&self, by: DVec3, turn: DVec3) -> Self {
         // First-order quaternion of the rotation vector, normalized.
         let q = DQuat::from_xyzw(0.5 * turn.x, 0.5 * turn.y, 0.5 * turn.z, 1.0).normalize();
         Self { p: self.p + by, u: q * self.u, v: q * self.v, w: q * self.w }

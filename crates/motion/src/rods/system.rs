@@ -253,7 +253,7 @@ impl RodSystem {
                 // Extrapolate by the carrier's rigid-body velocity, so that rest positions do not lag a moving
                 // carrier.
                 let (v, spin) = RigidSectionMap::from_corners(&self.x[s]).rigid_velocity(&self.v[s]);
-                Some(SectionFrame::from_corners(&self.x[s]).displaced(v * h, spin * h))
+                Some(SectionFrame::from_corners(&self.x[s]).translated_and_rotated(v * h, spin * h))
             }
         }
     }

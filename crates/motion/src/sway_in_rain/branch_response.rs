@@ -109,10 +109,10 @@ impl ElementResponse {
             if self.inverse_inertia[i] <= 0.0 {
                 continue;
             }
-            let kick = self.bend_axes[i].dot(self.impulse.bending) * self.inverse_inertia[i];
+            let rate_change = self.bend_axes[i].dot(self.impulse.bending) * self.inverse_inertia[i];
             let goal = math::atan(self.bend_axes[i].dot(self.load.bending) / self.stiffness[i]);
-            let (angle, rate) = (self.angles[i], self.rates[i] + kick);
-            if kick == 0.0 && goal == 0.0 && angle.abs() < REST_ANGLE && rate.abs() < REST_ANGLE * self.w[i] {
+            let (angle, rate) = (self.angles[i], self.rates[i] + rate_change);
+            if rate_change == 0.0 && goal == 0.0 && angle.abs() < REST_ANGLE && rate.abs() < REST_ANGLE * self.w[i] {
                 (self.angles[i], self.rates[i]) = (0.0, 0.0);
                 continue;
             }

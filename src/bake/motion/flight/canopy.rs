@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use crate::bake::assets::plant_growth::GrownPlant;
-use crate::bake::motion::{AxisPoint, CarriedPoints, FrameTime};
+use crate::bake::motion::{CarriedPoints, FrameTime, PointOnAxis};
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
@@ -101,7 +101,7 @@ impl Canopy {
 
     /// Draws a twig for each of `count` catkins. Each ripens at a time uniform in `ripening`, s, then waits for a wind exposure drawn from the unit exponential distribution.
     /// `positions`: of the twigs at the start.
-    pub(crate) fn starts(
+    pub(crate) fn draw_catkin_starts(
         &self,
         count: u32,
         ripening: f64,
@@ -150,11 +150,11 @@ impl TwigSite {
 }
 
 /// Ends of all stems but the trunks.
-fn twig_ends(plant: &Plant) -> Vec<AxisPoint> {
+fn twig_ends(plant: &Plant) -> Vec<PointOnAxis> {
     let stems = (0..).zip(&plant.axes).filter(|(_, axis)| axis.kind == AxisKind::Stem && axis.order > 0);
     let end = |(axis, a): (u32, &osier_scene::plant::Axis)| {
         let position = *plant.nodes.p.get(plant.nodes_of(a)).and_then(<[Vec3]>::last)?;
-        Some(AxisPoint { position, axis, arc_length: a.length })
+        Some(PointOnAxis { position, axis, arc_length: a.length })
     };
     stems.filter_map(end).collect()
 }

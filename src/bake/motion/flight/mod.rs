@@ -116,9 +116,9 @@ impl FlightPlayback {
         let (starts, sites) = match keys.release {
             FlightRelease::Canopy => {
                 let twigs = canopy.positions(frame_time(-spin_up.cast_signed(), params.fps))?;
-                canopy.starts(keys.count, keys.ripening, scene.recipe.general.seed, &twigs)
+                canopy.draw_catkin_starts(keys.count, keys.ripening, scene.recipe.general.seed, &twigs)
             }
-            _ => (free_starts(scene, &params), Vec::new()),
+            _ => (sky_and_point_starts(scene, &params), Vec::new()),
         };
         let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
         let trails = new_trajectories(scene, start.options());
@@ -167,7 +167,7 @@ impl FlightPlayback {
         let lattice = self.wind.lattice_stats(self.clip_frame(0));
         let solids: Vec<&str> = self.start.solids().list().iter().map(|s| s.name.as_str()).collect();
         let zones: Vec<&str> = self.zones.iter().map(|z| z.name.as_str()).collect();
-        let places = stats::CountedPlaces { solids: &solids, zones: &zones };
+        let places = stats::CountedPlaceNames { solids: &solids, zones: &zones };
         (stats::flight_table(keys, self.start.len(), places, lattice, warnings), &self.deposits.fields)
     }
 
@@ -183,7 +183,7 @@ impl FlightPlayback {
             ids: (0..all.len() as u64).collect(),
             protos: all.iter().map(|c| u32::from(c.kind())).collect(),
             scales: all.iter().map(|c| Vec3::splat(c.scale())).collect(),
-            rest: if still { self.state_at(0)? } else { self.unreleased_state() },
+            rest: if still { self.state_at(0)? } else { self.catkins_before_first_step() },
             motion: InstancerMotion::Free,
             tracked: true,
         };
@@ -289,7 +289,7 @@ impl FlightPlayback {
     }
 
     /// Densities of the deposition maps in a state.
-    fn densities(&self, state: &FlightState) -> Vec<Vec<f32>> {
+    fn deposition_densities(&self, state: &FlightState) -> Vec<Vec<f32>> {
         if self.deposits.cumulative {
             return self.deposits.densities(state.landed.clone());
         }
@@ -328,7 +328,7 @@ impl FlightPlayback {
     }
 
     /// The catkins before the first step, for the asset at rest.
-    fn unreleased_state(&self) -> InstanceState {
+    fn catkins_before_first_step(&self) -> InstanceState {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).instance_state()
     }
 }
@@ -347,7 +347,7 @@ impl AssetMotion for FlightPlayback {
     }
 
     fn fields(&self, frame: u64) -> Result<Vec<Vec<f32>>> {
-        self.with_state_at(frame, |state| self.densities(state))
+        self.with_state_at(frame, |state| self.deposition_densities(state))
     }
 }
 
@@ -467,7 +467,7 @@ fn frame_time(frame: i64, fps: f64) -> FrameTime {
 }
 
 /// Where and under which condition each catkin is released that starts in the sky or at given points.
-fn free_starts(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
+fn sky_and_point_starts(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
     let (flight, keys) = (scene.flight, &scene.flight.keys);
     let seed = scene.recipe.general.seed;
     let from_sky = |duration| {

@@ -48,7 +48,7 @@ const COMPARED_SOLIDS: usize = 4;
 
 /// Names of the places at which the table of a flight counts depositions.
 #[derive(Debug, Clone, Copy)]
-pub struct CountedPlaces<'a> {
+pub struct CountedPlaceNames<'a> {
     /// Names of solids whose deposits are counted apart.
     pub solids: &'a [&'a str],
     /// Names of rectangles on the ground.
@@ -60,13 +60,13 @@ pub struct CountedPlaces<'a> {
 pub fn flight_table(
     keys: &FlightKeys,
     count: usize,
-    places: CountedPlaces<'_>,
+    places: CountedPlaceNames<'_>,
     lattice: Option<LatticeStats>,
     said: Vec<(&'static str, String)>,
 ) -> Table {
     let mut columns: Vec<(String, &'static str)> =
         STATE_COLUMNS.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
-    let CountedPlaces { solids, zones } = places;
+    let CountedPlaceNames { solids, zones } = places;
     columns.extend(solids.iter().map(|name| (format!("at_{name}"), "")));
     let of_solids = solids.iter().map(|name| format!("landed_{name}"));
     let landed: Vec<String> = of_solids.chain(zones.iter().map(|name| format!("ground_{name}"))).collect();
@@ -135,7 +135,7 @@ fn parameters_json(keys: &FlightKeys, count: usize) -> serde_json::Value {
     })
 }
 
-/// Catkins at each solid and in each zone, in the order of [`CountedPlaces`].
+/// Catkins at each solid and in each zone, in the order of [`CountedPlaceNames`].
 #[derive(Debug, Clone, Copy)]
 pub struct PlaceCounts<'a> {
     /// At rest at a frame.
@@ -176,7 +176,7 @@ mod tests {
     use crate::recipe::KeyTable as _;
 
     const NOWHERE: PlaceCounts<'_> = PlaceCounts { resting: &[], landed: &[], in_zones: &[] };
-    const NO_PLACES: CountedPlaces<'_> = CountedPlaces { solids: &[], zones: &[] };
+    const NO_PLACES: CountedPlaceNames<'_> = CountedPlaceNames { solids: &[], zones: &[] };
     const HEALTH: LatticeStats =
         LatticeStats { steps: 9, clamped_cells: 4, peak_checkerboard: 0.5, checkerboard: 0.25, density_error: -0.125 };
 
@@ -195,7 +195,7 @@ mod tests {
         };
         for lattice in [None, Some(HEALTH)] {
             let (table, row) = (
-                flight_table(&keys, 5, CountedPlaces { solids: &["wall"], zones: &["yard"] }, lattice, Vec::new()),
+                flight_table(&keys, 5, CountedPlaceNames { solids: &["wall"], zones: &["yard"] }, lattice, Vec::new()),
                 flight_row(&tally, PlaceCounts { resting: &[7], landed: &[9], in_zones: &[4] }, lattice),
             );
             assert_eq!(table.columns.len(), row.len());

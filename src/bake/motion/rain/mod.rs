@@ -451,7 +451,7 @@ impl RainPlayback {
     }
 
     /// The drops on leaves of which a frame shows meshes.
-    fn shown_drops(&self, frame: &RainFrame) -> ShownDrops {
+    fn drops_shown_as_meshes(&self, frame: &RainFrame) -> ShownDrops {
         let count = frame.sessile.len() + frame.pendant.len();
         if count <= self.shown.max_drops {
             return ShownDrops::All;
@@ -471,7 +471,7 @@ impl RainPlayback {
     /// Mesh of sessile and pendant drops at the `nth` frame of the clip.
     fn drops_mesh(&self, nth: u64) -> DropMesh {
         let frame = self.frame_at(nth);
-        let shown = self.shown_drops(frame);
+        let shown = self.drops_shown_as_meshes(frame);
         let mut water = DropMesh::default();
         // Attribute `drop_id` of each vertex: after a drop is appended, its number fills the list up to the last vertex.
         let mut ids: Vec<i32> = Vec::new();

@@ -42,7 +42,7 @@ impl PlantInRain {
     }
 
     /// Whether the plant sways.
-    pub(crate) fn sways(&self) -> bool {
+    pub(crate) fn moves_by_sway_model(&self) -> bool {
         matches!(self, Self::Sway(_))
     }
 }

@@ -77,7 +77,7 @@ pub(super) fn scene_leaves(
     for (a, (asset, transform)) in assets.iter().zip(transforms).enumerate() {
         let motion = plant_motions.get(a);
         let rods = motion.and_then(PlantInRain::rods);
-        let deforms = motion.is_some_and(PlantInRain::sways);
+        let deforms = motion.is_some_and(PlantInRain::moves_by_sway_model);
         let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
             // Surface and collider of each instance_prototype: alpha and height maps tell where blade and veins are.

@@ -79,7 +79,7 @@ impl RainLeaf {
             drop.lean = forces.lean;
             if drop.v.length() <= STOP_SPEED && forces.hold() {
                 drop.v = DVec3::ZERO;
-                drop.turn_axis(forces.drive.normalize_or(drop.axis), left);
+                drop.turn_axis_downhill(forces.drive.normalize_or(drop.axis), left);
                 break;
             }
             drop.merge_tested = false;
@@ -230,7 +230,7 @@ impl RainLeaf {
 
 impl LeafDrop {
     /// Turns the axis of a resting drop downhill for `h`, s.
-    fn turn_axis(&mut self, downhill: DVec3, h: f64) {
+    fn turn_axis_downhill(&mut self, downhill: DVec3, h: f64) {
         let across = downhill - self.axis * self.axis.dot(downhill);
         self.axis = (self.axis + across * (1.0 - math::exp(-h / AXIS_TURN_TIME))).normalize_or(downhill);
     }

@@ -51,7 +51,7 @@ pub struct LeafChart {
 }
 
 /// The triangles of a mesh that are blade.
-pub(super) struct BladeTriangles {
+pub(super) struct BladePartOfMesh {
     /// Index of each among the triangles of the mesh.
     pub indices: Vec<usize>,
     /// Piece of the chart that each lies in.
@@ -60,7 +60,7 @@ pub(super) struct BladeTriangles {
 
 /// The chart of a blade.
 pub(super) struct BladeChart {
-    pub blade: BladeTriangles,
+    pub blade: BladePartOfMesh,
     /// `None` if the mesh's own texture coordinates are the chart.
     pub own: Option<LeafChart>,
 }
@@ -96,7 +96,7 @@ impl BladeChart {
                 Some(fault) => fault,
                 None => {
                     let pieces = vec![0; with_area.len()];
-                    return Some(Self { blade: BladeTriangles { indices: with_area, pieces }, own: None });
+                    return Some(Self { blade: BladePartOfMesh { indices: with_area, pieces }, own: None });
                 }
             }
         };
@@ -118,7 +118,7 @@ impl BladeChart {
         for (piece, of) in flat.pieces.iter().enumerate() {
             of.triangles.iter().for_each(|k| pieces[*k] = piece);
         }
-        let blade = BladeTriangles { indices, pieces };
+        let blade = BladePartOfMesh { indices, pieces };
         let own = place_vertices(mesh, &points, &welded, &blade, &flat.pieces);
         Some(Self { own: Some(LeafChart { fault, cuts: flat.cuts, ..own }), blade })
     }
@@ -166,7 +166,7 @@ fn place_vertices(
     mesh: &Mesh,
     points: &[DVec3],
     welded: &[u32],
-    blade: &BladeTriangles,
+    blade: &BladePartOfMesh,
     pieces: &[FlatPiece],
 ) -> LeafChart {
     let mut piece_of: Vec<Option<usize>> = vec![None; mesh.triangles.len()];

@@ -126,14 +126,14 @@ impl Flattener<'_> {
     fn connected_parts(&self, part: &[usize]) -> Vec<Vec<usize>> {
         let mut of_edge: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
         for k in part {
-            edges(self.triangles[*k]).iter().for_each(|e| of_edge.entry(*e).or_default().push(*k));
+            undirected_edges(self.triangles[*k]).iter().for_each(|e| of_edge.entry(*e).or_default().push(*k));
         }
         let mut left: BTreeSet<usize> = part.iter().copied().collect();
         let mut parts = Vec::new();
         while let Some(first) = left.pop_first() {
             let (mut found, mut open) = (vec![first], vec![first]);
             while let Some(k) = open.pop() {
-                for near in edges(self.triangles[k]).iter().flat_map(|e| &of_edge[e]) {
+                for near in undirected_edges(self.triangles[k]).iter().flat_map(|e| &of_edge[e]) {
                     if left.remove(near) {
                         found.push(*near);
                         open.push(*near);
@@ -202,7 +202,7 @@ impl Flattener<'_> {
     /// The vertices around a part that is a disk, from the one nearest to the origin on; `None` for another topology.
     fn margin_loop(&self, part: &[usize]) -> Option<Vec<u32>> {
         let mut count: BTreeMap<(u32, u32), usize> = BTreeMap::new();
-        part.iter().flat_map(|k| edges(self.triangles[*k])).for_each(|e| *count.entry(e).or_default() += 1);
+        part.iter().flat_map(|k| undirected_edges(self.triangles[*k])).for_each(|e| *count.entry(e).or_default() += 1);
         let vertices: BTreeSet<u32> = part.iter().flat_map(|k| self.triangles[*k]).collect();
         // Euler's characteristic of a disk is 1.
         if count.values().any(|n| *n > 2) || vertices.len() + part.len() != count.len() + 1 {
@@ -254,7 +254,7 @@ impl Flattener<'_> {
 }
 
 /// Undirected edges of a triangle.
-fn edges([a, b, c]: [u32; 3]) -> [(u32, u32); 3] {
+fn undirected_edges([a, b, c]: [u32; 3]) -> [(u32, u32); 3] {
     [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)))
 }
 

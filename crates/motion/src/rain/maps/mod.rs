@@ -311,14 +311,14 @@ impl LeafWaterMaps {
     }
 
     /// Rows of texels of a band.
-    fn band_rows(&self, band: usize) -> Range<usize> {
+    fn band_row_range(&self, band: usize) -> Range<usize> {
         band * TILE..((band + 1) * TILE).min(self.raster.side)
     }
 
     /// Recomputes the water of a band's dirty texels, the maximum over all caps, and their heights: relief and water.
     fn update_heights(&mut self, maps: &mut WorkingMaps<'_>, dirty: &DirtySpans, band: usize) {
         let arch = kernels::arch();
-        let (n, rows) = (self.raster.side, self.band_rows(band));
+        let (n, rows) = (self.raster.side, self.band_row_range(band));
         // Caps that have not changed are drawn again where they overlap dirty texels. The maximum does not depend on their order.
         let spans = &dirty.heights;
         for (y, span) in rows.clone().flat_map(|y| spans.row(y).iter().map(move |span| (y, span))) {
@@ -341,7 +341,7 @@ impl LeafWaterMaps {
 
     /// Recomputes the normals of a band's texels whose own or neighbouring heights are dirty.
     fn update_normals(&mut self, maps: &mut WorkingMaps<'_>, dirty: &DirtySpans, band: usize) {
-        for y in self.band_rows(band) {
+        for y in self.band_row_range(band) {
             dirty.normals.row(y).iter().for_each(|span| self.update_row_normals(maps, y, *span));
         }
     }
@@ -428,7 +428,7 @@ impl LeafWaterMaps {
     /// Raises the wetness of a band's texels to that of the spots over them.
     fn stamp_wet_spots(&mut self, maps: &mut WorkingMaps<'_>, stamps: &[WetSpotStamp], band: usize) {
         let arch = kernels::arch();
-        let rows = self.band_rows(band);
+        let rows = self.band_row_range(band);
         let spans = &self.full;
         for stamp in stamps.iter().filter(|s| s.window.overlaps_rows(&rows)) {
             let (kernel, window, texels) = (&stamp.kernel, &stamp.window, maps.wetness.as_mut_slice());
@@ -440,7 +440,7 @@ impl LeafWaterMaps {
     /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped from then on.
     fn dry(&mut self, maps: &mut WorkingMaps<'_>, decay: f32, band: usize) {
         let arch = kernels::arch();
-        let (n, rows) = (self.raster.side, self.band_rows(band));
+        let (n, rows) = (self.raster.side, self.band_row_range(band));
         let tiles = n.div_ceil(TILE);
         let damp = &mut self.damp[band * tiles..(band + 1) * tiles];
         let runs: Vec<ColumnSpan> = damp_runs(damp, n).collect();
