@@ -158,6 +158,7 @@ fn write_attractor(
         context.console.complain(&why);
         return Ok(2);
     }
+    // The size of a picture is known without drawing it.
     if context.common.dry_run {
         let keys = &recipe.picture;
         let text = format!("{}\n  {} x {} pixels\n", output.args.output.display(), keys.width, keys.height);

@@ -1,5 +1,10 @@
 //! Plants that sway in the wind while it rains: drops strike, load and wet them in the same bake.
-#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "tests run the program, read its files and print what they measure"
+)]
 
 use crate::common::program;
 use std::fs;

@@ -91,6 +91,7 @@ fn plane_exr(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], fram
 /// vectors as little-endian f32.
 fn vti(scene: &Scene, grid: &AirGrid, values: &[Vec3], frame: u32) -> Vec<u8> {
     let [nx, ny, nz] = grid.cells;
+    // Values belong to cells, so that the extent, which counts points, goes one further than the number of cells.
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");
     let (o, s) = (grid.corner, grid.side);
     let head = format!(

@@ -83,6 +83,7 @@ fn tube(mesh: &mut Mesh, line: &[Vec3], widths: &[f32]) {
     let mut along = 0.0;
     for (i, p) in line.iter().enumerate() {
         if i > 0 {
+            // Parallel transport keeps the rings from twisting about the line.
             side = math::transport(line[i - 1], tangents[i - 1], side, *p, tangents[i]);
             along += (*p - line[i - 1]).length();
         }
@@ -95,6 +96,7 @@ fn tube(mesh: &mut Mesh, line: &[Vec3], widths: &[f32]) {
             mesh.uvs.push(Vec2::new(k as f32 / SIDES as f32, along));
         }
     }
+    // Two triangles between each side of a ring and the next ring; the last side joins the first.
     for i in (0_u32..).take(line.len() - 1) {
         for k in 0..SIDES {
             let [a, b] = [k, (k + 1) % SIDES].map(|k| base + SIDES * i + k);

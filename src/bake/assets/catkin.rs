@@ -205,6 +205,7 @@ pub fn catkin_models(keys: &CatkinKeys, seed: u64, context: &BakeContext<'_>) ->
 /// `TooMany` beyond 2^32 models.
 pub fn side_by_side_asset(models: &[CatkinModel], levels: &CatkinLods, first: u32) -> Result<Asset> {
     let gap = SPACING_IN_RADII * models.iter().map(|m| m.radius).fold(0.0, f32::max);
+    // The row is centered on the origin; the widest catkin sets the spacing of all.
     let middle = (models.len().saturating_sub(1)) as f32 * 0.5;
     let place = |(i, m): (usize, &CatkinModel)| Vec3::new((i as f32 - middle) * gap, -m.lowest, 0.0);
     let n = index(models.len(), "models of catkins")?;

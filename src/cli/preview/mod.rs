@@ -38,6 +38,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     }
     let display = ProgressDisplay::new(&context.console);
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
+    // Several seeds make a contact sheet; several frames or a turntable make a clip; else a single picture.
     let outcome = if flags.is_sheet() {
         sheets::run(context, args, &flags, &work)
     } else if !flags.frames.is_empty() || args.turntable.is_some() {

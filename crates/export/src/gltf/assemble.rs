@@ -80,6 +80,7 @@ impl GltfDocument<'_> {
         let mut total = 0_usize;
         for (k, placement) in placements.iter().enumerate() {
             let Some(tracks) = input.tracks.assets.get(placement.asset) else { continue };
+            // Only what is visible at some frame is worth a node.
             list.extend(
                 tracks.moving.iter().filter(|m| m.alive.contains(&true)).map(|m| (m.key, k, m.instancer, m.instance)),
             );
@@ -94,6 +95,7 @@ impl GltfDocument<'_> {
             );
             self.warnings.push(Warning { code: "X003", message });
         }
+        // Keys are hashes, so that those that are kept are spread over the scene, and the same in every run.
         list.sort_unstable();
         list.truncate(most);
         let mut chosen = InstancesByPlacement::new();

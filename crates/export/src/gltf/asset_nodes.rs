@@ -374,6 +374,7 @@ impl GltfDocument<'_> {
             check_finite(&joint.rest, || format!("asset {}, joint {}", asset.id, joint.name))?;
             let mut motion = NodeAnimation { rest: joint.rest, ..NodeAnimation::default() };
             let NodeAnimation { rest, channels } = &mut motion;
+            // Keys of one channel over all frames; `keys` leaves out what interpolation gives within the tolerance.
             let of = |f: &dyn Fn(&Trs) -> Vec3| poses.iter().map(|p| f(&p[i])).collect::<Vec<Vec3>>();
             let turns: Vec<_> = poses.iter().map(|p| p[i].r).collect();
             self.add_vector_keys(

@@ -149,6 +149,7 @@ fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry 
         picture("normal", m.maps.normal),
         picture("rough", m.maps.roughness),
     ];
+    // Maps that change with the frames are in folders named after the material or its map sequence.
     let sequence = m.coat.and_then(|c| scene.map_sequences.get(c.sequence as usize)).map(|s| s.name.clone());
     let folders = [Some(&m.name), sequence.as_ref()];
     let map = |path: &&str| {

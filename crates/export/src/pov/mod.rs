@@ -223,6 +223,7 @@ impl Exporter for PovExporter {
             });
         }
         let assets = self.assets(scene);
+        // Three files that every frame includes: settings and materials, prototypes, and what does not move.
         let mut common = TextBuffer::default();
         let target = assets.iter().any(PovAsset::has_photon_target);
         common.put(&format!("// {}: settings and surfaces\n", super::GENERATOR));
@@ -242,6 +243,7 @@ impl Exporter for PovExporter {
         let mut still = TextBuffer::default();
         still.put(&format!("// {}: what never changes\n", super::GENERATOR));
         let mut warnings = Vec::new();
+        // Static objects are written once; frames hold only what moves.
         let count: usize = assets.iter().map(|p| p.write_static(&mut still, &mut warnings)).sum();
         self.write_text(&self.file_path("static.inc"), "inc", &still)?;
         self.instances = count;

@@ -130,6 +130,7 @@ fn draw_panel(out: &mut String, top: f64, panel: &PlotPanel, axis: &PlotAxis) {
     let right = WIDTH - RIGHT;
     let name = escape_xml(&panel.name);
     let _ = writeln!(out, "<text x=\"{LEFT}\" y=\"{:.1}\" font-weight=\"bold\">{name}</text>", top - 6.0);
+    // Horizontal lines at round values, labelled on the left.
     let grid = tick_step(scale.most, 5.0);
     let mut v = 0.0;
     while v <= scale.most {
@@ -144,6 +145,7 @@ fn draw_panel(out: &mut String, top: f64, panel: &PlotPanel, axis: &PlotAxis) {
         );
         v += grid;
     }
+    // Labels of the common axis below the panel.
     for (at, text) in &axis.ticks {
         let (x, y, text) = (scale.x(*at), top + PANEL_HEIGHT + 16.0, escape_xml(text));
         let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>");

@@ -357,6 +357,7 @@ impl AnimatedPrim for VaryingMesh {
         };
         let a = MeshArrays::of(mesh, cx.up)?;
         let time = sample.time;
+        // A sample without velocities still needs as many of them as points, or readers keep those of the frame before.
         let v = if velocities.len() == mesh.points.len() {
             as_float3(&cx.up.stage_vecs(velocities)).to_vec()
         } else {

@@ -128,6 +128,7 @@ impl FlightSimulation {
         let mut catkins: Vec<Catkin> = (0..).zip(starts).map(|(id, start)| Catkin::new(id, *start, &options)).collect();
         let mut counters =
             stats::EventCounters { deposits_at: vec![0; solids.list().len()], ..stats::EventCounters::default() };
+        // A catkin inside a solid could never leave it.
         for c in &mut catkins {
             if solids.contains(c.x.as_vec3()) {
                 c.state = CatkinState::Exited;
@@ -135,6 +136,7 @@ impl FlightSimulation {
                 counters.buried += 1;
             }
         }
+        // Catkins are sorted by place later; `slot` finds them by their number.
         let slot = catkins.iter().map(|c| c.id).collect();
         let (clusters, present) = (CatkinClusters::new(), PresentStates::UNKNOWN);
         let (escaped, contact_grid) = (Vec::new(), ContactGrid::default());

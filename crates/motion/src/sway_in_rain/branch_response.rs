@@ -110,12 +110,14 @@ impl ElementResponse {
                 continue;
             }
             let rate_change = self.bend_axes[i].dot(self.impulse.bending) * self.inverse_inertia[i];
+            // The load bends the element to where its elastic moment balances it; the arctangent bounds the rotation of long levers.
             let goal = math::atan(self.bend_axes[i].dot(self.load.bending) / self.stiffness[i]);
             let (angle, rate) = (self.angles[i], self.rates[i] + rate_change);
             if rate_change == 0.0 && goal == 0.0 && angle.abs() < REST_ANGLE && rate.abs() < REST_ANGLE * self.w[i] {
                 (self.angles[i], self.rates[i]) = (0.0, 0.0);
                 continue;
             }
+            // The damped oscillation about that bend has a closed form, exact for any step.
             let [a, b, c, d] = self.oscillators[i].coefficients();
             let away = angle - goal;
             (self.angles[i], self.rates[i]) = (goal + a * away + b * rate, c * away + d * rate);

@@ -30,6 +30,7 @@ pub(super) struct PetioleNod {
 impl PetioleNod {
     /// A blade at rest. `leaf_mass`: kg/m^2; `scale`: factor on the blade.
     pub fn new(blade: &RigidBlade, leaf_mass: f64, scale: f64, damping_ratio: f64) -> Self {
+        // Inertia about the end of the petiole: that about the centroid plus that of the mass at the centroid (Steiner).
         let own = blade.inertia(leaf_mass, scale);
         let mass = leaf_mass * blade.area * scale * scale;
         let inertia =
@@ -70,9 +71,10 @@ impl PetioleNod {
     pub fn advance(&mut self, h: f64) {
         let moments = self.moments();
         let (torque, impulse) = (std::mem::take(&mut self.torque), std::mem::take(&mut self.impulse));
-        let kicked = self.rate + impulse / moments;
+        let rate_after = self.rate + impulse / moments;
+        // A leaf that nothing moves is set to rest, so that it costs this comparison only.
         let resting = self.angle.length_squared() < REST_ANGLE * REST_ANGLE
-            && kicked.length_squared() < REST_ANGLE * REST_ANGLE * PETIOLE_HZ * PETIOLE_HZ;
+            && rate_after.length_squared() < REST_ANGLE * REST_ANGLE * PETIOLE_HZ * PETIOLE_HZ;
         if torque == DVec3::ZERO && impulse == DVec3::ZERO && resting {
             (self.angle, self.rate) = (DVec3::ZERO, DVec3::ZERO);
             return;
@@ -80,8 +82,9 @@ impl PetioleNod {
         for i in 0..3 {
             let w = math::sqrt(self.stiffness[i] / moments[i]);
             let [a, b, c, d] = OscillatorStep::new(w, self.damping_ratio, h).coefficients();
+            // The oscillation about the deflection under the present load has a closed form, exact for any step.
             let goal = torque[i] / self.stiffness[i];
-            let (away, rate) = (self.angle[i] - goal, kicked[i]);
+            let (away, rate) = (self.angle[i] - goal, rate_after[i]);
             self.angle[i] = goal + a * away + b * rate;
             self.rate[i] = c * away + d * rate;
             // The blade stops where it meets its twig.

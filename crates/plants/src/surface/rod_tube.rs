@@ -72,6 +72,7 @@ pub fn tube(stations: &[TubeSection], fine: TubeResolution) -> (Mesh, SkinWeight
         }
     }
     // Two triangles per side between consecutive rings, then discs at both ends.
+    // The seam has its points twice, for its two texture coordinates.
     let n = sides + 1;
     for (k, _) in (1..).zip(rings.iter().skip(1)) {
         for i in 0..sides {
@@ -124,6 +125,7 @@ pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
     for k in 1..=rows {
         for i in 0..sides {
             let (a, b) = ((k - 1) * n + i, k * n + i);
+            // At the poles one of the two triangles has no area.
             if k > 1 {
                 builder.mesh.triangles.push([a, a + 1, b + 1]);
             }

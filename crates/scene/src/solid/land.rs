@@ -122,9 +122,11 @@ impl LandForm {
         let (x, u) = self.cell(at.x);
         let (z, v) = self.cell(at.z);
         let normal = self.normal(x, z, u >= v);
+        // Far from the surface a lower bound of the distance is enough: the height times the cosine of the steepest slope.
         if gap.abs() > 3.0 * self.step() {
             return Nearest { distance: gap * self.flattest, normal };
         }
+        // Near it, the nearest point is on a triangle of the cells within the height of the point.
         let ([x0, x1], [z0, z1]) = (self.around(at.x, gap.abs()), self.around(at.z, gap.abs()));
         let mut best = (f32::INFINITY, at, normal);
         for cz in z0..=z1 {
@@ -145,6 +147,7 @@ impl LandForm {
             }
         }
         let (distance, place, flat) = best;
+        // On the surface itself the direction to the nearest point is lost in rounding: take the normal of its triangle.
         let out = (at - place) * sign;
         Nearest { distance: distance * sign, normal: if distance > 1e-5 { out / distance } else { flat } }
     }

@@ -209,6 +209,7 @@ pub(super) fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
     let (ab, ac) = (b - a, c - a);
     let side = |from: Vec3| (ab.dot(p - from), ac.dot(p - from));
     let ((d1, d2), (d3, d4), (d5, d6)) = (side(a), side(b), side(c));
+    // The point is nearest to a corner if it lies behind both sides that meet there.
     if d1 <= 0.0 && d2 <= 0.0 {
         return a;
     }
@@ -218,6 +219,8 @@ pub(super) fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
     if d6 >= 0.0 && d5 <= d6 {
         return c;
     }
+    // Barycentric coordinates of its projection, each times twice the squared area: where one is negative the point is
+    // nearest to the side across from that corner.
     let vc = d1 * d4 - d3 * d2;
     if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
         return a + ab * (d1 / (d1 - d3));
@@ -230,6 +233,7 @@ pub(super) fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
     if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
         return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
     }
+    // Its projection is inside the triangle.
     let share = 1.0 / (va + vb + vc);
     a + ab * (vb * share) + ac * (vc * share)
 }

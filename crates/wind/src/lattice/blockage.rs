@@ -123,6 +123,7 @@ impl<'a> FaceNetwork<'a> {
         self.level.fill(UNREACHED);
         self.next_face.fill(0);
         let grid = self.domain.grid;
+        // Breadth first from all inlets with capacity left, so that levels are distances in cells.
         let mut queue = VecDeque::new();
         for end in inlets {
             if !self.is_end_used(*end) {
@@ -138,6 +139,7 @@ impl<'a> FaceNetwork<'a> {
                 let Some(next) = self.neighbor(cell, face) else { continue };
                 let (flow, sign) = self.face_flow(cell, next, face);
                 let at = grid.cell_index(next);
+                // A face carries at most one unit in either direction; flow against this direction can be undone.
                 if *flow * sign < 1 && self.level[at] == UNREACHED {
                     self.level[at] = self.level[grid.cell_index(cell)] + 1;
                     queue.push_back(next);

@@ -55,16 +55,19 @@ impl DepositionMaps {
                 every: keys.map_every,
             });
         };
+        // The ground is field 0; every obstacle has its roof next, then its walls, so that `roof` is the index of its first field.
         add("ground".into(), plan_of_bounds(Bounds { max: inside.max.with_y(0.0), ..inside }));
         let mut obstacles = Vec::new();
         let mut roof = 1;
         for solid in solids.list() {
             let (plan, sides) = match &solid.form {
+                // The land has no roof: what lies on it counts as ground, and a place keeps the obstacles parallel to the solids.
                 Form::Land(_) => {
                     obstacles.push(None);
                     continue;
                 }
                 Form::Prism(prism) => (prism.plan(), Some(prism.sides())),
+                // A mesh has no flat sides to map: only what lies on it is counted, as seen from above.
                 Form::Shell(_) => (plan_of_bounds(solid.bounds()), None),
             };
             add(format!("roof_{}", solid.name), plan);

@@ -183,10 +183,12 @@ impl FlightPlayback {
             ids: (0..all.len() as u64).collect(),
             protos: all.iter().map(|c| u32::from(c.kind())).collect(),
             scales: all.iter().map(|c| Vec3::splat(c.scale())).collect(),
+            // A picture of one frame shows its catkins in flight; a clip begins before the first is released.
             rest: if still { self.state_at(0)? } else { self.catkins_before_first_step() },
             motion: InstancerMotion::Free,
             tracked: true,
         };
+        // Trajectories are curves with a point per step, which grow from frame to frame.
         let curves = |state: &mut FlightState| {
             state.trails.as_ref().map(|t| t.curves(self.trail_width, material, !still)).transpose()
         };

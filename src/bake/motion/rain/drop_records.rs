@@ -216,6 +216,7 @@ fn leaf_table(frame: &RainFrame) -> RecordTable {
             rotation: blade.orientation.as_quat(),
         })
         .collect();
+    // The water on a leaf is that of drops that rest or run on it and of those that hang at its margin.
     let sessile = frame.sessile.iter().map(|d| (d.leaf, d.volume));
     for (leaf, volume) in sessile.chain(frame.pendant.iter().map(|d| (d.leaf, d.volume))) {
         leaves[leaf].drops += 1;

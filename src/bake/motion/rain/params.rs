@@ -82,6 +82,7 @@ pub(super) fn rainfall_params(rain: &RainRecipe, recipe: &Recipe) -> RainfallPar
         envelope: match keys.envelope {
             RainEnvelope::Constant => IntensityEnvelope::Constant,
             RainEnvelope::Bell => {
+                // Without keys the bell is highest in the middle of the clip and a quarter of it wide.
                 let half = keys.spin_up + (duration - keys.spin_up) / 2.0;
                 let middle = keys.middle.map_or(half, |t| t + keys.spin_up);
                 IntensityEnvelope::Bell { center: middle, width: keys.width.unwrap_or((duration - keys.spin_up) / 4.0) }

@@ -456,10 +456,12 @@ impl RainPlant for RodPlant {
         if self.rods.is_empty() {
             return Ok(());
         }
+        // Multistep formulas hold for equal steps only.
         if (h - self.last_step).abs() > SAME_STEP_TOLERANCE * h {
             self.rods.reset_history();
             self.last_step = h;
         }
+        // Newton's method may fail after a hard impact: the step is then repeated from its start in twice as many parts.
         let saved = (self.rods.x.clone(), self.rods.v.clone());
         for halving in 0..=MAX_STEP_HALVINGS {
             if halving > 0 {
@@ -467,6 +469,7 @@ impl RainPlant for RodPlant {
                 self.rods.reset_history();
             }
             if self.split_step(t, h, 1 << halving).is_ok() {
+                // The next step is whole again and cannot use the history of its parts.
                 if halving > 0 {
                     self.rods.reset_history();
                 }

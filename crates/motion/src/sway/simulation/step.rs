@@ -49,8 +49,10 @@ pub(crate) struct SimulationState {
 
 impl SimulationState {
     pub(crate) fn new(constants: &SimulationConstants) -> Self {
+        // `n`: elements, in rows of lanes; `m`: stations along them, at which the wind acts.
         let (n, m) =
             (constants.station_slots.first().map_or(0, |s| s.1), constants.station_slots.iter().map(|s| s.1).sum());
+        // A carrier at rest: no displacement, no velocity, the identity as its quaternion.
         let unturned = |rows: usize| {
             let mut carrier = Columns::<10>::new(rows);
             (0..rows).for_each(|i| carrier.set(i, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]));
