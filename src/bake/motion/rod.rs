@@ -148,7 +148,7 @@ impl<'a> ConnectedRods<'a> {
             let on = rod.on.and_then(|on| member_of[on]);
             if i == root || on.is_some() {
                 member_of[i] = Some(members.len());
-                let parent = on.map(|on: usize| (on, rod.keys.on_at * descriptions[on].length()));
+                let parent = on.map(|on: usize| (on, rod.keys.on_at * descriptions[on].spline_length()));
                 descriptions.push(rod_description(&rod.keys, parent));
                 members.push(rod);
             }
@@ -171,7 +171,7 @@ impl<'a> ConnectedRods<'a> {
                     let turns = clamp.turn_keyframes.iter().map(|k| (k[0], [k[1]])).collect();
                     actuations.push(Actuation::Turn(clamps.len(), axis, Keyframes(turns)));
                 }
-                clamps.push((k, clamp.at * descriptions[k].length(), kind));
+                clamps.push((k, clamp.at * descriptions[k].spline_length(), kind));
             }
             if rod.on.is_none() && rod.clamps.is_empty() {
                 clamps.push((k, 0.0, ClampKind::Fixed));
@@ -189,7 +189,7 @@ impl<'a> ConnectedRods<'a> {
         let mut bodies = Vec::new();
         for (k, rod) in self.members.iter().enumerate() {
             for load in &rod.loads {
-                let section = self.rods.nearest_section(k, load.at * self.descriptions[k].length());
+                let section = self.rods.nearest_section(k, load.at * self.descriptions[k].spline_length());
                 match load.kind {
                     RodLoadKind::Force => {
                         let wrench = load.keyframes.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
@@ -216,7 +216,7 @@ impl<'a> ConnectedRods<'a> {
         self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
         // A launch velocity is the tip's; it falls linearly to zero at the base, as for a rod that turns about it.
         for (k, rod) in self.members.iter().enumerate() {
-            let (tip, length) = (DVec3::from_array(rod.keys.launch), self.descriptions[k].length());
+            let (tip, length) = (DVec3::from_array(rod.keys.launch), self.descriptions[k].spline_length());
             if tip != DVec3::ZERO {
                 for i in self.rods.sections(k) {
                     self.rods.set_linear_velocity(i, tip * (self.rods.arc_length(i) / length));

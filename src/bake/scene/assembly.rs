@@ -119,7 +119,11 @@ fn assemble(
     // Placement: where each plant stands, and which individual of its kind it shows. An estimate grows a sample of the
     // individuals, each with a weight.
     let (mut layout, terrain) = lay_out_scene(recipe, context)?;
-    let weights = if estimating { dry_run::sample_individuals(&mut layout, recipe.plants.len()) } else { Vec::new() };
+    let weights = if estimating {
+        dry_run::sample_individuals_of_each_plant(&mut layout, recipe.plants.len())
+    } else {
+        Vec::new()
+    };
     context.limits.check("instances", layout.instances.len() as u64, "the number of placements")?;
     context.progress.stage("drawing ground, bark and leaves", recipe.plants.len() as u64);
     let has_ground = parts.ground && recipe.ground.show && terrain.is_none();

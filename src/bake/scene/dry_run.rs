@@ -48,7 +48,7 @@ pub fn recipe_of_first_rain_frame(recipe: &Recipe) -> Recipe {
 
 /// Keeps the first [`SAMPLED_INDIVIDUALS`] of each plant and lets them represent the others in turn; returns how many individuals each
 /// represents, itself included.
-pub fn sample_individuals(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
+pub fn sample_individuals_of_each_plant(layout: &mut PlantLayout, plants: usize) -> Vec<u64> {
     let mut kept: Vec<Vec<usize>> = vec![Vec::new(); plants];
     let mut seen = vec![0_usize; plants];
     let mut weights = Vec::new();

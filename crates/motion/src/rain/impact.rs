@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::rain::params::{DropParams, ImpactLaw};
+use crate::rain::params::{DropParams, ImpactImpulseLaw};
 use crate::rain::tuning::REBOUND_WEBER_NUMBER;
 use osier_base::math;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
@@ -47,7 +47,7 @@ impl Impact {
     /// The impulse of an impact by the law of `params`. `inverse_mass`: inverse effective mass of the leaf along a unit vector, 1/kg; 0
     /// if it does not move.
     ///
-    /// With [`ImpactLaw::Momentum`] the impulse is what the drop loses, along the normal and along the leaf alike. The mass of a drop
+    /// With [`ImpactImpulseLaw::Momentum`] the impulse is what the drop loses, along the normal and along the leaf alike. The mass of a drop
     /// that stays is added to the leaf's at the leaf's velocity, so that the impulse on both is the whole relative momentum but for
     /// the part that the drop keeps along the leaf.
     /// Source: conservation of momentum; or [yang-wu] eq. 2 with M_e the effective mass along the drop's flight.
@@ -57,8 +57,8 @@ impl Impact {
         let along = relative + normal * approach;
         let kept = along * params.tangent_keep;
         let restitution = match params.impact {
-            ImpactLaw::Momentum { restitution } => restitution,
-            ImpactLaw::PaperEnergy { eps } => {
+            ImpactImpulseLaw::Momentum { restitution } => restitution,
+            ImpactImpulseLaw::PaperEnergy { eps } => {
                 let direction = relative.normalize_or(-normal);
                 let energy = (1.0 - eps) * 0.5 * mass * relative.length_squared();
                 let inverse_mass = inverse_mass(direction);
@@ -86,10 +86,10 @@ impl Impact {
 
 /// Impulse on wood that absorbs a drop of `mass`, kg, with a velocity `relative` to it, m/s: both have a common velocity afterwards.
 /// `inverse_mass`: inverse effective mass of the wood along that velocity, 1/kg.
-pub fn wood_impulse(law: ImpactLaw, mass: f64, relative: DVec3, inverse_mass: f64) -> DVec3 {
+pub fn wood_impulse(law: ImpactImpulseLaw, mass: f64, relative: DVec3, inverse_mass: f64) -> DVec3 {
     let direction = relative.normalize_or_zero();
     match law {
-        ImpactLaw::PaperEnergy { eps } if inverse_mass > 0.0 => {
+        ImpactImpulseLaw::PaperEnergy { eps } if inverse_mass > 0.0 => {
             direction * energy_impulse((1.0 - eps) * 0.5 * mass * relative.length_squared(), 1.0 / inverse_mass, 0.0)
         }
         _ => relative / (1.0 / mass + inverse_mass),
@@ -115,7 +115,7 @@ mod tests {
     }
 
     fn with(restitution: f64) -> DropParams {
-        DropParams { impact: ImpactLaw::Momentum { restitution }, ..DropParams::default() }
+        DropParams { impact: ImpactImpulseLaw::Momentum { restitution }, ..DropParams::default() }
     }
 
     #[test]
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn the_papers_energy_throws_a_leaf_eight_times_as_fast() {
         let straight = Impact { relative: DVec3::NEG_Y * 6.5, surface_velocity: DVec3::ZERO, ..slanting(6.5) };
-        let paper = DropParams { impact: ImpactLaw::PaperEnergy { eps: 0.1 }, ..DropParams::default() };
+        let paper = DropParams { impact: ImpactImpulseLaw::PaperEnergy { eps: 0.1 }, ..DropParams::default() };
         let outcome = straight.strike(&paper, |_| 1.0 / LEAF);
         let leaf = outcome.impulse.length() / LEAF;
         let energy = 0.5 * DROP * 6.5 * 6.5;
@@ -168,9 +168,9 @@ mod tests {
     #[test]
     fn wood_takes_up_a_drop_as_one_body() {
         let relative = DVec3::new(1.0, -5.0, 0.5);
-        let j = wood_impulse(ImpactLaw::Momentum { restitution: 0.5 }, DROP, relative, 1.0 / LEAF);
+        let j = wood_impulse(ImpactImpulseLaw::Momentum { restitution: 0.5 }, DROP, relative, 1.0 / LEAF);
         assert!((j / LEAF - (relative - j / DROP)).length() < 1e-12, "a common velocity");
-        let still = wood_impulse(ImpactLaw::PaperEnergy { eps: 0.1 }, DROP, relative, 0.0);
+        let still = wood_impulse(ImpactImpulseLaw::PaperEnergy { eps: 0.1 }, DROP, relative, 0.0);
         assert!((still - relative * DROP).length() < 1e-18);
     }
 }

@@ -1,13 +1,13 @@
 //! Parameters of drops on leaves: impact, wetting, friction, tails, coalescence and drying.
 
-use crate::rain::drops::spherical_cap::{CapShape, WettingParams};
+use crate::rain::drops::spherical_cap::{CapHeightRule, WettingParams};
 use crate::rain::leaf::wetness::DryingLaw;
 use crate::rain::tuning::MIN_GRAVITY;
 use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
 /// Law of the impulse between a drop and the plant that it strikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ImpactLaw {
+pub enum ImpactImpulseLaw {
     /// Conserves momentum.
     Momentum {
         /// Coefficient of restitution: the speed of separation as a fraction of the speed of approach, 0 to 1.
@@ -40,7 +40,7 @@ pub enum MergeRule {
 
 /// Lever arm with which a drop's weight turns its leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LeverArm {
+pub enum LeverArmRule {
     /// The distance from the stalk at which the weight acts.
     Physical,
     /// That distance, times itself as a fraction of the leaf's length, at most this; from [yang-wu] eq. 15.
@@ -70,7 +70,7 @@ pub struct DropParams {
     /// Gravity, m/s^2, along -Y.
     pub g: f64,
     /// Law of the impulse on a leaf or on wood.
-    pub impact: ImpactLaw,
+    pub impact: ImpactImpulseLaw,
     /// Factor on that impulse, to exaggerate or damp the motion of leaves; 1 is physical.
     pub impulse_factor: f64,
     /// Fraction of the volume of a splashing drop that leaves as droplets, 0 to 1.
@@ -94,7 +94,7 @@ pub struct DropParams {
     /// Strength of the attraction of [`MergeRule::Paper`], N.
     pub attraction_force: f64,
     /// Lever arm of the weight of drops.
-    pub lever: LeverArm,
+    pub lever: LeverArmRule,
     /// Ratio of the radii of successive caps of a tail, 0 to 1.
     pub tail_ratio: f64,
     /// Largest number of caps of a drop with its tail.
@@ -130,12 +130,12 @@ impl Default for DropParams {
                 receding: rad(52.0),
                 advancing: rad(68.0),
                 height_factor: None,
-                shape: CapShape::Flattened,
+                shape: CapHeightRule::Flattened,
                 wedge_base: 1.05,
                 capillary_length: capillary_length(9.81),
             },
             g: 9.81,
-            impact: ImpactLaw::Momentum { restitution: 0.0 },
+            impact: ImpactImpulseLaw::Momentum { restitution: 0.0 },
             impulse_factor: 1.0,
             splash: 0.0,
             tangent_keep: 0.3,
@@ -147,7 +147,7 @@ impl Default for DropParams {
             pinning_noise: 0.3,
             merge: MergeRule::Touch,
             attraction_force: 1e-4,
-            lever: LeverArm::Physical,
+            lever: LeverArmRule::Physical,
             tail_ratio: 0.8,
             tail_drops: 8,
             tail_amount: 1.0,

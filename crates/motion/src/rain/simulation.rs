@@ -204,7 +204,7 @@ enum FallEnd {
 
 /// A falling drop at the point where it strikes something.
 #[derive(Clone, Copy)]
-struct LeafStrike {
+struct DropStrike {
     drop: FallingDrop,
     hit: DropHit,
 }
@@ -353,7 +353,7 @@ impl RainSimulation {
         let hits = self.advance_falling_drops(&before, h);
         self.t += h;
         // Hits change plants and draw random numbers, hence one after the other in a fixed order.
-        for LeafStrike { drop, hit } in hits {
+        for DropStrike { drop, hit } in hits {
             match hit {
                 DropHit::Leaf { leaf, hit } => self.strike_leaf(&drop, leaf, &hit),
                 DropHit::Wood { segment, hit } => self.strike_wood(&drop, segment, hit),
@@ -399,7 +399,7 @@ impl RainSimulation {
     }
 
     /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
-    fn advance_falling_drops(&mut self, before: &[LeafPose], h: f64) -> Vec<LeafStrike> {
+    fn advance_falling_drops(&mut self, before: &[LeafPose], h: f64) -> Vec<DropStrike> {
         self.sample_due_winds();
         // Leaves sweep from their poses before the step to those after it; wood, which is slower, is taken as at rest.
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();
@@ -450,7 +450,7 @@ impl RainSimulation {
                     self.events.push(RainEvent::new(DropEventKind::Ground, drop.id, t + h, drop.p, drop.volume));
                     self.water_on_ground += drop.volume;
                 }
-                FallEnd::Hit(hit) => hits.push(LeafStrike { drop, hit }),
+                FallEnd::Hit(hit) => hits.push(DropStrike { drop, hit }),
             }
         }
         // In the order of time within the step; identifiers decide between hits at the same time.

@@ -117,7 +117,7 @@ pub const VEIN_RMS_SCALE: f64 = 0.5;
 
 // Shape of sessile drops and of their tails.
 
-/// Height factor of [`CapShape::Paper`](crate::rain::CapShape::Paper), as printed in the paper.
+/// Height factor of [`CapHeightRule::Paper`](crate::rain::CapHeightRule::Paper), as printed in the paper.
 pub const PAPER_HEIGHT_FACTOR: f64 = 0.5;
 /// Contact angle from which the formula of the skew, whose tangents diverge, is replaced by the largest skew, degrees; and that skew:
 /// by eye, more makes the front of a drop a wall.

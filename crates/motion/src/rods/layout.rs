@@ -59,7 +59,7 @@ pub(crate) struct SampledRod {
 
 impl RodDescription {
     /// Arc length of the spline, m.
-    pub fn length(&self) -> f64 {
+    pub fn spline_length(&self) -> f64 {
         self.sample_spline().last().map_or(0.0, |p| p.2)
     }
 
@@ -67,7 +67,7 @@ impl RodDescription {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     pub fn section_count(&self) -> usize {
         let mean = self.radii.iter().fold(0.0, |s, r| s + r) / self.radii.len().max(1) as f64;
-        let wanted = (self.length() / (INTERVAL_RADII * mean)).ceil().min(1e6) as usize + 1;
+        let wanted = (self.spline_length() / (INTERVAL_RADII * mean)).ceil().min(1e6) as usize + 1;
         self.sections.unwrap_or_else(|| wanted.clamp(SECTION_COUNT_RANGE[0], SECTION_COUNT_RANGE[1])).max(2)
     }
 
@@ -193,7 +193,7 @@ pub(crate) struct AttachedBase {
 
 /// Range and properties of one rod in a [`SectionTree`].
 #[derive(Debug, Clone)]
-pub(crate) struct RodLayout {
+pub(crate) struct RodInTree {
     /// Free sections; the attached base of a child rod is not among them.
     pub sections: Range<usize>,
     /// Index of its attached base, if it has a parent rod.
@@ -212,7 +212,7 @@ pub(crate) struct SectionTree {
     /// [`crate::rods::solver::block::solve_block_system`].
     pub predecessors: Vec<[u32; 2]>,
     pub bases: Vec<AttachedBase>,
-    pub rods: Vec<RodLayout>,
+    pub rods: Vec<RodInTree>,
     /// Corners of the reference shape, which is the pose as drawn, m.
     pub reference: Vec<Vector9>,
 }
@@ -265,7 +265,7 @@ impl SectionTree {
                 rest_lengths: [0.0; SPRINGS_PER_SECTION],
             });
         }
-        self.rods.push(RodLayout {
+        self.rods.push(RodInTree {
             sections: first..self.sections.len(),
             base,
             material: rod.material,
@@ -283,7 +283,7 @@ impl SectionTree {
 
     /// Corners of both predecessors of section `i`, given the corners `x` of all sections; an attached base is carried
     /// along rigidly.
-    pub(crate) fn predecessor_corners(&self, i: usize, x: &[Vector9]) -> [Vector9; 2] {
+    pub(crate) fn corners_of_both_predecessors(&self, i: usize, x: &[Vector9]) -> [Vector9; 2] {
         [0, 1].map(|k| match (self.predecessors[i][k], self.sections[i].base[k]) {
             (_, base) if base != NONE => {
                 let base = &self.bases[base as usize];
@@ -297,7 +297,7 @@ impl SectionTree {
     /// Sets the rest lengths of all springs so that the shape `x` is free of stress.
     pub(crate) fn set_rest_lengths(&mut self, x: &[Vector9]) {
         for i in 0..self.sections.len() {
-            let [up, over] = self.predecessor_corners(i, x);
+            let [up, over] = self.corners_of_both_predecessors(i, x);
             self.sections[i].rest_lengths = spring_lengths(&spring_vectors(&x[i], &up, &over));
         }
     }

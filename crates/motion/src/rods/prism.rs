@@ -135,7 +135,7 @@ impl SectionFrame {
 /// equivalent to a force and a torque.
 /// Source: the map W of M_last = diag(m) + W^T M W. Own: [yang-wu] leaves it open.
 #[derive(Debug, Clone, Copy)]
-pub struct RigidSectionMap {
+pub struct CornerRigidMotion {
     /// Centroid of the corners, m.
     pub p: DVec3,
     /// From the centre to the corners, m.
@@ -144,7 +144,7 @@ pub struct RigidSectionMap {
     inverse: DMat3,
 }
 
-impl RigidSectionMap {
+impl CornerRigidMotion {
     /// Map for corners at `x`, m, which must not be collinear.
     pub fn from_corners(x: &Vector9) -> Self {
         let p = centroid(x);
@@ -253,7 +253,7 @@ mod tests {
     #[test]
     fn corner_forces_sum_to_the_wrench() {
         let (_, x) = sample_corners();
-        let rigid = RigidSectionMap::from_corners(&x);
+        let rigid = CornerRigidMotion::from_corners(&x);
         let (force, torque) = (DVec3::new(1.0, -2.0, 0.5), DVec3::new(0.02, 0.01, -0.03));
         let f = rigid.corner_forces(force, torque);
         let sum = (0..3).fold(DVec3::ZERO, |s, c| s + corner(&f, c));
@@ -264,7 +264,7 @@ mod tests {
     #[test]
     fn body_mass_matrix_gives_kinetic_energy() {
         let (_, x) = sample_corners();
-        let rigid = RigidSectionMap::from_corners(&x);
+        let rigid = CornerRigidMotion::from_corners(&x);
         let (v, w) = (DVec3::new(0.3, -0.2, 1.0), DVec3::new(2.0, 1.0, -1.5));
         let (at, mass, inertia) =
             (DVec3::new(0.05, 0.01, -0.02), 0.3, DMat3::from_diagonal(DVec3::new(1e-4, 2e-4, 3e-4)));

@@ -26,7 +26,7 @@ pub enum Integrator {
     XpbdGs,
     /// Symplectic Euler, [`RodSystem::step_symplectic_euler`].
     Symplectic,
-    /// Explicit Euler as in [yang-wu], [`RodSystem::step_explicit_euler`].
+    /// Explicit Euler as in [yang-wu], [`RodSystem::step_forward_euler`].
     Explicit,
 }
 
@@ -196,7 +196,7 @@ impl RodSystem {
                 Integrator::Xpbd => self.step_implicit(h)?,
                 Integrator::XpbdGs => self.step_gauss_seidel(h)?,
                 Integrator::Symplectic => self.step_symplectic_euler(h),
-                Integrator::Explicit => self.step_explicit_euler(h),
+                Integrator::Explicit => self.step_forward_euler(h),
             }
             // NaN and infinity count as beyond the divergence limit.
             let far =

@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::rods::layout::{RodDescription, SectionTree, to_stored_index};
 use crate::rods::prism::{
-    Matrix9, RigidSectionMap, SectionFrame, Vector9, add_to_corner, centroid, corner, corner_dot, corners_from_fn,
+    CornerRigidMotion, Matrix9, SectionFrame, Vector9, add_to_corner, centroid, corner, corner_dot, corners_from_fn,
     matrix_vector,
 };
 use crate::rods::solver::assemble::{BaseState, SpringAssembly};
@@ -252,7 +252,7 @@ impl RodSystem {
             RestAnchor::Section(s) => {
                 // Extrapolate by the carrier's rigid-body velocity, so that rest positions do not lag a moving
                 // carrier.
-                let (v, spin) = RigidSectionMap::from_corners(&self.x[s]).rigid_velocity(&self.v[s]);
+                let (v, spin) = CornerRigidMotion::from_corners(&self.x[s]).rigid_velocity(&self.v[s]);
                 Some(SectionFrame::from_corners(&self.x[s]).translated_and_rotated(v * h, spin * h))
             }
         }
@@ -341,7 +341,7 @@ impl RodSystem {
 
     /// Velocity, m/s, and angular velocity, rad/s, of a section.
     pub fn section_rigid_velocity(&self, section: usize) -> (DVec3, DVec3) {
-        RigidSectionMap::from_corners(&self.x[section]).rigid_velocity(&self.v[section])
+        CornerRigidMotion::from_corners(&self.x[section]).rigid_velocity(&self.v[section])
     }
 
     /// Fundamental frequency of a rod with its load, Hz, without restoring springs.
@@ -372,7 +372,7 @@ impl RodSystem {
     /// Adds a force, N, and a torque, N m, at a section's centre, until [`RodSystem::clear_forces`].
     pub fn add_wrench(&mut self, section: usize, force: DVec3, torque: DVec3) {
         // The wrench as corner forces: the equations know corners only.
-        let f = RigidSectionMap::from_corners(&self.x[section]).corner_forces(force, torque);
+        let f = CornerRigidMotion::from_corners(&self.x[section]).corner_forces(force, torque);
         (0..9).for_each(|k| self.external_forces[section][k] += f[k]);
     }
 
@@ -381,7 +381,7 @@ impl RodSystem {
     pub fn add_impulse(&mut self, section: usize, place: DVec3, blow: DVec3, h: f64) {
         // An impulse is a force J/h that acts for one step.
         let arm = place - centroid(&self.x[section]);
-        let f = RigidSectionMap::from_corners(&self.x[section]).corner_forces(blow / h, arm.cross(blow) / h);
+        let f = CornerRigidMotion::from_corners(&self.x[section]).corner_forces(blow / h, arm.cross(blow) / h);
         (0..9).for_each(|k| self.impulse_forces[section][k] += f[k]);
     }
 
@@ -444,7 +444,7 @@ impl RodSystem {
             }
             // Inertia of the body in world directions: m I m^T.
             let m = SectionFrame::from_corners(&x[i]).matrix();
-            let block = RigidSectionMap::from_corners(&x[i]).body_mass_matrix(
+            let block = CornerRigidMotion::from_corners(&x[i]).body_mass_matrix(
                 m * body.at,
                 body.mass,
                 m * body.inertia * m.transpose(),
@@ -470,7 +470,7 @@ impl RodSystem {
         }
         self.add_weight_and_spin_loads();
         for rod in 0..self.tree.rods.len() {
-            self.add_anchor_reaction(rod);
+            self.add_restoring_reaction_to_anchor(rod);
         }
         for rod in 0..self.tree.rods.len() {
             // Rest positions move with their anchor over the step.
@@ -491,7 +491,7 @@ impl RodSystem {
         }
         for body in bodies.iter().filter(|b| b.mass > 0.0) {
             let i = body.section;
-            let (rigid, m) = (RigidSectionMap::from_corners(&x[i]), SectionFrame::from_corners(&x[i]).matrix());
+            let (rigid, m) = (CornerRigidMotion::from_corners(&x[i]), SectionFrame::from_corners(&x[i]).matrix());
             let arm = m * body.at;
             let (_, spin) = rigid.rigid_velocity(&v[i]);
             let inertia = m * body.inertia * m.transpose();
@@ -507,14 +507,14 @@ impl RodSystem {
     }
 
     /// Adds the reaction of a rod's restoring springs to the section that is its anchor.
-    fn add_anchor_reaction(&mut self, rod: usize) {
+    fn add_restoring_reaction_to_anchor(&mut self, rod: usize) {
         let RestAnchor::Section(on) = self.anchors[rod] else { return };
         let recovery = self.dampings[rod].recovery;
         if recovery <= 0.0 {
             return;
         }
         // Sum the restoring forces of the rod to a force and a torque about the anchor's centre (Newton's third law).
-        let rigid = RigidSectionMap::from_corners(&self.x[on]);
+        let rigid = CornerRigidMotion::from_corners(&self.x[on]);
         let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
         for i in self.tree.rods[rod].sections.clone() {
             // Restoring force of the section, from the rest positions of the previous step.
@@ -545,7 +545,7 @@ impl RodSystem {
     }
 
     /// Adds penalty terms that drive clamped degrees of freedom to their targets.
-    pub(crate) fn add_clamp_penalties(&mut self) {
+    pub(crate) fn add_clamp_penalties_to_rows(&mut self) {
         let Self { clamps, step, .. } = self;
         for clamp in clamps.iter() {
             let rows = &mut step.rows[clamp.section];

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
 
 use super::{AttachedBody, ClampKind, RodDescription, RodMaterial, RodSystem};
-use crate::rods::prism::{RigidSectionMap, SectionFrame, Vector9, corner, corner_dot, corners_from_fn};
+use crate::rods::prism::{CornerRigidMotion, SectionFrame, Vector9, corner, corner_dot, corners_from_fn};
 use crate::rods::system::subtract_corners;
 use osier_base::rng::Rng;
 
@@ -71,7 +71,7 @@ fn fundamental_hz_by_inverse_iteration(rods: &mut RodSystem) -> f64 {
             let right = rods.apply_mass(i, &y[i], false);
             rods.step.rows[i].set_right_hand_side(&right);
         }
-        rods.add_clamp_penalties();
+        rods.add_clamp_penalties_to_rows();
         assert!(rods.solve_newton_update());
         let next = rods.step.change.clone();
         let of = |a: &[Vector9], b: &[Vector9]| {
@@ -209,7 +209,7 @@ fn explicit_integrators_have_their_stability_limits() {
         rods.dampings[0].mass = damping * w / 2.0;
         perturb_velocities(&mut rods);
         let h = if damping > 0.0 { factor * damping / w } else { factor / w };
-        (0..20_000).for_each(|_| rods.step_explicit_euler(h));
+        (0..20_000).for_each(|_| rods.step_forward_euler(h));
         assert_eq!(
             max_displacement(&rods) < 1e-6,
             holds,
@@ -414,7 +414,7 @@ fn linear_and_angular_momentum(rods: &mut RodSystem) -> (DVec3, DVec3) {
 /// else were attached.
 fn inverse_effective_mass(rods: &mut RodSystem, section: usize, place: DVec3, n: DVec3) -> f64 {
     rods.update_section_masses();
-    let rigid = RigidSectionMap::from_corners(&rods.x[section]);
+    let rigid = CornerRigidMotion::from_corners(&rods.x[section]);
     let b = rigid.corner_forces(n, (place - rigid.p).cross(n));
     corner_dot(&b, &rods.apply_inverse_mass(section, &b))
 }

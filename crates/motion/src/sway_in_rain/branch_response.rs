@@ -218,6 +218,7 @@ impl BranchResponse {
             let e = &self.elements[lever.element];
             let moment = lever.arm(p).cross(n);
             for (axis, inverse_inertia) in e.bend_axes.iter().zip(e.inverse_inertia) {
+                // Each bending axis is a degree of freedom of its own: J M^-1 J^T with a diagonal M.
                 sum += inverse_inertia * axis.dot(moment) * axis.dot(moment);
             }
             next = e.carrier;

@@ -257,7 +257,7 @@ impl FlightPlayback {
         let (fps, substeps) = (state.simulation.options().fps, state.simulation.options().substeps.max(1));
         if self.sites.is_empty() || !state.simulation.has_pending() {
             for _ in 0..substeps {
-                self.advance(state, wind);
+                self.advance_substep(state, wind);
             }
             return Ok(());
         }
@@ -268,14 +268,14 @@ impl FlightPlayback {
             let share = f64::from(k) / f64::from(substeps);
             let site = |id: u32| self.sites.get(to_usize(id))?.between([&before, &after], share, 1.0 / fps);
             state.simulation.move_pending(site);
-            self.advance(state, wind);
+            self.advance_substep(state, wind);
         }
         state.twigs = Some(after);
         Ok(())
     }
 
     /// Advances the simulation by one step, and counts its depositions by zone and on maps.
-    fn advance(&self, state: &mut FlightState, wind: &dyn Wind) {
+    fn advance_substep(&self, state: &mut FlightState, wind: &dyn Wind) {
         state.simulation.advance(wind);
         for place in state.simulation.landings().iter().filter(|place| self.deposits.is_on_ground(place)) {
             let holds = |zone: &FlightZoneKeys| {

@@ -43,7 +43,7 @@ pub(super) fn resample_to_charts(
 
 /// An image over the chart, as fine as its source is on the blade.
 fn resample_image(surface: &LeafSurface, source: &Image, is_normal: bool, suffix: &str) -> Image {
-    let scale = surface.texture_scale().clamp(SCALE_RANGE[0], SCALE_RANGE[1]);
+    let scale = surface.chart_to_texture_side_ratio().clamp(SCALE_RANGE[0], SCALE_RANGE[1]);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most twice a picture's side")]
     let [width, height] = [source.width, source.height].map(|n| ((f64::from(n) * scale) as u32).clamp(1, MAX_SIDE));
     let sampler = TextureSampler::new(source);

@@ -11,7 +11,7 @@ use crate::recipe::Recipe;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
 use osier_base::math::{self, narrow};
-use osier_motion::rain::{LeafMaps, LeafSurface, RainFrame, ReliefMap, UvRaster};
+use osier_motion::rain::{LeafMaps, LeafSurface, MaterialHeightMap, RainFrame, UvRaster};
 use osier_scene::{
     Asset, AssetFrame, Coat, Image, InstanceState, Instancer, InstancerFrame, InstancerMotion, MapEncoding, MapFrame,
     MapLayer, MapSequence, MapTexels, Maps, Material, Mesh, MeshFrame, MeshMotion, MeshObject, Prototype, SkinWeights,
@@ -58,8 +58,11 @@ pub fn build_uv_rasters(
             let leaf = &leaves[*i];
             let known = rasters.iter().find(|(s, _)| Arc::ptr_eq(s, &leaf.surface)).map(|(_, r)| Arc::clone(r));
             known.unwrap_or_else(|| {
-                let relief =
-                    ReliefMap::of_mesh_materials(&instance_prototype(assets, leaf.instance).mesh, materials, images);
+                let relief = MaterialHeightMap::of_mesh_materials(
+                    &instance_prototype(assets, leaf.instance).mesh,
+                    materials,
+                    images,
+                );
                 let raster = Arc::new(UvRaster::new(&leaf.surface, side, relief.as_ref()));
                 rasters.push((Arc::clone(&leaf.surface), Arc::clone(&raster)));
                 raster

@@ -176,6 +176,7 @@ pub(crate) fn add_rain(
     report: &mut Report,
 ) -> Result<AddedRain> {
     let Some(rain) = &recipe.rain else { return Ok(AddedRain::default()) };
+    // Before leaves with maps copy their materials.
     if rain.wet.film > 0.0 {
         wet_film::wet_leaf_materials(narrow(rain.wet.film), &mut builder.materials, &mut builder.images);
     }
@@ -451,7 +452,7 @@ impl RainPlayback {
     }
 
     /// The drops on leaves of which a frame shows meshes.
-    fn drops_shown_as_meshes(&self, frame: &RainFrame) -> ShownDrops {
+    fn leaf_drops_shown_as_meshes(&self, frame: &RainFrame) -> ShownDrops {
         let count = frame.sessile.len() + frame.pendant.len();
         if count <= self.shown.max_drops {
             return ShownDrops::All;
@@ -471,7 +472,7 @@ impl RainPlayback {
     /// Mesh of sessile and pendant drops at the `nth` frame of the clip.
     fn drops_mesh(&self, nth: u64) -> DropMesh {
         let frame = self.frame_at(nth);
-        let shown = self.drops_shown_as_meshes(frame);
+        let shown = self.leaf_drops_shown_as_meshes(frame);
         let mut water = DropMesh::default();
         // Attribute `drop_id` of each vertex: after a drop is appended, its number fills the list up to the last vertex.
         let mut ids: Vec<i32> = Vec::new();

@@ -5,8 +5,8 @@ use crate::recipe::scene::{
     DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
 };
 use osier_motion::rain::{
-    CapShape, DropParams, DropSizes, FrictionModel, ImpactLaw, IntensityEnvelope, LeverArm, MergeRule, RainfallParams,
-    WettingParams, capillary_length,
+    CapHeightRule, DropParams, DropSizes, FrictionModel, ImpactImpulseLaw, IntensityEnvelope, LeverArmRule, MergeRule,
+    RainfallParams, WettingParams, capillary_length,
 };
 
 /// Parameters of wetting, impact, friction, merging and trails.
@@ -21,17 +21,17 @@ pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
             advancing: drop.advancing,
             height_factor: drop.omega,
             shape: match drop.shape {
-                DropShape::Flattened => CapShape::Flattened,
-                DropShape::Paper => CapShape::Paper,
-                DropShape::PaperWedge => CapShape::Wedge,
+                DropShape::Flattened => CapHeightRule::Flattened,
+                DropShape::Paper => CapHeightRule::Paper,
+                DropShape::PaperWedge => CapHeightRule::Wedge,
             },
             wedge_base: drop.lambda,
             capillary_length: capillary_length(rain.keys.gravity),
         },
         g: rain.keys.gravity,
         impact: match impact.model {
-            ImpactModel::Momentum => ImpactLaw::Momentum { restitution: impact.restitution },
-            ImpactModel::PaperEnergy => ImpactLaw::PaperEnergy { eps: impact.energy_loss },
+            ImpactModel::Momentum => ImpactImpulseLaw::Momentum { restitution: impact.restitution },
+            ImpactModel::PaperEnergy => ImpactImpulseLaw::PaperEnergy { eps: impact.energy_loss },
         },
         impulse_factor: impact.impulse_factor,
         splash: impact.splash,
@@ -51,8 +51,8 @@ pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
         },
         attraction_force: drop.paper_attraction,
         lever: match drop.lever {
-            DropLever::Physical => LeverArm::Physical,
-            DropLever::Paper => LeverArm::Paper(drop.paper_lever_max),
+            DropLever::Physical => LeverArmRule::Physical,
+            DropLever::Paper => LeverArmRule::Paper(drop.paper_lever_max),
         },
         tail_ratio: drop.tail_ratio,
         tail_drops: drop.tail_drops,

@@ -100,6 +100,7 @@ impl RainedPlantRecorder {
                 let WindPose { leaves, nodes } = poses.at_frame(frame.cast_signed() as i64);
                 swept.union(Bounds::of(leaves.iter().map(|leaf| leaf.position).chain(nodes).map(|p| p.as_vec3())))
             });
+        // Blades reach beyond their pivots by as much in the wind as at rest.
         let rest = recorder.rest_bounds;
         Bounds {
             min: at_rest.min - (rest.min - swept.min).max(Vec3::ZERO),
@@ -197,6 +198,7 @@ impl SwayRecorder {
             let count = state.positions.len();
             (state.velocities, state.angular_velocities) = (vec![Vec3::ZERO; count], vec![Vec3::ZERO; count]);
         }
+        // Poses of the simulation are in the world; instances are in plant space.
         for (k, of) in self.instances.iter().enumerate() {
             let InstanceState { positions, orientations, velocities, angular_velocities, .. } =
                 &mut instances[of.instancer];

@@ -161,7 +161,7 @@ impl PendantFamily {
     pub fn profile(&self, volume: f64) -> PendantProfile {
         let l = self.capillary_length;
         let target = volume / (l * l * l);
-        let DimensionlessProfile { points, volume: reached } = self.dimensionless_profile(target);
+        let DimensionlessProfile { points, volume: reached } = self.profile_of_scaled_volume(target);
         let stretch = if target > reached { (target / reached).min(MAX_PENDANT_STRETCH) } else { 1.0 };
         // A radius outside of the table's range is met by scaling the profile horizontally.
         let horizontal = self.radius / self.scaled_radius;
@@ -170,7 +170,7 @@ impl PendantFamily {
 
     /// The profile whose volume is nearest to `target`, in cubic capillary lengths. Volume grows along the family: first the
     /// apex radius falls while the profile ends on its widening branch, then it rises on the narrowing branch.
-    fn dimensionless_profile(&self, target: f64) -> DimensionlessProfile {
+    fn profile_of_scaled_volume(&self, target: f64) -> DimensionlessProfile {
         let r = self.scaled_radius;
         let at_turn = integrate_profile(self.scaled_turn, r, ProfileEnd::Widening);
         let (mut lo, mut hi, end) = if at_turn.is_some_and(|profile| target <= profile.volume) {

@@ -7,7 +7,7 @@ use osier_base::math;
 
 /// Rule for the height of a cap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CapShape {
+pub enum CapHeightRule {
     /// Flattened by gravity at constant volume.
     Flattened,
     /// The fixed height factor that [yang-wu] prints, 0.5; does not conserve volume.
@@ -29,8 +29,8 @@ pub struct WettingParams {
     /// Factor on the height of caps; `None` for the one that gravity gives.
     pub height_factor: Option<f64>,
     /// Rule for the height of caps.
-    pub shape: CapShape,
-    /// Base lambda of the height factor of [`CapShape::Wedge`].
+    pub shape: CapHeightRule,
+    /// Base lambda of the height factor of [`CapHeightRule::Wedge`].
     pub wedge_base: f64,
     /// Capillary length sqrt(gamma / (rho g)), m; 2.7 mm for water on Earth.
     pub capillary_length: f64,
@@ -40,7 +40,7 @@ pub struct WettingParams {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapLaw {
     /// Rule for the height.
-    shape: CapShape,
+    shape: CapHeightRule,
     /// Factor on the height; `None` for the one that gravity gives.
     height_factor: Option<f64>,
     /// Sine of the contact angle.
@@ -64,8 +64,8 @@ pub struct SphericalCap {
     pub a: f64,
     /// Factor on the height above the base.
     pub height_factor: f64,
-    /// Logarithm of a further factor where the cap's normal is that of the leaf; 0 for [`CapShape::Flattened`] and
-    /// [`CapShape::Paper`]. Elsewhere it is multiplied by the cosine between both, at least 0.
+    /// Logarithm of a further factor where the cap's normal is that of the leaf; 0 for [`CapHeightRule::Flattened`] and
+    /// [`CapHeightRule::Paper`]. Elsewhere it is multiplied by the cosine between both, at least 0.
     pub wedge: f64,
     /// Cosine of the contact angle; negative for a cap that overhangs its base.
     pub cos_angle: f64,
@@ -93,7 +93,7 @@ impl WettingParams {
             cosine: math::cos(self.contact_angle),
             unit_volume: unit_cap_volume(self.contact_angle),
             puddle: 2.0 * self.capillary_length * math::sin(0.5 * self.contact_angle),
-            wedge: if self.shape == CapShape::Wedge { math::ln(self.wedge_base) } else { 0.0 },
+            wedge: if self.shape == CapHeightRule::Wedge { math::ln(self.wedge_base) } else { 0.0 },
         }
     }
 
@@ -124,12 +124,12 @@ impl CapLaw {
         let r = math::cbrt(volume.max(0.0) / self.unit_volume);
         let gravity_factor = || self.gravity_height_factor(r * (1.0 - self.cosine));
         let height_factor = match self.shape {
-            CapShape::Flattened => self.height_factor.unwrap_or_else(gravity_factor),
-            CapShape::Paper => self.height_factor.unwrap_or(PAPER_HEIGHT_FACTOR),
-            CapShape::Wedge => 1.0,
+            CapHeightRule::Flattened => self.height_factor.unwrap_or_else(gravity_factor),
+            CapHeightRule::Paper => self.height_factor.unwrap_or(PAPER_HEIGHT_FACTOR),
+            CapHeightRule::Wedge => 1.0,
         };
         // Volume is proportional to the height factor and to r^3: a flatter cap is wider by its inverse cube root.
-        let r = if self.shape == CapShape::Flattened { r / math::cbrt(height_factor) } else { r };
+        let r = if self.shape == CapHeightRule::Flattened { r / math::cbrt(height_factor) } else { r };
         SphericalCap { r, a: r * self.sine, height_factor, wedge: self.wedge, cos_angle: self.cosine }
     }
 
@@ -210,7 +210,7 @@ impl CapDeformation {
 mod tests {
     use super::*;
 
-    fn wetting(theta: f64, omega: Option<f64>, shape: CapShape) -> WettingParams {
+    fn wetting(theta: f64, omega: Option<f64>, shape: CapHeightRule) -> WettingParams {
         let theta = theta.to_radians();
         WettingParams {
             contact_angle: theta,
@@ -249,7 +249,7 @@ mod tests {
     fn caps_hold_their_volume() {
         for theta in [30.0, 45.0, 60.0, 75.0, 90.0] {
             for (omega, q, skew) in [(None, 1.0, 0.0), (Some(0.7), 1.4, 0.2), (None, 1.1, 0.26)] {
-                let cap = wetting(theta, omega, CapShape::Flattened).cap(2e-8);
+                let cap = wetting(theta, omega, CapHeightRule::Flattened).cap(2e-8);
                 let found = volume(&cap, CapDeformation { stretch: q, skew });
                 assert!((found / 2e-8 - 1.0).abs() < 0.01, "{theta} {omega:?}: {found}");
             }
@@ -258,7 +258,7 @@ mod tests {
 
     #[test]
     fn the_papers_shape_loses_water_at_sixty_degrees() {
-        let cap = wetting(60.0, None, CapShape::Paper).cap(1e-8);
+        let cap = wetting(60.0, None, CapHeightRule::Paper).cap(1e-8);
         // As printed r sin(theta) is taken from the height, which leaves 0.0539 r^3 of a true 0.6545 r^3.
         assert!((unit_cap_volume(60.0_f64.to_radians()) - 0.6545).abs() < 1e-4);
         assert!((volume(&cap, CapDeformation::ROUND) / 0.5e-8 - 1.0).abs() < 0.01);
@@ -266,15 +266,15 @@ mod tests {
 
     #[test]
     fn big_drops_are_no_higher_than_puddles() {
-        let w = wetting(60.0, None, CapShape::Flattened);
+        let w = wetting(60.0, None, CapHeightRule::Flattened);
         assert!(w.cap(1e-6).top() < 2.0 * 2.727e-3 * math::sin(30.0_f64.to_radians()));
         assert!((w.cap(1e-10).height_factor - 1.0).abs() < 0.01);
     }
 
     #[test]
     fn the_wedge_raises_a_cap_by_the_cosine_of_its_own_normal() {
-        let plain = wetting(60.0, Some(1.0), CapShape::Flattened).cap(1e-8);
-        let raised = wetting(60.0, None, CapShape::Wedge).cap(1e-8);
+        let plain = wetting(60.0, Some(1.0), CapHeightRule::Flattened).cap(1e-8);
+        let raised = wetting(60.0, None, CapHeightRule::Wedge).cap(1e-8);
         for rho in [0.0, 0.3, 0.6, 0.9] {
             let sine = rho * plain.a / plain.r;
             let wanted = math::pow(1.05, math::sqrt(1.0 - sine * sine));
@@ -287,7 +287,7 @@ mod tests {
     fn drops_lean_where_only_the_front_is_steep() {
         let skew = |receding: f64, theta: f64, advancing: f64| {
             let [receding, advancing] = [receding, advancing].map(f64::to_radians);
-            WettingParams { receding, advancing, ..wetting(theta, None, CapShape::Flattened) }.max_skew()
+            WettingParams { receding, advancing, ..wetting(theta, None, CapHeightRule::Flattened) }.max_skew()
         };
         assert!((skew(52.0, 60.0, 68.0) - 0.261).abs() < 1e-3, "{}", skew(52.0, 60.0, 68.0));
         assert!((skew(50.0, 72.0, 95.0) - MAX_SKEW).abs() < 1e-12 && (skew(50.0, 72.0, 84.9) - MAX_SKEW).abs() < 1e-12);

@@ -7,7 +7,7 @@ use super::retention::StepConstants;
 use super::spherical_cap::SphericalCap;
 use super::surface_drop::LeafDrop;
 use crate::rain::event::{DropEventKind, RainEvent};
-use crate::rain::params::LeverArm;
+use crate::rain::params::LeverArmRule;
 use crate::rain::tuning::{
     MAX_DROP_SHIFT, MAX_REST_STEP, MAX_RUN_STEP, MAX_SUBSTEPS, MIN_BEAD_RADIUS, MIN_CAP_RADIUS, TRACK_DISTANCE,
     WET_MARK_INTERVAL,
@@ -158,8 +158,8 @@ impl RainLeaf {
     /// once more.
     fn lever(&self, local: DVec3, step: &LeafStep<'_>) -> f64 {
         match step.params.lever {
-            LeverArm::Physical => 1.0,
-            LeverArm::Paper(most) => (local.length() / self.leaf_reach()).min(most),
+            LeverArmRule::Physical => 1.0,
+            LeverArmRule::Paper(most) => (local.length() / self.leaf_reach()).min(most),
         }
     }
 

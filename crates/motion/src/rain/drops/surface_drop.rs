@@ -28,7 +28,7 @@ pub struct PendantAnchor {
 
 /// A point of the path that a drop has run along.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PathPoint {
+pub struct TailPathPoint {
     /// Texture coordinates.
     pub uv: DVec2,
     /// Length of the path from here to the next point (for the newest: to the drop), m.
@@ -74,7 +74,7 @@ pub struct LeafDrop {
     /// Time since it last merged, s; infinite if it never has.
     pub since_merge: f64,
     /// The path that it has run along, the newest point last; as long as the tail needs.
-    pub path: Vec<PathPoint>,
+    pub path: Vec<TailPathPoint>,
     /// Length of the path since it last chose a heading, m.
     pub since_steer: f64,
     /// Number of its caps, the head included; the fraction is the share of the last cap that has grown.
@@ -229,7 +229,7 @@ impl LeafDrop {
     pub fn record_path(&mut self, from: DVec2, length: f64, a: f64, params: &DropParams) {
         match self.path.last_mut() {
             Some(last) if last.length + length < PATH_SPACING * a => last.length += length,
-            _ => self.path.push(PathPoint { uv: from, length }),
+            _ => self.path.push(TailPathPoint { uv: from, length }),
         }
         self.since_steer += length;
         // Twice the length of the longest tail, as the head may grow by merging, and of the distance of wet tracks.
@@ -274,7 +274,7 @@ impl LeafDrop {
 
 /// A position on a drop's path that moves back from the drop.
 struct PathWalker<'a> {
-    path: &'a [PathPoint],
+    path: &'a [TailPathPoint],
     /// Texture coordinates of the position.
     uv: DVec2,
     /// Number of path points that have not been passed.
@@ -307,8 +307,8 @@ impl PathWalker<'_> {
 mod tests {
     use super::*;
 
-    fn path_point(k: u32) -> PathPoint {
-        PathPoint { uv: DVec2::new(0.5, 0.1 + 0.004 * f64::from(k)), length: 4e-4 }
+    fn path_point(k: u32) -> TailPathPoint {
+        TailPathPoint { uv: DVec2::new(0.5, 0.1 + 0.004 * f64::from(k)), length: 4e-4 }
     }
 
     #[test]

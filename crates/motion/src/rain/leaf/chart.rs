@@ -339,7 +339,11 @@ mod tests {
             let texture = surface.texture_uv(uv).expect("inside");
             assert!(texture.distance(DVec2::new(x.abs() / 0.04, y / 0.08)) < 1e-6, "{texture}");
         }
-        assert!((surface.texture_scale() - 1.0 / (1.0 - 1.0 / 32.0)).abs() < 1e-6, "{}", surface.texture_scale());
+        assert!(
+            (surface.chart_to_texture_side_ratio() - 1.0 / (1.0 - 1.0 / 32.0)).abs() < 1e-6,
+            "{}",
+            surface.chart_to_texture_side_ratio()
+        );
     }
 
     /// A strip of 80 by 40 mm rolled around the y axis by an angle, without texture coordinates.

@@ -7,13 +7,13 @@ use osier_scene::{Image, Material, Mesh, Pixels};
 
 /// Heights over the texture coordinates of a leaf's material.
 #[derive(Debug, Clone)]
-pub struct ReliefMap {
+pub struct MaterialHeightMap {
     size: [usize; 2],
     /// Heights over the mesh at scale 1, m, row by row from the top.
     heights: Vec<f32>,
 }
 
-impl ReliefMap {
+impl MaterialHeightMap {
     /// The relief of the first material of a mesh that has a height map; `None` if no material has one.
     pub fn of_mesh_materials(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
         mesh.subsets.iter().find_map(|s| {
@@ -34,7 +34,7 @@ impl ReliefMap {
     }
 
     /// Larger of the map's width and height, in pixels.
-    pub fn side(&self) -> usize {
+    pub fn longer_side(&self) -> usize {
         self.size[0].max(self.size[1])
     }
 
@@ -64,13 +64,13 @@ pub(crate) mod tests {
     use super::*;
 
     /// Waves across a leaf: sine of `count` periods over u, of an amplitude, m.
-    pub fn waves(count: f64, amplitude: f32) -> ReliefMap {
+    pub fn waves(count: f64, amplitude: f32) -> MaterialHeightMap {
         let n = 256;
         let height = |k: usize| {
             let x = ((k % n) as f64 + 0.5) / n as f64;
             amplitude * narrow(1.0 + osier_base::math::sin(std::f64::consts::TAU * count * x))
         };
-        ReliefMap { size: [n, n], heights: (0..n * n).map(height).collect() }
+        MaterialHeightMap { size: [n, n], heights: (0..n * n).map(height).collect() }
     }
 
     #[test]
@@ -78,7 +78,7 @@ pub(crate) mod tests {
         let pixels = Pixels::U16(vec![0, 65535, 0, 0]);
         let kind = osier_scene::ImageKind::Data;
         let image = Image { name: "a".into(), kind, width: 2, height: 2, channels: 1, pixels };
-        let relief = ReliefMap::from_image(&image, 2e-3).expect("heights");
+        let relief = MaterialHeightMap::from_image(&image, 2e-3).expect("heights");
         let at = |u: f64, v: f64| relief.height(DVec2::new(u, v));
         assert!((at(0.75, 0.75) - 2e-3).abs() < 1e-9 && at(0.25, 0.25).abs() < 1e-9);
         assert!((at(0.5, 0.75) - 1e-3).abs() < 1e-9 && (at(0.75, 0.5) - 1e-3).abs() < 1e-9);

@@ -178,7 +178,7 @@ impl LeafSurface {
 
     /// Factor between the sides of a picture over the chart and of one over the mesh's own texture coordinates that is as fine on the
     /// blade; 1 for a blade without a chart of its own.
-    pub fn texture_scale(&self) -> f64 {
+    pub fn chart_to_texture_side_ratio(&self) -> f64 {
         let Some(texture_uvs) = &self.texture_uvs else { return 1.0 };
         let area = |uvs: &[DVec2]| {
             let of = |t: &[u32; 3]| {

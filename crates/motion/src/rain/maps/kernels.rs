@@ -62,7 +62,7 @@ pub(super) trait TexelKernel {
 
 /// Height of a cap over the leaf, m; [`SphericalCap::height`] and [`CapDeformation::to_undeformed`] in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct CapKernel {
+pub(super) struct CapHeightKernel {
     center: KernelCenter,
     /// Covectors that give the position in the undeformed footprint in base radii, 1/m.
     along: [f32; 3],
@@ -81,7 +81,7 @@ pub(super) struct CapKernel {
     max_rho2: f32,
 }
 
-impl CapKernel {
+impl CapHeightKernel {
     /// `axis`: the unit tangent along which the cap is stretched and sheared.
     pub fn new(cap: &SphericalCap, deformation: &CapDeformation, center: KernelCenter, axis: Vec3) -> Self {
         // Coordinates in the undeformed cap x = d . axis / (a stretch) and y = d . across stretch / a, with the factors in the covectors.
@@ -101,7 +101,7 @@ impl CapKernel {
     }
 }
 
-impl TexelKernel for CapKernel {
+impl TexelKernel for CapHeightKernel {
     #[inline(always)]
     fn center(&self) -> &KernelCenter {
         &self.center

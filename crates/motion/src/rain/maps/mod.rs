@@ -19,7 +19,7 @@ mod texel_window;
 mod uv_raster;
 
 use dirty_spans::{DirtyBits, DirtySpans, RowSpans};
-use kernels::{CapKernel, DryingPass, KernelCenter, MaxBlendPass, NormalInputs, NormalPass, WetSpotKernel};
+use kernels::{CapHeightKernel, DryingPass, KernelCenter, MaxBlendPass, NormalInputs, NormalPass, WetSpotKernel};
 use texel_window::{ColumnSpan, TexelWindow};
 pub use uv_raster::UvRaster;
 
@@ -46,7 +46,7 @@ pub struct CapOnLeaf {
 struct CapStamp {
     /// Bits of all that its texels depend on: equal keys give equal texels.
     key: [u64; 12],
-    kernel: CapKernel,
+    kernel: CapHeightKernel,
     window: TexelWindow,
 }
 
@@ -91,7 +91,7 @@ pub struct LeafMaps {
 }
 
 /// The maps of one leaf while a frame updates them.
-struct WorkingMaps<'a> {
+struct LeafMapsMut<'a> {
     /// `None` for a leaf without relief, where it is the water.
     height: Option<&'a mut Vec<f32>>,
     water: &'a mut Vec<f32>,
@@ -218,7 +218,7 @@ impl LeafWaterMaps {
             // Let go of the memory that it shares with the water, which is written now.
             maps.height = Arc::default();
         }
-        let own = &mut WorkingMaps {
+        let own = &mut LeafMapsMut {
             height: has_relief.then(|| Arc::make_mut(&mut maps.height)),
             water: Arc::make_mut(&mut maps.water),
             wetness: Arc::make_mut(&mut maps.wetness),
@@ -273,7 +273,7 @@ impl LeafWaterMaps {
         let [x, y, z] = cap.axis.to_array();
         Some(CapStamp {
             key: [cap.uv.x, cap.uv.y, r, a, height_factor, wedge, cos_angle, stretch, skew, x, y, z].map(f64::to_bits),
-            kernel: CapKernel::new(&cap.cap, &cap.deformation, self.kernel_center(&point), axis.as_vec3()),
+            kernel: CapHeightKernel::new(&cap.cap, &cap.deformation, self.kernel_center(&point), axis.as_vec3()),
             window: self.raster.footprint_window(cap.uv, &point, cap.cap.max_radius(), stretch, axis),
         })
     }
@@ -316,7 +316,7 @@ impl LeafWaterMaps {
     }
 
     /// Recomputes the water of a band's dirty texels, the maximum over all caps, and their heights: relief and water.
-    fn update_heights(&mut self, maps: &mut WorkingMaps<'_>, dirty: &DirtySpans, band: usize) {
+    fn update_heights(&mut self, maps: &mut LeafMapsMut<'_>, dirty: &DirtySpans, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_row_range(band));
         // Caps that have not changed are drawn again where they overlap dirty texels. The maximum does not depend on their order.
@@ -340,14 +340,14 @@ impl LeafWaterMaps {
     }
 
     /// Recomputes the normals of a band's texels whose own or neighbouring heights are dirty.
-    fn update_normals(&mut self, maps: &mut WorkingMaps<'_>, dirty: &DirtySpans, band: usize) {
+    fn update_normals(&mut self, maps: &mut LeafMapsMut<'_>, dirty: &DirtySpans, band: usize) {
         for y in self.band_row_range(band) {
             dirty.normals.row(y).iter().for_each(|span| self.update_row_normals(maps, y, *span));
         }
     }
 
     /// Recomputes the normals of a span of row `y` by central differences of the heights, one-sided at the edges of the map.
-    fn update_row_normals(&mut self, maps: &mut WorkingMaps<'_>, y: usize, span: ColumnSpan) {
+    fn update_row_normals(&mut self, maps: &mut LeafMapsMut<'_>, y: usize, span: ColumnSpan) {
         let ColumnSpan { start, end } = span;
         let n = self.raster.side;
         self.counters.normals += (end - start) as u64;
@@ -355,7 +355,7 @@ impl LeafWaterMaps {
         // raster's slope factors are those of scale 1.
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
         let inverse_distance = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
-        let WorkingMaps { height, water, normal, .. } = maps;
+        let LeafMapsMut { height, water, normal, .. } = maps;
         let height: &[f32] = height.as_deref().map_or(water.as_slice(), Vec::as_slice);
         let (inner, outer) = (start.max(1), end.min(n - 1));
         // Texels with neighbours on both sides, by vectors.
@@ -426,7 +426,7 @@ impl LeafWaterMaps {
     }
 
     /// Raises the wetness of a band's texels to that of the spots over them.
-    fn stamp_wet_spots(&mut self, maps: &mut WorkingMaps<'_>, stamps: &[WetSpotStamp], band: usize) {
+    fn stamp_wet_spots(&mut self, maps: &mut LeafMapsMut<'_>, stamps: &[WetSpotStamp], band: usize) {
         let arch = kernels::arch();
         let rows = self.band_row_range(band);
         let spans = &self.full;
@@ -438,7 +438,7 @@ impl LeafWaterMaps {
     }
 
     /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped from then on.
-    fn dry(&mut self, maps: &mut WorkingMaps<'_>, decay: f32, band: usize) {
+    fn dry(&mut self, maps: &mut LeafMapsMut<'_>, decay: f32, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_row_range(band));
         let tiles = n.div_ceil(TILE);

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::texel_window::{ColumnSpan, TexelWindow};
-use crate::rain::leaf::relief::ReliefMap;
+use crate::rain::leaf::relief::MaterialHeightMap;
 use crate::rain::leaf::surface::{FirstFundamentalForm, LeafSurface, SurfacePoint};
 use crate::rain::tuning::{FOLD_COSINE, MAP_BLEED, MAX_RELIEF_SAMPLES, WINDOW_MARGIN_MAX, WINDOW_MARGIN_MIN};
 use osier_base::math::narrow;
@@ -110,9 +110,9 @@ fn bleed_texels(on_blade: &[bool], side: usize) -> Vec<BleedTexel> {
 
 /// Heights of a relief at the texels of a blade, m: each the mean over its texel. Beyond the margin those of the nearest texels on the
 /// blade, 0 farther away.
-fn relief_texels(blade: &LeafSurface, side: usize, relief: &ReliefMap, bleed: &[BleedTexel]) -> Vec<f32> {
+fn relief_texels(blade: &LeafSurface, side: usize, relief: &MaterialHeightMap, bleed: &[BleedTexel]) -> Vec<f32> {
     // As many samples across a texel as it has pixels of the map.
-    let samples = relief.side().div_ceil(side).clamp(1, MAX_RELIEF_SAMPLES);
+    let samples = relief.longer_side().div_ceil(side).clamp(1, MAX_RELIEF_SAMPLES);
     let n = (side * samples) as f64;
     let rows: Vec<usize> = (0..side).collect();
     let mean = |x: usize, y: usize| {
@@ -133,7 +133,7 @@ fn relief_texels(blade: &LeafSurface, side: usize, relief: &ReliefMap, bleed: &[
 
 impl UvRaster {
     /// Samples a blade at `side` by `side` texels. `relief`: heights over the texture coordinates of the blade's material.
-    pub fn new(blade: &LeafSurface, side: usize, relief: Option<&ReliefMap>) -> Self {
+    pub fn new(blade: &LeafSurface, side: usize, relief: Option<&MaterialHeightMap>) -> Self {
         let rows: Vec<usize> = (0..side).collect();
         let n = side as f64;
         let uv = |x: usize, y: usize| DVec2::new((x as f64 + 0.5) / n, 1.0 - (y as f64 + 0.5) / n);

@@ -4,7 +4,7 @@ use super::*;
 use crate::rain::emitter::{DropSizes, IntensityEnvelope, RainfallParams};
 use crate::rain::leaf::surface::{LeafSurface, tests::flat};
 use crate::rain::leaf::veins::{VeinMap, tests::vein};
-use crate::rain::params::{DropParams, ImpactLaw};
+use crate::rain::params::{DropParams, ImpactImpulseLaw};
 use crate::rain::target::StillRainPlant;
 use osier_base::geometry::Bounds;
 use osier_base::math;
@@ -254,7 +254,7 @@ fn leaf_drop_and_splash_have_the_momentum_of_before() {
     let impacts = [
         ("stays", DropParams { g: 0.0, ..uniform_params() }),
         ("splashes", DropParams { g: 0.0, splash: 0.4, ..uniform_params() }),
-        ("bounces", DropParams { g: 0.0, impact: ImpactLaw::Momentum { restitution: 0.5 }, ..uniform_params() }),
+        ("bounces", DropParams { g: 0.0, impact: ImpactImpulseLaw::Momentum { restitution: 0.5 }, ..uniform_params() }),
     ];
     for (what, params) in impacts {
         for (tilt, slant) in [(0.2, 0.0), (1.0, 0.0), (1.0, 0.6), (-0.5, -0.8)] {

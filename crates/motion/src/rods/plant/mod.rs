@@ -15,7 +15,7 @@ pub(crate) use self::rigid_blade::RigidBlade;
 use self::rigid_blade::{LeafSheetPose, VortexShedding};
 use crate::rain::{LeafPose, RainPlant, WoodSegment};
 use crate::rods::StepFailure;
-use crate::rods::prism::{Matrix9, RigidSectionMap, SectionFrame, Vector9, corner_dot};
+use crate::rods::prism::{CornerRigidMotion, Matrix9, SectionFrame, Vector9, corner_dot};
 use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
 use crate::rods::tuning::MAX_STEP_HALVINGS;
 use osier_base::{Error, Result};
@@ -281,7 +281,7 @@ impl RodPlant {
         if self.fixed[section] {
             return 0.0;
         }
-        let rigid = RigidSectionMap::from_corners(&self.rods.x[section]);
+        let rigid = CornerRigidMotion::from_corners(&self.rods.x[section]);
         let f = rigid.corner_forces(along, (place - rigid.p).cross(along));
         corner_dot(&f, &self.apply_inverse_section_mass(section, &f))
     }
@@ -291,7 +291,7 @@ impl RodPlant {
         let mut m: Matrix9 = [[0.0; 9]; 9];
         (0..9).for_each(|k| m[k][k] = self.rods.tree.sections[section].mass);
         let (rigid, frame) =
-            (RigidSectionMap::from_corners(&self.rods.x[section]), self.rods.section_frame(section).matrix());
+            (CornerRigidMotion::from_corners(&self.rods.x[section]), self.rods.section_frame(section).matrix());
         for body in self.bodies_on_section[section].iter().map(|k| &self.rods.bodies[*k]).filter(|b| b.mass > 0.0) {
             let block = rigid.body_mass_matrix(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
             m.as_flattened_mut().iter_mut().zip(block.as_flattened()).for_each(|(m, b)| *m += b);

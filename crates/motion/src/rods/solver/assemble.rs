@@ -3,7 +3,7 @@
 use pulp::{Arch, NullaryFnOnce};
 
 use crate::rods::layout::SectionTree;
-use crate::rods::prism::{Matrix9, RigidSectionMap, SectionFrame, Vector9, matrix_vector, transposed_matrix_vector};
+use crate::rods::prism::{CornerRigidMotion, Matrix9, SectionFrame, Vector9, matrix_vector, transposed_matrix_vector};
 use crate::rods::solver::block::{BlockRow, PREDECESSOR, SECOND_PREDECESSOR};
 use crate::rods::springs::{
     FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION, SpringStates, add_spring_forces, spring_forces,
@@ -110,7 +110,7 @@ fn update_attached_bases(tree: &SectionTree, x: &[Vector9], v: &[Vector9], attac
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
         rider.x = SectionFrame::from_corners(&x[on]).local_positions_to_world(&base.local);
-        rider.j = RigidSectionMap::from_corners(&x[on]).attachment_jacobian(&rider.x);
+        rider.j = CornerRigidMotion::from_corners(&x[on]).attachment_jacobian(&rider.x);
         rider.v = matrix_vector(&rider.j, &v[on]);
     }
 }
@@ -199,7 +199,7 @@ fn add_spring_blocks(
         }
         let j = (section.base[which] != NONE).then(|| &attached_bases[section.base[which] as usize].j);
         let coupling = PredecessorStiffness { cross: &cross[which], other: &other[which], column: at };
-        add_coupling(&coupling, j, rows, i, on as usize);
+        add_predecessor_stiffness(&coupling, j, rows, i, on as usize);
     }
 }
 
@@ -216,7 +216,13 @@ struct PredecessorStiffness<'a> {
 /// Adds the block that couples section `i` to its predecessor `on`, and the predecessor's diagonal share. `j`:
 /// Jacobian of the attached base at which the springs end, where they do not end at the predecessor's own corners.
 #[inline(always)]
-fn add_coupling(coupling: &PredecessorStiffness<'_>, j: Option<&Matrix9>, rows: &mut [BlockRow], i: usize, on: usize) {
+fn add_predecessor_stiffness(
+    coupling: &PredecessorStiffness<'_>,
+    j: Option<&Matrix9>,
+    rows: &mut [BlockRow],
+    i: usize,
+    on: usize,
+) {
     let PredecessorStiffness { cross, other, column } = *coupling;
     // Without an attached base the far ends are the predecessor's own corners: J = 1.
     let Some(j) = j else {

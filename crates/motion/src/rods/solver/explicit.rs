@@ -3,7 +3,7 @@
 
 use crate::rods::StepFailure;
 use crate::rods::prism::{
-    RigidSectionMap, SectionFrame, Vector9, add_to_corner, corner, corner_dot, transposed_matrix_vector,
+    CornerRigidMotion, SectionFrame, Vector9, add_to_corner, corner, corner_dot, transposed_matrix_vector,
 };
 use crate::rods::springs::{FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION};
 use crate::rods::system::RodSystem;
@@ -12,6 +12,17 @@ use osier_scene::plant::NONE;
 
 /// Largest k h^2 / m at which one Gauss-Seidel pass per step still carries a rod's weight.
 pub const MAX_GAUSS_SEIDEL_STIFFNESS: f64 = 10.0;
+
+/// The corners that a spring joins.
+#[derive(Debug, Clone, Copy)]
+struct SpringEnds {
+    /// Corner of the section that has the spring, 0 to 2.
+    corner: usize,
+    /// Predecessor at the far end: 0 the section before, 1 the one before that; `None` for the section itself.
+    predecessor: Option<usize>,
+    /// Corner there.
+    far_corner: usize,
+}
 
 impl RodSystem {
     /// Computes accelerations `step.change`, m/s^2, from springs and loads at the present positions, without damping.
@@ -54,7 +65,7 @@ impl RodSystem {
 
     /// Explicit Euler of [yang-wu]: x = x + h v with the velocity before the step; stable only for h <= a / w_max^2,
     /// never without damping.
-    pub fn step_explicit_euler(&mut self, h: f64) {
+    pub fn step_forward_euler(&mut self, h: f64) {
         self.compute_undamped_accelerations(h);
         let mut to: Vec<Vector9> = self.x.clone();
         for i in 0..self.x.len() {
@@ -147,16 +158,18 @@ impl RodSystem {
         Ok(())
     }
 
-    /// Corner of this section, predecessor at the far end (0 or 1; none for this section), and corner there, of a
-    /// spring lane.
-    fn spring_corners(lane: usize) -> (usize, Option<usize>, usize) {
-        match lane {
+    /// The ends of the spring in a lane of a section.
+    fn spring_ends(lane: usize) -> SpringEnds {
+        // Springs of the triangle itself come first, then those between all corners of it and of the section before, then those
+        // across two intervals, which resist bending.
+        let (corner, predecessor, far_corner) = match lane {
             0..FIRST_LINK_SPRING => (lane, None, (lane + 1) % 3),
             FIRST_LINK_SPRING..FIRST_BEND_SPRING => {
                 ((lane - FIRST_LINK_SPRING) / 3, Some(0), (lane - FIRST_LINK_SPRING) % 3)
             }
             _ => ((lane - FIRST_BEND_SPRING) % 3, Some(1), (lane - FIRST_BEND_SPRING) % 3),
-        }
+        };
+        SpringEnds { corner, predecessor, far_corner }
     }
 
     /// XPBD projection of one spring: moves both of its ends. `i`: section; `lane`: spring of the section; `h`: step,
@@ -167,8 +180,8 @@ impl RodSystem {
         if k <= 0.0 {
             return;
         }
-        let (c, other, o) = Self::spring_corners(lane);
-        let (on, base) = match other {
+        let SpringEnds { corner: c, predecessor, far_corner: o } = Self::spring_ends(lane);
+        let (on, base) = match predecessor {
             None => (i, NONE),
             Some(which) => (self.tree.predecessors[i][which] as usize, section.base[which]),
         };
@@ -180,7 +193,7 @@ impl RodSystem {
         let rider = (base != NONE).then(|| {
             let b = &self.tree.bases[base as usize];
             let x = SectionFrame::from_corners(&self.step.next[on]).local_positions_to_world(&b.local);
-            (RigidSectionMap::from_corners(&self.step.next[on]).attachment_jacobian(&x), x)
+            (CornerRigidMotion::from_corners(&self.step.next[on]).attachment_jacobian(&x), x)
         });
         let there = rider.as_ref().map_or_else(|| corner(&self.step.next[on], o), |(_, x)| corner(x, o));
         let d = there - here;

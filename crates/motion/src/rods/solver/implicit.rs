@@ -95,7 +95,7 @@ impl RodSystem {
             self.add_mass_to_block(i, inverse * inverse, m.mass * inverse + back * (1.0 + m.stiffness * inverse));
             self.step.rows[i].set_right_hand_side(&right);
         }
-        self.add_clamp_penalties();
+        self.add_clamp_penalties_to_rows();
     }
 
     /// Weights of the present and the preceding state in the BDF2 formula. A first step is implicit Euler (weights 1,
