@@ -174,6 +174,7 @@ fn drops_shake_load_and_wet_a_plant_that_sways() {
 
 /// Water, sag and nods are the same with twice and four times as many steps a frame within 10 %, as means of four seeds.
 #[test]
+#[ignore = "a minute; tests/full.sh runs it"]
 fn a_storm_does_not_depend_on_its_steps() {
     let mean = |substeps: u32| {
         let mut sum = Difference { sag: 0.0, nod: 0.0, water: 0.0 };
