@@ -23,6 +23,7 @@ cargo test --release --lib lattice:: -- --ignored
 cargo test --release --test it control -- --ignored
 cargo test --release --test it rain_wind -- --ignored
 cargo test --release --test it flights -- --ignored
+cargo test --release --test it storm -- --ignored
 
 say "the same bytes from debug, release and without the newer instruction sets"
 cargo build --quiet
