@@ -15,7 +15,7 @@ use osier::bake::scene::{self, AssembledScene};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
 use osier::motion::rain::{
-    CapDeformation, CapOnLeaf, DropParams, DropSizes, IntensityEnvelope, LeafAttachment, LeafCollider, LeafSurface,
+    CapDeformation, CapOnLeaf, DropParams, DropSizes, IntensityEnvelope, LeafCollider, LeafOnPlant, LeafSurface,
     LeafWaterMaps, RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainSolids, RainfallParams,
     StillRainPlant, UvRaster, WetSpot,
 };
@@ -237,7 +237,7 @@ fn whole_frames(manner: &DropParams) {
         })
         .collect();
     let leaves = (0..LEAVES as u64).map(|i| {
-        let hung = LeafAttachment { plant: 0, leaf: usize::try_from(i).unwrap_or(0), collider: Arc::clone(&target) };
+        let hung = LeafOnPlant { plant: 0, leaf: usize::try_from(i).unwrap_or(0), collider: Arc::clone(&target) };
         (RainLeaf::new(Arc::clone(&sheet), 1.0, i), hung)
     });
     let rain = RainfallParams {

@@ -29,7 +29,7 @@ pub struct Impact {
 
 /// What an impact on a leaf does.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImpactOutcome {
+pub struct ImpulseAndRebound {
     /// Impulse on the leaf and the water that stays on it, N s.
     pub impulse: DVec3,
     /// Velocity of the drop afterwards, relative to that of the leaf's material point before, m/s; of a drop that stays, along the leaf.
@@ -51,7 +51,7 @@ impl Impact {
     /// that stays is added to the leaf's at the leaf's velocity, so that the impulse on both is the whole relative momentum but for
     /// the part that the drop keeps along the leaf.
     /// Source: conservation of momentum; or [yang-wu] eq. 2 with M_e the effective mass along the drop's flight.
-    pub fn strike(&self, params: &DropParams, inverse_mass: impl Fn(DVec3) -> f64) -> ImpactOutcome {
+    pub fn strike(&self, params: &DropParams, inverse_mass: impl Fn(DVec3) -> f64) -> ImpulseAndRebound {
         let Self { mass, diameter, relative, normal, surface_velocity } = *self;
         let approach = self.approach();
         let along = relative + normal * approach;
@@ -68,11 +68,11 @@ impl Impact {
                 } else {
                     energy_impulse(energy, 1.0 / inverse_mass, surface_velocity.dot(direction))
                 };
-                return ImpactOutcome { impulse: direction * j, relative: kept, bounces: false };
+                return ImpulseAndRebound { impulse: direction * j, relative: kept, bounces: false };
             }
         };
         if weber_number(restitution * approach, diameter) <= REBOUND_WEBER_NUMBER {
-            return ImpactOutcome { impulse: (relative - kept) * mass, relative: kept, bounces: false };
+            return ImpulseAndRebound { impulse: (relative - kept) * mass, relative: kept, bounces: false };
         }
         // Two bodies that separate: j = (1 + e) u / (1/m + 1/M) makes the relative speed after the impact e u; likewise along the leaf.
         let to_common_velocity = |direction: DVec3| 1.0 / (1.0 / mass + inverse_mass(direction));
@@ -80,7 +80,7 @@ impl Impact {
         if along != DVec3::ZERO {
             impulse += (along - kept) * to_common_velocity(along.normalize());
         }
-        ImpactOutcome { impulse, relative: relative - impulse / mass, bounces: true }
+        ImpulseAndRebound { impulse, relative: relative - impulse / mass, bounces: true }
     }
 }
 

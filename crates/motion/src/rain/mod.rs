@@ -11,7 +11,7 @@
 //!
 //! use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 //! use osier_motion::rain::{
-//!     DropMesh, DropParams, LeafAttachment, LeafCollider, LeafSurface, RainConfig, RainFrame, RainLeaf, RainSimulation,
+//!     DropMesh, DropParams, LeafOnPlant, LeafCollider, LeafSurface, RainConfig, RainFrame, RainLeaf, RainSimulation,
 //!     RainSolids, StillRainPlant,
 //! };
 //! use osier_scene::Mesh;
@@ -32,7 +32,7 @@
 //!     params: DropParams::default(),
 //!     emitter: None,
 //!     plants: vec![Box::new(StillRainPlant::new(&[pose], Vec::new()))],
-//!     leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafAttachment { plant: 0, leaf: 0, collider })],
+//!     leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafOnPlant { plant: 0, leaf: 0, collider })],
 //!     wind: None,
 //!     ground: Box::new(0.0),
 //!     solids: RainSolids::default(),
@@ -87,7 +87,7 @@ pub use leaf::surface::LeafSurface;
 pub use leaf::veins::VeinMap;
 pub use maps::{CapOnLeaf, LeafMaps, LeafWaterMaps, TexelCounters, UvRaster};
 pub use mesh::{DropDetail, DropMesh};
-pub use params::{DropParams, FrictionModel, ImpactImpulseLaw, LeverArmRule, MergeRule, capillary_length};
-pub use simulation::{LeafAttachment, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
+pub use params::{DropParams, DropWeightTorque, FrictionModel, ImpactImpulseLaw, MergeRule, capillary_length};
+pub use simulation::{LeafOnPlant, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
 pub use solids::RainSolids;
 pub use target::{LeafPose, RainPlant, StillRainPlant, WoodSegment};

@@ -40,7 +40,7 @@ pub enum MergeRule {
 
 /// Lever arm with which a drop's weight turns its leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LeverArmRule {
+pub enum DropWeightTorque {
     /// The distance from the stalk at which the weight acts.
     Physical,
     /// That distance, times itself as a fraction of the leaf's length, at most this; from [yang-wu] eq. 15.
@@ -94,7 +94,7 @@ pub struct DropParams {
     /// Strength of the attraction of [`MergeRule::Paper`], N.
     pub attraction_force: f64,
     /// Lever arm of the weight of drops.
-    pub lever: LeverArmRule,
+    pub lever: DropWeightTorque,
     /// Ratio of the radii of successive caps of a tail, 0 to 1.
     pub tail_ratio: f64,
     /// Largest number of caps of a drop with its tail.
@@ -147,7 +147,7 @@ impl Default for DropParams {
             pinning_noise: 0.3,
             merge: MergeRule::Touch,
             attraction_force: 1e-4,
-            lever: LeverArmRule::Physical,
+            lever: DropWeightTorque::Physical,
             tail_ratio: 0.8,
             tail_drops: 8,
             tail_amount: 1.0,

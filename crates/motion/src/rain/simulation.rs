@@ -69,7 +69,7 @@ struct IgnoredLeaf {
 
 /// Which plant carries a leaf, and the leaf's collision shape.
 #[derive(Debug)]
-pub struct LeafAttachment {
+pub struct LeafOnPlant {
     /// Index of the plant in [`RainConfig::plants`].
     pub plant: usize,
     /// Index of the leaf on that plant.
@@ -123,7 +123,7 @@ pub struct RainConfig {
     /// Plants that rain falls on.
     pub plants: Vec<Box<dyn RainPlant>>,
     /// Leaves of all plants, with the plants that carry them.
-    pub leaves: Vec<(RainLeaf, LeafAttachment)>,
+    pub leaves: Vec<(RainLeaf, LeafOnPlant)>,
     /// Wind that carries falling drops; `None` in calm air.
     pub wind: Option<Arc<dyn Wind>>,
     /// Ground at which drops end.
@@ -140,11 +140,11 @@ pub struct RainSimulation {
     emitter: Option<RainEmitter>,
     plants: Vec<Box<dyn RainPlant>>,
     leaves: Vec<RainLeaf>,
-    attachments: Vec<LeafAttachment>,
+    attachments: Vec<LeafOnPlant>,
     falling: Vec<FallingDrop>,
     poses: Vec<LeafPose>,
     /// Accelerations of the leaves that drops respond to, by leaf.
-    responses: Vec<LeafAcceleration>,
+    responses: Vec<SmoothedLeafAcceleration>,
     /// Wood segments of each plant.
     wood: Vec<Vec<WoodSegment>>,
     /// Over the boxes that leaves and wood sweep in a step.
@@ -169,14 +169,14 @@ pub struct RainSimulation {
 
 /// Acceleration of a leaf, smoothed over [`ACCELERATION_RESPONSE_TIME`].
 #[derive(Debug, Clone, Copy, Default)]
-struct LeafAcceleration {
+struct SmoothedLeafAcceleration {
     /// Of the origin, m/s^2.
     linear: DVec3,
     /// Angular acceleration, rad/s^2.
     angular: DVec3,
 }
 
-impl LeafAcceleration {
+impl SmoothedLeafAcceleration {
     /// Approaches the acceleration of `pose` for `h`, s; exact for an acceleration that is constant over the step.
     fn follow(&mut self, pose: &LeafPose, h: f64) {
         let share = 1.0 - math::exp(-h / ACCELERATION_RESPONSE_TIME);
@@ -187,7 +187,7 @@ impl LeafAcceleration {
 
 /// Water that a splash has ejected.
 #[derive(Debug, Clone, Copy, Default)]
-struct SplashVolumes {
+struct EjectedWater {
     /// Volume, m^3.
     volume: f64,
     /// Momentum in the world, kg m/s.
@@ -212,7 +212,7 @@ struct DropStrike {
 impl RainSimulation {
     /// A simulation at time 0, before the first drop.
     pub fn new(config: RainConfig) -> Self {
-        let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafAttachment>) = config.leaves.into_iter().unzip();
+        let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafOnPlant>) = config.leaves.into_iter().unzip();
         let ground: Arc<dyn GroundHeight> = config.ground.into();
         let shelter = Shelter::new(config.solids.clone(), Arc::clone(&ground));
         let mut simulation = Self {
@@ -221,7 +221,7 @@ impl RainSimulation {
             plants: config.plants,
             wet_spots: Vec::new(),
             poses: Vec::new(),
-            responses: vec![LeafAcceleration::default(); leaves.len()],
+            responses: vec![SmoothedLeafAcceleration::default(); leaves.len()],
             wood: Vec::new(),
             hierarchy: SweptHierarchy::default(),
             leaves,
@@ -514,14 +514,14 @@ impl RainSimulation {
         let normal = up * side;
         let diameter = sphere_diameter(drop.volume);
         let mut impact = Impact { mass: WATER_DENSITY * drop.volume, diameter, relative, normal, surface_velocity };
-        let mut splashed = SplashVolumes::default();
+        let mut splashed = EjectedWater::default();
         if weber_number(impact.approach(), diameter) > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
             splashed = self.eject_splash_droplets(drop, i, point, &impact);
         }
         // The water that has not splashed strikes the leaf. The plant gives the effective mass with which the leaf resists there.
         let volume = drop.volume - splashed.volume;
         impact.mass = WATER_DENSITY * volume;
-        let LeafAttachment { plant, leaf: leaf_on_plant, .. } = self.attachments[i];
+        let LeafOnPlant { plant, leaf: leaf_on_plant, .. } = self.attachments[i];
         let target = &mut self.plants[plant];
         let outcome =
             impact.strike(&self.params, |direction| target.inverse_effective_mass(leaf_on_plant, point, direction));
@@ -548,12 +548,12 @@ impl RainSimulation {
         leaf: usize,
         point: DVec3,
         impact: &Impact,
-    ) -> SplashVolumes {
+    ) -> EjectedWater {
         // Draws are addressed by the drop's identifier, so that they do not depend on other drops.
         let mut draw = Rng::at(self.params.seed, &["drop".into(), drop.id.into(), "splash".into()]);
         let n = impact.normal;
         let (x, y) = n.any_orthonormal_pair();
-        let mut ejected = SplashVolumes::default();
+        let mut ejected = EjectedWater::default();
         for volume in splash_volumes(self.params.splash * drop.volume, &mut draw) {
             // A direction of the crown: polar angle from the normal, azimuth around it.
             let azimuth = draw.range(0.0, std::f64::consts::TAU);
@@ -601,7 +601,7 @@ impl RainSimulation {
             leaf.step_drops(&LeafStep { pose: *pose, t, h, params })
         });
         for (i, result) in results.iter_mut().enumerate() {
-            let LeafAttachment { plant, leaf, .. } = self.attachments[i];
+            let LeafOnPlant { plant, leaf, .. } = self.attachments[i];
             let plant = &mut self.plants[plant];
             for PointForce { point, force } in &result.forces {
                 plant.apply_force(leaf, *point, *force);

@@ -36,7 +36,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
-    DropDetail, DropMesh, DropParams, LeafAttachment, LeafPose, LeafWaterMaps, PendantFamily, RainConfig, RainEmitter,
+    DropDetail, DropMesh, DropParams, LeafOnPlant, LeafPose, LeafWaterMaps, PendantFamily, RainConfig, RainEmitter,
     RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster, WoodSegment, sphere_diameter,
 };
 use osier_scene::plant::{AxisKind, Plant};
@@ -249,7 +249,7 @@ fn simulate_rain(
     check_memory(&emitter, bounds, frames, scene_leaves.len(), context)?;
     let leaves = scene_leaves.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
-        (leaf, LeafAttachment { plant: f.instance.asset, leaf: f.number, collider: Arc::clone(&f.collider) })
+        (leaf, LeafOnPlant { plant: f.instance.asset, leaf: f.number, collider: Arc::clone(&f.collider) })
     });
     let lowest = f64::from(bounds.min.y);
     let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));

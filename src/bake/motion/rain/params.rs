@@ -5,8 +5,8 @@ use crate::recipe::scene::{
     DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
 };
 use osier_motion::rain::{
-    CapHeightRule, DropParams, DropSizes, FrictionModel, ImpactImpulseLaw, IntensityEnvelope, LeverArmRule, MergeRule,
-    RainfallParams, WettingParams, capillary_length,
+    CapHeightRule, DropParams, DropSizes, DropWeightTorque, FrictionModel, ImpactImpulseLaw, IntensityEnvelope,
+    MergeRule, RainfallParams, WettingParams, capillary_length,
 };
 
 /// Parameters of wetting, impact, friction, merging and trails.
@@ -51,8 +51,8 @@ pub(super) fn drop_params(rain: &RainRecipe, seed: u64) -> DropParams {
         },
         attraction_force: drop.paper_attraction,
         lever: match drop.lever {
-            DropLever::Physical => LeverArmRule::Physical,
-            DropLever::Paper => LeverArmRule::Paper(drop.paper_lever_max),
+            DropLever::Physical => DropWeightTorque::Physical,
+            DropLever::Paper => DropWeightTorque::Paper(drop.paper_lever_max),
         },
         tail_ratio: drop.tail_ratio,
         tail_drops: drop.tail_drops,

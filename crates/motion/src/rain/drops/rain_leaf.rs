@@ -174,7 +174,7 @@ impl LeafStepResult {
     }
 
     /// Records the event `hung` of a drop that has become pendant at a point of leaf space.
-    pub(super) fn record_pendant(&mut self, step: &LeafStep<'_>, drop: &LeafDrop, local: DVec3) {
+    pub(super) fn record_hung_event(&mut self, step: &LeafStep<'_>, drop: &LeafDrop, local: DVec3) {
         self.counters.pendants += 1;
         let p = step.world_point(local);
         self.events.push(RainEvent::new(DropEventKind::Hung, drop.id, step.t, p, drop.volume));

@@ -181,7 +181,7 @@ impl RainLeaf {
         result.record_margin_contact(step, drop, surface.p);
         let hangs = self.try_become_pendant(drop, gravity, cap, margin, outward, step);
         if hangs {
-            result.record_pendant(step, drop, margin.p);
+            result.record_hung_event(step, drop, margin.p);
         }
         hangs
     }

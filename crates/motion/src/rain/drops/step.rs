@@ -7,7 +7,7 @@ use super::retention::StepConstants;
 use super::spherical_cap::SphericalCap;
 use super::surface_drop::LeafDrop;
 use crate::rain::event::{DropEventKind, RainEvent};
-use crate::rain::params::LeverArmRule;
+use crate::rain::params::DropWeightTorque;
 use crate::rain::tuning::{
     MAX_DROP_SHIFT, MAX_REST_STEP, MAX_RUN_STEP, MAX_SUBSTEPS, MIN_BEAD_RADIUS, MIN_CAP_RADIUS, TRACK_DISTANCE,
     WET_MARK_INTERVAL,
@@ -138,7 +138,7 @@ impl RainLeaf {
             let point = step.world_point(local);
             let m = WATER_DENSITY * drop.volume;
             // The weight itself acts through the attached mass; only the paper's difference is a force of its own.
-            let excess = DVec3::NEG_Y * (m * step.params.g * (self.lever(local, step) - 1.0));
+            let excess = DVec3::NEG_Y * (m * step.params.g * (self.load_factor(local, step) - 1.0));
             if excess != DVec3::ZERO {
                 result.forces.push(PointForce { point, force: excess });
             }
@@ -150,16 +150,16 @@ impl RainLeaf {
         // Reactions become forces over the next step, which delivers the same impulse without jolting the leaf.
         for PointImpulse { point, impulse } in std::mem::take(&mut result.reactions) {
             let local = step.pose.orientation.inverse() * (point - step.pose.position);
-            result.forces.push(PointForce { point, force: impulse * (self.lever(local, step) / step.h) });
+            result.forces.push(PointForce { point, force: impulse * (self.load_factor(local, step) / step.h) });
         }
     }
 
     /// Factor on the loads at a point of leaf space. The lever arm is already in the point of application; the paper multiplies by it
     /// once more.
-    fn lever(&self, local: DVec3, step: &LeafStep<'_>) -> f64 {
+    fn load_factor(&self, local: DVec3, step: &LeafStep<'_>) -> f64 {
         match step.params.lever {
-            LeverArmRule::Physical => 1.0,
-            LeverArmRule::Paper(most) => (local.length() / self.leaf_reach()).min(most),
+            DropWeightTorque::Physical => 1.0,
+            DropWeightTorque::Paper(most) => (local.length() / self.leaf_reach()).min(most),
         }
     }
 

@@ -4,7 +4,7 @@ use super::*;
 use crate::rain::drops::spherical_cap::{UndeformedPoint, WettingParams};
 use crate::rain::leaf::relief::tests::waves;
 use crate::rain::leaf::surface::tests::flat;
-use crate::rain::simulation::{LeafAttachment, RainConfig, RainSimulation};
+use crate::rain::simulation::{LeafOnPlant, RainConfig, RainSimulation};
 use crate::rain::target::StillRainPlant;
 use crate::rain::tuning::MAP_BLEED;
 use crate::rain::{LeafCollider, RainFrame, RainLeaf, RainSolids};
@@ -207,7 +207,7 @@ fn trail(substeps: u32) -> Vec<f32> {
     let blade = Arc::new(blade());
     let collider = Arc::new(LeafCollider::new(&blade));
     let turn = glam::DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2 - 1.0);
-    let leaf = (RainLeaf::new(Arc::clone(&blade), 1.0, 0), LeafAttachment { plant: 0, leaf: 0, collider });
+    let leaf = (RainLeaf::new(Arc::clone(&blade), 1.0, 0), LeafOnPlant { plant: 0, leaf: 0, collider });
     let mut simulation = RainSimulation::new(RainConfig {
         params: params.clone(),
         emitter: None,

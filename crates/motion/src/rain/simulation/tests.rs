@@ -27,7 +27,7 @@ fn simulation(tilts: &[f64], params: DropParams, emitter: Option<RainEmitter>) -
     let leaves = (0..tilts.len())
         .map(|i| {
             let leaf = RainLeaf::new(Arc::clone(&blade), 1.0, i as u64);
-            (leaf, LeafAttachment { plant: 0, leaf: i, collider: Arc::clone(&collider) })
+            (leaf, LeafOnPlant { plant: 0, leaf: i, collider: Arc::clone(&collider) })
         })
         .collect();
     let stem = WoodSegment { ends: [DVec3::ZERO, DVec3::Y], radii: [0.005, 0.003] };
@@ -216,7 +216,7 @@ fn simulation_on(target: Box<dyn RainPlant>, params: DropParams) -> RainSimulati
         params,
         emitter: None,
         plants: vec![target],
-        leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafAttachment { plant: 0, leaf: 0, collider })],
+        leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafOnPlant { plant: 0, leaf: 0, collider })],
         wind: None,
         ground: Box::new(-100.0),
         solids: RainSolids::default(),
@@ -306,7 +306,7 @@ fn rods_receive_the_momentum_that_a_drop_and_its_splash_have_lost() {
     let collider = Arc::new(LeafCollider::new(&blade));
     let params = DropParams { g: 0.0, tangent_keep: 0.0, splash: 0.3, ..uniform_params() };
     let made = || {
-        let attachment = LeafAttachment { plant: 0, leaf: 1, collider: Arc::clone(&collider) };
+        let attachment = LeafOnPlant { plant: 0, leaf: 1, collider: Arc::clone(&collider) };
         RainSimulation::new(RainConfig {
             params: params.clone(),
             emitter: None,
