@@ -246,7 +246,7 @@ impl FlightPlayback {
             let lead = self.spin_up as f64 / state.simulation.options().fps;
             self.advance_frame(&mut state, &ShiftedWind { wind, lead })?;
             state.frames += 1;
-            self.settle_deposited(&mut state);
+            self.lower_drawn_deposits(&mut state);
             state.extend_trajectories();
         }
         Ok(evaluate(&mut state))
@@ -302,7 +302,7 @@ impl FlightPlayback {
 
     /// Lowers deposited catkins until their lowest hair touches, and raises those that lift off again, with the time constant
     /// [`SETTLE_TIME`]. Only their drawing moves, not the simulation.
-    fn settle_deposited(&self, state: &mut FlightState) {
+    fn lower_drawn_deposits(&self, state: &mut FlightState) {
         if !self.settle {
             return;
         }

@@ -82,7 +82,7 @@ pub struct RainPlayback {
     /// Shapes of pendant drops, by the bits of the radius that they hang from.
     shapes: BTreeMap<u64, PendantFamily>,
     material: u32,
-    shown: DropMeshLimit,
+    shown: MeshedDropSelection,
     maps: Mutex<AdvancingLeafMaps>,
     /// Whether the water's thickness is a map layer too.
     water_maps: bool,
@@ -90,7 +90,7 @@ pub struct RainPlayback {
 
 /// Which drops on leaves are shown as meshes.
 #[derive(Debug, Clone, Copy)]
-struct DropMeshLimit {
+struct MeshedDropSelection {
     /// Largest number of drops of a frame.
     max_drops: usize,
     /// Position of the camera, m: the nearest drops are shown; `None` for the largest.
@@ -283,8 +283,8 @@ fn simulate_rain(
     let max_drops = to_usize(rain.keys.max_drop_meshes);
     report_hidden_drops(&rain_frames, max_drops, report);
     let playback = RainPlayback {
-        shown: DropMeshLimit { max_drops, eye: recipe.camera.eye.map(DVec3::from_array) },
-        shapes: pendant_families(&rain_frames, params.g),
+        shown: MeshedDropSelection { max_drops, eye: recipe.camera.eye.map(DVec3::from_array) },
+        shapes: pendant_families_by_radius(&rain_frames, params.g),
         numbers: drop_records::number_drops(&rain_frames)?,
         maps: Mutex::new(AdvancingLeafMaps { frames: 0, leaves: Vec::new() }),
         water_maps: recipe.maps.water,
@@ -437,7 +437,7 @@ fn report_hidden_drops(frames: &[RainFrame], max_drops: usize, report: &mut Repo
 }
 
 /// Shapes of pendant drops for every radius that occurs in the clip, by the bits of the radius; `g` in m/s^2.
-fn pendant_families(frames: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
+fn pendant_families_by_radius(frames: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
     let radii: BTreeSet<u64> = frames.iter().flat_map(|f| &f.pendant).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
     let shapes = par_map(&radii, |bits| PendantFamily::new(f64::from_bits(*bits), g));

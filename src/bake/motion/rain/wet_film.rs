@@ -26,7 +26,7 @@ pub(super) fn wet_leaf_materials(film: f32, materials: &mut [Material], images: 
         images.get_mut(to_usize(i)).into_iter().for_each(|image| darken_colors(image, darkening));
     }
     for i in roughnesses {
-        images.get_mut(to_usize(i)).into_iter().for_each(|image| smooth(image, film));
+        images.get_mut(to_usize(i)).into_iter().for_each(|image| smooth_roughness_map(image, film));
     }
 }
 
@@ -46,7 +46,7 @@ fn darken_colors(image: &mut Image, factor: f32) {
 }
 
 /// Replaces the values of a roughness map by those under a film.
-fn smooth(image: &mut Image, film: f32) {
+fn smooth_roughness_map(image: &mut Image, film: f32) {
     match &mut image.pixels {
         Pixels::U8(samples) => samples.iter_mut().for_each(|r| *r = byte(under_film(f32::from(*r) / 255.0, film))),
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the old value")]
