@@ -176,7 +176,7 @@ impl SwayMotion {
 
     /// Number of recorded frames.
     pub fn frame_count(&self) -> usize {
-        self.track.len()
+        self.track.frame_count()
     }
 
     /// The bends around a time of the clip, s; `step`: time between two frames, s.

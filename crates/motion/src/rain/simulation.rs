@@ -50,6 +50,13 @@ pub struct FallingDrop {
     wind: HeldWind,
 }
 
+impl FallingDrop {
+    /// A drop that falls from the beginning of the step, can strike every leaf, and has not yet sampled the wind. SI units.
+    fn new(id: u64, p: DVec3, v: DVec3, volume: f64) -> Self {
+        Self { id, p, v, volume, ignore_leaf: None, spawn_offset: 0.0, wind: HeldWind::default() }
+    }
+}
+
 /// The wind at a drop, sampled every [`DROP_WIND_INTERVAL`] and held in between: a drop answers the wind within tenths of a second.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct HeldWind {
@@ -386,15 +393,7 @@ impl RainSimulation {
             self.emitted += d.volume;
             self.events.push(RainEvent::new(DropEventKind::Born, id, d.t, d.p, d.volume));
             let spawn_offset = d.t - self.t;
-            self.falling.push(FallingDrop {
-                id,
-                p: d.p,
-                v: d.v,
-                volume: d.volume,
-                ignore_leaf: None,
-                spawn_offset,
-                wind: HeldWind::default(),
-            });
+            self.falling.push(FallingDrop { spawn_offset, ..FallingDrop::new(id, d.p, d.v, d.volume) });
         }
     }
 
@@ -568,15 +567,7 @@ impl RainSimulation {
             let p = point + n * SPLASH_OFFSET;
             let event = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
             self.events.push(RainEvent { other: Some(drop.id), ..event });
-            self.falling.push(FallingDrop {
-                id,
-                p,
-                v,
-                volume,
-                ignore_leaf,
-                spawn_offset: 0.0,
-                wind: HeldWind::default(),
-            });
+            self.falling.push(FallingDrop { ignore_leaf, ..FallingDrop::new(id, p, v, volume) });
             ejected.volume += volume;
             ejected.momentum += v * (WATER_DENSITY * volume);
         }
@@ -619,16 +610,7 @@ impl RainSimulation {
                 let other = (!drop.is_whole).then_some(drop.id);
                 let event = RainEvent::new(DropEventKind::Fell, id, t, drop.p, drop.volume);
                 self.events.push(RainEvent { leaf: Some(i), other, ..event });
-                let (p, v, volume) = (drop.p, drop.v, drop.volume);
-                self.falling.push(FallingDrop {
-                    id,
-                    p,
-                    v,
-                    volume,
-                    ignore_leaf,
-                    spawn_offset: 0.0,
-                    wind: HeldWind::default(),
-                });
+                self.falling.push(FallingDrop { ignore_leaf, ..FallingDrop::new(id, drop.p, drop.v, drop.volume) });
             }
         }
     }

@@ -86,17 +86,24 @@ pub trait RainPlant: Send + std::fmt::Debug {
     /// inertia and follows the leaf until the next call; [`RainPlant::apply_force`] is for forces beyond its weight.
     fn set_attached_mass(&mut self, leaf: usize, mass: f64, center: DVec3);
 
-    /// Replaces the content of `out` by the current wood segments; their number and order never change.
-    fn wood_segments(&self, out: &mut Vec<WoodSegment>);
+    /// Replaces the content of `out` by the current wood segments; their number and order never change. By default there are none.
+    fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
+        out.clear();
+    }
 
-    /// Inverse effective mass of a wood segment at `fraction` (0 to 1) of its length along a unit vector, 1/kg.
-    fn wood_inverse_effective_mass(&self, segment: usize, fraction: f64, direction: DVec3) -> f64;
+    /// Inverse effective mass of a wood segment at `fraction` (0 to 1) of its length along a unit vector, 1/kg. By default wood does not
+    /// move.
+    fn wood_inverse_effective_mass(&self, _segment: usize, _fraction: f64, _direction: DVec3) -> f64 {
+        0.0
+    }
 
     /// Applies an impulse, N s, to a wood segment; it acts during the next step.
-    fn apply_wood_impulse(&mut self, segment: usize, fraction: f64, impulse: DVec3);
+    fn apply_wood_impulse(&mut self, _segment: usize, _fraction: f64, _impulse: DVec3) {}
 
     /// Velocity of a wood segment at `fraction` of its length, m/s.
-    fn wood_velocity(&self, segment: usize, fraction: f64) -> DVec3;
+    fn wood_velocity(&self, _segment: usize, _fraction: f64) -> DVec3 {
+        DVec3::ZERO
+    }
 
     /// Advances the plant from time `t` by `h`, s.
     /// # Errors
@@ -150,16 +157,6 @@ impl RainPlant for StillRainPlant {
     fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
         out.clear();
         out.extend_from_slice(&self.wood);
-    }
-
-    fn wood_inverse_effective_mass(&self, _: usize, _: f64, _: DVec3) -> f64 {
-        0.0
-    }
-
-    fn apply_wood_impulse(&mut self, _: usize, _: f64, _: DVec3) {}
-
-    fn wood_velocity(&self, _: usize, _: f64) -> DVec3 {
-        DVec3::ZERO
     }
 
     fn step(&mut self, _: f64, _: f64) -> Result<()> {

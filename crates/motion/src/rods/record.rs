@@ -222,8 +222,8 @@ impl RodSystem {
                 }
                 Actuation::Impulse(section, keys) => {
                     let place = self.section_frame(*section).p;
-                    for (_, blow) in keys.0.iter().filter(|k| k.0 >= from && k.0 < from + h && h < f64::MAX) {
-                        self.add_impulse(*section, place, DVec3::from_array(*blow), h);
+                    for (_, impulse) in keys.0.iter().filter(|k| k.0 >= from && k.0 < from + h && h < f64::MAX) {
+                        self.add_impulse(*section, place, DVec3::from_array(*impulse), h);
                     }
                 }
                 Actuation::Mass(body, keys) => self.bodies[*body].mass = keys.at(t).unwrap_or_default()[0],

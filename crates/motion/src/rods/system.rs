@@ -376,12 +376,12 @@ impl RodSystem {
         (0..9).for_each(|k| self.external_forces[section][k] += f[k]);
     }
 
-    /// Adds an impulse `blow`, N s, at a world position `place`, m, that is rigid with a section, to the next step of
+    /// Adds an `impulse`, N s, at a world position `place`, m, that is rigid with a section, to the next step of
     /// `h` seconds. [`RodSystem::clear_forces`] must follow that step.
-    pub fn add_impulse(&mut self, section: usize, place: DVec3, blow: DVec3, h: f64) {
+    pub fn add_impulse(&mut self, section: usize, place: DVec3, impulse: DVec3, h: f64) {
         // An impulse is a force J/h that acts for one step.
         let arm = place - centroid(&self.x[section]);
-        let f = CornerRigidMotion::from_corners(&self.x[section]).corner_forces(blow / h, arm.cross(blow) / h);
+        let f = CornerRigidMotion::from_corners(&self.x[section]).corner_forces(impulse / h, arm.cross(impulse) / h);
         (0..9).for_each(|k| self.impulse_forces[section][k] += f[k]);
     }
 
@@ -465,8 +465,9 @@ impl RodSystem {
         self.update_section_masses();
         // Wrenches, the share of impulses that this step takes, gravity, and the reaction of restoring springs of
         // child rods.
-        for (load, (f, blow)) in self.step.load.iter_mut().zip(self.external_forces.iter().zip(&self.impulse_forces)) {
-            (0..9).for_each(|k| load[k] = f[k] + self.share * blow[k]);
+        for (load, (f, impulse)) in self.step.load.iter_mut().zip(self.external_forces.iter().zip(&self.impulse_forces))
+        {
+            (0..9).for_each(|k| load[k] = f[k] + self.share * impulse[k]);
         }
         self.add_weight_and_spin_loads();
         for rod in 0..self.tree.rods.len() {

@@ -423,19 +423,19 @@ fn inverse_effective_mass(rods: &mut RodSystem, section: usize, place: DVec3, n:
 fn impulse_adds_its_momentum_and_attachments_conserve_it() {
     let mut rods = free_floating_rods();
     assert_eq!(rods.len(), 6 + 5, "the base of the side rod rides");
-    let (blow, h) = (DVec3::new(1e-4, -2e-4, 1e-4), 1e-4);
+    let (impulse, h) = (DVec3::new(1e-4, -2e-4, 1e-4), 1e-4);
     let place = rods.section_frame(10).p + rods.section_frame(10).matrix() * (DVec3::Z * 0.02);
-    let light = inverse_effective_mass(&mut rods, 10, place, blow.normalize());
+    let light = inverse_effective_mass(&mut rods, 10, place, impulse.normalize());
     rods.reset_history();
-    rods.add_impulse(10, place, blow, h);
+    rods.add_impulse(10, place, impulse, h);
     rods.step_implicit(h).expect("steps");
     rods.clear_forces();
     for _ in 0..2000 {
         rods.step_implicit(h).expect("steps");
     }
     let (sum, moment) = linear_and_angular_momentum(&mut rods);
-    assert!((sum - blow).length() < 3e-3 * blow.length(), "{sum}");
-    let wanted = place.cross(blow);
+    assert!((sum - impulse).length() < 3e-3 * impulse.length(), "{sum}");
+    let wanted = place.cross(impulse);
     assert!((moment - wanted).length() < 0.02 * wanted.length(), "{moment} {wanted}");
     // At the weight's own place: the weight and a little of the section, which turns about it.
     assert!(light > 1.0 / 0.0115 && light < 1.0 / 0.01, "{light}");

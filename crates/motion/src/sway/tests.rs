@@ -139,7 +139,7 @@ fn loops_close_in_angle_and_rate() {
     let wind = gusts(Some(5.0));
     let shaken = SwayParams { flicker: 0.15, ..params(wood) };
     let track = record(&all, &wind, shaken, take(120, true));
-    assert_eq!(track.len(), 120);
+    assert_eq!(track.frame_count(), 120);
     assert_eq!(track.at(0.0), track.at(120.0));
     assert_eq!(track.at(-0.5), track.at(119.5));
     for e in 0..all.list.len() {

@@ -193,8 +193,7 @@ impl BendTrack {
     }
 
     /// Number of frames of the clip.
-    #[allow(clippy::len_without_is_empty, reason = "a clip has frames")]
-    pub fn len(&self) -> usize {
+    pub fn frame_count(&self) -> usize {
         self.frames.len()
     }
 }

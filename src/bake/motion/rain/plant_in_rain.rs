@@ -77,27 +77,19 @@ pub(super) enum RainedPlantRecorder {
 
 /// Writes the leaves of a swaying plant where wind and drops have moved them.
 pub(super) struct SwayRecorder {
-    motion: Arc<SwayMotion>,
-    /// The plant's instancers and skeleton, without meshes.
-    leafage: Arc<Asset>,
-    transform: Trs,
-    /// Instance of each leaf that drops can strike.
-    instances: Vec<LeafInstance>,
+    wind: RecordedWindPoses,
     /// Leaf pivots and nodes at rest, in the world.
     rest_bounds: Bounds,
-    /// Time between two frames, s.
-    step: f64,
 }
 
 impl RainedPlantRecorder {
     /// World bounds of the plant during the clip, from those at rest: extended by as much as leaf pivots and nodes leave theirs.
     pub(super) fn bounds_in_wind(&self, at_rest: Bounds) -> Bounds {
         let Self::Sway(recorder) = self else { return at_rest };
-        let poses = recorder.wind_poses();
-        let frames = recorder.motion.frame_count();
+        let frames = recorder.wind.motion.frame_count();
         let swept =
             (0..frames).step_by(frames.div_ceil(SAMPLED_FRAMES).max(1)).fold(Bounds::default(), |swept, frame| {
-                let WindPose { leaves, nodes } = poses.at_frame(frame.cast_signed() as i64);
+                let WindPose { leaves, nodes } = recorder.wind.at_frame(frame.cast_signed() as i64);
                 swept.union(Bounds::of(leaves.iter().map(|leaf| leaf.position).chain(nodes).map(|p| p.as_vec3())))
             });
         // Blades reach beyond their pivots by as much in the wind as at rest.
@@ -136,12 +128,14 @@ pub(super) fn plant_in_rain(
             let pivot = |of_leaf: &&SceneLeaf| of_leaf.position.as_vec3();
             let nodes = of.plant.nodes.p.iter().map(|p| of.transform.apply(*p));
             let recorder = SwayRecorder {
+                wind: RecordedWindPoses {
+                    motion,
+                    leafage: Arc::new(Asset { meshes: Vec::new(), ..of.asset.clone() }),
+                    transform: of.transform,
+                    instances: of.leaves.iter().map(|leaf| leaf.instance).collect(),
+                    step: clock.fps.recip(),
+                },
                 rest_bounds: Bounds::of(of.leaves.iter().map(pivot).chain(nodes)),
-                step: clock.fps.recip(),
-                leafage: Arc::new(Asset { meshes: Vec::new(), ..of.asset.clone() }),
-                transform: of.transform,
-                instances: of.leaves.iter().map(|leaf| leaf.instance).collect(),
-                motion,
             };
             (Box::new(recorder.rain_plant(of, clock)), RainedPlantRecorder::Sway(recorder))
         }
@@ -169,56 +163,48 @@ impl SwayRecorder {
         let leaves: Vec<SwayingLeaf<'_>> = of.leaves.iter().map(swaying).collect();
         SwayingRainPlant::new(SwayInRain {
             plant: of.plant,
-            elements: self.motion.elements(),
-            params: self.motion.params(),
+            elements: self.wind.motion.elements(),
+            params: self.wind.motion.params(),
             leaves: &leaves,
-            poses: Box::new(self.wind_poses()),
+            poses: Box::new(self.wind.clone()),
             lead: clock.lead,
             gravity: clock.gravity,
         })
     }
 
-    /// The record of the plant in the wind.
-    fn wind_poses(&self) -> RecordedWindPoses {
-        RecordedWindPoses {
-            motion: Arc::clone(&self.motion),
-            leafage: Arc::clone(&self.leafage),
-            transform: self.transform,
-            instances: self.instances.clone(),
-            step: self.step,
-        }
-    }
-
     /// The asset with leaves where the simulation has them; leaves on which no drop can lie stay with the wind.
     fn frame(&self, asset: &Asset, plant: &dyn RainPlant, added_bends: Vec<[f32; 2]>, time: FrameTime) -> AssetFrame {
-        let mut instances = self.motion.places(&self.leafage, time).instances;
-        let back = self.transform.r.as_dquat().normalize().conjugate();
-        let scale = f64::from(self.transform.s.x);
+        let RecordedWindPoses { motion, leafage, transform, instances: of_leaves, .. } = &self.wind;
+        let mut instances = motion.places(leafage, time).instances;
+        let back = transform.r.as_dquat().normalize().conjugate();
+        let scale = f64::from(transform.s.x);
         for state in &mut instances {
             let count = state.positions.len();
             (state.velocities, state.angular_velocities) = (vec![Vec3::ZERO; count], vec![Vec3::ZERO; count]);
         }
         // Poses of the simulation are in the world; instances are in plant space.
-        for (k, of) in self.instances.iter().enumerate() {
+        for (k, of) in of_leaves.iter().enumerate() {
             let InstanceState { positions, orientations, velocities, angular_velocities, .. } =
                 &mut instances[of.instancer];
             let (pose, i) = (plant.leaf_pose(k), of.instance);
-            positions[i] = (back * (pose.position - self.transform.t.as_dvec3()) / scale).as_vec3();
+            positions[i] = (back * (pose.position - transform.t.as_dvec3()) / scale).as_vec3();
             orientations[i] = (back * pose.orientation).as_quat().normalize();
             velocities[i] = (back * pose.velocity / scale).as_vec3();
             angular_velocities[i] = (back * pose.angular_velocity).as_vec3();
         }
-        self.motion.frame_in_rain(asset, time, RainedSway { added_bends, instances })
+        motion.frame_in_rain(asset, time, RainedSway { added_bends, instances })
     }
 }
 
 /// Poses of a plant's leaves and nodes in the wind, from its recorded sway.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct RecordedWindPoses {
     motion: Arc<SwayMotion>,
-    /// The plant's instancers and skeleton.
+    /// The plant's instancers and skeleton, without meshes.
     leafage: Arc<Asset>,
+    /// World from plant space.
     transform: Trs,
+    /// Instance of each leaf that drops can strike.
     instances: Vec<LeafInstance>,
     /// Time between two frames, s.
     step: f64,

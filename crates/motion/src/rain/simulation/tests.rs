@@ -184,20 +184,6 @@ impl RainPlant for FreePlate {
         self.water = mass;
     }
 
-    fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
-        out.clear();
-    }
-
-    fn wood_inverse_effective_mass(&self, _: usize, _: f64, _: DVec3) -> f64 {
-        0.0
-    }
-
-    fn apply_wood_impulse(&mut self, _: usize, _: f64, _: DVec3) {}
-
-    fn wood_velocity(&self, _: usize, _: f64) -> DVec3 {
-        DVec3::ZERO
-    }
-
     fn step(&mut self, _: f64, h: f64) -> Result<()> {
         let before = self.pose.velocity;
         self.pose.velocity += (self.impulse + self.force * h) / (self.mass + self.water);
@@ -369,20 +355,6 @@ impl RainPlant for Scales {
 
     fn set_attached_mass(&mut self, _: usize, mass: f64, _: DVec3) {
         *self.force.lock().expect("one thread") += DVec3::NEG_Y * (self.weight * mass);
-    }
-
-    fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
-        out.clear();
-    }
-
-    fn wood_inverse_effective_mass(&self, _: usize, _: f64, _: DVec3) -> f64 {
-        0.0
-    }
-
-    fn apply_wood_impulse(&mut self, _: usize, _: f64, _: DVec3) {}
-
-    fn wood_velocity(&self, _: usize, _: f64) -> DVec3 {
-        DVec3::ZERO
     }
 
     fn step(&mut self, _: f64, _: f64) -> Result<()> {

@@ -331,7 +331,7 @@ impl RodPlant {
             rods.add_wrench(*section, *force, arm.cross(*force));
         }
         if with_impulses {
-            impulses.iter().for_each(|(section, place, blow)| rods.add_impulse(*section, *place, *blow, h));
+            impulses.iter().for_each(|(section, place, impulse)| rods.add_impulse(*section, *place, *impulse, h));
         }
         let Some(wind) = wind.clone() else { return };
         rods.add_wind_drag(drags, &*wind, t + h);
@@ -395,9 +395,9 @@ impl RainPlant for RodPlant {
         self.leaves[leaf].section.map_or(0.0, |section| self.section_inverse_effective_mass(section, place, along))
     }
 
-    fn apply_impulse(&mut self, leaf: usize, place: DVec3, blow: DVec3) {
+    fn apply_impulse(&mut self, leaf: usize, place: DVec3, impulse: DVec3) {
         if let Some(section) = self.leaves[leaf].section {
-            self.impulses.push((section, place, blow));
+            self.impulses.push((section, place, impulse));
         }
     }
 
@@ -422,29 +422,31 @@ impl RainPlant for RodPlant {
         }));
     }
 
-    fn wood_inverse_effective_mass(&self, bough: usize, share: f64, along: DVec3) -> f64 {
-        let part = |end: &SegmentEnd, share: f64| {
+    fn wood_inverse_effective_mass(&self, segment: usize, fraction: f64, direction: DVec3) -> f64 {
+        let part = |end: &SegmentEnd, fraction: f64| {
             end.section.map_or(0.0, |section| {
-                share * share * self.section_inverse_effective_mass(section, self.segment_end_position(end), along)
+                fraction
+                    * fraction
+                    * self.section_inverse_effective_mass(section, self.segment_end_position(end), direction)
             })
         };
-        let [a, b] = &self.wood[bough];
-        part(a, 1.0 - share) + part(b, share)
+        let [a, b] = &self.wood[segment];
+        part(a, 1.0 - fraction) + part(b, fraction)
     }
 
-    fn apply_wood_impulse(&mut self, bough: usize, share: f64, blow: DVec3) {
-        for (end, share) in self.wood[bough].into_iter().zip([1.0 - share, share]) {
+    fn apply_wood_impulse(&mut self, segment: usize, fraction: f64, impulse: DVec3) {
+        for (end, fraction) in self.wood[segment].into_iter().zip([1.0 - fraction, fraction]) {
             if let Some(section) = end.section {
-                self.impulses.push((section, self.segment_end_position(&end), blow * share));
+                self.impulses.push((section, self.segment_end_position(&end), impulse * fraction));
             }
         }
     }
 
-    fn wood_velocity(&self, bough: usize, share: f64) -> DVec3 {
+    fn wood_velocity(&self, segment: usize, fraction: f64) -> DVec3 {
         let of = |end: &SegmentEnd| {
             end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.segment_end_position(end)))
         };
-        of(&self.wood[bough][0]).lerp(of(&self.wood[bough][1]), share)
+        of(&self.wood[segment][0]).lerp(of(&self.wood[segment][1]), fraction)
     }
 
     fn posed_rods(&self) -> Option<&RodSystem> {

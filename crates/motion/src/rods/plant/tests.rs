@@ -142,9 +142,9 @@ fn impulse_changes_velocity_by_inverse_effective_mass() {
     let made = || RodPlant::new(&twig(), &near, &free, "twig");
     let twice = |strike: &dyn Fn(&mut RodPlant, f64), look: &dyn Fn(&RodPlant) -> f64| {
         // The difference of both signs cancels terms of second order in the impulse.
-        let [forth, back] = [1e-3, -1e-3].map(|blow| {
+        let [forth, back] = [1e-3, -1e-3].map(|impulse| {
             let mut rod_plant = made();
-            strike(&mut rod_plant, blow);
+            strike(&mut rod_plant, impulse);
             run_steps(&mut rod_plant, 24.5 * SHORT, SHORT, |_| ());
             look(&rod_plant)
         });
@@ -158,15 +158,15 @@ fn impulse_changes_velocity_by_inverse_effective_mass() {
         // A blade of 0.56 g, impulses off its middle, gives direction more than its weight says.
         let light = rod_plant.inverse_effective_mass(leaf, place, along);
         assert!(light > 1.0 / 6e-4 && light < 1e5, "{light}");
-        let strike = |b: &mut RodPlant, blow: f64| {
+        let strike = |b: &mut RodPlant, impulse: f64| {
             b.set_attached_mass(leaf, 2e-5, wet);
-            b.apply_impulse(leaf, place, along * blow);
+            b.apply_impulse(leaf, place, along * impulse);
         };
         let got = twice(&strike, &|b| b.leaf_pose(leaf).velocity_at(place).dot(along));
         assert!((got / light - 1.0).abs() < 1e-6, "{got} {light}");
     }
     let light = made().wood_inverse_effective_mass(6, 0.3, DVec3::Y);
-    let got = twice(&|b, blow| b.apply_wood_impulse(6, 0.3, DVec3::Y * blow), &|b| b.wood_velocity(6, 0.3).y);
+    let got = twice(&|b, impulse| b.apply_wood_impulse(6, 0.3, DVec3::Y * impulse), &|b| b.wood_velocity(6, 0.3).y);
     assert!(light > 0.0 && (got / light - 1.0).abs() < 1e-6, "{got} {light}");
 }
 
