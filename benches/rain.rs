@@ -257,7 +257,7 @@ fn whole_frames(manner: &DropParams) {
         plants: vec![Box::new(StillRainPlant::new(&poses, Vec::new()))],
         leaves: leaves.collect(),
         wind: None,
-        ground: Box::new(0.8),
+        ground: Arc::new(0.8),
         solids: RainSolids::default(),
     };
     let mut storm = RainSimulation::new(parts);

@@ -208,3 +208,66 @@ fn a_storm_gives_the_same_bytes_at_any_number_of_threads() {
     });
     program::assert_same(&trees[0], &trees[1], "threads");
 }
+
+/// Rain of the past wets a wall on the side that the wind comes from, a canopy on top, and the ground but for the places in their lee.
+#[test]
+fn earlier_rain_has_wetted_what_rain_reaches() {
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("yard.toml");
+    let text = "[frames]\nend = 2\n[plants.p]\ngrammar = \"p.l\"\n[[place]]\nplant = \"p\"\nat = [-8, 0, 0]\n\
+        [[solid]]\nname = \"wall\"\nsize = [0.4, 2, 6]\n[[solid]]\nname = \"canopy\"\nat = [8, 2, 0]\n\
+        size = [4, 0.1, 4]\n[wind]\nmodel = \"uniform\"\nspeed = 5\n[rain]\nsize_distribution = \"fixed\"\nsize_mm = 2\n\
+        [rain.wet]\nfilm = 1\n[ground]\nrelief = 0\n";
+    fs::write(&scene, text).expect("scene");
+    fs::write(dir.path().join("p.l"), "Lsystem: p\nDerivation length: 0\nAxiom: !(0.05) F(1)\nendlsystem\n")
+        .expect("grammar");
+    let out = dir.path().join("out");
+    ends(0, &["bake", arg(&scene), "-o", arg(&out), "--formats", "obj"]);
+
+    // The faces of an asset: centroid, area vector, whether the material is a wet one.
+    let faces = |name: &str| {
+        let text = fs::read_to_string(out.join(format!("obj/{name}.obj"))).expect("obj");
+        let mut points: Vec<DVec3> = Vec::new();
+        let (mut faces, mut wet) = (Vec::new(), false);
+        for line in text.lines() {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            match words.first().copied() {
+                Some("v") => {
+                    let number = |i: usize| words[i].parse::<f64>().expect("number");
+                    points.push(DVec3::new(number(1), number(2), number(3)));
+                }
+                Some("usemtl") => wet = words[1].ends_with("_wet"),
+                Some("f") => {
+                    let corner =
+                        |i: usize| points[words[i].split('/').next().expect("v").parse::<usize>().expect("v") - 1];
+                    let [a, b, c] = [corner(1), corner(2), corner(3)];
+                    faces.push(((a + b + c) / 3.0, (b - a).cross(c - a) / 2.0, wet));
+                }
+                _ => {}
+            }
+        }
+        faces
+    };
+    // Wet share of the area of the faces that a condition chooses.
+    let share = |name: &str, chosen: &dyn Fn(DVec3, DVec3) -> bool| {
+        let faces = faces(name);
+        let area = |wet_only: bool| -> f64 {
+            let all = faces.iter().filter(|(p, a, wet)| chosen(*p, a.normalize()) && (*wet || !wet_only));
+            all.map(|(_, a, _)| a.length()).sum()
+        };
+        area(true) / area(false)
+    };
+    // The wind blows along +X.
+    assert!(share("wall", &|_, n| n.x < -0.9) > 0.999);
+    assert!(share("wall", &|_, n| n.x > 0.9) < 1e-9);
+    assert!(share("canopy", &|_, n| n.y > 0.9) > 0.999);
+    // The ground's asset is centred under the plant at x = -8. The canopy's dry ground lies downwind of it by as much as drops drift in
+    // 2 m of fall.
+    let ground = |chosen: &dyn Fn(DVec3) -> bool| share("ground", &|p, _| chosen(p - DVec3::X * 8.0));
+    assert!(ground(&|p| p.x > 7.8 && p.x < 11.2 && p.z.abs() < 1.8) < 0.01);
+    // Drops of 2 mm fall at 6.5 m/s, so that the wall keeps 2 m x 5 / 6.5 = 1.53 m of the ground behind it dry.
+    let wet = ground(&|p| p.x > 0.2 && p.x < 3.2 && p.z.abs() < 2.5);
+    println!("wet share of the ground behind the wall: {wet:.3}");
+    assert!((wet - (1.0 - 1.53 / 3.0)).abs() < 0.03, "{wet}");
+    assert!(ground(&|p| p.x < -1.0 && p.x > -6.0) > 0.999);
+}

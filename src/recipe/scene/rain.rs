@@ -176,7 +176,7 @@ keys! {
         decay_fraction: f64 = "decay_fraction" number(0.5, 0.01, 0.99, "");
         /// Time after which the wetness has decayed to `decay_fraction`.
         decay_time: f64 = "decay_time_s" number(20.0, 0.05, 1e5, "s");
-        /// Film of water on all leaves from earlier rain, which makes them darker and shiny: 0 dry, 1 closed. Appearance only.
+        /// Film of water from earlier rain on all leaves, and on bark, solids and ground where rain reaches them, which makes them darker and shiny: 0 dry, 1 closed. Appearance only.
         film: f64 = "film" number(0.0, 0.0, 1.0, "");
         /// Length over which wetness decreases from the centre of a drop.
         length: f64 = "length_mm" millimetres(3.0, 0.1, 100.0);

@@ -34,7 +34,7 @@
 //!     plants: vec![Box::new(StillRainPlant::new(&[pose], Vec::new()))],
 //!     leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafOnPlant { plant: 0, leaf: 0, collider })],
 //!     wind: None,
-//!     ground: Box::new(0.0),
+//!     ground: Arc::new(0.0),
 //!     solids: RainSolids::default(),
 //! });
 //! simulation.deposit_drop(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 40e-9);
@@ -55,6 +55,7 @@ mod collide;
 mod drops;
 mod emitter;
 mod event;
+mod exposure;
 mod fall;
 mod frame;
 mod ground;
@@ -77,6 +78,7 @@ pub use drops::spherical_cap::{CapDeformation, CapHeightRule, SphericalCap, Unde
 pub use drops::surface_drop::DropCap;
 pub use emitter::{DropSizes, EmittedDrop, IntensityEnvelope, RainEmitter, RainfallParams};
 pub use event::{DropEventKind, RainEvent};
+pub use exposure::{RainExposure, SurfacePoint};
 pub use fall::{sphere_diameter, sphere_volume};
 pub use frame::{AirborneDrop, LeafMapInput, PendantDrop, RainFrame, SessileDrop};
 pub use ground::GroundHeight;

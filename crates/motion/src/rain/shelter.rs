@@ -29,9 +29,15 @@ impl Shelter {
 
     /// Removes the drops that do not get to where they are emitted, as something stands in their way. `t`: time of their emission, s.
     pub(crate) fn retain_unsheltered(&self, drops: &mut Vec<EmittedDrop>, wind: Option<&dyn Wind>, t: f64) {
+        let mut sheltered = self.find_sheltered(drops, wind, t).into_iter();
+        drops.retain(|_| !sheltered.next().unwrap_or(false));
+    }
+
+    /// Whether something stands in the way of each drop to its position. `t`: the time at which they are there, s.
+    pub(crate) fn find_sheltered(&self, drops: &[EmittedDrop], wind: Option<&dyn Wind>, t: f64) -> Vec<bool> {
         // Most scenes have nothing above the plane from which rain comes.
         if drops.iter().all(|d| d.p.y >= self.top) {
-            return;
+            return vec![false; drops.len()];
         }
         // Follow all drops backwards in time up to the height where nothing stands, at terminal speed in the wind of that time. A path
         // that crosses a face or the ground is that of a drop that never comes.
@@ -52,8 +58,7 @@ impl Shelter {
                 track.p = from;
             }
         }
-        let mut kept = tracks.iter().map(|k| !k.is_sheltered);
-        drops.retain(|_| kept.next().unwrap_or(true));
+        tracks.iter().map(|k| k.is_sheltered).collect()
     }
 }
 

@@ -134,7 +134,7 @@ pub struct RainConfig {
     /// Wind that carries falling drops; `None` in calm air.
     pub wind: Option<Arc<dyn Wind>>,
     /// Ground at which drops end.
-    pub ground: Box<dyn GroundHeight>,
+    pub ground: Arc<dyn GroundHeight>,
     /// Walls, roofs and meshes at which drops end.
     pub solids: RainSolids,
 }
@@ -220,7 +220,7 @@ impl RainSimulation {
     /// A simulation at time 0, before the first drop.
     pub fn new(config: RainConfig) -> Self {
         let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafOnPlant>) = config.leaves.into_iter().unzip();
-        let ground: Arc<dyn GroundHeight> = config.ground.into();
+        let ground = config.ground;
         let shelter = Shelter::new(config.solids.clone(), Arc::clone(&ground));
         let mut simulation = Self {
             params: config.params,

@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use crate::rain::collide::TriangleHierarchy;
 use osier_base::Result;
 use osier_base::convert::index;
+use osier_base::geometry::Bounds;
 use osier_scene::Mesh;
 
 /// The faces of all solids of a scene, which do not move. Open and thin meshes stop drops too, from either side.
@@ -42,6 +43,11 @@ impl RainSolids {
         let corner = |v: Vec3, pick: fn(Vec3, Vec3) -> Vec3| points.iter().fold(v, |m, p| pick(m, *p)).as_dvec3();
         let bounds = [corner(Vec3::INFINITY, Vec3::min), corner(Vec3::NEG_INFINITY, Vec3::max)];
         Ok(Self { faces: Some(Arc::new(TriangleHierarchy::new(&points, &triangles))), bounds })
+    }
+
+    /// The box around all faces, m; empty without solids.
+    pub fn bounds(&self) -> Bounds {
+        if self.faces.is_some() { Bounds::of(self.bounds.map(|p| p.as_vec3())) } else { Bounds::default() }
     }
 
     /// Height of the lowest and of the highest point, m; `None` without solids.

@@ -300,3 +300,10 @@ pub const PROFILE_POINTS: [usize; 3] = [40, 12, 4];
 /// Height of a pendant drop above its attachment, in radii, and the rings of that part: near, from afar and distant.
 pub const SEAT_HEIGHT: f64 = 0.35;
 pub const SEAT_RINGS: [u32; 3] = [8, 3, 2];
+
+/// Parts of equal volume that the rain is divided into where the exposure of surfaces is computed, each at a time of the clip of its
+/// own. More resolve gusts and sizes better, at a cost in proportion.
+pub const EXPOSURE_SAMPLES: u32 = 8;
+/// How far outside of a surface its exposure is computed, m: more than the radius of the largest drops, which would touch the surface
+/// itself otherwise.
+pub const EXPOSURE_OFFSET: f32 = 5e-3;

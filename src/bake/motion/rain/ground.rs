@@ -1,5 +1,7 @@
 //! The ground under rain: level, wavy or terrain.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use osier_base::math::narrow;
@@ -27,11 +29,11 @@ pub enum RainGround {
 
 impl RainGround {
     /// Heights at which drops end. `lowest`: height of the lowest point of all plants and solids, m.
-    pub fn into_height(self, lowest: f64) -> Box<dyn GroundHeight> {
+    pub fn into_height(self, lowest: f64) -> Arc<dyn GroundHeight> {
         match self {
-            Self::Level { shown: true } => Box::new(0.0),
-            Self::Level { shown: false } => Box::new(lowest - REMOVAL_DEPTH),
-            uneven => Box::new(uneven),
+            Self::Level { shown: true } => Arc::new(0.0),
+            Self::Level { shown: false } => Arc::new(lowest - REMOVAL_DEPTH),
+            uneven => Arc::new(uneven),
         }
     }
 }

@@ -10,6 +10,7 @@ mod plant_in_rain;
 mod scene_leaf;
 mod stats;
 mod wet_film;
+mod wet_surfaces;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -37,7 +38,8 @@ use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
     DropDetail, DropMesh, DropParams, LeafOnPlant, LeafPose, LeafWaterMaps, PendantFamily, RainConfig, RainEmitter,
-    RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster, WoodSegment, sphere_diameter,
+    RainExposure, RainFrame, RainLeaf, RainPlant, RainSimulation, RainSolids, StillRainPlant, UvRaster, WoodSegment,
+    sphere_diameter,
 };
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
@@ -129,6 +131,16 @@ struct SimulatedRain {
     /// Textures of leaves that were drawn anew over charts.
     images: Vec<Image>,
     table: Table,
+    wet_film: Option<WetFilm>,
+}
+
+/// A film of water that earlier rain has left on what it reached.
+struct WetFilm {
+    /// Fraction of a wet face that it covers, 0 to 1.
+    cover: f32,
+    exposure: RainExposure,
+    /// Bounds of the solids, m; empty without any.
+    solids: Bounds,
 }
 
 /// What rain adds to a scene beside assets. Empty without rain.
@@ -138,6 +150,18 @@ pub(crate) struct AddedRain {
     pub(crate) map_sequences: Vec<MapSequence>,
     /// Statistics, one row per frame; `None` in a still scene.
     pub(crate) table: Option<Table>,
+    wet_film: Option<WetFilm>,
+}
+
+impl AddedRain {
+    /// Gives the bark, solids and ground of a complete scene a wet material where rain reaches them, if the scene asks for a film.
+    /// # Errors
+    /// `TooMany` beyond 2^32 materials or images.
+    pub(crate) fn wet_surfaces(&self, builder: &mut SceneBuilder) -> Result<()> {
+        self.wet_film
+            .as_ref()
+            .map_or(Ok(()), |film| wet_surfaces::wet_exposed_surfaces(film.cover, &film.exposure, film.solids, builder))
+    }
 }
 
 /// Parts of a scene that rain falls on.
@@ -207,7 +231,11 @@ pub(crate) fn add_rain(
     let moves = recipe.clip.len() > 1;
     let motion = moves.then_some(simulated.playback as Arc<dyn AssetMotion>);
     builder.add_placed(simulated.asset, Trs::IDENTITY, motion);
-    Ok(AddedRain { map_sequences: simulated.map_sequences, table: moves.then_some(simulated.table) })
+    Ok(AddedRain {
+        map_sequences: simulated.map_sequences,
+        table: moves.then_some(simulated.table),
+        wet_film: simulated.wet_film,
+    })
 }
 
 /// Simulates and records the whole clip.
@@ -244,6 +272,13 @@ fn simulate_rain(
     let clip = recipe.clip;
     let frames = clip.len() as u64;
     let rainfall = params::rainfall_params(rain, recipe);
+    let lowest = f64::from(bounds.min.y);
+    let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
+    let wet_film = (rain.wet.film > 0.0).then(|| WetFilm {
+        cover: narrow(rain.wet.film),
+        exposure: RainExposure::new(&rainfall, wind.clone(), solids.clone(), Arc::clone(&ground)),
+        solids: solids.bounds(),
+    });
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
     let area = emitter.as_ref().map(RainEmitter::area);
     check_memory(&emitter, bounds, frames, scene_leaves.len(), context)?;
@@ -251,8 +286,6 @@ fn simulate_rain(
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
         (leaf, LeafOnPlant { plant: f.instance.asset, leaf: f.number, collider: Arc::clone(&f.collider) })
     });
-    let lowest = f64::from(bounds.min.y);
-    let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
     let config =
         RainConfig { params: params.clone(), emitter, plants: targets, leaves: leaves.collect(), wind, ground, solids };
     let mut simulation = RainSimulation::new(config);
@@ -307,7 +340,7 @@ fn simulate_rain(
     }
     let rate = rain.keys.falls.then_some(rain.keys.rate);
     let table = stats::rain_table(&playback.params, rate, area);
-    Ok(SimulatedRain { asset, playback: Arc::new(playback), map_sequences, images: new_images, table })
+    Ok(SimulatedRain { asset, playback: Arc::new(playback), map_sequences, images: new_images, table, wet_film })
 }
 
 /// A plant that does not move: its leaves, and its stems as tapered capsules between nodes.

@@ -1,42 +1,145 @@
-//! A film of water that earlier rain has left on all leaves: their materials are darker and smoother in every format.
+//! A film of water that earlier rain has left on surfaces: their materials are darker and smoother in every format.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::leaf_maps::WET_ALBEDO;
-use osier_base::convert::to_usize;
+use osier_base::Result;
+use osier_base::convert::{index, to_usize};
 use osier_base::units::{byte, linear_from_srgb, srgb_byte};
-use osier_scene::{Image, Material, MaterialClass, Pixels};
+use osier_scene::{Image, Maps, Material, MaterialClass, MaterialId, Pixels};
 
 /// Roughness of a closed film of water on a leaf. Own: by eye; smaller values make leaves mirrors, larger ones make them look dry.
 const FILM_ROUGHNESS: f32 = 0.12;
+/// Roughness of a closed film on what absorbs water: bark, plaster, tiles, soil. Own: by eye; smaller values varnish them.
+const POROUS_FILM_ROUGHNESS: f32 = 0.35;
 
-/// Wets the materials of all leaves. `film`: fraction of the leaves that it covers, 0 to 1. `images`: textures of the scene; empty in
-/// an estimate, which reads none.
-pub(super) fn wet_leaf_materials(film: f32, materials: &mut [Material], images: &mut [Image]) {
-    let darkening = 1.0 + film * (WET_ALBEDO - 1.0);
+/// A film of water on the materials of a class.
+#[derive(Debug, Clone, Copy)]
+struct Film {
+    /// Fraction of the surface that it covers, 0 to 1.
+    cover: f32,
+    /// Roughness where it is closed.
+    roughness: f32,
+}
+
+impl Film {
+    fn on(class: MaterialClass, cover: f32) -> Self {
+        let porous = matches!(class, MaterialClass::Bark | MaterialClass::Ground);
+        Self { cover, roughness: if porous { POROUS_FILM_ROUGHNESS } else { FILM_ROUGHNESS } }
+    }
+
+    /// Factor on the albedo.
+    fn darkening(self) -> f32 {
+        1.0 + self.cover * (WET_ALBEDO - 1.0)
+    }
+
+    /// Roughness of a surface under the film.
+    fn smooth(self, roughness: f32) -> f32 {
+        roughness + (self.roughness - roughness).min(0.0) * self.cover
+    }
+
+    fn wet_values(self, material: &mut Material) {
+        material.base_color = material.base_color.map(|c| c * self.darkening());
+        material.roughness = self.smooth(material.roughness);
+    }
+}
+
+/// Wets the materials of all leaves. `cover`: fraction of the leaves that the film covers, 0 to 1. `images`: textures of the scene;
+/// empty in an estimate, which reads none.
+pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images: &mut [Image]) {
+    let film = Film::on(MaterialClass::Leaf, cover);
     // Leaves may share textures, each of which is changed once.
     let (mut colors, mut roughnesses) = (BTreeSet::new(), BTreeSet::new());
     for material in materials.iter_mut().filter(|m| m.class == MaterialClass::Leaf) {
-        material.base_color = material.base_color.map(|c| c * darkening);
-        material.roughness = under_film(material.roughness, film);
+        film.wet_values(material);
         colors.extend(material.maps.color);
         roughnesses.extend(material.maps.roughness);
     }
     for i in colors {
-        images.get_mut(to_usize(i)).into_iter().for_each(|image| darken_colors(image, darkening));
+        images.get_mut(to_usize(i)).into_iter().for_each(|image| darken_colors(image, film));
     }
     for i in roughnesses {
         images.get_mut(to_usize(i)).into_iter().for_each(|image| smooth_roughness_map(image, film));
     }
 }
 
-/// A roughness under a film that covers the fraction `film` of the surface.
-fn under_film(roughness: f32, film: f32) -> f32 {
-    roughness + (FILM_ROUGHNESS - roughness).min(0.0) * film
+/// How the faces of a material are divided by rain.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct MaterialUse {
+    /// Whether it has faces that rain reaches.
+    pub(super) wet: bool,
+    /// Whether it has faces that rain does not reach.
+    pub(super) dry: bool,
+}
+
+/// Images of wet materials.
+struct WetImages {
+    /// Images that keep their pixels.
+    dry: BTreeSet<u32>,
+    /// The wet image of each that has one: a copy, or the image itself.
+    wet: BTreeMap<u32, u32>,
+}
+
+impl WetImages {
+    /// The wet image of a dry one, which `wet` changes unless that was done before.
+    fn add(&mut self, dry: u32, film: Film, wet: fn(&mut Image, Film), images: &mut Vec<Image>) -> Result<u32> {
+        if let Some(known) = self.wet.get(&dry) {
+            return Ok(*known);
+        }
+        let mut new = dry;
+        if let Some(image) = images.get(to_usize(dry)).filter(|_| self.dry.contains(&dry)) {
+            new = index(images.len(), "images of a scene")?;
+            images.push(Image { name: format!("{}_wet", image.name), ..image.clone() });
+        }
+        images.get_mut(to_usize(new)).into_iter().for_each(|image| wet(image, film));
+        self.wet.insert(dry, new);
+        Ok(new)
+    }
+}
+
+/// Adds a wet variant of each material that has wet faces; returns the material of the wet faces of each. A material without dry faces
+/// becomes wet itself, and so do images that only such materials use. `uses`: parallel to `materials`.
+/// # Errors
+/// `TooMany` beyond 2^32 materials or images.
+pub(super) fn add_wet_materials(
+    cover: f32,
+    uses: &[MaterialUse],
+    materials: &mut Vec<Material>,
+    images: &mut Vec<Image>,
+) -> Result<BTreeMap<MaterialId, MaterialId>> {
+    let all_uses = || uses.iter().copied().chain(std::iter::repeat(MaterialUse::default()));
+    // Images that keep their pixels, because a material that stays dry has them.
+    let dry = materials
+        .iter()
+        .zip(all_uses())
+        .filter(|(_, u)| u.dry || !u.wet)
+        .flat_map(|(m, _)| [m.maps.color, m.maps.roughness].into_iter().flatten());
+    let mut wet_images = WetImages { dry: dry.collect(), wet: BTreeMap::new() };
+    let mut wet_materials = BTreeMap::new();
+    for (i, of) in uses.iter().enumerate().filter(|(_, of)| of.wet) {
+        let mut material = materials[i].clone();
+        let film = Film::on(material.class, cover);
+        film.wet_values(&mut material);
+        let Maps { color, roughness, .. } = material.maps;
+        material.maps.color = color.map(|dry| wet_images.add(dry, film, darken_colors, images)).transpose()?;
+        material.maps.roughness =
+            roughness.map(|dry| wet_images.add(dry, film, smooth_roughness_map, images)).transpose()?;
+        let own = index(i, "materials of a scene")?;
+        if of.dry {
+            material.name.push_str("_wet");
+            wet_materials.insert(own, index(materials.len(), "materials of a scene")?);
+            materials.push(material);
+        } else {
+            wet_materials.insert(own, own);
+            materials[i] = material;
+        }
+    }
+    Ok(wet_materials)
 }
 
 /// Multiplies the colours of an sRGB picture in linear light; alpha stays.
-fn darken_colors(image: &mut Image, factor: f32) {
+fn darken_colors(image: &mut Image, film: Film) {
+    let factor = film.darkening();
     let table: Vec<u8> = (0..=u8::MAX).map(|c| srgb_byte(linear_from_srgb(f32::from(c) / 255.0) * factor)).collect();
     if let Pixels::U8(samples) = &mut image.pixels {
         for pixel in samples.chunks_mut(usize::from(image.channels.max(1))) {
@@ -46,12 +149,12 @@ fn darken_colors(image: &mut Image, factor: f32) {
 }
 
 /// Replaces the values of a roughness map by those under a film.
-fn smooth_roughness_map(image: &mut Image, film: f32) {
+fn smooth_roughness_map(image: &mut Image, film: Film) {
     match &mut image.pixels {
-        Pixels::U8(samples) => samples.iter_mut().for_each(|r| *r = byte(under_film(f32::from(*r) / 255.0, film))),
+        Pixels::U8(samples) => samples.iter_mut().for_each(|r| *r = byte(film.smooth(f32::from(*r) / 255.0))),
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the old value")]
         Pixels::U16(samples) => {
-            samples.iter_mut().for_each(|r| *r = (under_film(f32::from(*r) / 65535.0, film) * 65535.0).round() as u16)
+            samples.iter_mut().for_each(|r| *r = (film.smooth(f32::from(*r) / 65535.0) * 65535.0).round() as u16)
         }
     }
 }
@@ -59,7 +162,7 @@ fn smooth_roughness_map(image: &mut Image, film: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use osier_scene::{ImageKind, Maps};
+    use osier_scene::ImageKind;
 
     #[test]
     fn a_film_darkens_and_smooths_leaves_and_nothing_else() {

@@ -214,7 +214,7 @@ fn trail(substeps: u32) -> Vec<f32> {
         plants: vec![Box::new(StillRainPlant::new(&[(DVec3::Y, turn)], Vec::new()))],
         leaves: vec![leaf],
         wind: None,
-        ground: Box::new(0.0),
+        ground: Arc::new(0.0),
         solids: RainSolids::default(),
     });
     simulation.deposit_drop(0, DVec2::new(0.5, 0.15), DVec3::ZERO, 40e-9);

@@ -37,7 +37,7 @@ fn simulation(tilts: &[f64], params: DropParams, emitter: Option<RainEmitter>) -
         plants: vec![Box::new(StillRainPlant::new(&places, vec![stem]))],
         leaves,
         wind: None,
-        ground: Box::new(0.0),
+        ground: Arc::new(0.0),
         solids: RainSolids::default(),
     })
 }
@@ -204,7 +204,7 @@ fn simulation_on(target: Box<dyn RainPlant>, params: DropParams) -> RainSimulati
         plants: vec![target],
         leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafOnPlant { plant: 0, leaf: 0, collider })],
         wind: None,
-        ground: Box::new(-100.0),
+        ground: Arc::new(-100.0),
         solids: RainSolids::default(),
     })
 }
@@ -299,7 +299,7 @@ fn rods_receive_the_momentum_that_a_drop_and_its_splash_have_lost() {
             plants: vec![Box::new(RodPlant::new(&twig(), &near, &wood, "twig"))],
             leaves: vec![(RainLeaf::new(Arc::clone(&blade), 1.0, 0), attachment)],
             wind: None,
-            ground: Box::new(-100.0),
+            ground: Arc::new(-100.0),
             solids: RainSolids::default(),
         })
     };

@@ -1,0 +1,276 @@
+//! Faces of walls, roofs, bark and ground that rain reaches get a wet variant of their material; what is sheltered stays dry.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+
+use super::wet_film::{MaterialUse, add_wet_materials};
+use crate::bake::scene::builder::SceneBuilder;
+use osier_base::Result;
+use osier_base::convert::to_usize;
+use osier_base::geometry::Bounds;
+use osier_motion::rain::{RainExposure, SurfacePoint};
+use osier_scene::{Material, MaterialClass, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
+
+/// Share of the open field's rainfall from which on a surface is wet. Own: rain that has lasted for minutes wets what it strikes at all;
+/// larger values leave the walls dry that slanting rain strikes.
+const WET_CATCH_RATIO: f32 = 0.1;
+/// Longest edge of a face near solids across which nothing is sought that shelters its middle, m: half of a usual jutty of a roof and
+/// more would leave its dry strip unseen.
+const LONGEST_UNDIVIDED_EDGE: f32 = 1.0;
+/// Length of edges at which the border between wet and dry faces is interpolated instead of sought further, m.
+const SHORTEST_DIVIDED_EDGE: f32 = 0.12;
+/// How far from the solids' bounds faces may be sheltered by them, m: rain in a storm drifts by about its height.
+const SHELTER_REACH: f32 = 12.0;
+
+/// Divides the meshes of the scene by the rain that reaches them. `cover`: fraction of a wet face that the film covers, 0 to 1.
+/// `solids`: bounds of all that shelters, m.
+/// # Errors
+/// `TooMany` beyond 2^32 materials or images.
+pub(super) fn wet_exposed_surfaces(
+    cover: f32,
+    exposure: &RainExposure,
+    solids: Bounds,
+    builder: &mut SceneBuilder,
+) -> Result<()> {
+    let sheltered = solids.grown(SHELTER_REACH);
+    let mut uses = vec![MaterialUse::default(); builder.materials.len()];
+    let mut wet_faces: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
+
+    // Which faces are wet. All copies of an asset share the faces of the first.
+    for (k, asset) in builder.assets.iter_mut().enumerate() {
+        let Some(placement) = builder.placements.iter().find(|p| p.asset == k) else { continue };
+        for (i, object) in asset.meshes.iter_mut().enumerate() {
+            if object.motion == MeshMotion::Varying || !has_wettable_faces(&object.mesh, &builder.materials) {
+                continue;
+            }
+            let surface = WorldSurface { exposure, transform: placement.transform };
+            let wet = if can_be_cut(object) {
+                divide_faces(&mut object.mesh, &surface, sheltered)
+            } else {
+                find_wet_faces(&object.mesh, &surface)
+            };
+            count_uses(&object.mesh, &wet, &builder.materials, &mut uses);
+            wet_faces.insert([k, i], wet);
+        }
+        // What is instanced, such as stalks and twigs, is wet everywhere.
+        for mesh in asset.instancers.iter().flat_map(|set| &set.prototypes) {
+            count_uses(&mesh.mesh, &[], &builder.materials, &mut uses);
+        }
+    }
+
+    let wet_materials = add_wet_materials(cover, &uses, &mut builder.materials, &mut builder.images)?;
+    for (k, asset) in builder.assets.iter_mut().enumerate() {
+        for (i, object) in asset.meshes.iter_mut().enumerate() {
+            if let Some(wet) = wet_faces.get(&[k, i]) {
+                group_faces(&mut object.mesh, wet, &wet_materials);
+            }
+        }
+        for prototype in asset.instancers.iter_mut().flat_map(|set| &mut set.prototypes) {
+            for subset in &mut prototype.mesh.subsets {
+                subset.material = wet_materials.get(&subset.material).copied().unwrap_or(subset.material);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Bark, masonry and soil; leaves have a film of their own, and water is none.
+fn is_wettable(material: &Material) -> bool {
+    matches!(material.class, MaterialClass::Bark | MaterialClass::Ground)
+}
+
+fn has_wettable_faces(mesh: &Mesh, materials: &[Material]) -> bool {
+    mesh.subsets.iter().any(|s| materials.get(to_usize(s.material)).is_some_and(is_wettable))
+}
+
+/// Whether vertices may be added to the mesh of an object.
+fn can_be_cut(object: &MeshObject) -> bool {
+    let mesh = &object.mesh;
+    object.motion == MeshMotion::Still && object.skin.is_none() && mesh.attributes.is_empty() && mesh.colors.is_empty()
+}
+
+/// Records which materials have wet and dry faces. `wet`: parallel to the triangles; those beyond its end are wet.
+fn count_uses(mesh: &Mesh, wet: &[bool], materials: &[Material], uses: &mut [MaterialUse]) {
+    for subset in &mesh.subsets {
+        let id = to_usize(subset.material);
+        if !materials.get(id).is_some_and(is_wettable) {
+            continue;
+        }
+        for face in to_usize(subset.first)..to_usize(subset.first + subset.count) {
+            let wet = wet.get(face).copied().unwrap_or(true);
+            uses[id].wet |= wet;
+            uses[id].dry |= !wet;
+        }
+    }
+}
+
+/// The surface of a mesh in the world, in the rain.
+struct WorldSurface<'a> {
+    exposure: &'a RainExposure,
+    transform: Trs,
+}
+
+impl WorldSurface<'_> {
+    /// Catch ratios of some vertices.
+    fn catch_ratios(&self, mesh: &Mesh, vertices: std::ops::Range<usize>) -> Vec<f32> {
+        let points: Vec<SurfacePoint> = vertices
+            .map(|i| SurfacePoint {
+                position: self.transform.apply(mesh.points[i]),
+                normal: (self.transform.r * mesh.normals.get(i).copied().unwrap_or(Vec3::Y)).normalize_or_zero(),
+            })
+            .collect();
+        self.exposure.catch_ratios(&points)
+    }
+}
+
+/// Whether each face of a mesh is wet, by the mean over its corners.
+fn find_wet_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
+    let ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
+    let mean = |t: &[u32; 3]| t.iter().map(|i| ratios[to_usize(*i)]).sum::<f32>() / 3.0;
+    mesh.triangles.iter().map(|t| mean(t) >= WET_CATCH_RATIO).collect()
+}
+
+/// A face while it is divided.
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    corners: [u32; 3],
+    material: MaterialId,
+}
+
+/// Divides faces where wet and dry meet, and cuts the smallest along the border; returns whether each new face is wet.
+fn divide_faces(mesh: &mut Mesh, surface: &WorldSurface<'_>, sheltered: Bounds) -> Vec<bool> {
+    let subsets = std::mem::take(&mut mesh.subsets);
+    let face = |s: &Subset, corners: &[u32; 3]| Face { corners: *corners, material: s.material };
+    let mut open: Vec<Face> =
+        subsets.iter().flat_map(|s| mesh.subset_triangles(s).iter().map(|t| face(s, t)).collect::<Vec<_>>()).collect();
+    let mut ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
+    let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    let mut done: Vec<Face> = Vec::new();
+    let is_wet = |ratio: f32| ratio >= WET_CATCH_RATIO;
+
+    // One pass for each halving: add the middles of all edges, then divide the faces whose corners and middles differ.
+    while !open.is_empty() {
+        let first_new = mesh.points.len();
+        let edges: Vec<[u32; 3]> = open
+            .iter()
+            .map(|f| {
+                let [a, b, c] = f.corners;
+                [[a, b], [b, c], [c, a]].map(|[i, k]| {
+                    let key = [i.min(k), i.max(k)];
+                    *middles.entry(key).or_insert_with(|| add_between(mesh, key, 0.5))
+                })
+            })
+            .collect();
+        ratios.extend(surface.catch_ratios(mesh, first_new..mesh.points.len()));
+        let mut next = Vec::new();
+        for (face, [ab, bc, ca]) in open.into_iter().zip(edges) {
+            let [a, b, c] = face.corners;
+            let at = |i: u32| surface.transform.apply(mesh.points[to_usize(i)]);
+            let longest = at(a).distance(at(b)).max(at(b).distance(at(c))).max(at(c).distance(at(a)));
+            let wet = [a, b, c, ab, bc, ca].iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
+            let bounds = Bounds::of([a, b, c].map(at));
+            let meets = bounds.min.cmple(sheltered.max).all() && bounds.max.cmpge(sheltered.min).all();
+            let differs = wet % 6 != 0;
+            let is_divided = longest > SHORTEST_DIVIDED_EDGE && differs || longest > LONGEST_UNDIVIDED_EDGE && meets;
+            if is_divided {
+                let quarters = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
+                next.extend(quarters.map(|corners| Face { corners, ..face }));
+            } else {
+                done.push(face);
+            }
+        }
+        open = next;
+    }
+
+    // Cut the faces on the border where the interpolated ratio passes the threshold.
+    let mut faces: Vec<(Face, bool)> = Vec::new();
+    let mut crossings: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for face in done {
+        let wet = face.corners.map(|i| is_wet(ratios[to_usize(i)]));
+        let Some(lone) = (0..3).find(|i| wet[*i] != wet[(i + 1) % 3] && wet[*i] != wet[(i + 2) % 3]) else {
+            faces.push((face, wet[0]));
+            continue;
+        };
+        // The corner that differs from the two others, which come after it.
+        let [a, b, c] = [0, 1, 2].map(|i| face.corners[(lone + i) % 3]);
+        let mut crossing = |i: u32, k: u32| {
+            let key = [i.min(k), i.max(k)];
+            let [low, high] = key.map(|i| ratios[to_usize(i)]);
+            let fraction = ((WET_CATCH_RATIO - low) / (high - low)).clamp(0.0, 1.0);
+            *crossings.entry(key).or_insert_with(|| add_between(mesh, key, fraction))
+        };
+        let (ab, ca) = (crossing(a, b), crossing(c, a));
+        let part = |corners| Face { corners, ..face };
+        faces.extend([(part([a, ab, ca]), wet[lone]), (part([ab, b, c]), !wet[lone]), (part([ab, c, ca]), !wet[lone])]);
+    }
+    // Faces of one material follow each other; the sort keeps the order among equals.
+    faces.sort_by_key(|(face, _)| face.material);
+    mesh.triangles.clear();
+    for (face, _) in &faces {
+        let first = mesh.next_triangle();
+        mesh.triangles.push(face.corners);
+        match mesh.subsets.last_mut() {
+            Some(last) if last.material == face.material => last.count += 1,
+            _ => mesh.subsets.push(Subset { material: face.material, first, count: 1 }),
+        }
+    }
+    drop_unused_vertices(mesh);
+    faces.into_iter().map(|(_, wet)| wet).collect()
+}
+
+/// Adds a vertex on the edge between two vertices, at a fraction of the way from the first to the second.
+fn add_between(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
+    let new = mesh.next_point();
+    let [i, k] = [i, k].map(to_usize);
+    mesh.points.push(mesh.points[i].lerp(mesh.points[k], fraction));
+    if mesh.normals.len() > i.max(k) {
+        mesh.normals.push(mesh.normals[i].lerp(mesh.normals[k], fraction).normalize_or(mesh.normals[i]));
+    }
+    if mesh.uvs.len() > i.max(k) {
+        mesh.uvs.push(mesh.uvs[i].lerp(mesh.uvs[k], fraction));
+    }
+    new
+}
+
+/// Removes the vertices that no triangle has.
+fn drop_unused_vertices(mesh: &mut Mesh) {
+    let mut is_used = vec![false; mesh.points.len()];
+    mesh.triangles.iter().flatten().for_each(|i| is_used[to_usize(*i)] = true);
+    let mut count = 0;
+    let new_index: Vec<u32> = is_used
+        .iter()
+        .map(|used| {
+            count += u32::from(*used);
+            count.saturating_sub(1)
+        })
+        .collect();
+    mesh.triangles.iter_mut().flatten().for_each(|i| *i = new_index[to_usize(*i)]);
+    fn retain<T>(values: &mut Vec<T>, is_used: &[bool]) {
+        let mut used = is_used.iter();
+        values.retain(|_| used.next().copied().unwrap_or(true));
+    }
+    retain(&mut mesh.points, &is_used);
+    retain(&mut mesh.normals, &is_used);
+    retain(&mut mesh.uvs, &is_used);
+}
+
+/// Gives wet faces their materials: in each subset the dry faces come first, then the wet ones.
+fn group_faces(mesh: &mut Mesh, wet: &[bool], wet_materials: &BTreeMap<MaterialId, MaterialId>) {
+    let subsets = std::mem::take(&mut mesh.subsets);
+    let mut triangles = Vec::with_capacity(mesh.triangles.len());
+    for subset in &subsets {
+        let wet_material = wet_materials.get(&subset.material).copied();
+        for (pass, material) in [(false, Some(subset.material)), (true, wet_material)] {
+            let first = u32::try_from(triangles.len()).unwrap_or(u32::MAX);
+            let is_wet = |face: usize| wet_material.is_some() && wet.get(face).copied().unwrap_or(true);
+            let faces = to_usize(subset.first)..to_usize(subset.first + subset.count);
+            triangles.extend(faces.filter(|face| is_wet(*face) == pass).map(|face| mesh.triangles[face]));
+            let count = u32::try_from(triangles.len()).unwrap_or(u32::MAX) - first;
+            if let Some(material) = material.filter(|_| count > 0) {
+                mesh.subsets.push(Subset { material, first, count });
+            }
+        }
+    }
+    mesh.triangles = triangles;
+}
