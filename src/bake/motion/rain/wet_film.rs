@@ -2,10 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::leaf_maps::WET_ALBEDO;
 use osier_base::convert::to_usize;
 use osier_base::units::{byte, linear_from_srgb, srgb_byte};
-use osier_scene::{Image, Material, MaterialClass, Pixels};
+use osier_scene::{Coat, Image, Material, MaterialClass, Pixels};
 
 /// Roughness of a closed film of water on a leaf. Own: by eye; smaller values make leaves mirrors, larger ones make them look dry.
 const FILM_ROUGHNESS: f32 = 0.12;
@@ -13,7 +12,7 @@ const FILM_ROUGHNESS: f32 = 0.12;
 /// Wets the materials of all leaves. `film`: fraction of the leaves that it covers, 0 to 1. `images`: textures of the scene; empty in
 /// an estimate, which reads none.
 pub(super) fn wet_leaf_materials(film: f32, materials: &mut [Material], images: &mut [Image]) {
-    let darkening = 1.0 + film * (WET_ALBEDO - 1.0);
+    let darkening = 1.0 + film * (Coat::WET_ALBEDO - 1.0);
     // Leaves may share textures, each of which is changed once.
     let (mut colors, mut roughnesses) = (BTreeSet::new(), BTreeSet::new());
     for material in materials.iter_mut().filter(|m| m.class == MaterialClass::Leaf) {
@@ -79,10 +78,10 @@ mod tests {
         wet_leaf_materials(1.0, &mut materials, &mut images);
         let near = |a: f32, b: f32| (a - b).abs() < 1e-6;
         assert!(near(materials[1].roughness, FILM_ROUGHNESS) && near(materials[2].roughness, 0.6));
-        assert!(near(materials[0].base_color[0], 0.5 * WET_ALBEDO) && near(materials[2].base_color[0], 0.5));
+        assert!(near(materials[0].base_color[0], 0.5 * Coat::WET_ALBEDO) && near(materials[2].base_color[0], 0.5));
         let Pixels::U8(color) = &images[0].pixels else { panic!("bytes") };
         let linear = |c: u8| linear_from_srgb(f32::from(c) / 255.0);
-        assert!((linear(color[0]) / linear(200) - WET_ALBEDO).abs() < 0.01 && color[3] == 90, "{color:?}");
+        assert!((linear(color[0]) / linear(200) - Coat::WET_ALBEDO).abs() < 0.01 && color[3] == 90, "{color:?}");
         let Pixels::U8(rough) = &images[1].pixels else { panic!("bytes") };
         assert_eq!(rough[0], byte(FILM_ROUGHNESS));
     }
