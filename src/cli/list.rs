@@ -137,10 +137,16 @@ fn shown(limit: u64) -> String {
 
 fn options_json(tables: &[TableInfo]) -> serde_json::Value {
     let row = |(t, k): (&TableInfo, &KeyInfo)| {
-        json!({
-            "table": t.path, "key": k.name, "help": k.help, "accepts": k.listing.accepts,
-            "default": k.listing.default, "unit": k.listing.unit,
-        })
+        let mut row = k.listing.form.as_json();
+        let path = if t.path.is_empty() { k.name.to_owned() } else { format!("{}.{}", t.path, k.name) };
+        let fields = json!({
+            "table": t.path, "also": t.also, "key": k.name, "path": path, "help": k.help, "accepts": k.listing.accepts,
+            "default_text": k.listing.default, "unit": k.listing.unit, "basic": k.basic,
+        });
+        if let (Some(row), serde_json::Value::Object(fields)) = (row.as_object_mut(), fields) {
+            row.extend(fields);
+        }
+        row
     };
     tables.iter().flat_map(|t| t.keys.iter().map(move |k| (t, k))).map(row).collect()
 }
