@@ -1,7 +1,7 @@
 //! The schema of scene files: kinds, ranges and defaults of `osier list options --json`, held against what scenes accept.
 #![allow(clippy::expect_used, reason = "tests fail by panicking")]
 
-use crate::common::program::ends;
+use crate::common::program::{arg, ends};
 use osier::Error;
 use osier::recipe::{Request, TableInfo, options, resolve};
 use serde_json::Value;
@@ -149,4 +149,61 @@ fn text_and_json_list_the_same_keys() {
     assert_eq!((&speed["kind"], &speed["default"], &speed["unit"]), (&"number".into(), &4.5.into(), &"m/s".into()));
     let model = rows.iter().find(|row| row["path"] == "wind.model").expect("wind.model");
     assert!(model["choices"].as_array().is_some_and(|c| c.contains(&model["default"])), "{model}");
+}
+
+#[test]
+fn a_check_gives_keys_and_parameters_with_their_bytes() {
+    let dir = tempfile::tempdir().expect("dir");
+    let (scene, grammar) = (dir.path().join("s.toml"), dir.path().join("g.l"));
+    let rules = "/* A stick. */\n#define CROOK 9 /* 0..40 deg: how crooked it is */\n#define HEIGHT 2.5\n#define HALF (HEIGHT/2)\n\
+        Lsystem: g\nDerivation length: 1\nAxiom: @!(0.1) F(HALF) +(CROOK) F(HALF)\nendlsystem\n";
+    let text = "[plants.a]\ngrammar = \"g.l\"\nset = { HEIGHT = 4 }\n[plants.a.leaf]\nside = 64\n[plants.a.bark]\nside = 64\n[wind]\nspeed = 6\n";
+    std::fs::write(&grammar, rules).expect("grammar");
+    std::fs::write(&scene, text).expect("scene");
+    let (json, _) = ends(0, &["check", arg(&scene), "--json"]);
+    let found: Value = serde_json::from_str(&json).expect("JSON");
+    let bytes = |row: &Value, of: &str| -> String {
+        let [from, to] = [0, 1].map(|i| row["span"][i].as_u64().expect("a byte") as usize);
+        of[from..to].to_owned()
+    };
+    let row = |list: &str, key: &str| {
+        let rows = found[0][list].as_array().expect("rows");
+        rows.iter().find(|row| row["key"] == key).cloned().unwrap_or_else(|| panic!("{key} is missing: {rows:?}"))
+    };
+    let speed = row("keys", "wind.speed");
+    assert_eq!((&speed["value"], bytes(&speed, text).as_str()), (&6.into(), "6"));
+    let height = row("keys", "plants.a.set.HEIGHT");
+    assert_eq!((&height["value"], bytes(&height, text).as_str()), (&4.into(), "4"));
+    let crook = row("knobs", "plants.a.set.CROOK");
+    let shown = (&crook["min"], &crook["max"], &crook["unit"], &crook["about"]);
+    assert_eq!(shown, (&0.0.into(), &40.0.into(), &"deg".into(), &"how crooked it is".into()));
+    assert_eq!((&crook["number"], bytes(&crook, rules).as_str()), (&9.0.into(), "9"));
+    assert!(crook["file"].as_str().is_some_and(|file| file.ends_with("g.l")), "{crook}");
+    // The range follows the grammar, the value the scene.
+    let height = row("knobs", "plants.a.set.HEIGHT");
+    assert_eq!((&height["number"], &height["max"], bytes(&height, rules).as_str()), (&4.0.into(), &5.0.into(), "2.5"));
+    let half = row("knobs", "plants.a.set.HALF");
+    assert!(half["number"].is_null() && half["max"].is_null() && bytes(&half, rules) == "(HEIGHT/2)", "{half}");
+}
+
+#[test]
+fn presets_say_what_they_are_and_show() {
+    let (json, _) = ends(0, &["list", "presets", "--json"]);
+    let rows: Vec<Value> = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(rows.len(), osier::presets::PRESETS.len());
+    let row = |name: &str| rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("{name}"));
+    for (name, kind) in [
+        ("oak.toml", "species"),
+        ("oak.l", "grammar"),
+        ("showcase.toml", "scene"),
+        ("sun.ifs", "ifs_table"),
+        ("young-tree.obj", "mesh"),
+    ] {
+        assert_eq!(row(name)["kind"], kind, "{name}");
+    }
+    assert!(rows.iter().all(|row| row["frames"].is_u64() && row["thumbnail"].is_null()), "{rows:?}");
+    let meadow = row("meadow.toml");
+    assert_eq!((&meadow["frames"], &meadow["plants"]), (&120.into(), &serde_json::json!(["grass"])));
+    assert!(["wind", "copies"].iter().all(|w| meadow["shows"].as_array().is_some_and(|s| s.contains(&(*w).into()))));
+    ends(2, &["list", "codes", "--thumbnails", "x"]);
 }

@@ -8,7 +8,9 @@ const MAX_LINEAR_RATIO: f64 = 100.0;
 /// Steps from one end of a linear range to the other, and from 0 to the default.
 const STEPS_OF_RANGE: f64 = 100.0;
 const STEPS_OF_DEFAULT: f64 = 20.0;
-/// Step of a number without bounds whose default is 0.
+/// Widest range that is divided into steps: wider ones, such as those of positions, only refuse absurd values.
+const MAX_STEPPED_RANGE: f64 = 1000.0;
+/// Step of a number in such a range or without bounds, whose default is 0.
 const PLAIN_STEP: f64 = 0.1;
 
 /// What a value is.
@@ -116,7 +118,9 @@ impl ValueForm {
         }
         let initial = self.first_number().map(f64::abs).filter(|v| *v > 0.0).map(|v| v / STEPS_OF_DEFAULT);
         let of_range = match self.range {
-            [Some(min), Some(max)] if !self.is_logarithmic() && max > min => Some((max - min) / STEPS_OF_RANGE),
+            [Some(min), Some(max)] if !self.is_logarithmic() && max > min && max - min <= MAX_STEPPED_RANGE => {
+                Some((max - min) / STEPS_OF_RANGE)
+            }
             _ => None,
         };
         let wanted = [initial, of_range].into_iter().flatten().fold(f64::INFINITY, f64::min);
@@ -153,6 +157,7 @@ mod tests {
         assert_eq!(form(4.5, 0.0, 100.0).step(), Some(0.2));
         assert_eq!(form(400.0, 0.1, 1e7).step(), Some(20.0));
         assert_eq!(form(0.0, -1e10, 1e10).step(), Some(PLAIN_STEP));
+        assert_eq!(form(0.0, -1e6, 1e6).step(), Some(PLAIN_STEP));
         assert!(form(400.0, 0.1, 1e7).is_logarithmic() && !form(4.5, 0.0, 100.0).is_logarithmic());
     }
 }
