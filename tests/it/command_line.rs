@@ -408,7 +408,7 @@ fn progress_json_makes_every_line_of_standard_error_an_object() {
     let scene = file(&dir, "bad.toml", text);
     let wrong = events(1, &["bake", arg(&scene), "--progress", "json"]);
     assert_eq!((wrong.len(), &wrong[0]["event"], &wrong[0]["code"]), (1, &"error".into(), &"S002".into()));
-    let [from, to] = [0, 1].map(|i| wrong[0]["span"][i].as_u64().expect("a byte") as usize);
+    let [from, to] = [0, 1].map(|i| usize::try_from(wrong[0]["span"][i].as_u64().expect("a byte")).expect("a byte"));
     assert_eq!((&text[from..to], &wrong[0]["line"]), ("stepz", &3.into()));
     assert!(wrong[0]["help"].as_str().is_some_and(|h| h.contains("steps")) && wrong[0]["file"] == arg(&scene));
     let absent = events(1, &["bake", "nosuch", "--progress", "json"]);

@@ -1,5 +1,5 @@
 //! The schema of scene files: kinds, ranges and defaults of `osier list options --json`, held against what scenes accept.
-#![allow(clippy::expect_used, reason = "tests fail by panicking")]
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests fail by panicking and write their input")]
 
 use crate::common::program::{arg, ends};
 use osier::Error;
@@ -163,7 +163,7 @@ fn a_check_gives_keys_and_parameters_with_their_bytes() {
     let (json, _) = ends(0, &["check", arg(&scene), "--json"]);
     let found: Value = serde_json::from_str(&json).expect("JSON");
     let bytes = |row: &Value, of: &str| -> String {
-        let [from, to] = [0, 1].map(|i| row["span"][i].as_u64().expect("a byte") as usize);
+        let [from, to] = [0, 1].map(|i| usize::try_from(row["span"][i].as_u64().expect("a byte")).expect("a byte"));
         of[from..to].to_owned()
     };
     let row = |list: &str, key: &str| {
