@@ -11,7 +11,7 @@ keys! {
         /// Position; with `count` the centre of the group.
         at: [f64; 3] = "at" point([0.0; 3]), basic;
         /// Rotation about the vertical axis.
-        turn: Option<f64> = "turn_deg" OptionalKey(degrees(0.0, -360.0, 360.0), "0, basic; random in groups");
+        turn: Option<f64> = "turn_deg" OptionalKey(degrees(0.0, -360.0, 360.0), "0; random in groups"), basic;
         /// Factor on the size of the copies.
         scale: f64 = "scale" number(1.0, 1e-3, 1e3, ""), basic;
         /// Random variation of the scale, as a fraction.
