@@ -3,19 +3,29 @@
 use crate::bake::output::single_file::refuse_without_visible_plants;
 use crate::bake::scene::{SceneOptions, assemble_for_estimate};
 use crate::bake::{BakeContext, BakeEstimate};
-use crate::recipe::{Growth, Recipe, Request, resolve};
+use crate::recipe::{GivenKey, Growth, Recipe, Request, given_keys, resolve};
 use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};
+use osier_grammar::DefineRange;
 
 /// A `#define` of a plant's grammar, which a scene may override.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct GrammarParameter {
     /// Scene key that overrides it: `plants.oak.set.CROOK`.
     pub key: String,
     /// Value as the grammar or the scene writes it.
     pub value: String,
-    /// Comment beside the `#define`.
+    /// Value as a number; `None` for an expression.
+    pub number: Option<f64>,
+    /// Values that give good plants: those that the comment begins with, else 0 to twice the grammar's value. `None` for an
+    /// expression.
+    pub range: Option<DefineRange>,
+    /// Comment beside the `#define`, without the range.
     pub about: String,
+    /// Name of the grammar's file, as messages show it.
+    pub file: String,
+    /// Bytes of the value in the grammar, which an override leaves alone: first, and the one behind the last.
+    pub span: [u32; 2],
 }
 
 /// The `#define`s of all grammars of a recipe, plant by plant in the order of their grammars.
@@ -26,7 +36,11 @@ pub fn grammar_parameters(recipe: &Recipe) -> Vec<GrammarParameter> {
         parameters.extend(grammar.defines().iter().map(|d| GrammarParameter {
             key: format!("plants.{}.set.{}", plant.name, d.name),
             value: d.value.clone(),
-            about: d.comment.clone(),
+            number: d.number(),
+            range: d.range(),
+            about: d.about().to_owned(),
+            file: grammar.sources().name(d.value_span.source).to_owned(),
+            span: [d.value_span.start, d.value_span.end],
         }));
     }
     parameters
@@ -39,6 +53,8 @@ pub struct CheckResult {
     pub report: Report,
     /// What a bake of the whole clip would write; `None` if the scene has errors or is a picture of layers.
     pub estimate: Option<BakeEstimate>,
+    /// Keys that the scene gives.
+    pub keys: Vec<GivenKey>,
     /// Parameters of its grammars.
     pub parameters: Vec<GrammarParameter>,
     /// Why the check ended early, if not by a fault of the scene: `Limit`, `Cancelled`, or X030 for a scene in which
@@ -64,7 +80,7 @@ pub struct CheckResult {
 /// assert!(misspelt.report.diagnostics.iter().any(|d| d.code == "S002"));
 /// ```
 pub fn check(request: &Request, with_notes: bool, context: &BakeContext<'_>) -> CheckResult {
-    let mut result = CheckResult::default();
+    let mut result = CheckResult { keys: given_keys(request), ..CheckResult::default() };
     match check_into(request, with_notes, context, &mut result) {
         Ok(()) => {}
         // What was found before the error stays in the result; faults of the scene join the report.

@@ -28,6 +28,46 @@ pub fn about(preset: &Preset) -> String {
     line.trim_start_matches(['#', '/', '*', ';', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()
 }
 
+/// What a preset is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PresetKind {
+    /// A scene of one plant, of the name of the grammar that grows it.
+    Species,
+    /// Any other scene.
+    Scene,
+    /// A grammar.
+    Grammar,
+    /// Coefficients of iterated function systems.
+    IfsTable,
+    /// A mesh.
+    Mesh,
+}
+
+impl PresetKind {
+    /// Its word in listings.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Species => "species",
+            Self::Scene => "scene",
+            Self::Grammar => "grammar",
+            Self::IfsTable => "ifs_table",
+            Self::Mesh => "mesh",
+        }
+    }
+}
+
+/// What a preset is, by its ending and the presets of the same name.
+pub fn kind(preset: &Preset) -> PresetKind {
+    let (stem, ending) = preset.name.split_once('.').unwrap_or((preset.name, ""));
+    match ending {
+        "l" => PresetKind::Grammar,
+        "toml" if find(&format!("{stem}.l")).is_some() => PresetKind::Species,
+        "toml" => PresetKind::Scene,
+        "obj" | "glb" | "gltf" => PresetKind::Mesh,
+        _ => PresetKind::IfsTable,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

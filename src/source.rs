@@ -15,7 +15,7 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use crate::presets;
+use crate::presets::{self, Preset, PresetKind};
 use crate::recipe::{Library, Request};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
 use osier_base::limits::Limits;
@@ -58,6 +58,21 @@ pub fn find_scene(source: &str, options: &SourceOptions) -> Result<Request> {
 /// As [`find_scene`].
 pub fn find_picture(source: &str, options: &SourceOptions) -> Result<Request> {
     find(source, options, TableUse::Picture)
+}
+
+/// The request for the scene of a preset, whatever files have its name. A mesh becomes a plant whose skeleton is found in it.
+/// # Errors
+/// `Io` if a folder of `options.search` cannot be opened.
+pub fn preset_scene(preset: &Preset, options: &SourceOptions) -> Result<Request> {
+    let request = match presets::kind(preset) {
+        PresetKind::Mesh => {
+            let text = format!("[plants.mesh]\nmesh = \"{}\"\n[ground]\nshow = false\n", preset.name);
+            Request { name: "mesh".into(), shown: format!("preset:{}", preset.name), text, ..Request::default() }
+        }
+        _ => find_preset(preset.name, options, TableUse::Scene)?,
+    };
+    let (library, limits) = (Library::presets(&options.search)?, options.limits.clone());
+    Ok(Request { library, limits, seed: options.seed, ..request })
 }
 
 fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {

@@ -84,7 +84,8 @@ pub fn write_files(
     cache::ifs_leaves::store(recipe, folder)?;
     let mut writers = exporters::bake_exporters(folder, &textures, recipe, frames);
     let warnings = write_frames(animated, &mut writers, frames, context)?;
-    let settings = exporters::manifest_settings(&recipe.output, frames);
+    manifest::write_places(folder, &animated.scene)?;
+    let settings = exporters::manifest_settings(recipe, animated, frames);
     let manifest = manifest::build(&animated.scene, &folder.files(), &warnings, &settings);
     manifest::write(folder, &manifest)?;
     folder.finish()?;

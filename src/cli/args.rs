@@ -107,9 +107,21 @@ pub struct Bake {
     /// Run the scene for each of these seeds, as --sweep does: 0-7.
     #[arg(id = "swept-seeds", long = "seeds", value_name = "LIST")]
     pub seeds: Option<String>,
+    /// Progress on standard error: a bar or lines of text, or a line of JSON for each step, warning and error.
+    #[arg(long, value_enum, value_name = "HOW", default_value = "text")]
+    pub progress: ProgressArg,
     /// Overwrite files that osier did not write, and write more than 2 GB.
     #[arg(long)]
     pub force: bool,
+}
+
+/// Values of `--progress`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProgressArg {
+    /// For people.
+    Text,
+    /// For programs.
+    Json,
 }
 
 /// Arguments of `osier grow`.
@@ -228,6 +240,9 @@ pub struct List {
     /// grammar.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
+    /// With `presets`: also draw a small picture of each into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub thumbnails: Option<PathBuf>,
 }
 
 /// Values of the first argument of `osier list`.

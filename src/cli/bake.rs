@@ -111,7 +111,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     display.done();
     let (manifest, export_warnings) = written?;
     for w in &export_warnings {
-        context.console.note(&format!("warning[{}]: {}", w.code, w.message));
+        context.console.warning(w.code, &w.message);
     }
     summary(context, &root, &recipe, &manifest, Some(&timer.seconds()))?;
     Ok(context.strict(warned || !export_warnings.is_empty()))

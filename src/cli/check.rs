@@ -7,9 +7,15 @@ use super::progress::ProgressDisplay;
 use super::{Context, knobs, report};
 use crate::bake::BakeContext;
 use crate::check::{CheckResult, check};
+use crate::recipe::GivenKey;
 use crate::source::find_scene;
 use osier_base::diagnostic::{Severity, render_json};
 use osier_base::{Error, Result};
+
+/// A key that a scene gives: path, value, file and bytes of the value.
+fn key_json(key: &GivenKey) -> Value {
+    json!({ "key": key.path, "value": key.value, "file": key.file, "span": key.span })
+}
 
 /// Runs `osier check`; the result is the exit code. A fault in one file does not keep the others from being checked.
 pub fn run(context: &Context, args: &Check) -> Result<u8> {
@@ -46,6 +52,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
                 "file": file, "diagnostics": render_json(&found.report),
                 "error": found.failure.as_ref().map(ToString::to_string),
                 "would_make": found.estimate.as_ref().map(report::estimate_json),
+                "keys": found.keys.iter().map(key_json).collect::<Value>(),
                 "knobs": knobs::as_json(&found.parameters),
             }));
             continue;

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anstream::ColorChoice;
 
 use super::args::{Color, Common};
+use super::events;
 use osier_base::diagnostic::{Report, Style, is_hidden, render, visible};
 use osier_base::{Error, Result};
 
@@ -16,25 +17,27 @@ pub struct Console {
     pub quiet: bool,
     /// Results are printed as JSON.
     pub json: bool,
+    /// Standard error is lines of JSON.
+    pub events: bool,
     /// Standard output was closed by its reader.
     closed: AtomicBool,
 }
 
 impl Console {
-    /// A console with the choices of `-q`, `--json` and `--color`.
-    pub fn new(common: &Common) -> Self {
+    /// A console with the choices of `-q`, `--json` and `--color`; `events`: of `--progress json`.
+    pub fn new(common: &Common, events: bool) -> Self {
         let choice = match common.color {
             Color::Auto => ColorChoice::Auto,
             Color::Always => ColorChoice::Always,
             Color::Never => ColorChoice::Never,
         };
         choice.write_global();
-        Self { quiet: common.quiet, json: common.json, closed: AtomicBool::new(false) }
+        Self { quiet: common.quiet, json: common.json, events, closed: AtomicBool::new(false) }
     }
 
     /// True if standard error is a terminal that can display a progress bar.
     pub fn has_bars(&self) -> bool {
-        !self.quiet && io::stderr().is_terminal()
+        !self.quiet && !self.events && io::stderr().is_terminal()
     }
 
     /// Prints a result. A closed pipe is no error: the command completes its work without further output.
@@ -66,15 +69,28 @@ impl Console {
 
     /// Prints a line on standard error, unless quiet. Errors of standard error are ignored.
     pub fn note(&self, text: &str) {
-        if !self.quiet {
+        if self.events {
+            events::note(text);
+        } else if !self.quiet {
             let _ = writeln!(anstream::stderr(), "{}", visible(text));
         }
+    }
+
+    /// Prints a warning that has no place in a file, unless quiet.
+    pub fn warning(&self, code: &str, message: &str) {
+        if self.events {
+            return events::warning(code, message);
+        }
+        self.note(&format!("warning[{code}]: {message}"));
     }
 
     /// Prints faults and warnings of files with their source lines; warnings alone are suppressed by `-q`.
     pub fn report(&self, report: &Report) {
         if report.diagnostics.is_empty() || (self.quiet && !report.has_errors()) {
             return;
+        }
+        if self.events {
+            return events::report(report);
         }
         let stderr = anstream::AutoStream::choice(&io::stderr());
         let style = if stderr == ColorChoice::Never { Style::Plain } else { Style::Coloured };
@@ -83,6 +99,9 @@ impl Console {
 
     /// Prints the error that ends a run.
     pub fn error(&self, error: &Error) {
+        if self.events {
+            return events::error(error);
+        }
         match error {
             // Faults of files are shown with their source lines, all other errors in one line.
             Error::Input(report) => self.report(report),
@@ -92,6 +111,9 @@ impl Console {
 
     /// Prints one line that begins with `error:`.
     pub fn complain(&self, text: &str) {
+        if self.events {
+            return events::complaint(text);
+        }
         let _ = writeln!(anstream::stderr(), "\u{1b}[1;31merror\u{1b}[0m: {}", visible(text));
     }
 }

@@ -36,7 +36,14 @@ pub fn as_text(parameters: &[GrammarParameter]) -> String {
     "knobs of the grammars (--set KEY=VALUE):\n".to_owned() + &parameters.iter().map(row).collect::<String>()
 }
 
-/// A JSON list of objects with `key`, `value` and `about`.
+/// A JSON list of objects: key, value as text and as a number, range with unit, meaning, file and bytes of the value.
 pub fn as_json(parameters: &[GrammarParameter]) -> Value {
-    parameters.iter().map(|p| json!({ "key": p.key, "value": p.value, "about": p.about })).collect()
+    let row = |p: &GrammarParameter| {
+        let range = p.range.as_ref();
+        json!({
+            "key": p.key, "value": p.value, "number": p.number, "min": range.map(|r| r.min), "max": range.map(|r| r.max),
+            "unit": range.map_or("", |r| r.unit.as_str()), "about": p.about, "file": p.file, "span": p.span,
+        })
+    };
+    parameters.iter().map(row).collect()
 }

@@ -3,8 +3,7 @@
 use serde_json::json;
 
 use super::args::{List, What};
-use super::{Context, knobs};
-use crate::presets;
+use super::{Context, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
 use osier_base::Result;
@@ -28,7 +27,11 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
     }
     let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
     let text = match (args.what, context.console.json) {
-        (What::Presets, false) => presets_text(),
+        (What::Presets, true) => format!("{:#}\n", preset_list::as_json(context, args.thumbnails.as_deref())?),
+        (What::Presets, false) => {
+            args.thumbnails.iter().try_for_each(|folder| preset_list::write_pictures(context, folder))?;
+            preset_list::as_text()
+        }
         (What::Knobs, false) => knobs::as_text(&knobs),
         (What::Knobs, true) => format!("{:#}\n", knobs::as_json(&knobs)),
         (What::Options, false) => options_text(&tables),
@@ -42,16 +45,11 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
     Ok(0)
 }
 
-fn presets_text() -> String {
-    let mut out = String::from("Grow one with `osier grow NAME -o NAME.glb`, bake one with `osier bake NAME`.\n\n");
-    for p in presets::PRESETS {
-        out += &format!("  {:18} {}\n", p.name, presets::about(p));
-    }
-    out
-}
-
 /// Why the words after the first argument do not fit it.
 fn misplaced(args: &List) -> Option<String> {
+    if args.thumbnails.is_some() && args.what != What::Presets {
+        return Some("only `list presets` draws --thumbnails".to_owned());
+    }
     match args.what {
         What::Options => None,
         What::Knobs if args.words.is_empty() => {
@@ -137,21 +135,24 @@ fn shown(limit: u64) -> String {
 
 fn options_json(tables: &[TableInfo]) -> serde_json::Value {
     let row = |(t, k): (&TableInfo, &KeyInfo)| {
-        json!({
-            "table": t.path, "key": k.name, "help": k.help, "accepts": k.listing.accepts,
-            "default": k.listing.default, "unit": k.listing.unit,
-        })
+        let mut row = k.listing.form.as_json();
+        let path = if t.path.is_empty() { k.name.to_owned() } else { format!("{}.{}", t.path, k.name) };
+        let fields = json!({
+            "table": t.path, "also": t.also, "key": k.name, "path": path, "help": k.help, "accepts": k.listing.accepts,
+            "default_text": k.listing.default, "unit": k.listing.unit, "basic": k.basic,
+        });
+        if let (Some(row), serde_json::Value::Object(fields)) = (row.as_object_mut(), fields) {
+            row.extend(fields);
+        }
+        row
     };
     tables.iter().flat_map(|t| t.keys.iter().map(move |k| (t, k))).map(row).collect()
 }
 
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
-        What::Presets => {
-            presets::PRESETS.iter().map(|p| json!({ "name": p.name, "about": presets::about(p) })).collect()
-        }
-        What::Options => options_json(&options()),
-        What::Knobs => serde_json::Value::Null,
+        // Listed above, each with what belongs to it.
+        What::Presets | What::Options | What::Knobs => serde_json::Value::Null,
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
         What::Codes => {
             let word = |s| if s == Severity::Error { "error" } else { "warning" };

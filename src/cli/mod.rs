@@ -5,12 +5,14 @@ mod args;
 mod bake;
 mod check;
 mod console;
+mod events;
 mod grow;
 mod info;
 mod knobs;
 mod list;
 mod new;
 mod numbers;
+mod preset_list;
 mod preview;
 mod progress;
 mod report;
@@ -87,7 +89,8 @@ fn guarded(cli: Cli) -> ExitCode {
 }
 
 fn start(cli: Cli) -> u8 {
-    let console = Console::new(&cli.common);
+    let as_json = matches!(&cli.command, Command::Bake(bake) if bake.progress == args::ProgressArg::Json);
+    let console = Console::new(&cli.common, as_json);
     #[allow(clippy::disallowed_methods, reason = "the command line may read the environment")]
     let environment = std::env::var_os("OSIER_MAX");
     let limits = match cli.common.limits(environment) {

@@ -8,6 +8,7 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::console::Console;
+use super::events::{self, StageEvents};
 use osier_base::diagnostic::visible;
 use osier_base::progress::Progress;
 
@@ -18,6 +19,8 @@ pub enum ProgressDisplay {
     Bar(Mutex<Option<ProgressBar>>),
     /// A line when a stage begins.
     Lines,
+    /// Lines of JSON.
+    Events(StageEvents),
     /// Without any output.
     Silent,
 }
@@ -25,7 +28,9 @@ pub enum ProgressDisplay {
 impl ProgressDisplay {
     /// The display that suits the console.
     pub fn new(console: &Console) -> Self {
-        if console.quiet {
+        if console.events {
+            Self::Events(StageEvents::default())
+        } else if console.quiet {
             Self::Silent
         } else if console.has_bars() {
             Self::Bar(Mutex::new(None))
@@ -66,15 +71,20 @@ impl Progress for ProgressDisplay {
                 let count = if total > 1 { format!(" ({total})") } else { String::new() };
                 let _ = writeln!(std::io::stderr(), "{}{count}", visible(name));
             }
+            Self::Events(events) => events.stage(name, total),
             Self::Silent => {}
         }
     }
 
     fn advance(&self, steps: u64) {
-        if let Self::Bar(slot) = self
-            && let Some(bar) = slot.lock().unwrap_or_else(PoisonError::into_inner).as_ref()
-        {
-            bar.inc(steps);
+        match self {
+            Self::Bar(slot) => {
+                if let Some(bar) = slot.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+                    bar.inc(steps);
+                }
+            }
+            Self::Events(events) => events.advance(steps),
+            Self::Lines | Self::Silent => {}
         }
     }
 
@@ -90,6 +100,7 @@ impl Progress for ProgressDisplay {
             Self::Lines => {
                 let _ = writeln!(std::io::stderr(), "{}", visible(text));
             }
+            Self::Events(_) => events::note(text),
             Self::Silent => {}
         }
     }

@@ -4,6 +4,7 @@
 //! every reference read. All faults are collected with their places. [`scene`] declares the keys of each table; the structs
 //! below declare which tables a scene has. Listings, the names that a table may hold and the scene hash follow from both.
 
+mod given;
 mod library;
 mod resolve;
 pub mod scene;
@@ -11,6 +12,7 @@ mod syntax;
 
 use std::sync::Arc;
 
+pub use given::{GivenKey, given_keys};
 pub use library::{Library, ReferencedFile};
 use osier_grammar::Grammar;
 use osier_ifs::Ifs;
@@ -24,7 +26,8 @@ use osier_scene::{AirGrid, Clip};
 pub use resolve::{Request, resolve};
 use syntax::recipe;
 pub use syntax::{
-    Choice, Digest, KeyInfo, KeyListing, KeyTable, RecipePart, Reference, Registry, TableInfo, ValueType, word_of,
+    Choice, Digest, KeyInfo, KeyListing, KeyTable, RecipePart, Reference, Registry, TableInfo, ValueForm, ValueKind,
+    ValueType, word_of,
 };
 
 /// Letter of the organ that cards of a tree's small branches are; it comes last.

@@ -384,3 +384,38 @@ fn shells_and_man_learn_every_command() {
     let (page, _) = ends(0, &["man"]);
     assert!(page.contains(".TH osier 1") && page.contains("Exit codes") && page.contains("bake"), "{page}");
 }
+
+#[test]
+fn progress_json_makes_every_line_of_standard_error_an_object() {
+    let dir = folder();
+    let events = |code: i32, args: &[&str]| -> Vec<Value> {
+        let (_, err) = ends(code, args);
+        err.lines().map(|l| serde_json::from_str(l).unwrap_or_else(|e| panic!("{l}: {e}"))).collect()
+    };
+    let out = dir.path().join("out");
+    let baked = events(0, &["bake", SCENE, "-o", arg(&out), "--progress", "json"]);
+    let stages: Vec<&Value> = baked.iter().filter(|e| e["event"] == "progress").collect();
+    assert!(stages.iter().any(|e| e["stage"] == "writing") && stages.len() > 5, "{baked:?}");
+    for pair in stages.windows(2).filter(|pair| pair[0]["stage"] == pair[1]["stage"] && pair[1]["done"] != 0) {
+        assert!(pair[0]["done"].as_u64() < pair[1]["done"].as_u64(), "{pair:?}");
+    }
+    assert!(stages.iter().all(|e| e["done"].as_u64() <= e["total"].as_u64().map(|n| n.max(1))), "{stages:?}");
+    // Quiet suppresses no line of a program that asked for them, and a bake that is up to date says so.
+    let again = events(0, &["bake", SCENE, "-o", arg(&out), "--progress", "json", "-q"]);
+    assert!(again.iter().any(|e| e["event"] == "note"), "{again:?}");
+
+    let text = "[plants.oak]\ngrammar = \"oak.l\"\nstepz = 3\n";
+    let scene = file(&dir, "bad.toml", text);
+    let wrong = events(1, &["bake", arg(&scene), "--progress", "json"]);
+    assert_eq!((wrong.len(), &wrong[0]["event"], &wrong[0]["code"]), (1, &"error".into(), &"S002".into()));
+    let [from, to] = [0, 1].map(|i| usize::try_from(wrong[0]["span"][i].as_u64().expect("a byte")).expect("a byte"));
+    assert_eq!((&text[from..to], &wrong[0]["line"]), ("stepz", &3.into()));
+    assert!(wrong[0]["help"].as_str().is_some_and(|h| h.contains("steps")) && wrong[0]["file"] == arg(&scene));
+    let absent = events(1, &["bake", "nosuch", "--progress", "json"]);
+    assert!(
+        absent[0]["event"] == "error" && absent[0]["file"] == "nosuch" && absent[0]["span"].is_null(),
+        "{absent:?}"
+    );
+    let refused = events(2, &["bake", SCENE, "--frames", "x", "--progress", "json"]);
+    assert!(refused[0]["message"].as_str().is_some_and(|m| m.starts_with("--frames")), "{refused:?}");
+}

@@ -16,7 +16,7 @@ use osier::preview::{
 };
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Library, Request, resolve};
-use osier::scene::{Frame, InstancerFrame, Scene};
+use osier::scene::{Frame, InstancerFrame, MeshFrame, Scene};
 
 /// Most that a channel may differ, of 255.
 const TOLERANCE: u8 = 1;
@@ -68,6 +68,12 @@ fn measured(scene: &Scene, frames: &[Frame]) -> String {
             #[allow(clippy::cast_precision_loss, reason = "small numbers")]
             s.attributes.iter().filter_map(|a| a.data.integers()).flatten().for_each(|m| put(&[*m as f32]));
         }
+        for mesh in frame.assets.iter().flat_map(|a| &a.meshes) {
+            if let MeshFrame::Whole { mesh, .. } = mesh {
+                mesh.points.iter().for_each(|p| put(&p.to_array()));
+            }
+        }
+        frame.assets.iter().flat_map(|a| &a.pose).for_each(|joint| put(&joint.t.to_array()));
         frame.fields.iter().for_each(|f| put(f));
         #[allow(clippy::cast_possible_truncation, reason = "both halves are taken")]
         frame.rows.iter().flatten().for_each(|v| put(&[*v as f32, (*v - f64::from(*v as f32)) as f32]));
@@ -161,6 +167,17 @@ fn the_golden_flight_is_what_it_was() {
         (1..=48).map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, n, false).expect("a frame")).collect();
     let mut wrong = Vec::from_iter(judge_text("flight.txt", &measured(&stage.scene, &frames)));
     wrong.extend(judge("flight", &draw(&stage.scene, frames.last(), true, [192, 144])));
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// [yang-wu] as it is printed: impacts, friction, merging, leaves on rods, to the last bit.
+#[test]
+fn the_golden_rain_of_the_paper_is_what_it_was() {
+    let stage = built("paper_rain.toml").animated;
+    let frames: Vec<Frame> =
+        (1..=48).map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, n, false).expect("a frame")).collect();
+    let mut wrong = Vec::from_iter(judge_text("paper_rain.txt", &measured(&stage.scene, &frames)));
+    wrong.extend(judge("paper_rain", &draw(&stage.scene, frames.last(), true, [192, 144])));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

@@ -24,6 +24,7 @@ mod maps;
 mod mesh_plants;
 mod morphs;
 mod one_wind;
+mod options;
 mod plain_files;
 mod pov_files;
 mod pov_picture;

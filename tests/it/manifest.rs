@@ -1,5 +1,10 @@
 //! The manifest: equal for equal runs, and it names what was done to a bake.
-#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests fail by panicking and tamper with files")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::float_cmp,
+    reason = "tests fail by panicking, tamper with files and compare copied values"
+)]
 
 use crate::common::synthetic;
 use std::fs;
@@ -7,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use osier::export::file_target::FileTarget;
-use osier::export::manifest::{self, FileEntry, Settings};
+use osier::export::manifest::{self, FileEntry, MAX_LISTED_PLACES, PLACES_FILE, PlacesEntry, Settings};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, exr, obj, ply, pov};
 use osier::files::Folder;
@@ -71,7 +76,10 @@ fn keys_stand_in_order_and_sequences_are_grouped() {
         "meters_per_unit",
         "time",
         "units",
+        "stage",
+        "view",
         "assets",
+        "places",
         "materials",
         "files",
         "bake_hash",
@@ -125,4 +133,72 @@ fn a_manifest_that_lies_or_leads_out_is_refused() {
     assert!(!verify(&other).expect("readable").1.sum_holds);
     fs::remove_file(&path).expect("remove");
     assert!(manifest::verify(dir.path(), 1 << 20).is_err());
+}
+
+#[test]
+fn the_view_is_that_of_the_scene_and_places_are_rows_of_matrices() {
+    let dir = tempfile::tempdir().expect("dir");
+    bake(dir.path());
+    let (m, _) = manifest::verify(dir.path(), 1 << 20).expect("verify");
+    let (scene, _) = synthetic::scene();
+    let view = m.view.expect("view");
+    let [right, up, back] = scene.camera.axes();
+    let wanted: Vec<f32> = [(right, 0.0), (up, 0.0), (back, 0.0), (scene.camera.eye, 1.0)]
+        .iter()
+        .flat_map(|(v, w)| [v.x, v.y, v.z, *w])
+        .collect();
+    assert!(view.camera.matrix.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", view.camera.matrix);
+    assert!((f64::from(view.camera.vfov_deg).to_radians() - f64::from(scene.camera.vfov)).abs() < 1e-6);
+    assert_eq!(view.sun.toward, scene.sun.direction().to_array());
+    assert_eq!(view.sun.irradiance, scene.sun.color.map(|c| c * scene.sun.strength));
+    assert_eq!(view.sky.stops, scene.sky.stops());
+    assert_eq!((m.time.written, m.time.loop_frames, m.stage), (Some([scene.clip.start, scene.clip.end]), None, None));
+    let PlacesEntry::Lists(lists) = m.places else { panic!("lists") };
+    assert_eq!(lists.values().map(Vec::len).sum::<usize>(), scene.placements.len());
+    for placement in &scene.placements {
+        let matrix = placement.transform.matrix().to_cols_array();
+        let list = &lists[&scene.assets[placement.asset].id];
+        assert!(list.iter().any(|p| p.matrix == matrix && p.offset == placement.phase), "{}", placement.name);
+    }
+}
+
+#[test]
+fn many_places_are_a_table_beside_the_manifest() {
+    let dir = tempfile::tempdir().expect("dir");
+    let (mut scene, _) = synthetic::scene();
+    let last = scene.placements.last().cloned().expect("placement");
+    scene.placements.resize_with(MAX_LISTED_PLACES, || last.clone());
+    let folder = Folder::open(dir.path()).expect("folder");
+    manifest::write_places(&folder, &scene).expect("few");
+    assert!(folder.files().is_empty(), "a thousand are listed");
+    scene.placements.push(last.clone());
+    manifest::write_places(&folder, &scene).expect("many");
+    let m = manifest::build(&scene, &folder.files(), &[], &Settings::default());
+    assert_eq!(m.places, PlacesEntry::Table(PLACES_FILE.into()));
+    let bytes = fs::read(dir.path().join(PLACES_FILE)).expect("table");
+    assert_eq!(bytes.len(), 40 * (MAX_LISTED_PLACES + 1));
+    let row: Vec<f32> =
+        bytes[bytes.len() - 40..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().expect("4"))).collect();
+    let (t, r) = (last.transform.t, last.transform.r);
+    assert_eq!(row[2..9], [t.x, t.y, t.z, r.x, r.y, r.z, r.w]);
+    assert_eq!([f64::from(row[0]), f64::from(row[1])], [last.asset as f64, f64::from(last.phase)]);
+}
+
+#[test]
+fn manifests_of_earlier_versions_are_read() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = bake(dir.path());
+    let mut value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for key in ["stage", "view", "places"] {
+        value.as_object_mut().expect("object").remove(key).expect(key);
+    }
+    for (part, keys) in [("time", ["written", "loop"]), ("units", ["wet_albedo", "wet_roughness"])] {
+        keys.iter().for_each(|key| drop(value[part].as_object_mut().expect("object").remove(*key).expect("key")));
+    }
+    for asset in value["assets"].as_array_mut().expect("assets") {
+        ["plant", "points_material"].iter().for_each(|key| drop(asset.as_object_mut().expect("object").remove(*key)));
+    }
+    fs::write(dir.path().join("manifest.json"), value.to_string()).expect("write");
+    let (m, found) = manifest::verify(dir.path(), 1 << 20).expect("an old manifest");
+    assert!(found.is_complete() && m.view.is_none() && m.time.written.is_none(), "{found:?}");
 }

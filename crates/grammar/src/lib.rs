@@ -47,7 +47,7 @@ pub use derive::{DeriveOptions, DerivedString, Prediction, derive, interpret, pr
 pub use evaluate::BindingEvaluator;
 pub use grammar::Grammar;
 pub use modules::{Module, ModuleString};
-pub use preprocess::{Define, Includes};
+pub use preprocess::{Define, DefineRange, Includes};
 pub use symbols::{SymbolId, Symbols};
 
 use osier_base::diagnostic::{Diagnostic, Report, Sources};

@@ -7,10 +7,7 @@ use glam::Vec2;
 
 use super::materials::ShadingParams;
 use osier_base::math::lerp;
-use osier_scene::{Frame, Material, Scene};
-
-/// Roughness of a closed film: smooth, with the ripple that the surface below leaves in it.
-const COAT_ROUGHNESS: f32 = 0.08;
+use osier_scene::{Coat, Frame, Material, Scene};
 
 /// The coat of a material at a frame.
 #[derive(Debug)]
@@ -44,7 +41,7 @@ impl CoatMap {
         // [yang-wu] eq. 10: linear between the reflectance of the bare and of the coated surface.
         let w = self.filtered(uv, footprint).clamp(0.0, 1.0);
         shading.albedo *= lerp(1.0, self.darkening, w);
-        shading.roughness = lerp(shading.roughness, shading.roughness.min(COAT_ROUGHNESS), w);
+        shading.roughness = lerp(shading.roughness, shading.roughness.min(Coat::WET_ROUGHNESS), w);
     }
 
     /// A map filtered over a sample: one bilinear look-up for a sample that is narrower than a texel, else the mean of

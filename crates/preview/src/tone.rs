@@ -3,30 +3,22 @@
 use glam::Vec3;
 
 use osier_base::units::{byte, srgb_byte};
-
-/// Factor on all radiance: a meadow in full sun lies a little above middle grey. A larger one brightens every picture.
-const EXPOSURE: f32 = 1.25;
+use osier_scene::ToneCurve;
 
 /// The displayed colour of a radiance, linear, each channel 0 to 1.
-/// Own: a toe that deepens shade and a shoulder towards white, f(x) = x (1.2 x + 0.05) / (x (1.15 x + 0.62) + 0.14)
-/// with the luminance of the colour as x; what exceeds 1 in a channel is mixed towards white, so that bright leaves
-/// become paler instead of turning yellow.
+/// Own: [`ToneCurve`] with the luminance of the colour as x; what exceeds 1 in a channel is mixed towards white, so that bright
+/// leaves become paler instead of turning yellow.
 pub(super) fn tone_map(color: Vec3) -> Vec3 {
-    let c = color.max(Vec3::ZERO) * EXPOSURE;
+    let c = color.max(Vec3::ZERO) * ToneCurve::EXPOSURE;
     // The curve acts on luminance; scaling all channels alike keeps the hue.
     let x = c.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(1e-6);
-    let luminance = curve(x);
+    let luminance = ToneCurve::displayed(x);
     let scaled = c * (luminance / x);
     // Channels beyond 1 are desaturated towards grey of the same luminance; `excess / (excess +
     // 0.6)` rises smoothly from 0 to 1.
     let excess = (scaled.max_element() - 1.0).max(0.0);
     let desaturation = excess / (excess + 0.6);
     scaled.lerp(Vec3::splat(luminance), desaturation).clamp(Vec3::ZERO, Vec3::ONE)
-}
-
-/// Displayed luminance of a luminance.
-fn curve(x: f32) -> f32 {
-    (x * (1.2 * x + 0.05) / (x * (1.15 * x + 0.62) + 0.14)).min(1.0)
 }
 
 /// A displayed colour and its coverage as sRGB bytes with straight alpha.
@@ -41,7 +33,7 @@ mod tests {
 
     #[test]
     fn the_curve_rises_from_black_to_white() {
-        let values: Vec<f32> = (0..=600).map(|i| curve(i as f32 * 0.01)).collect();
+        let values: Vec<f32> = (0..=600).map(|i| ToneCurve::displayed(i as f32 * 0.01)).collect();
         assert!(values.windows(2).all(|w| w[0] <= w[1]));
         assert!(values[0] < 1e-6 && values[600] > 0.95);
     }

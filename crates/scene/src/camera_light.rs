@@ -24,6 +24,18 @@ impl Camera {
         [right, back.cross(right), back]
     }
 
+    /// World from camera space: columns right, up, back and position.
+    pub fn matrix(&self) -> glam::Mat4 {
+        let [right, up, back] = self.axes();
+        glam::Mat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), self.eye.extend(1.0))
+    }
+
+    /// Nearest and farthest distance that is shown, m: hundred times the distances of camera and target from the origin, and
+    /// 1000 m, so that no ground is clipped.
+    pub fn clipping_range(&self) -> [f32; 2] {
+        [0.01, (self.eye.length() + self.target.length()) * 100.0 + 1000.0]
+    }
+
     /// Fits a box into the picture: three-quarter view, the camera looking about 10 degrees down.
     /// `bounds`: world box, m; `aspect`: width / height; `vfov`: rad.
     pub fn framing(bounds: osier_base::geometry::Bounds, aspect: f32, vfov: f32) -> Self {
@@ -35,6 +47,28 @@ impl Camera {
         let azimuth = osier_base::units::radians_f32(25.0);
         let out = Vec3::new(c * osier_base::math::sin_f32(azimuth), s, c * osier_base::math::cos_f32(azimuth));
         Self { eye: bounds.center() + out * distance, target: bounds.center(), vfov, roll: 0.0 }
+    }
+}
+
+/// How the radiance of a picture becomes displayed light. Own: a toe that deepens shade and a shoulder towards white,
+/// f(x) = x (1.2 x + 0.05) / (x (1.15 x + 0.62) + 0.14), where x is the luminance times [`Self::EXPOSURE`].
+#[derive(Debug, Clone, Copy)]
+pub struct ToneCurve;
+
+impl ToneCurve {
+    /// Factor on all radiance: a meadow in full sun lies a little above middle grey. A larger one brightens every picture.
+    pub const EXPOSURE: f32 = 1.25;
+    /// Coefficients of x^2, x and 1 above the fraction line.
+    pub const NUMERATOR: [f32; 3] = [1.2, 0.05, 0.0];
+    /// Coefficients of x^2, x and 1 below the fraction line.
+    pub const DENOMINATOR: [f32; 3] = [1.15, 0.62, 0.14];
+
+    /// Displayed luminance, 0 to 1, of an exposed luminance, 0 or more.
+    pub fn displayed(x: f32) -> f32 {
+        // The numerator has no constant part, which is left out: x (a x + b).
+        let [a, b, _] = Self::NUMERATOR;
+        let [c, d, e] = Self::DENOMINATOR;
+        (x * (a * x + b) / (x * (c * x + d) + e)).min(1.0)
     }
 }
 

@@ -38,7 +38,7 @@ mod validate;
 
 pub use air::AirGrid;
 pub use attribute::{Attribute, AttributeData, AttributeDomain};
-pub use camera_light::{Camera, Fog, Sky, Sun};
+pub use camera_light::{Camera, Fog, Sky, Sun, ToneCurve};
 pub use curve_mesh::{ribbons, tubes, turned_ribbons};
 pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,

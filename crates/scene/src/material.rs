@@ -86,6 +86,15 @@ pub struct Material {
     pub coat: Option<Coat>,
 }
 
+impl Coat {
+    /// Albedo of a wet leaf as a share of that of a dry one: light is caught in the film of water. Own: chosen by eye against
+    /// photographs of wet leaves, 0.4..0.8; a smaller value darkens wet leaves in previews and POV-Ray.
+    pub const WET_ALBEDO: f32 = 0.55;
+    /// Roughness of a closed film, 0 to 1: smooth, with the ripple that the surface below leaves in it. A surface that is smoother
+    /// keeps its own roughness.
+    pub const WET_ROUGHNESS: f32 = 0.08;
+}
+
 impl Material {
     /// Something opaque without pictures, seen from its front. `base_color`: linear; `roughness`: 0..1.
     pub fn plain(name: String, class: MaterialClass, base_color: [f32; 3], roughness: f32) -> Self {

@@ -121,6 +121,11 @@ pub trait AssetMotion: Debug + Send + Sync {
     fn supports_phases(&self) -> bool {
         false
     }
+
+    /// Whether the motion repeats after the loop of the scene's clip.
+    fn is_loop(&self) -> bool {
+        false
+    }
 }
 
 /// Evaluates a whole frame. `motions` runs parallel to the scene's assets. `phased`: with the states that placements show

@@ -322,6 +322,10 @@ impl AssetMotion for SwayMotion {
     fn supports_phases(&self) -> bool {
         true
     }
+
+    fn is_loop(&self) -> bool {
+        self.repeats()
+    }
 }
 
 /// Points of a plant that sways.

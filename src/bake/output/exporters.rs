@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::bake::output::frame_loop::NamedExporter;
+use crate::bake::scene::animated::AnimatedScene;
 use crate::recipe::scene::{CopyStyle, GltfProfile, UpAxis};
 use crate::recipe::{OutputRecipe, Recipe};
 use osier_base::files::Folder;
@@ -76,13 +77,27 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
 }
 
 /// What the manifest says about the choices, for a bake of these frames in rising order.
-pub fn manifest_settings(output: &OutputRecipe, frames: &[u32]) -> manifest::Settings {
+pub fn manifest_settings(recipe: &Recipe, animated: &AnimatedScene, frames: &[u32]) -> manifest::Settings {
+    let output = &recipe.output;
+    let pov = pov_options(output);
     manifest::Settings {
         up_axis: if output.usd.up == UpAxis::Z { "Z".into() } else { "Y".into() },
         substeps: 1,
         step: frame_stride(frames),
-        pov_units_per_m: osier_base::math::narrow(output.pov.units),
+        written: frames.first().zip(frames.last()).map(|(first, last)| [*first, *last]),
+        loop_frames: loop_frames(recipe, animated),
+        size: [pov.size.0, pov.size.1],
+        shutter: pov.shutter,
+        pov_units_per_m: pov.units_per_m,
     }
+}
+
+/// Frames after which the motion of a scene repeats: those of the sway's loop, if nothing in the scene moves in another way.
+fn loop_frames(recipe: &Recipe, animated: &AnimatedScene) -> Option<u32> {
+    let mut moving = animated.motions.iter().flatten().peekable();
+    let all_repeat = moving.peek().is_some() && moving.all(|motion| motion.is_loop());
+    let frames = recipe.sway.loop_frames(&recipe.clip).filter(|_| all_repeat)?;
+    u32::try_from(frames).ok()
 }
 
 /// Largest step that meets every one of the rising `frames` from the first; 1 if there is no second.

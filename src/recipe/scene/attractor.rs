@@ -68,15 +68,15 @@ keys! {
         /// Source of the probabilities of the maps.
         weights: Option<WeightsFrom> = "weights" OptionalKey(OneOf(WeightsFrom::File), "those of the file");
         /// Number of points that the chaos game draws.
-        points: u32 = "points" integer(1_000_000, 1, 1_000_000_000);
+        points: u32 = "points" integer(1_000_000, 1, 1_000_000_000), basic;
         /// What determines the colour of a point.
-        color_by: ColorBy = "color_by" OneOf(ColorBy::Map);
+        color_by: ColorBy = "color_by" OneOf(ColorBy::Map), basic;
         /// With `color_by = "word"`: number of maps that determine the colour.
         prefix: u32 = "prefix" integer(2, 1, 4);
         /// Colours of the maps, or of the palette.
         colors: Vec<[f32; 3]> = "colors" ColorList;
         /// Height of the attractor; without it one table unit is one metre.
-        height: Option<f64> = "height" OptionalKey(number(1.0, 1e-4, 1e5, "m"), "1 m per unit");
+        height: Option<f64> = "height" OptionalKey(number(1.0, 1e-4, 1e5, "m"), "1 m per unit"), basic;
         /// Diameter of a point.
         point: Option<f64> = "point_mm" OptionalKey(millimetres(2.0, 1e-4, 1e5), "1/800 of the size");
         /// Keeps one point per cube of this size; 0 keeps all points.

@@ -41,19 +41,19 @@ keys! {
     /// Bark of thick axes. `[plants.NAME.shoot]` has the same keys for axes below 8 mm radius; its default kind is "shoot".
     BarkKeys at "plants.NAME.bark" also "plants.NAME.shoot" {
         /// Pattern of the bark, which sets the defaults below.
-        kind: BarkKind = "kind" OneOf(BarkKind::Furrowed);
+        kind: BarkKind = "kind" OneOf(BarkKind::Furrowed), basic;
         /// Coefficient table (2D) whose density is tiled as relief and tint.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// System of the table; empty selects the first.
         system: String = "system" StringType("");
         /// Colour of ridges, or base colour.
-        color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#8a7a66"), KIND);
+        color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#8a7a66"), KIND), basic;
         /// Colour of cracks or marks.
         color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#3a2f26"), KIND);
         /// Size of one repeat of the textures.
         tile: Option<f64> = "tile" OptionalKey(number(0.5, 0.001, 100.0, "m"), KIND);
         /// Height from crack to ridge.
-        depth: Option<f64> = "depth_mm" OptionalKey(millimetres(12.0, 0.0, 100.0), KIND);
+        depth: Option<f64> = "depth_mm" OptionalKey(millimetres(12.0, 0.0, 100.0), KIND), basic;
         /// Amount of weathered patches and lichen.
         patches: Option<f64> = "patches" OptionalKey(number(0.3, 0.0, 1.0, ""), KIND);
         /// Side length of the textures in pixels.

@@ -7,49 +7,49 @@ keys! {
     /// Camera; fitted to the plants unless `eye` is set.
     CameraKeys at "camera" {
         /// Position of the camera.
-        eye: Option<[f64; 3]> = "eye" OptionalKey(point([0.0; 3]), "fitted");
+        eye: Option<[f64; 3]> = "eye" OptionalKey(point([0.0; 3]), "fitted"), basic;
         /// Point at which the camera looks.
-        target: Option<[f64; 3]> = "target" OptionalKey(point([0.0; 3]), "centre of the plants");
+        target: Option<[f64; 3]> = "target" OptionalKey(point([0.0; 3]), "centre of the plants"), basic;
         /// Vertical field of view.
-        vfov: f64 = "vfov_deg" degrees(35.0, 1.0, 170.0);
+        vfov: f64 = "vfov_deg" degrees(35.0, 1.0, 170.0), basic;
         /// Roll about the viewing direction, to the right.
         roll: f64 = "roll_deg" degrees(0.0, -360.0, 360.0);
         /// Factor on the distance of a fitted camera.
-        distance: f64 = "distance" number(1.0, 0.01, 100.0, "");
+        distance: f64 = "distance" number(1.0, 0.01, 100.0, ""), basic;
     }
     /// Direction and strength of sunlight.
     SunKeys at "sun" {
         /// Elevation above the horizon.
-        elevation: f64 = "elevation_deg" degrees(40.0, -90.0, 90.0);
+        elevation: f64 = "elevation_deg" degrees(40.0, -90.0, 90.0), basic;
         /// Direction from which the sun shines: 0 is +X, 90 is -Z.
-        azimuth: f64 = "direction_deg" SunDirection(-15.0);
+        azimuth: f64 = "direction_deg" SunDirection(-15.0), basic;
         /// Colour of the light.
-        color: [f32; 3] = "color" ColorType("#fff9ee");
+        color: [f32; 3] = "color" ColorType("#fff9ee"), basic;
         /// Irradiance on a surface that faces the sun.
-        strength: f64 = "strength" number(3.0, 0.0, 1000.0, "W/m^2");
+        strength: f64 = "strength" number(3.0, 0.0, 1000.0, "W/m^2"), basic;
         /// Angular diameter, which softens shadows.
         angle: f64 = "angle_deg" degrees(0.53, 0.0, 90.0);
     }
     /// Colours and brightness of the sky.
     SkyKeys at "sky" {
         /// Colour at the horizon.
-        horizon: [f32; 3] = "horizon" ColorType("#edf3f9");
+        horizon: [f32; 3] = "horizon" ColorType("#edf3f9"), basic;
         /// Colour at the zenith.
-        zenith: [f32; 3] = "zenith" ColorType("#89b3e6");
+        zenith: [f32; 3] = "zenith" ColorType("#89b3e6"), basic;
         /// Colour below the horizon, such as distant trees, which drops refract. POV-Ray, previews and USD.   (USD's
         /// maps/sky.exr holds it too)
         below: Option<[f32; 3]> = "below" OptionalKey(ColorType("#1a2417"), "the sky goes on");
         /// Strength of blurred shade and gaps of light around the scene, as of leaves out of focus. POV-Ray and USD.
         dapple: f64 = "dapple" number(0.0, 0.0, 1.0, "");
         /// Brightness of the sky around the sun, relative to the sky colour. POV-Ray, previews and USD.
-        glow: f64 = "glow" number(0.0, 0.0, 100.0, "");
+        glow: f64 = "glow" number(0.0, 0.0, 100.0, ""), basic;
         /// Factor on both colours.
-        strength: f64 = "strength" number(1.0, 0.0, 1000.0, "");
+        strength: f64 = "strength" number(1.0, 0.0, 1000.0, ""), basic;
     }
     /// Haze. Previews and POV-Ray render it; USD and glTF store its parameters.
     FogKeys at "fog" {
         /// Distance at which 2 % of the contrast remains; without it there is no haze.
-        visibility: Option<f64> = "visibility" OptionalKey(number(400.0, 0.1, 1e7, "m"), "none");
+        visibility: Option<f64> = "visibility" OptionalKey(number(400.0, 0.1, 1e7, "m"), "none"), basic;
         /// Colour of the haze.
         color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#edf3f9"), "the sky's at the horizon");
         /// Height at which a quarter of the density remains; 0 for a constant density.

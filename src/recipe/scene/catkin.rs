@@ -32,9 +32,10 @@ keys! {
         /// Radius at the tip divided by that at the base.
         tip: f64 = "tip" number(0.25, 0.0, 1.0, "");
         /// Number of hairs of a tuft.
-        hairs: u32 = "hairs" integer(100, 2, 5000);
+        hairs: u32 = "hairs" integer(100, 2, 5000), basic;
         /// Largest inclination of a hair to the axis of the tuft.
-        fluffiness: Option<f64> = "fluffiness_deg" OptionalKey(degrees(60.0, 0.0, 180.0), "25, 25, 60, 105, 105 by variant");
+        fluffiness: Option<f64> = "fluffiness_deg"
+            OptionalKey(degrees(60.0, 0.0, 180.0), "25, 25, 60, 105, 105 by variant"), basic;
         /// Largest bend between the sections of a hair.
         bend: Option<f64> = "bend_deg" OptionalKey(degrees(15.0, 0.0, 90.0), "10, 35, 24, 14, 45 by variant");
         /// Largest rotation of a hair about the axis of the tuft.

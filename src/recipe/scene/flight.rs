@@ -62,14 +62,14 @@ keys! {
     /// Catkins in flight: release, motion, adhesion and deposition. `[catkin]` sets their shape, `[wind]` the wind.
     FlightKeys at "flight" {
         /// Number of catkins that are released.
-        count: u32 = "count" integer(1000, 1, 100_000_000);
+        count: u32 = "count" integer(1000, 1, 100_000_000), basic;
         /// Source of the defaults: all additions ("full"), or the equations of the paper only.
         preset: FlightPreset = "preset" OneOf(FlightPreset::Full);
         /// Where catkins are released: in a layer of the sky at once ("sky") or over time ("rain"), from plants ("canopy"),
         /// at positions of a file ("points").
-        release: FlightRelease = "release" OneOf(FlightRelease::Sky);
+        release: FlightRelease = "release" OneOf(FlightRelease::Sky), basic;
         /// With "rain": period of release, counted from the start of the spin-up.
-        duration: f64 = "duration" number(10.0, 0.0, 86_400.0, "s");
+        duration: f64 = "duration" number(10.0, 0.0, 86_400.0, "s"), basic;
         /// With "sky" and "rain": layer of release, as fractions of the height of the domain.
         band: [f64; 2] = "band" NumberArray([0.3, 0.95], number(0.0, 0.0, 1.0, ""));
         /// With "canopy": period over which the catkins ripen, counted from the start of the spin-up, at a constant rate of

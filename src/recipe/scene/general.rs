@@ -19,15 +19,15 @@ keys! {
         /// Shown in files and listings.
         title: String = "title" StringType("");
         /// Seed of all random numbers; another integer gives another individual.
-        seed: u64 = "seed" SeedType(1);
+        seed: u64 = "seed" SeedType(1), basic;
     }
     /// Frame range and frame rate of the clip.
     FramesKeys at "frames" {
         /// First frame of the clip.
         start: u32 = "start" integer(1, 0, 999_999);
         /// Last frame; without it the scene has one frame and does not move.
-        end: Option<u32> = "end" OptionalKey(integer(1, 0, 999_999), "start");
+        end: Option<u32> = "end" OptionalKey(integer(1, 0, 999_999), "start"), basic;
         /// Frame rate in frames per second.
-        fps: (u32, u32) = "fps" FrameRate;
+        fps: (u32, u32) = "fps" FrameRate, basic;
     }
 }

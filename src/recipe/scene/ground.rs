@@ -7,15 +7,15 @@ keys! {
     /// Ground: a disc around the plants.
     GroundKeys at "ground" {
         /// Whether there is a ground.
-        show: bool = "show" BooleanType(true);
+        show: bool = "show" BooleanType(true), basic;
         /// Diameter of the disc.
-        size: f64 = "size" number(40.0, 0.2, 2e4, "m");
+        size: f64 = "size" number(40.0, 0.2, 2e4, "m"), basic;
         /// Height of its undulations.
-        relief: f64 = "relief" number(0.15, 0.0, 100.0, "m");
+        relief: f64 = "relief" number(0.15, 0.0, 100.0, "m"), basic;
         /// Wavelength of its undulations.
         wavelength: f64 = "wavelength" number(9.0, 0.01, 1e5, "m");
         /// Colour of bare soil.
-        color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#5c4f40"), "brown");
+        color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#5c4f40"), "brown"), basic;
         /// Colour of grass and moss.
         color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#576a31"), "green");
         /// Fraction of grass and moss.

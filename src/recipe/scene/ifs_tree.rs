@@ -19,7 +19,7 @@ keys! {
         /// System of the table; empty selects the first.
         system: String = "system" StringType("");
         /// Height of the tree.
-        height: f64 = "height" number(6.0, 0.01, 1000.0, "m");
+        height: f64 = "height" number(6.0, 0.01, 1000.0, "m"), basic;
         /// Branches shorter than this fraction of the trunk become leaf sites.
         eps: f64 = "eps" number(0.09, 1e-4, 1.0, "");
         /// Largest number of branchings between ground and tip.
@@ -33,7 +33,7 @@ keys! {
         /// Source of the radii: the maps of the table ("maps") or the pipe model ("pipe").
         radii: BranchRadii = "radii" OneOf(BranchRadii::Maps);
         /// Fraction of leaf sites with leaves.
-        leaf_density: f64 = "leaf_density" number(1.0, 0.0, 1.0, "");
+        leaf_density: f64 = "leaf_density" number(1.0, 0.0, 1.0, ""), basic;
         /// Number of leaves per site.
         leaves: u32 = "leaves" integer(3, 1, 100);
         /// Level of detail: branches shorter than 2^lod eps become billboards; 0 grows all branches.

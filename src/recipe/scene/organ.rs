@@ -40,7 +40,7 @@ keys! {
     /// organ "l".
     OrganKeys at "plants.NAME.organs.LETTER" also "plants.NAME.leaf" {
         /// Outline of a parametric blade.
-        blade: BladeOutline = "blade" OneOf(BladeOutline::Elliptic);
+        blade: BladeOutline = "blade" OneOf(BladeOutline::Elliptic), basic;
         /// Mesh file instead of a parametric blade: base of the petiole at the origin, midrib along +Y, upper side towards
         /// +Z.
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb");
@@ -57,7 +57,7 @@ keys! {
         /// With `ifs`: whether holes are cut into the mesh.
         holes: bool = "holes" BooleanType(false);
         /// Length of the blade; multiplied by the size factor of the turtle.
-        size: Option<f64> = "size" OptionalKey(number(0.08, 1e-3, 2.0, "m"), OWN);
+        size: Option<f64> = "size" OptionalKey(number(0.08, 1e-3, 2.0, "m"), OWN), basic;
         /// Width divided by length.
         width: Option<f64> = "width" OptionalKey(number(0.6, 0.02, 3.0, ""), OWN);
         /// Number of lobes or teeth on each side.
@@ -84,9 +84,9 @@ keys! {
         /// poplars.
         petiole_flatness: Option<f64> = "petiole_flatness" OptionalKey(number(1.0, 0.3, 3.0, ""), OWN);
         /// Colour of the blade.
-        color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#4f7a33"), OWN);
+        color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#4f7a33"), OWN), basic;
         /// Colour of veins and margin.
-        color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#86a05a"), OWN);
+        color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#86a05a"), OWN), basic;
         /// Number of different meshes, which vary in fold, curl and proportions.
         variants: u32 = "variants" integer(4, 1, 32);
         /// Resolution of the mesh: "crown" for trees with many thousand leaves, "light", "hero" for close-ups, "close" with
@@ -99,10 +99,10 @@ keys! {
         /// With `mesh`: up axis of the file.
         mesh_up: UpAxis = "mesh_up" OneOf(UpAxis::Y);
         /// Fraction of light that is transmitted.
-        translucency: f64 = "translucency" number(0.35, 0.0, 1.0, "");
+        translucency: f64 = "translucency" number(0.35, 0.0, 1.0, ""), basic;
         /// Roughness: 0 is a mirror, 1 is matt.
         roughness: Option<f64> = "roughness" OptionalKey(number(0.45, 0.0, 1.0, ""), OWN);
         /// Factor on leaf flutter: 1 for round petioles, 2 to 3 for the flat petioles of poplars.
-        flutter: f64 = "flutter" number(1.0, 0.0, 10.0, "");
+        flutter: f64 = "flutter" number(1.0, 0.0, 10.0, ""), basic;
     }
 }

@@ -30,14 +30,14 @@ keys! {
     /// Files that a bake writes.
     OutputKeys at "output" {
         /// File formats that a bake writes.
-        formats: Vec<OutputFormat> = "formats" ListOf(&[OutputFormat(&usd::FORMAT), OutputFormat(&gltf::FORMAT)]);
+        formats: Vec<OutputFormat> = "formats" ListOf(&[OutputFormat(&usd::FORMAT), OutputFormat(&gltf::FORMAT)]), basic;
     }
     /// Options of POV-Ray files.
     PovKeys at "output.pov" {
         /// Frames between two written frames.
         step: u32 = "step" integer(1, 1, 1_000_000);
         /// Width and height of the picture in pixels.
-        size: [f64; 2] = "size" NumberArray([800.0, 600.0], number(800.0, 8.0, 16384.0, "pixels"));
+        size: [f64; 2] = "size" NumberArray([800.0, 600.0], number(800.0, 8.0, 16384.0, "pixels")), basic;
         /// Fraction of the frame interval for which the shutter is open, which sets the length of streaks of falling water.
         shutter: f64 = "shutter" number(0.5, 0.0, 1.0, "");
         /// Scene units per metre.

@@ -40,13 +40,13 @@ keys! {
     /// A plant; NAME is any name.
     PlantKeys at "plants.NAME" {
         /// Grammar (L-system) of the plant.
-        grammar: Option<Reference> = "grammar" FileReference(".l");
+        grammar: Option<Reference> = "grammar" FileReference(".l"), basic;
         /// Coefficient table of a tree, instead of a grammar.
-        ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml");
+        ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml"), basic;
         /// Mesh of a whole plant, instead of a grammar; osier extracts its skeleton.
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
         /// Number of derivation steps.
-        steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "that of the grammar");
+        steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "that of the grammar"), basic;
         /// Values that replace `#define`s of the grammar.
         set: Vec<(String, f64)> = "set" NamedNumbers;
         /// Added to the scene's seed for this plant.
@@ -55,7 +55,7 @@ keys! {
         stochastic: Option<bool> = "stochastic" OptionalKey(BooleanType(true), "true if the grammar has a `Seed:`");
         /// How motion is written: joints ("skin"), points of every frame ("cache"), few joints and shader attributes
         /// ("game"), shader attributes only ("static"), or no motion ("still").
-        motion: BarkMotion = "motion" OneOf(BarkMotion::Skin);
+        motion: BarkMotion = "motion" OneOf(BarkMotion::Skin), basic;
         /// Largest number of joints of the skeleton.
         max_joints: u32 = "max_joints" integer(256, 1, 300);
         /// Largest number of branches that bend individually.

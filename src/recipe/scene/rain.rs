@@ -81,11 +81,11 @@ keys! {
         /// Whether rain falls; without it only drops of `[[rain.lying]]` exist.
         falls: bool = "falls" BooleanType(true);
         /// Mean rainfall rate, which the envelope and `jitter` vary.
-        rate: f64 = "rate_mm_per_h" rain_rate(10.0, 0.1, 200.0);
+        rate: f64 = "rate_mm_per_h" rain_rate(10.0, 0.1, 200.0), basic;
         /// Distribution of drop diameters: Marshall-Palmer ("natural"), one size, or log-normal.
-        size: RainSize = "size_distribution" OneOf(RainSize::Natural);
+        size: RainSize = "size_distribution" OneOf(RainSize::Natural), basic;
         /// Diameter of "fixed" drops, median diameter of "log_normal" drops.
-        diameter: f64 = "size_mm" millimetres(2.0, 0.5, 6.0);
+        diameter: f64 = "size_mm" millimetres(2.0, 0.5, 6.0), basic;
         /// With "log_normal": standard deviation of the logarithm of the diameter.
         spread: f64 = "size_spread" number(0.3, 0.01, 1.5, "");
         /// Number of drops of the whole clip, instead of a rate.
@@ -177,7 +177,7 @@ keys! {
         /// Time after which the wetness has decayed to `decay_fraction`.
         decay_time: f64 = "decay_time_s" number(20.0, 0.05, 1e5, "s");
         /// Film of water from earlier rain on all leaves, and on bark, solids and ground where rain reaches them, which makes them darker and shiny: 0 dry, 1 closed. Appearance only.
-        film: f64 = "film" number(0.0, 0.0, 1.0, "");
+        film: f64 = "film" number(0.0, 0.0, 1.0, ""), basic;
         /// Length over which wetness decreases from the centre of a drop.
         length: f64 = "length_mm" millimetres(3.0, 0.1, 100.0);
     }

@@ -11,7 +11,7 @@ keys! {
         /// Plants with weights: { oak = 2, birch = 1 }.
         plants: Vec<(String, f64)> = "plants" NamedNumbers;
         /// Smallest distance between two plants.
-        spacing: f64 = "spacing" number(4.0, 0.05, 1e4, "m");
+        spacing: f64 = "spacing" number(4.0, 0.05, 1e4, "m"), basic;
         /// Smallest distance to earlier plants.
         clear: Option<f64> = "clear" OptionalKey(number(0.0, 0.0, 1e4, "m"), "the mean of both spacings");
         /// Steepest slope on which plants stand.
@@ -19,7 +19,7 @@ keys! {
         /// Lowest and highest position.
         altitude: [f64; 2] = "altitude" NumberArray([-1e5, 1e5], number(0.0, -1e5, 1e5, "m"));
         /// Probability that a position is used.
-        density: f64 = "density" number(1.0, 0.0, 1.0, "");
+        density: f64 = "density" number(1.0, 0.0, 1.0, ""), basic;
         /// Image over the whole terrain, top at -z: plants grow where it is white.
         mask: Option<Reference> = "mask" FileReference(".png, .jpg");
         /// Size of patches in which plants gather; 0 for a uniform distribution.

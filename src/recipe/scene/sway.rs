@@ -48,9 +48,9 @@ keys! {
         /// With "paper": damping coefficient of the squared angular velocity.
         paper_damping: f64 = "paper_damping" number(0.01, 0.0, 1000.0, "N s^2");
         /// Factor on the oscillation; 1 is realistic, 3 to 10 is visible from a distance.
-        exaggerate: f64 = "exaggerate" number(1.0, 0.0, 20.0, "");
+        exaggerate: f64 = "exaggerate" number(1.0, 0.0, 20.0, ""), basic;
         /// Factor on the mean deflection.
-        lean: f64 = "lean" number(1.0, 0.0, 5.0, "");
+        lean: f64 = "lean" number(1.0, 0.0, 5.0, ""), basic;
         /// Factor on the lag of twigs behind their branch.
         whip: f64 = "whip" number(1.0, 0.0, 3.0, "");
         /// Number of bending modes of trunks and limbs; the second has 6.27 times the frequency.
@@ -60,7 +60,7 @@ keys! {
         /// Whether the weight of a deflected branch acts in its new direction.
         gravity: bool = "gravity_change" BooleanType(false);
         /// Period of the wind and the motion, rounded to frames.
-        loop_duration: Option<f64> = "loop" OptionalKey(number(4.0, 2.0, 3600.0, "s"), "the clip, if it loops");
+        loop_duration: Option<f64> = "loop" OptionalKey(number(4.0, 2.0, 3600.0, "s"), "the clip, if it loops"), basic;
         /// Whether the clip loops: the frame after the last equals the first. All that reads the wind reads a wind that loops.
         repeat: Option<bool> = "repeat" OptionalKey(BooleanType(true), "true for clips of 2 s and more without [flight]");
         /// Number of time offsets of copies of a plant, by which gusts reach them at different times; 1 moves all copies in

@@ -20,9 +20,9 @@ keys! {
         /// Number of subdivisions n: 2^n + 1 heights along a side.
         subdivisions: u32 = "subdivisions" integer(9, 1, 13);
         /// Side length of the square terrain.
-        size: f64 = "size" number(200.0, 1.0, 1e5, "m");
+        size: f64 = "size" number(200.0, 1.0, 1e5, "m"), basic;
         /// Height of the largest hills.
-        amplitude: f64 = "amplitude" number(25.0, 0.0, 1e4, "m");
+        amplitude: f64 = "amplitude" number(25.0, 0.0, 1e4, "m"), basic;
         /// How fast the amplitude decreases with scale: 0 is jagged, 1 is smooth.
         exponent: f64 = "exponent" number(0.8, 0.0, 1.0, "");
         /// Heights of the corners at -x -z, +x -z, -x +z, +x +z.

@@ -36,21 +36,21 @@ keys! {
     /// velocities are summed.
     WindKeys at "wind" also "wind.add" {
         /// Model of the velocity field.
-        model: WindModel = "model" OneOf(WindModel::Gust);
+        model: WindModel = "model" OneOf(WindModel::Gust), basic;
         /// Mean speed 10 m above the ground.
-        speed: f64 = "speed" number(4.5, 0.0, 60.0, "m/s");
+        speed: f64 = "speed" number(4.5, 0.0, 60.0, "m/s"), basic;
         /// Mean speed as a Beaufort number, instead of `speed`.
         beaufort: Option<f64> = "beaufort" OptionalKey(number(3.0, 0.0, 12.0, "Bft"), "none");
         /// Factor on all velocities, but not on the speed at which gusts travel.
         scale: f64 = "scale" number(1.0, 0.0, 10.0, "");
         /// Direction in which the wind blows: 0 is +X, 90 is -Z.
-        direction: f64 = "direction_deg" degrees(0.0, -360.0, 360.0);
+        direction: f64 = "direction_deg" degrees(0.0, -360.0, 360.0), basic;
         /// Relative amplitude of gusts; 0.3 to 0.5 is natural.
-        gust: f64 = "gust" number(0.4, 0.0, 1.0, "");
+        gust: f64 = "gust" number(0.4, 0.0, 1.0, ""), basic;
         /// Length of gusts along the wind.
-        gust_length: f64 = "gust_length" number(40.0, 2.0, 200.0, "m");
+        gust_length: f64 = "gust_length" number(40.0, 2.0, 200.0, "m"), basic;
         /// Turbulence intensity of eddies; 0.15 to 0.25 is natural.
-        turbulence: f64 = "turbulence" number(0.2, 0.0, 1.0, "");
+        turbulence: f64 = "turbulence" number(0.2, 0.0, 1.0, ""), basic;
         /// Diameter of the largest eddies.
         eddy_size: f64 = "eddy_size" number(4.0, 0.5, 20.0, "m");
         /// Relative amplitude of random variation for each branch.

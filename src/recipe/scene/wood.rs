@@ -41,7 +41,7 @@ keys! {
         /// Young's modulus, instead of `timber`.
         elasticity: Option<f64> = "elasticity_gpa" OptionalKey(gigapascals(8.0, 0.1, 30.0), "by timber");
         /// Factor on Young's modulus.
-        stiffness: f64 = "stiffness" number(1.0, 0.05, 20.0, "");
+        stiffness: f64 = "stiffness" number(1.0, 0.05, 20.0, ""), basic;
         /// Density of green wood.
         density: f64 = "density" number(900.0, 100.0, 1500.0, "kg/m^3");
         /// Mass of leaves per square metre of one side.

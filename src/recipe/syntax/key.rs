@@ -1,6 +1,7 @@
 //! One declaration per key: it feeds reading, `osier list options`, defaults and the scene hash.
 
 use super::digest::Digest;
+use super::form::ValueForm;
 use super::renamed::{RenamedKey, renamed_key};
 use super::tree::{TomlNode, TomlTable, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
@@ -27,7 +28,7 @@ pub trait ValueType {
 }
 
 /// How a kind is listed.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct KeyListing {
     /// "number", "text", "one of ...".
     pub accepts: String,
@@ -35,21 +36,25 @@ pub struct KeyListing {
     pub default: String,
     /// Unit in which the value is written; empty without one.
     pub unit: &'static str,
+    /// The same for programs that build input fields.
+    pub form: ValueForm,
 }
 
 /// One key, for listings.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct KeyInfo {
     /// Its name in its table.
     pub name: &'static str,
     /// Meaning of the key, one sentence or two.
     pub help: String,
+    /// Whether it is one of the keys that artists change first.
+    pub basic: bool,
     /// Accepted values, default and unit.
     pub listing: KeyListing,
 }
 
 /// One table of a scene file, for listings.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TableInfo {
     /// Path, `NAME` standing for the artist's names; empty at the top.
     pub path: &'static str,
@@ -190,10 +195,21 @@ pub fn finite_number(name: &str, node: &TomlNode) -> Result<f64, Fault> {
     }
 }
 
-/// Declares the struct of a table together with its keys: a line of help, the field, the key and what it accepts.
+/// Whether a key of `keys!` has the mark `basic`.
+macro_rules! is_basic {
+    () => {
+        false
+    };
+    (basic) => {
+        true
+    };
+}
+
+/// Declares the struct of a table together with its keys: a line of help, the field, the key and what it accepts, and `basic` after
+/// keys that artists change first.
 macro_rules! keys {
     ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(also $also:literal)* {
-        $($(#[doc = $help:literal])+ $field:ident : $type:ty = $key:literal $kind:expr;)*
+        $($(#[doc = $help:literal])+ $field:ident : $type:ty = $key:literal $kind:expr $(, $mark:ident)?;)*
     })+) => {$(
         $(#[doc = $about])+
         #[derive(Debug, Clone, PartialEq)]
@@ -211,6 +227,7 @@ macro_rules! keys {
                 vec![$($crate::recipe::syntax::KeyInfo {
                     name: $key,
                     help: concat!($($help),+).trim().to_owned(),
+                    basic: $crate::recipe::syntax::is_basic!($($mark)?),
                     listing: $crate::recipe::syntax::ValueType::listing(&$kind),
                 }),*]
             }
@@ -254,4 +271,4 @@ macro_rules! choices {
     )+};
 }
 
-pub(in crate::recipe) use {choices, keys};
+pub(in crate::recipe) use {choices, is_basic, keys};

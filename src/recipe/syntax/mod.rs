@@ -1,6 +1,7 @@
 //! The notation of scene files: the TOML tree with places, keys, value types and the hash of values.
 
 mod digest;
+mod form;
 mod key;
 mod registry;
 mod renamed;
@@ -8,8 +9,9 @@ mod tree;
 mod value_types;
 
 pub use digest::Digest;
+pub use form::{ValueForm, ValueKind};
 pub use key::{KeyInfo, KeyListing, KeyTable, RecipePart, TableInfo, TableReader, ValueType};
-pub(super) use key::{choices, join, keys, wrong};
+pub(super) use key::{choices, is_basic, join, keys, wrong};
 pub use registry::Registry;
 pub(super) use registry::{digest_field, list_table, recipe};
 pub(super) use tree::{TomlNode, TomlTable, TomlValue, apply_override, parse};

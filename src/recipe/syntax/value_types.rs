@@ -1,12 +1,14 @@
 //! What keys accept.
 
 use super::digest::Digest;
+use super::form::{ValueForm, ValueKind};
 use super::key::{
     Fault, KeyListing, KeyTable, TableInfo, ValueType, finite_number, known_names, outside, refuse_unknown, wrong,
 };
 use super::tree::{TomlNode, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::units;
+use serde_json::{Value, json};
 
 /// The unit that a number is written in, and how it becomes SI.
 #[derive(Debug, Clone, Copy)]
@@ -102,6 +104,11 @@ pub const fn rain_rate(default: f64, min: f64, max: f64) -> NumberType {
 }
 
 impl NumberType {
+    /// The form of values whose numbers are in the range.
+    fn form(&self, kind: ValueKind, default: Value) -> ValueForm {
+        ValueForm::new(kind, default).within(self.min, self.max)
+    }
+
     fn checked(&self, name: &str, node: &TomlNode) -> Result<f64, Fault> {
         let v = finite_number(name, node)?;
         if v < self.min || v > self.max {
@@ -135,6 +142,7 @@ impl ValueType for NumberType {
             accepts: format!("number, {}", self.range()),
             default: self.default.to_string(),
             unit: self.unit.symbol,
+            form: self.form(ValueKind::Number, json!(self.default)),
         }
     }
     fn digest(&self, value: &f64, hasher: &mut blake3::Hasher) {
@@ -164,7 +172,7 @@ impl ValueType for SunDirection {
         Self::DEGREES.read(name, node).map(Self::azimuth)
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { default: self.0.to_string(), ..Self::DEGREES.listing() }
+        NumberType { default: self.0, ..Self::DEGREES }.listing()
     }
     fn digest(&self, value: &f64, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -198,11 +206,18 @@ impl ValueType for IntegerType {
     }
     fn listing(&self) -> KeyListing {
         let accepts = format!("whole number, {} to {}", self.min, self.max);
-        KeyListing { accepts, default: self.default.to_string(), unit: "" }
+        let form =
+            ValueForm::new(ValueKind::Whole, json!(self.default)).within(f64::from(self.min), f64::from(self.max));
+        KeyListing { accepts, default: self.default.to_string(), unit: "", form }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
     }
+}
+
+/// The form of a list that is empty without its key.
+fn empty_list() -> ValueForm {
+    ValueForm::new(ValueKind::List, json!([]))
 }
 
 /// A list of whole numbers in a range, sorted, each once.
@@ -228,6 +243,7 @@ impl ValueType for IntegerList {
             accepts: format!("list of whole numbers, {} to {}", self.0, self.1),
             default: "[]".into(),
             unit: "",
+            form: ValueForm::new(ValueKind::List, json!([])).within(f64::from(self.0), f64::from(self.1)),
         }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
@@ -249,7 +265,13 @@ impl ValueType for PowerOfTwo {
         if v.is_power_of_two() { Ok(v) } else { Err(outside(name, node, &v.to_string(), "a power of two")) }
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "16, 32, 64 ... 4096".into(), default: self.0.to_string(), unit: "pixels" }
+        let sides = (4..=12).map(|exponent| json!(1_u32 << exponent));
+        KeyListing {
+            accepts: "16, 32, 64 ... 4096".into(),
+            default: self.0.to_string(),
+            unit: "pixels",
+            form: ValueForm::new(ValueKind::Whole, json!(self.0)).within(16.0, 4096.0).of_choices(sides),
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -275,7 +297,15 @@ impl ValueType for SeedType {
         }
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "whole number, 0 to 2^64 - 1".into(), default: self.0.to_string(), unit: "" }
+        KeyListing {
+            accepts: "whole number, 0 to 2^64 - 1".into(),
+            default: self.0.to_string(),
+            unit: "",
+            form: ValueForm {
+                range: [Some(0.0), Some(u64::MAX as f64)],
+                ..ValueForm::new(ValueKind::Whole, json!(self.0))
+            },
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -295,7 +325,12 @@ impl ValueType for BooleanType {
         if let TomlValue::Flag(b) = node.value { Ok(b) } else { Err(wrong(name, node, "true or false")) }
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "true or false".into(), default: self.0.to_string(), unit: "" }
+        KeyListing {
+            accepts: "true or false".into(),
+            default: self.0.to_string(),
+            unit: "",
+            form: ValueForm::new(ValueKind::Flag, json!(self.0)),
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -315,7 +350,12 @@ impl ValueType for StringType {
         if let TomlValue::Text(t) = &node.value { Ok(t.clone()) } else { Err(wrong(name, node, "a text")) }
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "text".into(), default: format!("\"{}\"", self.0), unit: "" }
+        KeyListing {
+            accepts: "text".into(),
+            default: format!("\"{}\"", self.0),
+            unit: "",
+            form: ValueForm::new(ValueKind::Text, json!(self.0)),
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -331,6 +371,11 @@ pub trait Choice: Copy + Digest + 'static {
 /// The word of a member.
 pub fn word_of<W: Choice + PartialEq>(member: W) -> &'static str {
     W::ALL.iter().find(|(_, m)| *m == member).map_or("", |(w, _)| w)
+}
+
+/// The words of a scene, for listings.
+fn words<W: Choice>() -> impl Iterator<Item = Value> {
+    W::ALL.iter().map(|(word, _)| json!(word))
 }
 
 fn choices<W: Choice>() -> String {
@@ -364,6 +409,7 @@ impl<W: Choice + PartialEq> ValueType for OneOf<W> {
             accepts: format!("one of {}", choices::<W>()),
             default: format!("\"{}\"", word_of(self.0)),
             unit: "",
+            form: ValueForm::new(ValueKind::Choice, json!(word_of(self.0))).of_choices(words::<W>()),
         }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
@@ -394,7 +440,13 @@ impl<W: Choice + PartialEq> ValueType for ListOf<W> {
     }
     fn listing(&self) -> KeyListing {
         let default = self.0.iter().map(|w| format!("\"{}\"", word_of(*w))).collect::<Vec<_>>().join(", ");
-        KeyListing { accepts: format!("list of {}", choices::<W>()), default: format!("[{default}]"), unit: "" }
+        let chosen: Vec<&str> = self.0.iter().map(|w| word_of(*w)).collect();
+        KeyListing {
+            accepts: format!("list of {}", choices::<W>()),
+            default: format!("[{default}]"),
+            unit: "",
+            form: ValueForm::new(ValueKind::Choices, json!(chosen)).of_choices(words::<W>()),
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -430,6 +482,7 @@ impl<const N: usize> ValueType for NumberArray<N> {
             accepts: format!("{N} numbers, {}", self.1.range()),
             default: format!("[{default}]"),
             unit: self.1.unit.symbol,
+            form: ValueForm { length: N, ..self.1.form(ValueKind::Vector, json!(self.0.as_slice())) },
         }
     }
     fn digest(&self, value: &[f64; N], hasher: &mut blake3::Hasher) {
@@ -456,7 +509,12 @@ impl ValueType for RisingPairs {
         Ok(rows)
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: format!("list of [number, number], {}", self.0.range()), default: "[]".into(), unit: "" }
+        KeyListing {
+            accepts: format!("list of [number, number], {}", self.0.range()),
+            default: "[]".into(),
+            unit: "",
+            form: self.0.form(ValueKind::List, json!([])),
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -487,7 +545,8 @@ impl ValueType for ColorType {
     }
     fn listing(&self) -> KeyListing {
         let accepts = "color, \"#rrggbb\" (sRGB) or [r, g, b] (linear)".into();
-        KeyListing { accepts, default: format!("\"{}\"", self.0), unit: "" }
+        let form = ValueForm::new(ValueKind::Color, json!(self.0));
+        KeyListing { accepts, default: format!("\"{}\"", self.0), unit: "", form }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -508,7 +567,7 @@ impl ValueType for ColorList {
         list.iter().map(|n| ColorType("#000000").read(name, n)).collect()
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "list of colors".into(), default: "its own".into(), unit: "" }
+        KeyListing { accepts: "list of colors".into(), default: "its own".into(), unit: "", form: empty_list() }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -543,7 +602,9 @@ impl<K: ValueType> ValueType for OptionalKey<K> {
         self.0.read(name, node).map(Some)
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { default: self.1.to_owned(), ..self.0.listing() }
+        let listing = self.0.listing();
+        let form = ValueForm { default: Value::Null, ..listing.form };
+        KeyListing { default: self.1.to_owned(), form, ..listing }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         u64::from(value.is_some()).digest(hasher);
@@ -585,6 +646,7 @@ impl ValueType for FrameRate {
             accepts: "number, 0.1 to 1000, or [numerator, denominator]".into(),
             default: "24".into(),
             unit: "1/s",
+            form: ValueForm::new(ValueKind::Number, json!(24)).within(0.1, 1000.0),
         }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
@@ -606,7 +668,12 @@ impl ValueType for NamedNumbers {
         t.entries.iter().map(|e| Ok((e.key.clone(), finite_number(&format!("{name}.{}", e.key), &e.node)?))).collect()
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "table of name = number".into(), default: "{}".into(), unit: "" }
+        KeyListing {
+            accepts: "table of name = number".into(),
+            default: "{}".into(),
+            unit: "",
+            form: ValueForm::new(ValueKind::Table, json!({})),
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -644,7 +711,12 @@ impl ValueType for FileReference {
         }
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: format!("file name ({})", self.0), default: String::new(), unit: "" }
+        KeyListing {
+            accepts: format!("file name ({})", self.0),
+            default: String::new(),
+            unit: "",
+            form: ValueForm::new(ValueKind::File, Value::Null),
+        }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -676,7 +748,8 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
     }
     fn listing(&self) -> KeyListing {
         let names: Vec<&str> = S::keys().iter().map(|k| k.name).collect();
-        KeyListing { accepts: format!("list of {{ {} }}", names.join(", ")), default: "[]".into(), unit: "" }
+        let accepts = format!("list of {{ {} }}", names.join(", "));
+        KeyListing { accepts, default: "[]".into(), unit: "", form: empty_list() }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -700,7 +773,7 @@ impl ValueType for PointList {
         list.iter().map(|n| point([0.0; 3]).read(name, n)).collect()
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "list of [x, y, z]".into(), default: "[]".into(), unit: "m" }
+        KeyListing { accepts: "list of [x, y, z]".into(), default: "[]".into(), unit: "m", form: empty_list() }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);
@@ -744,7 +817,8 @@ impl ValueType for TimedRows {
         Ok(rows.iter().map(|row| Self::convert(row, |v| self.0.to_si(v))).collect())
     }
     fn listing(&self) -> KeyListing {
-        KeyListing { accepts: "list of [s, ...], times rising".into(), default: "[]".into(), unit: "" }
+        let accepts = "list of [s, ...], times rising".into();
+        KeyListing { accepts, default: "[]".into(), unit: "", form: empty_list() }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         let hashed: Vec<Vec<f64>> = value.iter().map(|row| Self::convert(row, |v| self.0.hashed(v))).collect();
@@ -783,7 +857,8 @@ impl ValueType for TurnList {
     }
     fn listing(&self) -> KeyListing {
         let accepts = "whole number, -100 to 100, or a list of them, one per map".into();
-        KeyListing { accepts, default: "0".into(), unit: "" }
+        let form = ValueForm::new(ValueKind::Whole, json!(0)).within(-TURNS, TURNS);
+        KeyListing { accepts, default: "0".into(), unit: "", form }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
         value.digest(hasher);

@@ -2,14 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use super::places::places_entry;
+use super::view::view_entry;
 use super::{
     AssetEntry, FileEntry, ItemEntry, Manifest, MaterialEntry, ParamsEntry, SceneEntry, TimeEntry, UnitsEntry,
     WarningEntry, bake_hash,
 };
 use crate::registry::FORMATS;
+use crate::usd::ASSET_STAGE;
 use crate::{VERSION, Warning};
 use osier_base::files::{FileRecord, MANIFEST};
-use osier_scene::{Asset, AssetFrame, Clip, Material, MaterialClass, Scene, asset_bounds};
+use osier_scene::{Asset, AssetFrame, Clip, Coat, Material, MaterialClass, Scene, asset_bounds};
 
 /// Options of the exporters that the manifest records.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,13 +23,42 @@ pub struct Settings {
     pub substeps: u32,
     /// Interval of written frames, >= 1.
     pub step: u32,
+    /// First and last frame that is written; `None`: the whole clip.
+    pub written: Option<[u32; 2]>,
+    /// Frames after which the motion repeats; `None` if it does not.
+    pub loop_frames: Option<u32>,
+    /// Width and height of pictures, pixels.
+    pub size: [u32; 2],
+    /// Fraction of the frame interval for which the shutter is open, 0 to 1.
+    pub shutter: f32,
     /// POV-Ray units per metre.
     pub pov_units_per_m: f32,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { up_axis: "Y".into(), substeps: 1, step: 1, pov_units_per_m: 100.0 }
+        Self {
+            up_axis: "Y".into(),
+            substeps: 1,
+            step: 1,
+            written: None,
+            loop_frames: None,
+            size: [800, 600],
+            shutter: 0.5,
+            pov_units_per_m: 100.0,
+        }
+    }
+}
+
+impl Default for UnitsEntry {
+    fn default() -> Self {
+        Self {
+            height_range_m: HEIGHT_RANGE,
+            wetness: "0..1".into(),
+            pov_units_per_m: 100.0,
+            wet_albedo: Coat::WET_ALBEDO,
+            wet_roughness: Coat::WET_ROUGHNESS,
+        }
     }
 }
 
@@ -53,12 +85,21 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
             fps: [scene.clip.fps.0, scene.clip.fps.1],
             start: scene.clip.start,
             end: scene.clip.end,
+            written: Some(settings.written.unwrap_or([scene.clip.start, scene.clip.end])),
+            loop_frames: settings.loop_frames,
             step: settings.step,
             substeps: settings.substeps,
             digits: scene.clip.digits(),
         },
-        units: UnitsEntry { height_range_m: height, wetness: "0..1".into(), pov_units_per_m: settings.pov_units_per_m },
-        assets: scene.assets.iter().map(|a| asset_entry(a, &paths)).collect(),
+        units: UnitsEntry {
+            height_range_m: height,
+            pov_units_per_m: settings.pov_units_per_m,
+            ..UnitsEntry::default()
+        },
+        stage: paths.contains(&ASSET_STAGE).then(|| ASSET_STAGE.to_owned()),
+        view: Some(view_entry(scene, &paths, settings)),
+        assets: scene.assets.iter().map(|a| asset_entry(scene, a, &paths)).collect(),
+        places: places_entry(scene, &paths),
         materials: scene.materials.iter().map(|m| material_entry(scene, m, &paths)).collect(),
         files: Vec::new(),
         bake_hash: String::new(),
@@ -114,7 +155,7 @@ fn numbered(path: &str, tag: &str) -> Option<String> {
     Some(format!("{}.####.{}", &path[..at], &path[at + wanted.len()..]))
 }
 
-fn asset_entry(asset: &Asset, paths: &[&str]) -> AssetEntry {
+fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
     let mine = |path: &str| {
         path.split_once('/').is_some_and(|(folder, name)| {
             FORMATS.iter().any(|f| f.asset_folder == Some(folder)) && name.split('.').next() == Some(asset.id.as_str())
@@ -123,11 +164,14 @@ fn asset_entry(asset: &Asset, paths: &[&str]) -> AssetEntry {
     let bounds = asset_bounds(asset, &AssetFrame::default());
     // An empty box has infinite corners, which JSON cannot hold: zeros stand for it.
     let corners = if bounds.is_empty() { [[0.0; 3]; 2] } else { [bounds.min, bounds.max].map(|v| v.to_array()) };
+    let material = |id: u32| scene.materials.get(id as usize).map(|m| m.name.clone());
     AssetEntry {
         id: asset.id.clone(),
         kind: asset.kind.word().into(),
+        plant: (!asset.group.is_empty()).then(|| asset.group.clone()),
+        points_material: asset.points.first().and_then(|points| material(points.material)),
         prim: format!("/{}", asset.id),
-        files: paths.iter().filter(|p| mine(p)).map(|p| (*p).to_owned()).collect(),
+        files: paths.iter().filter(|p| **p != ASSET_STAGE && mine(p)).map(|p| (*p).to_owned()).collect(),
         vertices: asset.meshes.iter().map(|m| m.mesh.points.len()).sum(),
         triangles: asset.meshes.iter().map(|m| m.mesh.triangles.len()).sum(),
         instances: asset.instancers.iter().map(osier_scene::Instancer::len).sum(),

@@ -6,9 +6,12 @@
 //! ```
 
 mod build;
+mod places;
 mod verify;
+mod view;
 
 pub use build::{Settings, build};
+pub use places::{MAX_LISTED_PLACES, PLACES_FILE, write_places};
 pub use verify::{Verification, verify};
 
 use serde::{Deserialize, Serialize};
@@ -37,8 +40,17 @@ pub struct Manifest {
     pub time: TimeEntry,
     /// Units of maps and of POV-Ray scenes.
     pub units: UnitsEntry,
+    /// Path of the USD stage that holds each asset once, without placements; null without USD.
+    #[serde(default)]
+    pub stage: Option<String>,
+    /// Camera, light and display; `None` in manifests of earlier versions.
+    #[serde(default)]
+    pub view: Option<ViewEntry>,
     /// Assets in the order of the scene.
     pub assets: Vec<AssetEntry>,
+    /// Where the assets stand.
+    #[serde(default)]
+    pub places: PlacesEntry,
     /// Materials in the order of the scene.
     pub materials: Vec<MaterialEntry>,
     /// Files in the order of their paths, numbered ones as sequences.
@@ -67,6 +79,12 @@ pub struct TimeEntry {
     pub start: u32,
     /// Number of the last frame, inclusive.
     pub end: u32,
+    /// First and last frame that this bake wrote; `None` in manifests of earlier versions.
+    #[serde(default)]
+    pub written: Option<[u32; 2]>,
+    /// Frames after which the motion repeats; `None` if it does not.
+    #[serde(default, rename = "loop")]
+    pub loop_frames: Option<u32>,
     /// Interval of written frames, >= 1.
     pub step: u32,
     /// Samples in a frame, >= 1.
@@ -75,8 +93,9 @@ pub struct TimeEntry {
     pub digits: usize,
 }
 
-/// Units of maps and of POV-Ray scenes.
+/// Units of maps and of POV-Ray scenes, and how a closed film of water changes a surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct UnitsEntry {
     /// Height that a map value of 1 stands for, m.
     pub height_range_m: f32,
@@ -84,6 +103,118 @@ pub struct UnitsEntry {
     pub wetness: String,
     /// POV-Ray units per metre.
     pub pov_units_per_m: f32,
+    /// Albedo where wetness is 1, as a share of that of the dry surface.
+    pub wet_albedo: f32,
+    /// Roughness where wetness is 1; a smoother surface keeps its own.
+    pub wet_roughness: f32,
+}
+
+/// Camera, light and display, in the scene's axes: +Y up, right-handed, metres, whatever the up axis of the USD files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ViewEntry {
+    /// The camera, which does not move.
+    pub camera: CameraEntry,
+    /// Sunlight.
+    pub sun: SunEntry,
+    /// Light of the sky.
+    pub sky: SkyEntry,
+    /// How radiance is displayed.
+    pub look: LookEntry,
+}
+
+/// The camera; it looks along its own -Z, +Y is up in the picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CameraEntry {
+    /// World from camera, row vectors: the position is in elements 12 to 14.
+    pub matrix: [f32; 16],
+    /// Vertical field of view, degrees.
+    pub vfov_deg: f32,
+    /// Nearest and farthest distance that is shown, m.
+    pub clip: [f32; 2],
+    /// Width and height of the picture, pixels.
+    pub size: [u32; 2],
+}
+
+/// Sunlight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SunEntry {
+    /// Unit vector to the sun.
+    pub toward: [f32; 3],
+    /// Linear RGB irradiance of a surface that faces the sun, W/m^2.
+    pub irradiance: [f32; 3],
+    /// Angular diameter, degrees.
+    pub angle_deg: f32,
+}
+
+/// Light of the sky: a gradient from straight down to straight up, with a glow around the sun, seen through fog.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SkyEntry {
+    /// Positions from 0, straight down, to 1, straight up, equally spaced in the sine of the elevation, with linear radiance.
+    pub stops: Vec<(f32, [f32; 3])>,
+    /// Linear radiance in the direction of the sun, without its disc; `None` without a glow.
+    pub glow: Option<[f32; 3]>,
+    /// Cosines of the angle to the sun with the share of the glow in the radiance there.
+    pub glow_stops: Vec<(f32, f32)>,
+    /// Fog; `None` for clear air.
+    pub fog: Option<FogEntry>,
+    /// Latitude-longitude picture of the sky without the sun's disc, EXR; `None` if it is not written.
+    pub file: Option<String>,
+}
+
+/// Fog.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FogEntry {
+    /// Linear radiance.
+    pub color: [f32; 3],
+    /// Distance at which 2 % of a contrast remains, m.
+    pub visibility: f32,
+    /// Height at which a quarter of the density remains, m; 0: the same at all heights.
+    pub height: f32,
+}
+
+/// How radiance is displayed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LookEntry {
+    /// Factor on radiance before the curve.
+    pub exposure: f32,
+    /// Displayed luminance by exposed luminance; colours are scaled with it.
+    pub curve: CurveEntry,
+    /// Fraction of the frame interval for which the shutter is open, 0 to 1.
+    pub shutter: f32,
+}
+
+/// A quotient of two polynomials: coefficients of x^2, x and 1.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CurveEntry {
+    /// Above the fraction line.
+    pub numerator: [f32; 3],
+    /// Below the fraction line.
+    pub denominator: [f32; 3],
+}
+
+/// Where the assets stand.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum PlacesEntry {
+    /// Path of a table, written for more than [`MAX_LISTED_PLACES`] placements: see [`write_places`].
+    Table(String),
+    /// Placements by asset, in the order of the scene.
+    Lists(std::collections::BTreeMap<String, Vec<PlaceEntry>>),
+}
+
+impl Default for PlacesEntry {
+    fn default() -> Self {
+        Self::Lists(std::collections::BTreeMap::new())
+    }
+}
+
+/// One showing of an asset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlaceEntry {
+    /// World from asset, row vectors, in the scene's axes: the position, m, is in elements 12 to 14.
+    pub matrix: [f32; 16],
+    /// Frames by which it is ahead of the clip.
+    pub offset: u32,
 }
 
 /// An asset and its files.
@@ -93,7 +224,13 @@ pub struct AssetEntry {
     pub id: String,
     /// plant, terrain, cloud, tracks, import.
     pub kind: String,
-    /// Prim path in its payload.
+    /// Name of the plant that it is an individual of, as in file names: `grass` for `grass_1`; null for all but plants.
+    #[serde(default)]
+    pub plant: Option<String>,
+    /// Material of its points that have no mesh; null without points.
+    #[serde(default)]
+    pub points_material: Option<String>,
+    /// Prim path in its payload and in the stage of assets.
     pub prim: String,
     /// Files of this asset alone, sequences with `####`.
     pub files: Vec<String>,
@@ -200,13 +337,20 @@ impl Manifest {
     /// # Errors
     /// X001 for a number that is not finite, which JSON would lose.
     pub fn text(&self) -> Result<String> {
-        let numbers = |m: &MaterialEntry| {
+        let of_material = |m: &MaterialEntry| {
             let p = &m.params;
             let [r, g, b] = p.base_color;
             [r, g, b, p.roughness, p.ior, p.translucency, p.alpha_cutoff.unwrap_or(0.0), p.height_range_m, p.tile_m]
         };
         let bounds = self.assets.iter().flat_map(|a| a.bounds.into_iter().flatten());
-        if !bounds.chain(self.materials.iter().flat_map(numbers)).all(f32::is_finite) {
+        let places: Vec<&PlaceEntry> = match &self.places {
+            PlacesEntry::Table(_) => Vec::new(),
+            PlacesEntry::Lists(lists) => lists.values().flatten().collect(),
+        };
+        let places = places.into_iter().flat_map(|p| p.matrix);
+        let view = self.view.iter().flat_map(ViewEntry::numbers);
+        let mut numbers = bounds.chain(self.materials.iter().flat_map(of_material)).chain(places).chain(view);
+        if !numbers.all(f32::is_finite) {
             return Err(osier_base::Error::export("X001", "the manifest would hold a number that is not finite"));
         }
         let failed = |e: serde_json::Error| osier_base::Error::export("X001", format!("the manifest: {e}"));

@@ -44,11 +44,9 @@ fn define_fog(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<(
 fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let camera = &cx.scene.camera;
     layer.define_prim(path, "Camera")?;
-    // Hundred times the distances of camera and target from the origin, and 1000 m, so that no ground is clipped.
-    let far = (camera.eye.length() + camera.target.length()) * 100.0 + 1000.0;
     // Pinhole camera: tan(vfov / 2) = (aperture / 2) / focal length, both in tenths of the scene unit.
     let focal = FILM * 0.5 / math::tan_f32(camera.vfov * 0.5);
-    layer.set_attr(&format!("{path}.clippingRange"), "float2", UsdValue::Float2([0.01, far]))?;
+    layer.set_attr(&format!("{path}.clippingRange"), "float2", UsdValue::Float2(camera.clipping_range()))?;
     layer.set_attr(&format!("{path}.focalLength"), "float", UsdValue::Float(focal))?;
     layer.set_attr(
         &format!("{path}.focusDistance"),

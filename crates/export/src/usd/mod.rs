@@ -56,6 +56,9 @@ use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, Scene, asset_bounds};
 use plant_instancer::{PrototypePrim, SinglePlacement};
 
+/// The stage of a bake that holds each asset once, in its folder.
+pub const ASSET_STAGE: &str = "usd/assets.usda";
+
 /// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "usd",
@@ -282,6 +285,20 @@ impl UsdExporter {
         }
         if self.options.look {
             camera_light::define_camera_and_lights(cx, &mut layer, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
+        }
+        layer.writer.finish()
+    }
+
+    /// Writes the stage that shows each asset once, at the origin, for importers that place copies by the manifest: a root prim with
+    /// the payload of each asset, under the path that it has in its payload.
+    fn write_asset_stage(&self, cx: &UsdContext) -> Result<()> {
+        let Some(first) = cx.scene.assets.first() else { return Ok(()) };
+        let Some(out) = self.folder.create(ASSET_STAGE, "usda.assets", None)? else { return Ok(()) };
+        let mut layer = new_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &safe_name(&first.id))?;
+        for (i, asset) in cx.scene.assets.iter().enumerate() {
+            let payload = payload_arc(cx, i, 0, "./");
+            let meta = PrimMetadata { kind: Some("component"), payload, ..PrimMetadata::default() };
+            layer.writer.define_prim(&format!("/{}", safe_name(&asset.id)), "Xform", &meta)?;
         }
         layer.writer.finish()
     }
@@ -517,6 +534,7 @@ impl Exporter for UsdExporter {
         self.layers.clear();
         if self.options.file.is_none() {
             self.write_scene_layer(&cx, &written)?;
+            self.write_asset_stage(&cx)?;
         }
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }

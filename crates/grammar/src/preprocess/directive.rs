@@ -5,6 +5,7 @@ use std::rc::Rc;
 use super::{Define, FrameKind, MacroDefinition, OpenConditional, Preprocessor};
 use crate::compile;
 use crate::token::{SourcePlace, Token, TokenKind};
+use osier_base::diagnostic::Span;
 
 const DIRECTIVES: [&str; 11] =
     ["define", "undef", "include", "if", "ifdef", "ifndef", "elif", "else", "endif", "pragma", "error"];
@@ -192,22 +193,27 @@ impl Preprocessor<'_> {
     /// Keeps a macro without arguments for `osier list options`.
     fn record_define(&mut self, name: u32, place: SourcePlace, body: &[Token], line: &[Token]) {
         let slice = |a: u32, b: u32| self.sources.text(place.span.source).get(a as usize..b as usize).unwrap_or("");
-        let value = match (body.first(), body.last()) {
+        // Where a list of tokens stands; nowhere if it is empty or comes from several files.
+        let extent = |tokens: &[Token]| match (tokens.first(), tokens.last()) {
             (Some(a), Some(b)) if a.place.span.source == b.place.span.source => {
-                let text = self.sources.text(a.place.span.source);
-                text.get(a.place.span.start as usize..b.place.span.end as usize).unwrap_or("").to_owned()
+                Some(Span { end: b.place.span.end, ..a.place.span })
             }
-            _ => String::new(),
+            _ => None,
         };
+        let text_of = |span: Option<Span>| {
+            let text = span.map(|s| self.sources.text(s.source).get(s.start as usize..s.end as usize));
+            text.flatten().unwrap_or_default().to_owned()
+        };
+        let own = extent(line.get(1..).unwrap_or_default());
+        let (value, written) = (text_of(extent(body)), text_of(own));
+        let value_span = own.unwrap_or(Span { start: place.span.end, ..place.span });
         let end = line.last().map_or(place.span.end, |t| t.place.span.end);
         // The comment behind a definition on its line describes it in `osier list options`.
-        let behind = |c: &&osier_base::diagnostic::Span| {
-            c.source == place.span.source && c.start >= end && !slice(end, c.start).contains('\n')
-        };
+        let behind = |c: &&Span| c.source == place.span.source && c.start >= end && !slice(end, c.start).contains('\n');
         let comment = self.comments.iter().find(behind).map_or_else(String::new, |c| self.comment_text(*c));
         let name = self.session.names.get(name).to_owned();
         self.defines.retain(|d| d.name != name);
-        self.defines.push(Define { name, value, span: place.span, comment });
+        self.defines.push(Define { name, value, written, span: place.span, value_span, comment });
     }
 
     fn include(&mut self, rest: &[Token], place: SourcePlace) {

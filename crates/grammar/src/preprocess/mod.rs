@@ -1,5 +1,6 @@
 //! The preprocessor: a grammar file and what it includes become one list of expanded tokens.
 
+mod define;
 mod directive;
 mod expand;
 mod foreign;
@@ -8,6 +9,8 @@ mod lexer;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+pub use define::{Define, DefineRange};
+
 use super::token::{ParseSession, SourcePlace, Token};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Sources, Span, nearest};
@@ -15,19 +18,6 @@ use osier_base::limits::Limits;
 
 /// Finds an included file: (reference as written, shown name of the including file) to (shown name, bytes).
 pub type Includes<'a> = dyn FnMut(&str, &str) -> Result<(String, Vec<u8>)> + 'a;
-
-/// A `#define` without arguments: a parameter that `--set` changes.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Define {
-    /// Name of the macro, as `--set` takes it.
-    pub name: String,
-    /// Its replacement as written, or the override's text.
-    pub value: String,
-    /// Where its name is defined.
-    pub span: Span,
-    /// The comment after it on the same line, without comment signs.
-    pub comment: String,
-}
 
 #[derive(Debug, Clone)]
 struct MacroDefinition {

@@ -18,10 +18,6 @@ use osier_scene::{
     Subset, Trs,
 };
 
-/// Albedo of a wet leaf as a share of that of a dry one: light is caught in the film of water. Own: chosen by eye against
-/// photographs of wet leaves, 0.4..0.8; a smaller value darkens wet leaves in previews and POV-Ray.
-pub(super) const WET_ALBEDO: f32 = 0.55;
-
 /// The layers of every leaf's map sequence.
 const LAYERS: [MapLayer; 3] = [
     MapLayer { name: "height", file_kind: "exr.height", encoding: MapEncoding::Height },
@@ -215,7 +211,7 @@ fn assign_wet_material(mesh: &mut Mesh, materials: &mut Vec<Material>, name: &st
             && let Some(plain) = materials.get(*material as usize).cloned()
         {
             let suffix = if own.len() > 1 { format!("_{}", own.len()) } else { String::new() };
-            let coat = Some(Coat { sequence, weight: WETNESS, darkening: WET_ALBEDO });
+            let coat = Some(Coat { sequence, weight: WETNESS, darkening: Coat::WET_ALBEDO });
             materials.push(Material { name: format!("{name}{suffix}"), coat, ..plain });
         }
         *material = id;

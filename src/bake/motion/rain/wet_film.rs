@@ -2,11 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::leaf_maps::WET_ALBEDO;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
 use osier_base::units::{byte, linear_from_srgb, srgb_byte};
-use osier_scene::{Image, Maps, Material, MaterialClass, MaterialId, Pixels};
+use osier_scene::{Coat, Image, Maps, Material, MaterialClass, MaterialId, Pixels};
 
 /// Roughness of a closed film of water on a leaf. Own: by eye; smaller values make leaves mirrors, larger ones make them look dry.
 const FILM_ROUGHNESS: f32 = 0.12;
@@ -30,7 +29,7 @@ impl Film {
 
     /// Factor on the albedo.
     fn darkening(self) -> f32 {
-        1.0 + self.cover * (WET_ALBEDO - 1.0)
+        1.0 + self.cover * (Coat::WET_ALBEDO - 1.0)
     }
 
     /// Roughness of a surface under the film.
@@ -182,10 +181,10 @@ mod tests {
         wet_leaf_materials(1.0, &mut materials, &mut images);
         let near = |a: f32, b: f32| (a - b).abs() < 1e-6;
         assert!(near(materials[1].roughness, FILM_ROUGHNESS) && near(materials[2].roughness, 0.6));
-        assert!(near(materials[0].base_color[0], 0.5 * WET_ALBEDO) && near(materials[2].base_color[0], 0.5));
+        assert!(near(materials[0].base_color[0], 0.5 * Coat::WET_ALBEDO) && near(materials[2].base_color[0], 0.5));
         let Pixels::U8(color) = &images[0].pixels else { panic!("bytes") };
         let linear = |c: u8| linear_from_srgb(f32::from(c) / 255.0);
-        assert!((linear(color[0]) / linear(200) - WET_ALBEDO).abs() < 0.01 && color[3] == 90, "{color:?}");
+        assert!((linear(color[0]) / linear(200) - Coat::WET_ALBEDO).abs() < 0.01 && color[3] == 90, "{color:?}");
         let Pixels::U8(rough) = &images[1].pixels else { panic!("bytes") };
         assert_eq!(rough[0], byte(FILM_ROUGHNESS));
     }

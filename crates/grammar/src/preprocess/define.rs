@@ -1,0 +1,99 @@
+//! Parameters of grammars: `#define`s without arguments, with the range that a comment gives them.
+
+use osier_base::diagnostic::Span;
+
+/// A `#define` without arguments: a parameter that `--set` changes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Define {
+    /// Name of the macro, as `--set` takes it.
+    pub name: String,
+    /// Its replacement as written, or the override's text.
+    pub value: String,
+    /// Its replacement in the grammar, whether or not it is overridden.
+    pub written: String,
+    /// Where its name is defined.
+    pub span: Span,
+    /// Where its replacement stands in the grammar; empty, behind the name, without one.
+    pub value_span: Span,
+    /// The comment after it on the same line, without comment signs.
+    pub comment: String,
+}
+
+/// Values of a parameter that give good plants.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DefineRange {
+    /// Least value.
+    pub min: f64,
+    /// Greatest value, above the least.
+    pub max: f64,
+    /// Unit of both; empty without one.
+    pub unit: String,
+}
+
+impl Define {
+    /// The value as a number; `None` for expressions and names.
+    pub fn number(&self) -> Option<f64> {
+        plain_number(&self.value)
+    }
+
+    /// The range that the comment begins with, as in `0..40 deg: how crooked limbs are`; without one from 0 to twice the value that
+    /// is written in the grammar. `None` where that is no number.
+    pub fn range(&self) -> Option<DefineRange> {
+        let value = plain_number(&self.written)?;
+        let far = if value == 0.0 { 1.0 } else { 2.0 * value };
+        let twice = DefineRange { min: far.min(0.0), max: far.max(0.0), unit: String::new() };
+        Some(split_comment(&self.comment).map_or(twice, |(range, _)| range))
+    }
+
+    /// The comment without its range.
+    pub fn about(&self) -> &str {
+        split_comment(&self.comment).map_or(&self.comment, |(_, about)| about)
+    }
+}
+
+/// The finite number that a text is.
+fn plain_number(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|v: &f64| v.is_finite())
+}
+
+/// Range and meaning of a comment `MIN..MAX UNIT: MEANING`, the unit optional.
+fn split_comment(comment: &str) -> Option<(DefineRange, &str)> {
+    let (range, about) = comment.split_once(':')?;
+    let (min, rest) = range.split_once("..")?;
+    let rest = rest.trim();
+    let (max, unit) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+    let (min, max) = (plain_number(min.trim())?, plain_number(max)?);
+    (min < max).then(|| (DefineRange { min, max, unit: unit.trim().to_owned() }, about.trim()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use osier_base::diagnostic::SourceId;
+
+    fn define(written: &str, comment: &str) -> Define {
+        let span = Span::new(SourceId(0), 0, 0);
+        let (name, value) = ("A".into(), written.into());
+        Define { name, value, written: written.into(), span, value_span: span, comment: comment.into() }
+    }
+
+    #[test]
+    fn a_comment_gives_the_range_before_its_colon() {
+        let crook = define("9", "0..40 deg: how crooked limbs are");
+        assert_eq!(crook.range(), Some(DefineRange { min: 0.0, max: 40.0, unit: "deg".into() }));
+        assert_eq!((crook.about(), crook.number()), ("how crooked limbs are", Some(9.0)));
+        let share = define("-0.5", "-1..1: to which side");
+        assert_eq!(share.range(), Some(DefineRange { min: -1.0, max: 1.0, unit: String::new() }));
+    }
+
+    #[test]
+    fn without_a_range_it_is_0_to_twice_the_value() {
+        let range = |written: &str, comment: &str| define(written, comment).range().map(|r| [r.min, r.max]);
+        assert_eq!(range("5.4", "length of the trunk axis"), Some([0.0, 10.8]));
+        assert_eq!(range("-75", "the third is rolled by this"), Some([-150.0, 0.0]));
+        assert_eq!(range("0", ""), Some([0.0, 1.0]));
+        assert_eq!(range("(0.58+ran(0.08))", "0..1: share"), None);
+        assert_eq!(range("3", "9..2: no range"), Some([0.0, 6.0]));
+        assert_eq!(define("1", "a: b").about(), "a: b");
+    }
+}

@@ -1,0 +1,137 @@
+//! `osier list presets`: what each preset is and shows, and small pictures of them.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::Context;
+use super::progress::ProgressDisplay;
+use crate::bake::BakeContext;
+use crate::bake::assets::layered_picture;
+use crate::presets::{self, PRESETS, Preset};
+use crate::recipe::{Recipe, resolve};
+use crate::scene_preview::{PreviewOptions, PreviewScene, preview};
+use crate::single_file::canvas_image;
+use crate::source::preset_scene;
+use osier_base::Result;
+use osier_base::files::{Folder, WriteOptions};
+use osier_base::par::par_map;
+use osier_base::progress::{Progress as _, Silent};
+use osier_export::{GENERATOR, textures};
+use osier_preview::Quality;
+
+/// Width and height of a thumbnail, pixels.
+const THUMBNAIL: [u32; 2] = [192, 192];
+
+/// A preset with the recipe of its scene; `None` for one that cannot be read with the flags that were given.
+struct Shown {
+    preset: Preset,
+    recipe: Option<Recipe>,
+    /// Path of its picture, if one was written.
+    thumbnail: Option<String>,
+}
+
+/// The presets as text.
+pub fn as_text() -> String {
+    let mut out = String::from("Grow one with `osier grow NAME -o NAME.glb`, bake one with `osier bake NAME`.\n\n");
+    for p in PRESETS {
+        out += &format!("  {:18} {}\n", p.name, presets::about(p));
+    }
+    out
+}
+
+/// The presets as JSON: kind, description, what their scenes contain and, with `thumbnails`, a picture of each in that folder.
+/// # Errors
+/// `Io` and `Foreign` if a picture cannot be written, `Cancelled`.
+pub fn as_json(context: &Context, thumbnails: Option<&Path>) -> Result<Value> {
+    let mut shown = par_map(PRESETS, |preset| read(context, preset));
+    if let Some(folder) = thumbnails {
+        write_thumbnails(context, &mut shown, folder)?;
+    }
+    Ok(shown.iter().map(row).collect())
+}
+
+/// Writes the pictures alone.
+/// # Errors
+/// As [`as_json`].
+pub fn write_pictures(context: &Context, folder: &Path) -> Result<()> {
+    let mut shown = par_map(PRESETS, |preset| read(context, preset));
+    write_thumbnails(context, &mut shown, folder)
+}
+
+fn read(context: &Context, preset: &Preset) -> Shown {
+    let request = preset_scene(preset, &context.sources);
+    let recipe = request.and_then(|request| resolve(&request)).ok().map(|(recipe, _)| recipe);
+    Shown { preset: *preset, recipe, thumbnail: None }
+}
+
+fn row(shown: &Shown) -> Value {
+    let Shown { preset, recipe, thumbnail } = shown;
+    let recipe = recipe.as_ref();
+    json!({
+        "name": preset.name, "kind": presets::kind(preset).word(), "about": presets::about(preset),
+        "frames": recipe.map(|r| if r.moves || r.rain.is_some() || r.flight.is_some() { r.clip.len() } else { 1 }),
+        "plants": recipe.map(|r| r.plants.iter().map(|p| p.name.as_str()).collect::<Vec<_>>()),
+        "shows": recipe.map(contents), "thumbnail": thumbnail,
+    })
+}
+
+/// Words for what a scene contains besides single plants.
+fn contents(recipe: &Recipe) -> Vec<&'static str> {
+    let copies: u32 = recipe.places.iter().map(|place| place.keys.count).sum();
+    let parts = [
+        ("wind", recipe.moves && recipe.blows()),
+        ("lattice wind", recipe.has_lattice_wind()),
+        ("rain", recipe.rain.is_some()),
+        ("flight", recipe.flight.is_some()),
+        ("rods", !recipe.rods.is_empty() || recipe.plants.iter().any(|p| p.rods.is_some())),
+        ("terrain", recipe.terrain.is_some()),
+        ("copies", copies > 1 || !recipe.scatters.is_empty()),
+        ("solids", !recipe.solids.is_empty()),
+        ("attractors", !recipe.clouds.is_empty()),
+        ("layers", !recipe.layers.is_empty()),
+    ];
+    parts.into_iter().filter(|(_, is_shown)| *is_shown).map(|(word, _)| word).collect()
+}
+
+/// Draws each preset at rest in draft quality into `NAME.png`. A preset that shows nothing by itself has no picture.
+fn write_thumbnails(context: &Context, shown: &mut [Shown], folder: &Path) -> Result<()> {
+    let display = ProgressDisplay::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
+    let options = WriteOptions { cancel: context.cancel.clone(), ..WriteOptions::default() };
+    let target = Folder::plain(folder, options)?;
+    display.stage("drawing", shown.len() as u64);
+    for Shown { preset, recipe, thumbnail } in shown {
+        display.advance(1);
+        let Some(recipe) = recipe else { continue };
+        let name = format!("{}.png", preset.name);
+        match draw(recipe, &work) {
+            Ok(png) => {
+                target.write(&name, "preview", &png)?;
+                *thumbnail = Some(folder.join(&name).display().to_string());
+            }
+            // A cancelled run ends; any other error is that of one preset.
+            Err(e) => {
+                context.cancel.check()?;
+                context.console.note(&format!("no picture of {}: {e}", preset.name));
+            }
+        }
+    }
+    display.done();
+    target.finish()
+}
+
+/// A small picture of a scene at rest, PNG.
+fn draw(recipe: &Recipe, work: &BakeContext<'_>) -> Result<Vec<u8>> {
+    let mut recipe = recipe.clone();
+    if recipe.is_layered_picture() {
+        [recipe.picture.width, recipe.picture.height] = THUMBNAIL;
+        let canvas = layered_picture::compose(&recipe, work)?;
+        return Ok(textures::png(&canvas_image(&canvas, &recipe)?)?.to_vec());
+    }
+    let origin = format!("scene {}, seed {}", recipe.hash, recipe.general.seed);
+    let notes = [("Software", GENERATOR.to_owned()), ("Source", origin)];
+    let options = PreviewOptions { size: THUMBNAIL, quality: Quality::Draft, ..PreviewOptions::default() };
+    let scene = PreviewScene::of_recipe(recipe, options.quality, false, work)?;
+    preview(&scene, &options, None, work)?.png(&notes, true)
+}
