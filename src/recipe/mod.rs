@@ -341,6 +341,8 @@ recipe! {
         usd: scene::UsdKeys;
         /// Options of the glTF files.
         gltf: scene::GltfKeys;
+        /// Options of points as CSV.
+        points: scene::PointsKeys, hashed if writes_points;
         /// Files of the wind itself.
         wind: WindOutputRecipe, hashed if writes_wind;
     }
@@ -350,6 +352,11 @@ impl OutputRecipe {
     /// True if files of the wind itself are written.
     pub fn writes_wind(&self) -> bool {
         !self.wind.grids.is_empty()
+    }
+
+    /// True if points are written as CSV.
+    pub fn writes_points(&self) -> bool {
+        self.writes(&osier_export::points::FORMAT)
     }
 
     /// True if a format is among those that are written.

@@ -412,6 +412,7 @@ impl Resolver<'_> {
                 let keys = self.section_at(table, "output", "gltf");
                 self.check_gltf_frame(root, keys, clip)
             },
+            points: self.section_at(table, "output", "points"),
             wind,
         }
     }

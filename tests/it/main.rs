@@ -25,6 +25,7 @@ mod mesh_plants;
 mod morphs;
 mod one_wind;
 mod plain_files;
+mod points;
 mod pov_files;
 mod pov_picture;
 mod pov_positions;

@@ -28,6 +28,7 @@ pub mod obj;
 pub mod options;
 pub mod pc2;
 pub mod ply;
+pub mod points;
 pub mod pov;
 pub mod registry;
 pub mod stats;
@@ -35,6 +36,7 @@ pub mod text;
 pub mod textures;
 pub mod tracks;
 pub mod usd;
+mod world_joints;
 
 /// A warning of something that the format cannot represent and how it was written instead (X002, X003, X007 ...).
 #[derive(Debug, Clone, PartialEq, Eq)]

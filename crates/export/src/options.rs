@@ -3,6 +3,7 @@
 use super::{
     exr::options::ExrOptions,
     gltf::options::{GltfOptions, Profile},
+    points::options::PointsOptions,
     pov::options::PovOptions,
     usd::options::UsdOptions,
 };
@@ -18,6 +19,8 @@ pub struct ExportOptions {
     pub gltf_profiles: Vec<Profile>,
     /// Options of POV-Ray; the target comes from the `ExportJob`.
     pub pov: PovOptions,
+    /// Options of points as CSV.
+    pub points: PointsOptions,
     /// Options of EXR maps.
     pub exr: ExrOptions,
 }

@@ -23,6 +23,8 @@ pub struct Frame {
     pub maps: Vec<MapFrame>,
     /// What simulations know of single elements, in the order of the motions that record it.
     pub records: Vec<RecordTable>,
+    /// Single elements as points with attributes, for node systems; a table of a name has the same columns in all frames.
+    pub point_tables: Vec<RecordTable>,
     /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,
 }

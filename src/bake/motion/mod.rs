@@ -111,6 +111,14 @@ pub trait AssetMotion: Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Single elements that the motion simulates as points with attributes: id, position and what a node system needs to show them.
+    /// A table has the same name and columns at every frame, with or without rows.
+    /// # Errors
+    /// As [`AssetMotion::frame`].
+    fn point_tables(&self, _frame: u64) -> Result<Vec<RecordTable>> {
+        Ok(Vec::new())
+    }
+
     /// Binds points of the asset's plant to this motion; `None` if the motion carries none. Times before the clip are those of its
     /// first frame, unless the motion repeats.
     fn carry_points(self: Arc<Self>, _plant: &Plant, _points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
@@ -156,7 +164,8 @@ pub fn evaluate_frame(
     let fields = moving().map(|m| m.fields(index)).collect::<Result<Vec<_>>>()?.concat();
     let maps = moving().map(|m| m.maps(index)).find(|maps| !maps.is_empty()).unwrap_or_default();
     let records = moving().flat_map(|m| m.records(index)).collect();
-    Ok(Frame { number, assets, shifted, rows, fields, maps, records, ..Frame::default() })
+    let point_tables = moving().map(|m| m.point_tables(index)).collect::<Result<Vec<_>>>()?.concat();
+    Ok(Frame { number, assets, shifted, rows, fields, maps, records, point_tables, ..Frame::default() })
 }
 
 /// The rows of all tables of a scene at a frame, in the order of the tables.

@@ -3,6 +3,7 @@
 pub(crate) mod assembly;
 pub(crate) mod canopy;
 mod deposition_maps;
+mod points;
 mod stats;
 mod trajectories;
 
@@ -31,7 +32,7 @@ use osier_motion::flight::{
 use osier_scene::solid::Solids;
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, CurvesFrame, InstanceState, Instancer, InstancerFrame,
-    InstancerMotion, Prototype, Table,
+    InstancerMotion, Prototype, RecordTable, Table,
 };
 use osier_wind::{ShiftedWind, Wind};
 
@@ -350,6 +351,10 @@ impl AssetMotion for FlightPlayback {
 
     fn fields(&self, frame: u64) -> Result<Vec<Vec<f32>>> {
         self.with_state_at(frame, |state| self.deposition_densities(state))
+    }
+
+    fn point_tables(&self, frame: u64) -> Result<Vec<RecordTable>> {
+        self.with_state_at(frame, |state| vec![points::catkin_points(state)])
     }
 }
 
