@@ -49,5 +49,6 @@ mod trust;
 mod twigs;
 mod usd_arrays;
 mod usd_stages;
+mod vdb;
 mod walls;
 mod wind_files;

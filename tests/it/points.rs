@@ -178,7 +178,11 @@ fn blender_reads_every_column_at_every_frame() {
             let (seen, wanted) = (&found[&frame], rows(baked(), table, frame.parse().expect("a frame")));
             assert_eq!(seen["count"], wanted.len(), "{table}, frame {frame}");
             for (names, kind) in [(whole, "INT"), (floats, "FLOAT")] {
-                assert!(names.split(',').all(|n| seen["types"][n] == kind), "{table}, frame {frame}: {}", seen["types"]);
+                assert!(
+                    names.split(',').all(|n| seen["types"][n] == kind),
+                    "{table}, frame {frame}: {}",
+                    seen["types"]
+                );
             }
             let ids: Vec<f64> = seen["ids"].as_array().expect("ids").iter().filter_map(Value::as_f64).collect();
             assert_eq!(ids, wanted.iter().map(|r| number(r, "id")).collect::<Vec<_>>());

@@ -36,6 +36,7 @@ pub mod text;
 pub mod textures;
 pub mod tracks;
 pub mod usd;
+pub mod vdb;
 mod world_joints;
 
 /// A warning of something that the format cannot represent and how it was written instead (X002, X003, X007 ...).

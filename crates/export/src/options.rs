@@ -6,6 +6,7 @@ use super::{
     points::options::PointsOptions,
     pov::options::PovOptions,
     usd::options::UsdOptions,
+    vdb::options::VdbOptions,
 };
 
 /// Options of all formats that have some.
@@ -21,6 +22,8 @@ pub struct ExportOptions {
     pub pov: PovOptions,
     /// Options of points as CSV.
     pub points: PointsOptions,
+    /// Options of OpenVDB files.
+    pub vdb: VdbOptions,
     /// Options of EXR maps.
     pub exr: ExrOptions,
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::{InstanceState, MapFrame, Mesh, Placement, PointsFrame, RecordTable, Trs};
+use super::{InstanceState, MapFrame, Mesh, Placement, PointsFrame, RecordTable, Trs, VolumeFrame};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
 #[derive(Debug, Clone, Default)]
@@ -19,6 +19,8 @@ pub struct Frame {
     pub fields: Vec<Vec<f32>>,
     /// Velocities of the air, m/s, one list per grid of the scene and empty where it is not due; empty without any.
     pub air: Vec<Vec<Vec3>>,
+    /// One per volume of the scene; empty without any.
+    pub volumes: Vec<VolumeFrame>,
     /// One per map sequence of the scene, or empty.
     pub maps: Vec<MapFrame>,
     /// What simulations know of single elements, in the order of the motions that record it.

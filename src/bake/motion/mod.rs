@@ -27,7 +27,7 @@ use glam::Vec3;
 use osier_base::Result;
 use osier_base::par::par_map;
 use osier_scene::plant::Plant;
-use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene};
+use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene, VolumeFrame};
 
 /// A point of a plant at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,6 +119,13 @@ pub trait AssetMotion: Debug + Send + Sync {
         Ok(Vec::new())
     }
 
+    /// Values of the scene's volumes that this motion fills, in their order.
+    /// # Errors
+    /// As [`AssetMotion::frame`].
+    fn volumes(&self, _frame: u64) -> Result<Vec<VolumeFrame>> {
+        Ok(Vec::new())
+    }
+
     /// Binds points of the asset's plant to this motion; `None` if the motion carries none. Times before the clip are those of its
     /// first frame, unless the motion repeats.
     fn carry_points(self: Arc<Self>, _plant: &Plant, _points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
@@ -164,8 +171,9 @@ pub fn evaluate_frame(
     let fields = moving().map(|m| m.fields(index)).collect::<Result<Vec<_>>>()?.concat();
     let maps = moving().map(|m| m.maps(index)).find(|maps| !maps.is_empty()).unwrap_or_default();
     let records = moving().flat_map(|m| m.records(index)).collect();
+    let volumes = moving().map(|m| m.volumes(index)).collect::<Result<Vec<_>>>()?.concat();
     let point_tables = moving().map(|m| m.point_tables(index)).collect::<Result<Vec<_>>>()?.concat();
-    Ok(Frame { number, assets, shifted, rows, fields, maps, records, point_tables, ..Frame::default() })
+    Ok(Frame { number, assets, shifted, rows, fields, maps, records, point_tables, volumes, ..Frame::default() })
 }
 
 /// The rows of all tables of a scene at a frame, in the order of the tables.

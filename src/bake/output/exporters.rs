@@ -10,7 +10,7 @@ use osier_export::format::{ExportJob, FormatInfo};
 use osier_export::options::ExportOptions;
 use osier_export::registry;
 use osier_export::textures::Textures;
-use osier_export::{air, exr, gltf, manifest, points, pov, usd};
+use osier_export::{air, exr, gltf, manifest, points, pov, usd, vdb};
 
 /// Writers of a bake's folder, which will be given these frames.
 pub fn bake_exporters(
@@ -58,6 +58,7 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
         usd: usd::UsdOptions {
             up: up_axis(output.usd.up),
             maps: output.writes(&exr::FORMAT),
+            volumes: output.writes(&vdb::FORMAT),
             copies: copy_style(output),
             tolerance: usd_tolerance(output),
             ..usd::UsdOptions::default()
@@ -74,6 +75,12 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
         points: points::PointsOptions {
             tables: output.points.tables.iter().map(|table| word_of(*table)).collect(),
             up: up_axis(output.points.up),
+        },
+        vdb: vdb::VdbOptions {
+            half: output.vdb.keys.half,
+            zip: output.vdb.keys.zip,
+            // A stage turns its volumes with everything else, so that they have its axes; alone they have those of Houdini.
+            up: if output.writes(&usd::FORMAT) { up_axis(output.usd.up) } else { usd::UpAxis::Y },
         },
         exr: exr::ExrOptions { atlas: recipe.maps.atlas },
     }
