@@ -1,4 +1,4 @@
-//! Writers of scenes as files of other programs: USD, glTF, POV-Ray, OBJ, PLY, OpenEXR, point caches, tables.
+//! Writers of scenes as files of other programs: USD, glTF, POV-Ray, OBJ, PLY, OpenEXR, OpenVDB, point caches, tables.
 //!
 //! An exporter has three calls: [`Exporter::begin`] with the scene, [`Exporter::frame`] for each frame in order (none without
 //! animation), [`Exporter::finish`]. Frames are streamed: only formats that require it keep more than one in memory.

@@ -5,8 +5,8 @@
 //! rod             recorded poses             │
 //! rod_plant       steps from frame to frame  ├─ AssetMotion::frame ─► AssetFrame ┐
 //! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
-//! rain            recorded drops and plants  ├─ row, fields, maps, records ──────┘
-//! attractor_morph coefficients at a time     ┘
+//! rain            recorded drops and plants  ├─ row, fields, maps, records, ─────┘
+//! attractor_morph coefficients at a time     ┘  point_tables, volumes
 //! ```
 //!
 //! A new motion is a type that implements [`AssetMotion`] and is given to the scene together with its asset.

@@ -23,8 +23,8 @@ const JOINTS: &str = "joints";
 /// Parent index of a root joint.
 const NO_PARENT: i32 = -1;
 /// Bytes of a row, measured: a joint, and an instance that moves freely.
-const JOINT_ROW: u64 = 90;
-const INSTANCE_ROW: u64 = 120;
+const JOINT_ROW: u64 = 88;
+const INSTANCE_ROW: u64 = 105;
 
 /// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {

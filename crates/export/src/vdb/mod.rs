@@ -17,11 +17,12 @@ use osier_base::Result;
 use osier_base::files::Folder;
 use osier_scene::{Frame, Scene, VolumeGrid};
 
-/// Bytes of a file without voxels: inner nodes, header and metadata, measured.
-const FILE_BYTES: u64 = 20_000;
-/// Bytes of a cell with a number, which is often alone in its leaf, and of a cell of a dense grid of vectors per byte of a number,
-/// as it is and zipped; measured.
-const SCALAR_CELL: u64 = 250;
+/// Bytes of a grid without voxels: inner nodes, descriptor and metadata, measured.
+const GRID_BYTES: u64 = 10_000;
+/// Bytes for each element that a grid of numbers may count, half of them in each of two grids: 100 where all are scattered, of which
+/// 7 remain where most lie side by side; measured.
+const SCALAR_CELL: u64 = 50;
+/// Bytes of a cell of a dense grid of vectors for each byte of a number, zipped; measured.
 const VECTOR_CELL: u64 = 3;
 
 /// The entry of the registry.
@@ -41,7 +42,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     let bytes_per_number = if input.options.vdb.half { 2 } else { 4 };
     let of = |grid: &VolumeGrid| {
         let cell = if grid.is_vector { VECTOR_CELL * bytes_per_number } else { SCALAR_CELL };
-        input.frames.div_ceil(u64::from(grid.every.max(1))).saturating_mul(FILE_BYTES + cell * grid.max_cells)
+        input.frames.div_ceil(u64::from(grid.every.max(1))).saturating_mul(GRID_BYTES + cell * grid.max_cells)
     };
     input.scene.volumes.iter().map(of).sum()
 }
