@@ -41,9 +41,10 @@ fn flight_rows(out: &Path) -> Vec<BTreeMap<String, f64>> {
     let text = fs::read_to_string(out.join("stats/flight.csv")).expect("table");
     let names: Vec<&str> =
         text.lines().next().expect("names").split(',').map(|n| n.split(' ').next().expect("a name")).collect();
-    let row =
-        |line: &str| names.iter().map(ToString::to_string).zip(line.split(',').map(|v| v.parse().expect("a number")));
-    text.lines().skip(1).map(|line| row(line).collect()).collect()
+    let row = |line: &str| -> BTreeMap<String, f64> {
+        names.iter().map(ToString::to_string).zip(line.split(',').map(|v| v.parse().expect("a number"))).collect()
+    };
+    text.lines().skip(1).map(row).collect()
 }
 
 #[test]
