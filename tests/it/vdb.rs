@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use vdb_rs::VdbReader;
 
 use crate::common::clients;
-use crate::common::program::{arg, assert_same, ends, tree};
+use crate::common::program::{arg, assert_same, ends, run, said, tree};
 use crate::wind_files::vti;
 
 /// Catkins in gusts.
@@ -114,9 +114,9 @@ fn blender_samples_the_velocities_of_the_wind() {
         cells.iter().map(|c| std::array::from_fn(|k| wind.corner[k] + (c[k] as f64 + 0.6) * wind.side[k])).collect();
     let (by_cell, by_place) = (json!(cells).to_string(), json!(places).to_string());
     let arguments = [arg(&file), "vel", "VECTOR", &by_cell, &by_place];
-    let said = clients::python_script(&python, "vdb_blender.py", &arguments);
+    let answer = clients::python_script(&python, "vdb_blender.py", &arguments);
     let found: Value =
-        serde_json::from_slice(said.stdout.split(|b| *b == b'\n').rfind(|l| !l.is_empty()).expect("a line"))
+        serde_json::from_slice(answer.stdout.split(|b| *b == b'\n').rfind(|l| !l.is_empty()).expect("a line"))
             .expect("json");
     for way in ["cells", "places"] {
         for (k, cell) in cells.iter().enumerate() {
@@ -143,10 +143,10 @@ fn blender_samples_the_density_of_catkins_in_half_precision() {
     let place = |c: &[i32; 3]| [0, 1, 2].map(|k| f64::from(c[k]) * 0.5 + 0.25 - if k == 1 { 0.0 } else { 4.0 });
     let places: Vec<[f64; 3]> = cells.iter().map(place).collect();
     let (by_cell, by_place) = (json!(cells).to_string(), json!(places).to_string());
-    let said =
+    let answer =
         clients::python_script(&python, "vdb_blender.py", &[arg(&file), "density", "FLOAT", &by_cell, &by_place]);
     let found: Value =
-        serde_json::from_slice(said.stdout.split(|b| *b == b'\n').rfind(|l| !l.is_empty()).expect("a line"))
+        serde_json::from_slice(answer.stdout.split(|b| *b == b'\n').rfind(|l| !l.is_empty()).expect("a line"))
             .expect("json");
     for way in ["cells", "places"] {
         for (k, (cell, value)) in voxels.iter().enumerate() {
@@ -176,4 +176,17 @@ fn a_stage_shows_the_files_frame_by_frame() {
         let Some(python) = clients::python() else { return };
         clients::python_script(&python, "usd_validate.py", &[arg(&out.join("air.usda"))]);
     }
+}
+
+#[test]
+fn too_many_voxels_are_refused_and_still_scenes_are_told() {
+    let dir = tempfile::tempdir().expect("dir");
+    let (file, out) = (dir.path().join("air.toml"), dir.path().join("out"));
+    fs::write(&file, FLIGHT).expect("scene");
+    let bake = ["-q", "bake", arg(&file), "-o", arg(&out), "--formats", "vdb,points"];
+    let (code, _, told) = said(&run(&[&bake[..], &["--set", "output.vdb.cell=0.01"]].concat()));
+    assert!(code != 0 && told.contains("X010") && told.contains("192000000 active voxels"), "{code} {told}");
+    fs::write(&file, FLIGHT.replace("end = 6", "end = 1")).expect("scene");
+    let (code, _, told) = said(&run(&["check", arg(&file), "--set", "output.formats=[\"vdb\", \"points\"]"]));
+    assert!(code == 0 && told.matches("S007").count() == 2 && told.contains("needs a clip"), "{code} {told}");
 }

@@ -367,10 +367,10 @@ mod tests {
     fn two_voxels_have_the_bytes_of_the_format() {
         let mut expected: Vec<u8> = Vec::new();
         let word = |v: u32| v.to_le_bytes();
-        let text = |s: &str| [&(s.len() as u32).to_le_bytes(), s.as_bytes()].concat();
-        let entry = |name: &str, kind: &str, value: &[u8]| {
-            [&text(name)[..], &text(kind), &word(value.len() as u32), value].concat()
-        };
+        let length = |n: usize| word(u32::try_from(n).expect("short"));
+        let text = |s: &str| [&length(s.len()), s.as_bytes()].concat();
+        let entry =
+            |name: &str, kind: &str, value: &[u8]| [&text(name)[..], &text(kind), &length(value.len()), value].concat();
         // Header and metadata of the file.
         expected.extend([0x20, 0x42, 0x44, 0x56, 0, 0, 0, 0, 223, 0, 0, 0, 12, 0, 0, 0, 0, 0, 0, 0, 1]);
         expected.extend(uuid(&"00".repeat(32), "flock", 1).bytes());
