@@ -407,9 +407,12 @@ impl Resolver<'_> {
         let empty = TomlTable::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
         let clips_only = [&osier_export::points::FORMAT, &osier_export::vdb::FORMAT];
-        for format in keys.formats.iter().filter(|f| clip.len() < 2 && clips_only.iter().any(|c| c.word == f.0.word)) {
+        let words: Vec<&str> = keys.formats.iter().map(|f| f.0.word).collect();
+        let useless: Vec<&str> =
+            words.into_iter().filter(|word| clip.len() < 2 && clips_only.iter().any(|f| f.word == *word)).collect();
+        if !useless.is_empty() {
             let span = span_of(root, &["output", "formats"]).unwrap_or(self.whole);
-            let text = format!("format \"{}\" needs a clip, but the scene has one frame", format.0.word);
+            let text = format!("output.formats needs a clip for {}, but the scene has one frame", useless.join(", "));
             let d = Diagnostic::warning("S007", text, span, "has no effect");
             self.report.push(d.help("make it a clip: [frames] end = 48"));
         }

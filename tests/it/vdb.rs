@@ -188,5 +188,5 @@ fn too_many_voxels_are_refused_and_still_scenes_are_told() {
     assert!(code != 0 && told.contains("X010") && told.contains("192000000 active voxels"), "{code} {told}");
     fs::write(&file, FLIGHT.replace("end = 6", "end = 1")).expect("scene");
     let (code, _, told) = said(&run(&["check", arg(&file), "--set", "output.formats=[\"vdb\", \"points\"]"]));
-    assert!(code == 0 && told.matches("S007").count() == 2 && told.contains("needs a clip"), "{code} {told}");
+    assert!(code == 0 && told.contains("S007") && told.contains("needs a clip for vdb, points"), "{code} {told}");
 }
