@@ -110,6 +110,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         enum_labels: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
+        volumes: Vec::new(),
         map_sequences: Vec::new(),
     }
 }

@@ -344,6 +344,10 @@ recipe! {
         usd: scene::UsdKeys;
         /// Options of the glTF files.
         gltf: scene::GltfKeys;
+        /// Options of points as CSV.
+        points: scene::PointsKeys, hashed if writes_points;
+        /// Options of OpenVDB files.
+        vdb: VdbRecipe, hashed if writes_vdb;
         /// Files of the wind itself.
         wind: WindOutputRecipe, hashed if writes_wind;
     }
@@ -355,9 +359,37 @@ impl OutputRecipe {
         !self.wind.grids.is_empty()
     }
 
+    /// True if voxel grids are written.
+    pub fn writes_vdb(&self) -> bool {
+        self.writes(&osier_export::vdb::FORMAT)
+    }
+
+    /// The grid of the wind's velocity among the voxel grids, if it is written.
+    pub fn velocity_volume(&self) -> Option<&AirGrid> {
+        let wanted = self.writes_vdb() && self.vdb.keys.grids.contains(&scene::VdbGrid::Velocity);
+        self.vdb.domain.as_ref().filter(|_| wanted)
+    }
+
+    /// True if points are written as CSV.
+    pub fn writes_points(&self) -> bool {
+        self.writes(&osier_export::points::FORMAT)
+    }
+
     /// True if a format is among those that are written.
     pub fn writes(&self, format: &osier_export::format::FormatInfo) -> bool {
         self.keys.formats.iter().any(|f| f.0.word == format.word)
+    }
+}
+
+recipe! {
+    /// Which voxel grids are written.
+    VdbRecipe {
+        /// Keys of its table in the scene.
+        keys: scene::VdbKeys;
+        derived {
+            /// Cells of the box in which the wind is sampled, which other grids continue; `None` without a clip.
+            domain: Option<AirGrid>;
+        }
     }
 }
 

@@ -2,7 +2,9 @@
 
 use super::scene::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel};
 use super::syntax::{Digest, KeyTable, Registry, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
-use super::{Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe, ReferencedFile, WindOutputRecipe};
+use super::{
+    Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe,
+};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::files::{Names, safe_name};
 use osier_base::limits::Limits;
@@ -206,6 +208,7 @@ impl Resolver<'_> {
         // Files of the wind sample the domain of the lattice, else of the flight, else of their own table.
         let flight_size = flight.as_ref().map(|f| f.keys.size);
         let wind_output = self.wind_output(root, &wind, &lattice, flight_size, clip);
+        let vdb = self.vdb_output(root, &wind, &lattice, flight_size, wind_output.keys.size, clip);
         let mut recipe = Recipe {
             name: safe_name(&self.request.name),
             general,
@@ -233,7 +236,7 @@ impl Resolver<'_> {
             lattice,
             added,
             sway,
-            output: self.output(root, clip, wind_output),
+            output: self.output(root, clip, vdb, wind_output),
             hash: String::new(),
         };
         // The hash covers all fields above and must be computed last.
@@ -399,10 +402,20 @@ impl Resolver<'_> {
         None
     }
 
-    fn output(&mut self, root: &TomlTable, clip: Clip, wind: WindOutputRecipe) -> OutputRecipe {
+    fn output(&mut self, root: &TomlTable, clip: Clip, vdb: VdbRecipe, wind: WindOutputRecipe) -> OutputRecipe {
         let keys: OutputKeys = self.section(root, "output");
         let empty = TomlTable::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
+        let clips_only = [&osier_export::points::FORMAT, &osier_export::vdb::FORMAT];
+        let words: Vec<&str> = keys.formats.iter().map(|f| f.0.word).collect();
+        let useless: Vec<&str> =
+            words.into_iter().filter(|word| clip.len() < 2 && clips_only.iter().any(|f| f.word == *word)).collect();
+        if !useless.is_empty() {
+            let span = span_of(root, &["output", "formats"]).unwrap_or(self.whole);
+            let text = format!("output.formats needs a clip for {}, but the scene has one frame", useless.join(", "));
+            let d = Diagnostic::warning("S007", text, span, "has no effect");
+            self.report.push(d.help("make it a clip: [frames] end = 48"));
+        }
         OutputRecipe {
             keys,
             pov: self.section_at(table, "output", "pov"),
@@ -412,6 +425,8 @@ impl Resolver<'_> {
                 let keys = self.section_at(table, "output", "gltf");
                 self.check_gltf_frame(root, keys, clip)
             },
+            points: self.section_at(table, "output", "points"),
+            vdb,
             wind,
         }
     }

@@ -92,6 +92,7 @@ impl PreviewScene {
             enum_labels: Vec::new(),
             fields: Vec::new(),
             air: Vec::new(),
+            volumes: Vec::new(),
             map_sequences: Vec::new(),
         };
         let animated = AnimatedScene { scene: Arc::new(scene), motions: vec![None], wind: None };

@@ -79,6 +79,7 @@ fn chain(joints: u32) -> (Scene, Vec<Frame>) {
         name: format!("j{i}"),
         parent: i.checked_sub(1),
         rest: Trs::translation(Vec3::new(0.0, if i == 0 { 0.0 } else { 0.01 }, 0.0)),
+        radius: 0.1,
     };
     let mut mesh = Mesh::default();
     let mut skin = SkinWeights::default();

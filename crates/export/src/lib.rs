@@ -1,4 +1,4 @@
-//! Writers of scenes as files of other programs: USD, glTF, POV-Ray, OBJ, PLY, OpenEXR, point caches, tables.
+//! Writers of scenes as files of other programs: USD, glTF, POV-Ray, OBJ, PLY, OpenEXR, OpenVDB, point caches, tables.
 //!
 //! An exporter has three calls: [`Exporter::begin`] with the scene, [`Exporter::frame`] for each frame in order (none without
 //! animation), [`Exporter::finish`]. Frames are streamed: only formats that require it keep more than one in memory.
@@ -28,6 +28,7 @@ pub mod obj;
 pub mod options;
 pub mod pc2;
 pub mod ply;
+pub mod points;
 pub mod pov;
 pub mod registry;
 pub mod stats;
@@ -35,6 +36,8 @@ pub mod text;
 pub mod textures;
 pub mod tracks;
 pub mod usd;
+pub mod vdb;
+mod world_joints;
 
 /// A warning of something that the format cannot represent and how it was written instead (X002, X003, X007 ...).
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -3,8 +3,10 @@
 use super::{
     exr::options::ExrOptions,
     gltf::options::{GltfOptions, Profile},
+    points::options::PointsOptions,
     pov::options::PovOptions,
     usd::options::UsdOptions,
+    vdb::options::VdbOptions,
 };
 
 /// Options of all formats that have some.
@@ -18,6 +20,10 @@ pub struct ExportOptions {
     pub gltf_profiles: Vec<Profile>,
     /// Options of POV-Ray; the target comes from the `ExportJob`.
     pub pov: PovOptions,
+    /// Options of points as CSV.
+    pub points: PointsOptions,
+    /// Options of OpenVDB files.
+    pub vdb: VdbOptions,
     /// Options of EXR maps.
     pub exr: ExrOptions,
 }

@@ -14,7 +14,7 @@
 //! ```
 
 use super::format::FormatInfo;
-use super::{exr, gltf, obj, pc2, ply, pov, stats, tracks, usd};
+use super::{exr, gltf, obj, pc2, ply, points, pov, stats, tracks, usd, vdb};
 
 /// Every format of a bake, in the order in which they are listed.
 pub const FORMATS: &[&FormatInfo] = &[
@@ -27,6 +27,8 @@ pub const FORMATS: &[&FormatInfo] = &[
     &exr::FORMAT,
     &stats::FORMAT,
     &tracks::FORMAT,
+    &points::FORMAT,
+    &vdb::FORMAT,
 ];
 
 /// The format of a word.

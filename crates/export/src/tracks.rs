@@ -8,10 +8,11 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::format::FormatInfo;
+use super::world_joints::{WorldJoint, world_joints};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
-use osier_scene::{Frame, RecordColumn, RecordTable, Scene, Trs};
+use osier_scene::{Frame, RecordColumn, RecordTable, Scene};
 
 /// Parent index of a root joint.
 const NO_PARENT: i32 = -1;
@@ -100,36 +101,10 @@ impl ColumnInfo {
     }
 }
 
-/// The transform of a joint in world space.
-struct JointRecord {
-    /// Index of the placement.
-    placement: u32,
-    /// Index in the skeleton.
-    joint: u32,
-    world: Trs,
-}
-
 /// World transforms of the joints of all placements; none if no asset has a skeleton.
 fn joint_table(scene: &Scene, frame: &Frame) -> Option<RecordTable> {
-    let mut joints = Vec::new();
-    let mut any = false;
-    for (placement, shown) in (0_u32..).zip(&scene.placements) {
-        let both = scene.assets.get(shown.asset).zip(frame.shown(shown));
-        let Some((skeleton, state)) = both.and_then(|(asset, state)| Some((asset.skeleton.as_ref()?, state))) else {
-            continue;
-        };
-        // A skeleton without joints still makes the table exist, with no rows at this frame.
-        any = true;
-        let rest = skeleton.rest_pose();
-        let pose = if state.pose.len() == rest.len() { &state.pose } else { &rest };
-        let asset_from_joint = (0_u32..).zip(skeleton.asset_from_joint(pose));
-        joints.extend(asset_from_joint.map(|(joint, trs)| JointRecord {
-            placement,
-            joint,
-            world: shown.transform.then_inner(&trs),
-        }));
-    }
-    let f32s = |name, unit, value: fn(&JointRecord) -> f32| RecordColumn::f32(name, unit, &joints, value);
+    let joints = world_joints(scene, frame)?;
+    let f32s = |name, unit, value: fn(&WorldJoint) -> f32| RecordColumn::f32(name, unit, &joints, value);
     let columns = vec![
         RecordColumn::u32("placement", "", &joints, |j| j.placement),
         RecordColumn::u32("joint", "", &joints, |j| j.joint),
@@ -141,7 +116,7 @@ fn joint_table(scene: &Scene, frame: &Frame) -> Option<RecordTable> {
         f32s("qz", "", |j| j.world.r.z),
         f32s("qw", "", |j| j.world.r.w),
     ];
-    any.then_some(RecordTable { name: "rods", columns })
+    Some(RecordTable { name: "rods", columns })
 }
 
 /// The index: columns of each file, and the range of records of each frame.

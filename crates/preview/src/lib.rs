@@ -57,6 +57,7 @@
 //!     enum_labels: Vec::new(),
 //!     fields: Vec::new(),
 //!     air: Vec::new(),
+//!     volumes: Vec::new(),
 //!     map_sequences: Vec::new(),
 //! };
 //! let materials = PreviewMaterials::new(&scene, Quality::Normal);

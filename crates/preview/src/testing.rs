@@ -62,6 +62,7 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
         enum_labels: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
+        volumes: Vec::new(),
         map_sequences: Vec::new(),
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::{InstanceState, MapFrame, Mesh, Placement, PointsFrame, RecordTable, Trs};
+use super::{InstanceState, MapFrame, Mesh, Placement, PointsFrame, RecordTable, Trs, VolumeFrame};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
 #[derive(Debug, Clone, Default)]
@@ -19,10 +19,14 @@ pub struct Frame {
     pub fields: Vec<Vec<f32>>,
     /// Velocities of the air, m/s, one list per grid of the scene and empty where it is not due; empty without any.
     pub air: Vec<Vec<Vec3>>,
+    /// One per volume of the scene; empty without any.
+    pub volumes: Vec<VolumeFrame>,
     /// One per map sequence of the scene, or empty.
     pub maps: Vec<MapFrame>,
     /// What simulations know of single elements, in the order of the motions that record it.
     pub records: Vec<RecordTable>,
+    /// Single elements as points with attributes, for node systems; a table of a name has the same columns in all frames.
+    pub point_tables: Vec<RecordTable>,
     /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,
 }

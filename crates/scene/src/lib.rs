@@ -35,6 +35,7 @@ mod records;
 mod skeleton;
 pub mod solid;
 mod validate;
+mod volume;
 
 pub use air::AirGrid;
 pub use attribute::{Attribute, AttributeData, AttributeDomain};
@@ -56,6 +57,7 @@ pub use points::{Curves, Points, PointsFrame, PointsNow};
 pub use records::{CodeList, ColumnValues, RecordColumn, RecordTable};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use validate::{check_frame, check_scene};
+pub use volume::{VolumeCells, VolumeFrame, VolumeGrid, VolumeValues};
 
 /// Frames of a clip. A still scene has `start == end`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -240,6 +242,8 @@ pub struct Scene {
     pub fields: Vec<Field>,
     /// Grids on which frames sample the wind's velocity.
     pub air: Vec<AirGrid>,
+    /// Voxel grids that frames fill.
+    pub volumes: Vec<VolumeGrid>,
     /// Maps of surfaces that frames fill.
     pub map_sequences: Vec<MapSequence>,
 }

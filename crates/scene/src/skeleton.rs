@@ -58,6 +58,8 @@ pub struct Joint {
     pub parent: Option<u32>,
     /// Parent from joint at rest. Scale is 1.
     pub rest: Trs,
+    /// Radius of what it carries, at its pivot, m; 0 for a root that carries nothing.
+    pub radius: f32,
 }
 
 /// Joints, parents first, depth first, joint 0 the only root.

@@ -5,8 +5,8 @@
 //! rod             recorded poses             │
 //! rod_plant       steps from frame to frame  ├─ AssetMotion::frame ─► AssetFrame ┐
 //! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
-//! rain            recorded drops and plants  ├─ row, fields, maps, records ──────┘
-//! attractor_morph coefficients at a time     ┘
+//! rain            recorded drops and plants  ├─ row, fields, maps, records, ─────┘
+//! attractor_morph coefficients at a time     ┘  point_tables, volumes
 //! ```
 //!
 //! A new motion is a type that implements [`AssetMotion`] and is given to the scene together with its asset.
@@ -27,7 +27,7 @@ use glam::Vec3;
 use osier_base::Result;
 use osier_base::par::par_map;
 use osier_scene::plant::Plant;
-use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene};
+use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene, VolumeFrame};
 
 /// A point of a plant at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,6 +111,21 @@ pub trait AssetMotion: Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Single elements that the motion simulates as points with attributes: id, position and what a node system needs to show them.
+    /// A table has the same name and columns at every frame, with or without rows.
+    /// # Errors
+    /// As [`AssetMotion::frame`].
+    fn point_tables(&self, _frame: u64) -> Result<Vec<RecordTable>> {
+        Ok(Vec::new())
+    }
+
+    /// Values of the scene's volumes that this motion fills, in their order.
+    /// # Errors
+    /// As [`AssetMotion::frame`].
+    fn volumes(&self, _frame: u64) -> Result<Vec<VolumeFrame>> {
+        Ok(Vec::new())
+    }
+
     /// Binds points of the asset's plant to this motion; `None` if the motion carries none. Times before the clip are those of its
     /// first frame, unless the motion repeats.
     fn carry_points(self: Arc<Self>, _plant: &Plant, _points: &[PointOnAxis]) -> Option<Arc<dyn CarriedPoints>> {
@@ -161,7 +176,9 @@ pub fn evaluate_frame(
     let fields = moving().map(|m| m.fields(index)).collect::<Result<Vec<_>>>()?.concat();
     let maps = moving().map(|m| m.maps(index)).find(|maps| !maps.is_empty()).unwrap_or_default();
     let records = moving().flat_map(|m| m.records(index)).collect();
-    Ok(Frame { number, assets, shifted, rows, fields, maps, records, ..Frame::default() })
+    let volumes = moving().map(|m| m.volumes(index)).collect::<Result<Vec<_>>>()?.concat();
+    let point_tables = moving().map(|m| m.point_tables(index)).collect::<Result<Vec<_>>>()?.concat();
+    Ok(Frame { number, assets, shifted, rows, fields, maps, records, point_tables, volumes, ..Frame::default() })
 }
 
 /// The rows of all tables of a scene at a frame, in the order of the tables.

@@ -313,12 +313,16 @@ impl<'a> ConnectedRods<'a> {
             let (mesh, skin) = ball(rest.bodies[k], math::narrow(weight.radius), joint);
             add(name, weight.color, mesh, skin)?;
         }
-        let named = |(i, t): (usize, &Trs)| Joint {
+        // Radii in the order of the joints.
+        let sections = (0..self.rods.len()).map(|i| math::narrow(self.rods.radius(i)));
+        let radii = [0.0].into_iter().chain(sections).chain(self.weights.iter().map(|w| math::narrow(w.radius)));
+        let named = |(i, (t, radius)): (usize, (&Trs, f32))| Joint {
             name: if i == 0 { "root".into() } else { format!("s{i}") },
             parent: (i > 0).then_some(0),
             rest: *t,
+            radius,
         };
-        let skeleton = moves.then(|| Skeleton { joints: joints.iter().enumerate().map(named).collect() });
+        let skeleton = moves.then(|| Skeleton { joints: joints.iter().zip(radii).enumerate().map(named).collect() });
         let asset = Asset {
             id: self.members[0].id.clone(),
             kind: AssetKind::Plant,

@@ -160,7 +160,7 @@ pub fn build_rod_plant_at_rest(
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
         group: String::new(),
-        skeleton: Some(binding.skeleton()),
+        skeleton: Some(binding.skeleton(&rods)),
         instancers,
         meshes,
         points: Vec::new(),
@@ -304,11 +304,12 @@ impl RodBinding {
         (self.transform.r.as_dquat().normalize().conjugate() * q).as_quat().normalize()
     }
 
-    fn skeleton(&self) -> Skeleton {
-        let root = Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY };
+    fn skeleton(&self, rods: &RodPlant) -> Skeleton {
+        let root = Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY, radius: 0.0 };
         let section = |i: &usize| {
             let (t, r) = self.rest[*i];
-            Joint { name: format!("s{i}"), parent: Some(0), rest: Trs { t, r, s: Vec3::ONE } }
+            let radius = narrow(rods.rods().radius(*i)) / self.transform.s.x;
+            Joint { name: format!("s{i}"), parent: Some(0), rest: Trs { t, r, s: Vec3::ONE }, radius }
         };
         Skeleton { joints: [root].into_iter().chain(self.jointed.iter().map(section)).collect() }
     }

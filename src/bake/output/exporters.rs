@@ -5,13 +5,13 @@ use std::sync::Arc;
 use crate::bake::output::frame_loop::NamedExporter;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::recipe::scene::{CopyStyle, GltfProfile, UpAxis};
-use crate::recipe::{OutputRecipe, Recipe};
+use crate::recipe::{OutputRecipe, Recipe, word_of};
 use osier_base::files::Folder;
 use osier_export::format::{ExportJob, FormatInfo};
 use osier_export::options::ExportOptions;
 use osier_export::registry;
 use osier_export::textures::Textures;
-use osier_export::{air, exr, gltf, manifest, pov, usd};
+use osier_export::{air, exr, gltf, manifest, points, pov, usd, vdb};
 
 /// Writers of a bake's folder, which will be given these frames.
 pub fn bake_exporters(
@@ -57,8 +57,9 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
     let output = &recipe.output;
     ExportOptions {
         usd: usd::UsdOptions {
-            up: up_axis(output),
+            up: up_axis(output.usd.up),
             maps: output.writes(&exr::FORMAT),
+            volumes: output.writes(&vdb::FORMAT),
             copies: copy_style(output),
             tolerance: usd_tolerance(output),
             ..usd::UsdOptions::default()
@@ -72,6 +73,16 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
         },
         gltf_profiles: output.gltf.profiles.iter().map(|p| gltf_profile(*p)).collect(),
         pov: pov_options(output),
+        points: points::PointsOptions {
+            tables: output.points.tables.iter().map(|table| word_of(*table)).collect(),
+            up: up_axis(output.points.up),
+        },
+        vdb: vdb::VdbOptions {
+            half: output.vdb.keys.half,
+            zip: output.vdb.keys.zip,
+            // A stage turns its volumes with everything else, so that they have its axes; alone they have those of Houdini.
+            up: if output.writes(&usd::FORMAT) { up_axis(output.usd.up) } else { usd::UpAxis::Y },
+        },
         exr: exr::ExrOptions { atlas: recipe.maps.atlas },
     }
 }
@@ -112,8 +123,8 @@ fn frame_stride(frames: &[u32]) -> u32 {
     frames.windows(2).fold(0, |step, pair| gcd(step, pair[1].abs_diff(pair[0]))).max(1)
 }
 
-fn up_axis(output: &OutputRecipe) -> usd::UpAxis {
-    if output.usd.up == UpAxis::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
+fn up_axis(up: UpAxis) -> usd::UpAxis {
+    if up == UpAxis::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
 }
 
 /// Angles and lengths of the recipe are in radians and metres.

@@ -3,6 +3,7 @@
 use crate::bake::BakeContext;
 use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::animated::AnimatedScene;
+use crate::bake::wind::output::SampledWind;
 use osier_base::{Error, Result};
 use osier_export::{Exporter, Warning};
 use osier_scene::{Frame, check_frame, check_scene, largest};
@@ -35,8 +36,11 @@ pub fn write_frames(
         numbers.iter().copied().filter(|n| exporters.iter().any(|e| e.exporter.wants_phases(*n))).collect();
     let evaluate = |n: u32| {
         let frame = evaluate_frame(&animated.scene, &animated.motions, n, phased.contains(&n))?;
-        let air = animated.wind.as_ref().map(|wind| wind.sample_frame(&animated.scene, n)).transpose()?;
-        Ok::<_, Error>(Frame { air: air.unwrap_or_default(), ..frame })
+        let wind = animated.wind.as_ref().map(|wind| wind.sample_frame(&animated.scene, n)).transpose()?;
+        let SampledWind { air, volume } = wind.unwrap_or_default();
+        // The wind's volume comes first, as in the scene.
+        let volumes = volume.into_iter().chain(frame.volumes).collect();
+        Ok::<_, Error>(Frame { air, volumes, ..frame })
     };
     if let Some((first, rest)) = numbers.split_first() {
         context.progress.stage("writing frames", numbers.len() as u64);

@@ -11,7 +11,7 @@ use crate::bake::wind::lattice::lattice_memory;
 use crate::recipe::Recipe;
 use osier_export::format::FormatInfo;
 use osier_export::usd;
-use osier_scene::{Image, Pixels, Scene};
+use osier_scene::{Image, Pixels, Scene, VolumeGrid};
 
 /// The program itself, and what each thread has on its stack and in its buffers, bytes.
 const PROGRAM: u64 = 16_000_000;
@@ -28,6 +28,10 @@ const USD_POINT: u64 = 26;
 /// Bytes for each texel of the maps of rain.
 const TEXEL: u64 = 150;
 
+/// Bytes for each cell of a volume: its middle, its velocity in two frames, and as it is packed; or its value in a leaf of its own.
+const VOXEL: u64 = 70;
+const SCALAR_VOXEL: u64 = 600;
+
 /// Bytes of memory at the peak of a run, by what they are for. `counts`: of the run, with its sizes.
 pub fn predict_memory(
     scene: &Scene,
@@ -38,6 +42,8 @@ pub fn predict_memory(
     let texels: u64 = scene.map_sequences.iter().map(|s| s.texels() as u64).sum();
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
     let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();
+    let voxel = |g: &VolumeGrid| g.max_cells.saturating_mul(if g.is_vector { VOXEL } else { SCALAR_VOXEL });
+    let volumes = scene.volumes.iter().map(voxel).fold(0, u64::saturating_add);
     let point = if formats.iter().any(|f| f.word == usd::FORMAT.word) { POINT + USD_POINT } else { POINT };
     let mut parts = vec![
         ("program", PROGRAM + THREAD * osier_base::par::threads() as u64),
@@ -47,6 +53,7 @@ pub fn predict_memory(
         ("points", point.saturating_mul(counts.points)),
         ("writers", writers),
         ("maps of rain", TEXEL * texels),
+        ("volumes", volumes),
     ];
     parts.extend(lattice_memory(recipe));
     parts.retain(|p| p.1 > 0);

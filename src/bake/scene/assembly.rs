@@ -25,14 +25,14 @@ use crate::bake::scene::layout::lay_out_scene;
 use crate::bake::scene::scatter::sink_feet;
 use crate::bake::wind::lattice::{check_lattice, lattice_solids};
 use crate::bake::wind::needs::WindNeeds;
-use crate::bake::wind::output::WindOutput;
+use crate::bake::wind::output::{WindOutput, velocity_grid};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::bake::wind::scene_wind::{SceneWind, WindObserver, WindSurroundings, WindUser};
 use crate::recipe::Recipe;
 use osier_base::diagnostic::Report;
 use osier_base::par::join;
 use osier_base::{Error, Result};
-use osier_scene::{Field, Scene, Table};
+use osier_scene::Scene;
 
 /// Optional parts of a scene that the caller asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -219,7 +219,10 @@ fn assemble(
     add_rods(recipe, rod_wind.as_deref(), estimating, &mut builder, context, &mut report)?;
     add_obstacles(recipe, &mut builder)?;
 
-    let wind_output = WindOutput::from_recipe(recipe, &scene_wind, context)?;
+    let (flight_table, fields, flight_volumes) =
+        flight.map_or((None, Vec::new(), Vec::new()), |f| (Some(f.table), f.fields, f.volumes));
+    let wind_output = WindOutput::from_recipe(recipe, &scene_wind, &obstacles, context)?;
+    let wind_volume = velocity_grid(recipe).filter(|_| wind_output.is_some());
 
     // A camera without keys frames what was added so far; the ground, which reaches farther, is framed only when alone.
     let empty = builder.placements.is_empty();
@@ -237,9 +240,7 @@ fn assemble(
         lift_camera(&mut camera, terrain);
     }
 
-    // Tables and fields stand in the order in which their motions were added: flight, then rain.
-    let (flight_table, fields): (Option<Table>, Vec<Field>) =
-        flight.map_or((None, Vec::new()), |flight| (Some(flight.table), flight.fields));
+    // Tables and fields stand in the order in which their motions were added: flight, then rain. The wind's volume comes first.
     let scene = Scene {
         name: recipe.name.clone(),
         title: recipe.general.title.clone(),
@@ -258,6 +259,7 @@ fn assemble(
         enum_labels: enum_labels(),
         fields,
         air: if wind_output.is_some() { recipe.output.wind.grids.clone() } else { Vec::new() },
+        volumes: wind_volume.into_iter().chain(flight_volumes).collect(),
         map_sequences: rain.map_sequences,
     };
     Ok(AssembledScene {

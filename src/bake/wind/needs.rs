@@ -44,10 +44,11 @@ impl WindNeeds {
         let plant_lead = if plants_spin_up { SPIN_UP_SECONDS.max(PLANT_SPIN_UP_SECONDS) } else { 0.0 };
         let flight_lead = recipe.flight.as_ref().map_or(0.0, |flight| flight.keys.spin_up);
         let rain_lead = rain.map_or(0.0, |rain| rain.keys.spin_up);
+        let writes_wind = !recipe.output.wind.grids.is_empty() || recipe.output.velocity_volume().is_some();
         Self {
             region: Bounds::of([plants, rods].iter().filter(|b| !b.is_empty()).flat_map(|b| b.corners())),
             box_ahead: rain.is_some(),
-            box_by_frame: recipe.flight.is_some() || is_clip && !recipe.output.wind.grids.is_empty(),
+            box_by_frame: recipe.flight.is_some() || is_clip && writes_wind,
             region_lead: plant_lead,
             box_lead: flight_lead.max(rain_lead),
         }

@@ -1,15 +1,19 @@
-//! The wind as `[output.wind]` exports it: the scene's own, sampled at the points of planes and boxes.
+//! The wind as `[output.wind]` and `[output.vdb]` export it: the scene's own, sampled at the points of planes and boxes.
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::bake::BakeContext;
+use crate::bake::assets::obstacles::Obstacles;
 use crate::bake::wind::scene_wind::{SceneWind, WindUser};
-use crate::recipe::Recipe;
+use crate::recipe::scene::VdbGrid;
+use crate::recipe::{Recipe, word_of};
 use osier_base::Result;
+use osier_base::math::narrow;
 use osier_base::par::{CHUNK, par_chunks};
-use osier_scene::{AirGrid, Scene};
+use osier_export::vdb::check_dense_grid;
+use osier_scene::{AirGrid, Scene, VolumeCells, VolumeFrame, VolumeGrid, VolumeValues};
 use osier_wind::Wind;
 
 /// Bytes of a velocity: three f32.
@@ -21,36 +25,77 @@ pub struct WindOutput {
     wind: Arc<SceneWind>,
     /// Points of each grid, m.
     points: Vec<Vec<Vec3>>,
+    volume: Option<WindVolume>,
+}
+
+/// The voxel grid of the wind's velocity.
+#[derive(Debug)]
+struct WindVolume {
+    cells: [usize; 3],
+    /// Middles of the cells that are not inside a solid, m.
+    points: Vec<Vec3>,
+    /// Index of each of them among all cells.
+    indices: Vec<usize>,
+}
+
+/// The wind at a frame.
+#[derive(Debug, Default)]
+pub struct SampledWind {
+    /// Velocities, m/s, at the points of each grid of the scene; empty for a grid that is not written in this frame, and altogether
+    /// where none is.
+    pub air: Vec<Vec<Vec3>>,
+    /// The volume of the velocity, if the scene has one; without values in a frame that it is not written in.
+    pub volume: Option<VolumeFrame>,
 }
 
 impl WindOutput {
     /// `None` if the recipe exports no wind, or has no clip.
     /// # Errors
-    /// `Limit`.
-    pub fn from_recipe(recipe: &Recipe, wind: &Arc<SceneWind>, context: &BakeContext<'_>) -> Result<Option<Arc<Self>>> {
+    /// `Limit`, and X010 for more voxels than a file may have.
+    pub fn from_recipe(
+        recipe: &Recipe,
+        wind: &Arc<SceneWind>,
+        obstacles: &Obstacles<'_>,
+        context: &BakeContext<'_>,
+    ) -> Result<Option<Arc<Self>>> {
         let grids = &recipe.output.wind.grids;
-        if grids.is_empty() || recipe.clip.len() < 2 {
+        let volume = velocity_domain(recipe);
+        if (grids.is_empty() && volume.is_none()) || recipe.clip.len() < 2 {
             return Ok(None);
         }
         for plane in grids.iter().filter(|g| g.across.is_some()) {
             let longest = plane.cells.iter().copied().max().unwrap_or(0) as u64;
             context.limits.check("image-side", longest, "texels along a side of a plane of output.wind")?;
         }
+        velocity_grid(recipe).map_or(Ok(()), |grid| check_dense_grid(&grid, recipe.clip.start))?;
         // Two frames are in memory: the one that is written, and the next.
-        let bytes =
-            grids.iter().map(AirGrid::count).fold(0, u64::saturating_add).saturating_mul(2 * BYTES_PER_VELOCITY);
-        context.limits.check("wind-bytes", bytes, "the bytes of output.wind in two frames")?;
+        let cells = grids.iter().chain(volume).map(AirGrid::count).fold(0, u64::saturating_add);
+        let bytes = cells.saturating_mul(2 * BYTES_PER_VELOCITY);
+        context.limits.check("wind-bytes", bytes, "the bytes of output.wind and output.vdb in two frames")?;
         let points = grids.iter().map(AirGrid::places).collect();
-        Ok(Some(Arc::new(Self { wind: Arc::clone(wind), points })))
+        let volume = volume.map(|domain| {
+            // Cells inside of solids hold no air. The land is sampled over a square around the origin that holds the domain.
+            let size = DVec3::from_array(domain.cells.map(|n| n as f64)) * domain.side;
+            let reach = domain.corner.abs().max((domain.corner + size).abs());
+            let solids = obstacles.solids_within(narrow(2.0 * reach.x.max(reach.z)));
+            let open = domain.places().into_iter().enumerate().filter(|(_, p)| !solids.contains(*p));
+            let (indices, points) = open.unzip();
+            WindVolume { cells: domain.cells, points, indices }
+        });
+        Ok(Some(Arc::new(Self { wind: Arc::clone(wind), points, volume })))
     }
 
-    /// Velocities, m/s, at the points of each grid at a frame; empty for a grid that is not written in this frame.
+    /// The wind at the points of all grids at a frame.
     /// # Errors
     /// Those of a lattice.
-    pub fn sample_frame(&self, scene: &Scene, number: u32) -> Result<Vec<Vec<Vec3>>> {
+    pub fn sample_frame(&self, scene: &Scene, number: u32) -> Result<SampledWind> {
         let since = number.saturating_sub(scene.clip.start);
-        if !scene.air.iter().any(|g| g.is_due(since)) {
-            return Ok(Vec::new());
+        let volume = self.volume.as_ref().zip(scene.volumes.first());
+        let volume_is_due = volume.is_some_and(|(_, grid)| grid.is_due(since));
+        let nothing = volume
+            .map(|_| VolumeFrame { cells: VolumeCells::List(Vec::new()), values: VolumeValues::Vector(Vec::new()) });
+        if !volume_is_due && !scene.air.iter().any(|g| g.is_due(since)) {
+            return Ok(SampledWind { air: Vec::new(), volume: nothing });
         }
         let t = scene.clip.seconds(number);
         // The wind of the interval that ends at this frame: a lattice that is stepped along with a flight is there by now.
@@ -58,8 +103,41 @@ impl WindOutput {
         let sample = |(grid, points): (&AirGrid, &Vec<Vec3>)| {
             if grid.is_due(since) { sample_velocities(&*wind, points, t) } else { Vec::new() }
         };
-        Ok(scene.air.iter().zip(&self.points).map(sample).collect())
+        let air = scene.air.iter().zip(&self.points).map(sample).collect();
+        let volume = volume.map(|(volume, _)| volume.sample(&*wind, t)).filter(|_| volume_is_due).or(nothing);
+        Ok(SampledWind { air, volume })
     }
+}
+
+impl WindVolume {
+    /// Velocities in all cells at a time, s; 0 inside of solids.
+    fn sample(&self, wind: &dyn Wind, t: f64) -> VolumeFrame {
+        let mut all = vec![Vec3::ZERO; self.cells.iter().product()];
+        for (i, velocity) in self.indices.iter().zip(sample_velocities(wind, &self.points, t)) {
+            all[*i] = velocity;
+        }
+        VolumeFrame { cells: VolumeCells::Box(self.cells), values: VolumeValues::Vector(all) }
+    }
+}
+
+/// The box of the voxel grid of the wind; `None` if it is not written, or without wind.
+fn velocity_domain(recipe: &Recipe) -> Option<&AirGrid> {
+    recipe.output.velocity_volume().filter(|_| recipe.blows())
+}
+
+/// The voxel grid of the wind, if it is written.
+pub fn velocity_grid(recipe: &Recipe) -> Option<VolumeGrid> {
+    let domain = velocity_domain(recipe)?;
+    Some(VolumeGrid {
+        file: "air",
+        name: word_of(VdbGrid::Velocity),
+        unit: "m/s",
+        is_vector: true,
+        origin: domain.corner + domain.side / 2.0,
+        cell: domain.side,
+        every: domain.every,
+        max_cells: domain.count(),
+    })
 }
 
 /// Wind velocities at points, m/s, sampled in parallel chunks.

@@ -17,6 +17,24 @@ choices! {
         /// A prim for each copy: in Blender an object each.
         References = "references",
     }
+    /// A voxel grid.
+    VdbGrid {
+        /// Catkins in flight per cubic metre.
+        Density = "density",
+        /// Velocity of the wind.
+        Velocity = "vel",
+        /// Catkins at rest per square metre.
+        Deposition = "deposition",
+    }
+    /// A table of points.
+    PointTable {
+        /// Raindrops, falling and on leaves.
+        Drops = "drops",
+        /// Catkins, hanging, in flight and at rest.
+        Catkins = "catkins",
+        /// Joints of all plants that move.
+        Joints = "joints",
+    }
     /// The readers a glb is made for.
     GltfProfile {
         /// Any Blender: merged leaves, every key.
@@ -58,6 +76,26 @@ keys! {
         tolerance: f64 = "tolerance_mm" millimetres(1.0, 0.0, 100.0);
         /// Largest rotation error of leaves on branches between kept samples.
         turn_tolerance: f64 = "turn_tolerance_deg" degrees(0.5, 0.0, 45.0);
+    }
+    /// Options of OpenVDB files; clips only.
+    VdbKeys at "output.vdb" {
+        /// Grids that are written, where the scene has them.
+        grids: Vec<VdbGrid> = "grids" ListOf(&[VdbGrid::Density, VdbGrid::Velocity, VdbGrid::Deposition]);
+        /// Edge length of a cell.
+        cell: Option<f64> = "cell" OptionalKey(number(0.5, 0.01, 100.0, "m"), "dx of a lattice, else 0.5 m");
+        /// Whether values have half precision.
+        half: bool = "half" BooleanType(true);
+        /// Whether values are compressed.
+        zip: bool = "zip" BooleanType(true);
+        /// Frames between two files.
+        every: u32 = "every" integer(1, 1, 1_000_000);
+    }
+    /// Options of points as CSV.
+    PointsKeys at "output.points" {
+        /// Tables that are written, where the scene has them.
+        tables: Vec<PointTable> = "tables" ListOf(&[PointTable::Drops, PointTable::Catkins, PointTable::Joints]);
+        /// Axis that points up in the files.
+        up: UpAxis = "up" OneOf(UpAxis::Z);
     }
     /// Options of glTF files.
     GltfKeys at "output.gltf" {

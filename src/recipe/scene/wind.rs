@@ -1,14 +1,15 @@
 //! `[wind]` and `[[wind.add]]`.
 
 use super::{
-    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, WindOutputKeys, WindSliceKeys,
+    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, VdbKeys, WindOutputKeys,
+    WindSliceKeys,
 };
-use crate::recipe::WindOutputRecipe;
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
     BooleanType, OneOf, OptionalKey, TomlNode, TomlTable, TomlValue, degrees, number, word_of, wrong,
 };
 use crate::recipe::syntax::{choices, keys};
+use crate::recipe::{VdbRecipe, WindOutputRecipe};
 use glam::DVec3;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::files::Names;
@@ -279,16 +280,12 @@ impl Resolver<'_> {
         };
         // The sampled domain: that of the lattice, else of the flight, else `size` around the origin.
         let on_lattice = wind.model == WindModel::Lattice;
-        let size = if on_lattice { lattice.size() } else { flight_size.unwrap_or(keys.size) };
         if let Some(entry) = table.get("size").filter(|_| on_lattice || flight_size.is_some()) {
             let owner = if on_lattice { "the lattice" } else { "[flight]" };
             let text = format!("output.wind.size is given, but {owner} has a size");
             self.report.push(Diagnostic::warning("S007", text, entry.key_span, "has no effect").help("leave it out"));
         }
-        let side = keys.texel.unwrap_or(if on_lattice { lattice.cell_size } else { 0.5 });
-        let at = if on_lattice { DVec3::from_array(lattice.at) } else { DVec3::ZERO };
-        let domain =
-            SampledDomain { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side };
+        let domain = SampledDomain::new(on_lattice.then_some(lattice), flight_size, keys.size, keys.texel);
         // Each plane becomes a grid one cell thick, named by its axis and position; the volume comes last.
         let mut names = Names::default();
         let mut grids = Vec::new();
@@ -311,6 +308,28 @@ impl Resolver<'_> {
             self.report.push(d.help("make it a clip: [frames] end = 48"));
         }
         WindOutputRecipe { keys, slices, grids }
+    }
+
+    /// Voxel grids in the domain of the wind's files. `size`: that of `[output.wind]`, m.
+    pub(in crate::recipe) fn vdb_output(
+        &mut self,
+        root: &TomlTable,
+        wind: &WindKeys,
+        lattice: &LatticeKeys,
+        flight_size: Option<[f64; 3]>,
+        size: [f64; 3],
+        clip: Clip,
+    ) -> VdbRecipe {
+        let empty = TomlTable::default();
+        let parent = match root.get("output").map(|e| &e.node.value) {
+            Some(TomlValue::Table(t)) => t,
+            _ => &empty,
+        };
+        let keys: VdbKeys = self.section_at(parent, "output", "vdb");
+        let on_lattice = wind.model == WindModel::Lattice;
+        let domain = SampledDomain::new(on_lattice.then_some(lattice), flight_size, size, keys.cell);
+        let domain = (clip.len() > 1).then(|| domain.volume_grid(keys.every, &mut Names::default()));
+        VdbRecipe { keys, domain }
     }
 
     fn wind_slices<'t>(&mut self, table: &'t TomlTable) -> &'t [TomlNode] {
@@ -406,6 +425,15 @@ struct SampledDomain {
 }
 
 impl SampledDomain {
+    /// The box of a lattice, else of a flight, else of `size` about the origin. `side`: of a cell; by default that of the lattice,
+    /// else 0.5 m.
+    fn new(lattice: Option<&LatticeKeys>, flight_size: Option<[f64; 3]>, size: [f64; 3], side: Option<f64>) -> Self {
+        let size = lattice.map_or(flight_size.unwrap_or(size), LatticeKeys::size);
+        let side = side.unwrap_or(lattice.map_or(0.5, |lattice| lattice.cell_size));
+        let at = lattice.map_or(DVec3::ZERO, |lattice| DVec3::from_array(lattice.at));
+        Self { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side }
+    }
+
     /// Cells along each axis; a last one may stand out.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 10^8")]
     fn cells(&self) -> [usize; 3] {

@@ -64,6 +64,7 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         enum_labels: Vec::new(),
         fields: Vec::new(),
         air: Vec::new(),
+        volumes: Vec::new(),
         map_sequences: Vec::new(),
     }
 }

@@ -54,6 +54,7 @@ pub fn scene() -> (Scene, Vec<Frame>) {
         }],
         enum_labels: Vec::new(),
         air: Vec::new(),
+        volumes: Vec::new(),
         map_sequences: vec![MapSequence {
             name: "cache_l0".into(),
             side: SIDE,
@@ -239,13 +240,15 @@ fn rig() -> Asset {
         Attribute::vertex("wind2", AttributeData::Unit2(vec![[0.0, 0.75]; n])),
         Attribute::vertex("wind_axis", AttributeData::I32(vec![0; n])),
     ];
-    let joint = |name: &str, parent, t| Joint { name: name.into(), parent, rest: Trs { t, ..Trs::IDENTITY } };
+    let joint =
+        |name: &str, parent, t| Joint { name: name.into(), parent, rest: Trs { t, ..Trs::IDENTITY }, radius: 0.05 };
     let joints = vec![
         joint("root", None, Vec3::ZERO),
         Joint {
             name: "mid".into(),
             parent: Some(0),
             rest: Trs { t: Vec3::new(0.01, 0.4, 0.0), r: Quat::from_rotation_z(-0.1), s: Vec3::ONE },
+            radius: 0.04,
         },
         joint("top", Some(1), Vec3::new(0.02, 0.4, 0.01)),
     ];
@@ -390,8 +393,10 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         rows: vec![vec![f64::from(number), f64::from(t) * 0.5]],
         fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
         air: Vec::new(),
+        volumes: Vec::new(),
         maps: vec![wet_at(number)],
         records: Vec::new(),
+        point_tables: Vec::new(),
     }
 }
 

@@ -152,8 +152,8 @@ mod tests {
 
     /// A trunk of 3 joints; joint 1 carries a chain of `n` twigs.
     fn asset(n: u32) -> Asset {
-        let joint =
-            |name: &str, parent| Joint { name: name.into(), parent, rest: Trs::translation(Vec3::new(0.0, 1.0, 0.0)) };
+        let rest = Trs::translation(Vec3::new(0.0, 1.0, 0.0));
+        let joint = |name: &str, parent| Joint { name: name.into(), parent, rest, radius: 0.1 };
         let mut joints = vec![joint("a", None), joint("b", Some(0)), joint("c", Some(1))];
         joints.extend((0..n).map(|i| joint(&format!("t{i}"), Some(i + 2))));
         Asset {

@@ -27,7 +27,7 @@ impl UpAxis {
     }
 
     /// A point or direction of the scene in the axes of the stage.
-    pub(super) fn stage_vec(self, v: Vec3) -> Vec3 {
+    pub(crate) fn stage_vec(self, v: Vec3) -> Vec3 {
         match self {
             Self::Y => v,
             Self::Z => Vec3::new(v.x, -v.z, v.y),

@@ -37,6 +37,7 @@ mod usda;
 mod usdc;
 mod usdz;
 mod value;
+mod volume;
 
 pub use axis::UpAxis;
 pub use options::{CopyStyle, Tolerance, UsdOptions};
@@ -112,6 +113,8 @@ pub struct UsdExporter {
     options: UsdOptions,
     cx: Option<UsdContext>,
     layers: Vec<OpenLayer>,
+    /// Numbers of the frames written so far.
+    frames: Vec<u32>,
     warnings: Vec<Warning>,
 }
 
@@ -119,7 +122,7 @@ impl UsdExporter {
     /// An exporter into a folder. Textures go into the folder's `textures/`; those of a single file into the package, or into a
     /// folder beside the file.
     pub fn new(folder: Folder, textures: Arc<Textures>, options: UsdOptions) -> Self {
-        Self { folder, textures, options, cx: None, layers: Vec::new(), warnings: Vec::new() }
+        Self { folder, textures, options, cx: None, layers: Vec::new(), frames: Vec::new(), warnings: Vec::new() }
     }
 
     /// Begins a crate file per asset, and one with the point twins of its tracked instancers.
@@ -282,6 +285,9 @@ impl UsdExporter {
                 rebind_materials(cx, &mut layer, &root, path, written.bindings(prototype.asset))?;
             }
             group.write_instance_arrays(cx, &mut layer, &written.clip_bounds)?;
+        }
+        if self.options.volumes {
+            volume::define_volumes(cx, &mut layer, &root, &self.frames)?;
         }
         if self.options.look {
             camera_light::define_camera_and_lights(cx, &mut layer, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
@@ -493,6 +499,7 @@ impl Exporter for UsdExporter {
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(cx) = &self.cx else { return Ok(()) };
         let time = f64::from(frame.number);
+        self.frames.push(frame.number);
         osier_base::par::par_each(&mut self.layers, |layer| {
             let OpenLayer { layer, animated, failed, .. } = layer;
             for (i, prim) in animated {

@@ -13,6 +13,8 @@ pub struct UsdOptions {
     pub look: bool,
     /// Coated materials refer to the maps that the EXR writer writes; without, they look bare.
     pub maps: bool,
+    /// The wrapper shows the volumes that the OpenVDB writer writes.
+    pub volumes: bool,
     /// First frame that is written; the clip's if none.
     pub first: Option<u32>,
     /// How several placements of a plant are written.
@@ -47,6 +49,7 @@ impl Default for UsdOptions {
             file: None,
             look: true,
             maps: false,
+            volumes: false,
             first: None,
             copies: CopyStyle::default(),
             tolerance: Tolerance::default(),

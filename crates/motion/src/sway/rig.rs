@@ -67,7 +67,9 @@ impl JointRig {
         let JointShares { counts, shares } = JointShares::new(plant, elements, budget);
         let still = ElementLocation { element: NONE, at: 0.0 };
         let mut rig = Self {
-            skeleton: Skeleton { joints: vec![Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY }] },
+            skeleton: Skeleton {
+                joints: vec![Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY, radius: 0.0 }],
+            },
             bones: vec![RigJoint { axis: NONE, spot: still, middle: 0.0, pivot: 0.0 }],
             chains: vec![Vec::new(); plant.axes.len()],
             carriers: vec![0; plant.axes.len()],
@@ -122,8 +124,9 @@ impl JointRig {
         let chain = &mut self.chains[element.axis as usize];
         let name = format!("a{}_{}", element.axis, chain.len());
         chain.push(joint);
-        let t = plant.frame(axis, pivot).p - self.joint_origin(plant, parent);
-        self.skeleton.joints.push(Joint { name, parent: Some(u32::from(parent)), rest: Trs::translation(t) });
+        let site = plant.frame(axis, pivot);
+        let rest = Trs::translation(site.p - self.joint_origin(plant, parent));
+        self.skeleton.joints.push(Joint { name, parent: Some(u32::from(parent)), rest, radius: site.r });
         let at = (k as f64 + 0.5) / n as f64;
         self.bones.push(RigJoint { axis: element.axis, spot: ElementLocation { element: e, at }, middle, pivot });
     }

@@ -18,7 +18,7 @@ use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
-use osier_scene::{Asset, Field, Table, Trs};
+use osier_scene::{Asset, Field, Table, Trs, VolumeGrid};
 
 /// A flight that was added to a scene, and what it records in each frame.
 pub(crate) struct AddedFlight {
@@ -27,6 +27,8 @@ pub(crate) struct AddedFlight {
     pub(crate) table: Table,
     /// Deposition maps: a field for the ground and for each solid.
     pub(crate) fields: Vec<Field>,
+    /// Voxel grids of catkins in flight and at rest.
+    pub(crate) volumes: Vec<VolumeGrid>,
 }
 
 /// Adds the catkins of a recipe, if it has any: as a flight with `[flight]`, else at rest in a row. `canopy`: the twigs that release them.
@@ -102,7 +104,8 @@ fn start_flight(
     let fields = fields.to_vec();
     let prototypes = models.iter().map(|m| m.prototype(lods, first_material)).collect();
     let asset = playback.asset(prototypes, first_material, recipe.clip.len() < 2)?;
-    Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields }))
+    let volumes = playback.volumes.grids.clone();
+    Ok((asset, AddedFlight { playback: Arc::new(playback), table, fields, volumes }))
 }
 
 /// The box that catkins fly in: a lattice's own, or one of `size` (width, height, depth in m) that stands on the origin.

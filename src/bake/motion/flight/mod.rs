@@ -3,8 +3,10 @@
 pub(crate) mod assembly;
 pub(crate) mod canopy;
 mod deposition_maps;
+mod points;
 mod stats;
 mod trajectories;
+mod volumes;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -14,6 +16,7 @@ use crate::bake::assets::catkin::CatkinModel;
 use crate::bake::motion::flight::canopy::{Canopy, TwigPositions, TwigSite};
 use crate::bake::motion::flight::deposition_maps::{DepositionMaps, TexelSums};
 use crate::bake::motion::flight::trajectories::Trajectories;
+use crate::bake::motion::flight::volumes::FlightVolumes;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::bake::wind::lattice::lattice_options;
 use crate::bake::wind::scene_wind::{SceneWind, WindUser};
@@ -31,7 +34,7 @@ use osier_motion::flight::{
 use osier_scene::solid::Solids;
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, CurvesFrame, InstanceState, Instancer, InstancerFrame,
-    InstancerMotion, Prototype, Table,
+    InstancerMotion, Prototype, RecordTable, Table, VolumeFrame,
 };
 use osier_wind::{ShiftedWind, Wind};
 
@@ -59,6 +62,8 @@ pub struct FlightPlayback {
     /// Frames simulated before the first of the clip.
     spin_up: u64,
     deposits: DepositionMaps,
+    /// Voxel grids that frames fill.
+    volumes: FlightVolumes,
     /// Rectangles on the ground in which depositions are counted.
     zones: Vec<FlightZoneKeys>,
     /// Points of the hairs of each kind, m.
@@ -144,6 +149,7 @@ impl FlightPlayback {
             sites,
             spin_up,
             deposits,
+            volumes: FlightVolumes::from_recipe(scene.recipe, keys.count),
             zones: scene.flight.zones.clone(),
             hairs: models.iter().map(hairs).collect(),
             settle: keys.settle,
@@ -350,6 +356,14 @@ impl AssetMotion for FlightPlayback {
 
     fn fields(&self, frame: u64) -> Result<Vec<Vec<f32>>> {
         self.with_state_at(frame, |state| self.deposition_densities(state))
+    }
+
+    fn volumes(&self, frame: u64) -> Result<Vec<VolumeFrame>> {
+        self.with_state_at(frame, |state| self.volumes.fill(&state.simulation))
+    }
+
+    fn point_tables(&self, frame: u64) -> Result<Vec<RecordTable>> {
+        self.with_state_at(frame, |state| vec![points::catkin_points(state)])
     }
 }
 

@@ -14,6 +14,8 @@ use osier_scene::{CodeList, RecordColumn, RecordTable};
 const SLOT_PAUSE: u64 = 2;
 /// Speed above which a drop on a leaf counts as running, m/s. Own: by eye; a smaller speed counts creeping drops too.
 pub(super) const RUNNING_SPEED: f64 = 1e-3;
+/// Cubic millimetres in a cubic metre.
+const CUBIC_MILLIMETRES: f64 = 1e9;
 /// Written in a signed column for a leaf or a second drop where there is none.
 const MISSING: i32 = -1;
 
@@ -128,6 +130,29 @@ pub(super) fn record_tables(
     let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
     let drops = drop_table(&drop_records(frame, leaves, &number));
     vec![drops, event_table(&frame.events, &number, start), leaf_table(frame)]
+}
+
+/// All drops of a frame as points, in the order of the table `drops`. `wetness`: the mean of the leaf that a drop is on, 0 in the air.
+pub(super) fn drop_points(frame: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<u64, u32>) -> RecordTable {
+    let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
+    let drops = drop_records(frame, leaves, &number);
+    let f32s = |name, unit, value: fn(&DropRecord) -> f32| RecordColumn::f32(name, unit, &drops, value);
+    let wetness = |d: &DropRecord| d.leaf.and_then(|leaf| frame.wetness.get(leaf as usize)).copied().unwrap_or(0.0);
+    let columns = vec![
+        RecordColumn::u32("id", "", &drops, |d| d.id),
+        RecordColumn::u32("state", "", &drops, |d| d.state as u32),
+        RecordColumn::i32("leaf", "", &drops, |d| number_or_none(d.leaf)),
+        f32s("x", "m", |d| d.position.x),
+        f32s("y", "m", |d| d.position.y),
+        f32s("z", "m", |d| d.position.z),
+        f32s("vx", "m/s", |d| d.velocity.x),
+        f32s("vy", "m/s", |d| d.velocity.y),
+        f32s("vz", "m/s", |d| d.velocity.z),
+        f32s("radius", "m", |d| d.a),
+        RecordColumn::f64("volume_mm3", "mm^3", &drops, |d| d.volume * CUBIC_MILLIMETRES),
+        RecordColumn::f32("wetness", "", &drops, |d| narrow(wetness(d))),
+    ];
+    RecordTable { name: "drops", columns }
 }
 
 /// Records of all drops: sessile ones with each head's tail right behind it, then pendant ones, then airborne ones.

@@ -642,6 +642,10 @@ impl AssetMotion for RainPlayback {
     fn records(&self, frame: u64) -> Vec<RecordTable> {
         drop_records::record_tables(self.frame_at(frame), &self.leaves, &self.numbers, self.frame_at(0).t)
     }
+
+    fn point_tables(&self, frame: u64) -> Result<Vec<RecordTable>> {
+        Ok(vec![drop_records::drop_points(self.frame_at(frame), &self.leaves, &self.numbers)])
+    }
 }
 
 /// Motion of a plant that drops move, from the record of the rain.

@@ -1,0 +1,120 @@
+//! Single elements of a simulation as points with attributes: `points/TABLE_####.csv`, one file for each table and frame, for the
+//! node Import CSV of Blender and for everything else that reads tables. Metres and seconds; the tables are those of the frames, and
+//! `joints`, which all skeletons give.
+
+use std::sync::Arc;
+
+mod csv;
+pub(crate) mod options;
+
+pub use options::PointsOptions;
+
+use super::estimate::EstimateInput;
+use super::format::FormatInfo;
+use super::world_joints::{WorldJoint, world_joints};
+use super::{Exporter, Summary};
+use csv::csv_text;
+use osier_base::Result;
+use osier_base::files::Folder;
+use osier_scene::{Frame, InstancerMotion, RecordColumn, RecordTable, Scene};
+
+/// Name of the table of joints.
+const JOINTS: &str = "joints";
+/// Parent index of a root joint.
+const NO_PARENT: i32 = -1;
+/// Bytes of a row, measured: a joint, and an instance that moves freely.
+const JOINT_ROW: u64 = 88;
+const INSTANCE_ROW: u64 = 105;
+
+/// The entry of the registry.
+pub const FORMAT: FormatInfo = FormatInfo {
+    word: "points",
+    about: "drops, catkins and joints as points with attributes: a CSV per table and frame",
+    asset_folder: None,
+    endings: &[],
+    pictures_beside: false,
+    memory_percent: 0,
+    estimate,
+    open: |job| vec![Box::new(PointsExporter::new(job.folder.clone(), job.options.points.clone()))],
+};
+
+/// Own estimate: rows of joints and of instances that are tracked one by one. How many drops rain makes is not known before it runs.
+fn estimate(input: &EstimateInput) -> u64 {
+    let options = &input.options.points;
+    let joints = if options.writes(JOINTS) { input.per_asset(|a| a.joints * a.phases) * JOINT_ROW } else { 0 };
+    let tracked = input.scene.assets.iter().filter(|a| options.writes(&a.id)).flat_map(|a| &a.instancers);
+    let instances: u64 =
+        tracked.filter(|i| i.tracked && i.motion == InstancerMotion::Free).map(|i| i.len() as u64).sum();
+    input.frames * (joints + instances * INSTANCE_ROW)
+}
+
+/// Writes point tables and joints as CSV.
+#[derive(Debug)]
+pub struct PointsExporter {
+    folder: Folder,
+    options: PointsOptions,
+    scene: Option<Arc<Scene>>,
+}
+
+impl PointsExporter {
+    /// An exporter into `folder`.
+    pub fn new(folder: Folder, options: PointsOptions) -> Self {
+        Self { folder, options, scene: None }
+    }
+
+    /// Writes the file of a table at a frame, unless an interrupted bake has left it complete.
+    fn write_table(&self, scene: &Scene, table: &RecordTable, frame: u32) -> Result<()> {
+        let path = format!("points/{}_{}.csv", table.name, scene.clip.tag(frame));
+        let Some(mut out) = self.folder.create(&path, "points", Some(frame))? else { return Ok(()) };
+        out.put(csv_text(table, self.options.up)?.as_bytes())?;
+        out.commit()
+    }
+}
+
+/// The joints of all placements as points. `id` numbers them over all placements.
+fn joint_table(joints: &[WorldJoint]) -> RecordTable {
+    let numbered: Vec<(u32, &WorldJoint)> = (0..).zip(joints).collect();
+    let f32s =
+        |name, unit, value: fn(&WorldJoint) -> f32| RecordColumn::f32(name, unit, &numbered, move |(_, j)| value(j));
+    let columns = vec![
+        RecordColumn::u32("id", "", &numbered, |(id, _)| *id),
+        RecordColumn::u32("plant", "", &numbered, |(_, j)| j.placement),
+        RecordColumn::u32("joint", "", &numbered, |(_, j)| j.joint),
+        RecordColumn::i32("parent", "", &numbered, |(_, j)| j.parent.map_or(NO_PARENT, u32::cast_signed)),
+        f32s("x", "m", |j| j.world.t.x),
+        f32s("y", "m", |j| j.world.t.y),
+        f32s("z", "m", |j| j.world.t.z),
+        f32s("qw", "", |j| j.world.r.w),
+        f32s("qx", "", |j| j.world.r.x),
+        f32s("qy", "", |j| j.world.r.y),
+        f32s("qz", "", |j| j.world.r.z),
+        f32s("radius", "m", |j| j.radius),
+    ];
+    RecordTable { name: JOINTS, columns }
+}
+
+impl Exporter for PointsExporter {
+    fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
+        self.scene = Some(Arc::clone(scene));
+        Ok(())
+    }
+
+    fn wants_phases(&self, _: u32) -> bool {
+        self.options.writes(JOINTS)
+    }
+
+    fn frame(&mut self, frame: &Frame) -> Result<()> {
+        let Some(scene) = self.scene.clone() else { return Ok(()) };
+        let wanted = frame.point_tables.iter().filter(|t| self.options.writes(t.name));
+        wanted.into_iter().try_for_each(|table| self.write_table(&scene, table, frame.number))?;
+        if !self.options.writes(JOINTS) {
+            return Ok(());
+        }
+        let joints = world_joints(&scene, frame).map(|joints| joint_table(&joints));
+        joints.map_or(Ok(()), |table| self.write_table(&scene, &table, frame.number))
+    }
+
+    fn finish(&mut self) -> Result<Summary> {
+        Ok(Summary::default())
+    }
+}

@@ -1,0 +1,25 @@
+//! Options of points as CSV.
+
+use crate::usd::UpAxis;
+
+/// Which tables are written, and in which axes.
+#[derive(Debug, Clone)]
+pub struct PointsOptions {
+    /// Names of the tables that are written, where the scene has them.
+    pub tables: Vec<&'static str>,
+    /// Axis that points up in the files.
+    pub up: UpAxis,
+}
+
+impl Default for PointsOptions {
+    fn default() -> Self {
+        Self { tables: Vec::new(), up: UpAxis::Z }
+    }
+}
+
+impl PointsOptions {
+    /// Whether a table is written.
+    pub fn writes(&self, table: &str) -> bool {
+        self.tables.contains(&table)
+    }
+}

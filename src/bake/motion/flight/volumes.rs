@@ -1,0 +1,80 @@
+//! Catkins as voxel grids: those in flight per volume, those at rest per area.
+
+use std::collections::BTreeMap;
+
+use crate::recipe::scene::VdbGrid;
+use crate::recipe::{Recipe, word_of};
+use osier_base::math::narrow;
+use osier_motion::flight::{CatkinState, FlightSimulation};
+use osier_scene::{VolumeFrame, VolumeGrid};
+
+/// The voxel grids of a flight.
+#[derive(Debug, Clone, Default)]
+pub(super) struct FlightVolumes {
+    /// As the scene holds them.
+    pub grids: Vec<VolumeGrid>,
+    /// What each counts.
+    counted: Vec<CountedCatkins>,
+}
+
+/// Which catkins a grid counts, and per what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum CountedCatkins {
+    /// In flight, per volume of a cell.
+    Airborne,
+    /// At rest, per area of a cell's face, in the cell that they rest in.
+    Deposited,
+}
+
+impl FlightVolumes {
+    /// The grids that a recipe with a flight of `count` catkins asks for; none without a clip.
+    pub(super) fn from_recipe(recipe: &Recipe, count: u32) -> Self {
+        let output = &recipe.output;
+        let Some(domain) = output.vdb.domain.as_ref().filter(|_| output.writes_vdb()) else { return Self::default() };
+        let all = [
+            (VdbGrid::Density, CountedCatkins::Airborne, "1/m^3"),
+            (VdbGrid::Deposition, CountedCatkins::Deposited, "1/m^2"),
+        ];
+        let wanted = all.into_iter().filter(|(grid, ..)| output.vdb.keys.grids.contains(grid));
+        let grid = |(grid, counted, unit): (VdbGrid, CountedCatkins, &'static str)| {
+            let volume = VolumeGrid {
+                file: "flock",
+                name: word_of(grid),
+                unit,
+                is_vector: false,
+                origin: domain.corner + domain.side / 2.0,
+                cell: domain.side,
+                every: domain.every,
+                max_cells: u64::from(count),
+            };
+            (volume, counted)
+        };
+        let (grids, counted) = wanted.map(grid).unzip();
+        Self { grids, counted }
+    }
+
+    /// The values of all grids in a state. The sum of the density times the volume of a cell is the number of catkins in flight; that
+    /// of the deposition times the area of its face the number of those at rest.
+    pub(super) fn fill(&self, simulation: &FlightSimulation) -> Vec<VolumeFrame> {
+        if self.grids.is_empty() {
+            return Vec::new();
+        }
+        let catkins = simulation.frame();
+        let fill = |(grid, counted): (&VolumeGrid, &CountedCatkins)| {
+            let counts = |state: CatkinState| match counted {
+                CountedCatkins::Airborne => state == CatkinState::Airborne,
+                CountedCatkins::Deposited => state.is_deposited(),
+            };
+            let extent = match counted {
+                CountedCatkins::Airborne => grid.cell * grid.cell * grid.cell,
+                CountedCatkins::Deposited => grid.cell * grid.cell,
+            };
+            let mut cells: BTreeMap<[i32; 3], u32> = BTreeMap::new();
+            for (position, _) in catkins.positions.iter().zip(&catkins.states).filter(|(_, state)| counts(**state)) {
+                *cells.entry(grid.cell_of(position.as_dvec3())).or_default() += 1;
+            }
+            VolumeFrame::scalars(cells.into_iter().map(|(cell, n)| (cell, narrow(f64::from(n) / extent))))
+        };
+        self.grids.iter().zip(&self.counted).map(fill).collect()
+    }
+}
