@@ -28,18 +28,18 @@ pub fn about(preset: &Preset) -> String {
     line.trim_start_matches(['#', '/', '*', ';', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()
 }
 
-/// What a preset is.
+/// Kind of file that a preset names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PresetKind {
     /// A scene of one plant, of the name of the grammar that grows it.
     Species,
-    /// Any other scene.
+    /// A scene of several plants, or of none.
     Scene,
-    /// A grammar.
+    /// A grammar that scenes can grow.
     Grammar,
     /// Coefficients of iterated function systems.
     IfsTable,
-    /// A mesh.
+    /// A mesh in the format OBJ.
     Mesh,
 }
 

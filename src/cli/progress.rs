@@ -19,7 +19,7 @@ pub enum ProgressDisplay {
     Bar(Mutex<Option<ProgressBar>>),
     /// A line when a stage begins.
     Lines,
-    /// Lines of JSON.
+    /// A JSON object a line, for other programs.
     Events(StageEvents),
     /// Without any output.
     Silent,

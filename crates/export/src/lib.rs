@@ -35,6 +35,7 @@ pub mod stats;
 pub mod text;
 pub mod textures;
 pub mod tracks;
+mod up_axis;
 pub mod usd;
 pub mod vdb;
 mod world_joints;

@@ -51,6 +51,16 @@ pub struct Attribute {
     pub data: AttributeData,
 }
 
+/// A number of a branch, a cluster or a drop as a value of [`AttributeData::I32`]; -1, which stands for none, from 2^31 on, which no limit
+/// admits.
+/// # Examples
+/// ```
+/// assert_eq!(osier_scene::attribute_number(7), 7);
+/// ```
+pub fn attribute_number(n: u32) -> i32 {
+    i32::try_from(n).unwrap_or(-1)
+}
+
 /// Evaluates an expression with the values of any variant.
 macro_rules! with_values {
     ($data:expr, $values:ident => $body:expr) => {

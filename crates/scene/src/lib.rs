@@ -38,7 +38,7 @@ mod validate;
 mod volume;
 
 pub use air::AirGrid;
-pub use attribute::{Attribute, AttributeData, AttributeDomain};
+pub use attribute::{Attribute, AttributeData, AttributeDomain, attribute_number};
 pub use camera_light::{Camera, Fog, Sky, Sun, ToneCurve};
 pub use curve_mesh::{ribbons, tubes, turned_ribbons};
 pub use evaluate::{

@@ -48,7 +48,7 @@ pub enum VolumeCells {
 /// Values of the cells of a frame; all others are 0.
 #[derive(Debug, Clone, PartialEq)]
 pub enum VolumeValues {
-    /// Numbers.
+    /// Numbers, in the unit of the grid.
     Scalar(Vec<f32>),
     /// Vectors in the scene's axes.
     Vector(Vec<Vec3>),
@@ -57,9 +57,9 @@ pub enum VolumeValues {
 /// A volume at one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeFrame {
-    /// Cells with values.
+    /// Cells that have a value at this frame.
     pub cells: VolumeCells,
-    /// One for each cell.
+    /// One for each cell, in the order of the cells.
     pub values: VolumeValues,
 }
 

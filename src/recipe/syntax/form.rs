@@ -13,12 +13,12 @@ const MAX_STEPPED_RANGE: f64 = 1000.0;
 /// Step of a number in such a range or without bounds, whose default is 0.
 const PLAIN_STEP: f64 = 0.1;
 
-/// What a value is.
+/// Type of a value, by which a panel chooses its control.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ValueKind {
-    /// A number.
+    /// A number, whole or not.
     Number,
-    /// A whole number.
+    /// A number without decimals.
     Whole,
     /// One of several words.
     Choice,
@@ -28,9 +28,9 @@ pub enum ValueKind {
     Color,
     /// A fixed count of numbers.
     Vector,
-    /// `true` or `false`.
+    /// `true` or `false`: a switch.
     Flag,
-    /// A text.
+    /// A text of any form.
     #[default]
     Text,
     /// Name of a file beside the scene, or of a preset.
@@ -63,7 +63,7 @@ impl ValueKind {
 /// Kind, range and default of the values of a key, as they are written in a scene.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ValueForm {
-    /// What the value is.
+    /// Type of the value, or of the elements of a list.
     pub kind: ValueKind,
     /// Least and greatest number, of a vector each; `None` without a bound.
     pub range: [Option<f64>; 2],

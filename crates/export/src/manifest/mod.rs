@@ -114,9 +114,9 @@ pub struct UnitsEntry {
 pub struct ViewEntry {
     /// The camera, which does not move.
     pub camera: CameraEntry,
-    /// Sunlight.
+    /// Direct light of the sun.
     pub sun: SunEntry,
-    /// Light of the sky.
+    /// Light of the sky without the sun's disc.
     pub sky: SkyEntry,
     /// How radiance is displayed.
     pub look: LookEntry,
@@ -135,7 +135,7 @@ pub struct CameraEntry {
     pub size: [u32; 2],
 }
 
-/// Sunlight.
+/// Parallel light of the sun.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SunEntry {
     /// Unit vector to the sun.
@@ -161,10 +161,10 @@ pub struct SkyEntry {
     pub file: Option<String>,
 }
 
-/// Fog.
+/// Homogeneous fog, which fades what is far away.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FogEntry {
-    /// Linear radiance.
+    /// Linear radiance that distant things fade to.
     pub color: [f32; 3],
     /// Distance at which 2 % of a contrast remains, m.
     pub visibility: f32,

@@ -9,6 +9,7 @@ use osier_scene::{Scene, Sky, ToneCurve};
 
 /// Camera, light and display of a scene. `paths`: files of the bake.
 pub(super) fn view_entry(scene: &Scene, paths: &[&str], settings: &Settings) -> ViewEntry {
+    // Angles are in degrees and lengths in metres here, as panels of other programs show them.
     let degrees = |radians: f32| narrow(units::degrees(f64::from(radians)));
     let (camera, sun, sky) = (&scene.camera, &scene.sun, &scene.sky);
     ViewEntry {
@@ -39,7 +40,7 @@ pub(super) fn view_entry(scene: &Scene, paths: &[&str], settings: &Settings) -> 
     }
 }
 
-/// Turns -0 into 0.
+/// Turns -0 into 0, so that equal numbers have equal texts.
 fn positive_zero(v: f32) -> f32 {
     v + 0.0
 }

@@ -107,6 +107,7 @@ impl Exporter for PointsExporter {
         let Some(scene) = self.scene.clone() else { return Ok(()) };
         let wanted = frame.point_tables.iter().filter(|t| self.options.writes(t.name));
         wanted.into_iter().try_for_each(|table| self.write_table(&scene, table, frame.number))?;
+        // Joints are no table of a motion: they follow from the poses of all placements.
         if !self.options.writes(JOINTS) {
             return Ok(());
         }

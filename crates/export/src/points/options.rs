@@ -1,6 +1,6 @@
 //! Options of points as CSV.
 
-use crate::usd::UpAxis;
+use crate::up_axis::UpAxis;
 
 /// Which tables are written, and in which axes.
 #[derive(Debug, Clone)]

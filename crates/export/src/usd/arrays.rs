@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::axis::extent_corners;
+use crate::up_axis::extent_corners;
 use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::geometry::Bounds;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::Tolerance;
-use super::axis::UpAxis;
 use super::layer_writer::AttrHandle;
+use crate::up_axis::UpAxis;
 use osier_scene::{Coat, Material, Scene};
 
 /// The scene and the options that hold for all layers.

@@ -5,7 +5,6 @@ use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
 use super::arrays::{as_float3, as_ints, points_extent, sequential_ids};
-use super::axis::UpAxis;
 use super::context::UsdContext;
 use super::instancer_extent::InstancerBounds;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
@@ -14,6 +13,7 @@ use super::mesh::{MeshTarget, VelocitySamples, define_mesh};
 use super::primvar::{self, Primvar};
 use super::sample_reduction::{SampleReducer, TimeSample};
 use super::value::UsdArray;
+use crate::up_axis::UpAxis;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_scene::{InstanceState, Instancer, InstancerMotion, Prototype, instance_states};

@@ -4,7 +4,7 @@ use glam::{Mat4, Vec3, Vec4};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
-use super::axis::{UpAxis, extent_corners};
+use crate::up_axis::{UpAxis, extent_corners};
 use osier_base::geometry::Bounds;
 use osier_scene::{Instancer, Prototype};
 

@@ -1,8 +1,8 @@
 //! The trait [`LayerWriter`], through which a layer is written as text (`.usda`) or as a crate file (`.usdc`), and the metadata
 //! of layers, prims and attributes. It has the vocabulary of Sdf: specs with fields, no composition.
 
-use super::axis::UpAxis;
 use super::value::UsdValue;
+use crate::up_axis::UpAxis;
 use osier_base::Result;
 use osier_scene::Scene;
 

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::arrays::{as_float3, as_ints};
-use super::axis::{UpAxis, extent_corners};
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
 use super::primvar::{self, Primvar};
 use super::value::{UsdArray, UsdValue};
+use crate::up_axis::{UpAxis, extent_corners};
 use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::files::safe_name;

@@ -16,7 +16,6 @@ use std::sync::Arc;
 
 mod arrays;
 mod asset;
-mod axis;
 mod byte_sink;
 mod camera_light;
 mod coat_primvar;
@@ -39,7 +38,7 @@ mod usdz;
 mod value;
 mod volume;
 
-pub use axis::UpAxis;
+pub use super::up_axis::UpAxis;
 pub use options::{CopyStyle, Tolerance, UsdOptions};
 
 use super::estimate::EstimateInput;

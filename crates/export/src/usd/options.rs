@@ -1,6 +1,6 @@
 //! Options of the USD writer.
 
-use super::axis::UpAxis;
+use crate::up_axis::UpAxis;
 
 /// Options of the USD writer; the default is the full bake without map sequences.
 #[derive(Debug, Clone, PartialEq)]

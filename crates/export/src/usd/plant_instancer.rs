@@ -8,11 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use half::f16;
 
 use super::arrays::sequential_ids;
-use super::axis::{UpAxis, extent_corners};
 use super::context::UsdContext;
 use super::layer::{LayerBuilder, canonical_quat};
 use super::layer_writer::{AttrSpec, PrimMetadata};
 use super::value::UsdArray;
+use crate::up_axis::{UpAxis, extent_corners};
 use osier_base::Result;
 use osier_base::convert::narrow;
 use osier_base::files::{Names, safe_name};

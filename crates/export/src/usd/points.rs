@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::arrays::{as_float3, as_ints, points_extent, sequential_ids};
-use super::axis::extent_corners;
+use crate::up_axis::extent_corners;
 
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};

@@ -3,12 +3,12 @@
 use glam::Quat;
 use half::f16;
 
-use super::axis::{extent_corners, matrix4d};
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
 use super::mesh::{MeshTarget, define_mesh};
 use super::value::{UsdArray, UsdValue};
+use crate::up_axis::{extent_corners, matrix4d};
 use osier_base::Result;
 use osier_base::files::{Names, safe_name};
 use osier_base::geometry::Bounds;

@@ -23,10 +23,10 @@ const CHILDREN_5: usize = 1 << 15;
 const CHILDREN_4: usize = 1 << 12;
 /// Most active voxels of a file.
 pub(super) const MAX_VOXELS: u64 = 64_000_000;
-/// Level of zlib.
+/// Level of zlib, 1 to 9; larger ones take longer and save little on half-precision numbers.
 const ZLIB_LEVEL: u8 = 6;
 
-/// Flags of a grid.
+/// Flags of a grid: its values are compressed, and inactive ones are left out.
 const ZIP: u32 = 1;
 const ACTIVE_ONLY: u32 = 2;
 /// Codes before values: inactive ones are the background; all values follow.
@@ -58,9 +58,10 @@ pub(super) fn vdb_bytes(
     out.put(uuid(&scene.hash, file, frame).as_bytes());
     let seed = scene.seed.to_string();
     out.put_metadata(&[("creator", Meta::String(GENERATOR)), ("osier_seed", Meta::String(&seed))]);
+    // Readers list grids in the order of the file: by name, whatever the order in the scene.
     let mut sorted: Vec<&FilledGrid<'_>> = grids.iter().collect();
     sorted.sort_by_key(|g| g.grid.name);
-    out.put(&i32::try_from(sorted.len()).unwrap_or(i32::MAX).to_le_bytes());
+    out.put_count(sorted.len());
     let mut voxels = 0;
     for filled in sorted {
         let encoder = GridEncoder::new(filled, frame, options)?;
@@ -108,14 +109,19 @@ impl VdbBytes {
         self.put(&value.to_le_bytes());
     }
 
-    /// A text after its length. Texts are names and numbers, far below 2^32 bytes.
+    /// A count, or a length in bytes: of grids, children, names and numbers, far below 2^31.
+    fn put_count(&mut self, n: usize) {
+        self.put_u32(u32::try_from(n).unwrap_or(u32::MAX));
+    }
+
+    /// A text after its length.
     fn put_str(&mut self, text: &str) {
-        self.put_u32(u32::try_from(text.len()).unwrap_or(u32::MAX));
+        self.put_count(text.len());
         self.put(text.as_bytes());
     }
 
     fn put_metadata(&mut self, entries: &[(&str, Meta<'_>)]) {
-        self.put_u32(u32::try_from(entries.len()).unwrap_or(u32::MAX));
+        self.put_count(entries.len());
         for (name, value) in entries {
             self.put_str(name);
             let (kind, bytes): (&str, Vec<u8>) = match value {
@@ -124,7 +130,7 @@ impl VdbBytes {
                 Meta::String(v) => ("string", v.as_bytes().to_vec()),
             };
             self.put_str(kind);
-            self.put_u32(u32::try_from(bytes.len()).unwrap_or(u32::MAX));
+            self.put_count(bytes.len());
             self.put(&bytes);
         }
     }
@@ -136,11 +142,11 @@ impl VdbBytes {
     }
 }
 
-/// Writes one grid.
+/// Writes the descriptor, topology and values of one grid.
 struct GridEncoder<'a> {
     grid: &'a VolumeGrid,
     leaves: Vec<Leaf>,
-    /// Numbers per voxel.
+    /// Numbers per voxel: 1, or 3 of a vector.
     components: usize,
     half: bool,
     zip: bool,
@@ -156,6 +162,7 @@ impl<'a> GridEncoder<'a> {
             let message = format!("vdb/{}, grid {}, frame {frame}: {bad} is not finite", grid.file, grid.name);
             return Err(Error::export("X001", message));
         }
+        // Vectors turn with the axes of the stage.
         if components == 3 {
             for vector in leaves.iter_mut().flat_map(|l| l.values.chunks_exact_mut(3)) {
                 vector.copy_from_slice(&options.up.stage_vec(glam::Vec3::from_slice(vector)).to_array());
@@ -183,6 +190,7 @@ impl<'a> GridEncoder<'a> {
     fn append_to(&self, out: &mut VdbBytes, frame: u32) {
         // Descriptor: three positions are patched when they are known.
         out.put_str(self.grid.name);
+        // The name of the tree holds its branching, 2^5, 2^4 and 2^3 along an axis, by which readers choose their types.
         let tree = if self.components == 3 { "Tree_vec3s_5_4_3" } else { "Tree_float_5_4_3" };
         out.put_str(&format!("{tree}{}", if self.half { "_HalfFloat" } else { "" }));
         out.put_str("");
@@ -207,6 +215,7 @@ impl<'a> GridEncoder<'a> {
     }
 
     fn put_grid_metadata(&self, out: &mut VdbBytes, frame: u32) {
+        // Blender and Houdini shade fog volumes, and offer other classes to nodes only.
         let class = if self.components == 3 { "unknown" } else { "fog volume" };
         let mut entries = vec![
             ("class", Meta::String(class)),
@@ -246,7 +255,8 @@ impl<'a> GridEncoder<'a> {
         (0..self.components).for_each(|_| out.put(&0.0_f32.to_le_bytes()));
         let roots: Vec<&[Leaf]> = self.leaves.chunk_by(|a, b| a.key.root == b.key.root).collect();
         out.put_u32(0);
-        out.put_u32(u32::try_from(roots.len()).unwrap_or(u32::MAX));
+        out.put_count(roots.len());
+        // Inner nodes hold no values, but their empty blocks are written; all of a level are alike.
         let (values_5, values_4) = (self.inner_values(CHILDREN_5), self.inner_values(CHILDREN_4));
         for root in roots {
             root[0].key.root.iter().for_each(|c| out.put(&c.to_le_bytes()));

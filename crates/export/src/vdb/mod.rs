@@ -104,6 +104,7 @@ impl Exporter for VdbExporter {
             if grids.is_empty() {
                 continue;
             }
+            // A file without active voxels is written too: sequences must not have gaps.
             let path = volume_path(scene, file, frame.number);
             let Some(mut out) = self.folder.create(&path, "vdb", Some(frame.number))? else { continue };
             out.put(&vdb_bytes(scene, file, frame.number, &grids, self.options)?)?;

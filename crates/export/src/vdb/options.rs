@@ -1,6 +1,6 @@
 //! Options of OpenVDB files.
 
-use crate::usd::UpAxis;
+use crate::up_axis::UpAxis;
 
 /// How voxel grids are stored.
 #[derive(Debug, Clone, Copy)]

@@ -5,7 +5,7 @@ use glam::Vec3;
 use osier_base::par::par_map;
 use osier_scene::{VolumeCells, VolumeFrame, VolumeValues};
 
-/// Voxels of a leaf.
+/// Voxels of a leaf, 8 along each axis.
 const LEAF_VOXELS: usize = 512;
 /// Edge of a leaf in cells.
 const LEAF_SIDE: usize = 8;
@@ -61,6 +61,7 @@ impl Leaf {
 
     /// Numbers of all voxels: those of the active ones, else 0.
     pub(super) fn all_values(&self, components: usize) -> Vec<f32> {
+        // The values of a leaf are packed; each goes to the voxel of the next set bit.
         let mut all = vec![0.0; LEAF_VOXELS * components];
         let active = (0..LEAF_VOXELS).filter(|n| self.mask[n / 8] >> (n % 8) & 1 == 1);
         for (slot, value) in active.zip(self.values.chunks_exact(components)) {
@@ -105,6 +106,7 @@ pub(super) fn leaves(volume: &VolumeFrame) -> Vec<Leaf> {
 }
 
 fn list_leaves(cells: &[[i32; 3]], values: &VolumeValues) -> Vec<Leaf> {
+    // Sorting by leaf and voxel puts the cells of each leaf side by side.
     let located = cells.iter().enumerate().map(|(i, cell)| (LeafKey::of(*cell), i));
     let mut voxels: Vec<((LeafKey, usize), usize)> = located.collect();
     voxels.sort_unstable();
@@ -116,6 +118,7 @@ fn list_leaves(cells: &[[i32; 3]], values: &VolumeValues) -> Vec<Leaf> {
 }
 
 fn box_leaves(size: [usize; 3], values: &VolumeValues) -> Vec<Leaf> {
+    // Blocks of 8 cells along each axis; those at the far sides reach beyond the box.
     let blocks = size.map(|n| n.div_ceil(LEAF_SIDE));
     let columns: Vec<[usize; 2]> = (0..blocks[0]).flat_map(|x| (0..blocks[1]).map(move |y| [x, y])).collect();
     let of_column = |column: &[usize; 2]| -> Vec<Leaf> {

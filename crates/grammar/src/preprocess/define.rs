@@ -22,7 +22,7 @@ pub struct Define {
 /// Values of a parameter that give good plants.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DefineRange {
-    /// Least value.
+    /// Least value, below `max`.
     pub min: f64,
     /// Greatest value, above the least.
     pub max: f64,

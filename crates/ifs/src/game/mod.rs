@@ -149,8 +149,7 @@ impl ChaosGame {
             dim: ifs.dim,
             rows,
             start: start.to_array().map(narrow),
-            // An index of a map: far below 2^32.
-            first: u32::try_from(best).unwrap_or(0),
+            first: ifs.maps.iter().take(best).fold(0, |n, _| n + 1),
             map_count: ifs.maps.iter().fold(0, |n, _| n + 1),
             warm_up: study.warm_up(),
             guard,

@@ -3,7 +3,7 @@
 use crate::sway::tuning::TIP_SWAY_SHARE;
 use osier_base::rng;
 use osier_scene::plant::{NONE, Organ, Plant};
-use osier_scene::{Attribute, AttributeData, Mesh, Trs};
+use osier_scene::{Attribute, AttributeData, Mesh, Trs, attribute_number};
 
 /// Sway of a vertex; all numbers but the axis from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,8 +57,7 @@ impl<'a> WindWeights<'a> {
     fn point(&self, axis: u32, s: f32, id: u64, flutter: f32) -> VertexSway {
         let [whole, branch] = self.at(axis, s);
         let wind = [whole, self.phases[axis as usize], flutter, 1.0];
-        // Integer attributes are i32; axes have indices of u32, of which a plant uses far less than half.
-        VertexSway { wind, branch: [branch, phase_from_id(id)], axis: i32::try_from(axis).unwrap_or(i32::MAX) }
+        VertexSway { wind, branch: [branch, phase_from_id(id)], axis: attribute_number(axis) }
     }
 
     /// Attributes of bark points bound to an axis and arc length, m.

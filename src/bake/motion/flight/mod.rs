@@ -34,7 +34,7 @@ use osier_motion::flight::{
 use osier_scene::solid::Solids;
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, CurvesFrame, InstanceState, Instancer, InstancerFrame,
-    InstancerMotion, Prototype, RecordTable, Table, VolumeFrame,
+    InstancerMotion, Prototype, RecordTable, Table, VolumeFrame, attribute_number,
 };
 use osier_wind::{ShiftedWind, Wind};
 
@@ -380,7 +380,7 @@ impl FlightState {
     /// Transforms and attributes of all catkins, settling included, in the order of their ids.
     fn instance_state(&self) -> InstanceState {
         let s = self.simulation.frame();
-        let number = |v: &u32| i32::try_from(*v).unwrap_or(i32::MAX);
+        let number = |v: &u32| attribute_number(*v);
         InstanceState {
             positions: s.positions.iter().zip(&self.settled).map(|(p, settled)| *p + *settled).collect(),
             orientations: s.orientations,

@@ -14,9 +14,9 @@ struct CatkinPoint {
     state: u32,
     /// Index of its prototype.
     prototype: u32,
-    /// m.
+    /// In the world, m.
     position: Vec3,
-    /// m/s.
+    /// Relative to the ground, m/s.
     velocity: Vec3,
     orientation: Quat,
     scale: f32,

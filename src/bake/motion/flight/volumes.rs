@@ -13,7 +13,7 @@ use osier_scene::{VolumeFrame, VolumeGrid};
 pub(super) struct FlightVolumes {
     /// As the scene holds them.
     pub grids: Vec<VolumeGrid>,
-    /// What each counts.
+    /// Whether a grid counts catkins in flight or at rest.
     counted: Vec<CountedCatkins>,
 }
 

@@ -8,7 +8,7 @@ use osier_base::Result;
 use osier_base::convert::index;
 use osier_base::math::narrow;
 use osier_motion::rain::{DropEventKind, RainEvent, RainFrame, RainLeaf, SessileDrop, sphere_diameter};
-use osier_scene::{CodeList, RecordColumn, RecordTable};
+use osier_scene::{CodeList, RecordColumn, RecordTable, attribute_number};
 
 /// Frames for which a slot stays empty after its drop is gone, so that motion blur does not streak from one drop to the next.
 const SLOT_PAUSE: u64 = 2;
@@ -266,7 +266,7 @@ fn leaf_table(frame: &RainFrame) -> RecordTable {
 
 /// A number in a signed column; [`MISSING`] where there is none.
 fn number_or_none(number: Option<u32>) -> i32 {
-    number.and_then(|n| i32::try_from(n).ok()).unwrap_or(MISSING)
+    number.map_or(MISSING, attribute_number)
 }
 
 /// A record whose columns that depend on the state are 0.

@@ -44,7 +44,7 @@ use osier_motion::rain::{
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Attribute, AttributeData, Image, MapFrame, MapSequence, Material, MaterialClass,
-    MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs,
+    MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, RecordTable, Table, Trs, attribute_number,
 };
 use osier_wind::{ShiftedWind, Wind};
 
@@ -509,7 +509,7 @@ impl RainPlayback {
         let mut water = DropMesh::default();
         // Attribute `drop_id` of each vertex: after a drop is appended, its number fills the list up to the last vertex.
         let mut ids: Vec<i32> = Vec::new();
-        let number = |id: &u64| self.numbers.get(id).and_then(|n| i32::try_from(*n).ok()).unwrap_or(-1);
+        let number = |id: &u64| self.numbers.get(id).map_or(-1, |n| attribute_number(*n));
         let detail = |leaf: usize, radius: f64| match self.shown.eye {
             Some(eye) => DropDetail::at_distance(radius, frame.leaf_poses[leaf].position.distance(eye)),
             None => DropDetail::Near,

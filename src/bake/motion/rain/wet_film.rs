@@ -85,6 +85,7 @@ impl WetImages {
         if let Some(known) = self.wet.get(&dry) {
             return Ok(*known);
         }
+        // A copy if a dry material shows the image too, else the image itself.
         let mut new = dry;
         if let Some(image) = images.get(to_usize(dry)).filter(|_| self.dry.contains(&dry)) {
             new = index(images.len(), "images of a scene")?;
@@ -123,6 +124,7 @@ pub(super) fn add_wet_materials(
         material.maps.color = color.map(|dry| wet_images.add(dry, film, darken_colors, images)).transpose()?;
         material.maps.roughness =
             roughness.map(|dry| wet_images.add(dry, film, smooth_roughness_map, images)).transpose()?;
+        // With dry faces beside the wet ones the variant is a new material, else it takes the place of the dry one.
         let own = index(i, "materials of a scene")?;
         if of.dry {
             material.name.push_str("_wet");

@@ -126,6 +126,7 @@ impl WorldSurface<'_> {
 
 /// Whether each face of a mesh is wet, by the mean over its corners.
 fn find_wet_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
+    // No vertex is added here, so that skins and recorded frames still fit the mesh.
     let ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
     let mean = |t: &[u32; 3]| t.iter().map(|i| ratios[to_usize(*i)]).sum::<f32>() / 3.0;
     mesh.triangles.iter().map(|t| mean(t) >= WET_CATCH_RATIO).collect()
@@ -171,6 +172,7 @@ fn divide_faces(mesh: &mut Mesh, surface: &WorldSurface<'_>, sheltered: Bounds) 
             let wet = [a, b, c, ab, bc, ca].iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
             let bounds = Bounds::of([a, b, c].map(at));
             let meets = bounds.min.cmple(sheltered.max).all() && bounds.max.cmpge(sheltered.min).all();
+            // A face whose corners agree may still have a sheltered middle, but only near what shelters.
             let differs = wet % 6 != 0;
             let is_divided = longest > SHORTEST_DIVIDED_EDGE && differs || longest > LONGEST_UNDIVIDED_EDGE && meets;
             if is_divided {
@@ -235,8 +237,10 @@ fn add_between(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
 
 /// Removes the vertices that no triangle has.
 fn drop_unused_vertices(mesh: &mut Mesh) {
+    // Middles of edges that were only probed, and corners of faces that were cut away.
     let mut is_used = vec![false; mesh.points.len()];
     mesh.triangles.iter().flatten().for_each(|i| is_used[to_usize(*i)] = true);
+    // The new index of a vertex is the number of used ones before it.
     let mut count = 0;
     let new_index: Vec<u32> = is_used
         .iter()
@@ -258,19 +262,18 @@ fn drop_unused_vertices(mesh: &mut Mesh) {
 /// Gives wet faces their materials: in each subset the dry faces come first, then the wet ones.
 fn group_faces(mesh: &mut Mesh, wet: &[bool], wet_materials: &BTreeMap<MaterialId, MaterialId>) {
     let subsets = std::mem::take(&mut mesh.subsets);
-    let mut triangles = Vec::with_capacity(mesh.triangles.len());
+    let triangles = std::mem::take(&mut mesh.triangles);
     for subset in &subsets {
         let wet_material = wet_materials.get(&subset.material).copied();
         for (pass, material) in [(false, Some(subset.material)), (true, wet_material)] {
-            let first = u32::try_from(triangles.len()).unwrap_or(u32::MAX);
+            let first = mesh.next_triangle();
             let is_wet = |face: usize| wet_material.is_some() && wet.get(face).copied().unwrap_or(true);
             let faces = to_usize(subset.first)..to_usize(subset.first + subset.count);
-            triangles.extend(faces.filter(|face| is_wet(*face) == pass).map(|face| mesh.triangles[face]));
-            let count = u32::try_from(triangles.len()).unwrap_or(u32::MAX) - first;
+            mesh.triangles.extend(faces.filter(|face| is_wet(*face) == pass).map(|face| triangles[face]));
+            let count = mesh.next_triangle() - first;
             if let Some(material) = material.filter(|_| count > 0) {
                 mesh.subsets.push(Subset { material, first, count });
             }
         }
     }
-    mesh.triangles = triangles;
 }

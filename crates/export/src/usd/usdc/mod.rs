@@ -482,7 +482,7 @@ impl ByteSink for ClosedSink {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::usd::axis::UpAxis;
+    use crate::up_axis::UpAxis;
     use half::f16;
     use osier_base::files::Folder;
 
