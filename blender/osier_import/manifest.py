@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads and checks the manifest of a bake. Does not need Blender."""
+
+import json
+import math
+import os
+import re
+import struct
+from dataclasses import dataclass, field
+from typing import Any
+
+SCHEMA = 1
+"""Newest schema of manifests that this module reads."""
+
+PLACE_BYTES = 40
+"""Bytes of one placement in a table: ten 32-bit floats."""
+
+Matrix = tuple[float, ...]
+"""16 numbers for row vectors: the images of x, y and z, then the position."""
+
+
+class BakeError(Exception):
+    """A bake that cannot be imported: the message has path, cause and next step."""
+
+    def __init__(self, path: str, cause: str, step: str) -> None:
+        super().__init__(f"{path}: {cause}. {step}")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where and at which time of the clip an asset is shown."""
+
+    asset: str
+    matrix: Matrix
+    offset: float
+
+
+@dataclass(frozen=True)
+class Asset:
+    """A plant, terrain or other part that the stage contains once."""
+
+    name: str
+    prim: str
+    group: str
+    points_material: str | None
+    has_geometry: bool
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Numbered pictures: `pattern` has `####` in place of the frame; `first` and `last` are written frames."""
+
+    pattern: str
+    digits: int
+    first: int
+    last: int
+
+    def path(self, frame: int) -> str:
+        """The file of a frame."""
+        return self.pattern.replace("####", str(frame).zfill(self.digits))
+
+
+@dataclass(frozen=True)
+class Bake:
+    """A checked manifest. Paths are absolute; numbers are in the scene's axes, +Y up."""
+
+    path: str
+    folder: str
+    scene: str
+    bake_hash: str
+    fps: tuple[int, int]
+    first: int
+    last: int
+    start: int
+    loop: int | None
+    stage: str
+    has_assets_stage: bool
+    assets: list[Asset]
+    places: list[Place]
+    materials: list[dict[str, Any]]
+    sequences: dict[str, Sequence]
+    view: dict[str, Any]
+    wet_albedo: float
+    wet_roughness: float
+    notes: list[str] = field(default_factory=list)
+
+    def file(self, relative: str) -> str:
+        """The absolute path of a file of the bake."""
+        return os.path.join(self.folder, *relative.split("/"))
+
+    def span(self) -> int:
+        """Frames after which the motion repeats."""
+        return self.loop or (self.last - self.start + 1)
+
+
+def read(path: str) -> Bake:
+    """Reads the manifest at `path`, or in the folder `path`, and checks every file that the import needs.
+
+    Raises `BakeError`.
+    """
+    path = os.path.abspath(path)
+    if os.path.isdir(path):
+        path = os.path.join(path, "manifest.json")
+    if not os.path.isfile(path):
+        raise BakeError(path, "there is no such file: the bake is not complete", "Bake again and choose its manifest.json")
+    try:
+        with open(path, encoding="utf-8") as file:
+            data = json.load(file)
+    except (OSError, ValueError) as error:
+        raise BakeError(path, f"this is not a JSON file that can be read ({error})", "Choose the manifest.json of a bake") from error
+    if not isinstance(data, dict) or data.get("generator") != "osier":
+        raise BakeError(path, "this file is not a manifest of osier", "Choose the manifest.json of a bake")
+    schema = data.get("schema")
+    if not isinstance(schema, int) or schema > SCHEMA:
+        raise BakeError(path, f"schema {schema} is newer than {SCHEMA}", "Update the extension")
+    try:
+        return _bake(path, data)
+    except BakeError:
+        raise
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError, ZeroDivisionError, struct.error, OSError) as error:
+        cause = f"the manifest is damaged ({type(error).__name__}: {error})"
+        raise BakeError(path, cause, "Bake again into a new folder") from error
+
+
+def _bake(path: str, data: dict[str, Any]) -> Bake:
+    folder = os.path.dirname(path)
+    time, units, view, notes = data["time"], data.get("units") or {}, data.get("view") or {}, []
+    fps = (int(time["fps"][0]), int(time["fps"][1]))
+    if fps[0] <= 0 or fps[1] <= 0:
+        raise ValueError(f"frame rate {fps[0]}/{fps[1]}")
+    sequences = _sequences(data)
+    first, last = _written(time, sequences)
+    stage = _stage(path, data, notes)
+    assets = [_asset(a) for a in data["assets"]]
+    needed = [stage] + [f for a in data["assets"] for f in a.get("files", []) if f.startswith("usd/")]
+    table = data.get("places")
+    if isinstance(table, str):
+        needed.append(table)
+    for material in data["materials"]:
+        needed += [slot for slot in material["slots"].values() if slot]
+        for name in ("wetness", "normal"):
+            sequence = sequences.get(material["maps"].get(name) or "")
+            if sequence:
+                needed += [sequence.path(frame) for frame in range(sequence.first, sequence.last + 1)]
+    _check_files(path, folder, needed)
+    if not view:
+        notes.append("the manifest has no camera and light: bake again with a newer osier")
+    return Bake(
+        path=path,
+        folder=folder,
+        scene=str(data["scene"]["name"]),
+        bake_hash=str(data["bake_hash"]),
+        fps=fps,
+        first=first,
+        last=last,
+        start=int(time["start"]),
+        loop=time.get("loop"),
+        stage=os.path.join(folder, *stage.split("/")),
+        has_assets_stage=bool(data.get("stage")),
+        assets=assets,
+        places=_places(folder, table, assets),
+        materials=[_material(m) for m in data["materials"]],
+        sequences=sequences,
+        view=_view(view),
+        wet_albedo=float(units.get("wet_albedo", 0.55)),
+        wet_roughness=float(units.get("wet_roughness", 0.08)),
+        notes=notes,
+    )
+
+
+def _stage(path: str, data: dict[str, Any], notes: list[str]) -> str:
+    """The stage to import. Bakes of older versions have only the scene's own stage, with placements, camera and sun."""
+    if data.get("stage"):
+        return str(data["stage"])
+    names = [f["path"] for f in data["files"]]
+    own = f"{data['scene']['name']}.usda"
+    if "stage" in data or own not in names:
+        raise BakeError(path, "the bake has no USD", "Bake with --formats usd")
+    notes.append("an older osier baked this folder: placements are those of its USD file")
+    return own
+
+
+def _asset(entry: dict[str, Any]) -> Asset:
+    name = str(entry["id"])
+    # Older manifests do not name the kind of plant: individuals are numbered.
+    group = entry.get("plant") or (name if "plant" in entry else re.sub(r"_\d+$", "", name))
+    return Asset(name, str(entry.get("prim") or name).rsplit("/", 1)[-1], str(group), entry.get("points_material"), bool(entry.get("vertices") or entry.get("instances")))
+
+
+def _sequences(data: dict[str, Any]) -> dict[str, Sequence]:
+    digits = int(data["time"].get("digits", 4))
+    found = {}
+    for entry in data["files"]:
+        frames = entry.get("frames")
+        if frames and "####" in entry["path"]:
+            found[entry["path"]] = Sequence(entry["path"], digits, int(frames[0]), int(frames[-1]))
+    return found
+
+
+def _written(time: dict[str, Any], sequences: dict[str, Sequence]) -> tuple[int, int]:
+    if time.get("written"):
+        return int(time["written"][0]), int(time["written"][1])
+    if sequences:
+        return min(s.first for s in sequences.values()), max(s.last for s in sequences.values())
+    return int(time["start"]), int(time["end"])
+
+
+def _material(entry: dict[str, Any]) -> dict[str, Any]:
+    """A material whose values are all there and numbers."""
+    params = entry["params"]
+    cutoff = params.get("alpha_cutoff")
+    return {
+        "name": str(entry["name"]),
+        "class": str(entry["class"]),
+        "slots": {k: str(v) for k, v in entry["slots"].items() if v},
+        "maps": {k: str(v) for k, v in entry["maps"].items() if v},
+        "base_color": [float(c) for c in params["base_color"][:3]],
+        "roughness": float(params["roughness"]),
+        "ior": float(params["ior"]),
+        "translucency": min(max(float(params.get("translucency") or 0.0), 0.0), 1.0),
+        "alpha_cutoff": None if cutoff is None else float(cutoff),
+    }
+
+
+def _view(view: dict[str, Any]) -> dict[str, Any]:
+    """Checks the shapes of camera, sun, sky and look; all numbers are finite."""
+    if not view:
+        return {}
+    camera, sun, sky, look = view["camera"], view["sun"], view["sky"], view.get("look") or {}
+    _numbers(camera["matrix"], 16), _numbers([camera["vfov_deg"]], 1), _numbers(camera["clip"], 2), _numbers(camera["size"], 2)
+    _numbers(sun["toward"], 3), _numbers(sun["irradiance"], 3), _numbers([sun["angle_deg"]], 1)
+    if not sky["stops"]:
+        raise ValueError("a sky without colours")
+    for at, color in sky["stops"]:
+        _numbers([at, *color], 4)
+    for at, share in sky.get("glow_stops") or []:
+        _numbers([at, share], 2)
+    if sky.get("glow"):
+        _numbers(sky["glow"], 3)
+    return {"camera": camera, "sun": sun, "sky": sky, "look": look}
+
+
+def _numbers(values: Any, count: int) -> tuple[float, ...]:
+    numbers = tuple(float(v) for v in values)
+    if len(numbers) != count or not all(math.isfinite(v) for v in numbers):
+        raise ValueError(f"{count} finite numbers expected")
+    return numbers
+
+
+def _places(folder: str, places: Any, assets: list[Asset]) -> list[Place]:
+    if places is None:
+        return []
+    if isinstance(places, str):
+        with open(os.path.join(folder, *places.split("/")), "rb") as file:
+            rows = file.read()
+        return [_row(row, assets) for row in struct.iter_unpack("<10f", rows)]
+    known = {a.name for a in assets}
+    for name in places:
+        if name not in known:
+            raise ValueError(f"places of {name}, which is no asset")
+    entries = ((a.name, entry) for a in assets for entry in places.get(a.name, []))
+    return [Place(name, _numbers(entry["matrix"], 16), float(entry.get("offset") or 0)) for name, entry in entries]
+
+
+def _row(row: tuple[float, ...], assets: list[Asset]) -> Place:
+    index, offset, px, py, pz, x, y, z, w, scale = _numbers(row, 10)
+    if index < 0:
+        raise IndexError("an asset below zero")
+    s = scale
+    return Place(
+        assets[int(index)].name,
+        (
+            s * (1 - 2 * (y * y + z * z)), s * 2 * (x * y + z * w), s * 2 * (x * z - y * w), 0.0,
+            s * 2 * (x * y - z * w), s * (1 - 2 * (x * x + z * z)), s * 2 * (y * z + x * w), 0.0,
+            s * 2 * (x * z + y * w), s * 2 * (y * z - x * w), s * (1 - 2 * (x * x + y * y)), 0.0,
+            px, py, pz, 1.0,
+        ),
+        offset,
+    )  # fmt: skip
+
+
+def _check_files(path: str, folder: str, needed: list[str]) -> None:
+    for name in needed:
+        parts = name.replace("\\", "/").split("/")
+        if os.path.isabs(name) or ".." in parts or ":" in parts[0]:
+            raise BakeError(path, f"the manifest names {name}, a file outside its folder", "Import only folders that osier has baked")
+    missing = sorted({name for name in needed if not os.path.isfile(os.path.join(folder, *name.split("/")))})
+    if missing:
+        cause = f"{len(missing)} files of the bake are missing, the first is {missing[0]}"
+        raise BakeError(path, cause, "Bake again, or copy the whole folder")

@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads a changed bake again: objects stay and show new data; what the user has changed stays, too."""
+
+from typing import Any
+
+import bpy
+from mathutils import Matrix
+
+from . import copies, materials, stage, world
+from .manifest import Bake, BakeError
+
+
+def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, bake: Bake) -> list[str]:
+    """Replaces what the objects of a bake show. Returns notes for the user.
+
+    Raises `BakeError`; then the file is as before.
+    """
+    token = collection["osier_bake"]
+    old = {o["osier_id"]: o for o in bpy.data.objects if o.get("osier_bake") == token and "osier_id" in o}
+    old_groups = {c["osier_id"]: c for c in bpy.data.collections if c.get("osier_bake") == token and "osier_id" in c}
+    scenes = [s for s in bpy.data.scenes if collection in s.collection.children_recursive]
+    scene = context.scene if context.scene in scenes or not scenes else scenes[0]
+    released = _release_caches(list(old.values()))
+    before = stage.Snapshot()
+    temporary = bpy.data.collections.new("osier reload")
+    scene.collection.children.link(temporary)
+    try:
+        # Names of the materials are those of this import; existing ones are rebuilt only after the stage was read.
+        mine = {m["osier_id"].split(":", 1)[1]: m for m in bpy.data.materials if m.get("osier_bake") == token}
+        placeholders = {e["name"]: mine.get(e["name"]) or bpy.data.materials.new(e["name"]) for e in bake.materials}
+        objects = stage.build(context, scene, bake, temporary, placeholders, token)
+    except Exception as error:
+        before.remove_added()
+        _restore_caches(released)
+        if isinstance(error, BakeError):
+            raise
+        cause = f"the import failed ({type(error).__name__}: {error})"
+        raise BakeError(bake.path, cause, "Bake again; the objects show the earlier bake") from error
+    kept: list[str] = []
+    for entry in bake.materials:
+        material = placeholders[entry["name"]]
+        if material.get("osier_bake") != token:
+            material["osier_bake"] = token
+            material["osier_sig"] = materials.signature(material.node_tree) if material.node_tree else ""
+            material["osier_id"] = f"{bake.scene}:{entry['name']}"
+    materials.build_all(bake, token, placeholders, kept)
+    _replace(collection, temporary, old, old_groups, objects, token)
+    notes = [f"kept the changed material {name}" for name in kept]
+    notes += _set_view(bake, token, collection, scenes)
+    stage.mark(collection, bake, token)
+    return notes
+
+
+def _set_view(bake: Bake, token: str, collection: bpy.types.Collection, scenes: list[bpy.types.Scene]) -> list[str]:
+    """Sky and frame range, unless the user has changed them."""
+    notes = []
+    for sky in [w for w in bpy.data.worlds if w.get("osier_bake") == token]:
+        if sky.get("osier_sig") != materials.signature(sky.node_tree):
+            notes.append(f"kept the changed world {sky.name}")
+        elif bake.view:
+            world.build_world(bake, sky)
+    for scene in scenes:
+        if [scene.frame_start, scene.frame_end] == list(collection.get("osier_range", [])):
+            scene.frame_start, scene.frame_end = bake.first, bake.last
+    return notes
+
+
+def _release_caches(items: list[bpy.types.Object]) -> list[tuple[Any, ...]]:
+    """Detaches cache files: as long as one holds a stage, USD returns the earlier content of its files."""
+    released = []
+    files: dict[Any, tuple[str, float, str]] = {}
+    for item in items:
+        for user in copies.cache_users(item):
+            file = user.cache_file
+            if file is None:
+                continue
+            if file not in files:
+                files[file] = (file.filepath, file.frame_offset, file.name)
+            released.append((item, user.name, user.object_path, *files[file]))
+            user.cache_file = None
+    for scene in bpy.data.scenes:
+        for layer in scene.view_layers:
+            layer.update()
+    bpy.data.batch_remove([f for f in files if f.users == 0])
+    return released
+
+
+def _restore_caches(released: list[tuple[Any, ...]]) -> None:
+    """Makes the detached cache files again."""
+    made: dict[str, bpy.types.CacheFile] = {}
+    for item, user_name, path, file, offset, name in released:
+        if name not in made:
+            known = {f.as_pointer() for f in bpy.data.cache_files}
+            bpy.ops.cachefile.open(filepath=bpy.path.abspath(file))
+            made[name] = next(f for f in bpy.data.cache_files if f.as_pointer() not in known)
+            made[name].name, made[name].frame_offset = name, offset
+        for user in copies.cache_users(item):
+            if user.name == user_name:
+                user.cache_file = made[name]
+                user.object_path = path
+
+
+def _replace(
+    collection: bpy.types.Collection,
+    temporary: bpy.types.Collection,
+    old: dict[str, bpy.types.Object],
+    old_groups: dict[str, bpy.types.Collection],
+    objects: list[bpy.types.Object],
+    token: str,
+) -> None:
+    """Moves what the new objects show to the earlier ones, and removes the rest."""
+    new = {o["osier_id"]: o for o in objects if "osier_id" in o}
+    new_groups = {
+        c["osier_id"]: c
+        for c in bpy.data.collections
+        if c.get("osier_bake") == token and "osier_id" in c and c not in old_groups.values()
+    }
+    before_data = {o.data for o in old.values() if o.data}
+    before_actions = {a for o in old.values() for a in _actions(o)}
+    for name, group in new_groups.items():
+        if name in old_groups:
+            continue
+        # A new kind or prototype: it moves below the earlier collection of its parent.
+        for parent_name, parent in [("", temporary), *new_groups.items()]:
+            if group.name in parent.children and (parent is temporary or parent_name in old_groups):
+                parent.children.unlink(group)
+                (collection if parent is temporary else old_groups[parent_name]).children.link(group)
+    for name, item in new.items():
+        mine = old.get(name)
+        if mine is not None and mine.type == item.type:
+            _take(mine, item, old)
+            continue
+        for home in list(item.users_collection):
+            target = collection if home is temporary else old_groups.get(home.get("osier_id", ""))
+            if target is not None and target is not home:
+                home.objects.unlink(item)
+                target.objects.link(item)
+        parent = item.parent and old.get(item.parent.get("osier_id", ""))
+        if parent:
+            basis, inverse = item.matrix_basis.copy(), item.matrix_parent_inverse.copy()
+            item.parent = parent
+            item.matrix_parent_inverse, item.matrix_basis = inverse, basis
+        for modifier in item.modifiers:
+            if modifier.type == "ARMATURE" and modifier.object:
+                modifier.object = old.get(modifier.object.get("osier_id", ""), modifier.object)
+    gone = [o for n, o in old.items() if n not in new or new[n].type != o.type]
+    spare = [o for n, o in new.items() if n in old and old[n].type == o.type]
+    groups = [g for m in (o.modifiers for o in spare) for g in (x.node_group for x in m if x.type == "NODES") if g]
+    bpy.data.batch_remove(gone + spare)
+    for name, group in new_groups.items():
+        if name in old_groups:
+            earlier, wanted = old_groups[name], group.name
+            bpy.data.collections.remove(group)
+            if earlier.name[:4].isdigit():
+                earlier.name = materials.base_name(wanted)
+    unwanted = [g for n, g in old_groups.items() if n not in new_groups and not g.all_objects]
+    bpy.data.batch_remove([*unwanted, temporary])
+    bpy.data.batch_remove([g for g in groups if g.users == 0])
+    _remove_unused(before_data, before_actions)
+
+
+def _actions(item: bpy.types.Object) -> list[bpy.types.Action]:
+    data = item.animation_data
+    if not data:
+        return []
+    strips = [s.action for t in data.nla_tracks for s in t.strips if s.action]
+    return [*strips, data.action] if data.action else strips
+
+
+def _take(mine: bpy.types.Object, item: bpy.types.Object, old: dict[str, bpy.types.Object]) -> None:
+    """Gives the earlier object what the new one shows."""
+    if mine.type in ("CAMERA", "LIGHT"):
+        _take_view(mine, item)
+    elif item.data is not None and mine.data is not item.data:
+        _keep_own_materials(mine.data, item.data)
+        mine.data = item.data
+    if _untouched(mine):
+        mine.matrix_basis = item.matrix_basis
+    mine["osier_base"] = [v for row in item.matrix_basis for v in row]
+    _take_animation(mine, item)
+    for source in item.modifiers:
+        target = mine.modifiers.get(source.name)
+        if target is None or target.type != source.type:
+            if source.type == "MESH_SEQUENCE_CACHE":
+                target = mine.modifiers.new(source.name, source.type)
+                mine.modifiers.move(len(mine.modifiers) - 1, 0)
+            else:
+                continue
+        if source.type == "MESH_SEQUENCE_CACHE":
+            target.cache_file, target.object_path = source.cache_file, source.object_path
+            target.read_data = source.read_data
+    for source in item.constraints:
+        target = mine.constraints.get(source.name)
+        if source.type == "TRANSFORM_CACHE" and target and target.type == source.type:
+            target.cache_file, target.object_path = source.cache_file, source.object_path
+
+
+def _untouched(item: bpy.types.Object) -> bool:
+    """Whether an object stands where the import had put it."""
+    base = item.get("osier_base")
+    if base is None:
+        return False
+    was = Matrix([base[i : i + 4] for i in range(0, 16, 4)])
+    return all(abs(a - b) < 1e-6 for x, y in zip(was, item.matrix_basis, strict=True) for a, b in zip(x, y, strict=True))
+
+
+def _keep_own_materials(earlier: Any, data: Any) -> None:
+    """Materials that the user has put into slots stay there."""
+    if not hasattr(data, "materials"):
+        return
+    for i, material in enumerate(earlier.materials):
+        if material is not None and "osier_bake" not in material and i < len(data.materials):
+            data.materials[i] = material
+
+
+def _take_animation(mine: bpy.types.Object, item: bpy.types.Object) -> None:
+    source = item.animation_data
+    if source is None:
+        return
+    target = mine.animation_data or mine.animation_data_create()
+    target.action = source.action
+    if source.action and hasattr(source, "action_slot"):
+        target.action_slot = source.action_slot
+    strips = {s.name: s for t in source.nla_tracks for s in t.strips if t.name.startswith("osier clip")}
+    for track in [t for t in target.nla_tracks if t.name.startswith("osier clip")]:
+        for strip in track.strips:
+            other = strips.get(strip.name) or next(iter(strips.values()), None)
+            if other is None:
+                continue
+            strip.action = other.action
+            if hasattr(strip, "action_slot"):
+                strip.action_slot = other.action_slot
+            for name in ("action_frame_start", "action_frame_end", "repeat", "frame_start", "frame_end"):
+                setattr(strip, name, getattr(other, name))
+
+
+def _take_view(mine: bpy.types.Object, item: bpy.types.Object) -> None:
+    """Values of camera and sun, unless the user has changed them."""
+    if world.values(mine) == mine.get("osier_view"):
+        for name in world.VALUES[mine.type]:
+            setattr(mine.data, name, getattr(item.data, name))
+    mine["osier_view"] = item["osier_view"]
+    if mine.type == "LIGHT" and _untouched(mine):
+        mine.rotation_mode = item.rotation_mode
+
+
+def _remove_unused(data: set[bpy.types.ID], actions: set[bpy.types.Action]) -> None:
+    """Removes data that objects have shown before and nothing uses any more."""
+    for action in actions:
+        if action.users == 0:
+            bpy.data.actions.remove(action)
+    bpy.data.batch_remove([d for d in data if d.users == 0])
