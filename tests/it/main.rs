@@ -3,6 +3,7 @@
 mod common;
 
 mod attractors;
+mod blender_import;
 mod catkin_model;
 mod clips;
 mod command_line;

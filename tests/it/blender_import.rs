@@ -1,0 +1,96 @@
+//! The Blender extension in `blender/`: it is packed, installed, imports bakes and leaves nothing behind.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run programs and read their files")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::{Value, json};
+
+use crate::common::clients;
+use crate::common::program::{arg, ends};
+
+fn sources() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("blender")
+}
+
+/// A meadow of a few copies with time offsets, and the wet leaf over three frames.
+fn bake_scenes(dir: &Path) -> [PathBuf; 2] {
+    let meadow = dir.join("lawn.toml");
+    let text = "[frames]\nend = 48\n[plants.tuft]\ngrammar = \"grass.l\"\n[plants.tuft.wood]\nelasticity_gpa = 0.3\n\
+        stiffness = 0.1\n[[place]]\nplant = \"tuft\"\ncount = 60\nradius = 2\nindividuals = 2\n[wind]\nspeed = 7\n\
+        gust = 0.8\n[sway]\nphases = 4\n[ground]\nside = 64\n";
+    fs::write(&meadow, text).expect("scene");
+    let formats = ["--formats", "usd,exr"];
+    let lawn = dir.join("lawn");
+    ends(0, &[&["-q", "bake", arg(&meadow), "-o", arg(&lawn)], &formats[..]].concat());
+    let leaf = dir.join("leaf");
+    let clip = ["--frames", "36-44", "--set", "maps.resolution=128"];
+    ends(0, &[&["-q", "bake", "wet-leaf", "-o", arg(&leaf)], &formats[..], &clip[..]].concat());
+    [lawn.join("manifest.json"), leaf.join("manifest.json")]
+}
+
+/// The last line that a program printed, as JSON.
+fn last_line(output: &[u8]) -> Value {
+    let text = String::from_utf8_lossy(output);
+    serde_json::from_str(text.trim_end().lines().last().unwrap_or_default()).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+#[test]
+fn the_extension_installs_imports_and_leaves_nothing_behind() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let packed = |name: &str| {
+        let folder = dir.path().join(name);
+        clients::run(Command::new(&python).arg(sources().join("build.py")).arg(&folder));
+        let mut zips: Vec<PathBuf> =
+            fs::read_dir(folder).expect("zips").map(|entry| entry.expect("entry").path()).collect();
+        zips.sort();
+        zips
+    };
+    // The same sources give the same bytes.
+    let (zips, again) = (packed("a"), packed("b"));
+    assert_eq!(zips.len(), 2);
+    assert!(zips.iter().zip(&again).all(|(a, b)| fs::read(a).expect("zip") == fs::read(b).expect("zip")));
+
+    let manifests = bake_scenes(dir.path());
+    let user = dir.path().join("user");
+    fs::create_dir(&user).expect("folder");
+    let zip = zips.iter().find(|z| !arg(z).contains("legacy")).expect("the extension");
+    let mut install = Command::new(&python);
+    install.arg(sources().join("tests/install.py")).arg(zip).args(&manifests).env("BLENDER_USER_RESOURCES", &user);
+    let report = last_line(&clients::run(&mut install).stdout);
+
+    // 60 copies are one cloud of points beside the ground; the clip is that of the bake.
+    let [lawn, leaf] = [&report[0], &report[1]];
+    assert_eq!(lawn["range"], json!([1, 48]), "{report}");
+    assert!(lawn["objects"].as_u64().is_some_and(|n| n < 20), "{report}");
+    assert_eq!(leaf["range"], json!([36, 44]), "{report}");
+    assert_eq!(leaf["fps"][0], json!(48), "{report}");
+    assert!(leaf["camera"].is_string() && lawn["camera"].is_string(), "{report}");
+    let sequences = leaf["wetness"].as_array().expect("a list");
+    assert!(!sequences.is_empty() && sequences.iter().all(|s| *s == json!([36, 9, 35])), "{report}");
+
+    // Leaves get wetter over the clip in Cycles, with nothing set by hand.
+    let mut wetness = Command::new(&python);
+    wetness.arg(sources().join("tests/wetness.py")).arg(&manifests[1]).arg(dir.path()).args(["36", "40", "44"]);
+    let means: Vec<f64> = serde_json::from_value(last_line(&clients::run(&mut wetness).stdout)).expect("means");
+    assert!(means[0] > 0.0 && means.windows(2).all(|w| w[1] > 1.02 * w[0]), "{means:?}");
+}
+
+/// The extension reads and writes only what it says: the rules of the platform's repository.
+#[test]
+fn the_extension_neither_evaluates_text_nor_opens_connections() {
+    for entry in fs::read_dir(sources().join("osier_import")).expect("sources") {
+        let path = entry.expect("entry").path();
+        if path.extension().is_none_or(|e| e != "py") {
+            continue;
+        }
+        let text = fs::read_to_string(&path).expect("source");
+        for word in
+            ["exec(", "eval(", "import socket", "import urllib", "import http", "import requests", "from urllib"]
+        {
+            assert!(!text.contains(word), "{}: {word}", path.display());
+        }
+    }
+}
