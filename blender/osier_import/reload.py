@@ -146,6 +146,8 @@ def _replace(
     gone = [o for n, o in old.items() if n not in new or new[n].type != o.type]
     spare = [o for n, o in new.items() if n in old and old[n].type == o.type]
     groups = [g for m in (o.modifiers for o in spare) for g in (x.node_group for x in m if x.type == "NODES") if g]
+    # Data of cameras and lights is not handed over: only its values are.
+    before_data |= {o.data for o in spare if o.data}
     bpy.data.batch_remove(gone + spare)
     for name, group in new_groups.items():
         if name in old_groups:
