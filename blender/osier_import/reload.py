@@ -43,7 +43,9 @@ def reload_bake(context: bpy.types.Context, collection: bpy.types.Collection, ba
             material["osier_bake"] = token
             material["osier_sig"] = materials.signature(material.node_tree) if material.node_tree else ""
             material["osier_id"] = f"{bake.scene}:{entry['name']}"
+    pictures = [i for i in bpy.data.images if i.users]
     materials.build_all(bake, token, placeholders, kept)
+    bpy.data.batch_remove([i for i in pictures if i.users == 0])
     _replace(collection, temporary, old, old_groups, objects, token)
     notes = [f"kept the changed material {name}" for name in kept]
     notes += _set_view(bake, token, collection, scenes)
@@ -78,11 +80,19 @@ def _release_caches(items: list[bpy.types.Object]) -> list[tuple[Any, ...]]:
                 files[file] = (file.filepath, file.frame_offset, file.name)
             released.append((item, user.name, user.object_path, *files[file]))
             user.cache_file = None
+    _update_layers()
+    # A file that the operator has opened counts a user that it does not have.
+    users = bpy.data.user_map(subset=set(files)) if files else {}
+    bpy.data.batch_remove([f for f in files if not users.get(f)])
+    # Evaluated copies of the removed files hold the stage until the next update.
+    _update_layers()
+    return released
+
+
+def _update_layers() -> None:
     for scene in bpy.data.scenes:
         for layer in scene.view_layers:
             layer.update()
-    bpy.data.batch_remove([f for f in files if f.users == 0])
-    return released
 
 
 def _restore_caches(released: list[tuple[Any, ...]]) -> None:
@@ -146,6 +156,8 @@ def _replace(
     gone = [o for n, o in old.items() if n not in new or new[n].type != o.type]
     spare = [o for n, o in new.items() if n in old and old[n].type == o.type]
     groups = [g for m in (o.modifiers for o in spare) for g in (x.node_group for x in m if x.type == "NODES") if g]
+    # Data of cameras and lights is not handed over: only its values are.
+    before_data |= {o.data for o in spare if o.data}
     bpy.data.batch_remove(gone + spare)
     for name, group in new_groups.items():
         if name in old_groups:

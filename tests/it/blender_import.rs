@@ -76,6 +76,14 @@ fn the_extension_installs_imports_and_leaves_nothing_behind() {
     wetness.arg(sources().join("tests/wetness.py")).arg(&manifests[1]).arg(dir.path()).args(["36", "40", "44"]);
     let means: Vec<f64> = serde_json::from_value(last_line(&clients::run(&mut wetness).stdout)).expect("means");
     assert!(means[0] > 0.0 && means.windows(2).all(|w| w[1] > 1.02 * w[0]), "{means:?}");
+
+    // What imports, failures, reloads, files and undo change and keep.
+    let kept = dir.path().join("kept");
+    fs::create_dir(&kept).expect("folder");
+    let mut behaviour = Command::new(&python);
+    behaviour.arg(sources().join("tests/behaviour.py")).arg(&manifests[1]).arg(&manifests[0]).arg(&kept);
+    let report = last_line(&clients::run(&mut behaviour).stdout);
+    assert_eq!(report["failed"], json!([]), "{report}");
 }
 
 /// The extension reads and writes only what it says: the rules of the platform's repository.

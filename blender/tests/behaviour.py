@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Checks what imports change and keep: behaviour.py MANIFEST OTHER FOLDER.
+
+Runs under bpy 4.2 or newer. MANIFEST is a bake with points or leaves, OTHER another bake; FOLDER is empty and gets copies. Prints
+`{"failed": [...]}` with the checks that do not hold.
+"""
+
+import json
+import os
+import pathlib
+import shutil
+import sys
+import traceback
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
+import bpy
+import osier_import
+
+KINDS = ("objects", "meshes", "materials", "collections", "worlds", "cameras", "lights", "actions", "cache_files", "scenes", "images")
+
+
+def counts() -> dict[str, int]:
+    """How much data of each kind there is."""
+    return {kind: len(getattr(bpy.data, kind)) for kind in KINDS}
+
+
+def fresh() -> None:
+    """The factory scene."""
+    bpy.ops.wm.read_factory_settings()
+
+
+def load(path: str, **options: str) -> None:
+    """Imports a bake that must be good."""
+    assert bpy.ops.import_scene.osier(filepath=path, **options) == {"FINISHED"}
+
+
+def refused(operator, **options: str) -> str:
+    """The message of an operator that must fail."""
+    try:
+        operator(**options)
+    except RuntimeError as error:
+        return str(error)
+    raise AssertionError("no error")
+
+
+def replace(path: pathlib.Path, content: bytes) -> None:
+    """Puts a new file in place of one that Blender may have mapped, as osier does."""
+    other = path.with_suffix(".new")
+    other.write_bytes(content)
+    os.replace(other, path)
+
+
+def scene_settings() -> tuple:
+    """Settings of the scene that an import may set."""
+    s = bpy.context.scene
+    return (s.render.fps, s.frame_start, s.frame_end, s.render.engine, s.view_settings.view_transform, s.camera, s.world)
+
+
+def appending_keeps_the_scene(manifest: str, other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    before, objects = scene_settings(), len(bpy.context.scene.objects)
+    load(manifest, into="APPEND")
+    load(other, into="APPEND")
+    assert scene_settings() == before
+    assert len(bpy.context.scene.objects) > objects + 4
+
+
+def this_scene_takes_the_settings(manifest: str, _other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    scene = bpy.context.scene
+    load(manifest, into="THIS")
+    time = json.loads(pathlib.Path(manifest).read_text())["time"]
+    assert bpy.context.scene == scene and "Cube" in scene.objects
+    assert (scene.render.fps, [scene.frame_start, scene.frame_end]) == (time["fps"][0], time["written"])
+    assert scene.camera.get("osier_id") and scene.world.get("osier_id")
+
+
+def refusals_change_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    before = counts(), scene_settings()
+    copied = folder / "broken"
+    shutil.copytree(os.path.dirname(manifest), copied)
+    assert "not complete" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "none.json"))
+    (copied / "text.json").write_text("{")
+    assert "JSON" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "text.json"))
+    data = json.loads(pathlib.Path(manifest).read_text())
+    (copied / "newer.json").write_text(json.dumps({**data, "schema": 99}))
+    assert "Update the extension" in refused(bpy.ops.import_scene.osier, filepath=str(copied / "newer.json"))
+    next(iter((copied / "usd").glob("*.usdc"))).write_bytes(b"damaged")
+    for into in ("NEW", "THIS"):
+        refused(bpy.ops.import_scene.osier, filepath=str(copied / "manifest.json"), into=into)
+    assert (counts(), scene_settings()) == before, (counts(), before)
+
+
+def older_manifests_open(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    copied = folder / "older"
+    shutil.copytree(os.path.dirname(manifest), copied)
+    data = json.loads((copied / "manifest.json").read_text())
+    for key in ("stage", "places", "view"):
+        data.pop(key, None)
+    for key in ("written", "loop"):
+        data["time"].pop(key, None)
+    for key in ("wet_albedo", "wet_roughness"):
+        data["units"].pop(key, None)
+    for asset in data["assets"]:
+        asset.pop("plant", None), asset.pop("points_material", None)
+    (copied / "manifest.json").write_text(json.dumps(data))
+    load(str(copied / "manifest.json"))
+    assert any(o.type == "MESH" for o in bpy.context.scene.objects)
+
+
+def a_failing_reload_changes_nothing(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    copied = folder / "reload"
+    shutil.copytree(os.path.dirname(manifest), copied)
+    path = copied / "manifest.json"
+    load(str(path))
+    before = counts()
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps({**data, "bake_hash": "0" * 64}))
+    stage = next(iter((copied / "usd").glob("*.usdc")))
+    kept = stage.read_bytes()
+    replace(stage, b"damaged")
+    refused(bpy.ops.osier.reload)
+    assert counts() == before, (counts(), before)
+    users = [m for o in bpy.data.objects for m in o.modifiers if m.type == "MESH_SEQUENCE_CACHE"]
+    assert all(m.cache_file for m in users)
+    # Mended, it reloads: nothing is doubled.
+    replace(stage, kept)
+    bpy.ops.osier.reload()
+    assert counts() == before, (counts(), before)
+
+
+def files_open_again(manifest: str, _other: str, folder: pathlib.Path) -> None:
+    fresh()
+    load(manifest)
+    names, frame = sorted(o.name for o in bpy.context.scene.objects), bpy.context.scene.frame_end
+    target = str(folder / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=target)
+    bpy.ops.wm.open_mainfile(filepath=target)
+    assert sorted(o.name for o in bpy.context.scene.objects) == names
+    bpy.context.scene.frame_set(frame)
+    assert all(os.path.exists(bpy.path.abspath(f.filepath)) for f in bpy.data.cache_files)
+    sequences = [i for i in bpy.data.images if i.source == "SEQUENCE"]
+    assert all(os.path.exists(bpy.path.abspath(i.filepath)) for i in sequences)
+
+
+def undo_removes_and_redo_restores(manifest: str, _other: str, _folder: pathlib.Path) -> None:
+    fresh()
+    bpy.ops.ed.undo_push(message="before")
+    before = counts()
+    load(manifest, into="THIS")
+    bpy.ops.ed.undo_push(message="import")
+    after = counts()
+    bpy.ops.ed.undo()
+    assert counts()["objects"] == before["objects"], counts()
+    bpy.ops.ed.redo()
+    assert counts()["objects"] == after["objects"], counts()
+
+
+def main() -> None:
+    manifest, other, folder = sys.argv[1:]
+    failed = []
+    osier_import.register()
+    for check in (
+        appending_keeps_the_scene,
+        this_scene_takes_the_settings,
+        refusals_change_nothing,
+        older_manifests_open,
+        a_failing_reload_changes_nothing,
+        files_open_again,
+        undo_removes_and_redo_restores,
+    ):
+        try:
+            check(manifest, other, pathlib.Path(folder))
+        except Exception:
+            failed.append(f"{check.__name__}: {traceback.format_exc(limit=-2)}")
+    print(json.dumps({"failed": failed}))
+    sys.stdout.flush()
+    os._exit(0)
+
+
+main()
