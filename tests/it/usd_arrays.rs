@@ -199,7 +199,7 @@ fn the_same_bytes_at_any_number_of_threads() {
         folder.files().into_iter().map(|f| (f.path, f.blake3)).collect::<Vec<_>>()
     };
     let one = hashes(1);
-    assert_eq!(one.len(), 3 + 1 + 6 + 1, "{one:?}");
+    assert_eq!(one.len(), 3 + 1 + 7 + 1, "{one:?}");
     assert!(one == hashes(2) && one == hashes(5));
 }
 

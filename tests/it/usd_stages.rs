@@ -80,7 +80,7 @@ fn every_file_passes_all_validators() {
     let dir = place("validate");
     everything(&dir);
     let files = files(&dir);
-    assert_eq!(files.len(), 2 * (7 + 7 + 3 + 1), "{files:?}");
+    assert_eq!(files.len(), 2 * (8 + 8 + 3 + 1), "{files:?}");
     let Some(python) = clients::python() else { return };
     let files: Vec<&str> = files.iter().map(String::as_str).collect();
     clients::python_script(&python, "usd_validate.py", &files);

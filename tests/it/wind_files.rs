@@ -212,7 +212,7 @@ fn each_fault_names_its_place_and_the_mend() {
         (lattice.as_str(), &[][..], "output.wind.slice.0.at is 6.5 m", "must be 0 to 6"),
         ("[output.wind]\nslice = 3\n", &[], "S003", "[[output.wind.slice]]"),
         ("[output.wind]\nvti_every = 0\n", &[], "vti_every", "1 to"),
-        (LATTICE, &["--max-wind-bytes", "100k"], "output.wind in two frames", "--max-wind-bytes"),
+        (LATTICE, &["--max-wind-bytes", "100k"], "output.wind and output.vdb in two frames", "--max-wind-bytes"),
         (LATTICE, &["--max-memory", "100k"], "24 x 12 x 16 cells with dx = 0.5 m", "wind.lattice.dx"),
         (LATTICE, &["--max-image-side", "20"], "a side of a plane", "--max-image-side"),
     ];
