@@ -10,6 +10,17 @@ from bpy_extras.io_utils import ImportHelper
 from . import manifest, reload, stage
 
 
+def can_import(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Whether stages can be imported now; else the operator's tooltip gives the reason."""
+    if not bpy.app.build_options.usd:
+        operator.poll_message_set("This Blender was built without USD")
+        return False
+    if context.mode != "OBJECT":
+        operator.poll_message_set("Leave edit mode first")
+        return False
+    return True
+
+
 class OSIER_OT_import(bpy.types.Operator, ImportHelper):
     """Import a folder baked by osier, with materials, light, camera and frame range"""
 
@@ -40,13 +51,7 @@ class OSIER_OT_import(bpy.types.Operator, ImportHelper):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not bpy.app.build_options.usd:
-            cls.poll_message_set("This Blender was built without USD")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave edit mode first")
-            return False
-        return True
+        return can_import(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         began = time.perf_counter()
@@ -72,13 +77,7 @@ class OSIER_OT_reload(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not bpy.app.build_options.usd:
-            cls.poll_message_set("This Blender was built without USD")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave edit mode first")
-            return False
-        return True
+        return can_import(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         done, failed = 0, False

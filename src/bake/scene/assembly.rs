@@ -234,7 +234,7 @@ fn assemble(
     if let Some((terrain, keys)) = terrain.as_ref().zip(recipe.terrain.as_ref()) {
         add_terrain(terrain, keys, recipe.general.seed, &mut builder)?;
     }
-    rain.wet_surfaces(&mut builder)?;
+    rain.wet_surfaces(&mut builder, context)?;
     let mut camera = camera.unwrap_or_else(|| scene_camera(recipe, &builder.assets, &builder.placements));
     if let Some(terrain) = &terrain {
         lift_camera(&mut camera, terrain);

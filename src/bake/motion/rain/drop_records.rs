@@ -136,22 +136,14 @@ pub(super) fn record_tables(
 pub(super) fn drop_points(frame: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<u64, u32>) -> RecordTable {
     let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
     let drops = drop_records(frame, leaves, &number);
-    let f32s = |name, unit, value: fn(&DropRecord) -> f32| RecordColumn::f32(name, unit, &drops, value);
     let wetness = |d: &DropRecord| d.leaf.and_then(|leaf| frame.wetness.get(leaf as usize)).copied().unwrap_or(0.0);
-    let columns = vec![
-        RecordColumn::u32("id", "", &drops, |d| d.id),
-        RecordColumn::u32("state", "", &drops, |d| d.state as u32),
-        RecordColumn::i32("leaf", "", &drops, |d| number_or_none(d.leaf)),
-        f32s("x", "m", |d| d.position.x),
-        f32s("y", "m", |d| d.position.y),
-        f32s("z", "m", |d| d.position.z),
-        f32s("vx", "m/s", |d| d.velocity.x),
-        f32s("vy", "m/s", |d| d.velocity.y),
-        f32s("vz", "m/s", |d| d.velocity.z),
-        f32s("radius", "m", |d| d.a),
+    let mut columns = Vec::from(identity_columns(&drops));
+    columns.extend(motion_columns(&drops));
+    columns.extend([
+        RecordColumn::f32("radius", "m", &drops, |d| d.a),
         RecordColumn::f64("volume_mm3", "mm^3", &drops, |d| d.volume * CUBIC_MILLIMETRES),
         RecordColumn::f32("wetness", "", &drops, |d| narrow(wetness(d))),
-    ];
+    ]);
     RecordTable { name: "drops", columns }
 }
 
@@ -183,23 +175,40 @@ fn drop_records(frame: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -
     records
 }
 
-fn drop_table(drops: &[DropRecord]) -> RecordTable {
-    let f32s = |name, unit, value: fn(&DropRecord) -> f32| RecordColumn::f32(name, unit, drops, value);
-    let columns = vec![
+/// Number, state and leaf of each drop.
+fn identity_columns(drops: &[DropRecord]) -> [RecordColumn; 3] {
+    [
         RecordColumn::u32("id", "", drops, |d| d.id),
         RecordColumn::u32("state", "", drops, |d| d.state as u32),
         RecordColumn::i32("leaf", "", drops, |d| number_or_none(d.leaf)),
-        RecordColumn::u32("tail", "", drops, |d| d.tail),
-        RecordColumn::f64("volume", "m^3", drops, |d| d.volume),
-        f32s("u", "", |d| d.uv[0]),
-        f32s("v", "", |d| d.uv[1]),
-        f32s("side", "", |d| d.side),
+    ]
+}
+
+/// Position and velocity in the world.
+fn motion_columns(drops: &[DropRecord]) -> [RecordColumn; 6] {
+    let f32s = |name, unit, value: fn(&DropRecord) -> f32| RecordColumn::f32(name, unit, drops, value);
+    [
         f32s("x", "m", |d| d.position.x),
         f32s("y", "m", |d| d.position.y),
         f32s("z", "m", |d| d.position.z),
         f32s("vx", "m/s", |d| d.velocity.x),
         f32s("vy", "m/s", |d| d.velocity.y),
         f32s("vz", "m/s", |d| d.velocity.z),
+    ]
+}
+
+fn drop_table(drops: &[DropRecord]) -> RecordTable {
+    let f32s = |name, unit, value: fn(&DropRecord) -> f32| RecordColumn::f32(name, unit, drops, value);
+    let mut columns = Vec::from(identity_columns(drops));
+    columns.extend([
+        RecordColumn::u32("tail", "", drops, |d| d.tail),
+        RecordColumn::f64("volume", "m^3", drops, |d| d.volume),
+        f32s("u", "", |d| d.uv[0]),
+        f32s("v", "", |d| d.uv[1]),
+        f32s("side", "", |d| d.side),
+    ]);
+    columns.extend(motion_columns(drops));
+    columns.extend([
         f32s("a", "m", |d| d.a),
         f32s("height", "m", |d| d.height),
         f32s("q", "", |d| d.q),
@@ -208,7 +217,7 @@ fn drop_table(drops: &[DropRecord]) -> RecordTable {
         f32s("ay", "", |d| d.axis.y),
         f32s("az", "", |d| d.axis.z),
         f32s("thin", "", |d| d.thin),
-    ];
+    ]);
     RecordTable { name: "drops", columns }
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::wet_film::{MaterialUse, add_wet_materials};
+use crate::bake::BakeContext;
 use crate::bake::scene::builder::SceneBuilder;
 use osier_base::Result;
 use osier_base::convert::to_usize;
@@ -26,12 +27,13 @@ const SHELTER_REACH: f32 = 12.0;
 /// Divides the meshes of the scene by the rain that reaches them. `cover`: fraction of a wet face that the film covers, 0 to 1.
 /// `solids`: bounds of all that shelters, m.
 /// # Errors
-/// `TooMany` beyond 2^32 materials or images.
+/// `Limit` for a mesh that would get too many vertices, `Cancelled`, `TooMany` beyond 2^32 materials or images.
 pub(super) fn wet_exposed_surfaces(
     cover: f32,
     exposure: &RainExposure,
     solids: Bounds,
     builder: &mut SceneBuilder,
+    context: &BakeContext<'_>,
 ) -> Result<()> {
     let sheltered = solids.grown(SHELTER_REACH);
     let mut uses = vec![MaterialUse::default(); builder.materials.len()];
@@ -46,7 +48,7 @@ pub(super) fn wet_exposed_surfaces(
             }
             let surface = WorldSurface { exposure, transform: placement.transform };
             let wet = if can_be_cut(object) {
-                divide_faces(&mut object.mesh, &surface, sheltered)
+                divide_faces(&mut object.mesh, &surface, sheltered, context)?
             } else {
                 find_wet_faces(&object.mesh, &surface)
             };
@@ -140,7 +142,14 @@ struct Face {
 }
 
 /// Divides faces where wet and dry meet, and cuts the smallest along the border; returns whether each new face is wet.
-fn divide_faces(mesh: &mut Mesh, surface: &WorldSurface<'_>, sheltered: Bounds) -> Vec<bool> {
+/// # Errors
+/// `Limit` before the mesh gets more vertices than the limit allows, `Cancelled`.
+fn divide_faces(
+    mesh: &mut Mesh,
+    surface: &WorldSurface<'_>,
+    sheltered: Bounds,
+    context: &BakeContext<'_>,
+) -> Result<Vec<bool>> {
     let subsets = std::mem::take(&mut mesh.subsets);
     let face = |s: &Subset, corners: &[u32; 3]| Face { corners: *corners, material: s.material };
     let mut open: Vec<Face> =
@@ -152,7 +161,11 @@ fn divide_faces(mesh: &mut Mesh, surface: &WorldSurface<'_>, sheltered: Bounds) 
 
     // One pass for each halving: add the middles of all edges, then divide the faces whose corners and middles differ.
     while !open.is_empty() {
+        context.cancel.check()?;
         let first_new = mesh.points.len();
+        // A face adds at most the middles of its three edges.
+        let most = (first_new + 3 * open.len()) as u64;
+        context.limits.check("vertices", most, "the number of vertices of a mesh that rain.wet.film divides")?;
         let edges: Vec<[u32; 3]> = open
             .iter()
             .map(|f| {
@@ -172,8 +185,8 @@ fn divide_faces(mesh: &mut Mesh, surface: &WorldSurface<'_>, sheltered: Bounds) 
             let wet = [a, b, c, ab, bc, ca].iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
             let bounds = Bounds::of([a, b, c].map(at));
             let meets = bounds.min.cmple(sheltered.max).all() && bounds.max.cmpge(sheltered.min).all();
-            // A face whose corners agree may still have a sheltered middle, but only near what shelters.
             let differs = wet % 6 != 0;
+            // A face whose corners and middles agree may still be sheltered in between, but only near what shelters.
             let is_divided = longest > SHORTEST_DIVIDED_EDGE && differs || longest > LONGEST_UNDIVIDED_EDGE && meets;
             if is_divided {
                 let quarters = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
@@ -218,7 +231,7 @@ fn divide_faces(mesh: &mut Mesh, surface: &WorldSurface<'_>, sheltered: Bounds) 
         }
     }
     drop_unused_vertices(mesh);
-    faces.into_iter().map(|(_, wet)| wet).collect()
+    Ok(faces.into_iter().map(|(_, wet)| wet).collect())
 }
 
 /// Adds a vertex on the edge between two vertices, at a fraction of the way from the first to the second.
