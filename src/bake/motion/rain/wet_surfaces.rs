@@ -141,6 +141,15 @@ struct Face {
     material: MaterialId,
 }
 
+/// A face with its quarters, if it was divided.
+struct DividedFace {
+    face: Face,
+    /// Index of the first of its four quarters, which follow each other.
+    quarters: Option<usize>,
+    /// Whether all of it is wet or dry; `None` where both meet.
+    wet: Option<bool>,
+}
+
 /// Divides faces where wet and dry meet, and cuts the smallest along the border; returns whether each new face is wet.
 /// # Errors
 /// `Limit` before the mesh gets more vertices than the limit allows, `Cancelled`.
@@ -150,26 +159,28 @@ fn divide_faces(
     sheltered: Bounds,
     context: &BakeContext<'_>,
 ) -> Result<Vec<bool>> {
-    let subsets = std::mem::take(&mut mesh.subsets);
-    let face = |s: &Subset, corners: &[u32; 3]| Face { corners: *corners, material: s.material };
-    let mut open: Vec<Face> =
-        subsets.iter().flat_map(|s| mesh.subset_triangles(s).iter().map(|t| face(s, t)).collect::<Vec<_>>()).collect();
+    let mut nodes: Vec<DividedFace> = Vec::new();
+    for s in &std::mem::take(&mut mesh.subsets) {
+        let faces = mesh.subset_triangles(s).iter().map(|t| Face { corners: *t, material: s.material });
+        nodes.extend(faces.map(|face| DividedFace { face, quarters: None, wet: None }));
+    }
+    let whole_faces = nodes.len();
     let mut ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
     let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-    let mut done: Vec<Face> = Vec::new();
     let is_wet = |ratio: f32| ratio >= WET_CATCH_RATIO;
 
     // One pass for each halving: add the middles of all edges, then divide the faces whose corners and middles differ.
+    let mut open = 0..nodes.len();
     while !open.is_empty() {
         context.cancel.check()?;
         let first_new = mesh.points.len();
         // A face adds at most the middles of its three edges.
         let most = (first_new + 3 * open.len()) as u64;
         context.limits.check("vertices", most, "the number of vertices of a mesh that rain.wet.film divides")?;
-        let edges: Vec<[u32; 3]> = open
+        let edges: Vec<[u32; 3]> = nodes[open.clone()]
             .iter()
-            .map(|f| {
-                let [a, b, c] = f.corners;
+            .map(|node| {
+                let [a, b, c] = node.face.corners;
                 [[a, b], [b, c], [c, a]].map(|[i, k]| {
                     let key = [i.min(k), i.max(k)];
                     *middles.entry(key).or_insert_with(|| add_between(mesh, key, 0.5))
@@ -177,25 +188,47 @@ fn divide_faces(
             })
             .collect();
         ratios.extend(surface.catch_ratios(mesh, first_new..mesh.points.len()));
-        let mut next = Vec::new();
-        for (face, [ab, bc, ca]) in open.into_iter().zip(edges) {
+        let next = nodes.len();
+        for (node, [ab, bc, ca]) in open.zip(edges) {
+            let face = nodes[node].face;
             let [a, b, c] = face.corners;
             let at = |i: u32| surface.transform.apply(mesh.points[to_usize(i)]);
             let longest = at(a).distance(at(b)).max(at(b).distance(at(c))).max(at(c).distance(at(a)));
-            let wet = [a, b, c, ab, bc, ca].iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
+            let count = |of: &[u32]| of.iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
             let bounds = Bounds::of([a, b, c].map(at));
             let meets = bounds.min.cmple(sheltered.max).all() && bounds.max.cmpge(sheltered.min).all();
-            let differs = wet % 6 != 0;
+            let differs = count(&[a, b, c, ab, bc, ca]) % 6 != 0;
             // A face whose corners and middles agree may still be sheltered in between, but only near what shelters.
             let is_divided = longest > SHORTEST_DIVIDED_EDGE && differs || longest > LONGEST_UNDIVIDED_EDGE && meets;
             if is_divided {
+                nodes[node].quarters = Some(nodes.len());
                 let quarters = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
-                next.extend(quarters.map(|corners| Face { corners, ..face }));
+                let quarter = |corners| DividedFace { face: Face { corners, ..face }, quarters: None, wet: None };
+                nodes.extend(quarters.map(quarter));
             } else {
-                done.push(face);
+                let wet = count(&face.corners);
+                nodes[node].wet = (wet % 3 == 0).then_some(wet == 3);
             }
         }
-        open = next;
+        open = next..nodes.len();
+    }
+
+    // Quarters that agree are one face again. Quarters come after the face that they divide.
+    for i in (0..nodes.len()).rev() {
+        if let Some(first) = nodes[i].quarters {
+            let wet = nodes[first].wet.filter(|_| nodes[first..first + 4].iter().all(|q| q.wet == nodes[first].wet));
+            nodes[i].wet = wet;
+            nodes[i].quarters = Some(first).filter(|_| wet.is_none());
+        }
+    }
+    // The faces that remain, each in the place of the one that it is a part of.
+    let mut done: Vec<Face> = Vec::new();
+    let mut pending: Vec<usize> = (0..whole_faces).rev().collect();
+    while let Some(i) = pending.pop() {
+        match nodes[i].quarters {
+            Some(first) => pending.extend((first..first + 4).rev()),
+            None => done.push(nodes[i].face),
+        }
     }
 
     // Cut the faces on the border where the interpolated ratio passes the threshold.
