@@ -349,3 +349,12 @@ fn threads_do_not_change_the_bytes() {
         assert!(one.bindings == other.bindings);
     }
 }
+
+/// A branch whose centreline began with two equal points had a horizontal first ring and eight triangles inside out.
+#[test]
+fn a_branch_whose_first_points_coincide_is_not_inside_out() {
+    let mut plant = wandering(16458108182241259158, 20);
+    validate(&mut plant).expect("sound");
+    let skin = skin(&plant, &SkinOptions { flare: 0.0, ..SkinOptions::default() }).expect("skin");
+    assert_eq!(bad_triangles(&skin).0, 0);
+}

@@ -73,20 +73,24 @@ pub(super) fn place_rings(scratch: &mut RingScratch, first: FirstRing, turn: f32
     set_slopes_and_v(&mut out[start..]);
 }
 
-/// Unit direction from `a` to `b`.
-fn direction(a: &CurvePoint, b: &CurvePoint) -> Vec3 {
-    math::normalize_or(b.p - a.p, Vec3::Y)
+/// Unit direction of the first segment that has a length.
+fn first_direction(curve: &[CurvePoint]) -> Vec3 {
+    let mut directions = curve.windows(2).map(|w| math::normalize_or(w[1].p - w[0].p, Vec3::ZERO));
+    directions.find(|d| *d != Vec3::ZERO).unwrap_or(Vec3::Y)
 }
 
-/// Unit tangents at the points: the mean direction of both segments, at the ends that of the one segment.
+/// Unit tangents at the points: the mean direction of both segments, at the ends that of the one segment. Points that coincide, as
+/// where one fillet ends and the next begins, keep the direction of the segment before.
 fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) {
     out.clear();
-    let Some(second) = curve.get(1) else { return };
+    if curve.len() < 2 {
+        return;
+    }
     // At inner points t = (d1 + d2) / |d1 + d2|, the bisector; the ends take the direction of their only segment.
-    let mut before = direction(&curve[0], second);
+    let mut before = first_direction(curve);
     out.push(first.unwrap_or(before));
     for w in curve.windows(2).skip(1) {
-        let after = direction(&w[0], &w[1]);
+        let after = math::normalize_or(w[1].p - w[0].p, before);
         out.push(math::normalize_or(before + after, after));
         before = after;
     }
