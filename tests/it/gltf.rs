@@ -155,6 +155,37 @@ fn a_player_of_the_format_shows_everything_where_osier_does_at_every_frame() {
 }
 
 #[test]
+fn leaves_transmit_diffuse_light_in_their_own_colour() {
+    let (mut scene, _) = synthetic::scene();
+    // A leaf with a picture and one without.
+    let wet = scene.materials.iter().position(|m| m.name == "cache_l0").expect("wet leaf");
+    scene.materials[wet].maps.color = None;
+    scene.materials[wet].alpha_cutoff = None;
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    export(temp.path(), &scene, &[], GltfOptions { profile: Profile::Web, ..GltfOptions::default() });
+    let player = Player::new(&read(&temp.path().join("gltf/synthetic.web.glb")));
+    const EXTENSION: &str = "KHR_materials_diffuse_transmission";
+    let lists = |key: &str| player.json[key].as_array().expect("list").iter().any(|e| e == EXTENSION);
+    assert!(lists("extensionsUsed") && !lists("extensionsRequired"));
+    let material = |name: &str| {
+        let list = player.json["materials"].as_array().expect("materials");
+        list.iter().find(|m| m["name"] == name).unwrap_or_else(|| panic!("no {name}")).clone()
+    };
+    let (leaf, plain) = (material("leaf"), material("cache_l0"));
+    let (transmission, uniform) = (&leaf["extensions"][EXTENSION], &plain["extensions"][EXTENSION]);
+    assert!((transmission["diffuseTransmissionFactor"].as_f64().expect("factor") - 0.3).abs() < 1e-6);
+    let base = &leaf["pbrMetallicRoughness"]["baseColorTexture"];
+    assert_eq!(&transmission["diffuseTransmissionColorTexture"], base);
+    assert!(base["index"].is_u64() && transmission["diffuseTransmissionColorFactor"].is_null());
+    let factor = plain["pbrMetallicRoughness"]["baseColorFactor"].as_array().expect("colour");
+    assert_eq!(uniform["diffuseTransmissionColorFactor"].as_array().expect("colour")[..], factor[..3]);
+    for name in ["bark", "water", "ground"] {
+        assert!(material(name)["extensions"][EXTENSION].is_null(), "{name} is opaque or clear");
+    }
+}
+
+#[test]
 fn three_shows_the_web_profile_where_osier_does() {
     let Some((node, folder)) = clients::three() else { return };
     let (scene, frames) = synthetic::scene();

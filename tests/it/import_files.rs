@@ -483,6 +483,8 @@ fn our_own_glb_is_read_back() {
             assert!(near, "{profile:?}: {world} is lost");
         }
         assert!(back.materials.iter().any(|m| m.maps.color.is_some()), "pictures come back");
+        let leaf = back.materials.iter().find(|m| m.name == "leaf").expect("leaf");
+        assert_eq!(leaf.translucency, 0.3, "{profile:?}");
     }
 }
 

@@ -303,6 +303,8 @@ pub(super) struct TextureRef {
 
 #[derive(Debug, Default, Serialize)]
 pub(super) struct MaterialExtensions {
+    #[serde(rename = "KHR_materials_diffuse_transmission", skip_serializing_if = "Option::is_none")]
+    pub diffuse_transmission: Option<DiffuseTransmission>,
     #[serde(rename = "KHR_materials_ior", skip_serializing_if = "Option::is_none")]
     pub ior: Option<Ior>,
     #[serde(rename = "KHR_materials_transmission", skip_serializing_if = "Option::is_none")]
@@ -313,8 +315,22 @@ pub(super) struct MaterialExtensions {
 
 impl MaterialExtensions {
     pub(super) fn is_empty(&self) -> bool {
-        self.ior.is_none() && self.transmission.is_none() && self.volume.is_none()
+        self.diffuse_transmission.is_none()
+            && self.ior.is_none()
+            && self.transmission.is_none()
+            && self.volume.is_none()
     }
+}
+
+/// Light that enters one side of a thin surface and leaves the other one in all directions.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct DiffuseTransmission {
+    pub diffuse_transmission_factor: f32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub diffuse_transmission_color_factor: Option<[f32; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub diffuse_transmission_color_texture: Option<TextureRef>,
 }
 
 #[derive(Debug, Serialize)]

@@ -3,7 +3,8 @@
 use super::buffer::last_index;
 use super::document::{GeometryKind, GltfDocument, MaterialVariant};
 use super::json::{
-    Image, Index, Ior, Material, MaterialExtensions, Pbr, Texture, TextureRef, TextureSampler, Transmission, Volume,
+    DiffuseTransmission, Image, Index, Ior, Material, MaterialExtensions, Pbr, Texture, TextureRef, TextureSampler,
+    Transmission, Volume,
 };
 use super::{ImageStorage, Profile, percent_encode};
 use crate::textures::jpeg;
@@ -72,9 +73,26 @@ impl GltfDocument<'_> {
             double_sided: source.double_sided || variant.geometry == GeometryKind::Ribbon,
             extensions: if is_water {
                 self.water_extensions(source, variant.material)
+            } else if shows_maps && source.translucency > 0.0 {
+                self.translucent_extensions(source)?
             } else {
                 MaterialExtensions::default()
             },
+        })
+    }
+
+    /// A leaf reflects the share 1 - t of diffuse light in its colour and transmits the share t, its translucency, in the same colour.
+    fn translucent_extensions(&mut self, source: &osier_scene::Material) -> Result<MaterialExtensions> {
+        self.use_extension("KHR_materials_diffuse_transmission", false);
+        // As with the base colour, the factor stays at its default of 1 beside a texture.
+        let textured = source.maps.color.is_some();
+        Ok(MaterialExtensions {
+            diffuse_transmission: Some(DiffuseTransmission {
+                diffuse_transmission_factor: source.translucency.min(1.0),
+                diffuse_transmission_color_factor: (!textured).then_some(source.base_color),
+                diffuse_transmission_color_texture: self.texture_ref(source.maps.color)?,
+            }),
+            ..MaterialExtensions::default()
         })
     }
 
@@ -83,6 +101,7 @@ impl GltfDocument<'_> {
             self.use_extension(extension, false);
         }
         MaterialExtensions {
+            diffuse_transmission: None,
             ior: Some(Ior { ior: source.ior }),
             transmission: Some(Transmission { transmission_factor: 1.0 }),
             volume: Some(Volume {

@@ -12,11 +12,12 @@ use osier_base::files::{Encoding, decode};
 use osier_base::limits::grouped;
 
 /// Extensions that are read, or that change only the appearance and may be ignored.
-const SUPPORTED_EXTENSIONS: [&str; 15] = [
+const SUPPORTED_EXTENSIONS: [&str; 16] = [
     "EXT_mesh_gpu_instancing",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -57,6 +58,8 @@ pub(super) struct GltfDocument {
     pub(super) uv_transforms: BTreeMap<usize, UvTransform>,
     /// Index of refraction, by index of the material.
     pub(super) iors: BTreeMap<usize, f64>,
+    /// Share of diffuse light that is transmitted, by index of the material.
+    pub(super) translucencies: BTreeMap<usize, f64>,
 }
 
 impl GltfDocument {
@@ -100,6 +103,9 @@ impl GltfDocument {
         let uv_transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, uv_transform(m)?))).collect();
         let ior = |m: &Value| m.pointer("/extensions/KHR_materials_ior/ior")?.as_f64();
         let iors = entries(top, "materials").filter_map(|(i, m)| Some((i, ior(m)?))).collect();
+        let translucency =
+            |m: &Value| m.pointer("/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionFactor")?.as_f64();
+        let translucencies = entries(top, "materials").filter_map(|(i, m)| Some((i, translucency(m)?))).collect();
         // What is left is validated by the `gltf` crate.
         let stripped = serde_json::to_vec(&value)
             .map_err(|e| context.error_about_file("X010", format_args!("is damaged: {e}")))?;
@@ -108,7 +114,7 @@ impl GltfDocument {
             Ok(gltf) => gltf.document.into_json(),
             Err(e) => return Err(validation_error(context, e)),
         };
-        Ok(Some(Self { root, instance_accessors, uv_transforms, iors }))
+        Ok(Some(Self { root, instance_accessors, uv_transforms, iors, translucencies }))
     }
 }
 

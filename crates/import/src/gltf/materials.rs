@@ -80,6 +80,8 @@ impl<'a> GltfMaterials<'a> {
         material.double_sided |= given.double_sided;
         let ior = self.document.iors.get(&id).copied().filter(|n| (1.0..=3.0).contains(n));
         material.ior = ior.map_or(material.ior, math::narrow);
+        let translucency = self.document.translucencies.get(&id).filter(|t| (0.0..=1.0).contains(*t));
+        material.translucency = translucency.map_or(material.translucency, |t| math::narrow(*t));
         if let Some(texture) = &pbr.base_color_texture
             && let Some((image, channels)) = self.decoded_image(context, texture.index.value())?
         {
