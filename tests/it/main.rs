@@ -48,6 +48,7 @@ mod synthetic;
 mod tracks;
 mod tree_levels;
 mod trust;
+mod tutorial;
 mod twigs;
 mod usd_arrays;
 mod usd_stages;
