@@ -65,7 +65,8 @@ fn quoted(words: &[String]) -> String {
     words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and ")
 }
 
-/// The tables of options with those of their keys in which all words occur, in capitals or not.
+/// The tables of options with those of their keys in whose description all words occur or begin a word, in capitals or not:
+/// "rain" finds "raindrops" and not "terrain".
 fn matching(words: &[String]) -> Vec<TableInfo> {
     let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
     let mut tables = options();
@@ -75,7 +76,8 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
         let place = format!("{} {}", table.path, table.about).to_lowercase();
         table.keys.retain(|key| {
             let text = format!("{place} {} {} {}", key.name, key.help, key.listing.accepts).to_lowercase();
-            words.iter().all(|w| text.contains(w.as_str()))
+            let begins_a_word = |at: usize| !text[..at].ends_with(char::is_alphanumeric);
+            words.iter().all(|w| text.match_indices(w.as_str()).any(|(at, _)| begins_a_word(at)))
         });
     }
     tables.retain(|table| !table.keys.is_empty());

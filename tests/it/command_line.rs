@@ -376,6 +376,14 @@ fn help_and_tables_read_as_they_did() {
 }
 
 #[test]
+fn words_find_options_by_the_beginnings_of_words() {
+    let rain = ends(0, &["list", "options", "rain"]).0;
+    assert!(rain.contains("\n[rain]") && rain.contains("raindrops") && !rain.contains("\n[terrain]"), "{rain}");
+    let lattice = ends(0, &["list", "options", "wind.lattice"]).0;
+    assert!(lattice.contains("\n[wind.lattice]") && !lattice.contains("\n[wind]"), "{lattice}");
+}
+
+#[test]
 fn shells_and_man_learn_every_command() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let (text, _) = ends(0, &["completions", shell]);
