@@ -65,8 +65,8 @@ fn quoted(words: &[String]) -> String {
     words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and ")
 }
 
-/// The tables of options with those of their keys in whose description all words occur or begin a word, in capitals or not:
-/// "rain" finds "raindrops" and not "terrain".
+/// The tables of options with those of their keys whose description has, for each of the words, a word that begins with it:
+/// "rain" finds "raindrops" and not "terrain". Case is ignored.
 fn matching(words: &[String]) -> Vec<TableInfo> {
     let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
     let mut tables = options();

@@ -350,7 +350,7 @@ fn threads_do_not_change_the_bytes() {
     }
 }
 
-/// A branch whose centreline began with two equal points had a horizontal first ring and eight triangles inside out.
+/// The first two points of a branch's centreline are in one place: its first ring must still face along the branch.
 #[test]
 fn a_branch_whose_first_points_coincide_is_not_inside_out() {
     let mut plant = wandering(16458108182241259158, 20);

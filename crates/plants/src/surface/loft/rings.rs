@@ -79,8 +79,8 @@ fn first_direction(curve: &[CurvePoint]) -> Vec3 {
     directions.find(|d| *d != Vec3::ZERO).unwrap_or(Vec3::Y)
 }
 
-/// Unit tangents at the points: the mean direction of both segments, at the ends that of the one segment. Points that coincide, as
-/// where one fillet ends and the next begins, keep the direction of the segment before.
+/// Unit tangents at the points: the mean direction of both segments, at the ends that of the one segment. A segment
+/// without length has the direction of the segment before it.
 fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) {
     out.clear();
     if curve.len() < 2 {
