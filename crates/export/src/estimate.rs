@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use osier_scene::{Asset, InstancerMotion, MapSequence, MeshMotion, Scene};
+use osier_scene::{Asset, InstancerMotion, MapSequence, Material, MeshMotion, Scene};
 
 use super::options::ExportOptions;
 
@@ -41,6 +41,16 @@ impl EstimateInput<'_> {
     /// Texels of one map of every map sequence.
     pub fn map_texels(&self) -> u64 {
         self.scene.map_sequences.iter().map(|s| s.texels() as u64).sum()
+    }
+
+    /// Texels of one map of every map sequence that shows the relief of its material beside the water.
+    pub fn relief_texels(&self) -> u64 {
+        let has_relief = |i: usize| {
+            let shows = |m: &Material| m.maps.height.is_some() && m.coat.is_some_and(|c| c.sequence as usize == i);
+            self.scene.materials.iter().any(shows)
+        };
+        let sequences = self.scene.map_sequences.iter().enumerate();
+        sequences.filter(|(i, _)| has_relief(*i)).map(|(_, s)| s.texels() as u64).sum()
     }
 
     /// Numbers in all maps of every map sequence at one frame.

@@ -1,10 +1,10 @@
 //! Camera, sun and sky of a scene.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::recipe::Recipe;
 use osier_base::geometry::Bounds;
-use osier_base::math::narrow;
+use osier_base::math::{self, narrow};
 use osier_base::par::par_map;
 use osier_scene::{Asset, AssetFrame, AssetKind, Camera, Fog, Placement, Sky, Sun, asset_bounds};
 
@@ -22,9 +22,14 @@ pub fn scene_camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement])
         let corners = if b.is_empty() { Vec::new() } else { b.corners().to_vec() };
         corners.into_iter().map(|c| s.transform.apply(c))
     });
+    camera_framing(recipe, Bounds::of(corners))
+}
+
+/// The camera of the keys; without them it frames `bounds`, m.
+fn camera_framing(recipe: &Recipe, bounds: Bounds) -> Camera {
     let keys = &recipe.camera;
     let [width, height] = recipe.output.pov.size;
-    let mut camera = Camera::framing(Bounds::of(corners), narrow(width / height), narrow(keys.vfov));
+    let mut camera = Camera::framing(bounds, narrow(width / height), narrow(keys.vfov));
     let point = |p: [f64; 3]| Vec3::from_array(p.map(narrow));
     if let Some(target) = keys.target {
         camera.eye += point(target) - camera.target;
@@ -33,6 +38,34 @@ pub fn scene_camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement])
     camera.eye = keys.eye.map_or(camera.target + (camera.eye - camera.target) * narrow(keys.distance), point);
     camera.roll = narrow(keys.roll);
     camera
+}
+
+/// How large the camera's picture shows things.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PictureScale {
+    /// Position of the camera, m.
+    eye: DVec3,
+    /// Focal length, pixels.
+    focal: f64,
+}
+
+impl PictureScale {
+    /// The scale in the picture of the keys' camera, which without `eye` frames `bounds`, m.
+    pub(crate) fn new(recipe: &Recipe, bounds: Bounds) -> Self {
+        let [_, height] = recipe.output.pov.size;
+        let camera = camera_framing(recipe, bounds);
+        Self { eye: camera.eye.as_dvec3(), focal: 0.5 * height / math::tan(0.5 * recipe.camera.vfov) }
+    }
+
+    /// Distance of a point from the camera, m.
+    pub(crate) fn distance(&self, at: DVec3) -> f64 {
+        self.eye.distance(at)
+    }
+
+    /// Pixels that a length of 1 m across the line of sight takes at a point.
+    pub(crate) fn pixels_per_metre(&self, at: DVec3) -> f64 {
+        self.focal / self.distance(at).max(1e-9)
+    }
 }
 
 /// The sun of the keys; angles in radians.

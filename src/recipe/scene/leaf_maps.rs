@@ -11,8 +11,10 @@ use osier_export::exr::{ATLAS, BORDER};
 keys! {
     /// Texture maps of leaves in rain: height, wetness and normals, one file per leaf and frame.
     LeafMapKeys at "maps" {
-        /// Texels along a side of a map.
+        /// Largest number of texels along a side of a map.
         resolution: u32 = "resolution" integer(512, 32, 8192);
+        /// Texels of a map per pixel of the camera's picture: leaves far from the camera get smaller maps.
+        texels_per_pixel: f64 = "texels_per_pixel" number(2.0, 0.1, 1000.0, "");
         /// Height of the value 1 of a height map; greater heights are clamped.
         height_range: f64 = "height_range_m" number(0.004, 1e-4, 0.1, "m");
         /// Largest number of leaves with maps, nearest to the camera first; other leaves have drops only.

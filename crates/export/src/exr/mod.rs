@@ -50,12 +50,12 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(ExrExporter::new(job.folder.clone(), job.options.exr))],
 };
 
-/// Own estimate: tenths of a byte for a number of a texel, measured on leaves in rain; a file of each map for each frame.
+/// Own estimate: bytes of a texel, measured on leaves in rain; a file of each map for each frame.
 fn estimate(input: &EstimateInput) -> u64 {
     let options = input.options.exr;
-    // A tenth for each number of a texel; atlases hold all of them once more.
+    // A tenth of a byte for each number of a texel, and 3.5 bytes for height and normal of a relief; atlases hold all once more.
     let files = if options.atlas { 2 } else { 1 };
-    let sequences = input.map_samples() * input.frames.max(1) * files / 10;
+    let sequences = (input.map_samples() + input.relief_texels() * 35) * input.frames.max(1) * files / 10;
     // For each asset four height maps of half floats at the default size, compressed to about half.
     sequences + input.per_asset(|_| 4 << 20)
 }

@@ -1,6 +1,6 @@
 //! The declarations of an asset in prototypes.inc, static.inc and the frame files.
 //!
-//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype, `G_a_m` a mesh (a macro if it is
+//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype (a macro if it is coated), `G_a_m` a mesh (a macro if it is
 //! static and coated, as its texture comes with the frame), `R_a_m` a macro of the static part of a deforming mesh, `L_a_i` the
 //! instances of an instancer, `J_a_i_j` those attached to joint j, `D_a_p` points, `H_a_c` curves, `A_a` a macro of the asset.
 
@@ -15,6 +15,17 @@ use osier_scene::{
     MeshFrame, MeshMotion, MeshObject, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
     skinning_matrices,
 };
+
+/// What the instances of a prototype refer to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PrototypeUse {
+    /// A prototype without geometry, which has no declaration.
+    Nothing,
+    /// A declared object.
+    Object,
+    /// A macro: the texture of the mesh is that of the frame.
+    Macro,
+}
 
 /// Makes an object a target of photons.
 const TARGET: &str = "photons { target reflection on refraction on collect off }";
@@ -33,9 +44,19 @@ pub(super) struct PovAsset<'a> {
 }
 
 impl PovAsset<'_> {
-    /// For each prototype of an instancer whether it has geometry.
-    fn visible_prototypes(instancer: &Instancer) -> Vec<bool> {
-        instancer.prototypes.iter().map(|p| has_area_anywhere(&p.mesh)).collect()
+    /// What instances of each prototype of an instancer refer to.
+    fn prototype_uses(&self, instancer: &Instancer) -> Vec<PrototypeUse> {
+        let of = |mesh: &Mesh| match has_area_anywhere(mesh) {
+            false => PrototypeUse::Nothing,
+            true if self.is_coated(mesh) => PrototypeUse::Macro,
+            true => PrototypeUse::Object,
+        };
+        instancer.prototypes.iter().map(|p| of(&p.mesh)).collect()
+    }
+
+    /// True if maps of the frame lie on a prototype of an instancer.
+    fn has_coated_prototype(&self, instancer: &Instancer) -> bool {
+        instancer.prototypes.iter().any(|p| self.is_coated(&p.mesh))
     }
 
     /// Declares the prototypes of the asset's instancers.
@@ -52,6 +73,12 @@ impl PovAsset<'_> {
                     continue;
                 }
                 let faces = Mesh2Faces::of(&proto.mesh, self.materials);
+                if self.is_coated(&proto.mesh) {
+                    text.put(&format!("#macro P_{}_{i}_{p}() ", self.index));
+                    write_mesh2(text, self.space, &proto.mesh, &faces);
+                    text.put("#end\n");
+                    continue;
+                }
                 text.put(&format!("#declare P_{}_{i}_{p} = object {{ ", self.index));
                 write_mesh2(text, self.space, &proto.mesh, &faces);
                 if self.is_target(instancer, p, &faces) {
@@ -251,8 +278,8 @@ impl PovAsset<'_> {
             let part = select_instances(instancer, &mine);
             text.put(&format!("#declare J_{}_{i}_{j} = ", self.index));
             let mut lines = TextBuffer::default();
-            let shown = Self::visible_prototypes(instancer);
-            let some = write_instances(&mut lines, self.space, (self.index, i), &part, &part.rest, &shown);
+            let uses = self.prototype_uses(instancer);
+            let some = write_instances(&mut lines, self.space, (self.index, i), &part, &part.rest, &uses);
             write_union(text, some, &lines, "");
             count += some;
         }
@@ -266,18 +293,20 @@ impl PovAsset<'_> {
         instancer: &Instancer,
         state: &InstanceState,
     ) -> usize {
-        text.put(&format!("#declare L_{}_{i} = ", self.index));
+        // As with coated meshes, a macro looks the texture of the frame up at each call.
+        let coated = self.has_coated_prototype(instancer);
+        let declaration = if coated {
+            format!("#macro L_{}_{i}() ", self.index)
+        } else {
+            format!("#declare L_{}_{i} = ", self.index)
+        };
+        text.put(&declaration);
         let mut lines = TextBuffer::default();
         // Formatted into a buffer first, because the form of the object depends on the number of instances.
-        let count = write_instances(
-            &mut lines,
-            self.space,
-            (self.index, i),
-            instancer,
-            state,
-            &Self::visible_prototypes(instancer),
-        );
+        let count =
+            write_instances(&mut lines, self.space, (self.index, i), instancer, state, &self.prototype_uses(instancer));
         write_union(text, count, &lines, "");
+        text.put(if coated { "#end\n" } else { "" });
         count
     }
 
@@ -337,7 +366,8 @@ impl PovAsset<'_> {
                     }
                 }
                 _ => {
-                    parts.put(&format!("object{{L_{a}_{i}}}\n"));
+                    let call = if self.has_coated_prototype(instancer) { "()" } else { "" };
+                    parts.put(&format!("object{{L_{a}_{i}{call}}}\n"));
                     count += 1;
                 }
             }

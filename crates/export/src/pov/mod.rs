@@ -37,7 +37,7 @@ use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
-use osier_scene::{Asset, AssetFrame, Frame, Instancer, Scene, check_frame, check_scene, scene_bounds};
+use osier_scene::{Asset, AssetFrame, Frame, Instancer, MaterialClass, Scene, check_frame, check_scene, scene_bounds};
 
 /// Instances of a frame beyond which POV-Ray's parsing is slow enough for a warning (X013).
 const SLOW_FRAME_INSTANCES: usize = 500_000;
@@ -75,8 +75,9 @@ fn estimate(input: &EstimateInput) -> u64 {
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
         still + points + moving + posed
     });
-    // A height and a weight of each map sequence, a tenth of a byte a texel.
-    assets + input.map_texels() * written(input.frames.max(1)).max(1) * 2 / 10
+    // A height and a weight of each map sequence: a tenth of a byte a texel each, and 1.5 bytes for the height of a relief.
+    let maps = (input.map_texels() * 2 + input.relief_texels() * 15) / 10;
+    assets + maps * written(input.frames.max(1)).max(1)
 }
 
 /// Writes a POV-Ray scene.
@@ -209,6 +210,11 @@ fn not_finite(path: &str) -> Error {
     Error::export("X001", format!("\"{path}\" would hold a number that is not finite"))
 }
 
+/// Whether a material of the scene is water, whose moving points are drawn as streaks.
+fn is_water(scene: &Scene, material: u32) -> bool {
+    scene.materials.get(material as usize).is_some_and(|m| m.class == MaterialClass::Water)
+}
+
 impl Exporter for PovExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
@@ -231,6 +237,10 @@ impl Exporter for PovExporter {
             &mut common,
             self.options.photons.filter(|_| target).map(|r| r * self.options.units_per_m),
         );
+        let falls = |p: &osier_scene::Points| p.moving && is_water(scene, p.material);
+        if scene.assets.iter().any(|a| a.points.iter().any(falls)) {
+            common.put(objects::STREAK_MACRO);
+        }
         material::declare_materials(&mut common, scene, &self.texture_folder())?;
         self.textures.write(scene, &self.folder, &self.texture_folder())?;
         self.write_text(&self.file_path("common.inc"), "inc", &common)?;

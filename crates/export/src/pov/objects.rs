@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::space::{PovSpace, write_rgb};
+use super::assets::PrototypeUse;
+use super::space::{PovSpace, round_to, write_rgb};
 use crate::text::TextBuffer;
 use osier_scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Points, PointsNow};
 
@@ -15,6 +16,27 @@ const STREAK_OPACITY: f32 = 0.14;
 /// Least ratio of a streak's length to the drop's width; a slower drop is drawn as a sphere. Own: chosen by eye.
 const MIN_STREAK_ASPECT: f32 = 3.0;
 
+/// Steps of the coordinates of a streak in the radius of its drop. Own: eight are finer than a pixel of any streak that shows.
+const STREAK_POSITION_STEPS: f32 = 8.0;
+
+/// The macro of a streak of falling water: position, half of its displacement, radius in the middle and transparency. Two cones taper from
+/// the middle to the ends, where the drop is for the shortest time. The interior of refractive index 1 replaces that of water, which
+/// would refract.
+pub(super) const STREAK_MACRO: &str = "#macro OsStreak(P, H, R, T) union{cone{P-H,0,P,R open}cone{P+H,0,P,R open} \
+    texture{pigment{rgbt<1,1,1,T>}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow} #end\n";
+
+/// The largest power of ten that is not above `x` > 0.
+fn decimal_step(x: f32) -> f32 {
+    let mut step = 1.0;
+    while step > x && step > 1e-6 {
+        step *= 0.1;
+    }
+    while step * 10.0 <= x && step < 1e6 {
+        step *= 10.0;
+    }
+    step
+}
+
 /// Writes shapes as one object: POV-Ray warns of a union of one, and of none. `tail`: texture and the like for all.
 pub(super) fn write_union(text: &mut TextBuffer, count: usize, shapes: &TextBuffer, tail: &str) {
     match count {
@@ -25,24 +47,25 @@ pub(super) fn write_union(text: &mut TextBuffer, count: usize, shapes: &TextBuff
     };
 }
 
-/// Writes a line for each live instance: `object{P_a_i_p matrix <..>}`. `name`: indices a and i of asset and instancer; `shown`: for
-/// each prototype, whether it has geometry. Returns how many were written.
+/// Writes a line for each live instance: `object{P_a_i_p matrix <..>}`. `name`: indices a and i of asset and instancer; `uses`: of each
+/// prototype. Returns how many were written.
 pub(super) fn write_instances(
     text: &mut TextBuffer,
     space: PovSpace,
     name: (usize, usize),
     instancer: &Instancer,
     state: &InstanceState,
-    shown: &[bool],
+    uses: &[PrototypeUse],
 ) -> usize {
-    // A prototype without geometry has no declaration, so its instances are omitted, too.
-    let visible = |i: &usize| {
-        state.is_alive(*i) && instancer.protos.get(*i).and_then(|p| shown.get(*p as usize)).copied().unwrap_or(false)
+    let used = |i: usize| {
+        let prototype = instancer.protos.get(i).and_then(|p| uses.get(*p as usize));
+        prototype.copied().unwrap_or(PrototypeUse::Nothing)
     };
+    let visible = |i: &usize| state.is_alive(*i) && used(*i) != PrototypeUse::Nothing;
     let alive: Vec<usize> = (0..instancer.len()).filter(visible).collect();
     let start = format!("object{{P_{}_{}_", name.0, name.1);
     text.lines(&alive, |t, _, i| {
-        t.put(&start).int(instancer.protos[*i]).put(" ");
+        t.put(&start).int(instancer.protos[*i]).put(if used(*i) == PrototypeUse::Macro { "() " } else { " " });
         space.write_matrix(t, &instancer.transform(state, *i));
         t.put("}\n");
     });
@@ -108,21 +131,15 @@ pub(super) fn write_points(
         let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);
         match half(*i) {
             Some(half) => {
-                // Two cones from the drop's radius in the middle to 0 at the ends, where the drop is for the shortest time.
-                t.put("union{");
-                for end in [p - half, p + half] {
-                    t.put("cone{");
-                    space.write_point(t, end);
-                    t.put(",0,");
-                    space.write_point(t, p);
-                    t.put(",");
-                    space.write_length(t, radius);
-                    t.put(" open}");
-                }
-                // An interior of refractive index 1 replaces that of water, which would refract.
                 // Opacity falls with the ratio of width to length: a longer streak spreads the same water over a larger area.
-                t.put(" texture{pigment{rgbt<1,1,1,").num(1.0 - STREAK_OPACITY * radius / half.length());
-                t.put(">}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow");
+                let opacity = STREAK_OPACITY * radius / half.length();
+                let rounding = decimal_step(radius * space.scale / STREAK_POSITION_STEPS);
+                t.put("object{OsStreak(");
+                space.write_rounded_point(t, p, rounding);
+                t.put(",");
+                space.write_rounded_point(t, half, rounding);
+                t.put(",").num(round_to(radius * space.scale, rounding));
+                t.put(",").num(round_to(1.0 - opacity, 1e-5)).put(")");
             }
             None => {
                 t.put("sphere{");
@@ -249,10 +266,9 @@ mod tests {
             &CloudFrame { now: points.at(&now), view },
         );
         let s = std::str::from_utf8(text.bytes()).expect("ascii");
-        assert_eq!((lost, s.matches("cone{").count(), s.matches("sphere{").count()), (0, 2, 1), "{s}");
+        assert_eq!((lost, s.matches("OsStreak(").count(), s.matches("sphere{").count()), (0, 1, 1), "{s}");
         // Thirty times as long as wide, so that next to nothing of it is there at any one time.
-        let streak = "union{cone{<100,3,0>,0,<100,0,0>,0.1 open}cone{<100,-3,0>,0,<100,0,0>,0.1 open} texture{pigment{rgbt<1,1,1,0.99";
-        assert!(s.contains(streak), "{s}");
+        assert!(s.contains("object{OsStreak(<100,0,0>,<0,-3,0>,0.1,0.99533)}"), "{s}");
         assert!(s.contains("sphere{<200,0,0>,0.1}"), "{s}");
     }
 

@@ -19,6 +19,12 @@ impl PovSpace {
         text.put("<").num(p.x * self.scale).put(",").num(p.y * self.scale).put(",").num(-p.z * self.scale).put(">");
     }
 
+    /// A point as `<x,y,z>` with coordinates rounded to multiples of `step` units, a power of ten. `p`: m.
+    pub fn write_rounded_point(self, text: &mut TextBuffer, p: Vec3, step: f32) {
+        let [x, y, z] = [p.x, p.y, -p.z].map(|x| round_to(x * self.scale, step));
+        text.put("<").num(x).put(",").num(y).put(",").num(z).put(">");
+    }
+
     /// A length in units. `v`: m.
     pub fn write_length(self, text: &mut TextBuffer, v: f32) {
         text.num(v * self.scale);
@@ -33,6 +39,14 @@ impl PovSpace {
         let rows = [x.x, x.y, -x.z, y.x, y.y, -y.z, -z.x, -z.y, z.z, t.x, t.y, -t.z];
         text.put("matrix <").list(&rows, ",").put(">");
     }
+}
+
+/// `x` rounded to a multiple of `step`, a power of ten, so that its shortest decimal form is short.
+pub(super) fn round_to(x: f32, step: f32) -> f32 {
+    // Divided in double precision by an integer where the step is one over it: the nearest single to k / 1000 prints as such.
+    let per_unit = (1.0 / f64::from(step)).round();
+    let x = f64::from(x);
+    osier_base::math::narrow(if per_unit >= 1.0 { (x * per_unit).round() / per_unit } else { x.round() })
 }
 
 /// A direction as `<x,y,z>`.

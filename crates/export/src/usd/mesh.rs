@@ -148,7 +148,8 @@ fn define_st(
     mesh: &Mesh,
     corners: &[i32],
 ) -> Result<Option<[AttrHandle; 2]>> {
-    if mesh.uvs.is_empty() && !place.varying {
+    // A mesh that varies and is empty at rest may have coordinates in its frames.
+    if mesh.uvs.is_empty() && !(place.varying && mesh.points.is_empty()) {
         return Ok(None);
     }
     let spec = AttrSpec::primvar("texCoord2f[]", "faceVarying");

@@ -275,10 +275,11 @@ pub const LARGE_DROP_RADIUS: f64 = 1e-3;
 /// The same of drops that a camera sees from afar, and of drops that it sees as a pixel or two.
 pub const AFAR_DROP_GRID: [u32; 2] = [4, 12];
 pub const DISTANT_DROP_GRID: [u32; 2] = [1, 6];
-/// Radius over distance below which a drop is seen from afar, and below which it is distant: about 6 and 2 pixels across in a picture of
-/// 1080 lines that shows 40 degrees. Larger: coarse drops are seen as such; smaller: files hold vertices that nobody sees.
-pub const AFAR_DROP_ANGLE: f64 = 2e-3;
-pub const DISTANT_DROP_ANGLE: f64 = 7e-4;
+/// Radius over distance below which a drop is seen from afar, and below which it is distant: about 15 and 3 pixels across in a picture of
+/// 1080 lines that shows 40 degrees. The polygons of 12 and 6 sides then deviate from the circle by a quarter of a pixel. Larger: coarse
+/// drops are seen as such; smaller: files hold vertices that nobody sees.
+pub const AFAR_DROP_ANGLE: f64 = 5e-3;
+pub const DISTANT_DROP_ANGLE: f64 = 1e-3;
 /// Exponent of the spacing of rings: above 1 they are denser towards the contact line, where highlights and refraction vary most.
 pub const RIM_DENSITY: f64 = 1.6;
 /// How far water reaches below the leaf's surface, m, so that no air is left between.

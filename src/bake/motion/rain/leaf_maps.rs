@@ -6,16 +6,16 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::motion::rain::chart_textures;
-use crate::bake::motion::rain::scene_leaf::{LeafInstance, SceneLeaf, WETNESS};
+use crate::bake::motion::rain::scene_leaf::{LeafInstance, LeafWithMaps, SceneLeaf, WETNESS};
 use crate::recipe::Recipe;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
 use osier_base::math::{self, narrow};
-use osier_motion::rain::{LeafMaps, LeafSurface, MaterialHeightMap, RainFrame, UvRaster};
+use osier_motion::rain::{LeafMaps, LeafSurface, MaterialHeightMap, UvRaster};
 use osier_scene::{
     Asset, AssetFrame, Coat, Image, InstanceState, Instancer, InstancerFrame, InstancerMotion, MapEncoding, MapFrame,
-    MapLayer, MapSequence, MapTexels, Maps, Material, Mesh, MeshFrame, MeshMotion, MeshObject, Prototype, SkinWeights,
-    Subset, Trs,
+    MapLayer, MapSequence, MapTexels, Maps, Material, Mesh, MeshMotion, MeshObject, Prototype, SkinWeights, Subset,
+    Trs,
 };
 
 /// The layers of every leaf's map sequence.
@@ -35,24 +35,30 @@ pub fn leaf_map_frame(maps: &LeafMaps, water: bool) -> MapFrame {
     MapFrame { layers: layers.into_iter().chain(water.then(|| scalar(&maps.water))).collect() }
 }
 
-/// Per asset, instancer and instance: whether the instance stays in its instancer.
-pub type KeptInstances = Vec<Vec<Vec<bool>>>;
+/// How the leaves of an asset with maps were separated from the others.
+#[derive(Debug, Clone, Default)]
+pub struct SeparatedLeaves {
+    /// Per instancer and instance: whether the instance stays in its instancer.
+    kept: Vec<Vec<bool>>,
+    /// Whether the others are instances of instancers that follow the old ones; else they are meshes.
+    instanced: bool,
+}
 
-/// Rasters of the mapped leaves' charts, with the relief of their materials; leaves with one blade share one. `side`: texels.
+/// Rasters of the mapped leaves' charts, with the relief of their materials; leaves with one blade and size of maps share one.
 pub fn build_uv_rasters(
     leaves: &[SceneLeaf],
-    mapped_leaves: &[usize],
-    side: usize,
+    mapped_leaves: &[LeafWithMaps],
     assets: &[Asset],
     materials: &[Material],
     images: &[Image],
 ) -> Vec<Arc<UvRaster>> {
-    let mut rasters: Vec<(Arc<LeafSurface>, Arc<UvRaster>)> = Vec::new();
+    let mut rasters: Vec<(Arc<LeafSurface>, usize, Arc<UvRaster>)> = Vec::new();
     mapped_leaves
         .iter()
-        .map(|i| {
-            let leaf = &leaves[*i];
-            let known = rasters.iter().find(|(s, _)| Arc::ptr_eq(s, &leaf.surface)).map(|(_, r)| Arc::clone(r));
+        .map(|mapped| {
+            let (leaf, side) = (&leaves[mapped.leaf], mapped.side);
+            let known = rasters.iter().find(|(surface, s, _)| Arc::ptr_eq(surface, &leaf.surface) && *s == side);
+            let known = known.map(|(.., raster)| Arc::clone(raster));
             known.unwrap_or_else(|| {
                 let relief = MaterialHeightMap::of_mesh_materials(
                     &instance_prototype(assets, leaf.instance).mesh,
@@ -60,7 +66,7 @@ pub fn build_uv_rasters(
                     images,
                 );
                 let raster = Arc::new(UvRaster::new(&leaf.surface, side, relief.as_ref()));
-                rasters.push((Arc::clone(&leaf.surface), Arc::clone(&raster)));
+                rasters.push((Arc::clone(&leaf.surface), side, Arc::clone(&raster)));
                 raster
             })
         })
@@ -78,12 +84,13 @@ pub struct AddedLeafMaps {
     pub sequences: Vec<MapSequence>,
     /// Textures that are drawn anew over charts, to follow those of the scene.
     pub images: Vec<Image>,
-    /// Instances that stay in their instancers.
-    pub kept: KeptInstances,
+    /// Parallel to the assets.
+    pub separated: Vec<SeparatedLeaves>,
 }
 
-/// Takes mapped leaves out of their instancers and adds each as a mesh with a wet material and a map sequence. `images`: textures of the
-/// scene; empty in an estimate.
+/// Takes mapped leaves out of their instancers and gives each a mesh with a wet material and a map sequence. Leaves that move off their
+/// joints stay instances, each of a prototype of its own: a frame then carries one transform instead of all points. `images`: textures
+/// of the scene; empty in an estimate.
 /// # Errors
 /// `TooMany` beyond 2^32 sequences, materials or images.
 pub fn add_leaf_maps(
@@ -91,7 +98,7 @@ pub fn add_leaf_maps(
     materials: &mut Vec<Material>,
     images: &[Image],
     leaves: &[SceneLeaf],
-    mapped_leaves: &[usize],
+    mapped_leaves: &[LeafWithMaps],
     recipe: &Recipe,
 ) -> Result<AddedLeafMaps> {
     // Number of each leaf on its plant, which names its mesh and maps.
@@ -105,8 +112,9 @@ pub fn add_leaf_maps(
     let mut new_images = Vec::new();
     let mut charted = ChartedMaterials::default();
     let mut removed: BTreeSet<LeafInstance> = BTreeSet::new();
-    for i in mapped_leaves {
-        let leaf = &leaves[*i];
+    let mut prototypes: BTreeMap<LeafInstance, Prototype> = BTreeMap::new();
+    for mapped in mapped_leaves {
+        let leaf = &leaves[mapped.leaf];
         let LeafInstance { asset, instancer, instance } = leaf.instance;
         let of_prototype = &instance_prototype(assets, leaf.instance).mesh;
         // A blade with a chart of its own has its textures drawn anew over it.
@@ -121,25 +129,25 @@ pub fn add_leaf_maps(
         };
         let asset = &mut assets[asset];
         let instancer = &asset.instancers[instancer];
-        let id = format!("l{:04}", numbers[*i]);
+        let id = format!("l{:04}", numbers[mapped.leaf]);
         let name = format!("{}_{id}", asset.id);
-        let trs = instancer.transform(&instancer.rest, instance);
-        transform_mesh(&mut mesh, &trs);
         let sequence = index(sequences.len(), "leaves with maps")?;
         assign_wet_material(&mut mesh, materials, &name, sequence)?;
-        let skin = leaf.joint.map(|j| SkinWeights {
-            joints: vec![[j, 0, 0, 0]; mesh.points.len()],
-            weights: vec![[1.0, 0.0, 0.0, 0.0]; mesh.points.len()],
-        });
-        let motion = match &skin {
-            _ if leaf.deforms => MeshMotion::Deforming,
-            Some(_) => MeshMotion::Skinned,
-            None => MeshMotion::Still,
-        };
-        asset.meshes.push(MeshObject { name: format!("leaf_{id}"), mesh, motion, skin });
+        let mesh_name = format!("leaf_{id}");
+        if leaf.moves_off_joint {
+            prototypes.insert(leaf.instance, Prototype::new(mesh_name, mesh));
+        } else {
+            transform_mesh(&mut mesh, &instancer.transform(&instancer.rest, instance));
+            let skin = leaf.joint.map(|j| SkinWeights {
+                joints: vec![[j, 0, 0, 0]; mesh.points.len()],
+                weights: vec![[1.0, 0.0, 0.0, 0.0]; mesh.points.len()],
+            });
+            let motion = if skin.is_some() { MeshMotion::Skinned } else { MeshMotion::Still };
+            asset.meshes.push(MeshObject { name: mesh_name, mesh, motion, skin });
+        }
         sequences.push(MapSequence {
             name,
-            side: to_usize(recipe.maps.resolution),
+            side: mapped.side,
             height_range: narrow(recipe.maps.height_range),
             layers: LAYERS.into_iter().chain(recipe.maps.water.then_some(WATER_LAYER)).collect(),
             rest: None,
@@ -147,16 +155,46 @@ pub fn add_leaf_maps(
         removed.insert(leaf.instance);
     }
     // Filter the instancers; those that lose their last leaf are removed.
-    let mut kept = KeptInstances::new();
+    let mut separated = Vec::new();
     for (a, asset) in assets.iter_mut().enumerate() {
         let is_kept = |instancer, instance| !removed.contains(&LeafInstance { asset: a, instancer, instance });
         let mask = |(n, i): (usize, &Instancer)| (0..i.len()).map(|k| is_kept(n, k)).collect();
-        let masks: Vec<Vec<bool>> = asset.instancers.iter().enumerate().map(mask).collect();
-        asset.instancers.iter_mut().zip(&masks).for_each(|(i, keep)| retain_instances(i, keep));
+        let kept: Vec<Vec<bool>> = asset.instancers.iter().enumerate().map(mask).collect();
+        let mut own: Vec<Vec<Prototype>> = vec![Vec::new(); kept.len()];
+        while let Some(first) = prototypes.first_entry().filter(|first| first.key().asset == a) {
+            own[first.key().instancer].push(first.remove());
+        }
+        let instanced = own.iter().any(|list| !list.is_empty());
+        let wet: Vec<Instancer> = asset
+            .instancers
+            .iter()
+            .zip(own)
+            .zip(&kept)
+            .filter(|((_, own), _)| !own.is_empty())
+            .map(|((instancer, own), keep)| wet_instancer(instancer, own, keep))
+            .collect();
+        asset.instancers.iter_mut().zip(&kept).for_each(|(i, keep)| retain_instances(i, keep));
         asset.instancers.retain(|i| !i.is_empty());
-        kept.push(masks);
+        asset.instancers.extend(wet);
+        separated.push(SeparatedLeaves { kept, instanced });
     }
-    Ok(AddedLeafMaps { sequences, images: new_images, kept })
+    Ok(AddedLeafMaps { sequences, images: new_images, separated })
+}
+
+/// An instancer of those instances that do not stay in `instancer`, each with a prototype of its own.
+fn wet_instancer(instancer: &Instancer, prototypes: Vec<Prototype>, keep: &[bool]) -> Instancer {
+    let mut wet = instancer.clone();
+    retain_instances(&mut wet, &inverted(keep));
+    wet.name = format!("{}_with_maps", instancer.name);
+    // Drops lie on these blades: their states count, not those of the joints.
+    wet.motion = InstancerMotion::Free;
+    wet.protos = (0..).take(prototypes.len()).collect();
+    wet.prototypes = prototypes;
+    wet
+}
+
+fn inverted(mask: &[bool]) -> Vec<bool> {
+    mask.iter().map(|keep| !keep).collect()
 }
 
 /// Materials whose textures were drawn anew over the chart of a blade.
@@ -224,34 +262,6 @@ fn transform_mesh(mesh: &mut Mesh, trs: &Trs) {
     mesh.normals.iter_mut().for_each(|n| *n = math::normalize_or(trs.r * *n, Vec3::Y));
 }
 
-/// Adds to each frame of a plant the points of those of its leaves with maps that move beside their joints. `assets`: with these leaves
-/// as their last meshes; `transforms`: of the plants' first copies.
-pub fn add_posed_leaves(
-    plants: &mut [Vec<AssetFrame>],
-    rain_frames: &[RainFrame],
-    assets: &[Asset],
-    transforms: &[Trs],
-    leaves: &[SceneLeaf],
-    mapped_leaves: &[usize],
-) {
-    let mut left = vec![0_usize; assets.len()];
-    mapped_leaves.iter().for_each(|i| left[leaves[*i].instance.asset] += 1);
-    for i in mapped_leaves {
-        let leaf = &leaves[*i];
-        let a = leaf.instance.asset;
-        let at = assets[a].meshes.len() - left[a];
-        left[a] -= 1;
-        if !leaf.deforms {
-            continue;
-        }
-        let (mesh, transform) = (&assets[a].meshes[at].mesh, transforms[a]);
-        for (frame, rain_frame) in plants[a].iter_mut().zip(rain_frames) {
-            frame.meshes.resize(at, MeshFrame::Same);
-            frame.meshes.push(leaf.posed_mesh(mesh, transform, &rain_frame.leaf_poses[*i]));
-        }
-    }
-}
-
 fn retain_kept<T>(list: &mut Vec<T>, keep: &[bool]) {
     let mut k = 0;
     list.retain(|_| {
@@ -280,13 +290,23 @@ fn retain_kept_states(state: &mut InstanceState, keep: &[bool]) {
     state.attributes.iter_mut().for_each(|a| a.data.retain(keep));
 }
 
-/// Keeps the same instances in a frame of the asset.
-pub fn retain_frame_instances(frame: &mut AssetFrame, masks: &[Vec<bool>]) {
-    for (state, keep) in frame.instancers.iter_mut().zip(masks) {
-        if let InstancerFrame::State(state) = state {
+/// Separates the leaves with maps in a frame of the asset as they were separated in the asset itself.
+pub fn separate_frame_instances(frame: &mut AssetFrame, leaves: &SeparatedLeaves) {
+    let mut wet = Vec::new();
+    for (of_instancer, keep) in frame.instancers.iter_mut().zip(&leaves.kept) {
+        let separates = leaves.instanced && keep.contains(&false);
+        if let InstancerFrame::State(state) = of_instancer {
+            if separates {
+                let mut separate = state.clone();
+                retain_kept_states(&mut separate, &inverted(keep));
+                wet.push(InstancerFrame::State(separate));
+            }
             retain_kept_states(state, keep);
+        } else if separates {
+            wet.push(InstancerFrame::Same);
         }
     }
-    let mut masks = masks.iter();
+    let mut masks = leaves.kept.iter();
     frame.instancers.retain(|_| masks.next().is_none_or(|keep| keep.contains(&true)));
+    frame.instancers.extend(wet);
 }

@@ -27,6 +27,7 @@ use crate::bake::assets::obstacles::rain_faces;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::bake::scene::builder::SceneBuilder;
+use crate::bake::scene::camera_light::PictureScale;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
 use crate::recipe::scene::RainRecipe;
@@ -95,8 +96,8 @@ pub struct RainPlayback {
 struct MeshedDropSelection {
     /// Largest number of drops of a frame.
     max_drops: usize,
-    /// Position of the camera, m: the nearest drops are shown; `None` for the largest.
-    eye: Option<DVec3>,
+    /// Those that the picture shows largest are chosen, and their detail follows it.
+    picture: PictureScale,
 }
 
 /// The drops on leaves that a frame shows as meshes.
@@ -249,7 +250,8 @@ fn simulate_rain(
 
     // Targets: leaf blades on plants that rods or the wind move, or on static ones.
     let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
-    let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves);
+    let picture = PictureScale::new(recipe, bounds_at_rest(assets, transforms));
+    let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves, &picture);
     let steps = steps_per_frame(rain, recipe, &plant_motions);
     // The simulation's clock starts with the spin-up, that of the wind with the clip.
     let step = 1.0 / (recipe.clip.fps() * f64::from(steps));
@@ -300,22 +302,20 @@ fn simulate_rain(
         roughness: 0.0,
         ..Material::plain("water".into(), MaterialClass::Water, [0.98, 0.99, 1.0], 0.0)
     });
-    let side = to_usize(recipe.maps.resolution);
-    let rasters = leaf_maps::build_uv_rasters(&scene_leaves, &mapped_leaves, side, assets, materials, images);
-    let leaf_maps::AddedLeafMaps { sequences: mut map_sequences, images: new_images, kept } =
+    let rasters = leaf_maps::build_uv_rasters(&scene_leaves, &mapped_leaves, assets, materials, images);
+    let leaf_maps::AddedLeafMaps { sequences: mut map_sequences, images: new_images, separated } =
         leaf_maps::add_leaf_maps(assets, materials, images, &scene_leaves, &mapped_leaves, recipe)?;
     // The recorded frames still have these leaves as instances.
-    for (frames, masks) in plants.iter_mut().zip(&kept) {
-        frames.iter_mut().for_each(|frame| leaf_maps::retain_frame_instances(frame, masks));
+    for (frames, leaves) in plants.iter_mut().zip(&separated) {
+        frames.iter_mut().for_each(|frame| leaf_maps::separate_frame_instances(frame, leaves));
     }
-    leaf_maps::add_posed_leaves(&mut plants, &rain_frames, assets, transforms, &scene_leaves, &mapped_leaves);
     let mapped_leaves: Vec<MappedLeaf> =
-        mapped_leaves.iter().zip(rasters).map(|(leaf, raster)| MappedLeaf { leaf: *leaf, raster }).collect();
+        mapped_leaves.iter().zip(rasters).map(|(mapped, raster)| MappedLeaf { leaf: mapped.leaf, raster }).collect();
     let (slots, capacity) = drop_records::assign_point_slots(&rain_frames);
     let max_drops = to_usize(rain.keys.max_drop_meshes);
     report_hidden_drops(&rain_frames, max_drops, report);
     let playback = RainPlayback {
-        shown: MeshedDropSelection { max_drops, eye: recipe.camera.eye.map(DVec3::from_array) },
+        shown: MeshedDropSelection { max_drops, picture },
         shapes: pendant_families_by_radius(&rain_frames, params.g),
         numbers: drop_records::number_drops(&rain_frames)?,
         maps: Mutex::new(AdvancingLeafMaps { frames: 0, leaves: Vec::new() }),
@@ -356,6 +356,15 @@ fn still_plant(of: &RainedPlant<'_>) -> Box<dyn RainPlant> {
         }
     }
     Box::new(StillRainPlant::new(&leaves, segments))
+}
+
+/// World bounds of the plants at rest, m.
+fn bounds_at_rest(assets: &[Asset], transforms: &[Trs]) -> Bounds {
+    let rest = AssetFrame::default();
+    assets.iter().zip(transforms).fold(Bounds::default(), |all, (asset, trs)| {
+        let corners = osier_scene::asset_bounds(asset, &rest).corners();
+        all.union(Bounds::of(corners.map(|c| trs.apply(c))))
+    })
 }
 
 /// World bounds of the plants, m, swaying or at rest.
@@ -489,10 +498,9 @@ impl RainPlayback {
         if count <= self.shown.max_drops {
             return ShownDrops::All;
         }
-        // The nearest to the camera, or the largest; of equal ones those with lower identifiers.
-        let rank = |leaf: usize, volume: f64| match self.shown.eye {
-            Some(eye) => frame.leaf_poses[leaf].position.distance(eye),
-            None => -volume,
+        // The largest in the picture; of equal ones those with lower identifiers.
+        let rank = |leaf: usize, volume: f64| {
+            -sphere_diameter(volume) * self.shown.picture.pixels_per_metre(frame.leaf_poses[leaf].position)
         };
         let sessile = frame.sessile.iter().map(|d| (rank(d.leaf, d.volume), d.id));
         let mut ranked: Vec<(f64, u64)> =
@@ -509,9 +517,8 @@ impl RainPlayback {
         // Attribute `drop_id` of each vertex: after a drop is appended, its number fills the list up to the last vertex.
         let mut ids: Vec<i32> = Vec::new();
         let number = |id: &u64| self.numbers.get(id).map_or(-1, |n| attribute_number(*n));
-        let detail = |leaf: usize, radius: f64| match self.shown.eye {
-            Some(eye) => DropDetail::at_distance(radius, frame.leaf_poses[leaf].position.distance(eye)),
-            None => DropDetail::Near,
+        let detail = |leaf: usize, radius: f64| {
+            DropDetail::at_distance(radius, self.shown.picture.distance(frame.leaf_poses[leaf].position))
         };
         for drop in frame.sessile.iter().filter(|drop| shown.includes(drop.id)) {
             water.detail = detail(drop.leaf, drop.caps.first().map_or(0.0, |head| head.cap.max_radius()));

@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DQuat, DVec3};
 
 use super::plant_in_rain::PlantInRain;
+use crate::bake::scene::camera_light::PictureScale;
 use crate::recipe::Recipe;
 use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::narrow;
-use osier_motion::rain::{AlphaMask, LeafCollider, LeafPose, LeafSurface, VeinMap};
-use osier_scene::{Asset, AssetFrame, Image, InstancerFrame, InstancerMotion, Material, Mesh, MeshFrame, Trs};
+use osier_motion::rain::{AlphaMask, LeafCollider, LeafSurface, VeinMap};
+use osier_scene::{Asset, AssetFrame, Image, InstancerFrame, InstancerMotion, Material, Trs};
 
 /// Attribute of leaves and drops: share of the surface that is wet, 0 to 1.
 pub(super) const WETNESS: &str = "wetness";
@@ -33,34 +34,13 @@ pub(crate) struct SceneLeaf {
     pub(super) number: usize,
     /// The joint that the leaf rides on, for a plant that moves.
     pub(crate) joint: Option<u16>,
-    /// Whether the leaf moves beside its joint, so that frames carry its points.
-    pub(crate) deforms: bool,
+    /// Whether the leaf moves beside its joint, so that frames carry its position and orientation.
+    pub(crate) moves_off_joint: bool,
     /// Pivot in the world, m.
     pub(super) position: DVec3,
     /// World from leaf space.
     pub(super) rotation: DQuat,
     pub(super) scale: f64,
-}
-
-impl SceneLeaf {
-    /// The leaf's mesh at a pose of the world, in plant space. `mesh`: at rest, in plant space; `transform`: world from plant space.
-    pub(super) fn posed_mesh(&self, mesh: &Mesh, transform: Trs, pose: &LeafPose) -> MeshFrame {
-        let stand = transform.r.as_dquat().normalize();
-        let (back, scale) = (stand.conjugate(), f64::from(transform.s.x));
-        // The blade is rigid: it turns from its orientation at rest to that of the pose, about its pivot.
-        let turn = pose.orientation * self.rotation.conjugate();
-        let place = |p: &Vec3| pose.position + turn * (transform.apply(*p).as_dvec3() - self.position);
-        let normal = back * turn * stand;
-        MeshFrame::Points {
-            points: mesh
-                .points
-                .iter()
-                .map(|p| (back * (place(p) - transform.t.as_dvec3()) / scale).as_vec3())
-                .collect(),
-            normals: mesh.normals.iter().map(|n| (normal * n.as_dvec3()).as_vec3()).collect(),
-            velocities: mesh.points.iter().map(|p| (back * pose.velocity_at(place(p)) / scale).as_vec3()).collect(),
-        }
-    }
 }
 
 /// Collects every leaf blade of the scene, plant by plant. `transforms`: of each plant's first copy, parallel to `assets`.
@@ -77,7 +57,7 @@ pub(super) fn scene_leaves(
     for (a, (asset, transform)) in assets.iter().zip(transforms).enumerate() {
         let motion = plant_motions.get(a);
         let rods = motion.and_then(PlantInRain::rods);
-        let deforms = motion.is_some_and(PlantInRain::moves_by_sway_model);
+        let moves_off_joint = motion.is_some_and(PlantInRain::moves_by_sway_model);
         let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
             // Surface and collider of each instance_prototype: alpha and height maps tell where blade and veins are.
@@ -100,7 +80,7 @@ pub(super) fn scene_leaves(
                 let organ = rods.and_then(|(_, binding)| binding.leaf_groups().get(i)?.get(k).copied());
                 let joint = match (&instancer.motion, rods.zip(organ)) {
                     (_, Some(((rods, binding), organ))) => Some(binding.leaf_joint(rods, organ)),
-                    (InstancerMotion::Joints(joints), None) if deforms => joints.get(k).copied(),
+                    (InstancerMotion::Joints(joints), None) if moves_off_joint => joints.get(k).copied(),
                     _ => None,
                 };
                 let number = organ.unwrap_or(count);
@@ -108,7 +88,7 @@ pub(super) fn scene_leaves(
                 leaves.push(SceneLeaf {
                     number,
                     joint,
-                    deforms,
+                    moves_off_joint,
                     instance: LeafInstance { asset: a, instancer: i, instance: k },
                     surface: Arc::clone(surface),
                     collider: Arc::clone(collider),
@@ -141,19 +121,35 @@ fn chart_diagnostic(plant: &str, leaf: &str, surface: Option<&LeafSurface>) -> O
     Some(Diagnostic::about("X022", text).help(mend))
 }
 
-/// Leaves that get maps, in the order of the scene: the nearest to the scene's camera, or the first without its position.
-pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf]) -> Vec<usize> {
-    let max_leaves = to_usize(recipe.maps.max_mapped_leaves);
+/// A leaf that gets maps.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LeafWithMaps {
+    /// Index of the leaf in the scene.
+    pub(crate) leaf: usize,
+    /// Texels along a side of its maps.
+    pub(crate) side: usize,
+}
+
+/// Smallest side of a map, texels. Own: the smallest that the key admits; smaller files would hold hardly more than their header.
+const MIN_MAP_SIDE: usize = 32;
+
+/// Leaves that get maps, in the order of the scene: those nearest to the camera.
+pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], picture: &PictureScale) -> Vec<LeafWithMaps> {
     let mut order: Vec<usize> = (0..leaves.len()).collect();
-    if let Some(eye) = recipe.camera.eye {
-        let eye = DVec3::from_array(eye);
-        order.sort_by(|a, b| {
-            leaves[*a].position.distance(eye).total_cmp(&leaves[*b].position.distance(eye)).then(a.cmp(b))
-        });
-    }
-    order.truncate(max_leaves);
+    let distance = |leaf: usize| picture.distance(leaves[leaf].position);
+    order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
+    order.truncate(to_usize(recipe.maps.max_mapped_leaves));
     order.sort_unstable();
-    order
+    order.into_iter().map(|leaf| LeafWithMaps { leaf, side: map_side(recipe, &leaves[leaf], picture) }).collect()
+}
+
+/// Side of a leaf's maps, texels: as many as the camera's picture shows, rounded up to a power of two, at most `maps.resolution`.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, and clamped")]
+fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &PictureScale) -> usize {
+    let pixels = leaf.surface.chart_span() * leaf.scale * picture.pixels_per_metre(leaf.position);
+    let wanted = (pixels * recipe.maps.texels_per_pixel).ceil() as usize;
+    let largest = to_usize(recipe.maps.resolution);
+    wanted.clamp(MIN_MAP_SIDE, largest).next_power_of_two().min(largest)
 }
 
 /// Writes the wetness of all leaves into the last frame of each plant.

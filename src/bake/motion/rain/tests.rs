@@ -4,7 +4,7 @@ use crate::bake::scene::assembly::{AssembledScene, SceneOptions, assemble_scene}
 use crate::recipe::{Request, resolve};
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
-use osier_scene::{Frame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
+use osier_scene::{Frame, InstancerFrame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
 
 const SCENE: &str = "
     [frames]\nend = 8
@@ -153,4 +153,43 @@ fn height_maps_hold_relief_and_water_and_water_maps_the_water() {
     let (least, most) = scales.iter().fold((f32::MAX, 0.0_f32), |(a, b), s| (a.min(*s), b.max(*s)));
     assert!(scales.len() > 200 && least / most > 0.999, "{} of {least} to {most}", scales.len());
     assert!(wet > 5 && dry > 200 && sloped > dry / 4, "{wet} {dry} {sloped}");
+}
+
+#[test]
+fn maps_are_as_large_as_the_camera_sees_their_leaves() {
+    // Sides of the maps for a camera at a distance in front of the twig, m.
+    let sides = |distance: f64| {
+        let text = format!("{SCENE}[camera]\neye = [0, 0.3, {distance}]\ntarget = [0, 0.3, 0]\n");
+        let request = Request { name: "test".into(), text: text.replace("resolution = 32", ""), ..Request::default() };
+        let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
+        let (limits, cancel) = (Limits::default(), Cancel::default());
+        let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
+        let built = assemble_scene(&recipe, SceneOptions::default(), &context).expect("a scene");
+        let frame = at(&built, 2);
+        check_frame(&built.animated.scene, &frame).expect("sound");
+        built.animated.scene.map_sequences.iter().map(|s| s.side).collect::<Vec<_>>()
+    };
+    assert!(sides(0.3).contains(&512), "{:?}", sides(0.3));
+    assert_eq!(sides(30.0), [32; 6]);
+    let [near, far] = [1.5, 6.0].map(|d| sides(d)[0]);
+    assert!(near == 4 * far && far >= 32, "a quarter of the size at four times the distance: {near} {far}");
+}
+
+#[test]
+fn leaves_with_maps_on_a_swaying_plant_are_instances() {
+    let built = built("[plants.twig.wood]\ntimber = \"white_oak\"\n[wind]\nspeed = 5\n");
+    let scene = &built.animated.scene;
+    check_scene(scene).expect("sound");
+    let asset = &scene.assets[0];
+    assert!(asset.meshes.iter().all(|m| !m.name.starts_with("leaf_l")));
+    let (i, wet) =
+        asset.instancers.iter().enumerate().find(|(_, i)| i.name.ends_with("_with_maps")).expect("an instancer");
+    assert!(wet.len() == 3 && wet.prototypes.len() == 3);
+    let [a, b] = [1, 8].map(|n| at(&built, n));
+    check_frame(scene, &b).expect("sound");
+    let positions = |frame: &Frame| match frame.assets[0].instancer(i) {
+        InstancerFrame::State(state) => state.positions.clone(),
+        InstancerFrame::Same => panic!("no state"),
+    };
+    assert!(positions(&a).iter().zip(&positions(&b)).any(|(a, b)| a.distance(*b) > 1e-5), "the wind moves them");
 }

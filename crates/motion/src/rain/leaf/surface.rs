@@ -176,6 +176,19 @@ impl LeafSurface {
         self.chart.as_ref()
     }
 
+    /// Length on the blade that one side of the square of chart coordinates spans at scale 1, m: the larger of the means of |dp/du| and
+    /// |dp/dv| over the chart.
+    pub fn chart_span(&self) -> f64 {
+        let (mut along, mut total) = ([0.0; 2], 0.0);
+        for (t, [dpdu, dpdv]) in self.triangles.iter().zip(&self.partials) {
+            let [a, b, c] = t.map(|i| self.uvs[i as usize]);
+            let area = 0.5 * (b - a).perp_dot(c - a).abs();
+            along = [along[0] + area * dpdu.length(), along[1] + area * dpdv.length()];
+            total += area;
+        }
+        along[0].max(along[1]) / total.max(f64::MIN_POSITIVE)
+    }
+
     /// Factor between the sides of a picture over the chart and of one over the mesh's own texture coordinates that is as fine on the
     /// blade; 1 for a blade without a chart of its own.
     pub fn chart_to_texture_side_ratio(&self) -> f64 {
