@@ -1,11 +1,14 @@
 //! The declarations of an asset in prototypes.inc, static.inc and the frame files.
 //!
-//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype (a macro if it is coated), `G_a_m` a mesh (a macro if it is
-//! static and coated, as its texture comes with the frame), `R_a_m` a macro of the static part of a deforming mesh, `L_a_i` the
-//! instances of an instancer, `J_a_i_j` those attached to joint j, `D_a_p` points, `H_a_c` curves, `A_a` a macro of the asset.
+//! Identifiers have indices of asset a, mesh m, instancer i and so on: `P_a_i_p` a prototype, `G_a_m` a static mesh, `R_a_m` a macro of
+//! the static part of a deforming mesh, `L_a_i` the instances of an instancer, `J_a_i_j` those attached to joint j, `D_a_p` points,
+//! `H_a_c` curves, `A_a` a macro of the asset. Prototypes and static meshes with a coat, and the instances of such prototypes, are
+//! macros: their texture comes with the frame.
 
 use super::mesh::{Mesh2Faces, has_area_anywhere, split_hair, write_mesh2, write_topology, write_vectors};
-use super::objects::{CloudFrame, MAX_SPHERES, StreakView, write_curves, write_instances, write_points, write_union};
+use super::objects::{
+    CloudFrame, MAX_SPHERES, PrototypeUse, StreakView, write_curves, write_instances, write_points, write_union,
+};
 use super::photons;
 use super::space::PovSpace;
 use crate::Warning;
@@ -15,17 +18,6 @@ use osier_scene::{
     MeshFrame, MeshMotion, MeshObject, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
     skinning_matrices,
 };
-
-/// What the instances of a prototype refer to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PrototypeUse {
-    /// A prototype without geometry, which has no declaration.
-    Nothing,
-    /// A declared object.
-    Object,
-    /// A macro: the texture of the mesh is that of the frame.
-    Macro,
-}
 
 /// Makes an object a target of photons.
 const TARGET: &str = "photons { target reflection on refraction on collect off }";

@@ -37,7 +37,7 @@ use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
-use osier_scene::{Asset, AssetFrame, Frame, Instancer, MaterialClass, Scene, check_frame, check_scene, scene_bounds};
+use osier_scene::{Asset, AssetFrame, Frame, Instancer, Scene, check_frame, check_scene, scene_bounds};
 
 /// Instances of a frame beyond which POV-Ray's parsing is slow enough for a warning (X013).
 const SLOW_FRAME_INSTANCES: usize = 500_000;
@@ -210,11 +210,6 @@ fn not_finite(path: &str) -> Error {
     Error::export("X001", format!("\"{path}\" would hold a number that is not finite"))
 }
 
-/// Whether a material of the scene is water, whose moving points are drawn as streaks.
-fn is_water(scene: &Scene, material: u32) -> bool {
-    scene.materials.get(material as usize).is_some_and(|m| m.class == MaterialClass::Water)
-}
-
 impl Exporter for PovExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
@@ -237,7 +232,7 @@ impl Exporter for PovExporter {
             &mut common,
             self.options.photons.filter(|_| target).map(|r| r * self.options.units_per_m),
         );
-        let falls = |p: &osier_scene::Points| p.moving && is_water(scene, p.material);
+        let falls = |p: &osier_scene::Points| p.moving && objects::is_water(p, &scene.materials);
         if scene.assets.iter().any(|a| a.points.iter().any(falls)) {
             common.put(objects::STREAK_MACRO);
         }

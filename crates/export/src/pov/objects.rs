@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 
-use super::assets::PrototypeUse;
 use super::space::{PovSpace, round_to, write_rgb};
 use crate::text::TextBuffer;
 use osier_scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Points, PointsNow};
@@ -45,6 +44,17 @@ pub(super) fn write_union(text: &mut TextBuffer, count: usize, shapes: &TextBuff
         1 => text.put("object{\n").append(shapes).put(tail).put("}\n"),
         _ => text.put("union{\n").append(shapes).put(tail).put("}\n"),
     };
+}
+
+/// What the instances of a prototype refer to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PrototypeUse {
+    /// A prototype without geometry, which has no declaration.
+    Nothing,
+    /// A declared object.
+    Object,
+    /// A macro: the texture of the mesh is that of the frame.
+    Macro,
 }
 
 /// Writes a line for each live instance: `object{P_a_i_p matrix <..>}`. `name`: indices a and i of asset and instancer; `uses`: of each
@@ -104,6 +114,11 @@ impl StreakView {
     }
 }
 
+/// Whether a cloud is of water, whose moving points are drawn as streaks.
+pub(super) fn is_water(points: &Points, materials: &[Material]) -> bool {
+    materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water)
+}
+
 /// Writes the visible points of a cloud: spheres, or streaks for falling water. At most [`MAX_SPHERES`], every n-th of them.
 /// Returns how many were left out.
 /// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
@@ -117,7 +132,7 @@ pub(super) fn write_points(
     at: &CloudFrame,
 ) -> usize {
     // Only falling water is drawn as streaks; other points stay spheres at any velocity.
-    let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
+    let water = is_water(points, materials);
     let width = |i: usize| at.now.widths.get(i).copied().unwrap_or(0.0);
     let half = |i: usize| at.view.half_streak(at.now.velocities.get(i).filter(|_| water), width(i) * 0.5);
     let seen = |i: &usize| width(*i) > 0.0 && !half(*i).is_some_and(|h| at.view.is_too_near(at.now.positions[*i], h));
