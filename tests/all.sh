@@ -60,6 +60,12 @@ if have npm && [ ! -d "$clients/node_modules/three" ]; then
 fi
 [ -d "$clients/node_modules/three" ] || missing+=("three (npm)")
 
+if have npm && [ ! -d "$clients/node_modules/@babylonjs/loaders" ]; then
+    say "installing Babylon.js"
+    npm install --silent --no-fund --no-audit --prefix "$clients" @babylonjs/core@7.54.3 @babylonjs/loaders@7.54.3 || true
+fi
+[ -d "$clients/node_modules/@babylonjs/loaders" ] || missing+=("Babylon.js (npm)")
+
 if [ ${#missing[@]} -gt 0 ]; then
     say "SKIPPED for want of a client: $(printf '%s; ' "${missing[@]}")"
 else

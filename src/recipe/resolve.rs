@@ -1,6 +1,8 @@
 //! From text to [`Recipe`].
 
-use super::scene::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel};
+use super::scene::{
+    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel,
+};
 use super::syntax::{Digest, KeyTable, Registry, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
 use super::{
     Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe,
@@ -423,7 +425,8 @@ impl Resolver<'_> {
             usd: self.section_at(table, "output", "usd"),
             gltf: {
                 let keys = self.section_at(table, "output", "gltf");
-                self.check_gltf_frame(root, keys, clip)
+                let keys = self.check_gltf_frame(root, keys, clip);
+                self.check_gltf_channels(root, keys)
             },
             points: self.section_at(table, "output", "points"),
             vdb,
@@ -444,6 +447,26 @@ impl Resolver<'_> {
             let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);
             let d = Diagnostic::error("S004", text, span, "not in the clip");
             self.report.push(d.help("name a frame of the clip, or make it longer: [frames] end"));
+        }
+        keys
+    }
+
+    /// Vertex colours have four channels, and a preset names all of them. They are in profile "engine" alone.
+    fn check_gltf_channels(&mut self, root: &TomlTable, keys: GltfKeys) -> GltfKeys {
+        if keys.channels.is_empty() {
+            return keys;
+        }
+        let span = span_of(root, &["output", "gltf", "channels"]).unwrap_or(self.whole);
+        let presets = keys.channels.iter().filter(|w| w.is_preset()).count();
+        if (keys.channels.len(), presets) != (4, 0) && (keys.channels.len(), presets) != (1, 1) {
+            let text = "output.gltf.channels must be four words, or one preset";
+            let d = Diagnostic::error("S003", text, span, "neither");
+            let help = "write channels = [\"flutter\", \"phase\", \"branch\", \"light\"] or channels = [\"crysis\"]";
+            self.report.push(d.help(help));
+        } else if !keys.profiles.contains(&GltfProfile::Engine) {
+            let text = "output.gltf.channels needs the profile \"engine\": vertex colours tint other readers' pictures";
+            let d = Diagnostic::warning("S007", text, span, "has no effect");
+            self.report.push(d.help("add the profile: [output.gltf] profiles = [\"engine\"]"));
         }
         keys
     }

@@ -16,6 +16,7 @@ mod folder;
 mod gltf;
 mod gltf_blender;
 mod gltf_codes;
+mod gltf_engine;
 mod golden;
 mod grammar;
 mod import_files;

@@ -24,7 +24,8 @@ use osier_scene::{
 };
 
 /// Marks the plants whose copies glTF may show without a skeleton: those with more than one copy, where all copies together
-/// need more skins than `output.gltf.skins` allows. Their bark gets the attributes by which a shader sways it.
+/// need more skins than `output.gltf.skins` allows; and all plants if `output.gltf.channels` asks for vertex colours. Their bark
+/// gets the attributes by which a shader sways it.
 pub(crate) fn choose_shader_wind(recipe: &Recipe, layout: &PlantLayout, materials: &mut [PlantMaterials]) {
     let written = recipe.output.writes(&osier_export::gltf::FORMAT);
     let beyond_skins = layout.instances.len() > to_usize(recipe.output.gltf.skins);
@@ -32,8 +33,10 @@ pub(crate) fn choose_shader_wind(recipe: &Recipe, layout: &PlantLayout, material
     for plant in layout.instances.iter().filter_map(|s| layout.individuals.get(s.individual)).map(|i| i.plant) {
         copies.get_mut(plant).into_iter().for_each(|n| *n += 1);
     }
+    // Vertex colours for the shaders of engines are made from the same attributes.
+    let colored = written && !recipe.output.gltf.channels.is_empty();
     for (materials, n) in materials.iter_mut().zip(copies) {
-        materials.shader_wind = written && beyond_skins && recipe.moves && n > 1;
+        materials.shader_wind = colored || (written && beyond_skins && recipe.moves && n > 1);
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::bake::output::frame_loop::NamedExporter;
 use crate::bake::scene::animated::AnimatedScene;
-use crate::recipe::scene::{CopyStyle, GltfProfile, UpAxis};
+use crate::recipe::scene::{CopyStyle, GltfProfile, UpAxis, WindWord};
 use crate::recipe::{OutputRecipe, Recipe, word_of};
 use osier_base::files::Folder;
 use osier_export::format::{ExportJob, FormatInfo};
@@ -69,6 +69,11 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
             nodes: output.gltf.nodes as usize,
             skins: output.gltf.skins as usize,
             assets: output.gltf.assets,
+            quantize: output.gltf.quantize,
+            meshopt: output.gltf.meshopt,
+            level_triangles: output.gltf.triangles as usize,
+            joints: output.gltf.joints as usize,
+            channels: wind_channels(&output.gltf.channels),
             ..gltf::GltfOptions::default()
         },
         gltf_profiles: output.gltf.profiles.iter().map(|p| gltf_profile(*p)).collect(),
@@ -147,7 +152,47 @@ fn gltf_profile(profile: GltfProfile) -> gltf::Profile {
     match profile {
         GltfProfile::Blender => gltf::Profile::Blender,
         GltfProfile::Web => gltf::Profile::Web,
+        GltfProfile::Engine => gltf::Profile::Engine,
     }
+}
+
+/// The channels of `output.gltf.channels`: a preset, or four words.
+fn wind_channels(words: &[WindWord]) -> Option<gltf::WindChannels> {
+    let preset = match words {
+        [WindWord::Crysis | WindWord::O3de] => Some(gltf::WindChannels::CRYSIS),
+        [WindWord::Unity] => Some(gltf::WindChannels::UNITY),
+        [WindWord::Godot] => Some(gltf::WindChannels::GODOT),
+        [WindWord::Unreal] => Some(gltf::WindChannels::UNREAL),
+        _ => None,
+    };
+    let four = || {
+        let list: Vec<gltf::WindChannel> = words.iter().filter_map(|w| wind_channel(*w)).collect();
+        Some(gltf::WindChannels { color: list.try_into().ok()?, second_uv: None })
+    };
+    preset.or_else(four)
+}
+
+/// The channel of a word; `None` for a preset.
+fn wind_channel(word: WindWord) -> Option<gltf::WindChannel> {
+    use gltf::WindNumber::{Branch, Flutter, Id, Light, One, Phase, Sway, Zero};
+    let (number, inverted) = match word {
+        WindWord::Sway => (Sway, false),
+        WindWord::NotSway => (Sway, true),
+        WindWord::Branch => (Branch, false),
+        WindWord::NotBranch => (Branch, true),
+        WindWord::Flutter => (Flutter, false),
+        WindWord::NotFlutter => (Flutter, true),
+        WindWord::Phase => (Phase, false),
+        WindWord::NotPhase => (Phase, true),
+        WindWord::Light => (Light, false),
+        WindWord::NotLight => (Light, true),
+        WindWord::Id => (Id, false),
+        WindWord::NotId => (Id, true),
+        WindWord::Zero => (Zero, false),
+        WindWord::One => (One, false),
+        WindWord::Crysis | WindWord::O3de | WindWord::Unity | WindWord::Godot | WindWord::Unreal => return None,
+    };
+    Some(gltf::WindChannel { number, inverted })
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pictures are 8 to 16384 pixels wide")]

@@ -2,7 +2,8 @@
 
 use super::UpAxis;
 use crate::recipe::syntax::{
-    BooleanType, Choice, Digest, ListOf, NumberArray, OneOf, OptionalKey, degrees, integer, millimetres, number,
+    BooleanType, Choice, Digest, ListOf, NumberArray, OneOf, OptionalKey, SequenceOf, degrees, integer, millimetres,
+    number,
 };
 use crate::recipe::syntax::{choices, keys};
 use osier_export::format::FormatInfo;
@@ -39,8 +40,51 @@ choices! {
     GltfProfile {
         /// Any Blender: merged leaves, every key.
         Blender = "blender",
-        /// Browsers and engines: instanced leaves, sparse keys.
+        /// Browsers and viewers: instanced leaves, sparse keys.
         Web = "web",
+        /// Game engines: no required extension, levels of detail, a table of placements.
+        Engine = "engine",
+    }
+    /// A number that shaders of wind read from vertex colours, or a preset of four.
+    WindWord {
+        /// Sway with the whole plant, 0 at the root.
+        Sway = "sway",
+        /// 1 minus sway.
+        NotSway = "-sway",
+        /// Sway with the branches, 0 on the trunk.
+        Branch = "branch",
+        /// 1 minus branch.
+        NotBranch = "-branch",
+        /// Flutter, 1 at the tip of a leaf.
+        Flutter = "flutter",
+        /// 1 minus flutter.
+        NotFlutter = "-flutter",
+        /// Phase of the main branch.
+        Phase = "phase",
+        /// 1 minus phase.
+        NotPhase = "-phase",
+        /// Share of the light of the sky.
+        Light = "light",
+        /// 1 minus light.
+        NotLight = "-light",
+        /// A random number of the branch or leaf.
+        Id = "id",
+        /// 1 minus id.
+        NotId = "-id",
+        /// 0.
+        Zero = "zero",
+        /// 1.
+        One = "one",
+        /// Preset of the shader of Crysis: flutter, phase, branch, light.
+        Crysis = "crysis",
+        /// Preset of O3DE: as crysis.
+        O3de = "o3de",
+        /// Preset of Unity: phase, flutter, zero, light; sway and branch in TEXCOORD_1.
+        Unity = "unity",
+        /// Preset of Godot: -sway, sway, zero, one.
+        Godot = "godot",
+        /// Preset of Unreal: flutter, phase, branch, zero.
+        Unreal = "unreal",
     }
 }
 
@@ -109,6 +153,23 @@ keys! {
         skins: u32 = "skins" integer(64, 0, 100_000);
         /// Whether each asset is also written to a file of its own.
         assets: bool = "assets" BooleanType(false);
+        /// Profile "web": whether vertices are stored as integers of 8 and 16 bits, half as large, accurate to 1/131070 of a mesh.
+        quantize: bool = "quantize" BooleanType(false);
+        /// Profile "web": whether the files are compressed with EXT_meshopt_compression, which three.js and Babylon.js read and Blender does not.
+        meshopt: bool = "meshopt" BooleanType(false);
+        /// Profile "engine": most triangles of a plant at its finest level of detail; the next levels have 1/4, 1/12 and 1/60 of it.
+        triangles: u32 = "triangles" integer(60_000, 100, 10_000_000);
+        /// Profile "engine": most joints of a plant.
+        joints: u32 = "joints" integer(64, 1, 256);
+        /// Profile "engine": what red, green, blue and alpha of plants hold for a shader of wind: four words, or a preset.
+        channels: Vec<WindWord> = "channels" SequenceOf(WindWord::Zero);
+    }
+}
+
+impl WindWord {
+    /// Whether the word stands for all four channels.
+    pub fn is_preset(self) -> bool {
+        matches!(self, Self::Crysis | Self::O3de | Self::Unity | Self::Godot | Self::Unreal)
     }
 }
 

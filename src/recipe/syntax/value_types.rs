@@ -453,6 +453,34 @@ impl<W: Choice + PartialEq> ValueType for ListOf<W> {
     }
 }
 
+/// Words in order, which may repeat, or one word alone; the default has none. The field only names the type of the words.
+#[derive(Debug, Clone, Copy)]
+pub struct SequenceOf<W>(pub W);
+
+impl<W: Choice + PartialEq> ValueType for SequenceOf<W> {
+    type Value = Vec<W>;
+    fn fallback(&self) -> Vec<W> {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<W>, Fault> {
+        let one = OneOf(self.0);
+        let TomlValue::List(list) = &node.value else { return Ok(vec![one.read(name, node)?]) };
+        list.iter().map(|n| one.read(name, n)).collect()
+    }
+    fn listing(&self) -> KeyListing {
+        let none: Vec<&str> = Vec::new();
+        KeyListing {
+            accepts: format!("list of {}", choices::<W>()),
+            default: "[]".into(),
+            unit: "",
+            form: ValueForm::new(ValueKind::Choices, json!(none)).of_choices(words::<W>()),
+        }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.digest(hasher);
+    }
+}
+
 /// N numbers, each in a range.
 #[derive(Debug, Clone, Copy)]
 pub struct NumberArray<const N: usize>(pub [f64; N], pub NumberType);

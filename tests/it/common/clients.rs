@@ -44,6 +44,12 @@ pub fn three() -> Option<(PathBuf, PathBuf)> {
     Some((present("node", find("node"))?, clients()))
 }
 
+/// Node with Babylon.js and three.js: the program and the folder to resolve both in.
+pub fn babylon() -> Option<(PathBuf, PathBuf)> {
+    present("Babylon.js", clients().join("node_modules/@babylonjs/loaders"))?;
+    three()
+}
+
 fn find(program: &str) -> PathBuf {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path).map(|d| d.join(program)).find(|p| p.is_file()).unwrap_or_default()

@@ -51,15 +51,23 @@ impl Player {
         let start = number(view, "/byteOffset", 0);
         assert_eq!(start % 4, 0, "offsets are multiples of 4");
         let bytes = &self.bin[start..start + number(view, "/byteLength", 0)];
+        let normalized = a["normalized"] == true;
+        let unit = |v: f32, one: f32| if normalized { v / one } else { v };
         let values: Vec<f32> = match number(a, "/componentType", 0) {
             5120 => bytes.iter().map(|b| f32::from(b.cast_signed()) / 127.0).collect(),
             5122 => bytes.chunks_exact(2).map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])) / 32_767.0).collect(),
-            5121 => bytes.iter().map(|b| f32::from(*b)).collect(),
-            5123 => bytes.chunks_exact(2).map(|b| f32::from(u16::from_le_bytes([b[0], b[1]]))).collect(),
+            5121 => bytes.iter().map(|b| unit(f32::from(*b), 255.0)).collect(),
+            5123 => {
+                let words = bytes.chunks_exact(2).map(|b| f32::from(u16::from_le_bytes([b[0], b[1]])));
+                words.map(|w| unit(w, 65_535.0)).collect()
+            }
             5125 => bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32).collect(),
             _ => bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect(),
         };
-        let rows: Vec<Vec<f32>> = values.chunks_exact(width).map(<[f32]>::to_vec).collect();
+        // Elements may be padded to a stride: what is beyond their width is not theirs.
+        let stride = number(view, "/byteStride", 0) * values.len() / bytes.len().max(1);
+        let stride = if stride == 0 { width } else { stride };
+        let rows: Vec<Vec<f32>> = values.chunks(stride).map(|row| row[..width].to_vec()).collect();
         assert_eq!(rows.len(), number(a, "/count", 0));
         rows
     }

@@ -6,10 +6,12 @@ use glam::Vec3;
 
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, NodeAnimation, NodeChannel, check_finite};
+use super::engine::is_merged;
 use super::instances::{InstanceGroup, live_by_prototype};
 use super::json::{Index, NodeExtensions};
 use super::keys;
-use super::meshes::{MeshSource, SkinInfluences};
+use super::meshes::{MeshSource, SkinInfluences, StoredMesh};
+use super::quantize::{QuantizedCube, place_stored};
 use super::rig::{JointSelection, MAX_JOINTS};
 use super::tracks::{InstanceTrack, MorphFrames, MorphShape};
 use osier_base::Result;
@@ -60,9 +62,13 @@ pub(super) struct NodeTemplate {
 }
 
 impl NodeTemplate {
-    fn new(name: &str, kind: &'static str, mesh: Index, parent: NodeParent) -> Self {
-        let motion = NodeAnimation::default();
-        Self { name: name.to_owned(), kind, id: name.to_owned(), mesh, parent, motion, instancing: None, moving: None }
+    /// A node at rest that shows a mesh.
+    pub(super) fn new(name: &str, kind: &'static str, mesh: StoredMesh, parent: NodeParent) -> Self {
+        // The transform of a skin's node has no effect: its joints have the dequantization.
+        let cube = mesh.cube.filter(|_| parent != NodeParent::Skin);
+        let motion = NodeAnimation { rest: place_stored(&Trs::IDENTITY, cube), ..NodeAnimation::default() };
+        let (name, mesh) = (name.to_owned(), mesh.index);
+        Self { id: name.clone(), name, kind, mesh, parent, motion, instancing: None, moving: None }
     }
 }
 
@@ -89,8 +95,18 @@ impl GltfDocument<'_> {
         let mut nodes = AssetNodes::default();
         // Without frames nothing is posed: joints would cost nodes and skins and show the rest pose.
         let selection = if input.tracks.is_still() { None } else { self.select_joints(asset) };
+        // The meshes of a skin share its inverse bind matrices, and with them one cube.
+        let skinned = source.meshes.iter().filter(|o| selection.is_some() && is_skinned(o));
+        let cube = self.quantized_cube(skinned.flat_map(|o| o.mesh.points.iter().copied()));
+        let has_levels = self.has_levels(source);
+        if has_levels {
+            self.add_levels(&mut nodes, source, selection.as_ref())?;
+        }
         for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
-            self.add_mesh_object(&mut nodes, source, object, selection.as_ref(), shapes)?;
+            if has_levels && is_merged(object) {
+                continue;
+            }
+            self.add_mesh_object(&mut nodes, source, object, selection.as_ref().zip(Some(cube)), shapes)?;
         }
         for (i, instancer) in source.instancers.iter().enumerate() {
             let label = format!("asset {}, instancer {}", source.id, instancer.name);
@@ -103,6 +119,7 @@ impl GltfDocument<'_> {
                         .collect();
                     self.add_moving_instances(&mut nodes, instancer, &list, &label)?;
                 }
+                (motion, _) if has_levels && *motion != InstancerMotion::Free => {}
                 (InstancerMotion::Joints(joints), Some(selection)) => {
                     self.add_joint_instances(&mut nodes, instancer, selection, joints, &label)?;
                 }
@@ -136,6 +153,7 @@ impl GltfDocument<'_> {
                 geometry: GeometryKind::Ribbon,
                 skin: None,
                 shapes: &[],
+                cube: None,
             };
             self.add_morphing_mesh(&mut nodes, mesh_source, &shapes, "curves")?;
         }
@@ -147,7 +165,11 @@ impl GltfDocument<'_> {
             nodes.joints = self.joint_nodes(source, selection, &tracks.poses)?;
             if nodes.templates.iter().any(|p| p.parent == NodeParent::Skin) {
                 let label = format!("asset {}, skin", source.id);
-                nodes.inverse_bind = Some(self.buffer.add_matrices(&selection.inverse_bind_matrices(), &label)?);
+                let mut matrices = selection.inverse_bind_matrices();
+                if let Some(cube) = cube {
+                    matrices.iter_mut().for_each(|m| *m = cube.inverse_bind(m));
+                }
+                nodes.inverse_bind = Some(self.buffer.add_matrices(&matrices, &label)?);
             }
         }
         Ok(nodes)
@@ -159,19 +181,18 @@ impl GltfDocument<'_> {
         nodes: &mut AssetNodes,
         asset: &Asset,
         object: &MeshObject,
-        selection: Option<&JointSelection>,
+        selection: Option<(&JointSelection, Option<QuantizedCube>)>,
         shapes: &MorphFrames,
     ) -> Result<()> {
         let label = format!("asset {}, mesh {}", asset.id, object.name);
         let (mesh, name) = (&object.mesh, object.name.as_str());
         let mesh_source =
-            MeshSource { name, label: &label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[] };
-        let moves = matches!(object.motion, MeshMotion::Skinned | MeshMotion::Deforming);
+            MeshSource { name, label: &label, mesh, geometry: GeometryKind::Mesh, skin: None, shapes: &[], cube: None };
         match (selection, &object.skin, shapes) {
-            (Some(selection), Some(skin), _) if moves => {
+            (Some((selection, cube)), Some(skin), _) if is_skinned(object) => {
                 let (joints, weights) = selection.remap_weights(skin);
                 let skin = SkinInfluences { joints, weights, count: selection.kept.len() };
-                if let Some(mesh) = self.add_mesh(MeshSource { skin: Some(&skin), ..mesh_source })? {
+                if let Some(mesh) = self.add_mesh(MeshSource { skin: Some(&skin), cube, ..mesh_source })? {
                     nodes.templates.push(NodeTemplate::new(name, "mesh", mesh, NodeParent::Skin));
                 }
                 Ok(())
@@ -223,12 +244,18 @@ impl GltfDocument<'_> {
         {
             let group = InstanceGroup { instancer, state: &instancer.rest, proto, members, label };
             let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
-            let (mesh, instancing) = match self.input.profile {
+            let (mesh, instancing) = match self.input.options.profile {
                 Profile::Web => match self.add_prototype_mesh(instancer, proto, label)? {
-                    Some(mesh) => (Some(mesh), Some(self.group_instancing(&group, &Trs::IDENTITY)?)),
+                    Some(mesh) => {
+                        let instancing = self.group_instancing(&group, &Trs::IDENTITY, mesh.cube)?;
+                        // Instances have the dequantization; their node has none.
+                        (Some(StoredMesh { cube: None, ..mesh }), Some(instancing))
+                    }
                     None => (None, None),
                 },
-                Profile::Blender => (self.add_merged_mesh(name.clone(), &[group], &Trs::IDENTITY)?, None),
+                Profile::Blender | Profile::Engine => {
+                    (self.add_merged_mesh(name.clone(), &[group], &Trs::IDENTITY)?, None)
+                }
             };
             if let Some(mesh) = mesh {
                 nodes.templates.push(NodeTemplate {
@@ -267,7 +294,7 @@ impl GltfDocument<'_> {
                 groups.push(InstanceGroup { instancer, state, proto, members, label });
             }
         }
-        if self.input.profile == Profile::Blender {
+        if self.input.options.profile != Profile::Web {
             // One mesh as a child of each joint moves as a skinned one would, and importers need no vertex weights for it.
             for (k, groups) in riders.iter().enumerate() {
                 let name = format!("{}_{k}", instancer.name);
@@ -284,7 +311,9 @@ impl GltfDocument<'_> {
             let Some(mesh) = self.add_prototype_mesh(instancer, proto, label)? else { continue };
             for (k, groups) in riders.iter().enumerate() {
                 for group in groups.iter().filter(|g| g.proto == proto) {
-                    let instancing = Some(self.group_instancing(group, &selection.bind[selection.kept[k]])?);
+                    let joint = &selection.bind[selection.kept[k]];
+                    let instancing = Some(self.group_instancing(group, joint, mesh.cube)?);
+                    let mesh = StoredMesh { cube: None, ..mesh };
                     let name = format!("{name}_{k}");
                     nodes.templates.push(NodeTemplate {
                         instancing,
@@ -306,11 +335,11 @@ impl GltfDocument<'_> {
     ) -> Result<()> {
         // The mesh of each prototype is added when its first instance needs it. Nodes are in the order of the instances, not in that
         // of the keys by which they were selected.
-        let mut meshes: Vec<Option<Index>> = vec![None; instancer.prototypes.len()];
+        let mut meshes: Vec<Option<StoredMesh>> = vec![None; instancer.prototypes.len()];
         let mut list = list.to_vec();
         list.sort_by_key(|m| m.instance);
         let times = &self.input.tracks.times;
-        let drop_keys = self.input.profile == Profile::Web;
+        let drop_keys = self.input.options.profile != Profile::Blender;
         for m in list {
             let Some(proto) = instancer.protos.get(m.instance).map(|p| *p as usize) else { continue };
             let mesh = match meshes.get(proto).copied().flatten() {
@@ -323,7 +352,11 @@ impl GltfDocument<'_> {
             meshes[proto] = Some(mesh);
             let scale = instancer.scales.get(m.instance).copied().unwrap_or(Vec3::ONE);
             // The node's own transform is that of the first frame, for readers without animation.
-            let (positions, orientations) = m.hold_while_dead();
+            let (mut positions, orientations) = m.hold_while_dead();
+            // p = t + r s (low + extent q): the dequantization moves the keys of translation and multiplies the scale.
+            let stored = |t: Vec3, r: glam::Quat| place_stored(&Trs { t, r, s: scale }, mesh.cube);
+            positions.iter_mut().zip(&orientations).for_each(|(p, r)| *p = stored(*p, *r).t);
+            let scale = stored(Vec3::ZERO, glam::Quat::IDENTITY).s;
             let mut motion = NodeAnimation::default();
             motion.rest.t = positions.first().copied().unwrap_or_default();
             motion.rest.r = orientations.first().copied().unwrap_or_default();
@@ -340,6 +373,7 @@ impl GltfDocument<'_> {
             self.add_vector_keys(keys::visibility_scales(&m.alive, scale), "scale", true, &mut rest.s, channels)?;
             let name = format!("{}_{}", instancer.name, m.instance);
             let id = format!("{}/{}", instancer.name, instancer.ids.get(m.instance).copied().unwrap_or_default());
+            let mesh = StoredMesh { cube: None, ..mesh };
             let part = NodeTemplate::new(&name, "instance", mesh, NodeParent::Placement);
             nodes.templates.push(NodeTemplate { id, motion, moving: Some((m.instancer, m.instance)), ..part });
         }
@@ -368,7 +402,7 @@ impl GltfDocument<'_> {
         let Some(skeleton) = &asset.skeleton else { return Ok(Vec::new()) };
         let mut joints = Vec::new();
         let times = &self.input.tracks.times;
-        let drop_keys = self.input.profile == Profile::Web;
+        let drop_keys = self.input.options.profile != Profile::Blender;
         for (k, &i) in selection.kept.iter().enumerate() {
             let joint = &skeleton.joints[i];
             check_finite(&joint.rest, || format!("asset {}, joint {}", asset.id, joint.name))?;
@@ -397,4 +431,9 @@ impl GltfDocument<'_> {
         }
         Ok(joints)
     }
+}
+
+/// Whether joints move the vertices of a mesh, where the document has the joints.
+fn is_skinned(object: &MeshObject) -> bool {
+    object.skin.is_some() && matches!(object.motion, MeshMotion::Skinned | MeshMotion::Deforming)
 }

@@ -5,6 +5,8 @@
 use glam::{Quat, Vec2, Vec3};
 
 use super::json::{Accessor, BufferView, Index, component, target};
+use super::meshopt::Stream;
+use super::quantize::{QuantizedCube, byte_weights};
 use osier_base::math::normalize_or;
 use osier_base::{Error, Result};
 
@@ -14,6 +16,8 @@ pub(super) struct BinaryBuffer {
     pub bytes: Vec<u8>,
     pub views: Vec<BufferView>,
     pub accessors: Vec<Accessor>,
+    /// Whether the views will be compressed once the document is complete.
+    pub compressed: bool,
 }
 
 /// Most vertices that u16 indices address: the index 65535 is reserved for primitive restart (glTF 2.0, section 3.7.2.1).
@@ -33,6 +37,68 @@ impl BinaryBuffer {
         Ok(accessor)
     }
 
+    /// Vertex positions as shares of a cube, u16 normalised with a stride of eight bytes: accurate to 1/131070 of its edge. Requires
+    /// KHR_mesh_quantization.
+    pub(super) fn add_quantized_positions(
+        &mut self,
+        values: &[Vec3],
+        cube: QuantizedCube,
+        label: &str,
+    ) -> Result<Index> {
+        check_finite(values.iter().map(|v| v.is_finite()), label)?;
+        let start = self.align();
+        let (mut low, mut high) = ([u16::MAX; 3], [0_u16; 3]);
+        for v in values {
+            let stored = cube.shares(*v).to_array().map(to_unorm16);
+            for (c, (low, high)) in stored.iter().zip(low.iter_mut().zip(&mut high)) {
+                self.bytes.extend_from_slice(&c.to_le_bytes());
+                (*low, *high) = ((*low).min(*c), (*high).max(*c));
+            }
+            // Padding to the stride: attributes begin at multiples of four bytes.
+            self.bytes.extend_from_slice(&[0; 2]);
+        }
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 8 })?;
+        if let Some(view) = self.views.last_mut() {
+            view.byte_stride = Some(8);
+        }
+        // Bounds of a normalised accessor are the stored integers.
+        let bounds = |v: [u16; 3]| v.map(f32::from).to_vec();
+        let accessor = accessor_of(view, component::U16, values.len(), "VEC3");
+        self.add_accessor(Accessor { normalized: true, min: bounds(low), max: bounds(high), ..accessor })
+    }
+
+    /// Texture coordinates within 0 to 1 as normalised u16, others as floats; v becomes 1 - v. Requires KHR_mesh_quantization.
+    pub(super) fn add_quantized_uvs(&mut self, values: &[Vec2], label: &str) -> Result<Index> {
+        let fits = |v: &Vec2| v.cmpge(Vec2::ZERO).all() && v.cmple(Vec2::ONE).all();
+        if !values.iter().all(fits) {
+            return self.add_uvs(values, label);
+        }
+        let start = self.align();
+        for c in values.iter().flat_map(|v| [v.x, 1.0 - v.y]) {
+            self.bytes.extend_from_slice(&to_unorm16(c).to_le_bytes());
+        }
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 4 })?;
+        self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::U16, values.len(), "VEC2") })
+    }
+
+    /// Joint weights as normalised bytes that sum to 255 at each vertex.
+    pub(super) fn add_byte_weights(&mut self, values: &[[f32; 4]], label: &str) -> Result<Index> {
+        check_finite(values.iter().map(|w| w.iter().all(|c| c.is_finite())), label)?;
+        let start = self.align();
+        self.bytes.extend(values.iter().flat_map(byte_weights));
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 4 })?;
+        self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::U8, values.len(), "VEC4") })
+    }
+
+    /// Linear RGBA in [0, 1] as normalised bytes.
+    pub(super) fn add_byte_colors(&mut self, values: impl ExactSizeIterator<Item = [f32; 4]>) -> Result<Index> {
+        let count = values.len();
+        let start = self.align();
+        self.bytes.extend(values.flatten().map(to_unorm8));
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 4 })?;
+        self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::U8, count, "VEC4") })
+    }
+
     /// Vertex normals; one that is not of unit length is normalised, as validators refuse others.
     pub(super) fn add_normals(&mut self, values: &[Vec3], label: &str) -> Result<Index> {
         // |n|^2 = 1 + 2 e for a length of 1 + e: lengths within 5e-4 of 1 pass unchanged, so that good normals keep their bits.
@@ -50,15 +116,13 @@ impl BinaryBuffer {
         shape: &'static str,
         label: &str,
     ) -> Result<Index> {
-        if let Some(i) = values.iter().position(|v| v.iter().any(|c| !c.is_finite())) {
-            return Err(Error::export("X001", format!("{label}: element {i} is not finite")));
-        }
+        check_finite(values.iter().map(|v| v.iter().all(|c| c.is_finite())), label)?;
         let start = self.align();
         for v in values {
             // A rounded vector is of unit length to a hundredth, which validators accept.
             self.bytes.extend(v.map(to_snorm8).map(i8::cast_unsigned));
         }
-        let view = self.add_view(start, Some(target::VERTICES))?;
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 4 })?;
         if let Some(view) = self.views.last_mut() {
             // Vertex attributes must begin at multiples of four bytes (glTF 2.0, section 3.6.2.4); three bytes would not.
             view.byte_stride = Some(4);
@@ -76,27 +140,37 @@ impl BinaryBuffer {
         self.add_floats(values.iter().flat_map(|v| [v.x, 1.0 - v.y]), "VEC2", 2, Some(target::VERTICES), label)
     }
 
+    /// Two floats for each vertex.
+    pub(super) fn add_vertex_pairs(&mut self, values: &[[f32; 2]], label: &str) -> Result<Index> {
+        self.add_floats(values.iter().flatten().copied(), "VEC2", 2, Some(target::VERTICES), label)
+    }
+
     /// Four floats for each vertex: joint weights or tangents.
     pub(super) fn add_vertex_vec4s(&mut self, values: &[[f32; 4]], label: &str) -> Result<Index> {
         self.add_floats(values.iter().flatten().copied(), "VEC4", 4, Some(target::VERTICES), label)
     }
 
-    /// Quaternions, x y z w.
-    pub(super) fn add_quaternions(&mut self, values: &[Quat], label: &str) -> Result<Index> {
+    /// Keys of rotation: quaternions x y z w as floats, or as normalised 16-bit numbers where the buffer will be compressed.
+    pub(super) fn add_rotation_keys(&mut self, values: &[Quat], label: &str) -> Result<Index> {
+        if self.compressed {
+            return self.add_short_quaternions(values, Stream::KEY_ROTATIONS, label);
+        }
         self.add_floats(values.iter().flat_map(|q| [q.x, q.y, q.z, q.w]), "VEC4", 4, None, label)
     }
 
-    /// Unit quaternions as normalised 16-bit numbers, within 3e-5, for instances, of which there are many.
-    pub(super) fn add_quantized_quaternions(&mut self, values: &[Quat], label: &str) -> Result<Index> {
-        if let Some(i) = values.iter().position(|q| !q.is_finite()) {
-            return Err(Error::export("X001", format!("{label}: element {i} is not finite")));
-        }
+    /// Rotations of instances: unit quaternions as normalised 16-bit numbers, within 3e-5.
+    pub(super) fn add_instance_rotations(&mut self, values: &[Quat], label: &str) -> Result<Index> {
+        self.add_short_quaternions(values, Stream::INSTANCE_ROTATIONS, label)
+    }
+
+    fn add_short_quaternions(&mut self, values: &[Quat], stream: Stream, label: &str) -> Result<Index> {
+        check_finite(values.iter().map(|q| q.is_finite()), label)?;
         let start = self.align();
         // Order x, y, z, w. The error of a component is half a step of 1/32767, 1.5e-5; the angle is twice as sensitive.
         for c in values.iter().flat_map(|q| q.to_array()) {
             self.bytes.extend_from_slice(&to_snorm16(c).to_le_bytes());
         }
-        let view = self.add_view(start, None)?;
+        let view = self.add_stream(start, None, stream)?;
         self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::I16, values.len(), "VEC4") })
     }
 
@@ -133,7 +207,7 @@ impl BinaryBuffer {
         for c in values.flatten() {
             self.bytes.extend_from_slice(&to_unorm16(c).to_le_bytes());
         }
-        let view = self.add_view(start, Some(target::VERTICES))?;
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride: 8 })?;
         self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::U16, count, "VEC4") })
     }
 
@@ -148,7 +222,8 @@ impl BinaryBuffer {
                 _ => self.bytes.extend_from_slice(&j.to_le_bytes()),
             }
         }
-        let view = self.add_view(start, Some(target::VERTICES))?;
+        let stride = if bytes { 4 } else { 8 };
+        let view = self.add_stream(start, Some(target::VERTICES), Stream::Attributes { stride })?;
         let component = if bytes { component::U8 } else { component::U16 };
         self.add_accessor(accessor_of(view, component, values.len(), "VEC4"))
     }
@@ -165,7 +240,8 @@ impl BinaryBuffer {
                 _ => self.bytes.extend_from_slice(&i.to_le_bytes()),
             }
         }
-        let view = self.add_view(start, Some(target::INDICES))?;
+        let stride = if short { 2 } else { 4 };
+        let view = self.add_stream(start, Some(target::INDICES), Stream::Triangles { stride })?;
         let component = if short { component::U16 } else { component::U32 };
         self.add_accessor(accessor_of(view, component, triangles.len() * 3, "SCALAR"))
     }
@@ -202,7 +278,12 @@ impl BinaryBuffer {
         }
         // The iterator need not know its length: the elements are counted by the bytes that they took.
         let count = (self.bytes.len() - start) / (4 * width);
-        let view = self.add_view(start, target)?;
+        // Vectors of three outside of vertex data are translations and scales of keys and instances.
+        let stream = match (target, shape) {
+            (None, "VEC3") => Stream::Vectors,
+            _ => Stream::Attributes { stride: 4 * width },
+        };
+        let view = self.add_stream(start, target, stream)?;
         self.add_accessor(accessor_of(view, component::F32, count, shape))
     }
 
@@ -219,8 +300,17 @@ impl BinaryBuffer {
             return Err(too_large(self.bytes.len()));
         }
         let byte_length = self.bytes.len() - byte_offset;
-        self.views.push(BufferView { buffer: 0, byte_offset, byte_length, byte_stride: None, target });
+        self.views.push(BufferView { byte_offset, byte_length, target, ..BufferView::default() });
         last_index(self.views.len())
+    }
+
+    /// A buffer view from `byte_offset` to the end of the buffer, of a stream that may be compressed.
+    fn add_stream(&mut self, byte_offset: usize, target: Option<u32>, stream: Stream) -> Result<Index> {
+        let view = self.add_view(byte_offset, target)?;
+        if let Some(view) = self.views.last_mut() {
+            view.stream = Some(stream);
+        }
+        Ok(view)
     }
 
     fn add_accessor(&mut self, accessor: Accessor) -> Result<Index> {
@@ -244,6 +334,14 @@ pub(super) fn too_large(bytes: usize) -> Error {
     Error::export("X005", reason)
 }
 
+/// X001 names the first element that is not finite.
+fn check_finite(mut finite: impl Iterator<Item = bool>, label: &str) -> Result<()> {
+    match finite.position(|f| !f) {
+        Some(i) => Err(Error::export("X001", format!("{label}: element {i} is not finite"))),
+        None => Ok(()),
+    }
+}
+
 fn accessor_of(buffer_view: Index, component_type: u32, count: usize, shape: &'static str) -> Accessor {
     Accessor { buffer_view, component_type, count, shape, ..Accessor::default() }
 }
@@ -252,6 +350,12 @@ fn accessor_of(buffer_view: Index, component_type: u32, count: usize, shape: &'s
 #[allow(clippy::cast_possible_truncation, reason = "clamped to +-127 before the cast")]
 fn to_snorm8(c: f32) -> i8 {
     (c.clamp(-1.0, 1.0) * 127.0).round() as i8
+}
+
+/// A number in [0, 1] as a normalised u8: round(255 c).
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 before the cast")]
+fn to_unorm8(c: f32) -> u8 {
+    (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
 /// A number in [-1, 1] as a normalised i16: round(32767 c).

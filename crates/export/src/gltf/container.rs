@@ -3,6 +3,7 @@
 use super::buffer::too_large;
 use super::document::GltfDocument;
 use super::json;
+use super::meshopt;
 use super::text::to_json;
 use osier_base::Result;
 
@@ -19,10 +20,7 @@ const BIN: u32 = 0x004E_4942;
 /// # Errors
 /// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite, whatever `put` returns.
 pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
-    let mut bin = std::mem::take(&mut document.buffer.bytes);
-    if !bin.is_empty() {
-        document.root.buffers.push(json::Buffer { uri: None, byte_length: bin.len() });
-    }
+    let mut bin = take_buffer(&mut document, None)?;
     let mut text = to_json(&document.root)?;
     // Chunks begin and end at multiples of four bytes; JSON admits trailing spaces, the buffer trailing zeros (section 4.4.3).
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -45,12 +43,24 @@ pub(super) fn write_glb(mut document: GltfDocument<'_>, mut put: impl FnMut(&[u8
 /// # Errors
 /// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite.
 pub(super) fn encode_gltf(mut document: GltfDocument<'_>, uri: String) -> Result<(Vec<u8>, Vec<u8>)> {
-    let bin = std::mem::take(&mut document.buffer.bytes);
+    let bin = take_buffer(&mut document, Some(uri))?;
     length(&bin)?;
-    if !bin.is_empty() {
-        document.root.buffers.push(json::Buffer { uri: Some(uri), byte_length: bin.len() });
-    }
     Ok((to_json(&document.root)?, bin))
+}
+
+/// The bytes of a finished document, compressed if its options say so, and listed as its buffers.
+fn take_buffer(document: &mut GltfDocument<'_>, uri: Option<String>) -> Result<Vec<u8>> {
+    let fallback = if document.buffer.compressed {
+        meshopt::compress(&mut document.buffer, &mut document.root.buffer_views)?
+    } else {
+        None
+    };
+    let bin = std::mem::take(&mut document.buffer.bytes);
+    if !bin.is_empty() {
+        document.root.buffers.push(json::Buffer { uri, byte_length: bin.len(), extensions: None });
+    }
+    document.root.buffers.extend(fallback);
+    Ok(bin)
 }
 
 fn length(bytes: &[u8]) -> Result<u32> {

@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, check_finite, node_with_extras};
 use super::instances::live_by_prototype;
-use super::json::Index;
-use super::meshes::MeshSource;
+use super::meshes::{MeshSource, StoredMesh};
+use super::quantize::place_stored;
 use crate::Warning;
 use crate::merge::merge_asset;
 use osier_base::Result;
@@ -68,7 +68,7 @@ impl GltfDocument<'_> {
             }
         }
         swaying.sort_unstable();
-        let excess = swaying.split_off(self.input.skins.min(swaying.len()));
+        let excess = swaying.split_off(self.input.options.skins.min(swaying.len()));
         if !excess.is_empty() {
             let message = format!(
                 "{} of {} plants that sway stand still in glTF, which cannot share skins: the farthest from the camera; \
@@ -80,7 +80,7 @@ impl GltfDocument<'_> {
             self.warnings.push(Warning { code: "X021", message });
         }
         copies.extend(excess.iter().map(|(.., i)| *i));
-        if self.input.profile == Profile::Web && moves {
+        if self.input.options.profile == Profile::Web && moves {
             self.max_joints = self.joints_within_draw_calls(placements, &copies);
         }
         copies
@@ -110,9 +110,9 @@ impl GltfDocument<'_> {
         }
         for (index, list) in by_asset {
             let Some(asset) = self.input.scene.assets.get(index) else { continue };
-            match self.input.profile {
+            match self.input.options.profile {
                 Profile::Web => self.add_copies_as_instances(asset, &list)?,
-                Profile::Blender => self.add_copies_as_nodes(asset, &list)?,
+                Profile::Blender | Profile::Engine => self.add_copies_as_nodes(asset, &list)?,
             }
         }
         Ok(())
@@ -133,11 +133,13 @@ impl GltfDocument<'_> {
             geometry: GeometryKind::Mesh,
             skin: None,
             shapes: &[],
+            cube: None,
         };
         let Some(mesh) = self.add_mesh(mesh_source)? else { return Ok(()) };
         for p in list {
-            let mut node = node_with_extras(p.name.clone(), &p.transform, asset.id.clone(), asset.kind.word());
-            node.mesh = Some(mesh);
+            let place = place_stored(&p.transform, mesh.cube);
+            let mut node = node_with_extras(p.name.clone(), &place, asset.id.clone(), asset.kind.word());
+            node.mesh = Some(mesh.index);
             let node = self.add_node(node)?;
             self.attach_node(None, node);
         }
@@ -156,6 +158,7 @@ impl GltfDocument<'_> {
                 geometry: GeometryKind::Mesh,
                 skin: None,
                 shapes: &[],
+                cube: None,
             };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
                 self.add_instanced_node(&format!("{}_{}", asset.id, object.name), mesh, &transforms, asset)?;
@@ -172,6 +175,7 @@ impl GltfDocument<'_> {
                 geometry: GeometryKind::Ribbon,
                 skin: None,
                 shapes: &[],
+                cube: None,
             };
             if let Some(mesh) = self.add_mesh(mesh_source)? {
                 self.add_instanced_node(&format!("{}_{}", asset.id, curves.name), mesh, &transforms, asset)?;
@@ -198,10 +202,11 @@ impl GltfDocument<'_> {
     }
 
     /// A node that shows a mesh with these transforms.
-    fn add_instanced_node(&mut self, name: &str, mesh: Index, transforms: &[Trs], asset: &Asset) -> Result<()> {
-        let extensions = Some(self.add_instancing(transforms, &format!("asset {}, copies", asset.id))?);
+    fn add_instanced_node(&mut self, name: &str, mesh: StoredMesh, transforms: &[Trs], asset: &Asset) -> Result<()> {
+        let places: Vec<Trs> = transforms.iter().map(|t| place_stored(t, mesh.cube)).collect();
+        let extensions = Some(self.add_instancing(&places, &format!("asset {}, copies", asset.id))?);
         let base = node_with_extras(name.to_owned(), &Trs::IDENTITY, asset.id.clone(), "instancer");
-        let node = self.add_node(super::json::Node { mesh: Some(mesh), extensions, ..base })?;
+        let node = self.add_node(super::json::Node { mesh: Some(mesh.index), extensions, ..base })?;
         self.attach_node(None, node);
         Ok(())
     }

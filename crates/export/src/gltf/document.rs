@@ -12,7 +12,7 @@ use super::json::{
 };
 use super::keys::{KeyedValues, renormalized};
 use super::tracks::ClipTracks;
-use super::{ImageStorage, Profile};
+use super::{GltfOptions, ImageStorage};
 use crate::textures::Textures;
 use osier_base::{Error, Result};
 use osier_scene::{MaterialId, Scene, Trs};
@@ -23,9 +23,7 @@ pub(super) struct GltfInput<'a> {
     pub scene: &'a Scene,
     pub tracks: &'a ClipTracks,
     pub textures: &'a Textures,
-    pub profile: Profile,
-    /// Most placements with a skin of their own.
-    pub skins: usize,
+    pub options: &'a GltfOptions,
 }
 
 /// A material as a kind of geometry uses it: each combination is a glTF material of its own.
@@ -99,10 +97,10 @@ impl<'a> GltfDocument<'a> {
             input,
             pictures,
             root: Root { asset, scenes: vec![SceneNodes::default()], ..Root::default() },
-            buffer: BinaryBuffer::default(),
+            buffer: BinaryBuffer { compressed: input.options.compresses(), ..BinaryBuffer::default() },
             animation: Animation::default(),
             warnings: Vec::new(),
-            max_joints: super::rig::MAX_JOINTS,
+            max_joints: input.options.most_joints(),
             material_indices: BTreeMap::new(),
             texture_indices: BTreeMap::new(),
             node_names: BTreeSet::new(),
@@ -178,7 +176,7 @@ impl<'a> GltfDocument<'a> {
         match keys {
             KeyedValues::Constant(q) => *rest = q,
             KeyedValues::Keys(frames, values) => {
-                let output = self.buffer.add_quaternions(&values, "rotation")?;
+                let output = self.buffer.add_rotation_keys(&values, "rotation")?;
                 channels.push(NodeChannel { sampler: self.add_sampler(&frames, output, false)?, path: "rotation" });
             }
         }
@@ -206,6 +204,9 @@ impl<'a> GltfDocument<'a> {
 
     /// Moves what was gathered into the top-level lists. `name`: that of the scene and the animation.
     pub(super) fn finish_root(&mut self, name: &str) {
+        if self.buffer.compressed && self.buffer.views.iter().any(|v| v.stream.is_some()) {
+            self.use_extension("EXT_meshopt_compression", true);
+        }
         self.root.extensions_used = self.extensions.iter().copied().collect();
         self.root.extensions_required = self.required.iter().copied().collect();
         self.root.scenes.iter_mut().for_each(|s| s.name = name.to_owned());

@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 use glam::{Quat, Vec3};
 
 use super::document::{GeometryKind, GltfDocument};
-use super::json::{Index, InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
+use super::json::{InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
 use super::keys::renormalized;
-use super::meshes::{MeshSource, Vertices, mesh_material};
+use super::meshes::{MeshSource, StoredMesh, Vertices, mesh_material};
+use super::quantize::{QuantizedCube, place_stored};
 use super::submeshes::{Submesh, split_by_material};
 use osier_base::Result;
 use osier_base::convert::index;
@@ -49,7 +50,7 @@ impl GltfDocument<'_> {
         instancer: &Instancer,
         proto: usize,
         label: &str,
-    ) -> Result<Option<Index>> {
+    ) -> Result<Option<StoredMesh>> {
         let Some(p) = instancer.prototypes.get(proto) else { return Ok(None) };
         let name = format!("{}_{}", instancer.name, p.name);
         self.add_mesh(MeshSource {
@@ -59,12 +60,20 @@ impl GltfDocument<'_> {
             geometry: GeometryKind::Mesh,
             skin: None,
             shapes: &[],
+            cube: None,
         })
     }
 
-    /// The instancing extension for a group below a joint. `joint`: transform of the joint to the asset's space at rest.
-    pub(super) fn group_instancing(&mut self, group: &InstanceGroup<'_>, joint: &Trs) -> Result<NodeExtensions> {
-        let list: Vec<Trs> = group.members.iter().map(|i| group.transform(*i, joint)).collect();
+    /// The instancing extension for a group below a joint. `joint`: transform of the joint to the asset's space at rest; `cube`: that
+    /// of the prototype's stored positions.
+    pub(super) fn group_instancing(
+        &mut self,
+        group: &InstanceGroup<'_>,
+        joint: &Trs,
+        cube: Option<QuantizedCube>,
+    ) -> Result<NodeExtensions> {
+        let place = |i: &usize| place_stored(&group.transform(*i, joint), cube);
+        let list: Vec<Trs> = group.members.iter().map(place).collect();
         self.add_instancing(&list, group.label)
     }
 
@@ -76,7 +85,7 @@ impl GltfDocument<'_> {
         let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();
         let scales: Vec<Vec3> = list.iter().map(|t| t.s).collect();
         // Rotation, scale, translation: alphabetic, as the JSON lists the attributes.
-        let rotation = self.buffer.add_quantized_quaternions(&rotations, label)?;
+        let rotation = self.buffer.add_instance_rotations(&rotations, label)?;
         let scale = if scales.iter().any(|s| *s != Vec3::ONE) {
             Some(self.buffer.add_vectors(&scales, None, label)?)
         } else {
@@ -95,7 +104,7 @@ impl GltfDocument<'_> {
         name: String,
         groups: &[InstanceGroup<'_>],
         joint: &Trs,
-    ) -> Result<Option<Index>> {
+    ) -> Result<Option<StoredMesh>> {
         let mut meshes: BTreeMap<MaterialId, Mesh> = BTreeMap::new();
         let mut label = "";
         for group in groups {
@@ -107,6 +116,7 @@ impl GltfDocument<'_> {
                 meshes.entry(submesh.material).or_default().append(&mesh);
             }
         }
+        let cube = self.quantized_cube(meshes.values().flat_map(|m| m.points.iter().copied()));
         let mut primitives = Vec::new();
         for (material, mesh) in meshes {
             let vertices = Vertices {
@@ -118,10 +128,12 @@ impl GltfDocument<'_> {
                 attributes: Cow::Borrowed(&[]),
                 skin: None,
                 morphs: false,
+                cube,
             };
             primitives.push(self.build_primitive(&vertices, &mesh.triangles, mesh_material(material))?);
         }
-        self.push_mesh(JsonMesh { name, primitives, ..JsonMesh::default() })
+        let mesh = self.push_mesh(JsonMesh { name, primitives, ..JsonMesh::default() })?;
+        Ok(mesh.map(|index| StoredMesh { index, cube }))
     }
 }
 

@@ -184,7 +184,10 @@ pub(super) struct Mesh {
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct MeshExtras {
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub target_names: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub osier: Option<super::engine::LevelExtras>,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -214,6 +217,8 @@ pub(super) struct Attributes {
     pub tangent: Option<Index>,
     #[serde(rename = "TEXCOORD_0", skip_serializing_if = "Option::is_none")]
     pub uv: Option<Index>,
+    #[serde(rename = "TEXCOORD_1", skip_serializing_if = "Option::is_none")]
+    pub second_uv: Option<Index>,
     #[serde(rename = "WEIGHTS_0", skip_serializing_if = "Option::is_none")]
     pub weights: Option<Index>,
     /// Attributes of the scene under names with an underscore: `_MAP`, `_DEPTH`, ...
@@ -393,7 +398,7 @@ pub(super) struct Accessor {
     pub min: Vec<f32>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct BufferView {
     pub buffer: Index,
@@ -404,6 +409,32 @@ pub(super) struct BufferView {
     pub byte_stride: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extensions: Option<ViewExtensions>,
+    /// What the view holds, for compression; `None` for images.
+    #[serde(skip)]
+    pub stream: Option<super::meshopt::Stream>,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct ViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    pub meshopt: CompressedView,
+}
+
+/// Where the compressed bytes of a view are, and how they are decoded.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct CompressedView {
+    pub buffer: Index,
+    #[serde(skip_serializing_if = "is_zero")]
+    pub byte_offset: usize,
+    pub byte_length: usize,
+    pub byte_stride: usize,
+    pub count: usize,
+    pub mode: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filter: Option<&'static str>,
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature serde asks for")]
@@ -411,10 +442,24 @@ fn is_zero(n: &usize) -> bool {
     *n == 0
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Buffer {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uri: Option<String>,
     pub byte_length: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extensions: Option<BufferExtensions>,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct BufferExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    pub meshopt: FallbackBuffer,
+}
+
+/// A buffer without bytes: readers that decompress allocate it.
+#[derive(Debug, Serialize)]
+pub(super) struct FallbackBuffer {
+    pub fallback: bool,
 }

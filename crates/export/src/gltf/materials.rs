@@ -122,7 +122,7 @@ impl GltfDocument<'_> {
         let entry = match &mut self.pictures {
             ImageStorage::Embedded => {
                 // JPEG where the image has no alpha; the others stay PNG.
-                let small = if self.input.profile == Profile::Web { jpeg(source)? } else { None };
+                let small = if self.input.options.profile != Profile::Blender { jpeg(source)? } else { None };
                 let mime_type = Some(if small.is_some() { "image/jpeg" } else { "image/png" });
                 let bytes = small.as_deref().unwrap_or(self.input.textures.png(image));
                 Image { name, uri: None, mime_type, buffer_view: Some(self.buffer.add_file(bytes)?) }

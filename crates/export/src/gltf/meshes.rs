@@ -4,11 +4,14 @@ use std::borrow::Cow;
 
 use glam::{Vec2, Vec3};
 
-use super::Profile;
 use super::buffer::last_index;
 use super::document::{GeometryKind, GltfDocument, MaterialVariant};
+use super::engine::SECOND_UV;
 use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, Primitive};
 use super::materials::{has_normal_map, uses_uvs};
+use super::meshopt;
+use super::options::{Profile, VertexStorage};
+use super::quantize::QuantizedCube;
 use super::submeshes::{Submesh, split_by_material};
 use super::tangents::tangents;
 use super::tracks::MorphShape;
@@ -28,6 +31,33 @@ pub(super) struct Vertices<'a> {
     pub skin: Option<SkinInfluences>,
     /// Whether the primitive has morph targets.
     pub morphs: bool,
+    /// The cube of quantized positions; `None` stores metres.
+    pub cube: Option<QuantizedCube>,
+}
+
+impl Vertices<'_> {
+    /// The vertices of these indices, in this order.
+    fn gather(&self, indices: &[u32]) -> Self {
+        fn pick<T: Copy>(all: &[T], indices: &[u32]) -> Vec<T> {
+            indices.iter().filter_map(|i| all.get(*i as usize)).copied().collect()
+        }
+        let attribute = |a: &Attribute| Attribute { data: a.data.gather(indices), ..*a };
+        Self {
+            label: self.label,
+            points: Cow::Owned(pick(&self.points, indices)),
+            normals: Cow::Owned(pick(&self.normals, indices)),
+            uvs: Cow::Owned(pick(&self.uvs, indices)),
+            colors: Cow::Owned(pick(&self.colors, indices)),
+            attributes: Cow::Owned(self.attributes.iter().map(attribute).collect()),
+            skin: self.skin.as_ref().map(|s| SkinInfluences {
+                joints: pick(&s.joints, indices),
+                weights: pick(&s.weights, indices),
+                count: s.count,
+            }),
+            morphs: self.morphs,
+            cube: self.cube,
+        }
+    }
 }
 
 /// Joints and weights of vertices, and the number of joints in the skin.
@@ -50,14 +80,27 @@ pub(super) struct MeshSource<'a> {
     pub skin: Option<&'a SkinInfluences>,
     /// Morph targets with their names.
     pub shapes: &'a [(String, &'a MorphShape)],
+    /// The cube of quantized positions that other meshes of the skin share; `None`: one of its own.
+    pub cube: Option<QuantizedCube>,
+}
+
+/// A mesh of the document.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StoredMesh {
+    pub index: Index,
+    /// The cube in which its positions are stored; `None`: they are metres.
+    pub cube: Option<QuantizedCube>,
 }
 
 const MODE_POINTS: u32 = 0;
 
 impl GltfDocument<'_> {
     /// Adds a mesh with a primitive for each material; `None` if it has no triangles.
-    pub(super) fn add_mesh(&mut self, mesh_source: MeshSource<'_>) -> Result<Option<Index>> {
+    pub(super) fn add_mesh(&mut self, mesh_source: MeshSource<'_>) -> Result<Option<StoredMesh>> {
         let mut primitives = Vec::new();
+        let own = || self.quantized_cube(mesh_source.mesh.points.iter().copied());
+        // Differences of morph targets are floats, which readers cannot add to integers.
+        let cube = if mesh_source.shapes.is_empty() { mesh_source.cube.or_else(own) } else { None };
         for submesh in split_by_material(mesh_source.mesh) {
             // Influences run over all vertices of the mesh and are restricted as the points are.
             let skin = mesh_source.skin.map(|s| SkinInfluences {
@@ -74,6 +117,7 @@ impl GltfDocument<'_> {
                 attributes: submesh.gather_attributes(&mesh_source.mesh.attributes),
                 skin,
                 morphs: !mesh_source.shapes.is_empty(),
+                cube,
             };
             let variant = MaterialVariant { material: submesh.material, geometry: mesh_source.geometry };
             let mut primitive = self.build_primitive(&vertices, &submesh.triangles, variant)?;
@@ -82,8 +126,15 @@ impl GltfDocument<'_> {
             primitives.push(primitive);
         }
         let target_names: Vec<String> = mesh_source.shapes.iter().map(|(name, _)| name.clone()).collect();
-        let extras = (!target_names.is_empty()).then_some(MeshExtras { target_names });
-        self.push_mesh(JsonMesh { name: mesh_source.name.to_owned(), primitives, weights: Vec::new(), extras })
+        let extras = (!target_names.is_empty()).then_some(MeshExtras { target_names, osier: None });
+        let mesh = JsonMesh { name: mesh_source.name.to_owned(), primitives, weights: Vec::new(), extras };
+        Ok(self.push_mesh(mesh)?.map(|index| StoredMesh { index, cube }))
+    }
+
+    /// The cube for positions that will be quantized; `None` if the document stores metres.
+    pub(super) fn quantized_cube(&self, points: impl Iterator<Item = Vec3>) -> Option<QuantizedCube> {
+        let quantizes = self.input.options.vertex_storage() == VertexStorage::Quantized;
+        quantizes.then(|| QuantizedCube::around(points))
     }
 
     /// Adds a mesh of finished primitives; `None` without any.
@@ -102,14 +153,30 @@ impl GltfDocument<'_> {
         triangles: &[[u32; 3]],
         variant: MaterialVariant,
     ) -> Result<Primitive> {
+        // Streams are shorter in the order in which triangles use their vertices. Targets are in the order of the mesh.
+        let (ordered_vertices, ordered_triangles);
+        let (vertices, triangles) = if self.input.options.compresses() && !vertices.morphs {
+            let (list, old) = meshopt::reorder(triangles, vertices.points.len())?;
+            (ordered_vertices, ordered_triangles) = (vertices.gather(&old), list);
+            (&ordered_vertices, ordered_triangles.as_slice())
+        } else {
+            (vertices, triangles)
+        };
         let label = vertices.label;
         let count = vertices.points.len();
         // Morph targets are float differences, which readers cannot add to quantized normals.
-        let small = self.input.profile == Profile::Web && !vertices.morphs;
+        let storage = if vertices.morphs { VertexStorage::Floats } else { self.input.options.vertex_storage() };
+        let small = storage != VertexStorage::Floats;
+        let quantized = storage == VertexStorage::Quantized;
+        // The core of glTF has colours and weights of bytes, which is what engines keep.
+        let bytes = quantized || self.input.options.profile == Profile::Engine;
         if small {
             self.use_extension("KHR_mesh_quantization", true);
         }
-        let position = self.buffer.add_positions(&vertices.points, label)?;
+        let position = match vertices.cube {
+            Some(cube) => self.buffer.add_quantized_positions(&vertices.points, cube, label)?,
+            None => self.buffer.add_positions(&vertices.points, label)?,
+        };
         let mut attributes = Attributes { position, ..Attributes::default() };
         if vertices.normals.len() == count {
             attributes.normal = Some(if small {
@@ -122,7 +189,11 @@ impl GltfDocument<'_> {
             });
         }
         if vertices.uvs.len() == count && uses_uvs(self.input.scene, variant.material) {
-            attributes.uv = Some(self.buffer.add_uvs(&vertices.uvs, label)?);
+            attributes.uv = Some(if quantized {
+                self.buffer.add_quantized_uvs(&vertices.uvs, label)?
+            } else {
+                self.buffer.add_uvs(&vertices.uvs, label)?
+            });
             // Tangent frames need normals and texture coordinates, and only a normal map uses them.
             if vertices.normals.len() == count && has_normal_map(self.input.scene, variant.material) {
                 let list = tangents(&vertices.points, &vertices.normals, &vertices.uvs, triangles);
@@ -134,9 +205,15 @@ impl GltfDocument<'_> {
             }
         }
         if vertices.colors.len() == count {
-            attributes.color = Some(self.buffer.add_colors(vertices.colors.iter().copied())?);
+            let colors = vertices.colors.iter().copied();
+            attributes.color =
+                Some(if bytes { self.buffer.add_byte_colors(colors)? } else { self.buffer.add_colors(colors)? });
         }
         for a in vertices.attributes.iter().filter(|a| a.data.len() == count && count > 0) {
+            if let (SECOND_UV, AttributeData::Unit2(pairs)) = (a.name, &a.data) {
+                attributes.second_uv = Some(self.buffer.add_vertex_pairs(pairs, label)?);
+                continue;
+            }
             // Blender's importer mixes up attributes of unlike width and then fails: all that are written have four numbers.
             // Attribute numbers lie in [0, 1]: 16 bits hold them within 1 / 131070.
             let quads = match &a.data {
@@ -148,7 +225,11 @@ impl GltfDocument<'_> {
         }
         if let Some(skin) = &vertices.skin {
             attributes.joints = Some(self.buffer.add_joint_indices(&skin.joints, skin.count)?);
-            attributes.weights = Some(self.buffer.add_vertex_vec4s(&skin.weights, label)?);
+            attributes.weights = Some(if bytes {
+                self.buffer.add_byte_weights(&skin.weights, label)?
+            } else {
+                self.buffer.add_vertex_vec4s(&skin.weights, label)?
+            });
         }
         let indices = Some(self.buffer.add_triangle_indices(triangles, count)?);
         let material = self.material_index(variant)?;
@@ -186,7 +267,7 @@ impl GltfDocument<'_> {
     }
 
     /// Adds a point cloud; hidden points (width 0) are left out. `None` if nothing remains.
-    pub(super) fn add_point_cloud(&mut self, cloud: &Points, label: &str) -> Result<Option<Index>> {
+    pub(super) fn add_point_cloud(&mut self, cloud: &Points, label: &str) -> Result<Option<StoredMesh>> {
         // Points without widths are all visible.
         let shown: Vec<usize> =
             (0..cloud.positions.len()).filter(|&i| cloud.widths.get(i).is_none_or(|w| *w > 0.0)).collect();
@@ -214,7 +295,8 @@ impl GltfDocument<'_> {
         let geometry = if colored { GeometryKind::ColoredPoints } else { GeometryKind::PlainPoints };
         let material = self.material_index(MaterialVariant { material: cloud.material, geometry })?;
         let primitive = Primitive { attributes, material, mode: Some(MODE_POINTS), ..Primitive::default() };
-        self.push_mesh(JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() })
+        let mesh = JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() };
+        Ok(self.push_mesh(mesh)?.map(|index| StoredMesh { index, cube: None }))
     }
 }
 

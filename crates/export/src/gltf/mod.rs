@@ -1,7 +1,7 @@
-//! glTF 2.0: one binary file per asset and one for the whole scene, in two profiles.
+//! glTF 2.0: one binary file per asset and one for the whole scene, in three profiles.
 //!
 //! `web` writes instances by extension and omits keys that interpolation restores; `blender` merges instances into
-//! meshes and keeps every key. A file has one animation: viewers and Blender's importer play the first they find.
+//! meshes and keeps every key; `engine` requires no extension and has plants in levels of detail, each in a file of its own. A file has one animation: viewers and Blender's importer play the first they find.
 //!
 //! ```
 //! use osier_base::files::Folder;
@@ -19,18 +19,22 @@ mod buffer;
 mod container;
 mod copies;
 mod document;
+mod engine;
 mod instances;
 mod json;
 mod keys;
 mod materials;
 mod meshes;
+mod meshopt;
 pub(crate) mod options;
+mod quantize;
 mod rig;
 pub(super) mod submeshes;
 mod tangents;
 mod text;
 mod tracks;
 
+pub use engine::channels::{WindChannel, WindChannels, WindNumber};
 pub use options::{GltfOptions, GltfTarget, Profile, SKINS};
 
 use std::io::Write;
@@ -70,7 +74,7 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
                 let name = name.to_owned();
                 let is_text = name.to_ascii_lowercase().ends_with(".gltf");
                 let target = if is_text { GltfTarget::Gltf(name) } else { GltfTarget::Glb(name) };
-                GltfOptions { profile, target, skins: bake.skins, ..GltfOptions::default() }
+                GltfOptions { profile, target, assets: true, frame: None, ..bake.clone() }
             }
         };
         Box::new(GltfExporter::new(job.folder.clone(), Arc::clone(&job.textures), options))
@@ -80,6 +84,16 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
 
 /// Size of PNG images to that of JPEG. Own: measured on barks, grounds and leaves; used for estimates alone.
 const JPEG_RATIO: u64 = 4;
+
+/// How much smaller vertices, triangles and instances become when they are quantized or compressed, as a share of the plain size to
+/// them in percent. Own: measured on leaves and bark.
+fn stored_percent(options: &GltfOptions, profile: Profile) -> u64 {
+    match profile {
+        Profile::Web if options.meshopt => 350,
+        Profile::Web if options.quantize => 170,
+        _ => 100,
+    }
+}
 
 /// Own estimate: bytes per vertex, triangle, instance and key in binary files.
 fn estimate(input: &EstimateInput) -> u64 {
@@ -93,7 +107,7 @@ fn estimate(input: &EstimateInput) -> u64 {
             // 12 bytes of a point are its position, the others colour or counts.
             let points = (a.points - a.moving_points) * 18;
             let still = match profile {
-                Profile::Blender => {
+                Profile::Blender | Profile::Engine => {
                     // Points, normals, coordinates, tangents; bark has joints and weights as well.
                     let skinned = if a.joints > 0 { a.vertices * 24 } else { 0 };
                     (a.vertices + a.instance_vertices) * 48 + skinned + (a.triangles + a.instance_triangles) * 12
@@ -103,6 +117,7 @@ fn estimate(input: &EstimateInput) -> u64 {
                     a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28 + a.instances * a.still_copies * 32
                 }
             };
+            let still = still * 100 / stored_percent(options, *profile);
             // The scene's file has tracks for each phase that has a skin, the asset's own file for one.
             let nodes = a.free_instances.min(most_nodes);
             // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
@@ -142,8 +157,18 @@ impl GltfExporter {
     fn write_bake(&self, input: GltfInput<'_>) -> Result<Vec<Warning>> {
         let scene = input.scene;
         let mut warnings = Vec::new();
-        for (i, asset) in scene.assets.iter().enumerate().filter(|_| self.options.assets) {
-            warnings.extend(self.write_bake_glb(input, &asset.id, GltfContents::Asset(i))?);
+        let is_engine = self.options.profile == Profile::Engine;
+        let mut filled = vec![false; scene.assets.len()];
+        for (i, asset) in scene.assets.iter().enumerate().filter(|_| self.options.assets || is_engine) {
+            let own = self.write_bake_glb(input, &asset.id, GltfContents::Asset(i))?;
+            filled[i] = own.is_some();
+            warnings.extend(own.into_iter().flatten());
+        }
+        if is_engine {
+            // An engine places the plants itself: the scene is a table of what stands where.
+            let path = format!("gltf/{}.engine.json", scene.name);
+            self.folder.write(&path, "glb.engine.table", &engine::placement_table(input, &filled)?)?;
+            return Ok(warnings);
         }
         // A scene named like one of its assets gets a number, as other colliding names do.
         let mut stem = scene.name.clone();
@@ -154,7 +179,9 @@ impl GltfExporter {
         }
         match self.write_bake_glb(input, &stem, GltfContents::Scene { camera: true }) {
             // The assets' own files have reported their joints (X002) already.
-            Ok(more) => warnings.extend(more.into_iter().filter(|w| !self.options.assets || w.code != "X002")),
+            Ok(more) => {
+                warnings.extend(more.into_iter().flatten().filter(|w| !self.options.assets || w.code != "X002"))
+            }
             // The assets' own files are complete by now: a scene too large for one file costs only that file.
             Err(Error::Export { code: code @ "X005", reason }) => {
                 let message = format!("the file of the whole scene is left out: {reason}");
@@ -165,15 +192,16 @@ impl GltfExporter {
         Ok(warnings)
     }
 
-    fn write_bake_glb(&self, input: GltfInput<'_>, stem: &str, contents: GltfContents) -> Result<Vec<Warning>> {
+    /// Writes a file and returns its warnings; `None` if there was nothing to write.
+    fn write_bake_glb(&self, input: GltfInput<'_>, stem: &str, contents: GltfContents) -> Result<Option<Vec<Warning>>> {
         let path = format!("gltf/{stem}.{}.glb", self.options.profile.word());
         let mut document = GltfDocument::new(input, ImageStorage::Embedded);
         if document.assemble(contents)? {
             let warnings = std::mem::take(&mut document.warnings);
             self.write_glb(document, &path)?;
-            return Ok(warnings);
+            return Ok(Some(warnings));
         }
-        Ok(Vec::new())
+        Ok(None)
     }
 
     fn write_glb(&self, document: GltfDocument<'_>, path: &str) -> Result<()> {
@@ -243,13 +271,7 @@ impl Exporter for GltfExporter {
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
         let tracks = std::mem::take(&mut self.tracks);
-        let input = GltfInput {
-            scene: &scene,
-            tracks: &tracks,
-            textures: &self.textures,
-            profile: self.options.profile,
-            skins: self.options.skins,
-        };
+        let input = GltfInput { scene: &scene, tracks: &tracks, textures: &self.textures, options: &self.options };
         let warnings = match &self.options.target {
             GltfTarget::Bake => self.write_bake(input)?,
             GltfTarget::Glb(path) => {
@@ -288,11 +310,10 @@ fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterato
 /// X001, X005, X006; `Io` if `out` refuses.
 pub fn write(scene: &Scene, textures: &Textures, profile: Profile, out: &mut impl Write) -> Result<Vec<Warning>> {
     check_scene(scene)?;
-    let tracks = ClipTracks::new(scene, GltfOptions::default().nodes);
-    let mut document = GltfDocument::new(
-        GltfInput { scene, tracks: &tracks, textures, profile, skins: SKINS },
-        ImageStorage::Embedded,
-    );
+    let options = GltfOptions { profile, ..GltfOptions::default() };
+    let tracks = ClipTracks::new(scene, options.nodes);
+    let mut document =
+        GltfDocument::new(GltfInput { scene, tracks: &tracks, textures, options: &options }, ImageStorage::Embedded);
     document.assemble(GltfContents::Scene { camera: false })?;
     let warnings = std::mem::take(&mut document.warnings);
     container::write_glb(document, |bytes| out.write_all(bytes).map_err(|e| Error::io("write", "-", e)))?;

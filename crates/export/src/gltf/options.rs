@@ -1,10 +1,14 @@
 //! Options of the glTF writer.
 
+use super::engine::channels::WindChannels;
+
 /// The readers that a file is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Profile {
-    /// Viewers and engines: EXT_mesh_gpu_instancing, KHR_mesh_quantization, reduced keys, JPEG images.
+    /// Viewers: EXT_mesh_gpu_instancing, KHR_mesh_quantization, reduced keys, JPEG images.
     Web,
+    /// Game engines: plain glTF that requires no extension, leaves merged into skinned meshes, levels of detail.
+    Engine,
     /// Blender 3.4 to 5.0: instances merged into meshes, a key for every frame, PNG images.
     #[default]
     Blender,
@@ -15,6 +19,7 @@ impl Profile {
     pub fn word(self) -> &'static str {
         match self {
             Self::Web => "web",
+            Self::Engine => "engine",
             Self::Blender => "blender",
         }
     }
@@ -22,6 +27,7 @@ impl Profile {
     pub(super) fn kind(self) -> &'static str {
         match self {
             Self::Web => "glb.web",
+            Self::Engine => "glb.engine",
             Self::Blender => "glb.blender",
         }
     }
@@ -54,10 +60,60 @@ pub struct GltfOptions {
     pub skins: usize,
     /// Write a file for each asset, besides that of the scene.
     pub assets: bool,
+    /// Profile `web`: store vertices as integers of 8 and 16 bits, with the transform to metres in nodes and skins.
+    pub quantize: bool,
+    /// Profile `web`: compress vertices, triangles and keys with EXT_meshopt_compression. Implies `quantize`.
+    pub meshopt: bool,
+    /// Profile `engine`: most triangles of a plant at its finest level of detail.
+    pub level_triangles: usize,
+    /// Profile `engine`: most joints of a plant, 1 to 256.
+    pub joints: usize,
+    /// Profile `engine`: what the vertex colours of plants hold; `None` writes none.
+    pub channels: Option<WindChannels>,
+}
+
+impl GltfOptions {
+    /// How the vertices of meshes are stored.
+    pub(super) fn vertex_storage(&self) -> VertexStorage {
+        match self.profile {
+            Profile::Web if self.quantize || self.meshopt => VertexStorage::Quantized,
+            Profile::Web => VertexStorage::ByteDirections,
+            Profile::Blender | Profile::Engine => VertexStorage::Floats,
+        }
+    }
+
+    /// Most joints of an animated skeleton.
+    pub(super) fn most_joints(&self) -> usize {
+        match self.profile {
+            Profile::Engine => self.joints.clamp(1, 256),
+            Profile::Web | Profile::Blender => super::rig::MAX_JOINTS,
+        }
+    }
+
+    /// Whether buffer views are compressed.
+    pub(super) fn compresses(&self) -> bool {
+        self.profile == Profile::Web && self.meshopt
+    }
+}
+
+/// How the vertices of meshes without morph targets are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum VertexStorage {
+    /// Floats, as the core of glTF has them.
+    Floats,
+    /// Normals and tangents as signed bytes, all else as floats.
+    ByteDirections,
+    /// Positions and texture coordinates as 16-bit integers, all else as bytes.
+    Quantized,
 }
 
 /// Default of [`GltfOptions::skins`]. Own: beyond it importers and viewers become slow; a higher limit animates more plants.
 pub const SKINS: usize = 64;
+
+/// Default of [`GltfOptions::level_triangles`]. Own: what games of today draw for a tree near the camera.
+pub const LEVEL_TRIANGLES: usize = 60_000;
+/// Default of [`GltfOptions::joints`]. Own: engines on phones hold 64 to 75 matrices in a draw call.
+pub const ENGINE_JOINTS: usize = 64;
 
 impl Default for GltfOptions {
     fn default() -> Self {
@@ -68,6 +124,11 @@ impl Default for GltfOptions {
             nodes: 500,
             skins: SKINS,
             assets: true,
+            quantize: false,
+            meshopt: false,
+            level_triangles: LEVEL_TRIANGLES,
+            joints: ENGINE_JOINTS,
+            channels: None,
         }
     }
 }

@@ -72,7 +72,8 @@ impl JointSelection {
         skin.joints.iter().zip(&skin.weights).map(|(j, w)| self.merge_influences(*j, *w)).unzip()
     }
 
-    fn merge_influences(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
+    /// Influences of one vertex over the written joints, as [`Self::remap_weights`] has them.
+    pub(super) fn merge_influences(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
         let mut list: Vec<(u16, f32)> = Vec::with_capacity(4);
         for (j, w) in joints.iter().zip(weights).filter(|(_, w)| *w > 0.0) {
             let carrier = self.carrier.get(usize::from(*j)).copied().unwrap_or(0);

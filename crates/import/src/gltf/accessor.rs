@@ -148,8 +148,9 @@ impl Accessors<'_> {
 
     /// `count` elements of `size` bytes in a view, by its stride; `None` if they pass its end.
     fn elements(&self, view: usize, offset: u64, count: usize, size: usize) -> Option<impl Iterator<Item = &[u8]>> {
+        let bytes = self.buffers.view(self.document, view)?;
         let view = self.document.root.buffer_views.get(view)?;
-        let bytes = self.buffers.view(view)?.get(usize::try_from(offset).ok()?..)?;
+        let bytes = bytes.get(usize::try_from(offset).ok()?..)?;
         let stride = view.byte_stride.map_or(size, |s| s.0);
         // The last element need not be followed by the rest of its stride: stride (n - 1) + size bytes.
         let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(size))?;

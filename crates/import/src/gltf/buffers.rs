@@ -1,23 +1,38 @@
-//! Buffers: the binary chunk, `data:` URIs, files beside the document.
+//! Buffers: the binary chunk, `data:` URIs, files beside the document, compressed views.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
-use gltf::json::Root;
-use gltf::json::buffer::View;
+use meshoptimizer_rs::codec::{BufferView, Filter, Mode};
+use meshoptimizer_rs::{Limits, Workspace};
 
+use super::document::{CompressedView, GltfDocument};
 use crate::{ImportContext, ImportResult};
 
 /// The bytes of all buffers, each at least as long as it declares.
 #[derive(Debug)]
 pub(super) struct Buffers<'a> {
     list: Vec<Cow<'a, [u8]>>,
+    /// Decompressed bytes, by index of the buffer view.
+    decoded: BTreeMap<usize, Vec<u8>>,
 }
 
 impl<'a> Buffers<'a> {
     /// Loads every buffer; all together stay within the limit for mesh bytes.
     /// # Errors
     /// X009 or X010.
-    pub(super) fn load(context: &mut ImportContext<'_>, root: &Root, bin: Option<&'a [u8]>) -> ImportResult<Self> {
+    pub(super) fn load(
+        context: &mut ImportContext<'_>,
+        document: &GltfDocument,
+        bin: Option<&'a [u8]>,
+    ) -> ImportResult<Self> {
+        let root = &document.root;
+        // A buffer that only compressed views refer to needs no bytes: they are decoded from another one.
+        let is_fallback = |i: usize| {
+            let views = root.buffer_views.iter().enumerate().filter(|(_, v)| v.buffer.value() == i);
+            let mut views = views.peekable();
+            views.peek().is_some() && views.all(|(k, _)| document.compressed_views.contains_key(&k))
+        };
         let mut list = Vec::with_capacity(root.buffers.len());
         let mut left = context.options.limits.get("mesh-bytes");
         for (i, buffer) in root.buffers.iter().enumerate() {
@@ -25,6 +40,10 @@ impl<'a> Buffers<'a> {
                 (Some(uri), _) => Cow::Owned(resource(context, &format!("buffers[{i}]"), uri, left)?),
                 // Only the first buffer may omit its uri: it is then the binary chunk of the file.
                 (None, Some(bin)) if i == 0 => Cow::Borrowed(bin),
+                (None, _) if is_fallback(i) => {
+                    list.push(Cow::Owned(Vec::new()));
+                    continue;
+                }
                 (None, _) => return Err(context.error_in_file("X010", format_args!("buffers[{i}] has no bytes"))),
             };
             // More bytes than declared are allowed, since a binary chunk is padded to a multiple of four.
@@ -38,16 +57,43 @@ impl<'a> Buffers<'a> {
             left = left.saturating_sub(bytes.len() as u64);
             list.push(bytes);
         }
-        Ok(Self { list })
+        let mut decoded = BTreeMap::new();
+        for (index, compressed) in &document.compressed_views {
+            let bytes = decode_view(&list, compressed, left).map_err(|what| {
+                let message = format_args!("bufferViews[{index}]: EXT_meshopt_compression: {what}");
+                Box::new(context.error_in_file("X010", message).help("export the file again, without compression"))
+            })?;
+            left = left.saturating_sub(bytes.len() as u64);
+            decoded.insert(*index, bytes);
+        }
+        Ok(Self { list, decoded })
     }
 
-    /// Bytes of a view; `None` if it passes the end of its buffer.
-    pub(super) fn view(&self, view: &View) -> Option<&[u8]> {
+    /// Bytes of a view by its index; `None` if there is none, or if it passes the end of its buffer.
+    pub(super) fn view(&self, document: &GltfDocument, index: usize) -> Option<&[u8]> {
+        if let Some(bytes) = self.decoded.get(&index) {
+            return Some(bytes);
+        }
+        let view = document.root.buffer_views.get(index)?;
         let start = view.byte_offset.map_or(0, |o| o.0);
         let end = start.checked_add(view.byte_length.0)?;
         let declared = self.list.get(view.buffer.value())?;
         declared.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
     }
+}
+
+/// The bytes of a compressed view, at most `left`; says what is wrong with it otherwise.
+fn decode_view(list: &[Cow<'_, [u8]>], view: &CompressedView, left: u64) -> Result<Vec<u8>, String> {
+    let source = list.get(view.buffer).and_then(|b| b.get(view.offset..view.offset.checked_add(view.length)?));
+    let source = source.ok_or("it passes the end of its buffer")?;
+    let plain = |e: meshoptimizer_rs::Error| e.to_string();
+    let (mode, filter) = (Mode::parse(&view.mode).map_err(plain)?, Filter::parse(&view.filter).map_err(plain)?);
+    let layout = BufferView::new(mode, filter, view.count, view.stride).map_err(plain)?;
+    // Checked before decoding, so that a short file does not become a large buffer.
+    if layout.byte_length() as u64 > left {
+        return Err("all buffers together pass --max-mesh-bytes".into());
+    }
+    layout.decode(source, &mut Workspace::new(Limits::default())).map_err(plain)
 }
 
 /// Bytes that a uri stands for, at most `limit`.

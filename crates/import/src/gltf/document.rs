@@ -12,8 +12,9 @@ use osier_base::files::{Encoding, decode};
 use osier_base::limits::grouped;
 
 /// Extensions that are read, or that change only the appearance and may be ignored.
-const SUPPORTED_EXTENSIONS: [&str; 16] = [
+const SUPPORTED_EXTENSIONS: [&str; 17] = [
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -48,6 +49,20 @@ pub(super) struct UvTransform {
     pub(super) set: Option<u32>,
 }
 
+/// Where the compressed bytes of a buffer view are (EXT_meshopt_compression).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct CompressedView {
+    pub(super) buffer: usize,
+    pub(super) offset: usize,
+    pub(super) length: usize,
+    pub(super) stride: usize,
+    pub(super) count: usize,
+    /// ATTRIBUTES, TRIANGLES or INDICES.
+    pub(super) mode: String,
+    /// NONE, OCTAHEDRAL, QUATERNION or EXPONENTIAL.
+    pub(super) filter: String,
+}
+
 /// A validated document, and the extensions that are decoded here.
 #[derive(Debug)]
 pub(super) struct GltfDocument {
@@ -60,6 +75,8 @@ pub(super) struct GltfDocument {
     pub(super) iors: BTreeMap<usize, f64>,
     /// Share of diffuse light that is transmitted, by index of the material.
     pub(super) translucencies: BTreeMap<usize, f64>,
+    /// Compressed bytes, by index of the buffer view.
+    pub(super) compressed_views: BTreeMap<usize, CompressedView>,
 }
 
 impl GltfDocument {
@@ -106,6 +123,8 @@ impl GltfDocument {
         let translucency =
             |m: &Value| m.pointer("/extensions/KHR_materials_diffuse_transmission/diffuseTransmissionFactor")?.as_f64();
         let translucencies = entries(top, "materials").filter_map(|(i, m)| Some((i, translucency(m)?))).collect();
+        let compressed_views =
+            entries(top, "bufferViews").filter_map(|(i, v)| Some((i, compressed_view(v)?))).collect();
         // What is left is validated by the `gltf` crate.
         let stripped = serde_json::to_vec(&value)
             .map_err(|e| context.error_about_file("X010", format_args!("is damaged: {e}")))?;
@@ -114,7 +133,7 @@ impl GltfDocument {
             Ok(gltf) => gltf.document.into_json(),
             Err(e) => return Err(validation_error(context, e)),
         };
-        Ok(Some(Self { root, instance_accessors, uv_transforms, iors, translucencies }))
+        Ok(Some(Self { root, instance_accessors, uv_transforms, iors, translucencies, compressed_views }))
     }
 }
 
@@ -159,7 +178,7 @@ fn check_required_extensions(context: &ImportContext<'_>, top: &mut Map<String, 
         Some(name) => Err(Box::new(
             context
                 .error_about_file("X011", format_args!("requires the glTF extension {name:?}, which is not known"))
-                .help("export the file without it (no Draco or meshopt compression, PNG or JPEG images)"),
+                .help("export the file without it (no Draco compression, PNG or JPEG images)"),
         )),
     }
 }
@@ -190,6 +209,23 @@ fn instance_accessors(node: &Value) -> Option<InstanceAccessors> {
     let attributes = node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes")?;
     let index = |key: &str| attributes.get(key)?.as_u64().map(limit);
     Some(InstanceAccessors { translation: index("TRANSLATION"), rotation: index("ROTATION"), scale: index("SCALE") })
+}
+
+/// EXT_meshopt_compression of a buffer view. A number that is missing or beyond the address space names no bytes, which is an error
+/// on use.
+fn compressed_view(view: &Value) -> Option<CompressedView> {
+    let source = view.pointer("/extensions/EXT_meshopt_compression")?;
+    let number = |key: &str| source.get(key).and_then(Value::as_u64).map_or(0, limit);
+    let word = |key: &str| source.get(key).and_then(Value::as_str).unwrap_or("NONE").to_owned();
+    Some(CompressedView {
+        buffer: number("buffer"),
+        offset: number("byteOffset"),
+        length: number("byteLength"),
+        stride: number("byteStride"),
+        count: number("count"),
+        mode: word("mode"),
+        filter: word("filter"),
+    })
 }
 
 /// KHR_texture_transform of the base colour texture.

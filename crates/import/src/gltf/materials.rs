@@ -141,10 +141,10 @@ impl<'a> GltfMaterials<'a> {
         let root = &self.document.root;
         let Some(image) = root.images.get(index) else { return Ok(None) };
         let limit = context.options.limits.get("mesh-bytes");
-        if let Some(view) = image.buffer_view.and_then(|v| root.buffer_views.get(v.value())) {
+        if let Some(view) = image.buffer_view.filter(|v| v.value() < root.buffer_views.len()) {
             let bytes = self
                 .buffers
-                .view(view)
+                .view(self.document, view.value())
                 .ok_or_else(|| context.error_in_file("X010", format_args!("{place} passes the end of its buffer")))?;
             return Ok(Some(bytes.to_vec()));
         }

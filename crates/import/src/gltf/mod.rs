@@ -34,7 +34,7 @@ pub(super) fn read(context: &mut ImportContext<'_>, bytes: &[u8]) -> ImportResul
         let message = format_args!("has {} nodes, the limit is {}", grouped(nodes as u64), grouped(MAX_NODES as u64));
         return Err(context.error_about_file("X010", message));
     }
-    let buffers = Buffers::load(context, &document.root, chunks.bin)?;
+    let buffers = Buffers::load(context, &document, chunks.bin)?;
     let instances = nodes::flatten(context, &document, &buffers)?;
     let mut materials = materials::GltfMaterials::new(&document, &buffers);
     let parts = primitives::mesh_parts(context, &document, &buffers, &instances, &mut materials)?;

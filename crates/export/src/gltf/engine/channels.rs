@@ -1,0 +1,199 @@
+//! Wind channels: what shaders of engines read from the vertex colours of plants.
+
+use osier_base::math::narrow;
+use osier_base::rng::mix64;
+use osier_scene::{Attribute, AttributeData, Mesh};
+
+/// A number of a vertex from 0 to 1 that a shader of wind reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WindNumber {
+    /// Sway with the whole plant: 0 at the root.
+    Sway,
+    /// Sway with the branches: 0 on the trunk.
+    Branch,
+    /// Flutter: 0 on wood, 1 at the tip of a leaf.
+    Flutter,
+    /// Phase of the main branch, random.
+    Phase,
+    /// Share of the light of the sky that reaches the vertex.
+    Light,
+    /// A random number of the branch or leaf.
+    Id,
+    /// 0.
+    Zero,
+    /// 1.
+    One,
+}
+
+impl WindNumber {
+    /// Its name in scene files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Sway => "sway",
+            Self::Branch => "branch",
+            Self::Flutter => "flutter",
+            Self::Phase => "phase",
+            Self::Light => "light",
+            Self::Id => "id",
+            Self::Zero => "zero",
+            Self::One => "one",
+        }
+    }
+}
+
+/// A channel of a vertex colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WindChannel {
+    /// What it holds.
+    pub number: WindNumber,
+    /// Whether it holds 1 minus that.
+    pub inverted: bool,
+}
+
+/// The vertex colours that a shader of an engine reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WindChannels {
+    /// Red, green, blue, alpha of COLOR_0.
+    pub color: [WindChannel; 4],
+    /// Both numbers of TEXCOORD_1, if the shader reads them.
+    pub second_uv: Option<[WindChannel; 2]>,
+}
+
+const fn plain(number: WindNumber) -> WindChannel {
+    WindChannel { number, inverted: false }
+}
+
+impl WindChannels {
+    /// The shader of Crysis (GPU Gems 3, chapter 16), Lumberyard and O3DE.
+    pub const CRYSIS: Self = Self {
+        color: [
+            plain(WindNumber::Flutter),
+            plain(WindNumber::Phase),
+            plain(WindNumber::Branch),
+            plain(WindNumber::Light),
+        ],
+        second_uv: None,
+    };
+    /// Unity's shader for trees.
+    pub const UNITY: Self = Self {
+        color: [
+            plain(WindNumber::Phase),
+            plain(WindNumber::Flutter),
+            plain(WindNumber::Zero),
+            plain(WindNumber::Light),
+        ],
+        second_uv: Some([plain(WindNumber::Sway), plain(WindNumber::Branch)]),
+    };
+    /// Godot's trees: green sways most, red not at all.
+    pub const GODOT: Self = Self {
+        color: [
+            WindChannel { number: WindNumber::Sway, inverted: true },
+            plain(WindNumber::Sway),
+            plain(WindNumber::Zero),
+            plain(WindNumber::One),
+        ],
+        second_uv: None,
+    };
+    /// Unreal: alpha is free, since voxelised meshes overwrite it.
+    pub const UNREAL: Self = Self {
+        color: [
+            plain(WindNumber::Flutter),
+            plain(WindNumber::Phase),
+            plain(WindNumber::Branch),
+            plain(WindNumber::Zero),
+        ],
+        second_uv: None,
+    };
+
+    /// The channels by name, as scene files have them, for whoever reads the file.
+    pub(super) fn words(&self) -> Vec<String> {
+        let word = |c: &WindChannel| format!("{}{}", if c.inverted { "-" } else { "" }, c.number.word());
+        self.color.iter().chain(self.second_uv.iter().flatten()).map(word).collect()
+    }
+
+    /// The vertex colour of a vertex.
+    pub(super) fn color_of(&self, wind: &VertexWind) -> [f32; 4] {
+        self.color.map(|c| wind.channel(c))
+    }
+
+    /// Both numbers of TEXCOORD_1 of a vertex; 0 if the shader reads none.
+    pub(super) fn second_uv_of(&self, wind: &VertexWind) -> [f32; 2] {
+        self.second_uv.map_or([0.0; 2], |uv| uv.map(|c| wind.channel(c)))
+    }
+}
+
+/// How a vertex sways; all numbers from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct VertexWind {
+    pub sway: f32,
+    pub branch: f32,
+    pub flutter: f32,
+    pub phase: f32,
+    pub light: f32,
+    pub id: f32,
+}
+
+impl VertexWind {
+    /// A vertex that does not sway, in full light.
+    pub(super) const STILL: Self = Self { sway: 0.0, branch: 0.0, flutter: 0.0, phase: 0.0, light: 1.0, id: 0.0 };
+
+    fn channel(&self, channel: WindChannel) -> f32 {
+        let value = match channel.number {
+            WindNumber::Sway => self.sway,
+            WindNumber::Branch => self.branch,
+            WindNumber::Flutter => self.flutter,
+            WindNumber::Phase => self.phase,
+            WindNumber::Light => self.light,
+            WindNumber::Id => self.id,
+            WindNumber::Zero => 0.0,
+            WindNumber::One => 1.0,
+        };
+        if channel.inverted { 1.0 - value } else { value }
+    }
+}
+
+/// How the vertices of a mesh sway, by its attributes `wind` and `wind2`; still without them.
+pub(super) fn wind_of_mesh(mesh: &Mesh) -> Vec<VertexWind> {
+    let find = |name: &str| mesh.attributes.iter().find(|a: &&Attribute| a.name == name).map(|a| &a.data);
+    let mut list = vec![VertexWind::STILL; mesh.points.len()];
+    if let Some(AttributeData::Unit4(wind)) = find("wind") {
+        for (v, [sway, phase, flutter, light]) in list.iter_mut().zip(wind) {
+            *v = VertexWind { sway: *sway, phase: *phase, flutter: *flutter, light: *light, ..*v };
+        }
+    }
+    if let Some(AttributeData::Unit2(branch)) = find("wind2") {
+        for (v, [branch, id]) in list.iter_mut().zip(branch) {
+            *v = VertexWind { branch: *branch, id: *id, ..*v };
+        }
+    }
+    list
+}
+
+/// A random number of a leaf from its id, 0 to 1.
+pub(super) fn number_of_id(id: u64) -> f32 {
+    // The upper 24 bits fill the fraction of a float.
+    let top = u32::try_from(mix64(&[id]) >> 40).unwrap_or(0);
+    narrow(f64::from(top) / f64::from((1_u32 << 24) - 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_put_each_number_where_its_shader_reads_it() {
+        let wind = VertexWind { sway: 0.1, branch: 0.2, flutter: 0.3, phase: 0.4, light: 0.5, id: 0.6 };
+        assert_eq!(WindChannels::CRYSIS.color_of(&wind), [0.3, 0.4, 0.2, 0.5]);
+        assert_eq!(WindChannels::UNITY.color_of(&wind), [0.4, 0.3, 0.0, 0.5]);
+        assert_eq!(WindChannels::UNITY.second_uv_of(&wind), [0.1, 0.2]);
+        assert_eq!(WindChannels::GODOT.color_of(&wind), [0.9, 0.1, 0.0, 1.0]);
+        assert_eq!(WindChannels::UNREAL.color_of(&wind), [0.3, 0.4, 0.2, 0.0]);
+    }
+
+    #[test]
+    fn numbers_of_ids_fill_the_interval() {
+        let list: Vec<f32> = (0..1000).map(number_of_id).collect();
+        let mean = list.iter().sum::<f32>() / 1000.0;
+        assert!(list.iter().all(|n| (0.0..=1.0).contains(n)) && (mean - 0.5).abs() < 0.05, "{mean}");
+    }
+}

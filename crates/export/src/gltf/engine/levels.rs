@@ -1,0 +1,525 @@
+//! Levels of detail of a plant: wood simplified by edge collapse, leaves by simpler blades, then by fewer and larger ones.
+//!
+//! A level holds wood and leaves as one mesh, so that an engine draws it in one call for each material.
+
+use std::collections::BTreeMap;
+
+use glam::{Vec2, Vec3};
+use meshoptimizer_rs::{Attributes, Positions, SimplifyOptions, SimplifySettings, Workspace, simplify_with_attributes};
+
+use super::channels::{VertexWind, number_of_id, wind_of_mesh};
+use crate::gltf::meshes::SkinInfluences;
+use crate::gltf::rig::JointSelection;
+use osier_base::math::{narrow, sqrt};
+use osier_base::rng::mix64;
+use osier_base::{Error, Result};
+use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
+
+/// Constants of the levels, guessed or measured.
+mod tuning {
+    /// Pieces from which on a mesh with flutter is a crown of leaves and not wood.
+    pub(super) const MANY_PIECES: usize = 32;
+    /// Least and largest share of the triangles of a level for wood. Without a least share bare limbs would lose their shape,
+    /// without a largest the crown its leaves.
+    pub(super) const WOOD_SHARE: [f64; 2] = [0.25, 0.75];
+    /// Largest deviation of simplified wood as a share of the plant's size. It is seldom reached: the number of triangles decides.
+    pub(super) const WOOD_DEVIATION: f32 = 0.05;
+    /// Weight of normals beside positions in the simplification: limbs stay round.
+    pub(super) const NORMAL_WEIGHT: f32 = 0.5;
+    /// Largest deviation of a simplified blade as a share of its size.
+    pub(super) const BLADE_DEVIATION: f32 = 0.3;
+    /// Triangles of the simplest blade.
+    pub(super) const LEAST_BLADE: usize = 2;
+    /// Largest growth of the leaves that stand for those left out: larger ones are seen as such.
+    pub(super) const MOST_GROWTH: f32 = 8.0;
+}
+
+/// A plant at one level of detail, in the space of its asset.
+#[derive(Debug, Default)]
+pub(super) struct PlantLevel {
+    /// Wood and leaves.
+    pub mesh: Mesh,
+    /// Joints of the vertices; empty for a plant without joints.
+    pub joints: Vec<[u16; 4]>,
+    pub weights: Vec<[f32; 4]>,
+    /// How the vertices sway.
+    pub wind: Vec<VertexWind>,
+}
+
+/// Vertices to add to a level.
+struct Piece<'a> {
+    mesh: &'a Mesh,
+    place: Trs,
+    wind: &'a [VertexWind],
+}
+
+impl PlantLevel {
+    /// Appends a piece; its influences have been appended before.
+    fn add(&mut self, piece: &Piece<'_>) {
+        let Piece { mesh, place, wind } = piece;
+        let moved = Mesh {
+            points: mesh.points.iter().map(|p| place.apply(*p)).collect(),
+            normals: mesh
+                .normals
+                .iter()
+                .map(|n| osier_base::math::normalize_or(place.r * (*n / place.s), *n))
+                .collect(),
+            uvs: padded(&mesh.uvs, mesh.points.len(), Vec2::ZERO),
+            colors: padded(&mesh.colors, mesh.points.len(), [1.0; 4]),
+            attributes: Vec::new(),
+            triangles: mesh.triangles.clone(),
+            subsets: mesh.subsets.clone(),
+        };
+        self.mesh.append(&moved);
+        self.wind.extend_from_slice(wind);
+    }
+
+    /// Joins the subsets of a material, so that it is drawn once.
+    fn join_subsets(&mut self) {
+        let mut by_material: BTreeMap<MaterialId, Vec<[u32; 3]>> = BTreeMap::new();
+        for s in &self.mesh.subsets {
+            by_material.entry(s.material).or_default().extend_from_slice(self.mesh.subset_triangles(s));
+        }
+        (self.mesh.triangles, self.mesh.subsets) = (Vec::new(), Vec::new());
+        for (material, triangles) in by_material {
+            let count = u32::try_from(triangles.len()).unwrap_or(u32::MAX);
+            self.mesh.subsets.push(Subset { material, first: self.mesh.next_triangle(), count });
+            self.mesh.triangles.extend(triangles);
+        }
+        // White vertices are the default and need no colours.
+        if self.mesh.colors.iter().all(|c| *c == [1.0; 4]) {
+            self.mesh.colors.clear();
+        }
+    }
+
+    /// The influences for a skin of `count` joints; `None` for a plant without joints.
+    pub(super) fn influences(&self, count: usize) -> Option<SkinInfluences> {
+        (!self.joints.is_empty()).then(|| SkinInfluences {
+            joints: self.joints.clone(),
+            weights: self.weights.clone(),
+            count,
+        })
+    }
+}
+
+/// A list of one value for each of `count` vertices: `fill` where the mesh has none.
+fn padded<T: Copy>(list: &[T], count: usize, fill: T) -> Vec<T> {
+    if list.len() == count { list.to_vec() } else { vec![fill; count] }
+}
+
+/// Leaves that are thinned out together.
+enum Leaves<'a> {
+    /// Instances of prototypes, each on a joint where the plant has joints.
+    Instances { instancer: &'a Instancer, members: Vec<usize> },
+    /// A mesh of many separate blades.
+    Merged { object: &'a MeshObject, blades: Vec<Vec<[u32; 3]>>, wind: Vec<VertexWind> },
+}
+
+impl Leaves<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Instances { members, .. } => members.len(),
+            Self::Merged { blades, .. } => blades.len(),
+        }
+    }
+
+    fn triangles(&self) -> usize {
+        match self {
+            Self::Instances { instancer, members } => {
+                let of = |i: &usize| instancer.prototypes.get(instancer.protos[*i] as usize);
+                members.iter().filter_map(of).map(|p| p.mesh.triangles.len()).sum()
+            }
+            Self::Merged { blades, .. } => blades.iter().map(Vec::len).sum(),
+        }
+    }
+}
+
+/// What the levels of a plant are made from.
+pub(super) struct PlantSource<'a> {
+    selection: Option<&'a JointSelection>,
+    wood: Vec<&'a MeshObject>,
+    leaves: Vec<Leaves<'a>>,
+    /// Places of wood with how they sway, by the joint that moves them.
+    wood_wind: BTreeMap<u16, Vec<(Vec3, VertexWind)>>,
+}
+
+impl<'a> PlantSource<'a> {
+    /// Sorts the parts of a plant into wood and leaves. `selection`: the joints that are written, for a plant that moves.
+    pub(super) fn new(asset: &'a Asset, selection: Option<&'a JointSelection>) -> Self {
+        let mut source = Self { selection, wood: Vec::new(), leaves: Vec::new(), wood_wind: BTreeMap::new() };
+        for object in asset.meshes.iter().filter(|o| is_merged(o)) {
+            let wind = wind_of_mesh(&object.mesh);
+            let flutters = wind.iter().any(|w| w.flutter > 0.0);
+            let blades = if flutters { separate_pieces(&object.mesh) } else { Vec::new() };
+            if blades.len() < tuning::MANY_PIECES {
+                source.add_wood_wind(object, &wind);
+                source.wood.push(object);
+            } else {
+                source.leaves.push(Leaves::Merged { object, blades, wind });
+            }
+        }
+        for instancer in asset.instancers.iter().filter(|i| i.motion != InstancerMotion::Free) {
+            let members = (0..instancer.len()).filter(|i| instancer.rest.is_alive(*i)).collect();
+            source.leaves.push(Leaves::Instances { instancer, members });
+        }
+        source
+    }
+
+    fn add_wood_wind(&mut self, object: &MeshObject, wind: &[VertexWind]) {
+        let swaying = object.mesh.points.iter().zip(wind).enumerate();
+        for (i, (p, w)) in swaying.filter(|(_, (_, w))| **w != VertexWind::STILL) {
+            let joint = self.influence(object, i).0[0];
+            self.wood_wind.entry(joint).or_default().push((*p, *w));
+        }
+    }
+
+    /// Written joints and weights of a vertex of a mesh.
+    fn influence(&self, object: &MeshObject, vertex: usize) -> ([u16; 4], [f32; 4]) {
+        match (self.selection, &object.skin) {
+            (Some(selection), Some(skin)) => match (skin.joints.get(vertex), skin.weights.get(vertex)) {
+                (Some(j), Some(w)) => selection.merge_influences(*j, *w),
+                _ => ROOT,
+            },
+            _ => ROOT,
+        }
+    }
+
+    /// Number of triangles without simplification.
+    pub(super) fn triangles(&self) -> usize {
+        self.wood_triangles() + self.leaves.iter().map(Leaves::triangles).sum::<usize>()
+    }
+
+    fn wood_triangles(&self) -> usize {
+        self.wood.iter().map(|o| o.mesh.triangles.len()).sum()
+    }
+
+    /// The plant with at most about `budget` triangles.
+    /// # Errors
+    /// X001 for positions that are not finite.
+    pub(super) fn level(&self, budget: usize) -> Result<PlantLevel> {
+        let mut level = PlantLevel::default();
+        let (wood, leaves) = self.shares(budget);
+        for object in &self.wood {
+            let share = share_of(wood, object.mesh.triangles.len(), self.wood_triangles());
+            self.add_wood(&mut level, object, share)?;
+        }
+        let all: usize = self.leaves.iter().map(Leaves::triangles).sum();
+        for group in &self.leaves {
+            self.add_leaves(&mut level, group, share_of(leaves, group.triangles(), all))?;
+        }
+        level.join_subsets();
+        Ok(level)
+    }
+
+    /// The triangles of wood and of leaves for a budget of both: each what it has if that fits, else in proportion.
+    fn shares(&self, budget: usize) -> (usize, usize) {
+        let (wood, all) = (self.wood_triangles(), self.triangles());
+        let leaves = all - wood;
+        if all <= budget {
+            return (wood, leaves);
+        }
+        if leaves == 0 || wood == 0 {
+            return (budget.min(wood), budget.min(leaves));
+        }
+        let [least, most] = tuning::WOOD_SHARE.map(|s| share_of(budget, to_count(s * 1e6), 1_000_000));
+        let own = share_of(budget, wood, all).clamp(least, most).min(wood);
+        // What one does not need is for the other.
+        let for_leaves = (budget - own).min(leaves);
+        ((budget - for_leaves).min(wood), for_leaves)
+    }
+
+    fn add_wood(&self, level: &mut PlantLevel, object: &MeshObject, budget: usize) -> Result<()> {
+        let mesh = &object.mesh;
+        let mut simple = mesh.clone();
+        if budget < mesh.triangles.len() {
+            (simple.triangles, simple.subsets) = (Vec::new(), Vec::new());
+            for s in &mesh.subsets {
+                let triangles = mesh.subset_triangles(s);
+                let target = share_of(budget, triangles.len(), mesh.triangles.len());
+                let list = simplified(mesh, triangles, target, tuning::WOOD_DEVIATION)?;
+                let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
+                simple.subsets.push(Subset { material: s.material, first: simple.next_triangle(), count });
+                simple.triangles.extend(list);
+            }
+        }
+        self.add_object_influences(level, object, 0..mesh.points.len());
+        level.add(&Piece { mesh: &simple, place: Trs::IDENTITY, wind: &wind_of_mesh(mesh) });
+        Ok(())
+    }
+
+    fn add_object_influences(
+        &self,
+        level: &mut PlantLevel,
+        object: &MeshObject,
+        vertices: impl Iterator<Item = usize>,
+    ) {
+        if self.selection.is_some() {
+            let (joints, weights): (Vec<_>, Vec<_>) = vertices.map(|i| self.influence(object, i)).unzip();
+            level.joints.extend(joints);
+            level.weights.extend(weights);
+        }
+    }
+
+    fn add_leaves(&self, level: &mut PlantLevel, group: &Leaves<'_>, budget: usize) -> Result<()> {
+        match group {
+            Leaves::Instances { instancer, members } => self.add_instances(level, instancer, members, budget),
+            Leaves::Merged { object, blades, wind } => {
+                self.add_blades(level, object, blades, wind, budget.min(group.triangles()) * group.len());
+                Ok(())
+            }
+        }
+    }
+
+    /// Instances: first with simpler blades, then fewer of them, larger in proportion, so that they cover the same area.
+    fn add_instances(
+        &self,
+        level: &mut PlantLevel,
+        instancer: &Instancer,
+        members: &[usize],
+        budget: usize,
+    ) -> Result<()> {
+        let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
+        let simple = |mesh: &Mesh| simplified_blade(mesh, for_each);
+        let blades: Vec<Mesh> = instancer.prototypes.iter().map(|p| simple(&p.mesh)).collect::<Result<_>>()?;
+        let proto = |i: usize| instancer.protos.get(i).map_or(0, |p| *p as usize);
+        let of = |list: &dyn Fn(usize) -> f64| members.iter().map(|i| list(proto(*i))).sum::<f64>();
+        let areas: Vec<f64> = instancer.prototypes.iter().map(|p| area(&p.mesh)).collect();
+        let simple_areas: Vec<f64> = blades.iter().map(area).collect();
+        let at = |list: &[f64], p: usize| list.get(p).copied().unwrap_or(0.0);
+        let wanted = of(&|p| at(&areas, p));
+        let triangles = of(&|p| blades.get(p).map_or(0.0, |b| to_float(b.triangles.len())));
+        let fits = to_count(to_float(members.len()) * (to_float(budget) / triangles.max(1.0)).min(1.0)).max(1);
+        let keys: Vec<u64> = members.iter().map(|i| instancer.ids.get(*i).copied().unwrap_or(0)).collect();
+        let kept: Vec<usize> = fewest_keys(&keys, fits).into_iter().map(|k| members[k]).collect();
+        let covered: f64 = kept.iter().map(|i| at(&simple_areas, proto(*i))).sum();
+        let growth = growth_for(wanted, covered);
+        for i in kept {
+            let Some(mesh) = blades.get(proto(i)) else { continue };
+            let mut place = instancer.transform(&instancer.rest, i);
+            place.s *= growth;
+            let joint = self.instance_joint(instancer, i);
+            let wind = self.leaf_wind(mesh, &place, joint, instancer.ids.get(i).copied().unwrap_or(0));
+            if self.selection.is_some() {
+                level.joints.extend(mesh.points.iter().map(|_| [joint, 0, 0, 0]));
+                level.weights.extend(mesh.points.iter().map(|_| ROOT.1));
+            }
+            level.add(&Piece { mesh, place, wind: &wind });
+        }
+        Ok(())
+    }
+
+    /// Blades of a merged mesh: fewer, and larger in proportion. `budget`: triangles times the number of blades.
+    fn add_blades(
+        &self,
+        level: &mut PlantLevel,
+        object: &MeshObject,
+        blades: &[Vec<[u32; 3]>],
+        wind: &[VertexWind],
+        budget: usize,
+    ) {
+        let triangles: usize = blades.iter().map(Vec::len).sum();
+        let fits = (budget / triangles.max(1)).clamp(1, blades.len());
+        let keys: Vec<u64> = (0..blades.len() as u64).collect();
+        let kept = fewest_keys(&keys, fits);
+        let area_of = |k: usize| blades[k].iter().map(|t| triangle_area(&object.mesh, t)).sum::<f64>();
+        let wanted: f64 = (0..blades.len()).map(area_of).sum();
+        let growth = growth_for(wanted, kept.iter().map(|k| area_of(*k)).sum());
+        for k in kept {
+            let mut vertices: Vec<u32> = blades[k].iter().flatten().copied().collect();
+            vertices.sort_unstable();
+            vertices.dedup();
+            let index = |i: u32| vertices.binary_search(&i).ok().and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
+            let pick = |i: &u32| *i as usize;
+            let winds: Vec<VertexWind> = vertices.iter().map(|i| wind[pick(i)]).collect();
+            // A blade grows from its foot, which flutters least.
+            let foot = (0..vertices.len()).min_by(|a, b| winds[*a].flutter.total_cmp(&winds[*b].flutter)).unwrap_or(0);
+            let points: Vec<Vec3> = vertices.iter().map(|i| object.mesh.points[pick(i)]).collect();
+            let foot = points.get(foot).copied().unwrap_or_default();
+            let material = material_of(&object.mesh);
+            let mesh = Mesh {
+                points: points.iter().map(|p| foot + (*p - foot) * growth).collect(),
+                normals: vertices.iter().filter_map(|i| object.mesh.normals.get(pick(i))).copied().collect(),
+                uvs: vertices.iter().filter_map(|i| object.mesh.uvs.get(pick(i))).copied().collect(),
+                colors: vertices.iter().filter_map(|i| object.mesh.colors.get(pick(i))).copied().collect(),
+                attributes: Vec::new(),
+                triangles: blades[k].iter().map(|t| t.map(index)).collect(),
+                subsets: Vec::new(),
+            }
+            .with_material(material);
+            self.add_object_influences(level, object, vertices.iter().map(pick));
+            level.add(&Piece { mesh: &mesh, place: Trs::IDENTITY, wind: &winds });
+        }
+    }
+
+    /// The written joint that carries an instance.
+    fn instance_joint(&self, instancer: &Instancer, i: usize) -> u16 {
+        let InstancerMotion::Joints(joints) = &instancer.motion else { return 0 };
+        let carrier = |s: &JointSelection| s.carrier.get(usize::from(*joints.get(i)?)).copied();
+        self.selection.and_then(carrier).unwrap_or(0)
+    }
+
+    /// How the vertices of a leaf sway: as the wood nearest to its foot, and flutter from 0 at the foot to 1 at the tip.
+    fn leaf_wind(&self, mesh: &Mesh, place: &Trs, joint: u16, id: u64) -> Vec<VertexWind> {
+        let distance = |p: &Vec3| p.distance_squared(place.t);
+        let here = self.wood_wind.get(&joint).into_iter().flatten();
+        let nearest = here.min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
+        let base = nearest.map_or(VertexWind::STILL, |n| n.1);
+        let tip = mesh.points.iter().fold(1e-9_f32, |m, p| m.max(p.y));
+        let at = |p: &Vec3| VertexWind { flutter: (p.y / tip).clamp(0.0, 1.0), id: number_of_id(id), ..base };
+        mesh.points.iter().map(at).collect()
+    }
+}
+
+/// The influences of what no joint moves: the root.
+const ROOT: ([u16; 4], [f32; 4]) = ([0; 4], [1.0, 0.0, 0.0, 0.0]);
+
+/// Whether a mesh of a plant is part of its levels: others deform or vary, and are written as they are.
+pub(in crate::gltf) fn is_merged(object: &MeshObject) -> bool {
+    !object.mesh.triangles.is_empty()
+        && (matches!(object.motion, MeshMotion::Still | MeshMotion::Skinned)
+            || (object.motion == MeshMotion::Deforming && object.skin.is_some()))
+}
+
+/// `total` times `part` / `all`, rounded down; 0 if `all` is 0.
+fn share_of(total: usize, part: usize, all: usize) -> usize {
+    let share = total as u128 * part as u128 / (all as u128).max(1);
+    usize::try_from(share).unwrap_or(usize::MAX)
+}
+
+#[allow(clippy::cast_precision_loss, reason = "counts of triangles and leaves are far below 2^52")]
+fn to_float(n: usize) -> f64 {
+    n as f64
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "never negative, and below the number of leaves"
+)]
+fn to_count(x: f64) -> usize {
+    x as usize
+}
+
+/// How much larger leaves become that stand for the area of all; at least 1.
+fn growth_for(wanted: f64, covered: f64) -> f32 {
+    let ratio = if covered > 0.0 { sqrt(wanted / covered) } else { 1.0 };
+    narrow(ratio).clamp(1.0, tuning::MOST_GROWTH)
+}
+
+/// Indices of the `count` keys with the smallest hashes, increasing: the same leaves stay from level to level, spread over the crown.
+fn fewest_keys(keys: &[u64], count: usize) -> Vec<usize> {
+    let mut order: Vec<(u64, usize)> = keys.iter().enumerate().map(|(i, k)| (mix64(&[*k]), i)).collect();
+    order.sort_unstable();
+    order.truncate(count);
+    let mut kept: Vec<usize> = order.into_iter().map(|(_, i)| i).collect();
+    kept.sort_unstable();
+    kept
+}
+
+fn triangle_area(mesh: &Mesh, t: &[u32; 3]) -> f64 {
+    let [a, b, c] = t.map(|i| mesh.points.get(i as usize).copied().unwrap_or_default());
+    f64::from((b - a).cross(c - a).length()) * 0.5
+}
+
+fn area(mesh: &Mesh) -> f64 {
+    mesh.triangles.iter().map(|t| triangle_area(mesh, t)).sum()
+}
+
+fn material_of(mesh: &Mesh) -> MaterialId {
+    mesh.subsets.first().map_or(0, |s| s.material)
+}
+
+/// The connected pieces of a mesh: triangles that share vertices, in the order of their first triangle.
+fn separate_pieces(mesh: &Mesh) -> Vec<Vec<[u32; 3]>> {
+    let mut parent: Vec<u32> = (0..mesh.next_point()).collect();
+    // The root of a set, with the path to it halved.
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            parent[i as usize] = parent[parent[i as usize] as usize];
+            i = parent[i as usize];
+        }
+        i
+    }
+    for [a, b, c] in &mesh.triangles {
+        let first = root(&mut parent, *a);
+        for v in [b, c] {
+            let other = root(&mut parent, *v);
+            parent[other as usize] = first;
+        }
+    }
+    let mut index: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut pieces: Vec<Vec<[u32; 3]>> = Vec::new();
+    for t in &mesh.triangles {
+        let key = root(&mut parent, t[0]);
+        let piece = *index.entry(key).or_insert_with(|| {
+            pieces.push(Vec::new());
+            pieces.len() - 1
+        });
+        pieces[piece].push(*t);
+    }
+    pieces
+}
+
+/// A blade of at most about `most` triangles, each material by its share.
+fn simplified_blade(mesh: &Mesh, most: usize) -> Result<Mesh> {
+    if mesh.triangles.len() <= most {
+        return Ok(mesh.clone());
+    }
+    let mut simple = mesh.clone();
+    (simple.triangles, simple.subsets) = (Vec::new(), Vec::new());
+    for s in &mesh.subsets {
+        let triangles = mesh.subset_triangles(s);
+        let target = share_of(most, triangles.len(), mesh.triangles.len()).max(1);
+        let list = simplified(mesh, triangles, target, tuning::BLADE_DEVIATION)?;
+        let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
+        simple.subsets.push(Subset { material: s.material, first: simple.next_triangle(), count });
+        simple.triangles.extend(list);
+    }
+    Ok(compact(&simple))
+}
+
+/// The mesh without vertices that no triangle uses.
+fn compact(mesh: &Mesh) -> Mesh {
+    let mut used: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let index = |i: u32| used.binary_search(&i).ok().and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
+    fn pick<T: Copy>(list: &[T], used: &[u32]) -> Vec<T> {
+        used.iter().filter_map(|i| list.get(*i as usize)).copied().collect()
+    }
+    Mesh {
+        points: pick(&mesh.points, &used),
+        normals: pick(&mesh.normals, &used),
+        uvs: pick(&mesh.uvs, &used),
+        colors: pick(&mesh.colors, &used),
+        attributes: Vec::new(),
+        triangles: mesh.triangles.iter().map(|t| t.map(index)).collect(),
+        subsets: mesh.subsets.clone(),
+    }
+}
+
+/// Triangles of a mesh, collapsed to about `target` of them over the same vertices. `deviation`: as a share of the mesh's size.
+fn simplified(mesh: &Mesh, triangles: &[[u32; 3]], target: usize, deviation: f32) -> Result<Vec<[u32; 3]>> {
+    let refused = |e: meshoptimizer_rs::Error| Error::export("X001", format!("level of detail: {e}"));
+    if target >= triangles.len() {
+        return Ok(triangles.to_vec());
+    }
+    let positions: Vec<[f32; 3]> = mesh.points.iter().map(|p| p.to_array()).collect();
+    let normals: Vec<f32> =
+        padded(&mesh.normals, mesh.points.len(), Vec3::Y).iter().flat_map(|n| n.to_array()).collect();
+    let attributes = Attributes::from_interleaved(&normals, mesh.points.len(), 3, 3, 0).map_err(refused)?;
+    let bits = SimplifyOptions::PRUNE.bits() | SimplifyOptions::SPARSE.bits();
+    let options = SimplifyOptions::from_bits(bits).map_err(refused)?;
+    let settings = SimplifySettings { target_index_count: target * 3, target_error: deviation, options };
+    let simple = simplify_with_attributes(
+        triangles.as_flattened(),
+        Positions::from_packed(&positions),
+        attributes,
+        &[tuning::NORMAL_WEIGHT; 3],
+        None,
+        settings,
+        &mut Workspace::default(),
+    )
+    .map_err(refused)?;
+    Ok(simple.indices.as_chunks::<3>().0.to_vec())
+}

@@ -1,0 +1,211 @@
+//! EXT_meshopt_compression: vertices, triangles and keys of a finished document as compressed streams.
+//!
+//! The document is built as without it. Then each buffer view whose bytes are a stream is encoded: its compressed bytes go to
+//! buffer 0, and the view itself refers to buffer 1, which has a length but no bytes.
+
+use meshoptimizer_rs::codec::{
+    ExpMode, IndexEncoding, VertexEncoding, encode_filter_exp, encode_filter_quat, encode_index_buffer,
+    encode_vertex_buffer,
+};
+use meshoptimizer_rs::{Workspace, optimize_vertex_cache, optimize_vertex_fetch_remap};
+
+use super::buffer::BinaryBuffer;
+use super::json::{Buffer, BufferExtensions, BufferView, CompressedView, FallbackBuffer, ViewExtensions};
+use osier_base::{Error, Result};
+
+/// What a buffer view holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stream {
+    /// Elements of `stride` bytes that keep every bit.
+    Attributes { stride: usize },
+    /// Indices of triangles, of `stride` bytes each; the corners of a triangle may rotate.
+    Triangles { stride: usize },
+    /// Unit quaternions as four normalised 16-bit integers, kept with `bits` bits to a component.
+    Rotations { bits: u32 },
+    /// Vectors of three floats with a common exponent; [`VECTOR_TOLERANCE`] sets how many bits each keeps.
+    Vectors,
+}
+
+/// Largest rounding error of translations of keys and instances, m. Own: a fifth of a millimetre is not seen, and plants of a few
+/// metres need no more than [`MIN_VECTOR_BITS`] for it. Smaller values make files larger.
+const VECTOR_TOLERANCE: f32 = 2e-4;
+/// Bits of a component of a vector, at least: a relative error of 3e-5, for scales.
+const MIN_VECTOR_BITS: u32 = 15;
+/// Bits of a component of a vector, at most: those of a float.
+const MAX_VECTOR_BITS: u32 = 24;
+impl Stream {
+    /// Keys of rotation of joints and moving instances: 2e-5 rad, below a millimetre at the tip of a tree.
+    pub(super) const KEY_ROTATIONS: Self = Self::Rotations { bits: 16 };
+    /// Rotations of instances: 7e-4 rad, less than 0.1 mm at the tip of a leaf.
+    pub(super) const INSTANCE_ROTATIONS: Self = Self::Rotations { bits: 12 };
+
+    fn stride(self) -> usize {
+        match self {
+            Self::Attributes { stride } | Self::Triangles { stride } => stride,
+            Self::Rotations { .. } => 8,
+            Self::Vectors => 12,
+        }
+    }
+
+    fn mode(self) -> &'static str {
+        match self {
+            Self::Triangles { .. } => "TRIANGLES",
+            _ => "ATTRIBUTES",
+        }
+    }
+
+    fn filter(self) -> Option<&'static str> {
+        match self {
+            Self::Rotations { .. } => Some("QUATERNION"),
+            Self::Vectors => Some("EXPONENTIAL"),
+            Self::Attributes { .. } | Self::Triangles { .. } => None,
+        }
+    }
+
+    /// The compressed form of the bytes of `count` elements.
+    fn encode(self, bytes: &[u8], count: usize, workspace: &mut Workspace) -> Result<Vec<u8>> {
+        let floats = || bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
+        let encoded = match self {
+            Self::Attributes { stride } => encode_vertices(bytes, count, stride, workspace),
+            Self::Triangles { stride } => {
+                encode_index_buffer(&indices(bytes, stride), IndexEncoding::DEFAULT, workspace)
+            }
+            Self::Rotations { bits } => {
+                let shorts = bytes.as_chunks::<2>().0.iter().map(|b| i16::from_le_bytes(*b));
+                let floats: Vec<f32> = shorts.map(|c| f32::from(c) / 32_767.0).collect();
+                encode_filter_quat(count, 8, bits, &floats, workspace)
+                    .and_then(|filtered| encode_vertices(&filtered, count, 8, workspace))
+            }
+            Self::Vectors => {
+                let floats: Vec<f32> = floats().collect();
+                encode_filter_exp(count, 12, vector_bits(&floats), &floats, ExpMode::SharedVector, workspace)
+                    .and_then(|filtered| encode_vertices(&filtered, count, 12, workspace))
+            }
+        };
+        encoded.map_err(|e| refused(&e))
+    }
+}
+
+/// Elements that keep every bit, in the version of the encoding that EXT_meshopt_compression has: its successor has another.
+fn encode_vertices(
+    bytes: &[u8],
+    count: usize,
+    stride: usize,
+    workspace: &mut Workspace,
+) -> std::result::Result<Vec<u8>, meshoptimizer_rs::Error> {
+    // Version 0 has one level of effort.
+    let encoding = VertexEncoding::new(0, 0)?;
+    encode_vertex_buffer(bytes, count, stride, encoding, workspace)
+}
+
+/// Little-endian indices of two or four bytes each.
+fn indices(bytes: &[u8], stride: usize) -> Vec<u32> {
+    match stride {
+        2 => bytes.as_chunks::<2>().0.iter().map(|b| u16::from_le_bytes(*b).into()).collect(),
+        _ => bytes.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b)).collect(),
+    }
+}
+
+/// Bits of a component that keep the largest of some numbers, m, within [`VECTOR_TOLERANCE`].
+fn vector_bits(values: &[f32]) -> u32 {
+    let largest = values.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
+    // With b bits, one of them the sign, a number below 2^e is rounded by at most 2^(e - b).
+    let step = |bits: u32| largest * 2.0 / osier_base::math::narrow(f64::from(1_u32 << bits));
+    (MIN_VECTOR_BITS..MAX_VECTOR_BITS).find(|b| step(*b) <= VECTOR_TOLERANCE).unwrap_or(MAX_VECTOR_BITS)
+}
+
+fn refused(e: &meshoptimizer_rs::Error) -> Error {
+    Error::export("X005", format!("glTF with meshopt = true: {e}; write it with output.gltf.meshopt = false"))
+}
+
+/// Compresses the views of a finished document: its buffer then holds compressed streams and images, and the returned buffer is the
+/// one that the views refer to, which has a length alone. `None` if no view was compressed.
+pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> Result<Option<Buffer>> {
+    let mut workspace = Workspace::default();
+    let mut out = Vec::new();
+    let mut decoded_length = 0_usize;
+    for view in views {
+        let bytes = &buffer.bytes[view.byte_offset..view.byte_offset + view.byte_length];
+        out.resize(out.len().next_multiple_of(4), 0);
+        let stream = view.stream.filter(|_| view.byte_length > 0);
+        let Some(stream) = stream else {
+            view.byte_offset = out.len();
+            out.extend_from_slice(bytes);
+            continue;
+        };
+        let stride = stream.stride();
+        let count = bytes.len() / stride;
+        let encoded = stream.encode(bytes, count, &mut workspace)?;
+        let meshopt = CompressedView {
+            buffer: 0,
+            byte_offset: out.len(),
+            byte_length: encoded.len(),
+            byte_stride: stride,
+            count,
+            mode: stream.mode(),
+            filter: stream.filter(),
+        };
+        view.extensions = Some(ViewExtensions { meshopt });
+        view.buffer = 1;
+        view.byte_offset = decoded_length;
+        decoded_length = (decoded_length + view.byte_length).next_multiple_of(4);
+        out.extend_from_slice(&encoded);
+    }
+    buffer.bytes = out;
+    let fallback = BufferExtensions { meshopt: FallbackBuffer { fallback: true } };
+    Ok((decoded_length > 0).then_some(Buffer { uri: None, byte_length: decoded_length, extensions: Some(fallback) }))
+}
+
+/// Triangles in an order that reuses vertices soon, and vertices in the order of their first use: streams in these orders are
+/// shorter, and drawing them is faster. The second list has for each new vertex its old index.
+pub(super) fn reorder(triangles: &[[u32; 3]], vertices: usize) -> Result<(Vec<[u32; 3]>, Vec<u32>)> {
+    let mut workspace = Workspace::default();
+    let cached = optimize_vertex_cache(triangles.as_flattened(), vertices, &mut workspace).map_err(|e| refused(&e))?;
+    let fetch = optimize_vertex_fetch_remap(&cached, vertices, &mut workspace).map_err(|e| refused(&e))?;
+    let mut old = vec![0_u32; fetch.vertex_count];
+    for (from, to) in (0_u32..).zip(&fetch.remap) {
+        // A vertex of no triangle has no new index.
+        if let Some(slot) = old.get_mut(*to as usize) {
+            *slot = from;
+        }
+    }
+    let new = |i: u32| fetch.remap.get(i as usize).copied().unwrap_or(0);
+    Ok((cached.as_chunks::<3>().0.iter().map(|t| t.map(new)).collect(), old))
+}
+
+#[cfg(test)]
+mod tests {
+    use meshoptimizer_rs::codec::{decode_filter_exp, decode_vertex_buffer};
+
+    use super::*;
+
+    #[test]
+    fn vectors_come_back_within_the_tolerance() {
+        for size in [0.1_f32, 4.0, 60.0, 900.0] {
+            let values: Vec<f32> = (0..300_u16).map(|i| size * (f32::from(i) * 0.7).sin()).collect();
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            let mut workspace = Workspace::default();
+            let encoded = Stream::Vectors.encode(&bytes, 100, &mut workspace).expect("encodes");
+            let mut decoded = decode_vertex_buffer(100, 12, &encoded, &mut workspace).expect("decodes");
+            decode_filter_exp(&mut decoded, 100, 12, &mut workspace).expect("filter");
+            let back = decoded.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
+            let worst = values.iter().zip(back).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(worst <= VECTOR_TOLERANCE, "{size} m: {worst}");
+        }
+    }
+
+    #[test]
+    fn reordered_triangles_are_the_same_triangles() {
+        let triangles: Vec<[u32; 3]> = (0..40_u32).map(|i| [i * 7 % 41, i * 11 % 43, i * 13 % 47]).collect();
+        let (ordered, old) = reorder(&triangles, 50).expect("order");
+        let turned = |t: [u32; 3]| {
+            let first = (0..3).min_by_key(|k| t[*k]).unwrap_or(0);
+            [t[first], t[(first + 1) % 3], t[(first + 2) % 3]]
+        };
+        let mut back: Vec<[u32; 3]> = ordered.iter().map(|t| turned(t.map(|i| old[i as usize]))).collect();
+        let mut want: Vec<[u32; 3]> = triangles.into_iter().map(turned).collect();
+        back.sort_unstable();
+        want.sort_unstable();
+        assert_eq!(back, want);
+    }
+}

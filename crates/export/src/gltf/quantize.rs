@@ -1,0 +1,93 @@
+//! Quantized vertices: positions as 16-bit integers in a cube, and the transform from it to metres.
+//!
+//! The transform is not stored with the mesh: nodes, instances and inverse bind matrices have it before their own
+//! (KHR_mesh_quantization).
+
+use glam::{Mat4, Quat, Vec3};
+
+use osier_scene::Trs;
+
+/// The cube that holds the positions of a mesh: p = low + extent q with q from 0 to 1 on each axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct QuantizedCube {
+    /// Its least corner, m.
+    low: Vec3,
+    /// Its edge, m, above 0: one for all axes, so that normals keep their directions.
+    extent: f32,
+}
+
+impl QuantizedCube {
+    /// The smallest cube with the positions, which begins at their least corner. A single position gets a cube of 1 m.
+    pub(super) fn around(points: impl Iterator<Item = Vec3>) -> Self {
+        let (low, high) = points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        // Positions that are not finite are reported by the buffer; the cube of none is as good as any.
+        let extent = (high - low).max_element();
+        let known = extent.is_finite() && extent > 0.0;
+        Self { low: if low.is_finite() { low } else { Vec3::ZERO }, extent: if known { extent } else { 1.0 } }
+    }
+
+    /// A position, m, as shares of the cube, 0 to 1.
+    pub(super) fn shares(&self, p: Vec3) -> Vec3 {
+        (p - self.low) / self.extent
+    }
+
+    /// From shares of the cube to metres.
+    pub(super) fn to_metres(self) -> Trs {
+        Trs { t: self.low, r: Quat::IDENTITY, s: Vec3::splat(self.extent) }
+    }
+
+    /// An inverse bind matrix, column-major, that takes shares of the cube instead of metres.
+    pub(super) fn inverse_bind(&self, matrix: &[f32; 16]) -> [f32; 16] {
+        let to_metres = Mat4::from_translation(self.low) * Mat4::from_scale(Vec3::splat(self.extent));
+        (Mat4::from_cols_array(matrix) * to_metres).to_cols_array()
+    }
+}
+
+/// A transform that takes stored positions: `place` after the dequantization of the mesh, if it has one.
+pub(super) fn place_stored(place: &Trs, cube: Option<QuantizedCube>) -> Trs {
+    // Without a cube the transform keeps its bits.
+    cube.map_or(*place, |c| place.then_inner(&c.to_metres()))
+}
+
+/// Weights of four joints as bytes that sum to 255: each rounded down, then the largest remainders rounded up.
+pub(super) fn byte_weights(weights: &[f32; 4]) -> [u8; 4] {
+    let sum: f32 = weights.iter().sum();
+    let scaled = weights.map(|w| if sum > 0.0 { w / sum * 255.0 } else { 0.0 });
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let mut bytes = scaled.map(|w| w.clamp(0.0, 255.0) as u8);
+    let mut order = [0, 1, 2, 3];
+    order.sort_by(|&a: &usize, &b: &usize| scaled[b].fract().total_cmp(&scaled[a].fract()).then(a.cmp(&b)));
+    let missing = 255 - bytes.iter().map(|b| u32::from(*b)).sum::<u32>().min(255);
+    for k in order.into_iter().cycle().take(missing.min(4) as usize) {
+        bytes[k] = bytes[k].saturating_add(1);
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_position_comes_back_within_half_a_step() {
+        let points = [Vec3::new(-2.0, 1.0, 0.25), Vec3::new(1.0, 1.5, 3.0), Vec3::new(0.1, 1.2, 0.3)];
+        let cube = QuantizedCube::around(points.into_iter());
+        assert!((cube.extent - 3.0).abs() < 1e-6);
+        for p in points {
+            let stored = (cube.shares(p) * 65_535.0).round() / 65_535.0;
+            let place = Trs { t: Vec3::Y, r: Quat::from_rotation_z(0.7), s: Vec3::splat(2.0) };
+            let error = (place_stored(&place, Some(cube)).apply(stored) - place.apply(p)).abs().max_element();
+            assert!(error <= 2.0 * 3.0 / 131_070.0 * 1.5, "{error}");
+        }
+    }
+
+    #[test]
+    fn weights_of_bytes_sum_to_255() {
+        for weights in [[1.0, 0.0, 0.0, 0.0], [0.25; 4], [0.333, 0.333, 0.334, 0.0], [0.9, 0.05, 0.03, 0.02]] {
+            let bytes = byte_weights(&weights);
+            assert_eq!(bytes.iter().map(|b| u32::from(*b)).sum::<u32>(), 255, "{weights:?}");
+            let worst = weights.iter().zip(bytes).map(|(w, b)| (w * 255.0 - f32::from(b)).abs()).fold(0.0, f32::max);
+            assert!(worst < 1.0, "{weights:?} {bytes:?}");
+        }
+    }
+}

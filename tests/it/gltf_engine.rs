@@ -1,0 +1,308 @@
+//! Profile `engine` of glTF, through the program: plain files, levels of detail, one skin, wind in vertex colours, and a table of
+//! placements.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+#![allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small test numbers")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use glam::Vec3;
+use serde_json::Value;
+
+use crate::common::clients;
+use crate::common::gltf_player::Player;
+
+/// Two kinds of swaying trees, two individuals of one and three copies of an individual of the other, and ground.
+const SCENE: &str = r#"
+[frames]
+end = 8
+[plants.birch]
+grammar = "birch.l"
+[plants.birch.leaf]
+size = 0.058
+[plants.silk]
+grammar = "silk-tree.l"
+[[place]]
+plant = "birch"
+[[place]]
+plant = "birch"
+at = [5, 0, 2]
+turn_deg = 40
+scale = 1.25
+[[place]]
+plant = "silk"
+at = [-9, 0, 1]
+count = 3
+individuals = 1
+[wind]
+model = "gust"
+speed = 6
+"#;
+
+/// Bakes the scene as glTF of one profile.
+fn bake(folder: &Path, profile: &str, sets: &[&str]) -> PathBuf {
+    let scene = folder.join("grove.toml");
+    std::fs::write(&scene, SCENE).expect("scene");
+    let out = folder.join(profile);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_osier"));
+    command.args(["-q", "bake"]).arg(&scene).arg("-o").arg(&out).args(["--formats", "glb"]);
+    command.args(["--set", &format!("output.gltf.profiles=[\"{profile}\"]")]);
+    for set in sets {
+        command.args(["--set", set]);
+    }
+    clients::run(&mut command);
+    out.join("gltf")
+}
+
+fn player(path: &Path) -> Player {
+    Player::new(&std::fs::read(path).expect("file"))
+}
+
+fn list<'a>(v: &'a Value, key: &str) -> &'a [Value] {
+    v[key].as_array().map_or(&[], Vec::as_slice)
+}
+
+fn index(v: &Value) -> usize {
+    v.as_u64().map_or(usize::MAX, |n| n as usize)
+}
+
+/// Triangles of a mesh, by material.
+fn triangles(player: &Player, mesh: &Value) -> Vec<(usize, usize)> {
+    let count = |p: &Value| index(&player.json["accessors"][index(&p["indices"])]["count"]) / 3;
+    list(mesh, "primitives").iter().map(|p| (index(&p["material"]), count(p))).collect()
+}
+
+/// The area of the triangles of a mesh whose material is double-sided, that is of leaves, m^2.
+fn leaf_area(player: &Player, mesh: &Value) -> f32 {
+    let is_leaf = |p: &&Value| player.json["materials"][index(&p["material"])]["doubleSided"] == true;
+    let area = |p: &Value| {
+        let points = player.vectors(index(&p["attributes"]["POSITION"]));
+        let corners: Vec<f32> = player.rows(index(&p["indices"])).into_iter().flatten().collect();
+        let at = |i: f32| points[i as usize];
+        corners.chunks(3).map(|c| (at(c[1]) - at(c[0])).cross(at(c[2]) - at(c[0])).length() * 0.5).sum::<f32>()
+    };
+    list(mesh, "primitives").iter().filter(is_leaf).map(area).sum()
+}
+
+fn bounds(points: &[Vec3]) -> [Vec3; 2] {
+    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)])
+}
+
+#[test]
+fn plants_are_levels_with_one_skin_and_nothing_is_required() {
+    let temp = tempfile::tempdir().expect("temp");
+    let folder = bake(temp.path(), "engine", &["output.gltf.triangles=12000"]);
+    for name in ["birch_1", "silk"] {
+        let player = player(&folder.join(format!("{name}.engine.glb")));
+        let json = &player.json;
+        assert!(json["extensionsRequired"].is_null(), "{name}");
+        let nodes = list(json, "nodes");
+        let levels: Vec<&Value> = nodes
+            .iter()
+            .filter(|n| n["name"].as_str().is_some_and(|w| w.starts_with(&format!("{name}_LOD"))))
+            .collect();
+        assert!(levels.len() >= 3, "{name}: {} levels", levels.len());
+        let mut counts = Vec::new();
+        let mut screens = Vec::new();
+        for (lod, node) in levels.iter().enumerate() {
+            assert_eq!(node["name"], format!("{name}_LOD{lod}"));
+            assert_eq!((&node["skin"], &node["translation"]), (&0.into(), &Value::Null), "one skin, at the root");
+            let mesh = &json["meshes"][index(&node["mesh"])];
+            assert_eq!(mesh["name"], node["name"]);
+            let own: usize = triangles(&player, mesh).iter().map(|t| t.1).sum();
+            let extras = &mesh["extras"]["osier"];
+            assert_eq!((index(&extras["lod"]), index(&extras["triangles"])), (lod, own));
+            counts.push(own);
+            screens.push(extras["screen"].as_f64().expect("screen"));
+            for primitive in list(mesh, "primitives") {
+                let attribute = |key: &str| index(&primitive["attributes"][key]);
+                assert_eq!(json["accessors"][attribute("JOINTS_0")]["componentType"], 5121);
+                let weights = player.rows(attribute("WEIGHTS_0"));
+                assert!(weights.iter().all(|w| (w.iter().sum::<f32>() * 255.0 - 255.0).abs() < 1e-3), "{name}");
+                assert!(primitive["attributes"]["COLOR_0"].is_null(), "colours only where they are asked for");
+            }
+        }
+        assert!(counts[0] <= 13_200 && counts.windows(2).all(|w| w[1] * 5 < w[0] * 4), "{name}: {counts:?}");
+        assert!(counts.windows(2).all(|w| w[1] * 2 > w[0] / 4), "{name}: levels of about 1/4, 1/12, 1/60: {counts:?}");
+        assert!(screens.windows(2).all(|w| w[1] < w[0]) && screens.last() == Some(&0.0), "{screens:?}");
+        assert_eq!(list(json, "skins").len(), 1);
+        assert!((8..=64).contains(&list(&json["skins"][0], "joints").len()));
+        assert_eq!(list(json, "animations").len(), 1);
+        // A coarse crown covers what the fine one does.
+        let areas: Vec<f32> = levels.iter().map(|n| leaf_area(&player, &json["meshes"][index(&n["mesh"])])).collect();
+        assert!(areas[0] > 0.1, "{name}: {areas:?}");
+        assert!(areas[..3].iter().all(|a| (a / areas[0] - 1.0).abs() < 0.2), "{name}: {areas:?} m^2");
+        let boxes: Vec<[Vec3; 2]> = levels
+            .iter()
+            .map(|n| bounds(&player.positions(player.node(n["name"].as_str().expect("name")).expect("node"), 0.0)))
+            .collect();
+        let size = (boxes[0][1] - boxes[0][0]).max_element();
+        let off = |b: &[Vec3; 2]| (b[0] - boxes[0][0]).abs().max((b[1] - boxes[0][1]).abs()).max_element();
+        assert!(boxes[..3].iter().all(|b| off(b) < 0.12 * size), "{name}: {boxes:?}");
+    }
+}
+
+/// The level with all triangles moves as the plant of the other profile does.
+#[test]
+fn the_finest_level_moves_as_the_blender_profile_does() {
+    let temp = tempfile::tempdir().expect("temp");
+    let all = ["output.gltf.triangles=9000000", "output.gltf.joints=256", "output.gltf.assets=true"];
+    let engine = player(&bake(temp.path(), "engine", &all).join("silk.engine.glb"));
+    let blender = player(&bake(temp.path(), "blender", &all).join("silk.blender.glb"));
+    let joints = |p: &Player| list(&p.json["skins"][0], "joints").len();
+    assert_eq!(joints(&engine), joints(&blender), "so few that no profile leaves any out");
+    let level = engine.node("silk_LOD0").expect("level");
+    for frame in [0, 3, 7] {
+        let time = frame as f32 / 24.0;
+        let mut there: Vec<Vec3> = engine.positions(level, time);
+        let shown =
+            blender.json["nodes"].as_array().expect("nodes").iter().enumerate().filter(|(_, n)| n["mesh"].is_u64());
+        let mut wanted: Vec<Vec3> = shown.flat_map(|(i, _)| blender.positions(i, time)).collect();
+        let order = |a: &Vec3, b: &Vec3| a.y.total_cmp(&b.y);
+        there.sort_by(order);
+        wanted.sort_by(order);
+        assert_eq!(there.len(), wanted.len(), "frame {frame}");
+        let worst = there.iter().zip(&wanted).map(|(a, b)| (a.y - b.y).abs()).fold(0.0, f32::max);
+        // Weights of bytes move a vertex by at most 1/510 of the way between its joints' transforms.
+        assert!(worst < 2e-3, "frame {frame}: heights differ by {worst} m");
+        let centre = |list: &[Vec3]| list.iter().fold(Vec3::ZERO, |s, p| s + *p) / list.len() as f32;
+        let moved = centre(&there).distance(centre(&wanted));
+        assert!(moved < 2e-4, "frame {frame}: centres differ by {moved} m");
+    }
+    let (first, last) = (engine.positions(level, 0.0), engine.positions(level, 7.0 / 24.0));
+    let way = first.iter().zip(&last).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(way > 0.01, "it moves: {way} m");
+}
+
+#[test]
+fn vertex_colours_hold_the_wind_of_each_preset() {
+    let temp = tempfile::tempdir().expect("temp");
+    let wanted = [
+        ("unity", vec!["phase", "flutter", "zero", "light", "sway", "branch"]),
+        ("godot", vec!["-sway", "sway", "zero", "one"]),
+        ("crysis", vec!["flutter", "phase", "branch", "light"]),
+    ];
+    for (preset, words) in wanted {
+        let at = temp.path().join(preset);
+        std::fs::create_dir(&at).expect("folder");
+        let channels = format!("output.gltf.channels=[\"{preset}\"]");
+        let folder = bake(&at, "engine", &[&channels, "output.gltf.triangles=12000", "frames.end=2"]);
+        let player = player(&folder.join("birch_1.engine.glb"));
+        let mesh = &player.json["meshes"][0];
+        assert_eq!(mesh["extras"]["osier"]["channels"], serde_json::json!(words));
+        for primitive in list(mesh, "primitives") {
+            let colors = player.rows(index(&primitive["attributes"]["COLOR_0"]));
+            assert_eq!(player.json["accessors"][index(&primitive["attributes"]["COLOR_0"])]["componentType"], 5121);
+            let largest = |k: usize| colors.iter().map(|c| c[k]).fold(0.0_f32, f32::max);
+            let leaves = player.json["materials"][index(&primitive["material"])]["doubleSided"] == true;
+            let second = &primitive["attributes"]["TEXCOORD_1"];
+            match preset {
+                "unity" => {
+                    assert_eq!(
+                        (largest(2), largest(1) > 0.99),
+                        (0.0, leaves),
+                        "no blue; leaves flutter, wood does not"
+                    );
+                    let rows = player.rows(index(second));
+                    // Half at the tip of the trunk, more on its branches, 0 at the root.
+                    let sway = rows.iter().map(|r| r[0]).fold(0.0_f32, f32::max);
+                    assert!((0.5..=1.0).contains(&sway), "{sway}");
+                }
+                "godot" => {
+                    let sums = colors.iter().map(|c| c[0] + c[1]);
+                    assert!(sums.into_iter().all(|s| (s - 1.0).abs() < 0.005), "red is 1 - green");
+                    assert!(colors.iter().all(|c| c[2] == 0.0 && c[3] == 1.0) && second.is_null());
+                }
+                _ => assert_eq!((largest(0) > 0.99, largest(3), second.is_null()), (leaves, 1.0, true)),
+            }
+        }
+    }
+}
+
+#[test]
+fn the_table_places_what_the_scene_places() {
+    let temp = tempfile::tempdir().expect("temp");
+    let folder = bake(temp.path(), "engine", &["frames.end=2", "output.gltf.triangles=3000"]);
+    let text = std::fs::read(folder.join("grove.engine.json")).expect("table");
+    let table: Value = serde_json::from_slice(&text).expect("json");
+    assert_eq!((&table["scene"], &table["fps"]), (&"grove".into(), &serde_json::json!([24, 1])));
+    assert!(!folder.join("grove.engine.glb").exists(), "the scene is a table");
+    let files = list(&table, "files");
+    let copies = |name: &str| {
+        let file = files.iter().find(|f| f["file"] == format!("{name}.engine.glb")).expect("listed");
+        assert!(folder.join(file["file"].as_str().expect("name")).exists());
+        let numbers =
+            |c: &Value| c.as_array().expect("copy").iter().map(|n| n.as_f64().expect("number") as f32).collect();
+        list(file, "copies").iter().map(numbers).collect::<Vec<Vec<f32>>>()
+    };
+    let birch = copies("birch_2");
+    assert_eq!([birch.len(), copies("birch_1").len(), copies("silk").len(), copies("ground").len()], [1, 1, 3, 1]);
+    let half = 20.0_f32.to_radians();
+    let wanted = [5.0, 0.0, 2.0, 0.0, half.sin(), 0.0, half.cos(), 1.25];
+    let off = birch[0].iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(birch[0].len() == 8 && off < 1e-5, "{:?}", birch[0]);
+}
+
+#[test]
+fn faulty_channels_are_refused() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = temp.path().join("s.toml");
+    for (channels, word) in [
+        ("[\"sway\", \"zero\"]", "four words, or one preset"),
+        ("[\"crysis\", \"zero\", \"zero\", \"zero\"]", "four words, or one preset"),
+        ("[\"sways\"]", "did you mean"),
+    ] {
+        let text = format!("{SCENE}\n[output.gltf]\nprofiles = [\"engine\"]\nchannels = {channels}\n");
+        std::fs::write(&scene, text).expect("scene");
+        let run = Command::new(env!("CARGO_BIN_EXE_osier")).arg("check").arg(&scene).output().expect("osier runs");
+        let said = String::from_utf8_lossy(&run.stderr);
+        assert!(!run.status.success() && said.contains(word) && said.contains("s.toml:"), "{channels}: {said}");
+    }
+}
+
+/// What both viewers would draw of a file, and what its JSON says.
+#[test]
+fn three_and_babylon_load_every_profile_with_the_same_counts() {
+    let Some((node, modules)) = clients::babylon() else { return };
+    let temp = tempfile::tempdir().expect("temp");
+    let sets = ["frames.end=3", "output.gltf.triangles=6000", "output.gltf.channels=[\"unity\"]"];
+    let mut files = Vec::new();
+    let engine = bake(temp.path(), "engine", &sets);
+    files.extend(["birch_2", "silk", "ground"].map(|n| engine.join(format!("{n}.engine.glb"))));
+    let web = bake(temp.path(), "web", &["frames.end=3"]);
+    files.push(web.join("grove.web.glb"));
+    let small = temp.path().join("small");
+    std::fs::create_dir(&small).expect("folder");
+    files.push(bake(&small, "web", &["frames.end=3", "output.gltf.meshopt=true"]).join("grove.web.glb"));
+    let mut command = Command::new(&node);
+    let out = clients::run(command.arg(clients::script("gltf_counts.mjs")).arg(&modules).args(&files));
+    let lines: Vec<Value> =
+        String::from_utf8_lossy(&out.stdout).lines().map(|l| serde_json::from_str(l).expect("json")).collect();
+    assert_eq!(lines.len(), files.len());
+    for (line, file) in lines.iter().zip(&files) {
+        let json = player(file).json;
+        let count = |accessor: &Value| index(&json["accessors"][index(accessor)]["count"]);
+        let (mut triangles, mut instances, mut skinned) = (0, 0, 0);
+        for n in list(&json, "nodes").iter().filter(|n| n["mesh"].is_u64()) {
+            let attributes = n.pointer("/extensions/EXT_mesh_gpu_instancing/attributes/TRANSLATION");
+            let copies = attributes.map_or(1, count);
+            let primitives = list(&json["meshes"][index(&n["mesh"])], "primitives");
+            triangles += copies * primitives.iter().map(|p| count(&p["indices"]) / 3).sum::<usize>();
+            instances += attributes.map_or(0, |a| count(a) * primitives.len());
+            skinned += if n["skin"].is_u64() { primitives.len() } else { 0 };
+        }
+        for reader in ["three", "babylon"] {
+            let seen = &line[reader];
+            let got = (index(&seen["triangles"]), index(&seen["instances"]), index(&seen["skinned"]));
+            assert_eq!(got, (triangles, instances, skinned), "{reader}, {}", file.display());
+        }
+    }
+    let sizes: Vec<u64> = files[3..].iter().map(|f| std::fs::metadata(f).expect("file").len()).collect();
+    assert!(sizes[1] * 2 < sizes[0], "compressed {} of {} bytes", sizes[1], sizes[0]);
+    let Some((node, folder)) = clients::validator() else { return };
+    let out = clients::run(Command::new(node).arg(clients::script("gltf_validate.mjs")).arg(folder).args(&files));
+    for line in String::from_utf8_lossy(&out.stdout).lines() {
+        let report: Value = serde_json::from_str(line).expect("json");
+        assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{line}");
+    }
+}
