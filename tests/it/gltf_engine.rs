@@ -239,7 +239,10 @@ fn the_table_places_what_the_scene_places() {
     assert_eq!([birch.len(), copies("birch_1").len(), copies("silk").len(), copies("ground").len()], [1, 1, 3, 1]);
     let half = 20.0_f32.to_radians();
     let wanted = [5.0, 0.0, 2.0, 0.0, half.sin(), 0.0, half.cos(), 1.25];
-    let off = birch[0].iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // The ground is uneven by a few millimetres.
+    let difference = |k: usize| (birch[0][k] - wanted[k]).abs();
+    assert!(difference(1) < 0.01, "{:?}", birch[0]);
+    let off = [0, 2, 3, 4, 5, 6, 7].map(difference).into_iter().fold(0.0, f32::max);
     assert!(birch[0].len() == 8 && off < 1e-5, "{:?}", birch[0]);
 }
 

@@ -72,6 +72,8 @@ pub struct AssetSize {
     pub triangles: u64,
     /// Vertices of meshes whose frames carry points.
     pub deforming_vertices: u64,
+    /// Vertices of meshes that frames carry whole, in a typical frame.
+    pub varying_vertices: u64,
     /// Vertices that move, by joints or with points of their own.
     pub moving_vertices: u64,
     /// Instances of its instancers.
@@ -116,6 +118,7 @@ impl AssetSize {
             size.vertices += vertices;
             size.triangles += object.mesh.triangles.len() as u64;
             size.moving_vertices += if object.motion == MeshMotion::Still { 0 } else { vertices };
+            size.varying_vertices += if object.motion == MeshMotion::Varying { vertices } else { 0 };
             size.deforming_vertices += if object.motion == MeshMotion::Deforming { vertices } else { 0 };
         }
         for cloud in &asset.points {

@@ -200,7 +200,7 @@ fn assemble(
     };
     let rain = add_rain(
         rain_recipe,
-        estimating,
+        full,
         &layout,
         &grown,
         scene_wind.field(WindUser::Rain).filter(|_| recipe.clip.len() >= 2),

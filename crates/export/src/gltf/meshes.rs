@@ -11,7 +11,7 @@ use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, 
 use super::materials::{has_normal_map, uses_uvs};
 use super::meshopt;
 use super::options::{Profile, VertexStorage};
-use super::quantize::QuantizedCube;
+use super::quantize::{QuantizedCube, byte_weights};
 use super::submeshes::{Submesh, split_by_material};
 use super::tangents::tangents;
 use super::tracks::MorphShape;
@@ -194,8 +194,11 @@ impl GltfDocument<'_> {
             } else {
                 self.buffer.add_uvs(&vertices.uvs, label)?
             });
-            // Tangent frames need normals and texture coordinates, and only a normal map uses them.
-            if vertices.normals.len() == count && has_normal_map(self.input.scene, variant.material) {
+            // Tangent frames need normals and texture coordinates, and only a normal map uses them. Engines compute their own.
+            if self.input.options.profile != Profile::Engine
+                && vertices.normals.len() == count
+                && has_normal_map(self.input.scene, variant.material)
+            {
                 let list = tangents(&vertices.points, &vertices.normals, &vertices.uvs, triangles);
                 attributes.tangent = Some(if small {
                     self.buffer.add_quantized_directions(&list, "VEC4", label)?
@@ -224,7 +227,8 @@ impl GltfDocument<'_> {
             attributes.custom.insert(custom_name(a), quads);
         }
         if let Some(skin) = &vertices.skin {
-            attributes.joints = Some(self.buffer.add_joint_indices(&skin.joints, skin.count)?);
+            let joints = if bytes { Cow::Owned(joints_of_byte_weights(skin)) } else { Cow::Borrowed(&skin.joints) };
+            attributes.joints = Some(self.buffer.add_joint_indices(&joints, skin.count)?);
             attributes.weights = Some(if bytes {
                 self.buffer.add_byte_weights(&skin.weights, label)?
             } else {
@@ -298,6 +302,15 @@ impl GltfDocument<'_> {
         let mesh = JsonMesh { name: cloud.name.clone(), primitives: vec![primitive], ..JsonMesh::default() };
         Ok(self.push_mesh(mesh)?.map(|index| StoredMesh { index, cube: None }))
     }
+}
+
+/// The joints of vertices whose weights are stored as bytes: joint 0 where a weight rounds to 0, as unused places must have.
+fn joints_of_byte_weights(skin: &SkinInfluences) -> Vec<[u16; 4]> {
+    let used = |(joints, weights): (&[u16; 4], &[f32; 4])| {
+        let bytes = byte_weights(weights);
+        std::array::from_fn(|k| if bytes[k] > 0 { joints[k] } else { 0 })
+    };
+    skin.joints.iter().zip(&skin.weights).map(used).collect()
 }
 
 /// Name of an attribute that glTF does not define: with an underscore, in capitals.

@@ -73,7 +73,9 @@ fn estimate(input: &EstimateInput) -> u64 {
         // A frame has points and normals of moving meshes, and one line for the leaves of each joint.
         let moving = written(input.frames) * (a.free_instances * 170 + a.moving_curve_points * 120);
         let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
-        still + points + moving + posed
+        // A vertex of a mesh whose frames are whole, with its share of two triangles: measured on drops.
+        let varying = written(input.frames) * a.varying_vertices * 65;
+        still + points + moving + posed + varying
     });
     // A height and a weight of each map sequence: a tenth of a byte a texel each, and 1.5 bytes for the height of a relief.
     let maps = (input.map_texels() * 2 + input.relief_texels() * 15) / 10;

@@ -90,7 +90,9 @@ fn estimate(input: &EstimateInput) -> u64 {
         // Position, orientation, two velocities; the point twin once more, with four attributes.
         let tracks = (a.free_instances * 124 + a.moving_curve_points * 12) * frames;
         let posed = a.posed_frames(frames) * (a.deforming_vertices * 24 + a.instances * 20 + a.joints * 34);
-        still + tracks + a.points * 44 + a.moving_points * frames * 40 + posed
+        // Points, normals, velocities, indices and attributes of meshes whose frames are whole: measured on drops.
+        let varying = a.varying_vertices * frames * 52;
+        still + tracks + varying + a.points * 44 + a.moving_points * frames * 40 + posed
     })
 }
 

@@ -2,6 +2,7 @@
 
 mod chart_textures;
 mod drop_records;
+mod expected_drops;
 mod ground;
 mod initial_drops;
 pub(crate) mod leaf_maps;
@@ -18,6 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::{DQuat, DVec3, Vec3};
 
 pub use self::drop_records::enum_labels;
+use self::expected_drops::ExpectedDrops;
 pub use self::ground::RainGround;
 pub(crate) use self::plant_in_rain::PlantInRain;
 use self::plant_in_rain::{RainClock, RainedPlant, RainedPlantRecorder, plant_in_rain};
@@ -133,6 +135,8 @@ struct SimulatedRain {
     images: Vec<Image>,
     table: Table,
     wet_film: Option<WetFilm>,
+    /// What a frame of the whole clip is expected to hold, in an estimate of falling rain.
+    expected: Option<ExpectedDrops>,
 }
 
 /// A film of water that earlier rain has left on what it reached.
@@ -166,6 +170,8 @@ impl AddedRain {
 
 /// Parts of a scene that rain falls on.
 struct RainInputs<'a> {
+    /// For an estimate the whole recipe, of which `recipe` is the first frame.
+    full: Option<&'a Recipe>,
     recipe: &'a Recipe,
     /// Assets of the grown plants; leaves with maps are taken out of their instancers.
     assets: &'a mut Vec<Asset>,
@@ -184,12 +190,13 @@ struct RainInputs<'a> {
 }
 
 /// Simulates the rain of a recipe on its plants and adds it to the scene: an asset of drops, motions of the plants that drops
-/// move, meshes of leaves with maps. `estimating`: images hold no pixels, so that leaves have no alpha.
+/// move, meshes of leaves with maps. `full`: for an estimate the recipe that is estimated, of which `recipe` is the first frame; images
+/// then hold no pixels, so that leaves have no alpha.
 /// # Errors
 /// `Simulation`, `Limit`, `Cancelled`.
 pub(crate) fn add_rain(
     recipe: &Recipe,
-    estimating: bool,
+    full: Option<&Recipe>,
     layout: &PlantLayout,
     grown: &[GrownPlant],
     wind: Option<Arc<dyn Wind>>,
@@ -210,7 +217,8 @@ pub(crate) fn add_rain(
         recipe,
         assets: &mut builder.assets,
         materials: &mut builder.materials,
-        images: if estimating { &[] } else { &builder.images },
+        images: if full.is_some() { &[] } else { &builder.images },
+        full,
         transforms: &transforms,
         plants: &plants,
         plant_motions,
@@ -219,7 +227,10 @@ pub(crate) fn add_rain(
         solids: RainSolids::new(&rain_faces(recipe))?,
     };
     let simulated = simulate_rain(scene, rain, context, report)?;
-    if !estimating {
+    let mut drops = simulated.asset;
+    if full.is_some() {
+        simulated.expected.into_iter().for_each(|expected| expected.fill(&mut drops));
+    } else {
         builder.images.extend(simulated.images);
     }
     // Plants that rain moves take their motion from its record.
@@ -230,7 +241,7 @@ pub(crate) fn add_rain(
     }
     let moves = recipe.clip.len() > 1;
     let motion = moves.then_some(simulated.playback as Arc<dyn AssetMotion>);
-    builder.add_placed(simulated.asset, Trs::IDENTITY, motion);
+    builder.add_placed(drops, Trs::IDENTITY, motion);
     Ok(AddedRain {
         map_sequences: simulated.map_sequences,
         table: moves.then_some(simulated.table),
@@ -245,7 +256,7 @@ fn simulate_rain(
     context: &BakeContext<'_>,
     report: &mut Report,
 ) -> Result<SimulatedRain> {
-    let RainInputs { recipe, assets, materials, images, transforms, plants, plant_motions, wind, ground, solids } =
+    let RainInputs { recipe, full, assets, materials, images, transforms, plants, plant_motions, wind, ground, solids } =
         scene;
 
     // Targets: leaf blades on plants that rods or the wind move, or on static ones.
@@ -283,6 +294,8 @@ fn simulate_rain(
     let emitter = rain.keys.falls.then(|| RainEmitter::new(rainfall, bounds, wind.clone()));
     let area = emitter.as_ref().map(RainEmitter::area);
     check_memory(&emitter, bounds, frames, scene_leaves.len(), context)?;
+    let height = f64::from(bounds.size().y);
+    let expected = full.zip(emitter.as_ref()).map(|(f, e)| ExpectedDrops::new(e, height, &scene_leaves, f, &picture));
     let leaves = scene_leaves.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.surface), f.scale, i as u64);
         (leaf, LeafOnPlant { plant: f.instance.asset, leaf: f.number, collider: Arc::clone(&f.collider) })
@@ -339,7 +352,15 @@ fn simulate_rain(
     }
     let rate = rain.keys.falls.then_some(rain.keys.rate);
     let table = stats::rain_table(&playback.params, rate, area);
-    Ok(SimulatedRain { asset, playback: Arc::new(playback), map_sequences, images: new_images, table, wet_film })
+    Ok(SimulatedRain {
+        asset,
+        playback: Arc::new(playback),
+        map_sequences,
+        images: new_images,
+        table,
+        wet_film,
+        expected,
+    })
 }
 
 /// A plant that does not move: its leaves, and its stems as tapered capsules between nodes.

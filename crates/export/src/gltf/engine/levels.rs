@@ -20,8 +20,8 @@ mod tuning {
     /// Pieces from which on a mesh with flutter is a crown of leaves and not wood.
     pub(super) const MANY_PIECES: usize = 32;
     /// Least and largest share of the triangles of a level for wood. Without a least share bare limbs would lose their shape,
-    /// without a largest the crown its leaves.
-    pub(super) const WOOD_SHARE: [f64; 2] = [0.25, 0.75];
+    /// without a largest a crown of many fine twigs its leaves.
+    pub(super) const WOOD_SHARE: [f64; 2] = [0.25, 0.5];
     /// Largest deviation of simplified wood as a share of the plant's size. It is seldom reached: the number of triangles decides.
     pub(super) const WOOD_DEVIATION: f32 = 0.05;
     /// Weight of normals beside positions in the simplification: limbs stay round.

@@ -1,0 +1,80 @@
+//! Numbers of drops that a bake of rain is expected to write, for estimates, which simulate one frame without spin-up.
+
+use glam::Vec3;
+
+use super::scene_leaf::SceneLeaf;
+use crate::bake::scene::camera_light::PictureScale;
+use crate::recipe::Recipe;
+use osier_base::convert::to_usize;
+use osier_motion::rain::{DropDetail, RainEmitter};
+use osier_scene::{Asset, Mesh};
+
+/// Constants of the estimate, measured on the tutorial's sapling in 5 to 60 mm/h and on a storm over an oak.
+mod tuning {
+    /// Mean speed of a drop between emitter and ground, m/s, over all drops by number: most are small.
+    pub(super) const FALL_SPEED: f64 = 3.0;
+    /// Height of the emitter above the plants, m.
+    pub(super) const EMITTER_HEIGHT: f64 = 1.0;
+    /// Share of the area of leaves that rain meets: they are tilted, and those above shelter those below.
+    pub(super) const EXPOSED_SHARE: f64 = 0.3;
+    /// Longest time that a drop stays on its leaf before it runs off or joins another, s.
+    pub(super) const RESIDENCE: f64 = 4.0;
+    /// Radius of a typical drop on a leaf, m.
+    pub(super) const DROP_RADIUS: f64 = 1e-3;
+}
+
+/// What a frame is expected to hold, averaged over the clip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ExpectedDrops {
+    /// Drops in the air.
+    airborne: usize,
+    /// Vertices of the meshes of drops on leaves.
+    vertices: usize,
+}
+
+impl ExpectedDrops {
+    /// Expects drops from the flux of the emitter, the height of the plants and the area of their leaves.
+    /// `height`: of the plants' bounds, m.
+    pub(super) fn new(
+        emitter: &RainEmitter,
+        height: f64,
+        leaves: &[SceneLeaf],
+        recipe: &Recipe,
+        picture: &PictureScale,
+    ) -> Self {
+        let fall_time = (height + tuning::EMITTER_HEIGHT) / tuning::FALL_SPEED;
+        let airborne = emitter.mean_drop_rate() * fall_time;
+        let area: f64 = leaves.iter().map(|f| f.surface.area() * f64::from(f.scale).powi(2)).sum();
+        // The mean over the clip of a number that grows until drops run off as fast as new ones come.
+        let clip = recipe.clip.len() as f64 / recipe.clip.fps();
+        let keys = recipe.rain.as_ref().map(|rain| &rain.keys);
+        let spin_up = keys.map_or(0.0, |k| k.spin_up);
+        let time = (spin_up + clip * 0.5).min(tuning::RESIDENCE);
+        let lying = emitter.flux() * area * tuning::EXPOSED_SHARE * time;
+        let meshed = lying.min(keys.map_or(0.0, |k| f64::from(k.max_drop_meshes)));
+        if std::env::var("OSIER_DBG").is_ok() { eprintln!("flux {} area {} rate {} h {height} leafarea {area} n {n} lying {lying} time {time}", emitter.flux(), emitter.area(), emitter.mean_drop_rate(), n=leaves.len()); }
+        let n = leaves.len().max(1) as f64;
+        let distance = leaves.iter().map(|f| picture.distance(f.position)).sum::<f64>() / n;
+        let of_one = DropDetail::at_distance(tuning::DROP_RADIUS, distance).typical_vertices();
+        Self { airborne: count(airborne), vertices: count(meshed * f64::from(of_one)) }
+    }
+
+    /// Gives the asset of drops of an estimate as many points and vertices, all at the origin: nothing draws them.
+    pub(super) fn fill(self, asset: &mut Asset) {
+        for cloud in &mut asset.points {
+            cloud.positions.resize(self.airborne.max(cloud.positions.len()), Vec3::ZERO);
+            cloud.widths.resize(cloud.positions.len(), 0.0);
+        }
+        for object in &mut asset.meshes {
+            let mesh = &mut object.mesh;
+            if mesh.points.len() < self.vertices {
+                *mesh = Mesh { points: vec![Vec3::ZERO; self.vertices], ..Mesh::default() };
+            }
+        }
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, never negative")]
+fn count(x: f64) -> usize {
+    to_usize(x as u32)
+}
