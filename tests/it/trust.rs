@@ -381,6 +381,36 @@ fn the_memory_that_is_told_is_the_memory_that_is_taken() {
     }
 }
 
+/// Bytes of all files of a folder.
+fn bytes_in(folder: &Path) -> f64 {
+    let entries = fs::read_dir(folder).expect("folder").map(|e| e.expect("entry"));
+    let size = |e: fs::DirEntry| {
+        let meta = e.metadata().expect("metadata");
+        if meta.is_dir() { bytes_in(&e.path()) } else { meta.len() as f64 }
+    };
+    entries.map(size).sum()
+}
+
+/// What a dry run tells of the files of rain, which come from drops that fall, gather and run: within a factor of 1.7.
+#[test]
+fn the_size_of_rain_that_is_told_is_about_what_is_written() {
+    let dir = folder();
+    for (name, args) in [
+        ("storm", &["bake", "storm-oak", "--set", "frames.end=16", "--formats", "usd,pov", "--force"][..]),
+        ("leaves", &["bake", "rain-leaves", "--set", "frames.end=30", "--formats", "usd,exr,pov", "--force"]),
+    ] {
+        let (code, out, said) = run(dir.path(), &[args, &["-n", "--json"]].concat());
+        assert_eq!(code, 0, "{args:?}: {said}");
+        let told: serde_json::Value = serde_json::from_str(&out).expect("JSON");
+        let told = told["would_make"]["bytes"].as_f64().expect("bytes");
+        let (code, _, said) = run(dir.path(), &[args, &["-o", name]].concat());
+        assert_eq!(code, 0, "{args:?}: {said}");
+        let written = bytes_in(&dir.path().join(name));
+        println!("{args:?}: told {:.0} MB, written {:.0} MB", told / 1e6, written / 1e6);
+        assert!((1.0 / 1.7..1.7).contains(&(told / written)), "{args:?}: told {told}, written {written}");
+    }
+}
+
 #[test]
 fn a_run_that_needs_more_memory_than_it_may_take_is_refused_with_its_prediction() {
     let dir = folder();

@@ -11,8 +11,9 @@ use osier_scene::{Asset, Mesh};
 
 /// Constants of the estimate, measured on the tutorial's sapling in 5 to 60 mm/h and on a storm over an oak.
 mod tuning {
-    /// Mean speed of a drop between emitter and ground, m/s, over all drops by number: most are small.
-    pub(super) const FALL_SPEED: f64 = 3.0;
+    /// Height of a fall over the time for which a drop is in the air, m/s: its mean speed, and more where leaves stop drops above
+    /// the ground. Smaller values expect more drops in the air.
+    pub(super) const FALL_SPEED: f64 = 5.5;
     /// Height of the emitter above the plants, m.
     pub(super) const EMITTER_HEIGHT: f64 = 1.0;
     /// Share of the area of leaves that rain meets: they are tilted, and those above shelter those below.
@@ -52,7 +53,6 @@ impl ExpectedDrops {
         let time = (spin_up + clip * 0.5).min(tuning::RESIDENCE);
         let lying = emitter.flux() * area * tuning::EXPOSED_SHARE * time;
         let meshed = lying.min(keys.map_or(0.0, |k| f64::from(k.max_drop_meshes)));
-        if std::env::var("OSIER_DBG").is_ok() { eprintln!("flux {} area {} rate {} h {height} leafarea {area} n {n} lying {lying} time {time}", emitter.flux(), emitter.area(), emitter.mean_drop_rate(), n=leaves.len()); }
         let n = leaves.len().max(1) as f64;
         let distance = leaves.iter().map(|f| picture.distance(f.position)).sum::<f64>() / n;
         let of_one = DropDetail::at_distance(tuning::DROP_RADIUS, distance).typical_vertices();

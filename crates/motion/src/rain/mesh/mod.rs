@@ -43,10 +43,10 @@ impl DropDetail {
         }
     }
 
-    /// Vertices of the mesh of a typical small drop with its tail, for estimates of sizes.
+    /// Vertices of the mesh of a typical drop with its tail, for estimates of sizes.
     pub fn typical_vertices(self) -> u32 {
         let [rings, sides] = match self {
-            Self::Near => SMALL_DROP_GRID,
+            Self::Near => LARGE_DROP_GRID,
             Self::Afar => AFAR_DROP_GRID,
             Self::Distant => DISTANT_DROP_GRID,
         };
