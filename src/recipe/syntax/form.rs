@@ -24,6 +24,8 @@ pub enum ValueKind {
     Choice,
     /// A list of words, each at most once.
     Choices,
+    /// A list of words in order, some of which may repeat.
+    Sequence,
     /// `"#rrggbb"` or three linear numbers.
     Color,
     /// A fixed count of numbers.
@@ -49,6 +51,7 @@ impl ValueKind {
             Self::Whole => "whole",
             Self::Choice => "choice",
             Self::Choices => "choices",
+            Self::Sequence => "sequence",
             Self::Color => "color",
             Self::Vector => "vector",
             Self::Flag => "flag",

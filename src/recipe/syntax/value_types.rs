@@ -473,7 +473,7 @@ impl<W: Choice + PartialEq> ValueType for SequenceOf<W> {
             accepts: format!("list of {}", choices::<W>()),
             default: "[]".into(),
             unit: "",
-            form: ValueForm::new(ValueKind::Choices, json!(none)).of_choices(words::<W>()),
+            form: ValueForm::new(ValueKind::Sequence, json!(none)).of_choices(words::<W>()),
         }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
