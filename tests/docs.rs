@@ -77,7 +77,7 @@ fn root() -> &'static Path {
 /// Name and text of every document.
 fn documents() -> Vec<(String, String)> {
     let mut paths: Vec<PathBuf> = Vec::new();
-    for folder in [root().to_owned(), root().join("docs")] {
+    for folder in [root().to_owned(), root().join("docs"), root().join("docs/gallery")] {
         let entries = std::fs::read_dir(folder).expect("folder").map(|e| e.expect("entry").path());
         paths.extend(entries.filter(|p| p.extension().is_some_and(|e| e == "md")));
     }

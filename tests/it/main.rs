@@ -10,6 +10,7 @@ mod command_line;
 mod condensation;
 mod control;
 mod copies;
+mod documents;
 mod figures;
 mod flights;
 mod folder;
