@@ -12,12 +12,20 @@ const TOO_LITTLE: &str = "10M";
 
 /// The commands of a document: lines of its blocks and words in backticks that begin with `osier`.
 fn commands(text: &str) -> Vec<String> {
-    let lines = text.lines().map(|l| l.trim().trim_start_matches("$ ")).filter(|l| l.starts_with("osier "));
+    let mut fenced = false;
+    let mut lines = Vec::new();
+    for line in text.lines() {
+        fenced ^= line.starts_with("```");
+        let bare = line.trim().trim_start_matches("$ ");
+        if bare.starts_with("osier ") && (fenced || line.starts_with("    ")) {
+            lines.push(bare);
+        }
+    }
     let quoted = text.split('`').filter(|w| w.starts_with("osier ") && !w.contains('\n'));
     // What follows `  #` is a remark.
     let command =
         |c: &str| c.split("  #").next().and_then(|c| c.split(" # ").next()).unwrap_or_default().trim().to_owned();
-    lines.chain(quoted).map(command).collect()
+    lines.into_iter().chain(quoted).map(command).collect()
 }
 
 /// A word that stands for something of the reader's, such as `SCENE`, `FILE...` or `[-o DIR]`, or a file that is not there.
@@ -67,8 +75,10 @@ fn the_commands_of_the_documents_are_taken() {
         let Some(words) = complete(command, dir.path()) else { continue };
         assert!(run(&words, &[]).status.success(), "{command}");
     }
+    // The beginning of a longer command names that command and is not one itself.
+    let is_beginning = |command: &str| all.iter().any(|c| c.strip_prefix(command).is_some_and(|r| r.starts_with(' ')));
     let taken = par_map(&others, |command| {
-        let words = complete(command, dir.path())?;
+        let words = complete(command, dir.path()).filter(|_| !is_beginning(command))?;
         let makes = matches!(words[0].as_str(), "bake" | "grow" | "preview");
         let out = run(&words, if makes { &["--max-memory", TOO_LITTLE] } else { &[] });
         let said = String::from_utf8_lossy(&out.stderr);
