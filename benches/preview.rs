@@ -91,6 +91,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         instancers: leaves.into_iter().collect(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     };
     Scene {
         name: "s".into(),

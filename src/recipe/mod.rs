@@ -346,6 +346,8 @@ recipe! {
         gltf: scene::GltfKeys;
         /// Options of points as CSV.
         points: scene::PointsKeys, hashed if writes_points;
+        /// Options of files for Unreal Engine.
+        unreal: scene::UnrealKeys, hashed if writes_unreal;
         /// Options of OpenVDB files.
         vdb: VdbRecipe, hashed if writes_vdb;
         /// Files of the wind itself.
@@ -373,6 +375,11 @@ impl OutputRecipe {
     /// True if points are written as CSV.
     pub fn writes_points(&self) -> bool {
         self.writes(&osier_export::points::FORMAT)
+    }
+
+    /// True if files for Unreal Engine are written.
+    pub fn writes_unreal(&self) -> bool {
+        self.writes(&osier_export::unreal::FORMAT)
     }
 
     /// True if a format is among those that are written.

@@ -429,6 +429,7 @@ impl Resolver<'_> {
                 self.check_gltf_channels(root, keys)
             },
             points: self.section_at(table, "output", "points"),
+            unreal: self.section_at(table, "output", "unreal"),
             vdb,
             wind,
         }

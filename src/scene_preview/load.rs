@@ -67,6 +67,7 @@ impl PreviewScene {
             instancers: Vec::new(),
             points: Vec::new(),
             curves: Vec::new(),
+            rigged: None,
         };
         // The hash covers the file and all files that it names; PNG previews carry it as their
         // origin.

@@ -52,6 +52,7 @@ mod tree_levels;
 mod trust;
 mod tutorial;
 mod twigs;
+mod unreal;
 mod usd_arrays;
 mod usd_stages;
 mod vdb;

@@ -37,6 +37,7 @@ fn triangle() -> Scene {
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     }];
     let s = std::f32::consts::FRAC_1_SQRT_2;
     let transform = Trs { t: Vec3::new(0.0, 0.0, 2.0), r: Quat::from_xyzw(0.0, s, 0.0, s), s: Vec3::splat(2.0) };

@@ -1,4 +1,5 @@
-//! Writers of scenes as files of other programs: USD, glTF, POV-Ray, OBJ, PLY, OpenEXR, OpenVDB, point caches, tables.
+//! Writers of scenes as files of other programs: USD, glTF, POV-Ray, OBJ, PLY, OpenEXR, OpenVDB, point caches, tables,
+//! plants for Unreal Engine.
 //!
 //! An exporter has three calls: [`Exporter::begin`] with the scene, [`Exporter::frame`] for each frame in order (none without
 //! animation), [`Exporter::finish`]. Frames are streamed: only formats that require it keep more than one in memory.
@@ -31,10 +32,12 @@ pub mod ply;
 pub mod points;
 pub mod pov;
 pub mod registry;
+mod skin_remap;
 pub mod stats;
 pub mod text;
 pub mod textures;
 pub mod tracks;
+pub mod unreal;
 mod up_axis;
 pub mod usd;
 pub mod vdb;

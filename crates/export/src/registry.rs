@@ -14,7 +14,7 @@
 //! ```
 
 use super::format::FormatInfo;
-use super::{exr, gltf, obj, pc2, ply, points, pov, stats, tracks, usd, vdb};
+use super::{exr, gltf, obj, pc2, ply, points, pov, stats, tracks, unreal, usd, vdb};
 
 /// Every format of a bake, in the order in which they are listed.
 pub const FORMATS: &[&FormatInfo] = &[
@@ -29,6 +29,7 @@ pub const FORMATS: &[&FormatInfo] = &[
     &tracks::FORMAT,
     &points::FORMAT,
     &vdb::FORMAT,
+    &unreal::FORMAT,
 ];
 
 /// The format of a word.

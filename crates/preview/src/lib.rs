@@ -38,6 +38,7 @@
 //!     instancers: Vec::new(),
 //!     points: vec![ball],
 //!     curves: Vec::new(),
+//!     rigged: None,
 //! };
 //! let scene = Scene {
 //!     name: "ball".into(),

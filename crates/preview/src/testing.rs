@@ -43,6 +43,7 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     };
     Scene {
         name: "s".into(),

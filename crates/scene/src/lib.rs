@@ -16,6 +16,8 @@
 //! assert_eq!(triangle.with_material(0).subsets[0].count, 1);
 //! ```
 
+use std::sync::Arc;
+
 mod air;
 mod attribute;
 mod camera_light;
@@ -32,6 +34,7 @@ mod mesh;
 pub mod plant;
 mod points;
 mod records;
+mod rigged_plant;
 mod skeleton;
 pub mod solid;
 mod validate;
@@ -55,6 +58,7 @@ pub use measure::{Field, Table, Watch, largest};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
 pub use points::{Curves, Points, PointsFrame, PointsNow};
 pub use records::{CodeList, ColumnValues, RecordColumn, RecordTable};
+pub use rigged_plant::{JointBranch, RiggedPlant};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use validate::{check_frame, check_scene};
 pub use volume::{VolumeCells, VolumeFrame, VolumeGrid, VolumeValues};
@@ -179,6 +183,8 @@ pub struct Asset {
     pub points: Vec<Points>,
     /// Sets of polylines with thickness.
     pub curves: Vec<Curves>,
+    /// The same plant at rest, with joints for formats whose readers simulate the wind; made only if such a format is written.
+    pub rigged: Option<Arc<RiggedPlant>>,
 }
 
 impl Asset {

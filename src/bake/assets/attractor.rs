@@ -123,6 +123,7 @@ fn build_attractor(
         instancers: Vec::new(),
         points: vec![points],
         curves: Vec::new(),
+        rigged: None,
     };
     let position = Vec3::from_array(keys.at.map(narrow));
     let transform = Trs { t: position, r: Quat::from_rotation_y(narrow(keys.turn)), ..Trs::IDENTITY };

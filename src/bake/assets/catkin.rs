@@ -232,5 +232,6 @@ pub fn side_by_side_asset(models: &[CatkinModel], levels: &CatkinLods, first: u3
         instancers: vec![instancer],
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     })
 }

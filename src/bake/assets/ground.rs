@@ -86,6 +86,7 @@ pub(crate) fn add_ground(
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     };
     builder.add_placed(asset, Trs::translation(center), None);
     Ok(())

@@ -14,5 +14,6 @@ pub mod plant_growth;
 pub mod plant_materials;
 pub mod plant_mesh;
 pub(crate) mod plants;
+pub(crate) mod rigged_plant;
 pub mod skin_options;
 pub(crate) mod terrain;

@@ -213,5 +213,6 @@ fn obstacle_asset(solid: &SolidRecipe, first_material: MaterialId) -> Asset {
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     }
 }

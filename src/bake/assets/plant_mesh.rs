@@ -101,6 +101,7 @@ pub fn build_plant_asset(
         meshes: [bark].into_iter().chain(merged).collect(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     };
     Ok((asset, sway))
 }
@@ -180,7 +181,7 @@ pub(crate) fn instancer_name(materials: &PlantMaterials, organ: usize) -> String
 }
 
 /// The joint that each organ rides on; none without a rig.
-fn organ_instancer_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
+pub(crate) fn organ_instancer_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
     rig.map_or(InstancerMotion::Still, |rig| {
         InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect())
     })

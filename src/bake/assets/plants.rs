@@ -10,6 +10,7 @@ use crate::bake::assets::material_set::{MaterialSet, PlantMaterials};
 use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::plant_materials;
 use crate::bake::assets::plant_mesh::build_plant_asset;
+use crate::bake::assets::rigged_plant::build_rigged_plant;
 use crate::bake::motion::AssetMotion;
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
@@ -46,6 +47,19 @@ struct BuiltPlant {
 impl BuiltPlant {
     fn without_motion(asset: Asset, diagnostics: Vec<Diagnostic>) -> Self {
         Self { asset, motion: None, clamped_angles: 0, motion_in_rain: PlantInRain::Still, diagnostics }
+    }
+
+    /// Adds the plant at rest with at most `joints` joints on its branches to the asset.
+    fn with_rig(
+        mut self,
+        grown: &GrownPlant,
+        plant: &PlantRecipe,
+        materials: &PlantMaterials,
+        joints: u32,
+        context: &BakeContext<'_>,
+    ) -> Result<Self> {
+        self.asset.rigged = Some(Arc::new(build_rigged_plant(grown, plant, materials, &self.asset, joints, context)?));
+        Ok(self)
     }
 }
 
@@ -129,6 +143,11 @@ pub(crate) fn add_plant_assets(
         let (plant, materials) = plant_and_entry(recipe, materials, individual)?;
         let transform = transforms.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let built = build_plant(recipe, plant, wind, grown, materials, individual, transform, context);
+        // Formats whose readers simulate the wind need joints in still plants and on rods, too: theirs do not depend on the motion.
+        let built = built.and_then(|built| match recipe.output.writes_unreal() {
+            true => built.with_rig(grown, plant, materials, recipe.output.unreal.joints, context),
+            false => Ok(built),
+        });
         context.progress.advance(1);
         built
     });

@@ -68,6 +68,7 @@ pub(crate) fn terrain_asset(terrain: &Terrain, material: u32) -> Asset {
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     }
 }
 

@@ -332,6 +332,7 @@ impl<'a> ConnectedRods<'a> {
             instancers: Vec::new(),
             points: Vec::new(),
             curves: Vec::new(),
+            rigged: None,
         };
         Ok((materials, asset))
     }

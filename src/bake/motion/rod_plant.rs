@@ -165,6 +165,7 @@ pub fn build_rod_plant_at_rest(
         meshes,
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     };
     let diagnostics = rod_plant_diagnostics(&rods, &individual.asset, keys);
     Ok(RodPlantAsset { asset, rods, binding, diagnostics })

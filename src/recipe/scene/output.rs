@@ -141,6 +141,11 @@ keys! {
         /// Axis that points up in the files.
         up: UpAxis = "up" OneOf(UpAxis::Z);
     }
+    /// Options of files for Unreal Engine.
+    UnrealKeys at "output.unreal" {
+        /// Largest number of joints of a plant; further branches are rigid with the branch that carries them.
+        joints: u32 = "joints" integer(1800, 1, 32_767);
+    }
     /// Options of glTF files.
     GltfKeys at "output.gltf" {
         /// Readers that the files are made for.

@@ -18,6 +18,7 @@ pub fn asset() -> Asset {
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     }
 }
 

@@ -287,6 +287,7 @@ fn rig() -> Asset {
         instancers: vec![leaves],
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     }
 }
 
@@ -300,6 +301,7 @@ fn bare(id: &str, kind: AssetKind) -> Asset {
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
+        rigged: None,
     }
 }
 

@@ -150,6 +150,7 @@ pub const CODES: &[Code] = &[
     row("X022", Warning, "texture coordinates of a leaf in the rain are no chart; one is made for it"),
     row("X023", Warning, "rain falls through a leaf whose mesh has no area"),
     row("X024", Warning, "more drops on leaves than a frame shows as meshes"),
+    row("X025", Warning, "the scene has no plants, and the format writes nothing else"),
     row("X030", Error, "nothing to write: no triangles and no points"),
 ];
 

@@ -3,6 +3,7 @@
 use glam::{Mat4, Quat};
 
 use super::super::Warning;
+use super::super::skin_remap::{merge_influences, remap_influences};
 use osier_scene::{Asset, Skeleton, SkinWeights, Trs};
 
 /// Most joints in a skin; viewers hold the matrices of a skin in a uniform buffer or a texture of limited size.
@@ -69,33 +70,13 @@ impl JointSelection {
 
     /// Influences over the written joints: largest first, no joint twice, unused slots joint 0 with weight 0, sum 1.
     pub(super) fn remap_weights(&self, skin: &SkinWeights) -> (Vec<[u16; 4]>, Vec<[f32; 4]>) {
-        skin.joints.iter().zip(&skin.weights).map(|(j, w)| self.merge_influences(*j, *w)).unzip()
+        let SkinWeights { joints, weights } = remap_influences(skin, &self.carrier);
+        (joints, weights)
     }
 
     /// Influences of one vertex over the written joints, as [`Self::remap_weights`] has them.
     pub(super) fn merge_influences(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
-        let mut list: Vec<(u16, f32)> = Vec::with_capacity(4);
-        for (j, w) in joints.iter().zip(weights).filter(|(_, w)| *w > 0.0) {
-            let carrier = self.carrier.get(usize::from(*j)).copied().unwrap_or(0);
-            // At most four influences: a linear search is the fastest, and the order of summation is that of the slots.
-            match list.iter_mut().find(|(k, _)| *k == carrier) {
-                Some((_, sum)) => *sum += w,
-                None => list.push((carrier, w)),
-            }
-        }
-        // Joints that follow the same carrier have been summed; the sums are normalised again if they are not 1 already.
-        list.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        let total = list.iter().fold(0.0, |s, (_, w)| s + w);
-        let (mut j, mut w) = ([0; 4], [0.0; 4]);
-        for (k, (joint, weight)) in list.iter().enumerate() {
-            j[k] = *joint;
-            w[k] = if (total - 1.0).abs() > 1e-6 { weight / total } else { *weight };
-        }
-        if list.is_empty() {
-            // A vertex without influences would collapse to the origin; joint 0, the root, holds it instead.
-            w[0] = 1.0;
-        }
-        (j, w)
+        merge_influences(&self.carrier, joints, weights)
     }
 }
 
@@ -166,6 +147,7 @@ mod tests {
             instancers: Vec::new(),
             points: Vec::new(),
             curves: Vec::new(),
+            rigged: None,
         }
     }
 

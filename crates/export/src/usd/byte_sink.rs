@@ -4,7 +4,7 @@ use osier_base::Result;
 use osier_base::files::Output;
 
 /// An append-only destination of bytes; its beginning can be overwritten, for a header that is known at the end.
-pub(super) trait ByteSink: Send {
+pub(crate) trait ByteSink: Send {
     /// Appends bytes at the end, where [`Self::position`] points.
     fn put(&mut self, bytes: &[u8]) -> Result<()>;
     /// Overwrites bytes that were written at `offset`; the next `put` appends at the end as before.
@@ -18,7 +18,7 @@ pub(super) trait ByteSink: Send {
 /// Counts bytes and discards them: for a payload that an interrupted bake has left complete, whose extents and bindings the
 /// wrapper still needs.
 #[derive(Debug, Default)]
-pub(super) struct CountingSink {
+pub(crate) struct CountingSink {
     position: u64,
 }
 

@@ -9,28 +9,28 @@ use osier_scene::{Coat, Material, Scene};
 
 /// The scene and the options that hold for all layers.
 #[derive(Debug, Clone)]
-pub(super) struct UsdContext {
-    pub(super) scene: Arc<Scene>,
-    pub(super) up: UpAxis,
+pub(crate) struct UsdContext {
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) up: UpAxis,
     /// Folder of the textures, relative to the layer, with a slash at the end.
-    pub(super) pictures: String,
+    pub(crate) pictures: String,
     /// Folder of the map sequences, relative to the layer, with a slash at the end; none if no maps are written.
-    pub(super) maps: Option<String>,
+    pub(crate) maps: Option<String>,
     /// First frame that is written.
-    pub(super) first: u32,
+    pub(crate) first: u32,
     /// Largest error of the leaves' interpolated transforms.
-    pub(super) tolerance: Tolerance,
+    pub(crate) tolerance: Tolerance,
 }
 
 impl UsdContext {
     /// The coat of a material if the maps of its weight are written.
-    pub(super) fn mapped_coat(&self, material: &Material) -> Option<Coat> {
+    pub(crate) fn mapped_coat(&self, material: &Material) -> Option<Coat> {
         let coat = material.coat.filter(|_| self.maps.is_some())?;
         self.scene.map_sequences.get(coat.sequence as usize).map(|_| coat)
     }
 
     /// The file of a coat's weight at a frame.
-    pub(super) fn coat_weight_file(&self, coat: &Coat, frame: u32) -> String {
+    pub(crate) fn coat_weight_file(&self, coat: &Coat, frame: u32) -> String {
         let name = self.scene.map_sequences.get(coat.sequence as usize).map_or("", |s| s.name.as_str());
         let folder = self.maps.as_deref().unwrap_or_default();
         format!("{folder}{name}/{}.{}.exr", coat.weight, self.scene.clip.tag(frame))
@@ -39,9 +39,9 @@ impl UsdContext {
 
 /// A texture whose file is another one at every frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct MapTexture {
+pub(crate) struct MapTexture {
     /// The coat whose weight the texture holds.
-    pub(super) coat: Coat,
+    pub(crate) coat: Coat,
     /// The attribute `inputs:file`.
-    pub(super) attr: AttrHandle,
+    pub(crate) attr: AttrHandle,
 }

@@ -22,7 +22,7 @@ use osier_scene::{InstanceState, Instancer, InstancerMotion, Prototype, instance
 const LOD_VARIANT_SET: &str = "LOD";
 
 /// Orientations in the axes of the stage; each on the side of that of the frame before, if there was one.
-fn stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
+pub(crate) fn stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
     // Instances that had an orientation at the last frame continue its sign; new ones get w >= 0.
     let (known, new) = state.orientations.split_at(before.len().min(state.orientations.len()));
     let known = known.iter().zip(before).map(|(q, b)| nearest_quat(up.stage_quat(*q), *b));
@@ -30,7 +30,7 @@ fn stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec
 }
 
 /// Quaternions rounded to half precision.
-fn to_quath(orientations: &[Quat]) -> Vec<[f16; 4]> {
+pub(crate) fn to_quath(orientations: &[Quat]) -> Vec<[f16; 4]> {
     let mut out = vec![[f16::ZERO; 4]; orientations.len()];
     out.as_flattened_mut().convert_from_f32_slice(bytemuck::cast_slice(orientations));
     out

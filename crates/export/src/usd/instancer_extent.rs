@@ -27,13 +27,13 @@ struct InstanceBoxLanes {
 }
 
 /// The prototype boxes of all instances of an instancer.
-pub(super) struct InstancerBounds {
+pub(crate) struct InstancerBounds {
     blocks: Vec<InstanceBoxLanes>,
 }
 
 impl InstancerBounds {
     /// Measures the prototypes of an instancer.
-    pub(super) fn of(instancer: &Instancer, up: UpAxis) -> Self {
+    pub(crate) fn of(instancer: &Instancer, up: UpAxis) -> Self {
         let boxed = |p: &Prototype| {
             let points = Bounds::of(p.mesh.points.iter().map(|p| up.stage_vec(*p)));
             // Fine geometry (hairs) may reach beyond the mesh: its box is converted by its corners and added.
@@ -51,7 +51,7 @@ impl InstancerBounds {
     }
 
     /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w.
-    pub(super) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], alive: &[bool]) -> [[f32; 3]; 2] {
+    pub(crate) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], alive: &[bool]) -> [[f32; 3]; 2] {
         // Back from half to single precision: the extent must hold for the orientations as they are stored.
         let mut rounded = vec![0.0; turns.len() * 4];
         turns.as_flattened().convert_to_f32_slice(&mut rounded);

@@ -11,8 +11,8 @@ use osier_base::geometry::Bounds;
 use osier_scene::{Asset, AssetFrame, MapFrame, Material, MaterialId, Trs};
 
 /// A layer being written, with its materials, which are defined when a prim is first bound to them.
-pub(super) struct LayerBuilder {
-    pub(super) writer: Box<dyn LayerWriter>,
+pub(crate) struct LayerBuilder {
+    pub(crate) writer: Box<dyn LayerWriter>,
     /// Paths of the materials, and of the scopes around them, that are defined.
     defined_materials: BTreeSet<String>,
     map_textures: Vec<MapTexture>,
@@ -22,24 +22,24 @@ pub(super) struct LayerBuilder {
 
 /// A prim that is bound to a material.
 #[derive(Debug, Clone)]
-pub(super) struct MaterialBinding {
+pub(crate) struct MaterialBinding {
     /// Path of a mesh, a subset or curves.
-    pub(super) prim: String,
-    pub(super) material: MaterialId,
+    pub(crate) prim: String,
+    pub(crate) material: MaterialId,
 }
 
 /// The state of an asset at a frame.
-pub(super) struct AssetSample<'a> {
-    pub(super) asset: &'a Asset,
-    pub(super) state: &'a AssetFrame,
+pub(crate) struct AssetSample<'a> {
+    pub(crate) asset: &'a Asset,
+    pub(crate) state: &'a AssetFrame,
     /// Time code: the number of the frame.
-    pub(super) time: f64,
+    pub(crate) time: f64,
     /// Maps of the scene's map sequences, or empty.
-    pub(super) maps: &'a [MapFrame],
+    pub(crate) maps: &'a [MapFrame],
 }
 
 /// A prim with time samples.
-pub(super) trait AnimatedPrim: Send {
+pub(crate) trait AnimatedPrim: Send {
     /// Adds the time samples of a frame.
     fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()>;
 
@@ -56,22 +56,22 @@ pub(super) trait AnimatedPrim: Send {
 }
 
 impl LayerBuilder {
-    pub(super) fn new(writer: Box<dyn LayerWriter>) -> Self {
+    pub(crate) fn new(writer: Box<dyn LayerWriter>) -> Self {
         Self { writer, defined_materials: BTreeSet::new(), map_textures: Vec::new(), bindings: Vec::new() }
     }
 
     /// Defines a prim without metadata.
-    pub(super) fn define_prim(&mut self, path: &str, type_name: &'static str) -> Result<()> {
+    pub(crate) fn define_prim(&mut self, path: &str, type_name: &'static str) -> Result<()> {
         self.writer.define_prim(path, type_name, &PrimMetadata::default())
     }
 
     /// Creates an attribute with a default value.
-    pub(super) fn set_attr(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
+    pub(crate) fn set_attr(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
         self.writer.create_attr(path, &AttrSpec::new(type_name), Some(value))
     }
 
     /// Adds time samples of the file names of all textures that change with the frames.
-    pub(super) fn sample_map_textures(&mut self, cx: &UsdContext, frame: u32) -> Result<()> {
+    pub(crate) fn sample_map_textures(&mut self, cx: &UsdContext, frame: u32) -> Result<()> {
         for s in &self.map_textures {
             self.writer.set_time_sample(
                 s.attr,
@@ -83,12 +83,12 @@ impl LayerBuilder {
     }
 
     /// Creates a uniform attribute.
-    pub(super) fn set_uniform(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
+    pub(crate) fn set_uniform(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
         self.writer.create_attr(path, &AttrSpec::uniform(type_name), Some(value))
     }
 
     /// Binds a prim below `root` to a material in the scope `root/mtl`; scope and material are defined on first use.
-    pub(super) fn bind_material(
+    pub(crate) fn bind_material(
         &mut self,
         cx: &UsdContext,
         root: &str,
@@ -112,12 +112,12 @@ impl LayerBuilder {
     }
 
     /// The material bindings of the layer so far.
-    pub(super) fn bindings(&self) -> &[MaterialBinding] {
+    pub(crate) fn bindings(&self) -> &[MaterialBinding] {
         &self.bindings
     }
 
     /// Sets the transform of a prim: translate, orient, scale, in `xformOpOrder`. `m`: in the axes of the stage.
-    pub(super) fn set_xform_ops(&mut self, path: &str, m: &Trs) -> Result<()> {
+    pub(crate) fn set_xform_ops(&mut self, path: &str, m: &Trs) -> Result<()> {
         let t = m.t.to_array().map(f64::from);
         self.set_attr(&format!("{path}.xformOp:translate"), "double3", UsdValue::Double3(t))?;
         self.set_attr(&format!("{path}.xformOp:orient"), "quatf", UsdValue::Quatf(canonical_quat(m.r).to_array()))?;
@@ -129,14 +129,14 @@ impl LayerBuilder {
 }
 
 /// The unit quaternion of the same rotation with w >= 0.
-pub(super) fn canonical_quat(q: glam::Quat) -> glam::Quat {
+pub(crate) fn canonical_quat(q: glam::Quat) -> glam::Quat {
     let q = q.normalize();
     if q.w < 0.0 { -q } else { q }
 }
 
 /// The unit quaternion of the same rotation whose dot product with `before` is not negative, so that interpolation between the
 /// two samples takes the short way.
-pub(super) fn nearest_quat(q: glam::Quat, before: glam::Quat) -> glam::Quat {
+pub(crate) fn nearest_quat(q: glam::Quat, before: glam::Quat) -> glam::Quat {
     let q = q.normalize();
     if q.dot(before) < 0.0 { -q } else { q }
 }

@@ -19,7 +19,7 @@ use osier_scene::{MaterialId, Mesh, MeshFrame, MeshMotion};
 
 /// Attributes of a mesh that may get time samples.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct MeshAttrs {
+pub(crate) struct MeshAttrs {
     points: AttrHandle,
     normals: AttrHandle,
     counts: AttrHandle,
@@ -30,15 +30,15 @@ pub(super) struct MeshAttrs {
 }
 
 /// Where a mesh is defined, and how it will change.
-pub(super) struct MeshTarget<'a> {
+pub(crate) struct MeshTarget<'a> {
     /// Path of the prim below which the scope of materials is.
-    pub(super) root: &'a str,
+    pub(crate) root: &'a str,
     /// Path of the mesh prim in the layer.
-    pub(super) path: &'a str,
+    pub(crate) path: &'a str,
     /// Bound to a skeleton.
-    pub(super) skinned: bool,
+    pub(crate) skinned: bool,
     /// Its topology varies, so that its material subsets get time samples, too.
-    pub(super) varying: bool,
+    pub(crate) varying: bool,
 }
 
 /// The arrays of a mesh in the element types and the axes of the stage.
@@ -84,7 +84,7 @@ fn material_faces(mesh: &Mesh) -> Result<Vec<(MaterialId, Vec<i32>)>> {
 }
 
 /// Defines a mesh in its rest state.
-pub(super) fn define_mesh(
+pub(crate) fn define_mesh(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     place: &MeshTarget,

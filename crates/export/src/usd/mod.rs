@@ -14,28 +14,28 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-mod arrays;
+pub(crate) mod arrays;
 mod asset;
 mod byte_sink;
 mod camera_light;
 mod coat_primvar;
-mod context;
-mod instancer;
-mod instancer_extent;
-mod layer;
-mod layer_writer;
+pub(crate) mod context;
+pub(crate) mod instancer;
+pub(crate) mod instancer_extent;
+pub(crate) mod layer;
+pub(crate) mod layer_writer;
 mod material;
-mod mesh;
+pub(crate) mod mesh;
 pub(crate) mod options;
 mod plant_instancer;
 mod points;
 mod primvar;
 mod sample_reduction;
-mod skel;
+pub(crate) mod skel;
 mod usda;
-mod usdc;
+pub(crate) mod usdc;
 mod usdz;
-mod value;
+pub(crate) mod value;
 mod volume;
 
 pub use super::up_axis::UpAxis;

@@ -15,7 +15,7 @@ use osier_base::geometry::Bounds;
 use osier_scene::{Asset, AssetFrame, MeshMotion, MeshObject, Skeleton, SkinWeights, Trs, mesh_points};
 
 /// The joints as UsdSkel names them, by their paths: `a`, `a/b`.
-fn joint_paths(skeleton: &Skeleton) -> Vec<String> {
+pub(crate) fn joint_paths(skeleton: &Skeleton) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(skeleton.joints.len());
     for joint in &skeleton.joints {
         let name = safe_name(&joint.name);
@@ -27,7 +27,7 @@ fn joint_paths(skeleton: &Skeleton) -> Vec<String> {
 }
 
 /// The `SkelAnimation` of an asset, and the extent of its `SkelRoot`.
-pub(super) struct SkelAnimation {
+pub(crate) struct SkelAnimation {
     translations: AttrHandle,
     rotations: AttrHandle,
     scales: AttrHandle,
@@ -66,7 +66,7 @@ pub(super) fn define_skel_root(
     layer.writer.create_relationship(&format!("{path}.skel:animationSource"), &[format!("{path}/anim")])?;
     layer.writer.create_relationship(&format!("{path}.skel:skeleton"), &[format!("{path}/skeleton")])?;
     let joints = joint_paths(skeleton);
-    define_skeleton(cx, layer, &format!("{path}/skeleton"), skeleton, &joints)?;
+    define_skeleton(cx, layer, &format!("{path}/skeleton"), &[], skeleton, &joints)?;
     let animation = define_animation(cx, layer, &format!("{path}/anim"), skeleton, &joints, extent)?;
     let mut parts: Vec<Box<dyn AnimatedPrim>> = vec![Box::new(animation)];
     let mut inner = Names::default();
@@ -79,7 +79,7 @@ pub(super) fn define_skel_root(
         let place = MeshTarget { root, path: &mesh, skinned: true, varying: false };
         define_mesh(cx, layer, &place, &object.mesh)?;
         if let Some(skin) = &object.skin {
-            bind_skin(layer, &path, &mesh, skin)?;
+            bind_skin(layer, &format!("{path}/skeleton"), &mesh, skin)?;
         }
         parts.extend(super::coat_primvar::define_coat_weight(cx, layer, i, &mesh, object)?);
     }
@@ -96,18 +96,17 @@ fn skinned_bounds(cx: &UsdContext, asset: &Asset, state: &AssetFrame) -> Bounds 
     b
 }
 
-fn define_skeleton(
+/// Defines a `Skeleton` at rest. `schemas`: names of applied schemas beyond those of UsdSkel; `joints`: from [`joint_paths`].
+pub(crate) fn define_skeleton(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     path: &str,
+    schemas: &[&'static str],
     skeleton: &Skeleton,
     joints: &[String],
 ) -> Result<()> {
-    layer.writer.define_prim(
-        path,
-        "Skeleton",
-        &PrimMetadata { api: vec!["SkelBindingAPI"], ..PrimMetadata::default() },
-    )?;
+    let api = ["SkelBindingAPI"].iter().chain(schemas).copied().collect();
+    layer.writer.define_prim(path, "Skeleton", &PrimMetadata { api, ..PrimMetadata::default() })?;
     let matrices = |poses: &[Trs]| -> Vec<[f64; 16]> { poses.iter().map(|m| matrix4d(&cx.up.stage_trs(m))).collect() };
     // Both are matrices at rest: bindTransforms map from a joint to the asset's space, restTransforms to its parent's.
     let bind = matrices(&skeleton.bind());
@@ -131,7 +130,8 @@ fn animation_channels(cx: &UsdContext, pose: &[Trs]) -> (Vec<[f32; 3]>, Vec<Quat
     (translations, rotations, scales)
 }
 
-fn define_animation(
+/// Defines a `SkelAnimation` at rest. `extent`: the attribute of the `SkelRoot`, which gets samples with the animation.
+pub(crate) fn define_animation(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     path: &str,
@@ -153,8 +153,9 @@ fn define_animation(
     })
 }
 
-/// Applies `SkelBindingAPI` to a mesh: four influences for each point, bound in the space of the `SkelRoot`.
-fn bind_skin(layer: &mut LayerBuilder, skel: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
+/// Sets the properties of `SkelBindingAPI` of a mesh: four influences for each point, bound in the space of the `SkelRoot`.
+/// `skeleton`: path of the skeleton.
+pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
     // Flat lists of four for each point; `elementSize` says so.
     let indices: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
     let spec = |type_name| AttrSpec { element_size: Some(4), ..AttrSpec::primvar(type_name, "vertex") };
@@ -174,7 +175,7 @@ fn bind_skin(layer: &mut LayerBuilder, skel: &str, mesh: &str, skin: &SkinWeight
         &spec("float[]"),
         Some(UsdArray::Float(skin.weights.as_flattened()).into()),
     )?;
-    layer.writer.create_relationship(&format!("{mesh}.skel:skeleton"), &[format!("{skel}/skeleton")])
+    layer.writer.create_relationship(&format!("{mesh}.skel:skeleton"), &[skeleton.to_owned()])
 }
 
 impl AnimatedPrim for SkelAnimation {

@@ -5,7 +5,7 @@ use half::f16;
 /// A value of an attribute; a variant is named after the value type of USD, and serves the roles of that type, too
 /// (`Float3`: `float3`, `point3f`, `color3f`). Quaternions are x, y, z, w.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum UsdValue<'a> {
+pub(crate) enum UsdValue<'a> {
     Bool(bool),
     Float(f32),
     Double(f64),
@@ -24,7 +24,7 @@ pub(super) enum UsdValue<'a> {
 
 /// An array of an attribute; a variant is named after the type of its elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum UsdArray<'a> {
+pub(crate) enum UsdArray<'a> {
     Int(&'a [i32]),
     Int64(&'a [i64]),
     Float(&'a [f32]),
@@ -42,7 +42,7 @@ pub(super) enum UsdArray<'a> {
 }
 
 impl UsdArray<'_> {
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         match self {
             Self::Int(v) => v.len(),
             Self::Int64(v) => v.len(),
@@ -58,7 +58,7 @@ impl UsdArray<'_> {
         }
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
@@ -71,7 +71,7 @@ impl<'a> From<UsdArray<'a>> for UsdValue<'a> {
 
 /// Appends single precision numbers, little endian, -0 as 0.
 /// Errs with the index of the first number that is not finite.
-pub(super) fn push_finite_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), usize> {
+pub(crate) fn push_finite_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), usize> {
     const EXPONENT: u32 = 0x7f80_0000;
     let start = out.len();
     out.resize(start + values.len() * 4, 0);
@@ -86,7 +86,7 @@ pub(super) fn push_finite_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), u
 }
 
 /// As [`push_finite_f32`], double precision.
-pub(super) fn push_finite_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), usize> {
+pub(crate) fn push_finite_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), usize> {
     for (i, x) in values.iter().enumerate() {
         if !x.is_finite() {
             return Err(i);
@@ -97,7 +97,7 @@ pub(super) fn push_finite_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), u
 }
 
 /// As [`push_finite_f32`], half precision.
-pub(super) fn push_finite_f16(values: &[f16], out: &mut Vec<u8>) -> Result<(), usize> {
+pub(crate) fn push_finite_f16(values: &[f16], out: &mut Vec<u8>) -> Result<(), usize> {
     const EXPONENT: u16 = 0x7c00;
     const MINUS_ZERO: u16 = 0x8000;
     let start = out.len();

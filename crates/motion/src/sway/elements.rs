@@ -42,6 +42,8 @@ pub struct BeamElement {
     pub chord: DVec3,
     /// Slope of its tip per unit force across it there, 1/N.
     pub tip_compliance: f64,
+    /// Slope of its tip under a dynamic pressure of 1 Pa on everything that it carries, rad/Pa.
+    pub pressure_slope: f64,
     /// Range of its stations in [`BeamElements::stations`].
     pub stations: Range<usize>,
     /// Tip slope of the carrier per unit force at this element's base, 1/N.
@@ -169,6 +171,7 @@ impl BeamElements {
             length: f64::from(segment.span[1] - segment.span[0]),
             chord: (source.plant.frame(axis, segment.span[1]).p - site.p).as_dvec3(),
             tip_compliance: measured.compliance.last().copied().unwrap_or(0.0),
+            pressure_slope: measured.pressure_slope,
             stations: first..self.stations.len(),
             carrier_compliance,
             w: measured.mode_frequencies(source, segment, id),
@@ -250,6 +253,23 @@ impl BeamElements {
         *base * rotation_f32(bend.as_vec3())
     }
 
+    /// Slopes of the elements' bases under a dynamic pressure of 1 Pa, rad/Pa: sums over the elements that carry them.
+    pub(crate) fn base_slopes(&self) -> Vec<f64> {
+        let mut bases: Vec<f64> = Vec::with_capacity(self.list.len());
+        for e in &self.list {
+            let base = self.slope_at(&bases, ElementLocation { element: e.parent, at: e.at });
+            bases.push(base);
+        }
+        bases
+    }
+
+    /// Slope of a location under a dynamic pressure of 1 Pa, rad/Pa. `bases`: from [`Self::base_slopes`].
+    pub(crate) fn slope_at(&self, bases: &[f64], spot: ElementLocation) -> f64 {
+        let k = spot.element as usize;
+        let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return 0.0 };
+        base + e.pressure_slope * e.shape.at(spot.at)
+    }
+
     /// Share of the undisturbed wind at a location, the mean of its element's stations.
     pub fn wind_exposure(&self, spot: ElementLocation) -> f32 {
         let stations = self.list.get(spot.element as usize).and_then(|e| self.stations.get(e.stations.clone()));
@@ -314,6 +334,8 @@ struct ElementBeam {
     own: Vec<BranchLoad>,
     /// Tip slope per unit force at each station, 1/N.
     compliance: Vec<f64>,
+    /// Tip slope under a dynamic pressure of 1 Pa, rad/Pa.
+    pressure_slope: f64,
     shape: SlopeProfile,
 }
 
@@ -341,7 +363,9 @@ impl ElementBeam {
         let shape =
             wood.measured.then(|| beam.relative_slope(&wind)).flatten().map_or(SlopeProfile::Even, SlopeProfile::Table);
         let compliance = beam.compliance();
-        Self { beam, own, compliance, shape }
+        // A pressure acts on drag areas; each station's force adds its part of the tip's slope.
+        let pressure_slope = compliance.iter().zip(&wind).fold(0.0, |sum, (c, area)| sum + c * area);
+        Self { beam, own, compliance, pressure_slope, shape }
     }
 
     fn mode_frequencies(&self, source: &ElementContext<'_>, segment: &AxisSegment, id: u64) -> [f64; 2] {

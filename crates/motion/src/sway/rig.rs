@@ -12,7 +12,7 @@ use super::pose::own_share;
 use crate::sway::tuning::{CLASS_GAP, JOINT_FADE};
 use osier_base::math;
 use osier_scene::plant::{NONE, Organ, Plant};
-use osier_scene::{Joint, Skeleton, SkinWeights, Trs};
+use osier_scene::{Joint, JointBranch, Skeleton, SkinWeights, Trs};
 
 /// Location of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -154,6 +154,17 @@ impl JointRig {
     /// Joint that an organ follows.
     pub fn organ_joint(&self, organ: &Organ) -> u16 {
         self.joint_at(organ.axis as usize, organ.s)
+    }
+
+    /// The branch that each joint bends, parallel to the joints of the skeleton; none for the root. A joint's compliance is that of
+    /// the middle of its stretch, whose rotation it has.
+    pub fn branches(&self, plant: &Plant, elements: &BeamElements) -> Vec<Option<JointBranch>> {
+        let bases = elements.base_slopes();
+        let branch = |bone: &RigJoint| {
+            let axis = plant.axes.get(bone.axis as usize)?;
+            Some(JointBranch { axis: bone.axis, order: axis.order, compliance: elements.slope_at(&bases, bone.spot) })
+        };
+        self.bones.iter().map(branch).collect()
     }
 
     /// Skin weights of bark vertices. `bindings`: axis and arc length, m, of each vertex.
@@ -451,6 +462,34 @@ mod tests {
         }
         let fork = plant.axes[1].parent_s;
         assert_eq!(rig.weights(&plant, 1, 0.0), rig.weights(&plant, 0, fork), "the base follows the trunk");
+    }
+
+    #[test]
+    fn joints_comply_more_along_a_branch_than_where_it_springs_from_and_less_in_stiffer_wood() {
+        let plant = tree(5);
+        let compliances = |stiffness| {
+            let wood = WoodParams { stiffness, measured: true, ..WoodParams::default() };
+            let elements = BeamElements::build(&plant, &wood, 2000);
+            let rig = JointRig::build(&plant, &elements, JointBudget { joints: 256, coarse: false });
+            let branches = rig.branches(&plant, &elements);
+            assert!(branches[0].is_none() && branches[1..].iter().all(Option::is_some));
+            for (joint, branch) in rig.skeleton.joints.iter().zip(&branches).skip(1) {
+                let parent = joint.parent.and_then(|p| branches[p as usize]);
+                let (own, carrier) = (branch.map_or(0.0, |b| b.compliance), parent.map_or(0.0, |b| b.compliance));
+                // A limb springs from below the middle of its carrier's joint at worst by half of that joint's stretch.
+                assert!(own > 0.0 && (own > carrier || parent.map(|p| p.axis) != branch.map(|b| b.axis)));
+            }
+            branches.into_iter().flatten().map(|b| b.compliance).collect::<Vec<f64>>()
+        };
+        let (soft, stiff) = (compliances(1.0), compliances(2.0));
+        assert!(soft.iter().zip(&stiff).all(|(a, b)| (a / b - 2.0).abs() < 1e-9), "{soft:?} {stiff:?}");
+        // The slope of a beam under a pressure is what its stations' drag areas times their compliances add up to.
+        let elements = BeamElements::build(&plant, &WoodParams::default(), 1);
+        let trunk = &elements.list[0];
+        let stations = &elements.stations[trunk.stations.clone()];
+        let drag = |load: &crate::sway::BranchLoad| 1.1 * load.wood + 0.4 * load.leaf;
+        let wanted = stations.iter().map(|s| drag(&s.load) * s.tip_compliances[0]).sum::<f64>();
+        assert!((trunk.pressure_slope / wanted - 1.0).abs() < 1e-6, "{} {wanted}", trunk.pressure_slope);
     }
 
     #[test]

@@ -212,6 +212,7 @@ impl FlightPlayback {
             instancers: vec![instancer],
             points: Vec::new(),
             curves: trails.into_iter().collect(),
+            rigged: None,
         })
     }
 

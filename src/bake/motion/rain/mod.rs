@@ -604,6 +604,7 @@ impl RainPlayback {
             instancers: Vec::new(),
             points: if self.capacity > 0 { vec![falling] } else { Vec::new() },
             curves: Vec::new(),
+            rigged: None,
         }
     }
 

@@ -71,7 +71,7 @@ enum SampleTimes {
 
 impl UsdcWriter {
     /// A writer into `sink`.
-    pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
+    pub(crate) fn new(sink: Box<dyn ByteSink>) -> Self {
         let mut tokens = Interner::default();
         // PATHS marks a property by the negated number of its name, so number 0 goes to a token that names nothing; OpenUSD's
         // own writer uses the same one.

@@ -1,0 +1,29 @@
+//! Plants with joints for programs that bend them in a wind of their own.
+
+use super::{Instancer, MeshObject, Skeleton};
+
+/// A plant at rest with joints on its branches, for programs that simulate the wind themselves. It stands beside the meshes that
+/// the scene's own motion moves and does not depend on that motion.
+#[derive(Debug, Clone, Default)]
+pub struct RiggedPlant {
+    /// Joints in asset space; joint 0 is the fixed root.
+    pub skeleton: Skeleton,
+    /// The branch that each joint bends, parallel to the joints; none for the root.
+    pub branches: Vec<Option<JointBranch>>,
+    /// Bark and stalks at rest, each with its skin over [`Self::skeleton`].
+    pub meshes: Vec<MeshObject>,
+    /// Leaves at rest, each on a joint of [`Self::skeleton`], those of an axis in order along it.
+    pub instancers: Vec<Instancer>,
+}
+
+/// The stretch of a branch that a joint bends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointBranch {
+    /// Index of its axis in the plant.
+    pub axis: u32,
+    /// Branching order of that axis: 0 for the trunk, equal for both halves of an apical fork.
+    pub order: u8,
+    /// Angle by which the joint turns under a dynamic pressure of 1 Pa on everything that it and the branches below it carry,
+    /// rad/Pa: the slope of its own beam and of the beams that it springs from.
+    pub compliance: f64,
+}

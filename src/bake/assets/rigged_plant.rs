@@ -1,0 +1,67 @@
+//! Plants at rest with joints on their branches, for formats whose readers simulate the wind.
+
+use glam::Vec3;
+
+use crate::bake::BakeContext;
+use crate::bake::assets::material_set::PlantMaterials;
+use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::assets::plant_mesh::{bark_mesh, group_organs, leaf_instancer, organ_instancer_motion};
+use crate::bake::wind::plant_wind::wood_params;
+use crate::recipe::PlantRecipe;
+use osier_base::Result;
+use osier_base::convert::to_usize;
+use osier_motion::sway::{BeamElements, JointBudget, JointRig, WoodParams};
+use osier_scene::plant::Plant;
+use osier_scene::{Asset, MeshMotion, MeshObject, RiggedPlant, SkinWeights};
+
+/// Builds the rig of a grown plant: at most `joints` joints, placed and measured as those of the sway model, whatever moves the
+/// plant in this scene. `asset`: the plant as the scene shows it, whose stalks on rods are taken over.
+/// # Errors
+/// `Limit` for the skin's vertices, `TooMany`.
+pub(crate) fn build_rigged_plant(
+    grown: &GrownPlant,
+    recipe: &PlantRecipe,
+    materials: &PlantMaterials,
+    asset: &Asset,
+    joints: u32,
+    context: &BakeContext<'_>,
+) -> Result<RiggedPlant> {
+    context.cancel.check()?;
+    let plant = &grown.plant;
+    let joints = to_usize(joints);
+    // An element has one joint at least, so that more elements than joints would not show. What has no element still counts as load.
+    let wood = WoodParams { measured: true, ..wood_params(&recipe.wood) };
+    let elements = BeamElements::build(plant, &wood, joints);
+    let rig = JointRig::build(plant, &elements, JointBudget { joints, coarse: false });
+    let (mesh, bindings) = bark_mesh(grown, recipe, materials, context)?;
+    let skin = Some(rig.skin(plant, bindings.iter().copied()));
+    let mut meshes = vec![MeshObject { name: "bark".into(), mesh, motion: MeshMotion::Skinned, skin }];
+    // Behind its bark a plant on rods has meshes of stalks; other plants have them in the prototypes of their leaves.
+    if recipe.rods.is_some() {
+        let bound = |stalks: &MeshObject| MeshObject {
+            skin: Some(skin_of_nearest_leaves(plant, &rig, &stalks.mesh.points)),
+            motion: MeshMotion::Skinned,
+            ..stalks.clone()
+        };
+        meshes.extend(asset.meshes.iter().skip(1).map(bound));
+    }
+    let instancers = group_organs(plant, materials)
+        .iter()
+        .map(|(o, organs)| leaf_instancer(plant, materials, *o, organs, organ_instancer_motion(organs, Some(&rig))))
+        .collect::<Result<_>>()?;
+    Ok(RiggedPlant { branches: rig.branches(plant, &elements), skeleton: rig.skeleton, meshes, instancers })
+}
+
+/// Each point bound rigidly to the joint of the leaf whose pivot is nearest to it. `points`: of stalks, m.
+fn skin_of_nearest_leaves(plant: &Plant, rig: &JointRig, points: &[Vec3]) -> SkinWeights {
+    let leaves: Vec<(Vec3, u16)> = plant.organs.iter().map(|o| (plant.organ_site(o).0, rig.organ_joint(o))).collect();
+    let nearest = |p: &Vec3| {
+        let by_distance =
+            |a: &&(Vec3, u16), b: &&(Vec3, u16)| a.0.distance_squared(*p).total_cmp(&b.0.distance_squared(*p));
+        leaves.iter().min_by(by_distance).map_or(0, |leaf| leaf.1)
+    };
+    SkinWeights {
+        joints: points.iter().map(|p| [nearest(p), 0, 0, 0]).collect(),
+        weights: vec![[1.0, 0.0, 0.0, 0.0]; points.len()],
+    }
+}
