@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn vectors_come_back_within_the_tolerance() {
         for size in [0.1_f32, 4.0, 60.0, 900.0] {
-            let values: Vec<f32> = (0..300_u16).map(|i| size * (f32::from(i) * 0.7).sin()).collect();
+            let values: Vec<f32> = (0..300_u16).map(|i| size * osier_base::math::sin_f32(f32::from(i) * 0.7)).collect();
             let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
             let mut workspace = Workspace::default();
             let encoded = Stream::Vectors.encode(&bytes, 100, &mut workspace).expect("encodes");

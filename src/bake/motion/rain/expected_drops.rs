@@ -45,7 +45,7 @@ impl ExpectedDrops {
     ) -> Self {
         let fall_time = (height + tuning::EMITTER_HEIGHT) / tuning::FALL_SPEED;
         let airborne = emitter.mean_drop_rate() * fall_time;
-        let area: f64 = leaves.iter().map(|f| f.surface.area() * f64::from(f.scale).powi(2)).sum();
+        let area: f64 = leaves.iter().map(|f| f.surface.area() * f.scale * f.scale).sum();
         // The mean over the clip of a number that grows until drops run off as fast as new ones come.
         let clip = recipe.clip.len() as f64 / recipe.clip.fps();
         let keys = recipe.rain.as_ref().map(|rain| &rain.keys);

@@ -183,11 +183,12 @@ mod tests {
     #[test]
     fn presets_put_each_number_where_its_shader_reads_it() {
         let wind = VertexWind { sway: 0.1, branch: 0.2, flutter: 0.3, phase: 0.4, light: 0.5, id: 0.6 };
-        assert_eq!(WindChannels::CRYSIS.color_of(&wind), [0.3, 0.4, 0.2, 0.5]);
-        assert_eq!(WindChannels::UNITY.color_of(&wind), [0.4, 0.3, 0.0, 0.5]);
-        assert_eq!(WindChannels::UNITY.second_uv_of(&wind), [0.1, 0.2]);
-        assert_eq!(WindChannels::GODOT.color_of(&wind), [0.9, 0.1, 0.0, 1.0]);
-        assert_eq!(WindChannels::UNREAL.color_of(&wind), [0.3, 0.4, 0.2, 0.0]);
+        let is = |got: &[f32], want: &[f32]| got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(is(&WindChannels::CRYSIS.color_of(&wind), &[0.3, 0.4, 0.2, 0.5]));
+        assert!(is(&WindChannels::UNITY.color_of(&wind), &[0.4, 0.3, 0.0, 0.5]));
+        assert!(is(&WindChannels::UNITY.second_uv_of(&wind), &[0.1, 0.2]));
+        assert!(is(&WindChannels::GODOT.color_of(&wind), &[0.9, 0.1, 0.0, 1.0]));
+        assert!(is(&WindChannels::UNREAL.color_of(&wind), &[0.3, 0.4, 0.2, 0.0]));
     }
 
     #[test]

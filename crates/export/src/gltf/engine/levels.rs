@@ -87,7 +87,7 @@ impl PlantLevel {
             self.mesh.triangles.extend(triangles);
         }
         // White vertices are the default and need no colours.
-        if self.mesh.colors.iter().all(|c| *c == [1.0; 4]) {
+        if self.mesh.colors.as_flattened().iter().all(|c| c.to_bits() == 1.0_f32.to_bits()) {
             self.mesh.colors.clear();
         }
     }
