@@ -49,6 +49,12 @@ if [ -n "$python" ] && [ ! -e "$clients/venv/ready" ]; then
 fi
 [ -e "$clients/venv/ready" ] || missing+=("bpy, usd-core, OpenEXR (PyPI)")
 
+if [ -n "$python" ] && [ ! -x "$clients/tools/bin/maturin" ]; then
+    say "installing maturin"
+    "$python" -m venv "$clients/tools" && "$clients/tools/bin/pip" install -q --disable-pip-version-check maturin==1.16.0 || true
+fi
+[ -x "$clients/tools/bin/maturin" ] || have maturin || missing+=("maturin (PyPI)")
+
 if have npm && [ ! -d "$clients/node_modules/gltf-validator" ]; then
     say "installing the Khronos glTF validator"
     npm install --silent --no-fund --no-audit --prefix "$clients" gltf-validator@2.0.0-dev.3.10 || true
@@ -73,4 +79,5 @@ else
 fi
 
 say "unit, property, snapshot, golden and real-client tests"
-cargo test --release --no-fail-fast
+# With the whole workspace, so that the wheel is built of the crates that the tests are built of.
+cargo test --release --workspace --no-fail-fast

@@ -126,8 +126,15 @@ def menu(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
         self.layout.operator(OSIER_OT_reload.bl_idname)
 
 
+_registered = False
+
+
 def register() -> None:
-    """Registers all classes and the menu entry."""
+    """Registers all classes and the menu entry, unless the other extension of osier has registered the same operators."""
+    global _registered
+    if hasattr(bpy.types, "IMPORT_SCENE_OT_osier"):
+        return
+    _registered = True
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(menu)
@@ -135,6 +142,10 @@ def register() -> None:
 
 def unregister() -> None:
     """Removes what `register` has added."""
+    global _registered
+    if not _registered:
+        return
+    _registered = False
     bpy.types.TOPBAR_MT_file_import.remove(menu)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

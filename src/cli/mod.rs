@@ -20,6 +20,7 @@ mod shell;
 mod sweep;
 mod watch;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::Parser as _;
@@ -53,23 +54,30 @@ impl Context {
 
 /// Runs the program with the arguments of the process.
 pub fn main() -> ExitCode {
-    if std::env::args_os().len() <= 1 {
+    ExitCode::from(run(std::env::args_os()))
+}
+
+/// Runs the program with arguments, the first of which is its name, and returns the exit code. A process may call it once: signal
+/// handlers, the thread pool and the watch over memory are set up for the whole process.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let args: Vec<OsString> = args.into_iter().collect();
+    if args.len() <= 1 {
         use std::io::Write as _;
         let _ = std::io::stderr().write_all(args::GUIDE.as_bytes());
-        return ExitCode::from(2);
+        return 2;
     }
-    match Cli::try_parse() {
+    match Cli::try_parse_from(args) {
         Ok(cli) => guarded(cli),
         Err(e) => {
             let _ = e.print();
             // Help and version are printed on standard output and are successes; all else is a usage error.
-            ExitCode::from(if e.use_stderr() { 2 } else { 0 })
+            if e.use_stderr() { 2 } else { 0 }
         }
     }
 }
 
 /// Runs the command; a panic is a bug of the program and is reported in two lines with exit code 101.
-fn guarded(cli: Cli) -> ExitCode {
+fn guarded(cli: Cli) -> u8 {
     let verbose = cli.common.verbose;
     // The default hook, with its location and backtrace, is kept for `--verbose`.
     let hook = std::panic::take_hook();
@@ -82,10 +90,7 @@ fn guarded(cli: Cli) -> ExitCode {
             hook(info);
         }
     }));
-    match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| start(cli))) {
-        Ok(code) => ExitCode::from(code),
-        Err(_) => ExitCode::from(101),
-    }
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| start(cli))).unwrap_or(101)
 }
 
 fn start(cli: Cli) -> u8 {

@@ -4,6 +4,7 @@ mod common;
 
 mod attractors;
 mod blender_import;
+mod blender_panel;
 mod catkin_model;
 mod clips;
 mod command_line;

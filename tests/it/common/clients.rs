@@ -22,6 +22,12 @@ pub fn python() -> Option<PathBuf> {
     present("python with bpy, usd-core and OpenEXR", clients().join("venv/bin/python"))
 }
 
+/// maturin, which builds the Python wheel.
+pub fn maturin() -> Option<PathBuf> {
+    let own = clients().join("tools/bin/maturin");
+    present("maturin", if own.exists() { own } else { find("maturin") })
+}
+
 /// Blender of the distribution (3.4 on Debian 12).
 pub fn blender() -> Option<PathBuf> {
     present("blender", find("blender"))

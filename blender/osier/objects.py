@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects of Blender in a scene of osier: solids that stop wind, rain and seeds, and trees that sway."""
+
+import json
+import os
+import pathlib
+import re
+import shutil
+
+import bpy
+from mathutils import Matrix
+
+ROLES = [
+    ("SOLID", "Solid", "Stops wind, rain and seeds"),
+    ("TREE", "Tree", "Gets a skeleton and sways; parts with leaf, blade, needle or frond in their name or material are leaves"),
+]
+"""What an object can be."""
+
+MARK = ".osier-scene"
+"""File that marks a folder that this module has made and may replace."""
+
+
+def usable(item: bpy.types.Object | None) -> bool:
+    """Whether an object has a surface."""
+    return item is not None and item.type in ("MESH", "CURVE", "SURFACE", "META", "FONT")
+
+
+def write_scene(folder: str, name: str, text: str, given: list[str], plants: list[str], items: list) -> str:
+    """Writes a scene with objects into the empty `folder` and returns its path.
+
+    `text` is the scene that they are added to, `given` its keys, `plants` the names of its plants; `items` have `object` and `role`.
+    """
+    tables = []
+    if any(item.role == "TREE" for item in items) and not any(key.startswith(("place.", "scatter.")) for key in given):
+        # With a place for the tree, the plants of the scene need places of their own: they have stood 4 m apart.
+        tables += [f'[[place]]\nplant = {json.dumps(plant)}\nat = [{4 * i}, 0, 0]\n' for i, plant in enumerate(plants)]
+    for number, item in enumerate(items):
+        word = re.sub(r"\W", "_", item.object.name, flags=re.ASCII)
+        file = f"object{number}_{word}.obj"
+        position = item.object.matrix_world.translation if item.role == "TREE" else (0.0, 0.0, 0.0)
+        export(item.object, os.path.join(folder, file), position)
+        if item.role == "TREE":
+            at = [round(v, 6) for v in (position[0], position[2], -position[1])]
+            plant = f"object{number}_{word}"
+            tables.append(f'[plants.{plant}]\nmesh = "{file}"\n\n[[place]]\nplant = "{plant}"\nat = {json.dumps(at)}\n')
+        else:
+            tables.append(f'[[solid]]\nname = "object{number}_{word}"\nshape = "mesh"\nmesh = "{file}"\n')
+    path = os.path.join(folder, f"{name}.toml")
+    pathlib.Path(path).write_text(text.rstrip() + "\n\n" + "\n".join(tables), encoding="utf-8")
+    return path
+
+
+def fresh_folder(path: str) -> None:
+    """Makes an empty folder. One that is there is removed if this module has made it. Raises `OSError` for another one."""
+    if os.path.isdir(path):
+        if not os.path.exists(os.path.join(path, MARK)):
+            raise FileExistsError(f"{path} is not a folder of this extension")
+        shutil.rmtree(path)
+    os.makedirs(path)
+    pathlib.Path(path, MARK).write_text("Made by the extension osier, which removes this folder at the next bake.\n")
+
+
+def export(item: bpy.types.Object, path: str, origin: tuple[float, float, float]) -> None:
+    """Writes an object and all below it as OBJ, +Y up, with `origin` at zero; modifiers are applied."""
+    shown = [item, *(o for o in item.children_recursive if usable(o))]
+    mapping = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1))) @ Matrix.Translation(origin).inverted()
+    library = pathlib.Path(path).with_suffix(".mtl")
+    lines: list[str] = [f"mtllib {library.name}"]
+    used: dict[str, bpy.types.Material] = {}
+    count = coordinates = 0
+    graph = bpy.context.evaluated_depsgraph_get()
+    for part in shown:
+        evaluated = part.evaluated_get(graph)
+        mesh = evaluated.to_mesh()
+        if mesh is None:
+            continue
+        place = mapping @ evaluated.matrix_world
+        mesh.transform(place)
+        if place.determinant() < 0:
+            mesh.flip_normals()
+        lines.append(f"o {part.name.replace(' ', '_')}")
+        lines += ["v {:.7g} {:.7g} {:.7g}".format(*vertex.co) for vertex in mesh.vertices]
+        uvs = mesh.uv_layers.active
+        if uvs:
+            lines += ["vt {:.7g} {:.7g}".format(*loop.uv) for loop in uvs.data]
+        material = None
+        for face in mesh.polygons:
+            slot = part.material_slots[face.material_index].material if face.material_index < len(part.material_slots) else None
+            if slot is not None and slot.name != material:
+                material = slot.name
+                used[material.replace(" ", "_")] = slot
+                lines.append(f"usemtl {material.replace(' ', '_')}")
+            lines.append("f " + " ".join(_corner(mesh, i, count, coordinates if uvs else None) for i in face.loop_indices))
+        count += len(mesh.vertices)
+        coordinates += len(mesh.loops) if uvs else 0
+        evaluated.to_mesh_clear()
+    pathlib.Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    colors = ("newmtl {}\nKd {:.5g} {:.5g} {:.5g}\n".format(name, *color_of(slot)) for name, slot in used.items())
+    library.write_text("".join(colors), encoding="utf-8")
+
+
+def color_of(material: bpy.types.Material) -> tuple[float, float, float]:
+    """The colour of a material without its textures: that of its first Principled BSDF, else that of the viewport."""
+    nodes = material.node_tree.nodes if material.node_tree else ()
+    shader = next((node for node in nodes if node.type == "BSDF_PRINCIPLED"), None)
+    return tuple((shader.inputs["Base Color"].default_value if shader else material.diffuse_color)[:3])
+
+
+def _corner(mesh: bpy.types.Mesh, loop: int, count: int, coordinates: int | None) -> str:
+    """A corner of a face: its vertex, and its texture coordinates if the mesh has any. Files count from 1."""
+    vertex = mesh.loops[loop].vertex_index + count + 1
+    return str(vertex) if coordinates is None else f"{vertex}/{coordinates + loop + 1}"

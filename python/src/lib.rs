@@ -1,0 +1,38 @@
+//! The module `osier` of Python: the program `osier`, called with a list of arguments.
+
+use pyo3::prelude::*;
+
+/// Runs the program osier as Python calls it.
+#[pymodule]
+mod osier {
+    use std::ffi::OsString;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
+    use pyo3::prelude::*;
+
+    /// Whether the program has run in this process.
+    static CALLED: AtomicBool = AtomicBool::new(false);
+
+    /// Runs the program osier with the arguments `argv` (those of the process if None) and returns its exit code.
+    ///
+    /// Output goes to the standard output and error of the process. SIGINT and SIGTERM stop a bake without unfinished files: the
+    /// code is then 130 or 143. A process may call it once.
+    #[pyfunction]
+    #[pyo3(signature = (argv = None))]
+    fn main(py: Python<'_>, argv: Option<Vec<OsString>>) -> PyResult<u8> {
+        if CALLED.swap(true, Ordering::Relaxed) {
+            return Err(PyRuntimeError::new_err("osier.main may be called once in a process; start another process"));
+        }
+        let arguments = match argv {
+            Some(arguments) => arguments,
+            None => py.import("sys")?.getattr("argv")?.extract::<Vec<OsString>>()?.into_iter().skip(1).collect(),
+        };
+        let code = py.detach(|| ::osier::cli::run(std::iter::once(OsString::from("osier")).chain(arguments)));
+        // Python has noted SIGINT, too, and would raise KeyboardInterrupt after a run that has already stopped because of it.
+        match py.check_signals() {
+            Err(e) if !e.is_instance_of::<PyKeyboardInterrupt>(py) => Err(e),
+            _ => Ok(code),
+        }
+    }
+}
