@@ -6,7 +6,6 @@ use glam::Vec3;
 
 use super::Profile;
 use super::document::{GeometryKind, GltfDocument, NodeAnimation, NodeChannel, check_finite};
-use super::engine::is_merged;
 use super::instances::{InstanceGroup, live_by_prototype};
 use super::json::{Index, NodeExtensions};
 use super::keys;
@@ -103,7 +102,7 @@ impl GltfDocument<'_> {
             self.add_levels(&mut nodes, source, selection.as_ref())?;
         }
         for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
-            if has_levels && is_merged(object) {
+            if self.is_in_levels(source, object) {
                 continue;
             }
             self.add_mesh_object(&mut nodes, source, object, selection.as_ref().zip(Some(cube)), shapes)?;

@@ -5,8 +5,8 @@
 use glam::{Quat, Vec2, Vec3};
 
 use super::json::{Accessor, BufferView, Index, component, target};
-use super::meshopt::Stream;
 use super::quantize::{QuantizedCube, byte_weights};
+use super::stream::Stream;
 use osier_base::math::normalize_or;
 use osier_base::{Error, Result};
 

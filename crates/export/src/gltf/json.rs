@@ -187,7 +187,20 @@ pub(super) struct MeshExtras {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub target_names: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub osier: Option<super::engine::LevelExtras>,
+    pub osier: Option<LevelExtras>,
+}
+
+/// Data about a level, in the extras of its mesh.
+#[derive(Debug, Serialize)]
+pub(super) struct LevelExtras {
+    /// Number of the level, from 0.
+    pub lod: usize,
+    pub triangles: usize,
+    /// Share of the picture's height from which on the level serves, 0 for the last.
+    pub screen: f32,
+    /// What the vertex colours hold, red, green, blue, alpha; empty without them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<String>,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -413,7 +426,7 @@ pub(super) struct BufferView {
     pub extensions: Option<ViewExtensions>,
     /// What the view holds, for compression; `None` for images.
     #[serde(skip)]
-    pub stream: Option<super::meshopt::Stream>,
+    pub stream: Option<super::stream::Stream>,
 }
 
 #[derive(Debug, Serialize)]

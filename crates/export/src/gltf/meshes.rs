@@ -6,7 +6,6 @@ use glam::{Vec2, Vec3};
 
 use super::buffer::last_index;
 use super::document::{GeometryKind, GltfDocument, MaterialVariant};
-use super::engine::SECOND_UV;
 use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, Primitive};
 use super::materials::{has_normal_map, uses_uvs};
 use super::meshopt;
@@ -15,6 +14,7 @@ use super::quantize::{QuantizedCube, byte_weights};
 use super::submeshes::{Submesh, split_by_material};
 use super::tangents::tangents;
 use super::tracks::MorphShape;
+use super::wind_channels::SECOND_UV;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, MaterialId, Mesh, Points};
 
@@ -194,11 +194,8 @@ impl GltfDocument<'_> {
             } else {
                 self.buffer.add_uvs(&vertices.uvs, label)?
             });
-            // Tangent frames need normals and texture coordinates, and only a normal map uses them. Engines compute their own.
-            if self.input.options.profile != Profile::Engine
-                && vertices.normals.len() == count
-                && has_normal_map(self.input.scene, variant.material)
-            {
+            // Tangent frames need normals and texture coordinates, and only a normal map uses them.
+            if vertices.normals.len() == count && has_normal_map(self.input.scene, variant.material) {
                 let list = tangents(&vertices.points, &vertices.normals, &vertices.uvs, triangles);
                 attributes.tangent = Some(if small {
                     self.buffer.add_quantized_directions(&list, "VEC4", label)?

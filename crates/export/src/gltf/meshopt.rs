@@ -11,20 +11,8 @@ use meshoptimizer_rs::{Workspace, optimize_vertex_cache, optimize_vertex_fetch_r
 
 use super::buffer::BinaryBuffer;
 use super::json::{Buffer, BufferExtensions, BufferView, CompressedView, FallbackBuffer, ViewExtensions};
+use super::stream::Stream;
 use osier_base::{Error, Result};
-
-/// What a buffer view holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stream {
-    /// Elements of `stride` bytes that keep every bit.
-    Attributes { stride: usize },
-    /// Indices of triangles, of `stride` bytes each; the corners of a triangle may rotate.
-    Triangles { stride: usize },
-    /// Unit quaternions as four normalised 16-bit integers, kept with `bits` bits to a component.
-    Rotations { bits: u32 },
-    /// Vectors of three floats with a common exponent; [`VECTOR_TOLERANCE`] sets how many bits each keeps.
-    Vectors,
-}
 
 /// Largest rounding error of translations of keys and instances, m. Own: a fifth of a millimetre is not seen, and plants of a few
 /// metres need no more than [`MIN_VECTOR_BITS`] for it. Smaller values make files larger.
@@ -34,34 +22,6 @@ const MIN_VECTOR_BITS: u32 = 15;
 /// Bits of a component of a vector, at most: those of a float.
 const MAX_VECTOR_BITS: u32 = 24;
 impl Stream {
-    /// Keys of rotation of joints and moving instances: 2e-5 rad, below a millimetre at the tip of a tree.
-    pub(super) const KEY_ROTATIONS: Self = Self::Rotations { bits: 16 };
-    /// Rotations of instances: 7e-4 rad, less than 0.1 mm at the tip of a leaf.
-    pub(super) const INSTANCE_ROTATIONS: Self = Self::Rotations { bits: 12 };
-
-    fn stride(self) -> usize {
-        match self {
-            Self::Attributes { stride } | Self::Triangles { stride } => stride,
-            Self::Rotations { .. } => 8,
-            Self::Vectors => 12,
-        }
-    }
-
-    fn mode(self) -> &'static str {
-        match self {
-            Self::Triangles { .. } => "TRIANGLES",
-            _ => "ATTRIBUTES",
-        }
-    }
-
-    fn filter(self) -> Option<&'static str> {
-        match self {
-            Self::Rotations { .. } => Some("QUATERNION"),
-            Self::Vectors => Some("EXPONENTIAL"),
-            Self::Attributes { .. } | Self::Triangles { .. } => None,
-        }
-    }
-
     /// The compressed form of the bytes of `count` elements.
     fn encode(self, bytes: &[u8], count: usize, workspace: &mut Workspace) -> Result<Vec<u8>> {
         let floats = || bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));

@@ -1,6 +1,6 @@
 //! Options of the glTF writer.
 
-use super::engine::channels::WindChannels;
+use super::wind_channels::WindChannels;
 
 /// The readers that a file is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -27,7 +27,7 @@ mod tuning {
 /// What a frame is expected to hold, averaged over the clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct ExpectedDrops {
-    /// Drops in the air.
+    /// Drops between the emitter and the ground, or a leaf.
     airborne: usize,
     /// Vertices of the meshes of drops on leaves.
     vertices: usize,

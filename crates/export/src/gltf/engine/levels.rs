@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use glam::{Vec2, Vec3};
 use meshoptimizer_rs::{Attributes, Positions, SimplifyOptions, SimplifySettings, Workspace, simplify_with_attributes};
 
-use super::channels::{VertexWind, number_of_id, wind_of_mesh};
 use crate::gltf::meshes::SkinInfluences;
 use crate::gltf::rig::JointSelection;
+use crate::gltf::wind_channels::{VertexWind, number_of_id, wind_of_mesh};
 use osier_base::math::{narrow, sqrt};
 use osier_base::rng::mix64;
 use osier_base::{Error, Result};
@@ -37,7 +37,7 @@ mod tuning {
 /// A plant at one level of detail, in the space of its asset.
 #[derive(Debug, Default)]
 pub(super) struct PlantLevel {
-    /// Wood and leaves.
+    /// Wood and leaves, a subset for each material.
     pub mesh: Mesh,
     /// Joints of the vertices; empty for a plant without joints.
     pub joints: Vec<[u16; 4]>,
@@ -82,9 +82,7 @@ impl PlantLevel {
         }
         (self.mesh.triangles, self.mesh.subsets) = (Vec::new(), Vec::new());
         for (material, triangles) in by_material {
-            let count = u32::try_from(triangles.len()).unwrap_or(u32::MAX);
-            self.mesh.subsets.push(Subset { material, first: self.mesh.next_triangle(), count });
-            self.mesh.triangles.extend(triangles);
+            append_subset(&mut self.mesh, material, triangles);
         }
         // White vertices are the default and need no colours.
         if self.mesh.colors.as_flattened().iter().all(|c| c.to_bits() == 1.0_f32.to_bits()) {
@@ -100,6 +98,13 @@ impl PlantLevel {
             count,
         })
     }
+}
+
+/// Appends triangles of one material to a mesh as a subset.
+fn append_subset(mesh: &mut Mesh, material: MaterialId, triangles: Vec<[u32; 3]>) {
+    let first = mesh.next_triangle();
+    mesh.triangles.extend(triangles);
+    mesh.subsets.push(Subset { material, first, count: mesh.next_triangle() - first });
 }
 
 /// A list of one value for each of `count` vertices: `fill` where the mesh has none.
@@ -237,9 +242,7 @@ impl<'a> PlantSource<'a> {
                 let triangles = mesh.subset_triangles(s);
                 let target = share_of(budget, triangles.len(), mesh.triangles.len());
                 let list = simplified(mesh, triangles, target, tuning::WOOD_DEVIATION)?;
-                let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
-                simple.subsets.push(Subset { material: s.material, first: simple.next_triangle(), count });
-                simple.triangles.extend(list);
+                append_subset(&mut simple, s.material, list);
             }
         }
         self.add_object_influences(level, object, 0..mesh.points.len());
@@ -374,7 +377,7 @@ impl<'a> PlantSource<'a> {
 const ROOT: ([u16; 4], [f32; 4]) = ([0; 4], [1.0, 0.0, 0.0, 0.0]);
 
 /// Whether a mesh of a plant is part of its levels: others deform or vary, and are written as they are.
-pub(in crate::gltf) fn is_merged(object: &MeshObject) -> bool {
+pub(super) fn is_merged(object: &MeshObject) -> bool {
     !object.mesh.triangles.is_empty()
         && (matches!(object.motion, MeshMotion::Still | MeshMotion::Skinned)
             || (object.motion == MeshMotion::Deforming && object.skin.is_some()))
@@ -471,9 +474,7 @@ fn simplified_blade(mesh: &Mesh, most: usize) -> Result<Mesh> {
         let triangles = mesh.subset_triangles(s);
         let target = share_of(most, triangles.len(), mesh.triangles.len()).max(1);
         let list = simplified(mesh, triangles, target, tuning::BLADE_DEVIATION)?;
-        let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
-        simple.subsets.push(Subset { material: s.material, first: simple.next_triangle(), count });
-        simple.triangles.extend(list);
+        append_subset(&mut simple, s.material, list);
     }
     Ok(compact(&simple))
 }

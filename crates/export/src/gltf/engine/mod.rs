@@ -1,42 +1,27 @@
 //! Profile `engine`: plain glTF for game engines. A plant is one mesh per level of detail, all with one skin; placements are a table
 //! beside the files.
 
-pub(super) mod channels;
 mod levels;
 
 use serde::Serialize;
 
-use self::channels::{VertexWind, WindChannels};
-pub(super) use self::levels::is_merged;
-use self::levels::{PlantLevel, PlantSource};
+use self::levels::{PlantLevel, PlantSource, is_merged};
 use super::Profile;
 use super::asset_nodes::{AssetNodes, NodeParent, NodeTemplate};
 use super::document::{GeometryKind, GltfDocument, GltfInput};
-use super::json::MeshExtras;
+use super::json::{LevelExtras, MeshExtras};
 use super::meshes::MeshSource;
 use super::rig::JointSelection;
 use super::text::to_json;
+use super::wind_channels::{SECOND_UV, VertexWind, WindChannels};
 use crate::GENERATOR;
 use osier_base::Result;
-use osier_scene::{Asset, AssetKind, Attribute, AttributeData, InstancerMotion, Placement, Trs};
+use osier_scene::{Asset, AssetKind, Attribute, AttributeData, InstancerMotion, MeshObject, Placement, Trs};
 
 /// Triangles of a level as a share of those of level 0. Own: each is drawn from about half the distance of the next.
 const LEVEL_SHARES: [f64; 4] = [1.0, 1.0 / 4.0, 1.0 / 12.0, 1.0 / 60.0];
 /// A level with more than this share of the triangles of the one before it is left out.
 const WORTHWHILE: f64 = 0.8;
-
-/// Data about a level, in the extras of its mesh.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct LevelExtras {
-    /// Number of the level, from 0.
-    pub lod: usize,
-    pub triangles: usize,
-    /// Share of the picture's height from which on the level serves, 0 for the last.
-    pub screen: f32,
-    /// What the vertex colours hold, red, green, blue, alpha; empty without them.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub channels: Vec<String>,
-}
 
 impl GltfDocument<'_> {
     /// Whether an asset is written as levels of detail.
@@ -45,6 +30,11 @@ impl GltfDocument<'_> {
             && asset.kind == AssetKind::Plant
             && (asset.meshes.iter().any(is_merged)
                 || asset.instancers.iter().any(|i| i.motion != InstancerMotion::Free))
+    }
+
+    /// Whether a mesh of an asset is part of its levels.
+    pub(super) fn is_in_levels(&self, asset: &Asset, object: &MeshObject) -> bool {
+        self.has_levels(asset) && is_merged(object)
     }
 
     /// Adds the levels of a plant: a mesh and a node `<plant>_LOD<n>` for each, with one skin for all.
@@ -117,9 +107,6 @@ fn with_wind(level: PlantLevel, channels: Option<&WindChannels>) -> osier_scene:
     }
     mesh
 }
-
-/// Name of the attribute that is written as TEXCOORD_1.
-pub(super) const SECOND_UV: &str = "second_uv";
 
 /// Share of the picture's height from which on level `lod` serves: triangles cover the plant as densely as those of level 0 do when
 /// it fills the picture's height, and their number grows with the square of the height.

@@ -19,9 +19,9 @@ pub enum WindNumber {
     Light,
     /// A random number of the branch or leaf.
     Id,
-    /// 0.
+    /// The number 0 everywhere.
     Zero,
-    /// 1.
+    /// The number 1 everywhere.
     One,
 }
 
@@ -44,7 +44,7 @@ impl WindNumber {
 /// A channel of a vertex colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindChannel {
-    /// What it holds.
+    /// The number that it holds.
     pub number: WindNumber,
     /// Whether it holds 1 minus that.
     pub inverted: bool,
@@ -121,6 +121,9 @@ impl WindChannels {
         self.second_uv.map_or([0.0; 2], |uv| uv.map(|c| wind.channel(c)))
     }
 }
+
+/// Name of the attribute that is written as TEXCOORD_1.
+pub(super) const SECOND_UV: &str = "second_uv";
 
 /// How a vertex sways; all numbers from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
