@@ -52,7 +52,9 @@ pub use check::check;
 pub use scene_preview::preview;
 pub use single_file::grow;
 
-pub use osier_base::{Error, Result, diagnostic, files, geometry, limits, math, noise, par, progress, rng, units};
+pub use osier_base::{
+    Error, Result, diagnostic, files, geometry, limits, math, neighbours, noise, par, progress, rng, units,
+};
 pub use osier_export as export;
 pub use osier_grammar as grammar;
 pub use osier_ifs as ifs;

@@ -19,7 +19,7 @@ class OSIER_OT_bake(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if session.is_busy:
-            cls.poll_message_set("osier is at work")
+            cls.poll_message_set("osier is running")
             return False
         if session.source != source_of(context.scene):
             cls.poll_message_set("The values of the scene are not read yet")

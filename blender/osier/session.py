@@ -8,6 +8,7 @@ import contextlib
 import json
 import os
 import pathlib
+import re
 import time
 import uuid
 from collections.abc import Callable
@@ -225,9 +226,16 @@ class Session:
         if wanted is None:
             self._import = None
             self.notes.append(f"The scene that was baked is closed; the bake is in {os.path.dirname(path)}")
-        elif wanted == scene and bpy.context.mode == "OBJECT":
-            self._import = None
-            self._show(scene, path)
+        elif wanted == scene:
+            if bpy.context.mode == "OBJECT":
+                self._import = None
+                self._show(scene, path)
+        elif window := window_with(wanted):
+            # Another window shows the scene that was baked.
+            with bpy.context.temp_override(window=window):
+                if bpy.context.mode == "OBJECT":
+                    self._import = None
+                    self._show(wanted, path)
 
     def _show(self, scene: bpy.types.Scene, path: str) -> None:
         """Imports a bake, or reloads it where it was imported before."""
@@ -291,6 +299,12 @@ def scene_with(folder: str) -> bpy.types.Scene | None:
     return next((s for s in bpy.data.scenes if s.osier.token and folder.endswith("-" + s.osier.token)), None)
 
 
+def window_with(scene: bpy.types.Scene) -> bpy.types.Window | None:
+    """A window that shows a scene."""
+    manager = bpy.context.window_manager
+    return next((w for w in (manager.windows if manager else ()) if w.scene == scene), None)
+
+
 def source_name(scene: bpy.types.Scene) -> str:
     """The name of the source, as osier names its scene."""
     return os.path.basename(source_of(scene)).removesuffix(".toml")
@@ -340,8 +354,15 @@ def thumbnails_folder() -> str:
     return os.path.join(bakes_folder(), "presets")
 
 
+TOKEN = re.compile("[0-9a-f]{8}")
+"""What names the folders of a scene. Another text, as a changed file may have, names none."""
+
+
 def bake_folder(scene: bpy.types.Scene) -> str:
     """The folder that a scene bakes its source into. Each scene has folders of its own, which the next bake replaces."""
-    if not scene.osier.token:
+    token = scene.osier.token
+    # A copied scene has the token of its original until it bakes.
+    is_shared = any(s != scene and s.osier.token == token for s in bpy.data.scenes)
+    if is_shared or not TOKEN.fullmatch(token):
         scene.osier.token = uuid.uuid4().hex[:8]
     return os.path.join(bakes_folder(), f"{source_name(scene)}-{scene.osier.token}")

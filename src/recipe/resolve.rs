@@ -452,8 +452,21 @@ impl Resolver<'_> {
         keys
     }
 
-    /// Vertex colours have four channels, and a preset names all of them. They are in profile "engine" alone.
+    /// Keys of one profile need that profile. Vertex colours have four channels, and a preset names all of them.
     fn check_gltf_channels(&mut self, root: &TomlTable, keys: GltfKeys) -> GltfKeys {
+        for (key, profile) in [
+            ("quantize", GltfProfile::Web),
+            ("meshopt", GltfProfile::Web),
+            ("triangles", GltfProfile::Engine),
+            ("joints", GltfProfile::Engine),
+        ] {
+            if let Some(span) = span_of(root, &["output", "gltf", key]).filter(|_| !keys.profiles.contains(&profile)) {
+                let word = if profile == GltfProfile::Web { "web" } else { "engine" };
+                let text = format!("output.gltf.{key} is for the profile \"{word}\", which is not written");
+                let d = Diagnostic::warning("S007", text, span, "has no effect");
+                self.report.push(d.help(format!("add the profile: [output.gltf] profiles = [\"{word}\"]")));
+            }
+        }
         if keys.channels.is_empty() {
             return keys;
         }
@@ -465,7 +478,7 @@ impl Resolver<'_> {
             let help = "write channels = [\"flutter\", \"phase\", \"branch\", \"light\"] or channels = [\"crysis\"]";
             self.report.push(d.help(help));
         } else if !keys.profiles.contains(&GltfProfile::Engine) {
-            let text = "output.gltf.channels needs the profile \"engine\": vertex colours tint other readers' pictures";
+            let text = "output.gltf.channels needs the profile \"engine\": other readers multiply the plant's colour by vertex colours";
             let d = Diagnostic::warning("S007", text, span, "has no effect");
             self.report.push(d.help("add the profile: [output.gltf] profiles = [\"engine\"]"));
         }

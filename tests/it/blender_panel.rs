@@ -165,6 +165,8 @@ fn the_panel_bakes_in_a_blender_without_usd() {
     assert_eq!(report["baked"], json!(true), "{report}");
     assert_eq!(report["left"], json!([]), "{report}");
     assert!(report["keys"].as_u64().is_some_and(|n| n > 300), "{report}");
+    // A value below its range is clamped, and the panel draws many things.
+    assert!(report["low"].as_f64() == Some(0.0) && report["drawn"].as_u64().is_some_and(|n| n > 10), "{report}");
     let refusal = report["errors"].to_string().contains("without USD");
     assert!(report["shown"] == report["usd"] && report["usd"] != json!(refusal), "{report}");
 }

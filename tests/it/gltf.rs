@@ -195,13 +195,17 @@ fn quantized_positions_move_as_floats_do() {
     let wanted = gltf_objects::web_objects(&scene, &frames, &numbers);
     // Half a step of the largest mesh; two weights by a step each between joints that move apart by up to 0.1 m; the tolerance of
     // omitted keys.
-    let bound = largest_side(&wanted) / 131_070.0 + 2.0 * 0.1 / 255.0 + 1e-5;
+    let step = largest_side(&wanted) / 131_070.0;
+    let bound = step + 2.0 * 0.1 / 255.0 + 1e-5;
     for (number, list) in wanted.as_object().expect("frames") {
         let number: u32 = number.parse().expect("number");
         let time = osier::math::narrow(scene.clip.seconds(number));
         for (name, want) in list.as_object().expect("objects") {
             let node = player.node(name).unwrap_or_else(|| panic!("{name}"));
             let e = error(&player.positions(node, time), want, &format!("{name}, frame {number}"));
+            // Without a skin only the positions are rounded, and keys left out.
+            let skinned = player.json["nodes"][node]["skin"].is_u64();
+            let bound = if skinned { bound } else { step + 2e-5 };
             assert!(e < bound, "{name}, frame {number}: off by {e}, bound {bound}");
         }
     }
@@ -285,14 +289,13 @@ fn three_shows_quantized_and_compressed_files_where_osier_does() {
     let wanted = gltf_objects::web_objects(&scene, &frames, &numbers);
     let plain = GltfOptions { profile: Profile::Web, ..GltfOptions::default() };
     let [quantized, compressed] = small_files();
-    let (mut jobs, mut sizes) = (Vec::new(), Vec::new());
+    let mut jobs = Vec::new();
     for (name, options, bound) in
         [("plain", plain, 1e-4), ("quantized", quantized, 8e-4), ("compressed", compressed, 1e-3)]
     {
         let at = temp.path().join(name);
         export(&at, &scene, &frames, options);
         let file = at.join("gltf/synthetic.web.glb");
-        sizes.push(read(&file).len());
         let job = serde_json::json!({
             "file": file, "fps": 24, "start": scene.clip.start, "frames": wanted, "bound": bound,
             "any_order": name == "compressed",
@@ -303,8 +306,6 @@ fn three_shows_quantized_and_compressed_files_where_osier_does() {
     std::fs::write(&list, Value::Array(jobs).to_string()).expect("jobs");
     let output = clients::run(Command::new(node).arg(clients::script("gltf_three.mjs")).arg(folder).arg(&list));
     assert_eq!(String::from_utf8_lossy(&output.stdout).matches("\"instanced\":8").count(), 3);
-    // So small a scene is mostly JSON: a test of trees in `gltf_engine` compares sizes.
-    assert!(sizes.iter().all(|s| *s > 10_000), "{sizes:?}");
 }
 
 /// What each node shows where one frame stands still: the living of each prototype in one.

@@ -64,6 +64,30 @@ impl NeighbourGrid {
             }
         }
     }
+
+    /// The point nearest to `at`, of equally near ones that of the lowest index; `None` if there is none within about `reach`.
+    /// `position`: of the point of an index.
+    pub fn nearest(&self, at: Vec3, reach: f32, position: impl Fn(u32) -> Vec3) -> Option<u32> {
+        if self.is_empty() {
+            return None;
+        }
+        let mut radius = self.edge;
+        loop {
+            let mut best: Option<(f32, u32)> = None;
+            self.for_each_in_box(at - Vec3::splat(radius), at + Vec3::splat(radius), |i| {
+                let found = (position(i).distance_squared(at), i);
+                if best.is_none_or(|b| found.0.total_cmp(&b.0).then(found.1.cmp(&b.1)).is_lt()) {
+                    best = Some(found);
+                }
+            });
+            // The box holds the whole ball of its radius: a point in the ball is the nearest of all.
+            let in_ball = best.is_some_and(|(d, _)| d <= radius * radius);
+            if in_ball || radius >= reach {
+                return best.map(|(_, i)| i);
+            }
+            radius *= 2.0;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -90,5 +114,21 @@ mod tests {
             let p = points[*i as usize];
             p.cmpge(low - Vec3::splat(0.5)).all() && p.cmple(high + Vec3::splat(0.5)).all()
         }));
+    }
+
+    #[test]
+    fn the_nearest_point_is_that_of_a_search_of_all() {
+        let point = |i: u32| {
+            let f = crate::math::narrow(f64::from(i));
+            Vec3::new((f * 0.37) % 5.0, (f * 0.71) % 4.0, (f * 0.13) % 6.0)
+        };
+        let grid = NeighbourGrid::new(0.2, (0..300).map(|i| (i, point(i))));
+        for k in 0..60 {
+            let at = point(k * 7 + 3) + Vec3::new(0.11, -0.23, 0.31);
+            let wanted =
+                (0..300).min_by(|a, b| point(*a).distance_squared(at).total_cmp(&point(*b).distance_squared(at)));
+            assert_eq!(grid.nearest(at, 10.0, point), wanted);
+        }
+        assert_eq!(grid.nearest(Vec3::splat(100.0), 1.0, point), None);
     }
 }

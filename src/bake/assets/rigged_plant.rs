@@ -10,9 +10,15 @@ use crate::bake::wind::plant_wind::wood_params;
 use crate::recipe::PlantRecipe;
 use osier_base::Result;
 use osier_base::convert::to_usize;
+use osier_base::neighbours::NeighbourGrid;
 use osier_motion::sway::{BeamElements, JointBudget, JointRig, WoodParams};
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, MeshMotion, MeshObject, RiggedPlant, SkinWeights};
+
+/// Edge of the cells in which leaves are searched, m: about the length of a stalk.
+const STALK_LENGTH: f32 = 0.05;
+/// Distance from a point of a stalk at which the search for its leaf ends, m.
+const STALK_REACH: f32 = 3.0;
 
 /// Builds the rig of a grown plant: at most `joints` joints, placed and measured as those of the sway model, whatever moves the
 /// plant in this scene. `asset`: the plant as the scene shows it, whose stalks on rods are taken over.
@@ -55,11 +61,9 @@ pub(crate) fn build_rigged_plant(
 /// Each point bound rigidly to the joint of the leaf whose pivot is nearest to it. `points`: of stalks, m.
 fn skin_of_nearest_leaves(plant: &Plant, rig: &JointRig, points: &[Vec3]) -> SkinWeights {
     let leaves: Vec<(Vec3, u16)> = plant.organs.iter().map(|o| (plant.organ_site(o).0, rig.organ_joint(o))).collect();
-    let nearest = |p: &Vec3| {
-        let by_distance =
-            |a: &&(Vec3, u16), b: &&(Vec3, u16)| a.0.distance_squared(*p).total_cmp(&b.0.distance_squared(*p));
-        leaves.iter().min_by(by_distance).map_or(0, |leaf| leaf.1)
-    };
+    let grid = NeighbourGrid::new(STALK_LENGTH, (0..).zip(leaves.iter().map(|l| l.0)));
+    let nearest =
+        |p: &Vec3| grid.nearest(*p, STALK_REACH, |i| leaves[i as usize].0).map_or(0, |i| leaves[i as usize].1);
     SkinWeights {
         joints: points.iter().map(|p| [nearest(p), 0, 0, 0]).collect(),
         weights: vec![[1.0, 0.0, 0.0, 0.0]; points.len()],

@@ -71,9 +71,9 @@ choices! {
         Id = "id",
         /// 1 minus id.
         NotId = "-id",
-        /// 0.
+        /// The number 0 everywhere.
         Zero = "zero",
-        /// 1.
+        /// The number 1 everywhere.
         One = "one",
         /// Preset of the shader of Crysis: flutter, phase, branch, light.
         Crysis = "crysis",
@@ -162,7 +162,7 @@ keys! {
         quantize: bool = "quantize" BooleanType(false);
         /// Profile "web": whether the files are compressed with EXT_meshopt_compression, which three.js and Babylon.js read and Blender does not.
         meshopt: bool = "meshopt" BooleanType(false);
-        /// Profile "engine": most triangles of a plant at its finest level of detail; the next levels have 1/4, 1/12 and 1/60 of it.
+        /// Profile "engine": about the most triangles of a plant at its finest level of detail; the next levels have 1/4, 1/12 and 1/60 of it.
         triangles: u32 = "triangles" integer(60_000, 100, 10_000_000);
         /// Profile "engine": most joints of a plant.
         joints: u32 = "joints" integer(64, 1, 256);

@@ -158,9 +158,9 @@ impl BinaryBuffer {
         self.add_floats(values.iter().flat_map(|q| [q.x, q.y, q.z, q.w]), "VEC4", 4, None, label)
     }
 
-    /// Rotations of instances: unit quaternions as normalised 16-bit numbers, within 3e-5.
-    pub(super) fn add_instance_rotations(&mut self, values: &[Quat], label: &str) -> Result<Index> {
-        self.add_short_quaternions(values, Stream::INSTANCE_ROTATIONS, label)
+    /// Rotations of instances: unit quaternions as normalised 16-bit numbers, within 3e-5. `stream`: how compression rounds them.
+    pub(super) fn add_instance_rotations(&mut self, values: &[Quat], stream: Stream, label: &str) -> Result<Index> {
+        self.add_short_quaternions(values, stream, label)
     }
 
     fn add_short_quaternions(&mut self, values: &[Quat], stream: Stream, label: &str) -> Result<Index> {

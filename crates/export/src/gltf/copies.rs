@@ -10,6 +10,7 @@ use super::document::{GeometryKind, GltfDocument, check_finite, node_with_extras
 use super::instances::live_by_prototype;
 use super::meshes::{MeshSource, StoredMesh};
 use super::quantize::place_stored;
+use super::stream::Stream;
 use crate::Warning;
 use crate::merge::merge_asset;
 use osier_base::Result;
@@ -204,7 +205,8 @@ impl GltfDocument<'_> {
     /// A node that shows a mesh with these transforms.
     fn add_instanced_node(&mut self, name: &str, mesh: StoredMesh, transforms: &[Trs], asset: &Asset) -> Result<()> {
         let places: Vec<Trs> = transforms.iter().map(|t| place_stored(t, mesh.cube)).collect();
-        let extensions = Some(self.add_instancing(&places, &format!("asset {}, copies", asset.id))?);
+        let extensions =
+            Some(self.add_instancing(&places, Stream::KEY_ROTATIONS, &format!("asset {}, copies", asset.id))?);
         let base = node_with_extras(name.to_owned(), &Trs::IDENTITY, asset.id.clone(), "instancer");
         let node = self.add_node(super::json::Node { mesh: Some(mesh.index), extensions, ..base })?;
         self.attach_node(None, node);

@@ -10,6 +10,7 @@ use super::json::{InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensio
 use super::keys::renormalized;
 use super::meshes::{MeshSource, StoredMesh, Vertices, mesh_material};
 use super::quantize::{QuantizedCube, place_stored};
+use super::stream::Stream;
 use super::submeshes::{Submesh, split_by_material};
 use osier_base::Result;
 use osier_base::convert::index;
@@ -74,18 +75,19 @@ impl GltfDocument<'_> {
     ) -> Result<NodeExtensions> {
         let place = |i: &usize| place_stored(&group.transform(*i, joint), cube);
         let list: Vec<Trs> = group.members.iter().map(place).collect();
-        self.add_instancing(&list, group.label)
+        self.add_instancing(&list, Stream::INSTANCE_ROTATIONS, group.label)
     }
 
     /// The instancing extension with these transforms: translation and scale as floats, rotation as normalised i16. A scale of 1
-    /// throughout is omitted. `label`: names the instances in errors.
-    pub(super) fn add_instancing(&mut self, list: &[Trs], label: &str) -> Result<NodeExtensions> {
+    /// throughout is omitted. `rotations`: how compression rounds them; `label`: names the instances in errors.
+    pub(super) fn add_instancing(&mut self, list: &[Trs], rotations: Stream, label: &str) -> Result<NodeExtensions> {
+        let stream = rotations;
         // q and -q are the same rotation; the one with w >= 0 is written.
         let rotations: Vec<Quat> = list.iter().map(|t| if t.r.w < 0.0 { -t.r } else { t.r }).collect();
         let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();
         let scales: Vec<Vec3> = list.iter().map(|t| t.s).collect();
         // Rotation, scale, translation: alphabetic, as the JSON lists the attributes.
-        let rotation = self.buffer.add_instance_rotations(&rotations, label)?;
+        let rotation = self.buffer.add_instance_rotations(&rotations, stream, label)?;
         let scale = if scales.iter().any(|s| *s != Vec3::ONE) {
             Some(self.buffer.add_vectors(&scales, None, label)?)
         } else {

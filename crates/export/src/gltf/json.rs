@@ -196,7 +196,7 @@ pub(super) struct LevelExtras {
     /// Number of the level, from 0.
     pub lod: usize,
     pub triangles: usize,
-    /// Share of the picture's height from which on the level serves, 0 for the last.
+    /// Share of the picture's height from which on the level is used, 0 for the last.
     pub screen: f32,
     /// What the vertex colours hold, red, green, blue, alpha; empty without them.
     #[serde(skip_serializing_if = "Vec::is_empty")]

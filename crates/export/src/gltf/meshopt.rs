@@ -7,7 +7,7 @@ use meshoptimizer_rs::codec::{
     ExpMode, IndexEncoding, VertexEncoding, encode_filter_exp, encode_filter_quat, encode_index_buffer,
     encode_vertex_buffer,
 };
-use meshoptimizer_rs::{Workspace, optimize_vertex_cache, optimize_vertex_fetch_remap};
+use meshoptimizer_rs::{Limits, Workspace, optimize_vertex_cache, optimize_vertex_fetch_remap};
 
 use super::buffer::BinaryBuffer;
 use super::json::{Buffer, BufferExtensions, BufferView, CompressedView, FallbackBuffer, ViewExtensions};
@@ -78,10 +78,15 @@ fn refused(e: &meshoptimizer_rs::Error) -> Error {
     Error::export("X005", format!("glTF with meshopt = true: {e}; write it with output.gltf.meshopt = false"))
 }
 
+/// Scratch memory without limits of its own: osier's limits bound what comes here.
+fn workspace() -> Workspace {
+    Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX })
+}
+
 /// Compresses the views of a finished document: its buffer then holds compressed streams and images, and the returned buffer is the
 /// one that the views refer to, which has a length alone. `None` if no view was compressed.
 pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> Result<Option<Buffer>> {
-    let mut workspace = Workspace::default();
+    let mut workspace = workspace();
     let mut out = Vec::new();
     let mut decoded_length = 0_usize;
     for view in views {
@@ -119,7 +124,7 @@ pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> R
 /// Triangles in an order that reuses vertices soon, and vertices in the order of their first use: streams in these orders are
 /// shorter, and drawing them is faster. The second list has for each new vertex its old index.
 pub(super) fn reorder(triangles: &[[u32; 3]], vertices: usize) -> Result<(Vec<[u32; 3]>, Vec<u32>)> {
-    let mut workspace = Workspace::default();
+    let mut workspace = workspace();
     let cached = optimize_vertex_cache(triangles.as_flattened(), vertices, &mut workspace).map_err(|e| refused(&e))?;
     let fetch = optimize_vertex_fetch_remap(&cached, vertices, &mut workspace).map_err(|e| refused(&e))?;
     let mut old = vec![0_u32; fetch.vertex_count];
@@ -138,6 +143,16 @@ mod tests {
     use meshoptimizer_rs::codec::{decode_filter_exp, decode_vertex_buffer};
 
     use super::*;
+
+    #[test]
+    fn streams_begin_with_the_versions_of_the_extension() {
+        let mut workspace = Workspace::default();
+        let vertices = Stream::Attributes { stride: 4 }.encode(&[7; 64], 16, &mut workspace).expect("vertices");
+        let indices: Vec<u8> = [0_u16, 1, 2, 2, 1, 3].iter().flat_map(|i| i.to_le_bytes()).collect();
+        let triangles = Stream::Triangles { stride: 2 }.encode(&indices, 6, &mut workspace).expect("triangles");
+        // Vertices of version 0, indices of version 1.
+        assert_eq!((vertices[0], triangles[0]), (0xa0, 0xe1));
+    }
 
     #[test]
     fn vectors_come_back_within_the_tolerance() {

@@ -87,9 +87,8 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
 /// Size of PNG images to that of JPEG. Own: measured on barks, grounds and leaves; used for estimates alone.
 const JPEG_RATIO: u64 = 4;
 
-/// How much smaller vertices, triangles and instances become when they are quantized or compressed, as a share of the plain size to
-/// them in percent. Own: measured on leaves and bark.
-fn stored_percent(options: &GltfOptions, profile: Profile) -> u64 {
+/// Plain size of vertices, triangles and instances divided by their stored size, in percent. Own: measured on leaves and bark.
+fn size_ratio_percent(options: &GltfOptions, profile: Profile) -> u64 {
     match profile {
         Profile::Web if options.meshopt => 350,
         Profile::Web if options.quantize => 170,
@@ -101,10 +100,11 @@ fn stored_percent(options: &GltfOptions, profile: Profile) -> u64 {
 fn estimate(input: &EstimateInput) -> u64 {
     let options = &input.options.gltf;
     // An asset is in the file of the scene, and in one of its own if those are written. Images are embedded in both.
-    let files = if options.assets && !input.single { 2 } else { 1 };
+    let own_files = |profile: &Profile| u64::from(options.assets && !input.single && *profile != Profile::Engine);
     let most_nodes = if options.frame.is_some() { 0 } else { options.nodes as u64 };
     let profile_bytes = |profile: &Profile| {
         let pictures = if *profile != Profile::Blender { input.pictures / JPEG_RATIO } else { input.pictures };
+        let files = 1 + own_files(profile);
         let assets = input.per_asset(|a| {
             // 12 bytes of a point are its position, the others colour or counts.
             let points = (a.points - a.moving_points) * 18;
@@ -123,12 +123,15 @@ fn estimate(input: &EstimateInput) -> u64 {
                     a.vertices * 48 + a.triangles * 12 + a.prototype_vertices * 28 + a.instances * a.still_copies * 32
                 }
             };
-            let still = still * 100 / stored_percent(options, *profile);
+            let still = still * 100 / size_ratio_percent(options, *profile);
             // The scene's file has tracks for each phase that has a skin, the asset's own file for one.
             let nodes = a.free_instances.min(most_nodes);
             // A joint's key is a quaternion, 16 bytes; a free instance's has time, position, rotation and scale, 44 bytes.
-            let tracks = a.posed_frames(input.frames) * a.joints * 16 + nodes * input.frames * 44;
-            files * (still + points) + (a.phases.min(options.skins as u64) + files - 1) * tracks
+            let joints = if *profile == Profile::Engine { a.joints.min(options.joints as u64) } else { a.joints };
+            let tracks = a.posed_frames(input.frames) * joints * 16 + nodes * input.frames * 44;
+            // Each file of profile engine has one skin, that of the web or of Blender one for each phase.
+            let skins = if *profile == Profile::Engine { 1 } else { a.phases.min(options.skins as u64) };
+            files * (still + points) + (skins + files - 1) * tracks
         });
         files * pictures + assets
     };

@@ -26,7 +26,7 @@ pub enum WindNumber {
 }
 
 impl WindNumber {
-    /// Its name in scene files.
+    /// Its name in scene files and in the extras of meshes.
     pub fn word(self) -> &'static str {
         match self {
             Self::Sway => "sway",
@@ -44,7 +44,7 @@ impl WindNumber {
 /// A channel of a vertex colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindChannel {
-    /// The number that it holds.
+    /// The number that the channel holds, 0 to 1.
     pub number: WindNumber,
     /// Whether it holds 1 minus that.
     pub inverted: bool,
@@ -111,7 +111,7 @@ impl WindChannels {
         self.color.iter().chain(self.second_uv.iter().flatten()).map(word).collect()
     }
 
-    /// The vertex colour of a vertex.
+    /// Red, green, blue and alpha of a vertex, 0 to 1.
     pub(super) fn color_of(&self, wind: &VertexWind) -> [f32; 4] {
         self.color.map(|c| wind.channel(c))
     }

@@ -127,7 +127,7 @@ fn followers(rig: &RiggedPlant) -> Vec<Option<usize>> {
         let order = branch(p).map_or(0, |b| b.order);
         let halves: Vec<usize> =
             list.iter().copied().filter(|c| branch(*c).is_some_and(|b| b.order == order)).collect();
-        // Several stems from one root have equal rights: none of them is the trunk.
+        // If several stems spring from the root, none of them is the trunk.
         if is_root && halves.len() > 1 {
             return None;
         }
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn stems_of_one_root_have_equal_rights() {
+    fn none_of_several_stems_of_a_root_is_the_trunk() {
         let all = [(None, 0, 0, 0.0), (Some(0), 0, 0, 0.3), (Some(0), 1, 0, 0.2), (Some(2), 1, 0, 0.1)];
         let written = WindJoints::new(&rig(&all)).expect("few");
         assert_eq!(written.groups, [0, 1, 1, 1]);

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{Quat, Vec3};
 
 use super::super::merge::transform_normal;
-use osier_base::Result;
 use osier_base::convert::index;
+use osier_base::{Error, Result};
 use osier_scene::{InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
 
 /// Most parts of an assembly.
@@ -60,6 +60,14 @@ pub(super) fn leaf_parts(instancers: &[Instancer], carrier: &[u16], most: usize)
     });
     let needed = needed.count();
     twigs.truncate(needed);
+    if left > 0 {
+        let message = format!(
+            "a plant has {} parts of leaves for Unreal Engine where {most} are the most, as its leaves are on many joints; \
+             lower output.unreal.joints",
+            most + left
+        );
+        return Err(Error::export("X005", message));
+    }
     let merge = |(n, parts): (usize, &LeafParts)| {
         let own: Vec<&Twig> = twigs.iter().filter(|t| t.instancer == n).collect();
         merge_twigs(parts, &own)
@@ -228,8 +236,9 @@ mod tests {
         let whole = leaves(&[[0_u16; 20], [1; 20]].concat());
         let parts = leaf_parts(std::slice::from_ref(&whole), &[0, 1], 2).expect("few");
         assert_eq!(parts[0].joints, [0, 1]);
-        let parts = leaf_parts(std::slice::from_ref(&whole), &[0, 1], 1).expect("few");
-        assert_eq!((parts[0].joints.len(), placed(&parts[0].instancer)), (2, placed(&whole)));
+        assert_eq!(placed(&parts[0].instancer), placed(&whole));
+        let e = leaf_parts(std::slice::from_ref(&whole), &[0, 1], 1).err().expect("each joint needs a part");
+        assert!(e.to_string().contains("output.unreal.joints"), "{e}");
     }
 
     /// Corners of all triangles where the instances show them, sorted, in thousandths of a metre.

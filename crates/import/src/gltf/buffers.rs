@@ -28,11 +28,12 @@ impl<'a> Buffers<'a> {
     ) -> ImportResult<Self> {
         let root = &document.root;
         // A buffer that only compressed views refer to needs no bytes: they are decoded from another one.
-        let is_fallback = |i: usize| {
-            let views = root.buffer_views.iter().enumerate().filter(|(_, v)| v.buffer.value() == i);
-            let mut views = views.peekable();
-            views.peek().is_some() && views.all(|(k, _)| document.compressed_views.contains_key(&k))
-        };
+        let (mut compressed, mut plain) = (vec![false; root.buffers.len()], vec![false; root.buffers.len()]);
+        for (i, view) in root.buffer_views.iter().enumerate() {
+            let list = if document.compressed_views.contains_key(&i) { &mut compressed } else { &mut plain };
+            list.get_mut(view.buffer.value()).into_iter().for_each(|used| *used = true);
+        }
+        let is_fallback = |i: usize| compressed[i] && !plain[i];
         let mut list = Vec::with_capacity(root.buffers.len());
         let mut left = context.options.limits.get("mesh-bytes");
         for (i, buffer) in root.buffers.iter().enumerate() {

@@ -11,8 +11,8 @@ use osier_scene::{Asset, Mesh};
 
 /// Constants of the estimate, measured on the tutorial's sapling in 5 to 60 mm/h and on a storm over an oak.
 mod tuning {
-    /// Height of a fall over the time for which a drop is in the air, m/s: its mean speed, and more where leaves stop drops above
-    /// the ground. Smaller values expect more drops in the air.
+    /// Effective speed of falling drops, m/s: fall height divided by the mean time in the air. It lies above the mean speed of
+    /// drops, because leaves intercept drops early. Smaller values expect more drops in the air.
     pub(super) const FALL_SPEED: f64 = 5.5;
     /// Height of the emitter above the plants, m.
     pub(super) const EMITTER_HEIGHT: f64 = 1.0;

@@ -5,20 +5,25 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
-use meshoptimizer_rs::{Attributes, Positions, SimplifyOptions, SimplifySettings, Workspace, simplify_with_attributes};
+use meshoptimizer_rs::{
+    Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, Workspace, simplify_with_attributes,
+};
 
 use crate::gltf::meshes::SkinInfluences;
 use crate::gltf::rig::JointSelection;
 use crate::gltf::wind_channels::{VertexWind, number_of_id, wind_of_mesh};
 use osier_base::math::{narrow, sqrt};
+use osier_base::neighbours::NeighbourGrid;
 use osier_base::rng::mix64;
 use osier_base::{Error, Result};
 use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
 
 /// Constants of the levels, guessed or measured.
 mod tuning {
-    /// Pieces from which on a mesh with flutter is a crown of leaves and not wood.
-    pub(super) const MANY_PIECES: usize = 32;
+    /// Edge of the cells in which wood is searched, m: about the distance between vertices of a twig.
+    pub(super) const WOOD_CELL: f32 = 0.1;
+    /// Distance at which the search for the wood that carries a leaf ends, m.
+    pub(super) const WOOD_REACH: f32 = 3.0;
     /// Least and largest share of the triangles of a level for wood. Without a least share bare limbs would lose their shape,
     /// without a largest a crown of many fine twigs its leaves.
     pub(super) const WOOD_SHARE: [f64; 2] = [0.25, 0.5];
@@ -116,15 +121,21 @@ fn padded<T: Copy>(list: &[T], count: usize, fill: T) -> Vec<T> {
 enum Leaves<'a> {
     /// Instances of prototypes, each on a joint where the plant has joints.
     Instances { instancer: &'a Instancer, members: Vec<usize> },
-    /// A mesh of many separate blades.
-    Merged { object: &'a MeshObject, blades: Vec<Vec<[u32; 3]>>, wind: Vec<VertexWind> },
+    /// A mesh that holds all leaves, one after the other.
+    Merged { object: &'a MeshObject, leaves: Vec<MergedLeaf>, wind: Vec<VertexWind> },
+}
+
+/// The triangles of one leaf of a mesh, with their materials.
+#[derive(Debug, Default)]
+struct MergedLeaf {
+    triangles: Vec<(MaterialId, [u32; 3])>,
 }
 
 impl Leaves<'_> {
     fn len(&self) -> usize {
         match self {
             Self::Instances { members, .. } => members.len(),
-            Self::Merged { blades, .. } => blades.len(),
+            Self::Merged { leaves, .. } => leaves.len(),
         }
     }
 
@@ -134,7 +145,7 @@ impl Leaves<'_> {
                 let of = |i: &usize| instancer.prototypes.get(instancer.protos[*i] as usize);
                 members.iter().filter_map(of).map(|p| p.mesh.triangles.len()).sum()
             }
-            Self::Merged { blades, .. } => blades.iter().map(Vec::len).sum(),
+            Self::Merged { leaves, .. } => leaves.iter().map(|l| l.triangles.len()).sum(),
         }
     }
 }
@@ -144,38 +155,43 @@ pub(super) struct PlantSource<'a> {
     selection: Option<&'a JointSelection>,
     wood: Vec<&'a MeshObject>,
     leaves: Vec<Leaves<'a>>,
-    /// Places of wood with how they sway, by the joint that moves them.
-    wood_wind: BTreeMap<u16, Vec<(Vec3, VertexWind)>>,
+    /// Vertices of wood that sway, with how they do, and a grid to find them in.
+    wood_wind: Vec<(Vec3, VertexWind)>,
+    wood_grid: NeighbourGrid,
+    /// Asset and element, for errors.
+    label: &'a str,
 }
 
 impl<'a> PlantSource<'a> {
-    /// Sorts the parts of a plant into wood and leaves. `selection`: the joints that are written, for a plant that moves.
-    pub(super) fn new(asset: &'a Asset, selection: Option<&'a JointSelection>) -> Self {
-        let mut source = Self { selection, wood: Vec::new(), leaves: Vec::new(), wood_wind: BTreeMap::new() };
+    /// Sorts the parts of a plant into wood and leaves. `selection`: the joints that are written, for a plant that moves; `label`:
+    /// asset and element, for errors.
+    pub(super) fn new(asset: &'a Asset, selection: Option<&'a JointSelection>, label: &'a str) -> Self {
+        let mut source = Self {
+            selection,
+            wood: Vec::new(),
+            leaves: Vec::new(),
+            wood_wind: Vec::new(),
+            wood_grid: NeighbourGrid::default(),
+            label,
+        };
         for object in asset.meshes.iter().filter(|o| is_merged(o)) {
             let wind = wind_of_mesh(&object.mesh);
-            let flutters = wind.iter().any(|w| w.flutter > 0.0);
-            let blades = if flutters { separate_pieces(&object.mesh) } else { Vec::new() };
-            if blades.len() < tuning::MANY_PIECES {
-                source.add_wood_wind(object, &wind);
-                source.wood.push(object);
+            if wind.iter().any(|w| w.flutter > 0.0) {
+                let leaves = merged_leaves(&object.mesh, &wind);
+                source.leaves.push(Leaves::Merged { object, leaves, wind });
             } else {
-                source.leaves.push(Leaves::Merged { object, blades, wind });
+                let swaying = object.mesh.points.iter().copied().zip(wind);
+                source.wood_wind.extend(swaying.filter(|(_, w)| *w != VertexWind::STILL));
+                source.wood.push(object);
             }
         }
+        let places = (0..).zip(source.wood_wind.iter().map(|w| w.0));
+        source.wood_grid = NeighbourGrid::new(tuning::WOOD_CELL, places);
         for instancer in asset.instancers.iter().filter(|i| i.motion != InstancerMotion::Free) {
             let members = (0..instancer.len()).filter(|i| instancer.rest.is_alive(*i)).collect();
             source.leaves.push(Leaves::Instances { instancer, members });
         }
         source
-    }
-
-    fn add_wood_wind(&mut self, object: &MeshObject, wind: &[VertexWind]) {
-        let swaying = object.mesh.points.iter().zip(wind).enumerate();
-        for (i, (p, w)) in swaying.filter(|(_, (_, w))| **w != VertexWind::STILL) {
-            let joint = self.influence(object, i).0[0];
-            self.wood_wind.entry(joint).or_default().push((*p, *w));
-        }
     }
 
     /// Written joints and weights of a vertex of a mesh.
@@ -200,7 +216,7 @@ impl<'a> PlantSource<'a> {
 
     /// The plant with at most about `budget` triangles.
     /// # Errors
-    /// X001 for positions that are not finite.
+    /// X005 if a part cannot be simplified.
     pub(super) fn level(&self, budget: usize) -> Result<PlantLevel> {
         let mut level = PlantLevel::default();
         let (wood, leaves) = self.shares(budget);
@@ -228,7 +244,7 @@ impl<'a> PlantSource<'a> {
         }
         let [least, most] = tuning::WOOD_SHARE.map(|s| share_of(budget, to_count(s * 1e6), 1_000_000));
         let own = share_of(budget, wood, all).clamp(least, most).min(wood);
-        // What one does not need is for the other.
+        // Triangles that the wood does not use go to the leaves.
         let for_leaves = (budget - own).min(leaves);
         ((budget - for_leaves).min(wood), for_leaves)
     }
@@ -241,7 +257,7 @@ impl<'a> PlantSource<'a> {
             for s in &mesh.subsets {
                 let triangles = mesh.subset_triangles(s);
                 let target = share_of(budget, triangles.len(), mesh.triangles.len());
-                let list = simplified(mesh, triangles, target, tuning::WOOD_DEVIATION)?;
+                let list = simplified(mesh, triangles, target, tuning::WOOD_DEVIATION, self.label)?;
                 append_subset(&mut simple, s.material, list);
             }
         }
@@ -266,8 +282,9 @@ impl<'a> PlantSource<'a> {
     fn add_leaves(&self, level: &mut PlantLevel, group: &Leaves<'_>, budget: usize) -> Result<()> {
         match group {
             Leaves::Instances { instancer, members } => self.add_instances(level, instancer, members, budget),
-            Leaves::Merged { object, blades, wind } => {
-                self.add_blades(level, object, blades, wind, budget.min(group.triangles()) * group.len());
+            Leaves::Merged { object, leaves, wind } => {
+                let fits = share_of(group.len(), budget, group.triangles()).clamp(1, group.len().max(1));
+                self.add_merged_leaves(level, object, leaves, wind, fits);
                 Ok(())
             }
         }
@@ -282,7 +299,7 @@ impl<'a> PlantSource<'a> {
         budget: usize,
     ) -> Result<()> {
         let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
-        let simple = |mesh: &Mesh| simplified_blade(mesh, for_each);
+        let simple = |mesh: &Mesh| simplified_blade(mesh, for_each, self.label);
         let blades: Vec<Mesh> = instancer.prototypes.iter().map(|p| simple(&p.mesh)).collect::<Result<_>>()?;
         let proto = |i: usize| instancer.protos.get(i).map_or(0, |p| *p as usize);
         let of = |list: &dyn Fn(usize) -> f64| members.iter().map(|i| list(proto(*i))).sum::<f64>();
@@ -301,7 +318,7 @@ impl<'a> PlantSource<'a> {
             let mut place = instancer.transform(&instancer.rest, i);
             place.s *= growth;
             let joint = self.instance_joint(instancer, i);
-            let wind = self.leaf_wind(mesh, &place, joint, instancer.ids.get(i).copied().unwrap_or(0));
+            let wind = self.leaf_wind(mesh, &place, instancer.ids.get(i).copied().unwrap_or(0));
             if self.selection.is_some() {
                 level.joints.extend(mesh.points.iter().map(|_| [joint, 0, 0, 0]));
                 level.weights.extend(mesh.points.iter().map(|_| ROOT.1));
@@ -311,46 +328,36 @@ impl<'a> PlantSource<'a> {
         Ok(())
     }
 
-    /// Blades of a merged mesh: fewer, and larger in proportion. `budget`: triangles times the number of blades.
-    fn add_blades(
+    /// At most `fits` leaves of a merged mesh, larger in proportion.
+    fn add_merged_leaves(
         &self,
         level: &mut PlantLevel,
         object: &MeshObject,
-        blades: &[Vec<[u32; 3]>],
+        leaves: &[MergedLeaf],
         wind: &[VertexWind],
-        budget: usize,
+        fits: usize,
     ) {
-        let triangles: usize = blades.iter().map(Vec::len).sum();
-        let fits = (budget / triangles.max(1)).clamp(1, blades.len());
-        let keys: Vec<u64> = (0..blades.len() as u64).collect();
+        let keys: Vec<u64> = (0..leaves.len() as u64).collect();
         let kept = fewest_keys(&keys, fits);
-        let area_of = |k: usize| blades[k].iter().map(|t| triangle_area(&object.mesh, t)).sum::<f64>();
-        let wanted: f64 = (0..blades.len()).map(area_of).sum();
+        let area_of = |k: usize| leaves[k].triangles.iter().map(|(_, t)| triangle_area(&object.mesh, t)).sum::<f64>();
+        let wanted: f64 = (0..leaves.len()).map(area_of).sum();
         let growth = growth_for(wanted, kept.iter().map(|k| area_of(*k)).sum());
         for k in kept {
-            let mut vertices: Vec<u32> = blades[k].iter().flatten().copied().collect();
-            vertices.sort_unstable();
-            vertices.dedup();
-            let index = |i: u32| vertices.binary_search(&i).ok().and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
-            let pick = |i: &u32| *i as usize;
-            let winds: Vec<VertexWind> = vertices.iter().map(|i| wind[pick(i)]).collect();
-            // A blade grows from its foot, which flutters least.
-            let foot = (0..vertices.len()).min_by(|a, b| winds[*a].flutter.total_cmp(&winds[*b].flutter)).unwrap_or(0);
-            let points: Vec<Vec3> = vertices.iter().map(|i| object.mesh.points[pick(i)]).collect();
-            let foot = points.get(foot).copied().unwrap_or_default();
-            let material = material_of(&object.mesh);
-            let mesh = Mesh {
-                points: points.iter().map(|p| foot + (*p - foot) * growth).collect(),
-                normals: vertices.iter().filter_map(|i| object.mesh.normals.get(pick(i))).copied().collect(),
-                uvs: vertices.iter().filter_map(|i| object.mesh.uvs.get(pick(i))).copied().collect(),
-                colors: vertices.iter().filter_map(|i| object.mesh.colors.get(pick(i))).copied().collect(),
-                attributes: Vec::new(),
-                triangles: blades[k].iter().map(|t| t.map(index)).collect(),
-                subsets: Vec::new(),
+            let mut used: Vec<u32> = leaves[k].triangles.iter().flat_map(|(_, t)| *t).collect();
+            used.sort_unstable();
+            used.dedup();
+            let winds: Vec<VertexWind> = used.iter().filter_map(|i| wind.get(*i as usize)).copied().collect();
+            // A leaf grows from its foot, which flutters least.
+            let foot = (0..winds.len()).min_by(|a, b| winds[*a].flutter.total_cmp(&winds[*b].flutter)).unwrap_or(0);
+            let foot = used.get(foot).and_then(|i| object.mesh.points.get(*i as usize)).copied().unwrap_or_default();
+            let mut leaf = vertices_of(&object.mesh, &used);
+            leaf.points.iter_mut().for_each(|p| *p = foot + (*p - foot) * growth);
+            for run in leaves[k].triangles.chunk_by(|a, b| a.0 == b.0) {
+                let own = run.iter().map(|(_, t)| t.map(|i| index_in(&used, i))).collect();
+                append_subset(&mut leaf, run[0].0, own);
             }
-            .with_material(material);
-            self.add_object_influences(level, object, vertices.iter().map(pick));
-            level.add(&Piece { mesh: &mesh, place: Trs::IDENTITY, wind: &winds });
+            self.add_object_influences(level, object, used.iter().map(|i| *i as usize));
+            level.add(&Piece { mesh: &leaf, place: Trs::IDENTITY, wind: &winds });
         }
     }
 
@@ -362,11 +369,10 @@ impl<'a> PlantSource<'a> {
     }
 
     /// How the vertices of a leaf sway: as the wood nearest to its foot, and flutter from 0 at the foot to 1 at the tip.
-    fn leaf_wind(&self, mesh: &Mesh, place: &Trs, joint: u16, id: u64) -> Vec<VertexWind> {
-        let distance = |p: &Vec3| p.distance_squared(place.t);
-        let here = self.wood_wind.get(&joint).into_iter().flatten();
-        let nearest = here.min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
-        let base = nearest.map_or(VertexWind::STILL, |n| n.1);
+    fn leaf_wind(&self, mesh: &Mesh, place: &Trs, id: u64) -> Vec<VertexWind> {
+        let of = |i: u32| self.wood_wind[i as usize];
+        let nearest = self.wood_grid.nearest(place.t, tuning::WOOD_REACH, |i| of(i).0);
+        let base = nearest.map_or(VertexWind::STILL, |i| of(i).1);
         let tip = mesh.points.iter().fold(1e-9_f32, |m, p| m.max(p.y));
         let at = |p: &Vec3| VertexWind { flutter: (p.y / tip).clamp(0.0, 1.0), id: number_of_id(id), ..base };
         mesh.points.iter().map(at).collect()
@@ -428,43 +434,49 @@ fn area(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(|t| triangle_area(mesh, t)).sum()
 }
 
-fn material_of(mesh: &Mesh) -> MaterialId {
-    mesh.subsets.first().map_or(0, |s| s.material)
-}
-
-/// The connected pieces of a mesh: triangles that share vertices, in the order of their first triangle.
-fn separate_pieces(mesh: &Mesh) -> Vec<Vec<[u32; 3]>> {
-    let mut parent: Vec<u32> = (0..mesh.next_point()).collect();
-    // The root of a set, with the path to it halved.
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
+/// The leaves of a mesh that holds them one after the other. All vertices of a leaf have its random number, and no others beside it
+/// do.
+fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
+    let mut leaf_of: Vec<usize> = Vec::with_capacity(wind.len());
+    for (i, w) in wind.iter().enumerate() {
+        let last = leaf_of.last().copied().unwrap_or(0);
+        let begins = i > 0 && wind[i - 1].id.to_bits() != w.id.to_bits();
+        leaf_of.push(last + usize::from(begins));
     }
-    for [a, b, c] in &mesh.triangles {
-        let first = root(&mut parent, *a);
-        for v in [b, c] {
-            let other = root(&mut parent, *v);
-            parent[other as usize] = first;
+    let mut leaves: Vec<MergedLeaf> = Vec::new();
+    leaves.resize_with(leaf_of.last().map_or(0, |n| n + 1), MergedLeaf::default);
+    for s in &mesh.subsets {
+        for t in mesh.subset_triangles(s) {
+            let leaf = leaf_of.get(t[0] as usize).and_then(|n| leaves.get_mut(*n));
+            leaf.into_iter().for_each(|l| l.triangles.push((s.material, *t)));
         }
     }
-    let mut index: BTreeMap<u32, usize> = BTreeMap::new();
-    let mut pieces: Vec<Vec<[u32; 3]>> = Vec::new();
-    for t in &mesh.triangles {
-        let key = root(&mut parent, t[0]);
-        let piece = *index.entry(key).or_insert_with(|| {
-            pieces.push(Vec::new());
-            pieces.len() - 1
-        });
-        pieces[piece].push(*t);
-    }
-    pieces
+    leaves
 }
 
-/// A blade of at most about `most` triangles, each material by its share.
-fn simplified_blade(mesh: &Mesh, most: usize) -> Result<Mesh> {
+/// Place of a vertex in a sorted list that has it.
+fn index_in(sorted: &[u32], vertex: u32) -> u32 {
+    sorted.binary_search(&vertex).map_or(0, |n| n.try_into().unwrap_or(0))
+}
+
+/// The values of some vertices.
+fn pick<T: Copy>(list: &[T], vertices: &[u32]) -> Vec<T> {
+    vertices.iter().filter_map(|i| list.get(*i as usize)).copied().collect()
+}
+
+/// Some vertices of a mesh, without triangles.
+fn vertices_of(mesh: &Mesh, vertices: &[u32]) -> Mesh {
+    Mesh {
+        points: pick(&mesh.points, vertices),
+        normals: pick(&mesh.normals, vertices),
+        uvs: pick(&mesh.uvs, vertices),
+        colors: pick(&mesh.colors, vertices),
+        ..Mesh::default()
+    }
+}
+
+/// A blade of at most about `most` triangles, each material by its share. `label`: for errors.
+fn simplified_blade(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
     if mesh.triangles.len() <= most {
         return Ok(mesh.clone());
     }
@@ -473,7 +485,7 @@ fn simplified_blade(mesh: &Mesh, most: usize) -> Result<Mesh> {
     for s in &mesh.subsets {
         let triangles = mesh.subset_triangles(s);
         let target = share_of(most, triangles.len(), mesh.triangles.len()).max(1);
-        let list = simplified(mesh, triangles, target, tuning::BLADE_DEVIATION)?;
+        let list = simplified(mesh, triangles, target, tuning::BLADE_DEVIATION, label)?;
         append_subset(&mut simple, s.material, list);
     }
     Ok(compact(&simple))
@@ -484,24 +496,25 @@ fn compact(mesh: &Mesh) -> Mesh {
     let mut used: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
     used.sort_unstable();
     used.dedup();
-    let index = |i: u32| used.binary_search(&i).ok().and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
-    fn pick<T: Copy>(list: &[T], used: &[u32]) -> Vec<T> {
-        used.iter().filter_map(|i| list.get(*i as usize)).copied().collect()
-    }
     Mesh {
-        points: pick(&mesh.points, &used),
-        normals: pick(&mesh.normals, &used),
-        uvs: pick(&mesh.uvs, &used),
-        colors: pick(&mesh.colors, &used),
-        attributes: Vec::new(),
-        triangles: mesh.triangles.iter().map(|t| t.map(index)).collect(),
+        triangles: mesh.triangles.iter().map(|t| t.map(|i| index_in(&used, i))).collect(),
         subsets: mesh.subsets.clone(),
+        ..vertices_of(mesh, &used)
     }
 }
 
-/// Triangles of a mesh, collapsed to about `target` of them over the same vertices. `deviation`: as a share of the mesh's size.
-fn simplified(mesh: &Mesh, triangles: &[[u32; 3]], target: usize, deviation: f32) -> Result<Vec<[u32; 3]>> {
-    let refused = |e: meshoptimizer_rs::Error| Error::export("X001", format!("level of detail: {e}"));
+/// Triangles of a mesh, collapsed to about `target` of them over the same vertices. `deviation`: as a share of the mesh's size;
+/// `label`: for errors.
+fn simplified(
+    mesh: &Mesh,
+    triangles: &[[u32; 3]],
+    target: usize,
+    deviation: f32,
+    label: &str,
+) -> Result<Vec<[u32; 3]>> {
+    let refused = |e: meshoptimizer_rs::Error| {
+        Error::export("X005", format!("{label}: {e}; raise output.gltf.triangles, so that less is simplified"))
+    };
     if target >= triangles.len() {
         return Ok(triangles.to_vec());
     }
@@ -512,6 +525,8 @@ fn simplified(mesh: &Mesh, triangles: &[[u32; 3]], target: usize, deviation: f32
     let bits = SimplifyOptions::PRUNE.bits() | SimplifyOptions::SPARSE.bits();
     let options = SimplifyOptions::from_bits(bits).map_err(refused)?;
     let settings = SimplifySettings { target_index_count: target * 3, target_error: deviation, options };
+    // The limits of osier bound meshes before they come here.
+    let mut workspace = Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX });
     let simple = simplify_with_attributes(
         triangles.as_flattened(),
         Positions::from_packed(&positions),
@@ -519,7 +534,7 @@ fn simplified(mesh: &Mesh, triangles: &[[u32; 3]], target: usize, deviation: f32
         &[tuning::NORMAL_WEIGHT; 3],
         None,
         settings,
-        &mut Workspace::default(),
+        &mut workspace,
     )
     .map_err(refused)?;
     Ok(simple.indices.as_chunks::<3>().0.to_vec())

@@ -44,19 +44,21 @@ impl GltfDocument<'_> {
         asset: &Asset,
         selection: Option<&JointSelection>,
     ) -> Result<()> {
-        let source = PlantSource::new(asset, selection);
+        let label = format!("asset {}, level of detail", asset.id);
+        let source = PlantSource::new(asset, selection, &label);
         let mut levels: Vec<PlantLevel> = Vec::new();
         let finest = source.triangles().min(self.input.options.level_triangles);
         for share in LEVEL_SHARES {
             let level = source.level(share_of(finest, share))?;
             let last = levels.last().map_or(usize::MAX, |l| l.mesh.triangles.len());
-            if level.mesh.triangles.is_empty() || level.mesh.triangles.len() >= share_of(last, WORTHWHILE) {
+            if level.mesh.triangles.is_empty() {
                 break;
             }
-            levels.push(level);
+            if level.mesh.triangles.len() < share_of(last, WORTHWHILE) {
+                levels.push(level);
+            }
         }
         let counts: Vec<usize> = levels.iter().map(|l| l.mesh.triangles.len()).collect();
-        let label = format!("asset {}, level of detail", asset.id);
         for (lod, level) in levels.into_iter().enumerate() {
             let name = format!("{}_LOD{lod}", asset.id);
             let skin = selection.and_then(|s| level.influences(s.kept.len()));
@@ -108,7 +110,7 @@ fn with_wind(level: PlantLevel, channels: Option<&WindChannels>) -> osier_scene:
     mesh
 }
 
-/// Share of the picture's height from which on level `lod` serves: triangles cover the plant as densely as those of level 0 do when
+/// Share of the picture's height from which on level `lod` is used: triangles cover the plant as densely as those of level 0 do when
 /// it fills the picture's height, and their number grows with the square of the height.
 fn screen_share(counts: &[usize], lod: usize) -> f32 {
     let (Some(first), Some(next)) = (counts.first(), counts.get(lod + 1)) else { return 0.0 };
@@ -187,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn levels_serve_down_to_the_size_at_which_the_next_is_as_dense() {
+    fn levels_are_used_down_to_the_size_at_which_the_next_is_as_dense() {
         let counts = [60_000, 15_000, 5_000, 1_000];
         let shares: Vec<f32> = (0..4).map(|l| screen_share(&counts, l)).collect();
         assert!((shares[0] - 0.5).abs() < 1e-6 && (shares[1] - 0.288_675).abs() < 1e-5 && shares[3].to_bits() == 0);
