@@ -14,6 +14,7 @@ use crate::gltf::rig::JointSelection;
 use crate::gltf::wind_channels::{VertexWind, number_of_id, wind_of_mesh};
 use osier_base::math::{narrow, sqrt};
 use osier_base::neighbours::NeighbourGrid;
+use osier_base::par::par_map;
 use osier_base::rng::mix64;
 use osier_base::{Error, Result};
 use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
@@ -132,13 +133,6 @@ struct MergedLeaf {
 }
 
 impl Leaves<'_> {
-    fn len(&self) -> usize {
-        match self {
-            Self::Instances { members, .. } => members.len(),
-            Self::Merged { leaves, .. } => leaves.len(),
-        }
-    }
-
     fn triangles(&self) -> usize {
         match self {
             Self::Instances { instancer, members } => {
@@ -147,6 +141,27 @@ impl Leaves<'_> {
             }
             Self::Merged { leaves, .. } => leaves.iter().map(|l| l.triangles.len()).sum(),
         }
+    }
+}
+
+impl MergedLeaf {
+    /// The vertices of the leaf, increasing.
+    fn vertices(&self) -> Vec<u32> {
+        let mut used: Vec<u32> = self.triangles.iter().flat_map(|(_, t)| *t).collect();
+        used.sort_unstable();
+        used.dedup();
+        used
+    }
+
+    /// The leaf as a mesh of its own. `all`: the mesh that holds it.
+    fn mesh(&self, all: &Mesh) -> Mesh {
+        let used = self.vertices();
+        let mut leaf = vertices_of(all, &used);
+        for run in self.triangles.chunk_by(|a, b| a.0 == b.0) {
+            let own = run.iter().map(|(_, t)| t.map(|i| index_in(&used, i))).collect();
+            append_subset(&mut leaf, run[0].0, own);
+        }
+        leaf
     }
 }
 
@@ -282,11 +297,7 @@ impl<'a> PlantSource<'a> {
     fn add_leaves(&self, level: &mut PlantLevel, group: &Leaves<'_>, budget: usize) -> Result<()> {
         match group {
             Leaves::Instances { instancer, members } => self.add_instances(level, instancer, members, budget),
-            Leaves::Merged { object, leaves, wind } => {
-                let fits = share_of(group.len(), budget, group.triangles()).clamp(1, group.len().max(1));
-                self.add_merged_leaves(level, object, leaves, wind, fits);
-                Ok(())
-            }
+            Leaves::Merged { object, leaves, wind } => self.add_merged_leaves(level, object, leaves, wind, budget),
         }
     }
 
@@ -299,7 +310,7 @@ impl<'a> PlantSource<'a> {
         budget: usize,
     ) -> Result<()> {
         let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
-        let simple = |mesh: &Mesh| simplified_blade(mesh, for_each, self.label);
+        let simple = |mesh: &Mesh| with_fewer_triangles(mesh, for_each, self.label).map(|m| compact(&m));
         let blades: Vec<Mesh> = instancer.prototypes.iter().map(|p| simple(&p.mesh)).collect::<Result<_>>()?;
         let proto = |i: usize| instancer.protos.get(i).map_or(0, |p| *p as usize);
         let of = |list: &dyn Fn(usize) -> f64| members.iter().map(|i| list(proto(*i))).sum::<f64>();
@@ -328,37 +339,40 @@ impl<'a> PlantSource<'a> {
         Ok(())
     }
 
-    /// At most `fits` leaves of a merged mesh, larger in proportion.
+    /// Leaves of a merged mesh, with simpler blades, and fewer and larger in proportion, as [`Self::add_instances`] has them.
     fn add_merged_leaves(
         &self,
         level: &mut PlantLevel,
         object: &MeshObject,
         leaves: &[MergedLeaf],
         wind: &[VertexWind],
-        fits: usize,
-    ) {
+        budget: usize,
+    ) -> Result<()> {
+        let for_each = (budget / leaves.len().max(1)).max(tuning::LEAST_BLADE);
+        let simple = |leaf: &MergedLeaf| {
+            let mesh = leaf.mesh(&object.mesh);
+            with_fewer_triangles(&mesh, for_each, self.label)
+        };
+        let simple: Vec<Mesh> = par_map(leaves, simple).into_iter().collect::<Result<_>>()?;
+        let triangles: usize = simple.iter().map(|m| m.triangles.len()).sum();
+        let fits = share_of(leaves.len(), budget, triangles).clamp(1, leaves.len().max(1));
         let keys: Vec<u64> = (0..leaves.len() as u64).collect();
         let kept = fewest_keys(&keys, fits);
-        let area_of = |k: usize| leaves[k].triangles.iter().map(|(_, t)| triangle_area(&object.mesh, t)).sum::<f64>();
-        let wanted: f64 = (0..leaves.len()).map(area_of).sum();
-        let growth = growth_for(wanted, kept.iter().map(|k| area_of(*k)).sum());
+        let area_of =
+            |leaf: &MergedLeaf| leaf.triangles.iter().map(|(_, t)| triangle_area(&object.mesh, t)).sum::<f64>();
+        let growth = growth_for(leaves.iter().map(area_of).sum(), kept.iter().map(|k| area(&simple[*k])).sum());
         for k in kept {
-            let mut used: Vec<u32> = leaves[k].triangles.iter().flat_map(|(_, t)| *t).collect();
-            used.sort_unstable();
-            used.dedup();
+            let used = leaves[k].vertices();
             let winds: Vec<VertexWind> = used.iter().filter_map(|i| wind.get(*i as usize)).copied().collect();
+            let mut leaf = simple[k].clone();
             // A leaf grows from its foot, which flutters least.
             let foot = (0..winds.len()).min_by(|a, b| winds[*a].flutter.total_cmp(&winds[*b].flutter)).unwrap_or(0);
-            let foot = used.get(foot).and_then(|i| object.mesh.points.get(*i as usize)).copied().unwrap_or_default();
-            let mut leaf = vertices_of(&object.mesh, &used);
+            let foot = leaf.points.get(foot).copied().unwrap_or_default();
             leaf.points.iter_mut().for_each(|p| *p = foot + (*p - foot) * growth);
-            for run in leaves[k].triangles.chunk_by(|a, b| a.0 == b.0) {
-                let own = run.iter().map(|(_, t)| t.map(|i| index_in(&used, i))).collect();
-                append_subset(&mut leaf, run[0].0, own);
-            }
             self.add_object_influences(level, object, used.iter().map(|i| *i as usize));
             level.add(&Piece { mesh: &leaf, place: Trs::IDENTITY, wind: &winds });
         }
+        Ok(())
     }
 
     /// The written joint that carries an instance.
@@ -475,8 +489,8 @@ fn vertices_of(mesh: &Mesh, vertices: &[u32]) -> Mesh {
     }
 }
 
-/// A blade of at most about `most` triangles, each material by its share. `label`: for errors.
-fn simplified_blade(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
+/// The mesh with at most about `most` triangles over the same vertices, each material by its share. `label`: for errors.
+fn with_fewer_triangles(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
     if mesh.triangles.len() <= most {
         return Ok(mesh.clone());
     }
@@ -488,7 +502,7 @@ fn simplified_blade(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
         let list = simplified(mesh, triangles, target, tuning::BLADE_DEVIATION, label)?;
         append_subset(&mut simple, s.material, list);
     }
-    Ok(compact(&simple))
+    Ok(simple)
 }
 
 /// The mesh without vertices that no triangle uses.
