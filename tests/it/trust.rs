@@ -365,6 +365,7 @@ fn the_memory_that_is_told_is_the_memory_that_is_taken() {
         &["bake", "landscape", "-o", "landscape"],
         &["bake", "birch-wood", "--set", "frames.end=12", "-o", "wood"],
         &["bake", "wet-leaf", "--set", "frames.end=24", "-o", "wet"],
+        &["bake", "storm-oak", "--set", "frames.end=24", "--formats", "usd", "-o", "storm"],
         &["bake", "hill.ifs", "-o", "hill"],
         &["grow", "oak", "-o", "oak.ply"],
         &["grow", "oak", "-o", "oak.obj"],

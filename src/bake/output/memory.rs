@@ -28,6 +28,10 @@ const USD_POINT: u64 = 26;
 /// Bytes for each texel of the maps of rain.
 const TEXEL: u64 = 150;
 
+/// Bytes of the record of rain at each frame: for a leaf its pose, its water and its place on the plant; for a drop in the air.
+const RECORDED_LEAF: u64 = 350;
+const RECORDED_DROP: u64 = 96;
+
 /// Bytes for each cell of a volume: its middle, its velocity in two frames, and as it is packed; or its value in a leaf of its own.
 const VOXEL: u64 = 70;
 const SCALAR_VOXEL: u64 = 600;
@@ -45,6 +49,14 @@ pub fn predict_memory(
     let voxel = |g: &VolumeGrid| g.max_cells.saturating_mul(if g.is_vector { VOXEL } else { SCALAR_VOXEL });
     let volumes = scene.volumes.iter().map(voxel).fold(0, u64::saturating_add);
     let point = if formats.iter().any(|f| f.word == usd::FORMAT.word) { POINT + USD_POINT } else { POINT };
+    // Rain is simulated as a whole before the first frame is written.
+    let recorded = match &recipe.rain {
+        Some(_) if counts.frames > 1 => {
+            let leaves = RECORDED_LEAF.saturating_mul(counts.instances);
+            counts.frames.saturating_mul(leaves.saturating_add(RECORDED_DROP.saturating_mul(counts.points)))
+        }
+        _ => 0,
+    };
     let mut parts = vec![
         ("program", PROGRAM + THREAD * osier_base::par::threads() as u64),
         ("pictures", scene.images.iter().map(decoded_bytes).sum::<u64>() / 10 * PICTURE),
@@ -53,6 +65,7 @@ pub fn predict_memory(
         ("points", point.saturating_mul(counts.points)),
         ("writers", writers),
         ("maps of rain", TEXEL * texels),
+        ("record of rain", recorded),
         ("volumes", volumes),
     ];
     parts.extend(lattice_memory(recipe));
