@@ -1,5 +1,7 @@
 //! Triangle meshes.
 
+use std::collections::BTreeMap;
+
 use glam::{Vec2, Vec3};
 
 use super::{Attribute, MaterialId};
@@ -78,6 +80,25 @@ impl Mesh {
                 _ => self.subsets.push(Subset { first: first + s.first, ..*s }),
             }
         }
+    }
+
+    /// Sorts the triangles by material, so that each material has one subset.
+    pub fn join_subsets(&mut self) {
+        let mut by_material: BTreeMap<MaterialId, Vec<[u32; 3]>> = BTreeMap::new();
+        for s in &self.subsets {
+            by_material.entry(s.material).or_default().extend_from_slice(self.subset_triangles(s));
+        }
+        (self.triangles, self.subsets) = (Vec::new(), Vec::new());
+        for (material, triangles) in by_material {
+            self.append_subset(material, triangles);
+        }
+    }
+
+    /// Appends triangles of one material as a subset.
+    pub fn append_subset(&mut self, material: MaterialId, triangles: Vec<[u32; 3]>) {
+        let first = self.next_triangle();
+        self.triangles.extend(triangles);
+        self.subsets.push(Subset { material, first, count: self.next_triangle() - first });
     }
 
     /// Triangles of a subset.

@@ -79,9 +79,8 @@ impl GltfDocument<'_> {
     }
 
     /// The instancing extension with these transforms: translation and scale as floats, rotation as normalised i16. A scale of 1
-    /// throughout is omitted. `rotations`: how compression rounds them; `label`: names the instances in errors.
-    pub(super) fn add_instancing(&mut self, list: &[Trs], rotations: Stream, label: &str) -> Result<NodeExtensions> {
-        let stream = rotations;
+    /// throughout is omitted. `stream`: how compression rounds the rotations; `label`: names the instances in errors.
+    pub(super) fn add_instancing(&mut self, list: &[Trs], stream: Stream, label: &str) -> Result<NodeExtensions> {
         // q and -q are the same rotation; the one with w >= 0 is written.
         let rotations: Vec<Quat> = list.iter().map(|t| if t.r.w < 0.0 { -t.r } else { t.r }).collect();
         let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();

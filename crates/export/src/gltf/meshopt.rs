@@ -24,7 +24,6 @@ const MAX_VECTOR_BITS: u32 = 24;
 impl Stream {
     /// The compressed form of the bytes of `count` elements.
     fn encode(self, bytes: &[u8], count: usize, workspace: &mut Workspace) -> Result<Vec<u8>> {
-        let floats = || bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
         let encoded = match self {
             Self::Attributes { stride } => encode_vertices(bytes, count, stride, workspace),
             Self::Triangles { stride } => {
@@ -37,7 +36,7 @@ impl Stream {
                     .and_then(|filtered| encode_vertices(&filtered, count, 8, workspace))
             }
             Self::Vectors => {
-                let floats: Vec<f32> = floats().collect();
+                let floats: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
                 encode_filter_exp(count, 12, vector_bits(&floats), &floats, ExpMode::SharedVector, workspace)
                     .and_then(|filtered| encode_vertices(&filtered, count, 12, workspace))
             }

@@ -153,7 +153,8 @@ fn twig_mesh(from: &Instancer, members: &[usize], origin: Vec3) -> Mesh {
         pad_uvs(&mut twig, &mut mesh);
         twig.append(&mesh);
     }
-    sort_by_material(twig)
+    twig.join_subsets();
+    twig
 }
 
 /// Gives both meshes texture coordinates if one has some, so that those of the two together fit their points.
@@ -163,22 +164,6 @@ fn pad_uvs(a: &mut Mesh, b: &mut Mesh) {
             mesh.uvs.resize(mesh.points.len(), glam::Vec2::ZERO);
         }
     }
-}
-
-/// The triangles in the order of their materials, each material as one subset.
-fn sort_by_material(mesh: Mesh) -> Mesh {
-    let mut by_material: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
-    for s in &mesh.subsets {
-        by_material.entry(s.material).or_default().extend_from_slice(mesh.subset_triangles(s));
-    }
-    let mut sorted = Mesh { triangles: Vec::with_capacity(mesh.triangles.len()), subsets: Vec::new(), ..mesh };
-    for (material, triangles) in by_material {
-        let first = sorted.next_triangle();
-        sorted.triangles.extend(triangles);
-        let count = sorted.next_triangle() - first;
-        sorted.subsets.push(osier_scene::Subset { material, first, count });
-    }
-    sorted
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::joints::WindJoints;
 use super::leaves::LeafParts;
 use super::wind::Wind;
 use crate::skin_remap::remap_influences;
-use crate::up_axis::{UpAxis, extent_corners, matrix4d};
+use crate::up_axis::{UpAxis, extent_corners};
 use crate::usd::arrays::{as_float3, as_ints, sequential_ids};
 use crate::usd::context::UsdContext;
 use crate::usd::instancer::{stage_orientations, to_quath};
@@ -14,7 +14,7 @@ use crate::usd::instancer_extent::InstancerBounds;
 use crate::usd::layer::LayerBuilder;
 use crate::usd::layer_writer::{AttrHandle, AttrSpec, LayerMetadata, PrimMetadata};
 use crate::usd::mesh::{MeshTarget, define_mesh};
-use crate::usd::skel::{bind_skin, define_animation, define_skeleton, joint_paths};
+use crate::usd::skel::{PointInfluences, bind_points, bind_skin, define_animation, define_skeleton, joint_paths};
 use crate::usd::usdc::UsdcWriter;
 use crate::usd::value::{UsdArray, UsdValue};
 use osier_base::Result;
@@ -200,23 +200,7 @@ fn define_part(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path: &str
 
 /// Binds all points of a mesh to the only joint of a skeleton.
 fn bind_rigidly(layer: &mut LayerBuilder, skel: &str, mesh: &str, points: usize) -> Result<()> {
-    let spec = |type_name| AttrSpec { element_size: Some(1), ..AttrSpec::primvar(type_name, "vertex") };
-    let (indices, weights) = (vec![0; points], vec![1.0; points]);
-    layer.writer.create_attr(
-        &format!("{mesh}.primvars:skel:geomBindTransform"),
-        &AttrSpec::new("matrix4d"),
-        Some(UsdValue::Matrix4d(matrix4d(&Trs::IDENTITY))),
-    )?;
-    layer.writer.create_attr(
-        &format!("{mesh}.primvars:skel:jointIndices"),
-        &spec("int[]"),
-        Some(UsdArray::Int(&indices).into()),
-    )?;
-    layer.writer.create_attr(
-        &format!("{mesh}.primvars:skel:jointWeights"),
-        &spec("float[]"),
-        Some(UsdArray::Float(&weights).into()),
-    )?;
-    set_linear_skinning(layer, mesh)?;
-    layer.writer.create_relationship(&format!("{mesh}.skel:skeleton"), &[skel.to_owned()])
+    let (joints, weights) = (vec![0; points], vec![1.0; points]);
+    bind_points(layer, skel, mesh, &PointInfluences { size: 1, joints: &joints, weights: &weights })?;
+    set_linear_skinning(layer, mesh)
 }

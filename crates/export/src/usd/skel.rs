@@ -153,12 +153,24 @@ pub(crate) fn define_animation(
     })
 }
 
-/// Sets the properties of `SkelBindingAPI` of a mesh: four influences for each point, bound in the space of the `SkelRoot`.
-/// `skeleton`: path of the skeleton.
-pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
-    // Flat lists of four for each point; `elementSize` says so.
-    let indices: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
-    let spec = |type_name| AttrSpec { element_size: Some(4), ..AttrSpec::primvar(type_name, "vertex") };
+/// Joints and weights of the points of a mesh, `size` of each for every point.
+pub(crate) struct PointInfluences<'a> {
+    /// Influences of a point.
+    pub size: i32,
+    /// Indices into the joints of the skeleton, point after point.
+    pub joints: &'a [i32],
+    /// Weights beside them.
+    pub weights: &'a [f32],
+}
+
+/// Sets the properties of `SkelBindingAPI` of a mesh that is bound in the space of the `SkelRoot`. `skeleton`: its path.
+pub(crate) fn bind_points(
+    layer: &mut LayerBuilder,
+    skeleton: &str,
+    mesh: &str,
+    influences: &PointInfluences<'_>,
+) -> Result<()> {
+    let spec = |type_name| AttrSpec { element_size: Some(influences.size), ..AttrSpec::primvar(type_name, "vertex") };
     layer.writer.create_attr(
         &format!("{mesh}.primvars:skel:geomBindTransform"),
         &AttrSpec::new("matrix4d"),
@@ -168,14 +180,22 @@ pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, sk
     layer.writer.create_attr(
         &format!("{mesh}.primvars:skel:jointIndices"),
         &spec("int[]"),
-        Some(UsdArray::Int(&indices).into()),
+        Some(UsdArray::Int(influences.joints).into()),
     )?;
     layer.writer.create_attr(
         &format!("{mesh}.primvars:skel:jointWeights"),
         &spec("float[]"),
-        Some(UsdArray::Float(skin.weights.as_flattened()).into()),
+        Some(UsdArray::Float(influences.weights).into()),
     )?;
     layer.writer.create_relationship(&format!("{mesh}.skel:skeleton"), &[skeleton.to_owned()])
+}
+
+/// Binds a mesh to a skeleton with the four influences of each point. `skeleton`: its path.
+pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
+    // Flat lists of four for each point; `elementSize` says so.
+    let joints: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
+    let influences = PointInfluences { size: 4, joints: &joints, weights: skin.weights.as_flattened() };
+    bind_points(layer, skeleton, mesh, &influences)
 }
 
 impl AnimatedPrim for SkelAnimation {

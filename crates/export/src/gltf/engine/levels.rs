@@ -2,8 +2,6 @@
 //!
 //! A level holds wood and leaves as one mesh, so that an engine draws it in one call for each material.
 
-use std::collections::BTreeMap;
-
 use glam::{Vec2, Vec3};
 use meshoptimizer_rs::{
     Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, Workspace, simplify_with_attributes,
@@ -12,12 +10,13 @@ use meshoptimizer_rs::{
 use crate::gltf::meshes::SkinInfluences;
 use crate::gltf::rig::JointSelection;
 use crate::gltf::wind_channels::{VertexWind, number_of_id, wind_of_mesh};
+use crate::merge::transform_normal;
 use osier_base::math::{narrow, sqrt};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 use osier_base::rng::mix64;
 use osier_base::{Error, Result};
-use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Subset, Trs};
+use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Trs};
 
 /// Constants of the levels, guessed or measured.
 mod tuning {
@@ -65,11 +64,7 @@ impl PlantLevel {
         let Piece { mesh, place, wind } = piece;
         let moved = Mesh {
             points: mesh.points.iter().map(|p| place.apply(*p)).collect(),
-            normals: mesh
-                .normals
-                .iter()
-                .map(|n| osier_base::math::normalize_or(place.r * (*n / place.s), *n))
-                .collect(),
+            normals: mesh.normals.iter().map(|n| transform_normal(place, *n)).collect(),
             uvs: padded(&mesh.uvs, mesh.points.len(), Vec2::ZERO),
             colors: padded(&mesh.colors, mesh.points.len(), [1.0; 4]),
             attributes: Vec::new(),
@@ -82,14 +77,7 @@ impl PlantLevel {
 
     /// Joins the subsets of a material, so that it is drawn once.
     fn join_subsets(&mut self) {
-        let mut by_material: BTreeMap<MaterialId, Vec<[u32; 3]>> = BTreeMap::new();
-        for s in &self.mesh.subsets {
-            by_material.entry(s.material).or_default().extend_from_slice(self.mesh.subset_triangles(s));
-        }
-        (self.mesh.triangles, self.mesh.subsets) = (Vec::new(), Vec::new());
-        for (material, triangles) in by_material {
-            append_subset(&mut self.mesh, material, triangles);
-        }
+        self.mesh.join_subsets();
         // White vertices are the default and need no colours.
         if self.mesh.colors.as_flattened().iter().all(|c| c.to_bits() == 1.0_f32.to_bits()) {
             self.mesh.colors.clear();
@@ -104,13 +92,6 @@ impl PlantLevel {
             count,
         })
     }
-}
-
-/// Appends triangles of one material to a mesh as a subset.
-fn append_subset(mesh: &mut Mesh, material: MaterialId, triangles: Vec<[u32; 3]>) {
-    let first = mesh.next_triangle();
-    mesh.triangles.extend(triangles);
-    mesh.subsets.push(Subset { material, first, count: mesh.next_triangle() - first });
 }
 
 /// A list of one value for each of `count` vertices: `fill` where the mesh has none.
@@ -159,7 +140,7 @@ impl MergedLeaf {
         let mut leaf = vertices_of(all, &used);
         for run in self.triangles.chunk_by(|a, b| a.0 == b.0) {
             let own = run.iter().map(|(_, t)| t.map(|i| index_in(&used, i))).collect();
-            append_subset(&mut leaf, run[0].0, own);
+            leaf.append_subset(run[0].0, own);
         }
         leaf
     }
@@ -266,16 +247,7 @@ impl<'a> PlantSource<'a> {
 
     fn add_wood(&self, level: &mut PlantLevel, object: &MeshObject, budget: usize) -> Result<()> {
         let mesh = &object.mesh;
-        let mut simple = mesh.clone();
-        if budget < mesh.triangles.len() {
-            (simple.triangles, simple.subsets) = (Vec::new(), Vec::new());
-            for s in &mesh.subsets {
-                let triangles = mesh.subset_triangles(s);
-                let target = share_of(budget, triangles.len(), mesh.triangles.len());
-                let list = simplified(mesh, triangles, target, tuning::WOOD_DEVIATION, self.label)?;
-                append_subset(&mut simple, s.material, list);
-            }
-        }
+        let simple = with_fewer_triangles(mesh, budget, tuning::WOOD_DEVIATION, self.label)?;
         self.add_object_influences(level, object, 0..mesh.points.len());
         level.add(&Piece { mesh: &simple, place: Trs::IDENTITY, wind: &wind_of_mesh(mesh) });
         Ok(())
@@ -310,7 +282,9 @@ impl<'a> PlantSource<'a> {
         budget: usize,
     ) -> Result<()> {
         let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
-        let simple = |mesh: &Mesh| with_fewer_triangles(mesh, for_each, self.label).map(|m| compact(&m));
+        let simple = |mesh: &Mesh| {
+            with_fewer_triangles(mesh, for_each, tuning::BLADE_DEVIATION, self.label).map(|m| compact(&m))
+        };
         let blades: Vec<Mesh> = instancer.prototypes.iter().map(|p| simple(&p.mesh)).collect::<Result<_>>()?;
         let proto = |i: usize| instancer.protos.get(i).map_or(0, |p| *p as usize);
         let of = |list: &dyn Fn(usize) -> f64| members.iter().map(|i| list(proto(*i))).sum::<f64>();
@@ -351,7 +325,7 @@ impl<'a> PlantSource<'a> {
         let for_each = (budget / leaves.len().max(1)).max(tuning::LEAST_BLADE);
         let simple = |leaf: &MergedLeaf| {
             let mesh = leaf.mesh(&object.mesh);
-            with_fewer_triangles(&mesh, for_each, self.label)
+            with_fewer_triangles(&mesh, for_each, tuning::BLADE_DEVIATION, self.label)
         };
         let simple: Vec<Mesh> = par_map(leaves, simple).into_iter().collect::<Result<_>>()?;
         let triangles: usize = simple.iter().map(|m| m.triangles.len()).sum();
@@ -410,7 +384,7 @@ fn share_of(total: usize, part: usize, all: usize) -> usize {
 }
 
 #[allow(clippy::cast_precision_loss, reason = "counts of triangles and leaves are far below 2^52")]
-fn to_float(n: usize) -> f64 {
+pub(super) fn to_float(n: usize) -> f64 {
     n as f64
 }
 
@@ -489,8 +463,9 @@ fn vertices_of(mesh: &Mesh, vertices: &[u32]) -> Mesh {
     }
 }
 
-/// The mesh with at most about `most` triangles over the same vertices, each material by its share. `label`: for errors.
-fn with_fewer_triangles(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
+/// The mesh with at most about `most` triangles over the same vertices, each material by its share. `deviation`: as a share of the
+/// mesh's size; `label`: for errors.
+fn with_fewer_triangles(mesh: &Mesh, most: usize, deviation: f32, label: &str) -> Result<Mesh> {
     if mesh.triangles.len() <= most {
         return Ok(mesh.clone());
     }
@@ -499,8 +474,8 @@ fn with_fewer_triangles(mesh: &Mesh, most: usize, label: &str) -> Result<Mesh> {
     for s in &mesh.subsets {
         let triangles = mesh.subset_triangles(s);
         let target = share_of(most, triangles.len(), mesh.triangles.len()).max(1);
-        let list = simplified(mesh, triangles, target, tuning::BLADE_DEVIATION, label)?;
-        append_subset(&mut simple, s.material, list);
+        let list = simplified(mesh, triangles, target, deviation, label)?;
+        simple.append_subset(s.material, list);
     }
     Ok(simple)
 }

@@ -5,7 +5,7 @@ mod levels;
 
 use serde::Serialize;
 
-use self::levels::{PlantLevel, PlantSource, is_merged};
+use self::levels::{PlantLevel, PlantSource, is_merged, to_float};
 use super::Profile;
 use super::asset_nodes::{AssetNodes, NodeParent, NodeTemplate};
 use super::document::{GeometryKind, GltfDocument, GltfInput};
@@ -115,11 +115,6 @@ fn with_wind(level: PlantLevel, channels: Option<&WindChannels>) -> osier_scene:
 fn screen_share(counts: &[usize], lod: usize) -> f32 {
     let (Some(first), Some(next)) = (counts.first(), counts.get(lod + 1)) else { return 0.0 };
     osier_base::math::narrow(osier_base::math::sqrt(to_float(*next) / to_float(*first).max(1.0)))
-}
-
-#[allow(clippy::cast_precision_loss, reason = "numbers of triangles are far below 2^52")]
-fn to_float(n: usize) -> f64 {
-    n as f64
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a number of triangles")]
