@@ -61,7 +61,7 @@ class OSIER_OT_retry(bpy.types.Operator):
 
 
 class OSIER_OT_reset(bpy.types.Operator):
-    """Give all values back to the preset or file"""
+    """Reset all values to those of the preset or file"""
 
     bl_idname = "osier.reset"
     bl_label = "Reset Values"

@@ -7,6 +7,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
 from . import objects, panel, pictures
+from .ops import LOOKS, SAME_SCENE
 from .session import session
 
 _items: dict[str, list[tuple[str, str, str, str | int, int]]] = {}
@@ -72,18 +73,11 @@ class OSIER_PG_settings(bpy.types.PropertyGroup):
     show_all: BoolProperty(name="All", description="Show all values, not only the basic ones")
     into: EnumProperty(
         name="Into",
-        items=[
-            ("THIS", "This Scene", "This scene, with frame rate, range, camera, sky and look of the bake"),
-            ("APPEND", "Append", "This scene; its frame rate, range, camera, sky and look stay"),
-        ],
+        items=SAME_SCENE,
     )
     look: EnumProperty(
         name="Look",
-        items=[
-            ("PREVIEW", "Preview", "Closest to the pictures of osier preview"),
-            ("AGX", "AgX", "Blender's AgX with medium high contrast"),
-            ("KEEP", "Keep", "The look of the scene stays"),
-        ],
+        items=LOOKS,
     )
     objects: CollectionProperty(type=OSIER_PG_object)
     token: StringProperty()

@@ -9,6 +9,20 @@ from bpy_extras.io_utils import ImportHelper
 
 from . import manifest, reload, stage
 
+NEW_SCENE = ("NEW", "New Scene", "A new scene of its own; nothing else is changed")
+SAME_SCENE = [
+    ("THIS", "This Scene", "This scene, with frame rate, range, camera, sky and look of the bake"),
+    ("APPEND", "Append", "This scene; its frame rate, range, camera, sky and look stay"),
+]
+"""Choices of the scene that a bake is imported into."""
+
+LOOKS = [
+    ("PREVIEW", "Preview", "Closest to the pictures of osier preview"),
+    ("AGX", "AgX", "Blender's AgX with medium high contrast"),
+    ("KEEP", "Keep", "The look of the scene stays"),
+]
+"""Choices of the view transform."""
+
 
 def can_import(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Whether stages can be imported now; else the operator's tooltip gives the reason."""
@@ -32,20 +46,12 @@ class OSIER_OT_import(bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default="manifest*.json", options={"HIDDEN"})
     into: EnumProperty(
         name="Into",
-        items=[
-            ("NEW", "New Scene", "A new scene of its own; nothing else is changed"),
-            ("THIS", "This Scene", "This scene, with frame rate, range, camera, sky and look of the bake"),
-            ("APPEND", "Append", "This scene; its frame rate, range, camera, sky and look stay"),
-        ],
+        items=[NEW_SCENE, *SAME_SCENE],
         default="NEW",
     )
     look: EnumProperty(
         name="Look",
-        items=[
-            ("PREVIEW", "Preview", "Closest to the pictures of osier preview"),
-            ("AGX", "AgX", "Blender's AgX with medium high contrast"),
-            ("KEEP", "Keep", "The look of the scene stays"),
-        ],
+        items=LOOKS,
         default="PREVIEW",
     )
 
