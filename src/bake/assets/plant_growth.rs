@@ -1,4 +1,4 @@
-//! Growth of an individual: by its grammar, by an IFS tree, or from the skeleton of an imported mesh.
+//! Growth of an individual: by its grammar, by an IFS tree, by particle-shapes, or from the skeleton of an imported mesh.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use crate::bake::BakeContext;
 use crate::bake::assets::branchlets;
 use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::shape_growth::{GrowthSite, fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
@@ -40,13 +41,27 @@ pub struct GrownPlant {
     pub imported: Option<Arc<MeshPlant>>,
 }
 
-/// Grows one individual with the organs of its plant's materials.
+/// Grows one individual with the organs of its plant's materials, and fills it with twigs where its recipe asks for them.
 /// # Errors
 /// `Input` with the faults of derivation or turtle, `Limit`, `Cancelled`.
 pub fn grow_plant(
     recipe: &PlantRecipe,
     individual: &Individual,
     set: &MaterialSet,
+    site: GrowthSite<'_>,
+    context: &BakeContext<'_>,
+) -> Result<GrownPlant> {
+    let mut grown = grow_from_source(recipe, individual, set, site, context)?;
+    fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
+    Ok(grown)
+}
+
+/// Grows one individual by its grammar, table, particle-shapes or mesh.
+fn grow_from_source(
+    recipe: &PlantRecipe,
+    individual: &Individual,
+    set: &MaterialSet,
+    site: GrowthSite<'_>,
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
     let grammar = match &recipe.growth {
@@ -63,6 +78,11 @@ pub fn grow_plant(
                 ifs::grow(stems, identity, &options, context.limits)?
             };
             return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None });
+        }
+        Growth::Shapes(keys) => {
+            let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
+            let report = Report { diagnostics: warnings, ..Report::default() };
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None });
         }
         Growth::Mesh(..) => {
             let imported = set.tree.clone();

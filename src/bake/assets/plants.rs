@@ -11,6 +11,7 @@ use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::plant_materials;
 use crate::bake::assets::plant_mesh::build_plant_asset;
 use crate::bake::assets::rigged_plant::build_rigged_plant;
+use crate::bake::assets::shape_growth::{GrowthSite, growth_solids};
 use crate::bake::motion::AssetMotion;
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
@@ -91,10 +92,14 @@ pub(crate) fn grow_plants(
     sets: &[MaterialSet],
     context: &BakeContext<'_>,
 ) -> Result<(Vec<GrownPlant>, Report)> {
-    let grown = par_map(&layout.individuals, |individual| {
+    let solids = growth_solids(recipe, layout)?;
+    let transforms = layout.first_transforms();
+    let individuals: Vec<(&Individual, Trs)> = layout.individuals.iter().zip(transforms).collect();
+    let grown = par_map(&individuals, |(individual, transform)| {
         context.cancel.check()?;
         let (plant, set) = plant_and_entry(recipe, sets, individual)?;
-        let grown = grow_plant(plant, individual, set, context);
+        let site = GrowthSite { solids: &solids, transform: *transform };
+        let grown = grow_plant(plant, individual, set, site, context);
         context.progress.advance(1);
         grown
     });

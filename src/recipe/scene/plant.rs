@@ -45,6 +45,11 @@ keys! {
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml"), basic;
         /// Mesh of a whole plant, instead of a grammar; osier extracts its skeleton.
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
+        /// File of particle-shapes, instead of a grammar.
+        shapes: Option<Reference> = "shapes" FileReference(".shapes"), basic;
+        /// File of particle-shapes that adds twigs and leaves to the axes that bear none; of its level 0 only spacing, base and
+        /// angle count.
+        twigs: Option<Reference> = "twigs" FileReference(".shapes");
         /// Number of derivation steps.
         steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "that of the grammar"), basic;
         /// Values that replace `#define`s of the grammar.
@@ -64,8 +69,24 @@ keys! {
 }
 
 /// Keys and tables that say how a plant grows or what it wears.
-const GROWN: &[&str] =
-    &["grammar", "ifs", "steps", "set", "stochastic", "turtle", "tree", "leaf", "organs", "bark", "shoot", "skin"];
+const GROWN: &[&str] = &[
+    "grammar",
+    "ifs",
+    "shapes",
+    "growth",
+    "twigs",
+    "fill",
+    "steps",
+    "set",
+    "stochastic",
+    "turtle",
+    "tree",
+    "leaf",
+    "organs",
+    "bark",
+    "shoot",
+    "skin",
+];
 
 /// Words between bars, in lower case.
 pub fn words(pattern: &str) -> Vec<String> {
@@ -156,8 +177,8 @@ impl Resolver<'_> {
                 Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
             self.report.push(d.help("it sets how a mesh is read: name one with mesh = \"FILE\""));
         }
-        // One of mesh, grammar and coefficient table grows the plant. `letters` are the organs that the grammar or table uses.
-        let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
+        // One of mesh, grammar, coefficient table and particle-shapes grows the plant. `letters` are the organs that it uses.
+        let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.import_plant_mesh(&keys, &path, table)?;
                 let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
@@ -181,15 +202,30 @@ impl Resolver<'_> {
                 organs.extend(sets);
                 (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
             }
+            (None, None) if keys.shapes.is_some() => {
+                let reference = keys.shapes.as_ref()?;
+                let file = self.read(&reference.text, reference.span, "text-bytes", &[".shapes"])?;
+                let shapes = self.shape_keys(&file, table, &path, "growth")?;
+                (Growth::Shapes(Box::new(shapes)), file.shown, vec!['l'])
+            }
             // A misspelt or unreadable `grammar` has been named already.
             (None, None) if misread => return None,
             (None, None) => {
                 let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
-                let help =
-                    "add grammar = \"NAME.l\", or mesh = \"FILE\"; `osier list presets` shows those in the binary";
+                let help = "add grammar = \"NAME.l\", shapes = \"NAME.shapes\" or mesh = \"FILE\"; `osier list presets` shows those in the binary";
                 self.report.push(d.help(help));
                 return None;
             }
+        };
+        let fill = match &keys.twigs {
+            // The surface of an artist's mesh stays as it is.
+            _ if matches!(growth, Growth::Mesh(..)) => None,
+            Some(reference) => {
+                let file = self.read(&reference.text, reference.span, "text-bytes", &[".shapes"])?;
+                letters.extend(Some('l').filter(|l| !letters.contains(l)));
+                Some(self.shape_keys(&file, table, &path, "fill")?)
+            }
+            None => None,
         };
         // Organs that are used but not described get a blade with default keys.
         for letter in letters {
@@ -212,6 +248,7 @@ impl Resolver<'_> {
             name: name.into(),
             id,
             growth,
+            fill,
             source,
             turtle,
             organs,
