@@ -25,7 +25,7 @@ use osier_ifs::stems::TreeSystem;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
-use osier_plants::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
+use osier_plants::grow::turtle::{self, OrganSpec, RadiusModel, Tropism, TurtleOptions};
 use osier_scene::plant::Plant;
 
 /// A grown individual.
@@ -39,6 +39,8 @@ pub struct GrownPlant {
     pub modules: u64,
     /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
     pub imported: Option<Arc<MeshPlant>>,
+    /// The organ that stands for each segment where the plant is shown by its segments; `None`: prisms.
+    pub segment: Option<OrganSpec>,
 }
 
 /// Grows one individual with the organs of its plant's materials, and fills it with twigs where its recipe asks for them.
@@ -53,6 +55,7 @@ pub fn grow_plant(
 ) -> Result<GrownPlant> {
     let mut grown = grow_from_source(recipe, individual, set, site, context)?;
     fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
+    grown.segment = recipe.skin.segment.chars().next().and_then(|letter| set.organs.get(&letter)).cloned();
     Ok(grown)
 }
 
@@ -77,19 +80,19 @@ fn grow_from_source(
             } else {
                 ifs::grow(stems, identity, &options, context.limits)?
             };
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None });
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None, segment: None });
         }
         Growth::Shapes(keys) => {
             let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None });
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });
         }
         Growth::Mesh(..) => {
             let imported = set.tree.clone();
             let tree = imported.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
             let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
             plant.materials = set.materials.iter().map(|m| m.name.clone()).collect();
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported });
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported, segment: None });
         }
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
@@ -105,7 +108,7 @@ fn grow_from_source(
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, imported: None })
+    Ok(GrownPlant { plant, report, modules, imported: None, segment: None })
 }
 
 /// Options of an IFS tree from the keys of `[plants.NAME.tree]`.

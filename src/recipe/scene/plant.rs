@@ -1,10 +1,12 @@
 //! `[plants.NAME]`: what grows a plant and what it looks like.
 
-use super::{BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SkinKeys, TurtleKeys, UpAxis};
+use super::{
+    BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SkinForm, SkinKeys, TurtleKeys, UpAxis,
+};
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
-    BooleanType, FileReference, NamedNumbers, OneOf, OptionalKey, Reference, SeedType, TomlTable, TomlValue, integer,
-    join, wrong,
+    BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, SeedType, TomlTable,
+    TomlValue, integer, join, number, wrong,
 };
 use crate::recipe::syntax::{Digest as _, KeyTable};
 use crate::recipe::syntax::{choices, keys};
@@ -61,6 +63,8 @@ keys! {
         /// How motion is written: joints ("skin"), points of every frame ("cache"), few joints and shader attributes
         /// ("game"), shader attributes only ("static"), or no motion ("still").
         motion: BarkMotion = "motion" OneOf(BarkMotion::Skin), basic;
+        /// Shares of its growth time, 0 to 1, at the first and the last frame: the plant grows over the clip and does not sway.
+        growth_clip: Option<[f64; 2]> = "growth_clip" OptionalKey(NumberArray([0.0, 1.0], number(0.0, 0.0, 1.0, "")), "fully grown");
         /// Largest number of joints of the skeleton.
         max_joints: u32 = "max_joints" integer(256, 1, 300);
         /// Largest number of branches that bend individually.
@@ -171,6 +175,7 @@ impl Resolver<'_> {
         let mut skin: SkinKeys = self.section_at(table, &path, "skin");
         let wood = self.section_at(table, &path, "wood");
         let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
+        self.settle_forms(table, &path, &mut keys, &mut skin);
         let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
         if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
             let d =
@@ -260,6 +265,29 @@ impl Resolver<'_> {
             rods,
             keys,
         })
+    }
+
+    /// S007 for what a plant cannot be at the same time; the later of both keys gives way: growth in the rain or on shader attributes,
+    /// segments in the rain or on rods.
+    fn settle_forms(&mut self, plant: &TomlTable, path: &str, keys: &mut PlantKeys, skin: &mut SkinKeys) {
+        let shaded = matches!(keys.motion, BarkMotion::Game | BarkMotion::Static);
+        if keys.growth_clip.is_some() && (self.raining || shaded) {
+            let why = if self.raining { "rain meets grown plants" } else { "its motion is left to shaders" };
+            self.has_no_effect(plant, path, &["growth_clip"], why);
+            keys.growth_clip = None;
+        }
+        if skin.form == SkinForm::Segments && (self.raining || plant.get("rods").is_some()) {
+            let why = if self.raining { "rain needs a closed skin" } else { "rods need a closed skin" };
+            self.has_no_effect(plant, path, &["skin", "form"], why);
+            skin.form = SkinForm::Loft;
+        }
+    }
+
+    /// S007 for a key of a plant.
+    fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
+        let span = span_of(plant, key).unwrap_or(self.whole);
+        let text = format!("{path}.{} has no effect", key.join("."));
+        self.report.push(Diagnostic::warning("S007", text, span, "has no effect").help(format!("because {why}")));
     }
 
     /// Whether the ends of a table's tree can be instances of a few twigs; S007 where they are requested but cannot.
