@@ -27,6 +27,8 @@ pub fn recipe(preset: &Preset, seed: Option<u64>, maps: bool) -> Recipe {
     let (stem, ending) = preset.name.split_once('.').expect("ending");
     let mut request = if ending == "l" {
         Request::bare(stem, preset.name)
+    } else if ending == "shapes" {
+        Request::shapes(stem, preset.name)
     } else if ending == "ifs.toml" {
         Request::tree(stem, preset.name)
     } else {
