@@ -177,10 +177,16 @@ impl Resolver<'_> {
         let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
         self.settle_forms(table, &path, &mut keys, &mut skin);
         let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
-        if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
-            let d =
-                Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
-            self.report.push(d.help("it sets how a mesh is read: name one with mesh = \"FILE\""));
+        for (name, file, help) in [
+            ("import", &keys.mesh, "it sets how a mesh is read: name one with mesh = \"FILE\""),
+            ("growth", &keys.shapes, "it sets how particle-shapes grow: name a file with shapes = \"FILE.shapes\""),
+            ("fill", &keys.twigs, "it sets which twigs are added: name a file with twigs = \"FILE.shapes\""),
+        ] {
+            if let Some(entry) = table.get(name).filter(|_| file.is_none()) {
+                let text = format!("{path}.{name} has no effect");
+                let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+                self.report.push(d.help(help));
+            }
         }
         // One of mesh, grammar, coefficient table and particle-shapes grows the plant. `letters` are the organs that it uses.
         let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
