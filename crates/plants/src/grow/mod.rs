@@ -8,3 +8,4 @@ pub mod mesh;
 mod polyline;
 pub mod radii;
 pub mod turtle;
+pub mod years;

@@ -1,0 +1,172 @@
+//! Bending under the weight that a year adds, and righting by reaction wood.
+
+use glam::{Quat, Vec3};
+
+use super::season::{GRAVITY, Season};
+use super::shoots::raised;
+use super::tree::{NONE, Tree, flag, y_axis};
+use osier_base::math;
+
+/// Mass of dead wood over that of living wood.
+const DEAD_DENSITY: f32 = 0.6;
+/// Gains of moment below this share of it bend nothing.
+const LEAST_GAIN: f32 = 1e-5;
+/// Largest bend of an internode in a year, rad.
+const BEND_MAX: f32 = 0.5;
+/// Share of the angle to hanging that a bend may take.
+const BEND_SHARE: f32 = 0.6;
+/// Radius at which reaction wood turns at its full rate, m, the least radius that it sees and its largest factor.
+const RIGHTING: [f32; 3] = [0.01, 0.003, 1.5];
+/// Largest turn by reaction wood in a year, rad.
+const RIGHTING_MAX: f32 = 0.2;
+/// Wood does not sink lower than this above the tree's base, m.
+const LOWEST: f32 = 0.1;
+
+impl Tree {
+    /// Bends the wood and moves all that it carries.
+    /// Source: [jirasek] for wood laid on a bent branch, which keeps it bent: only the growth of the moment bends.
+    pub fn bend(&mut self, season: &Season) {
+        self.sum_weights();
+        self.turn_wood(season);
+    }
+
+    /// Mass from the base of each internode on, with its first moments along x and z.
+    fn sum_weights(&mut self) {
+        let mut weights = std::mem::take(&mut self.scratch.weight);
+        weights.clear();
+        weights.resize(self.nodes.len(), Vec3::ZERO);
+        let density = self.habit.density * std::f32::consts::PI;
+        for i in (0..self.nodes.len()).rev() {
+            let nodes = &self.nodes;
+            if nodes.flags[i] & flag::FALLEN != 0 {
+                continue;
+            }
+            let r = nodes.r[i];
+            let wood = density * r * r * nodes.length[i];
+            let mass =
+                if nodes.lives(i) { wood + self.habit.leaf_mass * self.leaf_area(i) } else { DEAD_DENSITY * wood };
+            let middle = 0.5 * (nodes.base(i) + nodes.p[i]);
+            weights[i] += Vec3::new(middle.x * mass, mass, middle.z * mass);
+            if nodes.parent[i] != NONE {
+                let weight = weights[i];
+                weights[nodes.parent[i] as usize] += weight;
+            }
+        }
+        self.scratch.weight = weights;
+    }
+
+    /// Turns each internode about its base by bending and righting, and passes the turns on.
+    fn turn_wood(&mut self, season: &Season) {
+        let habit = &self.habit;
+        let nodes = &mut self.nodes;
+        let turns = &mut self.scratch.turn;
+        turns.clear();
+        turns.resize(nodes.len(), Quat::IDENTITY);
+        let modulus = habit.elasticity_gpa * 1e9 * std::f32::consts::FRAC_PI_4;
+        for i in 0..nodes.len() {
+            if nodes.flags[i] & flag::FALLEN != 0 {
+                continue;
+            }
+            let parent = nodes.parent[i];
+            let order = usize::from(nodes.order[i]);
+            let d = y_axis(nodes.q[i]);
+            let length = nodes.length[i];
+            // Everything below is computed from the positions before the turn; the base moves with the parent.
+            let weight = self.scratch.weight[i];
+            let (old_base, new_base, carried) = if parent == NONE {
+                let base = nodes.p[i] - d * length;
+                (base, base, Quat::IDENTITY)
+            } else {
+                let p = nodes.p[parent as usize];
+                // The parent has moved already: its old end is this internode's end less its vector.
+                (nodes.p[i] - d * length, p, turns[parent as usize])
+            };
+            let lever = Vec3::new(weight.x - weight.y * old_base.x, 0.0, weight.z - weight.y * old_base.z);
+            // Torque of the weight: lever x (0, -g, 0).
+            let torque = Vec3::new(lever.z, 0.0, -lever.x) * GRAVITY;
+            let moment = torque.length();
+            let gain = moment - nodes.moment[i];
+            nodes.moment[i] = moment;
+            let mut turn = Vec3::ZERO;
+            let r = nodes.r[i];
+            if gain > LEAST_GAIN * moment && habit.sag[order] > 0.0 {
+                let stiffness = modulus * (r * r) * (r * r);
+                let angle = limited_bend(habit.sag[order] * gain * length / stiffness, d);
+                // Torsion is left out: the part of the torque along the internode.
+                let across = torque - d * d.dot(torque);
+                turn = across * (angle / moment);
+            }
+            let rate = habit.upright[order];
+            if rate > 0.0 && nodes.flags[i] & flag::DEAD == 0 {
+                turn += righting(d, season, order, rate * length, r);
+            }
+            // Pass on the turn of the parent; the own one comes first.
+            let own = if turn.length_squared() > 0.0 { carried * small_rotation(turn) } else { carried };
+            let mut q = renormalized(own * nodes.q[i]);
+            let mut d = y_axis(q);
+            let mut own = own;
+            let low = new_base.y + d.y * length < LOWEST && new_base.y >= LOWEST && order > 0;
+            if low {
+                let level = lowest_direction(d, new_base.y, length);
+                let up = math::rotation_between(d, level);
+                own = up * own;
+                q = (up * q).normalize();
+                d = y_axis(q);
+            }
+            turns[i] = renormalized(own);
+            nodes.q[i] = q;
+            nodes.p[i] = new_base + d * length;
+        }
+    }
+}
+
+/// The bend of an internode, limited by how far it can hang.
+/// Source: theta = min(0.5, 0.6 h (1 - exp(-theta / (0.6 h)))), h = angle to hanging.
+fn limited_bend(angle: f32, d: Vec3) -> f32 {
+    let hanging = math::acos_f32((-d.y).clamp(-1.0, 1.0));
+    let most = BEND_SHARE * hanging;
+    if most <= 0.0 {
+        return 0.0;
+    }
+    let part = angle / most;
+    // 1 - e^-x = x (1 - x / 2 + x^2 / 6) within 1e-7 for the usual, small bends.
+    let limited =
+        if part < 0.01 { angle * (1.0 - part * (0.5 - part / 6.0)) } else { most * (1.0 - math::exp_f32(-part)) };
+    limited.min(BEND_MAX)
+}
+
+/// The turn by reaction wood towards the elevation of the axis, as a rotation vector; the trunk's is upright.
+/// Own: deviation x upright x l x min(0.01 / max(r, 0.003), 1.5), at most 0.2 rad.
+fn righting(d: Vec3, season: &Season, order: usize, rate: f32, r: f32) -> Vec3 {
+    let wanted = if order == 0 { Vec3::Y } else { raised(d, season.elevation[order]) };
+    let about = d.cross(wanted);
+    let sine = about.length();
+    if sine < 1e-6 {
+        return Vec3::ZERO;
+    }
+    let deviation = osier_base::math::narrow(math::atan2(f64::from(sine), f64::from(d.dot(wanted))));
+    let factor = (RIGHTING[0] / r.max(RIGHTING[1])).min(RIGHTING[2]);
+    about * ((deviation * rate * factor).min(RIGHTING_MAX) / sine)
+}
+
+/// A rotation by a vector of less than a radian.
+/// Source: (v sin(t / 2) / t, cos(t / 2)) in powers of t, within 1e-6 at t = 1.
+#[inline]
+fn small_rotation(v: Vec3) -> Quat {
+    let t = v.length_squared();
+    let v = v * (0.5 - t * (1.0 / 48.0 - t * (1.0 / 3840.0)));
+    Quat::from_xyzw(v.x, v.y, v.z, 1.0 - t * (1.0 / 8.0 - t * (1.0 / 384.0 - t / 46080.0)))
+}
+
+/// A quaternion that is nearly of unit length, by one step of Newton's iteration for its length.
+#[inline]
+fn renormalized(q: Quat) -> Quat {
+    q * (1.5 - 0.5 * q.length_squared())
+}
+
+/// The direction that ends at the lowest height allowed, with the heading of `d`.
+fn lowest_direction(d: Vec3, from: f32, length: f32) -> Vec3 {
+    let y = ((LOWEST - from) / length).clamp(-1.0, 1.0);
+    let level = math::normalize_or(Vec3::new(d.x, 0.0, d.z), Vec3::X);
+    level * (1.0 - y * y).max(0.0).sqrt() + Vec3::Y * y
+}
