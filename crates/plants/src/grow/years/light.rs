@@ -455,7 +455,7 @@ mod tests {
 
     #[test]
     fn light_from_a_side_and_the_sun_has_its_weights() {
-        let site = Site { side: Vec3::new(0.6, 0.0, 0.0), direct: 0.5, ..Site::default() };
+        let site = Site { side: Vec3::new(0.6, 0.0, 0.0), latitude: 50.0, direct: 0.5, ..Site::default() };
         let sky = sky(&site);
         assert_eq!(sky.len(), 20);
         assert!((sky.iter().map(|s| s.weight).sum::<f32>() - 1.0).abs() < 1e-6);
