@@ -1,5 +1,5 @@
-//! Draws the wood of a species at several ages or seeds, one panel each, all at one scale, beside a person of 1.75 m:
-//! `cargo run --release -p osier-plants --example growth_picture -- oak out.png [--ages 5,10,20] [--seeds 1,2] [--tips]`
+//! Draws the wood of species at several ages or seeds, one panel each, all at one scale, beside a person of 1.75 m:
+//! `cargo run --release -p osier-plants --example growth_picture -- oak,beech out.png [--ages 5,10,20] [--seeds 1,2] [--tips]`
 #![allow(clippy::expect_used, clippy::disallowed_methods, clippy::print_stdout, reason = "a tool for people")]
 
 mod common;
@@ -88,8 +88,8 @@ fn main() {
         }
     }
     let mut plants = Vec::new();
-    for seed in &seeds {
-        let spec = common::spec(&name, *seed);
+    for (name, seed) in name.split(',').flat_map(|name| seeds.iter().map(move |seed| (name, *seed))) {
+        let spec = common::spec(name, seed);
         for age in if ages.is_empty() { vec![spec.age] } else { ages.clone() } {
             let spec = osier_plants::grow::years::TreeSpec { age, ..spec.clone() };
             let grown = grow(&[spec], &Site::default(), &Limits::default()).expect("grows");

@@ -9,8 +9,8 @@ use osier_base::math;
 
 /// Mass of dead wood over that of living wood.
 const DEAD_DENSITY: f32 = 0.6;
-/// Gains of moment below this share of it bend nothing.
-const LEAST_GAIN: f32 = 1e-5;
+/// Gains of moment below this share of it wait until they add up to it: most twigs need no bend in most years.
+const LEAST_GAIN: f32 = 0.01;
 /// Largest bend of an internode in a year, rad.
 const BEND_MAX: f32 = 0.5;
 /// Share of the angle to hanging that a bend may take.
@@ -19,6 +19,8 @@ const BEND_SHARE: f32 = 0.6;
 const RIGHTING: [f32; 3] = [0.01, 0.003, 1.5];
 /// Largest turn by reaction wood in a year, rad.
 const RIGHTING_MAX: f32 = 0.2;
+/// Deviations with a smaller sine are not righted.
+const LEAST_SINE: f32 = 1e-4;
 /// Wood does not sink lower than this above the tree's base, m.
 const LOWEST: f32 = 0.1;
 
@@ -69,62 +71,73 @@ impl Tree {
             }
             let parent = nodes.parent[i];
             let order = usize::from(nodes.order[i]);
-            let d = y_axis(nodes.q[i]);
             let length = nodes.length[i];
-            // Everything below is computed from the positions before the turn; the base moves with the parent.
-            let weight = self.scratch.weight[i];
-            let (old_base, new_base, carried) = if parent == NONE {
-                let base = nodes.p[i] - d * length;
-                (base, base, Quat::IDENTITY)
-            } else {
-                let p = nodes.p[parent as usize];
-                // The parent has moved already: its old end is this internode's end less its vector.
-                (nodes.p[i] - d * length, p, turns[parent as usize])
+            let (new_base, carried) = match nodes.p.get(parent as usize) {
+                Some(p) => (*p, turns[parent as usize]),
+                None => (nodes.base(i), Quat::IDENTITY),
             };
+            // Torque of the weight about the base, lever x (0, -g, 0), from the positions before any turn.
+            let weight = self.scratch.weight[i];
+            let old_base = nodes.p[i] - y_axis(nodes.q[i]) * length;
             let lever = Vec3::new(weight.x - weight.y * old_base.x, 0.0, weight.z - weight.y * old_base.z);
-            // Torque of the weight: lever x (0, -g, 0).
             let torque = Vec3::new(lever.z, 0.0, -lever.x) * GRAVITY;
             let moment = torque.length();
             let gain = moment - nodes.moment[i];
-            nodes.moment[i] = moment;
-            let mut turn = Vec3::ZERO;
-            let r = nodes.r[i];
-            if gain > LEAST_GAIN * moment && habit.sag[order] > 0.0 {
-                let stiffness = modulus * (r * r) * (r * r);
-                let angle = limited_bend(habit.sag[order] * gain * length / stiffness, d);
-                // Torsion is left out: the part of the torque along the internode.
-                let across = torque - d * d.dot(torque);
-                turn = across * (angle / moment);
+            let gains = gain > LEAST_GAIN * moment;
+            if gains || gain < 0.0 {
+                nodes.moment[i] = moment;
             }
-            let rate = habit.upright[order];
-            if rate > 0.0 && nodes.flags[i] & flag::DEAD == 0 {
-                turn += righting(d, season, order, rate * length, r);
+            // Its direction as the turn of its parent leaves it: what that has righted is not righted again.
+            let mut q = carried * nodes.q[i];
+            let mut own = carried;
+            let bends = gains && habit.sag[order] > 0.0;
+            let rate = if nodes.flags[i] & flag::DEAD == 0 { habit.upright[order] } else { 0.0 };
+            if bends || rate > 0.0 {
+                let d = y_axis(q);
+                let r = nodes.r[i];
+                let mut turn = Vec3::ZERO;
+                if bends {
+                    let stiffness = modulus * (r * r) * (r * r);
+                    let angle = limited_bend(habit.sag[order] * gain * length / stiffness, d);
+                    // Torsion is left out: the part of the torque along the internode.
+                    turn = (torque - d * d.dot(torque)) * (angle / moment);
+                }
+                if rate > 0.0 {
+                    turn += righting(d, season, order, rate * length, r);
+                }
+                let turn = small_rotation(turn);
+                own = turn * own;
+                q = turn * q;
             }
-            // Pass on the turn of the parent; the own one comes first.
-            let own = if turn.length_squared() > 0.0 { carried * small_rotation(turn) } else { carried };
-            let mut q = renormalized(own * nodes.q[i]);
+            let mut q = renormalized(q);
             let mut d = y_axis(q);
-            let mut own = own;
-            let low = new_base.y + d.y * length < LOWEST && new_base.y >= LOWEST && order > 0;
-            if low {
-                let level = lowest_direction(d, new_base.y, length);
-                let up = math::rotation_between(d, level);
+            if order > 0 && new_base.y >= LOWEST && new_base.y + d.y * length < LOWEST {
+                let up = math::rotation_between(d, lowest_direction(d, new_base.y, length));
                 own = up * own;
                 q = (up * q).normalize();
                 d = y_axis(q);
             }
-            turns[i] = renormalized(own);
+            turns[i] = own;
             nodes.q[i] = q;
             nodes.p[i] = new_base + d * length;
         }
     }
 }
 
+/// The angle of a cosine, rad, within 2e-3 of it.
+/// Source: 2 asin(c / 2) in powers of the chord c = sqrt(2 - 2 cos), from the nearer of 0 and pi.
+#[inline]
+fn angle_of_cosine(cosine: f32) -> f32 {
+    let square = (2.0 - 2.0 * cosine.abs()).max(0.0);
+    let angle = square.sqrt() * (1.0 + square * (1.0 / 24.0 + square * (3.0 / 640.0 + square * (5.0 / 7168.0))));
+    if cosine < 0.0 { std::f32::consts::PI - angle } else { angle }
+}
+
 /// The bend of an internode, limited by how far it can hang.
 /// Source: theta = min(0.5, 0.6 h (1 - exp(-theta / (0.6 h)))), h = angle to hanging.
+#[inline]
 fn limited_bend(angle: f32, d: Vec3) -> f32 {
-    let hanging = math::acos_f32((-d.y).clamp(-1.0, 1.0));
-    let most = BEND_SHARE * hanging;
+    let most = BEND_SHARE * angle_of_cosine(-d.y);
     if most <= 0.0 {
         return 0.0;
     }
@@ -137,14 +150,15 @@ fn limited_bend(angle: f32, d: Vec3) -> f32 {
 
 /// The turn by reaction wood towards the elevation of the axis, as a rotation vector; the trunk's is upright.
 /// Own: deviation x upright x l x min(0.01 / max(r, 0.003), 1.5), at most 0.2 rad.
+#[inline]
 fn righting(d: Vec3, season: &Season, order: usize, rate: f32, r: f32) -> Vec3 {
     let wanted = if order == 0 { Vec3::Y } else { raised(d, season.elevation[order]) };
     let about = d.cross(wanted);
     let sine = about.length();
-    if sine < 1e-6 {
+    if sine < LEAST_SINE {
         return Vec3::ZERO;
     }
-    let deviation = osier_base::math::narrow(math::atan2(f64::from(sine), f64::from(d.dot(wanted))));
+    let deviation = angle_of_cosine(d.dot(wanted));
     let factor = (RIGHTING[0] / r.max(RIGHTING[1])).min(RIGHTING[2]);
     about * ((deviation * rate * factor).min(RIGHTING_MAX) / sine)
 }
@@ -165,6 +179,7 @@ fn renormalized(q: Quat) -> Quat {
 }
 
 /// The direction that ends at the lowest height allowed, with the heading of `d`.
+#[cold]
 fn lowest_direction(d: Vec3, from: f32, length: f32) -> Vec3 {
     let y = ((LOWEST - from) / length).clamp(-1.0, 1.0);
     let level = math::normalize_or(Vec3::new(d.x, 0.0, d.z), Vec3::X);

@@ -6,6 +6,7 @@ use super::light::LightField;
 use super::season::Season;
 use super::site::Prune;
 use super::tree::{Bud, GOLDEN_ANGLE, Loss, NONE, Purpose, Tree, flag, index_of};
+use osier_base::math::narrow;
 
 /// Radius of dead wood that stands for the years of `linger`, m.
 const LINGER_RADIUS: f32 = 0.02;
@@ -13,8 +14,8 @@ const LINGER_RADIUS: f32 = 0.02;
 const LINGER_MAX: f32 = 1.5;
 /// Year from which everything low is taken away with the branches of the stem.
 const LIFT_ALL_YEAR: u32 = 8;
-/// Height below which everything is taken away, as a share of the clear stem.
-const LIFT_ALL_SHARE: f32 = 0.8;
+/// Height below which everything is taken away, as a share of the clear stem: drawn for each axis, so that no crown ends level.
+const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.2];
 /// Length of the axis below a dead tip in which a side axis may become the leader, m.
 const SUCCESSION_REACH: f32 = 2.0;
 /// Most dormant buds of a node.
@@ -120,10 +121,10 @@ impl Tree {
     }
 
     /// Takes low branches away: side axes of the stem below the clear stem and, in older trees, all that hangs lower than
-    /// [`LIFT_ALL_SHARE`] of it.
+    /// its axis' share of it.
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
-        let low = if season.year > LIFT_ALL_YEAR { LIFT_ALL_SHARE * lift } else { f32::NEG_INFINITY };
+        let highest = if season.year > LIFT_ALL_YEAR { narrow(LIFT_ALL_SHARE[1]) * lift } else { f32::NEG_INFINITY };
         for i in 0..self.nodes.len() {
             let nodes = &self.nodes;
             if nodes.flags[i] & flag::FALLEN != 0 || nodes.parent[i] == NONE {
@@ -135,11 +136,17 @@ impl Tree {
                 continue;
             }
             let on_stem = nodes.flags[i] & flag::MAIN == 0 && nodes.order[parent] == 0 && nodes.s[parent] < lift;
-            let hangs = nodes.order[i] > 0 && nodes.p[i].y < low;
+            let low = nodes.order[i] > 0 && nodes.p[i].y < highest;
+            let hangs = low && nodes.p[i].y < lift * self.lift_share(self.axis_ids[nodes.axis[i] as usize]);
             if on_stem || hangs {
                 self.remove(i);
             }
         }
+    }
+
+    /// Height below which an axis is taken away, as a share of the clear stem.
+    fn lift_share(&self, axis_id: u64) -> f32 {
+        narrow(self.draw(axis_id, Purpose::Lift).range(LIFT_ALL_SHARE[0], LIFT_ALL_SHARE[1]))
     }
 
     /// Passes death on to what stands on the dead, and lets dead wood fall.

@@ -106,6 +106,8 @@ pub(super) struct Grid {
     pub origin: Vec3,
     /// Side of a cell, m.
     pub cell: f32,
+    /// 1 / `cell`, 1/m.
+    pub per_cell: f32,
     /// Numbers of cells along x, y (layers) and z.
     pub size: [usize; 3],
 }
@@ -130,7 +132,12 @@ impl Grid {
         let high = ((around.max - anchor) / cell).ceil();
         let count = |v: f32| (v as usize).max(1);
         let size = high - low;
-        Self { origin: anchor + low * cell, cell, size: [count(size.x), count(size.y), count(size.z)] }
+        Self {
+            origin: anchor + low * cell,
+            cell,
+            per_cell: 1.0 / cell,
+            size: [count(size.x), count(size.y), count(size.z)],
+        }
     }
 
     /// Number of cells.
@@ -142,7 +149,7 @@ impl Grid {
     #[inline]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub fn cell_of(&self, p: Vec3) -> u32 {
-        let at = (p - self.origin) / self.cell;
+        let at = (p - self.origin) * self.per_cell;
         let clamp = |v: f32, n: usize| (v.max(0.0) as usize).min(n - 1);
         let [nx, ny, nz] = self.size;
         ((clamp(at.y, ny) * nz + clamp(at.z, nz)) * nx + clamp(at.x, nx)) as u32
@@ -156,7 +163,7 @@ impl Grid {
     /// Share of a deposit at `p` that falls into the cell that holds `p`.
     #[inline]
     pub fn own_share(&self, p: Vec3) -> f32 {
-        let at = (p - self.origin) / self.cell;
+        let at = (p - self.origin) * self.per_cell;
         let off = (at - at.floor() - 0.5).abs();
         (1.0 - off.x) * (1.0 - off.y) * (1.0 - off.z)
     }
@@ -166,7 +173,7 @@ impl Grid {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     fn corners(&self, p: Vec3) -> Corners {
         let [nx, ny, nz] = self.size;
-        let at = (p - self.origin) / self.cell - 0.5;
+        let at = (p - self.origin) * self.per_cell - 0.5;
         let low = at.floor();
         let t = at - low;
         let pair = |v: f32, n: usize| {

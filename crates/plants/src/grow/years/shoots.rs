@@ -52,14 +52,26 @@ struct Shoot {
     count: u16,
 }
 
+/// A power of a number that is not negative; the exponents of most tables need no logarithm.
+fn power(x: f32, exponent: f32) -> f32 {
+    let is = |whole: f32| (exponent - whole).abs() < 1e-6;
+    if is(1.0) {
+        x
+    } else if is(2.0) {
+        x * x
+    } else if is(3.0) {
+        x * x * x
+    } else if is(4.0) {
+        (x * x) * (x * x)
+    } else {
+        math::pow_f32(x, exponent)
+    }
+}
+
 /// Decline of growth with the path of water and with height.
 /// Source: max(0, 1 - (path / path_max)^a) max(0, 1 - (height / height_max)^b).
 fn hydraulics(habit: &Habit, path: f32, height: f32) -> f32 {
-    let decline = |part: f32, power: f32| {
-        // Squares are the usual case.
-        let power = if (power - 2.0).abs() < 1e-6 { part * part } else { math::pow_f32(part.max(0.0), power) };
-        (1.0 - power).max(0.0)
-    };
+    let decline = |part: f32, exponent: f32| (1.0 - power(part.max(0.0), exponent)).max(0.0);
     decline(path / habit.path_max, habit.path_power) * decline(height / habit.height_max, habit.height_power)
 }
 
@@ -347,7 +359,7 @@ impl Tree {
             }
         } else {
             let count = if habit.buds > 1.5 { 2 } else { 1 };
-            (count, alive * math::pow(f64::from(t), f64::from(habit.acrotony)), std::f32::consts::PI)
+            (count, alive * f64::from(power(t, habit.acrotony)), std::f32::consts::PI)
         };
         let mut draw = self.draw(id, Purpose::Buds);
         let deviation = AZIMUTH_DEVIATION.to_radians();

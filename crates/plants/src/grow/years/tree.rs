@@ -44,6 +44,7 @@ pub(super) enum Purpose {
     Stem = 5,
     Azimuth = 6,
     Dormant = 7,
+    Lift = 8,
 }
 
 macro_rules! columns {
