@@ -191,3 +191,6 @@ fn grow_group(group: &[usize], specs: &[TreeSpec], site: &Site, limits: &Limits)
 fn full_years(age: f64) -> u32 {
     age.floor() as u32
 }
+
+#[cfg(test)]
+mod tests;
