@@ -1,5 +1,10 @@
 //! Species tables as the examples read them.
-#![allow(dead_code, reason = "each example uses a part")]
+#![allow(
+    dead_code,
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    reason = "tools for people, each of which uses a part"
+)]
 
 use std::path::{Path, PathBuf};
 

@@ -87,6 +87,12 @@ impl GrownTree {
         self.tree.died
     }
 
+    /// Ends of its living open tips, from its base, m.
+    pub fn tips(&self) -> impl Iterator<Item = Vec3> {
+        let nodes = &self.tree.nodes;
+        (0..nodes.len()).filter(|i| nodes.grows(*i)).map(|i| nodes.p[i])
+    }
+
     /// Numbers of living branches by their Strahler order, from 1.
     pub fn strahler_counts(&self) -> Vec<usize> {
         self.tree.strahler_counts()
@@ -192,5 +198,7 @@ fn full_years(age: f64) -> u32 {
     age.floor() as u32
 }
 
+#[cfg(test)]
+mod forestry_tests;
 #[cfg(test)]
 mod tests;
