@@ -17,7 +17,7 @@ const CONTROL_RANGE: [f32; 2] = [0.02, 0.98];
 const FULL_LIGHT_PER_METRE: f32 = 3.0;
 
 impl Tree {
-    /// Adds the leaves of last year to the field. `from`: the tree's base in the space of the field.
+    /// Adds the leaves of last year to the field.
     pub fn deposit_leaves(&self, areas: &mut LeafAreas) {
         let nodes = &self.nodes;
         for i in 0..nodes.len() {
@@ -26,26 +26,26 @@ impl Tree {
             }
             let area = self.leaf_area(i);
             if area > 0.0 {
-                areas.deposit(self.base + nodes.p[i], area * self.habit.extinction);
+                areas.deposit(self.offset + nodes.p[i], area * self.habit.extinction);
             }
         }
     }
 
     /// Marks the cells in which light is wanted: those of open tips, buds and dormant buds.
     pub fn mark_cells(&mut self, grid: &Grid, marks: &mut CellMarks) {
-        let (nodes, base) = (&self.nodes, self.base);
+        let (nodes, offset) = (&self.nodes, self.offset);
         let cell = &mut self.scratch.cell;
         cell.clear();
         cell.resize(nodes.len(), NONE);
         for (i, cell) in cell.iter_mut().enumerate() {
             if nodes.lives(i) && (nodes.flags[i] & flag::OPEN != 0 || nodes.dormant[i] > 0) {
-                *cell = grid.cell_of(base + nodes.p[i]);
+                *cell = grid.cell_of(offset + nodes.p[i]);
             }
         }
         for bud in &self.buds {
             let i = bud.node as usize;
             if cell[i] == NONE {
-                cell[i] = grid.cell_of(base + nodes.p[i]);
+                cell[i] = grid.cell_of(offset + nodes.p[i]);
             }
         }
         cell.iter().filter(|c| **c != NONE).for_each(|c| marks.mark(*c));
@@ -69,7 +69,7 @@ impl Tree {
             if !nodes.grows(i) {
                 continue;
             }
-            let share = field.grid.own_share(self.base + nodes.p[i]);
+            let share = field.grid.own_share(self.offset + nodes.p[i]);
             let q = field.in_cell(scratch.cell[i]).q;
             let q = (q * math::exp_f32((own * share).min(OWN_SHADE_MAX))).min(1.0);
             let light = net(q);

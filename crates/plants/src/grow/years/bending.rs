@@ -9,8 +9,9 @@ use osier_base::math;
 
 /// Mass of dead wood over that of living wood.
 const DEAD_DENSITY: f32 = 0.6;
-/// Gains of moment below this share of it wait until they add up to it: most twigs need no bend in most years.
-const LEAST_GAIN: f32 = 0.01;
+/// Bends that move the end of the axis by less than this, m, wait until the gains of moment add up to it: most twigs need no
+/// bend in most years.
+const LEAST_SHIFT: f32 = 1e-4;
 /// Largest bend of an internode in a year, rad.
 const BEND_MAX: f32 = 0.5;
 /// Share of the angle to hanging that a bend may take.
@@ -32,7 +33,7 @@ impl Tree {
         self.turn_wood(season);
     }
 
-    /// Mass from the base of each internode on, with its first moments along x and z.
+    /// First moments along x and z of the mass from each internode on, about its base, kg m.
     fn sum_weights(&mut self) {
         let mut weights = std::mem::take(&mut self.scratch.weight);
         weights.clear();
@@ -47,12 +48,14 @@ impl Tree {
             let wood = density * r * r * nodes.length[i];
             let mass =
                 if nodes.lives(i) { wood + self.habit.leaf_mass * self.leaf_area(i) } else { DEAD_DENSITY * wood };
-            let middle = 0.5 * (nodes.base(i) + nodes.p[i]);
-            weights[i] += Vec3::new(middle.x * mass, mass, middle.z * mass);
+            let base = nodes.base(i);
+            let middle = 0.5 * (base + nodes.p[i]);
+            let weight = weights[i] + Vec3::new(middle.x * mass, mass, middle.z * mass);
             if nodes.parent[i] != NONE {
-                let weight = weights[i];
                 weights[nodes.parent[i] as usize] += weight;
             }
+            // All that it carries is added: only its lever about the base is needed from here on.
+            weights[i] = Vec3::new(weight.x - weight.y * base.x, 0.0, weight.z - weight.y * base.z);
         }
         self.scratch.weight = weights;
     }
@@ -77,30 +80,28 @@ impl Tree {
                 None => (nodes.base(i), Quat::IDENTITY),
             };
             // Torque of the weight about the base, lever x (0, -g, 0), from the positions before any turn.
-            let weight = self.scratch.weight[i];
-            let old_base = nodes.p[i] - y_axis(nodes.q[i]) * length;
-            let lever = Vec3::new(weight.x - weight.y * old_base.x, 0.0, weight.z - weight.y * old_base.z);
+            let lever = self.scratch.weight[i];
             let torque = Vec3::new(lever.z, 0.0, -lever.x) * GRAVITY;
             let moment = torque.length();
             let gain = moment - nodes.moment[i];
-            let gains = gain > LEAST_GAIN * moment;
-            if gains || gain < 0.0 {
+            let r = nodes.r[i];
+            let square = r * r;
+            let angle = habit.sag[order] * gain * length / (modulus * square * square);
+            let bends = angle * (length + self.scratch.beyond[i]) > LEAST_SHIFT;
+            // What cannot bend carries its load as it is.
+            if bends || gain < 0.0 || habit.sag[order] <= 0.0 {
                 nodes.moment[i] = moment;
             }
             // Its direction as the turn of its parent leaves it: what that has righted is not righted again.
             let mut q = carried * nodes.q[i];
             let mut own = carried;
-            let bends = gains && habit.sag[order] > 0.0;
             let rate = if nodes.flags[i] & flag::DEAD == 0 { habit.upright[order] } else { 0.0 };
             if bends || rate > 0.0 {
                 let d = y_axis(q);
-                let r = nodes.r[i];
                 let mut turn = Vec3::ZERO;
                 if bends {
-                    let stiffness = modulus * (r * r) * (r * r);
-                    let angle = limited_bend(habit.sag[order] * gain * length / stiffness, d);
                     // Torsion is left out: the part of the torque along the internode.
-                    turn = (torque - d * d.dot(torque)) * (angle / moment);
+                    turn = (torque - d * d.dot(torque)) * (limited_bend(angle, d) / moment);
                 }
                 if rate > 0.0 {
                     turn += righting(d, season, order, rate * length, r);

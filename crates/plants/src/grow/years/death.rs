@@ -125,21 +125,28 @@ impl Tree {
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
         let highest = if season.year > LIFT_ALL_YEAR { narrow(LIFT_ALL_SHARE[1]) * lift } else { f32::NEG_INFINITY };
+        // Only the first internode of a low branch and what hangs lie so low.
+        let reach = lift.max(highest) + self.habit.internode.iter().copied().fold(0.0, f32::max);
+        let mut any = false;
         for i in 0..self.nodes.len() {
             let nodes = &self.nodes;
-            if nodes.flags[i] & flag::FALLEN != 0 || nodes.parent[i] == NONE {
+            if nodes.p[i].y >= reach || nodes.flags[i] & flag::FALLEN != 0 || nodes.parent[i] == NONE {
                 continue;
             }
             let parent = nodes.parent[i] as usize;
-            if nodes.flags[parent] & flag::FALLEN != 0 {
-                self.fall(i);
-                continue;
-            }
             let on_stem = nodes.flags[i] & flag::MAIN == 0 && nodes.order[parent] == 0 && nodes.s[parent] < lift;
-            let low = nodes.order[i] > 0 && nodes.p[i].y < highest;
+            let low = nodes.order[i] > 0 && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
             let hangs = low && nodes.p[i].y < lift * self.lift_share(self.axis_ids[nodes.axis[i] as usize]);
             if on_stem || hangs {
                 self.remove(i);
+                any = true;
+            }
+        }
+        // What stands on what was taken away goes with it.
+        for i in 0..if any { self.nodes.len() } else { 0 } {
+            let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
+            if carrier & flag::FALLEN != 0 && self.nodes.flags[i] & flag::FALLEN == 0 {
+                self.fall(i);
             }
         }
     }

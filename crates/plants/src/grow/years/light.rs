@@ -121,23 +121,18 @@ struct Corners {
 }
 
 impl Grid {
-    /// Cells over a box with the margin around what lives; corners of cells lie at multiples of their side from `anchor`, so that
-    /// a tree that grows sees the same cells.
+    /// Cells over a box with the margin around what lives; their corners lie at multiples of their side from the origin, so that a
+    /// tree that grows sees the same cells.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_CELLS")]
-    pub fn over(bounds: Bounds, anchor: Vec3) -> Self {
+    pub fn over(bounds: Bounds) -> Self {
         // Two cells less than the most: rounding to the lattice of the anchor may add one at either end.
         let cell = CELL.max((bounds.size().max_element() + 2.0 * MARGIN) / (MAX_CELLS - 2.0));
         let around = bounds.grown(MARGIN.max(cell));
-        let low = ((around.min - anchor) / cell).floor();
-        let high = ((around.max - anchor) / cell).ceil();
+        let low = (around.min / cell).floor();
+        let high = (around.max / cell).ceil();
         let count = |v: f32| (v as usize).max(1);
         let size = high - low;
-        Self {
-            origin: anchor + low * cell,
-            cell,
-            per_cell: 1.0 / cell,
-            size: [count(size.x), count(size.y), count(size.z)],
-        }
+        Self { origin: low * cell, cell, per_cell: 1.0 / cell, size: [count(size.x), count(size.y), count(size.z)] }
     }
 
     /// Number of cells.
@@ -323,20 +318,14 @@ fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u
     let mut out = vec![0.0_f32; cells.len()];
     let mut end = cells.len();
     let mut clear = true;
+    let arch = Arch::new();
     for y in (0..ny).rev() {
         let layer = &depth[y * nz * nx..(y + 1) * nz * nx];
         let first = cells[..end].partition_point(|c| (*c as usize) < y * nz * nx);
         // Above the highest leaf all depths are 0.
         clear = clear && layer.iter().all(|d| *d <= 0.0);
         if !clear {
-            for z in 0..nz {
-                let own = &layer[z * nx..(z + 1) * nx];
-                let start = (z + PAD).wrapping_add_signed(shear.z) * width + PAD.wrapping_add_signed(shear.x);
-                let near = &above[start..=start + nx];
-                let far = &above[start + width..=start + width + nx];
-                let to = &mut here[(z + PAD) * width + PAD..][..nx];
-                shear.add_row(near, far, own, per_sine, to);
-            }
+            arch.dispatch(AddLayer { shear: &shear, above: &above, own: layer, row: nx, per_sine, to: &mut here });
         }
         for (sample, cell) in out[first..end].iter_mut().zip(&cells[first..end]) {
             let within = *cell as usize - y * nz * nx;
@@ -346,7 +335,7 @@ fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u
         end = first;
         std::mem::swap(&mut above, &mut here);
     }
-    Arch::new().dispatch(Exponentials(&mut out));
+    arch.dispatch(Exponentials(&mut out));
     out
 }
 
@@ -367,16 +356,39 @@ impl Shear {
         let weights = [(1.0 - u) * (1.0 - w), u * (1.0 - w), (1.0 - u) * w, u * w];
         Self { x: x.floor() as isize, z: z.floor() as isize, weights }
     }
+}
 
-    /// Depths of a row of cells. `near`, `far`: two rows of the layer above, one cell longer than the row; `own`: the row's cells.
-    #[inline]
-    fn add_row(&self, near: &[f32], far: &[f32], own: &[f32], per_sine: f32, to: &mut [f32]) {
-        let [a, b, c, d] = self.weights;
-        let n = to.len();
-        let (near, near_next, far, far_next) = (&near[..n], &near[1..=n], &far[..n], &far[1..=n]);
-        let own = &own[..n];
-        for x in 0..n {
-            to[x] = a * near[x] + b * near_next[x] + c * far[x] + d * far_next[x] + own[x] * per_sine;
+/// Optical depths of a layer of cells from those of the layer above.
+struct AddLayer<'a> {
+    shear: &'a Shear,
+    /// The layer above, with [`PAD`] empty cells on every side.
+    above: &'a [f32],
+    /// Depth of the layer's cells, passed straight down.
+    own: &'a [f32],
+    /// Cells in a row.
+    row: usize,
+    /// 1 / sine of the elevation.
+    per_sine: f32,
+    /// The depths, padded like `above`.
+    to: &'a mut [f32],
+}
+
+impl WithSimd for AddLayer<'_> {
+    type Output = ();
+
+    /// Plain loops, which the compiler vectorizes for the instruction set of the dispatch.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let [a, b, c, d] = self.shear.weights;
+        let (n, width) = (self.row, self.row + 2 * PAD);
+        for (z, own) in self.own.chunks_exact(n).enumerate() {
+            let start = (z + PAD).wrapping_add_signed(self.shear.z) * width + PAD.wrapping_add_signed(self.shear.x);
+            let (near, far) = (&self.above[start..=start + n], &self.above[start + width..=start + width + n]);
+            let (near, near_next, far, far_next) = (&near[..n], &near[1..], &far[..n], &far[1..]);
+            let to = &mut self.to[(z + PAD) * width + PAD..][..n];
+            for x in 0..n {
+                to[x] = a * near[x] + b * near_next[x] + c * far[x] + d * far_next[x] + own[x] * self.per_sine;
+            }
         }
     }
 }
@@ -401,7 +413,7 @@ mod tests {
 
     fn slab(area: f32) -> LeafAreas {
         let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(9.0, 3.0, 9.0) };
-        let mut areas = LeafAreas::new(Grid::over(bounds, Vec3::ZERO));
+        let mut areas = LeafAreas::new(Grid::over(bounds));
         let [nx, ny, nz] = areas.grid.size;
         for y in 0..ny {
             for cell in y * nz * nx..(y + 1) * nz * nx {

@@ -17,7 +17,7 @@ const LENGTH_DEVIATION: [f32; 2] = [0.15, 0.2];
 /// Least factor of that chance for a tip's and for a bud's shoot.
 const LENGTH_LEAST: [f32; 2] = [0.4, 0.3];
 /// Largest magnitude of a normal draw: factors beyond it need no draw.
-const NORMAL_MAX: f32 = 8.6;
+const NORMAL_MAX: f32 = 5.8;
 /// A tip that made a short shoot needs this multiple of its length to lengthen again.
 const SHORT_STAYS: f32 = 1.6;
 /// Length of the internode of a short shoot that a bud makes, as a share of `short_shoot`.
@@ -326,7 +326,7 @@ impl Tree {
         }
         // The length's draw comes first in this stream.
         let mut draw = self.tip_draw(from, season.year);
-        draw.normal();
+        normal(&mut draw);
         if !draw.chance(death) {
             return q;
         }
@@ -383,9 +383,17 @@ fn internodes(length: f32, internode: f32) -> u16 {
     super::habit::whole((length / internode).ceil().max(1.0))
 }
 
-/// A standard normal draw, single precision.
+/// Two independent standard normal draws (Box-Muller), magnitude at most 5.8.
+fn normal_pair(draw: &mut Rng) -> [f32; 2] {
+    // 1 - u lies in (0, 1], so that the logarithm is finite.
+    let away = (-2.0 * math::ln_f32(1.0 - draw.unit_f32())).sqrt();
+    let angle = std::f32::consts::TAU * draw.unit_f32();
+    [away * math::cos_f32(angle), away * math::sin_f32(angle)]
+}
+
+/// A standard normal draw.
 fn normal(draw: &mut Rng) -> f32 {
-    math::narrow(draw.normal())
+    normal_pair(draw)[0]
 }
 
 /// A rotation about a unit vector.
@@ -421,7 +429,8 @@ impl Turns {
     fn turn(&self, d: Vec3, draw: &mut Rng) -> Vec3 {
         let mut to = d + self.light;
         if self.wander > 0.0 {
-            to += Vec3::new(normal(draw), normal(draw), normal(draw)) * self.wander;
+            let ([x, y], [z, _]) = (normal_pair(draw), normal_pair(draw));
+            to += Vec3::new(x, y, z) * self.wander;
         }
         if self.rise > 0.0 {
             to += (raised(d, self.elevation) - d) * self.rise;

@@ -53,7 +53,7 @@ impl Neighbours {
         Bounds { min: Vec3::new(-r, 0.0, -r), max: Vec3::new(r, height * RING_HEIGHTS[1], r) }
     }
 
-    /// Adds the ring's leaves. `base`: of the tree; `extinction`: of its species.
+    /// Adds the ring's leaves. `base`: of the tree in the field; `extinction`: of its species.
     pub(super) fn deposit(&self, areas: &mut LeafAreas, base: Vec3, height: f32, extinction: f32) {
         let grid = areas.grid;
         let area = self.density * grid.cell * grid.cell * grid.cell * extinction;
@@ -173,19 +173,20 @@ impl Obstacles<'_> {
     }
 }
 
-/// The part of the scene whose solids may shade a box: the box of both, clipped to the reach of their shade.
-pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>) -> Bounds {
+/// A box of the field and the solids that may shade it, clipped to the reach of their shade. `anchor`: the field's origin in the
+/// scene.
+pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, anchor: Vec3) -> Bounds {
     let Some(solids) = solids else { return bounds };
     let reach = bounds.grown(SHADE_REACH);
     solids.list().iter().filter(|s| !matches!(s.form, Form::Land(_))).fold(bounds, |all, solid| {
         let b = solid.bounds();
-        let (min, max) = (b.min.max(reach.min), b.max.min(reach.max));
+        let (min, max) = ((b.min - anchor).max(reach.min), (b.max - anchor).min(reach.max));
         if min.cmple(max).all() { all.union(Bounds { min, max }) } else { all }
     })
 }
 
 /// Indices of the cells whose centers lie in a solid, in order; level ground needs none, for light comes from above.
-pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>) -> Vec<u32> {
+pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };
     let boxes: Vec<Bounds> = solids.list().iter().map(|s| s.bounds().grown(OPAQUE_REACH * grid.cell)).collect();
@@ -193,13 +194,14 @@ pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>) -> Vec<u32> {
     for y in 0..ny {
         for z in 0..nz {
             for x in 0..nx {
-                let at = grid.center(x, y, z);
+                let center = grid.center(x, y, z);
+                let at = anchor + center;
                 let inside = solids.list().iter().zip(&boxes).any(|(solid, b)| {
                     let near = at.cmpge(b.min).all() && at.cmple(b.max).all();
                     near && solid.nearest(at).distance < OPAQUE_REACH * grid.cell
                 });
                 if inside {
-                    cells.push(grid.cell_of(at));
+                    cells.push(grid.cell_of(center));
                 }
             }
         }

@@ -22,20 +22,23 @@ pub(super) struct Stand<'a> {
     pub year: u32,
     site: &'a Site,
     sky: Vec<SkyDirection>,
-    /// Where corners of cells lie.
+    /// Origin of the field of light in the scene: the base of one of the trees, so that a tree that is moved grows the same.
     anchor: Vec3,
     limits: &'a Limits,
 }
 
 impl<'a> Stand<'a> {
-    pub fn new(trees: Vec<Tree>, site: &'a Site, limits: &'a Limits) -> Self {
-        // The cells are anchored at one of the trees that does not depend on the order of the list.
+    pub fn new(mut trees: Vec<Tree>, site: &'a Site, limits: &'a Limits) -> Self {
+        // The tree is chosen by its place, for the order of the list must not matter.
         let key = |t: &&Tree| (t.base.x, t.base.z, t.base.y);
         let first = trees.iter().min_by(|a, b| {
             let (a, b) = (key(a), key(b));
             a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
         });
         let anchor = first.map_or(Vec3::ZERO, |t| t.base);
+        for tree in &mut trees {
+            tree.offset = tree.base - anchor;
+        }
         Self { sky: sky(site), trees, year: 0, site, anchor, limits }
     }
 
@@ -60,7 +63,7 @@ impl<'a> Stand<'a> {
         grown.into_iter().collect()
     }
 
-    /// The field of light from the leaves of last year, in the space of the scene.
+    /// The field of light from the leaves of last year.
     fn light(&mut self) -> LightField {
         let year = self.year;
         let solids = self.site.solids.as_deref();
@@ -70,29 +73,29 @@ impl<'a> Stand<'a> {
         for tree in &self.trees {
             let living = tree.living_bounds();
             heights.push(living.max.y.max(0.0));
-            bounds = bounds.union(Bounds { min: living.min + tree.base, max: living.max + tree.base });
+            bounds = bounds.union(Bounds { min: living.min + tree.offset, max: living.max + tree.offset });
             if let Some(ring) = tree.neighbours.filter(|ring| (year as f32) < ring.until) {
                 let b = ring.bounds(living.max.y);
-                bounds = bounds.union(Bounds { min: b.min + tree.base, max: b.max + tree.base });
+                bounds = bounds.union(Bounds { min: b.min + tree.offset, max: b.max + tree.offset });
             }
         }
         if bounds.is_empty() {
-            bounds = Bounds { min: self.anchor, max: self.anchor };
+            bounds = Bounds { min: Vec3::ZERO, max: Vec3::ZERO };
         }
-        let grid = Grid::over(with_shading_solids(bounds, solids), self.anchor);
+        let grid = Grid::over(with_shading_solids(bounds, solids, self.anchor));
         // Leaves of trees and of neighbours.
         let mut areas = LeafAreas::new(grid);
         for (tree, height) in self.trees.iter().zip(&heights) {
             tree.deposit_leaves(&mut areas);
             if let Some(ring) = tree.neighbours.filter(|ring| (year as f32) < ring.until) {
-                ring.deposit(&mut areas, tree.base, *height, tree.habit.extinction);
+                ring.deposit(&mut areas, tree.offset, *height, tree.habit.extinction);
             }
         }
         let mut marks = CellMarks::new(&grid);
         for tree in &mut self.trees {
             tree.mark_cells(&grid, &mut marks);
         }
-        LightField::compute(&areas, &self.sky, &opaque_cells(&grid, solids), &marks)
+        LightField::compute(&areas, &self.sky, &opaque_cells(&grid, solids, self.anchor), &marks)
     }
 }
 

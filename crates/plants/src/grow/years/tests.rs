@@ -101,6 +101,7 @@ fn hand_made(habit: &Habit, nodes: &[(u32, u8, bool, Vec3)]) -> Tree {
     tree.scratch.main = vec![0.0; nodes.len()];
     tree.scratch.side = vec![0.0; nodes.len()];
     tree.scratch.wood = vec![0.0; nodes.len()];
+    tree.scratch.beyond = vec![2.0; nodes.len()];
     tree
 }
 
@@ -204,7 +205,7 @@ fn a_cantilever_bends_as_a_beam_and_only_under_added_load() {
     const COUNT: u16 = 100;
     const LENGTH: f32 = 0.02;
     let mut habit = habit();
-    for (key, value) in [("sag", 1.0), ("upright", 0.0), ("leaf_mass", 1.0), ("leaf_area_tip", 0.05)] {
+    for (key, value) in [("sag", 1.0), ("upright", 0.0), ("leaf_mass", 1.0), ("leaf_area_tip", 0.25)] {
         habit.set(key, &[value]).expect("sets");
     }
     let at = |i: u16| Vec3::new(LENGTH * (f32::from(i) + 1.0), 2.0, 0.0);
@@ -220,10 +221,10 @@ fn a_cantilever_bends_as_a_beam_and_only_under_added_load() {
     tree.bend(&season);
     let far = usize::from(COUNT) - 1;
     assert!(tree.nodes.q.iter().zip(&before).all(|(a, b)| (*a - *b).length() < 1e-6), "no load, no bend");
-    // A leaf of 50 g at the tip: the angle there is P L^2 / (2 E I).
+    // A leaf of 250 g at the tip: the angle there is P L^2 / (2 E I).
     tree.nodes.flags[far] |= flag::OPEN;
     tree.bend(&season);
-    let load = 0.05 * 9.81;
+    let load = 0.25 * 9.81;
     let length = f64::from(LENGTH) * f64::from(COUNT);
     let stiffness = 6e9 * std::f64::consts::FRAC_PI_4 * 1e-8;
     let exact = load * length * length / (2.0 * stiffness);
@@ -457,7 +458,7 @@ fn axes_keep_their_ids_as_the_tree_grows_older() {
 fn a_field_without_leaves_is_full_light() {
     let site = Site::default();
     let mut tree = plant_seed(&spec(5.0));
-    let grid = super::light::Grid::over(osier_base::geometry::Bounds::of(tree.nodes.p.iter().copied()), Vec3::ZERO);
+    let grid = super::light::Grid::over(osier_base::geometry::Bounds::of(tree.nodes.p.iter().copied()));
     let mut marks = CellMarks::new(&grid);
     tree.mark_cells(&grid, &mut marks);
     let sky = super::light::sky(&site);

@@ -204,7 +204,7 @@ pub(super) struct Scratch {
     pub area: Vec<f32>,
     /// Length of the axis beyond its end, m.
     pub beyond: Vec<f32>,
-    /// Mass from its base on and its first moments along x and z.
+    /// Mass from its base on and its first moments along x and z; then the moments about its base alone.
     pub weight: Vec<Vec3>,
     /// Rotation that bending gives it.
     pub turn: Vec<Quat>,
@@ -227,8 +227,10 @@ pub(super) struct Tree {
     pub habit: Habit,
     /// Key of its random draws.
     pub key: u64,
-    /// Place of its base relative to the scene.
+    /// Place of its base in the scene.
     pub base: Vec3,
+    /// Place of its base in the field of light.
+    pub offset: Vec3,
     /// Year of the field in which it is sown.
     pub sown: u32,
     /// Its age in full years.
@@ -257,6 +259,7 @@ impl Tree {
             habit: habit.clone(),
             key: Rng::key(seed, &["years".into(), id.into()]),
             base,
+            offset: Vec3::ZERO,
             sown: 0,
             year: 0,
             nodes: Nodes::default(),
