@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::Vec3;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
+use osier::bake::assets::shape_growth::GrowthSite;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{SceneOptions, assemble_scene};
 use osier::bake::{BakeContext, motion};
@@ -41,7 +42,7 @@ fn grown(name: &str, work: &BakeContext<'_>) -> Plant {
     let recipe = recipe(name, &[]);
     let look = plant_materials(&recipe.plants[0], recipe.general.seed, work).expect("look");
     let (layout, _) = lay_out_scene(&recipe, work).expect("layout");
-    grow_plant(&recipe.plants[0], &layout.individuals[0], &look, work).expect("plant").plant
+    grow_plant(&recipe.plants[0], &layout.individuals[0], &look, GrowthSite::default(), work).expect("plant").plant
 }
 
 /// Simulates 240 frames of up to 2,000 branches.

@@ -14,7 +14,8 @@ pub struct Preset {
     pub text: &'static str,
 }
 
-/// All presets, sorted by file name. `build.rs` lists them: every file of `grammars`, `ifs-tables`, `meshes` and `scenes`.
+/// All presets, sorted by file name. `build.rs` lists them: every file of `grammars`, `ifs-tables`, `meshes`, `scenes` and
+/// `shapes`.
 pub const PRESETS: &[Preset] = include!(concat!(env!("OUT_DIR"), "/presets.rs"));
 
 /// The preset with exactly this file name, ending included.
@@ -31,7 +32,7 @@ pub fn about(preset: &Preset) -> String {
 /// Kind of file that a preset names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PresetKind {
-    /// A scene of one plant, of the name of the grammar that grows it.
+    /// A scene of one plant, of the name of the grammar or the particle-shapes that grow it.
     Species,
     /// A scene of several plants, or of none.
     Scene,
@@ -41,6 +42,8 @@ pub enum PresetKind {
     IfsTable,
     /// A mesh in the format OBJ.
     Mesh,
+    /// Parameters of particle-shapes that scenes can grow.
+    Shapes,
 }
 
 impl PresetKind {
@@ -52,6 +55,7 @@ impl PresetKind {
             Self::Grammar => "grammar",
             Self::IfsTable => "ifs_table",
             Self::Mesh => "mesh",
+            Self::Shapes => "shapes",
         }
     }
 }
@@ -61,7 +65,8 @@ pub fn kind(preset: &Preset) -> PresetKind {
     let (stem, ending) = preset.name.split_once('.').unwrap_or((preset.name, ""));
     match ending {
         "l" => PresetKind::Grammar,
-        "toml" if find(&format!("{stem}.l")).is_some() => PresetKind::Species,
+        "shapes" => PresetKind::Shapes,
+        "toml" if ["l", "shapes"].iter().any(|e| find(&format!("{stem}.{e}")).is_some()) => PresetKind::Species,
         "toml" => PresetKind::Scene,
         "obj" | "glb" | "gltf" => PresetKind::Mesh,
         _ => PresetKind::IfsTable,
@@ -76,7 +81,7 @@ mod tests {
     fn every_file_of_the_folders_is_in_the_binary() {
         assert!(PRESETS.windows(2).all(|w| w[0].name < w[1].name), "sorted");
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-        for folder in ["grammars", "scenes", "ifs-tables", "meshes"] {
+        for folder in ["grammars", "scenes", "ifs-tables", "meshes", "shapes"] {
             for entry in std::fs::read_dir(root.join(folder)).expect("folder") {
                 let name = entry.expect("entry").file_name().to_string_lossy().into_owned();
                 assert!(find(&name).is_some(), "{folder}/{name} is not among the presets");

@@ -45,8 +45,8 @@ enum TableUse {
     Picture,
 }
 
-/// The request for the scene of a source: a scene (`.toml`), a grammar (`.l`), a coefficient table (`.ifs`, `.flame`,
-/// `.ifs.toml`), or a preset by its name with or without ending. A grammar or a table becomes a scene of its own.
+/// The request for the scene of a source: a scene (`.toml`), a grammar (`.l`), particle-shapes (`.shapes`), a coefficient table
+/// (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or without ending. All but a scene become a scene of their own.
 /// # Errors
 /// `Io` if the source cannot be read, `Input` if it is neither scene nor grammar nor table.
 pub fn find_scene(source: &str, options: &SourceOptions) -> Result<Request> {
@@ -97,10 +97,10 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     // Read the file before its folder is opened for references: of a path that does not exist, the
     // file is reported.
     let bytes = files::read_input(path, options.limits.get("text-bytes"))?;
-    if path.extension() == Some(OsStr::new("l")) {
+    if path.extension() == Some(OsStr::new("l")) || path.extension() == Some(OsStr::new("shapes")) {
         return Ok(Request {
             library: Library::new(path, search)?,
-            ..Request::bare(&file_stem(path), &file_name(path))
+            ..plant_request(&file_stem(path), &file_name(path))
         });
     }
     if is_coefficient_table(path, &bytes) {
@@ -150,6 +150,11 @@ fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, 
     }
 }
 
+/// The request for a scene of one plant of a grammar or of particle-shapes.
+fn plant_request(name: &str, file: &str) -> Request {
+    if file.ends_with(".shapes") { Request::shapes(name, file) } else { Request::bare(name, file) }
+}
+
 /// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.
 fn is_coefficient_table(path: &Path, bytes: &[u8]) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
@@ -158,9 +163,9 @@ fn is_coefficient_table(path: &Path, bytes: &[u8]) -> bool {
     matches!(ending.as_str(), "ifs" | "flame") || (ending == "toml" && has_ifs_table())
 }
 
-/// The request for a preset: `oak` is the scene `oak.toml`, else the grammar `oak.l`; an ending picks one.
+/// The request for a preset: `oak` is the scene `oak.toml`, else the grammar `oak.l` and so on; an ending picks one.
 fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
-    let endings = ["", ".toml", ".l", ".ifs.toml", ".ifs"];
+    let endings = ["", ".toml", ".l", ".shapes", ".ifs.toml", ".ifs"];
     let Some(preset) = endings.iter().find_map(|e| presets::find(&format!("{name}{e}"))) else {
         if Path::new(name).is_dir() {
             return Err(folder_error(name));
@@ -173,8 +178,8 @@ fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Resu
         return Err(Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint)));
     };
     let stem = preset.name.split('.').next().unwrap_or(preset.name);
-    if preset.name.ends_with(".l") {
-        return Ok(Request::bare(stem, preset.name));
+    if preset.name.ends_with(".l") || preset.name.ends_with(".shapes") {
+        return Ok(plant_request(stem, preset.name));
     }
     if preset.name.contains(".ifs") {
         return Ok(table_request(preset.name, stem, preset.text.as_bytes(), options, table_use));

@@ -131,6 +131,8 @@ pub enum Growth {
     Ifs(Box<TreeSystem>, scene::IfsTreeKeys),
     /// An artist's mesh, in which a skeleton is found.
     Mesh(Box<Imported>, scene::ImportedMeshKeys),
+    /// Particles that leave axes behind and spawn others.
+    Shapes(Box<scene::ShapeKeys>),
 }
 
 impl Digest for Growth {
@@ -140,6 +142,7 @@ impl Digest for Growth {
             Self::Grammar(_) => {}
             Self::Ifs(_, tree) => tree.digest(hasher),
             Self::Mesh(_, import) => import.digest(hasher),
+            Self::Shapes(keys) => keys.digest(hasher),
         }
     }
 }
@@ -148,6 +151,7 @@ impl RecipePart for Growth {
     fn list(tables: &mut Vec<TableInfo>) {
         scene::IfsTreeKeys::list(tables);
         scene::ImportedMeshKeys::list(tables);
+        scene::ShapeKeys::list(tables);
     }
 }
 
@@ -172,8 +176,10 @@ recipe! {
         name: String;
         /// Keys of its own table.
         keys: scene::PlantKeys;
-        /// Grammar, coefficient table or mesh that it is grown from.
+        /// Grammar, coefficient table, mesh or particle-shapes that it is grown from.
         growth: Growth;
+        /// Twigs and leaves that are added to what has grown, if any are.
+        fill: Option<scene::ShapeKeys>, hashed by element;
         /// How its string is drawn.
         turtle: scene::TurtleKeys;
         /// Organs: one for each letter after `~` of the grammar.

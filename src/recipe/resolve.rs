@@ -1,7 +1,7 @@
 //! From text to [`Recipe`].
 
 use super::scene::{
-    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel,
+    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel, solid_names,
 };
 use super::syntax::{Digest, KeyTable, Registry, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
 use super::{
@@ -62,6 +62,15 @@ impl Request {
         }
     }
 
+    /// A scene of nothing but one plant of particle-shapes. `name`: the plant; `reference`: the file.
+    pub fn shapes(name: &str, reference: &str) -> Self {
+        let plant = toml::Value::String(name.to_owned()).to_string();
+        let file = toml::Value::String(reference.to_owned()).to_string();
+        let text = format!("[plants.{plant}]\nshapes = {file}\n[ground]\nshow = false\n");
+        let bare = Some(SingleSource::Plant(name.into()));
+        Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
+    }
+
     /// A scene of nothing but one attractor. `name`: the cloud; `reference`: the coefficient table.
     pub fn cloud(name: &str, reference: &str) -> Self {
         let cloud = toml::Value::String(name.to_owned()).to_string();
@@ -105,6 +114,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         inputs: Vec::new(),
         frames: 1,
         raining: root.get("rain").is_some(),
+        solid_names: solid_names(&root),
     };
     let recipe = resolver.recipe(&root);
     suggest_define_keys(&recipe, &mut resolver.report);
@@ -179,6 +189,8 @@ pub(super) struct Resolver<'a> {
     pub(in crate::recipe) frames: u64,
     /// The scene has rain.
     pub(in crate::recipe) raining: bool,
+    /// Names of its solids.
+    pub(in crate::recipe) solid_names: Vec<String>,
 }
 
 impl Resolver<'_> {

@@ -29,6 +29,7 @@ mod mesh_plants;
 mod morphs;
 mod one_wind;
 mod options;
+mod particle_shapes;
 mod plain_files;
 mod points;
 mod pov_files;

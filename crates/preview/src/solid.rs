@@ -390,7 +390,11 @@ fn prepare_triangles(mesh: &Mesh, points: &[Vec3], replacements: &[u32]) -> Vec<
             }
             // Points come from the frame, indices from the mesh at rest.
             let [a, b, c] = t.map(|k| points.get(k as usize).copied().unwrap_or_default());
-            triangles.push(RayTriangle { a, ab: b - a, ac: c - a, index: i, material: subset.material });
+            let triangle = RayTriangle { a, ab: b - a, ac: c - a, index: i, material: subset.material };
+            // What has not grown yet lies in one point: no ray can hit it, and boxes in one place cannot be separated by a BVH.
+            if triangle.ab.cross(triangle.ac) != Vec3::ZERO {
+                triangles.push(triangle);
+            }
         }
     }
     triangles

@@ -93,7 +93,8 @@ pub fn joint_motions(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Trs> {
 /// Instances carried by their joints.
 fn ride(instancer: &Instancer, joints: &[u16], skeleton: &Skeleton, pose: &[Trs]) -> InstanceState {
     let moved = joint_motions(skeleton, pose);
-    let mut state = InstanceState { alive: instancer.rest.alive.clone(), ..InstanceState::default() };
+    let rest = &instancer.rest;
+    let mut state = InstanceState { alive: rest.alive.clone(), sizes: rest.sizes.clone(), ..InstanceState::default() };
     for (k, j) in joints.iter().enumerate() {
         let m = &moved[usize::from(*j)];
         state.positions.push(m.apply(instancer.rest.positions[k]));

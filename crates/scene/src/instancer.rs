@@ -66,6 +66,8 @@ pub struct InstanceState {
     pub orientations: Vec<Quat>,
     /// Alive or not; empty means all are.
     pub alive: Vec<bool>,
+    /// Factors on the constant scales of the instances, or empty: all 1.
+    pub sizes: Vec<f32>,
     /// Velocities of the pivots in asset space, m/s, or empty.
     pub velocities: Vec<Vec3>,
     /// Axis times rad/s, or empty.
@@ -79,6 +81,12 @@ impl InstanceState {
     #[inline]
     pub fn is_alive(&self, i: usize) -> bool {
         self.alive.get(i).copied().unwrap_or(true)
+    }
+
+    /// Factor on the scale of instance `i`.
+    #[inline]
+    pub fn size(&self, i: usize) -> f32 {
+        self.sizes.get(i).copied().unwrap_or(1.0)
     }
 
     /// The values of an attribute.
@@ -137,6 +145,6 @@ impl Instancer {
     /// Transform of instance `i` in a state.
     #[inline]
     pub fn transform(&self, state: &InstanceState, i: usize) -> Trs {
-        Trs { t: state.positions[i], r: state.orientations[i], s: self.scales[i] }
+        Trs { t: state.positions[i], r: state.orientations[i], s: self.scales[i] * state.size(i) }
     }
 }

@@ -106,7 +106,10 @@ fn sample_ground(ground: &Ground, center: Vec3, side: f32) -> Option<LandForm> {
     LandForm::new(usize::from(GROUND_SAMPLES), side, (0..GROUND_SAMPLES).flat_map(row).collect())
 }
 
-fn solid_form(solid: &SolidRecipe) -> Result<Form> {
+/// The form of a solid in world space.
+/// # Errors
+/// X010 for a mesh without triangles.
+pub(crate) fn solid_form(solid: &SolidRecipe) -> Result<Form> {
     let Some(mesh) = &solid.mesh else { return Ok(Form::Prism(solid_prism(solid))) };
     let position = Vec3::from_array(solid.keys.at.map(narrow));
     let rotation = glam::Quat::from_rotation_y(narrow(solid.keys.turn));

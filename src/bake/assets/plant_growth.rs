@@ -1,4 +1,4 @@
-//! Growth of an individual: by its grammar, by an IFS tree, or from the skeleton of an imported mesh.
+//! Growth of an individual: by its grammar, by an IFS tree, by particle-shapes, or from the skeleton of an imported mesh.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use crate::bake::BakeContext;
 use crate::bake::assets::branchlets;
 use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::shape_growth::{GrowthSite, fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
@@ -24,7 +25,7 @@ use osier_ifs::stems::TreeSystem;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
-use osier_plants::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
+use osier_plants::grow::turtle::{self, OrganSpec, RadiusModel, Tropism, TurtleOptions};
 use osier_scene::plant::Plant;
 
 /// A grown individual.
@@ -38,15 +39,32 @@ pub struct GrownPlant {
     pub modules: u64,
     /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
     pub imported: Option<Arc<MeshPlant>>,
+    /// The organ that stands for each segment where the plant is shown by its segments; `None`: prisms.
+    pub segment: Option<OrganSpec>,
 }
 
-/// Grows one individual with the organs of its plant's materials.
+/// Grows one individual with the organs of its plant's materials, and fills it with twigs where its recipe asks for them.
 /// # Errors
 /// `Input` with the faults of derivation or turtle, `Limit`, `Cancelled`.
 pub fn grow_plant(
     recipe: &PlantRecipe,
     individual: &Individual,
     set: &MaterialSet,
+    site: GrowthSite<'_>,
+    context: &BakeContext<'_>,
+) -> Result<GrownPlant> {
+    let mut grown = grow_from_source(recipe, individual, set, site, context)?;
+    fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
+    grown.segment = recipe.skin.segment.chars().next().and_then(|letter| set.organs.get(&letter)).cloned();
+    Ok(grown)
+}
+
+/// Grows one individual by its grammar, table, particle-shapes or mesh.
+fn grow_from_source(
+    recipe: &PlantRecipe,
+    individual: &Individual,
+    set: &MaterialSet,
+    site: GrowthSite<'_>,
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
     let grammar = match &recipe.growth {
@@ -62,14 +80,19 @@ pub fn grow_plant(
             } else {
                 ifs::grow(stems, identity, &options, context.limits)?
             };
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None });
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None, segment: None });
+        }
+        Growth::Shapes(keys) => {
+            let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
+            let report = Report { diagnostics: warnings, ..Report::default() };
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });
         }
         Growth::Mesh(..) => {
             let imported = set.tree.clone();
             let tree = imported.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
             let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
             plant.materials = set.materials.iter().map(|m| m.name.clone()).collect();
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported });
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported, segment: None });
         }
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
@@ -85,7 +108,7 @@ pub fn grow_plant(
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, imported: None })
+    Ok(GrownPlant { plant, report, modules, imported: None, segment: None })
 }
 
 /// Options of an IFS tree from the keys of `[plants.NAME.tree]`.

@@ -32,6 +32,9 @@ use osier_scene::{Image, Material, MaterialClass, Mesh};
 /// light; 0 would show backlit crowns black.
 const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
+/// Translucency of blades of grass. Own: as of broad leaves; blades are thinner, but with closer veins.
+const GRASS_TRANSLUCENCY: f32 = 0.3;
+
 /// All materials, images and organs of one plant.
 /// # Errors
 /// `Range` for blades and maps outside their ranges, `Input` for a table without attractor, `Cancelled`.
@@ -50,7 +53,10 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
             continue;
         }
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
-        let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
+        let mut surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
+        if bears_blades(plant) {
+            make_blade_material(&mut surface.material);
+        }
         set.add(surface.material, surface.images)?;
     }
     // Organs: a mesh from a file, a leaf drawn by a table, or a blade built from its parameters.
@@ -77,6 +83,18 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         set.names.push(BRANCHLET.into());
     }
     Ok(set)
+}
+
+/// Whether the axes of a plant are blades of grass.
+fn bears_blades(plant: &PlantRecipe) -> bool {
+    matches!(&plant.growth, Growth::Shapes(keys) if keys.blade_width.is_some())
+}
+
+/// Turns the bark of axes into the surface of blades: seen from both sides, with light shining through.
+fn make_blade_material(material: &mut Material) {
+    material.class = MaterialClass::Leaf;
+    material.double_sided = true;
+    material.translucency = GRASS_TRANSLUCENCY;
 }
 
 /// Names of a plant's organs, parallel to them.

@@ -7,11 +7,13 @@ use glam::Vec3;
 use crate::bake::BakeContext;
 use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::assets::segments::segment_instancer;
 use crate::bake::assets::skin_options::skin_options;
+use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::bake::wind::plant_wind::PlantWind;
-use crate::recipe::scene::BarkMotion;
+use crate::recipe::scene::{BarkMotion, SkinForm};
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
@@ -54,7 +56,9 @@ pub fn build_plant_asset(
     context.cancel.check()?;
     let plant = &grown.plant;
     // The bark's points are bound to axes and arc lengths, by which the sway model finds their elements.
-    let (mut mesh, bindings) = bark_mesh(grown, recipe, materials, context)?;
+    let by_segments = recipe.skin.form == SkinForm::Segments && grown.imported.is_none();
+    let (mut mesh, bindings) =
+        if by_segments { Default::default() } else { bark_mesh(grown, recipe, materials, context)? };
     let groups = group_organs(plant, materials);
     // For engines, leaves are merged into one mesh per organ with attributes for a wind shader; else each is an instance.
     let shaded = matches!(recipe.keys.motion, BarkMotion::Game | BarkMotion::Static);
@@ -79,9 +83,12 @@ pub fn build_plant_asset(
     };
     let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
     let instanced = groups.iter().filter(|_| !shaded);
-    let instancers: Vec<Instancer> = instanced
+    let mut instancers: Vec<Instancer> = instanced
         .map(|(o, organs)| leaf_instancer(plant, materials, *o, organs, organ_instancer_motion(organs, rig)))
         .collect::<Result<_>>()?;
+    if by_segments {
+        instancers.push(segment_instancer(plant, materials, grown.segment.as_ref(), rig)?);
+    }
     let mut merged = Vec::new();
     if shaded || materials.shader_wind {
         mesh.attributes = WindWeights::new(plant).bark(&bindings);
@@ -91,19 +98,37 @@ pub fn build_plant_asset(
         merged =
             groups.iter().map(|(o, organs)| merged_leaves(&attributes, materials, *o, organs, rig, motion)).collect();
     }
-    let bark = MeshObject { name: "bark".into(), mesh, motion, skin: weights };
+    let bark = (!by_segments).then(|| MeshObject { name: "bark".into(), mesh, motion, skin: weights });
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
         group: String::new(),
         skeleton: rig.map(|r| r.skeleton.clone()),
         instancers,
-        meshes: [bark].into_iter().chain(merged).collect(),
+        meshes: bark.into_iter().chain(merged).collect(),
         points: Vec::new(),
         curves: Vec::new(),
         rigged: None,
     };
     Ok((asset, sway))
+}
+
+/// Builds the asset of a plant that grows over the clip, and its growth.
+/// # Errors
+/// As [`build_plant_asset`].
+pub(crate) fn build_growing_plant(
+    grown: &GrownPlant,
+    recipe: &PlantRecipe,
+    materials: &PlantMaterials,
+    individual: &Individual,
+    clip: GrowthClip,
+    context: &BakeContext<'_>,
+) -> Result<(Asset, GrowthMotion)> {
+    let (mut asset, _) = build_plant_asset(grown, recipe, materials, individual, None, context)?;
+    let by_segments = recipe.skin.form == SkinForm::Segments && grown.imported.is_none();
+    let bindings = if by_segments { Vec::new() } else { bark_mesh(grown, recipe, materials, context)?.1 };
+    GrowthMotion::prepare(&mut asset);
+    Ok((asset, GrowthMotion::new(&grown.plant, materials, &bindings, by_segments, clip)))
 }
 
 /// The bark of a plant with the scene's material indices, and for each of its points the axis and the arc length on it, m.

@@ -9,9 +9,11 @@ use crate::bake::BakeContext;
 use crate::bake::assets::material_set::{MaterialSet, PlantMaterials};
 use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::plant_materials;
-use crate::bake::assets::plant_mesh::build_plant_asset;
+use crate::bake::assets::plant_mesh::{build_growing_plant, build_plant_asset};
 use crate::bake::assets::rigged_plant::build_rigged_plant;
+use crate::bake::assets::shape_growth::{GrowthSite, growth_solids};
 use crate::bake::motion::AssetMotion;
+use crate::bake::motion::growth::GrowthClip;
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
 use crate::bake::motion::sway::SwayMotion;
@@ -91,10 +93,14 @@ pub(crate) fn grow_plants(
     sets: &[MaterialSet],
     context: &BakeContext<'_>,
 ) -> Result<(Vec<GrownPlant>, Report)> {
-    let grown = par_map(&layout.individuals, |individual| {
+    let solids = growth_solids(recipe, layout)?;
+    let transforms = layout.first_transforms();
+    let individuals: Vec<(&Individual, Trs)> = layout.individuals.iter().zip(transforms).collect();
+    let grown = par_map(&individuals, |(individual, transform)| {
         context.cancel.check()?;
         let (plant, set) = plant_and_entry(recipe, sets, individual)?;
-        let grown = grow_plant(plant, individual, set, context);
+        let site = GrowthSite { solids: &solids, transform: *transform };
+        let grown = grow_plant(plant, individual, set, site, context);
         context.progress.advance(1);
         grown
     });
@@ -175,6 +181,14 @@ fn build_plant(
     transform: Trs,
     context: &BakeContext<'_>,
 ) -> Result<BuiltPlant> {
+    // A plant that grows over the clip follows its own clock and no wind.
+    if let Some(shares) = plant.keys.growth_clip.filter(|_| recipe.clip.len() > 1) {
+        let seconds = recipe.clip.seconds(recipe.clip.end);
+        let (asset, motion) =
+            build_growing_plant(grown, plant, materials, individual, GrowthClip { shares, seconds }, context)?;
+        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
+        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
+    }
     let still = matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static);
     let clock = FrameClock { fps: recipe.clip.fps(), first: recipe.clip.start };
     let build_rods =

@@ -6,13 +6,15 @@
 //! rod_plant       steps from frame to frame  ├─ AssetMotion::frame ─► AssetFrame ┐
 //! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
 //! rain            recorded drops and plants  ├─ row, fields, maps, records, ─────┘
-//! attractor_morph coefficients at a time     ┘  point_tables, volumes
+//! attractor_morph coefficients at a time     │  point_tables, volumes
+//! growth          births of nodes            ┘
 //! ```
 //!
 //! A new motion is a type that implements [`AssetMotion`] and is given to the scene together with its asset.
 
 pub mod attractor_morph;
 pub mod flight;
+pub mod growth;
 pub mod rain;
 pub mod rod;
 pub mod rod_plant;

@@ -28,6 +28,13 @@ choices! {
         /// Green and waxy with fine fibres: bamboo.
         Culm = "culm",
     }
+    /// How the axes of a plant are shown.
+    SkinForm {
+        /// Tubes with joined branches.
+        Loft = "loft",
+        /// An instance between each two nodes.
+        Segments = "segments",
+    }
     /// How bark maps follow a taper.
     BarkUv {
         /// Keeps proportions along the taper.
@@ -61,6 +68,10 @@ keys! {
     }
     /// Meshing of axes (loft).
     SkinKeys at "plants.NAME.skin" {
+        /// How axes are shown: a closed skin ("loft"), or one prism or organ per segment ("segments").
+        form: SkinForm = "form" OneOf(SkinForm::Loft);
+        /// With form = "segments": letter of the organ that replaces the prisms.
+        segment: String = "segment" StringType("");
         /// Edge length around an axis.
         edge: f64 = "edge" number(0.04, 1e-5, 10.0, "m");
         /// Bending angle after which a new ring is inserted.

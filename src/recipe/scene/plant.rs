@@ -1,10 +1,12 @@
 //! `[plants.NAME]`: what grows a plant and what it looks like.
 
-use super::{BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SkinKeys, TurtleKeys, UpAxis};
+use super::{
+    BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SkinForm, SkinKeys, TurtleKeys, UpAxis,
+};
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
-    BooleanType, FileReference, NamedNumbers, OneOf, OptionalKey, Reference, SeedType, TomlTable, TomlValue, integer,
-    join, wrong,
+    BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, SeedType, TomlTable,
+    TomlValue, integer, join, number, wrong,
 };
 use crate::recipe::syntax::{Digest as _, KeyTable};
 use crate::recipe::syntax::{choices, keys};
@@ -45,6 +47,11 @@ keys! {
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml"), basic;
         /// Mesh of a whole plant, instead of a grammar; osier extracts its skeleton.
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
+        /// File of particle-shapes, instead of a grammar.
+        shapes: Option<Reference> = "shapes" FileReference(".shapes"), basic;
+        /// File of particle-shapes that adds twigs and leaves to the axes that bear none; of its level 0 only spacing, base and
+        /// angle count.
+        twigs: Option<Reference> = "twigs" FileReference(".shapes");
         /// Number of derivation steps.
         steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "that of the grammar"), basic;
         /// Values that replace `#define`s of the grammar.
@@ -56,6 +63,8 @@ keys! {
         /// How motion is written: joints ("skin"), points of every frame ("cache"), few joints and shader attributes
         /// ("game"), shader attributes only ("static"), or no motion ("still").
         motion: BarkMotion = "motion" OneOf(BarkMotion::Skin), basic;
+        /// Shares of its growth time, 0 to 1, at the first and the last frame: the plant grows over the clip and does not sway.
+        growth_clip: Option<[f64; 2]> = "growth_clip" OptionalKey(NumberArray([0.0, 1.0], number(0.0, 0.0, 1.0, "")), "fully grown");
         /// Largest number of joints of the skeleton.
         max_joints: u32 = "max_joints" integer(256, 1, 300);
         /// Largest number of branches that bend individually.
@@ -64,8 +73,24 @@ keys! {
 }
 
 /// Keys and tables that say how a plant grows or what it wears.
-const GROWN: &[&str] =
-    &["grammar", "ifs", "steps", "set", "stochastic", "turtle", "tree", "leaf", "organs", "bark", "shoot", "skin"];
+const GROWN: &[&str] = &[
+    "grammar",
+    "ifs",
+    "shapes",
+    "growth",
+    "twigs",
+    "fill",
+    "steps",
+    "set",
+    "stochastic",
+    "turtle",
+    "tree",
+    "leaf",
+    "organs",
+    "bark",
+    "shoot",
+    "skin",
+];
 
 /// Words between bars, in lower case.
 pub fn words(pattern: &str) -> Vec<String> {
@@ -150,14 +175,15 @@ impl Resolver<'_> {
         let mut skin: SkinKeys = self.section_at(table, &path, "skin");
         let wood = self.section_at(table, &path, "wood");
         let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
+        self.settle_forms(table, &path, &mut keys, &mut skin);
         let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
         if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
             let d =
                 Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
             self.report.push(d.help("it sets how a mesh is read: name one with mesh = \"FILE\""));
         }
-        // One of mesh, grammar and coefficient table grows the plant. `letters` are the organs that the grammar or table uses.
-        let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
+        // One of mesh, grammar, coefficient table and particle-shapes grows the plant. `letters` are the organs that it uses.
+        let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.import_plant_mesh(&keys, &path, table)?;
                 let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
@@ -181,15 +207,30 @@ impl Resolver<'_> {
                 organs.extend(sets);
                 (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
             }
+            (None, None) if keys.shapes.is_some() => {
+                let reference = keys.shapes.as_ref()?;
+                let file = self.read(&reference.text, reference.span, "text-bytes", &[".shapes"])?;
+                let shapes = self.shape_keys(&file, table, &path, "growth")?;
+                (Growth::Shapes(Box::new(shapes)), file.shown, vec!['l'])
+            }
             // A misspelt or unreadable `grammar` has been named already.
             (None, None) if misread => return None,
             (None, None) => {
                 let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
-                let help =
-                    "add grammar = \"NAME.l\", or mesh = \"FILE\"; `osier list presets` shows those in the binary";
+                let help = "add grammar = \"NAME.l\", shapes = \"NAME.shapes\" or mesh = \"FILE\"; `osier list presets` shows those in the binary";
                 self.report.push(d.help(help));
                 return None;
             }
+        };
+        let fill = match &keys.twigs {
+            // The surface of an artist's mesh stays as it is.
+            _ if matches!(growth, Growth::Mesh(..)) => None,
+            Some(reference) => {
+                let file = self.read(&reference.text, reference.span, "text-bytes", &[".shapes"])?;
+                letters.extend(Some('l').filter(|l| !letters.contains(l)));
+                Some(self.shape_keys(&file, table, &path, "fill")?)
+            }
+            None => None,
         };
         // Organs that are used but not described get a blade with default keys.
         for letter in letters {
@@ -212,6 +253,7 @@ impl Resolver<'_> {
             name: name.into(),
             id,
             growth,
+            fill,
             source,
             turtle,
             organs,
@@ -223,6 +265,29 @@ impl Resolver<'_> {
             rods,
             keys,
         })
+    }
+
+    /// S007 for what a plant cannot be at the same time; the later of both keys gives way: growth in the rain or on shader attributes,
+    /// segments in the rain or on rods.
+    fn settle_forms(&mut self, plant: &TomlTable, path: &str, keys: &mut PlantKeys, skin: &mut SkinKeys) {
+        let shaded = matches!(keys.motion, BarkMotion::Game | BarkMotion::Static);
+        if keys.growth_clip.is_some() && (self.raining || shaded) {
+            let why = if self.raining { "rain meets grown plants" } else { "its motion is left to shaders" };
+            self.has_no_effect(plant, path, &["growth_clip"], why);
+            keys.growth_clip = None;
+        }
+        if skin.form == SkinForm::Segments && (self.raining || plant.get("rods").is_some()) {
+            let why = if self.raining { "rain needs a closed skin" } else { "rods need a closed skin" };
+            self.has_no_effect(plant, path, &["skin", "form"], why);
+            skin.form = SkinForm::Loft;
+        }
+    }
+
+    /// S007 for a key of a plant.
+    fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
+        let span = span_of(plant, key).unwrap_or(self.whole);
+        let text = format!("{path}.{} has no effect", key.join("."));
+        self.report.push(Diagnostic::warning("S007", text, span, "has no effect").help(format!("because {why}")));
     }
 
     /// Whether the ends of a table's tree can be instances of a few twigs; S007 where they are requested but cannot.

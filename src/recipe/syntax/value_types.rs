@@ -518,6 +518,43 @@ impl<const N: usize> ValueType for NumberArray<N> {
     }
 }
 
+/// Most numbers of a [`NumbersByLevel`]: no plant has more levels.
+const MAX_LEVELS: usize = 8;
+
+/// One number for each level of branching, from the trunk on: the last one holds for all higher levels. A number alone is a list
+/// of one.
+#[derive(Debug, Clone, Copy)]
+pub struct NumbersByLevel(pub &'static [f64], pub NumberType);
+
+impl ValueType for NumbersByLevel {
+    type Value = Vec<f64>;
+    fn fallback(&self) -> Vec<f64> {
+        self.0.iter().map(|v| self.1.unit.to_si(*v)).collect()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<f64>, Fault> {
+        let TomlValue::List(list) = &node.value else { return Ok(vec![self.1.checked(name, node)?]) };
+        if list.is_empty() || list.len() > MAX_LEVELS {
+            let text = format!("{name} has {} numbers, but must have 1 to {MAX_LEVELS}", list.len());
+            let d = Diagnostic::error("S003", text, node.span, "one number for each level");
+            return Err(Box::new(d.help("write one number for each level; the last one holds for all higher levels")));
+        }
+        list.iter().map(|n| self.1.checked(name, n)).collect()
+    }
+    fn listing(&self) -> KeyListing {
+        let default: Vec<String> = self.0.iter().map(f64::to_string).collect();
+        KeyListing {
+            accepts: format!("numbers by level, {}", self.1.range()),
+            default: format!("[{}]", default.join(", ")),
+            unit: self.1.unit.symbol,
+            form: self.1.form(ValueKind::List, json!(self.0)),
+        }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.len().digest(hasher);
+        value.iter().for_each(|v| self.1.digest(v, hasher));
+    }
+}
+
 /// A list of pairs of numbers, the first of each greater than the one before.
 #[derive(Debug, Clone, Copy)]
 pub struct RisingPairs(pub NumberType);

@@ -7,6 +7,7 @@ use osier::bake::assets::material_set::PlantMaterials;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::assets::plant_mesh::build_plant_asset;
+use osier::bake::assets::shape_growth::GrowthSite;
 use osier::bake::assets::skin_options::skin_options;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{AssembledScene, SceneOptions, assemble_scene};
@@ -26,6 +27,8 @@ pub fn recipe(preset: &Preset, seed: Option<u64>, maps: bool) -> Recipe {
     let (stem, ending) = preset.name.split_once('.').expect("ending");
     let mut request = if ending == "l" {
         Request::bare(stem, preset.name)
+    } else if ending == "shapes" {
+        Request::shapes(stem, preset.name)
     } else if ending == "ifs.toml" {
         Request::tree(stem, preset.name)
     } else {
@@ -75,7 +78,7 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
     let one = |individual: &osier::bake::scene::plant_layout::Individual| {
         let keys = &recipe.plants[individual.plant];
         let look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");
-        let grown = with_work(|w| grow_plant(keys, individual, &look, w)).expect("plant");
+        let grown = with_work(|w| grow_plant(keys, individual, &look, GrowthSite::default(), w)).expect("plant");
         let kind = PlantMaterials {
             tile: look.materials[0].tile,
             organ_names: look.names.clone(),

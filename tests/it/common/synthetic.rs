@@ -431,6 +431,8 @@ fn tracks_frame(scene: &Scene, number: u32, t: f32) -> AssetFrame {
         orientations: (0..5)
             .map(|i| Quat::from_axis_angle(Vec3::new(0.6, 0.8, 0.0), clock(i) * 3.0 + i as f32))
             .collect(),
+        // One instance unfolds while it flies.
+        sizes: (0..5).map(|i| if i == 3 { 0.4 + 1.5 * clock(i) } else { 1.0 }).collect(),
         velocities: (0..5)
             .map(|i| if alive[i] { Vec3::new(0.4, 1.0 + 0.1 * i as f32, -0.7) } else { Vec3::ZERO })
             .collect(),

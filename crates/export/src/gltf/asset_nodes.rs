@@ -359,7 +359,8 @@ impl GltfDocument<'_> {
             let mut motion = NodeAnimation::default();
             motion.rest.t = positions.first().copied().unwrap_or_default();
             motion.rest.r = orientations.first().copied().unwrap_or_default();
-            motion.rest.s = if m.alive.first().copied().unwrap_or(true) { scale } else { Vec3::ZERO };
+            let factor = m.sizes.first().copied().unwrap_or(1.0);
+            motion.rest.s = if m.alive.first().copied().unwrap_or(true) { scale * factor } else { Vec3::ZERO };
             let NodeAnimation { rest, channels } = &mut motion;
             self.add_vector_keys(
                 keys::reduce_positions(times, &positions, drop_keys),
@@ -369,7 +370,16 @@ impl GltfDocument<'_> {
                 channels,
             )?;
             self.add_rotation_keys(keys::reduce_rotations(times, &orientations, drop_keys), &mut rest.r, channels)?;
-            self.add_vector_keys(keys::visibility_scales(&m.alive, scale), "scale", true, &mut rest.s, channels)?;
+            if m.changes_size() {
+                let shown = |(alive, size): (&bool, &f32)| if *alive { scale * *size } else { Vec3::ZERO };
+                let scales: Vec<Vec3> = m.alive.iter().zip(&m.sizes).map(shown).collect();
+                let scales = keys::reduce_positions(times, &scales, drop_keys);
+                self.add_vector_keys(scales, "scale", false, &mut rest.s, channels)?;
+            } else {
+                let factor = m.sizes.first().copied().unwrap_or(1.0);
+                let visible = keys::visibility_scales(&m.alive, scale * factor);
+                self.add_vector_keys(visible, "scale", true, &mut rest.s, channels)?;
+            }
             let name = format!("{}_{}", instancer.name, m.instance);
             let id = format!("{}/{}", instancer.name, instancer.ids.get(m.instance).copied().unwrap_or_default());
             let mesh = StoredMesh { cube: None, ..mesh };

@@ -48,6 +48,8 @@ pub(super) struct InstanceTrack {
     pub positions: Vec<Vec3>,
     pub orientations: Vec<Quat>,
     pub alive: Vec<bool>,
+    /// Factors on the instance's scale.
+    pub sizes: Vec<f32>,
 }
 
 /// Points and normals of a mesh at a frame; normals may be missing.
@@ -104,6 +106,7 @@ impl AssetTracks {
                     positions: Vec::new(),
                     orientations: Vec::new(),
                     alive: Vec::new(),
+                    sizes: Vec::new(),
                 }));
             }
         }
@@ -139,6 +142,7 @@ impl AssetTracks {
                 m.positions.push(state.positions[m.instance]);
                 m.orientations.push(state.orientations[m.instance]);
                 m.alive.push(state.is_alive(m.instance));
+                m.sizes.push(state.size(m.instance));
             }
         }
         for (i, (shapes, object)) in self.meshes.iter_mut().zip(&asset.meshes).enumerate() {
@@ -173,6 +177,11 @@ impl MorphFrames {
 }
 
 impl InstanceTrack {
+    /// Whether the size of the instance changes while it is alive.
+    pub(super) fn changes_size(&self) -> bool {
+        self.sizes.windows(2).any(|w| w[0].to_bits() != w[1].to_bits())
+    }
+
     /// Positions and orientations in which an instance holds its first state before it is alive, and its last one afterwards: no
     /// keys are spent on motion that is not visible.
     pub(super) fn hold_while_dead(&self) -> (Vec<Vec3>, Vec<Quat>) {
@@ -205,6 +214,7 @@ mod tests {
             positions: [9.0, 1.0, 2.0, 8.0, 7.0].map(p).to_vec(),
             orientations: vec![Quat::IDENTITY; 5],
             alive: vec![false, true, true, false, false],
+            sizes: vec![1.0; 5],
         };
         assert_eq!(m.hold_while_dead().0, [1.0, 1.0, 2.0, 2.0, 2.0].map(p));
     }

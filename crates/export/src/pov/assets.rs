@@ -398,6 +398,7 @@ fn select_instances(instancer: &Instancer, which: &[usize]) -> Instancer {
         positions: which.iter().filter_map(|k| rest.positions.get(*k).copied()).collect(),
         orientations: which.iter().filter_map(|k| rest.orientations.get(*k).copied()).collect(),
         alive: which.iter().map(|k| rest.is_alive(*k)).collect(),
+        sizes: which.iter().filter_map(|k| rest.sizes.get(*k).copied()).collect(),
         ..InstanceState::default()
     };
     Instancer {

@@ -36,6 +36,11 @@ pub(crate) fn to_quath(orientations: &[Quat]) -> Vec<[f16; 4]> {
     out
 }
 
+/// Scales of all instances in a state, in the axes of the stage.
+fn stage_scales(up: UpAxis, instancer: &Instancer, state: &InstanceState) -> Vec<Vec3> {
+    instancer.scales.iter().enumerate().map(|(i, s)| up.stage_scale(*s * state.size(i))).collect()
+}
+
 /// Angular velocities, rad/s, in the unit and the axes of the stage: degrees per second.
 fn degrees_per_second(up: UpAxis, v: &[Vec3]) -> Vec<[f32; 3]> {
     // An angular velocity is an axial vector; the change of axes is a rotation, so it transforms as any other vector.
@@ -52,6 +57,9 @@ pub(super) struct AnimatedInstancer {
     orientations: AttrHandle,
     extent: AttrHandle,
     invisible: Option<AttrHandle>,
+    scales: AttrHandle,
+    /// The factors on the scales in the last sample.
+    sizes: Vec<f32>,
     velocities: VelocitySamples,
     angular: VelocitySamples,
     /// Primvars of the attributes seen so far; those of tracked instances are on their point twin.
@@ -89,7 +97,7 @@ pub(super) fn define_instancer(
     let before = stage_orientations(up, &instancer.rest, &[]);
     let orientations = to_quath(&before);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
-    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.stage_scale(*s)).collect();
+    let scales = stage_scales(up, instancer, &instancer.rest);
     let b = boxes.extent(&orientations, &up.stage_vecs(&instancer.rest.positions), &instancer.rest.alive);
     let hidden = invisible_ids(instancer, &instancer.rest);
     let set = |layer: &mut LayerBuilder, name: &str, type_name, array: UsdArray| {
@@ -105,7 +113,7 @@ pub(super) fn define_instancer(
     let positions =
         set(layer, "positions", "point3f[]", UsdArray::Float3(as_float3(&up.stage_vecs(&instancer.rest.positions))))?;
     set(layer, "protoIndices", "int[]", UsdArray::Int(protos))?;
-    set(layer, "scales", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
+    let scales = set(layer, "scales", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
     let primvars =
         if instancer.tracked { Vec::new() } else { primvar::define_all(layer, path, &instancer.rest.attributes)? };
     define_prototypes(cx, layer, root, path, instancer)?;
@@ -119,6 +127,8 @@ pub(super) fn define_instancer(
         orientations,
         extent,
         invisible,
+        scales,
+        sizes: instancer.rest.sizes.clone(),
         velocities: VelocitySamples::default(),
         angular: VelocitySamples::default(),
         primvars,
@@ -245,6 +255,10 @@ impl AnimatedPrim for AnimatedInstancer {
         self.clip_bounds = self.clip_bounds.union(Bounds::of(b.map(Vec3::from_array)));
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.extent, UsdArray::Float3(&b))?;
+        if state.sizes != self.sizes {
+            sample(self.scales, UsdArray::Float3(as_float3(&stage_scales(up, instancer, &state))))?;
+            self.sizes.clone_from(&state.sizes);
+        }
         if let Some(invisible) = self.invisible {
             sample(invisible, UsdArray::Int64(&invisible_ids(instancer, &state)))?;
         }

@@ -145,7 +145,7 @@ impl JointRig {
     }
 
     /// Joint whose stretch contains arc length `s`, m, of axis `a`; for a rigid axis, the joint that carries it.
-    fn joint_at(&self, a: usize, s: f32) -> u16 {
+    pub fn joint_at(&self, a: usize, s: f32) -> u16 {
         let chain = &self.chains[a];
         let before = chain.partition_point(|j| self.bones[usize::from(*j)].pivot <= s);
         chain.get(before.saturating_sub(1)).copied().unwrap_or(self.carriers[a])

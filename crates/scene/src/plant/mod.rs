@@ -43,7 +43,7 @@ pub enum AxisKind {
     Root,
     /// Stalk of a leaf, between its axis and the blade.
     Petiole,
-    /// Blade of grass, drawn as a strip along the axis.
+    /// Blade of grass, drawn as a strip along the axis; the radii of its nodes are half of its width.
     Blade,
 }
 

@@ -386,6 +386,7 @@ impl FlightState {
             positions: s.positions.iter().zip(&self.settled).map(|(p, settled)| *p + *settled).collect(),
             orientations: s.orientations,
             alive: s.states.iter().map(|s| s.is_seen()).collect(),
+            sizes: Vec::new(),
             velocities: s.velocities,
             angular_velocities: s.angular_velocities,
             attributes: vec![

@@ -8,7 +8,7 @@ use super::{SkinOptions, TubeRange};
 use osier_base::convert::narrow;
 use osier_base::rng::Rng;
 use osier_base::{Error, Result, math};
-use osier_scene::plant::Plant;
+use osier_scene::plant::{AxisKind, Plant};
 
 /// Parameters of one tube beyond its rings.
 #[derive(Debug, Clone, Copy)]
@@ -70,8 +70,9 @@ pub(super) fn lay_out(plant: &Plant, options: &SkinOptions, plans: &TubePlans) -
             parent.cap = TubeCap::Disc;
         }
     }
-    let mut order: Vec<(u16, u32)> =
-        (0_u32..).zip(&plant.axes).map(|(i, _)| (material(plant, options, plans, i), i)).collect();
+    // Blades are strips, which are appended to the tubes.
+    let tubes = (0_u32..).zip(&plant.axes).filter(|(_, axis)| axis.kind != AxisKind::Blade);
+    let mut order: Vec<(u16, u32)> = tubes.map(|(i, _)| (material(plant, options, plans, i), i)).collect();
     order.sort_unstable();
     assign_ranges(options, plans, params, &order)
 }

@@ -21,6 +21,7 @@ mod corners;
 mod emit;
 mod junction;
 mod layout;
+mod ribbon;
 mod rings;
 mod tube;
 mod tube_plan;
@@ -112,14 +113,14 @@ pub struct PlantSkin {
     pub mesh: Mesh,
     /// The skeleton location of each point, parallel to `mesh.points`.
     pub bindings: Vec<AxisBinding>,
-    /// One per axis, in the order of the mesh: by material, then as in the plant. Each is a closed surface once points that
+    /// One per axis that is no blade, in the order of the mesh: by material, then as in the plant. Each is a closed surface once points that
     /// share a position are welded.
     pub tubes: Vec<TubeRange>,
 }
 
 /// Skins a plant that [`osier_scene::plant::validate`] accepted. Each axis becomes one closed tube that starts inside its
 /// parent; side branches begin with a widened collar that lies on the parent's surface, branches at the tip continue from the
-/// parent's last ring. Positions in m, plant space; normals are exact on cones.
+/// parent's last ring. Axes of the kind [`osier_scene::plant::AxisKind::Blade`] become strips instead. Positions in m, plant space; normals are exact on cones.
 /// # Errors
 /// `Range` for an option outside its range, `Limit` for more than `max_points` points.
 /// Own: rings, junctions and continuations; frames after [`osier_base::math::transport`].
@@ -138,7 +139,7 @@ pub fn skin_into(plant: &Plant, options: &SkinOptions, out: &mut PlantSkin) -> R
     let plans = tube_plan::plan_tubes(plant, options);
     let layout = layout::lay_out(plant, options, &plans)?;
     emit::emit(plant, options, &plans, layout, out);
-    Ok(())
+    ribbon::append_ribbons(plant, options, out)
 }
 
 fn check(o: &SkinOptions) -> Result<()> {

@@ -1,0 +1,178 @@
+//! Twigs and leaves on a plant that exists: [hoetzlein] Figure 6c.
+
+use glam::Vec3;
+
+use super::axis::{ROOT, ShapeAxis, ShapeNode};
+use super::growth::{depth_first, grow_axes, last_time};
+use super::leaves::place_leaves;
+use super::params::ShapeParams;
+use super::plant::{Attachment, finish, push_axis, rounded_s};
+use super::{ShapeMaterials, check, spawn, warnings};
+use crate::grow::radii;
+use crate::grow::turtle::OrganSpec;
+use osier_base::Result;
+use osier_base::diagnostic::Diagnostic;
+use osier_base::math::narrow;
+use osier_base::rng::mix64;
+use osier_base::rng::word;
+use osier_scene::plant::{AxisEnd, AxisKind, NONE, Plant};
+
+/// A twig begins with this share of its parent's radius at the site, if that is thinner than the base radius asked for.
+const CHILD_RADIUS: f64 = 0.6;
+
+/// Adds twigs and leaves to the axes of a plant that bear no others. These count as level 0 of `params`, of which only spacing,
+/// base and angle are read; the twigs begin with level 1. Ids of the plant's own axes and organs stay; the new ones depend on
+/// the axis that bears them alone.
+/// # Errors
+/// As [`super::grow`].
+pub fn fill(
+    plant: &mut Plant,
+    params: &ShapeParams,
+    organ: Option<&OrganSpec>,
+    materials: &ShapeMaterials,
+) -> Result<Vec<Diagnostic>> {
+    check(params)?;
+    let seed = mix64(&[plant.seed, word("fill")]);
+    // Axes that bear no others become the parents of twigs.
+    let mut bears = vec![false; plant.axes.len()];
+    for axis in plant.axes.iter().filter(|a| a.parent != NONE) {
+        bears[axis.parent as usize] = true;
+    }
+    let parents: Vec<ShapeAxis> =
+        (0..plant.axes.len()).map(|i| parent_axis(plant, i, bears[i], params, seed)).collect();
+    let starts = (0..parents.len()).flat_map(|i| spawn::children(params, &parents[i], i, seed)).collect();
+    let mut grown = grow_axes(params, starts, (plant.id, seed));
+    let report = warnings(&grown, &materials.source);
+    // Twigs of level 1 hang on the plant's axes, all others on twigs: separate the two kinds of parent.
+    let hosts: Vec<usize> =
+        grown.axes.iter().map(|a| if a.level == 1 && a.fork == NONE { a.parent } else { ROOT }).collect();
+    for (axis, host) in grown.axes.iter_mut().zip(&hosts) {
+        if *host != ROOT {
+            axis.parent = ROOT;
+        }
+    }
+    insert(plant, &parents, &grown.axes, &hosts, params)?;
+    place_leaves(plant, params, organ, |axis, r| {
+        axis.kind == AxisKind::Stem && f64::from(r) < params.leaves.max_radius
+    });
+    finish(plant, materials)?;
+    Ok(report)
+}
+
+/// An axis of the plant as one that has grown; it has sites only if it bears no axes.
+fn parent_axis(plant: &Plant, i: usize, bears: bool, params: &ShapeParams, seed: u64) -> ShapeAxis {
+    let axis = &plant.axes[i];
+    let node = |k: usize| ShapeNode {
+        p: plant.nodes.p[k].as_dvec3(),
+        tangent: (plant.nodes.q[k] * Vec3::Y).as_dvec3().normalize_or(glam::DVec3::Y),
+        reference: (plant.nodes.q[k] * Vec3::X).as_dvec3().normalize_or(glam::DVec3::X),
+        s: plant.nodes.s[k].into(),
+        time: plant.nodes.birth[k].into(),
+    };
+    let mut grown = ShapeAxis {
+        id: axis.id,
+        parent: ROOT,
+        parent_s: 0.0,
+        ordinal: 0,
+        level: 0,
+        forks: 0,
+        fork: NONE,
+        length: axis.length.into(),
+        exposed: axis.s_exposed.into(),
+        end: AxisEnd::Tip,
+        nodes: plant.nodes_of(axis).map(node).collect(),
+        sites: Vec::new(),
+    };
+    if !bears && axis.kind == AxisKind::Stem {
+        grown.sites = spawn::sites(params, &grown, seed);
+    }
+    grown
+}
+
+/// Rebuilds the plant with the twigs in their canonical places. `hosts`: for each twig the axis of the plant that bears it, or
+/// [`ROOT`] if a twig does.
+fn insert(
+    plant: &mut Plant,
+    parents: &[ShapeAxis],
+    twigs: &[ShapeAxis],
+    hosts: &[usize],
+    params: &ShapeParams,
+) -> Result<()> {
+    let old = std::mem::take(plant);
+    let last = last_time(twigs).max(1.0);
+    // The twigs of one host in canonical order: `depth_first` keeps each with what it bears.
+    let mut by_host: Vec<Vec<usize>> = vec![Vec::new(); old.axes.len()];
+    let mut host = ROOT;
+    for i in depth_first(twigs) {
+        if twigs[i].parent == ROOT {
+            host = hosts[i];
+        }
+        if let Some(list) = by_host.get_mut(host) {
+            list.push(i);
+        }
+    }
+    let mut place_of_old = vec![NONE; old.axes.len()];
+    let mut place_of_twig = vec![NONE; twigs.len()];
+    let mut first_new = Vec::new();
+    for (i, axis) in old.axes.iter().enumerate() {
+        place_of_old[i] = osier_base::convert::index(plant.axes.len(), "axes of a plant")?;
+        copy_axis(plant, &old, i, &place_of_old)?;
+        for &t in &by_host[i] {
+            let twig = &twigs[t];
+            let at = if twig.parent == ROOT {
+                let host = &plant.axes[place_of_old[i] as usize];
+                let parent_s = rounded_s(&parents[i], twig.parent_s, host);
+                Attachment { parent: place_of_old[i], parent_s, order: axis.order.saturating_add(1) }
+            } else {
+                let parent = place_of_twig[twig.parent];
+                let bearer = &plant.axes[parent as usize];
+                let order = bearer.order.saturating_add(u8::from(twig.fork == NONE));
+                Attachment { parent, parent_s: rounded_s(&twigs[twig.parent], twig.parent_s, bearer), order }
+            };
+            place_of_twig[t] = osier_base::convert::index(plant.axes.len(), "axes of a plant")?;
+            first_new.push(plant.axes.len());
+            push_axis(plant, twig, at, AxisKind::Stem, last)?;
+        }
+    }
+    for i in first_new {
+        taper_twig(plant, i, params);
+    }
+    plant.organs = old.organs.clone();
+    for organ in &mut plant.organs {
+        organ.axis = place_of_old[organ.axis as usize];
+    }
+    plant.protos.clone_from(&old.protos);
+    plant.materials.clone_from(&old.materials);
+    plant.source.clone_from(&old.source);
+    (plant.id, plant.seed) = (old.id, old.seed);
+    Ok(())
+}
+
+/// Appends an axis of another plant whose parent has been appended before.
+fn copy_axis(plant: &mut Plant, from: &Plant, i: usize, places: &[u32]) -> Result<()> {
+    let axis = &from.axes[i];
+    let range = from.nodes_of(axis);
+    let first = osier_base::convert::index(plant.nodes.len(), "nodes of a plant")?;
+    plant.nodes.p.extend_from_slice(&from.nodes.p[range.clone()]);
+    plant.nodes.q.extend_from_slice(&from.nodes.q[range.clone()]);
+    plant.nodes.r.extend_from_slice(&from.nodes.r[range.clone()]);
+    plant.nodes.s.extend_from_slice(&from.nodes.s[range.clone()]);
+    plant.nodes.birth.extend_from_slice(&from.nodes.birth[range.clone()]);
+    plant.nodes.color.extend_from_slice(&from.nodes.color[range]);
+    let parent = if axis.parent == NONE { NONE } else { places[axis.parent as usize] };
+    plant.axes.push(osier_scene::plant::Axis { first, parent, ..axis.clone() });
+    Ok(())
+}
+
+/// Radii of a twig, linear from its base to its tip.
+fn taper_twig(plant: &mut Plant, i: usize, params: &ShapeParams) {
+    let axis = plant.axes[i].clone();
+    let below = f64::from(plant.frame(&plant.axes[axis.parent as usize], axis.parent_s).r);
+    let most = params.thickness.base.unwrap_or(radii::Taper::default().base);
+    let base = (CHILD_RADIUS * below).min(most);
+    let tip = params.thickness.tip.min(base);
+    for k in plant.nodes_of(&axis) {
+        let t = f64::from(plant.nodes.s[k] / axis.length.max(f32::MIN_POSITIVE)).min(1.0);
+        plant.nodes.r[k] = narrow((base + (tip - base) * t).max(1e-6));
+    }
+}

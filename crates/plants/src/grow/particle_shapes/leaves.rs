@@ -1,0 +1,108 @@
+//! Leaves along axes.
+
+use glam::{Mat3, Quat, Vec3};
+
+use super::params::ShapeParams;
+use crate::grow::turtle::OrganSpec;
+use osier_base::math::{cos, exp, narrow, nlerp, normalize_or, perpendicular, sin};
+use osier_base::rng::{Rng, child, mix64, word};
+use osier_scene::plant::{Axis, Organ, Plant, Proto};
+
+/// Golden angle between successive leaves, rad.
+const DIVERGENCE: f64 = 2.399_963_229_728_653;
+/// Deviates beyond this many standard deviations are cut: one leaf in 700 would stand out by its size or angle.
+const MAX_DEVIATION: f64 = 3.0;
+
+/// Places leaves along the axes of a plant, every `spacing`, where `bears` is true of the axis and its radius at the site. The
+/// prototypes of the organ are added if the plant has none; organs keep their canonical order.
+pub(super) fn place_leaves(
+    plant: &mut Plant,
+    params: &ShapeParams,
+    organ: Option<&OrganSpec>,
+    bears: impl Fn(&Axis, f32) -> bool,
+) {
+    let leaves = &params.leaves;
+    let Some(organ) = organ.filter(|o| leaves.spacing > 0.0 && !o.meshes.is_empty()) else { return };
+    let protos = register_prototypes(plant, organ);
+    // All variants are scaled by the length of the longest, so that their proportions to each other stay.
+    let longest = organ.meshes.iter().map(|m| m.bounds().max.y).fold(0.0_f32, f32::max);
+    let unit = if longest > 1e-9 { organ.size / f64::from(longest) } else { organ.size };
+    let mut placed = Vec::new();
+    for (i, axis) in (0_u32..).zip(&plant.axes) {
+        let mut draws = Rng::at(plant.seed, &[axis.id.into(), "phyllotaxis".into()]);
+        let first_azimuth = draws.range(0.0, std::f64::consts::TAU);
+        let mut s = f64::from(axis.s_exposed) + leaves.spacing * draws.unit_f64();
+        let mut ordinal = 0_u64;
+        while s <= f64::from(axis.length) {
+            let site = plant.frame(axis, narrow(s));
+            if bears(axis, site.r) {
+                let id = mix64(&[axis.id, word("leaf"), ordinal]);
+                let mut draws = Rng::at(plant.seed, &[id.into(), "leaf".into()]);
+                let mut deviate = || draws.normal_by_quantile().clamp(-MAX_DEVIATION, MAX_DEVIATION);
+                let azimuth = first_azimuth + ordinal as f64 * DIVERGENCE;
+                let angle = leaves.angle + leaves.angle_deviation * deviate();
+                let size = exp(leaves.size_deviation * deviate());
+                placed.push(Organ {
+                    id,
+                    axis: i,
+                    s: narrow(s),
+                    offset: Vec3::ZERO,
+                    q: leaf_rotation(site.q, azimuth, angle, leaves.face_up),
+                    scale: narrow(unit * size),
+                    proto: protos.0 + pick(child(id, word("proto")), protos.1),
+                    petiole: site.r + narrow(organ.petiole * size),
+                    tint: draws.unit_f32(),
+                    birth: birth_at(plant, axis, narrow(s)),
+                });
+            }
+            ordinal += 1;
+            s += leaves.spacing;
+        }
+    }
+    plant.organs.append(&mut placed);
+    plant.organs.sort_by(|a, b| a.axis.cmp(&b.axis).then(a.s.total_cmp(&b.s)).then(a.id.cmp(&b.id)));
+}
+
+/// First prototype and number of prototypes of an organ in a plant.
+fn register_prototypes(plant: &mut Plant, organ: &OrganSpec) -> (u16, u16) {
+    let count = u16::try_from(organ.meshes.len()).unwrap_or(u16::MAX);
+    let name = |i: usize| if organ.meshes.len() == 1 { organ.name.clone() } else { format!("{}_{i}", organ.name) };
+    if let Some(first) = plant.protos.iter().position(|p| p.name == name(0)) {
+        return (u16::try_from(first).unwrap_or(u16::MAX), count);
+    }
+    let first = u16::try_from(plant.protos.len()).unwrap_or(u16::MAX);
+    let new = organ.meshes.iter().take(usize::from(count)).enumerate();
+    plant.protos.extend(new.map(|(i, mesh)| Proto { name: name(i), mesh: std::sync::Arc::clone(mesh) }));
+    (first, count)
+}
+
+/// A hash as an index below `count`.
+#[allow(clippy::cast_possible_truncation, reason = "below a count of 16 bits")]
+fn pick(hash: u64, count: u16) -> u16 {
+    (hash % u64::from(count.max(1))) as u16
+}
+
+/// Rotation of a leaf relative to its axis' frame `q`: its midrib at `angle` to the axis, its upper side towards the axis' tip,
+/// then turned by the share `face_up` to face upwards.
+fn leaf_rotation(q: Quat, azimuth: f64, angle: f64, face_up: f64) -> Quat {
+    let side = Vec3::new(narrow(cos(azimuth)), 0.0, narrow(sin(azimuth)));
+    let midrib = Vec3::Y * narrow(cos(angle)) + side * narrow(sin(angle));
+    let own = oriented(midrib, Vec3::Y);
+    if face_up <= 0.0 {
+        return own;
+    }
+    let up = q.inverse() * Vec3::Y;
+    nlerp(own, oriented(midrib, up), narrow(face_up))
+}
+
+/// The rotation that takes +Y to the midrib and +Z to the part of `up` perpendicular to it.
+fn oriented(midrib: Vec3, up: Vec3) -> Quat {
+    let upper = normalize_or(up - midrib * midrib.dot(up), perpendicular(midrib));
+    Quat::from_mat3(&Mat3::from_cols(midrib.cross(upper), midrib, upper)).normalize()
+}
+
+/// Birth of an axis at an arc length.
+fn birth_at(plant: &Plant, axis: &Axis, s: f32) -> f32 {
+    let (i, t) = plant.segment(axis, s);
+    plant.nodes.birth[i] + (plant.nodes.birth[i + 1] - plant.nodes.birth[i]) * t
+}

@@ -1,0 +1,155 @@
+//! Particle-shapes: plants as the traces of particles that wander, twist and spread, and spawn others on their way.
+//!
+//! Source: R. Hoetzlein, Natural Structures through the Convergence of Particles and Shapes (Generative Art 2020), section 3. A
+//! particle leaves a chain of nodes behind; an axis is such a chain. Particles spawn others at irregular intervals, which carry
+//! their level on. Length, age and level end growth.
+//!
+//! Own: units, a random walk and an approach to the target direction that do not depend on the step, tropisms, light, crown
+//! guide, solids, radii. [`params::Variant::Paper`] has the printed equations.
+
+mod axis;
+mod fill;
+mod growth;
+mod guide;
+mod leaves;
+pub mod params;
+mod particle;
+mod plant;
+pub mod region;
+mod shade;
+mod spawn;
+
+use crate::grow::turtle::OrganSpec;
+use osier_base::diagnostic::Diagnostic;
+use osier_base::{Error, Result};
+use osier_scene::plant::{MAX_ITEMS, Plant};
+use params::{ByLevel, ShapeParams, Variant};
+
+pub use fill::fill;
+pub use particle::{Influence, Particle, StepRates};
+
+/// Materials of a plant and what it is called.
+#[derive(Debug, Clone, Default)]
+pub struct ShapeMaterials {
+    /// Names of all materials.
+    pub names: Vec<String>,
+    /// Index of the bark.
+    pub bark: u16,
+    /// Index of the bark of thin axes.
+    pub shoot: u16,
+    /// Radius at its base below which an axis is thin, m.
+    pub shoot_radius: f32,
+    /// Description of the plant's origin, for manifests.
+    pub source: String,
+}
+
+/// Grows a plant. `identity`: its id and seed. Returns it validated, with the warnings of its growth.
+/// # Errors
+/// `Range` for a parameter outside its range, `Limit` beyond [`MAX_ITEMS`] nodes, what `plant::validate` refuses.
+pub fn grow(
+    params: &ShapeParams,
+    identity: (u32, u64),
+    organ: Option<&OrganSpec>,
+    materials: &ShapeMaterials,
+) -> Result<(Plant, Vec<Diagnostic>)> {
+    check(params)?;
+    let grown = growth::grow_axes(params, spawn::roots(params, identity), identity);
+    if grown.axes.is_empty() {
+        return Err(nothing_grew(&grown));
+    }
+    let plant = plant::build_plant(&grown.axes, params, identity, organ, materials)?;
+    Ok((plant, warnings(&grown, &materials.source)))
+}
+
+/// The error of a plant whose first level was refused or whose axes had no room.
+fn nothing_grew(grown: &growth::GrownShapes) -> Error {
+    match grown.refused {
+        Some(refused) => Error::Limit {
+            name: "nodes of particle-shapes".into(),
+            wanted: refused.predicted.to_string(),
+            limit: "max_nodes".into(),
+            flag: "fewer roots, a shorter length or a larger max_nodes".into(),
+        },
+        None => {
+            Error::input("S004", "no axis had room to grow: its roots are enclosed by solids or outside of its limits")
+        }
+    }
+}
+
+/// Warnings of growth: a level that was left out, velocities that were cut.
+fn warnings(grown: &growth::GrownShapes, source: &str) -> Vec<Diagnostic> {
+    let mut out = Vec::new();
+    if let Some(refused) = grown.refused {
+        let text = format!(
+            "{source}: level {} was not grown, because the plant would have at least {} nodes",
+            refused.level, refused.predicted
+        );
+        let help = "raise `max_nodes`, or set a larger `spacing` or fewer `levels`";
+        out.push(Diagnostic { help: Some(help.into()), ..Diagnostic::about("S035", text) });
+    }
+    if grown.cut_velocities > 0 {
+        let text = format!(
+            "{source}: the velocity of {} steps was cut to 4 times `speed`: the printed equations let it grow without bound",
+            grown.cut_velocities
+        );
+        out.push(Diagnostic::about("S035", text));
+    }
+    out
+}
+
+/// Range of a parameter that is given by level.
+struct LevelRange<'a> {
+    name: &'static str,
+    values: &'a ByLevel,
+    min: f64,
+    max: f64,
+    unit: &'static str,
+}
+
+/// Ranges of plants.md 2.2, for callers that do not come from a scene, whose keys have been checked.
+fn check(params: &ShapeParams) -> Result<()> {
+    let m = &params.motion;
+    let (limits, spawning) = (&params.limits, &params.spawning);
+    let row = |name, values, min, max, unit| LevelRange { name, values, min, max, unit };
+    let ranges = [
+        row("length", &limits.length, 0.005, 100.0, "m"),
+        row("speed", &m.speed, 0.01, 10.0, "m/t"),
+        row("spread", &m.spread, 0.0, 50.0, "1/t"),
+        row("wander", &m.wander, 0.0, 3.0, "t^-1/2"),
+        row("twist", &m.twist, -30.0, 30.0, "rad/t"),
+        row("coil", &m.coil, -30.0, 30.0, "rad/t"),
+        row("gravity", &m.gravity, -5.0, 5.0, "m/t^2"),
+        row("up", &m.up, -5.0, 5.0, "1/t"),
+        row("light", &m.light, -5.0, 5.0, "1/t"),
+        row("attract", &m.attract, -5.0, 5.0, "1/t"),
+        row("avoid", &m.avoid, -5.0, 5.0, "1/t"),
+        row("climb", &m.climb, -5.0, 5.0, "1/t"),
+        row("spacing", &spawning.spacing, 0.002, 10.0, "m"),
+        row("base", &spawning.base, 0.0, 1.0, ""),
+        row("angle", &spawning.angle, 0.0, 3.06, "rad"),
+    ];
+    for r in ranges {
+        let found = (0..8).map(|level| r.values.at(level)).find(|v| !(r.min..=r.max).contains(v));
+        if let Some(value) = found {
+            return Err(Error::Range { name: r.name.into(), value, min: r.min, max: r.max, unit: r.unit });
+        }
+    }
+    let paper = if params.variant == Variant::Paper { m.paper_spread } else { 0.0 };
+    let single = [
+        ("levels", f64::from(limits.levels), 1.0, 8.0, ""),
+        ("roots", f64::from(params.roots.count), 1.0, 100_000.0, ""),
+        ("step", params.step, 0.05, 8.0, ""),
+        ("paper_spread", paper, 0.0, 1.0, ""),
+        ("tip radius", params.thickness.tip, 1e-5, 1.0, "m"),
+        ("max_nodes", limits.max_nodes as f64, 1.0, MAX_ITEMS as f64, ""),
+    ];
+    for (name, value, min, max, unit) in single {
+        if !(min..=max).contains(&value) {
+            return Err(Error::Range { name: name.into(), value, min, max, unit });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

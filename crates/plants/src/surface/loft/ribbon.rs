@@ -1,0 +1,127 @@
+//! Blades of grass: strips along their axis, folded on the midrib, in place of tubes.
+
+use std::f32::consts::PI;
+
+use glam::{Quat, Vec2, Vec3};
+
+use super::{AxisBinding, PlantSkin, SkinOptions};
+use osier_base::convert::index;
+use osier_base::{Error, Result, math};
+use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
+
+/// Angle of each half of a blade to the plane across its midrib, rad: grasses are folded by some 30 degrees in all.
+const FOLD: f32 = 15.0 * PI / 180.0;
+/// A blade has a row of points at least this often along its length, so that it bends smoothly in the wind.
+const MIN_ROWS: f32 = 6.0;
+/// Points of a row: left edge, midrib, right edge.
+const ROW: u32 = 3;
+
+/// A row of points across a blade.
+struct Row {
+    p: Vec3,
+    q: Quat,
+    /// Half the width, m.
+    half: f32,
+    /// Arc length on the axis, m; below 0 under the ground.
+    s: f32,
+}
+
+/// Appends the blades of a plant to its skin, as the last subsets.
+/// # Errors
+/// `Limit` for more points than the options allow, `TooMany` beyond 2^32 points.
+pub(super) fn append_ribbons(plant: &Plant, options: &SkinOptions, skin: &mut PlantSkin) -> Result<()> {
+    let blades = (0_u32..).zip(&plant.axes).filter(|(_, a)| a.kind == AxisKind::Blade);
+    let mut by_material: Vec<(u16, u32)> = blades.map(|(i, a)| (material(plant, options, a), i)).collect();
+    by_material.sort_unstable();
+    for run in by_material.chunk_by(|a, b| a.0 == b.0) {
+        let mut triangles = Vec::new();
+        for &(_, axis) in run {
+            append_ribbon(plant, options, axis, skin, &mut triangles)?;
+        }
+        skin.mesh.append_subset(run[0].0.into(), triangles);
+        if skin.mesh.points.len() as u64 > options.max_points {
+            return Err(Error::Limit {
+                name: "points of the skin".into(),
+                wanted: format!("more than {}", options.max_points),
+                limit: options.max_points.to_string(),
+                flag: "fewer blades or a larger turn_deg".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn material(plant: &Plant, options: &SkinOptions, axis: &Axis) -> u16 {
+    match options.shoot {
+        Some((r, shoot)) if plant.nodes.r[axis.first as usize] < r => shoot,
+        _ => axis.material,
+    }
+}
+
+/// The rows of a blade but the last, which is a single point: where the axis has turned or a share of its length has passed.
+fn rows(plant: &Plant, options: &SkinOptions, axis: &Axis) -> Vec<Row> {
+    let nodes = plant.nodes_of(axis);
+    let (last, longest) = (nodes.end - 1, axis.length / MIN_ROWS);
+    let mut rows = Vec::new();
+    for k in nodes.start..last {
+        let row = Row { p: plant.nodes.p[k], q: plant.nodes.q[k], half: plant.nodes.r[k], s: plant.nodes.s[k] };
+        let keep = rows.last().is_none_or(|before: &Row| {
+            let turned = (before.q * Vec3::Y).dot(row.q * Vec3::Y) < math::cos_f32(options.turn);
+            turned || row.s - before.s > longest
+        });
+        if keep {
+            rows.push(row);
+        }
+    }
+    // A root axis goes on below the ground, straight down.
+    if let Some(first) = rows.first().filter(|_| axis.parent == NONE && options.bury > 0.0) {
+        let below = Row { p: first.p - Vec3::Y * options.bury, q: first.q, half: first.half, s: -options.bury };
+        rows.insert(0, below);
+    }
+    rows
+}
+
+fn append_ribbon(
+    plant: &Plant,
+    options: &SkinOptions,
+    axis: u32,
+    skin: &mut PlantSkin,
+    triangles: &mut Vec<[u32; 3]>,
+) -> Result<()> {
+    let shape = &plant.axes[axis as usize];
+    let rows = rows(plant, options, shape);
+    let (sin, cos) = (math::sin_f32(FOLD), math::cos_f32(FOLD));
+    let [tile_w, tile_h] = options.tile;
+    let mesh = &mut skin.mesh;
+    let first = index(mesh.points.len(), "points of a skin")?;
+    for row in &rows {
+        let (x, z) = (row.q * Vec3::X, row.q * Vec3::Z);
+        for (side, across) in [(-1.0, 0.0), (0.0, 0.5), (1.0, 1.0_f32)] {
+            // Both halves rise from the midrib by the fold; each has its own normal at its edge, the midrib their mean.
+            let out = x * (side * cos) + z * (side.abs() * sin);
+            mesh.points.push(row.p + out * row.half);
+            mesh.normals.push(math::normalize_or(z * cos - x * (side * sin), z));
+            mesh.uvs.push(Vec2::new(across * 2.0 * row.half / tile_w, row.s / tile_h));
+            skin.bindings.push(AxisBinding { axis, s: row.s.max(0.0) });
+        }
+    }
+    // Rows are joined by two quads each, the last one by two triangles to the tip.
+    let count = index(rows.len(), "rows of a blade")?;
+    for r in 1..count {
+        let (a, b) = (first + (r - 1) * ROW, first + r * ROW);
+        for k in 0..2 {
+            triangles.push([a + k, a + k + 1, b + k + 1]);
+            triangles.push([a + k, b + k + 1, b + k]);
+        }
+    }
+    let last = plant.nodes_of(shape).end - 1;
+    let tip = first + count * ROW;
+    mesh.points.push(plant.nodes.p[last]);
+    mesh.normals.push(plant.nodes.q[last] * Vec3::Z);
+    mesh.uvs.push(Vec2::new(0.0, shape.length / tile_h));
+    skin.bindings.push(AxisBinding { axis, s: shape.length });
+    let below = tip - ROW;
+    triangles.push([below, below + 1, tip]);
+    triangles.push([below + 1, below + 2, tip]);
+    Ok(())
+}

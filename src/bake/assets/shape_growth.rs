@@ -1,0 +1,233 @@
+//! Growth by particle-shapes: from the keys of a scene to parameters, with the solids that a plant grows round.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::obstacles::solid_form;
+use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
+use crate::bake::scene::plant_layout::{Individual, PlantLayout};
+use crate::recipe::scene::{RegionKeys, RegionShape, ShapeCrown, ShapeEquations, ShapeKeys, ShapeRadii};
+use crate::recipe::{Growth, PlantRecipe, Recipe};
+use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_plants::grow::particle_shapes::params::{
+    ByLevel, CrownShape, Leaves, Limits, Motion, Roots, ShapeParams, Spawning, Thickness, ThicknessRule, Variant,
+    WeightedRatio,
+};
+use osier_plants::grow::particle_shapes::region::Region;
+use osier_plants::grow::particle_shapes::{self, ShapeMaterials};
+use osier_plants::grow::turtle::OrganSpec;
+use osier_scene::Trs;
+use osier_scene::plant::Plant;
+use osier_scene::solid::Solid;
+
+/// Ratios of the radii of an internode and their weights, without the key: [wang-hao] draws them, but prints none.
+const DEFAULT_RATIOS: [[f64; 2]; 3] = [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]];
+
+/// Where a plant grows: the solids of its scene and its own place among them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct GrowthSite<'a> {
+    /// All solids of the scene, in world space; none if no plant grows round solids.
+    pub solids: &'a [Solid],
+    /// World from plant space.
+    pub transform: Trs,
+}
+
+/// The keys of all particle-shapes of a plant: of its growth and of what fills it.
+fn shape_tables(plant: &PlantRecipe) -> impl Iterator<Item = &ShapeKeys> {
+    let growth = if let Growth::Shapes(keys) = &plant.growth { Some(&**keys) } else { None };
+    growth.into_iter().chain(&plant.fill)
+}
+
+fn reads_solids(keys: &ShapeKeys) -> bool {
+    keys.solids || keys.envelope.iter().chain(&keys.obstacles).any(|r| r.shape == RegionShape::Solid)
+}
+
+/// The solids that some plant of a scene grows round; none if there is no such plant.
+/// # Errors
+/// S003 for such a plant with more copies than individuals, X010 for a mesh without triangles.
+pub(crate) fn growth_solids(recipe: &Recipe, layout: &PlantLayout) -> Result<Vec<Solid>> {
+    let bound: Vec<usize> =
+        (0..recipe.plants.len()).filter(|i| shape_tables(&recipe.plants[*i]).any(reads_solids)).collect();
+    if bound.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut report = Report::default();
+    for i in bound {
+        let individuals = layout.individuals.iter().filter(|n| n.plant == i).count();
+        let copies = layout.instances.iter().filter(|s| layout.individuals[s.individual].plant == i).count();
+        if copies > individuals {
+            let name = &recipe.plants[i].name;
+            let text = format!(
+                "plant \"{name}\" grows round solids but stands in {copies} places as {individuals} individuals"
+            );
+            report.push(Diagnostic::about("S003", text).help(format!("give its [[place]] individuals = {copies}")));
+        }
+    }
+    let solid = |s: &crate::recipe::SolidRecipe| {
+        Ok(Solid { name: s.keys.name.clone(), form: solid_form(s)?, humidity: s.keys.humidity })
+    };
+    let solids = recipe.solids.iter().map(solid).collect::<Result<_>>()?;
+    report.into_result(solids).map(|r| r.0)
+}
+
+/// Grows a plant of particle-shapes.
+/// # Errors
+/// As [`particle_shapes::grow`].
+pub(crate) fn grow_shapes(
+    keys: &ShapeKeys,
+    recipe: &PlantRecipe,
+    individual: &Individual,
+    set: &MaterialSet,
+    site: GrowthSite<'_>,
+) -> Result<(Plant, Vec<Diagnostic>)> {
+    let params = shape_params(keys, site);
+    let identity = (individual.id, individual.seed);
+    particle_shapes::grow(&params, identity, leaf(set), &shape_materials(recipe, set))
+}
+
+/// Adds twigs and leaves to a grown plant, if its recipe asks for them.
+/// # Errors
+/// As [`particle_shapes::fill`].
+pub(crate) fn fill_with_twigs(
+    plant: &mut Plant,
+    recipe: &PlantRecipe,
+    set: &MaterialSet,
+    site: GrowthSite<'_>,
+) -> Result<Vec<Diagnostic>> {
+    let Some(keys) = &recipe.fill else { return Ok(Vec::new()) };
+    particle_shapes::fill(plant, &shape_params(keys, site), leaf(set), &shape_materials(recipe, set))
+}
+
+fn leaf(set: &MaterialSet) -> Option<&OrganSpec> {
+    set.organs.get(&'l')
+}
+
+fn shape_materials(recipe: &PlantRecipe, set: &MaterialSet) -> ShapeMaterials {
+    ShapeMaterials {
+        names: set.materials.iter().map(|m| m.name.clone()).collect(),
+        bark: BARK,
+        shoot: SHOOT,
+        shoot_radius: SHOOT_RADIUS,
+        source: recipe.source.clone(),
+    }
+}
+
+/// Parameters of particle-shapes from the keys of a scene.
+pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParams {
+    let by_level = |values: &Vec<f64>| ByLevel::new(values.clone());
+    let regions = |list: &[RegionKeys]| -> Vec<Region> { list.iter().filter_map(|r| region(r, site)).collect() };
+    let mut obstacles = regions(&keys.obstacles);
+    if keys.solids {
+        obstacles.extend(site.solids.iter().map(|solid| solid_region(solid, site)));
+    }
+    let envelope = regions(&keys.envelope);
+    ShapeParams {
+        variant: if keys.equations == ShapeEquations::Paper { Variant::Paper } else { Variant::Corrected },
+        step: keys.step,
+        roots: Roots { count: keys.roots, radius: keys.root_radius, tilt: keys.root_tilt, outward: keys.root_outward },
+        motion: Motion {
+            speed: by_level(&keys.speed),
+            spread: by_level(&keys.spread),
+            wander: by_level(&keys.wander),
+            twist: by_level(&keys.twist),
+            coil: by_level(&keys.coil),
+            coil_angle: keys.coil_angle.min(TAU / 4.0),
+            gravity: by_level(&keys.gravity),
+            up: by_level(&keys.up),
+            light: by_level(&keys.light),
+            attract: by_level(&keys.attract),
+            avoid: by_level(&keys.avoid),
+            climb: by_level(&keys.climb),
+            paper_spread: keys.paper_spread,
+        },
+        spawning: Spawning {
+            spacing: by_level(&keys.spacing),
+            spacing_sigma: keys.spacing_sigma,
+            base: by_level(&keys.base),
+            dormancy: keys.dormancy,
+            buds: keys.buds,
+            angle: by_level(&keys.angle),
+            angle_deviation: keys.angle_var,
+            azimuth_deviation: keys.jitter,
+            up_bias: keys.up_bias,
+            flow: keys.flow,
+            crown: crown_shape(keys.crown),
+            split: by_level(&keys.split),
+            split_angle: keys.split_angle,
+            apex_death: by_level(&keys.apex_death),
+        },
+        limits: Limits {
+            levels: osier_base::convert::saturating_byte(keys.levels),
+            length: by_level(&keys.length),
+            length_deviation: keys.length_var,
+            max_age: keys.max_age,
+            max_shade: keys.max_shade,
+            max_nodes: keys.max_nodes.into(),
+            envelope: (!envelope.is_empty()).then_some(Region::Union(envelope)),
+            obstacles,
+            ground: keys.ground,
+        },
+        thickness: Thickness {
+            rule: thickness_rule(keys),
+            base: keys.radius,
+            tip: keys.tip_radius,
+            exponent: keys.exponent.unwrap_or(if keys.radii == ShapeRadii::Pipe { 2.3 } else { 1.0 }),
+        },
+        leaves: Leaves {
+            spacing: keys.leaf_spacing,
+            max_radius: keys.leaf_radius,
+            angle: keys.leaf_angle,
+            angle_deviation: keys.leaf_angle_var,
+            size_deviation: keys.leaf_var,
+            face_up: keys.face_up,
+        },
+        blade_width: keys.blade_width,
+    }
+}
+
+fn crown_shape(crown: ShapeCrown) -> CrownShape {
+    match crown {
+        ShapeCrown::Conical => CrownShape::Conical,
+        ShapeCrown::Spherical => CrownShape::Spherical,
+        ShapeCrown::Hemispherical => CrownShape::Hemispherical,
+        ShapeCrown::Cylindrical => CrownShape::Cylindrical,
+        ShapeCrown::Tapered => CrownShape::Tapered,
+        ShapeCrown::Inverse => CrownShape::Inverse,
+        ShapeCrown::Flame => CrownShape::Flame,
+    }
+}
+
+fn thickness_rule(keys: &ShapeKeys) -> ThicknessRule {
+    match keys.radii {
+        ShapeRadii::Pipe => ThicknessRule::Pipe,
+        ShapeRadii::Taper => ThicknessRule::Taper,
+        ShapeRadii::Cone => {
+            let ratios = if keys.ratios.is_empty() { &DEFAULT_RATIOS[..] } else { &keys.ratios };
+            ThicknessRule::Cone(ratios.iter().map(|r| WeightedRatio { ratio: r[0], weight: r[1] }).collect())
+        }
+    }
+}
+
+/// A region of the keys; `None` for a solid that the scene does not have, which resolving has reported.
+fn region(keys: &RegionKeys, site: GrowthSite<'_>) -> Option<Region> {
+    let (at, size) = (DVec3::from_array(keys.at), DVec3::from_array(keys.size));
+    Some(match keys.shape {
+        RegionShape::Sphere => Region::Sphere { center: at, radius: keys.radius },
+        RegionShape::Ellipsoid => Region::Ellipsoid { center: at, radii: size * 0.5 },
+        RegionShape::Box => Region::Box { center: at, half: size * 0.5 },
+        RegionShape::Capsule => Region::Capsule { from: at, to: DVec3::from_array(keys.to), radius: keys.radius },
+        RegionShape::Cone => Region::Cone { base: at, radius: keys.radius, height: keys.height },
+        RegionShape::Plane => {
+            let normal = DVec3::from_array(keys.normal).try_normalize().unwrap_or(DVec3::Y);
+            Region::HalfSpace { point: at, normal }
+        }
+        RegionShape::Solid => solid_region(site.solids.iter().find(|s| s.name == keys.name)?, site),
+    })
+}
+
+fn solid_region(solid: &Solid, site: GrowthSite<'_>) -> Region {
+    Region::Solid { solid: Box::new(solid.clone()), world_from_plant: site.transform }
+}

@@ -1,0 +1,131 @@
+//! Growth of a plant over the clip: bark that lengthens and thickens, leaves that unfold.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bake::assets::material_set::PlantMaterials;
+use crate::bake::assets::plant_mesh::group_organs;
+use crate::bake::motion::{AssetMotion, FrameTime};
+use osier_base::Result;
+use osier_base::math::narrow;
+use osier_motion::growth::{GrowingOrgan, GrowingPlant, GrowthBinding, GrowthClock};
+use osier_scene::plant::Plant;
+use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, InstancerMotion, MeshFrame, MeshMotion};
+
+/// What part of its growth a plant shows in a clip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GrowthClip {
+    /// Shares of the growth time at the first and the last frame, 0..1.
+    pub shares: [f64; 2],
+    /// Length of the clip, s.
+    pub seconds: f64,
+}
+
+/// Shows a plant at the share of its growth that belongs to a time of the clip.
+#[derive(Debug)]
+pub struct GrowthMotion {
+    plant: Arc<Plant>,
+    clock: GrowthClock,
+    /// Of each point of the bark.
+    bindings: Vec<GrowthBinding>,
+    /// Indices into the plant's organs, for each of the asset's leaf instancers.
+    organs: Vec<Vec<usize>>,
+    /// Middles of the segments of a plant that is shown by these, in the order of their instancer.
+    segments: Vec<GrowthBinding>,
+    clip: GrowthClip,
+}
+
+impl GrowthMotion {
+    /// The growth of a plant. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether the plant is shown
+    /// by its segments.
+    pub fn new(
+        plant: &Plant,
+        materials: &PlantMaterials,
+        bindings: &[(u32, f32)],
+        by_segments: bool,
+        clip: GrowthClip,
+    ) -> Self {
+        // Organs in the order in which the asset's instancers have them: by the organ that they show.
+        let mut numbers = std::collections::BTreeMap::new();
+        plant.organs.iter().enumerate().for_each(|(i, o)| {
+            numbers.insert(o.id, i);
+        });
+        let index = |o: &&osier_scene::plant::Organ| numbers.get(&o.id).copied();
+        let groups = group_organs(plant, materials);
+        let organs = groups.values().map(|list| list.iter().filter_map(index).collect());
+        let mut segments = Vec::new();
+        if by_segments {
+            for (axis, shape) in (0_u32..).zip(&plant.axes) {
+                let s = &plant.nodes.s[plant.nodes_of(shape)];
+                segments.extend(s.windows(2).map(|w| GrowthBinding { axis, s: 0.5 * (w[0] + w[1]) }));
+            }
+        }
+        Self {
+            clock: GrowthClock::new(plant),
+            bindings: bindings.iter().map(|(axis, s)| GrowthBinding { axis: *axis, s: *s }).collect(),
+            organs: organs.collect(),
+            segments,
+            plant: Arc::new(plant.clone()),
+            clip,
+        }
+    }
+
+    /// The motion that an asset needs to be shown growing: bark that deforms, leaves that appear one by one.
+    pub fn prepare(asset: &mut Asset) {
+        for object in &mut asset.meshes {
+            object.motion = MeshMotion::Deforming;
+            object.skin = None;
+        }
+        asset.instancers.iter_mut().for_each(|i| i.motion = InstancerMotion::Free);
+        asset.skeleton = None;
+    }
+
+    /// Share of the growth time at a time of the clip.
+    fn share(&self, seconds: f64) -> f32 {
+        let GrowthClip { shares: [from, to], seconds: whole } = self.clip;
+        let t = if whole > 0.0 { (seconds / whole).clamp(0.0, 1.0) } else { 1.0 };
+        narrow(from + (to - from) * t)
+    }
+
+    fn organ_state(&self, young: &GrowingPlant<'_>, organs: &[usize]) -> InstanceState {
+        let now: Vec<GrowingOrgan> = organs.iter().map(|i| young.organ(*i)).collect();
+        InstanceState {
+            positions: now.iter().map(|o| o.position).collect(),
+            orientations: now.iter().map(|o| o.orientation).collect(),
+            alive: now.iter().map(|o| o.size > 0.0).collect(),
+            sizes: now.iter().map(|o| o.size).collect(),
+            ..InstanceState::default()
+        }
+    }
+
+    fn segment_state(&self, young: &GrowingPlant<'_>, rest: &InstanceState) -> InstanceState {
+        let sizes: Vec<f32> = self.segments.iter().map(|b| young.segment_size(b.axis, b.s)).collect();
+        InstanceState { alive: sizes.iter().map(|s| *s > 0.0).collect(), sizes, ..rest.clone() }
+    }
+}
+
+impl AssetMotion for GrowthMotion {
+    fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        let young = GrowingPlant::new(&self.plant, &self.clock, self.share(time.seconds));
+        let mesh_frame = |object: &osier_scene::MeshObject| MeshFrame::Points {
+            points: young.points(&object.mesh.points, &self.bindings),
+            normals: object.mesh.normals.clone(),
+            velocities: Vec::<Vec3>::new(),
+        };
+        let state =
+            |(i, instancer): (usize, &osier_scene::Instancer)| {
+                // The instancer of segments, if there is one, comes after those of the organs.
+                let organs = self.organs.get(i);
+                InstancerFrame::State(organs.map_or_else(
+                    || self.segment_state(&young, &instancer.rest),
+                    |organs| self.organ_state(&young, organs),
+                ))
+            };
+        Ok(AssetFrame {
+            meshes: asset.meshes.iter().map(mesh_frame).collect(),
+            instancers: asset.instancers.iter().enumerate().map(state).collect(),
+            ..AssetFrame::default()
+        })
+    }
+}

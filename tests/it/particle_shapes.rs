@@ -1,0 +1,239 @@
+//! Particle-shapes through scenes and bakes: presets, files and their tables, solids, growth over a clip, wind and rain.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run programs and read their files")]
+
+use std::fs;
+use std::path::Path;
+
+use glam::Vec3;
+use osier::bake::scene::{AssembledScene, SceneOptions};
+use osier::bake::{BakeContext, motion, scene};
+use osier::limits::Limits;
+use osier::presets::find;
+use osier::progress::{Cancel, Silent};
+use osier::recipe::{Library, Recipe, Request, resolve};
+use osier::scene::{AssetFrame, Frame, InstancerMotion, MeshMotion, asset_bounds};
+use osier::solid::{Form, Prism, Solid};
+use serde_json::Value;
+
+use crate::common::program::{arg, ends};
+use crate::common::{clients, grown};
+
+fn request(name: &str, text: &str) -> Request {
+    Request { name: name.into(), shown: format!("{name}.toml"), text: text.into(), ..Request::default() }
+}
+
+fn recipe(text: &str) -> Recipe {
+    let mut recipe = resolve(&request("s", text)).unwrap_or_else(|e| panic!("{e}")).0;
+    grown::small(&mut recipe);
+    recipe
+}
+
+fn assembled(text: &str) -> AssembledScene {
+    grown::stage(&recipe(text), SceneOptions::default())
+}
+
+fn evaluated(scene: &AssembledScene, numbers: &[u32]) -> Vec<Frame> {
+    let animated = &scene.animated;
+    let frame = |n: &u32| motion::evaluate_frame(&animated.scene, &animated.motions, *n, false).expect("a frame");
+    numbers.iter().map(frame).collect()
+}
+
+/// What resolving and assembling a scene complains of.
+fn complaint(text: &str) -> String {
+    let recipe = match resolve(&request("s", text)) {
+        Ok((recipe, report)) if report.diagnostics.is_empty() => recipe,
+        Ok((_, report)) => return format!("{}", osier::Error::Input(Box::new(report))),
+        Err(e) => return e.to_string(),
+    };
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    scene::assemble_scene(&recipe, SceneOptions::default(), &work).map_or_else(|e| e.to_string(), |_| String::new())
+}
+
+#[test]
+fn the_tree_has_the_nodes_and_leaves_of_its_table_at_every_seed() {
+    let preset = find("tree.shapes").expect("preset");
+    for seed in 0..100 {
+        let plants = grown::individuals(&grown::recipe(preset, Some(seed), false));
+        let (nodes, leaves) = (plants[0].plant.nodes.len(), plants[0].plant.organs.len());
+        assert!((10_000..=25_000).contains(&nodes), "seed {seed}: {nodes} nodes");
+        assert!((9_000..=20_000).contains(&leaves), "seed {seed}: {leaves} leaves");
+    }
+}
+
+#[test]
+fn a_table_of_the_scene_lies_over_the_file_and_faults_name_their_own() {
+    let dir = tempfile::tempdir().expect("dir");
+    let write = |name: &str, text: &str| fs::write(dir.path().join(name), text).expect("file");
+    write("stick.shapes", "# A stick.\nlevels = 1\nlength = 2\nlength_var = 0\nwander = 0\nleaf_spacing = 0\n");
+    write("bad.shapes", "levels = 1\nlenght = 2\n");
+    let run = |scene: &str, code: i32| {
+        write("s.toml", scene);
+        ends(code, &["check", arg(&dir.path().join("s.toml"))])
+    };
+    run("[plants.a]\nshapes = \"stick.shapes\"\n[plants.a.growth]\nlength = 3\n", 0);
+    let height = |growth: &str| {
+        let path = dir.path().join("s.toml");
+        let text = format!("[plants.a]\nshapes = \"stick.shapes\"\n{growth}[ground]\nshow = false\n");
+        let library = Library::new(&path, &[]).expect("library");
+        let recipe = resolve(&Request { library, ..request("s", &text) }).expect("scene").0;
+        let scene = grown::stage(&recipe, SceneOptions::default()).animated.scene;
+        asset_bounds(&scene.assets[0], &AssetFrame::default()).max.y
+    };
+    assert!((height("") - 2.0).abs() < 0.05 && (height("[plants.a.growth]\nlength = 3\n") - 3.0).abs() < 0.05);
+    // A fault in the file is shown in the file, with the key that was meant.
+    let (_, err) = run("[plants.a]\nshapes = \"bad.shapes\"\n", 1);
+    assert!(err.contains("bad.shapes") && err.contains("did you mean \"length\"?"), "{err}");
+    let (_, err) = run("[plants.a]\nshapes = \"stick.shapes\"\n[plants.a.growth]\nspeed = [1, 0]\n", 1);
+    assert!(err.contains("S004") && err.contains("plants.a.growth.speed"), "{err}");
+    // A file alone is a source, too.
+    let picture = dir.path().join("p.png");
+    ends(0, &["-q", "preview", arg(&dir.path().join("stick.shapes")), "-o", arg(&picture), "--size", "64x64"]);
+    assert!(picture.is_file());
+}
+
+#[test]
+fn faults_that_single_keys_cannot_show_are_told() {
+    let plant = "[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.growth]\n";
+    let with = |keys: &str| complaint(&format!("{plant}{keys}"));
+    assert!(
+        with("obstacles = [{ shape = \"solid\", name = \"wal\" }]\n[[solid]]\nname = \"wall\"\n")
+            .contains("did you mean \"wall\"?")
+    );
+    assert!(with("attract = 1\n").contains("needs an `envelope`"));
+    assert!(with("radii = \"cone\"\nratios = [[0.8, 1], [1.2, 1]]\n").contains("would widen upwards"));
+    assert!(with("length = [1, 2, 3, 4, 5, 6, 7, 8, 9]\n").contains("1 to 8"));
+    let twice = "solids = true\n[[solid]]\nsize = [1, 2, 1]\nat = [3, 0, 0]\n[[place]]\ncount = 3\nindividuals = 1\n";
+    assert!(with(twice).contains("individuals = 3"), "{}", with(twice));
+    let rain = "[rain]\n[frames]\nend = 4\n";
+    let growing = format!("[plants.a]\nshapes = \"bush.shapes\"\ngrowth_clip = [0, 1]\n{rain}");
+    assert!(complaint(&growing).contains("rain meets grown plants"));
+    let segments = format!("[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.skin]\nform = \"segments\"\n{rain}");
+    assert!(complaint(&segments).contains("rain needs a closed skin"));
+    // The whole first level beyond the limit: nothing grows.
+    assert!(with("max_nodes = 3\n").contains("max_nodes"));
+}
+
+#[test]
+fn a_vine_climbs_a_house_and_does_not_enter_it() {
+    let vine = find("vine.toml").expect("preset");
+    let recipe = grown::recipe(vine, None, false);
+    let scene = grown::stage(&recipe, SceneOptions::default()).animated.scene;
+    let placement = scene.placements.iter().find(|p| scene.assets[p.asset].id.starts_with("vine")).expect("a vine");
+    let bark = &scene.assets[placement.asset].meshes[0].mesh;
+    let keys = &recipe.solids[0].keys;
+    let size = Vec3::from_array(keys.size.map(osier::math::narrow));
+    let form = Form::Prism(Prism::house(Vec3::ZERO, size, osier::math::narrow(keys.roof), 0.0));
+    let house = Solid { name: "house".into(), form, humidity: 0.0 };
+    let mut highest = 0.0_f32;
+    for p in &bark.points {
+        let p = placement.transform.apply(*p);
+        highest = highest.max(p.y);
+        // Radii are known only after growth: a base of several centimetres may sink into the plaster by its radius at most.
+        assert!(house.nearest(p).distance > -0.03, "{p} is in the house");
+    }
+    assert!(highest > 3.5, "the vine reaches the roof: {highest}");
+}
+
+#[test]
+fn a_growth_clip_ends_as_the_grown_plant_and_begins_with_nothing() {
+    let text = "[frames]\nend = 12\n[plants.a]\nshapes = \"bush.shapes\"\ngrowth_clip = [0, 1]\n";
+    let (moving, still) = (assembled(text), assembled(&text.replace("growth_clip = [0, 1]\n", "")));
+    let scene = &moving.animated.scene;
+    let plant = &scene.assets[0];
+    assert!(plant.meshes[0].motion == MeshMotion::Deforming && plant.instancers[0].motion == InstancerMotion::Free);
+    let frames = evaluated(&moving, &[1, 6, 12]);
+    let boxes: Vec<f32> = frames.iter().map(|f| asset_bounds(plant, &f.assets[0]).size().length()).collect();
+    let whole = asset_bounds(&still.animated.scene.assets[0], &AssetFrame::default());
+    assert!(boxes[0] < 0.8 && boxes[1] > boxes[0] && boxes[1] < boxes[2], "{boxes:?}");
+    let last = asset_bounds(plant, &frames[2].assets[0]);
+    assert!(last.min.distance(whole.min) < 1e-4 && last.max.distance(whole.max) < 1e-4, "{last:?} {whole:?}");
+}
+
+#[test]
+fn a_growth_clip_opens_in_blender_as_one_object() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("vine");
+    ends(0, &["-q", "bake", "vine", "-o", arg(&out), "--formats", "usd"]);
+    let stage = out.join("vine.usda");
+    let numbers: Vec<String> = (30..=90).map(|n: u32| n.to_string()).collect();
+    let arguments: Vec<&str> = [arg(&stage)].into_iter().chain(numbers.iter().map(String::as_str)).collect();
+    let output = clients::python_script(&python, "growth_clip.py", &arguments);
+    let text = String::from_utf8_lossy(&output.stdout);
+    let frames: Vec<Value> = serde_json::from_str(text.trim_end().lines().last().expect("a line")).expect("JSON");
+    let number = |f: &Value, key: &str| f[key].as_f64().expect("a number");
+    for pair in frames.windows(2) {
+        // One object with one topology; nothing shrinks, and nothing jumps farther than a tip grows.
+        assert!(pair[1]["barks"] == 1 && pair[0]["topology"] == pair[1]["topology"]);
+        assert!(number(&pair[1], "extent") >= number(&pair[0], "extent") - 1e-3);
+        assert!(number(&pair[1], "leaves") >= number(&pair[0], "leaves"));
+        assert!(number(&pair[1], "moved") < 0.25, "{}", pair[1]);
+    }
+    assert!(number(&frames[60], "leaves") > 1.5 * number(&frames[0], "leaves"));
+}
+
+#[test]
+fn segments_are_one_instance_between_each_two_nodes() {
+    let text = "[plants.a]\nshapes = \"bush.shapes\"\n[plants.a.skin]\nform = \"segments\"\n";
+    let recipe = recipe(text);
+    let plants = grown::individuals(&recipe);
+    let segments: usize = plants[0].plant.axes.iter().map(|a| a.count as usize - 1).sum();
+    let asset = &plants[0].asset;
+    assert!(asset.meshes.is_empty());
+    let instancer = asset.instancers.last().expect("segments");
+    assert!(instancer.name == "segments" && instancer.len() == segments);
+    // [hoetzlein] Table 2: scale (2r, segment length, 2r).
+    let nodes = &plants[0].plant.nodes;
+    let scale = instancer.scales[0];
+    assert!(
+        (scale.y - nodes.p[0].distance(nodes.p[1])).abs() < 1e-6 && (scale.x - nodes.r[0] - nodes.r[1]).abs() < 1e-6
+    );
+    // Organs take the place of the prisms.
+    let with_organs = format!("{text}segment = \"s\"\n[plants.a.organs.s]\nblade = \"toothed\"\n");
+    let asset = &assembled(&with_organs).animated.scene.assets[0].clone();
+    let organs = asset.instancers.iter().find(|i| i.name == "segments").expect("segments");
+    assert!(organs.len() == segments && organs.prototypes.len() > 1);
+}
+
+#[test]
+fn twigs_fill_a_tree_of_any_source() {
+    let bare = "[plants.a]\ngrammar = \"oak.l\"\nsteps = 5\n";
+    let filled =
+        format!("{bare}twigs = \"bush.shapes\"\n[plants.a.fill]\nlevels = 2\nlength = [1, 0.2]\nspacing = 0.1\n");
+    let [before, after] = [bare, &filled].map(|text| grown::individuals(&recipe(text)).swap_remove(0).plant);
+    assert!(after.axes.len() > before.axes.len() && after.organs.len() > before.organs.len());
+    assert!(before.axes.iter().all(|a| after.axes.iter().any(|b| b.id == a.id)));
+}
+
+#[test]
+fn grass_blades_are_strips_that_move_in_the_wind() {
+    let text = "[frames]\nend = 24\n[plants.a]\nshapes = \"turf.shapes\"\n[plants.a.growth]\nroots = 40\nroot_radius = 0.3\n\
+        [plants.a.wood]\nelasticity_gpa = 0.3\nstiffness = 0.1\n[wind]\nspeed = 6\n";
+    let scene = assembled(text);
+    let asset = &scene.animated.scene.assets[0];
+    let mesh = &asset.meshes[0].mesh;
+    // Rows of three points and one at the tip, every triangle with an area.
+    assert!(mesh.triangles.len() > 40 * 8 && mesh.points.len() < 40 * 60);
+    let frames = evaluated(&scene, &[1, 12]);
+    let [a, b] =
+        [0, 1].map(|k| osier::scene::mesh_points(asset, &asset.meshes[0], 0, &frames[k].assets[0]).into_owned());
+    let moved = a.iter().zip(&b).map(|(p, q)| p.distance(*q)).fold(0.0_f32, f32::max);
+    assert!(moved > 0.01, "the tips sway: {moved}");
+}
+
+#[test]
+fn particle_shapes_stand_in_wind_and_rain_and_shed_seeds() {
+    // One scene: a bush in the rain, a bush that sways, catkins released from a tree of particle-shapes.
+    let dir = tempfile::tempdir().expect("dir");
+    let path = dir.path().join("mixed.toml");
+    let text = "[frames]\nend = 8\n[plants.bush]\nshapes = \"bush.shapes\"\n[plants.bush.growth]\nroots = 3\n\
+        [[place]]\nplant = \"bush\"\n[wind]\nspeed = 5\n[rain]\nrate_mm_per_h = 30\n[maps]\nmax_mapped_leaves = 2\nresolution = 64\n\
+        [catkin]\n[flight]\nrelease = \"canopy\"\ncanopy = { bush = 1 }\ncount = 40\nduration = 1\nsize = [6, 6, 4]\n";
+    fs::write(&path, text).expect("scene");
+    let out = dir.path().join("out");
+    let (_, err) = ends(0, &["bake", arg(&path), "-o", arg(&out), "--formats", "usd,glb,pov"]);
+    assert!(!err.contains("error"), "{err}");
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(Path::new(&out).join("manifest.json")).expect("manifest")).expect("JSON");
+    assert!(manifest.to_string().contains("bush"));
+}
