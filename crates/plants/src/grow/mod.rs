@@ -10,3 +10,4 @@ pub mod particle_shapes;
 mod polyline;
 pub mod radii;
 pub mod turtle;
+pub mod years;

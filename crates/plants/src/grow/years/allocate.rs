@@ -1,0 +1,206 @@
+//! From light to vigour: what tips and buds receive, summed to the base, and its share for each of them.
+
+use super::light::{CellMarks, Grid, LeafAreas, LightField};
+use super::season::Season;
+use super::tree::{Loss, NONE, Tree, flag};
+use osier_base::math;
+
+/// Light that an open tip counts for in any shade: it stays alive until its patience ends.
+const DARK_TIP: f32 = 0.002;
+/// Mean of 1 / sin e over the directions of the sky.
+const MEAN_PATH: f32 = 1.47;
+/// Largest exponent by which a tip's light is freed of its own leaves.
+const OWN_SHADE_MAX: f32 = 2.0;
+/// Least and greatest share of an axis' own tip.
+const CONTROL_RANGE: [f32; 2] = [0.02, 0.98];
+/// Light per 3 m of wood counts as full for reiteration.
+const FULL_LIGHT_PER_METRE: f32 = 3.0;
+
+impl Tree {
+    /// Adds the leaves of last year to the field.
+    pub fn deposit_leaves(&self, areas: &mut LeafAreas) {
+        let nodes = &self.nodes;
+        for i in 0..nodes.len() {
+            if !nodes.lives(i) {
+                continue;
+            }
+            let area = self.leaf_area(i);
+            if area > 0.0 {
+                areas.deposit(self.offset + nodes.p[i], area * self.habit.extinction);
+            }
+        }
+    }
+
+    /// Marks the cells in which light is wanted: those of open tips, buds and dormant buds.
+    pub fn mark_cells(&mut self, grid: &Grid, marks: &mut CellMarks) {
+        let (nodes, offset) = (&self.nodes, self.offset);
+        let cell = &mut self.scratch.cell;
+        cell.clear();
+        cell.resize(nodes.len(), NONE);
+        for (i, cell) in cell.iter_mut().enumerate() {
+            if nodes.lives(i) && (nodes.flags[i] & flag::OPEN != 0 || nodes.dormant[i] > 0) {
+                *cell = grid.cell_of(offset + nodes.p[i]);
+            }
+        }
+        for bud in &self.buds {
+            let i = bud.node as usize;
+            if cell[i] == NONE {
+                cell[i] = grid.cell_of(offset + nodes.p[i]);
+            }
+        }
+        cell.iter().filter(|c| **c != NONE).for_each(|c| marks.mark(*c));
+    }
+
+    /// Light of tips and buds; tips that starved too long close.
+    pub fn gather_light(&mut self, field: &LightField) {
+        let habit = &self.habit;
+        let nodes = &mut self.nodes;
+        let count = nodes.len();
+        let scratch = &mut self.scratch;
+        for values in [&mut scratch.main, &mut scratch.side, &mut scratch.wood, &mut scratch.lost_light] {
+            values.clear();
+            values.resize(count, 0.0);
+        }
+        let net = |q: f32| (q - habit.shade_point) / (1.0 - habit.shade_point);
+        // A tip's own leaves do not shade it: half of the depth that they add to its cell is taken back.
+        let area = habit.leaf_area_tip * habit.extinction;
+        let own = 0.5 * MEAN_PATH * area / (field.grid.cell * field.grid.cell);
+        for i in 0..count {
+            if !nodes.grows(i) {
+                continue;
+            }
+            let share = field.grid.own_share(self.offset + nodes.p[i]);
+            let q = field.in_cell(scratch.cell[i]).q;
+            let q = (q * math::exp_f32((own * share).min(OWN_SHADE_MAX))).min(1.0);
+            let light = net(q);
+            if light < 0.0 {
+                nodes.starve[i] = nodes.starve[i].saturating_add(1);
+            } else {
+                nodes.starve[i] = nodes.starve[i].saturating_sub(1);
+            }
+            if f32::from(nodes.starve[i]) > habit.patience {
+                nodes.flags[i] = nodes.flags[i] & !flag::OPEN | flag::SHADE;
+            } else {
+                scratch.main[i] = light.max(DARK_TIP);
+            }
+        }
+        for bud in &mut self.buds {
+            let i = bud.node as usize;
+            let order = usize::from(nodes.order[i]) + 1;
+            let share = habit.bud_share.get(order).copied().unwrap_or(0.0);
+            bud.gathered = net(field.in_cell(scratch.cell[i]).q).max(0.0) * share;
+            scratch.side[i] += bud.gathered;
+        }
+    }
+
+    /// Sums light and length of living wood towards the base. With `shed`, subtrees without light die, and side axes with too
+    /// little of it per length are shed.
+    pub fn sum_light(&mut self, shed: bool) {
+        let habit = &self.habit;
+        let year = self.year as f32;
+        let nodes = &mut self.nodes;
+        let scratch = &mut self.scratch;
+        for i in (0..nodes.len()).rev() {
+            if !nodes.lives(i) {
+                continue;
+            }
+            let total = scratch.main[i] + scratch.side[i];
+            let wood = scratch.wood[i] + nodes.length[i];
+            let parent = nodes.parent[i] as usize;
+            if nodes.parent[i] == NONE {
+                nodes.gathered[i] = total;
+                scratch.wood[i] = wood;
+                // One of several stems dies like a branch.
+                if shed && total <= 0.0 && habit.stems > 1.5 {
+                    nodes.flags[i] |= flag::DEAD;
+                    nodes.death[i] = u16::try_from(self.year).unwrap_or(u16::MAX);
+                }
+                continue;
+            }
+            let is_main = nodes.flags[i] & flag::MAIN != 0;
+            let old = !is_main && year - nodes.birth[i] > habit.shed_age;
+            if shed && (total <= 0.0 || old && total < habit.shed * wood) {
+                nodes.flags[i] |= flag::DEAD;
+                nodes.death[i] = u16::try_from(self.year).unwrap_or(u16::MAX);
+                nodes.lost[parent] += habit.pipe_memory * nodes.area[i];
+                self.losses.push(Loss { at: nodes.parent[i], light: nodes.gathered[i] });
+                continue;
+            }
+            nodes.gathered[i] = total;
+            scratch.wood[i] = wood;
+            scratch.wood[parent] += wood;
+            if is_main {
+                scratch.main[parent] += total;
+            } else {
+                scratch.side[parent] += total;
+            }
+        }
+    }
+
+    /// Sums light anew after leaders were replaced.
+    pub fn sum_light_again(&mut self) {
+        let nodes = &self.nodes;
+        let scratch = &mut self.scratch;
+        // Begin with what tips and buds received: what a node gathered less what its living children did.
+        scratch.wood.fill(0.0);
+        scratch.factor.clear();
+        scratch.factor.extend_from_slice(&scratch.main);
+        for i in 0..nodes.len() {
+            if nodes.flags[i] & flag::OPEN == 0 {
+                scratch.factor[i] = 0.0;
+            }
+        }
+        std::mem::swap(&mut scratch.main, &mut scratch.factor);
+        scratch.side.fill(0.0);
+        for bud in &self.buds {
+            scratch.side[bud.node as usize] += bud.gathered;
+        }
+        self.sum_light(false);
+    }
+
+    /// Hands vigour from the base towards the tips.
+    /// Source: [palubicki] 4.2, the extended model of Borchert and Honda. Own: the apical control depends on order and age.
+    pub fn share_vigour(&mut self, season: &Season) {
+        let habit = &self.habit;
+        let nodes = &mut self.nodes;
+        let scratch = &mut self.scratch;
+        scratch.factor.clear();
+        scratch.factor.resize(nodes.len(), 0.0);
+        let control = season.apical_control;
+        for i in 0..nodes.len() {
+            if !nodes.lives(i) {
+                continue;
+            }
+            let own =
+                apical_share(habit.reiterate, control[usize::from(nodes.order[i])], nodes.gathered[i], scratch.wood[i]);
+            let parent = nodes.parent[i] as usize;
+            nodes.vigour[i] = if nodes.parent[i] == NONE {
+                habit.vigour * math::pow_f32(nodes.gathered[i].max(0.0), habit.vigour_exponent)
+            } else {
+                let of_parent = control[usize::from(nodes.order[parent])];
+                let share = apical_share(habit.reiterate, of_parent, nodes.gathered[parent], scratch.wood[parent]);
+                let weight = if nodes.flags[i] & flag::MAIN != 0 { share } else { 1.0 - share };
+                scratch.factor[parent] * weight * nodes.gathered[i]
+            };
+            let wanted = own * scratch.main[i] + (1.0 - own) * scratch.side[i];
+            scratch.factor[i] = if wanted > 0.0 { nodes.vigour[i] / wanted } else { 0.0 };
+        }
+    }
+
+    /// Share of an axis' own tip at a node.
+    pub(super) fn control_at(&self, season: &Season, i: usize) -> f32 {
+        let control = season.apical_control[usize::from(self.nodes.order[i])];
+        apical_share(self.habit.reiterate, control, self.nodes.gathered[i], self.scratch.wood[i])
+    }
+}
+
+/// Apical control, greater by up to `reiterate` where the light per metre of wood is poor.
+#[inline]
+fn apical_share(reiterate: f32, control: f32, light: f32, wood: f32) -> f32 {
+    if reiterate.abs() > 0.0 {
+        let poor = 1.0 - (light / (FULL_LIGHT_PER_METRE * wood.max(1e-6))).min(1.0);
+        (control + reiterate * poor).clamp(CONTROL_RANGE[0], CONTROL_RANGE[1])
+    } else {
+        control
+    }
+}

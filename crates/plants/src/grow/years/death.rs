@@ -1,0 +1,353 @@
+//! Death and its replacement: cuts, crown lifting, falling wood, new leaders, dormant buds that wake.
+
+use glam::Vec3;
+
+use super::light::LightField;
+use super::season::Season;
+use super::site::Prune;
+use super::tree::{Bud, GOLDEN_ANGLE, Loss, NONE, Purpose, Tree, flag, index_of};
+use osier_base::math::narrow;
+
+/// Radius of dead wood that stands for the years of `linger`, m.
+const LINGER_RADIUS: f32 = 0.02;
+/// Longest time that dead wood stands, as a multiple of `linger`.
+const LINGER_MAX: f32 = 1.5;
+/// Year from which everything low is taken away with the branches of the stem.
+const LIFT_ALL_YEAR: u32 = 8;
+/// Height below which everything is taken away, as a share of the clear stem: drawn for each axis, so that no crown ends level.
+const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.2];
+/// Length of the axis below a dead tip in which a side axis may become the leader, m.
+const SUCCESSION_REACH: f32 = 2.0;
+/// Most dormant buds of a node.
+const DORMANT_MAX: u8 = 3;
+/// Buds that wake at a node in a year.
+const WAKE_AT_NODE: u8 = 2;
+/// Buds that wake for a cut, or on an axis that became lighter, in a year.
+const WAKE_AT_CUT: u8 = 6;
+/// Share of its light that a node must lose for its dormant buds to wake.
+const WAKE_LOSS: f32 = 0.5;
+/// Gain of light at which dormant buds wake.
+const WAKE_LIGHT: f32 = 0.3;
+/// First number of a woken bud at its node; smaller ones are those of its shoot.
+const FIRST_WOKEN: u8 = 16;
+/// Buds that may wake at a node in its life: their numbers end at 63.
+const WOKEN_MAX: u8 = 47;
+/// Losses below this light are those of starved tips and wake nothing.
+const LEAST_LOSS: f32 = 0.01;
+/// Steps of the bisection for the place of a cut: 1e-5 of an internode.
+const BISECTIONS: usize = 16;
+/// Shortest internode that a cut leaves, as a share of its length.
+const SHORTEST_STUB: f32 = 0.02;
+
+impl Tree {
+    /// Takes away what sticks out of a cut and, on one-stemmed trees, branches below the clear stem.
+    pub fn cut(&mut self, season: &Season) {
+        let prunes: Vec<Prune> = self.prunes.iter().filter(|p| p.happens(season.year)).cloned().collect();
+        for prune in &prunes {
+            self.prune(prune);
+        }
+        if season.clear_stem > 0.0 {
+            self.lift_crown(season);
+        }
+        if !self.losses.is_empty() {
+            let nodes = &self.nodes;
+            self.buds.retain(|bud| nodes.lives(bud.node as usize));
+        }
+    }
+
+    /// Cuts every internode that leaves what is kept and removes all beyond.
+    fn prune(&mut self, prune: &Prune) {
+        let mut severed = vec![false; self.nodes.len()];
+        for i in 0..self.nodes.len() {
+            let carrier_lost = severed.get(self.nodes.parent[i] as usize).copied().unwrap_or(false);
+            if self.nodes.flags[i] & flag::FALLEN != 0 {
+                severed[i] = true;
+            } else if carrier_lost {
+                self.fall(i);
+                severed[i] = true;
+            } else if !prune.keep.holds(self.base, self.nodes.p[i]) {
+                let base = self.base;
+                self.cut_through(i, |p| prune.keep.holds(base, p));
+                severed[i] = true;
+            }
+        }
+        let nodes = &mut self.nodes;
+        // Buds at the end of what was cut through are gone, too.
+        self.buds.retain(|bud| !severed[bud.node as usize]);
+        for (dormant, _) in nodes.dormant.iter_mut().zip(&severed).filter(|(_, severed)| **severed) {
+            *dormant = 0;
+        }
+    }
+
+    /// Shortens the internode to where it leaves what is kept, or removes it if nearly nothing of it is inside.
+    fn cut_through(&mut self, i: usize, holds: impl Fn(Vec3) -> bool) {
+        let (base, d, length) = (self.nodes.base(i), self.nodes.direction(i), self.nodes.length[i]);
+        // Bisection for the last point inside.
+        let (mut low, mut high) = (0.0_f32, 1.0_f32);
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (low + high);
+            if holds(base + d * (length * middle)) { low = middle } else { high = middle }
+        }
+        let is_root = self.nodes.parent[i] == NONE;
+        if low < SHORTEST_STUB && !is_root {
+            self.remove(i);
+            return;
+        }
+        // The root stays as a stump in any case.
+        let part = low.max(SHORTEST_STUB);
+        let nodes = &mut self.nodes;
+        let gone = length * (1.0 - part);
+        nodes.length[i] = length * part;
+        nodes.p[i] = base + d * nodes.length[i];
+        nodes.path[i] -= gone;
+        nodes.s[i] -= gone;
+        nodes.flags[i] = nodes.flags[i] & !(flag::OPEN | flag::SHORT) | flag::CUT;
+        self.losses.push(Loss { at: index_of(i), light: nodes.gathered[i] });
+    }
+
+    /// Removes an internode that has a parent; its subtree falls with it.
+    fn remove(&mut self, i: usize) {
+        let nodes = &mut self.nodes;
+        if nodes.lives(i) {
+            nodes.lost[nodes.parent[i] as usize] += self.habit.pipe_memory * nodes.area[i];
+            self.losses.push(Loss { at: nodes.parent[i], light: nodes.gathered[i] });
+        }
+        self.fall(i);
+    }
+
+    fn fall(&mut self, i: usize) {
+        self.nodes.flags[i] |= flag::FALLEN;
+        self.fallen += 1;
+    }
+
+    /// Takes low branches away: side axes of the stem below the clear stem and, in older trees, all that hangs lower than
+    /// its axis' share of it.
+    fn lift_crown(&mut self, season: &Season) {
+        let lift = season.clear_stem;
+        let highest = if season.year > LIFT_ALL_YEAR { narrow(LIFT_ALL_SHARE[1]) * lift } else { f32::NEG_INFINITY };
+        // Only the first internode of a low branch and what hangs lie so low.
+        let reach = lift.max(highest) + self.habit.internode.iter().copied().fold(0.0, f32::max);
+        let mut any = false;
+        for i in 0..self.nodes.len() {
+            let nodes = &self.nodes;
+            if nodes.p[i].y >= reach || nodes.flags[i] & flag::FALLEN != 0 || nodes.parent[i] == NONE {
+                continue;
+            }
+            let parent = nodes.parent[i] as usize;
+            let on_stem = nodes.flags[i] & flag::MAIN == 0 && nodes.order[parent] == 0 && nodes.s[parent] < lift;
+            let low = nodes.order[i] > 0 && nodes.p[i].y < highest && nodes.flags[parent] & flag::FALLEN == 0;
+            let hangs = low && nodes.p[i].y < lift * self.lift_share(self.axis_ids[nodes.axis[i] as usize]);
+            if on_stem || hangs {
+                self.remove(i);
+                any = true;
+            }
+        }
+        // What stands on what was taken away goes with it.
+        for i in 0..if any { self.nodes.len() } else { 0 } {
+            let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
+            if carrier & flag::FALLEN != 0 && self.nodes.flags[i] & flag::FALLEN == 0 {
+                self.fall(i);
+            }
+        }
+    }
+
+    /// Height below which an axis is taken away, as a share of the clear stem.
+    fn lift_share(&self, axis_id: u64) -> f32 {
+        narrow(self.draw(axis_id, Purpose::Lift).range(LIFT_ALL_SHARE[0], LIFT_ALL_SHARE[1]))
+    }
+
+    /// Passes death on to what stands on the dead, and lets dead wood fall.
+    pub fn let_fall(&mut self) {
+        let linger = self.habit.linger;
+        let year = self.year as f32;
+        for i in 0..self.nodes.len() {
+            let nodes = &mut self.nodes;
+            if nodes.flags[i] & flag::FALLEN != 0 {
+                continue;
+            }
+            let parent = nodes.parent[i] as usize;
+            let carrier = nodes.flags.get(parent).copied().unwrap_or(0);
+            if carrier & flag::DEAD != 0 && nodes.flags[i] & flag::DEAD == 0 {
+                nodes.flags[i] |= flag::DEAD;
+                nodes.death[i] = nodes.death[parent];
+            }
+            let dead = nodes.flags[i] & flag::DEAD != 0;
+            let stands = linger * (nodes.r[i] / LINGER_RADIUS).min(LINGER_MAX);
+            if carrier & flag::FALLEN != 0 || dead && year - f32::from(nodes.death[i]) > stands {
+                self.fall(i);
+            }
+        }
+    }
+
+    /// Gives a new leader to each axis whose tip died: the living side axis with the largest vigour within
+    /// [`SUCCESSION_REACH`] below becomes its continuation, and its subtree moves one order down. Returns whether any did.
+    pub fn replace_leaders(&mut self) -> bool {
+        // Mark the nodes below each dead tip with the number of its event.
+        let nodes = &self.nodes;
+        let mut below = vec![NONE; nodes.len()];
+        let mut best: Vec<u32> = Vec::new();
+        for top in 0..nodes.len() {
+            let leaderless = nodes.lives(top) && nodes.flags[top] & flag::OPEN == 0 && self.scratch.main[top] <= 0.0;
+            if !leaderless {
+                continue;
+            }
+            let event = index_of(best.len());
+            best.push(NONE);
+            let (mut i, mut away) = (top, 0.0);
+            while away <= SUCCESSION_REACH {
+                below[i] = event;
+                if nodes.flags[i] & flag::MAIN == 0 {
+                    break;
+                }
+                away += nodes.length[i];
+                i = nodes.parent[i] as usize;
+            }
+        }
+        if best.is_empty() {
+            return false;
+        }
+        // The side axis with the largest vigour of last year; the first of equals.
+        for i in 0..nodes.len() {
+            let is_side = nodes.lives(i) && nodes.flags[i] & flag::MAIN == 0;
+            let Some(&event) = below.get(nodes.parent[i] as usize) else { continue };
+            let Some(best) = best.get_mut(event as usize).filter(|_| is_side) else { continue };
+            if *best == NONE || nodes.vigour[i] > nodes.vigour[*best as usize] {
+                *best = index_of(i);
+            }
+        }
+        let mut leader_at = vec![NONE; nodes.len()];
+        let mut any = false;
+        for leader in best.into_iter().filter(|leader| *leader != NONE) {
+            leader_at[nodes.parent[leader as usize] as usize] = leader;
+            any = true;
+        }
+        if any {
+            self.promote(&leader_at);
+        }
+        any
+    }
+
+    /// Makes side axes the continuations of their parents. `leader_at`: the new continuation by node.
+    fn promote(&mut self, leader_at: &[u32]) {
+        let nodes = &mut self.nodes;
+        // Orders to go down and arc length to add, passed on from parents to children.
+        let mut down = vec![0_u8; nodes.len()];
+        let mut ahead = vec![0.0_f32; nodes.len()];
+        for i in 0..nodes.len() {
+            let parent = nodes.parent[i] as usize;
+            let Some(&leader) = leader_at.get(parent) else { continue };
+            let was_main = nodes.flags[i] & flag::MAIN != 0;
+            down[i] = down[parent];
+            if was_main {
+                ahead[i] = ahead[parent];
+            }
+            if leader == index_of(i) {
+                nodes.flags[i] |= flag::MAIN;
+                // The order of its parent, which went down before.
+                down[i] = nodes.order[i].saturating_sub(nodes.order[parent]);
+                ahead[i] = nodes.s[parent];
+            } else if leader != NONE && was_main {
+                nodes.flags[i] &= !flag::MAIN;
+            }
+            nodes.order[i] = nodes.order[i].saturating_sub(down[i]);
+            nodes.s[i] += ahead[i];
+        }
+    }
+
+    /// Wakes dormant buds where a subtree lost more than half of its light, or where it became lighter.
+    pub fn wake_buds(&mut self, field: &LightField, season: &Season) {
+        if self.habit.epicormic <= 0.0 {
+            return;
+        }
+        let losses = std::mem::take(&mut self.losses);
+        let mut woken = vec![0_u8; self.nodes.len()];
+        self.wake_at_losses(&losses, season, &mut woken);
+        self.wake_in_light(field, season, &mut woken);
+        self.losses = losses;
+        self.losses.clear();
+    }
+
+    /// Own: at most [`WAKE_AT_CUT`] buds for each loss, from the cut down, as far as more than half of the light is lost.
+    fn wake_at_losses(&mut self, losses: &[Loss], season: &Season, woken: &mut [u8]) {
+        let nodes = &self.nodes;
+        let lost = &mut self.scratch.lost_light;
+        let large = |loss: &&Loss| loss.light > LEAST_LOSS;
+        for loss in losses.iter().filter(large) {
+            let mut i = loss.at as usize;
+            while i < nodes.len() {
+                lost[i] += loss.light;
+                i = nodes.parent[i] as usize;
+            }
+        }
+        for loss in losses.iter().filter(large) {
+            let (mut i, mut count) = (loss.at as usize, 0);
+            while i < self.nodes.len() && count < WAKE_AT_CUT {
+                // What the node gathered last year is what is left and what is lost.
+                let left = if self.nodes.lives(i) { self.nodes.gathered[i] } else { 0.0 };
+                let lost = self.scratch.lost_light[i];
+                if lost <= WAKE_LOSS * (left + lost) {
+                    break;
+                }
+                count += self.wake_at(i, WAKE_AT_CUT - count, season, woken);
+                i = self.nodes.parent[i] as usize;
+            }
+        }
+    }
+
+    /// Own: at most [`WAKE_AT_CUT`] buds of an axis, the highest first.
+    fn wake_in_light(&mut self, field: &LightField, season: &Season, woken: &mut [u8]) {
+        let mut lighter: Vec<(u32, u32)> = Vec::new();
+        for i in 0..self.nodes.len() {
+            if self.nodes.dormant[i] == 0 || !self.nodes.lives(i) {
+                continue;
+            }
+            let q = field.in_cell(self.scratch.cell[i]).q;
+            if q - self.nodes.light[i] > WAKE_LIGHT {
+                lighter.push((self.nodes.axis[i], index_of(i)));
+            }
+            self.nodes.light[i] = q;
+        }
+        // By axis, from its tip down.
+        lighter.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.cmp(&a.1)));
+        for axis in lighter.chunk_by(|a, b| a.0 == b.0) {
+            let mut count = 0;
+            for (_, i) in axis {
+                count += self.wake_at(*i as usize, WAKE_AT_CUT - count, season, woken);
+            }
+        }
+    }
+
+    /// Wakes up to `most` dormant buds of a node; returns how many.
+    fn wake_at(&mut self, i: usize, most: u8, season: &Season, woken: &mut [u8]) -> u8 {
+        let nodes = &mut self.nodes;
+        let too_thick = nodes.r[i] >= self.habit.epicormic_radius;
+        let taken_away = nodes.order[i] == 0 && nodes.s[i] < season.clear_stem;
+        let last_order = usize::from(nodes.order[i]) + 1 >= self.habit.orders();
+        if !nodes.lives(i) || too_thick || taken_away || last_order {
+            return 0;
+        }
+        let room = (WAKE_AT_NODE - woken[i].min(WAKE_AT_NODE)).min(WOKEN_MAX.saturating_sub(nodes.woken[i]));
+        let count = nodes.dormant[i].min(most).min(room);
+        for k in 0..count {
+            let number = nodes.woken[i] + k;
+            let azimuth = nodes.azimuth[i] + (f32::from(number) + 1.0) * GOLDEN_ANGLE;
+            self.buds.push(Bud { node: index_of(i), azimuth, slot: FIRST_WOKEN + number, age: 0, gathered: 0.0 });
+        }
+        nodes.dormant[i] -= count;
+        nodes.woken[i] += count;
+        woken[i] += count;
+        count
+    }
+
+    /// A bud that fails stays dormant at its node, if the species keeps such buds; the oldest go.
+    pub fn add_dormant(&mut self, i: usize, draw_id: u64, light: f32) {
+        let share = f64::from(self.habit.epicormic);
+        let stays = share >= 1.0 || share > 0.0 && self.draw(draw_id, Purpose::Dormant).chance(share);
+        if stays && self.nodes.dormant[i] < DORMANT_MAX {
+            if self.nodes.dormant[i] == 0 {
+                self.nodes.light[i] = light;
+            }
+            self.nodes.dormant[i] += 1;
+        }
+    }
+}

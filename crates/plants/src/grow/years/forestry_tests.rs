@@ -1,0 +1,290 @@
+//! Trees that grow year by year against what foresters measure. Many of these trees are large: without optimisation they would
+//! take minutes, so that they run in release builds alone.
+
+use glam::Vec3;
+
+use super::{GrownTree, Keep, Measures, Prune, Site, TreeSpec, grow, grow_through};
+use osier_base::Error;
+use osier_base::limits::Limits;
+use osier_base::par::par_map;
+use osier_scene::solid::{Form, Prism, Solid, Solids};
+use tables::{names, spec as species};
+
+/// The reader of the examples.
+#[path = "../../../examples/common/mod.rs"]
+mod tables;
+
+fn grow_all(specs: &[TreeSpec], site: &Site) -> Vec<GrownTree> {
+    let alone: Vec<_> = specs.iter().collect();
+    let grown = par_map(&alone, |spec| grow(std::slice::from_ref(*spec), site, &Limits::default()).expect("grows"));
+    grown.into_iter().flatten().collect()
+}
+
+fn measures(specs: &[TreeSpec]) -> Vec<Measures> {
+    grow_all(specs, &Site::default()).iter().map(GrownTree::measures).collect()
+}
+
+fn seeds(name: &str, age: f64, seeds: std::ops::RangeInclusive<u64>) -> Vec<TreeSpec> {
+    seeds.map(|seed| TreeSpec { age, ..species(name, seed) }).collect()
+}
+
+fn mean(values: impl IntoIterator<Item = f32>) -> f32 {
+    let values: Vec<f32> = values.into_iter().collect();
+    values.iter().sum::<f32>() / values.len() as f32
+}
+
+/// Share of the tips beyond 0.6 of the crown's radius, about the middle of the tips.
+fn shell_share(tree: &GrownTree) -> f32 {
+    let m = tree.measures();
+    let away = |p: Vec3| Vec3::new(p.x - m.crown_center.x, 0.0, p.z - m.crown_center.z).length();
+    let outside = tree.tips().filter(|p| away(*p) > 0.6 * 0.5 * m.crown_width).count();
+    outside as f32 / m.tips as f32
+}
+
+/// Skips a test in builds without optimisation.
+macro_rules! only_in_release {
+    () => {
+        if cfg!(debug_assertions) {
+            return;
+        }
+    };
+}
+
+#[test]
+fn every_table_grows_a_young_tree() {
+    for name in names() {
+        let spec = TreeSpec { age: 7.5, ..species(&name, 1) };
+        let grown = &grow_all(&[spec], &Site::default())[0];
+        let m = grown.measures();
+        assert!(m.height > 0.3 && m.tips > 0 && m.leaf_area > 0.0, "{name}: {m:?}");
+    }
+}
+
+/// Heights, crown widths and diameters of the tables at their ages: what `growth_marks` prints, within a tenth or so.
+#[test]
+fn the_species_have_their_marks() {
+    only_in_release!();
+    // Height, crown width, diameter at breast height, m; 0 where none is known.
+    let marks = [
+        ("oak", 16.1, 21.1, 0.83),
+        ("beech", 18.5, 21.9, 0.80),
+        ("birch", 23.9, 10.6, 0.34),
+        ("poplar", 30.0, 6.4, 0.40),
+        ("willow", 11.8, 14.5, 0.0),
+        ("spruce", 29.8, 11.3, 0.48),
+        ("apple", 5.2, 8.2, 0.31),
+        ("japanese-maple", 4.4, 7.9, 0.0),
+        ("hazel", 6.3, 8.5, 0.0),
+    ];
+    for (name, height, width, dbh) in marks {
+        let m = measures(&seeds(name, f64::from(species(name, 1).habit.age), 1..=2));
+        let close = |value: f32, mark: f32, part: f32| mark <= 0.0 || (value / mark - 1.0).abs() < part;
+        let found =
+            [mean(m.iter().map(|m| m.height)), mean(m.iter().map(|m| m.crown_width)), mean(m.iter().map(|m| m.dbh))];
+        let good = close(found[0], height, 0.12) && close(found[1], width, 0.15) && close(found[2], dbh, 0.15);
+        assert!(good, "{name}: {found:?}");
+    }
+}
+
+/// Crown width over diameter of the stem, for stems of more than 0.3 m: 24 to 27 for free-standing trees.
+#[test]
+fn crowns_are_as_wide_as_their_stems_allow() {
+    only_in_release!();
+    let bounds = |name: &str| if matches!(name, "oak" | "beech") { 24.0..=29.0 } else { 20.0..=32.0 };
+    for name in ["oak", "beech", "linden", "ash", "cherry", "maple", "willow"] {
+        let m = measures(&seeds(name, species(name, 1).age, 1..=2));
+        let ratio = mean(m.iter().map(|m| m.crown_width / m.dbh));
+        assert!(mean(m.iter().map(|m| m.dbh)) > 0.3, "{name}");
+        assert!(bounds(name).contains(&ratio), "{name}: {ratio}");
+    }
+    let row = grow_through(&species("oak", 1), &[30, 60, 90], &Site::default(), &Limits::default()).expect("grows");
+    for m in row.iter().map(GrownTree::measures) {
+        assert!((23.0..=29.5).contains(&(m.crown_width / m.dbh)), "{m:?}");
+    }
+}
+
+#[test]
+fn stems_are_as_slender_as_those_of_their_species() {
+    only_in_release!();
+    let wanted = [
+        ("oak", 15.0..=25.0),
+        ("beech", 18.0..=30.0),
+        ("birch", 50.0..=80.0),
+        ("poplar", 50.0..=80.0),
+        ("spruce", 50.0..=80.0),
+    ];
+    for (name, range) in wanted {
+        let m = measures(&seeds(name, species(name, 1).age, 1..=2));
+        let ratio = mean(m.iter().map(|m| m.height / m.dbh));
+        assert!(range.contains(&ratio), "{name}: {ratio}");
+    }
+}
+
+/// Bifurcation ratios of the two lowest orders after Strahler.
+#[test]
+fn branches_ramify_as_those_of_broadleaves() {
+    only_in_release!();
+    for name in ["oak", "beech", "birch", "apple", "ash", "hazel"] {
+        let grown = grow_all(&seeds(name, species(name, 1).age, 1..=1), &Site::default());
+        let counts = grown[0].strahler_counts();
+        for pair in counts.windows(2).take(2) {
+            let ratio = pair[0] as f64 / pair[1] as f64;
+            assert!((2.7..=6.3).contains(&ratio), "{name}: {counts:?}");
+        }
+    }
+}
+
+#[test]
+fn crowns_have_the_leaf_area_of_trees_and_bear_it_outside() {
+    only_in_release!();
+    for name in ["oak", "beech", "birch", "pine", "spruce", "apple", "ash", "linden", "willow"] {
+        let m = measures(&seeds(name, species(name, 1).age, 1..=2));
+        let index = mean(m.iter().map(|m| m.leaf_area_index));
+        assert!((1.5..=6.5).contains(&index), "{name}: {index}");
+    }
+    // Shares of an oak's tips beyond 0.6 of the radius of its crown, about the middle of its tips: without shade they fill it.
+    let shell = mean(grow_all(&seeds("oak", 60.0, 1..=2), &Site::default()).iter().map(shell_share));
+    assert!((0.34..=0.56).contains(&shell), "{shell}");
+}
+
+#[test]
+fn individuals_differ_but_not_much() {
+    only_in_release!();
+    let m = measures(&seeds("oak", 40.0, 1..=8));
+    let (height, width) = (mean(m.iter().map(|m| m.height)), mean(m.iter().map(|m| m.crown_width)));
+    for (i, a) in m.iter().enumerate() {
+        assert!((a.height / height - 1.0).abs() < 0.10 && (a.crown_width / width - 1.0).abs() < 0.15, "{a:?}");
+        assert!(m[..i].iter().all(|b| b.nodes != a.nodes), "no two alike");
+    }
+}
+
+/// Crown centers of oaks of 30 years beside a wall of 9 x 16 m at +2.5 m, against the same trees in the open.
+#[test]
+fn crowns_turn_away_from_a_wall() {
+    only_in_release!();
+    let block = Prism::block(Vec3::new(2.75, 0.0, 0.0), Vec3::new(0.5, 9.0, 16.0), 0.0);
+    let wall = Solid { name: "wall".into(), form: Form::Prism(block), humidity: 0.0 };
+    let site = Site { solids: Some(Solids::new(vec![wall], true).into()), ..Site::default() };
+    let specs = seeds("oak", 30.0, 1..=8);
+    let free = grow_all(&specs, &Site::default());
+    let beside = grow_all(&specs, &site);
+    let shift = mean(beside.iter().zip(&free).map(|(b, f)| b.measures().crown_center.x - f.measures().crown_center.x));
+    assert!((-1.3..=-0.4).contains(&shift), "{shift}");
+    for tree in &beside {
+        let far = tree.tips().map(|p| p.x).fold(f32::NEG_INFINITY, f32::max);
+        assert!(
+            far < 2.9 || tree.tips().all(|p| p.x < 2.5 || p.x > 3.0 || p.y > 8.5 || p.z.abs() > 7.5),
+            "in the wall: {far}"
+        );
+    }
+}
+
+#[test]
+fn crowns_turn_to_the_brighter_side() {
+    only_in_release!();
+    let specs = seeds("oak", 30.0, 1..=8);
+    let free = grow_all(&specs, &Site::default());
+    for sign in [1.0_f32, -1.0] {
+        let site = Site { side: Vec3::new(0.8 * sign, 0.0, 0.0), ..Site::default() };
+        let lit = grow_all(&specs, &site);
+        let shifts: Vec<f32> = lit
+            .iter()
+            .zip(&free)
+            .map(|(b, f)| sign * (b.measures().crown_center.x - f.measures().crown_center.x))
+            .collect();
+        let shift = mean(shifts.iter().copied());
+        assert!((0.25..=0.85).contains(&shift), "{shifts:?}");
+        assert!(shifts.iter().filter(|s| **s > 0.0).count() >= 7, "{shifts:?}");
+    }
+}
+
+#[test]
+fn two_trees_share_a_dome() {
+    only_in_release!();
+    for seed in 1..=6 {
+        let specs: Vec<TreeSpec> = [-2.0, 2.0]
+            .iter()
+            .zip(0..)
+            .map(|(x, id)| TreeSpec { age: 30.0, id, base: Vec3::new(*x, 0.0, 0.0), ..species("oak", seed) })
+            .collect();
+        let pair = grow(&specs, &Site::default(), &Limits::default()).expect("grows");
+        let free = grow_all(&specs, &Site::default());
+        let shift = |i: usize| pair[i].measures().crown_center.x - free[i].measures().crown_center.x;
+        assert!(shift(0) < 0.0 && shift(1) > 0.0, "seed {seed}: {} {}", shift(0), shift(1));
+    }
+}
+
+/// Beeches cut to a box each year live on as a hedge, if all of their failed buds stay dormant.
+#[test]
+fn a_hedge_lives_under_its_cuts() {
+    only_in_release!();
+    let keep = Keep::Box { min: Vec3::new(-1.0, -1.0, -1.0), max: Vec3::new(1.0, 1.8, 1.0) };
+    let prune = Prune { year: 5, every: 1, until: 99, keep };
+    let mut specs: Vec<TreeSpec> = (0..3)
+        .map(|i| TreeSpec {
+            id: i,
+            age: 40.0,
+            base: Vec3::new(i as f32, 0.0, 0.0),
+            prunes: vec![prune.clone()],
+            ..species("beech", 1)
+        })
+        .collect();
+    for spec in &mut specs {
+        spec.habit.set("clear_stem", &[0.1]).expect("sets");
+        spec.habit.set("epicormic", &[1.0]).expect("sets");
+    }
+    for tree in grow(&specs, &Site::default(), &Limits::default()).expect("grows") {
+        let m = tree.measures();
+        assert!(tree.died().is_none() && m.tips > 10 && m.tips < 3000, "{m:?}");
+        assert!(m.height < 2.8, "{m:?}");
+    }
+}
+
+/// What an oak becomes without one of the rules.
+#[test]
+fn each_rule_does_what_it_is_for() {
+    only_in_release!();
+    let with = |changes: &[(&str, f64)]| {
+        let mut specs = seeds("oak", 45.0, 2..=3);
+        for spec in &mut specs {
+            for (key, value) in changes {
+                spec.habit.set(key, &[*value]).expect("sets");
+            }
+        }
+        let m = measures(&specs);
+        let center = mean(m.iter().map(|m| m.crown_center.y));
+        [
+            mean(m.iter().map(|m| m.height)),
+            mean(m.iter().map(|m| m.crown_width)),
+            mean(m.iter().map(|m| m.nodes as f32)),
+            center,
+        ]
+    };
+    let plain = with(&[]);
+    let unshed = with(&[("shed", 0.0)]);
+    assert!(unshed[2] > 1.3 * plain[2], "shedding: {plain:?} {unshed:?}");
+    let pathless = with(&[("path_max", 200.0)]);
+    assert!(pathless[0] > plain[0] + 1.0 && pathless[1] > plain[1] + 2.0, "path limit: {plain:?} {pathless:?}");
+    let even = with(&[("apical_control", 0.5), ("apical_control_old", 0.5)]);
+    assert!(even[1] < plain[1], "apical control: {plain:?} {even:?}");
+    let limp = with(&[("elevation_rate", 0.0), ("upright", 0.0)]);
+    assert!(limp[1] < plain[1] || limp[3] < plain[3], "elevation and righting: {plain:?} {limp:?}");
+    let stiff = with(&[("sag", 0.0)]);
+    assert!(stiff[0] > plain[0], "bending: {plain:?} {stiff:?}");
+}
+
+/// Without light a tree fills its crown until the limit of nodes ends it.
+#[test]
+fn without_shade_the_limit_of_nodes_ends_growth() {
+    only_in_release!();
+    let mut spec = species("oak", 1);
+    for (key, value) in
+        [("extinction", 0.1), ("shade_point", 0.0), ("shed", 0.0), ("path_max", 200.0), ("axis_max", 1000.0)]
+    {
+        spec.habit.set(key, &[value]).expect("sets");
+    }
+    let mut limits = Limits::default();
+    limits.set("nodes", "600k").expect("sets");
+    let error = grow(&[spec], &Site::default(), &limits).expect_err("too many nodes");
+    assert!(matches!(&error, Error::Limit { .. }) && error.to_string().contains("\"oak\" in year"), "{error}");
+}

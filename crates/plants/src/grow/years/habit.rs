@@ -1,0 +1,301 @@
+//! The habit of a species: the parameters of its yearly growth, by name, with unit, range, default and help.
+
+use osier_base::math::narrow;
+use osier_base::{Error, Result};
+
+/// Orders of axes that tables distinguish: 0, the trunk, to 5; higher orders do not occur.
+pub const ORDERS: usize = 6;
+
+/// A value for each order of axes.
+pub type PerOrder = [f32; ORDERS];
+
+/// How many numbers a key takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arity {
+    /// One number.
+    One,
+    /// Two numbers.
+    Two,
+    /// One to [`ORDERS`] numbers, one for each order of axes; the last repeats.
+    PerOrder,
+}
+
+/// A parameter that a table or a scene may set.
+#[derive(Debug, Clone, Copy)]
+pub struct HabitKey {
+    /// Name in snake_case.
+    pub name: &'static str,
+    /// Unit of the value; empty for a pure number.
+    pub unit: &'static str,
+    /// Meaning, one sentence.
+    pub help: &'static str,
+    /// Smallest value allowed.
+    pub min: f64,
+    /// Largest value allowed.
+    pub max: f64,
+    /// How many numbers it takes.
+    pub arity: Arity,
+    values: fn(&Habit) -> &[f32],
+    values_mut: fn(&mut Habit) -> &mut [f32],
+}
+
+impl HabitKey {
+    /// The values that a habit has for this key.
+    pub fn values<'a>(&self, habit: &'a Habit) -> &'a [f32] {
+        (self.values)(habit)
+    }
+}
+
+/// A type that a parameter is stored as.
+trait HabitValue {
+    const ARITY: Arity;
+    fn slice(&self) -> &[f32];
+    fn slice_mut(&mut self) -> &mut [f32];
+    fn of(values: &[f32]) -> Self;
+}
+
+/// Fills `to` from a shorter list whose last value repeats.
+fn fill(to: &mut [f32], values: &[f32]) {
+    let last = values.last().copied().unwrap_or(0.0);
+    for (i, v) in to.iter_mut().enumerate() {
+        *v = values.get(i).copied().unwrap_or(last);
+    }
+}
+
+impl HabitValue for f32 {
+    const ARITY: Arity = Arity::One;
+    fn slice(&self) -> &[f32] {
+        std::slice::from_ref(self)
+    }
+    fn slice_mut(&mut self) -> &mut [f32] {
+        std::slice::from_mut(self)
+    }
+    fn of(values: &[f32]) -> Self {
+        values.first().copied().unwrap_or(0.0)
+    }
+}
+
+impl HabitValue for [f32; 2] {
+    const ARITY: Arity = Arity::Two;
+    fn slice(&self) -> &[f32] {
+        self
+    }
+    fn slice_mut(&mut self) -> &mut [f32] {
+        self
+    }
+    fn of(values: &[f32]) -> Self {
+        let mut out = [0.0; 2];
+        fill(&mut out, values);
+        out
+    }
+}
+
+impl HabitValue for PerOrder {
+    const ARITY: Arity = Arity::PerOrder;
+    fn slice(&self) -> &[f32] {
+        self
+    }
+    fn slice_mut(&mut self) -> &mut [f32] {
+        self
+    }
+    fn of(values: &[f32]) -> Self {
+        let mut out = [0.0; ORDERS];
+        fill(&mut out, values);
+        out
+    }
+}
+
+macro_rules! habit {
+    ($($name:ident: $kind:ty = [$($default:expr),+], $unit:literal, $min:literal to $max:literal, $help:literal;)*) => {
+        /// How a species grows. All lengths in m, times in years, angles in degrees. Arrays hold a value for each order of
+        /// the axis concerned, that of the new shoot where a shoot is made.
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Habit {
+            $(#[doc = $help] pub $name: $kind,)*
+        }
+
+        impl Default for Habit {
+            fn default() -> Self {
+                Self { $($name: HabitValue::of(&[$($default),+]),)* }
+            }
+        }
+
+        /// All parameters of a [`Habit`], in the order of the documents.
+        pub const HABIT_KEYS: &[HabitKey] = &[$(HabitKey {
+            name: stringify!($name),
+            unit: $unit,
+            help: $help,
+            min: $min,
+            max: $max,
+            arity: <$kind as HabitValue>::ARITY,
+            values: |habit| habit.$name.slice(),
+            values_mut: |habit| habit.$name.slice_mut(),
+        },)*];
+    };
+}
+
+habit! {
+    vigour: f32 = [1.0], "", 0.05 to 20.0, "Growth that a tree makes of the light it receives.";
+    vigour_exponent: f32 = [1.0], "", 0.5 to 1.5, "Exponent of the light that a whole tree receives.";
+    apical_control: PerOrder = [0.5], "", 0.02 to 0.98, "Share of an axis' own tip against its side branches in a young tree.";
+    apical_control_old: PerOrder = [0.5], "", 0.02 to 0.98, "Share of an axis' own tip against its side branches in an old tree.";
+    maturity: [f32; 2] = [15.0, 40.0], "yr", 0.0 to 1000.0, "Years between which young values turn into old ones.";
+    shoot_rate: PerOrder = [0.3], "m/yr", 0.001 to 5.0, "Length of a shoot with the vigour of one tip in full light.";
+    shoot_max: PerOrder = [0.8], "m/yr", 0.001 to 5.0, "Longest shoot of a year.";
+    short_shoot: f32 = [0.03], "m", 0.001 to 0.5, "Shoots shorter than this stay spurs, with leaves but without wood.";
+    internode: PerOrder = [0.1], "m", 0.02 to 1.0, "Longest internode.";
+    juvenile: f32 = [0.0], "yr", 0.0 to 50.0, "Years in which a seedling reaches its full rate of growth.";
+    leader_old: f32 = [1.0], "", 0.0 to 2.0, "Growth of an old tree's leader as a share of a young one's.";
+    path_max: f32 = [24.0], "m", 0.5 to 200.0, "Longest path of water from the root to a shoot.";
+    path_power: f32 = [2.0], "", 0.5 to 8.0, "Exponent of the decline of growth with the path of water.";
+    height_max: f32 = [1000.0], "m", 0.3 to 1000.0, "Height at which growth ends.";
+    height_power: f32 = [4.0], "", 0.5 to 8.0, "Exponent of the decline of growth with height.";
+    axis_max: PerOrder = [1000.0], "m", 0.05 to 1000.0, "Length at which an axis stops.";
+    shade_point: f32 = [0.15], "", 0.0 to 0.9, "Share of the open sky's light below which a tip starves.";
+    patience: f32 = [2.0], "yr", 0.0 to 20.0, "Years that a tip starves before it dies.";
+    shed: f32 = [0.35], "1/m", 0.0 to 10.0, "Light per metre of living wood below which a branch is shed.";
+    shed_age: f32 = [4.0], "yr", 0.0 to 50.0, "Age before which no branch is shed.";
+    linger: f32 = [4.0], "yr", 0.0 to 100.0, "Years that a dead branch of 20 mm radius stands before it falls.";
+    bud_life: f32 = [2.0], "yr", 0.0 to 20.0, "Years that a bud waits for light.";
+    levels: f32 = [6.0], "", 1.0 to 6.0, "Number of orders of axes.";
+    bud_share: PerOrder = [1.0], "", 0.0 to 4.0, "Weight of a bud's light against that of a tip.";
+    divergence: f32 = [137.5], "deg", 0.0 to 180.0, "Angle between successive buds of a shoot; 180 is two-ranked.";
+    buds: f32 = [1.0], "", 1.0 to 2.0, "Buds at a node; 2 is opposite, in crossed pairs.";
+    whorl: PerOrder = [0.0], "", 0.0 to 12.0, "Branches of a year's whorl; 0: buds along the shoot.";
+    internodal: f32 = [0.0], "", 0.0 to 1.0, "Share of the buds that live between whorls.";
+    bud_break: PerOrder = [0.5], "", 0.0 to 1.0, "Probability that a bud lives.";
+    acrotony: f32 = [1.0], "", 0.0 to 5.0, "Exponent of the preference for buds near the end of a shoot.";
+    angle: PerOrder = [0.0, 60.0, 50.0, 45.0], "deg", 0.0 to 150.0, "Angle at which a branch leaves its parent in a young tree.";
+    angle_old: PerOrder = [0.0, 60.0, 50.0, 45.0], "deg", 0.0 to 150.0, "Angle at which a branch leaves its parent in an old tree.";
+    angle_var: f32 = [8.0], "deg", 0.0 to 40.0, "Standard deviation of that angle.";
+    planar: PerOrder = [0.0], "", 0.0 to 1.0, "How far side branches lie in one plane with their parent.";
+    elevation: PerOrder = [90.0, 35.0, 20.0, 10.0], "deg", -90.0 to 90.0, "Angle above the horizon that an axis turns to.";
+    elevation_rate: PerOrder = [0.0], "1/m", 0.0 to 10.0, "How fast it turns to its elevation while it grows.";
+    phototropism: PerOrder = [0.3], "1/m", -5.0 to 5.0, "How fast it turns to the light while it grows.";
+    wander: PerOrder = [0.15], "m^-1/2", 0.0 to 3.0, "Random turns of growth.";
+    apex_death: PerOrder = [0.0], "1/yr", 0.0 to 1.0, "Probability that a side bud takes over from the tip, with a kink.";
+    upright: PerOrder = [1.5, 0.3, 0.1, 0.0], "1/m", 0.0 to 10.0, "How fast reaction wood turns an axis to its elevation.";
+    sag: PerOrder = [1.0], "", 0.0 to 20.0, "Bending under the weight that is added, as a share of the elastic beam's.";
+    pipe_exponent: f32 = [2.2], "", 1.8 to 3.0, "Exponent of radii whose powers add up at forks.";
+    tip_radius: f32 = [0.0015], "m", 0.0003 to 0.01, "Radius of a tip.";
+    pipe_memory: f32 = [0.3], "", 0.0 to 1.0, "Share of a dead branch's wood that its parent keeps.";
+    stout: PerOrder = [0.007, 0.006], "", 0.0 to 0.05, "Radius at the base of a new shoot over its length.";
+    buckling_safety: PerOrder = [2.0, 0.7, 0.0], "", 0.0 to 6.0, "Length of column that an axis would carry, as a multiple of its own.";
+    density: f32 = [900.0], "kg/m3", 200.0 to 1300.0, "Density of green wood.";
+    elasticity_gpa: f32 = [6.0], "GPa", 0.5 to 25.0, "Young's modulus of green wood.";
+    leaf_mass: f32 = [0.25], "kg/m2", 0.0 to 3.0, "Mass of leaves per area.";
+    leaf_area_tip: f32 = [0.02], "m2", 0.0 to 1.0, "Leaf area of a tip.";
+    leaf_area_shoot: f32 = [0.0], "m2/m", 0.0 to 2.0, "Leaf area per length of shoot.";
+    leaf_years: f32 = [1.0], "yr", 0.1 to 12.0, "Years that leaves live.";
+    extinction: f32 = [0.5], "", 0.1 to 1.5, "Light that a leaf area intercepts, as a share of the area.";
+    stems: f32 = [1.0], "", 1.0 to 60.0, "Number of stems.";
+    stem_spread: f32 = [0.2], "m", 0.0 to 5.0, "Radius of the disc that stems stand in.";
+    tilt: f32 = [0.0], "deg", 0.0 to 80.0, "Tilt of the outer stems.";
+    clear_stem: f32 = [0.0], "m", 0.0 to 50.0, "Height below which branches are taken away.";
+    clear_rate: f32 = [0.15], "m/yr", 0.0 to 5.0, "How fast the clear stem rises.";
+    epicormic: f32 = [1.0], "", 0.0 to 1.0, "Share of the failed buds that stay dormant.";
+    epicormic_radius: f32 = [0.2], "m", 0.0 to 10.0, "Radius of wood beyond which no dormant bud wakes.";
+    reiterate: f32 = [0.0], "", -0.5 to 0.5, "Additional share of the tip where light per metre of wood is poor.";
+    age: f32 = [60.0], "yr", 0.1 to 500.0, "Age of a tree whose scene names none.";
+}
+
+impl Habit {
+    /// Sets a parameter by name.
+    /// # Errors
+    /// S002 for an unknown name, S003 for a wrong number of values or a `maturity` that does not increase, `Range` for a value
+    /// outside the key's range, S003 for whorls together with opposite buds.
+    pub fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
+        let Some(key) = HABIT_KEYS.iter().find(|k| k.name == name) else {
+            return Err(Error::input("S002", format!("a habit has no key \"{name}\"")));
+        };
+        let fits = match key.arity {
+            Arity::One => values.len() == 1,
+            Arity::Two => values.len() == 2,
+            Arity::PerOrder => (1..=ORDERS).contains(&values.len()),
+        };
+        if !fits {
+            let wanted = match key.arity {
+                Arity::One => "one number",
+                Arity::Two => "two numbers",
+                Arity::PerOrder => "one to six numbers",
+            };
+            return Err(Error::input("S003", format!("{name} takes {wanted}, not {}", values.len())));
+        }
+        if let Some(&value) = values.iter().find(|v| !(key.min..=key.max).contains(v)) {
+            return Err(Error::Range { name: name.to_owned(), value, min: key.min, max: key.max, unit: key.unit });
+        }
+        let narrowed: Vec<f32> = values.iter().map(|v| narrow(*v)).collect();
+        fill((key.values_mut)(self), &narrowed);
+        Ok(())
+    }
+
+    /// Checks what no range of one key can hold.
+    /// # Errors
+    /// S003 if `maturity` does not increase, or for whorls together with opposite buds.
+    pub fn check(&self) -> Result<()> {
+        if self.maturity[0] >= self.maturity[1] {
+            return Err(Error::input("S003", "maturity must be two increasing years"));
+        }
+        if self.buds > 1.5 && self.whorl.iter().any(|w| *w > 0.0) {
+            return Err(Error::input("S003", "whorl and buds = 2 exclude each other"));
+        }
+        Ok(())
+    }
+
+    /// Number of orders of axes.
+    pub(super) fn orders(&self) -> usize {
+        usize::from(whole(self.levels)).clamp(1, ORDERS)
+    }
+}
+
+/// The nearest whole number; values are bounded by the ranges of their keys.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ranges of keys lie within 16 bits")]
+pub(super) fn whole(value: f32) -> u16 {
+    value.round().clamp(0.0, 65535.0) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_lie_in_their_ranges_and_names_are_unique() {
+        let habit = Habit::default();
+        habit.check().expect("sound");
+        for (i, key) in HABIT_KEYS.iter().enumerate() {
+            assert!(
+                key.values(&habit).iter().all(|v| (key.min..=key.max).contains(&f64::from(*v)) || {
+                    // 0.0003 and the like round to single precision.
+                    (f64::from(*v) - key.min).abs() < 1e-9
+                }),
+                "{}",
+                key.name
+            );
+            assert!(HABIT_KEYS[..i].iter().all(|k| k.name != key.name));
+            let values: Vec<f64> = key.values(&habit).iter().map(|v| f64::from(*v)).collect();
+            let mut again = habit.clone();
+            again.set(key.name, &values).expect("its own default");
+            assert_eq!(again, habit);
+        }
+    }
+
+    #[test]
+    fn wrong_values_are_refused() {
+        let mut habit = Habit::default();
+        habit.set("shoot_rate", &[0.5, 0.25]).expect("sets");
+        assert!(habit.shoot_rate[2..].iter().all(|v| (v - 0.25).abs() < 1e-6));
+        for (name, values, code) in [
+            ("shoot_rate", [0.5; 7].as_slice(), "S003"),
+            ("shoot_rate", &[], "S003"),
+            ("vigor", &[1.0], "S002"),
+            ("maturity", &[1.0], "S003"),
+        ] {
+            let error = habit.set(name, values).expect_err("refused").to_string();
+            assert!(error.contains(code), "{name}: {error}");
+        }
+        assert!(matches!(habit.set("shed", &[11.0]), Err(Error::Range { .. })));
+        assert!(matches!(habit.set("shed", &[f64::NAN]), Err(Error::Range { .. })));
+        habit.set("maturity", &[20.0, 10.0]).expect("in range");
+        assert!(habit.check().is_err());
+    }
+}

@@ -1,0 +1,204 @@
+//! Trees that grow year by year: light is computed, shared among buds and turned into shoots, wood and death.
+//!
+//! A year has the order of the passes in `stand.rs`: the light field from the leaves of last year, cuts, light of tips and buds,
+//! its sums towards the base, death, vigour towards the tips, shoots, radii, bending.
+//!
+//! Sources: [palubicki] W. Palubicki et al., "Self-organizing tree models for image synthesis", SIGGRAPH 2009; [jirasek]
+//! C. Jirasek, "A biomechanical model of branch shape in plants expressed using L-systems", 2000; [shinozaki] K. Shinozaki et
+//! al., "A quantitative analysis of plant form: the pipe model theory", 1964; [eloy] C. Eloy, "Leonardo's rule,
+//! self-similarity, and wind-induced stresses in trees", PRL 2011; [mcmahon] T. McMahon, "Size and shape in biology", 1973.
+
+mod allocate;
+mod bending;
+mod death;
+mod habit;
+mod light;
+mod measure;
+mod part_year;
+mod plant;
+mod radii;
+mod season;
+mod shoots;
+mod site;
+mod stand;
+mod tree;
+
+pub use habit::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS, PerOrder};
+pub use measure::Measures;
+pub use plant::{Foliage, PlantOptions};
+pub use site::{Keep, Neighbours, Prune, Site};
+
+use glam::Vec3;
+
+use osier_base::limits::Limits;
+use osier_base::math::narrow;
+use osier_base::par::par_map;
+use osier_base::{Error, Result};
+use stand::Stand;
+use tree::Tree;
+
+/// Distance, in heights, from which trees do not shade each other: 1 / tan 25 degrees, the lowest light.
+const SHADE_DISTANCE: f32 = 2.2;
+/// Youngest and oldest tree, years.
+const AGE_RANGE: [f64; 2] = [0.1, 500.0];
+
+/// A tree to grow.
+#[derive(Debug, Clone)]
+pub struct TreeSpec {
+    /// Name of the plant, for messages.
+    pub name: String,
+    /// How its species grows.
+    pub habit: Habit,
+    /// Seed of the random draws.
+    pub seed: u64,
+    /// Names the plant in random draws and ids.
+    pub id: u32,
+    /// Place of its base in the scene, m.
+    pub base: Vec3,
+    /// Age, years; a fraction shows part of the last year's growth.
+    pub age: f64,
+    /// Unseen neighbours that shade it.
+    pub neighbours: Option<Neighbours>,
+    /// Cuts.
+    pub prunes: Vec<Prune>,
+}
+
+/// A tree that has grown.
+#[derive(Debug, Clone)]
+pub struct GrownTree {
+    tree: Tree,
+    id: u32,
+    seed: u64,
+    age: f64,
+}
+
+impl GrownTree {
+    fn new(tree: Tree, spec: &TreeSpec, age: f64) -> Self {
+        Self { tree, id: spec.id, seed: spec.seed, age }
+    }
+
+    /// What it measures.
+    pub fn measures(&self) -> Measures {
+        self.tree.measures()
+    }
+
+    /// Year since which it is dead for lack of light.
+    pub fn died(&self) -> Option<u32> {
+        self.tree.died
+    }
+
+    /// Ends of its living open tips, from its base, m.
+    pub fn tips(&self) -> impl Iterator<Item = Vec3> {
+        let nodes = &self.tree.nodes;
+        (0..nodes.len()).filter(|i| nodes.grows(*i)).map(|i| nodes.p[i])
+    }
+
+    /// Numbers of living branches by their Strahler order, from 1.
+    pub fn strahler_counts(&self) -> Vec<usize> {
+        self.tree.strahler_counts()
+    }
+}
+
+/// Grows trees that share the light, each to its age; all ages end together. Trees too far apart to shade each other have light
+/// fields of their own.
+/// # Errors
+/// `Range` for an age, S003 for contradictory parameters, `Limit` for a tree of too many nodes.
+pub fn grow(specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<GrownTree>> {
+    specs.iter().try_for_each(check)?;
+    let groups = groups_in_shade(specs);
+    let grown = par_map(&groups, |group| grow_group(group, specs, site, limits));
+    let mut trees: Vec<(usize, GrownTree)> = Vec::with_capacity(specs.len());
+    for group in grown {
+        trees.extend(group?);
+    }
+    trees.sort_by_key(|(i, _)| *i);
+    Ok(trees.into_iter().map(|(_, tree)| tree).collect())
+}
+
+/// Grows one tree and keeps it at several ages, in full years, in increasing order: one run for all.
+/// # Errors
+/// As [`grow`].
+pub fn grow_through(spec: &TreeSpec, ages: &[u32], site: &Site, limits: &Limits) -> Result<Vec<GrownTree>> {
+    check(spec)?;
+    let mut stand = Stand::new(vec![plant_seed(spec)], site, limits);
+    let mut out = Vec::with_capacity(ages.len());
+    for age in ages {
+        while stand.year < *age {
+            stand.grow_year(true)?;
+        }
+        out.extend(stand.trees.iter().map(|t| GrownTree::new(t.clone(), spec, f64::from(*age))));
+    }
+    Ok(out)
+}
+
+fn check(spec: &TreeSpec) -> Result<()> {
+    spec.habit.check()?;
+    if !(AGE_RANGE[0]..=AGE_RANGE[1]).contains(&spec.age) {
+        let name = format!("age of plant \"{}\"", spec.name);
+        return Err(Error::Range { name, value: spec.age, min: AGE_RANGE[0], max: AGE_RANGE[1], unit: "yr" });
+    }
+    Ok(())
+}
+
+fn plant_seed(spec: &TreeSpec) -> Tree {
+    let tree = Tree::new(&spec.name, &spec.habit, spec.seed, spec.id, spec.base);
+    Tree { neighbours: spec.neighbours, prunes: spec.prunes.clone(), ..tree }
+}
+
+/// Indices of trees that may shade each other, group by group, in order.
+fn groups_in_shade(specs: &[TreeSpec]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    // The greatest height of a tree: it bounds the path of water to its top.
+    let reach = |spec: &TreeSpec| SHADE_DISTANCE * spec.habit.path_max.min(spec.habit.height_max);
+    for (i, spec) in specs.iter().enumerate() {
+        let near = |other: &usize| {
+            let other = &specs[*other];
+            other.base.distance(spec.base) < reach(other).max(reach(spec))
+        };
+        // All groups that it is near to become one with it.
+        let (joined, apart): (Vec<_>, Vec<_>) = groups.into_iter().partition(|group| group.iter().any(near));
+        let mut group: Vec<usize> = joined.into_iter().flatten().collect();
+        group.push(i);
+        group.sort_unstable();
+        groups = apart;
+        groups.push(group);
+    }
+    groups.sort_unstable();
+    groups
+}
+
+/// The last year is computed whole and shown in part, for trees whose age has a fraction.
+fn grow_group(group: &[usize], specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<(usize, GrownTree)>> {
+    let members: Vec<&TreeSpec> = group.iter().map(|i| &specs[*i]).collect();
+    let last = members.iter().map(|s| full_years(s.age)).max().unwrap_or(0);
+    let trees = members.iter().map(|s| Tree { sown: last - full_years(s.age), ..plant_seed(s) }).collect();
+    let mut stand = Stand::new(trees, site, limits);
+    for _ in 0..last {
+        stand.grow_year(true)?;
+    }
+    let part = |spec: &TreeSpec| narrow(spec.age - f64::from(full_years(spec.age)));
+    if members.iter().any(|s| part(s) > 0.0) {
+        let before = stand.trees.clone();
+        stand.grow_year(false)?;
+        for ((tree, before), spec) in stand.trees.iter_mut().zip(before).zip(&members) {
+            if part(spec) > 0.0 {
+                tree.show_part_of_year(&before, part(spec));
+            } else {
+                *tree = before;
+            }
+        }
+    }
+    let grown = stand.trees.into_iter().zip(group).zip(&members);
+    Ok(grown.map(|((tree, i), spec)| (*i, GrownTree::new(tree, spec, spec.age))).collect())
+}
+
+/// Full years of an age within [`AGE_RANGE`].
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ages are at most 500 years")]
+fn full_years(age: f64) -> u32 {
+    age.floor() as u32
+}
+
+#[cfg(test)]
+mod forestry_tests;
+#[cfg(test)]
+mod tests;

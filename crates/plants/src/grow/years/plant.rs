@@ -1,0 +1,515 @@
+//! A grown tree as a [`Plant`]: chains of internodes become axes, leaves organs.
+
+use std::sync::Arc;
+
+use glam::{Quat, Vec3};
+
+use super::GrownTree;
+use super::tree::{GOLDEN_ANGLE, NONE as NO_NODE, Tree, flag, index_of, y_axis};
+use crate::grow::turtle::{OrganSpec, set_exposed_lengths};
+use osier_base::Result;
+use osier_base::limits::Limits;
+use osier_base::math::{self, narrow};
+use osier_base::rng::{Rng, child, mix64, word};
+use osier_scene::Mesh;
+use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Organ, Plant, Proto};
+
+/// Cosine of the angle within which a side branch continues the skin of an axis that lost its tip: 60 degrees.
+const TAKEOVER_COSINE: f32 = 0.5;
+/// Least radius of that branch, as a share of the axis'.
+const TAKEOVER_RADIUS: f32 = 0.5;
+/// Radius of a branch at the end of an axis, as a share of the axis', from which both form a fork.
+const FORK_RADIUS: f32 = 0.7;
+/// Cosine of the bend and share of the radius below which a node is left out of the skin: 2 degrees, 5 percent.
+const STRAIGHT: [f32; 2] = [0.999_391, 0.05];
+/// Angles between a rosette's axis and its innermost and outermost leaves, degrees.
+const ROSETTE: [f32; 2] = [35.0, 80.0];
+/// Distance between successive leaves of a rosette along the tip, m.
+const ROSETTE_STEP: f32 = 0.004;
+/// Angle between a shoot and its leaves, degrees.
+const SHOOT_LEAF_ANGLE: f32 = 55.0;
+/// Standard deviation of the angle of leaves, degrees.
+const LEAF_ANGLE_DEVIATION: f32 = 10.0;
+/// Standard deviation of the sizes of leaves, as a share of the mean.
+const LEAF_SIZE_DEVIATION: f32 = 0.12;
+
+/// What a tree's leaves look like.
+#[derive(Debug, Clone)]
+pub enum Foliage {
+    /// Blades: rosettes at tips, and along young shoots; as many as the model's leaf area holds.
+    Blades(OrganSpec),
+    /// A piece of shoot with its needles, scaled to each internode that still bears them.
+    Needles(OrganSpec),
+}
+
+impl Foliage {
+    fn organ(&self) -> &OrganSpec {
+        match self {
+            Self::Blades(organ) | Self::Needles(organ) => organ,
+        }
+    }
+}
+
+/// How a grown tree becomes a plant.
+#[derive(Debug, Clone, Default)]
+pub struct PlantOptions {
+    /// Its leaves; `None`: the tree is bare.
+    pub foliage: Option<Foliage>,
+    /// Names of materials.
+    pub materials: Vec<String>,
+    /// Material of wood.
+    pub bark: u16,
+    /// Material of axes thinner than `shoot_radius` at their base.
+    pub shoot: u16,
+    /// Radius below which an axis takes the material of shoots, m.
+    pub shoot_radius: f32,
+    /// Material of dead wood.
+    pub dead: u16,
+    /// Description of the plant's origin, for manifests.
+    pub source: String,
+}
+
+impl GrownTree {
+    /// The tree as a plant, in its own space, validated.
+    /// # Errors
+    /// `Limit` for more organs than allowed; what `plant::validate` refuses.
+    pub fn plant(&self, options: &PlantOptions, limits: &Limits) -> Result<Plant> {
+        let mut plant = Plant {
+            id: self.id,
+            seed: self.seed,
+            materials: options.materials.clone(),
+            source: options.source.clone(),
+            ..Plant::default()
+        };
+        let leaves = options.foliage.as_ref().and_then(|foliage| Leaves::new(&self.tree, foliage));
+        if let Some(leaves) = &leaves {
+            plant.protos = leaves.protos();
+            let wanted = leaves.expected_count(&self.tree);
+            limits.check("organs", wanted, &format!("organs of plant \"{}\"", self.tree.name))?;
+        }
+        let mut builder = AxisBuilder { tree: &self.tree, age: narrow(self.age), options, plant, at: Vec::new() };
+        builder.add_axes(leaves.as_ref());
+        let mut plant = builder.plant;
+        osier_scene::plant::validate(&mut plant)?;
+        set_exposed_lengths(&mut plant);
+        Ok(plant)
+    }
+}
+
+/// Children of all nodes that stand, by node.
+struct Children {
+    first: Vec<u32>,
+    list: Vec<u32>,
+}
+
+impl Children {
+    fn new(tree: &Tree) -> Self {
+        let nodes = &tree.nodes;
+        let stands = |i: &usize| nodes.flags[*i] & flag::FALLEN == 0 && nodes.parent[*i] != NO_NODE;
+        // A counting sort by parent.
+        let mut first = vec![0_u32; nodes.len() + 1];
+        for i in (0..nodes.len()).filter(stands) {
+            first[nodes.parent[i] as usize + 1] += 1;
+        }
+        for i in 1..first.len() {
+            first[i] += first[i - 1];
+        }
+        let mut list = vec![0_u32; first.last().map_or(0, |n| *n as usize)];
+        let mut next = first.clone();
+        for i in (0..nodes.len()).filter(stands) {
+            let slot = &mut next[nodes.parent[i] as usize];
+            list[*slot as usize] = index_of(i);
+            *slot += 1;
+        }
+        Self { first, list }
+    }
+
+    fn of(&self, node: usize) -> &[u32] {
+        &self.list[self.first[node] as usize..self.first[node + 1] as usize]
+    }
+}
+
+/// Where a node of the tree lies in the plant.
+#[derive(Debug, Clone, Copy)]
+struct NodeSite {
+    axis: u32,
+    s: f32,
+}
+
+/// An axis to be added.
+#[derive(Debug, Clone, Copy)]
+struct AxisStart {
+    node: u32,
+    fork: u32,
+}
+
+struct AxisBuilder<'a> {
+    tree: &'a Tree,
+    age: f32,
+    options: &'a PlantOptions,
+    plant: Plant,
+    /// Place in the plant of the nodes that were added.
+    at: Vec<NodeSite>,
+}
+
+impl AxisBuilder<'_> {
+    /// Adds all axes depth first, siblings by their place on the parent, and their leaves.
+    fn add_axes(&mut self, leaves: Option<&Leaves<'_>>) {
+        let nodes = &self.tree.nodes;
+        let children = Children::new(self.tree);
+        self.at = vec![NodeSite { axis: NONE, s: 0.0 }; nodes.len()];
+        let is_root = |i: &usize| nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0;
+        let roots = (0..nodes.len()).take_while(|i| nodes.parent[*i] == NO_NODE).filter(is_root);
+        let mut stack: Vec<AxisStart> = roots.map(|i| AxisStart { node: index_of(i), fork: NONE }).collect();
+        stack.reverse();
+        let mut chain = Vec::new();
+        while let Some(start) = stack.pop() {
+            // The chain of continuations from here, and the branches that leave it.
+            chain.clear();
+            let mut branches = Vec::new();
+            let mut node = start.node as usize;
+            loop {
+                chain.push(index_of(node));
+                let next = self.continuation(&children, node);
+                for other in children.of(node).iter().filter(|c| Some(**c) != next) {
+                    let forks = next.is_none() && nodes.r[*other as usize] > FORK_RADIUS * nodes.r[node];
+                    let fork = if forks { index_of(self.plant.axes.len()) } else { NONE };
+                    branches.push(AxisStart { node: *other, fork });
+                }
+                match next {
+                    Some(next) => node = next as usize,
+                    None => break,
+                }
+            }
+            self.add_axis(start, &chain);
+            if let Some(leaves) = leaves {
+                leaves.add_to_axis(&mut self.plant, self.tree, &chain, &self.at, self.age);
+            }
+            // The branches come in the order of their places on this axis; the stack reverses it.
+            stack.extend(branches.into_iter().rev());
+        }
+    }
+
+    /// The child that continues the skin of a node's axis: its own continuation while that lives or all is dead, else the
+    /// thickest living child that is thick and straight enough.
+    fn continuation(&self, children: &Children, node: usize) -> Option<u32> {
+        let nodes = &self.tree.nodes;
+        let same_state = |c: usize| nodes.lives(c) == nodes.lives(node);
+        let main =
+            children.of(node).iter().find(|c| nodes.flags[**c as usize] & flag::MAIN != 0 && same_state(**c as usize));
+        if main.is_some() || !nodes.lives(node) || nodes.flags[node] & (flag::OPEN | flag::CUT) != 0 {
+            return main.copied();
+        }
+        let d = nodes.direction(node);
+        let fits = |c: &&u32| {
+            let c = **c as usize;
+            let straight = nodes.direction(c).dot(d) > TAKEOVER_COSINE;
+            nodes.lives(c) && straight && nodes.r[c] > TAKEOVER_RADIUS * nodes.r[node]
+        };
+        let thicker = |a: &&u32, b: &&u32| nodes.r[**a as usize].total_cmp(&nodes.r[**b as usize]).then(b.cmp(a));
+        children.of(node).iter().filter(fits).max_by(thicker).copied()
+    }
+
+    /// Adds one axis with the nodes of a chain.
+    fn add_axis(&mut self, start: AxisStart, chain: &[u32]) {
+        let tree = self.tree;
+        let nodes = &tree.nodes;
+        let (head, tail) = (start.node as usize, chain.last().copied().unwrap_or(start.node) as usize);
+        let on = self.at.get(nodes.parent[head] as usize).copied();
+        let parent = on.and_then(|on| self.plant.axes.get(on.axis as usize));
+        let from = match (parent, on) {
+            (Some(parent), Some(on)) => self.plant.frame(parent, on.s).p,
+            _ => nodes.base(head),
+        };
+        let first = self.plant.nodes.len();
+        let axis = index_of(self.plant.axes.len());
+        self.add_nodes(from, chain, axis);
+        let last = self.plant.nodes.len() - 1;
+        let base_radius = nodes.r[head];
+        let options = self.options;
+        let material = if !nodes.lives(head) {
+            options.dead
+        } else if base_radius < options.shoot_radius {
+            options.shoot
+        } else {
+            options.bark
+        };
+        // The chain of an old leader begins in the middle of an axis that now continues elsewhere.
+        let axis_id = tree.axis_ids[nodes.axis[head] as usize];
+        let index = nodes.index[head];
+        let id = if index == 0 { axis_id } else { mix64(&[axis_id, word("stub"), u64::from(index)]) };
+        self.plant.axes.push(Axis {
+            id,
+            parent: on.map_or(NONE, |on| on.axis),
+            parent_s: on.map_or(0.0, |on| on.s),
+            order: nodes.order[head],
+            kind: AxisKind::Stem,
+            first: index_of(first),
+            count: index_of(last + 1 - first),
+            length: self.plant.nodes.s[last],
+            s_exposed: 0.0,
+            material,
+            fork: start.fork,
+            end: self.end_of(tail),
+            birth: self.plant.nodes.birth[first],
+        });
+    }
+
+    fn end_of(&self, node: usize) -> AxisEnd {
+        let flags = self.tree.nodes.flags[node];
+        if flags & flag::CUT != 0 {
+            AxisEnd::Cut
+        } else if flags & flag::OBSTACLE != 0 {
+            AxisEnd::Obstacle
+        } else if flags & (flag::SHADE | flag::DEAD) != 0 || self.tree.died.is_some() {
+            AxisEnd::Shade
+        } else {
+            AxisEnd::Tip
+        }
+    }
+
+    /// Adds the nodes of an axis: one at its base, then the ends of its internodes, without those between straight internodes of
+    /// nearly one radius.
+    fn add_nodes(&mut self, from: Vec3, chain: &[u32], axis: u32) {
+        let tree = self.tree;
+        let nodes = &tree.nodes;
+        let Some(&head) = chain.first() else { return };
+        let head = head as usize;
+        let first_birth = match nodes.birth.get(nodes.parent[head] as usize) {
+            // A branch begins with its first year, not with the node that carries it.
+            Some(carrier) => carrier.max(nodes.birth[head].ceil() - 1.0),
+            None => 0.0,
+        };
+        let out = &mut self.plant.nodes;
+        let mut push = |p: Vec3, d: Vec3, node: usize, r: f32, s: f32, birth: f32| {
+            out.p.push(p);
+            out.q.push((math::rotation_between(y_axis(nodes.q[node]), d) * nodes.q[node]).normalize());
+            out.r.push(r);
+            out.s.push(s);
+            out.birth.push((birth / self.age).clamp(0.0, 1.0));
+            out.color.push(0);
+        };
+        let to_first = nodes.p[head] - from;
+        push(from, math::normalize_or(to_first, nodes.direction(head)), head, nodes.r[head], 0.0, first_birth);
+        // The last node that was kept, and the ones since then.
+        let (mut kept, mut kept_r, mut s) = (from, nodes.r[head], 0.0_f32);
+        let mut skipped = 0;
+        for (k, &node) in chain.iter().enumerate() {
+            let i = node as usize;
+            let here = nodes.p[i];
+            let way = here - kept;
+            let next = chain.get(k + 1).map(|n| *n as usize);
+            let r = next.map_or(nodes.r[i], |n| 0.5 * (nodes.r[i] + nodes.r[n]));
+            let straight = next.is_some_and(|n| {
+                let ahead = nodes.p[n] - here;
+                let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
+                cosine > STRAIGHT[0] && (r - kept_r).abs() < STRAIGHT[1] * kept_r
+            });
+            if straight {
+                skipped += 1;
+                continue;
+            }
+            // Arc lengths of the nodes left out: their shares of the straight piece.
+            let chord = way.length();
+            for &left_out in &chain[k - skipped..=k] {
+                let part = (nodes.p[left_out as usize] - kept).dot(way) / (chord * chord).max(1e-12);
+                self.at[left_out as usize] = NodeSite { axis, s: s + chord * part.clamp(0.0, 1.0) };
+            }
+            skipped = 0;
+            s += chord;
+            let tangent = match next {
+                Some(n) => math::normalize_or(way.normalize_or_zero() + nodes.direction(n), nodes.direction(i)),
+                None => math::normalize_or(way, nodes.direction(i)),
+            };
+            push(here, tangent, i, r, s, nodes.birth[i]);
+            self.at[i].s = s;
+            (kept, kept_r) = (here, r);
+        }
+    }
+}
+
+/// The leaves of a tree.
+struct Leaves<'a> {
+    foliage: &'a Foliage,
+    /// Scale of the prototypes at mean size.
+    scale: f32,
+    /// Mean area of a leaf, m2.
+    area: f32,
+}
+
+/// Where a leaf sits and how it leaves its axis.
+#[derive(Debug, Clone, Copy)]
+struct LeafPlace {
+    axis: u32,
+    s: f32,
+    /// Azimuth about the axis, rad.
+    azimuth: f32,
+    /// Angle to the axis, rad.
+    angle: f32,
+    id: u64,
+    birth: f32,
+}
+
+impl<'a> Leaves<'a> {
+    /// `None` for a tree without leaf area or an organ without a mesh.
+    fn new(tree: &Tree, foliage: &'a Foliage) -> Option<Self> {
+        let organ = foliage.organ();
+        let first = organ.meshes.first()?;
+        let length = first.bounds().max.y.max(1e-9);
+        let scale = narrow(organ.size) / length;
+        let total: f32 = organ.meshes.iter().map(|m| surface_area(m)).sum();
+        // Sizes vary: the mean of squares is a little more than the square of the mean.
+        let spread = 1.0 + LEAF_SIZE_DEVIATION * LEAF_SIZE_DEVIATION;
+        let area = total / organ.meshes.len() as f32 * scale * scale * spread;
+        let bears = tree.habit.leaf_area_tip > 0.0 || tree.habit.leaf_area_shoot > 0.0;
+        (bears && area > 0.0).then_some(Self { foliage, scale, area })
+    }
+
+    fn protos(&self) -> Vec<Proto> {
+        let organ = self.foliage.organ();
+        let many = organ.meshes.len() > 1;
+        let proto = |(i, mesh): (usize, &Arc<Mesh>)| {
+            let name = if many { format!("{}_{i}", organ.name) } else { organ.name.clone() };
+            Proto { name, mesh: Arc::clone(mesh) }
+        };
+        organ.meshes.iter().enumerate().map(proto).collect()
+    }
+
+    /// The number of organs to expect.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
+    fn expected_count(&self, tree: &Tree) -> u64 {
+        match self.foliage {
+            Foliage::Blades(_) => (f64::from(tree.measures().leaf_area) / f64::from(self.area)) as u64,
+            Foliage::Needles(_) => tree.nodes.len() as u64,
+        }
+    }
+
+    /// Adds the leaves of a chain of nodes.
+    fn add_to_axis(&self, plant: &mut Plant, tree: &Tree, chain: &[u32], at: &[NodeSite], age: f32) {
+        let first = plant.organs.len();
+        for &node in chain {
+            let i = node as usize;
+            if !tree.nodes.lives(i) {
+                continue;
+            }
+            let site = at[i];
+            let id = tree.node_id(i);
+            let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
+            let young = tree.bears_along(i);
+            match self.foliage {
+                Foliage::Needles(_) if young => self.add_needles(plant, tree, i, site, birth),
+                Foliage::Needles(_) => {}
+                Foliage::Blades(_) => {
+                    let base = (site.s - tree.nodes.length[i]).max(0.0);
+                    let along = if young { tree.habit.leaf_area_shoot * tree.nodes.length[i] } else { 0.0 };
+                    let count = self.count(along, mix64(&[id, word("along")]));
+                    for k in 0..count {
+                        let part = (k as f32 + 0.5) / count as f32;
+                        let place = LeafPlace {
+                            axis: site.axis,
+                            s: base + part * (site.s - base),
+                            azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE,
+                            angle: SHOOT_LEAF_ANGLE.to_radians(),
+                            id: mix64(&[id, word("leaf"), u64::from(k)]),
+                            birth,
+                        };
+                        self.add_blade(plant, place);
+                    }
+                    if tree.nodes.grows(i) {
+                        self.add_rosette(plant, tree, i, site, birth);
+                    }
+                }
+            }
+        }
+        plant.organs[first..].sort_by(|a, b| a.s.total_cmp(&b.s).then(a.id.cmp(&b.id)));
+    }
+
+    /// Leaves of an area: whole ones, and one more with the probability of the rest.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the limit of organs")]
+    fn count(&self, area: f32, id: u64) -> u32 {
+        let wanted = area / self.area;
+        let whole = wanted.floor();
+        whole as u32 + u32::from(Rng::from_key(id).unit_f32() < wanted - whole)
+    }
+
+    /// The leaves of a tip.
+    fn add_rosette(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
+        let id = tree.node_id(i);
+        let count = self.count(tree.habit.leaf_area_tip, mix64(&[id, word("rosette")]));
+        for k in 0..count {
+            let part = (k as f32 + 0.5) / count as f32;
+            let place = LeafPlace {
+                axis: site.axis,
+                s: (site.s - k as f32 * ROSETTE_STEP).max(0.0),
+                azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE,
+                angle: math::lerp(ROSETTE[0], ROSETTE[1], part).to_radians(),
+                id: mix64(&[id, word("tip-leaf"), u64::from(k)]),
+                birth,
+            };
+            self.add_blade(plant, place);
+        }
+    }
+
+    /// A blade at an angle to its axis, its upper side turned up.
+    fn add_blade(&self, plant: &mut Plant, place: LeafPlace) {
+        let axis = &plant.axes[place.axis as usize];
+        let s = place.s.clamp(0.0, axis.length);
+        let site = plant.frame(axis, s);
+        let mut draw = Rng::from_key(place.id);
+        let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
+        let angle = place.angle + deviation;
+        let side = Vec3::new(math::cos_f32(place.azimuth), 0.0, math::sin_f32(place.azimuth));
+        let dir = site.q * (Vec3::Y * math::cos_f32(angle) + side * math::sin_f32(angle));
+        let up = math::normalize_or(Vec3::Y - dir * dir.y, math::perpendicular(dir));
+        let q = Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
+        let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
+        let organ = self.foliage.organ();
+        plant.organs.push(Organ {
+            id: place.id,
+            axis: place.axis,
+            s,
+            offset: Vec3::ZERO,
+            q: (site.q.inverse() * q).normalize(),
+            scale: self.scale * size,
+            proto: pick(child(place.id, word("proto")), organ.meshes.len()),
+            petiole: site.r + narrow(organ.petiole) * size,
+            tint: draw.unit_f32(),
+            birth: place.birth,
+        });
+    }
+
+    /// The piece of shoot with the needles of an internode.
+    fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
+        let organ = self.foliage.organ();
+        let axis = &plant.axes[site.axis as usize];
+        let s = (site.s - tree.nodes.length[i]).clamp(0.0, axis.length);
+        let id = mix64(&[tree.node_id(i), word("needles")]);
+        let mut draw = Rng::from_key(id);
+        // Turned about the shoot at random, so that pieces do not repeat.
+        let half = 0.5 * draw.unit_f32() * std::f32::consts::TAU;
+        plant.organs.push(Organ {
+            id,
+            axis: site.axis,
+            s,
+            offset: Vec3::ZERO,
+            q: Quat::from_xyzw(0.0, math::sin_f32(half), 0.0, math::cos_f32(half)).normalize(),
+            scale: self.scale * tree.nodes.length[i] / narrow(organ.size).max(1e-6),
+            proto: pick(child(id, word("proto")), organ.meshes.len()),
+            petiole: 0.0,
+            tint: draw.unit_f32(),
+            birth,
+        });
+    }
+}
+
+/// A hash as an index below `count`, at most the number of prototypes, which 16 bits hold.
+#[allow(clippy::cast_possible_truncation, reason = "a remainder by a number of prototypes")]
+fn pick(hash: u64, count: usize) -> u16 {
+    (hash % (count as u64).max(1)) as u16
+}
+
+/// Area of a mesh, m2: of one side of a leaf.
+fn surface_area(mesh: &Mesh) -> f32 {
+    let at = |i: u32| mesh.points[i as usize];
+    mesh.triangles.iter().map(|[a, b, c]| 0.5 * (at(*b) - at(*a)).cross(at(*c) - at(*a)).length()).sum()
+}

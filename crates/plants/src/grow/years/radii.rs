@@ -1,0 +1,50 @@
+//! Radii by the pipe model, with the wood of disused pipes and a least radius against buckling.
+
+use super::season::Season;
+use super::tree::{NONE, Tree, flag};
+use osier_base::math;
+
+impl Tree {
+    /// Thickens wood from the tips to the base.
+    /// Source: [shinozaki], [eloy]: r^n = sum of r^n of living children + tip_radius^n of an open tip + pipes of dead children
+    /// that are kept. [mcmahon]: no axis is thinner than a column that would carry `buckling_safety` times its length,
+    /// r >= 0.5 (safety b / (c (E / (rho g))^(1/3)))^1.5. Radii never shrink.
+    pub fn thicken(&mut self, season: &Season) {
+        let habit = &self.habit;
+        let nodes = &mut self.nodes;
+        let scratch = &mut self.scratch;
+        for values in [&mut scratch.area, &mut scratch.beyond] {
+            values.clear();
+            values.resize(nodes.len(), 0.0);
+        }
+        let exponent = habit.pipe_exponent;
+        let root = 1.0 / exponent;
+        let tip = math::pow_f32(habit.tip_radius, exponent);
+        for i in (0..nodes.len()).rev() {
+            if !nodes.lives(i) {
+                continue;
+            }
+            let open = if nodes.flags[i] & flag::OPEN != 0 { tip } else { 0.0 };
+            let mut area = scratch.area[i] + nodes.lost[i] + open;
+            // The column beyond the base of the internode.
+            let beyond = scratch.beyond[i] + nodes.length[i];
+            let part = habit.buckling_safety[usize::from(nodes.order[i])] * beyond / season.critical_length;
+            let least = 0.5 * part * part.sqrt();
+            if least > nodes.r[i] {
+                area = area.max(math::pow_f32(least, exponent));
+            }
+            // Powers only where the wood grew.
+            if area > nodes.area[i] {
+                nodes.area[i] = area;
+                nodes.r[i] = math::pow_f32(area, root);
+            }
+            let parent = nodes.parent[i];
+            if parent != NONE {
+                scratch.area[parent as usize] += nodes.area[i];
+                if nodes.flags[i] & flag::MAIN != 0 {
+                    scratch.beyond[parent as usize] = beyond;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! The values of a habit in one year of a tree, blended from young to old, in radians.
+
+use super::habit::{Habit, ORDERS, PerOrder};
+use osier_base::math;
+
+/// Acceleration of gravity, m/s2.
+pub(super) const GRAVITY: f32 = 9.81;
+/// Greenhill's constant: a column of diameter d buckles under its own weight at the length c (E / (rho g))^(1/3) d^(2/3).
+/// Source: [mcmahon], after Greenhill 1881.
+const GREENHILL: f32 = 0.788;
+
+/// A habit's values in one year.
+#[derive(Debug, Clone)]
+pub(super) struct Season {
+    /// The year, from 1.
+    pub year: u32,
+    /// Share of an axis' own tip against its sides.
+    pub apical_control: PerOrder,
+    /// Angle of branches, rad.
+    pub angle: PerOrder,
+    /// Standard deviation of the angle, rad.
+    pub angle_var: f32,
+    /// Sine and cosine of the elevation that axes turn to.
+    pub elevation: [[f32; 2]; ORDERS],
+    /// Factor of a leader's growth with age.
+    pub leader: f32,
+    /// Factor of all growth of a seedling.
+    pub juvenile: f32,
+    /// Height below which branches are taken away, m; 0 for none.
+    pub clear_stem: f32,
+    /// Critical length of a column of 1 m diameter, m^(1/3).
+    pub critical_length: f32,
+}
+
+impl Season {
+    pub fn new(habit: &Habit, year: u32) -> Self {
+        let at = year as f32;
+        let maturity = math::smoothstep(habit.maturity[0], habit.maturity[1], at);
+        let blend = |young: &PerOrder, old: &PerOrder| {
+            let mut out = *young;
+            out.iter_mut().zip(old).for_each(|(v, old)| *v += (old - *v) * maturity);
+            out
+        };
+        let juvenile = if habit.juvenile > 0.0 {
+            // In its first year a seedling has a third of its years as a head start, so that it grows at all.
+            math::smoothstep(0.0, 1.0, (at + 0.35 * habit.juvenile) / habit.juvenile)
+        } else {
+            1.0
+        };
+        let clears = habit.stems < 1.5;
+        let stiffness = habit.elasticity_gpa * 1e9 / (habit.density * GRAVITY);
+        Self {
+            year,
+            apical_control: blend(&habit.apical_control, &habit.apical_control_old),
+            angle: blend(&habit.angle, &habit.angle_old).map(f32::to_radians),
+            angle_var: habit.angle_var.to_radians(),
+            elevation: habit.elevation.map(|e| {
+                let e = e.to_radians();
+                [math::sin_f32(e), math::cos_f32(e)]
+            }),
+            leader: 1.0 + (habit.leader_old - 1.0) * maturity,
+            juvenile,
+            clear_stem: if clears { habit.clear_stem.min(habit.clear_rate * at) } else { 0.0 },
+            critical_length: GREENHILL * math::cbrt_f32(stiffness),
+        }
+    }
+}

@@ -1,0 +1,447 @@
+//! From vigour to wood: which tips and buds shoot this year, how far, in which direction, and the buds of the new shoots.
+
+use glam::{Quat, Vec3};
+
+use super::habit::{Habit, ORDERS};
+use super::light::LightField;
+use super::season::Season;
+use super::site::{Obstacles, Step};
+use super::tree::{Bud, GOLDEN_ANGLE, Node, Purpose, Tree, flag, index_of, y_axis};
+use osier_base::Result;
+use osier_base::limits::Limits;
+use osier_base::math;
+use osier_base::rng::{Rng, mix64, word};
+
+/// Standard deviation of the length of a tip's and of a bud's shoot, as a share of it.
+const LENGTH_DEVIATION: [f32; 2] = [0.15, 0.2];
+/// Least factor of that chance for a tip's and for a bud's shoot.
+const LENGTH_LEAST: [f32; 2] = [0.4, 0.3];
+/// Largest magnitude of a normal draw: factors beyond it need no draw.
+const NORMAL_MAX: f32 = 5.8;
+/// A tip that made a short shoot needs this multiple of its length to lengthen again.
+const SHORT_STAYS: f32 = 1.6;
+/// Length of the internode of a short shoot that a bud makes, as a share of `short_shoot`.
+const SHORT_LENGTH: f32 = 0.8;
+/// Shoots shorter than this multiple of `short_shoot` bear no buds; whorls need twice `short_shoot`.
+const LONG_ENOUGH: [f32; 2] = [1.2, 2.0];
+/// Kink where a side bud takes over from a dead apex: mean and deviation, as a share of the angle of branches.
+const RELAY_KINK: [f32; 2] = [0.45, 0.2];
+/// Range of the angle at which a shoot leaves its parent, degrees.
+const LEAVE_RANGE: [f32; 2] = [5.0, 150.0];
+/// Deviation of the azimuth of buds, degrees.
+const AZIMUTH_DEVIATION: f32 = 8.0;
+/// Divergence beyond which buds are two-ranked, degrees. Two ranks are those of level shoots; along upright stems they turn.
+const TWO_RANKED: f32 = 150.0;
+/// Radius of a new shoot at its tip as a share of that at its base.
+const TIP_TAPER: f32 = 0.6;
+/// Weakest whorl, as a share of the branches of the strongest.
+const WHORL_LEAST: f32 = 0.35;
+/// Squared length of a direction across an axis below which it has none.
+const LEVEL_EPSILON: f32 = 1e-6;
+
+/// A shoot of this year.
+#[derive(Debug, Clone, Copy)]
+struct Shoot {
+    /// Node whose end it grows from.
+    node: u32,
+    /// The bud that it grows from; `None` for the tip of the node.
+    bud: Option<Bud>,
+    /// Length, m.
+    length: f32,
+    /// Number of internodes.
+    count: u16,
+}
+
+/// A power of a number that is not negative; the exponents of most tables need no logarithm.
+fn power(x: f32, exponent: f32) -> f32 {
+    let is = |whole: f32| (exponent - whole).abs() < 1e-6;
+    if is(1.0) {
+        x
+    } else if is(2.0) {
+        x * x
+    } else if is(3.0) {
+        x * x * x
+    } else if is(4.0) {
+        (x * x) * (x * x)
+    } else {
+        math::pow_f32(x, exponent)
+    }
+}
+
+/// Decline of growth with the path of water and with height.
+/// Source: max(0, 1 - (path / path_max)^a) max(0, 1 - (height / height_max)^b).
+fn hydraulics(habit: &Habit, path: f32, height: f32) -> f32 {
+    let decline = |part: f32, exponent: f32| (1.0 - power(part.max(0.0), exponent)).max(0.0);
+    decline(path / habit.path_max, habit.path_power) * decline(height / habit.height_max, habit.height_power)
+}
+
+impl Tree {
+    /// Grows the shoots of a year.
+    /// # Errors
+    /// `Limit` if the tree would have more nodes than allowed.
+    pub fn shoot(
+        &mut self,
+        season: &Season,
+        field: &LightField,
+        obstacles: Obstacles<'_>,
+        limits: &Limits,
+    ) -> Result<()> {
+        let mut shoots = Vec::new();
+        self.plan_tips(season, &mut shoots);
+        self.plan_buds(season, field, &mut shoots);
+        // All internodes of the year are counted before the first is made.
+        let new: u64 = shoots.iter().map(|s| u64::from(s.count)).sum();
+        let standing = (self.nodes.len() - self.fallen) as u64;
+        let what = || format!("nodes of plant \"{}\" in year {}", self.name, season.year);
+        limits.check("nodes", standing + new, &what())?;
+        for shoot in &shoots {
+            self.grow_shoot(shoot, season, field, obstacles);
+        }
+        Ok(())
+    }
+
+    /// Shoots of open tips; a tip without the vigour for one stays a short shoot.
+    fn plan_tips(&mut self, season: &Season, shoots: &mut Vec<Shoot>) {
+        let habit = &self.habit;
+        // The largest factor that chance can give.
+        let luck = 1.0 + LENGTH_DEVIATION[0] * NORMAL_MAX;
+        for i in 0..self.nodes.len() {
+            if !self.nodes.grows(i) {
+                continue;
+            }
+            let order = usize::from(self.nodes.order[i]);
+            let vigour = self.scratch.factor[i] * self.control_at(season, i) * self.scratch.main[i];
+            let leader = if order == 0 { season.leader } else { 1.0 };
+            let was_short = self.nodes.flags[i] & flag::SHORT != 0;
+            let needed = habit.short_shoot * if was_short { SHORT_STAYS } else { 1.0 };
+            let most = vigour * habit.shoot_rate[order] * season.juvenile * leader;
+            let mut length = 0.0;
+            // Most tips are far from a long shoot and need neither powers nor draws.
+            if most * luck >= needed {
+                let declined = hydraulics(habit, self.nodes.path[i], self.nodes.p[i].y);
+                let part = self.nodes.s[i] / habit.axis_max[order];
+                let wanted = most * declined * (1.0 - part * part).max(0.0);
+                let wanted = wanted.min(habit.shoot_max[order] * leader);
+                if wanted * luck >= needed {
+                    let chance = 1.0 + LENGTH_DEVIATION[0] * normal(&mut self.tip_draw(i, season.year));
+                    length = wanted * chance.max(LENGTH_LEAST[0]);
+                }
+            }
+            if length < needed {
+                self.nodes.flags[i] |= flag::SHORT;
+            } else {
+                let count = internodes(length, habit.internode[order]);
+                shoots.push(Shoot { node: index_of(i), bud: None, length, count });
+            }
+        }
+    }
+
+    /// Shoots of lit buds; buds without light wait, and become dormant in the end.
+    fn plan_buds(&mut self, season: &Season, field: &LightField, shoots: &mut Vec<Shoot>) {
+        let buds = std::mem::take(&mut self.buds);
+        for mut bud in buds {
+            let i = bud.node as usize;
+            if !self.nodes.lives(i) {
+                continue;
+            }
+            let parent_order = usize::from(self.nodes.order[i]);
+            let order = parent_order + 1;
+            let vigour = self.scratch.factor[i] * (1.0 - self.control_at(season, i)) * bud.gathered;
+            if vigour <= 0.0 || order >= ORDERS {
+                bud.age = bud.age.saturating_add(1);
+                if f32::from(bud.age) > self.habit.bud_life {
+                    let light = self.scratch.cell.get(i).map_or(0.0, |cell| field.in_cell(*cell).q);
+                    self.add_dormant(i, self.axis_of_bud(&bud), light);
+                } else {
+                    self.buds.push(bud);
+                }
+                continue;
+            }
+            let habit = &self.habit;
+            let declined = hydraulics(habit, self.nodes.path[i], self.nodes.p[i].y);
+            let wanted = (vigour * habit.shoot_rate[order] * season.juvenile * declined).min(habit.shoot_max[order]);
+            let luck = 1.0 + LENGTH_DEVIATION[1] * NORMAL_MAX;
+            let mut length = 0.0;
+            if wanted * luck >= habit.short_shoot {
+                let mut draw = self.draw(self.axis_of_bud(&bud), Purpose::Extend);
+                length = wanted * (1.0 + LENGTH_DEVIATION[1] * normal(&mut draw)).max(LENGTH_LEAST[1]);
+            }
+            let short = length < habit.short_shoot;
+            let length = if short { SHORT_LENGTH * habit.short_shoot } else { length };
+            let count = if short { 1 } else { internodes(length, habit.internode[order]) };
+            shoots.push(Shoot { node: bud.node, bud: Some(bud), length, count });
+        }
+    }
+
+    /// Id of the axis that grows from a bud.
+    fn axis_of_bud(&self, bud: &Bud) -> u64 {
+        let i = bud.node as usize;
+        let ordinal = u64::from(self.nodes.index[i]) * 64 + u64::from(bud.slot);
+        mix64(&[self.axis_ids[self.nodes.axis[i] as usize], word("bud"), ordinal])
+    }
+
+    /// Draws of a tip in a year.
+    fn tip_draw(&self, i: usize, year: u32) -> Rng {
+        self.draw(mix64(&[self.node_id(i), u64::from(year)]), Purpose::Extend)
+    }
+
+    /// Adds the internodes of a shoot and their buds.
+    fn grow_shoot(&mut self, shoot: &Shoot, season: &Season, field: &LightField, obstacles: Obstacles<'_>) {
+        let from = shoot.node as usize;
+        let order = usize::from(self.nodes.order[from]) + usize::from(shoot.bud.is_some());
+        // Where it starts: from a bud at an angle to the node, from a tip straight on or, after the death of the apex, at a kink.
+        let (axis, first_index, mut azimuth) = match &shoot.bud {
+            Some(bud) => {
+                let id = self.axis_of_bud(bud);
+                self.axis_ids.push(id);
+                (index_of(self.axis_ids.len() - 1), 0, self.first_azimuth(id))
+            }
+            None => {
+                let azimuth = self.nodes.azimuth[from] + self.divergence(order);
+                (self.nodes.axis[from], self.nodes.index[from].saturating_add(1), azimuth)
+            }
+        };
+        let mut q = match &shoot.bud {
+            Some(bud) => self.leaving_frame(bud, order, season),
+            None => self.continued_frame(from, order, season),
+        };
+        let is_short = shoot.bud.is_some() && shoot.length < self.habit.short_shoot;
+
+        // Internode by internode: turn, slide along what is in the way, add the node and its buds.
+        let count = f32::from(shoot.count);
+        let length = shoot.length / count;
+        let light = self.scratch.cell.get(from).map_or(Vec3::Y, |cell| field.in_cell(*cell).from);
+        let turns = Turns::new(&self.habit, season, order, length, light);
+        let axis_id = self.axis_ids[axis as usize];
+        let mut parent = from;
+        let mut at = self.nodes.p[from];
+        let mut end_flag = flag::OPEN;
+        for j in 0..shoot.count {
+            let index = first_index.saturating_add(j);
+            let id = osier_base::rng::child(axis_id, u64::from(index));
+            let d = y_axis(q);
+            let wanted = Step { d: turns.turn(d, &mut self.draw(id, Purpose::Wander)), length };
+            let t = (f32::from(j) + 1.0) / count;
+            let radius = self.habit.tip_radius + self.habit.stout[order] * shoot.length * (1.0 - TIP_TAPER * t);
+            let Some(step) = obstacles.slide(at, wanted, radius) else {
+                end_flag = flag::OBSTACLE;
+                break;
+            };
+            q = (math::rotation_between(d, step.d) * q).normalize();
+            at += step.d * step.length;
+            let is_first_of_bud = j == 0 && shoot.bud.is_some();
+            let s = if is_first_of_bud { 0.0 } else { self.nodes.s[parent] };
+            let row = Node {
+                parent: index_of(parent),
+                axis,
+                index,
+                order: u8::try_from(order).unwrap_or(u8::MAX),
+                flags: if is_first_of_bud { 0 } else { flag::MAIN },
+                dormant: 0,
+                woken: 0,
+                starve: 0,
+                death: 0,
+                p: at,
+                q,
+                length: step.length,
+                r: radius,
+                area: math::pow_f32(radius, self.habit.pipe_exponent),
+                lost: 0.0,
+                path: self.nodes.path[parent] + step.length,
+                s: s + step.length,
+                moment: 0.0,
+                birth: season.year as f32 - 1.0 + t,
+                azimuth,
+                light: 0.0,
+                gathered: 0.0,
+                vigour: 0.0,
+            };
+            parent = self.nodes.len();
+            self.nodes.push(row);
+            let last = j + 1 == shoot.count;
+            azimuth += self.add_buds(parent, id, shoot.length, t, last);
+        }
+        // The tip moves on to the last internode.
+        if parent != from {
+            self.nodes.flags[parent] |= end_flag | if is_short { flag::SHORT } else { 0 };
+            self.nodes.gathered[parent] = 0.0;
+        }
+        if shoot.bud.is_none() {
+            self.nodes.flags[from] &= !(flag::OPEN | flag::SHORT);
+            if parent == from {
+                self.nodes.flags[from] |= flag::OBSTACLE;
+            }
+        }
+    }
+
+    /// Azimuth of the first bud of an axis: level for two ranks, random for a spiral.
+    fn first_azimuth(&self, axis_id: u64) -> f32 {
+        if self.habit.divergence > TWO_RANKED || self.habit.buds > 1.5 {
+            0.0
+        } else {
+            self.draw(axis_id, Purpose::Azimuth).unit_f32() * std::f32::consts::TAU
+        }
+    }
+
+    /// Angle from one node's buds to the next, rad. Own: two ranks become a spiral along the upright stem.
+    fn divergence(&self, order: usize) -> f32 {
+        if self.habit.buds > 1.5 {
+            std::f32::consts::FRAC_PI_2
+        } else if order == 0 && self.habit.divergence > TWO_RANKED {
+            GOLDEN_ANGLE
+        } else {
+            self.habit.divergence.to_radians()
+        }
+    }
+
+    /// Frame of a side shoot's base: turned away from the node by its angle, at the bud's azimuth.
+    fn leaving_frame(&self, bud: &Bud, order: usize, season: &Season) -> Quat {
+        let q = self.nodes.q[bud.node as usize];
+        let d = y_axis(q);
+        let mut draw = self.draw(self.axis_of_bud(bud), Purpose::Leave);
+        let range = LEAVE_RANGE.map(f32::to_radians);
+        let angle = (season.angle[order] + season.angle_var * normal(&mut draw)).clamp(range[0], range[1]);
+        // The vector across the parent, flattened towards the level plane.
+        let across = q * Vec3::new(math::cos_f32(bud.azimuth), 0.0, math::sin_f32(bud.azimuth));
+        let upright = Vec3::Y - d * d.y;
+        let planar = self.habit.planar[order];
+        let side = if planar > 0.0 && upright.length_squared() > LEVEL_EPSILON {
+            let normal = upright.normalize();
+            math::normalize_or(across - normal * (planar * across.dot(normal)), across)
+        } else {
+            across
+        };
+        let out = d * math::cos_f32(angle) + side * math::sin_f32(angle);
+        // The roll reference is level, so that two ranks of buds are.
+        let level = math::normalize_or(Vec3::Y.cross(out), math::perpendicular(out));
+        Quat::from_mat3(&glam::Mat3::from_cols(level, out, level.cross(out))).normalize()
+    }
+
+    /// Frame of the continuation of a tip.
+    fn continued_frame(&self, from: usize, order: usize, season: &Season) -> Quat {
+        let q = self.nodes.q[from];
+        let death = f64::from(self.habit.apex_death[order]);
+        if death <= 0.0 {
+            return q;
+        }
+        // The length's draw comes first in this stream.
+        let mut draw = self.tip_draw(from, season.year);
+        normal(&mut draw);
+        if !draw.chance(death) {
+            return q;
+        }
+        let angle = season.angle[(order + 1).min(ORDERS - 1)];
+        let kink = angle * (RELAY_KINK[0] + RELAY_KINK[1] * normal(&mut draw));
+        let azimuth = draw.unit_f32() * std::f32::consts::TAU;
+        let about = q * Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
+        (rotation(about, kink) * q).normalize()
+    }
+
+    /// Adds the buds at the end of a new internode; returns the azimuth from its first to the next node's.
+    /// `length`: of the whole shoot; `t`: place along it.
+    fn add_buds(&mut self, node: usize, id: u64, length: f32, t: f32, last: bool) -> f32 {
+        let habit = &self.habit;
+        let order = usize::from(self.nodes.order[node]);
+        let next = order + 1;
+        let turn = self.divergence(order);
+        if next >= habit.orders() || length < LONG_ENOUGH[0] * habit.short_shoot {
+            return turn;
+        }
+        let whorled = habit.whorl[order] > 0.0;
+        let alive = f64::from(habit.bud_break[order]);
+        let (count, chance, spacing) = if whorled {
+            if last && length > LONG_ENOUGH[1] * habit.short_shoot {
+                let size = (length / habit.shoot_max[order]).sqrt().clamp(WHORL_LEAST, 1.0);
+                let count = super::habit::whole(habit.whorl[order] * size).clamp(1, 12);
+                (count, alive, std::f32::consts::TAU / f32::from(count))
+            } else {
+                (1, f64::from(habit.internodal) * alive, 0.0)
+            }
+        } else {
+            let count = if habit.buds > 1.5 { 2 } else { 1 };
+            (count, alive * f64::from(power(t, habit.acrotony)), std::f32::consts::PI)
+        };
+        let mut draw = self.draw(id, Purpose::Buds);
+        let deviation = AZIMUTH_DEVIATION.to_radians();
+        for slot in 0..count {
+            let lives = draw.chance(chance);
+            let jitter = deviation * normal(&mut draw);
+            if lives {
+                let azimuth = self.nodes.azimuth[node] + f32::from(slot) * spacing + jitter;
+                let slot = u8::try_from(slot).unwrap_or(0);
+                self.buds.push(Bud { node: index_of(node), azimuth, slot, age: 0, gathered: 0.0 });
+            } else if self.habit.epicormic > 0.0 {
+                self.add_dormant(node, mix64(&[id, u64::from(slot)]), 1.0);
+            }
+        }
+        turn
+    }
+}
+
+/// Number of internodes of a shoot.
+fn internodes(length: f32, internode: f32) -> u16 {
+    super::habit::whole((length / internode).ceil().max(1.0))
+}
+
+/// Two independent standard normal draws (Box-Muller), magnitude at most 5.8.
+fn normal_pair(draw: &mut Rng) -> [f32; 2] {
+    // 1 - u lies in (0, 1], so that the logarithm is finite.
+    let away = (-2.0 * math::ln_f32(1.0 - draw.unit_f32())).sqrt();
+    let angle = std::f32::consts::TAU * draw.unit_f32();
+    [away * math::cos_f32(angle), away * math::sin_f32(angle)]
+}
+
+/// A standard normal draw.
+fn normal(draw: &mut Rng) -> f32 {
+    normal_pair(draw)[0]
+}
+
+/// A rotation about a unit vector.
+fn rotation(about: Vec3, angle: f32) -> Quat {
+    let v = about * math::sin_f32(0.5 * angle);
+    Quat::from_xyzw(v.x, v.y, v.z, math::cos_f32(0.5 * angle))
+}
+
+/// How the internodes of a shoot turn.
+struct Turns {
+    /// Standard deviation of the random turn's components.
+    wander: f32,
+    /// Part of the way to the elevation.
+    rise: f32,
+    /// Sine and cosine of the elevation.
+    elevation: [f32; 2],
+    /// Turn to the light.
+    light: Vec3,
+}
+
+impl Turns {
+    fn new(habit: &Habit, season: &Season, order: usize, length: f32, light: Vec3) -> Self {
+        Self {
+            wander: habit.wander[order] * length.sqrt(),
+            rise: 1.0 - math::exp_f32(-habit.elevation_rate[order] * length),
+            elevation: season.elevation[order],
+            light: light * (habit.phototropism[order] * length),
+        }
+    }
+
+    /// The direction after an internode.
+    /// Source: d' = normalize(d + wander sqrt(l) N3 + (e - d)(1 - exp(-rate l)) + phototropism l g).
+    fn turn(&self, d: Vec3, draw: &mut Rng) -> Vec3 {
+        let mut to = d + self.light;
+        if self.wander > 0.0 {
+            let ([x, y], [z, _]) = (normal_pair(draw), normal_pair(draw));
+            to += Vec3::new(x, y, z) * self.wander;
+        }
+        if self.rise > 0.0 {
+            to += (raised(d, self.elevation) - d) * self.rise;
+        }
+        math::normalize_or(to, d)
+    }
+}
+
+/// The heading of a direction, raised to an elevation given by sine and cosine. An upright direction heads to +X.
+pub(super) fn raised(d: Vec3, [sine, cosine]: [f32; 2]) -> Vec3 {
+    let level = Vec3::new(d.x, 0.0, d.z);
+    let heading = if level.length_squared() > LEVEL_EPSILON { level.normalize() } else { Vec3::X };
+    heading * cosine + Vec3::Y * sine
+}

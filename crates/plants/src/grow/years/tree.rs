@@ -1,0 +1,387 @@
+//! The state of a growing tree: internodes as a structure of arrays, parents before their children, and buds.
+
+use glam::{Quat, Vec3};
+
+use super::habit::{Habit, whole};
+use super::site::{Neighbours, Prune};
+use osier_base::math;
+use osier_base::rng::{Rng, child, mix64, word};
+
+/// No parent.
+pub(super) const NONE: u32 = u32::MAX;
+/// Length of the internode that a tree grows from, m.
+const SEED_LENGTH: f32 = 0.05;
+
+/// Marks of an internode.
+pub(super) mod flag {
+    /// Its tip is open: it bears leaves and may grow on.
+    pub const OPEN: u8 = 1;
+    /// Its tip made a short shoot last year.
+    pub const SHORT: u8 = 2;
+    /// Dead wood that still stands.
+    pub const DEAD: u8 = 4;
+    /// Fallen or cut off.
+    pub const FALLEN: u8 = 8;
+    /// It continues the axis of its parent.
+    pub const MAIN: u8 = 16;
+    /// Its tip died of shade.
+    pub const SHADE: u8 = 32;
+    /// It was cut through.
+    pub const CUT: u8 = 64;
+    /// Its tip ended at a solid.
+    pub const OBSTACLE: u8 = 128;
+    /// Not alive.
+    pub const GONE: u8 = DEAD | FALLEN;
+}
+
+/// Purposes of random draws, one for each rule.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Purpose {
+    Extend = 1,
+    Wander = 2,
+    Buds = 3,
+    Leave = 4,
+    Stem = 5,
+    Azimuth = 6,
+    Dormant = 7,
+    Lift = 8,
+}
+
+macro_rules! columns {
+    ($(#[$doc:meta])* $name:ident / $row:ident { $($(#[$field_doc:meta])* $field:ident: $kind:ty,)* }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Default)]
+        pub(super) struct $name {
+            $($(#[$field_doc])* pub $field: Vec<$kind>,)*
+        }
+
+        /// One entry of the arrays.
+        #[derive(Debug, Clone, Copy)]
+        pub(super) struct $row {
+            $(pub $field: $kind,)*
+        }
+
+        impl $name {
+            pub fn push(&mut self, row: $row) {
+                $(self.$field.push(row.$field);)*
+            }
+
+            /// Keeps the entries whose new index is not [`NONE`], in their order.
+            fn keep(&mut self, new_index: &[u32]) {
+                $({
+                    let mut old = new_index.iter();
+                    self.$field.retain(|_| old.next().is_some_and(|n| *n != NONE));
+                })*
+            }
+        }
+    };
+}
+
+columns! {
+    /// The internodes of a tree.
+    Nodes / Node {
+        /// Index of the parent, or [`NONE`]; always below the own index.
+        parent: u32,
+        /// Index of the axis in [`Tree::axis_ids`].
+        axis: u32,
+        /// Number on the axis on which it was made.
+        index: u16,
+        /// Order of its axis.
+        order: u8,
+        /// Marks, see [`flag`].
+        flags: u8,
+        /// Dormant buds.
+        dormant: u8,
+        /// Dormant buds that woke so far.
+        woken: u8,
+        /// Years without enough light, less the years with it.
+        starve: u8,
+        /// Year of death.
+        death: u16,
+        /// End, from the tree's base, m.
+        p: Vec3,
+        /// Frame: +Y along the internode, +X the roll reference.
+        q: Quat,
+        /// Length, m.
+        length: f32,
+        /// Radius, m.
+        r: f32,
+        /// r^n, the area of its pipes.
+        area: f32,
+        /// Area of pipes that died above, as far as it is kept.
+        lost: f32,
+        /// Length of the path from the root to its end, m.
+        path: f32,
+        /// Arc length from the base of its axis to its end, m.
+        s: f32,
+        /// Moment of last year's weight about its base, N m.
+        moment: f32,
+        /// Year and fraction in which it was complete.
+        birth: f32,
+        /// Azimuth of its first bud, rad.
+        azimuth: f32,
+        /// Last year's light at its end, where dormant buds are.
+        light: f32,
+        /// Light that its living tips and buds receive, in fully lit tips.
+        gathered: f32,
+        /// Vigour that it receives.
+        vigour: f32,
+    }
+}
+
+impl Nodes {
+    pub fn len(&self) -> usize {
+        self.parent.len()
+    }
+
+    /// Position of the base of a node's internode.
+    #[inline]
+    pub fn base(&self, i: usize) -> Vec3 {
+        // Roots start from a point that is stored as their end less their length.
+        match self.p.get(self.parent[i] as usize) {
+            Some(p) => *p,
+            None => self.p[i] - self.direction(i) * self.length[i],
+        }
+    }
+
+    /// Unit direction of an internode.
+    #[inline]
+    pub fn direction(&self, i: usize) -> Vec3 {
+        y_axis(self.q[i])
+    }
+
+    /// True for wood that lives.
+    #[inline]
+    pub fn lives(&self, i: usize) -> bool {
+        self.flags[i] & flag::GONE == 0
+    }
+
+    /// True for a living open tip.
+    #[inline]
+    pub fn grows(&self, i: usize) -> bool {
+        self.flags[i] & (flag::GONE | flag::OPEN) == flag::OPEN
+    }
+}
+
+/// The +Y axis of a frame.
+#[inline]
+pub(super) fn y_axis(q: Quat) -> Vec3 {
+    // The second column of the rotation matrix.
+    Vec3::new(2.0 * (q.x * q.y - q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z), 2.0 * (q.y * q.z + q.w * q.x))
+}
+
+/// A bud that may shoot next year.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bud {
+    /// Node whose end it sits at.
+    pub node: u32,
+    /// Azimuth about the node, rad.
+    pub azimuth: f32,
+    /// Number at the node; names its axis.
+    pub slot: u8,
+    /// Years without light.
+    pub age: u8,
+    /// Light that it receives, in fully lit tips.
+    pub gathered: f32,
+}
+
+/// Numbers of a year that passes hand to each other, by node; kept to save their allocation.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    /// Cell of the light field, for nodes with an open tip or buds.
+    pub cell: Vec<u32>,
+    /// Light of the continuation or of the own open tip.
+    pub main: Vec<f32>,
+    /// Light of all other children and buds.
+    pub side: Vec<f32>,
+    /// Length of living wood from its base on, m.
+    pub wood: Vec<f32>,
+    /// Vigour per light of what it feeds, before its share.
+    pub factor: Vec<f32>,
+    /// Light lost since last year by death and cuts above.
+    pub lost_light: Vec<f32>,
+    /// Sum of the areas of living children.
+    pub area: Vec<f32>,
+    /// Length of the axis beyond its end, m.
+    pub beyond: Vec<f32>,
+    /// Mass from its base on and its first moments along x and z; then the moments about its base alone.
+    pub weight: Vec<Vec3>,
+    /// Rotation that bending gives it.
+    pub turn: Vec<Quat>,
+}
+
+/// A subtree that was lost since last year.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Loss {
+    /// Node that carried it.
+    pub at: u32,
+    /// Light that it had gathered last year.
+    pub light: f32,
+}
+
+/// A tree and what it grows by.
+#[derive(Debug, Clone)]
+pub(super) struct Tree {
+    /// Name for messages.
+    pub name: String,
+    pub habit: Habit,
+    /// Key of its random draws.
+    pub key: u64,
+    /// Place of its base in the scene.
+    pub base: Vec3,
+    /// Place of its base in the field of light.
+    pub offset: Vec3,
+    /// Year of the field in which it is sown.
+    pub sown: u32,
+    /// Its age in full years.
+    pub year: u32,
+    pub nodes: Nodes,
+    pub axis_ids: Vec<u64>,
+    pub buds: Vec<Bud>,
+    pub neighbours: Option<Neighbours>,
+    pub prunes: Vec<Prune>,
+    /// Number of nodes marked as fallen that still take up room.
+    pub fallen: usize,
+    /// Years in a row without any light.
+    pub dark: u8,
+    /// Year since which the tree is dead.
+    pub died: Option<u32>,
+    /// This year's losses.
+    pub losses: Vec<Loss>,
+    pub scratch: Scratch,
+}
+
+impl Tree {
+    /// A seed of one internode for each stem. `identity`: seed and id of the plant.
+    pub fn new(name: &str, habit: &Habit, seed: u64, id: u32, base: Vec3) -> Self {
+        let mut tree = Self {
+            name: name.to_owned(),
+            habit: habit.clone(),
+            key: Rng::key(seed, &["years".into(), id.into()]),
+            base,
+            offset: Vec3::ZERO,
+            sown: 0,
+            year: 0,
+            nodes: Nodes::default(),
+            axis_ids: Vec::new(),
+            buds: Vec::new(),
+            neighbours: None,
+            prunes: Vec::new(),
+            fallen: 0,
+            dark: 0,
+            died: None,
+            losses: Vec::new(),
+            scratch: Scratch::default(),
+        };
+        let stems = whole(habit.stems).max(1);
+        for i in 0..stems {
+            tree.add_stem(i, stems, mix64(&[seed, u64::from(id), word("stem"), u64::from(i)]));
+        }
+        tree
+    }
+
+    /// Adds the seed internode of a stem.
+    /// Own: stems stand at golden-angle azimuths, at the distance spread sqrt((i + 0.5) / n), tilted outwards by
+    /// tilt (0.4 + 0.9 U) sqrt((i + 0.5) / n).
+    fn add_stem(&mut self, i: u16, stems: u16, id: u64) {
+        let habit = &self.habit;
+        let mut draw = self.draw(id, Purpose::Stem);
+        let azimuth = if stems > 1 { f32::from(i) * GOLDEN_ANGLE } else { draw.unit_f32() * std::f32::consts::TAU };
+        let out = if stems > 1 { ((f32::from(i) + 0.5) / f32::from(stems)).sqrt() } else { 0.0 };
+        let level = Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
+        let tilt = (habit.tilt * (0.4 + 0.9 * draw.unit_f32()) * out).to_radians();
+        let d = Vec3::Y * math::cos_f32(tilt) + level * math::sin_f32(tilt);
+        let q = math::rotation_between(Vec3::Y, d)
+            * Quat::from_xyzw(0.0, math::sin_f32(0.5 * azimuth), 0.0, math::cos_f32(0.5 * azimuth));
+        let area = math::pow_f32(habit.tip_radius, habit.pipe_exponent);
+        self.axis_ids.push(id);
+        self.nodes.push(Node {
+            parent: NONE,
+            axis: u32::from(i),
+            index: 0,
+            order: 0,
+            flags: flag::OPEN,
+            dormant: 0,
+            woken: 0,
+            starve: 0,
+            death: 0,
+            p: level * (habit.stem_spread * out) + d * SEED_LENGTH,
+            q: q.normalize(),
+            length: SEED_LENGTH,
+            r: habit.tip_radius,
+            area,
+            lost: 0.0,
+            path: SEED_LENGTH,
+            s: SEED_LENGTH,
+            moment: 0.0,
+            birth: 0.0,
+            azimuth: 0.0,
+            light: 0.0,
+            gathered: 1.0,
+            vigour: 1.0,
+        });
+    }
+
+    /// The stream of random draws for a purpose at an internode or axis.
+    #[inline]
+    pub fn draw(&self, id: u64, purpose: Purpose) -> Rng {
+        Rng::from_key(child(child(self.key, id), purpose as u64))
+    }
+
+    /// Stable id of an internode.
+    #[inline]
+    pub fn node_id(&self, i: usize) -> u64 {
+        child(self.axis_ids[self.nodes.axis[i] as usize], u64::from(self.nodes.index[i]))
+    }
+
+    /// Leaf area that a node bears, m2. `year`: the current one.
+    #[inline]
+    pub fn leaf_area(&self, i: usize) -> f32 {
+        let habit = &self.habit;
+        let tip = if self.nodes.flags[i] & flag::OPEN != 0 { habit.leaf_area_tip } else { 0.0 };
+        if self.bears_along(i) { tip + habit.leaf_area_shoot * self.nodes.length[i] } else { tip }
+    }
+
+    /// Whether an internode still bears leaves along its length.
+    #[inline]
+    pub fn bears_along(&self, i: usize) -> bool {
+        let habit = &self.habit;
+        habit.leaf_area_shoot > 0.0 && (self.year as f32 - self.nodes.birth[i]).floor() < habit.leaf_years
+    }
+
+    /// Removes the fallen nodes from the arrays.
+    pub fn compact(&mut self) {
+        let nodes = &mut self.nodes;
+        let mut new_index = vec![NONE; nodes.len()];
+        let mut kept = 0;
+        for (i, index) in new_index.iter_mut().enumerate() {
+            if nodes.flags[i] & flag::FALLEN == 0 {
+                *index = kept;
+                kept += 1;
+            }
+        }
+        for parent in &mut nodes.parent {
+            if let Some(new) = new_index.get(*parent as usize) {
+                *parent = *new;
+            }
+        }
+        nodes.keep(&new_index);
+        let index_of = |node: u32| new_index.get(node as usize).copied().unwrap_or(NONE);
+        self.buds.retain_mut(|bud| {
+            bud.node = index_of(bud.node);
+            bud.node != NONE
+        });
+        self.fallen = 0;
+    }
+}
+
+/// 180 (3 - sqrt 5) degrees.
+pub(super) const GOLDEN_ANGLE: f32 = 2.399_963_2;
+
+/// An index of a node, axis or event; the limit of nodes lies far below 2^32.
+#[inline]
+#[allow(clippy::cast_possible_truncation, reason = "the limit of nodes keeps counts below 2^32")]
+pub(super) fn index_of(i: usize) -> u32 {
+    debug_assert!(i < NONE as usize, "a count beyond its limit");
+    i as u32
+}
