@@ -70,7 +70,9 @@ pub fn kind(preset: &Preset) -> PresetKind {
         "l" => PresetKind::Grammar,
         "shapes" => PresetKind::Shapes,
         "species" => PresetKind::Habit,
-        "toml" if ["l", "shapes", "species"].iter().any(|e| find(&format!("{stem}.{e}")).is_some()) => PresetKind::Species,
+        "toml" if ["l", "shapes", "species"].iter().any(|e| find(&format!("{stem}.{e}")).is_some()) => {
+            PresetKind::Species
+        }
         "toml" => PresetKind::Scene,
         "obj" | "glb" | "gltf" => PresetKind::Mesh,
         _ => PresetKind::IfsTable,

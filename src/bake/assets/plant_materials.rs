@@ -34,10 +34,10 @@ const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
 /// Length of a piece of a conifer's shoot, m, and the diameter of its needles as a share of that.
 const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.3];
-/// Needles of such a piece, and the angle of each to the shoot, rad: a spruce's, thinned out to a third and widened to the same area.
-const NEEDLES: u32 = 40;
+/// Needles of such a piece, and the angle of each to the shoot, rad: a spruce's, thinned out and widened to the same area.
+const NEEDLES: u32 = 72;
 const NEEDLE_ANGLE: f64 = 0.95;
-const NEEDLE_WIDTH: f32 = 0.0022;
+const NEEDLE_WIDTH: f32 = 0.0028;
 /// Linear colour and roughness of needles.
 const NEEDLE_COLOR: [f32; 3] = [0.028, 0.075, 0.022];
 const NEEDLE_ROUGHNESS: f32 = 0.5;

@@ -163,7 +163,8 @@ pub(crate) fn shared_individuals(recipe: &Recipe, layout: &PlantLayout) -> Vec<D
         let Some(plant) = recipe.plants.get(individual.plant) else { continue };
         let bound = grows_in_place(plant, individual.together);
         if bound && copies > 1 && !std::mem::replace(&mut told[individual.plant], true) {
-            let text = format!("plant \"{}\" grows for its own place, but copies of it share an individual", plant.name);
+            let text =
+                format!("plant \"{}\" grows for its own place, but copies of it share an individual", plant.name);
             out.push(Diagnostic::about("S003", text).help("leave out `individuals` of its [[place]]"));
         }
     }

@@ -69,7 +69,10 @@ impl HabitValue<'_> {
     fn defaults(&self) -> Vec<f64> {
         let mut values: Vec<f64> = self.0.values(&Habit::default()).iter().map(|v| shortest(*v)).collect();
         // The last value of a list by order repeats.
-        while self.0.arity == Arity::PerOrder && values.len() > 1 && values[values.len() - 2..].windows(2).all(|w| w[0].to_bits() == w[1].to_bits()) {
+        while self.0.arity == Arity::PerOrder
+            && values.len() > 1
+            && values[values.len() - 2..].windows(2).all(|w| w[0].to_bits() == w[1].to_bits())
+        {
             values.pop();
         }
         values
@@ -232,7 +235,8 @@ impl Resolver<'_> {
             let keys = self.read_keys::<PruneKeys>(table, &path);
             if keys.solid.is_empty() && keys.keep.len() != 2 {
                 let d = Diagnostic::error("S003", format!("[{path}] keeps nothing"), node.span, "no box");
-                self.report.push(d.help("add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\""));
+                self.report
+                    .push(d.help("add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\""));
             } else if !keys.solid.is_empty() && !self.solid_names.contains(&keys.solid) {
                 let text = format!("[{path}] names the solid \"{}\", which the scene does not have", keys.solid);
                 let d = Diagnostic::error("S005", text, node.span, "unknown solid");

@@ -353,9 +353,11 @@ impl GltfDocument<'_> {
             // The node's own transform is that of the first frame, for readers without animation.
             let (mut positions, orientations) = m.hold_while_dead();
             // p = t + r s (low + extent q): the dequantization moves the keys of translation and multiplies the scale.
-            let stored = |t: Vec3, r: glam::Quat| place_stored(&Trs { t, r, s: scale }, mesh.cube);
-            positions.iter_mut().zip(&orientations).for_each(|(p, r)| *p = stored(*p, *r).t);
-            let scale = stored(Vec3::ZERO, glam::Quat::IDENTITY).s;
+            let sizes = m.sizes_while_dead();
+            for ((p, r), size) in positions.iter_mut().zip(&orientations).zip(&sizes) {
+                *p = place_stored(&Trs { t: *p, r: *r, s: scale * *size }, mesh.cube).t;
+            }
+            let scale = place_stored(&Trs { s: scale, ..Trs::IDENTITY }, mesh.cube).s;
             let mut motion = NodeAnimation::default();
             motion.rest.t = positions.first().copied().unwrap_or_default();
             motion.rest.r = orientations.first().copied().unwrap_or_default();

@@ -283,6 +283,18 @@ impl InstanceTrack {
     /// Positions and orientations in which an instance holds its first state before it is alive, and its last one afterwards: no
     /// keys are spent on motion that is not visible.
     pub(super) fn hold_while_dead(&self) -> (Vec<Vec3>, Vec<Quat>) {
+        let frames = self.held_frames();
+        let positions = frames.iter().map(|&i| self.positions[i]).collect();
+        (positions, frames.iter().map(|&i| self.orientations[i]).collect())
+    }
+
+    /// Factors on the scale, held as the positions of [`InstanceTrack::hold_while_dead`] are.
+    pub(super) fn sizes_while_dead(&self) -> Vec<f32> {
+        self.held_frames().into_iter().map(|i| self.sizes[i]).collect()
+    }
+
+    /// For each frame the one whose state is written.
+    fn held_frames(&self) -> Vec<usize> {
         let first = self.alive.iter().position(|a| *a).unwrap_or(0);
         // Before the first live frame the index stays at that frame; after the last one it stays at the last live frame.
         let mut source = first;
@@ -293,8 +305,7 @@ impl InstanceTrack {
             }
             frames.push(source);
         }
-        let positions = frames.iter().map(|&i| self.positions[i]).collect();
-        (positions, frames.iter().map(|&i| self.orientations[i]).collect())
+        frames
     }
 }
 
