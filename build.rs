@@ -9,14 +9,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// All that ends up in the program.
-const SOURCES: [&str; 9] =
-    ["src", "crates", "grammars", "ifs-tables", "meshes", "scenes", "shapes", "Cargo.toml", "Cargo.lock"];
+const SOURCES: [&str; 10] =
+    ["src", "crates", "grammars", "ifs-tables", "meshes", "scenes", "shapes", "species", "Cargo.toml", "Cargo.lock"];
 
 /// Offset and prime of the 64-bit FNV-1a hash.
 const FNV: [u64; 2] = [0xcbf2_9ce4_8422_2325, 0x0100_0000_01b3];
 
 /// Folders whose files are presets.
-const PRESETS: [&str; 5] = ["grammars", "ifs-tables", "meshes", "scenes", "shapes"];
+const PRESETS: [&str; 6] = ["grammars", "ifs-tables", "meshes", "scenes", "shapes", "species"];
 
 fn add(hash: u64, bytes: &[u8]) -> u64 {
     let length = (bytes.len() as u64).to_le_bytes();

@@ -32,7 +32,7 @@ pub fn about(preset: &Preset) -> String {
 /// Kind of file that a preset names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PresetKind {
-    /// A scene of one plant, of the name of the grammar or the particle-shapes that grow it.
+    /// A scene of one plant, of the name of the grammar, particle-shapes or species that grow it.
     Species,
     /// A scene of several plants, or of none.
     Scene,
@@ -44,6 +44,8 @@ pub enum PresetKind {
     Mesh,
     /// Parameters of particle-shapes that scenes can grow.
     Shapes,
+    /// Habit of a species that scenes grow year by year.
+    Habit,
 }
 
 impl PresetKind {
@@ -56,6 +58,7 @@ impl PresetKind {
             Self::IfsTable => "ifs_table",
             Self::Mesh => "mesh",
             Self::Shapes => "shapes",
+            Self::Habit => "habit",
         }
     }
 }
@@ -66,7 +69,10 @@ pub fn kind(preset: &Preset) -> PresetKind {
     match ending {
         "l" => PresetKind::Grammar,
         "shapes" => PresetKind::Shapes,
-        "toml" if ["l", "shapes"].iter().any(|e| find(&format!("{stem}.{e}")).is_some()) => PresetKind::Species,
+        "species" => PresetKind::Habit,
+        "toml" if ["l", "shapes", "species"].iter().any(|e| find(&format!("{stem}.{e}")).is_some()) => {
+            PresetKind::Species
+        }
         "toml" => PresetKind::Scene,
         "obj" | "glb" | "gltf" => PresetKind::Mesh,
         _ => PresetKind::IfsTable,
@@ -81,7 +87,7 @@ mod tests {
     fn every_file_of_the_folders_is_in_the_binary() {
         assert!(PRESETS.windows(2).all(|w| w[0].name < w[1].name), "sorted");
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-        for folder in ["grammars", "scenes", "ifs-tables", "meshes", "shapes"] {
+        for folder in ["grammars", "scenes", "ifs-tables", "meshes", "shapes", "species"] {
             for entry in std::fs::read_dir(root.join(folder)).expect("folder") {
                 let name = entry.expect("entry").file_name().to_string_lossy().into_owned();
                 assert!(find(&name).is_some(), "{folder}/{name} is not among the presets");

@@ -133,6 +133,8 @@ pub enum Growth {
     Mesh(Box<Imported>, scene::ImportedMeshKeys),
     /// Particles that leave axes behind and spawn others.
     Shapes(Box<scene::ShapeKeys>),
+    /// Growth year by year.
+    Species(Box<SpeciesRecipe>),
 }
 
 impl Digest for Growth {
@@ -143,6 +145,7 @@ impl Digest for Growth {
             Self::Ifs(_, tree) => tree.digest(hasher),
             Self::Mesh(_, import) => import.digest(hasher),
             Self::Shapes(keys) => keys.digest(hasher),
+            Self::Species(species) => species.digest(hasher),
         }
     }
 }
@@ -152,6 +155,7 @@ impl RecipePart for Growth {
         scene::IfsTreeKeys::list(tables);
         scene::ImportedMeshKeys::list(tables);
         scene::ShapeKeys::list(tables);
+        SpeciesRecipe::list(tables);
     }
 }
 
@@ -201,6 +205,24 @@ recipe! {
             source: String;
             /// Tables whose density tiles bark and shoot.
             grains: [Option<Arc<Ifs>>; 2];
+        }
+    }
+}
+
+recipe! {
+    /// A tree that grows year by year.
+    SpeciesRecipe {
+        /// How it grows.
+        habit: scene::HabitKeys;
+        /// Sky and solids around it.
+        site: scene::SiteKeys;
+        /// Its unseen neighbours, if it has any.
+        stand: Option<scene::StandKeys>, hashed by element;
+        /// Cuts, in the order of the scene.
+        prunes: Vec<scene::PruneKeys>, hashed by element;
+        derived {
+            /// Years; hashed with the key or the habit that it comes from.
+            age: f64;
         }
     }
 }

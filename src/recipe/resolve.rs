@@ -8,7 +8,7 @@ use super::{
     Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe,
 };
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
-use osier_base::files::{Names, safe_name};
+use osier_base::files::{Encoding, Names, decode, safe_name};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::Clip;
@@ -293,6 +293,37 @@ impl Resolver<'_> {
         }
         self.report.push(*wrong(&join(path, name), &entry.node, "a table"));
         None
+    }
+
+    /// Parses a file of keys that a reference led to; `None` if it is no text.
+    pub(in crate::recipe) fn parse_file(&mut self, file: &ReferencedFile) -> Option<TomlTable> {
+        match decode(&file.bytes, Encoding::Utf8) {
+            Ok(decoded) => {
+                let source = self.report.sources.add(file.shown.clone(), decoded.text.as_str());
+                Some(parse(&decoded.text, source, &mut self.report))
+            }
+            Err(bad) => {
+                let mut report = Report::default();
+                bad.report("S001", &file.shown, &file.bytes, &mut report);
+                self.report.extend(report);
+                None
+            }
+        }
+    }
+
+    /// The entries of a table, replaced by those of the table `name` of `parent`.
+    pub(in crate::recipe) fn laid_over(
+        &mut self,
+        mut table: TomlTable,
+        parent: &TomlTable,
+        path: &str,
+        name: &str,
+    ) -> TomlTable {
+        if let Some(own) = self.table(parent, path, name) {
+            table.entries.retain(|e| own.get(&e.key).is_none());
+            table.entries.extend(own.entries.iter().cloned());
+        }
+        table
     }
 
     fn clip(&mut self, root: &TomlTable) -> Clip {

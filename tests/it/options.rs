@@ -23,13 +23,20 @@ const LISTS: [&str; 12] = [
 ];
 
 /// Tables that are values of a key: the key's path with what stands around such a table.
-const INLINE: [(&str, &str); 1] = [("plants.NAME.turtle.tropisms", "plants.oak.turtle")];
+const INLINE: [(&str, &str); 2] =
+    [("plants.NAME.turtle.tropisms", "plants.oak.turtle"), ("plants.NAME.growth.obstacles", "plants.oak.growth")];
 
 /// A scene in which `line` stands in a table. Tables around it have the keys that they cannot be read without.
 fn scene(table: &TableInfo, line: &str) -> String {
+    let source = match table.path {
+        "plants.NAME.tree" => "ifs = \"monopodial.ifs.toml\"",
+        "plants.NAME.import" => "mesh = \"young-tree.obj\"",
+        path if path.starts_with("plants.NAME.growth") => "shapes = \"bush.shapes\"",
+        _ => "grammar = \"oak.l\"",
+    };
     if let Some((path, around)) = INLINE.iter().find(|(path, _)| *path == table.path) {
         let key = path.rsplit_once('.').map_or(*path, |p| p.1);
-        return format!("[plants.oak]\ngrammar = \"oak.l\"\n[{around}]\n{key} = [{{ {line} }}]\n");
+        return format!("[plants.oak]\n{source}\n[{around}]\n{key} = [{{ {line} }}]\n");
     }
     let path = table.path.replace("LETTER", "l");
     let path = if path.starts_with("clouds") { path.replace("NAME", "fern") } else { path.replace("NAME", "oak") };
@@ -37,11 +44,6 @@ fn scene(table: &TableInfo, line: &str) -> String {
         ("", _) => String::new(),
         (path, true) => format!("[[{path}]]\n"),
         (path, false) => format!("[{path}]\n"),
-    };
-    let source = match table.path {
-        "plants.NAME.tree" => "ifs = \"monopodial.ifs.toml\"",
-        "plants.NAME.import" => "mesh = \"young-tree.obj\"",
-        _ => "grammar = \"oak.l\"",
     };
     let own = format!("{header}{line}\n");
     // A table's own source, unless the line is that key.

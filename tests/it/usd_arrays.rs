@@ -111,6 +111,9 @@ fn tracks(scene: &Scene, frames: &[Frame]) -> Vec<Value> {
         InstancerFrame::Same => panic!("no state"),
     };
     let dead = |s: &AssetFrame| Value::from((0..n).filter(|&i| !state(s).is_alive(i)).collect::<Vec<_>>());
+    let scales = |s: &AssetFrame| -> Vec<Vec3> {
+        instancer.scales.iter().enumerate().map(|(i, scale)| *scale * state(s).size(i)).collect()
+    };
     let ids: Value = (0..n).collect::<Vec<_>>().into();
     let floats =
         |q: &[Quat]| Value::from(q.iter().flat_map(|q| q.to_array()).map(|x| (x + 0.0).to_bits()).collect::<Vec<_>>());
@@ -121,7 +124,7 @@ fn tracks(scene: &Scene, frames: &[Frame]) -> Vec<Value> {
     vec![
         flying("ids", "int64[]").constant(ids.clone()),
         flying("protoIndices", "int[]").constant(instancer.protos.clone().into()),
-        flying("scales", "float3[]").constant(bits(&instancer.scales)),
+        flying("scales", "float3[]").sampled(frames, 2, |s| bits(&scales(s))),
         flying("positions", "point3f[]").sampled(frames, 2, |s| bits(&state(s).positions)),
         flying("velocities", "vector3f[]").sampled(frames, 2, |s| bits(&state(s).velocities)),
         flying("angularVelocities", "vector3f[]").sampled(frames, 2, |s| degrees(&state(s).angular_velocities)),
@@ -130,7 +133,7 @@ fn tracks(scene: &Scene, frames: &[Frame]) -> Vec<Value> {
         twin("ids", "int64[]").constant(ids),
         twin("points", "point3f[]").sampled(frames, 2, |s| bits(&state(s).positions)),
         twin("primvars:orient", "quatf[]").sampled(frames, 2, |s| floats(&turns[at(s)])),
-        twin("primvars:scale", "float3[]").constant(bits(&instancer.scales)),
+        twin("primvars:scale", "float3[]").sampled(frames, 2, |s| bits(&scales(s))),
         twin("primvars:proto", "int[]").constant(instancer.protos.clone().into()),
     ]
 }

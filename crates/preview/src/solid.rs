@@ -30,6 +30,9 @@ const STREAK_END_RADIUS: f32 = 0.1;
 /// traversed often, the largest would delay the picture by seconds.
 const BUILD_EFFORT: [usize; 3] = [4_000, 100_000, 1_500_000];
 
+/// Least share of its area that a mesh must keep when its vertices are clustered. Own: leaves keep more than nine tenths.
+const MIN_CLUSTERED_AREA: f32 = 0.6;
+
 /// A triangle prepared for intersection.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayTriangle {
@@ -101,10 +104,17 @@ impl<'a> Solid<'a> {
         with_bvh: bool,
         detail: MeshDetail,
     ) -> Self {
-        let replacements = cluster_vertices(points, detail.cluster_size);
-        let triangles = prepare_triangles(mesh, points, &replacements);
+        let mut replacements = cluster_vertices(points, detail.cluster_size);
+        let mut triangles = prepare_triangles(mesh, points, &replacements);
+        // Needles are thinner than a cluster and would vanish: what would lose most of its area is not clustered.
+        if !replacements.is_empty() {
+            let whole = prepare_triangles(mesh, points, &[]);
+            if area(&triangles) < MIN_CLUSTERED_AREA * area(&whole) {
+                (replacements, triangles) = (Vec::new(), whole);
+            }
+        }
         let Bvh { primitives: triangles, bvh, bounds } = build_bvh(triangles, with_bvh, RayTriangle::bounds);
-        let area = triangles.iter().map(|f| 0.5 * f.normal().length()).sum();
+        let area = area(&triangles);
         // One width for the whole mesh: that of the smallest visible detail, scaled by the mean
         // ratio of texture to surface.
         let has_cutout = mesh.subsets.iter().any(|s| materials.has_alpha_cutout(s.material));
@@ -377,6 +387,11 @@ fn uv_area(mesh: &Mesh) -> f32 {
     let corner = |i: u32| mesh.uvs.get(i as usize).copied().unwrap_or_default();
     let area = |[a, b, c]: [Vec2; 3]| 0.5 * (b - a).perp_dot(c - a).abs();
     mesh.triangles.iter().map(|t| area(t.map(corner))).sum()
+}
+
+/// Sum of the areas of triangles, m2.
+fn area(triangles: &[RayTriangle]) -> f32 {
+    triangles.iter().map(|f| 0.5 * f.normal().length()).sum()
 }
 
 /// The triangles of a mesh without those that clustering collapsed into lines or points.

@@ -24,6 +24,8 @@ pub struct MaterialSet {
     pub names: Vec<String>,
     /// Billboards for the small branches of a tree seen from afar.
     pub cards: Option<SubtreeBillboards>,
+    /// Index of the material of dead wood; `None` for plants without any.
+    pub dead: Option<u16>,
     /// Skeleton, wood and leaves that were found in the mesh of a whole plant.
     pub tree: Option<Arc<MeshPlant>>,
 }

@@ -1,4 +1,4 @@
-//! Growth of an individual: by its grammar, by an IFS tree, by particle-shapes, or from the skeleton of an imported mesh.
+//! Growth of an individual: by its grammar, by an IFS tree, by particle-shapes, year by year, or from the skeleton of an imported mesh.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,6 +10,7 @@ use crate::bake::assets::branchlets;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::shape_growth::{GrowthSite, fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
+use crate::bake::assets::species_growth::{missing_tree, species_plant};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
@@ -84,6 +85,12 @@ fn grow_from_source(
         }
         Growth::Shapes(keys) => {
             let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
+            let report = Report { diagnostics: warnings, ..Report::default() };
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });
+        }
+        Growth::Species(_) => {
+            let tree = site.tree.ok_or_else(missing_tree)?;
+            let (plant, warnings) = species_plant(tree, recipe, set, context.limits)?;
             let report = Report { diagnostics: warnings, ..Report::default() };
             return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });
         }

@@ -32,6 +32,21 @@ use osier_scene::{Image, Material, MaterialClass, Mesh};
 /// light; 0 would show backlit crowns black.
 const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
+/// Length of a piece of a conifer's shoot, m, and the diameter of its needles as a share of that.
+const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.3];
+/// Needles of such a piece, and the angle of each to the shoot, rad: a spruce's, thinned out and widened to the same area.
+const NEEDLES: u32 = 72;
+const NEEDLE_ANGLE: f64 = 0.95;
+const NEEDLE_WIDTH: f32 = 0.0028;
+/// Linear colour and roughness of needles.
+const NEEDLE_COLOR: [f32; 3] = [0.028, 0.075, 0.022];
+const NEEDLE_ROUGHNESS: f32 = 0.5;
+/// Needles are thick: they let through this share of what a blade with the same key would.
+const NEEDLE_TRANSLUCENCY: f32 = 0.3;
+
+/// Linear colour of dead wood: silvery grey.
+const DEAD_WOOD: [f32; 3] = [0.22, 0.20, 0.18];
+
 /// Translucency of blades of grass. Own: as of broad leaves; blades are thinner, but with closer veins.
 const GRASS_TRANSLUCENCY: f32 = 0.3;
 
@@ -64,10 +79,17 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         let organ = match (&recipe.mesh, &recipe.ifs) {
             (Some(mesh), _) => add_imported_organ(&mut set, mesh, recipe, &plant.id, &name)?,
             (None, Some(table)) => ifs_leaf::build_ifs_leaf(&mut set, recipe, table, &plant.id, &name, seed)?,
+            (None, None) if recipe.keys.blade == BladeOutline::Needles => {
+                build_needle_shoots(&mut set, recipe, &plant.id, &name, seed)?
+            }
             (None, None) => build_leaf_blades(&mut set, recipe, &plant.id, &name, seed, plant.rods.is_some())?,
         };
         set.organs.insert(recipe.letter, organ);
         set.names.push(name);
+    }
+    if matches!(plant.growth, Growth::Species(_)) {
+        let dead = Material::plain(format!("{}_dead", plant.id), MaterialClass::Bark, DEAD_WOOD, 0.9);
+        set.dead = u16::try_from(set.add(dead, Vec::new())?).ok();
     }
     if tuft {
         add_tuft_stalk(&mut set, &plant.id)?;
@@ -219,6 +241,42 @@ fn build_leaf_blades(
     Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
 }
 
+/// Pieces of a conifer's shoot with their needles, `keys.variants` of them. `size` is the length of the piece, `width` the diameter of
+/// its needles over that, `lobes` the number of needles.
+fn build_needle_shoots(
+    set: &mut MaterialSet,
+    recipe: &OrganRecipe,
+    plant: &str,
+    name: &str,
+    seed: u64,
+) -> Result<OrganSpec> {
+    let keys = &recipe.keys;
+    let mut material = Material::plain(
+        format!("{plant}_{name}"),
+        MaterialClass::Leaf,
+        keys.color.unwrap_or(NEEDLE_COLOR),
+        keys.roughness.map_or(NEEDLE_ROUGHNESS, narrow),
+    );
+    material.double_sided = true;
+    material.translucency = narrow(keys.translucency) * NEEDLE_TRANSLUCENCY;
+    let id = set.add(material, Vec::new())?;
+    let length = keys.size.unwrap_or(NEEDLE_SHOOT[0]);
+    let angle = keys.vein_angle.unwrap_or(NEEDLE_ANGLE).clamp(0.2, 1.5);
+    let across = 0.5 * keys.width.unwrap_or(NEEDLE_SHOOT[1]) * length;
+    let spec = leaf::NeedleSpec {
+        length: narrow(length),
+        count: keys.lobes.unwrap_or(NEEDLES).clamp(2, 1000),
+        needle: narrow(across / osier_base::math::sin(angle)),
+        width: keys.petiole_radius.map_or(NEEDLE_WIDTH, |r| narrow(2.0 * r)),
+        angle: narrow(angle),
+        seed: mix64(&[seed, word(plant), word(name)]),
+    };
+    let meshes = (0..u64::from(keys.variants))
+        .map(|variant| Ok(Arc::new(leaf::needle_shoot(&spec, variant)?.with_material(id))))
+        .collect::<Result<Vec<_>>>()?;
+    Ok(OrganSpec { name: name.to_owned(), meshes, size: length, petiole: 0.0 })
+}
+
 /// Radius of an organ's petiole at size 1, m; `None` for imported and drawn leaves, whose petiole has no parameter.
 pub(crate) fn petiole_radius(recipe: &OrganRecipe) -> Option<f64> {
     let own = recipe.mesh.is_none() && recipe.ifs.is_none();
@@ -231,7 +289,7 @@ fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         BladeOutline::Lobed => BladeSpec::oak(),
         BladeOutline::Toothed => BladeSpec::birch(),
         BladeOutline::Deltoid => BladeSpec::poplar(),
-        BladeOutline::Elliptic => BladeSpec::elliptic(),
+        BladeOutline::Elliptic | BladeOutline::Needles => BladeSpec::elliptic(),
     };
     let or = |key: Option<f64>, own: f32| key.map_or(own, narrow);
     let length = or(keys.size, base.length);

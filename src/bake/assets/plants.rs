@@ -12,6 +12,7 @@ use crate::bake::assets::plant_materials::plant_materials;
 use crate::bake::assets::plant_mesh::{build_growing_plant, build_plant_asset};
 use crate::bake::assets::rigged_plant::build_rigged_plant;
 use crate::bake::assets::shape_growth::{GrowthSite, growth_solids};
+use crate::bake::assets::species_growth::grow_species;
 use crate::bake::motion::AssetMotion;
 use crate::bake::motion::growth::GrowthClip;
 use crate::bake::motion::rain::PlantInRain;
@@ -95,11 +96,12 @@ pub(crate) fn grow_plants(
 ) -> Result<(Vec<GrownPlant>, Report)> {
     let solids = growth_solids(recipe, layout)?;
     let transforms = layout.first_transforms();
-    let individuals: Vec<(&Individual, Trs)> = layout.individuals.iter().zip(transforms).collect();
-    let grown = par_map(&individuals, |(individual, transform)| {
+    let trees = grow_species(recipe, layout, &solids, context.limits)?;
+    let individuals: Vec<_> = layout.individuals.iter().zip(transforms).zip(&trees).collect();
+    let grown = par_map(&individuals, |((individual, transform), tree)| {
         context.cancel.check()?;
         let (plant, set) = plant_and_entry(recipe, sets, individual)?;
-        let site = GrowthSite { solids: &solids, transform: *transform };
+        let site = GrowthSite { solids: &solids, transform: *transform, tree: tree.as_ref() };
         let grown = grow_plant(plant, individual, set, site, context);
         context.progress.advance(1);
         grown

@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::obstacles::solid_form;
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
+use crate::bake::assets::species_growth::{needs_solids, shared_individuals};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::recipe::scene::{RegionKeys, RegionShape, ShapeCrown, ShapeEquations, ShapeKeys, ShapeRadii};
 use crate::recipe::{Growth, PlantRecipe, Recipe};
@@ -19,6 +20,7 @@ use osier_plants::grow::particle_shapes::params::{
 use osier_plants::grow::particle_shapes::region::Region;
 use osier_plants::grow::particle_shapes::{self, ShapeMaterials};
 use osier_plants::grow::turtle::OrganSpec;
+use osier_plants::grow::years::GrownTree;
 use osier_scene::Trs;
 use osier_scene::plant::Plant;
 use osier_scene::solid::Solid;
@@ -33,6 +35,8 @@ pub struct GrowthSite<'a> {
     pub solids: &'a [Solid],
     /// World from plant space.
     pub transform: Trs,
+    /// The tree of a species, which has grown before, together with others that shade it.
+    pub tree: Option<&'a GrownTree>,
 }
 
 /// The keys of all particle-shapes of a plant: of its growth and of what fills it.
@@ -51,10 +55,11 @@ fn reads_solids(keys: &ShapeKeys) -> bool {
 pub(crate) fn growth_solids(recipe: &Recipe, layout: &PlantLayout) -> Result<Vec<Solid>> {
     let bound: Vec<usize> =
         (0..recipe.plants.len()).filter(|i| shape_tables(&recipe.plants[*i]).any(reads_solids)).collect();
-    if bound.is_empty() {
-        return Ok(Vec::new());
+    let mut report = Report { diagnostics: shared_individuals(recipe, layout), ..Report::default() };
+    let species = recipe.plants.iter().any(|p| matches!(&p.growth, Growth::Species(s) if needs_solids(s)));
+    if bound.is_empty() && !species {
+        return report.into_result(Vec::new()).map(|r| r.0);
     }
-    let mut report = Report::default();
     for i in bound {
         let individuals = layout.individuals.iter().filter(|n| n.plant == i).count();
         let copies = layout.instances.iter().filter(|s| layout.individuals[s.individual].plant == i).count();

@@ -9,7 +9,7 @@ use osier_ifs::write::{TableItem, squashed};
 pub fn ifs_systems(recipe: &Recipe) -> Vec<TableItem> {
     let trees = recipe.plants.iter().filter_map(|p| match &p.growth {
         Growth::Ifs(stems, _) => Some(squashed(stems)),
-        Growth::Grammar(_) | Growth::Mesh(..) | Growth::Shapes(_) => None,
+        Growth::Grammar(_) | Growth::Mesh(..) | Growth::Shapes(_) | Growth::Species(_) => None,
     });
     recipe.clouds.iter().map(attractor_system).chain(trees).collect()
 }

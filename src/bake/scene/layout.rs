@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use glam::{Vec2, Vec3};
 
 use crate::bake::BakeContext;
+use crate::bake::assets::species_growth::grows_in_place;
 use crate::bake::assets::terrain;
 use crate::bake::scene::plant_layout::{
-    PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
+    Individual, PlantInstance, PlantLayout, next_individual, rotation_about_axis, tan_of_slope,
 };
 use crate::bake::scene::scatter;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
@@ -53,8 +54,11 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
             place.keys.individuals.unwrap_or(default_count).min(place.keys.count)
         };
         for _ in 0..individuals {
-            layout.individuals.extend(next_individual(recipe, place.plant, place.keys.seed, &mut ordinals));
+            let individual = next_individual(recipe, place.plant, place.keys.seed, &mut ordinals);
+            let together = place.keys.together;
+            layout.individuals.extend(individual.map(|individual| Individual { together, ..individual }));
         }
+        let in_place = recipe.plants.get(place.plant).is_some_and(|p| grows_in_place(p, place.keys.together));
         let mut clear = PlacementGrid::new(math::narrow(place.keys.clear));
         // Copies are spread around the place's centre, away from what earlier places put there.
         let center = Vec3::from_array(place.keys.at.map(math::narrow));
@@ -65,6 +69,8 @@ pub fn lay_out(recipe: &Recipe) -> PlantLayout {
             // Copies that share a recorded motion must face the wind alike: they get the same turn about the vertical.
             let turned_as = if recipe.moves { shared } else { copy };
             let transform = copy_transform(recipe.general.seed, index, copy, turned_as, place, *spot);
+            // What grows for its place is neither turned nor scaled: it has grown in the directions of the scene.
+            let transform = if in_place { Trs { t: transform.t, ..Trs::IDENTITY } } else { transform };
             let individual = first + shared;
             layout.instances.push(PlantInstance { individual, transform, slope: None });
         }

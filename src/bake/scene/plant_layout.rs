@@ -18,6 +18,8 @@ pub struct Individual {
     pub id: u32,
     /// Seed of its growth.
     pub seed: u64,
+    /// Whether it grows in one field of light with all others that do.
+    pub together: bool,
 }
 
 /// A placement of an individual, which several may share.
@@ -64,7 +66,7 @@ pub(crate) fn next_individual(recipe: &Recipe, index: usize, seed: u64, ordinals
         (a, b) => mix64(&[recipe.general.seed, a, b]),
     };
     #[allow(clippy::cast_possible_truncation, reason = "the low half of a hash")]
-    Some(Individual { plant: index, asset: String::new(), id: id as u32, seed })
+    Some(Individual { plant: index, asset: String::new(), id: id as u32, seed, together: false })
 }
 
 /// Tangent of the slope of a surface with this unit normal.

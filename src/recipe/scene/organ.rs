@@ -21,6 +21,8 @@ choices! {
         Deltoid = "deltoid",
         /// Widest in the middle, without teeth, as a beech's.
         Elliptic = "elliptic",
+        /// A piece of a conifer's shoot with its needles all round.
+        Needles = "needles",
     }
     /// How finely blades are cut.
     BladeDetail {

@@ -1,7 +1,7 @@
 //! `[[place]]`: where plants stand.
 
 use crate::recipe::syntax::keys;
-use crate::recipe::syntax::{OptionalKey, SeedType, StringType, degrees, integer, number, point};
+use crate::recipe::syntax::{BooleanType, OptionalKey, SeedType, StringType, degrees, integer, number, point};
 
 keys! {
     /// Places plants in the scene.
@@ -30,6 +30,8 @@ keys! {
         spacing: f64 = "spacing" number(0.0, 0.0, 1e5, "m"), basic;
         /// Smallest distance to plants of earlier `[[place]]` tables.
         clear: f64 = "clear" number(0.0, 0.0, 1e5, "m");
+        /// Whether these copies of a species, and those of all other such tables, grow in one field of light.
+        together: bool = "together" BooleanType(false);
         /// Number of individuals that the copies share.
         individuals: Option<u32> = "individuals" OptionalKey(integer(1, 1, 10_000), "count: one each");
     }

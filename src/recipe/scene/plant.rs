@@ -49,6 +49,10 @@ keys! {
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
         /// File of particle-shapes, instead of a grammar.
         shapes: Option<Reference> = "shapes" FileReference(".shapes"), basic;
+        /// Species that grows year by year, instead of a grammar: a file, or the name of a preset.
+        species: Option<Reference> = "species" FileReference(".species"), basic;
+        /// With `species`: age; fractions grow part of a year.
+        age: Option<f64> = "age" OptionalKey(number(60.0, 0.1, 500.0, "yr"), "that of the species"), basic;
         /// File of particle-shapes that adds twigs and leaves to the axes that bear none; of its level 0 only spacing, base and
         /// angle count.
         twigs: Option<Reference> = "twigs" FileReference(".shapes");
@@ -78,6 +82,12 @@ const GROWN: &[&str] = &[
     "ifs",
     "shapes",
     "growth",
+    "species",
+    "age",
+    "habit",
+    "site",
+    "stand",
+    "prune",
     "twigs",
     "fill",
     "steps",
@@ -177,10 +187,21 @@ impl Resolver<'_> {
         let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
         self.settle_forms(table, &path, &mut keys, &mut skin);
         let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
-        if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
-            let d =
-                Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
-            self.report.push(d.help("it sets how a mesh is read: name one with mesh = \"FILE\""));
+        for (name, file, help) in [
+            ("import", &keys.mesh, "it sets how a mesh is read: name one with mesh = \"FILE\""),
+            ("growth", &keys.shapes, "it sets how particle-shapes grow: name a file with shapes = \"FILE.shapes\""),
+            ("habit", &keys.species, "it sets how a species grows: name one with species = \"oak\""),
+            ("site", &keys.species, "it sets where a species grows: name one with species = \"oak\""),
+            ("stand", &keys.species, "it sets the neighbours of a species: name one with species = \"oak\""),
+            ("prune", &keys.species, "it cuts a species that grows year by year: name one with species = \"oak\""),
+            ("age", &keys.species, "only a species has an age: name one with species = \"oak\""),
+            ("fill", &keys.twigs, "it sets which twigs are added: name a file with twigs = \"FILE.shapes\""),
+        ] {
+            if let Some(entry) = table.get(name).filter(|_| file.is_none()) {
+                let text = format!("{path}.{name} has no effect");
+                let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+                self.report.push(d.help(help));
+            }
         }
         // One of mesh, grammar, coefficient table and particle-shapes grows the plant. `letters` are the organs that it uses.
         let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
@@ -213,11 +234,20 @@ impl Resolver<'_> {
                 let shapes = self.shape_keys(&file, table, &path, "growth")?;
                 (Growth::Shapes(Box::new(shapes)), file.shown, vec!['l'])
             }
+            (None, None) if keys.species.is_some() => {
+                let reference = keys.species.as_ref()?;
+                // The ending may be left out: species = "oak".
+                let has_ending = reference.text.to_ascii_lowercase().ends_with(".species");
+                let name = if has_ending { reference.text.clone() } else { format!("{}.species", reference.text) };
+                let file = self.read(&name, reference.span, "text-bytes", &[".species"])?;
+                let species = self.species_recipe(&file, table, &path, keys.age)?;
+                (Growth::Species(Box::new(species)), file.shown, vec!['l'])
+            }
             // A misspelt or unreadable `grammar` has been named already.
             (None, None) if misread => return None,
             (None, None) => {
                 let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
-                let help = "add grammar = \"NAME.l\", shapes = \"NAME.shapes\" or mesh = \"FILE\"; `osier list presets` shows those in the binary";
+                let help = "add grammar = \"NAME.l\", shapes = \"NAME.shapes\" species = \"oak\" or mesh = \"FILE\"; `osier list presets` shows those in the binary";
                 self.report.push(d.help(help));
                 return None;
             }

@@ -5,11 +5,10 @@ use crate::recipe::ReferencedFile;
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
     BooleanType, NumberArray, NumbersByLevel, OneOf, OptionalKey, RisingPairs, StringType, TomlTable, TomlValue,
-    degrees, integer, number, parse, point,
+    degrees, integer, number, point,
 };
 use crate::recipe::syntax::{InlineTables, KeyTable as _, choices, keys};
 use osier_base::diagnostic::{Diagnostic, Report, Severity, nearest};
-use osier_base::files::{Encoding, decode};
 use std::marker::PhantomData;
 
 choices! {
@@ -212,22 +211,9 @@ impl Resolver<'_> {
         path: &str,
         name: &str,
     ) -> Option<ShapeKeys> {
-        let text = match decode(&file.bytes, Encoding::Utf8) {
-            Ok(text) => text.text,
-            Err(bad) => {
-                let mut report = Report::default();
-                bad.report("S001", &file.shown, &file.bytes, &mut report);
-                self.report.extend(report);
-                return None;
-            }
-        };
         let before = self.report.diagnostics.len();
-        let source = self.report.sources.add(file.shown.clone(), text.as_str());
-        let mut merged = parse(&text, source, &mut self.report);
-        if let Some(own) = self.table(plant, path, name) {
-            merged.entries.retain(|e| own.get(&e.key).is_none());
-            merged.entries.extend(own.entries.iter().cloned());
-        }
+        let parsed = self.parse_file(file)?;
+        let merged = self.laid_over(parsed, plant, path, name);
         let keys: ShapeKeys = self.read_keys(&merged, &format!("{path}.{name}"));
         self.check_shape_keys(&keys, &merged, &format!("{path}.{name}"));
         self.check_region_solids(&keys, &merged, &format!("{path}.{name}"));

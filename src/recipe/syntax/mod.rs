@@ -10,8 +10,8 @@ mod value_types;
 
 pub use digest::Digest;
 pub use form::{ValueForm, ValueKind};
-pub use key::{KeyInfo, KeyListing, KeyTable, RecipePart, TableInfo, TableReader, ValueType};
-pub(super) use key::{choices, is_basic, join, keys, wrong};
+pub use key::{Fault, KeyInfo, KeyListing, KeyTable, RecipePart, TableInfo, TableReader, ValueType};
+pub(super) use key::{choices, finite_number, is_basic, join, keys, outside, wrong};
 pub use registry::Registry;
 pub(super) use registry::{digest_field, list_table, recipe};
 pub(super) use tree::{TomlNode, TomlTable, TomlValue, apply_override, parse};

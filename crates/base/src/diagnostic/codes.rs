@@ -123,6 +123,7 @@ pub const CODES: &[Code] = &[
     row("S033", Warning, "the cells of the lattice are too coarse for the turbulence of its inflow"),
     row("S034", Warning, "the ground lies below the base of the lattice wind"),
     row("S035", Warning, "growth by particle-shapes was cut short"),
+    row("S036", Warning, "a tree died for lack of light"),
     row("S040", Warning, "the torsional stiffness of a rod is below that of its material"),
     row("S041", Warning, "the integrator is not stable or not accurate for a rod of this stiffness"),
     row("S042", Warning, "no rest shape found for the weight of a rod; its own weight is ignored"),

@@ -12,7 +12,7 @@ use super::keys;
 use super::meshes::{MeshSource, SkinInfluences, StoredMesh};
 use super::quantize::{QuantizedCube, place_stored};
 use super::rig::{JointSelection, MAX_JOINTS};
-use super::tracks::{InstanceTrack, MorphFrames, MorphShape};
+use super::tracks::{InstanceTrack, MorphFrames, MorphShape, MorphTrack};
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
 
@@ -138,11 +138,11 @@ impl GltfDocument<'_> {
                 let ribbon = |shape: &MorphShape| ribbons(curves, &shape.points, tile);
                 list.iter().map(ribbon).map(|m| MorphShape { points: m.points, normals: m.normals }).collect()
             };
-            let shapes = match shapes {
-                MorphFrames::Frames(list) => ribbon_shapes(list),
+            let (frames, shapes) = match shapes {
+                MorphFrames::Frames(keys) => (&keys.frames[..], ribbon_shapes(&keys.shapes)),
                 // Omitted with the warning X017.
                 MorphFrames::TooMany => continue,
-                MorphFrames::Still => Vec::new(),
+                MorphFrames::Still => (&[][..], Vec::new()),
             };
             let label = format!("asset {}, curves {}", source.id, curves.name);
             let mesh_source = MeshSource {
@@ -154,7 +154,7 @@ impl GltfDocument<'_> {
                 shapes: &[],
                 cube: None,
             };
-            self.add_morphing_mesh(&mut nodes, mesh_source, &shapes, "curves")?;
+            self.add_morphing_mesh(&mut nodes, mesh_source, MorphTrack { frames, shapes: &shapes }, "curves")?;
         }
         // Joints are written if a skin or an instance needs them.
         if nodes.templates.iter().any(|p| p.parent != NodeParent::Placement)
@@ -196,27 +196,29 @@ impl GltfDocument<'_> {
                 }
                 Ok(())
             }
-            (_, _, MorphFrames::Frames(list)) => self.add_morphing_mesh(nodes, mesh_source, list, "mesh"),
-            _ => self.add_morphing_mesh(nodes, mesh_source, &[], "mesh"),
+            (_, _, MorphFrames::Frames(keys)) => self.add_morphing_mesh(nodes, mesh_source, keys.track(), "mesh"),
+            _ => self.add_morphing_mesh(nodes, mesh_source, MorphTrack::default(), "mesh"),
         }
     }
 
-    /// A mesh with a morph target for every frame whose shape differs from rest, and a track of weights in which each target is 1
-    /// at its frame and 0 at the others.
+    /// A mesh with a morph target for every kept frame whose shape differs from rest, and a track of weights in which each target is
+    /// 1 at its frame and 0 at the other kept ones.
     fn add_morphing_mesh(
         &mut self,
         nodes: &mut AssetNodes,
         mesh_source: MeshSource<'_>,
-        shapes: &[MorphShape],
+        morph: MorphTrack<'_>,
         kind: &'static str,
     ) -> Result<()> {
+        let MorphTrack { frames, shapes } = morph;
         let is_rest = |mesh: &Mesh, s: &MorphShape| {
             s.points == mesh.points && (s.normals.is_empty() || s.normals == mesh.normals)
         };
         // Frames at rest need no target: all weights are 0 there.
         let morphed: Vec<usize> = (0..shapes.len()).filter(|&i| !is_rest(mesh_source.mesh, &shapes[i])).collect();
         let tag = |i: usize| {
-            let number = self.input.tracks.numbers.get(i).copied().unwrap_or_default();
+            let frame = frames.get(i).copied().unwrap_or_default();
+            let number = self.input.tracks.numbers.get(frame).copied().unwrap_or_default();
             format!("frame_{}", self.input.scene.clip.tag(number))
         };
         let targets: Vec<(String, &MorphShape)> = morphed.iter().map(|&i| (tag(i), &shapes[i])).collect();
@@ -227,10 +229,8 @@ impl GltfDocument<'_> {
             let weights: Vec<f32> =
                 (0..shapes.len()).flat_map(|i| morphed.iter().map(move |&b| if i == b { 1.0 } else { 0.0 })).collect();
             let output = self.buffer.add_scalars(&weights, mesh_source.label)?;
-            let frames: Vec<usize> = (0..shapes.len()).collect();
-            part.motion
-                .channels
-                .push(NodeChannel { sampler: self.add_sampler(&frames, output, false)?, path: "weights" });
+            let sampler = self.add_sampler(frames, output, false)?;
+            part.motion.channels.push(NodeChannel { sampler, path: "weights" });
         }
         nodes.templates.push(part);
         Ok(())
@@ -353,9 +353,11 @@ impl GltfDocument<'_> {
             // The node's own transform is that of the first frame, for readers without animation.
             let (mut positions, orientations) = m.hold_while_dead();
             // p = t + r s (low + extent q): the dequantization moves the keys of translation and multiplies the scale.
-            let stored = |t: Vec3, r: glam::Quat| place_stored(&Trs { t, r, s: scale }, mesh.cube);
-            positions.iter_mut().zip(&orientations).for_each(|(p, r)| *p = stored(*p, *r).t);
-            let scale = stored(Vec3::ZERO, glam::Quat::IDENTITY).s;
+            let sizes = m.sizes_while_dead();
+            for ((p, r), size) in positions.iter_mut().zip(&orientations).zip(&sizes) {
+                *p = place_stored(&Trs { t: *p, r: *r, s: scale * *size }, mesh.cube).t;
+            }
+            let scale = place_stored(&Trs { s: scale, ..Trs::IDENTITY }, mesh.cube).s;
             let mut motion = NodeAnimation::default();
             motion.rest.t = positions.first().copied().unwrap_or_default();
             motion.rest.r = orientations.first().copied().unwrap_or_default();

@@ -279,7 +279,8 @@ impl Exporter for GltfExporter {
 
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
-        let tracks = std::mem::take(&mut self.tracks);
+        let mut tracks = std::mem::take(&mut self.tracks);
+        tracks.close();
         let input = GltfInput { scene: &scene, tracks: &tracks, textures: &self.textures, options: &self.options };
         let warnings = match &self.options.target {
             GltfTarget::Bake => self.write_bake(input)?,
@@ -297,20 +298,29 @@ impl Exporter for GltfExporter {
     }
 }
 
-/// X017 for moving point clouds, which glTF cannot animate, and for curves that move in more frames than there are morph targets.
+/// X017 for moving point clouds, which glTF cannot animate, and for curves and meshes that need more shapes than there are morph
+/// targets: such curves are left out, such meshes keep their shape at rest.
 fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterator<Item = Warning> + 'a {
-    let warning = |label: String, why: &str| Warning { code: "X017", message: format!("{label}: left out, {why}") };
+    let warning = |label: String, why: &str| Warning { code: "X017", message: format!("{label}: {why}") };
     scene.assets.iter().zip(&tracks.assets).flat_map(move |(asset, tracks)| {
         let clouds = asset.points.iter().filter(|c| c.moving).map(move |cloud| {
             let label = format!("asset {}, points {}", asset.id, cloud.name);
-            warning(label, "glTF cannot move points; USD, PLY and POV-Ray have them")
+            warning(label, "left out, glTF cannot move points; USD, PLY and POV-Ray have them")
         });
         let many = asset.curves.iter().zip(&tracks.curves).filter(|(_, s)| matches!(s, tracks::MorphFrames::TooMany));
         let curves = many.map(move |(curves, _)| {
             let label = format!("asset {}, curves {}", asset.id, curves.name);
-            warning(label, "they move in more frames than glTF's 32 targets; USD and POV-Ray have them")
+            warning(label, "left out, they move in more ways than glTF's 32 targets show; USD and POV-Ray have them")
         });
-        clouds.chain(curves)
+        let many = asset.meshes.iter().zip(&tracks.meshes).filter(|(_, s)| matches!(s, tracks::MorphFrames::TooMany));
+        let meshes = many.map(move |(object, _)| {
+            let label = format!("asset {}, mesh {}", asset.id, object.name);
+            warning(
+                label,
+                "shown at rest, its points move in more ways than glTF's 32 targets show; USD and POV-Ray have them",
+            )
+        });
+        clouds.chain(curves).chain(meshes)
     })
 }
 

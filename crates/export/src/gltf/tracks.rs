@@ -9,6 +9,9 @@ use osier_scene::{
 
 /// Most morph targets of a mesh. Own: each target is a copy of its positions and normals, and importers hold all of them.
 pub(super) const MORPH_TARGETS: usize = 32;
+/// Where a clip has more frames than targets, most that a point may lie off its place between two of them, as a share of the
+/// diagonal of the mesh's box: growth stays below, swaying does not.
+const MORPH_TOLERANCE: f32 = 0.01;
 
 /// The animation of all assets.
 #[derive(Debug, Default)]
@@ -65,21 +68,106 @@ pub(super) enum MorphFrames {
     /// It does not deform.
     #[default]
     Still,
-    Frames(Vec<MorphShape>),
-    /// There are more than [`MORPH_TARGETS`] frames; none is kept.
+    Frames(MorphKeys),
+    /// More than [`MORPH_TARGETS`] shapes are needed; none is kept.
     TooMany,
+}
+
+/// Shapes of a mesh at evenly spaced frames and at the last one. Readers interpolate between them, which gives the shapes of all other
+/// frames within [`MORPH_TOLERANCE`].
+#[derive(Debug)]
+pub(super) struct MorphKeys {
+    /// Indices of the frames that are kept, rising.
+    pub frames: Vec<usize>,
+    /// Their shapes.
+    pub shapes: Vec<MorphShape>,
+    /// Every n-th frame is kept.
+    stride: usize,
+    /// Number of frames so far.
+    seen: usize,
+    /// Shapes since the last one kept.
+    skipped: Vec<MorphShape>,
+    /// m.
+    tolerance: f32,
+}
+
+/// Morph targets of a mesh: the shapes of some frames.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct MorphTrack<'a> {
+    /// Indices of the frames, rising.
+    pub frames: &'a [usize],
+    /// Their shapes.
+    pub shapes: &'a [MorphShape],
+}
+
+impl MorphKeys {
+    /// All shapes that are kept.
+    pub fn track(&self) -> MorphTrack<'_> {
+        MorphTrack { frames: &self.frames, shapes: &self.shapes }
+    }
+
+    /// `frames`: of the clip; `rest`: points of the mesh at rest.
+    fn new(frames: usize, rest: &[Vec3]) -> Self {
+        let diagonal = osier_base::geometry::Bounds::of(rest.iter().copied()).size().length();
+        Self {
+            frames: Vec::new(),
+            shapes: Vec::new(),
+            stride: frames.saturating_sub(1).div_ceil(MORPH_TARGETS - 1).max(1),
+            seen: 0,
+            skipped: Vec::new(),
+            tolerance: MORPH_TOLERANCE * diagonal,
+        }
+    }
+
+    /// Takes the shape of the next frame; false if the frames since the last one kept are not on the way to it.
+    fn push(&mut self, shape: MorphShape) -> bool {
+        let frame = self.seen;
+        self.seen += 1;
+        if !frame.is_multiple_of(self.stride) {
+            self.skipped.push(shape);
+            return true;
+        }
+        self.keep(frame, shape)
+    }
+
+    fn keep(&mut self, frame: usize, shape: MorphShape) -> bool {
+        let skipped = std::mem::take(&mut self.skipped);
+        let on_the_way = self.frames.last().zip(self.shapes.last()).is_none_or(|(first, from)| {
+            let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
+            skipped.iter().enumerate().all(|(i, s)| {
+                let t = share(i);
+                let mut ways = s.points.iter().zip(&from.points).zip(&shape.points);
+                ways.all(|((p, a), b)| p.distance(a.lerp(*b, t)) <= self.tolerance)
+            })
+        });
+        self.frames.push(frame);
+        self.shapes.push(shape);
+        on_the_way && self.shapes.len() <= MORPH_TARGETS
+    }
+
+    /// Keeps the last frame; false as for [`MorphKeys::push`].
+    fn close(&mut self) -> bool {
+        let Some(last) = self.skipped.pop() else { return true };
+        self.keep(self.seen - 1, last)
+    }
 }
 
 impl ClipTracks {
     /// No frames yet. `max_moving`: most moving instances in a file.
     pub(super) fn new(scene: &Scene, max_moving: usize) -> Self {
-        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, max_moving)).collect();
+        let frames = scene.clip.len();
+        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, frames, max_moving)).collect();
         Self { assets, max_moving, ..Self::default() }
     }
 
     /// Whether no frame was added, so that the file has no animation.
     pub(super) fn is_still(&self) -> bool {
         self.times.is_empty()
+    }
+
+    /// Ends the clip with the frame that was added last.
+    pub(super) fn close(&mut self) {
+        self.assets.iter_mut().flat_map(|a| a.meshes.iter_mut().chain(&mut a.curves)).for_each(MorphFrames::close);
     }
 
     /// Adds the states of all assets at a frame.
@@ -95,7 +183,7 @@ impl ClipTracks {
 }
 
 impl AssetTracks {
-    fn new(asset: &Asset, seed: u64, max_moving: usize) -> Self {
+    fn new(asset: &Asset, seed: u64, frames: usize, max_moving: usize) -> Self {
         let mut moving = Vec::new();
         for (instancer, source) in asset.instancers.iter().enumerate() {
             if source.motion == InstancerMotion::Free {
@@ -114,7 +202,9 @@ impl AssetTracks {
         moving.sort_by_key(|m| (m.key, m.instancer, m.instance));
         // Instances beyond the limit get no track, which bounds the memory: frames times instances would be held until the end.
         moving.truncate(max_moving);
-        let shapes = |deforms| if deforms { MorphFrames::Frames(Vec::new()) } else { MorphFrames::Still };
+        let shapes = |deforms, rest: &[Vec3]| {
+            if deforms { MorphFrames::Frames(MorphKeys::new(frames, rest)) } else { MorphFrames::Still }
+        };
         let skinned = asset.skeleton.is_some();
         Self {
             poses: Vec::new(),
@@ -123,9 +213,9 @@ impl AssetTracks {
                 .meshes
                 .iter()
                 // A mesh that has a skin is animated by its joints and needs no morph targets.
-                .map(|o| shapes(o.motion == MeshMotion::Deforming && !(skinned && o.skin.is_some())))
+                .map(|o| shapes(o.motion == MeshMotion::Deforming && !(skinned && o.skin.is_some()), &o.mesh.points))
                 .collect(),
-            curves: asset.curves.iter().map(|c| shapes(c.moving)).collect(),
+            curves: asset.curves.iter().map(|c| shapes(c.moving, &c.points)).collect(),
         }
     }
 
@@ -167,11 +257,19 @@ impl AssetTracks {
 
 impl MorphFrames {
     fn push(&mut self, shape: impl FnOnce() -> MorphShape) {
-        match self {
-            Self::Frames(list) if list.len() < MORPH_TARGETS => list.push(shape()),
-            // The shapes gathered so far are released at once.
-            Self::Frames(_) => *self = Self::TooMany,
-            Self::Still | Self::TooMany => {}
+        // The shapes gathered so far are released as soon as they do not suffice.
+        if let Self::Frames(keys) = self
+            && !keys.push(shape())
+        {
+            *self = Self::TooMany;
+        }
+    }
+
+    fn close(&mut self) {
+        if let Self::Frames(keys) = self
+            && !keys.close()
+        {
+            *self = Self::TooMany;
         }
     }
 }
@@ -185,6 +283,18 @@ impl InstanceTrack {
     /// Positions and orientations in which an instance holds its first state before it is alive, and its last one afterwards: no
     /// keys are spent on motion that is not visible.
     pub(super) fn hold_while_dead(&self) -> (Vec<Vec3>, Vec<Quat>) {
+        let frames = self.held_frames();
+        let positions = frames.iter().map(|&i| self.positions[i]).collect();
+        (positions, frames.iter().map(|&i| self.orientations[i]).collect())
+    }
+
+    /// Factors on the scale, held as the positions of [`InstanceTrack::hold_while_dead`] are.
+    pub(super) fn sizes_while_dead(&self) -> Vec<f32> {
+        self.held_frames().into_iter().map(|i| self.sizes[i]).collect()
+    }
+
+    /// For each frame the one whose state is written.
+    fn held_frames(&self) -> Vec<usize> {
         let first = self.alive.iter().position(|a| *a).unwrap_or(0);
         // Before the first live frame the index stays at that frame; after the last one it stays at the last live frame.
         let mut source = first;
@@ -195,14 +305,35 @@ impl InstanceTrack {
             }
             frames.push(source);
         }
-        let positions = frames.iter().map(|&i| self.positions[i]).collect();
-        (positions, frames.iter().map(|&i| self.orientations[i]).collect())
+        frames
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn smooth_motion_of_many_frames_is_kept_at_some_and_swaying_is_not() {
+        let shapes = |frames: usize, place: fn(f32) -> f32| {
+            let at = |i: usize| place(i as f32 / (frames - 1) as f32);
+            let rest = [Vec3::ZERO, Vec3::Y * 4.0];
+            let mut morph = MorphFrames::Frames(MorphKeys::new(frames, &rest));
+            for i in 0..frames {
+                morph.push(|| MorphShape { points: vec![Vec3::ZERO, Vec3::Y * at(i)], normals: Vec::new() });
+            }
+            morph.close();
+            match morph {
+                MorphFrames::Frames(keys) => Some(keys.frames),
+                _ => None,
+            }
+        };
+        let growth = |t: f32| 4.0 * t * t;
+        assert_eq!(shapes(20, growth).expect("kept"), (0..20).collect::<Vec<_>>());
+        let kept = shapes(120, growth).expect("kept");
+        assert!(kept.len() <= MORPH_TARGETS && kept.first() == Some(&0) && kept.last() == Some(&119), "{kept:?}");
+        assert!(shapes(120, |t| 3.0 + osier_base::math::sin_f32(90.0 * t)).is_none());
+    }
 
     #[test]
     fn the_dead_hold_their_last_state_and_the_unborn_their_first() {

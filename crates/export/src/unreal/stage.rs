@@ -154,7 +154,8 @@ fn define_parts(
     let meta = PrimMetadata { kind: Some("group"), api, ..PrimMetadata::default() };
     layer.writer.define_prim(path, "PointInstancer", &meta)?;
     let orientations = to_quath(&stage_orientations(UpAxis::Y, &instancer.rest, &[]));
-    let extent = InstancerBounds::of(instancer, UpAxis::Y).extent(&orientations, &instancer.rest.positions, &[]);
+    let extent =
+        InstancerBounds::of(instancer, UpAxis::Y).extent(&orientations, &instancer.rest.positions, &instancer.rest);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
     let mut set = |name: &str, type_name, array: UsdArray| {
         layer.set_attr(&format!("{path}.{name}"), type_name, array.into()).map(|_| ())

@@ -58,8 +58,6 @@ pub(super) struct AnimatedInstancer {
     extent: AttrHandle,
     invisible: Option<AttrHandle>,
     scales: AttrHandle,
-    /// The factors on the scales in the last sample.
-    sizes: Vec<f32>,
     velocities: VelocitySamples,
     angular: VelocitySamples,
     /// Primvars of the attributes seen so far; those of tracked instances are on their point twin.
@@ -98,7 +96,7 @@ pub(super) fn define_instancer(
     let orientations = to_quath(&before);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
     let scales = stage_scales(up, instancer, &instancer.rest);
-    let b = boxes.extent(&orientations, &up.stage_vecs(&instancer.rest.positions), &instancer.rest.alive);
+    let b = boxes.extent(&orientations, &up.stage_vecs(&instancer.rest.positions), &instancer.rest);
     let hidden = invisible_ids(instancer, &instancer.rest);
     let set = |layer: &mut LayerBuilder, name: &str, type_name, array: UsdArray| {
         layer.set_attr(&format!("{path}.{name}"), type_name, array.into())
@@ -128,7 +126,6 @@ pub(super) fn define_instancer(
         extent,
         invisible,
         scales,
-        sizes: instancer.rest.sizes.clone(),
         velocities: VelocitySamples::default(),
         angular: VelocitySamples::default(),
         primvars,
@@ -251,13 +248,12 @@ impl AnimatedPrim for AnimatedInstancer {
         self.before = stage_orientations(up, &state, &self.before);
         let orientations = to_quath(&self.before);
         let positions = up.stage_vecs(&state.positions);
-        let b = self.boxes.extent(&orientations, &positions, &state.alive);
+        let b = self.boxes.extent(&orientations, &positions, &state);
         self.clip_bounds = self.clip_bounds.union(Bounds::of(b.map(Vec3::from_array)));
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.extent, UsdArray::Float3(&b))?;
-        if state.sizes != self.sizes {
+        if !state.sizes.is_empty() {
             sample(self.scales, UsdArray::Float3(as_float3(&stage_scales(up, instancer, &state))))?;
-            self.sizes.clone_from(&state.sizes);
         }
         if let Some(invisible) = self.invisible {
             sample(invisible, UsdArray::Int64(&invisible_ids(instancer, &state)))?;
@@ -313,6 +309,7 @@ pub(super) struct PointTwin {
     primvars: Vec<Primvar>,
     /// Diameters of the living, m.
     diameters: Vec<f32>,
+    scale: AttrHandle,
 }
 
 /// Diameter of each instance: the longest side of its prototype's box, scaled.
@@ -324,7 +321,7 @@ fn diameters(instancer: &Instancer) -> Vec<f32> {
 
 /// Widths of the points: the instances' diameters, 0 for those not alive.
 fn visible_widths(diameters: &[f32], state: &InstanceState) -> Vec<f32> {
-    diameters.iter().enumerate().map(|(i, d)| if state.is_alive(i) { *d } else { 0.0 }).collect()
+    diameters.iter().enumerate().map(|(i, d)| if state.is_alive(i) { *d * state.size(i) } else { 0.0 }).collect()
 }
 
 /// Defines the point twin of an instancer in its rest state.
@@ -343,7 +340,7 @@ pub(super) fn define_point_twin(
     let points = up.stage_vecs(&instancer.rest.positions);
     let visible = visible_widths(&diameters, &instancer.rest);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
-    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.stage_scale(*s)).collect();
+    let scales = stage_scales(up, instancer, &instancer.rest);
     let b = points_extent(&points, &visible);
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.set_attr(&format!("{path}.ids"), "int64[]", UsdArray::Int64(&sequential_ids(instancer.len())).into())?;
@@ -353,7 +350,7 @@ pub(super) fn define_point_twin(
     };
     let orient = primvar(layer, "primvars:orient", "quatf[]", UsdArray::Quatf(bytemuck::cast_slice(&before)))?;
     primvar(layer, "primvars:proto", "int[]", UsdArray::Int(protos))?;
-    primvar(layer, "primvars:scale", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
+    let scale = primvar(layer, "primvars:scale", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
     let primvars = primvar::define_all(layer, path, &instancer.rest.attributes)?;
     let widths = primvar(layer, "widths", "float[]", UsdArray::Float(&visible))?;
     let points = layer.set_attr(&format!("{path}.points"), "point3f[]", UsdArray::Float3(as_float3(&points)).into())?;
@@ -369,6 +366,7 @@ pub(super) fn define_point_twin(
         before,
         primvars,
         diameters,
+        scale,
     }))
 }
 
@@ -384,6 +382,9 @@ impl AnimatedPrim for PointTwin {
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.extent, UsdArray::Float3(&b))?;
         sample(self.orient, UsdArray::Quatf(bytemuck::cast_slice(&self.before)))?;
+        if !state.sizes.is_empty() {
+            sample(self.scale, UsdArray::Float3(as_float3(&stage_scales(up, instancer, &state))))?;
+        }
         sample(self.widths, UsdArray::Float(&visible))?;
         sample(self.points, UsdArray::Float3(as_float3(&points)))?;
         let mut present = self.primvars.iter().filter(|p| p.has_values_in(&state.attributes));

@@ -6,7 +6,7 @@ use half::slice::HalfFloatSliceExt as _;
 
 use crate::up_axis::{UpAxis, extent_corners};
 use osier_base::geometry::Bounds;
-use osier_scene::{Instancer, Prototype};
+use osier_scene::{InstanceState, Instancer, Prototype};
 
 /// Instances in a block, one in each lane of a vector.
 const LANES: usize = 4;
@@ -50,8 +50,10 @@ impl InstancerBounds {
         Self { blocks: each.chunks(LANES).map(InstanceBoxLanes::of).collect() }
     }
 
-    /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w.
-    pub(crate) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], alive: &[bool]) -> [[f32; 3]; 2] {
+    /// The extent of the live instances. `turns`: orientations as they are written, x, y, z, w; `positions`: in the axes of the stage;
+    /// `state`: which are alive, and their sizes.
+    pub(crate) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], state: &InstanceState) -> [[f32; 3]; 2] {
+        let alive = &state.alive;
         // Back from half to single precision: the extent must hold for the orientations as they are stored.
         let mut rounded = vec![0.0; turns.len() * 4];
         turns.as_flattened().convert_to_f32_slice(&mut rounded);
@@ -60,6 +62,8 @@ impl InstancerBounds {
         let mut span = ExtentLanes { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3] };
         let placed = positions.chunks(LANES).zip(turns.chunks(LANES));
         for (block, (shown, (t, q))) in self.blocks.iter().zip(placed).enumerate() {
+            let resized = (!state.sizes.is_empty()).then(|| shown.resized(|l| state.size(block * LANES + l)));
+            let shown = resized.as_ref().unwrap_or(shown);
             // The last block has 1 to 4 instances; its empty lanes count as not alive.
             let n = t.len().min(q.len());
             let lives = |l: usize| shown.any[l] && l < n && alive.get(block * LANES + l) != Some(&false);
@@ -95,6 +99,12 @@ impl InstanceBoxLanes {
             reach: Vec4::from_array(std::array::from_fn(|l| lane(l).map_or(0.0, reach))),
             any: std::array::from_fn(|l| lane(l).is_some()),
         }
+    }
+
+    /// The same block with factors on the scales. `size`: of each lane.
+    fn resized(&self, size: impl Fn(usize) -> f32) -> Self {
+        let size = Vec4::from_array(std::array::from_fn(size));
+        Self { scale: self.scale.map(|v| v * size), reach: self.reach * size, ..*self }
     }
 
     /// The same block with the lanes in another order.
@@ -214,8 +224,7 @@ mod tests {
             for up in [UpAxis::Y, UpAxis::Z] {
                 let turns: Vec<[f16; 4]> =
                     it.rest.orientations.iter().map(|q| up.stage_quat(*q).to_array().map(f16::from_f32)).collect();
-                let got =
-                    InstancerBounds::of(&it, up).extent(&turns, &up.stage_vecs(&it.rest.positions), &it.rest.alive);
+                let got = InstancerBounds::of(&it, up).extent(&turns, &up.stage_vecs(&it.rest.positions), &it.rest);
                 let bits = |e: [[f32; 3]; 2]| e.map(|v| v.map(f32::to_bits));
                 assert_eq!(bits(got), bits(plainly(&it, &turns, up)), "{n} instances");
             }

@@ -14,10 +14,12 @@
 mod blade;
 mod edge_flips;
 mod maps;
+mod needles;
 mod outline;
 
 pub use blade::{BladeDetail, blade};
 pub use maps::{LeafColors, leaf_material};
+pub use needles::{NeedleSpec, needle_shoot};
 
 use osier_base::{Error, Result};
 

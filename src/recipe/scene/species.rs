@@ -1,0 +1,253 @@
+//! Files `.species` and the tables that say how a tree grows year by year: `[plants.NAME.habit]`, `.site`, `.stand`, `[[plants.NAME.prune]]`.
+
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::{
+    BooleanType, Digest, KeyInfo, KeyListing, KeyTable, NumberArray, PointList, RecipePart, StringType, TableInfo,
+    TableReader, TomlNode, TomlTable, TomlValue, ValueForm, ValueKind, ValueType, finite_number, integer, join,
+    list_table, number, outside, wrong,
+};
+use crate::recipe::syntax::{Fault, keys};
+use crate::recipe::{ReferencedFile, SpeciesRecipe};
+use osier_base::diagnostic::{Diagnostic, nearest};
+use osier_plants::grow::years::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS};
+use serde_json::json;
+
+/// Greatest length of the vector towards the brighter side of the sky: with 1 the dark side would be black.
+const MAX_SIDE: f64 = 0.95;
+/// Keys of a habit that artists change first.
+const BASIC: [&str; 8] =
+    ["apical_control", "shoot_rate", "path_max", "angle", "elevation", "clear_stem", "wander", "stems"];
+
+keys! {
+    /// Place of a tree that grows year by year: its sky, and what stands in its way.
+    SiteKeys at "plants.NAME.site" {
+        /// The sky is brighter towards this vector (length below 1).
+        side: [f64; 3] = "side" NumberArray([0.0; 3], number(0.0, -MAX_SIDE, MAX_SIDE, ""));
+        /// Geographic latitude, for `direct`.
+        latitude: f64 = "latitude" number(50.0, -90.0, 90.0, "deg");
+        /// Fraction of direct sunlight.
+        direct: f64 = "direct" number(0.0, 0.0, 0.8, "");
+        /// Whether the scene's `[[solid]]`s shade it and stop its shoots.
+        solids: bool = "solids" BooleanType(false);
+    }
+    /// Unseen neighbours of a tree: a ring of leaves that shades it, for trees grown in a forest.
+    StandKeys at "plants.NAME.stand" {
+        /// Inner radius of the ring.
+        radius: f64 = "radius" number(4.0, 0.5, 100.0, "m");
+        /// Leaf area in a cubic metre.
+        density: f64 = "density" number(0.5, 0.0, 10.0, "m2/m3");
+        /// Year in which the neighbours are felled.
+        until: f64 = "until" number(500.0, 0.0, 500.0, "yr");
+    }
+    /// A cut: what lies outside of a box or a solid is cut off at the start of a year.
+    PruneKeys at "plants.NAME.prune" {
+        /// First year.
+        year: u32 = "year" integer(10, 1, 500);
+        /// Years from one cut to the next; 0 cuts once.
+        every: u32 = "every" integer(0, 0, 500);
+        /// Last year in which it may repeat.
+        until: u32 = "until" integer(500, 1, 500);
+        /// Two opposite corners of the box that stays, from the base of the tree.
+        keep: Vec<[f64; 3]> = "keep" PointList;
+        /// Name of the `[[solid]]` that stays instead of a box.
+        solid: String = "solid" StringType("");
+    }
+}
+
+/// The habit of a species: the keys are those of [`HABIT_KEYS`], so that the growth of years is the only home of their ranges and
+/// defaults.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HabitKeys {
+    /// All parameters.
+    pub habit: Habit,
+}
+
+/// What a key of a habit accepts.
+struct HabitValue<'a>(&'a HabitKey);
+
+impl HabitValue<'_> {
+    fn defaults(&self) -> Vec<f64> {
+        let mut values: Vec<f64> = self.0.values(&Habit::default()).iter().map(|v| shortest(*v)).collect();
+        // The last value of a list by order repeats.
+        while self.0.arity == Arity::PerOrder
+            && values.len() > 1
+            && values[values.len() - 2..].windows(2).all(|w| w[0].to_bits() == w[1].to_bits())
+        {
+            values.pop();
+        }
+        values
+    }
+
+    fn range(&self) -> String {
+        let unit = if self.0.unit.is_empty() { String::new() } else { format!(" {}", self.0.unit) };
+        format!("{} to {}{unit}", self.0.min, self.0.max)
+    }
+}
+
+/// The shortest decimal number that is this value in single precision.
+fn shortest(v: f32) -> f64 {
+    v.to_string().parse().unwrap_or_else(|_| v.into())
+}
+
+impl ValueType for HabitValue<'_> {
+    type Value = Option<Vec<f64>>;
+    fn fallback(&self) -> Self::Value {
+        None
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        let key = self.0;
+        let one = |n: &TomlNode| {
+            let v = finite_number(name, n)?;
+            if (key.min..=key.max).contains(&v) { Ok(v) } else { Err(outside(name, n, &v.to_string(), &self.range())) }
+        };
+        let most = match key.arity {
+            Arity::One => 1,
+            Arity::Two => 2,
+            Arity::PerOrder => ORDERS,
+        };
+        let least = if key.arity == Arity::Two { 2 } else { 1 };
+        match &node.value {
+            TomlValue::List(list) if key.arity != Arity::One => {
+                if !(least..=most).contains(&list.len()) {
+                    let wanted = if least == most { "two numbers" } else { "one to six numbers" };
+                    let text = format!("{name} has {} numbers, but must have {wanted}", list.len());
+                    let d = Diagnostic::error("S003", text, node.span, wanted);
+                    return Err(Box::new(d.help("write one number for each order of axes; the last one repeats")));
+                }
+                list.iter().map(one).collect::<Result<_, _>>().map(Some)
+            }
+            TomlValue::List(_) => Err(wrong(name, node, "a number")),
+            _ if key.arity == Arity::Two => Err(wrong(name, node, "a list of 2 numbers")),
+            _ => Ok(Some(vec![one(node)?])),
+        }
+    }
+    fn listing(&self) -> KeyListing {
+        let (key, defaults) = (self.0, self.defaults());
+        let list = defaults.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+        let (accepts, default, kind, value) = match key.arity {
+            Arity::One => ("number", list, ValueKind::Number, json!(defaults[0])),
+            Arity::Two => ("2 numbers", format!("[{list}]"), ValueKind::Vector, json!(defaults)),
+            Arity::PerOrder => ("numbers by order of axes", format!("[{list}]"), ValueKind::List, json!(defaults)),
+        };
+        let length = if key.arity == Arity::Two { 2 } else { 0 };
+        let form = ValueForm { length, ..ValueForm::new(kind, value).within(key.min, key.max) };
+        KeyListing { accepts: format!("{accepts}, {}", self.range()), default, unit: key.unit, form }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.iter().flatten().for_each(|v| v.digest(hasher));
+    }
+}
+
+impl KeyTable for HabitKeys {
+    const PATH: &'static str = "plants.NAME.habit";
+    const ALSO: &'static [&'static str] = &[];
+    fn about() -> String {
+        "Growth of a species year by year, over the values of the plant's `.species` file. Lists have one number for each order of \
+         axes, from the trunk on; the last one repeats."
+            .to_owned()
+    }
+    fn keys() -> Vec<KeyInfo> {
+        let info = |key: &HabitKey| KeyInfo {
+            name: key.name,
+            help: key.help.to_owned(),
+            basic: BASIC.contains(&key.name),
+            listing: HabitValue(key).listing(),
+        };
+        HABIT_KEYS.iter().map(info).collect()
+    }
+    fn read_keys(reader: &mut TableReader<'_>) -> Self {
+        let mut habit = Habit::default();
+        for key in HABIT_KEYS {
+            if let Some(values) = reader.key(key.name, &HabitValue(key)) {
+                // Names, counts and ranges have been checked.
+                _ = habit.set(key.name, &values);
+            }
+        }
+        Self { habit }
+    }
+}
+
+impl Digest for HabitKeys {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        HABIT_KEYS.iter().flat_map(|key| key.values(&self.habit)).for_each(|v| v.to_bits().digest(hasher));
+    }
+}
+
+impl RecipePart for HabitKeys {
+    fn list(tables: &mut Vec<TableInfo>) {
+        list_table::<Self>(tables);
+    }
+}
+
+impl Resolver<'_> {
+    /// A species from its file, with the tables of a plant laid over it. `age`: of the plant, if it names one.
+    pub(in crate::recipe) fn species_recipe(
+        &mut self,
+        file: &ReferencedFile,
+        plant: &TomlTable,
+        path: &str,
+        age: Option<f64>,
+    ) -> Option<SpeciesRecipe> {
+        let mut own = self.parse_file(file)?;
+        // The file holds the habit, and the neighbours of a species that grows in stands.
+        let stand_of_file = own.entries.iter().position(|e| e.key == "stand").map(|i| own.entries.remove(i));
+        let habit_path = join(path, "habit");
+        let merged = self.laid_over(own, plant, path, "habit");
+        let habit: super::HabitKeys = self.read_keys(&merged, &habit_path);
+        if let Err(e) = habit.habit.check() {
+            let span = span_of(plant, &["habit"]).unwrap_or(self.whole);
+            let d = Diagnostic::error("S003", e.to_string(), span, "contradictory keys");
+            self.report.push(d.help("`osier list options plants.NAME.habit` shows every key"));
+        }
+        let stand = match (stand_of_file, plant.get("stand").is_some()) {
+            (None, false) => None,
+            (file, _) => {
+                let table = file.and_then(|e| if let TomlValue::Table(t) = e.node.value { Some(t) } else { None });
+                let merged = self.laid_over(table.unwrap_or_default(), plant, path, "stand");
+                Some(self.read_keys(&merged, &join(path, "stand")))
+            }
+        };
+        let site: SiteKeys = self.section_at(plant, path, "site");
+        let side = site.side.iter().map(|v| v * v).sum::<f64>();
+        if side > MAX_SIDE * MAX_SIDE {
+            let span = span_of(plant, &["site", "side"]).unwrap_or(self.whole);
+            let d = Diagnostic::error("S003", format!("{path}.site.side is too long"), span, "too long");
+            self.report.push(d.help(format!("give it a length of at most {MAX_SIDE}")));
+        }
+        let prunes = self.prunes(plant, path);
+        let age = age.unwrap_or_else(|| shortest(habit.habit.age));
+        Some(SpeciesRecipe { habit, site, stand, prunes, age })
+    }
+
+    fn prunes(&mut self, plant: &TomlTable, path: &str) -> Vec<PruneKeys> {
+        let Some(entry) = plant.get("prune") else { return Vec::new() };
+        let TomlValue::List(list) = &entry.node.value else {
+            self.report.push(*wrong(&join(path, "prune"), &entry.node, "a list: write [[plants.NAME.prune]]"));
+            return Vec::new();
+        };
+        let mut prunes = Vec::new();
+        for (i, node) in list.iter().enumerate() {
+            let path = format!("{path}.prune.{i}");
+            let TomlValue::Table(table) = &node.value else {
+                self.report.push(*wrong(&path, node, "a table"));
+                continue;
+            };
+            let keys = self.read_keys::<PruneKeys>(table, &path);
+            if keys.solid.is_empty() && keys.keep.len() != 2 {
+                let d = Diagnostic::error("S003", format!("[{path}] keeps nothing"), node.span, "no box");
+                self.report
+                    .push(d.help("add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\""));
+            } else if !keys.solid.is_empty() && !self.solid_names.contains(&keys.solid) {
+                let text = format!("[{path}] names the solid \"{}\", which the scene does not have", keys.solid);
+                let d = Diagnostic::error("S005", text, node.span, "unknown solid");
+                self.report.push(match nearest(&keys.solid, self.solid_names.iter().map(String::as_str)) {
+                    Some(near) => d.help(format!("did you mean \"{near}\"?")),
+                    None => d.help("give a [[solid]] this name"),
+                });
+            } else {
+                prunes.push(keys);
+            }
+        }
+        prunes
+    }
+}
