@@ -21,6 +21,7 @@ mod gltf_codes;
 mod gltf_engine;
 mod golden;
 mod grammar;
+mod grown_trees;
 mod import_files;
 mod kept_leaves;
 mod manifest;

@@ -160,9 +160,11 @@ impl Tree {
     pub fn let_fall(&mut self) {
         let linger = self.habit.linger;
         let year = self.year as f32;
+        // The stems of a dead tree stay.
+        let some_stem_lives = (0..self.nodes.len()).any(|i| self.nodes.parent[i] == NONE && self.nodes.lives(i));
         for i in 0..self.nodes.len() {
             let nodes = &mut self.nodes;
-            if nodes.flags[i] & flag::FALLEN != 0 {
+            if nodes.flags[i] & flag::FALLEN != 0 || nodes.parent[i] == NONE && !some_stem_lives {
                 continue;
             }
             let parent = nodes.parent[i] as usize;

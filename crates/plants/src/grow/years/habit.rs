@@ -202,8 +202,7 @@ habit! {
 impl Habit {
     /// Sets a parameter by name.
     /// # Errors
-    /// S002 for an unknown name, S003 for a wrong number of values or a `maturity` that does not increase, `Range` for a value
-    /// outside the key's range, S003 for whorls together with opposite buds.
+    /// S002 for an unknown name, S003 for a wrong number of values, `Range` for a value outside the key's range.
     pub fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
         let Some(key) = HABIT_KEYS.iter().find(|k| k.name == name) else {
             return Err(Error::input("S002", format!("a habit has no key \"{name}\"")));
@@ -229,17 +228,21 @@ impl Habit {
         Ok(())
     }
 
-    /// Checks what no range of one key can hold.
-    /// # Errors
-    /// S003 if `maturity` does not increase, or for whorls together with opposite buds.
-    pub fn check(&self) -> Result<()> {
+    /// What contradicts itself though each key is in its range: `maturity` that does not increase, whorls together with opposite
+    /// buds.
+    pub fn contradiction(&self) -> Option<&'static str> {
         if self.maturity[0] >= self.maturity[1] {
-            return Err(Error::input("S003", "maturity must be two increasing years"));
+            return Some("maturity must be two increasing years");
         }
-        if self.buds > 1.5 && self.whorl.iter().any(|w| *w > 0.0) {
-            return Err(Error::input("S003", "whorl and buds = 2 exclude each other"));
-        }
-        Ok(())
+        let whorled = self.whorl.iter().any(|w| *w > 0.0);
+        (self.buds > 1.5 && whorled).then_some("whorl and buds = 2 exclude each other")
+    }
+
+    /// Refuses a habit that contradicts itself.
+    /// # Errors
+    /// S003 with its [`contradiction`](Self::contradiction).
+    pub fn check(&self) -> Result<()> {
+        self.contradiction().map_or(Ok(()), |why| Err(Error::input("S003", why)))
     }
 
     /// Number of orders of axes.

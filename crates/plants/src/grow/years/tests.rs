@@ -320,13 +320,14 @@ fn hard_cases_end_without_faults() {
     let cut = TreeSpec { prunes: vec![prune], ..spec(12.0) };
     let dense = Neighbours { radius: 0.0, density: 40.0, until: 99.0 };
     let dark = TreeSpec { neighbours: Some(dense), ..spec(20.0) };
-    let trees = [bush, spec(0.1), cut, dark].map(|spec| grow_one(&spec));
+    let dark_bush = TreeSpec { neighbours: Some(dense), age: 14.0, ..bush.clone() };
+    let trees = [bush, spec(0.1), cut, dark, dark_bush].map(|spec| grow_one(&spec));
     assert!(trees[0].measures().nodes > 500);
     assert!(trees[2].measures().height < 0.1, "{:?}", trees[2].measures());
     for tree in &trees {
         let nodes = &tree.tree.nodes;
         assert!(nodes.p.iter().all(|p| p.is_finite()) && nodes.r.iter().all(|r| *r > 0.0 && r.is_finite()));
-        plant_of(tree, None);
+        assert!(!plant_of(tree, None).axes.is_empty());
     }
 }
 

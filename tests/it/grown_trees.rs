@@ -1,0 +1,183 @@
+//! Trees that grow year by year, through scenes: species, ages, places, neighbours, cuts, wind, and what they complain of.
+#![allow(clippy::expect_used, reason = "tests fail loudly")]
+
+use glam::Vec3;
+use osier::bake::BakeContext;
+use osier::bake::scene::{self, AssembledScene, SceneOptions};
+use osier::limits::Limits;
+use osier::presets::PRESETS;
+use osier::progress::{Cancel, Silent};
+use osier::recipe::{Growth, Recipe, Request, resolve};
+use osier::scene::Asset;
+
+use crate::common::grown;
+
+fn request(text: &str) -> Request {
+    Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() }
+}
+
+fn recipe(text: &str) -> Recipe {
+    let mut recipe = resolve(&request(text)).unwrap_or_else(|e| panic!("{e}")).0;
+    grown::small(&mut recipe);
+    recipe
+}
+
+fn assembled(text: &str) -> AssembledScene {
+    grown::stage(&recipe(text), SceneOptions::default())
+}
+
+/// The plants of a scene, in the order of their places.
+fn trees(text: &str) -> Vec<Asset> {
+    assembled(text).animated.scene.assets.iter().filter(|a| a.group == "a").cloned().collect()
+}
+
+/// What resolving and assembling a scene complains of.
+fn complaint(text: &str) -> String {
+    let recipe = match resolve(&request(text)) {
+        Ok((recipe, report)) if report.diagnostics.is_empty() => recipe,
+        Ok((_, report)) => return format!("{}", osier::Error::Input(Box::new(report))),
+        Err(e) => return e.to_string(),
+    };
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    scene::assemble_scene(&recipe, SceneOptions::default(), &work).map_or_else(|e| e.to_string(), |_| String::new())
+}
+
+/// Points of a tree's bark, in its own space.
+fn wood(tree: &Asset) -> impl Iterator<Item = Vec3> {
+    tree.meshes.iter().flat_map(|m| m.mesh.points.iter().copied())
+}
+
+fn height(tree: &Asset) -> f32 {
+    wood(tree).fold(0.0, |h, p| p.y.max(h))
+}
+
+fn middle(tree: &Asset) -> Vec3 {
+    wood(tree).sum::<Vec3>() / wood(tree).count() as f32
+}
+
+fn leaves(tree: &Asset) -> usize {
+    tree.instancers.iter().map(|i| i.rest.positions.len()).sum()
+}
+
+#[test]
+fn every_species_resolves_and_grows_taller_with_its_age() {
+    for preset in PRESETS.iter().filter(|p| p.name.ends_with(".species")) {
+        let name = preset.name.trim_end_matches(".species");
+        let at = |age: f64| trees(&format!("[plants.a]\nspecies = \"{preset}\"\nage = {age}\n", preset = preset.name));
+        let (young, older) = (at(3.0), at(6.5));
+        assert!(height(&older[0]) > height(&young[0]), "{name}");
+        assert!(leaves(&older[0]) > 0, "{name} bears leaves");
+    }
+}
+
+#[test]
+fn the_tables_of_a_scene_are_laid_over_those_of_a_species() {
+    let text = "[plants.a]\nspecies = \"pine.species\"\n[plants.a.habit]\nclear_stem = 3.5\nshoot_rate = [0.4, 0.2]\n\
+                [plants.a.stand]\nradius = 5\n";
+    let recipe = recipe(text);
+    let Growth::Species(species) = &recipe.plants[0].growth else { panic!("a species") };
+    let habit = &species.habit.habit;
+    assert!((habit.clear_stem - 3.5).abs() < 1e-6 && (habit.shoot_rate[5] - 0.2).abs() < 1e-6);
+    assert!((habit.height_max - 21.0).abs() < 1e-6, "that of the table");
+    let stand = species.stand.as_ref().expect("neighbours");
+    assert!((stand.radius - 5.0).abs() < 1e-9 && (stand.until - 50.0).abs() < 1e-9);
+    assert!((species.age - 110.0).abs() < 1e-9);
+}
+
+#[test]
+fn trees_that_grow_together_share_the_light() {
+    let pair = |seed: u32, together: bool| {
+        let place = |x: f32| format!("[[place]]\nplant = \"a\"\nat = [{x}, 0, 0]\ntogether = {together}\n");
+        let plant = format!("seed = {seed}\n[plants.a]\nspecies = \"oak.species\"\nage = 22\n");
+        trees(&format!("{plant}{}{}", place(-1.2), place(1.2)))
+    };
+    // How far both crowns move apart, over some individuals: each differs in more than the light.
+    let apart = |seed: u32| {
+        let (together, alone) = (pair(seed, true), pair(seed, false));
+        let shift = |i: usize| middle(&together[i]).x - middle(&alone[i]).x;
+        shift(1) - shift(0)
+    };
+    let mean = (1..=6).map(apart).sum::<f32>() / 6.0;
+    assert!(mean > 0.3, "{mean}");
+}
+
+#[test]
+fn neighbours_draw_a_tree_up() {
+    let at = |stand: &str| trees(&format!("[plants.a]\nspecies = \"oak.species\"\nage = 22\n{stand}"));
+    let (open, shaded) = (at(""), at("[plants.a.stand]\nradius = 1.5\ndensity = 0.6\n"));
+    let width = |tree: &Asset| wood(tree).fold(0.0_f32, |w, p| w.max(p.x.abs()));
+    assert!(width(&shaded[0]) < width(&open[0]), "{} {}", width(&shaded[0]), width(&open[0]));
+}
+
+#[test]
+fn a_hedge_keeps_to_its_box() {
+    let text = "[plants.a]\nspecies = \"beech.species\"\nage = 16\n[plants.a.habit]\nclear_stem = 0.1\nepicormic = 1\n\
+                [[plants.a.prune]]\nyear = 6\nevery = 1\nkeep = [[-1, -1, -1], [1, 1.5, 1]]\n";
+    let hedge = &trees(text)[0];
+    assert!(height(hedge) < 2.6, "one year's growth beyond the box: {}", height(hedge));
+    assert!(leaves(hedge) > 50, "{}", leaves(hedge));
+}
+
+#[test]
+fn a_wall_stops_shoots() {
+    let at = |solids: bool| {
+        let text = format!(
+            "[plants.a]\nspecies = \"oak.species\"\nage = 24\n[plants.a.site]\nsolids = {solids}\n[[solid]]\nname = \"wall\"\n\
+             at = [1.4, 0, 0]\nsize = [0.4, 14, 14]\n"
+        );
+        trees(&text)
+    };
+    let (free, walled) = (at(false), at(true));
+    let beyond = |tree: &Asset| wood(tree).filter(|p| p.x > 1.3).count() as f32 / wood(tree).count() as f32;
+    assert!(beyond(&free[0]) > 0.05, "{}", beyond(&free[0]));
+    assert!(beyond(&walled[0]) < 0.01, "{}", beyond(&walled[0]));
+}
+
+#[test]
+fn a_grown_tree_sways() {
+    let text = "[plants.a]\nspecies = \"birch.species\"\nage = 12\n[frames]\nend = 24\n[wind]\nspeed = 6\n";
+    let scene = assembled(text);
+    let moving = scene.animated.motions.iter().filter(|m| m.is_some()).count();
+    assert_eq!(moving, 1, "one tree moves");
+    let frame = |n| {
+        osier::bake::motion::evaluate_frame(&scene.animated.scene, &scene.animated.motions, n, false).expect("a frame")
+    };
+    let (first, later) = (frame(2), frame(12));
+    assert!(format!("{:?}", first.assets) != format!("{:?}", later.assets), "its pose changes");
+}
+
+#[test]
+fn the_same_scene_grows_the_same_trees() {
+    let text = "[plants.a]\nspecies = \"hazel.species\"\nage = 9\n[[place]]\nplant = \"a\"\ncount = 3\nradius = 2\ntogether = true\n";
+    let points = |tree: &Asset| -> Vec<[u32; 3]> { wood(tree).map(|p| p.to_array().map(f32::to_bits)).collect() };
+    let (one, two) = (trees(text), trees(text));
+    assert_eq!(one.len(), 3);
+    for (a, b) in one.iter().zip(&two) {
+        assert!(points(a) == points(b));
+    }
+    assert!(points(&one[0]) != points(&one[1]), "no two alike");
+}
+
+#[test]
+fn faults_name_the_key_and_the_remedy() {
+    let species = "[plants.a]\nspecies = \"oak.species\"\nage = 5\n";
+    for (text, wanted) in [
+        ("[plants.a]\nspecies = \"ok.species\"\n".to_owned(), "\"ok.species\" is not found"),
+        (format!("{species}[plants.a.habit]\nshed = 11\n"), "plants.a.habit.shed is 11"),
+        (format!("{species}[plants.a.habit]\nmaturity = [9, 3]\n"), "maturity must be two increasing years"),
+        (format!("{species}[plants.a.habit]\nshads = 1\n"), "has no key \"shads\""),
+        (format!("{species}[plants.a.site]\nside = [0.8, 0.8, 0]\n"), "side is too long"),
+        (format!("{species}[[plants.a.prune]]\nyear = 3\n"), "keeps nothing"),
+        (format!("{species}[[plants.a.prune]]\nsolid = \"wall\"\n"), "names the solid \"wall\""),
+        (
+            format!(
+                "{species}[plants.a.site]\nsolids = true\n[[solid]]\nname = \"w\"\nat = [3, 0, 0]\n[[place]]\nplant = \"a\"\n\
+                 count = 5\nindividuals = 1\n"
+            ),
+            "copies of it share an individual",
+        ),
+    ] {
+        let found = complaint(&text);
+        assert!(found.contains(wanted), "{text}\n{found}");
+    }
+}
