@@ -14,8 +14,9 @@ const LINGER_RADIUS: f32 = 0.02;
 const LINGER_MAX: f32 = 1.5;
 /// Year from which everything low is taken away with the branches of the stem.
 const LIFT_ALL_YEAR: u32 = 8;
-/// Height below which everything is taken away, as a share of the clear stem: drawn for each axis, so that no crown ends level.
-const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.2];
+/// Least and greatest height below which everything is taken away, as a share of the clear stem: drawn for each axis, low ones
+/// more often, so that no crown ends level.
+const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.9];
 /// Length of the axis below a dead tip in which a side axis may become the leader, m.
 const SUCCESSION_REACH: f32 = 2.0;
 /// Most dormant buds of a node.
@@ -153,7 +154,8 @@ impl Tree {
 
     /// Height below which an axis is taken away, as a share of the clear stem.
     fn lift_share(&self, axis_id: u64) -> f32 {
-        narrow(self.draw(axis_id, Purpose::Lift).range(LIFT_ALL_SHARE[0], LIFT_ALL_SHARE[1]))
+        let u = self.draw(axis_id, Purpose::Lift).unit_f64();
+        narrow(LIFT_ALL_SHARE[0] + (LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * u * u)
     }
 
     /// Passes death on to what stands on the dead, and lets dead wood fall.
