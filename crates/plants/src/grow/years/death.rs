@@ -29,6 +29,8 @@ const WAKE_AT_CUT: u8 = 6;
 const WAKE_LOSS: f32 = 0.5;
 /// Gain of light at which dormant buds wake.
 const WAKE_LIGHT: f32 = 0.3;
+/// Years from one look at the light of dormant buds to the next: crowns open slowly, and the buds are on most of the wood.
+const LOOK_YEARS: u32 = 3;
 /// First number of a woken bud at its node; smaller ones are those of its shoot.
 const FIRST_WOKEN: u8 = 16;
 /// Buds that may wake at a node in its life: their numbers end at 63.
@@ -258,6 +260,11 @@ impl Tree {
         }
     }
 
+    /// Whether the light of dormant buds is looked at in a year.
+    pub fn looks_at_dormant_buds(&self, year: u32) -> bool {
+        self.habit.epicormic > 0.0 && year.is_multiple_of(LOOK_YEARS)
+    }
+
     /// Wakes dormant buds where a subtree lost more than half of its light, or where it became lighter.
     pub fn wake_buds(&mut self, field: &LightField, season: &Season) {
         if self.habit.epicormic <= 0.0 {
@@ -266,7 +273,9 @@ impl Tree {
         let losses = std::mem::take(&mut self.losses);
         let mut woken = vec![0_u8; self.nodes.len()];
         self.wake_at_losses(&losses, season, &mut woken);
-        self.wake_in_light(field, season, &mut woken);
+        if self.looks_at_dormant_buds(season.year) {
+            self.wake_in_light(field, season, &mut woken);
+        }
         self.losses = losses;
         self.losses.clear();
     }
