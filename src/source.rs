@@ -45,7 +45,7 @@ enum TableUse {
     Picture,
 }
 
-/// The request for the scene of a source: a scene (`.toml`), a grammar (`.l`), particle-shapes (`.shapes`), a coefficient table
+/// The request for the scene of a source: a scene (`.toml`), a grammar (`.l`), particle-shapes (`.shapes`), a species (`.species`), a coefficient table
 /// (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or without ending. All but a scene become a scene of their own.
 /// # Errors
 /// `Io` if the source cannot be read, `Input` if it is neither scene nor grammar nor table.
@@ -97,7 +97,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     // Read the file before its folder is opened for references: of a path that does not exist, the
     // file is reported.
     let bytes = files::read_input(path, options.limits.get("text-bytes"))?;
-    if path.extension() == Some(OsStr::new("l")) || path.extension() == Some(OsStr::new("shapes")) {
+    if ["l", "shapes", "species"].iter().any(|e| path.extension() == Some(OsStr::new(e))) {
         return Ok(Request {
             library: Library::new(path, search)?,
             ..plant_request(&file_stem(path), &file_name(path))
@@ -150,9 +150,13 @@ fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, 
     }
 }
 
-/// The request for a scene of one plant of a grammar or of particle-shapes.
+/// The request for a scene of one plant of a grammar, of particle-shapes or of a species.
 fn plant_request(name: &str, file: &str) -> Request {
-    if file.ends_with(".shapes") { Request::shapes(name, file) } else { Request::bare(name, file) }
+    match file.rsplit_once('.').map_or("", |parts| parts.1) {
+        "shapes" => Request::shapes(name, file),
+        "species" => Request::species(name, file),
+        _ => Request::bare(name, file),
+    }
 }
 
 /// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.
@@ -165,7 +169,7 @@ fn is_coefficient_table(path: &Path, bytes: &[u8]) -> bool {
 
 /// The request for a preset: `oak` is the scene `oak.toml`, else the grammar `oak.l` and so on; an ending picks one.
 fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
-    let endings = ["", ".toml", ".l", ".shapes", ".ifs.toml", ".ifs"];
+    let endings = ["", ".toml", ".l", ".shapes", ".species", ".ifs.toml", ".ifs"];
     let Some(preset) = endings.iter().find_map(|e| presets::find(&format!("{name}{e}"))) else {
         if Path::new(name).is_dir() {
             return Err(folder_error(name));
@@ -178,7 +182,7 @@ fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Resu
         return Err(Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint)));
     };
     let stem = preset.name.split('.').next().unwrap_or(preset.name);
-    if preset.name.ends_with(".l") || preset.name.ends_with(".shapes") {
+    if [".l", ".shapes", ".species"].iter().any(|e| preset.name.ends_with(e)) {
         return Ok(plant_request(stem, preset.name));
     }
     if preset.name.contains(".ifs") {

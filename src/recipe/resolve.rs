@@ -50,23 +50,24 @@ pub enum SingleSource {
 impl Request {
     /// A scene of nothing but one plant grown by a grammar file. `name`: the plant; `reference`: the grammar.
     pub fn bare(name: &str, reference: &str) -> Self {
-        let plant = toml::Value::String(name.to_owned()).to_string();
-        let file = toml::Value::String(reference.to_owned()).to_string();
-        let text = format!("[plants.{plant}]\ngrammar = {file}\n[ground]\nshow = false\n");
-        Self {
-            name: name.into(),
-            shown: reference.into(),
-            text,
-            bare: Some(SingleSource::Plant(name.into())),
-            ..Self::default()
-        }
+        Self::single_plant(name, "grammar", reference)
     }
 
     /// A scene of nothing but one plant of particle-shapes. `name`: the plant; `reference`: the file.
     pub fn shapes(name: &str, reference: &str) -> Self {
+        Self::single_plant(name, "shapes", reference)
+    }
+
+    /// A scene of nothing but one tree that grows year by year. `name`: the plant; `reference`: the file of its species.
+    pub fn species(name: &str, reference: &str) -> Self {
+        Self::single_plant(name, "species", reference)
+    }
+
+    /// A scene of nothing but one plant. `key`: what names the file that it grows from.
+    fn single_plant(name: &str, key: &str, reference: &str) -> Self {
         let plant = toml::Value::String(name.to_owned()).to_string();
         let file = toml::Value::String(reference.to_owned()).to_string();
-        let text = format!("[plants.{plant}]\nshapes = {file}\n[ground]\nshow = false\n");
+        let text = format!("[plants.{plant}]\n{key} = {file}\n[ground]\nshow = false\n");
         let bare = Some(SingleSource::Plant(name.into()));
         Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
     }
@@ -82,11 +83,7 @@ impl Request {
 
     /// A scene of nothing but one tree of a coefficient table. `name`: the plant; `reference`: the table.
     pub fn tree(name: &str, reference: &str) -> Self {
-        let plant = toml::Value::String(name.to_owned()).to_string();
-        let file = toml::Value::String(reference.to_owned()).to_string();
-        let text = format!("[plants.{plant}]\nifs = {file}\n[ground]\nshow = false\n");
-        let bare = Some(SingleSource::Plant(name.into()));
-        Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
+        Self::single_plant(name, "ifs", reference)
     }
 }
 

@@ -7,12 +7,13 @@ use osier::recipe::{Request, TableInfo, options, resolve};
 use serde_json::Value;
 
 /// Tables of which a scene has a list.
-const LISTS: [&str; 12] = [
+const LISTS: [&str; 13] = [
     "clouds.NAME.morph.key",
     "flight.zone",
     "layer",
     "output.wind.slice",
     "place",
+    "plants.NAME.prune",
     "rain.lying",
     "rod",
     "rod.clamp",
@@ -32,6 +33,7 @@ fn scene(table: &TableInfo, line: &str) -> String {
         "plants.NAME.tree" => "ifs = \"monopodial.ifs.toml\"",
         "plants.NAME.import" => "mesh = \"young-tree.obj\"",
         path if path.starts_with("plants.NAME.growth") => "shapes = \"bush.shapes\"",
+        "plants.NAME.habit" | "plants.NAME.site" | "plants.NAME.stand" | "plants.NAME.prune" => "species = \"hazel\"",
         _ => "grammar = \"oak.l\"",
     };
     if let Some((path, around)) = INLINE.iter().find(|(path, _)| *path == table.path) {

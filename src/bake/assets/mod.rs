@@ -18,5 +18,5 @@ pub(crate) mod rigged_plant;
 pub(crate) mod segments;
 pub mod shape_growth;
 pub mod skin_options;
-pub(crate) mod species_growth;
+pub mod species_growth;
 pub(crate) mod terrain;

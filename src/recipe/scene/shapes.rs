@@ -112,7 +112,7 @@ keys! {
         /// Random walk of the target direction: 0 is straight.
         wander: Vec<f64> = "wander" NumbersByLevel(&[0.05, 0.15, 0.25, 0.3], number(0.1, 0.0, 3.0, "t^-1/2")), basic;
         /// Twist: rotation of velocity and frame about the direction of growth.
-        twist: Vec<f64> = "twist" NumbersByLevel(&[0.1, 0.2, 0.0], number(0.0, -30.0, 30.0, "rad/t")), basic;
+        twist: Vec<f64> = "twist" NumbersByLevel(&[0.1, 0.2, 0.0], number(0.0, -30.0, 30.0, "rad/t"));
         /// Coiling: rotation of the target direction about the direction at the start.
         coil: Vec<f64> = "coil" NumbersByLevel(&[0.0], number(0.0, -30.0, 30.0, "rad/t"));
         /// Angle between both directions on a coiling axis.
@@ -120,7 +120,7 @@ keys! {
         /// Downward acceleration, which increases with the length grown; negative values rise.
         gravity: Vec<f64> = "gravity" NumbersByLevel(&[0.02, 0.1, 0.2, 0.1], number(0.0, -5.0, 5.0, "m/t^2")), basic;
         /// Rate at which growth turns upwards; negative values turn downwards.
-        up: Vec<f64> = "up" NumbersByLevel(&[0.1, 0.15, 0.1, 0.0], number(0.0, -5.0, 5.0, "1/t")), basic;
+        up: Vec<f64> = "up" NumbersByLevel(&[0.1, 0.15, 0.1, 0.0], number(0.0, -5.0, 5.0, "1/t"));
         /// Rate at which growth turns out of the plant's own shade.
         light: Vec<f64> = "light" NumbersByLevel(&[0.0], number(0.0, -5.0, 5.0, "1/t"));
         /// Rate at which growth turns towards points spread in the envelope.
@@ -134,13 +134,13 @@ keys! {
         /// Standard deviation of the logarithm of that distance.
         spacing_sigma: f64 = "spacing_sigma" number(0.3, 0.0, 1.0, "");
         /// Fraction of an axis that bears no branches at its base.
-        base: Vec<f64> = "base" NumbersByLevel(&[0.25, 0.1, 0.05], number(0.0, 0.0, 1.0, "")), basic;
+        base: Vec<f64> = "base" NumbersByLevel(&[0.25, 0.1, 0.05], number(0.0, 0.0, 1.0, ""));
         /// Fraction of buds that do not grow.
         dormancy: f64 = "dormancy" number(0.15, 0.0, 1.0, "");
         /// Buds at a site: 1 alternate, 2 opposite, 3 to 5 whorled.
         buds: u32 = "buds" integer(1, 1, 5);
         /// Angle between an axis and its branches.
-        angle: Vec<f64> = "angle_deg" NumbersByLevel(&[55.0, 45.0, 45.0], degrees(45.0, 0.0, 175.0)), basic;
+        angle: Vec<f64> = "angle_deg" NumbersByLevel(&[55.0, 45.0, 45.0], degrees(45.0, 0.0, 175.0));
         /// Standard deviation of that angle.
         angle_var: f64 = "angle_var_deg" degrees(5.0, 0.0, 60.0);
         /// Standard deviation of the azimuth of a bud.
@@ -180,7 +180,7 @@ keys! {
         /// With radii = "cone": ratios of top to bottom radius of an internode, each with its weight.
         ratios: Vec<[f64; 2]> = "ratios" RisingPairs(number(0.0, 1e-3, 1e3, ""));
         /// Width of the blade that each axis is, instead of a round tube.
-        blade_width: Option<f64> = "blade_width" OptionalKey(number(0.004, 1e-4, 1.0, "m"), "round tubes"), basic;
+        blade_width: Option<f64> = "blade_width" OptionalKey(number(0.004, 1e-4, 1.0, "m"), "round tubes");
         /// Distance between leaves; 0 for none.
         leaf_spacing: f64 = "leaf_spacing" number(0.02, 0.0, 10.0, "m"), basic;
         /// Axes below the last level bear leaves where they are thinner than this.

@@ -15,8 +15,7 @@ use serde_json::json;
 /// Greatest length of the vector towards the brighter side of the sky: with 1 the dark side would be black.
 const MAX_SIDE: f64 = 0.95;
 /// Keys of a habit that artists change first.
-const BASIC: [&str; 8] =
-    ["apical_control", "shoot_rate", "path_max", "angle", "elevation", "clear_stem", "wander", "stems"];
+const BASIC: [&str; 6] = ["apical_control", "shoot_rate", "path_max", "angle", "elevation", "clear_stem"];
 
 keys! {
     /// Place of a tree that grows year by year: its sky, and what stands in its way.
@@ -234,7 +233,7 @@ impl Resolver<'_> {
             };
             let keys = self.read_keys::<PruneKeys>(table, &path);
             if keys.solid.is_empty() && keys.keep.len() != 2 {
-                let d = Diagnostic::error("S003", format!("[{path}] keeps nothing"), node.span, "no box");
+                let d = Diagnostic::error("S006", format!("[{path}] names nothing to keep"), node.span, "no box");
                 self.report
                     .push(d.help("add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\""));
             } else if !keys.solid.is_empty() && !self.solid_names.contains(&keys.solid) {

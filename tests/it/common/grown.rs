@@ -9,8 +9,10 @@ use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::assets::plant_mesh::build_plant_asset;
 use osier::bake::assets::shape_growth::GrowthSite;
 use osier::bake::assets::skin_options::skin_options;
+use osier::bake::assets::species_growth::grow_species;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{AssembledScene, SceneOptions, assemble_scene};
+use osier::grow::years::GrownTree;
 use osier::limits::Limits;
 use osier::plant::Plant;
 use osier::presets::Preset;
@@ -75,10 +77,12 @@ pub struct Grown {
 /// All individuals of a recipe at rest, one after the other as [`assemble_scene`] makes them.
 pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
     let layout = with_work(|w| lay_out_scene(recipe, w)).expect("layout").0;
-    let one = |individual: &osier::bake::scene::plant_layout::Individual| {
+    let trees = with_work(|w| grow_species(recipe, &layout, &[], w.limits)).expect("trees");
+    let one = |(individual, tree): (&osier::bake::scene::plant_layout::Individual, &Option<GrownTree>)| {
+        let site = GrowthSite { tree: tree.as_ref(), ..GrowthSite::default() };
         let keys = &recipe.plants[individual.plant];
         let look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");
-        let grown = with_work(|w| grow_plant(keys, individual, &look, GrowthSite::default(), w)).expect("plant");
+        let grown = with_work(|w| grow_plant(keys, individual, &look, site, w)).expect("plant");
         let kind = PlantMaterials {
             tile: look.materials[0].tile,
             organ_names: look.names.clone(),
@@ -88,5 +92,5 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
         let asset = with_work(|w| build_plant_asset(&grown, keys, &kind, individual, None, w)).expect("asset").0;
         Grown { plant: grown.plant, skin, asset, bury: osier::math::narrow(keys.skin.bury) }
     };
-    layout.individuals.iter().map(one).collect()
+    layout.individuals.iter().zip(&trees).map(one).collect()
 }

@@ -64,7 +64,11 @@ fn rows(plant: &Plant, options: &SkinOptions, axis: &Axis) -> Vec<Row> {
     let (last, longest) = (nodes.end - 1, axis.length / MIN_ROWS);
     let mut rows = Vec::new();
     for k in nodes.start..last {
-        let row = Row { p: plant.nodes.p[k], q: plant.nodes.q[k], half: plant.nodes.r[k], s: plant.nodes.s[k] };
+        // The frame of a node follows the segment below it; the row stands across the bisector of both.
+        let (p, q) = (&plant.nodes.p, plant.nodes.q[k]);
+        let along = math::normalize_or(p[k + 1] - p[k.saturating_sub(1).max(nodes.start)], q * Vec3::Y);
+        let q = (math::rotation_between(q * Vec3::Y, along) * q).normalize();
+        let row = Row { p: p[k], q, half: plant.nodes.r[k], s: plant.nodes.s[k] };
         let keep = rows.last().is_none_or(|before: &Row| {
             let turned = (before.q * Vec3::Y).dot(row.q * Vec3::Y) < math::cos_f32(options.turn);
             turned || row.s - before.s > longest
@@ -73,9 +77,10 @@ fn rows(plant: &Plant, options: &SkinOptions, axis: &Axis) -> Vec<Row> {
             rows.push(row);
         }
     }
-    // A root axis goes on below the ground, straight down.
+    // A root axis goes on below the ground, straight on.
     if let Some(first) = rows.first().filter(|_| axis.parent == NONE && options.bury > 0.0) {
-        let below = Row { p: first.p - Vec3::Y * options.bury, q: first.q, half: first.half, s: -options.bury };
+        let below =
+            Row { p: first.p - first.q * Vec3::Y * options.bury, q: first.q, half: first.half, s: -options.bury };
         rows.insert(0, below);
     }
     rows
