@@ -31,14 +31,15 @@ impl Tree {
         }
     }
 
-    /// Marks the cells in which light is wanted: those of open tips, buds and dormant buds.
+    /// Marks the cells in which light is wanted this year: those of open tips, buds and, at times, dormant buds.
     pub fn mark_cells(&mut self, grid: &Grid, marks: &mut CellMarks) {
+        let looks = self.looks_at_dormant_buds(self.year + 1);
         let (nodes, offset) = (&self.nodes, self.offset);
         let cell = &mut self.scratch.cell;
         cell.clear();
         cell.resize(nodes.len(), NONE);
         for (i, cell) in cell.iter_mut().enumerate() {
-            if nodes.lives(i) && (nodes.flags[i] & flag::OPEN != 0 || nodes.dormant[i] > 0) {
+            if nodes.lives(i) && (nodes.flags[i] & flag::OPEN != 0 || looks && nodes.dormant[i] > 0) {
                 *cell = grid.cell_of(offset + nodes.p[i]);
             }
         }

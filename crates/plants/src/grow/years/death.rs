@@ -14,8 +14,9 @@ const LINGER_RADIUS: f32 = 0.02;
 const LINGER_MAX: f32 = 1.5;
 /// Year from which everything low is taken away with the branches of the stem.
 const LIFT_ALL_YEAR: u32 = 8;
-/// Height below which everything is taken away, as a share of the clear stem: drawn for each axis, so that no crown ends level.
-const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.2];
+/// Least and greatest height below which everything is taken away, as a share of the clear stem: drawn for each axis, low ones
+/// more often, so that no crown ends level.
+const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.9];
 /// Length of the axis below a dead tip in which a side axis may become the leader, m.
 const SUCCESSION_REACH: f32 = 2.0;
 /// Most dormant buds of a node.
@@ -28,6 +29,8 @@ const WAKE_AT_CUT: u8 = 6;
 const WAKE_LOSS: f32 = 0.5;
 /// Gain of light at which dormant buds wake.
 const WAKE_LIGHT: f32 = 0.3;
+/// Years from one look at the light of dormant buds to the next: crowns open slowly, and the buds are on most of the wood.
+const LOOK_YEARS: u32 = 3;
 /// First number of a woken bud at its node; smaller ones are those of its shoot.
 const FIRST_WOKEN: u8 = 16;
 /// Buds that may wake at a node in its life: their numbers end at 63.
@@ -153,7 +156,8 @@ impl Tree {
 
     /// Height below which an axis is taken away, as a share of the clear stem.
     fn lift_share(&self, axis_id: u64) -> f32 {
-        narrow(self.draw(axis_id, Purpose::Lift).range(LIFT_ALL_SHARE[0], LIFT_ALL_SHARE[1]))
+        let u = self.draw(axis_id, Purpose::Lift).unit_f64();
+        narrow(LIFT_ALL_SHARE[0] + (LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * u * u)
     }
 
     /// Passes death on to what stands on the dead, and lets dead wood fall.
@@ -256,6 +260,11 @@ impl Tree {
         }
     }
 
+    /// Whether the light of dormant buds is looked at in a year.
+    pub fn looks_at_dormant_buds(&self, year: u32) -> bool {
+        self.habit.epicormic > 0.0 && year.is_multiple_of(LOOK_YEARS)
+    }
+
     /// Wakes dormant buds where a subtree lost more than half of its light, or where it became lighter.
     pub fn wake_buds(&mut self, field: &LightField, season: &Season) {
         if self.habit.epicormic <= 0.0 {
@@ -264,7 +273,9 @@ impl Tree {
         let losses = std::mem::take(&mut self.losses);
         let mut woken = vec![0_u8; self.nodes.len()];
         self.wake_at_losses(&losses, season, &mut woken);
-        self.wake_in_light(field, season, &mut woken);
+        if self.looks_at_dormant_buds(season.year) {
+            self.wake_in_light(field, season, &mut woken);
+        }
         self.losses = losses;
         self.losses.clear();
     }

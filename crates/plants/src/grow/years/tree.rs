@@ -120,7 +120,7 @@ columns! {
         birth: f32,
         /// Azimuth of its first bud, rad.
         azimuth: f32,
-        /// Last year's light at its end, where dormant buds are.
+        /// Light at its end when it was last looked at, where dormant buds are.
         light: f32,
         /// Light that its living tips and buds receive, in fully lit tips.
         gathered: f32,
