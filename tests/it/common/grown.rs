@@ -72,6 +72,8 @@ pub struct Grown {
     pub asset: Asset,
     /// How far its foot goes on below the ground, m.
     pub bury: f32,
+    /// Whether its branches leave bent parents at small angles: particle-shapes, and trees grown year by year.
+    pub leans: bool,
     /// Whether its axes are blades of grass.
     pub blades: bool,
 }
@@ -92,8 +94,9 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
         };
         let skin = with_work(|w| skin(&grown.plant, &skin_options(&keys.skin, kind.tile, w))).expect("skin");
         let asset = with_work(|w| build_plant_asset(&grown, keys, &kind, individual, None, w)).expect("asset").0;
+        let leans = matches!(keys.growth, Growth::Shapes(_) | Growth::Species(_));
         let blades = matches!(&keys.growth, Growth::Shapes(shapes) if shapes.blade_width.is_some());
-        Grown { plant: grown.plant, skin, asset, bury: osier::math::narrow(keys.skin.bury), blades }
+        Grown { plant: grown.plant, skin, asset, bury: osier::math::narrow(keys.skin.bury), leans, blades }
     };
     layout.individuals.iter().zip(&trees).map(one).collect()
 }
