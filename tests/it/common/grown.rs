@@ -17,7 +17,7 @@ use osier::limits::Limits;
 use osier::plant::Plant;
 use osier::presets::Preset;
 use osier::progress::{Cancel, Silent};
-use osier::recipe::{PlantRecipe, Recipe, Request, resolve};
+use osier::recipe::{Growth, PlantRecipe, Recipe, Request, resolve};
 use osier::scene::Asset;
 use osier::surface::{PlantSkin, skin};
 
@@ -72,6 +72,8 @@ pub struct Grown {
     pub asset: Asset,
     /// How far its foot goes on below the ground, m.
     pub bury: f32,
+    /// Whether its axes are blades of grass.
+    pub blades: bool,
 }
 
 /// All individuals of a recipe at rest, one after the other as [`assemble_scene`] makes them.
@@ -90,7 +92,8 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
         };
         let skin = with_work(|w| skin(&grown.plant, &skin_options(&keys.skin, kind.tile, w))).expect("skin");
         let asset = with_work(|w| build_plant_asset(&grown, keys, &kind, individual, None, w)).expect("asset").0;
-        Grown { plant: grown.plant, skin, asset, bury: osier::math::narrow(keys.skin.bury) }
+        let blades = matches!(&keys.growth, Growth::Shapes(shapes) if shapes.blade_width.is_some());
+        Grown { plant: grown.plant, skin, asset, bury: osier::math::narrow(keys.skin.bury), blades }
     };
     layout.individuals.iter().zip(&trees).map(one).collect()
 }

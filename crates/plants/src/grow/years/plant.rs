@@ -22,6 +22,8 @@ const TAKEOVER_RADIUS: f32 = 0.5;
 const FORK_RADIUS: f32 = 0.7;
 /// Cosine of the bend and share of the radius below which a node is left out of the skin: 2 degrees, 5 percent.
 const STRAIGHT: [f32; 2] = [0.999_391, 0.05];
+/// Most that the next node may lie beside the chord over nodes that are left out, in radii.
+const MAX_DRIFT: f32 = 0.25;
 /// Angles between a rosette's axis and its innermost and outermost leaves, degrees.
 const ROSETTE: [f32; 2] = [35.0, 80.0];
 /// Distance between successive leaves of a rosette along the tip, m.
@@ -303,7 +305,9 @@ impl AxisBuilder<'_> {
             let straight = next.is_some_and(|n| {
                 let ahead = nodes.p[n] - here;
                 let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
-                cosine > STRAIGHT[0] && (r - kept_r).abs() < STRAIGHT[1] * kept_r
+                // How far the next node lies beside the chord so far: long arcs of small bends would leave their own branches.
+                let beside = way.length() * (1.0 - cosine * cosine).max(0.0).sqrt();
+                cosine > STRAIGHT[0] && beside < MAX_DRIFT * r && (r - kept_r).abs() < STRAIGHT[1] * kept_r
             });
             if straight {
                 skipped += 1;

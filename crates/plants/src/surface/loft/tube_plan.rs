@@ -8,9 +8,9 @@ use super::SkinOptions;
 use super::centerline::CurvePoint;
 use super::rings::{FirstRing, Ring, RingScratch, place_rings};
 use super::tuning::{
-    AXES_PER_TASK, FLARE_SAMPLE_SPACING, FLARE_SAMPLES, MIN_CONTINUATION_ADVANCE, MIN_CONTINUATION_COSINE,
-    MIN_CONTINUATION_RADIUS, MIN_JUNCTION_SINE, MIN_JUNCTION_SINE_SQUARED, MIN_JUNCTION_STRAIGHTNESS,
-    POINTED_TIP_RADIUS,
+    AXES_PER_TASK, FLARE_SAMPLE_SPACING, FLARE_SAMPLES, MAX_JUNCTION_DISTANCE, MIN_CONTINUATION_ADVANCE,
+    MIN_CONTINUATION_COSINE, MIN_CONTINUATION_RADIUS, MIN_JUNCTION_SINE, MIN_JUNCTION_SINE_SQUARED,
+    MIN_JUNCTION_STRAIGHTNESS, POINTED_TIP_RADIUS,
 };
 use osier_base::math;
 use osier_base::par::par_chunks;
@@ -331,6 +331,11 @@ impl TubePlanner<'_> {
         // Replace the branch between its exit point and the first regular ring by a straight line. Refuse the junction if
         // that line runs along the parent, or if the branch turns away from it beyond the ring.
         let o = a.p + t * reach;
+        // The cylinder is infinite and straight; the parent ends, and may bend away before the branch has left the cylinder.
+        let beside = self.plant.frame(parent, self.axis.parent_s + (o - site.p).dot(along));
+        if o.distance(beside.p) - r > MAX_JUNCTION_DISTANCE * beside.r {
+            return None;
+        }
         let first = self.plant.frame(self.axis, from).p;
         let ahead = self.plant.frame(self.axis, from + 0.5 * (from - s)).p - first;
         let t = math::normalize_or(first - o, along);

@@ -39,6 +39,10 @@ pub(super) const MIN_FILLET_RADIUS: f32 = 1.04;
 pub(super) const MIN_CONTINUATION_COSINE: f32 = 0.17;
 /// A child that is not the thickest at the tip continues it only if its radius exceeds this share of the parent's.
 pub(super) const MIN_CONTINUATION_RADIUS: f32 = 0.45;
+/// Most that the nearest side of a branch may be away from its parent's centreline where it leaves the parent's surface, in radii of
+/// the parent; a branch beyond it begins on the centreline, without a junction. With 1 the surface itself would be the limit, which
+/// the roughness of polygons passes.
+pub(super) const MAX_JUNCTION_DISTANCE: f32 = 1.1;
 /// A branch gets a junction only if the sine of its angle to the parent is at least this (11.5 degrees).
 pub(super) const MIN_JUNCTION_SINE: f32 = 0.2;
 /// The same for the straightened line of the junction, squared.
