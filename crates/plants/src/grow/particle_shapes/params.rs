@@ -38,7 +38,7 @@ impl<const N: usize> From<[f64; N]> for ByLevel {
 pub enum Variant {
     /// In units, independent of the step, with the terms that the paper names without a formula.
     Corrected,
-    /// The three printed lines of [hoetzlein] section 3.
+    /// The three printed lines of \[hoetzlein\] section 3.
     Paper,
 }
 

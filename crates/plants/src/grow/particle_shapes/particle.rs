@@ -177,7 +177,7 @@ impl Particle {
         }
     }
 
-    /// As [`Particle::turn`] by the printed lines of [hoetzlein] section 3 with a time step of [`PAPER_STEP`]:
+    /// As [`Particle::turn`] by the printed lines of \[hoetzlein\] section 3 with a time step of 0.05 t:
     /// `d' = d + rand[-1,1] wander dt`, `v' = [v + spread (d' - v)] Q(twist, d)`. Returns whether the velocity had to be cut.
     pub fn turn_as_printed(&mut self, rates: &StepRates, draws: &mut Rng) -> bool {
         let old = self.d;

@@ -3,10 +3,10 @@
 //! A year has the order of the passes in `stand.rs`: the light field from the leaves of last year, cuts, light of tips and buds,
 //! its sums towards the base, death, vigour towards the tips, shoots, radii, bending.
 //!
-//! Sources: [palubicki] W. Palubicki et al., "Self-organizing tree models for image synthesis", SIGGRAPH 2009; [jirasek]
-//! C. Jirasek, "A biomechanical model of branch shape in plants expressed using L-systems", 2000; [shinozaki] K. Shinozaki et
-//! al., "A quantitative analysis of plant form: the pipe model theory", 1964; [eloy] C. Eloy, "Leonardo's rule,
-//! self-similarity, and wind-induced stresses in trees", PRL 2011; [mcmahon] T. McMahon, "Size and shape in biology", 1973.
+//! Sources: \[palubicki\] W. Palubicki et al., "Self-organizing tree models for image synthesis", SIGGRAPH 2009; \[jirasek\]
+//! C. Jirasek, "A biomechanical model of branch shape in plants expressed using L-systems", 2000; \[shinozaki\] K. Shinozaki et
+//! al., "A quantitative analysis of plant form: the pipe model theory", 1964; \[eloy\] C. Eloy, "Leonardo's rule,
+//! self-similarity, and wind-induced stresses in trees", PRL 2011; \[mcmahon\] T. McMahon, "Size and shape in biology", 1973.
 
 mod allocate;
 mod bending;
