@@ -33,11 +33,11 @@ use osier_scene::{Image, Material, MaterialClass, Mesh};
 const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
 /// Length of a piece of a conifer's shoot, m, and the diameter of its needles as a share of that.
-const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.3];
+const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.42];
 /// Needles of such a piece, and the angle of each to the shoot, rad: a spruce's, thinned out and widened to the same area.
-const NEEDLES: u32 = 72;
+const NEEDLES: u32 = 110;
 const NEEDLE_ANGLE: f64 = 0.95;
-const NEEDLE_WIDTH: f32 = 0.0028;
+const NEEDLE_WIDTH: f32 = 0.0035;
 /// Linear colour and roughness of needles.
 const NEEDLE_COLOR: [f32; 3] = [0.028, 0.075, 0.022];
 const NEEDLE_ROUGHNESS: f32 = 0.5;
