@@ -9,7 +9,6 @@ use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::segments::segment_instancer;
 use crate::bake::assets::skin_options::skin_options;
-use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::bake::wind::plant_wind::PlantWind;
@@ -111,24 +110,6 @@ pub fn build_plant_asset(
         rigged: None,
     };
     Ok((asset, sway))
-}
-
-/// Builds the asset of a plant that grows over the clip, and its growth.
-/// # Errors
-/// As [`build_plant_asset`].
-pub(crate) fn build_growing_plant(
-    grown: &GrownPlant,
-    recipe: &PlantRecipe,
-    materials: &PlantMaterials,
-    individual: &Individual,
-    clip: GrowthClip,
-    context: &BakeContext<'_>,
-) -> Result<(Asset, GrowthMotion)> {
-    let (mut asset, _) = build_plant_asset(grown, recipe, materials, individual, None, context)?;
-    let by_segments = recipe.skin.form == SkinForm::Segments && grown.imported.is_none();
-    let bindings = if by_segments { Vec::new() } else { bark_mesh(grown, recipe, materials, context)?.1 };
-    GrowthMotion::prepare(&mut asset);
-    Ok((asset, GrowthMotion::new(&grown.plant, materials, &bindings, by_segments, clip)))
 }
 
 /// The bark of a plant with the scene's material indices, and for each of its points the axis and the arc length on it, m.

@@ -9,12 +9,12 @@ use crate::bake::BakeContext;
 use crate::bake::assets::material_set::{MaterialSet, PlantMaterials};
 use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::plant_materials;
-use crate::bake::assets::plant_mesh::{build_growing_plant, build_plant_asset};
+use crate::bake::assets::plant_mesh::{bark_mesh, build_plant_asset};
 use crate::bake::assets::rigged_plant::build_rigged_plant;
 use crate::bake::assets::shape_growth::{GrowthSite, growth_solids};
 use crate::bake::assets::species_growth::grow_species;
 use crate::bake::motion::AssetMotion;
-use crate::bake::motion::growth::GrowthClip;
+use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
 use crate::bake::motion::sway::SwayMotion;
@@ -22,7 +22,7 @@ use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::{Individual, PlantInstance, PlantLayout};
 use crate::bake::scene::scatter;
 use crate::bake::wind::plant_wind::PlantWind;
-use crate::recipe::scene::BarkMotion;
+use crate::recipe::scene::{BarkMotion, SkinForm};
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
@@ -223,6 +223,24 @@ fn build_plant(
         sway => (sway.map(|m| m as Arc<dyn AssetMotion>), PlantInRain::Still),
     };
     Ok(BuiltPlant { clamped_angles, motion, motion_in_rain, ..BuiltPlant::without_motion(asset, Vec::new()) })
+}
+
+/// Builds the asset of a plant that grows over the clip, and its growth.
+/// # Errors
+/// As [`build_plant_asset`].
+fn build_growing_plant(
+    grown: &GrownPlant,
+    recipe: &PlantRecipe,
+    materials: &PlantMaterials,
+    individual: &Individual,
+    clip: GrowthClip,
+    context: &BakeContext<'_>,
+) -> Result<(Asset, GrowthMotion)> {
+    let (mut asset, _) = build_plant_asset(grown, recipe, materials, individual, None, context)?;
+    let by_segments = recipe.skin.form == SkinForm::Segments && grown.imported.is_none();
+    let bindings = if by_segments { Vec::new() } else { bark_mesh(grown, recipe, materials, context)?.1 };
+    GrowthMotion::prepare(&mut asset);
+    Ok((asset, GrowthMotion::new(&grown.plant, materials, &bindings, by_segments, clip)))
 }
 
 /// Placements of the plants' assets, with unique names. In a looping wind a copy shows its asset's motion shifted by the

@@ -129,6 +129,7 @@ pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParam
         obstacles.extend(site.solids.iter().map(|solid| solid_region(solid, site)));
     }
     let envelope = regions(&keys.envelope);
+    // Keys are SI already; what is by level stays a list, whose last number repeats.
     ShapeParams {
         variant: if keys.equations == ShapeEquations::Paper { Variant::Paper } else { Variant::Corrected },
         step: keys.step,

@@ -57,7 +57,7 @@ keys! {
 /// defaults.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HabitKeys {
-    /// All parameters.
+    /// All parameters of the species, in the units of its file.
     pub habit: Habit,
 }
 

@@ -79,7 +79,7 @@ pub(super) enum MorphFrames {
 pub(super) struct MorphKeys {
     /// Indices of the frames that are kept, rising.
     pub frames: Vec<usize>,
-    /// Their shapes.
+    /// Shapes of the mesh at these frames.
     pub shapes: Vec<MorphShape>,
     /// Every n-th frame is kept.
     stride: usize,
@@ -87,7 +87,7 @@ pub(super) struct MorphKeys {
     seen: usize,
     /// Shapes since the last one kept.
     skipped: Vec<MorphShape>,
-    /// m.
+    /// Most that a skipped shape may lie off the interpolated one, m.
     tolerance: f32,
 }
 
@@ -96,7 +96,7 @@ pub(super) struct MorphKeys {
 pub(super) struct MorphTrack<'a> {
     /// Indices of the frames, rising.
     pub frames: &'a [usize],
-    /// Their shapes.
+    /// Shapes of the mesh at these frames.
     pub shapes: &'a [MorphShape],
 }
 

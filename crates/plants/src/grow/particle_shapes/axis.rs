@@ -16,9 +16,9 @@ pub(super) struct ShapeNode {
     pub tangent: DVec3,
     /// Unit roll reference, perpendicular to the tangent.
     pub reference: DVec3,
-    /// Arc length, m.
+    /// Arc length from the first node of the axis, m.
     pub s: f64,
-    /// Growth time, t.
+    /// Growth time at which the tip passed here, counted from the start of the plant, t.
     pub time: f64,
 }
 

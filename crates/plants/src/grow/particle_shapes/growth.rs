@@ -180,6 +180,7 @@ impl GrowingAxis {
         if rates.coil != 0.0 && params.variant == Variant::Corrected {
             particle.tilt_from_home(params.motion.coil_angle);
         }
+        // The axis has its first node at once, and room for those that its length predicts.
         let mut axis = ShapeAxis {
             id: start.id,
             parent: start.parent,

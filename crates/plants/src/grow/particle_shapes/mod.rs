@@ -33,7 +33,7 @@ pub use particle::{Influence, Particle, StepRates};
 pub struct ShapeMaterials {
     /// Names of all materials.
     pub names: Vec<String>,
-    /// Index of the bark.
+    /// Index among `names` of the bark of thick axes.
     pub bark: u16,
     /// Index of the bark of thin axes.
     pub shoot: u16,
@@ -111,6 +111,7 @@ fn check(params: &ShapeParams) -> Result<()> {
     let m = &params.motion;
     let (limits, spawning) = (&params.limits, &params.spawning);
     let row = |name, values, min, max, unit| LevelRange { name, values, min, max, unit };
+    // Values by level, then single ones.
     let ranges = [
         row("length", &limits.length, 0.005, 100.0, "m"),
         row("speed", &m.speed, 0.01, 10.0, "m/t"),

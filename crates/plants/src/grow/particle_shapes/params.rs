@@ -48,13 +48,13 @@ pub enum Variant {
 pub enum CrownShape {
     /// .2 + .8 w: a spire.
     Conical,
-    /// .2 + .8 sin(pi w).
+    /// .2 + .8 sin(pi w): longest in the middle.
     Spherical,
     /// .2 + .8 sin(pi w / 2).
     Hemispherical,
-    /// 1 everywhere.
+    /// 1 everywhere: a column.
     Cylindrical,
-    /// .5 + .5 w.
+    /// .5 + .5 w: half as long at the tip as below.
     Tapered,
     /// 1 - .8 w: longest at the top.
     Inverse,
@@ -157,12 +157,12 @@ pub struct Spawning {
     pub apex_death: ByLevel,
 }
 
-/// What ends an axis.
+/// What ends an axis: its length, its age, shade, and the regions that it grows in and round.
 #[derive(Debug, Clone)]
 pub struct Limits {
     /// Number of levels, 1..8.
     pub levels: u8,
-    /// Length of axes, m.
+    /// Length that axes grow to, m; of children that where the crown's factor is 1.
     pub length: ByLevel,
     /// Standard deviation of the logarithm of the length of children.
     pub length_deviation: f64,
@@ -180,14 +180,14 @@ pub struct Limits {
     pub ground: bool,
 }
 
-/// Thickness of axes.
+/// Thickness of axes, set once all of them have grown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thickness {
     /// The law that radii follow.
     pub rule: ThicknessRule,
     /// Radius of root axes at their base, m; `None`: what the law gives (pipe model), or 0.02 m.
     pub base: Option<f64>,
-    /// Radius at tips, m.
+    /// Radius at the tips of all axes, m, above 0.
     pub tip: f64,
     /// Exponent of the law: n of the pipe model, or of the taper.
     pub exponent: f64,
@@ -214,7 +214,7 @@ pub struct WeightedRatio {
     pub weight: f64,
 }
 
-/// Sites of leaves.
+/// Where leaves stand along axes, and how they are turned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Leaves {
     /// Distance between sites along an axis, m; 0 for none.
@@ -244,11 +244,11 @@ pub struct ShapeParams {
     pub motion: Motion,
     /// Where they spawn others.
     pub spawning: Spawning,
-    /// Where they end.
+    /// Where particles end: length, age, shade, regions.
     pub limits: Limits,
-    /// Radii of axes.
+    /// Radii of the axes that particles leave behind.
     pub thickness: Thickness,
-    /// Sites of leaves.
+    /// Where leaves stand along axes.
     pub leaves: Leaves,
     /// Width of the blade that each axis is drawn as, m, in place of a round tube.
     pub blade_width: Option<f64>,

@@ -18,9 +18,9 @@ const PAPER_MAX_SPEED: f64 = 4.0;
 /// The tip of a growing axis.
 #[derive(Debug, Clone)]
 pub struct Particle {
-    /// Position, m.
+    /// Position in plant space, m.
     pub p: DVec3,
-    /// Velocity, m/t.
+    /// Velocity of growth in plant space, m/t.
     pub v: DVec3,
     /// Target direction: a unit vector; with [`Variant::Paper`] of any length, m/t.
     pub d: DVec3,

@@ -27,7 +27,7 @@ pub(super) struct Attachment {
     pub parent: u32,
     /// Arc length on it, m.
     pub parent_s: f32,
-    /// Branching order.
+    /// Branching order in the plant, 0 for roots.
     pub order: u8,
 }
 

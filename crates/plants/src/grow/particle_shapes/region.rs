@@ -14,23 +14,23 @@ const NORMAL_STEP: f64 = 1e-4;
 /// A region in plant space, m.
 #[derive(Debug, Clone)]
 pub enum Region {
-    /// A ball.
+    /// A ball: distances are exact everywhere.
     Sphere {
-        /// Its middle, m.
+        /// Position of its middle in plant space, m.
         center: DVec3,
-        /// Its radius, m.
+        /// Distance of its surface from the middle, m.
         radius: f64,
     },
     /// An ellipsoid with axes along x, y, z.
     Ellipsoid {
-        /// Its middle, m.
+        /// Position of its middle in plant space, m.
         center: DVec3,
-        /// Semi-axes, m.
+        /// Semi-axes along x, y and z, m.
         radii: DVec3,
     },
     /// A box along x, y, z.
     Box {
-        /// Its middle, m.
+        /// Position of its middle in plant space, m.
         center: DVec3,
         /// Half of its edges, m.
         half: DVec3,
@@ -39,12 +39,12 @@ pub enum Region {
     Capsule {
         /// One end of the line, m.
         from: DVec3,
-        /// The other end, m.
+        /// Position of the other end of the line, m.
         to: DVec3,
         /// Distance of the surface from the line, m.
         radius: f64,
     },
-    /// An upright cone.
+    /// An upright cone on a round base.
     Cone {
         /// Middle of its base, m.
         base: DVec3,

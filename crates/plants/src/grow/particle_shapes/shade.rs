@@ -18,7 +18,7 @@ const MIN_GRADIENT: f64 = 1e-6;
 /// Voxels around a plant.
 #[derive(Debug, Clone)]
 pub struct ShadeGrid {
-    /// Edge of a cell, m.
+    /// Edge length of a cubic cell, m.
     cell: f64,
     /// Corner of the cell (0, 0, 0), m.
     origin: DVec3,

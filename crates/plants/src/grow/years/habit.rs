@@ -12,9 +12,9 @@ pub type PerOrder = [f32; ORDERS];
 /// How many numbers a key takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arity {
-    /// One number.
+    /// One number for the whole tree.
     One,
-    /// Two numbers.
+    /// Two numbers, such as the years of `maturity`.
     Two,
     /// One to [`ORDERS`] numbers, one for each order of axes; the last repeats.
     PerOrder,

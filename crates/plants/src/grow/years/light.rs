@@ -104,7 +104,7 @@ fn sun_directions(latitude_deg: f64) -> Vec<DVec3> {
 pub(super) struct Grid {
     /// Corner with the smallest coordinates, m.
     pub origin: Vec3,
-    /// Side of a cell, m.
+    /// Side of a cubic cell, m.
     pub cell: f32,
     /// 1 / `cell`, 1/m.
     pub per_cell: f32,
@@ -135,7 +135,7 @@ impl Grid {
         Self { origin: low * cell, cell, per_cell: 1.0 / cell, size: [count(size.x), count(size.y), count(size.z)] }
     }
 
-    /// Number of cells.
+    /// Number of cells along x, y and z together.
     pub fn len(&self) -> usize {
         self.size.iter().product()
     }
@@ -150,7 +150,7 @@ impl Grid {
         ((clamp(at.y, ny) * nz + clamp(at.z, nz)) * nx + clamp(at.x, nx)) as u32
     }
 
-    /// Center of a cell.
+    /// Position of the center of a cell, m.
     pub fn center(&self, x: usize, y: usize, z: usize) -> Vec3 {
         self.origin + (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * self.cell
     }
@@ -234,7 +234,7 @@ pub(super) struct Light {
 /// Light in the cells that hold tips or buds.
 #[derive(Debug)]
 pub(super) struct LightField {
-    /// The cells.
+    /// The cells that the field is made of.
     pub grid: Grid,
     /// Index of the sample of each cell, or [`NO_SAMPLE`].
     samples: Vec<u32>,
@@ -365,7 +365,7 @@ struct AddLayer<'a> {
     above: &'a [f32],
     /// Depth of the layer's cells, passed straight down.
     own: &'a [f32],
-    /// Cells in a row.
+    /// Number of cells in a row along x.
     row: usize,
     /// 1 / sine of the elevation.
     per_sine: f32,

@@ -20,9 +20,9 @@ pub struct Measures {
     pub dbh: f32,
     /// Internodes that stand, dead ones included.
     pub nodes: usize,
-    /// Living open tips.
+    /// Number of living tips that are not closed.
     pub tips: usize,
-    /// Leaf area, m2.
+    /// Area of all leaves, one side, m2.
     pub leaf_area: f32,
     /// Leaf area over the area of the disc of the crown's width.
     pub leaf_area_index: f32,

@@ -42,7 +42,7 @@ const SHADE_DISTANCE: f32 = 2.2;
 /// Youngest and oldest tree, years.
 const AGE_RANGE: [f64; 2] = [0.1, 500.0];
 
-/// A tree to grow.
+/// A tree to grow: its species, age, place and cuts.
 #[derive(Debug, Clone)]
 pub struct TreeSpec {
     /// Name of the plant, for messages.
@@ -59,7 +59,7 @@ pub struct TreeSpec {
     pub age: f64,
     /// Unseen neighbours that shade it.
     pub neighbours: Option<Neighbours>,
-    /// Cuts.
+    /// Cuts in the years of its growth.
     pub prunes: Vec<Prune>,
 }
 
@@ -77,7 +77,7 @@ impl GrownTree {
         Self { tree, id: spec.id, seed: spec.seed, age }
     }
 
-    /// What it measures.
+    /// Height, crown, stem and leaves as a forester measures them.
     pub fn measures(&self) -> Measures {
         self.tree.measures()
     }

@@ -59,7 +59,7 @@ pub struct PlantOptions {
     pub foliage: Option<Foliage>,
     /// Names of materials.
     pub materials: Vec<String>,
-    /// Material of wood.
+    /// Index of the material of living wood.
     pub bark: u16,
     /// Material of axes thinner than `shoot_radius` at their base.
     pub shoot: u16,
