@@ -239,7 +239,8 @@ fn scene_snippets_resolve() {
     let mut seen = 0;
     for block in blocks().iter().filter(|b| b.tag == "toml") {
         let oak = "\n[plants.oak]\ngrammar = \"oak.l\"\n";
-        let text = if block.body.contains("grammar =") { block.body.clone() } else { format!("{}{oak}", block.body) };
+        let grows = ["grammar =", "species ="].iter().any(|key| block.body.contains(key));
+        let text = if grows { block.body.clone() } else { format!("{}{oak}", block.body) };
         let library = Library::new(&folder.join("scene.toml"), &[]).expect("folder");
         let request = Request { name: "docs".into(), shown: block.place.clone(), text, library, ..Request::default() };
         let (_, report) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
