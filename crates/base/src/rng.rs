@@ -351,9 +351,9 @@ mod tests {
             assert!((normal_quantile(p - 0.5) - z).abs() < 1e-8, "{p}: {}", normal_quantile(p - 0.5));
             assert!((normal_quantile(0.5 - p) + z).abs() < 1e-8);
         }
-        // The three regions join.
+        // The three regions join; in the far tail the last bit of q alone is worth 1e-5.
         for q in [0.425, 0.5 - math::exp(-25.0)] {
-            assert!((normal_quantile(q * (1.0 + 1e-15)) - normal_quantile(q)).abs() < 1e-6 && q < 0.5);
+            assert!((normal_quantile(q * (1.0 + 1e-15)) - normal_quantile(q)).abs() < 1e-4 && q < 0.5);
         }
         let mut r = Rng::at(5, &[]);
         let draws: Vec<f64> = (0..100_000).map(|_| r.normal_by_quantile()).collect();
