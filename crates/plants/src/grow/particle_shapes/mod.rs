@@ -106,7 +106,7 @@ struct LevelRange<'a> {
     unit: &'static str,
 }
 
-/// Ranges of plants.md 2.2, for callers that do not come from a scene, whose keys have been checked.
+/// Checks the ranges of the parameters, for callers that do not come from a scene, whose keys have been checked.
 fn check(params: &ShapeParams) -> Result<()> {
     let m = &params.motion;
     let (limits, spawning) = (&params.limits, &params.spawning);
