@@ -4,9 +4,9 @@
 
 use std::time::Instant;
 
+use osier::bake::assets::growth_site::GrowthSite;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
-use osier::bake::assets::shape_growth::GrowthSite;
 use osier::bake::assets::skin_options::skin_options;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::{BakeContext, scene::plant_layout::Individual};

@@ -171,7 +171,7 @@ fn over_500_moving_instances_those_of_the_smallest_hash_are_kept() {
 #[test]
 fn more_frames_than_targets_leave_the_rest_shape() {
     let (mut scene, frames) = synthetic::scene();
-    scene.clip.end = scene.clip.start + 31;
+    scene.clip.end = 40;
     let long: Vec<Frame> = (1..=33).map(|n| Frame { number: n, ..frames[(n as usize - 1) % 9].clone() }).collect();
     let temp = tempfile::tempdir().expect("temp");
     let targets = |folder: &Path| {
@@ -180,7 +180,6 @@ fn more_frames_than_targets_leave_the_rest_shape() {
     export(temp.path(), &scene, &long[..32], Profile::Blender).expect("written");
     assert_eq!(targets(temp.path()), 32 - 4, "frames 1, 10, 19 and 28 show the rest shape");
     // A frame more: every second one would be kept, and the others do not lie between them.
-    scene.clip.end += 1;
     let temp = tempfile::tempdir().expect("temp");
     export(temp.path(), &scene, &long, Profile::Blender).expect("written");
     assert_eq!(targets(temp.path()), 0);

@@ -44,6 +44,11 @@ wrap! {
     sqrt / sqrt_f32 => sqrt / sqrtf;
 }
 
+/// Golden angle, rad: successive turns by it spread evenly for any number of them. 180 (3 - sqrt 5) degrees.
+pub const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+/// [`GOLDEN_ANGLE`] in single precision.
+pub const GOLDEN_ANGLE_F32: f32 = 2.399_963_2;
+
 /// Angle of the point (x, y) from the x axis, radians in (-pi, pi].
 #[inline]
 pub fn atan2(y: f64, x: f64) -> f64 {

@@ -6,6 +6,7 @@ pub(crate) mod billboards;
 pub(crate) mod branchlets;
 pub mod catkin;
 pub(crate) mod ground;
+pub mod growth_site;
 pub(crate) mod ifs_leaf;
 pub mod layered_picture;
 pub mod material_set;

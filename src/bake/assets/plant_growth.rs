@@ -7,10 +7,11 @@ use glam::{DVec3, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::assets::branchlets;
+use crate::bake::assets::growth_site::GrowthSite;
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::shape_growth::{GrowthSite, fill_with_twigs, grow_shapes};
+use crate::bake::assets::shape_growth::{fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
-use crate::bake::assets::species_growth::{missing_tree, species_plant};
+use crate::bake::assets::species_growth::species_plant;
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
@@ -89,7 +90,7 @@ fn grow_from_source(
             return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });
         }
         Growth::Species(_) => {
-            let tree = site.tree.ok_or_else(missing_tree)?;
+            let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
             let (plant, warnings) = species_plant(tree, recipe, set, context.limits)?;
             let report = Report { diagnostics: warnings, ..Report::default() };
             return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });

@@ -52,10 +52,33 @@ pub fn build_plant_asset(
     wind: Option<(&PlantWind, Trs)>,
     context: &BakeContext<'_>,
 ) -> Result<(Asset, Option<SwayMotion>)> {
+    let built = build_bound_plant(grown, recipe, materials, individual, wind, context)?;
+    Ok((built.asset, built.sway))
+}
+
+/// The asset of a plant with what its parts are bound to.
+pub(crate) struct BoundPlant {
+    pub(crate) asset: Asset,
+    pub(crate) sway: Option<SwayMotion>,
+    /// Axis and arc length, m, of each point of the bark.
+    pub(crate) bindings: Vec<(u32, f32)>,
+}
+
+/// As [`build_plant_asset`], with the bindings of the bark.
+/// # Errors
+/// As [`build_plant_asset`].
+pub(crate) fn build_bound_plant(
+    grown: &GrownPlant,
+    recipe: &PlantRecipe,
+    materials: &PlantMaterials,
+    individual: &Individual,
+    wind: Option<(&PlantWind, Trs)>,
+    context: &BakeContext<'_>,
+) -> Result<BoundPlant> {
     context.cancel.check()?;
     let plant = &grown.plant;
     // The bark's points are bound to axes and arc lengths, by which the sway model finds their elements.
-    let by_segments = recipe.skin.form == SkinForm::Segments && grown.imported.is_none();
+    let by_segments = is_shown_by_segments(grown, recipe);
     let (mut mesh, bindings) =
         if by_segments { Default::default() } else { bark_mesh(grown, recipe, materials, context)? };
     let groups = group_organs(plant, materials);
@@ -109,7 +132,12 @@ pub fn build_plant_asset(
         curves: Vec::new(),
         rigged: None,
     };
-    Ok((asset, sway))
+    Ok(BoundPlant { asset, sway, bindings })
+}
+
+/// Whether a plant is shown by its segments in place of a lofted skin.
+pub(crate) fn is_shown_by_segments(grown: &GrownPlant, recipe: &PlantRecipe) -> bool {
+    recipe.skin.form == SkinForm::Segments && grown.imported.is_none()
 }
 
 /// The bark of a plant with the scene's material indices, and for each of its points the axis and the arc length on it, m.

@@ -6,13 +6,15 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::BakeContext;
+use crate::bake::assets::growth_site::GrowthSite;
 use crate::bake::assets::material_set::{MaterialSet, PlantMaterials};
+use crate::bake::assets::obstacles::solid_form;
 use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::plant_materials;
-use crate::bake::assets::plant_mesh::{bark_mesh, build_plant_asset};
+use crate::bake::assets::plant_mesh::{BoundPlant, build_bound_plant, build_plant_asset, is_shown_by_segments};
 use crate::bake::assets::rigged_plant::build_rigged_plant;
-use crate::bake::assets::shape_growth::{GrowthSite, growth_solids};
-use crate::bake::assets::species_growth::grow_species;
+use crate::bake::assets::shape_growth::grows_round_solids;
+use crate::bake::assets::species_growth::{grow_species, needs_solids, shared_individuals};
 use crate::bake::motion::AssetMotion;
 use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::rain::PlantInRain;
@@ -22,12 +24,13 @@ use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::{Individual, PlantInstance, PlantLayout};
 use crate::bake::scene::scatter;
 use crate::bake::wind::plant_wind::PlantWind;
-use crate::recipe::scene::{BarkMotion, SkinForm};
-use crate::recipe::{PlantRecipe, Recipe};
+use crate::recipe::scene::BarkMotion;
+use crate::recipe::{Growth, PlantRecipe, Recipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
+use osier_scene::solid::Solid;
 use osier_scene::{Asset, Placement, Trs};
 
 /// What [`add_plant_assets`] found out while it built the plants' assets.
@@ -119,6 +122,33 @@ pub(crate) fn grow_plants(
         }
     }
     report.into_result(plants)
+}
+
+/// The solids that some plant of a scene grows round; none if there is no such plant.
+/// # Errors
+/// S003 for such a plant with more copies than individuals, X010 for a mesh without triangles.
+fn growth_solids(recipe: &Recipe, layout: &PlantLayout) -> Result<Vec<Solid>> {
+    let bound: Vec<usize> = (0..recipe.plants.len()).filter(|i| grows_round_solids(&recipe.plants[*i])).collect();
+    let mut report = Report { diagnostics: shared_individuals(recipe, layout), ..Report::default() };
+    let species = recipe.plants.iter().any(|p| matches!(&p.growth, Growth::Species(s) if needs_solids(s)));
+    if bound.is_empty() && !species {
+        return report.into_result(Vec::new()).map(|r| r.0);
+    }
+    for i in bound {
+        let individuals = layout.individuals.iter().filter(|n| n.plant == i).count();
+        let copies = layout.instances.iter().filter(|s| layout.individuals[s.individual].plant == i).count();
+        if copies > individuals {
+            let name = &recipe.plants[i].name;
+            let text = format!(
+                "plant \"{name}\" grows round solids but stands in {copies} places as {individuals} individuals"
+            );
+            report.push(Diagnostic::about("S003", text).help(format!("give its [[place]] individuals = {copies}")));
+        }
+    }
+    let solid =
+        |s: &SolidRecipe| Ok(Solid { name: s.keys.name.clone(), form: solid_form(s)?, humidity: s.keys.humidity });
+    let solids = recipe.solids.iter().map(solid).collect::<Result<_>>()?;
+    report.into_result(solids).map(|r| r.0)
 }
 
 /// The recipe of an individual's plant, and the entry for it in a list that is parallel to the recipe's plants.
@@ -236,9 +266,9 @@ fn build_growing_plant(
     clip: GrowthClip,
     context: &BakeContext<'_>,
 ) -> Result<(Asset, GrowthMotion)> {
-    let (mut asset, _) = build_plant_asset(grown, recipe, materials, individual, None, context)?;
-    let by_segments = recipe.skin.form == SkinForm::Segments && grown.imported.is_none();
-    let bindings = if by_segments { Vec::new() } else { bark_mesh(grown, recipe, materials, context)?.1 };
+    let BoundPlant { mut asset, bindings, .. } =
+        build_bound_plant(grown, recipe, materials, individual, None, context)?;
+    let by_segments = is_shown_by_segments(grown, recipe);
     GrowthMotion::prepare(&mut asset);
     Ok((asset, GrowthMotion::new(&grown.plant, materials, &bindings, by_segments, clip)))
 }

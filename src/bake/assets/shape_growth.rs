@@ -4,15 +4,14 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
+use crate::bake::assets::growth_site::GrowthSite;
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::obstacles::solid_form;
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
-use crate::bake::assets::species_growth::{needs_solids, shared_individuals};
-use crate::bake::scene::plant_layout::{Individual, PlantLayout};
+use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::scene::{RegionKeys, RegionShape, ShapeCrown, ShapeEquations, ShapeKeys, ShapeRadii};
-use crate::recipe::{Growth, PlantRecipe, Recipe};
+use crate::recipe::{Growth, PlantRecipe};
 use osier_base::Result;
-use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::diagnostic::Diagnostic;
 use osier_plants::grow::particle_shapes::params::{
     ByLevel, CrownShape, Leaves, Limits, Motion, Roots, ShapeParams, Spawning, Thickness, ThicknessRule, Variant,
     WeightedRatio,
@@ -20,62 +19,19 @@ use osier_plants::grow::particle_shapes::params::{
 use osier_plants::grow::particle_shapes::region::Region;
 use osier_plants::grow::particle_shapes::{self, ShapeMaterials};
 use osier_plants::grow::turtle::OrganSpec;
-use osier_plants::grow::years::GrownTree;
-use osier_scene::Trs;
 use osier_scene::plant::Plant;
 use osier_scene::solid::Solid;
 
 /// Ratios of the radii of an internode and their weights, without the key: [wang-hao] draws them, but prints none.
 const DEFAULT_RATIOS: [[f64; 2]; 3] = [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]];
 
-/// Where a plant grows: the solids of its scene and its own place among them.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct GrowthSite<'a> {
-    /// All solids of the scene, in world space; none if no plant grows round solids.
-    pub solids: &'a [Solid],
-    /// World from plant space.
-    pub transform: Trs,
-    /// The tree of a species, which has grown before, together with others that shade it.
-    pub tree: Option<&'a GrownTree>,
-}
-
-/// The keys of all particle-shapes of a plant: of its growth and of what fills it.
-fn shape_tables(plant: &PlantRecipe) -> impl Iterator<Item = &ShapeKeys> {
+/// Whether the particle-shapes of a plant, of its growth or of what fills it, grow round solids of the scene.
+pub(crate) fn grows_round_solids(plant: &PlantRecipe) -> bool {
     let growth = if let Growth::Shapes(keys) = &plant.growth { Some(&**keys) } else { None };
-    growth.into_iter().chain(&plant.fill)
-}
-
-fn reads_solids(keys: &ShapeKeys) -> bool {
-    keys.solids || keys.envelope.iter().chain(&keys.obstacles).any(|r| r.shape == RegionShape::Solid)
-}
-
-/// The solids that some plant of a scene grows round; none if there is no such plant.
-/// # Errors
-/// S003 for such a plant with more copies than individuals, X010 for a mesh without triangles.
-pub(crate) fn growth_solids(recipe: &Recipe, layout: &PlantLayout) -> Result<Vec<Solid>> {
-    let bound: Vec<usize> =
-        (0..recipe.plants.len()).filter(|i| shape_tables(&recipe.plants[*i]).any(reads_solids)).collect();
-    let mut report = Report { diagnostics: shared_individuals(recipe, layout), ..Report::default() };
-    let species = recipe.plants.iter().any(|p| matches!(&p.growth, Growth::Species(s) if needs_solids(s)));
-    if bound.is_empty() && !species {
-        return report.into_result(Vec::new()).map(|r| r.0);
-    }
-    for i in bound {
-        let individuals = layout.individuals.iter().filter(|n| n.plant == i).count();
-        let copies = layout.instances.iter().filter(|s| layout.individuals[s.individual].plant == i).count();
-        if copies > individuals {
-            let name = &recipe.plants[i].name;
-            let text = format!(
-                "plant \"{name}\" grows round solids but stands in {copies} places as {individuals} individuals"
-            );
-            report.push(Diagnostic::about("S003", text).help(format!("give its [[place]] individuals = {copies}")));
-        }
-    }
-    let solid = |s: &crate::recipe::SolidRecipe| {
-        Ok(Solid { name: s.keys.name.clone(), form: solid_form(s)?, humidity: s.keys.humidity })
+    let reads = |keys: &ShapeKeys| {
+        keys.solids || keys.envelope.iter().chain(&keys.obstacles).any(|r| r.shape == RegionShape::Solid)
     };
-    let solids = recipe.solids.iter().map(solid).collect::<Result<_>>()?;
-    report.into_result(solids).map(|r| r.0)
+    growth.into_iter().chain(&plant.fill).any(reads)
 }
 
 /// Grows a plant of particle-shapes.

@@ -9,11 +9,11 @@ use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::recipe::scene::{BladeOutline, PruneKeys, SiteKeys};
 use crate::recipe::{Growth, PlantRecipe, Recipe, SpeciesRecipe};
+use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::par::par_map;
-use osier_base::{Error, Result};
 use osier_plants::grow::years::{Foliage, GrownTree, Keep, Neighbours, PlantOptions, Prune, Site, TreeSpec, grow};
 use osier_scene::Trs;
 use osier_scene::plant::Plant;
@@ -169,9 +169,4 @@ pub(crate) fn shared_individuals(recipe: &Recipe, layout: &PlantLayout) -> Vec<D
         }
     }
     out
-}
-
-/// Error of a tree that is not there.
-pub(crate) fn missing_tree() -> Error {
-    Error::input("S005", "a place names a plant that is not there")
 }

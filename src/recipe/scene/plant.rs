@@ -247,7 +247,7 @@ impl Resolver<'_> {
             (None, None) if misread => return None,
             (None, None) => {
                 let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
-                let help = "add grammar = \"NAME.l\", shapes = \"NAME.shapes\" species = \"oak\" or mesh = \"FILE\"; `osier list presets` shows those in the binary";
+                let help = "add grammar = \"NAME.l\", shapes = \"NAME.shapes\", species = \"oak\" or mesh = \"FILE\"; `osier list presets` shows those in the binary";
                 self.report.push(d.help(help));
                 return None;
             }

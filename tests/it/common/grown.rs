@@ -3,11 +3,11 @@
 #![allow(clippy::expect_used, reason = "a test fails by panicking")]
 
 use osier::bake::BakeContext;
+use osier::bake::assets::growth_site::GrowthSite;
 use osier::bake::assets::material_set::PlantMaterials;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::assets::plant_mesh::build_plant_asset;
-use osier::bake::assets::shape_growth::GrowthSite;
 use osier::bake::assets::skin_options::skin_options;
 use osier::bake::assets::species_growth::grow_species;
 use osier::bake::scene::layout::lay_out_scene;

@@ -10,8 +10,9 @@ use osier_scene::{
 /// Most morph targets of a mesh. Own: each target is a copy of its positions and normals, and importers hold all of them.
 pub(super) const MORPH_TARGETS: usize = 32;
 /// Where a clip has more frames than targets, most that a point may lie off its place between two of them, as a share of the
-/// diagonal of the mesh's box: growth stays below, swaying does not.
-const MORPH_TOLERANCE: f32 = 0.01;
+/// diagonal of the mesh's box. Own: a vine that grows over 120 frames stays below 0.013, at its tips; a tree of which each frame adds
+/// a fortieth of its height needs 0.05, which would show, as swaying would.
+const MORPH_TOLERANCE: f32 = 0.02;
 
 /// The animation of all assets.
 #[derive(Debug, Default)]
@@ -62,6 +63,14 @@ pub(super) struct MorphShape {
     pub normals: Vec<Vec3>,
 }
 
+impl MorphShape {
+    /// Whether all points lie within `tolerance`, m, of those at `share` of the way between two shapes.
+    fn lies_between(&self, from: &Self, to: &Self, share: f32, tolerance: f32) -> bool {
+        let mut ways = self.points.iter().zip(&from.points).zip(&to.points);
+        ways.all(|((p, a), b)| p.distance(a.lerp(*b, share)) <= tolerance)
+    }
+}
+
 /// The shapes of one mesh at all frames.
 #[derive(Debug, Default)]
 pub(super) enum MorphFrames {
@@ -73,8 +82,8 @@ pub(super) enum MorphFrames {
     TooMany,
 }
 
-/// Shapes of a mesh at evenly spaced frames and at the last one. Readers interpolate between them, which gives the shapes of all other
-/// frames within [`MORPH_TOLERANCE`].
+/// Shapes of a mesh at evenly spaced frames and at the last one: of all frames while these are at most [`MORPH_TARGETS`], else of every
+/// second, fourth and so on. Readers interpolate between them; each halving moves a point by [`MORPH_TOLERANCE`] at most.
 #[derive(Debug)]
 pub(super) struct MorphKeys {
     /// Indices of the frames that are kept, rising.
@@ -106,43 +115,58 @@ impl MorphKeys {
         MorphTrack { frames: &self.frames, shapes: &self.shapes }
     }
 
-    /// `frames`: of the clip; `rest`: points of the mesh at rest.
-    fn new(frames: usize, rest: &[Vec3]) -> Self {
+    /// `rest`: points of the mesh at rest.
+    fn new(rest: &[Vec3]) -> Self {
         let diagonal = osier_base::geometry::Bounds::of(rest.iter().copied()).size().length();
         Self {
             frames: Vec::new(),
             shapes: Vec::new(),
-            stride: frames.saturating_sub(1).div_ceil(MORPH_TARGETS - 1).max(1),
+            stride: 1,
             seen: 0,
             skipped: Vec::new(),
             tolerance: MORPH_TOLERANCE * diagonal,
         }
     }
 
-    /// Takes the shape of the next frame; false if the frames since the last one kept are not on the way to it.
+    /// Takes the shape of the next frame; false if the kept shapes do not suffice.
     fn push(&mut self, shape: MorphShape) -> bool {
         let frame = self.seen;
         self.seen += 1;
-        if !frame.is_multiple_of(self.stride) {
-            self.skipped.push(shape);
-            return true;
+        if frame.is_multiple_of(self.stride) {
+            return self.keep(frame, shape);
         }
-        self.keep(frame, shape)
+        self.skipped.push(shape);
+        true
     }
 
+    /// Keeps a shape if those skipped before it lie on the way to it. One shape too many halves their number.
     fn keep(&mut self, frame: usize, shape: MorphShape) -> bool {
         let skipped = std::mem::take(&mut self.skipped);
         let on_the_way = self.frames.last().zip(self.shapes.last()).is_none_or(|(first, from)| {
             let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
-            skipped.iter().enumerate().all(|(i, s)| {
-                let t = share(i);
-                let mut ways = s.points.iter().zip(&from.points).zip(&shape.points);
-                ways.all(|((p, a), b)| p.distance(a.lerp(*b, t)) <= self.tolerance)
-            })
+            skipped.iter().enumerate().all(|(i, s)| s.lies_between(from, &shape, share(i), self.tolerance))
         });
         self.frames.push(frame);
         self.shapes.push(shape);
-        on_the_way && self.shapes.len() <= MORPH_TARGETS
+        on_the_way && (self.shapes.len() <= MORPH_TARGETS || self.thin_out())
+    }
+
+    /// Drops every second of an odd number of shapes if they lie between their neighbours.
+    fn thin_out(&mut self) -> bool {
+        let between = |i: usize| {
+            let [a, b, c] = [i - 1, i, i + 1].map(|k| self.frames[k]);
+            let share = (b - a) as f32 / (c - a) as f32;
+            self.shapes[i].lies_between(&self.shapes[i - 1], &self.shapes[i + 1], share, self.tolerance)
+        };
+        if !(1..self.shapes.len() - 1).step_by(2).all(between) {
+            return false;
+        }
+        let mut index = 0..;
+        self.shapes.retain(|_| index.next().is_some_and(|i: usize| i.is_multiple_of(2)));
+        let mut index = 0..;
+        self.frames.retain(|_| index.next().is_some_and(|i: usize| i.is_multiple_of(2)));
+        self.stride *= 2;
+        true
     }
 
     /// Keeps the last frame; false as for [`MorphKeys::push`].
@@ -155,8 +179,7 @@ impl MorphKeys {
 impl ClipTracks {
     /// No frames yet. `max_moving`: most moving instances in a file.
     pub(super) fn new(scene: &Scene, max_moving: usize) -> Self {
-        let frames = scene.clip.len();
-        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, frames, max_moving)).collect();
+        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, max_moving)).collect();
         Self { assets, max_moving, ..Self::default() }
     }
 
@@ -183,7 +206,7 @@ impl ClipTracks {
 }
 
 impl AssetTracks {
-    fn new(asset: &Asset, seed: u64, frames: usize, max_moving: usize) -> Self {
+    fn new(asset: &Asset, seed: u64, max_moving: usize) -> Self {
         let mut moving = Vec::new();
         for (instancer, source) in asset.instancers.iter().enumerate() {
             if source.motion == InstancerMotion::Free {
@@ -203,7 +226,7 @@ impl AssetTracks {
         // Instances beyond the limit get no track, which bounds the memory: frames times instances would be held until the end.
         moving.truncate(max_moving);
         let shapes = |deforms, rest: &[Vec3]| {
-            if deforms { MorphFrames::Frames(MorphKeys::new(frames, rest)) } else { MorphFrames::Still }
+            if deforms { MorphFrames::Frames(MorphKeys::new(rest)) } else { MorphFrames::Still }
         };
         let skinned = asset.skeleton.is_some();
         Self {
@@ -318,7 +341,7 @@ mod tests {
         let shapes = |frames: usize, place: fn(f32) -> f32| {
             let at = |i: usize| place(i as f32 / (frames - 1) as f32);
             let rest = [Vec3::ZERO, Vec3::Y * 4.0];
-            let mut morph = MorphFrames::Frames(MorphKeys::new(frames, &rest));
+            let mut morph = MorphFrames::Frames(MorphKeys::new(&rest));
             for i in 0..frames {
                 morph.push(|| MorphShape { points: vec![Vec3::ZERO, Vec3::Y * at(i)], normals: Vec::new() });
             }

@@ -13,12 +13,9 @@ use super::particles::{Catkin, CatkinState};
 use crate::flight::tuning::{
     MAX_HEAP_PUSH_OUT_ROUNDS, MIN_SINK_SHARE, PACKING_SHARE, POSITION_TOLERANCE, SUPPORT_FACTOR,
 };
-use osier_base::math::{cos, narrow, sin};
+use osier_base::math::{GOLDEN_ANGLE, cos, narrow, sin};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
-
-/// Golden angle, rad: its multiples are evenly spread directions.
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// A member of a heap.
 struct HeapMember {

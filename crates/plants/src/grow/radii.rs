@@ -10,7 +10,7 @@ const MIN_TAPER: f64 = 0.002;
 /// Half width of the box filter along an axis, in radii: the step of radius at a fork spreads over the girth of the wood.
 const SMOOTHING_RADII: f64 = 1.5;
 /// A tapered child starts with this share of its parent's radius at the site.
-const CHILD_RADIUS: f64 = 0.6;
+pub(super) const CHILD_RADIUS: f64 = 0.6;
 
 /// Pipe model (Shinozaki 1964): at a fork the parent's radius to the power n is the sum of the children's.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,10 +1,11 @@
 //! Trees at low detail: billboards (impostors) replace the branches below a size.
 
-use super::{GrownTree, PlacedOrgans, TreeOptions, organ_at_word, pick, proto_index, volume_scale};
+use super::{GrownTree, PlacedOrgans, TreeOptions, organ_at_word, proto_index, volume_scale};
+use crate::grow::pick_prototype;
 use crate::grow::turtle::OrganSpec;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{self, narrow};
-use osier_base::rng::{child, mix64, word};
+use osier_base::rng::{mix64, word};
 use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{self, Word};
 use osier_scene::plant::{Organ, Plant, Proto};
@@ -94,7 +95,7 @@ pub(super) fn place_billboards(
         let Some(class) = nearest else { continue };
         let id = mix64(&[plant.axes[site.axis as usize].id, word("card"), cut.id]);
         let variants = cards.variants.max(1);
-        let variant = usize::from(pick(child(id, word("proto")), variants as u64));
+        let variant = usize::from(pick_prototype(id, variants));
         let organ = Organ {
             id,
             scale: narrow(volume_scale(&cut.map) / cards.sizes[class]),

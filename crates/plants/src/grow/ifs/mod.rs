@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
 
-use super::radii;
 use super::turtle::{OrganSpec, set_exposed_lengths};
+use super::{pick_prototype, radii};
 use axes::WordSkeleton;
 pub use billboards::{SubtreeBillboards, SubtreeClass, subtree_classes};
 use osier_base::diagnostic::Report;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
-use osier_base::rng::{Rng, child, mix64, word};
+use osier_base::rng::{Rng, mix64, word};
 use osier_base::{Error, Result};
 use osier_ifs::affine::Affine;
 use osier_ifs::stems::TreeSystem;
@@ -235,13 +235,7 @@ struct WordSite {
 fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, placed: &mut PlacedOrgans) {
     let GrownTree { stems, expanded, skeleton, scale } = grown;
     let Some(leaf) = options.leaf.as_ref().filter(|l| !l.meshes.is_empty()) else { return };
-    let many = leaf.meshes.len() > 1;
-    plant.protos = (leaf.meshes.iter().enumerate())
-        .map(|(i, mesh)| {
-            let name = if many { format!("{}_{i}", leaf.name) } else { leaf.name.clone() };
-            Proto { name, mesh: std::sync::Arc::clone(mesh) }
-        })
-        .collect();
+    plant.protos = leaf.prototypes();
     // All variants are scaled by the length of the first, so that their proportions to each other stay.
     let first = f64::from(leaf.meshes[0].bounds().max.y).max(1e-9);
     let size = leaf.size / first;
@@ -304,7 +298,6 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
     let up = osier_base::math::normalize_or(sky - dir * dir.dot(sky), osier_base::math::perpendicular(dir));
     let q = glam::Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
     let id = mix64(&[on.id, word("organ"), cut.id, u64::from(copy)]);
-    let count = (plant.protos.len() as u64).max(1);
     let size_factor = 1.0 + LEAF_SIZE_DEVIATION * draw.normal().clamp(-2.0, 2.0);
     Organ {
         id,
@@ -313,7 +306,7 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
         offset: Vec3::ZERO,
         q: (site.q.inverse() * q).normalize(),
         scale: narrow(size * size_factor),
-        proto: pick(child(id, word("proto")), count),
+        proto: pick_prototype(id, plant.protos.len()),
         petiole: site.r,
         tint: draw.unit_f32(),
         birth: 0.0,
@@ -323,12 +316,6 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
 /// Index of a prototype; `plant::validate` refuses a plant with more prototypes than 16 bits number.
 fn proto_index(i: usize) -> u16 {
     u16::try_from(i).unwrap_or(u16::MAX)
-}
-
-/// A hash as an index below `count`, at most the number of prototypes.
-#[allow(clippy::cast_possible_truncation, reason = "below the number of prototypes, which 16 bits hold")]
-fn pick(hash: u64, count: u64) -> u16 {
-    (hash % count) as u16
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use super::leaves::place_leaves;
 use super::params::ShapeParams;
 use super::plant::{Attachment, finish, push_axis, rounded_s};
 use super::{ShapeMaterials, check, spawn, warnings};
-use crate::grow::radii;
+use crate::grow::radii::{self, CHILD_RADIUS};
 use crate::grow::turtle::OrganSpec;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
@@ -16,9 +16,6 @@ use osier_base::math::narrow;
 use osier_base::rng::mix64;
 use osier_base::rng::word;
 use osier_scene::plant::{AxisEnd, AxisKind, NONE, Plant};
-
-/// A twig begins with this share of its parent's radius at the site, if that is thinner than the base radius asked for.
-const CHILD_RADIUS: f64 = 0.6;
 
 /// Adds twigs and leaves to the axes of a plant that bear no others. These count as level 0 of `params`, of which only spacing,
 /// base and angle are read; the twigs begin with level 1. Ids of the plant's own axes and organs stay; the new ones depend on

@@ -3,13 +3,12 @@
 use glam::{Mat3, Quat, Vec3};
 
 use super::params::ShapeParams;
+use crate::grow::pick_prototype;
 use crate::grow::turtle::OrganSpec;
-use osier_base::math::{cos, exp, narrow, nlerp, normalize_or, perpendicular, sin};
-use osier_base::rng::{Rng, child, mix64, word};
-use osier_scene::plant::{Axis, Organ, Plant, Proto};
+use osier_base::math::{GOLDEN_ANGLE, cos, exp, narrow, nlerp, normalize_or, perpendicular, sin};
+use osier_base::rng::{Rng, mix64, word};
+use osier_scene::plant::{Axis, Organ, Plant};
 
-/// Golden angle between successive leaves, rad.
-const DIVERGENCE: f64 = 2.399_963_229_728_653;
 /// Deviates beyond this many standard deviations are cut: one leaf in 700 would stand out by its size or angle.
 const MAX_DEVIATION: f64 = 3.0;
 
@@ -23,7 +22,7 @@ pub(super) fn place_leaves(
 ) {
     let leaves = &params.leaves;
     let Some(organ) = organ.filter(|o| leaves.spacing > 0.0 && !o.meshes.is_empty()) else { return };
-    let protos = register_prototypes(plant, organ);
+    let first_proto = register_prototypes(plant, organ);
     // All variants are scaled by the length of the longest, so that their proportions to each other stay.
     let longest = organ.meshes.iter().map(|m| m.bounds().max.y).fold(0.0_f32, f32::max);
     let unit = if longest > 1e-9 { organ.size / f64::from(longest) } else { organ.size };
@@ -39,7 +38,7 @@ pub(super) fn place_leaves(
                 let id = mix64(&[axis.id, word("leaf"), ordinal]);
                 let mut draws = Rng::at(plant.seed, &[id.into(), "leaf".into()]);
                 let mut deviate = || draws.normal_by_quantile().clamp(-MAX_DEVIATION, MAX_DEVIATION);
-                let azimuth = first_azimuth + ordinal as f64 * DIVERGENCE;
+                let azimuth = first_azimuth + ordinal as f64 * GOLDEN_ANGLE;
                 let angle = leaves.angle + leaves.angle_deviation * deviate();
                 let size = exp(leaves.size_deviation * deviate());
                 placed.push(Organ {
@@ -49,7 +48,7 @@ pub(super) fn place_leaves(
                     offset: Vec3::ZERO,
                     q: leaf_rotation(site.q, azimuth, angle, leaves.face_up),
                     scale: narrow(unit * size),
-                    proto: protos.0 + pick(child(id, word("proto")), protos.1),
+                    proto: first_proto + pick_prototype(id, organ.meshes.len()),
                     petiole: site.r + narrow(organ.petiole * size),
                     tint: draws.unit_f32(),
                     birth: birth_at(plant, axis, narrow(s)),
@@ -63,23 +62,16 @@ pub(super) fn place_leaves(
     plant.organs.sort_by(|a, b| a.axis.cmp(&b.axis).then(a.s.total_cmp(&b.s)).then(a.id.cmp(&b.id)));
 }
 
-/// First prototype and number of prototypes of an organ in a plant.
-fn register_prototypes(plant: &mut Plant, organ: &OrganSpec) -> (u16, u16) {
-    let count = u16::try_from(organ.meshes.len()).unwrap_or(u16::MAX);
-    let name = |i: usize| if organ.meshes.len() == 1 { organ.name.clone() } else { format!("{}_{i}", organ.name) };
-    if let Some(first) = plant.protos.iter().position(|p| p.name == name(0)) {
-        return (u16::try_from(first).unwrap_or(u16::MAX), count);
+/// Index in a plant of the first prototype of an organ; its prototypes are added if the plant has none of them.
+/// `plant::validate` refuses a plant with more prototypes than 16 bits number.
+fn register_prototypes(plant: &mut Plant, organ: &OrganSpec) -> u16 {
+    let own = organ.prototypes();
+    let known = own.first().and_then(|first| plant.protos.iter().position(|p| p.name == first.name));
+    let first = known.unwrap_or(plant.protos.len());
+    if known.is_none() {
+        plant.protos.extend(own);
     }
-    let first = u16::try_from(plant.protos.len()).unwrap_or(u16::MAX);
-    let new = organ.meshes.iter().take(usize::from(count)).enumerate();
-    plant.protos.extend(new.map(|(i, mesh)| Proto { name: name(i), mesh: std::sync::Arc::clone(mesh) }));
-    (first, count)
-}
-
-/// A hash as an index below `count`.
-#[allow(clippy::cast_possible_truncation, reason = "below a count of 16 bits")]
-fn pick(hash: u64, count: u16) -> u16 {
-    (hash % u64::from(count.max(1))) as u16
+    u16::try_from(first).unwrap_or(u16::MAX)
 }
 
 /// Rotation of a leaf relative to its axis' frame `q`: its midrib at `angle` to the axis, its upper side towards the axis' tip,

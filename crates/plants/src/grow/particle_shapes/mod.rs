@@ -26,7 +26,6 @@ use osier_scene::plant::{MAX_ITEMS, Plant};
 use params::{ByLevel, ShapeParams, Variant};
 
 pub use fill::fill;
-pub use particle::{Influence, Particle, StepRates};
 
 /// Materials of a plant and what it is called.
 #[derive(Debug, Clone, Default)]

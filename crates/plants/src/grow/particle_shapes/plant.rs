@@ -7,7 +7,7 @@ use super::axis::{ROOT, ShapeAxis, ShapeNode};
 use super::growth::{depth_first, last_time};
 use super::leaves::place_leaves;
 use super::params::{ShapeParams, ThicknessRule, WeightedRatio};
-use crate::grow::radii::{self, Pipe, Taper};
+use crate::grow::radii::{self, CHILD_RADIUS, Pipe, Taper};
 use crate::grow::turtle::{OrganSpec, set_exposed_lengths};
 use osier_base::Result;
 use osier_base::convert::index;
@@ -15,8 +15,6 @@ use osier_base::math::narrow;
 use osier_base::rng::Rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Nodes, Plant};
 
-/// A tapered or conical child begins with this share of its parent's radius at the site.
-const CHILD_RADIUS: f64 = 0.6;
 /// Half width of the tip of a blade, m: a ribbon needs some width up to its end.
 const BLADE_TIP: f64 = 1e-4;
 

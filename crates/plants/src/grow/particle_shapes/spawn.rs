@@ -7,12 +7,10 @@ use glam::DVec3;
 use super::axis::{ROOT, ShapeAxis, ShapeNode};
 use super::params::ShapeParams;
 use super::particle::rotated;
-use osier_base::math::{cos, exp, sin, sqrt};
+use osier_base::math::{GOLDEN_ANGLE, cos, exp, sin, sqrt};
 use osier_base::rng::{Rng, mix64, word};
 use osier_scene::plant::NONE;
 
-/// Golden angle, rad: divergence of alternate buds, and of root axes in their disc.
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 /// Least and greatest distance between sites, as a factor of the median.
 const SPACING_RANGE: [f64; 2] = [0.3, 3.0];
 /// Least and greatest angle between an axis and its child, rad.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::grow::radii::{Pipe, Taper};
+use osier_scene::plant::Proto;
 use osier_scene::{MaterialId, Mesh};
 
 /// Key of the organ `stalk` among those of a plant: no letter that a scene could name.
@@ -45,6 +46,15 @@ pub struct OrganSpec {
     pub size: f64,
     /// Distance from the centreline to the pivot at parameter 1, m.
     pub petiole: f64,
+}
+
+impl OrganSpec {
+    /// A prototype for each mesh, named after the organ.
+    pub(in crate::grow) fn prototypes(&self) -> Vec<Proto> {
+        let many = self.meshes.len() > 1;
+        let name = |i: usize| if many { format!("{}_{i}", self.name) } else { self.name.clone() };
+        self.meshes.iter().enumerate().map(|(i, mesh)| Proto { name: name(i), mesh: Arc::clone(mesh) }).collect()
+    }
 }
 
 /// Where radii come from.

@@ -5,8 +5,8 @@ use glam::Vec3;
 use super::light::LightField;
 use super::season::Season;
 use super::site::Prune;
-use super::tree::{Bud, GOLDEN_ANGLE, Loss, NONE, Purpose, Tree, flag, index_of};
-use osier_base::math::narrow;
+use super::tree::{Bud, Loss, NONE, Purpose, Tree, flag, index_of};
+use osier_base::math::{GOLDEN_ANGLE_F32, narrow};
 
 /// Radius of dead wood that stands for the years of `linger`, m.
 const LINGER_RADIUS: f32 = 0.02;
@@ -343,7 +343,7 @@ impl Tree {
         let count = nodes.dormant[i].min(most).min(room);
         for k in 0..count {
             let number = nodes.woken[i] + k;
-            let azimuth = nodes.azimuth[i] + (f32::from(number) + 1.0) * GOLDEN_ANGLE;
+            let azimuth = nodes.azimuth[i] + (f32::from(number) + 1.0) * GOLDEN_ANGLE_F32;
             self.buds.push(Bud { node: index_of(i), azimuth, slot: FIRST_WOKEN + number, age: 0, gathered: 0.0 });
         }
         nodes.dormant[i] -= count;

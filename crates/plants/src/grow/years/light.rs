@@ -6,7 +6,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::site::Site;
 use osier_base::geometry::Bounds;
-use osier_base::math::{self, narrow};
+use osier_base::math::{self, GOLDEN_ANGLE, narrow};
 use osier_base::par::par_map;
 use osier_base::simd::F32Lanes;
 
@@ -20,8 +20,6 @@ const MARGIN: f32 = 0.4;
 const SKY_DIRECTIONS: u16 = 14;
 /// Sines of the elevations of the lowest and the highest direction. Light from below 25 degrees is ignored: it passes neighbours.
 const SKY_SINES: [f64; 2] = [0.42, 0.98];
-/// 180 (3 - sqrt 5) degrees: successive directions spread evenly over the azimuths.
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 /// Lowest sun whose direct light counts, as the sine of its elevation.
 const LOWEST_SUN: f64 = 0.3;
 /// Declinations of the sun, degrees: equinox, a month later, solstice.

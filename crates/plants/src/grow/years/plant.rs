@@ -1,18 +1,17 @@
 //! A grown tree as a [`Plant`]: chains of internodes become axes, leaves organs.
 
-use std::sync::Arc;
-
 use glam::{Quat, Vec3};
 
 use super::GrownTree;
-use super::tree::{GOLDEN_ANGLE, NONE as NO_NODE, Tree, flag, index_of, y_axis};
+use super::tree::{NONE as NO_NODE, Tree, flag, index_of, y_axis};
+use crate::grow::pick_prototype;
 use crate::grow::turtle::{OrganSpec, set_exposed_lengths};
 use osier_base::Result;
 use osier_base::limits::Limits;
-use osier_base::math::{self, narrow};
-use osier_base::rng::{Rng, child, mix64, word};
+use osier_base::math::{self, GOLDEN_ANGLE_F32, narrow};
+use osier_base::rng::{Rng, mix64, word};
 use osier_scene::Mesh;
-use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Organ, Plant, Proto};
+use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Organ, Plant};
 
 /// Cosine of the angle within which a side branch continues the skin of an axis that lost its tip: 60 degrees.
 const TAKEOVER_COSINE: f32 = 0.5;
@@ -85,7 +84,7 @@ impl GrownTree {
         };
         let leaves = options.foliage.as_ref().and_then(|foliage| Leaves::new(&self.tree, foliage));
         if let Some(leaves) = &leaves {
-            plant.protos = leaves.protos();
+            plant.protos = leaves.foliage.organ().prototypes();
             let wanted = leaves.expected_count(&self.tree);
             limits.check("organs", wanted, &format!("organs of plant \"{}\"", self.tree.name))?;
         }
@@ -369,16 +368,6 @@ impl<'a> Leaves<'a> {
         (bears && area > 0.0).then_some(Self { foliage, scale, area })
     }
 
-    fn protos(&self) -> Vec<Proto> {
-        let organ = self.foliage.organ();
-        let many = organ.meshes.len() > 1;
-        let proto = |(i, mesh): (usize, &Arc<Mesh>)| {
-            let name = if many { format!("{}_{i}", organ.name) } else { organ.name.clone() };
-            Proto { name, mesh: Arc::clone(mesh) }
-        };
-        organ.meshes.iter().enumerate().map(proto).collect()
-    }
-
     /// The number of organs to expect.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
@@ -412,7 +401,7 @@ impl<'a> Leaves<'a> {
                         let place = LeafPlace {
                             axis: site.axis,
                             s: base + part * (site.s - base),
-                            azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE,
+                            azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32,
                             angle: SHOOT_LEAF_ANGLE.to_radians(),
                             id: mix64(&[id, word("leaf"), u64::from(k)]),
                             birth,
@@ -445,7 +434,7 @@ impl<'a> Leaves<'a> {
             let place = LeafPlace {
                 axis: site.axis,
                 s: (site.s - k as f32 * ROSETTE_STEP).max(0.0),
-                azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE,
+                azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32,
                 angle: math::lerp(ROSETTE[0], ROSETTE[1], part).to_radians(),
                 id: mix64(&[id, word("tip-leaf"), u64::from(k)]),
                 birth,
@@ -475,7 +464,7 @@ impl<'a> Leaves<'a> {
             offset: Vec3::ZERO,
             q: (site.q.inverse() * q).normalize(),
             scale: self.scale * size,
-            proto: pick(child(place.id, word("proto")), organ.meshes.len()),
+            proto: pick_prototype(place.id, organ.meshes.len()),
             petiole: site.r + narrow(organ.petiole) * size,
             tint: draw.unit_f32(),
             birth: place.birth,
@@ -498,18 +487,12 @@ impl<'a> Leaves<'a> {
             offset: Vec3::ZERO,
             q: Quat::from_xyzw(0.0, math::sin_f32(half), 0.0, math::cos_f32(half)).normalize(),
             scale: self.scale * tree.nodes.length[i] / narrow(organ.size).max(1e-6),
-            proto: pick(child(id, word("proto")), organ.meshes.len()),
+            proto: pick_prototype(id, organ.meshes.len()),
             petiole: 0.0,
             tint: draw.unit_f32(),
             birth,
         });
     }
-}
-
-/// A hash as an index below `count`, at most the number of prototypes, which 16 bits hold.
-#[allow(clippy::cast_possible_truncation, reason = "a remainder by a number of prototypes")]
-fn pick(hash: u64, count: usize) -> u16 {
-    (hash % (count as u64).max(1)) as u16
 }
 
 /// Area of a mesh, m2: of one side of a leaf.

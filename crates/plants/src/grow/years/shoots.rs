@@ -6,7 +6,7 @@ use super::habit::{Habit, ORDERS};
 use super::light::LightField;
 use super::season::Season;
 use super::site::{Obstacles, Step};
-use super::tree::{Bud, GOLDEN_ANGLE, Node, Purpose, Tree, flag, index_of, y_axis};
+use super::tree::{Bud, Node, Purpose, Tree, flag, index_of, y_axis};
 use osier_base::Result;
 use osier_base::limits::Limits;
 use osier_base::math;
@@ -288,7 +288,7 @@ impl Tree {
         if self.habit.buds > 1.5 {
             std::f32::consts::FRAC_PI_2
         } else if order == 0 && self.habit.divergence > TWO_RANKED {
-            GOLDEN_ANGLE
+            osier_base::math::GOLDEN_ANGLE_F32
         } else {
             self.habit.divergence.to_radians()
         }

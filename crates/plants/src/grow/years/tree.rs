@@ -286,7 +286,8 @@ impl Tree {
     fn add_stem(&mut self, i: u16, stems: u16, id: u64) {
         let habit = &self.habit;
         let mut draw = self.draw(id, Purpose::Stem);
-        let azimuth = if stems > 1 { f32::from(i) * GOLDEN_ANGLE } else { draw.unit_f32() * std::f32::consts::TAU };
+        let azimuth =
+            if stems > 1 { f32::from(i) * math::GOLDEN_ANGLE_F32 } else { draw.unit_f32() * std::f32::consts::TAU };
         let out = if stems > 1 { ((f32::from(i) + 0.5) / f32::from(stems)).sqrt() } else { 0.0 };
         let level = Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
         let tilt = (habit.tilt * (0.4 + 0.9 * draw.unit_f32()) * out).to_radians();
@@ -374,9 +375,6 @@ impl Tree {
         self.fallen = 0;
     }
 }
-
-/// 180 (3 - sqrt 5) degrees.
-pub(super) const GOLDEN_ANGLE: f32 = 2.399_963_2;
 
 /// An index of a node, axis or event; the limit of nodes lies far below 2^32.
 #[inline]

@@ -4,13 +4,11 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
-use osier_base::math::{cos_f32, normalize_or, perpendicular, sin_f32};
+use osier_base::math::{GOLDEN_ANGLE_F32, cos_f32, normalize_or, perpendicular, sin_f32};
 use osier_base::rng::Rng;
 use osier_base::{Error, Result};
 use osier_scene::Mesh;
 
-/// Angle between successive needles round the shoot, rad: the golden angle.
-const DIVERGENCE: f32 = 2.399_963;
 /// Standard deviation of a needle's angle to the shoot, rad, and of its length as a share of the mean.
 const ANGLE_DEVIATION: f32 = 0.17;
 const LENGTH_DEVIATION: f32 = 0.12;
@@ -57,7 +55,7 @@ pub fn needle_shoot(spec: &NeedleSpec, variant: u64) -> Result<Mesh> {
     let mut mesh = Mesh::default();
     for i in 0..spec.count {
         let along = (i as f32 + 0.5) / spec.count as f32;
-        let azimuth = i as f32 * DIVERGENCE;
+        let azimuth = i as f32 * GOLDEN_ANGLE_F32;
         let side = Vec3::new(cos_f32(azimuth), 0.0, sin_f32(azimuth));
         // The last needles close over the tip.
         let angle = (spec.angle * (1.0 - 0.5 * along * along) + deviate(ANGLE_DEVIATION)).max(0.05);
