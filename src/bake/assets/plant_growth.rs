@@ -11,7 +11,7 @@ use crate::bake::assets::growth_site::GrowthSite;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::shape_growth::{fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
-use crate::bake::assets::species_growth::species_plant;
+use crate::bake::assets::species_growth::{species_clip, species_plant};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
@@ -27,6 +27,7 @@ use osier_ifs::stems::TreeSystem;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
+use osier_plants::grow::years::GrowthClip;
 use osier_plants::grow::turtle::{self, OrganSpec, RadiusModel, Tropism, TurtleOptions};
 use osier_scene::plant::Plant;
 
@@ -41,6 +42,8 @@ pub struct GrownPlant {
     pub modules: u64,
     /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
     pub imported: Option<Arc<MeshPlant>>,
+    /// How a tree looks at the ages that a clip of its growth shows, if it was recorded for one.
+    pub clip: Option<Arc<GrowthClip>>,
     /// The organ that stands for each segment where the plant is shown by its segments; `None`: prisms.
     pub segment: Option<OrganSpec>,
 }
@@ -82,25 +85,31 @@ fn grow_from_source(
             } else {
                 ifs::grow(stems, identity, &options, context.limits)?
             };
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None, segment: None });
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None, segment: None, clip: None });
         }
         Growth::Shapes(keys) => {
             let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, clip: None });
         }
         Growth::Species(_) => {
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
-            let (plant, warnings) = species_plant(tree, recipe, set, context.limits)?;
+            let (plant, clip, warnings) = match species_clip(tree, recipe, set, site.frames, context.limits)? {
+                Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), Vec::new()),
+                None => {
+                    let (plant, warnings) = species_plant(&tree.tree, recipe, set, context.limits)?;
+                    (plant, None, warnings)
+                }
+            };
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None });
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, clip });
         }
         Growth::Mesh(..) => {
             let imported = set.tree.clone();
             let tree = imported.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
             let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
             plant.materials = set.materials.iter().map(|m| m.name.clone()).collect();
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported, segment: None });
+            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported, segment: None, clip: None });
         }
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
@@ -116,7 +125,7 @@ fn grow_from_source(
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, imported: None, segment: None })
+    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None })
 }
 
 /// Options of an IFS tree from the keys of `[plants.NAME.tree]`.

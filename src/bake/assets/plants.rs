@@ -16,6 +16,7 @@ use crate::bake::assets::rigged_plant::build_rigged_plant;
 use crate::bake::assets::shape_growth::grows_round_solids;
 use crate::bake::assets::species_growth::{grow_species, needs_solids, shared_individuals};
 use crate::bake::motion::AssetMotion;
+use crate::bake::motion::years::YearsMotion;
 use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
@@ -100,11 +101,12 @@ pub(crate) fn grow_plants(
     let solids = growth_solids(recipe, layout)?;
     let transforms = layout.first_transforms();
     let trees = grow_species(recipe, layout, &solids, context.limits)?;
+    let frames = f64::from(recipe.clip.end.saturating_sub(recipe.clip.start));
     let individuals: Vec<_> = layout.individuals.iter().zip(transforms).zip(&trees).collect();
     let grown = par_map(&individuals, |((individual, transform), tree)| {
         context.cancel.check()?;
         let (plant, set) = plant_and_entry(recipe, sets, individual)?;
-        let site = GrowthSite { solids: &solids, transform: *transform, tree: tree.as_ref() };
+        let site = GrowthSite { solids: &solids, transform: *transform, tree: tree.as_ref(), frames };
         let grown = grow_plant(plant, individual, set, site, context);
         context.progress.advance(1);
         grown
@@ -214,6 +216,15 @@ fn build_plant(
     context: &BakeContext<'_>,
 ) -> Result<BuiltPlant> {
     // A plant that grows over the clip follows its own clock and no wind.
+    if let Some(clip) = &grown.clip {
+        let seconds = recipe.clip.seconds(recipe.clip.end);
+        let BoundPlant { mut asset, bindings, .. } =
+            build_bound_plant(grown, plant, materials, individual, None, context)?;
+        GrowthMotion::prepare(&mut asset);
+        let motion = YearsMotion::new(clip.clone(), materials, &bindings, is_shown_by_segments(grown, plant), seconds);
+        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
+        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
+    }
     if let Some(shares) = plant.keys.growth_clip.filter(|_| recipe.clip.len() > 1) {
         let seconds = recipe.clip.seconds(recipe.clip.end);
         let (asset, motion) =

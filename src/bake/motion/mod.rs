@@ -7,7 +7,8 @@
 //! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
 //! rain            recorded drops and plants  ├─ row, fields, maps, records, ─────┘
 //! attractor_morph coefficients at a time     │  point_tables, volumes
-//! growth          births of nodes            ┘
+//! growth          births of nodes            │
+//! years           recorded years of a tree   ┘
 //! ```
 //!
 //! A new motion is a type that implements [`AssetMotion`] and is given to the scene together with its asset.
@@ -19,6 +20,7 @@ pub mod rain;
 pub mod rod;
 pub mod rod_plant;
 pub mod sway;
+pub mod years;
 
 use std::collections::BTreeSet;
 use std::fmt::Debug;
