@@ -27,8 +27,8 @@ use osier_ifs::stems::TreeSystem;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
-use osier_plants::grow::years::GrowthClip;
 use osier_plants::grow::turtle::{self, OrganSpec, RadiusModel, Tropism, TurtleOptions};
+use osier_plants::grow::years::GrowthClip;
 use osier_scene::plant::Plant;
 
 /// A grown individual.
@@ -85,7 +85,14 @@ fn grow_from_source(
             } else {
                 ifs::grow(stems, identity, &options, context.limits)?
             };
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported: None, segment: None, clip: None });
+            return Ok(GrownPlant {
+                plant,
+                report: Report::default(),
+                modules: 0,
+                imported: None,
+                segment: None,
+                clip: None,
+            });
         }
         Growth::Shapes(keys) => {
             let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
@@ -109,7 +116,14 @@ fn grow_from_source(
             let tree = imported.as_deref().ok_or_else(|| Error::input("S005", "a mesh without its skeleton"))?;
             let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
             plant.materials = set.materials.iter().map(|m| m.name.clone()).collect();
-            return Ok(GrownPlant { plant, report: Report::default(), modules: 0, imported, segment: None, clip: None });
+            return Ok(GrownPlant {
+                plant,
+                report: Report::default(),
+                modules: 0,
+                imported,
+                segment: None,
+                clip: None,
+            });
         }
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.

@@ -2,9 +2,9 @@
 
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
-    BooleanType, Digest, KeyInfo, OneOf, OptionalKey, KeyListing, KeyTable, NumberArray, PointList, RecipePart, StringType, TableInfo,
-    TableReader, TomlNode, TomlTable, TomlValue, ValueForm, ValueKind, ValueType, finite_number, integer, join,
-    list_table, number, outside, wrong,
+    BooleanType, Digest, KeyInfo, KeyListing, KeyTable, NumberArray, OneOf, OptionalKey, PointList, RecipePart,
+    StringType, TableInfo, TableReader, TomlNode, TomlTable, TomlValue, ValueForm, ValueKind, ValueType, finite_number,
+    integer, join, list_table, number, outside, wrong,
 };
 use crate::recipe::syntax::{Fault, choices, keys};
 use crate::recipe::{ReferencedFile, SpeciesRecipe};

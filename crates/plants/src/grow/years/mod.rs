@@ -26,9 +26,9 @@ mod site;
 mod stand;
 mod tree;
 
+pub use clip::{ClipLeaves, ClipOptions, GrowthClip, LeafNow, PoseNow};
 pub use habit::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS, PerOrder};
 pub use measure::Measures;
-pub use clip::{ClipLeaves, ClipOptions, GrowthClip, LeafNow, PoseNow};
 pub use plant::{Foliage, PlantOptions};
 pub use record::{ClipSpan, GrowthRecord};
 pub use site::{Keep, Neighbours, Prune, Site};
@@ -210,9 +210,8 @@ fn grow_group(
         Tree { sown: last - full_years(spec.age), recorded: span(*i).is_some(), ..plant_seed(spec) }
     };
     let mut stand = Stand::new(group.iter().map(sow).collect(), site, limits);
-    let record_of = |(i, tree): (&usize, &Tree)| {
-        span(*i).map(|span| GrowthRecord::new(tree, span, specs[*i].id, specs[*i].seed))
-    };
+    let record_of =
+        |(i, tree): (&usize, &Tree)| span(*i).map(|span| GrowthRecord::new(tree, span, specs[*i].id, specs[*i].seed));
     let mut records: Vec<Option<GrowthRecord>> = group.iter().zip(&stand.trees).map(record_of).collect();
 
     // Full years, then the one that is shown in part.
@@ -247,6 +246,8 @@ fn full_years(age: f64) -> u32 {
     age.floor() as u32
 }
 
+#[cfg(test)]
+mod clip_tests;
 #[cfg(test)]
 mod forestry_tests;
 #[cfg(test)]

@@ -142,8 +142,6 @@ pub(super) struct NodeSite {
 pub(super) struct ClipNodes {
     /// It falls before the end of the clip: it begins a tube of its own, for what carries it grows thicker than it ever was.
     pub gone: Vec<bool>,
-    /// It carries branches, which would slide along the axis if the node were left out while the axis grows on.
-    pub carries: Vec<bool>,
 }
 
 /// Nodes of the tree that a node of the plant follows.
@@ -342,8 +340,7 @@ impl<'a> AxisBuilder<'a> {
             let way = here - kept;
             let next = chain.get(k + 1).map(|n| *n as usize);
             let r = next.map_or(nodes.r[i], |n| 0.5 * (nodes.r[i] + nodes.r[n]));
-            let carries = self.clip.as_ref().is_some_and(|clip| clip.carries[i]);
-            let straight = !carries && next.is_some_and(|n| {
+            let straight = next.is_some_and(|n| {
                 let ahead = nodes.p[n] - here;
                 let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
                 // How far the next node lies beside the chord so far: long arcs of small bends would leave their own branches.

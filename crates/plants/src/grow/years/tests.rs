@@ -16,7 +16,7 @@ use osier_scene::Mesh;
 use osier_scene::plant::Plant;
 
 /// A broadleaved tree that grows quickly.
-fn habit() -> Habit {
+pub(super) fn habit() -> Habit {
     let mut habit = Habit::default();
     for (key, values) in [
         ("shoot_rate", [0.5, 0.4, 0.35].as_slice()),
@@ -34,7 +34,7 @@ fn habit() -> Habit {
     habit
 }
 
-fn spec(age: f64) -> TreeSpec {
+pub(super) fn spec(age: f64) -> TreeSpec {
     TreeSpec {
         name: "tree".into(),
         habit: habit(),
@@ -395,7 +395,7 @@ fn a_cut_wakes_dormant_buds() {
     assert!(grown.died().is_none() && grown.measures().height > 2.0, "{:?}", grown.measures());
 }
 
-fn leaf() -> OrganSpec {
+pub(super) fn leaf() -> OrganSpec {
     // A square of 8 cm that stands for a blade.
     let points: Vec<Vec3> =
         [(-0.5, 0.0), (0.5, 0.0), (0.5, 1.0), (-0.5, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec();
