@@ -7,7 +7,8 @@
 //! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
 //! rain            recorded drops and plants  ├─ row, fields, maps, records, ─────┘
 //! attractor_morph coefficients at a time     │  point_tables, volumes
-//! growth          births of nodes            ┘
+//! growth          births of nodes            │
+//! season          calendars of leaves        ┘
 //! ```
 //!
 //! A new motion is a type that implements [`AssetMotion`] and is given to the scene together with its asset.
@@ -18,6 +19,7 @@ pub mod growth;
 pub mod rain;
 pub mod rod;
 pub mod rod_plant;
+pub mod season;
 pub mod sway;
 
 use std::collections::BTreeSet;

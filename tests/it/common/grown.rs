@@ -86,7 +86,7 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
         let site = GrowthSite { tree: tree.as_ref(), ..GrowthSite::default() };
         let keys = &recipe.plants[individual.plant];
         let look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");
-        let grown = with_work(|w| grow_plant(keys, individual, &look, site, w)).expect("plant");
+        let grown = with_work(|w| grow_plant(keys, individual, &look, site, 1, w)).expect("plant");
         let kind = PlantMaterials {
             tile: look.materials[0].tile,
             organ_names: look.names.clone(),
