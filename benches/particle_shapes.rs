@@ -45,7 +45,7 @@ fn main() {
         let look = plant_materials(&recipe.plants[0], 0, &work).expect("look");
         let (layout, _) = lay_out_scene(&recipe, &work).expect("layout");
         let grow = |individual: &Individual| {
-            grow_plant(&recipe.plants[0], individual, &look, GrowthSite::default(), 1, &work).expect("plant").plant
+            grow_plant(&recipe.plants[0], individual, &look, GrowthSite::default(), &work).expect("plant").plant
         };
         let first = &layout.individuals[0];
         let plant = grow(first);

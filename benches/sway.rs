@@ -42,7 +42,7 @@ fn grown(name: &str, work: &BakeContext<'_>) -> Plant {
     let recipe = recipe(name, &[]);
     let look = plant_materials(&recipe.plants[0], recipe.general.seed, work).expect("look");
     let (layout, _) = lay_out_scene(&recipe, work).expect("layout");
-    grow_plant(&recipe.plants[0], &layout.individuals[0], &look, GrowthSite::default(), 1, work).expect("plant").plant
+    grow_plant(&recipe.plants[0], &layout.individuals[0], &look, GrowthSite::default(), work).expect("plant").plant
 }
 
 /// Simulates 240 frames of up to 2,000 branches.

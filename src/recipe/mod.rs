@@ -223,6 +223,8 @@ recipe! {
         derived {
             /// Years; hashed with the key or the habit that it comes from.
             age: f64;
+            /// Ages at the first and the last frame of a clip of its growth, years; hashed with the keys that they come from.
+            clip: Option<[f64; 2]>;
         }
     }
 }

@@ -389,6 +389,9 @@ fn faults_of_a_season_are_told_at_their_place() {
     assert!(with(&format!("{clip}motion = \"game\"\n")).contains("left to shaders"));
     assert!(with(&format!("{clip}growth_clip = [0, 1]\n")).contains("grows over the clip"));
     assert!(with(&format!("{clip}[plants.a.rods]\n")).contains("leaves on rods stay"));
+    let growing =
+        "[frames]\nend = 9\n[plants.a]\nspecies = \"hazel\"\nseason = 0.8\n[plants.a.site]\nfrom = 1\nto = 4\n";
+    assert!(complaint(growing).contains("`clip_leaves`"), "{}", complaint(growing));
     let tree = "[plants.a]\nifs = \"monopodial.ifs.toml\"\nseason = 0.8\n[plants.a.tree]\n";
     assert!(complaint(&format!("{tree}lod = 1\n")).contains("pictures on billboards"));
     assert!(complaint(&format!("{tree}twigs = true\n")).contains("each leaf on its own"));

@@ -6,6 +6,7 @@
 
 use glam::{Quat, Vec3};
 
+use crate::posed_skin::{GrowthBinding, drawn_by};
 use osier_base::math::{pow_f32, smoothstep};
 use osier_scene::plant::{Axis, NONE, Organ, Plant};
 
@@ -15,23 +16,12 @@ const UNFOLDING: f32 = 0.08;
 /// Thickness of wood against its age: r = r_grown (age / final age)^e. With 1 wood would thicken at a constant rate; below it, as
 /// in trees, faster when young.
 const THICKENING: f32 = 0.75;
-/// A branch is drawn towards its thinner parent over this multiple of the length that lies within the grown parent.
-const JUNCTION_REACH: f32 = 3.0;
 
 /// Births of a plant's nodes and organs, 0..1, in the order of growth.
 #[derive(Debug, Clone)]
 pub struct GrowthClock {
     nodes: Vec<f32>,
     organs: Vec<f32>,
-}
-
-/// A point of the skin or an organ, bound to the skeleton.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GrowthBinding {
-    /// Index into [`Plant::axes`].
-    pub axis: u32,
-    /// Arc length on that axis, m.
-    pub s: f32,
 }
 
 /// An organ at a time.
@@ -126,13 +116,11 @@ impl<'a> GrowingPlant<'a> {
     /// is drawn inwards along the branch by the wood that the parent lacks.
     fn drawn_in(&self, axis: u32, s: f32) -> f32 {
         let shape = &self.plant.axes[axis as usize];
-        let inside = shape.s_exposed;
-        if shape.parent == NONE || inside <= 0.0 {
+        if shape.parent == NONE {
             return s;
         }
         let parent = &self.plant.axes[shape.parent as usize];
-        let lacking = inside * (1.0 - self.thickness(parent, shape.parent_s));
-        s - lacking * (1.0 - smoothstep(inside, JUNCTION_REACH * inside, s))
+        drawn_by(shape, self.thickness(parent, shape.parent_s), s)
     }
 
     /// Positions of points that the grown plant has at `points`, m. At the end of growth they are where they were.

@@ -11,6 +11,7 @@
 pub mod flight;
 pub mod growth;
 mod lanes;
+pub mod posed_skin;
 pub mod rain;
 #[allow(clippy::needless_range_loop, reason = "indices over corners and columns, as in the formulas")]
 pub mod rods;

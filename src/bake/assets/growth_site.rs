@@ -1,6 +1,6 @@
 //! What a plant needs to know of its scene while it grows.
 
-use osier_plants::grow::years::GrownTree;
+use osier_plants::grow::years::RecordedTree;
 use osier_scene::Trs;
 use osier_scene::solid::Solid;
 
@@ -12,5 +12,7 @@ pub struct GrowthSite<'a> {
     /// World from plant space.
     pub transform: Trs,
     /// The tree of a species, which has grown before, together with others that shade it.
-    pub tree: Option<&'a GrownTree>,
+    pub tree: Option<&'a RecordedTree>,
+    /// Intervals between the frames of the clip.
+    pub frames: f64,
 }

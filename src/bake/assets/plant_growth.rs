@@ -12,7 +12,7 @@ use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::seasons::{SeasonClip, season_clip, show_season};
 use crate::bake::assets::shape_growth::{fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
-use crate::bake::assets::species_growth::species_plant;
+use crate::bake::assets::species_growth::{species_clip, species_plant};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
@@ -31,6 +31,7 @@ use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
 use osier_plants::grow::turtle::{self, OrganSpec, RadiusModel, Tropism, TurtleOptions};
+use osier_plants::grow::years::GrowthClip;
 use osier_scene::plant::Plant;
 
 /// A grown individual.
@@ -44,6 +45,8 @@ pub struct GrownPlant {
     pub modules: u64,
     /// The imported mesh that the skeleton was extracted from, and that is its bark; `None` for other plants.
     pub imported: Option<Arc<MeshPlant>>,
+    /// How a tree looks at the ages that a clip of its growth shows, if it was recorded for one.
+    pub clip: Option<Arc<GrowthClip>>,
     /// The organ that stands for each segment where the plant is shown by its segments; `None`: prisms.
     pub segment: Option<OrganSpec>,
     /// How its leaves change over the clip; `None` for leaves that stay.
@@ -51,7 +54,7 @@ pub struct GrownPlant {
 }
 
 /// Grows one individual with the organs of its plant's materials, fills it with twigs where its recipe asks for them, and shows it at
-/// its season. `frames`: of the clip.
+/// its season.
 /// # Errors
 /// `Input` with the faults of derivation or turtle, `Limit`, `Cancelled`.
 pub fn grow_plant(
@@ -59,12 +62,11 @@ pub fn grow_plant(
     individual: &Individual,
     set: &MaterialSet,
     site: GrowthSite<'_>,
-    frames: usize,
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
     let mut grown = grow_from_source(recipe, individual, set, site, context)?;
     fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
-    grown.show_season(recipe, individual, set, frames)?;
+    grown.show_season(recipe, individual, set, site.frames)?;
     grown.segment = recipe.skin.segment.chars().next().and_then(|letter| set.organs.get(&letter)).cloned();
     Ok(grown)
 }
@@ -76,9 +78,9 @@ impl GrownPlant {
         recipe: &PlantRecipe,
         individual: &Individual,
         set: &MaterialSet,
-        frames: usize,
+        frames: f64,
     ) -> Result<()> {
-        let changes = frames > 1 && recipe.keys.season.is_some_and(|s| s.changes());
+        let changes = frames > 0.0 && recipe.keys.season.is_some_and(|s| s.changes());
         // A crown that has lost leaves is lighter. Leaves that change have the occlusion of summer.
         if !changes {
             show_season(&mut self.plant, recipe, individual, set)?;
@@ -122,19 +124,34 @@ fn grow_from_source(
                 modules: 0,
                 imported: None,
                 segment: None,
+                clip: None,
                 season: None,
             });
         }
         Growth::Shapes(keys) => {
             let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, season: None });
+            return Ok(GrownPlant {
+                plant,
+                report,
+                modules: 0,
+                imported: None,
+                segment: None,
+                clip: None,
+                season: None,
+            });
         }
         Growth::Species(_) => {
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
-            let (plant, warnings) = species_plant(tree, recipe, set, context.limits)?;
+            let (plant, clip, warnings) = match species_clip(tree, recipe, set, site.frames, context.limits)? {
+                Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), Vec::new()),
+                None => {
+                    let (plant, warnings) = species_plant(&tree.tree, recipe, set, context.limits)?;
+                    (plant, None, warnings)
+                }
+            };
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, season: None });
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, clip, season: None });
         }
         Growth::Mesh(..) => {
             let imported = set.tree.clone();
@@ -147,6 +164,7 @@ fn grow_from_source(
                 modules: 0,
                 imported,
                 segment: None,
+                clip: None,
                 season: None,
             });
         }
@@ -164,7 +182,7 @@ fn grow_from_source(
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, season: None })
+    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
 }
 
 /// Options of an IFS tree from the keys of `[plants.NAME.tree]`.

@@ -21,6 +21,7 @@ use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
 use crate::bake::motion::season::SeasonMotion;
 use crate::bake::motion::sway::SwayMotion;
+use crate::bake::motion::years::YearsMotion;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::plant_layout::{Individual, PlantInstance, PlantLayout};
 use crate::bake::scene::scatter;
@@ -101,12 +102,13 @@ pub(crate) fn grow_plants(
     let solids = growth_solids(recipe, layout)?;
     let transforms = layout.first_transforms();
     let trees = grow_species(recipe, layout, &solids, context.limits)?;
+    let frames = f64::from(recipe.clip.end.saturating_sub(recipe.clip.start));
     let individuals: Vec<_> = layout.individuals.iter().zip(transforms).zip(&trees).collect();
     let grown = par_map(&individuals, |((individual, transform), tree)| {
         context.cancel.check()?;
         let (plant, set) = plant_and_entry(recipe, sets, individual)?;
-        let site = GrowthSite { solids: &solids, transform: *transform, tree: tree.as_ref() };
-        let grown = grow_plant(plant, individual, set, site, recipe.clip.len(), context);
+        let site = GrowthSite { solids: &solids, transform: *transform, tree: tree.as_ref(), frames };
+        let grown = grow_plant(plant, individual, set, site, context);
         context.progress.advance(1);
         grown
     });
@@ -219,6 +221,15 @@ fn build_plant(
     context: &BakeContext<'_>,
 ) -> Result<BuiltPlant> {
     // A plant that grows over the clip follows its own clock and no wind.
+    if let Some(clip) = &grown.clip {
+        let seconds = recipe.clip.seconds(recipe.clip.end);
+        let BoundPlant { mut asset, bindings, .. } =
+            build_bound_plant(grown, plant, materials, individual, None, context)?;
+        GrowthMotion::prepare(&mut asset);
+        let motion = YearsMotion::new(clip.clone(), materials, &bindings, is_shown_by_segments(grown, plant), seconds);
+        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
+        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
+    }
     if let Some(shares) = plant.keys.growth_clip.filter(|_| recipe.clip.len() > 1) {
         let seconds = recipe.clip.seconds(recipe.clip.end);
         let (asset, motion) =

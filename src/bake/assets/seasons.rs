@@ -332,7 +332,7 @@ impl SeasonClip {
     }
 }
 
-/// Gives a grown individual an organ for each look that its leaves have in a clip of `frames` frames.
+/// Gives a grown individual an organ for each look that its leaves have in a clip. `frames`: intervals between its frames.
 /// # Errors
 /// `TooMany` for the prototypes of the plant.
 pub(crate) fn season_clip(
@@ -340,7 +340,7 @@ pub(crate) fn season_clip(
     recipe: &PlantRecipe,
     individual: &Individual,
     set: &MaterialSet,
-    frames: usize,
+    frames: f64,
 ) -> Result<Option<SeasonClip>> {
     let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(None) };
     let (seed, difference) = individual_year(individual);
@@ -349,7 +349,9 @@ pub(crate) fn season_clip(
     show_season(&mut first, recipe, individual, set)?;
     let at = PlantSeason { season: 0.0, seed, organs: &organs, bud_name: BUD };
     let at_share = |share: f64| narrow(shifted(seasons[0] + (seasons[1] - seasons[0]) * share, difference));
-    let shares = (0..frames).map(|k| k as f64 / (frames - 1).max(1) as f64);
+    let intervals = frames.max(1.0);
+    let numbers = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= intervals);
+    let shares = numbers.map(|k: f64| k / intervals);
     let slots = season_slots(grown, &at, &shares.map(at_share).collect::<Vec<f32>>())?;
     Ok(Some(SeasonClip { slots, first, seasons, difference }))
 }
@@ -359,6 +361,14 @@ impl GrownPlant {
     pub(crate) fn at_first_frame(&self) -> Option<Self> {
         let first = self.season.as_ref()?.first.clone();
         let (imported, segment) = (self.imported.clone(), self.segment.clone());
-        Some(Self { plant: first, report: Report::default(), modules: self.modules, imported, segment, season: None })
+        Some(Self {
+            plant: first,
+            report: Report::default(),
+            modules: self.modules,
+            imported,
+            clip: None,
+            segment,
+            season: None,
+        })
     }
 }

@@ -7,14 +7,17 @@ use glam::Vec3;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
-use crate::recipe::scene::{BladeOutline, PruneKeys, SiteKeys};
+use crate::recipe::scene::{BladeOutline, LeafSeasons, PruneKeys, SiteKeys};
 use crate::recipe::{Growth, PlantRecipe, Recipe, SpeciesRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::par::par_map;
-use osier_plants::grow::years::{Foliage, GrownTree, Keep, Neighbours, PlantOptions, Prune, Site, TreeSpec, grow};
+use osier_plants::grow::years::{
+    ClipLeaves, ClipOptions, ClipSpan, Foliage, GrownTree, GrowthClip, Keep, Neighbours, PlantOptions, Prune,
+    RecordedTree, Site, TreeSpec, grow_recorded,
+};
 use osier_scene::Trs;
 use osier_scene::plant::Plant;
 use osier_scene::solid::{Solid, Solids};
@@ -39,9 +42,9 @@ pub fn grow_species(
     layout: &PlantLayout,
     solids: &[Solid],
     limits: &Limits,
-) -> Result<Vec<Option<GrownTree>>> {
+) -> Result<Vec<Option<RecordedTree>>> {
     let transforms = layout.first_transforms();
-    let mut out: Vec<Option<GrownTree>> = layout.individuals.iter().map(|_| None).collect();
+    let mut out: Vec<Option<RecordedTree>> = layout.individuals.iter().map(|_| None).collect();
     // Trees that stand together are one job, every other tree is one of its own.
     let mut jobs: Vec<Vec<usize>> = Vec::new();
     let mut together = Vec::new();
@@ -60,7 +63,9 @@ pub fn grow_species(
         // All trees of a job share the sky of the first.
         let first = job.first().and_then(|i| species_of(recipe, &layout.individuals[*i]));
         let site = first.map_or_else(Site::default, |species| site(&species.site, solids));
-        grow(&specs, &site, limits)
+        let spans: Vec<Option<ClipSpan>> =
+            job.iter().map(|i| clip_span(recipe, &layout.individuals[*i], oldest(recipe, layout, job))).collect();
+        grow_recorded(&specs, &spans, &site, limits)
     });
     for (job, trees) in jobs.iter().zip(grown) {
         for (i, tree) in job.iter().zip(trees?) {
@@ -75,6 +80,21 @@ fn species_of<'a>(recipe: &'a Recipe, individual: &Individual) -> Option<&'a Spe
         Growth::Species(species) => Some(species),
         _ => None,
     }
+}
+
+/// Greatest age of the trees of a job, years.
+fn oldest(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
+    let ages = job.iter().filter_map(|i| species_of(recipe, &layout.individuals[*i])).map(|species| species.age);
+    ages.fold(0.0, f64::max)
+}
+
+/// The ages of a tree that the clip shows. `oldest`: of the trees that grow together with it, years; each of them is shown as it was when
+/// the oldest had the ages that its own keys name, so that younger ones appear later.
+fn clip_span(recipe: &Recipe, individual: &Individual, oldest: f64) -> Option<ClipSpan> {
+    let species = species_of(recipe, individual).filter(|_| recipe.clip.len() > 1)?;
+    let [from, to] = species.clip?;
+    let later = if individual.together && species.site.from.is_none() { oldest - species.age } else { 0.0 };
+    Some(ClipSpan { from: from - later, to })
 }
 
 fn tree_spec(recipe: &Recipe, individual: &Individual, transform: Trs, solids: &[Solid]) -> Option<TreeSpec> {
@@ -121,6 +141,31 @@ fn prune(keys: &PruneKeys, solids: &[Solid]) -> Option<Prune> {
     Some(Prune { year: keys.year, every: keys.every, until: keys.until, keep })
 }
 
+/// Frames that a year must have for leaves to follow the seasons by themselves: with fewer they would flicker.
+const SEASON_FRAMES: f64 = 12.0;
+
+/// The ages of a recorded tree as a plant; `None` for a tree that was not recorded. `frames`: intervals between the frames of the clip.
+/// # Errors
+/// As [`GrownTree::plant`].
+pub(crate) fn species_clip(
+    tree: &RecordedTree,
+    recipe: &PlantRecipe,
+    set: &MaterialSet,
+    frames: f64,
+    limits: &Limits,
+) -> Result<Option<GrowthClip>> {
+    let (Some(record), Growth::Species(species)) = (&tree.record, &recipe.growth) else { return Ok(None) };
+    let ClipSpan { from, to } = record.span();
+    let frame_years = (to - from).abs() / frames.max(1.0);
+    let leaves = match species.site.clip_leaves {
+        LeafSeasons::Auto if frame_years * SEASON_FRAMES > 1.0 => ClipLeaves::Summer,
+        LeafSeasons::Summer => ClipLeaves::Summer,
+        LeafSeasons::Auto | LeafSeasons::Seasons => ClipLeaves::Seasons,
+    };
+    let options = plant_options(recipe, set);
+    record.clone().into_clip(&options, ClipOptions { leaves, frame_years }, limits).map(Some)
+}
+
 /// A grown tree as a plant with the leaves of its materials, and what is to be told of it.
 /// # Errors
 /// As [`GrownTree::plant`].
@@ -130,12 +175,23 @@ pub(crate) fn species_plant(
     set: &MaterialSet,
     limits: &Limits,
 ) -> Result<(Plant, Vec<Diagnostic>)> {
+    let plant = tree.plant(&plant_options(recipe, set), limits)?;
+    let died = tree.died().map(|year| {
+        let text = format!("plant \"{}\" is dead: no light since year {year}", recipe.name);
+        let help = "give it more room, fewer neighbours or a lower `shade_point`";
+        Diagnostic { help: Some(help.into()), ..Diagnostic::about("S036", text) }
+    });
+    Ok((plant, died.into_iter().collect()))
+}
+
+/// Leaves and materials of a species.
+fn plant_options(recipe: &PlantRecipe, set: &MaterialSet) -> PlantOptions {
     let needles = recipe.organs.iter().any(|o| o.letter == 'l' && o.keys.blade == BladeOutline::Needles);
     let foliage = set.organs.get(&'l').map(|organ| match needles {
         true => Foliage::Needles(organ.clone()),
         false => Foliage::Blades(organ.clone()),
     });
-    let options = PlantOptions {
+    PlantOptions {
         foliage,
         materials: set.materials.iter().map(|m| m.name.clone()).collect(),
         bark: BARK,
@@ -143,14 +199,7 @@ pub(crate) fn species_plant(
         shoot_radius: SHOOT_RADIUS,
         dead: set.dead.unwrap_or(BARK),
         source: recipe.source.clone(),
-    };
-    let plant = tree.plant(&options, limits)?;
-    let died = tree.died().map(|year| {
-        let text = format!("plant \"{}\" is dead: no light since year {year}", recipe.name);
-        let help = "give it more room, fewer neighbours or a lower `shade_point`";
-        Diagnostic { help: Some(help.into()), ..Diagnostic::about("S036", text) }
-    });
-    Ok((plant, died.into_iter().collect()))
+    }
 }
 
 /// S003 for plants that grow for one place and stand in several as the same individual.

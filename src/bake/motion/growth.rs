@@ -9,7 +9,8 @@ use crate::bake::assets::plant_mesh::group_organs;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use osier_base::Result;
 use osier_base::math::narrow;
-use osier_motion::growth::{GrowingOrgan, GrowingPlant, GrowthBinding, GrowthClock};
+use osier_motion::growth::{GrowingOrgan, GrowingPlant, GrowthClock};
+use osier_motion::posed_skin::GrowthBinding;
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, InstancerMotion, MeshFrame, MeshMotion};
 
@@ -46,26 +47,11 @@ impl GrowthMotion {
         by_segments: bool,
         clip: GrowthClip,
     ) -> Self {
-        // Organs in the order in which the asset's instancers have them: by the organ that they show.
-        let mut numbers = std::collections::BTreeMap::new();
-        plant.organs.iter().enumerate().for_each(|(i, o)| {
-            numbers.insert(o.id, i);
-        });
-        let index = |o: &&osier_scene::plant::Organ| numbers.get(&o.id).copied();
-        let groups = group_organs(plant, materials);
-        let organs = groups.values().map(|list| list.iter().filter_map(index).collect());
-        let mut segments = Vec::new();
-        if by_segments {
-            for (axis, shape) in (0_u32..).zip(&plant.axes) {
-                let s = &plant.nodes.s[plant.nodes_of(shape)];
-                segments.extend(s.windows(2).map(|w| GrowthBinding { axis, s: 0.5 * (w[0] + w[1]) }));
-            }
-        }
         Self {
             clock: GrowthClock::new(plant),
             bindings: bindings.iter().map(|(axis, s)| GrowthBinding { axis: *axis, s: *s }).collect(),
-            organs: organs.collect(),
-            segments,
+            organs: organs_by_instancer(plant, materials),
+            segments: if by_segments { segment_middles(plant) } else { Vec::new() },
             plant: Arc::new(plant.clone()),
             clip,
         }
@@ -103,6 +89,27 @@ impl GrowthMotion {
         let sizes: Vec<f32> = self.segments.iter().map(|b| young.segment_size(b.axis, b.s)).collect();
         InstanceState { alive: sizes.iter().map(|s| *s > 0.0).collect(), sizes, ..rest.clone() }
     }
+}
+
+/// Indices into the plant's organs, for each instancer of its asset, in the order of its instances.
+pub(super) fn organs_by_instancer(plant: &Plant, materials: &PlantMaterials) -> Vec<Vec<usize>> {
+    let mut numbers = std::collections::BTreeMap::new();
+    plant.organs.iter().enumerate().for_each(|(i, o)| {
+        numbers.insert(o.id, i);
+    });
+    let index = |o: &&osier_scene::plant::Organ| numbers.get(&o.id).copied();
+    let groups = group_organs(plant, materials);
+    groups.values().map(|list| list.iter().filter_map(index).collect()).collect()
+}
+
+/// Middles of the segments of a plant, in the order of the instancer that shows them.
+pub(super) fn segment_middles(plant: &Plant) -> Vec<GrowthBinding> {
+    let mut middles = Vec::new();
+    for (axis, shape) in (0_u32..).zip(&plant.axes) {
+        let s = &plant.nodes.s[plant.nodes_of(shape)];
+        middles.extend(s.windows(2).map(|w| GrowthBinding { axis, s: 0.5 * (w[0] + w[1]) }));
+    }
+    middles
 }
 
 impl AssetMotion for GrowthMotion {

@@ -8,6 +8,7 @@
 //! rain            recorded drops and plants  ├─ row, fields, maps, records, ─────┘
 //! attractor_morph coefficients at a time     │  point_tables, volumes
 //! growth          births of nodes            │
+//! years           recorded years of a tree   │
 //! season          calendars of leaves        ┘
 //! ```
 //!
@@ -21,6 +22,7 @@ pub mod rod;
 pub mod rod_plant;
 pub mod season;
 pub mod sway;
+pub mod years;
 
 use std::collections::BTreeSet;
 use std::fmt::Debug;

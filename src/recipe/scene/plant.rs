@@ -257,7 +257,9 @@ impl Resolver<'_> {
                 let has_ending = reference.text.to_ascii_lowercase().ends_with(".species");
                 let name = if has_ending { reference.text.clone() } else { format!("{}.species", reference.text) };
                 let file = self.read(&name, reference.span, "text-bytes", &[".species"])?;
-                let species = self.species_recipe(&file, table, &path, keys.age)?;
+                let mut species = self.species_recipe(&file, table, &path, keys.age)?;
+                let blocked = self.why_no_growth_clip(&keys);
+                species.clip = self.species_clip(&species, table, &path, keys.growth_clip, blocked);
                 (Growth::Species(Box::new(species)), file.shown, vec!['l'])
             }
             // A misspelt or unreadable `grammar` has been named already.
@@ -318,11 +320,12 @@ impl Resolver<'_> {
     /// S007 for what a plant cannot be at the same time; the later of both keys gives way: growth in the rain or on shader attributes,
     /// segments in the rain or on rods.
     fn settle_forms(&mut self, plant: &TomlTable, path: &str, keys: &mut PlantKeys, skin: &mut SkinKeys) {
-        let shaded = matches!(keys.motion, BarkMotion::Game | BarkMotion::Static);
-        if keys.growth_clip.is_some() && (self.raining || shaded) {
-            let why = if self.raining { "rain meets grown plants" } else { "its motion is left to shaders" };
+        if let Some(why) = self.why_no_growth_clip(keys).filter(|_| keys.growth_clip.is_some()) {
             self.has_no_effect(plant, path, &["growth_clip"], why);
             keys.growth_clip = None;
+        }
+        if keys.growth_clip.is_some() && plant.get("rods").is_some() {
+            self.has_no_effect(plant, path, &["rods"], "the plant grows over the clip and does not sway");
         }
         if skin.form == SkinForm::Segments && (self.raining || plant.get("rods").is_some()) {
             let why = if self.raining { "rain needs a closed skin" } else { "rods need a closed skin" };
@@ -340,6 +343,15 @@ impl Resolver<'_> {
             Growth::Mesh(..) => keys.season = None,
             Growth::Ifs(_, tree) if tree.lod > 0 => {
                 self.has_no_effect(plant, path, &["season"], "the leaves of this lod are pictures on billboards");
+                keys.season = None;
+            }
+            Growth::Species(species) if species.clip.is_some() => {
+                self.has_no_effect(
+                    plant,
+                    path,
+                    &["season"],
+                    "leaves of a tree that grows over the clip have `clip_leaves`",
+                );
                 keys.season = None;
             }
             _ => {}
@@ -360,8 +372,19 @@ impl Resolver<'_> {
         }
     }
 
+    /// Why a plant cannot grow over the clip, if it cannot.
+    fn why_no_growth_clip(&self, keys: &PlantKeys) -> Option<&'static str> {
+        if self.raining {
+            Some("rain meets grown plants")
+        } else if matches!(keys.motion, BarkMotion::Game | BarkMotion::Static) {
+            Some("its motion is left to shaders")
+        } else {
+            None
+        }
+    }
+
     /// S007 for a key of a plant.
-    fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
+    pub(super) fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
         let span = span_of(plant, key).unwrap_or(self.whole);
         let text = format!("{path}.{} has no effect", key.join("."));
         self.report.push(Diagnostic::warning("S007", text, span, "has no effect").help(format!("because {why}")));

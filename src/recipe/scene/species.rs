@@ -2,11 +2,11 @@
 
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
-    BooleanType, Digest, KeyInfo, KeyListing, KeyTable, NumberArray, PointList, RecipePart, StringType, TableInfo,
-    TableReader, TomlNode, TomlTable, TomlValue, ValueForm, ValueKind, ValueType, finite_number, integer, join,
-    list_table, number, outside, wrong,
+    BooleanType, Digest, KeyInfo, KeyListing, KeyTable, NumberArray, OneOf, OptionalKey, PointList, RecipePart,
+    StringType, TableInfo, TableReader, TomlNode, TomlTable, TomlValue, ValueForm, ValueKind, ValueType, finite_number,
+    integer, join, list_table, number, outside, wrong,
 };
-use crate::recipe::syntax::{Fault, keys};
+use crate::recipe::syntax::{Fault, choices, keys};
 use crate::recipe::{ReferencedFile, SpeciesRecipe};
 use osier_base::diagnostic::{Diagnostic, nearest};
 use osier_plants::grow::years::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS};
@@ -16,6 +16,18 @@ use serde_json::json;
 const MAX_SIDE: f64 = 0.95;
 /// Keys of a habit that artists change first.
 const BASIC: [&str; 6] = ["apical_control", "shoot_rate", "path_max", "angle", "elevation", "clear_stem"];
+
+choices! {
+    /// How the leaves of a tree come and go in a clip of its growth.
+    LeafSeasons {
+        /// As `seasons` where a year has at least 12 frames, else as `summer`: leaves that come and go faster flicker.
+        Auto = "auto",
+        /// Leaves that live less than two years unfold in spring and fall in autumn.
+        Seasons = "seasons",
+        /// The crown is in leaf all year.
+        Summer = "summer",
+    }
+}
 
 keys! {
     /// Place of a tree that grows year by year: its sky, and what stands in its way.
@@ -28,6 +40,12 @@ keys! {
         direct: f64 = "direct" number(0.0, 0.0, 0.8, "");
         /// Whether the scene's `[[solid]]`s shade it and stop its shoots.
         solids: bool = "solids" BooleanType(false);
+        /// Age at the first frame: the tree grows over the clip and does not sway.
+        from: Option<f64> = "from" OptionalKey(number(0.0, 0.0, 500.0, "yr"), "0 with `to`, else the plant's age");
+        /// Age at the last frame.
+        to: Option<f64> = "to" OptionalKey(number(60.0, 0.0, 500.0, "yr"), "the plant's age");
+        /// How leaves come and go while it grows: "auto" follows the seasons where a year has at least 12 frames.
+        clip_leaves: LeafSeasons = "clip_leaves" OneOf(LeafSeasons::Auto);
     }
     /// Unseen neighbours of a tree: a ring of leaves that shades it, for trees grown in a forest.
     StandKeys at "plants.NAME.stand" {
@@ -215,7 +233,42 @@ impl Resolver<'_> {
         }
         let prunes = self.prunes(plant, path);
         let age = age.unwrap_or_else(|| shortest(habit.habit.age));
-        Some(SpeciesRecipe { habit, site, stand, prunes, age })
+        Some(SpeciesRecipe { habit, site, stand, prunes, age, clip: None })
+    }
+
+    /// The ages that a plant shows over the clip, years: those of its site, or shares of its age.
+    /// `shares`: the plant's `growth_clip`; `blocked`: why a plant cannot grow over the clip.
+    pub(in crate::recipe) fn species_clip(
+        &mut self,
+        species: &SpeciesRecipe,
+        plant: &TomlTable,
+        path: &str,
+        shares: Option<[f64; 2]>,
+        blocked: Option<&str>,
+    ) -> Option<[f64; 2]> {
+        let (from, to) = (species.site.from, species.site.to);
+        if from.is_none() && to.is_none() {
+            return shares.map(|shares| shares.map(|share| share * species.age));
+        }
+        let key = if from.is_some() { ["site", "from"] } else { ["site", "to"] };
+        let span = span_of(plant, &key).unwrap_or(self.whole);
+        if let Some(why) = blocked {
+            self.has_no_effect(plant, path, &key, why);
+            return None;
+        }
+        if shares.is_some() {
+            let text = format!("{path}.growth_clip and {path}.{} both set what the clip shows", key.join("."));
+            self.report.push(Diagnostic::error("S003", text, span, "contradictory keys").help("leave one of them out"));
+            return None;
+        }
+        let ages = [from.unwrap_or(0.0), to.unwrap_or(species.age)];
+        if let Some(late) = ages.iter().find(|age| **age > species.age) {
+            let text = format!("{path}.site shows the tree at {late} years, but it grows to {}", species.age);
+            let d = Diagnostic::error("S003", text, span, "beyond its age");
+            self.report.push(d.help(format!("raise its age: age = {late}")));
+            return None;
+        }
+        Some(ages)
     }
 
     fn prunes(&mut self, plant: &TomlTable, path: &str) -> Vec<PruneKeys> {

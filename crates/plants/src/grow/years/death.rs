@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::light::LightField;
+use super::record::CutThrough;
 use super::season::Season;
 use super::site::Prune;
 use super::tree::{Bud, Loss, NONE, Purpose, Tree, flag, index_of};
@@ -98,6 +99,13 @@ impl Tree {
         }
         // The root stays as a stump in any case.
         let part = low.max(SHORTEST_STUB);
+        if self.recorded {
+            self.cuts.push(CutThrough {
+                node: index_of(i),
+                year: u16::try_from(self.year).unwrap_or(u16::MAX),
+                length,
+            });
+        }
         let nodes = &mut self.nodes;
         let gone = length * (1.0 - part);
         nodes.length[i] = length * part;

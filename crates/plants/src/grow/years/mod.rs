@@ -10,6 +10,8 @@
 
 mod allocate;
 mod bending;
+mod clip;
+mod clip_leaves;
 mod death;
 mod habit;
 mod light;
@@ -17,15 +19,18 @@ mod measure;
 mod part_year;
 mod plant;
 mod radii;
+mod record;
 mod season;
 mod shoots;
 mod site;
 mod stand;
 mod tree;
 
+pub use clip::{ClipLeaves, ClipOptions, GrowthClip, LeafNow, PoseNow};
 pub use habit::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS, PerOrder};
 pub use measure::Measures;
 pub use plant::{Foliage, PlantOptions};
+pub use record::{ClipSpan, GrowthRecord};
 pub use site::{Keep, Neighbours, Prune, Site};
 
 use glam::Vec3;
@@ -72,6 +77,15 @@ pub struct GrownTree {
     age: f64,
 }
 
+/// A tree that has grown, with its record if a clip shows its growth.
+#[derive(Debug, Clone)]
+pub struct RecordedTree {
+    /// The tree at its age.
+    pub tree: GrownTree,
+    /// Its years, if they were to be recorded.
+    pub record: Option<GrowthRecord>,
+}
+
 impl GrownTree {
     fn new(tree: Tree, spec: &TreeSpec, age: f64) -> Self {
         Self { tree, id: spec.id, seed: spec.seed, age }
@@ -104,10 +118,23 @@ impl GrownTree {
 /// # Errors
 /// `Range` for an age, S003 for contradictory parameters, `Limit` for a tree of too many nodes.
 pub fn grow(specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<GrownTree>> {
+    let grown = grow_recorded(specs, &[], site, limits)?;
+    Ok(grown.into_iter().map(|g| g.tree).collect())
+}
+
+/// As [`grow`], and records the trees that a clip will show. `spans`: by tree, of those to be recorded; they end at its age or before.
+/// # Errors
+/// As [`grow`].
+pub fn grow_recorded(
+    specs: &[TreeSpec],
+    spans: &[Option<ClipSpan>],
+    site: &Site,
+    limits: &Limits,
+) -> Result<Vec<RecordedTree>> {
     specs.iter().try_for_each(check)?;
     let groups = groups_in_shade(specs);
-    let grown = par_map(&groups, |group| grow_group(group, specs, site, limits));
-    let mut trees: Vec<(usize, GrownTree)> = Vec::with_capacity(specs.len());
+    let grown = par_map(&groups, |group| grow_group(group, specs, spans, site, limits));
+    let mut trees: Vec<(usize, RecordedTree)> = Vec::with_capacity(specs.len());
     for group in grown {
         trees.extend(group?);
     }
@@ -168,28 +195,49 @@ fn groups_in_shade(specs: &[TreeSpec]) -> Vec<Vec<usize>> {
 }
 
 /// The last year is computed whole and shown in part, for trees whose age has a fraction.
-fn grow_group(group: &[usize], specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<(usize, GrownTree)>> {
+fn grow_group(
+    group: &[usize],
+    specs: &[TreeSpec],
+    spans: &[Option<ClipSpan>],
+    site: &Site,
+    limits: &Limits,
+) -> Result<Vec<(usize, RecordedTree)>> {
     let members: Vec<&TreeSpec> = group.iter().map(|i| &specs[*i]).collect();
+    let span = |i: usize| spans.get(i).copied().flatten();
     let last = members.iter().map(|s| full_years(s.age)).max().unwrap_or(0);
-    let trees = members.iter().map(|s| Tree { sown: last - full_years(s.age), ..plant_seed(s) }).collect();
-    let mut stand = Stand::new(trees, site, limits);
-    for _ in 0..last {
+    let sow = |i: &usize| {
+        let spec = &specs[*i];
+        Tree { sown: last - full_years(spec.age), recorded: span(*i).is_some(), ..plant_seed(spec) }
+    };
+    let mut stand = Stand::new(group.iter().map(sow).collect(), site, limits);
+    let record_of =
+        |(i, tree): (&usize, &Tree)| span(*i).map(|span| GrowthRecord::new(tree, span, specs[*i].id, specs[*i].seed));
+    let mut records: Vec<Option<GrowthRecord>> = group.iter().zip(&stand.trees).map(record_of).collect();
+
+    // Full years, then the one that is shown in part.
+    for year in 1..=last {
         stand.grow_year(true)?;
+        let grew = stand.trees.iter().zip(&mut records).filter(|(tree, _)| tree.sown < year);
+        grew.for_each(|(tree, record)| record.iter_mut().for_each(|r| r.note_year(tree)));
     }
     let part = |spec: &TreeSpec| narrow(spec.age - f64::from(full_years(spec.age)));
     if members.iter().any(|s| part(s) > 0.0) {
         let before = stand.trees.clone();
         stand.grow_year(false)?;
-        for ((tree, before), spec) in stand.trees.iter_mut().zip(before).zip(&members) {
+        for (((tree, before), spec), record) in stand.trees.iter_mut().zip(before).zip(&members).zip(&mut records) {
             if part(spec) > 0.0 {
+                record.iter_mut().for_each(|r| r.note_year(tree));
                 tree.show_part_of_year(&before, part(spec));
             } else {
                 *tree = before;
             }
         }
     }
-    let grown = stand.trees.into_iter().zip(group).zip(&members);
-    Ok(grown.map(|((tree, i), spec)| (*i, GrownTree::new(tree, spec, spec.age))).collect())
+    let grown = stand.trees.into_iter().zip(records).zip(group.iter().zip(&members));
+    let together = |((tree, record), (i, spec)): ((Tree, Option<GrowthRecord>), (&usize, &&TreeSpec))| {
+        (*i, RecordedTree { tree: GrownTree::new(tree, spec, spec.age), record })
+    };
+    Ok(grown.map(together).collect())
 }
 
 /// Full years of an age within [`AGE_RANGE`].

@@ -26,9 +26,9 @@ const MAX_DRIFT: f32 = 0.25;
 /// Angles between a rosette's axis and its innermost and outermost leaves, degrees.
 const ROSETTE: [f32; 2] = [35.0, 80.0];
 /// Distance between successive leaves of a rosette along the tip, m.
-const ROSETTE_STEP: f32 = 0.004;
+pub(super) const ROSETTE_STEP: f32 = 0.004;
 /// Angle between a shoot and its leaves, degrees.
-const SHOOT_LEAF_ANGLE: f32 = 55.0;
+pub(super) const SHOOT_LEAF_ANGLE: f32 = 55.0;
 /// Standard deviation of the angle of leaves, degrees.
 const LEAF_ANGLE_DEVIATION: f32 = 10.0;
 /// Standard deviation of the sizes of leaves, as a share of the mean.
@@ -44,7 +44,7 @@ pub enum Foliage {
 }
 
 impl Foliage {
-    fn organ(&self) -> &OrganSpec {
+    pub(super) fn organ(&self) -> &OrganSpec {
         match self {
             Self::Blades(organ) | Self::Needles(organ) => organ,
         }
@@ -88,7 +88,7 @@ impl GrownTree {
             let wanted = leaves.expected_count(&self.tree);
             limits.check("organs", wanted, &format!("organs of plant \"{}\"", self.tree.name))?;
         }
-        let mut builder = AxisBuilder { tree: &self.tree, age: narrow(self.age), options, plant, at: Vec::new() };
+        let mut builder = AxisBuilder::new(&self.tree, narrow(self.age), options, plant);
         builder.add_axes(leaves.as_ref());
         let mut plant = builder.plant;
         osier_scene::plant::validate(&mut plant)?;
@@ -132,9 +132,29 @@ impl Children {
 
 /// Where a node of the tree lies in the plant.
 #[derive(Debug, Clone, Copy)]
-struct NodeSite {
-    axis: u32,
-    s: f32,
+pub(super) struct NodeSite {
+    pub axis: u32,
+    pub s: f32,
+}
+
+/// What the builder must know of a tree that is shown in a clip, by node.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ClipNodes {
+    /// It falls before the end of the clip: it begins a tube of its own, for what carries it grows thicker than it ever was.
+    pub gone: Vec<bool>,
+    /// It carries branches, which would slide along the axis if the node were left out while the axis grows on.
+    pub carries: Vec<bool>,
+}
+
+/// Nodes of the tree that a node of the plant follows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NodeSource {
+    /// Its place is the end of this node, or the base of the tree without one.
+    pub place: u32,
+    /// Its frame and radius are those of this node.
+    pub node: u32,
+    /// The next node of the axis, with which they are averaged.
+    pub next: u32,
 }
 
 /// An axis to be added.
@@ -144,18 +164,32 @@ struct AxisStart {
     fork: u32,
 }
 
-struct AxisBuilder<'a> {
+pub(super) struct AxisBuilder<'a> {
     tree: &'a Tree,
     age: f32,
     options: &'a PlantOptions,
-    plant: Plant,
+    pub plant: Plant,
     /// Place in the plant of the nodes that were added.
-    at: Vec<NodeSite>,
+    pub at: Vec<NodeSite>,
+    /// Of a tree that is shown in a clip.
+    pub clip: Option<ClipNodes>,
+    /// By node of the plant.
+    pub sources: Vec<NodeSource>,
 }
 
-impl AxisBuilder<'_> {
+impl<'a> AxisBuilder<'a> {
+    /// `age`: at which births end, years.
+    pub fn new(tree: &'a Tree, age: f32, options: &'a PlantOptions, plant: Plant) -> Self {
+        Self { tree, age, options, plant, at: Vec::new(), clip: None, sources: Vec::new() }
+    }
+
+    /// Whether a node falls before the end of the clip.
+    fn is_gone(&self, i: usize) -> bool {
+        self.clip.as_ref().is_some_and(|clip| clip.gone[i])
+    }
+
     /// Adds all axes depth first, siblings by their place on the parent, and their leaves.
-    fn add_axes(&mut self, leaves: Option<&Leaves<'_>>) {
+    pub fn add_axes(&mut self, leaves: Option<&Leaves<'_>>) {
         let nodes = &self.tree.nodes;
         let children = Children::new(self.tree);
         self.at = vec![NodeSite { axis: NONE, s: 0.0 }; nodes.len()];
@@ -173,7 +207,8 @@ impl AxisBuilder<'_> {
                 chain.push(index_of(node));
                 let next = self.continuation(&children, node);
                 for other in children.of(node).iter().filter(|c| Some(**c) != next) {
-                    let forks = next.is_none() && nodes.r[*other as usize] > FORK_RADIUS * nodes.r[node];
+                    let thick = nodes.r[*other as usize] > FORK_RADIUS * nodes.r[node];
+                    let forks = next.is_none() && thick && !self.is_gone(*other as usize);
                     let fork = if forks { index_of(self.plant.axes.len()) } else { NONE };
                     branches.push(AxisStart { node: *other, fork });
                 }
@@ -192,23 +227,25 @@ impl AxisBuilder<'_> {
     }
 
     /// The child that continues the skin of a node's axis: its own continuation while that lives or all is dead, else the
-    /// thickest living child that is thick and straight enough.
+    /// thickest living child that is thick and straight enough. What stands goes before what falls during a clip.
     fn continuation(&self, children: &Children, node: usize) -> Option<u32> {
         let nodes = &self.tree.nodes;
-        let same_state = |c: usize| nodes.lives(c) == nodes.lives(node);
-        let main =
-            children.of(node).iter().find(|c| nodes.flags[**c as usize] & flag::MAIN != 0 && same_state(**c as usize));
+        let stays = |c: usize| self.is_gone(c) == self.is_gone(node);
+        let same_state = |c: usize| nodes.lives(c) == nodes.lives(node) && stays(c);
+        let is_main = |c: &&u32| nodes.flags[**c as usize] & flag::MAIN != 0;
+        let main = children.of(node).iter().filter(is_main).find(|c| same_state(**c as usize));
+        let falling = children.of(node).iter().filter(is_main).find(|c| self.is_gone(**c as usize));
         if main.is_some() || !nodes.lives(node) || nodes.flags[node] & (flag::OPEN | flag::CUT) != 0 {
-            return main.copied();
+            return main.or(falling).copied();
         }
         let d = nodes.direction(node);
         let fits = |c: &&u32| {
             let c = **c as usize;
             let straight = nodes.direction(c).dot(d) > TAKEOVER_COSINE;
-            nodes.lives(c) && straight && nodes.r[c] > TAKEOVER_RADIUS * nodes.r[node]
+            nodes.lives(c) && stays(c) && straight && nodes.r[c] > TAKEOVER_RADIUS * nodes.r[node]
         };
         let thicker = |a: &&u32, b: &&u32| nodes.r[**a as usize].total_cmp(&nodes.r[**b as usize]).then(b.cmp(a));
-        children.of(node).iter().filter(fits).max_by(thicker).copied()
+        children.of(node).iter().filter(fits).max_by(thicker).or(falling).copied()
     }
 
     /// Adds one axis with the nodes of a chain.
@@ -216,7 +253,9 @@ impl AxisBuilder<'_> {
         let tree = self.tree;
         let nodes = &tree.nodes;
         let (head, tail) = (start.node as usize, chain.last().copied().unwrap_or(start.node) as usize);
-        let on = self.at.get(nodes.parent[head] as usize).copied();
+        let carrier = nodes.parent[head] as usize;
+        let breaks_off = self.is_gone(head) && carrier < nodes.len() && !self.is_gone(carrier);
+        let on = self.at.get(carrier).copied().filter(|_| !breaks_off);
         let parent = on.and_then(|on| self.plant.axes.get(on.axis as usize));
         let from = match (parent, on) {
             (Some(parent), Some(on)) => self.plant.frame(parent, on.s).p,
@@ -243,7 +282,8 @@ impl AxisBuilder<'_> {
             id,
             parent: on.map_or(NONE, |on| on.axis),
             parent_s: on.map_or(0.0, |on| on.s),
-            order: nodes.order[head],
+            // Order 0 without a parent would be a trunk, with a foot in the ground.
+            order: nodes.order[head].max(u8::from(breaks_off)),
             kind: AxisKind::Stem,
             first: index_of(first),
             count: index_of(last + 1 - first),
@@ -282,6 +322,7 @@ impl AxisBuilder<'_> {
             None => 0.0,
         };
         let out = &mut self.plant.nodes;
+        self.sources.push(NodeSource { place: nodes.parent[head], node: index_of(head), next: NO_NODE });
         let mut push = |p: Vec3, d: Vec3, node: usize, r: f32, s: f32, birth: f32| {
             out.p.push(p);
             out.q.push((math::rotation_between(y_axis(nodes.q[node]), d) * nodes.q[node]).normalize());
@@ -301,13 +342,15 @@ impl AxisBuilder<'_> {
             let way = here - kept;
             let next = chain.get(k + 1).map(|n| *n as usize);
             let r = next.map_or(nodes.r[i], |n| 0.5 * (nodes.r[i] + nodes.r[n]));
-            let straight = next.is_some_and(|n| {
-                let ahead = nodes.p[n] - here;
-                let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
-                // How far the next node lies beside the chord so far: long arcs of small bends would leave their own branches.
-                let beside = way.length() * (1.0 - cosine * cosine).max(0.0).sqrt();
-                cosine > STRAIGHT[0] && beside < MAX_DRIFT * r && (r - kept_r).abs() < STRAIGHT[1] * kept_r
-            });
+            let carries = self.clip.as_ref().is_some_and(|clip| clip.carries[i]);
+            let straight = !carries
+                && next.is_some_and(|n| {
+                    let ahead = nodes.p[n] - here;
+                    let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
+                    // How far the next node lies beside the chord so far: long arcs of small bends would leave their own branches.
+                    let beside = way.length() * (1.0 - cosine * cosine).max(0.0).sqrt();
+                    cosine > STRAIGHT[0] && beside < MAX_DRIFT * r && (r - kept_r).abs() < STRAIGHT[1] * kept_r
+                });
             if straight {
                 skipped += 1;
                 continue;
@@ -325,6 +368,7 @@ impl AxisBuilder<'_> {
                 None => math::normalize_or(way, nodes.direction(i)),
             };
             push(here, tangent, i, r, s, nodes.birth[i]);
+            self.sources.push(NodeSource { place: node, node, next: next.map_or(NO_NODE, index_of) });
             self.at[i].s = s;
             (kept, kept_r) = (here, r);
         }
@@ -332,12 +376,42 @@ impl AxisBuilder<'_> {
 }
 
 /// The leaves of a tree.
-struct Leaves<'a> {
-    foliage: &'a Foliage,
-    /// Scale of the prototypes at mean size.
+#[derive(Debug, Clone)]
+pub(super) struct Leaves<'a> {
+    pub foliage: &'a Foliage,
+    pub mean: MeanLeaf,
+}
+
+/// The leaf of mean size.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MeanLeaf {
+    /// Scale of the prototypes.
     scale: f32,
-    /// Mean area of a leaf, m2.
+    /// Area, m2.
     area: f32,
+}
+
+/// A leaf on wood whose place is known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlacedLeaf {
+    /// Rotation into plant space.
+    pub q: Quat,
+    /// Uniform size factor on the prototype.
+    pub scale: f32,
+    pub proto: u16,
+    /// Distance of its pivot from the centreline, m.
+    pub petiole: f32,
+    /// Random in [0, 1], for colour.
+    pub tint: f32,
+}
+
+/// How a blade leaves its wood.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BladeTurn {
+    /// Azimuth about the wood, rad.
+    pub azimuth: f32,
+    /// Angle to the wood, rad.
+    pub angle: f32,
 }
 
 /// Where a leaf sits and how it leaves its axis.
@@ -345,17 +419,14 @@ struct Leaves<'a> {
 struct LeafPlace {
     axis: u32,
     s: f32,
-    /// Azimuth about the axis, rad.
-    azimuth: f32,
-    /// Angle to the axis, rad.
-    angle: f32,
+    turn: BladeTurn,
     id: u64,
     birth: f32,
 }
 
 impl<'a> Leaves<'a> {
     /// `None` for a tree without leaf area or an organ without a mesh.
-    fn new(tree: &Tree, foliage: &'a Foliage) -> Option<Self> {
+    pub fn new(tree: &Tree, foliage: &'a Foliage) -> Option<Self> {
         let organ = foliage.organ();
         let first = organ.meshes.first()?;
         let length = first.bounds().max.y.max(1e-9);
@@ -365,14 +436,14 @@ impl<'a> Leaves<'a> {
         let spread = 1.0 + LEAF_SIZE_DEVIATION * LEAF_SIZE_DEVIATION;
         let area = total / organ.meshes.len() as f32 * scale * scale * spread;
         let bears = tree.habit.leaf_area_tip > 0.0 || tree.habit.leaf_area_shoot > 0.0;
-        (bears && area > 0.0).then_some(Self { foliage, scale, area })
+        (bears && area > 0.0).then_some(Self { foliage, mean: MeanLeaf { scale, area } })
     }
 
     /// The number of organs to expect.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
         match self.foliage {
-            Foliage::Blades(_) => (f64::from(tree.measures().leaf_area) / f64::from(self.area)) as u64,
+            Foliage::Blades(_) => (f64::from(tree.measures().leaf_area) / f64::from(self.mean.area)) as u64,
             Foliage::Needles(_) => tree.nodes.len() as u64,
         }
     }
@@ -386,7 +457,6 @@ impl<'a> Leaves<'a> {
                 continue;
             }
             let site = at[i];
-            let id = tree.node_id(i);
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
             let young = tree.bears_along(i);
             match self.foliage {
@@ -394,16 +464,14 @@ impl<'a> Leaves<'a> {
                 Foliage::Needles(_) => {}
                 Foliage::Blades(_) => {
                     let base = (site.s - tree.nodes.length[i]).max(0.0);
-                    let along = if young { tree.habit.leaf_area_shoot * tree.nodes.length[i] } else { 0.0 };
-                    let count = self.count(along, mix64(&[id, word("along")]));
+                    let count = if young { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
                     for k in 0..count {
                         let part = (k as f32 + 0.5) / count as f32;
                         let place = LeafPlace {
                             axis: site.axis,
                             s: base + part * (site.s - base),
-                            azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32,
-                            angle: SHOOT_LEAF_ANGLE.to_radians(),
-                            id: mix64(&[id, word("leaf"), u64::from(k)]),
+                            turn: Self::shoot_leaf_turn(tree, i, k),
+                            id: Self::shoot_leaf_id(tree, i, k),
                             birth,
                         };
                         self.add_blade(plant, place);
@@ -417,79 +485,142 @@ impl<'a> Leaves<'a> {
         plant.organs[first..].sort_by(|a, b| a.s.total_cmp(&b.s).then(a.id.cmp(&b.id)));
     }
 
+    /// Number of leaves along an internode.
+    pub fn count_along(&self, tree: &Tree, i: usize, length: f32) -> u32 {
+        self.count(tree.habit.leaf_area_shoot * length, mix64(&[tree.node_id(i), word("along")]))
+    }
+
+    /// Number of leaves of the rosette at the tip of an axis.
+    pub fn count_at_tip(&self, tree: &Tree, axis: u32) -> u32 {
+        self.count(tree.habit.leaf_area_tip, mix64(&[tree.axis_ids[axis as usize], word("rosette")]))
+    }
+
+    /// Id of a leaf of the rosette of an axis, which the tip carries along as it grows.
+    pub fn tip_leaf_id(tree: &Tree, axis: u32, k: u32) -> u64 {
+        mix64(&[tree.axis_ids[axis as usize], word("tip-leaf"), u64::from(k)])
+    }
+
+    /// How leaf `k` of `count` leaves its tip.
+    pub fn tip_leaf_turn(tree: &Tree, axis: u32, k: u32, count: u32) -> BladeTurn {
+        let first = Rng::from_key(mix64(&[tree.axis_ids[axis as usize], word("tip-azimuth")])).unit_f32();
+        let part = (k as f32 + 0.5) / count as f32;
+        BladeTurn {
+            azimuth: first * std::f32::consts::TAU + k as f32 * GOLDEN_ANGLE_F32,
+            angle: math::lerp(ROSETTE[0], ROSETTE[1], part).to_radians(),
+        }
+    }
+
+    /// Id of leaf `k` along an internode.
+    pub fn shoot_leaf_id(tree: &Tree, i: usize, k: u32) -> u64 {
+        mix64(&[tree.node_id(i), word("leaf"), u64::from(k)])
+    }
+
+    /// How leaf `k` along an internode leaves it.
+    pub fn shoot_leaf_turn(tree: &Tree, i: usize, k: u32) -> BladeTurn {
+        let azimuth = tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32;
+        BladeTurn { azimuth, angle: SHOOT_LEAF_ANGLE.to_radians() }
+    }
+
+    /// Id of the piece of shoot with the needles of an internode.
+    pub fn needles_id(tree: &Tree, i: usize) -> u64 {
+        mix64(&[tree.node_id(i), word("needles")])
+    }
+
     /// Leaves of an area: whole ones, and one more with the probability of the rest.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the limit of organs")]
     fn count(&self, area: f32, id: u64) -> u32 {
-        let wanted = area / self.area;
+        let wanted = area / self.mean.area;
         let whole = wanted.floor();
         whole as u32 + u32::from(Rng::from_key(id).unit_f32() < wanted - whole)
     }
 
     /// The leaves of a tip.
     fn add_rosette(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
-        let id = tree.node_id(i);
-        let count = self.count(tree.habit.leaf_area_tip, mix64(&[id, word("rosette")]));
+        let axis = tree.nodes.axis[i];
+        let count = self.count_at_tip(tree, axis);
         for k in 0..count {
-            let part = (k as f32 + 0.5) / count as f32;
             let place = LeafPlace {
                 axis: site.axis,
                 s: (site.s - k as f32 * ROSETTE_STEP).max(0.0),
-                azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32,
-                angle: math::lerp(ROSETTE[0], ROSETTE[1], part).to_radians(),
-                id: mix64(&[id, word("tip-leaf"), u64::from(k)]),
+                turn: Self::tip_leaf_turn(tree, axis, k, count),
+                id: Self::tip_leaf_id(tree, axis, k),
                 birth,
             };
             self.add_blade(plant, place);
         }
     }
 
-    /// A blade at an angle to its axis, its upper side turned up.
-    fn add_blade(&self, plant: &mut Plant, place: LeafPlace) {
-        let axis = &plant.axes[place.axis as usize];
-        let s = place.s.clamp(0.0, axis.length);
-        let site = plant.frame(axis, s);
-        let mut draw = Rng::from_key(place.id);
+    /// A blade at an angle to its wood, its upper side turned up. `q`, `r`: frame and radius of the wood, m.
+    pub fn blade(&self, id: u64, turn: BladeTurn, q: Quat, r: f32) -> PlacedLeaf {
+        let mut draw = Rng::from_key(id);
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
-        let angle = place.angle + deviation;
-        let side = Vec3::new(math::cos_f32(place.azimuth), 0.0, math::sin_f32(place.azimuth));
-        let dir = site.q * (Vec3::Y * math::cos_f32(angle) + side * math::sin_f32(angle));
+        let angle = turn.angle + deviation;
+        let side = Vec3::new(math::cos_f32(turn.azimuth), 0.0, math::sin_f32(turn.azimuth));
+        let dir = q * (Vec3::Y * math::cos_f32(angle) + side * math::sin_f32(angle));
         let up = math::normalize_or(Vec3::Y - dir * dir.y, math::perpendicular(dir));
         let q = Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
         let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
         let organ = self.foliage.organ();
+        PlacedLeaf {
+            q,
+            scale: self.mean.scale * size,
+            proto: pick_prototype(id, organ.meshes.len()),
+            petiole: r + narrow(organ.petiole) * size,
+            tint: draw.unit_f32(),
+        }
+    }
+
+    fn add_blade(&self, plant: &mut Plant, place: LeafPlace) {
+        let axis = &plant.axes[place.axis as usize];
+        let s = place.s.clamp(0.0, axis.length);
+        let site = plant.frame(axis, s);
+        let leaf = self.blade(place.id, place.turn, site.q, site.r);
         plant.organs.push(Organ {
             id: place.id,
             axis: place.axis,
             s,
             offset: Vec3::ZERO,
-            q: (site.q.inverse() * q).normalize(),
-            scale: self.scale * size,
-            proto: pick_prototype(place.id, organ.meshes.len()),
-            petiole: site.r + narrow(organ.petiole) * size,
-            tint: draw.unit_f32(),
+            q: (site.q.inverse() * leaf.q).normalize(),
+            scale: leaf.scale,
+            proto: leaf.proto,
+            petiole: leaf.petiole,
+            tint: leaf.tint,
             birth: place.birth,
         });
     }
 
-    /// The piece of shoot with the needles of an internode.
-    fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
+    /// The piece of shoot with the needles of an internode, turned about it at random, so that pieces do not repeat. `q`: frame of
+    /// the internode; `length`: of it, m.
+    pub fn needles(&self, id: u64, q: Quat, length: f32) -> PlacedLeaf {
         let organ = self.foliage.organ();
+        let mut draw = Rng::from_key(id);
+        let half = 0.5 * draw.unit_f32() * std::f32::consts::TAU;
+        let turn = Quat::from_xyzw(0.0, math::sin_f32(half), 0.0, math::cos_f32(half)).normalize();
+        PlacedLeaf {
+            q: (q * turn).normalize(),
+            scale: self.mean.scale * length / narrow(organ.size).max(1e-6),
+            proto: pick_prototype(id, organ.meshes.len()),
+            petiole: 0.0,
+            tint: draw.unit_f32(),
+        }
+    }
+
+    fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
         let axis = &plant.axes[site.axis as usize];
         let s = (site.s - tree.nodes.length[i]).clamp(0.0, axis.length);
-        let id = mix64(&[tree.node_id(i), word("needles")]);
-        let mut draw = Rng::from_key(id);
-        // Turned about the shoot at random, so that pieces do not repeat.
-        let half = 0.5 * draw.unit_f32() * std::f32::consts::TAU;
+        let id = Self::needles_id(tree, i);
+        // The organ's rotation is relative to its axis.
+        let leaf = self.needles(id, Quat::IDENTITY, tree.nodes.length[i]);
         plant.organs.push(Organ {
             id,
             axis: site.axis,
             s,
             offset: Vec3::ZERO,
-            q: Quat::from_xyzw(0.0, math::sin_f32(half), 0.0, math::cos_f32(half)).normalize(),
-            scale: self.scale * tree.nodes.length[i] / narrow(organ.size).max(1e-6),
-            proto: pick_prototype(id, organ.meshes.len()),
-            petiole: 0.0,
-            tint: draw.unit_f32(),
+            q: leaf.q,
+            scale: leaf.scale,
+            proto: leaf.proto,
+            petiole: leaf.petiole,
+            tint: leaf.tint,
             birth,
         });
     }

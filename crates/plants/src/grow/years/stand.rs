@@ -42,7 +42,8 @@ impl<'a> Stand<'a> {
         Self { sky: sky(site), trees, year: 0, site, anchor, limits }
     }
 
-    /// Grows all trees by a year. Without `compact` no node is removed from the arrays.
+    /// Grows all trees by a year. Without `compact` no node is removed from the arrays, nor from those of
+    /// recorded trees.
     /// # Errors
     /// `Limit` of the first tree that would have too many nodes.
     pub fn grow_year(&mut self, compact: bool) -> Result<()> {
@@ -55,7 +56,7 @@ impl<'a> Stand<'a> {
             }
             let obstacles = Obstacles { base: tree.base, solids: site.solids.as_deref() };
             tree.grow_year(&field, obstacles, limits)?;
-            if compact && tree.fallen * COMPACT_SHARE > tree.nodes.len() {
+            if compact && !tree.recorded && tree.fallen * COMPACT_SHARE > tree.nodes.len() {
                 tree.compact();
             }
             Ok(())

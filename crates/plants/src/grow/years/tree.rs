@@ -3,6 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::habit::{Habit, whole};
+use super::record::CutThrough;
 use super::site::{Neighbours, Prune};
 use osier_base::math;
 use osier_base::rng::{Rng, child, mix64, word};
@@ -248,6 +249,10 @@ pub(super) struct Tree {
     pub died: Option<u32>,
     /// This year's losses.
     pub losses: Vec<Loss>,
+    /// Cuts through internodes, in the order of years; kept while the tree is recorded.
+    pub cuts: Vec<CutThrough>,
+    /// Whether it is recorded.
+    pub recorded: bool,
     pub scratch: Scratch,
 }
 
@@ -271,6 +276,8 @@ impl Tree {
             dark: 0,
             died: None,
             losses: Vec::new(),
+            cuts: Vec::new(),
+            recorded: false,
             scratch: Scratch::default(),
         };
         let stems = whole(habit.stems).max(1);

@@ -172,6 +172,11 @@ impl TubePlanner<'_> {
     /// tangent of the first ring where that is prescribed.
     fn plan_start(&self, curve: &mut Vec<CurvePoint>) -> (TubeStart, Option<Vec3>) {
         let Some(parent) = self.plant.axes.get(self.axis.parent as usize) else {
+            // A branch that stands for itself has no foot in the ground.
+            if self.axis.order > 0 {
+                self.follow_axis(0.0, curve);
+                return (TubeStart::Embedded, None);
+            }
             self.root_curve(curve);
             return (TubeStart::Root, None);
         };

@@ -1,0 +1,155 @@
+//! The skin of a plant whose skeleton has another pose: every node moved, turned and thickened on its own. Own.
+
+use glam::{Quat, Vec3};
+
+use osier_base::math::{lerp, nlerp, smoothstep};
+use osier_scene::plant::{Axis, NONE, Plant, Site};
+
+/// A branch is drawn towards its thinner parent over these multiples of the length that lies within the parent at rest: up to the
+/// first, in proportion to the parent's radius, so that the slanted rings of its collar stay as slanted as they are; from there to the
+/// second, less and less.
+const JUNCTION_REACH: [f32; 2] = [2.0, 5.0];
+/// Greatest part of a branch that lies within its parent, if it has a collar there: others have none and stay where they are.
+const MOST_INSIDE: f32 = 0.9;
+
+/// A point of the skin or an organ, bound to the skeleton.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GrowthBinding {
+    /// Index into [`Plant::axes`].
+    pub axis: u32,
+    /// Arc length on that axis, m.
+    pub s: f32,
+}
+
+/// Nodes of a plant in a pose, parallel to its own.
+#[derive(Debug, Clone, Copy)]
+pub struct PosedNodes<'a> {
+    /// Positions, m.
+    pub p: &'a [Vec3],
+    /// Frames.
+    pub q: &'a [Quat],
+    /// Radii, m; 0 for what is not there.
+    pub r: &'a [f32],
+}
+
+/// Points and normals of a skin in a pose.
+#[derive(Debug, Clone, Default)]
+pub struct PosedSkin {
+    /// Points, m.
+    pub points: Vec<Vec3>,
+    /// Unit normals.
+    pub normals: Vec<Vec3>,
+}
+
+/// The skin of a plant in a pose. `points`, `normals`: at rest, one normal for each point or none; `bindings`: of the points.
+pub fn pose_skin(
+    plant: &Plant,
+    pose: PosedNodes<'_>,
+    points: &[Vec3],
+    normals: &[Vec3],
+    bindings: &[GrowthBinding],
+) -> PosedSkin {
+    let mut skin = PosedSkin { points: Vec::with_capacity(points.len()), normals: Vec::with_capacity(normals.len()) };
+    for (i, (p, bound)) in points.iter().zip(bindings).enumerate() {
+        let shape = &plant.axes[bound.axis as usize];
+        let rest = plant.frame(shape, bound.s);
+        let now = posed_site(plant, pose, shape, drawn_in(plant, pose, *bound));
+        let turn = (now.q * rest.q.inverse()).normalize();
+        skin.points.push(now.p + turn * (*p - rest.p) * (now.r / rest.r.max(f32::MIN_POSITIVE)));
+        if let Some(n) = normals.get(i) {
+            skin.normals.push(turn * *n);
+        }
+    }
+    skin
+}
+
+/// The centreline of an axis in the pose at an arc length that is measured at rest.
+fn posed_site(plant: &Plant, pose: PosedNodes<'_>, axis: &Axis, s: f32) -> Site {
+    let (i, t) = plant.segment(axis, s);
+    Site {
+        p: pose.p[i].lerp(pose.p[i + 1], t),
+        q: nlerp(pose.q[i], pose.q[i + 1], t),
+        r: lerp(pose.r[i], pose.r[i + 1], t),
+    }
+}
+
+/// Arc length at which what is bound to a branch stands while its parent is thinner than at rest: near its base it is drawn inwards
+/// along the branch by the wood that the parent lacks.
+fn drawn_in(plant: &Plant, pose: PosedNodes<'_>, bound: GrowthBinding) -> f32 {
+    let shape = &plant.axes[bound.axis as usize];
+    if shape.parent == NONE {
+        return bound.s;
+    }
+    let parent = &plant.axes[shape.parent as usize];
+    let (now, rest) = (posed_site(plant, pose, parent, shape.parent_s), plant.frame(parent, shape.parent_s));
+    drawn_by(shape, now.r / rest.r.max(f32::MIN_POSITIVE), bound.s)
+}
+
+/// Arc length `s` of a branch drawn towards a parent of `thickness` of the radius that it has at rest.
+pub(crate) fn drawn_by(branch: &Axis, thickness: f32, s: f32) -> f32 {
+    let inside = branch.s_exposed;
+    if inside <= 0.0 || thickness >= 1.0 || inside > MOST_INSIDE * branch.length {
+        return s;
+    }
+    // What is drawn in comes to rest before the tip.
+    let end = (JUNCTION_REACH[1] * inside).min(branch.length);
+    let start = (JUNCTION_REACH[0] * inside).min(0.5 * end);
+    let lacking = (1.0 - thickness) * s.min(start);
+    s - lacking * (1.0 - smoothstep(start, end, s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use osier_scene::plant::{AxisEnd, AxisKind, Nodes};
+
+    /// A trunk of 2 m along +Y, radius 0.1 m.
+    fn trunk() -> Plant {
+        let axis = Axis {
+            id: 1,
+            parent: NONE,
+            parent_s: 0.0,
+            order: 0,
+            kind: AxisKind::Stem,
+            first: 0,
+            count: 2,
+            length: 2.0,
+            s_exposed: 0.0,
+            material: 0,
+            fork: NONE,
+            end: AxisEnd::Tip,
+            birth: 0.0,
+        };
+        let nodes = Nodes {
+            p: vec![Vec3::ZERO, Vec3::Y * 2.0],
+            q: vec![Quat::IDENTITY; 2],
+            r: vec![0.1; 2],
+            s: vec![0.0, 2.0],
+            birth: vec![0.0, 1.0],
+            color: vec![0; 2],
+        };
+        Plant { axes: vec![axis], nodes, materials: vec!["bark".into()], ..Plant::default() }
+    }
+
+    #[test]
+    fn the_pose_at_rest_is_the_rest() {
+        let plant = trunk();
+        let pose = PosedNodes { p: &plant.nodes.p, q: &plant.nodes.q, r: &plant.nodes.r };
+        let p = Vec3::new(0.1, 0.5, 0.0);
+        let skin = pose_skin(&plant, pose, &[p], &[Vec3::X], &[GrowthBinding { axis: 0, s: 0.5 }]);
+        assert!(skin.points[0].distance(p) < 1e-6 && skin.normals[0].distance(Vec3::X) < 1e-6);
+    }
+
+    #[test]
+    fn wood_that_is_turned_and_half_as_thick_carries_its_skin() {
+        let plant = trunk();
+        // Tilted by 90 degrees about Z: +Y becomes -X, +X becomes +Y.
+        let turn = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
+        let (p, q) = ([Vec3::ZERO, Vec3::X * -2.0], [turn; 2]);
+        let pose = PosedNodes { p: &p, q: &q, r: &[0.05; 2] };
+        let bound = [GrowthBinding { axis: 0, s: 0.5 }];
+        let skin = pose_skin(&plant, pose, &[Vec3::new(0.1, 0.5, 0.0)], &[Vec3::X], &bound);
+        assert!(skin.points[0].distance(Vec3::new(-0.5, 0.05, 0.0)) < 1e-6, "{}", skin.points[0]);
+        assert!(skin.normals[0].distance(Vec3::Y) < 1e-6);
+    }
+}

@@ -1,0 +1,208 @@
+//! A recorded tree as a plant whose wood and leaves can be asked for at any time of a clip. Own.
+//!
+//! The plant holds every axis that is seen at some time, so that its skin has one topology. Before its birth a node lies at the tip
+//! that its axis has reached; a branch that falls thins out and then lies at its base.
+
+use glam::{Quat, Vec3};
+
+use super::clip_leaves::{LeafSlots, SlotOptions};
+use super::plant::{AxisBuilder, ClipNodes, Leaves, NodeSource, PlantOptions};
+use super::record::{GrowthRecord, Wood};
+use super::tree::{NONE as NO_NODE, Tree, flag, y_axis};
+use crate::grow::turtle::set_exposed_lengths;
+use osier_base::limits::Limits;
+use osier_base::math::{self, narrow};
+use osier_base::{Error, Result};
+use osier_scene::plant::Plant;
+
+/// How leaves come and go in a clip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ClipLeaves {
+    /// They unfold in spring and fall in autumn, as far as they live less than two years.
+    Seasons,
+    /// Crowns are in leaf all year: tips carry their leaves along as they grow.
+    Summer,
+}
+
+/// How a record is shown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClipOptions {
+    /// How leaves come and go.
+    pub leaves: ClipLeaves,
+    /// Years between two frames.
+    pub frame_years: f64,
+}
+
+/// A leaf at a time of a clip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafNow {
+    /// Pivot, plant space, m.
+    pub position: Vec3,
+    /// Rotation into plant space.
+    pub orientation: Quat,
+    /// Factor on the size that the plant's organ has; 0 if it is not there.
+    pub size: f32,
+}
+
+/// A plant at a time of a clip: its nodes, parallel to those of [`GrowthClip::plant`], and its leaves, parallel to its organs.
+#[derive(Debug, Clone, Default)]
+pub struct PoseNow {
+    /// Positions, m.
+    pub p: Vec<Vec3>,
+    /// Frames, as those of the plant's nodes.
+    pub q: Vec<Quat>,
+    /// Radii, m; 0 for what is not there.
+    pub r: Vec<f32>,
+    /// Leaves.
+    pub leaves: Vec<LeafNow>,
+}
+
+/// A recorded tree as a plant, and what its nodes and leaves follow.
+#[derive(Debug, Clone)]
+pub struct GrowthClip {
+    /// All axes that are seen at some time, as at the end of the clip; fallen ones as they were when they fell. Its organs are
+    /// as many leaves as are seen at once.
+    pub plant: Plant,
+    record: GrowthRecord,
+    sources: Vec<NodeSource>,
+    /// Radius of each node of the plant over that of its source: branches are never thicker than what carries them.
+    thinning: Vec<f32>,
+    slots: Option<LeafSlots>,
+}
+
+impl GrowthRecord {
+    /// The record as a plant with its poses, validated.
+    /// # Errors
+    /// `Limit` for more organs than allowed; what `plant::validate` refuses.
+    pub fn into_clip(self, options: &PlantOptions, clip: ClipOptions, limits: &Limits) -> Result<GrowthClip> {
+        let all = self.wood_of_all();
+        let tree = self.tree_of_all(&all);
+        let nodes = &tree.nodes;
+
+        // Axes of all nodes that are shown.
+        let mut plant = Plant {
+            id: self.id,
+            seed: self.seed,
+            materials: options.materials.clone(),
+            source: options.source.clone(),
+            ..Plant::default()
+        };
+        let leaves = options.foliage.as_ref().and_then(|foliage| Leaves::new(&tree, foliage));
+        if let Some(leaves) = &leaves {
+            plant.protos = leaves.foliage.organ().prototypes();
+        }
+        let age = narrow(self.span().from.max(self.span().to)).max(0.1);
+        let mut builder = AxisBuilder::new(&tree, age, options, plant);
+        let gone = (0..nodes.len()).map(|i| self.is_gone(i)).collect();
+        builder.clip = Some(ClipNodes { gone, carries: carrying_nodes(&tree) });
+        builder.add_axes(None);
+        let (sources, at) = (builder.sources, builder.at);
+        let mut plant = builder.plant;
+        let posed: Vec<_> = sources.iter().map(|source| posed_node(&tree, &all, *source)).collect();
+        plant.nodes.q = posed.iter().map(|n| n.q).collect();
+
+        // What is validated must keep its nodes, which are bound to those of the tree.
+        osier_scene::plant::validate(&mut plant)?;
+        if plant.nodes.len() != sources.len() {
+            return Err(Error::export("X001", format!("plant \"{}\" has internodes of no length", self.tree.name)));
+        }
+        set_exposed_lengths(&mut plant);
+        let thinning = plant.nodes.r.iter().zip(&posed).map(|(r, n)| r / n.r.max(f32::MIN_POSITIVE)).collect();
+
+        // Leaves: as many as are seen at once, each the place of several in succession.
+        let slot_options = SlotOptions { clip, organs: limits };
+        let slots = leaves.map(|leaves| LeafSlots::new(&self, &leaves, slot_options)).transpose()?;
+        if let Some(slots) = &slots {
+            plant.organs = slots.organs(&plant, &self, &all, &at);
+        }
+        Ok(GrowthClip { plant, record: self, sources, thinning, slots })
+    }
+
+    /// The tree with all nodes that are shown, as they are in the plant.
+    fn tree_of_all(&self, all: &Wood) -> Tree {
+        let mut tree = self.tree.clone();
+        tree.nodes.p.clone_from(&all.p);
+        tree.nodes.q.clone_from(&all.q);
+        tree.nodes.r.clone_from(&all.r);
+        for i in 0..tree.nodes.len() {
+            tree.nodes.flags[i] &= !flag::FALLEN;
+            if !self.is_shown(i) {
+                tree.nodes.flags[i] |= flag::FALLEN;
+            }
+        }
+        tree
+    }
+}
+
+/// Nodes that carry a branch beside the continuation of their axis.
+fn carrying_nodes(tree: &Tree) -> Vec<bool> {
+    let nodes = &tree.nodes;
+    let mut children = vec![0_u16; nodes.len()];
+    let mut carries = vec![false; nodes.len()];
+    for i in (0..nodes.len()).filter(|i| nodes.flags[*i] & flag::FALLEN == 0) {
+        let parent = nodes.parent[i];
+        if parent == NO_NODE {
+            continue;
+        }
+        let parent = parent as usize;
+        children[parent] = children[parent].saturating_add(1);
+        carries[parent] |= children[parent] > 1 || nodes.flags[i] & flag::MAIN == 0;
+    }
+    carries
+}
+
+/// A node of the plant at a time.
+struct PosedNode {
+    p: Vec3,
+    q: Quat,
+    r: f32,
+}
+
+/// Where a node of the plant is in given wood: its radius is the mean of the internodes at both sides, its frame turns half way.
+fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
+    let i = source.node as usize;
+    let p = match wood.p.get(source.place as usize) {
+        Some(p) => *p,
+        None => tree.nodes.base(i),
+    };
+    let (q, own) = (wood.q[i], wood.r[i] * wood.shown[i]);
+    let Some(next) = wood.q.get(source.next as usize) else { return PosedNode { p, q, r: own } };
+    // What is not there yet, or no longer, has no part in it.
+    let n = source.next as usize;
+    let (here, ahead) = (y_axis(q), y_axis(*next) * wood.shown[n]);
+    let tangent = math::normalize_or(here + ahead, here);
+    PosedNode {
+        p,
+        q: (math::rotation_between(here, tangent) * q).normalize(),
+        r: own + 0.5 * (wood.r[n] - wood.r[i]) * wood.shown[n] * wood.shown[i],
+    }
+}
+
+impl GrowthClip {
+    /// The plant at an age, years.
+    pub fn pose(&self, age: f32) -> PoseNow {
+        let wood = self.record.wood(age);
+        let mut pose = PoseNow::default();
+        for (source, thinning) in self.sources.iter().zip(&self.thinning) {
+            let node = posed_node(&self.record.tree, &wood, *source);
+            pose.p.push(node.p);
+            pose.q.push(node.q);
+            pose.r.push(node.r * thinning);
+        }
+        if let Some(slots) = &self.slots {
+            pose.leaves = slots.leaves_at(&self.record, &wood, age);
+        }
+        pose
+    }
+
+    /// The ages that the clip shows.
+    pub fn span(&self) -> super::ClipSpan {
+        self.record.span()
+    }
+
+    /// Bytes of memory that it holds beside its plant.
+    pub fn bytes(&self) -> u64 {
+        let sources = self.sources.len() * (size_of::<NodeSource>() + size_of::<f32>());
+        self.record.bytes() + sources as u64 + self.slots.as_ref().map_or(0, LeafSlots::bytes)
+    }
+}

@@ -1,0 +1,379 @@
+//! Leaves of a recorded tree: when each unfolds and falls, and as few places for them as are seen at once. Own.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::{Quat, Vec3};
+
+use super::clip::{ClipLeaves, ClipOptions, LeafNow};
+use super::plant::{Foliage, Leaves, MeanLeaf, NodeSite, PlacedLeaf, ROSETTE_STEP};
+use super::record::{GrowthRecord, Wood};
+use super::tree::{Tree, index_of, y_axis};
+use osier_base::Result;
+use osier_base::limits::Limits;
+use osier_base::math;
+use osier_base::rng::{mix64, word};
+use osier_scene::plant::{NONE, Organ, Plant};
+
+/// When leaves begin to unfold and to fall, as parts of a year.
+const SPRING: f32 = 0.05;
+const AUTUMN: f32 = 0.8;
+/// Years that a leaf takes to unfold and to fall. At 24 frames a year it grows by .21 and shrinks by .28 a frame.
+const UNFOLDING: f32 = 0.2;
+const FALLING: f32 = 0.15;
+/// Latest part of its year at which a leaf that falls in autumn begins to unfold.
+const LATEST_SPRING: f32 = 0.55;
+/// Part of a year in which the leaves of a tip turn into the direction of its new shoot.
+const TURNING: f32 = 0.25;
+/// Frames between the fall of a leaf and the next one in its place, so that no motion blur joins them.
+const FRAMES_BETWEEN: f64 = 2.0;
+/// Leaves that live longer than this are not shed in autumn, years.
+const DECIDUOUS_YEARS: f32 = 1.5;
+/// No end within the record.
+const STAYS: f32 = f32::INFINITY;
+
+/// Where a leaf grows.
+#[derive(Debug, Clone, Copy)]
+enum LeafSite {
+    /// In the rosette at the tip of an axis, which carries it along.
+    Tip { axis: u32 },
+    /// Along an internode.
+    Along { node: u32 },
+    /// The needles of an internode.
+    Needles { node: u32 },
+}
+
+/// A leaf from its unfolding to its fall.
+#[derive(Debug, Clone, Copy)]
+struct LeafLife {
+    site: LeafSite,
+    /// Number among those of its site, and how many these are.
+    k: u16,
+    count: u16,
+    /// Ages at which it begins to unfold and to fall, years.
+    unfolds: f32,
+    falls: f32,
+}
+
+/// A node that was the tip of an axis from a year on.
+#[derive(Debug, Clone, Copy)]
+struct TipStop {
+    axis: u32,
+    year: f32,
+    node: u32,
+}
+
+/// Options of [`LeafSlots::new`].
+pub(super) struct SlotOptions<'a> {
+    pub clip: ClipOptions,
+    /// Bounds the number of places.
+    pub organs: &'a Limits,
+}
+
+/// Places of leaves, each of several leaves in succession.
+#[derive(Debug, Clone)]
+pub(super) struct LeafSlots {
+    foliage: Foliage,
+    mean: MeanLeaf,
+    /// Tips of all axes, by axis and year.
+    tips: Vec<TipStop>,
+    /// First tip of each axis, and the number of all.
+    first_tip: Vec<u32>,
+    /// Lives by place, in the order of time.
+    lives: Vec<LeafLife>,
+    /// First life of each place, and the number of all.
+    first_life: Vec<u32>,
+    /// Size factor of the plant's organ at each place.
+    scales: Vec<f32>,
+}
+
+impl LeafSlots {
+    /// Finds the lives of all leaves that the clip shows and shares out places among them.
+    /// # Errors
+    /// `Limit` for more places than organs are allowed.
+    pub fn new(record: &GrowthRecord, leaves: &Leaves<'_>, options: SlotOptions<'_>) -> Result<Self> {
+        let tree = &record.tree;
+        let mut tips: Vec<TipStop> = (0..tree.nodes.len())
+            .filter(|i| record.is_shown(*i) && record.last_open_year(*i).is_some())
+            .map(|i| TipStop { axis: tree.nodes.axis[i], year: record.first_year(i), node: index_of(i) })
+            .collect();
+        tips.sort_by_key(|tip| tip.axis);
+        let mut first_tip = vec![0; tree.axis_ids.len() + 1];
+        tips.iter().for_each(|tip| first_tip[tip.axis as usize + 1] += 1);
+        for i in 1..first_tip.len() {
+            first_tip[i] += first_tip[i - 1];
+        }
+        let mut slots = Self {
+            foliage: leaves.foliage.clone(),
+            mean: leaves.mean,
+            tips,
+            first_tip,
+            lives: Vec::new(),
+            first_life: Vec::new(),
+            scales: Vec::new(),
+        };
+        let mut lives = slots.all_lives(record, options.clip.leaves);
+        let [first, last] = record.ages();
+        lives.retain(|life| life.unfolds < last && life.falls + FALLING > first);
+        slots.share_places(record, lives, options)?;
+        Ok(slots)
+    }
+
+    /// Bytes of memory that they take.
+    pub fn bytes(&self) -> u64 {
+        (self.lives.len() * size_of::<LeafLife>() + self.tips.len() * size_of::<TipStop>()) as u64
+    }
+
+    fn leaves(&self) -> Leaves<'_> {
+        Leaves { foliage: &self.foliage, mean: self.mean }
+    }
+
+    fn tips_of(&self, axis: u32) -> &[TipStop] {
+        &self.tips[self.first_tip[axis as usize] as usize..self.first_tip[axis as usize + 1] as usize]
+    }
+
+    /// The lives of all leaves.
+    fn all_lives(&self, record: &GrowthRecord, come_and_go: ClipLeaves) -> Vec<LeafLife> {
+        let tree = &record.tree;
+        let sheds = come_and_go == ClipLeaves::Seasons && tree.habit.leaf_years <= DECIDUOUS_YEARS;
+        let leaves = self.leaves();
+        let has_needles = matches!(self.foliage, Foliage::Needles(_));
+        let mut lives = Vec::new();
+        for axis in 0..if has_needles { 0 } else { index_of(tree.axis_ids.len()) } {
+            self.add_tip_lives(record, axis, sheds, &mut lives);
+        }
+        for i in (0..tree.nodes.len()).filter(|i| tree.habit.leaf_area_shoot > 0.0 && record.is_shown(*i)) {
+            let node = index_of(i);
+            let [unfolds, falls] = self.shoot_life(record, i, sheds);
+            if has_needles {
+                lives.push(LeafLife { site: LeafSite::Needles { node }, k: 0, count: 1, unfolds, falls });
+                continue;
+            }
+            let count = narrow_count(leaves.count_along(tree, i, tree.nodes.length[i]));
+            let site = LeafSite::Along { node };
+            lives.extend((0..count).map(|k| LeafLife { site, k, count, unfolds, falls }));
+        }
+        lives
+    }
+
+    /// The lives of the rosette of an axis: one as long as the axis has a tip, or one for each of its years.
+    fn add_tip_lives(&self, record: &GrowthRecord, axis: u32, sheds: bool, lives: &mut Vec<LeafLife>) {
+        let tree = &record.tree;
+        let tips = self.tips_of(axis);
+        let (Some(first), Some(last)) = (tips.first(), tips.last()) else { return };
+        let count = narrow_count(self.leaves().count_at_tip(tree, axis));
+        let open_until = record.last_open_year(last.node as usize).unwrap_or(0.0);
+        let mut add = |unfolds: f32, falls: f32| {
+            let site = LeafSite::Tip { axis };
+            lives.extend((0..count).map(|k| LeafLife { site, k, count, unfolds, falls }));
+        };
+        if sheds {
+            let mut year = first.year.max(1.0);
+            while year <= open_until {
+                add(year - 1.0 + SPRING, year - 1.0 + AUTUMN);
+                year += 1.0;
+            }
+        } else {
+            add(first.year - 1.0 + SPRING, end_of_life(record, last.node as usize, open_until));
+        }
+    }
+
+    /// Unfolding and fall of what grows along an internode.
+    fn shoot_life(&self, record: &GrowthRecord, i: usize, sheds: bool) -> [f32; 2] {
+        let tree = &record.tree;
+        let year = record.first_year(i).max(1.0);
+        let born = record.start(i).max(year - 1.0);
+        if sheds {
+            return [born.clamp(year - 1.0 + SPRING, year - 1.0 + LATEST_SPRING), year - 1.0 + AUTUMN];
+        }
+        let years = tree.habit.leaf_years.ceil().max(1.0);
+        let unfolds = born.min(year - UNFOLDING);
+        let living = record.last_living_year(i);
+        let falls = if living < year + years - 1.0 {
+            end_of_life(record, i, living)
+        } else if year + years > tree.year as f32 {
+            STAYS
+        } else {
+            unfolds + years
+        };
+        [unfolds, falls]
+    }
+
+    /// Gives each life a place that is free by then, or a new one; prototypes do not share places.
+    fn share_places(&mut self, record: &GrowthRecord, lives: Vec<LeafLife>, options: SlotOptions<'_>) -> Result<()> {
+        let wood = record.wood_of_all();
+        let last = record.ages()[1];
+        let mut sorted: Vec<(LeafLife, PlacedLeaf)> =
+            lives.into_iter().map(|life| (life, self.placed(record, &wood, &life, last).leaf)).collect();
+        sorted.sort_by_key(|(life, _)| ticks(life.unfolds));
+        let pause = FALLING + math::narrow(FRAMES_BETWEEN * options.clip.frame_years.abs());
+
+        let mut free: Vec<BinaryHeap<Reverse<(i64, u32)>>> = vec![BinaryHeap::new(); self.foliage.organ().meshes.len()];
+        let mut places: Vec<u32> = Vec::with_capacity(sorted.len());
+        self.scales.clear();
+        for (life, leaf) in &sorted {
+            let pool = &mut free[usize::from(leaf.proto)];
+            let place = match pool.peek() {
+                Some(Reverse((from, place))) if *from <= ticks(life.unfolds) => {
+                    let place = *place;
+                    pool.pop();
+                    place
+                }
+                _ => {
+                    self.scales.push(leaf.scale);
+                    index_of(self.scales.len() - 1)
+                }
+            };
+            places.push(place);
+            if life.falls < STAYS {
+                pool.push(Reverse((ticks(life.falls + pause), place)));
+            }
+        }
+        let what = format!("leaves of plant \"{}\" that its clip shows at once", record.tree.name);
+        options.organs.check("organs", self.scales.len() as u64, &what)?;
+
+        // A counting sort by place keeps the order of time.
+        self.first_life = vec![0; self.scales.len() + 1];
+        places.iter().for_each(|place| self.first_life[*place as usize + 1] += 1);
+        for i in 1..self.first_life.len() {
+            self.first_life[i] += self.first_life[i - 1];
+        }
+        let mut order: Vec<u32> = (0..index_of(sorted.len())).collect();
+        order.sort_by_key(|i| places[*i as usize]);
+        self.lives = order.into_iter().map(|i| sorted[i as usize].0).collect();
+        Ok(())
+    }
+
+    fn lives_of(&self, place: usize) -> &[LeafLife] {
+        &self.lives[self.first_life[place] as usize..self.first_life[place + 1] as usize]
+    }
+
+    /// The leaf that a place shows at an age: the one that is there, else the next one, else the last one.
+    fn life_at(&self, place: usize, age: f32) -> Option<&LeafLife> {
+        let lives = self.lives_of(place);
+        let begun = lives.partition_point(|life| life.unfolds <= age);
+        let current = begun.checked_sub(1).and_then(|k| lives.get(k));
+        let is_there = current.is_some_and(|life| age < life.falls + FALLING);
+        if is_there { current } else { lives.get(begun).or(current) }
+    }
+
+    /// All leaves at an age, by place.
+    pub fn leaves_at(&self, record: &GrowthRecord, wood: &Wood, age: f32) -> Vec<LeafNow> {
+        let places: Vec<usize> = (0..self.scales.len()).collect();
+        let absent = LeafNow { position: Vec3::ZERO, orientation: Quat::IDENTITY, size: 0.0 };
+        let now = |place: &usize| {
+            let Some(life) = self.life_at(*place, age) else { return absent };
+            let unfolded = ((age - life.unfolds) / UNFOLDING).clamp(0.0, 1.0);
+            let left = 1.0 - ((age - life.falls) / FALLING).clamp(0.0, 1.0);
+            let site = self.placed(record, wood, life, age);
+            LeafNow {
+                position: site.position + site.leaf.q * Vec3::Y * site.leaf.petiole,
+                orientation: site.leaf.q,
+                size: unfolded * left * site.leaf.scale / self.scales[*place].max(f32::MIN_POSITIVE),
+            }
+        };
+        places.iter().map(now).collect()
+    }
+
+    /// The places as organs of a plant, where their last leaves are. `at`: axis and arc length of the tree's nodes in the plant.
+    pub fn organs(&self, plant: &Plant, record: &GrowthRecord, all: &Wood, at: &[NodeSite]) -> Vec<Organ> {
+        let last = record.ages()[1];
+        let mut organs = Vec::with_capacity(self.scales.len());
+        for place in 0..self.scales.len() {
+            let Some(life) = self.life_at(place, last) else { continue };
+            let site = self.placed(record, all, life, last);
+            let Some(on) = at.get(site.node as usize).filter(|on| on.axis != NONE) else { continue };
+            let axis = &plant.axes[on.axis as usize];
+            let frame = plant.frame(axis, on.s);
+            let back = frame.q.inverse();
+            organs.push(Organ {
+                id: mix64(&[record.seed, u64::from(record.id), word("leaf-place"), place as u64]),
+                axis: on.axis,
+                s: on.s.clamp(0.0, axis.length),
+                offset: back * (site.position - frame.p),
+                q: (back * site.leaf.q).normalize(),
+                scale: self.scales[place],
+                proto: site.leaf.proto,
+                petiole: site.leaf.petiole,
+                tint: site.leaf.tint,
+                birth: 0.0,
+            });
+        }
+        organs
+    }
+
+    /// A leaf on given wood.
+    fn placed(&self, record: &GrowthRecord, wood: &Wood, life: &LeafLife, age: f32) -> LeafOnWood {
+        let tree = &record.tree;
+        let leaves = self.leaves();
+        let (k, count) = (u32::from(life.k), u32::from(life.count));
+        match life.site {
+            LeafSite::Tip { axis } => {
+                let (node, q) = self.tip_at(axis, wood, age);
+                let i = node as usize;
+                let back = (k as f32 * ROSETTE_STEP).min(wood.length[i]);
+                let turn = Leaves::tip_leaf_turn(tree, axis, k, count);
+                let leaf = leaves.blade(Leaves::tip_leaf_id(tree, axis, k), turn, q, wood.r[i] * wood.shown[i]);
+                LeafOnWood { node, position: wood.p[i] - y_axis(wood.q[i]) * back, leaf }
+            }
+            LeafSite::Along { node } => {
+                let i = node as usize;
+                let back = (1.0 - (k as f32 + 0.5) / count as f32) * wood.length[i];
+                let turn = Leaves::shoot_leaf_turn(tree, i, k);
+                let id = Leaves::shoot_leaf_id(tree, i, k);
+                let leaf = leaves.blade(id, turn, wood.q[i], wood.r[i] * wood.shown[i]);
+                LeafOnWood { node, position: wood.p[i] - y_axis(wood.q[i]) * back, leaf }
+            }
+            LeafSite::Needles { node } => {
+                let i = node as usize;
+                let leaf = leaves.needles(Leaves::needles_id(tree, i), wood.q[i], wood.length[i]);
+                LeafOnWood { node, position: wood.p[i] - y_axis(wood.q[i]) * wood.length[i], leaf }
+            }
+        }
+    }
+
+    /// The node that is the tip of an axis at an age, and the frame of its leaves.
+    fn tip_at(&self, axis: u32, wood: &Wood, age: f32) -> (u32, Quat) {
+        let tips = self.tips_of(axis);
+        let year = age.ceil().max(1.0);
+        let reached = tips.partition_point(|tip| tip.year <= year).max(1) - 1;
+        let Some(tip) = tips.get(reached) else { return (0, Quat::IDENTITY) };
+        let q = wood.q[tip.node as usize];
+        let before = reached.checked_sub(1).and_then(|k| tips.get(k)).filter(|_| tip.year >= year);
+        let Some(before) = before else { return (tip.node, q) };
+        let turned = ((age - (year - 1.0)) / TURNING).clamp(0.0, 1.0);
+        (tip.node, math::nlerp(wood.q[before.node as usize], q, turned))
+    }
+}
+
+/// Where a leaf is.
+struct LeafOnWood {
+    /// Node of the tree that bears it.
+    node: u32,
+    /// Point of the centreline, m.
+    position: Vec3,
+    leaf: PlacedLeaf,
+}
+
+/// When a leaf begins to fall that was there at the end of a year for the last time: with its branch, or in the spring after it.
+fn end_of_life(record: &GrowthRecord, node: usize, last_year: f32) -> f32 {
+    let tree: &Tree = &record.tree;
+    if last_year >= tree.year as f32 {
+        return STAYS;
+    }
+    match record.fall_window(node) {
+        Some([start, _]) if start <= last_year => last_year,
+        _ => last_year + SPRING,
+    }
+}
+
+/// A number of leaves at one site.
+fn narrow_count(count: u32) -> u16 {
+    u16::try_from(count).unwrap_or(u16::MAX)
+}
+
+/// Time in millionths of a year, which can be ordered.
+#[allow(clippy::cast_possible_truncation, reason = "ages are at most 500 years")]
+fn ticks(age: f32) -> i64 {
+    (f64::from(age) * 1e6).round() as i64
+}

@@ -1,0 +1,299 @@
+//! A tree through the years of a clip: what its wood was like at any time between two ages. Own.
+
+use glam::{Quat, Vec3};
+
+use super::tree::{NONE, Scratch, Tree, flag};
+use osier_base::math;
+
+/// Years over which a branch that falls or is cut off thins out. At 24 frames a year a leaf on it shrinks by .28 a frame.
+const FALL_YEARS: f32 = 0.15;
+/// Most years that are stored of each node: with one every four years of sixty, no node of an oak is 0.1 m beside its place.
+const MAX_KEYS: u32 = 16;
+/// Years before the start over which the seedling appears.
+const SPROUTING: f32 = 0.1;
+/// A node that has not fallen.
+const STANDS: u16 = u16::MAX;
+
+/// Ages between which a clip shows a tree, years; those before 0 show nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClipSpan {
+    /// At the first frame.
+    pub from: f64,
+    /// At the last frame.
+    pub to: f64,
+}
+
+impl ClipSpan {
+    /// Years that must be computed.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ages are at most 500 years")]
+    pub(super) fn last_year(self) -> u32 {
+        self.from.max(self.to).max(0.0).ceil() as u32
+    }
+
+    /// First and last age in the order of time.
+    fn ordered(self) -> [f32; 2] {
+        [self.from.min(self.to), self.from.max(self.to)].map(math::narrow)
+    }
+}
+
+/// A cut through an internode.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CutThrough {
+    /// Node whose internode was shortened.
+    pub node: u32,
+    /// Year of the cut.
+    pub year: u16,
+    /// Length before it, m.
+    pub length: f32,
+}
+
+/// Frames and pipe areas of all nodes at the end of a year.
+#[derive(Debug, Clone)]
+struct Key {
+    year: f32,
+    frames: Vec<Quat>,
+    areas: Vec<f32>,
+}
+
+/// A tree that was recorded while it grew, with every node that it ever had.
+#[derive(Debug, Clone)]
+pub struct GrowthRecord {
+    /// The tree in its last year, from which no fallen node was removed.
+    pub(super) tree: Tree,
+    pub(super) id: u32,
+    pub(super) seed: u64,
+    span: ClipSpan,
+    /// Years between two keys.
+    spacing: u32,
+    keys: Vec<Key>,
+    /// Frame and area of each node at the end of its first year.
+    first_frames: Vec<Quat>,
+    first_areas: Vec<f32>,
+    /// Year in which each node fell, or [`STANDS`].
+    fell: Vec<u16>,
+    /// Last year at whose end each node lived.
+    last_living: Vec<u16>,
+    /// Last year at whose end each node was an open tip; 0 if never, as of the seedling.
+    last_open: Vec<u16>,
+}
+
+/// Wood at a time: by node of the recorded tree.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Wood {
+    /// End of the internode, m.
+    pub p: Vec<Vec3>,
+    /// Frame of the internode.
+    pub q: Vec<Quat>,
+    /// Radius, m, of what is there and of what is not.
+    pub r: Vec<f32>,
+    /// How much of it there is: 0 before its birth and after its fall, between while it grows or thins out.
+    pub shown: Vec<f32>,
+    /// Length that has grown, m.
+    pub length: Vec<f32>,
+}
+
+impl GrowthRecord {
+    /// A record to which years will be added.
+    pub(super) fn new(tree: &Tree, span: ClipSpan, id: u32, seed: u64) -> Self {
+        let mut record = Self {
+            tree: tree.clone(),
+            id,
+            seed,
+            span,
+            spacing: span.last_year().div_ceil(MAX_KEYS).max(1),
+            keys: Vec::new(),
+            first_frames: Vec::new(),
+            first_areas: Vec::new(),
+            fell: Vec::new(),
+            last_living: Vec::new(),
+            last_open: Vec::new(),
+        };
+        record.note_year(tree);
+        record
+    }
+
+    /// Adds the state of the tree at the end of a year; years after the last of the clip are not recorded.
+    pub(super) fn note_year(&mut self, tree: &Tree) {
+        let last = tree.year == self.span.last_year();
+        if tree.year > self.span.last_year() {
+            return;
+        }
+        let nodes = &tree.nodes;
+        let known = self.fell.len();
+        self.first_frames.extend_from_slice(&nodes.q[known..]);
+        self.first_areas.extend_from_slice(&nodes.area[known..]);
+        self.fell.resize(nodes.len(), STANDS);
+        self.last_living.resize(nodes.len(), 0);
+        self.last_open.resize(nodes.len(), 0);
+        let year = u16::try_from(tree.year).unwrap_or(STANDS - 1);
+        for i in 0..nodes.len() {
+            if nodes.flags[i] & flag::FALLEN != 0 {
+                self.fell[i] = self.fell[i].min(year);
+            } else if nodes.lives(i) {
+                self.last_living[i] = year;
+                if nodes.flags[i] & flag::OPEN != 0 {
+                    self.last_open[i] = year;
+                }
+            }
+        }
+        if tree.year > 0 && (last || tree.year.is_multiple_of(self.spacing)) {
+            self.keys.push(Key { year: tree.year as f32, frames: nodes.q.clone(), areas: nodes.area.clone() });
+        }
+        if last {
+            self.tree = Tree { scratch: Scratch::default(), ..tree.clone() };
+        }
+    }
+
+    /// The ages that the clip shows.
+    pub fn span(&self) -> ClipSpan {
+        self.span
+    }
+
+    /// First and last age that the clip shows, in the order of time.
+    pub(super) fn ages(&self) -> [f32; 2] {
+        self.span.ordered()
+    }
+
+    /// Bytes of memory that the record holds.
+    pub fn bytes(&self) -> u64 {
+        let each = size_of::<Quat>() + size_of::<f32>();
+        let keys: usize = self.keys.iter().map(|k| k.frames.len() * each).sum();
+        // The nodes of the tree, and what is stored of each beside the keys.
+        (keys + self.fell.len() * (each + 3 * size_of::<u16>() + size_of::<super::tree::Node>())) as u64
+    }
+
+    /// Whether a node is seen at some time of the clip.
+    pub(super) fn is_shown(&self, i: usize) -> bool {
+        let [first, last] = self.span.ordered();
+        self.start(i) < last && self.fall_window(i).is_none_or(|[_, end]| end > first)
+    }
+
+    /// Whether a node has fallen by the end of the record.
+    pub(super) fn is_gone(&self, i: usize) -> bool {
+        self.fell[i] != STANDS
+    }
+
+    /// First year of a node: that at whose end it exists.
+    pub(super) fn first_year(&self, i: usize) -> f32 {
+        self.tree.nodes.birth[i].ceil()
+    }
+
+    /// Last year at whose end a node was alive.
+    pub(super) fn last_living_year(&self, i: usize) -> f32 {
+        f32::from(self.last_living[i])
+    }
+
+    /// Last year at whose end a node was an open tip, if it ever was one.
+    pub(super) fn last_open_year(&self, i: usize) -> Option<f32> {
+        let is_seedling = self.tree.nodes.parent[i] == NONE;
+        (self.last_open[i] > 0 || is_seedling).then(|| f32::from(self.last_open[i]))
+    }
+
+    /// Time at which a node's internode begins to grow, years: when the one before it is complete, and not before its year.
+    pub(super) fn start(&self, i: usize) -> f32 {
+        let nodes = &self.tree.nodes;
+        match nodes.birth.get(nodes.parent[i] as usize) {
+            Some(carrier) => carrier.max(self.first_year(i) - 1.0),
+            None => -SPROUTING,
+        }
+    }
+
+    /// Times between which a node thins out because it falls.
+    pub(super) fn fall_window(&self, i: usize) -> Option<[f32; 2]> {
+        let start = f32::from(self.fell[i]) - 1.0;
+        (self.fell[i] != STANDS).then_some([start, start + FALL_YEARS])
+    }
+
+    /// The wood at a time, years.
+    pub(super) fn wood(&self, time: f32) -> Wood {
+        self.posed(time, false)
+    }
+
+    /// The wood that all shown nodes have together: as at the end of the clip, fallen nodes as they were when they fell.
+    pub(super) fn wood_of_all(&self) -> Wood {
+        self.posed(self.span.ordered()[1], true)
+    }
+
+    /// Wood at a time; `all`: fallen nodes stand, and what is still to grow is there.
+    fn posed(&self, time: f32, all: bool) -> Wood {
+        let nodes = &self.tree.nodes;
+        let count = nodes.len();
+        let root = 1.0 / self.tree.habit.pipe_exponent;
+        let tip_area = math::pow_f32(self.tree.habit.tip_radius, self.tree.habit.pipe_exponent);
+        // The keys around the time.
+        let after = self.keys.partition_point(|k| k.year < time);
+        let (before, after) = (after.checked_sub(1).and_then(|k| self.keys.get(k)), self.keys.get(after));
+        let mut wood = Wood {
+            p: Vec::with_capacity(count),
+            q: Vec::with_capacity(count),
+            r: Vec::with_capacity(count),
+            shown: Vec::with_capacity(count),
+            length: Vec::with_capacity(count),
+        };
+        for i in 0..count {
+            let parent = nodes.parent[i] as usize;
+            let base = match wood.p.get(parent) {
+                Some(p) => *p,
+                // Roots stay where they were sown.
+                None => nodes.base(i),
+            };
+            let (start, end) = (self.start(i), nodes.birth[i]);
+            let grown = if all { 1.0 } else { ((time - start) / (end - start).max(1e-6)).clamp(0.0, 1.0) };
+            let (q, area) = self.frame_and_area(i, time, tip_area, before, after);
+            let mut length = self.length(i, if all { f32::INFINITY } else { time }) * grown;
+            let mut shown = grown;
+            if let Some([start, end]) = self.fall_window(i).filter(|_| !all) {
+                // Falling wood thins out where it is; once it cannot be seen, it lies at its base.
+                let left = 1.0 - ((time - start) / (end - start)).clamp(0.0, 1.0);
+                shown *= left;
+                length *= f32::from(u8::from(left > 0.0));
+            }
+            wood.p.push(base + super::tree::y_axis(q) * length);
+            wood.q.push(q);
+            wood.r.push(math::pow_f32(area, root));
+            wood.shown.push(shown);
+            wood.length.push(length);
+        }
+        wood
+    }
+
+    /// Frame and pipe area of a node at a time: interpolated between the end of its first year and the keys after it.
+    fn frame_and_area(
+        &self,
+        i: usize,
+        time: f32,
+        tip_area: f32,
+        before: Option<&Key>,
+        after: Option<&Key>,
+    ) -> (Quat, f32) {
+        let first = self.first_year(i).max(1.0);
+        if time <= first {
+            // In its first year it thickens from a tip's radius.
+            let part = (time - (first - 1.0)).clamp(0.0, 1.0);
+            return (self.first_frames[i], math::lerp(tip_area, self.first_areas[i], part));
+        }
+        let stored = |key: Option<&Key>| {
+            let key = key.filter(|k| k.year >= first)?;
+            Some((key.year, *key.frames.get(i)?, *key.areas.get(i)?))
+        };
+        let from = stored(before).unwrap_or((first, self.first_frames[i], self.first_areas[i]));
+        let Some(to) = stored(after) else { return (from.1, from.2) };
+        let part = ((time - from.0) / (to.0 - from.0).max(1e-6)).clamp(0.0, 1.0);
+        (math::nlerp(from.1, to.1, part), math::lerp(from.2, to.2, part))
+    }
+
+    /// Length of a node's internode at a time, m: cuts shorten it while what they cut off thins out.
+    fn length(&self, i: usize, time: f32) -> f32 {
+        let length = self.tree.nodes.length[i];
+        if self.tree.nodes.flags[i] & flag::CUT == 0 {
+            return length;
+        }
+        // The first cut that is still to come or under way; later ones begin from what it leaves.
+        let mut cuts = self.tree.cuts.iter().filter(|cut| cut.node as usize == i);
+        let pending = cuts.find(|cut| f32::from(cut.year) - 1.0 + FALL_YEARS > time);
+        let Some(cut) = pending else { return length };
+        let left = cuts.next().map_or(length, |next| next.length);
+        let part = ((time - (f32::from(cut.year) - 1.0)) / FALL_YEARS).clamp(0.0, 1.0);
+        math::lerp(cut.length, left, part)
+    }
+}

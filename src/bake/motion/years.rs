@@ -1,0 +1,112 @@
+//! A tree over the years of a clip: wood that lengthens, thickens, bends and falls, leaves that come and go.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bake::assets::material_set::PlantMaterials;
+use crate::bake::motion::growth::{organs_by_instancer, segment_middles};
+use crate::bake::motion::{AssetMotion, FrameTime};
+use osier_base::Result;
+use osier_base::math::narrow;
+use osier_motion::posed_skin::{GrowthBinding, PosedNodes, pose_skin};
+use osier_plants::grow::years::{GrowthClip, PoseNow};
+use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame};
+
+/// Shows a recorded tree at the age that belongs to a time of the clip.
+#[derive(Debug)]
+pub struct YearsMotion {
+    clip: Arc<GrowthClip>,
+    /// Of each point of the bark.
+    bindings: Vec<GrowthBinding>,
+    /// Indices into the plant's organs, for each of the asset's leaf instancers.
+    organs: Vec<Vec<usize>>,
+    /// Middles of the segments of a tree that is shown by these, in the order of their instancer.
+    segments: Vec<GrowthBinding>,
+    /// Length of the clip, s.
+    seconds: f64,
+}
+
+impl YearsMotion {
+    /// The growth of a recorded tree. `bindings`: axis and arc length, m, of each point of its bark; `by_segments`: whether it is shown
+    /// by its segments; `seconds`: length of the clip.
+    pub fn new(
+        clip: Arc<GrowthClip>,
+        materials: &PlantMaterials,
+        bindings: &[(u32, f32)],
+        by_segments: bool,
+        seconds: f64,
+    ) -> Self {
+        Self {
+            bindings: bindings.iter().map(|(axis, s)| GrowthBinding { axis: *axis, s: *s }).collect(),
+            organs: organs_by_instancer(&clip.plant, materials),
+            segments: if by_segments { segment_middles(&clip.plant) } else { Vec::new() },
+            clip,
+            seconds,
+        }
+    }
+
+    /// Age of the tree at a time of the clip, years.
+    fn age(&self, seconds: f64) -> f32 {
+        let span = self.clip.span();
+        let t = if self.seconds > 0.0 { (seconds / self.seconds).clamp(0.0, 1.0) } else { 1.0 };
+        narrow(span.from + (span.to - span.from) * t)
+    }
+
+    /// Segments where they are in the pose, as thick as their wood.
+    fn segment_state(&self, pose: &PoseNow, rest: &InstanceState) -> InstanceState {
+        let plant = &self.clip.plant;
+        let mut state = InstanceState { sizes: Vec::with_capacity(self.segments.len()), ..rest.clone() };
+        for (k, bound) in self.segments.iter().enumerate() {
+            let axis = &plant.axes[bound.axis as usize];
+            let (i, _) = plant.segment(axis, bound.s);
+            let (low, high) = (pose.p[i], pose.p[i + 1]);
+            let at_rest = plant.nodes.p[i + 1] - plant.nodes.p[i];
+            let turn = osier_base::math::rotation_between(
+                osier_base::math::normalize_or(at_rest, Vec3::Y),
+                osier_base::math::normalize_or(high - low, at_rest.normalize_or(Vec3::Y)),
+            );
+            let rest_middle = 0.5 * (plant.nodes.p[i] + plant.nodes.p[i + 1]);
+            state.positions[k] = 0.5 * (low + high) + turn * (rest.positions[k] - rest_middle);
+            state.orientations[k] = (turn * rest.orientations[k]).normalize();
+            let radius = 0.5 * (pose.r[i] + pose.r[i + 1]);
+            let rest_radius = 0.5 * (plant.nodes.r[i] + plant.nodes.r[i + 1]);
+            state.sizes.push(if high.distance(low) > 0.0 { radius / rest_radius.max(f32::MIN_POSITIVE) } else { 0.0 });
+        }
+        state.alive = state.sizes.iter().map(|size| *size > 0.0).collect();
+        state
+    }
+}
+
+impl AssetMotion for YearsMotion {
+    fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        let pose = self.clip.pose(self.age(time.seconds));
+        let nodes = PosedNodes { p: &pose.p, q: &pose.q, r: &pose.r };
+        let mesh_frame = |object: &osier_scene::MeshObject| {
+            let mesh = &object.mesh;
+            let skin = pose_skin(&self.clip.plant, nodes, &mesh.points, &mesh.normals, &self.bindings);
+            MeshFrame::Points { points: skin.points, normals: skin.normals, velocities: Vec::new() }
+        };
+        let organ_state = |organs: &[usize]| {
+            let now = || organs.iter().map(|i| &pose.leaves[*i]);
+            InstanceState {
+                positions: now().map(|o| o.position).collect(),
+                orientations: now().map(|o| o.orientation).collect(),
+                alive: now().map(|o| o.size > 0.0).collect(),
+                sizes: now().map(|o| o.size).collect(),
+                ..InstanceState::default()
+            }
+        };
+        // The instancer of segments, if there is one, comes after those of the organs.
+        let state = |(i, instancer): (usize, &osier_scene::Instancer)| {
+            let organs = self.organs.get(i);
+            let segments = || self.segment_state(&pose, &instancer.rest);
+            InstancerFrame::State(organs.map_or_else(segments, |organs| organ_state(organs)))
+        };
+        Ok(AssetFrame {
+            meshes: asset.meshes.iter().map(mesh_frame).collect(),
+            instancers: asset.instancers.iter().enumerate().map(state).collect(),
+            ..AssetFrame::default()
+        })
+    }
+}
