@@ -6,11 +6,16 @@ import math
 import os
 import re
 import struct
+import sys
+from array import array
 from dataclasses import dataclass, field
 from typing import Any
 
 SCHEMA = 1
 """Newest schema of manifests that this module reads."""
+
+LEAF_BYTES = 16
+"""Bytes of one leaf in a table: four 32-bit floats."""
 
 PLACE_BYTES = 40
 """Bytes of one placement in a table: ten 32-bit floats."""
@@ -36,6 +41,16 @@ class Place:
 
 
 @dataclass(frozen=True)
+class Leaves:
+    """Colour and occlusion of an asset's leaves: a table with four 32-bit floats for each instance, instancer after instancer."""
+
+    file: str
+    counts: list[tuple[str, int]]
+    color: bool
+    occlusion: bool
+
+
+@dataclass(frozen=True)
 class Asset:
     """A plant, terrain or other part that the stage contains once."""
 
@@ -44,6 +59,7 @@ class Asset:
     group: str
     points_material: str | None
     has_geometry: bool
+    leaves: Leaves | None = None
 
 
 @dataclass(frozen=True)
@@ -87,6 +103,28 @@ class Bake:
     def file(self, relative: str) -> str:
         """The absolute path of a file of the bake."""
         return os.path.join(self.folder, *relative.split("/"))
+
+    def leaf_rows(self, asset: Asset) -> dict[str, array]:
+        """Four numbers for each leaf of an asset, by instancer: linear red, green and blue, occlusion. Empty without leaves."""
+        if asset.leaves is None:
+            return {}
+        with open(self.file(asset.leaves.file), "rb") as file:
+            content = file.read()
+        if len(content) != LEAF_BYTES * sum(count for _, count in asset.leaves.counts):
+            raise BakeError(self.path, f"{asset.leaves.file} has not the size that the manifest says", "Bake again into a new folder")
+        rows, start = {}, 0
+        for name, count in asset.leaves.counts:
+            values = array("f")
+            values.frombytes(content[start : start + LEAF_BYTES * count])
+            if sys.byteorder == "big":
+                values.byteswap()
+            rows[name] = values
+            start += LEAF_BYTES * count
+        return rows
+
+    def is_occluded(self) -> bool:
+        """Whether leaves have the occlusion of their crown."""
+        return any(a.leaves and a.leaves.occlusion for a in self.assets)
 
     def span(self) -> int:
         """Frames after which the motion repeats."""
@@ -133,6 +171,7 @@ def _bake(path: str, data: dict[str, Any]) -> Bake:
     stage = _stage(path, data, notes)
     assets = [_asset(a) for a in data["assets"]]
     needed = [stage] + [f for a in data["assets"] for f in a.get("files", []) if f.startswith("usd/")]
+    needed += [a.leaves.file for a in assets if a.leaves]
     table = data.get("places")
     if isinstance(table, str):
         needed.append(table)
@@ -184,7 +223,18 @@ def _asset(entry: dict[str, Any]) -> Asset:
     name = str(entry["id"])
     # Older manifests do not name the kind of plant: individuals are numbered.
     group = entry.get("plant") or (name if "plant" in entry else re.sub(r"_\d+$", "", name))
-    return Asset(name, str(entry.get("prim") or name).rsplit("/", 1)[-1], str(group), entry.get("points_material"), bool(entry.get("vertices") or entry.get("instances")))
+    geometry = bool(entry.get("vertices") or entry.get("instances"))
+    prim = str(entry.get("prim") or name).rsplit("/", 1)[-1]
+    return Asset(name, prim, str(group), entry.get("points_material"), geometry, _leaves(entry.get("leaves")))
+
+
+def _leaves(entry: dict[str, Any] | None) -> Leaves | None:
+    if not entry:
+        return None
+    counts = [(str(name), int(entry["instancers"][name])) for name in entry["order"]]
+    if any(count < 0 for _, count in counts):
+        raise ValueError("a negative number of leaves")
+    return Leaves(str(entry["file"]), counts, bool(entry.get("color")), bool(entry.get("occlusion")))
 
 
 def _sequences(data: dict[str, Any]) -> dict[str, Sequence]:

@@ -10,6 +10,10 @@ import bpy
 from .manifest import Bake, Sequence
 
 
+DEEPEST = 0.55
+"""Colour of a leaf in the deepest shade of its crown as a share of that of one outside; own."""
+
+
 def base_name(name: str) -> str:
     """A name without the number that Blender appends to equal names; osier's names have no dot."""
     head, dot, tail = name.rpartition(".")
@@ -163,6 +167,8 @@ def _surface(tree: bpy.types.NodeTree, bake: Bake, entry: dict[str, Any]) -> Non
         color, alpha = node.outputs["Color"], node.outputs["Alpha"]
     if "rough" in slots:
         rough = _picture_node(tree, bake, slots["rough"], "rough", False, 200).outputs["Color"]
+    if entry["class"] == "leaf" and bake.is_occluded():
+        color = _occluded(tree, color)
     if "wetness" in maps:
         wetness = _picture_node(tree, bake, maps["wetness"], "wetness", False, -100).outputs["Color"]
         factor, a, b, result = _mix(tree, "RGBA", "wet color", -500, 500)
@@ -210,6 +216,19 @@ def _surface(tree: bpy.types.NodeTree, bake: Bake, entry: dict[str, Any]) -> Non
         shader = _cut_out(tree, shader, cut.outputs[0], front, t)
     out = new_node(tree, "ShaderNodeOutputMaterial", "output", 700, 200)
     tree.links.new(shader, out.inputs["Surface"])
+
+
+def _occluded(tree: bpy.types.NodeTree, color: Any) -> Any:
+    """A colour that is darker on leaves deep in their crown. Cycles shades them anyhow: there the last colour may be white."""
+    read = new_node(tree, "ShaderNodeAttribute", "canopy", -900, 800)
+    read.attribute_type = "INSTANCER"
+    read.attribute_name = "canopy_occlusion"
+    factor, a, b, result = _mix(tree, "RGBA", "canopy color", -600, 700)
+    factor.node.blend_type = "MULTIPLY"
+    tree.links.new(read.outputs["Fac"], factor)
+    _join(tree, color, a)
+    b.default_value = (*(DEEPEST,) * 3, 1.0)
+    return result
 
 
 def _cut_out(tree: bpy.types.NodeTree, shader: Any, alpha: Any, front: bpy.types.Node, t: float) -> Any:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Imports the stage of a bake and sets up the scene that shows it."""
 
+from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -184,6 +185,7 @@ def build(
         root = roots.get(asset.name)
         if root is not None:
             _adopt(bake, asset, root, _group(bake, collection, groups, asset.group), collection)
+            _set_leaf_values(bake, asset, root)
     _set_materials(bake, before.added(["objects"]), built)
     if bake.has_assets_stage:
         _place_all(bake, roots, collection, groups)
@@ -269,6 +271,22 @@ def _adopt(
             if prototypes:
                 _adopt_prototypes(bake, asset, path, prototypes)
                 modifier.node_group.name = f"{asset.name} {path.rsplit('/', 1)[-1]}"
+
+
+def _set_leaf_values(bake: Bake, asset: Asset, root: bpy.types.Object) -> None:
+    """Gives the points of leaves their colour and occlusion, which Blender's importer drops: materials read them from instances."""
+    rows = bake.leaf_rows(asset)
+    for item in copies.hierarchy(root):
+        values = rows.get(item["osier_id"].rsplit("/", 1)[-1])
+        points = item.data
+        if values is None or item.type != "POINTCLOUD" or 4 * len(points.points) != len(values):
+            continue
+        if asset.leaves.color:
+            colors = array("f", values)
+            colors[3::4] = array("f", [1.0]) * len(points.points)
+            points.attributes.new("leaf_color", "FLOAT_COLOR", "POINT").data.foreach_set("color", colors)
+        if asset.leaves.occlusion:
+            points.attributes.new("canopy_occlusion", "FLOAT", "POINT").data.foreach_set("value", values[3::4])
 
 
 def _adopt_prototypes(bake: Bake, asset: Asset, path: str, prototypes: bpy.types.Collection) -> None:

@@ -85,6 +85,9 @@ pub fn write_files(
     let mut writers = exporters::bake_exporters(folder, &textures, recipe, frames);
     let warnings = write_frames(animated, &mut writers, frames, context)?;
     manifest::write_places(folder, &animated.scene)?;
+    if recipe.output.writes(&osier_export::usd::FORMAT) {
+        manifest::write_leaves(folder, &animated.scene)?;
+    }
     let settings = exporters::manifest_settings(recipe, animated, frames);
     let manifest = manifest::build(&animated.scene, &folder.files(), &warnings, &settings);
     manifest::write(folder, &manifest)?;

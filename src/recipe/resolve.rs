@@ -1,7 +1,8 @@
 //! From text to [`Recipe`].
 
 use super::scene::{
-    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel, solid_names,
+    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, SeasonSpan, WindModel,
+    solid_names,
 };
 use super::syntax::{Digest, KeyTable, Registry, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
 use super::{
@@ -111,6 +112,8 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         inputs: Vec::new(),
         frames: 1,
         raining: root.get("rain").is_some(),
+        season: None,
+        latitude: None,
         solid_names: solid_names(&root),
     };
     let recipe = resolver.recipe(&root);
@@ -186,6 +189,10 @@ pub(super) struct Resolver<'a> {
     pub(in crate::recipe) frames: u64,
     /// The scene has rain.
     pub(in crate::recipe) raining: bool,
+    /// Season of plants without one of their own.
+    pub(in crate::recipe) season: Option<SeasonSpan>,
+    /// Latitude of plants without one of their own, degrees.
+    pub(in crate::recipe) latitude: Option<f64>,
     /// Names of its solids.
     pub(in crate::recipe) solid_names: Vec<String>,
 }
@@ -197,6 +204,7 @@ impl Resolver<'_> {
         if general.title.is_empty() {
             general.title.clone_from(&self.request.name);
         }
+        (self.season, self.latitude) = (general.season, general.latitude);
         let clip = self.clip(root);
         self.frames = clip.len() as u64;
         // Plants and clouds share one set of file names: both become assets of the scene.

@@ -44,6 +44,7 @@ mod rain_files;
 mod rain_wind;
 mod references;
 mod scene_files;
+mod seasons;
 mod showcase;
 mod skin;
 mod storm;

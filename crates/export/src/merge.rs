@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use osier_base::Result;
 use osier_base::convert::{index, narrow};
 use osier_base::par::par_map;
-use osier_scene::{Asset, Attribute, InstanceState, Instancer, Mesh, Subset, Trs};
+use osier_scene::{Asset, Attribute, InstanceState, Instancer, Mesh, Subset, Trs, bent_normal};
 
 /// Points or triangles of a batch, and batches that are formatted before they are written.
 /// Own: 8 batches keep two to eight threads busy and take 50 MB as text; larger values take more memory.
@@ -20,6 +20,8 @@ pub(super) struct PartRange<'a> {
     pub mesh: &'a Mesh,
     /// Transform of the part.
     pub trs: Trs,
+    /// What its normals are bent by after the transform; zero: they are not.
+    pub toward: Vec3,
     /// Points, or triangles, of the mesh.
     pub range: Range<usize>,
     /// Number of the part's first point in the merged mesh.
@@ -34,7 +36,7 @@ impl PartRange<'_> {
 
     /// The normals, transformed.
     pub fn normals(&self) -> impl Iterator<Item = Vec3> {
-        self.mesh.normals[self.range.clone()].iter().map(|n| transform_normal(&self.trs, *n))
+        self.mesh.normals[self.range.clone()].iter().map(|n| bent_normal(transform_normal(&self.trs, *n), self.toward))
     }
 
     /// Corners of the triangles, numbered from the part's first point. A transform that mirrors reverses the winding.
@@ -45,6 +47,13 @@ impl PartRange<'_> {
             .iter()
             .map(move |[a, b, c]| if mirrors { [*a, *c, *b] } else { [*a, *b, *c] })
     }
+}
+
+/// A mesh of an asset, or an instance of a prototype.
+struct Part<'a> {
+    mesh: &'a Mesh,
+    trs: Trs,
+    toward: Vec3,
 }
 
 enum PartSource<'a> {
@@ -59,13 +68,15 @@ struct PartBlock<'a> {
 }
 
 impl PartBlock<'_> {
-    fn parts(&self, world: Trs) -> impl Iterator<Item = (&Mesh, Trs)> {
+    fn parts(&self, world: Trs) -> impl Iterator<Item = Part<'_>> {
         // Both cases as one iterator: at most one mesh, then the instances if there are any.
         let (mesh, instances) = match &self.source {
-            PartSource::Mesh(mesh) => (Some((*mesh, world)), None),
+            PartSource::Mesh(mesh) => (Some(Part { mesh, trs: world, toward: Vec3::ZERO }), None),
             PartSource::Instances(instancer) => (None, Some(live_instances(instancer, &instancer.rest))),
         };
-        mesh.into_iter().chain(instances.into_iter().flatten().map(move |(mesh, trs)| (mesh, world.then_inner(&trs))))
+        let instances = instances.into_iter().flatten();
+        let placed = instances.map(move |p| Part { trs: world.then_inner(&p.trs), toward: world.r * p.toward, ..p });
+        mesh.into_iter().chain(placed)
     }
 }
 
@@ -95,7 +106,7 @@ impl<'a> FlattenedAsset<'a> {
             let mut seen: BTreeSet<*const Mesh> = BTreeSet::new();
             let mut vertices = 0;
             let mut materials = Vec::new();
-            for (mesh, _) in block.parts(Trs::IDENTITY) {
+            for Part { mesh, .. } in block.parts(Trs::IDENTITY) {
                 vertices += mesh.points.len() as u64;
                 flattened.triangles += mesh.subsets.iter().map(|s| mesh.subset_triangles(s).len() as u64).sum::<u64>();
                 if seen.insert(std::ptr::from_ref(mesh)) {
@@ -124,8 +135,8 @@ impl<'a> FlattenedAsset<'a> {
 
     /// Ranges of all points, with the asset's transform `world`.
     pub fn points(&self, world: Trs) -> impl Iterator<Item = PartRange<'_>> {
-        self.blocks.iter().flat_map(move |b| b.parts(world)).flat_map(|(mesh, trs)| {
-            batch_ranges(0..mesh.points.len()).map(move |range| PartRange { mesh, trs, range, base: 0 })
+        self.blocks.iter().flat_map(move |b| b.parts(world)).flat_map(|Part { mesh, trs, toward }| {
+            batch_ranges(0..mesh.points.len()).map(move |range| PartRange { mesh, trs, toward, range, base: 0 })
         })
     }
 
@@ -139,19 +150,19 @@ impl<'a> FlattenedAsset<'a> {
         });
         // An instancer is walked once for each of its own materials, not for each of the asset.
         let parts = starts.filter(move |(b, _)| b.materials.contains(&material)).flat_map(move |(b, start)| {
-            b.parts(world).scan(start, |next, (mesh, trs)| {
+            b.parts(world).scan(start, |next, part| {
                 let base = *next;
-                *next += mesh.points.len() as u64;
-                Some((mesh, trs, base))
+                *next += part.mesh.points.len() as u64;
+                Some((part, base))
             })
         });
-        parts.flat_map(move |(mesh, trs, base)| {
+        parts.flat_map(move |(Part { mesh, trs, toward }, base)| {
             let ranges = mesh.subsets.iter().filter(move |s| s.material == material).flat_map(|s| {
                 // Clamped as `subset_triangles` clamps it, so that a subset beyond the end is empty instead of out of bounds.
                 let first = (s.first as usize).min(mesh.triangles.len());
                 batch_ranges(first..first + mesh.subset_triangles(s).len())
             });
-            ranges.map(move |range| PartRange { mesh, trs, range, base })
+            ranges.map(move |range| PartRange { mesh, trs, toward, range, base })
         })
     }
 }
@@ -163,10 +174,10 @@ impl<'a> FlattenedAsset<'a> {
 pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
     let flattened = FlattenedAsset::of(asset);
     let mut mesh = Mesh::default();
-    for (part, trs) in flattened.blocks.iter().flat_map(|b| b.parts(Trs::IDENTITY)) {
+    for Part { mesh: part, trs, toward } in flattened.blocks.iter().flat_map(|b| b.parts(Trs::IDENTITY)) {
         Attribute::append_all(&mut mesh.attributes, mesh.points.len(), &part.attributes, part.points.len());
         mesh.points.extend(part.points.iter().map(|p| trs.apply(*p)));
-        mesh.normals.extend(part.normals.iter().map(|n| transform_normal(&trs, *n)));
+        mesh.normals.extend(part.normals.iter().map(|n| bent_normal(transform_normal(&trs, *n), toward)));
         if flattened.has_uvs {
             mesh.uvs.extend_from_slice(&part.uvs);
             // Once a part has coordinates all have them, zeros where the part has none, so that the lists stay of equal length.
@@ -185,11 +196,11 @@ pub(super) fn merge_asset(asset: &Asset) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Mesh and transform of each live instance; an instance whose prototype does not exist is skipped.
-fn live_instances<'a>(instancer: &'a Instancer, state: &'a InstanceState) -> impl Iterator<Item = (&'a Mesh, Trs)> {
+/// The live instances; an instance whose prototype does not exist is skipped.
+fn live_instances<'a>(instancer: &'a Instancer, state: &'a InstanceState) -> impl Iterator<Item = Part<'a>> {
     (0..instancer.len()).filter(|i| state.is_alive(*i)).filter_map(|i| {
         let proto = instancer.protos.get(i).and_then(|p| instancer.prototypes.get(*p as usize))?;
-        Some((&proto.mesh, instancer.transform(state, i)))
+        Some(Part { mesh: &proto.mesh, trs: instancer.transform(state, i), toward: state.canopy_normal(i) })
     })
 }
 
@@ -239,6 +250,10 @@ pub(super) fn transform_normal(trs: &Trs, n: Vec3) -> Vec3 {
 mod tests {
     use super::*;
 
+    fn part(mesh: &Mesh, trs: Trs, range: Range<usize>) -> PartRange<'_> {
+        PartRange { mesh, trs, toward: Vec3::ZERO, range, base: 0 }
+    }
+
     #[test]
     fn a_mirrored_part_keeps_its_outside() {
         let mesh = Mesh {
@@ -248,9 +263,9 @@ mod tests {
             ..Mesh::default()
         };
         let trs = Trs { s: Vec3::new(1.0, 1.0, -2.0), ..Trs::IDENTITY };
-        let points: Vec<Vec3> = PartRange { mesh: &mesh, trs, range: 0..3, base: 0 }.points().collect();
-        let normals: Vec<Vec3> = PartRange { mesh: &mesh, trs, range: 0..3, base: 0 }.normals().collect();
-        let corners: Vec<[u32; 3]> = PartRange { mesh: &mesh, trs, range: 0..1, base: 0 }.corners().collect();
+        let points: Vec<Vec3> = part(&mesh, trs, 0..3).points().collect();
+        let normals: Vec<Vec3> = part(&mesh, trs, 0..3).normals().collect();
+        let corners: Vec<[u32; 3]> = part(&mesh, trs, 0..1).corners().collect();
         let [a, b, c] = corners[0].map(|i| points[i as usize]);
         assert!((b - a).cross(c - a).dot(normals[0]) > 0.0);
         assert!((normals[0] + Vec3::Z).length() < 1e-6);
@@ -260,7 +275,7 @@ mod tests {
     fn pieces_come_in_order_whatever_their_sizes() {
         let mesh = Mesh { points: vec![Vec3::ZERO; 3 * BATCH + 5], ..Mesh::default() };
         let ranges: Vec<Range<usize>> = batch_ranges(0..mesh.points.len()).collect();
-        let pieces = ranges.iter().map(|r| PartRange { mesh: &mesh, trs: Trs::IDENTITY, range: r.clone(), base: 0 });
+        let pieces = ranges.iter().map(|r| part(&mesh, Trs::IDENTITY, r.clone()));
         let mut got = Vec::new();
         let first = |p: &[PartRange<'_>]| p.iter().map(|p| p.range.clone()).collect::<Vec<_>>();
         format_in_parallel(pieces, first, |r| {

@@ -1,7 +1,9 @@
-//! Plants: growth from grammars, iterated function systems and meshes ([`grow`]), and their meshes and materials
-//! ([`surface`]).
+//! Plants: growth from grammars, iterated function systems and meshes ([`grow`]), their meshes and materials ([`surface`]), the light in
+//! their crowns ([`crown`]), and their leaves through the year ([`season`]).
 
+pub mod crown;
 pub mod grow;
+pub mod season;
 pub mod surface;
 
 // Tests share the reader of tables with the examples, which know this crate by its name.

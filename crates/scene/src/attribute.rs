@@ -36,6 +36,8 @@ pub enum AttributeData {
     Unit1(Vec<f32>),
     /// Pairs of numbers from 0 to 1.
     Unit2(Vec<[f32; 2]>),
+    /// Vectors in the space of the element, in any finite length; formats turn them to their own axes.
+    Vector(Vec<[f32; 3]>),
     /// Quadruples of numbers from 0 to 1, which formats with colour types take as RGBA.
     Unit4(Vec<[f32; 4]>),
 }
@@ -50,6 +52,13 @@ pub struct Attribute {
     /// As many as the domain has elements.
     pub data: AttributeData,
 }
+
+/// Linear colour of each leaf of a plant that shows a season, with an alpha of 1; white for what is no leaf.
+pub const LEAF_COLOR: &str = "leaf_color";
+/// Share of the skylight that other leaves of the crown take from a leaf, 0 to 1.
+pub const CANOPY_OCCLUSION: &str = "canopy_occlusion";
+/// Direction out of the crown in which a leaf's normals are bent: n' = n (1 - |c|) + c, where the length |c|, 0 to 1, is how much.
+pub const CANOPY_NORMAL: &str = "canopy_normal";
 
 /// A number of a branch, a cluster or a drop as a value of [`AttributeData::I32`]; -1, which stands for none, from 2^31 on, which no limit
 /// admits.
@@ -70,6 +79,7 @@ macro_rules! with_values {
             AttributeData::F32($values) => $body,
             AttributeData::Unit1($values) => $body,
             AttributeData::Unit2($values) => $body,
+            AttributeData::Vector($values) => $body,
             AttributeData::Unit4($values) => $body,
         }
     };
@@ -109,6 +119,7 @@ impl AttributeData {
             Self::F32(v) => Self::F32(pick(v, indices)),
             Self::Unit1(v) => Self::Unit1(pick(v, indices)),
             Self::Unit2(v) => Self::Unit2(pick(v, indices)),
+            Self::Vector(v) => Self::Vector(pick(v, indices)),
             Self::Unit4(v) => Self::Unit4(pick(v, indices)),
         }
     }
@@ -120,6 +131,7 @@ impl AttributeData {
             (Self::I32(a), Self::I32(b)) => a.extend_from_slice(b),
             (Self::F32(a), Self::F32(b)) | (Self::Unit1(a), Self::Unit1(b)) => a.extend_from_slice(b),
             (Self::Unit2(a), Self::Unit2(b)) => a.extend_from_slice(b),
+            (Self::Vector(a), Self::Vector(b)) => a.extend_from_slice(b),
             (Self::Unit4(a), Self::Unit4(b)) => a.extend_from_slice(b),
             _ => return false,
         }
@@ -155,12 +167,18 @@ impl AttributeData {
             Self::F32(v) => find(v, 1, &|v| v.is_finite()),
             Self::Unit1(v) => find(v, 1, &unit),
             Self::Unit2(v) => find(v.as_flattened(), 2, &unit),
+            Self::Vector(v) => find(v.as_flattened(), 3, &|v| v.is_finite()),
             Self::Unit4(v) => find(v.as_flattened(), 4, &unit),
         }
     }
 }
 
 impl Attribute {
+    /// Whether it is one of those that leaves have at rest, whatever moves them.
+    pub fn is_of_leaves(&self) -> bool {
+        [LEAF_COLOR, CANOPY_OCCLUSION, CANOPY_NORMAL].contains(&self.name)
+    }
+
     /// One value per vertex of a mesh.
     pub fn vertex(name: &'static str, data: AttributeData) -> Self {
         Self { name, domain: AttributeDomain::Vertex, data }

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::{Attribute, AttributeData, Curves, Mesh};
+use super::{Attribute, AttributeData, CANOPY_NORMAL, CANOPY_OCCLUSION, Curves, Mesh};
 use crate::Trs;
 use osier_base::geometry::Bounds;
 
@@ -94,6 +94,24 @@ impl InstanceState {
         self.attributes.iter().find(|a| a.name == name).map(|a| &a.data)
     }
 
+    /// The direction in which the normals of instance `i` are bent, as long as they are bent: [`bent_normal`]. Zero without the attribute.
+    #[inline]
+    pub fn canopy_normal(&self, i: usize) -> Vec3 {
+        match self.attribute(CANOPY_NORMAL) {
+            Some(AttributeData::Vector(list)) => list.get(i).map_or(Vec3::ZERO, |v| Vec3::from_array(*v)),
+            _ => Vec3::ZERO,
+        }
+    }
+
+    /// Share of the skylight that its crown takes from instance `i`, 0 to 1; 0 without the attribute.
+    #[inline]
+    pub fn canopy_occlusion(&self, i: usize) -> f32 {
+        match self.attribute(CANOPY_OCCLUSION) {
+            Some(AttributeData::Unit1(list)) => list.get(i).copied().unwrap_or(0.0),
+            _ => 0.0,
+        }
+    }
+
     /// An attribute of numbers from 0 to 1, one per instance; added with zeros where the state has none of that name.
     pub fn unit_attribute_mut(&mut self, name: &'static str) -> &mut [f32] {
         let is_same = |a: &Attribute| a.name == name && matches!(a.data, AttributeData::Unit1(_));
@@ -106,6 +124,22 @@ impl InstanceState {
             _ => &mut [],
         }
     }
+}
+
+/// A unit normal bent by a vector of [`CANOPY_NORMAL`], in the same space: n (1 - |c|) + c, of unit length.
+/// # Examples
+/// ```
+/// use glam::Vec3;
+/// use osier_scene::bent_normal;
+///
+/// assert_eq!(bent_normal(Vec3::X, Vec3::ZERO), Vec3::X);
+/// assert!(bent_normal(Vec3::X, Vec3::Y * 0.5).distance(Vec3::new(0.5, 0.5, 0.0).normalize()) < 1e-6);
+/// assert!(bent_normal(Vec3::X, Vec3::Y).distance(Vec3::Y) < 1e-6);
+/// ```
+#[inline]
+pub fn bent_normal(normal: Vec3, toward: Vec3) -> Vec3 {
+    let weight = toward.length().min(1.0);
+    if weight > 0.0 { osier_base::math::normalize_or(normal * (1.0 - weight) + toward, normal) } else { normal }
 }
 
 /// N instances of some prototypes. N counts every instance that is ever alive; a slot never changes owner.

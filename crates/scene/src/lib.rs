@@ -41,7 +41,9 @@ mod validate;
 mod volume;
 
 pub use air::AirGrid;
-pub use attribute::{Attribute, AttributeData, AttributeDomain, attribute_number};
+pub use attribute::{
+    Attribute, AttributeData, AttributeDomain, CANOPY_NORMAL, CANOPY_OCCLUSION, LEAF_COLOR, attribute_number,
+};
 pub use camera_light::{Camera, Fog, Sky, Sun, ToneCurve};
 pub use curve_mesh::{ribbons, tubes, turned_ribbons};
 pub use evaluate::{
@@ -51,7 +53,7 @@ pub use evaluate::{
 pub use field::HeightField;
 pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame};
 pub use freeze::freeze;
-pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
+pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype, bent_normal};
 pub use maps::{MapEncoding, MapFrame, MapLayer, MapSequence, MapTexels};
 pub use material::{Coat, Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
 pub use measure::{Field, Table, Watch, largest};

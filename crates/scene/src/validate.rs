@@ -146,7 +146,8 @@ fn check_attributes(attributes: &[Attribute], domain: AttributeDomain, count: us
         };
         same_length(data.len(), due, &format!("{place}, {name}"))?;
         if let Some((i, value)) = data.first_invalid() {
-            let wanted = if matches!(data, AttributeData::F32(_)) { "finite" } else { "0 to 1" };
+            let wanted =
+                if matches!(data, AttributeData::F32(_) | AttributeData::Vector(_)) { "finite" } else { "0 to 1" };
             return Err(Error::export("X001", format!("{place}: {name} {i} is {value}, not {wanted}")));
         }
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::bake::assets::seasons::SeasonMaterials;
 use osier_base::Result;
 use osier_base::convert::index;
 use osier_plants::grow::ifs::SubtreeBillboards;
@@ -26,6 +27,8 @@ pub struct MaterialSet {
     pub cards: Option<SubtreeBillboards>,
     /// Index of the material of dead wood; `None` for plants without any.
     pub dead: Option<u16>,
+    /// Leaves in the colours of a season, for plants that show one.
+    pub season: Option<SeasonMaterials>,
     /// Skeleton, wood and leaves that were found in the mesh of a whole plant.
     pub tree: Option<Arc<MeshPlant>>,
 }

@@ -16,6 +16,7 @@ pub mod plant_materials;
 pub mod plant_mesh;
 pub(crate) mod plants;
 pub(crate) mod rigged_plant;
+pub mod seasons;
 pub(crate) mod segments;
 pub mod shape_growth;
 pub mod skin_options;

@@ -9,6 +9,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::branchlets;
 use crate::bake::assets::growth_site::GrowthSite;
 use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::seasons::{SeasonClip, season_clip, show_season};
 use crate::bake::assets::shape_growth::{fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::assets::species_growth::{species_clip, species_plant};
@@ -21,9 +22,11 @@ use crate::recipe::scene::{LineStyle, TropismKeys};
 use crate::recipe::{Growth, PlantRecipe};
 use osier_base::convert::saturating_byte;
 use osier_base::diagnostic::Report;
+use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_grammar::{DeriveOptions, derive};
 use osier_ifs::stems::TreeSystem;
+use osier_plants::crown::crown_attributes;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
@@ -46,9 +49,12 @@ pub struct GrownPlant {
     pub clip: Option<Arc<GrowthClip>>,
     /// The organ that stands for each segment where the plant is shown by its segments; `None`: prisms.
     pub segment: Option<OrganSpec>,
+    /// How its leaves change over the clip; `None` for leaves that stay.
+    pub season: Option<SeasonClip>,
 }
 
-/// Grows one individual with the organs of its plant's materials, and fills it with twigs where its recipe asks for them.
+/// Grows one individual with the organs of its plant's materials, fills it with twigs where its recipe asks for them, and shows it at
+/// its season.
 /// # Errors
 /// `Input` with the faults of derivation or turtle, `Limit`, `Cancelled`.
 pub fn grow_plant(
@@ -60,8 +66,35 @@ pub fn grow_plant(
 ) -> Result<GrownPlant> {
     let mut grown = grow_from_source(recipe, individual, set, site, context)?;
     fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
+    grown.show_season(recipe, individual, set, site.frames)?;
     grown.segment = recipe.skin.segment.chars().next().and_then(|letter| set.organs.get(&letter)).cloned();
     Ok(grown)
+}
+
+impl GrownPlant {
+    /// Shows the plant at its season, and gives its leaves the attributes of their crown.
+    fn show_season(
+        &mut self,
+        recipe: &PlantRecipe,
+        individual: &Individual,
+        set: &MaterialSet,
+        frames: f64,
+    ) -> Result<()> {
+        let changes = frames > 0.0 && recipe.keys.season.is_some_and(|s| s.changes());
+        // A crown that has lost leaves is lighter. Leaves that change have the occlusion of summer.
+        if !changes {
+            show_season(&mut self.plant, recipe, individual, set)?;
+        }
+        let keys = &recipe.keys;
+        if keys.canopy_occlusion || keys.canopy_normals > 0.0 {
+            let crown = crown_attributes(&self.plant, keys.canopy_occlusion, narrow(keys.canopy_normals));
+            self.plant.organ_attributes.extend(crown);
+        }
+        if changes {
+            self.season = season_clip(&mut self.plant, recipe, individual, set, frames)?;
+        }
+        Ok(())
+    }
 }
 
 /// Grows one individual by its grammar, table, particle-shapes or mesh.
@@ -92,12 +125,21 @@ fn grow_from_source(
                 imported: None,
                 segment: None,
                 clip: None,
+                season: None,
             });
         }
         Growth::Shapes(keys) => {
             let (plant, warnings) = grow_shapes(keys, recipe, individual, set, site)?;
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, clip: None });
+            return Ok(GrownPlant {
+                plant,
+                report,
+                modules: 0,
+                imported: None,
+                segment: None,
+                clip: None,
+                season: None,
+            });
         }
         Growth::Species(_) => {
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
@@ -109,7 +151,7 @@ fn grow_from_source(
                 }
             };
             let report = Report { diagnostics: warnings, ..Report::default() };
-            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, clip });
+            return Ok(GrownPlant { plant, report, modules: 0, imported: None, segment: None, clip, season: None });
         }
         Growth::Mesh(..) => {
             let imported = set.tree.clone();
@@ -123,6 +165,7 @@ fn grow_from_source(
                 imported,
                 segment: None,
                 clip: None,
+                season: None,
             });
         }
     };
@@ -139,7 +182,7 @@ fn grow_from_source(
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None })
+    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
 }
 
 /// Options of an IFS tree from the keys of `[plants.NAME.tree]`.

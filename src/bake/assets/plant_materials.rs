@@ -9,6 +9,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::billboards;
 use crate::bake::assets::ifs_leaf;
 use crate::bake::assets::material_set::{MaterialSet, image_indices_mut};
+use crate::bake::assets::seasons::add_season_materials;
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
 use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, ImportedMeshKeys, OrganKeys};
@@ -104,6 +105,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
     if matches!(&plant.growth, Growth::Ifs(_, keys) if keys.twigs) {
         set.names.push(BRANCHLET.into());
     }
+    add_season_materials(&mut set, plant, seed)?;
     Ok(set)
 }
 
@@ -284,7 +286,7 @@ pub(crate) fn petiole_radius(recipe: &OrganRecipe) -> Option<f64> {
 }
 
 /// The parameters of the outline's species, overridden by the keys that are set.
-fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
+pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let base = match keys.blade {
         BladeOutline::Lobed => BladeSpec::oak(),
         BladeOutline::Toothed => BladeSpec::birch(),
@@ -326,7 +328,7 @@ fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
 }
 
 /// The colours of the outline's species, overridden by the keys that are set.
-fn leaf_colors(keys: &OrganKeys) -> LeafColors {
+pub(crate) fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     let own = match keys.blade {
         BladeOutline::Lobed => LeafColors::OAK,
         BladeOutline::Deltoid => LeafColors::POPLAR,

@@ -199,7 +199,8 @@ fn merged_leaves(
     rig: Option<&JointRig>,
     motion: MeshMotion,
 ) -> MeshObject {
-    let (mesh, sizes) = attributes.leaves(organs, materials.first_material);
+    let (mut mesh, sizes) = attributes.leaves(organs, materials.first_material);
+    mesh.attributes.extend(attributes.leaf_colors(organs, &sizes));
     let skin = rig.map(|rig| {
         let joints =
             organs.iter().zip(&sizes).flat_map(|(o, n)| std::iter::repeat_n([rig.organ_joint(o), 0, 0, 0], *n));
@@ -242,6 +243,7 @@ pub(crate) fn leaf_instancer(
     let rest = InstanceState {
         positions: sites.iter().map(|s| s.0).collect(),
         orientations: sites.iter().map(|s| s.1).collect(),
+        attributes: plant.organ_values(organs),
         ..InstanceState::default()
     };
     Ok(Instancer {

@@ -19,6 +19,7 @@ use crate::bake::motion::AssetMotion;
 use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::rain::PlantInRain;
 use crate::bake::motion::rod_plant::{FrameClock, RodPlantMotion, build_rod_plant_at_rest};
+use crate::bake::motion::season::SeasonMotion;
 use crate::bake::motion::sway::SwayMotion;
 use crate::bake::motion::years::YearsMotion;
 use crate::bake::scene::builder::SceneBuilder;
@@ -185,7 +186,11 @@ pub(crate) fn add_plant_assets(
         let built = build_plant(recipe, plant, wind, grown, materials, individual, transform, context);
         // Formats whose readers simulate the wind need joints in still plants and on rods, too: theirs do not depend on the motion.
         let built = built.and_then(|built| match recipe.output.writes_unreal() {
-            true => built.with_rig(grown, plant, materials, recipe.output.unreal.joints, context),
+            // Formats for simulation show the leaves of the first frame.
+            true => match grown.at_first_frame() {
+                Some(first) => built.with_rig(&first, plant, materials, recipe.output.unreal.joints, context),
+                None => built.with_rig(grown, plant, materials, recipe.output.unreal.joints, context),
+            },
             false => Ok(built),
         });
         context.progress.advance(1);
@@ -229,6 +234,15 @@ fn build_plant(
         let seconds = recipe.clip.seconds(recipe.clip.end);
         let (asset, motion) =
             build_growing_plant(grown, plant, materials, individual, GrowthClip { shares, seconds }, context)?;
+        let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
+        return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
+    }
+    // So does one whose leaves change over it.
+    if let Some(season) = &grown.season {
+        let BoundPlant { mut asset, .. } = build_bound_plant(grown, plant, materials, individual, None, context)?;
+        let seconds = recipe.clip.seconds(recipe.clip.end);
+        let motion = SeasonMotion::new(&grown.plant, materials, season, seconds);
+        motion.prepare(&mut asset);
         let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(motion));
         return Ok(BuiltPlant { motion, ..BuiltPlant::without_motion(asset, Vec::new()) });
     }

@@ -8,7 +8,8 @@
 //! rain            recorded drops and plants  ├─ row, fields, maps, records, ─────┘
 //! attractor_morph coefficients at a time     │  point_tables, volumes
 //! growth          births of nodes            │
-//! years           recorded years of a tree   ┘
+//! years           recorded years of a tree   │
+//! season          calendars of leaves        ┘
 //! ```
 //!
 //! A new motion is a type that implements [`AssetMotion`] and is given to the scene together with its asset.
@@ -19,6 +20,7 @@ pub mod growth;
 pub mod rain;
 pub mod rod;
 pub mod rod_plant;
+pub mod season;
 pub mod sway;
 pub mod years;
 

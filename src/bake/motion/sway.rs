@@ -60,8 +60,9 @@ pub struct FlutterGroup<'a> {
 impl<'a> FlutterGroup<'a> {
     /// The group of an organ of the recipe; `organ`: index into the recipe's organs.
     pub fn from_recipe(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
-        // Instanced branchlets, which follow the organs of an IFS tree, are rigid with their branch.
-        let other = if matches!(recipe.growth, Growth::Ifs(..)) { 0.0 } else { 1.0 };
+        // Instanced branchlets, which follow the organs of an IFS tree, and the buds of a season are rigid with their branch.
+        let rigid = matches!(recipe.growth, Growth::Ifs(..)) || recipe.keys.season.is_some();
+        let other = if rigid { 0.0 } else { 1.0 };
         let flutter = recipe.organs.get(organ).map_or(other, |o| narrow(o.keys.flutter));
         Self { organs, flutter }
     }

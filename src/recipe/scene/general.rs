@@ -1,6 +1,7 @@
 //! Keys above the first table, and `[frames]`.
 
-use crate::recipe::syntax::{FrameRate, OptionalKey, SeedType, StringType, integer};
+use super::{SeasonSpan, SeasonType};
+use crate::recipe::syntax::{FrameRate, OptionalKey, SeedType, StringType, integer, number};
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
@@ -20,6 +21,10 @@ keys! {
         title: String = "title" StringType("");
         /// Seed of all random numbers; another integer gives another individual.
         seed: u64 = "seed" SeedType(1), basic;
+        /// Time of the growing year of all plants that have no `season` of their own.
+        season: Option<SeasonSpan> = "season" OptionalKey(SeasonType, "summer leaves");
+        /// Geographic latitude of all plants that have no `latitude` of their own; negative in the south.
+        latitude: Option<f64> = "latitude" OptionalKey(number(50.0, -90.0, 90.0, "deg"), "that of a species' site, 50");
     }
     /// Frame range and frame rate of the clip.
     FramesKeys at "frames" {

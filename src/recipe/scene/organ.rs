@@ -2,10 +2,11 @@
 
 use super::UpAxis;
 use crate::recipe::syntax::{
-    BooleanType, ColorType, FileReference, NumberArray, OneOf, OptionalKey, Reference, StringType, degrees, integer,
-    millimetres, number,
+    BooleanType, ColorList, ColorType, FileReference, NumberArray, NumberList, OneOf, OptionalKey, Reference,
+    StringType, degrees, integer, millimetres, number,
 };
 use crate::recipe::syntax::{choices, keys};
+use osier_plants::season::FallOrder;
 
 /// Where an organ's number comes from without its key.
 const OWN: &str = "by outline";
@@ -104,6 +105,20 @@ keys! {
         translucency: f64 = "translucency" number(0.35, 0.0, 1.0, ""), basic;
         /// Roughness: 0 is a mirror, 1 is matt.
         roughness: Option<f64> = "roughness" OptionalKey(number(0.45, 0.0, 1.0, ""), OWN);
+        /// With `season`: whether the leaves stay on the plant and green.
+        evergreen: Option<bool> = "evergreen" OptionalKey(BooleanType(false), "true for needles");
+        /// With `season`: colours of autumn, from those of leaves in the sun to those of leaves in the shade; at most 12.
+        autumn: Vec<[f32; 3]> = "autumn" ColorList;
+        /// How frequent each colour of `autumn` is beside the others; those without a number have 1.
+        autumn_weights: Vec<f64> = "autumn_weights" NumberList(number(1.0, 0.0, 1000.0, ""));
+        /// With `season`: colour of the first leaves of spring.
+        spring: Option<[f32; 3]> = "spring" OptionalKey(ColorType("#9fb04c"), "lighter than `color`");
+        /// With `season`: which leaves of a shoot fall first.
+        falls: Option<FallOrder> = "falls" OptionalKey(OneOf(FallOrder::Tips), OWN);
+        /// With `season`: fraction of the leaves that stay on the plant, dry, through the winter.
+        keeps: f64 = "keeps" number(0.0, 0.0, 1.0, "");
+        /// With `season`: length of the buds where leaves are missing; 0 shows none.
+        bud: Option<f64> = "bud_mm" OptionalKey(millimetres(6.0, 0.0, 50.0), OWN);
         /// Factor on leaf flutter: 1 for round petioles, 2 to 3 for the flat petioles of poplars.
         flutter: f64 = "flutter" number(1.0, 0.0, 10.0, ""), basic;
     }

@@ -1,7 +1,8 @@
 //! `[plants.NAME]`: what grows a plant and what it looks like.
 
 use super::{
-    BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SkinForm, SkinKeys, TurtleKeys, UpAxis,
+    BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SeasonSpan, SeasonType, SkinForm,
+    SkinKeys, TurtleKeys, UpAxis,
 };
 use crate::recipe::resolve::{Resolver, span_of};
 use crate::recipe::syntax::{
@@ -69,12 +70,24 @@ keys! {
         motion: BarkMotion = "motion" OneOf(BarkMotion::Skin), basic;
         /// Shares of its growth time, 0 to 1, at the first and the last frame: the plant grows over the clip and does not sway.
         growth_clip: Option<[f64; 2]> = "growth_clip" OptionalKey(NumberArray([0.0, 1.0], number(0.0, 0.0, 1.0, "")), "fully grown");
+        /// Time of the growing year: 0 bud burst, 0.5 summer, 0.8 autumn colours, 1 bare; or a date "MM-DD". Two of them change the leaves
+        /// over the clip, and the plant does not sway.
+        season: Option<SeasonSpan> = "season" OptionalKey(SeasonType, "that of the scene");
+        /// Geographic latitude, by which dates become seasons; negative in the south.
+        latitude: Option<f64> = "latitude" OptionalKey(number(50.0, -90.0, 90.0, "deg"), "that of the scene");
+        /// Whether leaves carry how much of the sky the crown takes from them.
+        canopy_occlusion: bool = "canopy_occlusion" BooleanType(false);
+        /// How much normals of leaves are bent outwards from the crown, so that it is shaded as one round body: 0 not at all, 1 wholly.
+        canopy_normals: f64 = "canopy_normals" number(0.0, 0.0, 1.0, "");
         /// Largest number of joints of the skeleton.
         max_joints: u32 = "max_joints" integer(256, 1, 300);
         /// Largest number of branches that bend individually.
         max_branches: u32 = "max_branches" integer(2000, 1, 100_000);
     }
 }
+
+/// Most colours of autumn of an organ: each is three materials.
+const MAX_AUTUMN_COLORS: usize = 12;
 
 /// Keys and tables that say how a plant grows or what it wears.
 const GROWN: &[&str] = &[
@@ -92,6 +105,8 @@ const GROWN: &[&str] = &[
     "fill",
     "steps",
     "set",
+    "season",
+    "latitude",
     "stochastic",
     "turtle",
     "tree",
@@ -177,6 +192,8 @@ impl Resolver<'_> {
         let mut keys = self.read_keys::<PlantKeys>(table, &path);
         let misread = self.report.diagnostics.len() > reported;
         keys.steps = self.request.steps.or(keys.steps);
+        keys.season = keys.season.or(self.season);
+        keys.latitude = keys.latitude.or(self.latitude);
         let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
         let mut organs = self.organs(table, &path);
         let bark: BarkKeys = self.section_at(table, &path, "bark");
@@ -223,7 +240,7 @@ impl Resolver<'_> {
             (None, Some(reference)) => {
                 let mut tree: IfsTreeKeys = self.section_at(table, &path, "tree");
                 let (stems, source, sets) = self.tree_system(reference, &tree)?;
-                tree.twigs &= self.can_instance_twigs(table, &path, &stems, &tree, rods.is_some());
+                tree.twigs &= self.can_instance_twigs(table, &path, &stems, &tree, &keys, rods.is_some());
                 organs.retain(|o| sets.iter().all(|s| s.letter != o.letter));
                 organs.extend(sets);
                 (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
@@ -254,6 +271,7 @@ impl Resolver<'_> {
                 return None;
             }
         };
+        self.settle_season(table, &path, &growth, &mut keys);
         let fill = match &keys.twigs {
             // The surface of an artist's mesh stays as it is.
             _ if matches!(growth, Growth::Mesh(..)) => None,
@@ -316,6 +334,44 @@ impl Resolver<'_> {
         }
     }
 
+    /// S007 for a season where it cannot be shown: leaves of billboards are pictures, leaves of an artist's mesh are as they are. A season
+    /// that changes over the clip stays that of the first frame in the rain, for shaders, on rods, and where the plant grows.
+    fn settle_season(&mut self, plant: &TomlTable, path: &str, growth: &Growth, keys: &mut PlantKeys) {
+        let Some(span) = keys.season else { return };
+        match growth {
+            // Told with the other keys of a mesh.
+            Growth::Mesh(..) => keys.season = None,
+            Growth::Ifs(_, tree) if tree.lod > 0 => {
+                self.has_no_effect(plant, path, &["season"], "the leaves of this lod are pictures on billboards");
+                keys.season = None;
+            }
+            Growth::Species(species) if species.clip.is_some() => {
+                self.has_no_effect(
+                    plant,
+                    path,
+                    &["season"],
+                    "leaves of a tree that grows over the clip have `clip_leaves`",
+                );
+                keys.season = None;
+            }
+            _ => {}
+        }
+        let why = match keys.motion {
+            BarkMotion::Game | BarkMotion::Static => "its motion is left to shaders",
+            _ if self.raining => "rain meets leaves that stay",
+            _ if keys.growth_clip.is_some() => "the plant grows over the clip",
+            _ if plant.get("rods").is_some() => "leaves on rods stay",
+            _ => return,
+        };
+        if span.changes() && keys.season.is_some() {
+            let place = span_of(plant, &["season"]).unwrap_or(self.whole);
+            let text = format!("{path}.season does not change over the clip");
+            let d = Diagnostic::warning("S007", text, place, "the second season has no effect");
+            self.report.push(d.help(format!("because {why}")));
+            keys.season = Some(SeasonSpan { last: span.first, ..span });
+        }
+    }
+
     /// Why a plant cannot grow over the clip, if it cannot.
     fn why_no_growth_clip(&self, keys: &PlantKeys) -> Option<&'static str> {
         if self.raining {
@@ -341,6 +397,7 @@ impl Resolver<'_> {
         path: &str,
         stems: &TreeSystem,
         tree: &IfsTreeKeys,
+        keys: &PlantKeys,
         rods: bool,
     ) -> bool {
         // Twigs can be instances only where each map of the table is a rotation with uniform scale and nothing needs single leaves.
@@ -349,6 +406,7 @@ impl Resolver<'_> {
             _ if rods => "each branch bends on its own as a rod".to_owned(),
             _ if tree.lod > 0 => "this lod replaces them by billboards".to_owned(),
             _ if self.raining => "rain needs each leaf on its own".to_owned(),
+            _ if keys.season.is_some() => "a season shows each leaf on its own".to_owned(),
             _ if tree.radii == BranchRadii::Pipe => "radii = \"pipe\" needs every branch tip".to_owned(),
             Some(i) => format!("map {} is not a rotation with uniform scale", i + 1),
             None => return true,
@@ -441,6 +499,7 @@ impl Resolver<'_> {
 
     fn organ(&mut self, letter: char, path: &str, table: &TomlTable) -> Option<OrganRecipe> {
         let keys = self.read_keys::<OrganKeys>(table, path);
+        self.check_autumn(table, path, &keys);
         let mesh = match &keys.mesh {
             Some(r) => {
                 let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
@@ -454,6 +513,25 @@ impl Resolver<'_> {
             None => None,
         };
         Some(OrganRecipe { letter, keys, ifs, drawn: Arc::default(), mesh })
+    }
+
+    /// S003 for colours of autumn that are too many, or whose weights do not fit them.
+    fn check_autumn(&mut self, table: &TomlTable, path: &str, keys: &OrganKeys) {
+        let (colors, weights) = (keys.autumn.len(), keys.autumn_weights.len());
+        let mut refuse = |key: &str, text: String, help: &str| {
+            let span = span_of(table, &[key]).unwrap_or(self.whole);
+            self.report.push(Diagnostic::error("S003", format!("{path}.{key} {text}"), span, "this list").help(help));
+        };
+        if colors > MAX_AUTUMN_COLORS {
+            let text = format!("has {colors} colors, but may have {MAX_AUTUMN_COLORS}");
+            refuse("autumn", text, "each color is a material with pictures of its own: leave out similar ones");
+        }
+        if weights > colors {
+            let text = format!("has {weights} numbers for {colors} colors of `autumn`");
+            refuse("autumn_weights", text, "write one number for each color, in the order of `autumn`");
+        } else if weights == colors && weights > 0 && keys.autumn_weights.iter().all(|w| *w <= 0.0) {
+            refuse("autumn_weights", "leaves no color".into(), "write a number above 0 for at least one color");
+        }
     }
 
     /// Parses a grammar; the files that it includes take part in the scene's hash.

@@ -555,6 +555,33 @@ impl ValueType for NumbersByLevel {
     }
 }
 
+/// A list of numbers of any length, which is empty without its key.
+#[derive(Debug, Clone, Copy)]
+pub struct NumberList(pub NumberType);
+
+impl ValueType for NumberList {
+    type Value = Vec<f64>;
+    fn fallback(&self) -> Vec<f64> {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<f64>, Fault> {
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of numbers")) };
+        list.iter().map(|n| self.0.checked(name, n)).collect()
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing {
+            accepts: format!("list of numbers, {}", self.0.range()),
+            default: "[]".into(),
+            unit: self.0.unit.symbol,
+            form: self.0.form(ValueKind::List, json!([])),
+        }
+    }
+    fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        value.len().digest(hasher);
+        value.iter().for_each(|v| self.0.digest(v, hasher));
+    }
+}
+
 /// A list of pairs of numbers, the first of each greater than the one before.
 #[derive(Debug, Clone, Copy)]
 pub struct RisingPairs(pub NumberType);

@@ -12,7 +12,7 @@ use osier::bake::assets::skin_options::skin_options;
 use osier::bake::assets::species_growth::grow_species;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{AssembledScene, SceneOptions, assemble_scene};
-use osier::grow::years::GrownTree;
+use osier::grow::years::RecordedTree;
 use osier::limits::Limits;
 use osier::plant::Plant;
 use osier::presets::Preset;
@@ -82,7 +82,7 @@ pub struct Grown {
 pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
     let layout = with_work(|w| lay_out_scene(recipe, w)).expect("layout").0;
     let trees = with_work(|w| grow_species(recipe, &layout, &[], w.limits)).expect("trees");
-    let one = |(individual, tree): (&osier::bake::scene::plant_layout::Individual, &Option<GrownTree>)| {
+    let one = |(individual, tree): (&osier::bake::scene::plant_layout::Individual, &Option<RecordedTree>)| {
         let site = GrowthSite { tree: tree.as_ref(), ..GrowthSite::default() };
         let keys = &recipe.plants[individual.plant];
         let look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");

@@ -174,6 +174,16 @@ impl BinaryBuffer {
         self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::I16, values.len(), "VEC4") })
     }
 
+    /// Four numbers from 0 to 1 for each instance as normalised 16-bit integers.
+    pub(super) fn add_instance_quads(&mut self, values: &[[f32; 4]]) -> Result<Index> {
+        let start = self.align();
+        for c in values.iter().flatten() {
+            self.bytes.extend_from_slice(&to_unorm16(*c).to_le_bytes());
+        }
+        let view = self.add_stream(start, None, Stream::Attributes { stride: 8 })?;
+        self.add_accessor(Accessor { normalized: true, ..accessor_of(view, component::U16, values.len(), "VEC4") })
+    }
+
     /// 4 x 4 matrices, column-major.
     pub(super) fn add_matrices(&mut self, values: &[[f32; 16]], label: &str) -> Result<Index> {
         self.add_floats(values.iter().flatten().copied(), "MAT4", 16, None, label)

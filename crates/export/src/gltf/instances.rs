@@ -6,16 +6,16 @@ use std::collections::BTreeMap;
 use glam::{Quat, Vec3};
 
 use super::document::{GeometryKind, GltfDocument};
-use super::json::{InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
+use super::json::{Index, InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
 use super::keys::renormalized;
-use super::meshes::{MeshSource, StoredMesh, Vertices, mesh_material};
+use super::meshes::{MeshSource, StoredMesh, Vertices, custom_name, mesh_material};
 use super::quantize::{QuantizedCube, place_stored};
 use super::stream::Stream;
 use super::submeshes::{Submesh, split_by_material};
 use osier_base::Result;
 use osier_base::convert::index;
 use osier_base::par::par_chunks;
-use osier_scene::{InstanceState, Instancer, MaterialId, Mesh, Trs};
+use osier_scene::{Attribute, AttributeData, InstanceState, Instancer, MaterialId, Mesh, Trs, bent_normal};
 
 /// Instances of one prototype below the same node.
 #[derive(Debug)]
@@ -75,7 +75,30 @@ impl GltfDocument<'_> {
     ) -> Result<NodeExtensions> {
         let place = |i: &usize| place_stored(&group.transform(*i, joint), cube);
         let list: Vec<Trs> = group.members.iter().map(place).collect();
-        self.add_instancing(&list, Stream::INSTANCE_ROTATIONS, group.label)
+        let mut extensions = self.add_instancing(&list, Stream::INSTANCE_ROTATIONS, group.label)?;
+        extensions.instancing.attributes.custom = self.leaf_attributes(group, joint)?;
+        Ok(extensions)
+    }
+
+    /// The attributes that leaves have at rest, for the members of a group; vectors in the space of the joint.
+    fn leaf_attributes(&mut self, group: &InstanceGroup<'_>, joint: &Trs) -> Result<BTreeMap<String, Index>> {
+        let members: Vec<u32> =
+            group.members.iter().map(|i| index(*i, "instances of a node")).collect::<Result<_>>()?;
+        let mut custom = BTreeMap::new();
+        for a in group.state.attributes.iter().filter(|a| a.is_of_leaves()) {
+            let accessor = match a.data.gather(&members) {
+                AttributeData::Unit4(colors) => self.buffer.add_instance_quads(&colors)?,
+                AttributeData::Unit1(values) => self.buffer.add_scalars(&values, group.label)?,
+                AttributeData::Vector(list) => {
+                    let back = joint.r.conjugate();
+                    let list: Vec<Vec3> = list.iter().map(|v| back * Vec3::from_array(*v)).collect();
+                    self.buffer.add_vectors(&list, None, group.label)?
+                }
+                _ => continue,
+            };
+            custom.insert(custom_name(a), accessor);
+        }
+        Ok(custom)
     }
 
     /// The instancing extension with these transforms: translation and scale as floats, rotation as normalised i16. A scale of 1
@@ -94,7 +117,7 @@ impl GltfDocument<'_> {
         };
         let translation = self.buffer.add_vectors(&translations, None, label)?;
         self.use_extension("EXT_mesh_gpu_instancing", true);
-        let attributes = InstanceAttributes { rotation, scale, translation };
+        let attributes = InstanceAttributes { rotation, scale, translation, custom: BTreeMap::new() };
         Ok(NodeExtensions { instancing: Instancing { attributes } })
     }
 
@@ -126,7 +149,7 @@ impl GltfDocument<'_> {
                 normals: Cow::Owned(mesh.normals),
                 uvs: Cow::Owned(mesh.uvs),
                 colors: Cow::Owned(mesh.colors),
-                attributes: Cow::Borrowed(&[]),
+                attributes: Cow::Owned(mesh.attributes),
                 skin: None,
                 morphs: false,
                 cube,
@@ -163,8 +186,10 @@ fn repeat_submesh(group: &InstanceGroup<'_>, mesh: &Mesh, submesh: &Submesh<'_>,
     let chunks = par_chunks(&group.members, MERGE_CHUNK, |_, chunk| -> Result<Mesh> {
         let mut out = Mesh::default();
         for i in chunk {
-            append_transformed(&mut out, &single, &group.transform(*i, joint))?;
+            let toward = joint.r.conjugate() * group.state.canopy_normal(*i);
+            append_transformed(&mut out, &single, &group.transform(*i, joint), toward)?;
         }
+        out.attributes = vertex_attributes(group, chunk, single.points.len());
         Ok(out)
     });
     let mut chunks = chunks.into_iter();
@@ -175,11 +200,30 @@ fn repeat_submesh(group: &InstanceGroup<'_>, mesh: &Mesh, submesh: &Submesh<'_>,
     Ok(merged)
 }
 
-/// Appends a transformed copy of a mesh: normals by the inverse transpose of the transform, normalised.
-fn append_transformed(out: &mut Mesh, single: &Mesh, trs: &Trs) -> Result<()> {
+/// The attributes that leaves have at rest at each of their vertices: colours and occlusion. Normals are bent already.
+fn vertex_attributes(group: &InstanceGroup<'_>, members: &[usize], points: usize) -> Vec<Attribute> {
+    fn repeated<T: Copy>(list: &[T], members: &[usize], points: usize) -> Vec<T> {
+        members.iter().filter_map(|i| list.get(*i)).flat_map(|v| std::iter::repeat_n(*v, points)).collect()
+    }
+    let leaves = group.state.attributes.iter().filter(|a| a.is_of_leaves());
+    let at_vertices = leaves.filter_map(|a| match &a.data {
+        AttributeData::Unit4(v) => Some(Attribute::vertex(a.name, AttributeData::Unit4(repeated(v, members, points)))),
+        AttributeData::Unit1(v) => {
+            // Merged meshes have attributes of four numbers.
+            let quads = repeated(v, members, points).into_iter().map(|x| [x, 0.0, 0.0, 0.0]).collect();
+            Some(Attribute::vertex(a.name, AttributeData::Unit4(quads)))
+        }
+        _ => None,
+    });
+    at_vertices.collect()
+}
+
+/// Appends a transformed copy of a mesh: normals by the inverse transpose of the transform, bent by `toward`.
+fn append_transformed(out: &mut Mesh, single: &Mesh, trs: &Trs, toward: Vec3) -> Result<()> {
     let base = index(out.points.len(), "points of a mesh")?;
     out.points.extend(single.points.iter().map(|p| trs.apply(*p)));
-    out.normals.extend(single.normals.iter().map(|n| osier_base::math::normalize_or(trs.r * (*n / trs.s), *n)));
+    let turned = |n: &Vec3| osier_base::math::normalize_or(trs.r * (*n / trs.s), *n);
+    out.normals.extend(single.normals.iter().map(|n| bent_normal(turned(n), toward)));
     out.uvs.extend_from_slice(&single.uvs);
     out.colors.extend_from_slice(&single.colors);
     out.triangles.extend(single.triangles.iter().map(|t| t.map(|i| base.saturating_add(i))));

@@ -147,13 +147,16 @@ pub(super) struct Instancing {
     pub attributes: InstanceAttributes,
 }
 
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub(super) struct InstanceAttributes {
     pub rotation: Index,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<Index>,
     pub translation: Index,
+    /// Attributes that the extension does not define: their names begin with an underscore.
+    #[serde(flatten)]
+    pub custom: std::collections::BTreeMap<String, Index>,
 }
 
 #[derive(Debug, Serialize)]

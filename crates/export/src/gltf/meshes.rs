@@ -311,7 +311,7 @@ fn joints_of_byte_weights(skin: &SkinInfluences) -> Vec<[u16; 4]> {
 }
 
 /// Name of an attribute that glTF does not define: with an underscore, in capitals.
-fn custom_name(attribute: &Attribute) -> String {
+pub(super) fn custom_name(attribute: &Attribute) -> String {
     format!("_{}", attribute.name.to_ascii_uppercase())
 }
 

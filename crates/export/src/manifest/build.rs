@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::leaves::leaves_entry;
 use super::places::places_entry;
 use super::view::view_entry;
 use super::{
@@ -178,6 +179,7 @@ fn asset_entry(scene: &Scene, asset: &Asset, paths: &[&str]) -> AssetEntry {
         joints: asset.skeleton.as_ref().map_or(0, |s| s.joints.len()),
         // Adding 0 turns -0 into 0.
         bounds: corners.map(|c| c.map(|v| v + 0.0)),
+        leaves: leaves_entry(asset, paths),
     }
 }
 

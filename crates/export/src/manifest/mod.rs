@@ -6,11 +6,13 @@
 //! ```
 
 mod build;
+mod leaves;
 mod places;
 mod verify;
 mod view;
 
 pub use build::{Settings, build};
+pub use leaves::write_leaves;
 pub use places::{MAX_LISTED_PLACES, PLACES_FILE, write_places};
 pub use verify::{Verification, verify};
 
@@ -244,6 +246,24 @@ pub struct AssetEntry {
     pub joints: usize,
     /// Lower and upper corner of its box at rest, in its own space, m.
     pub bounds: [[f32; 3]; 2],
+    /// Colour and occlusion of its leaves at rest; missing without them or without USD.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leaves: Option<LeavesEntry>,
+}
+
+/// Colour and occlusion of an asset's leaves: see [`write_leaves`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeavesEntry {
+    /// Path of the table.
+    pub file: String,
+    /// Names of the instancers in the order of the table.
+    pub order: Vec<String>,
+    /// Number of instances of each.
+    pub instancers: std::collections::BTreeMap<String, usize>,
+    /// Whether leaves have colours of a season.
+    pub color: bool,
+    /// Whether leaves have the occlusion of their crown.
+    pub occlusion: bool,
 }
 
 /// A material, its textures and maps.

@@ -113,7 +113,7 @@ pub(super) fn define_instancer(
     set(layer, "protoIndices", "int[]", UsdArray::Int(protos))?;
     let scales = set(layer, "scales", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
     let primvars =
-        if instancer.tracked { Vec::new() } else { primvar::define_all(layer, path, &instancer.rest.attributes)? };
+        if instancer.tracked { Vec::new() } else { primvar::define_all(layer, path, &instancer.rest.attributes, up)? };
     define_prototypes(cx, layer, root, path, instancer)?;
     if instancer.motion == InstancerMotion::Still {
         return Ok(None);
@@ -351,7 +351,7 @@ pub(super) fn define_point_twin(
     let orient = primvar(layer, "primvars:orient", "quatf[]", UsdArray::Quatf(bytemuck::cast_slice(&before)))?;
     primvar(layer, "primvars:proto", "int[]", UsdArray::Int(protos))?;
     let scale = primvar(layer, "primvars:scale", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
-    let primvars = primvar::define_all(layer, path, &instancer.rest.attributes)?;
+    let primvars = primvar::define_all(layer, path, &instancer.rest.attributes, up)?;
     let widths = primvar(layer, "widths", "float[]", UsdArray::Float(&visible))?;
     let points = layer.set_attr(&format!("{path}.points"), "point3f[]", UsdArray::Float3(as_float3(&points)).into())?;
     let velocities = VelocitySamples::default();

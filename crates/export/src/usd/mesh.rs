@@ -122,7 +122,7 @@ pub(crate) fn define_mesh(
     define_display_color(layer, path, mesh)?;
     // The frames of varying topology have attributes of their own.
     if !place.varying {
-        primvar::define_all(layer, path, &mesh.attributes)?;
+        primvar::define_all(layer, path, &mesh.attributes, cx.up)?;
     }
     // One material binds the mesh, several bind subsets that partition its faces. The subsets of varying topology are defined by
     // `VaryingMesh`, which samples them, too.

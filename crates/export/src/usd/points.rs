@@ -53,7 +53,7 @@ pub(super) fn define_points(
         let attr = layer.writer.create_attr(&format!("{path}.primvars:displayColor"), &spec, Some(values.into()))?;
         colors = Some(attr);
     }
-    primvar::define_all(layer, path, &cloud.attributes)?;
+    primvar::define_all(layer, path, &cloud.attributes, cx.up)?;
     let spec = AttrSpec::primvar("float[]", "vertex");
     let widths =
         layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&cloud.widths).into()))?;

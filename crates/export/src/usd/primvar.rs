@@ -4,6 +4,8 @@ use super::arrays::as_ints;
 use super::layer::LayerBuilder;
 use super::layer_writer::{AttrHandle, AttrSpec};
 use super::value::UsdArray;
+use crate::up_axis::UpAxis;
+use glam::Vec3;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, AttributeDomain};
 
@@ -45,9 +47,21 @@ impl Primvar {
     }
 }
 
-/// Defines the primvars of all attributes that have values.
-pub(super) fn define_all(layer: &mut LayerBuilder, path: &str, attributes: &[Attribute]) -> Result<Vec<Primvar>> {
-    attributes.iter().filter(|a| !a.data.is_empty()).map(|a| Primvar::define(layer, path, a)).collect()
+/// Defines the primvars of all attributes that have values; vectors are turned to the axes of the stage.
+pub(super) fn define_all(
+    layer: &mut LayerBuilder,
+    path: &str,
+    attributes: &[Attribute],
+    up: UpAxis,
+) -> Result<Vec<Primvar>> {
+    let define = |a: &Attribute| match &a.data {
+        AttributeData::Vector(list) => {
+            let turned = list.iter().map(|v| up.stage_vec(Vec3::from_array(*v)).to_array()).collect();
+            Primvar::define(layer, path, &Attribute { data: AttributeData::Vector(turned), ..*a })
+        }
+        _ => Primvar::define(layer, path, a),
+    };
+    attributes.iter().filter(|a| !a.data.is_empty()).map(define).collect()
 }
 
 fn primvar_path(path: &str, attribute: &Attribute) -> String {
@@ -59,6 +73,7 @@ fn spec(attribute: &Attribute) -> AttrSpec {
         AttributeData::U32(_) | AttributeData::I32(_) => "int[]",
         AttributeData::F32(_) | AttributeData::Unit1(_) => "float[]",
         AttributeData::Unit2(_) => "float2[]",
+        AttributeData::Vector(_) => "vector3f[]",
         AttributeData::Unit4(_) => "color4f[]",
     };
     let interpolation = if attribute.domain == AttributeDomain::Mesh { "constant" } else { "vertex" };
@@ -72,6 +87,7 @@ fn usd_array(data: &AttributeData) -> Result<UsdArray<'_>> {
         AttributeData::I32(v) => UsdArray::Int(v),
         AttributeData::F32(v) | AttributeData::Unit1(v) => UsdArray::Float(v),
         AttributeData::Unit2(v) => UsdArray::Float2(v),
+        AttributeData::Vector(v) => UsdArray::Float3(v),
         AttributeData::Unit4(v) => UsdArray::Float4(v),
     })
 }

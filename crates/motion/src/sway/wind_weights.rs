@@ -3,7 +3,7 @@
 use crate::sway::tuning::TIP_SWAY_SHARE;
 use osier_base::rng;
 use osier_scene::plant::{NONE, Organ, Plant};
-use osier_scene::{Attribute, AttributeData, Mesh, Trs, attribute_number};
+use osier_scene::{Attribute, AttributeData, InstanceState, LEAF_COLOR, Mesh, Trs, attribute_number, bent_normal};
 
 /// Sway of a vertex; all numbers but the axis from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,39 +53,51 @@ impl<'a> WindWeights<'a> {
         [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
     }
 
-    /// Attributes of a point at arc length `s`, m, of an axis. `id`: of the branch or leaf; `flutter`: 0 to 1.
-    fn point(&self, axis: u32, s: f32, id: u64, flutter: f32) -> VertexSway {
+    /// Attributes of a point at arc length `s`, m, of an axis. `id`: of the branch or leaf; `flutter`, `light`: 0 to 1.
+    fn point(&self, axis: u32, s: f32, id: u64, flutter: f32, light: f32) -> VertexSway {
         let [whole, branch] = self.at(axis, s);
-        let wind = [whole, self.phases[axis as usize], flutter, 1.0];
+        let wind = [whole, self.phases[axis as usize], flutter, light];
         VertexSway { wind, branch: [branch, phase_from_id(id)], axis: attribute_number(axis) }
     }
 
     /// Attributes of bark points bound to an axis and arc length, m.
     pub fn bark(&self, bindings: &[(u32, f32)]) -> Vec<Attribute> {
-        let point = |b: &(u32, f32)| self.point(b.0, b.1, self.plant.axes[b.0 as usize].id, 0.0);
+        let point = |b: &(u32, f32)| self.point(b.0, b.1, self.plant.axes[b.0 as usize].id, 0.0, 1.0);
         attributes(&bindings.iter().map(point).collect::<Vec<_>>())
     }
 
     /// All leaves as one mesh with these attributes, and the number of points of each; flutter grows from the foot of
-    /// the stalk to the tip. `worn`: index of the first material.
+    /// the stalk to the tip. Light and normals are those of the crown where the plant has attributes of them. `worn`: index of the first
+    /// material.
     pub fn leaves(&self, organs: &[&Organ], worn: u32) -> (Mesh, Vec<usize>) {
         let (mut all, mut sizes) = (Mesh::default(), vec![0; organs.len()]);
-        for (organ, size) in organs.iter().zip(&mut sizes) {
+        let values = self.plant.organ_values(organs);
+        let crown = InstanceState { attributes: values, ..InstanceState::default() };
+        for (i, (organ, size)) in organs.iter().zip(&mut sizes).enumerate() {
             let Some(proto) = self.plant.protos.get(usize::from(organ.proto)) else { continue };
             let (t, r) = self.plant.organ_site(organ);
             let stand = Trs { t, r, s: glam::Vec3::splat(organ.scale) };
             let tip = proto.mesh.points.iter().fold(1e-9_f32, |m, p| m.max(p.y));
+            let (light, toward) = (1.0 - crown.canopy_occlusion(i), crown.canopy_normal(i));
             let mut leaf = (*proto.mesh).clone();
             let flutter = |p: &glam::Vec3| (p.y / tip).clamp(0.0, 1.0);
-            let sway = leaf.points.iter().map(|p| self.point(organ.axis, organ.s, organ.id, flutter(p)));
+            let sway = leaf.points.iter().map(|p| self.point(organ.axis, organ.s, organ.id, flutter(p), light));
             leaf.attributes = attributes(&sway.collect::<Vec<_>>());
             leaf.points.iter_mut().for_each(|p| *p = stand.apply(*p));
-            leaf.normals.iter_mut().for_each(|n| *n = r * *n);
+            leaf.normals.iter_mut().for_each(|n| *n = bent_normal(r * *n, toward));
             leaf.subsets.iter_mut().for_each(|s| s.material += worn);
             *size = leaf.points.len();
             all.append(&leaf);
         }
         (all, sizes)
+    }
+
+    /// The colours of leaves of a season at each of their points; `None` without a season. `sizes`: number of points of each leaf.
+    pub fn leaf_colors(&self, organs: &[&Organ], sizes: &[usize]) -> Option<Attribute> {
+        let values = self.plant.organ_values(organs).into_iter().find(|a| a.name == LEAF_COLOR)?;
+        let AttributeData::Unit4(colors) = values.data else { return None };
+        let at_points = colors.iter().zip(sizes).flat_map(|(c, n)| std::iter::repeat_n(*c, *n)).collect();
+        Some(Attribute::vertex(LEAF_COLOR, AttributeData::Unit4(at_points)))
     }
 }
 

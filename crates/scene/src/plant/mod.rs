@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 
-use crate::Mesh;
+use crate::{Attribute, Mesh};
 
 pub use validate::{MAX_ITEMS, Warning, validate};
 
@@ -183,6 +183,8 @@ pub struct Plant {
     pub nodes: Nodes,
     /// Leaves, flowers, fruits, catkins and buds.
     pub organs: Vec<Organ>,
+    /// Further values of the organs, one for each, which instancers pass on to files.
+    pub organ_attributes: Vec<Attribute>,
     /// Meshes that organs show, named by index.
     pub protos: Vec<Proto>,
     /// Names of materials that axes and organs refer to by index.
@@ -219,6 +221,16 @@ impl Plant {
             q: osier_base::math::nlerp(self.nodes.q[i], self.nodes.q[j], t),
             r: osier_base::math::lerp(self.nodes.r[i], self.nodes.r[j], t),
         }
+    }
+
+    /// The values of [`Self::organ_attributes`] for some of its organs.
+    pub fn organ_values(&self, organs: &[&Organ]) -> Vec<Attribute> {
+        if self.organ_attributes.is_empty() {
+            return Vec::new();
+        }
+        let numbers: std::collections::BTreeMap<u64, u32> = self.organs.iter().map(|o| o.id).zip(0..).collect();
+        let indices: Vec<u32> = organs.iter().filter_map(|o| numbers.get(&o.id).copied()).collect();
+        self.organ_attributes.iter().map(|a| Attribute { data: a.data.gather(&indices), ..*a }).collect()
     }
 
     /// Pivot and rotation of an organ in plant space.

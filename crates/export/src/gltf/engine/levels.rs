@@ -16,7 +16,7 @@ use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 use osier_base::rng::mix64;
 use osier_base::{Error, Result};
-use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Trs};
+use osier_scene::{Asset, Instancer, InstancerMotion, MaterialId, Mesh, MeshMotion, MeshObject, Trs, bent_normal};
 
 /// Constants of the levels, guessed or measured.
 mod tuning {
@@ -55,16 +55,18 @@ pub(super) struct PlantLevel {
 struct Piece<'a> {
     mesh: &'a Mesh,
     place: Trs,
+    /// What its normals are bent by; zero: they are not.
+    toward: Vec3,
     wind: &'a [VertexWind],
 }
 
 impl PlantLevel {
     /// Appends a piece; its influences have been appended before.
     fn add(&mut self, piece: &Piece<'_>) {
-        let Piece { mesh, place, wind } = piece;
+        let Piece { mesh, place, toward, wind } = piece;
         let moved = Mesh {
             points: mesh.points.iter().map(|p| place.apply(*p)).collect(),
-            normals: mesh.normals.iter().map(|n| transform_normal(place, *n)).collect(),
+            normals: mesh.normals.iter().map(|n| bent_normal(transform_normal(place, *n), *toward)).collect(),
             uvs: padded(&mesh.uvs, mesh.points.len(), Vec2::ZERO),
             colors: padded(&mesh.colors, mesh.points.len(), [1.0; 4]),
             attributes: Vec::new(),
@@ -249,7 +251,7 @@ impl<'a> PlantSource<'a> {
         let mesh = &object.mesh;
         let simple = with_fewer_triangles(mesh, budget, tuning::WOOD_DEVIATION, self.label)?;
         self.add_object_influences(level, object, 0..mesh.points.len());
-        level.add(&Piece { mesh: &simple, place: Trs::IDENTITY, wind: &wind_of_mesh(mesh) });
+        level.add(&Piece { mesh: &simple, place: Trs::IDENTITY, toward: Vec3::ZERO, wind: &wind_of_mesh(mesh) });
         Ok(())
     }
 
@@ -303,12 +305,14 @@ impl<'a> PlantSource<'a> {
             let mut place = instancer.transform(&instancer.rest, i);
             place.s *= growth;
             let joint = self.instance_joint(instancer, i);
-            let wind = self.leaf_wind(mesh, &place, instancer.ids.get(i).copied().unwrap_or(0));
+            let light = 1.0 - instancer.rest.canopy_occlusion(i);
+            let wind = self.leaf_wind(mesh, &place, instancer.ids.get(i).copied().unwrap_or(0), light);
             if self.selection.is_some() {
                 level.joints.extend(mesh.points.iter().map(|_| [joint, 0, 0, 0]));
                 level.weights.extend(mesh.points.iter().map(|_| ROOT.1));
             }
-            level.add(&Piece { mesh, place, wind: &wind });
+            let toward = instancer.rest.canopy_normal(i);
+            level.add(&Piece { mesh, place, toward, wind: &wind });
         }
         Ok(())
     }
@@ -344,7 +348,7 @@ impl<'a> PlantSource<'a> {
             let foot = leaf.points.get(foot).copied().unwrap_or_default();
             leaf.points.iter_mut().for_each(|p| *p = foot + (*p - foot) * growth);
             self.add_object_influences(level, object, used.iter().map(|i| *i as usize));
-            level.add(&Piece { mesh: &leaf, place: Trs::IDENTITY, wind: &winds });
+            level.add(&Piece { mesh: &leaf, place: Trs::IDENTITY, toward: Vec3::ZERO, wind: &winds });
         }
         Ok(())
     }
@@ -357,12 +361,12 @@ impl<'a> PlantSource<'a> {
     }
 
     /// How the vertices of a leaf sway: as the wood nearest to its foot, and flutter from 0 at the foot to 1 at the tip.
-    fn leaf_wind(&self, mesh: &Mesh, place: &Trs, id: u64) -> Vec<VertexWind> {
+    fn leaf_wind(&self, mesh: &Mesh, place: &Trs, id: u64, light: f32) -> Vec<VertexWind> {
         let of = |i: u32| self.wood_wind[i as usize];
         let nearest = self.wood_grid.nearest(place.t, tuning::WOOD_REACH, |i| of(i).0);
         let base = nearest.map_or(VertexWind::STILL, |i| of(i).1);
         let tip = mesh.points.iter().fold(1e-9_f32, |m, p| m.max(p.y));
-        let at = |p: &Vec3| VertexWind { flutter: (p.y / tip).clamp(0.0, 1.0), id: number_of_id(id), ..base };
+        let at = |p: &Vec3| VertexWind { flutter: (p.y / tip).clamp(0.0, 1.0), id: number_of_id(id), light, ..base };
         mesh.points.iter().map(at).collect()
     }
 }

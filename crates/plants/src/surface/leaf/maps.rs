@@ -11,7 +11,7 @@ use osier_base::math;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 use osier_base::{Error, Result};
-use osier_scene::{Maps, Material, MaterialClass};
+use osier_scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
 
 /// Linear colours of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,6 +109,30 @@ pub fn leaf_material(
         coat: None,
     };
     Ok(SurfaceMaterial { material, images })
+}
+
+/// Maps `<name>_color` of the same blade in other colours, one for each entry of `colors`: name and colours.
+/// # Errors
+/// As [`leaf_material`].
+pub fn leaf_color_maps(spec: &BladeSpec, colors: &[(String, LeafColors)], side: u32) -> Result<Vec<Image>> {
+    spec.check()?;
+    let outline = BladeOutline::new(spec, 6, true);
+    let grid = BladeRaster { outline: &outline, side: side as usize };
+    let (distances, noise) = (vein_distances(spec, &outline, &grid), LeafNoise::new(spec.seed));
+    let rows: Vec<usize> = (0..grid.side).collect();
+    let map = |(name, colors): &(String, LeafColors)| {
+        let painter = LeafPainter { spec, colors, grid: &grid, distances: &distances, noise: &noise };
+        let texels = pixels::concatenated(par_map(&rows, |&y| painter.row(y)));
+        Image {
+            name: format!("{name}_color"),
+            kind: ImageKind::Color,
+            width: side,
+            height: side,
+            channels: 3,
+            pixels: Pixels::U8(pixels::srgb_image(texels.iter().map(|t| t.color))),
+        }
+    };
+    Ok(colors.iter().map(map).collect())
 }
 
 /// Pixels over the frame of an outline; row 0 is the top.
@@ -308,7 +332,6 @@ impl LeafPainter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use osier_scene::Pixels;
 
     #[test]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels within the picture")]

@@ -18,7 +18,7 @@ mod needles;
 mod outline;
 
 pub use blade::{BladeDetail, blade};
-pub use maps::{LeafColors, leaf_material};
+pub use maps::{LeafColors, leaf_color_maps, leaf_material};
 pub use needles::{NeedleSpec, needle_shoot};
 
 use osier_base::{Error, Result};

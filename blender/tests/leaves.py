@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads colour and occlusion of leaves after an import: leaves.py MANIFEST FOLDER.
+
+Runs under bpy 4.2 or newer. Prints for each instancer the number of its leaves, the means of their colours and occlusion, and the mean
+of a picture in which leaves emit their occlusion and all else is black, as JSON.
+"""
+
+import json
+import os
+import pathlib
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
+import bpy
+import osier_import
+
+
+def means(data: bpy.types.PointCloud) -> dict:
+    """Means of the values of a cloud of leaves."""
+    count = len(data.points)
+    colors, shades = [0.0] * (4 * count), [0.0] * count
+    data.attributes["leaf_color"].data.foreach_get("color", colors)
+    data.attributes["canopy_occlusion"].data.foreach_get("value", shades)
+    return {"count": count, "color": [sum(colors[k::4]) / count for k in range(4)], "occlusion": sum(shades) / count}
+
+
+def emit_occlusion(material: bpy.types.Material) -> bool:
+    """Replaces what a material shows by the occlusion that it reads, black without; whether it reads one."""
+    tree = material.node_tree
+    output = next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL")
+    emission = tree.nodes.new("ShaderNodeEmission")
+    emission.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    read = tree.nodes.get("osier canopy")
+    if read:
+        tree.links.new(read.outputs["Fac"], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    return read is not None
+
+
+def main() -> None:
+    manifest, folder = sys.argv[1:]
+    bpy.ops.wm.read_factory_settings()
+    osier_import.register()
+    assert bpy.ops.import_scene.osier(filepath=manifest) == {"FINISHED"}
+    scene = bpy.context.scene
+    clouds = {o["osier_id"].rsplit("/", 1)[-1]: o.data for o in bpy.data.objects if o.type == "POINTCLOUD"}
+    told = {name: means(data) for name, data in clouds.items()}
+    readers = sum([emit_occlusion(m) for m in bpy.data.materials if m.node_tree])
+    scene.world.node_tree.nodes.clear()
+    scene.view_settings.view_transform = "Raw"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 120, 120, 100
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.cycles.samples = 8
+    scene.cycles.use_denoising = False
+    scene.render.filepath = os.path.join(folder, "occlusion.exr")
+    bpy.ops.render.render(write_still=True)
+    values = list(bpy.data.images.load(scene.render.filepath).pixels)[::4]
+    print(json.dumps({"leaves": told, "readers": readers, "brightest": max(values), "mean": sum(values) / len(values)}))
+    sys.stdout.flush()
+    # Blender as a module may not end by itself while an add-on is registered.
+    os._exit(0)
+
+
+main()

@@ -1,0 +1,310 @@
+//! A grown plant at a season.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use glam::{Quat, Vec3};
+
+use super::{LeafCalendar, LeafColor, LeafHabit, LeafLook, LeafNow, bud_mesh, leaf_calendars, shaped_leaf};
+use crate::crown::{crown_leaves, crown_light};
+use osier_base::Result;
+use osier_base::convert::narrow;
+use osier_base::math::{lerp, nlerp, rotation_between};
+use osier_base::rng::{child, word};
+use osier_scene::plant::{Organ, Plant, Proto};
+use osier_scene::{Attribute, AttributeData, LEAF_COLOR};
+
+/// How far a leaf that leaves its bud is turned towards its shoot, and a bud, as shares of the whole angle.
+const YOUNG_LEAN: f32 = 0.7;
+const BUD_LEAN: f32 = 0.6;
+/// Growth of a bud before it bursts, as a share of its length in winter.
+const SWELLING: f32 = 0.35;
+
+/// An organ whose leaves go through the year.
+#[derive(Debug)]
+pub struct SeasonalOrgan<'a> {
+    /// Its prototypes are called `NAME`, or `NAME_` and a number.
+    pub name: &'a str,
+    /// How its leaves change.
+    pub habit: &'a LeafHabit,
+    /// Material of a colour, in place of a material of the summer's leaf; a missing one is not replaced.
+    pub materials: &'a BTreeMap<(u32, LeafColor), u32>,
+    /// Buds where leaves are missing; `None`: nothing there.
+    pub bud: Option<BudOrgan>,
+}
+
+/// A bud that stands where a leaf is missing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BudOrgan {
+    /// Length, m.
+    pub length: f32,
+    /// Material, of the plant's.
+    pub material: u32,
+}
+
+/// What a plant shows.
+#[derive(Debug)]
+pub struct PlantSeason<'a> {
+    /// 0 bud burst to 1 bare.
+    pub season: f32,
+    /// Seed of the individual.
+    pub seed: u64,
+    /// Its organs with leaves.
+    pub organs: &'a [SeasonalOrgan<'a>],
+    /// Name of the organ that buds become, `[a-z0-9_]+`.
+    pub bud_name: &'a str,
+}
+
+/// Shows a grown plant at a season: its leaves get the size, shape and colour that they have then, those that have fallen are removed,
+/// and buds stand where leaves are missing. Each organ has its linear colour in the attribute [`LEAF_COLOR`]; organs that are no
+/// leaves are white.
+/// # Errors
+/// `TooMany` beyond 65,535 prototypes.
+pub fn apply_season(plant: &mut Plant, at: &PlantSeason<'_>) -> Result<()> {
+    let leaves = calendars(plant, at);
+    let mut prototypes = PrototypeLooks::default();
+    let mut buds = Buds::default();
+    let (mut organs, mut colors) = (Vec::with_capacity(plant.organs.len()), Vec::with_capacity(plant.organs.len()));
+    for (organ, leaf) in std::mem::take(&mut plant.organs).into_iter().zip(leaves) {
+        let Some((kind, calendar)) = leaf else {
+            organs.push(organ);
+            colors.push([1.0; 4]);
+            continue;
+        };
+        let kind = &at.organs[kind];
+        match calendar.at(kind.habit, at.season) {
+            Some(now) => {
+                let proto = prototypes.of(&mut plant.protos, organ.proto, now.look, kind)?;
+                organs.push(Organ { proto, ..leaf_at(&organ, &now) });
+                let [r, g, b] = now.color;
+                colors.push([r, g, b, 1.0].map(|c| c.clamp(0.0, 1.0)));
+            }
+            None => buds.note(&organ, kind.bud, at.season / calendar.burst.max(1e-3)),
+        }
+    }
+    for (organ, bud, growth) in buds.list {
+        let proto = prototypes.bud(&mut plant.protos, bud, at.bud_name)?;
+        organs.push(bud_at(plant, &organ, bud, growth, proto));
+        colors.push([1.0; 4]);
+    }
+    plant.organs = organs;
+    plant.organ_attributes = vec![Attribute::instance(LEAF_COLOR, AttributeData::Unit4(colors))];
+    Ok(())
+}
+
+/// What an organ of a plant that changes over a clip shows of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Slot {
+    /// An organ that is no leaf.
+    Other,
+    /// A look of a leaf, by its number among the leaves.
+    Leaf(usize, LeafLook),
+    /// The bud where a leaf is missing.
+    Bud(usize),
+}
+
+/// The organs of a plant whose leaves change over a clip: one for each look that a leaf has in it, of which one is shown at a time.
+#[derive(Debug, Clone)]
+pub struct SeasonSlots {
+    habits: Vec<LeafHabit>,
+    leaves: Vec<(usize, LeafCalendar)>,
+    slots: Vec<Slot>,
+}
+
+/// An organ at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlotNow {
+    /// Factor on its size; 0 while it is not shown.
+    pub size: f32,
+    /// Its rotation relative to its axis.
+    pub q: Quat,
+    /// Its linear colour.
+    pub color: [f32; 4],
+}
+
+impl SeasonSlots {
+    /// An organ of the plant, by its number, at a season.
+    pub fn at(&self, organ: &Organ, number: usize, season: f32) -> SlotNow {
+        let shown = SlotNow { size: 1.0, q: organ.q, color: [1.0; 4] };
+        let now = |leaf: usize| {
+            let (kind, calendar) = self.leaves.get(leaf)?;
+            Some((calendar, calendar.at(self.habits.get(*kind)?, season)))
+        };
+        match self.slots.get(number) {
+            None | Some(Slot::Other) => shown,
+            Some(Slot::Leaf(leaf, look)) => match now(*leaf) {
+                Some((_, Some(now))) if now.look == *look => {
+                    let [r, g, b] = now.color.map(|c| c.clamp(0.0, 1.0));
+                    SlotNow { size: now.size, q: leaf_at(organ, &now).q, color: [r, g, b, 1.0] }
+                }
+                _ => SlotNow { size: 0.0, ..shown },
+            },
+            Some(Slot::Bud(leaf)) => match now(*leaf) {
+                Some((calendar, None)) => {
+                    let growth = bud_growth(season / calendar.burst.max(1e-3));
+                    SlotNow { size: lerp(1.0, 1.0 + SWELLING, growth), ..shown }
+                }
+                _ => SlotNow { size: 0.0, ..shown },
+            },
+        }
+    }
+}
+
+/// Replaces the organs of a plant by one for each look that a leaf has at some of `seasons`, and buds; attributes of the organs stay
+/// with them. `at.season` has no effect.
+/// # Errors
+/// `TooMany` beyond 65,535 prototypes.
+pub fn season_slots(plant: &mut Plant, at: &PlantSeason<'_>, seasons: &[f32]) -> Result<SeasonSlots> {
+    let calendars = calendars(plant, at);
+    let mut prototypes = PrototypeLooks::default();
+    let mut known_buds = BTreeSet::new();
+    let (mut organs, mut sources) = (Vec::new(), Vec::new());
+    let habits = at.organs.iter().map(|o| o.habit.clone()).collect();
+    let mut out = SeasonSlots { habits, leaves: Vec::new(), slots: Vec::new() };
+    for (source, (organ, leaf)) in (0_u32..).zip(std::mem::take(&mut plant.organs).into_iter().zip(calendars)) {
+        let Some((number, calendar)) = leaf else {
+            organs.push(organ);
+            sources.push(source);
+            out.slots.push(Slot::Other);
+            continue;
+        };
+        let kind = &at.organs[number];
+        let states: Vec<Option<LeafNow>> = seasons.iter().map(|s| calendar.at(kind.habit, *s)).collect();
+        let looks: BTreeSet<LeafLook> = states.iter().flatten().map(|now| now.look).collect();
+        for (k, look) in (0_u64..).zip(looks) {
+            let proto = prototypes.of(&mut plant.protos, organ.proto, look, kind)?;
+            // The first look keeps the identifier of the leaf.
+            let id = if k == 0 { organ.id } else { child(organ.id, k) };
+            organs.push(Organ { id, proto, ..organ.clone() });
+            sources.push(source);
+            out.slots.push(Slot::Leaf(out.leaves.len(), look));
+        }
+        let bare = states.iter().any(Option::is_none);
+        if let Some(bud) = kind.bud.filter(|_| bare && known_buds.insert((organ.axis, organ.s.to_bits()))) {
+            let proto = prototypes.bud(&mut plant.protos, bud, at.bud_name)?;
+            organs.push(bud_at(plant, &organ, bud, 0.0, proto));
+            sources.push(source);
+            out.slots.push(Slot::Bud(out.leaves.len()));
+        }
+        out.leaves.push((number, calendar));
+    }
+    plant.organs = organs;
+    plant.organ_attributes.iter_mut().for_each(|a| a.data = a.data.gather(&sources));
+    Ok(out)
+}
+
+/// How far a bud has swollen, 0..1. `burst`: the season as a share of that at which it opens; above 1 after the fall of the leaf.
+fn bud_growth(burst: f32) -> f32 {
+    if burst > 1.0 { 0.0 } else { burst }
+}
+
+/// For each organ of a plant the number of its kind and its calendar; `None` for what is no leaf.
+fn calendars(plant: &Plant, at: &PlantSeason<'_>) -> Vec<Option<(usize, LeafCalendar)>> {
+    let light = crown_light(&crown_leaves(plant));
+    let kinds: Vec<Option<usize>> =
+        plant.protos.iter().map(|p| at.organs.iter().position(|o| is_variant(&p.name, o.name))).collect();
+    let mut all = vec![None; plant.organs.len()];
+    for (kind, organ) in at.organs.iter().enumerate() {
+        let is_of_kind = |i: &usize| kinds.get(usize::from(plant.organs[*i].proto)) == Some(&Some(kind));
+        let leaves: Vec<usize> = (0..plant.organs.len()).filter(is_of_kind).collect();
+        let calendars = leaf_calendars(plant, &light, &leaves, organ.habit, at.seed);
+        leaves.iter().zip(calendars).for_each(|(i, calendar)| all[*i] = Some((kind, calendar)));
+    }
+    all
+}
+
+/// Whether a prototype is a variant of an organ: it has its name, or that with an underscore and a number.
+pub(super) fn is_variant(prototype: &str, organ: &str) -> bool {
+    let rest = prototype.strip_prefix(organ);
+    rest.is_some_and(|r| r.is_empty() || r.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok()))
+}
+
+/// A leaf with the size and direction of a season.
+fn leaf_at(organ: &Organ, now: &LeafNow) -> Organ {
+    let lean = YOUNG_LEAN * (1.0 - now.opening);
+    let q = if lean > 0.0 { leaning(organ.q, lean) } else { organ.q };
+    Organ { scale: organ.scale * now.size, q, ..organ.clone() }
+}
+
+/// A direction on an axis turned towards the axis by a share of the angle between both.
+fn leaning(q: Quat, share: f32) -> Quat {
+    let whole = rotation_between((q * Vec3::Y).normalize(), Vec3::Y);
+    (nlerp(Quat::IDENTITY, whole, share) * q).normalize()
+}
+
+/// A bud on the bark where a leaf was.
+fn bud_at(plant: &Plant, leaf: &Organ, bud: BudOrgan, growth: f32, proto: u16) -> Organ {
+    let radius = plant.frame(&plant.axes[leaf.axis as usize], leaf.s).r;
+    // The offset of an organ may already lead to the bark.
+    let outside = (radius - leaf.offset.length()).max(0.0);
+    Organ {
+        id: child(leaf.id, word("bud")),
+        q: leaning(leaf.q, BUD_LEAN),
+        scale: bud.length * lerp(1.0, 1.0 + SWELLING, growth),
+        proto,
+        petiole: 0.8 * outside,
+        ..leaf.clone()
+    }
+}
+
+/// Missing leaves that leave a bud: one for each place on an axis.
+#[derive(Default)]
+struct Buds {
+    known: BTreeSet<(u32, u32)>,
+    list: Vec<(Organ, BudOrgan, f32)>,
+}
+
+impl Buds {
+    /// `burst`: the season as a share of that at which the bud opens; above 1 after the fall of the leaf.
+    fn note(&mut self, organ: &Organ, bud: Option<BudOrgan>, burst: f32) {
+        let growth = bud_growth(burst);
+        if let Some(bud) = bud.filter(|_| self.known.insert((organ.axis, organ.s.to_bits()))) {
+            self.list.push((organ.clone(), bud, growth));
+        }
+    }
+}
+
+/// Prototypes that were made for looks.
+#[derive(Default)]
+struct PrototypeLooks {
+    known: BTreeMap<(u16, LeafLook), u16>,
+    buds: BTreeMap<u32, u16>,
+}
+
+impl PrototypeLooks {
+    /// The prototype of a look of a leaf.
+    fn of(&mut self, protos: &mut Vec<Proto>, summer: u16, look: LeafLook, kind: &SeasonalOrgan<'_>) -> Result<u16> {
+        if look == LeafLook::SUMMER {
+            return Ok(summer);
+        }
+        if let Some(proto) = self.known.get(&(summer, look)) {
+            return Ok(*proto);
+        }
+        let Some(source) = protos.get(usize::from(summer)) else { return Ok(summer) };
+        let mut mesh = shaped_leaf(&source.mesh, look.shape);
+        for subset in &mut mesh.subsets {
+            subset.material = kind.materials.get(&(subset.material, look.color)).copied().unwrap_or(subset.material);
+        }
+        let proto = add_prototype(protos, kind.name, mesh)?;
+        self.known.insert((summer, look), proto);
+        Ok(proto)
+    }
+
+    fn bud(&mut self, protos: &mut Vec<Proto>, bud: BudOrgan, name: &str) -> Result<u16> {
+        if let Some(proto) = self.buds.get(&bud.material) {
+            return Ok(*proto);
+        }
+        let proto = add_prototype(protos, name, bud_mesh().with_material(bud.material))?;
+        self.buds.insert(bud.material, proto);
+        Ok(proto)
+    }
+}
+
+/// Adds a prototype as a variant of an organ.
+fn add_prototype(protos: &mut Vec<Proto>, organ: &str, mesh: osier_scene::Mesh) -> Result<u16> {
+    let index: u16 = narrow(protos.len() as u64, "prototypes of a plant")?;
+    let numbers = protos.len()..=2 * protos.len();
+    let name = numbers.map(|n| format!("{organ}_{n}")).find(|name| protos.iter().all(|p| p.name != *name));
+    protos.push(Proto { name: name.unwrap_or_else(|| organ.to_owned()), mesh: Arc::new(mesh) });
+    Ok(index)
+}

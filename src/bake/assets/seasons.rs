@@ -1,0 +1,374 @@
+//! Plants at a season: materials of leaves in the colours that they have then, and the grown plants with these leaves.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::assets::plant_materials::{leaf_blade_spec, leaf_colors, organ_names};
+use crate::bake::scene::plant_layout::Individual;
+use crate::recipe::scene::{BladeOutline, OrganKeys};
+use crate::recipe::{CARD, OrganRecipe, PlantRecipe};
+use osier_base::Result;
+use osier_base::convert::to_usize;
+use osier_base::diagnostic::Report;
+use osier_base::math::narrow;
+use osier_base::rng::{Rng, mix64, word};
+use osier_plants::season::{
+    AutumnColor, BudOrgan, FallOrder, LeafColor, LeafHabit, PlantSeason, SeasonSlots, SeasonalOrgan, apply_season,
+    colors_between, mean_color, mixed, recolored, season_slots,
+};
+use osier_plants::surface::leaf::{LeafColors, leaf_color_maps};
+use osier_scene::plant::Plant;
+use osier_scene::{Material, MaterialClass};
+
+/// Name of the organ that buds are.
+pub(crate) const BUD: &str = "bud";
+/// Largest difference between the seasons of two individuals at the same time, in the middle of the year: trees of one species do
+/// not turn on the same day.
+const INDIVIDUAL: f64 = 0.03;
+/// Linear colour and roughness of buds: brown scales.
+const BUD_COLOR: [f32; 3] = [0.095, 0.052, 0.028];
+const BUD_ROUGHNESS: f32 = 0.55;
+/// Linear colour of dry leaves.
+const DRY: [f32; 3] = [0.165, 0.085, 0.038];
+/// Linear colour that the first leaves of spring are drawn to, and how much lighter than summer's they are before.
+const SPRING: [f32; 3] = [0.30, 0.40, 0.055];
+const SPRING_LIGHT: f32 = 1.7;
+/// Share of the summer's colours that veins keep in turning and in turned leaves: they are green longest.
+const VEINS_KEEP: [f32; 2] = [0.85, 0.3];
+/// Translucency of dry leaves as a share of that of fresh ones.
+const DRY_TRANSLUCENCY: f32 = 0.5;
+
+/// The materials of a plant's leaves at a season.
+#[derive(Debug, Clone, Default)]
+pub struct SeasonMaterials {
+    organs: Vec<OrganSeason>,
+}
+
+#[derive(Debug, Clone)]
+struct OrganSeason {
+    name: String,
+    habit: LeafHabit,
+    materials: BTreeMap<(u32, LeafColor), u32>,
+    bud: Option<BudOrgan>,
+}
+
+/// What a leaf outline looks like through the year.
+struct OutlineYear {
+    /// sRGB colours from sun to shade, with their weights.
+    autumn: &'static [([u8; 3], f64)],
+    falls: FallOrder,
+    /// Length of buds, m.
+    bud: f64,
+}
+
+/// Own: chosen by eye from photographs of oak, birch, poplar, beech and larch.
+fn outline_year(blade: BladeOutline) -> OutlineYear {
+    match blade {
+        BladeOutline::Lobed => OutlineYear {
+            autumn: &[
+                ([0xa8, 0x55, 0x25], 3.0),
+                ([0xc0, 0x7f, 0x2e], 3.0),
+                ([0xb5, 0x93, 0x3c], 2.0),
+                ([0x8a, 0x5c, 0x30], 2.0),
+            ],
+            falls: FallOrder::Tips,
+            bud: 0.006,
+        },
+        BladeOutline::Toothed => OutlineYear {
+            autumn: &[([0xe8, 0xbe, 0x36], 4.0), ([0xda, 0xa4, 0x28], 2.0), ([0xd0, 0xbe, 0x50], 2.0)],
+            falls: FallOrder::Bases,
+            bud: 0.006,
+        },
+        BladeOutline::Deltoid => OutlineYear {
+            autumn: &[([0xe8, 0xbf, 0x38], 4.0), ([0xd9, 0xa8, 0x2c], 2.0), ([0xb4, 0x93, 0x3a], 1.0)],
+            falls: FallOrder::Bases,
+            bud: 0.010,
+        },
+        BladeOutline::Elliptic => OutlineYear {
+            autumn: &[
+                ([0xb8, 0x5a, 0x26], 3.0),
+                ([0xcf, 0x86, 0x2f], 3.0),
+                ([0xd2, 0xa2, 0x3c], 2.0),
+                ([0x98, 0x5c, 0x30], 1.0),
+            ],
+            falls: FallOrder::Tips,
+            bud: 0.009,
+        },
+        BladeOutline::Needles => OutlineYear {
+            autumn: &[([0xd8, 0xa0, 0x36], 3.0), ([0xc6, 0x8a, 0x2e], 2.0)],
+            falls: FallOrder::Random,
+            bud: 0.004,
+        },
+    }
+}
+
+/// Adds the materials that the leaves of a plant have at its season, and its buds. `set` holds all other materials.
+/// # Errors
+/// `Range` for blades outside their ranges, `TooMany`.
+pub(crate) fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u64) -> Result<()> {
+    let Some(seasons) = plant.seasons() else { return Ok(()) };
+    let [from, to] = [seasons[0].min(seasons[1]), seasons[0].max(seasons[1])];
+    let between = [shifted(from, -INDIVIDUAL), shifted(to, INDIVIDUAL)].map(narrow);
+    let mut season = SeasonMaterials::default();
+    let mut bud_material = None;
+    for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
+        let Some(organ) = set.organs.get(&recipe.letter) else { continue };
+        // What an organ is made of: its leaf materials change, others, such as those of a flower's stalk, stay.
+        let used: BTreeSet<u32> = organ.meshes.iter().flat_map(|m| &m.subsets).map(|s| s.material).collect();
+        let leaves: Vec<u32> = used.into_iter().filter(|m| is_leaf(set, *m)).collect();
+        let Some(first) = leaves.first().and_then(|m| set.materials.get(to_usize(*m))) else { continue };
+        let painted = painted_colors(recipe);
+        let image = first.maps.color.and_then(|i| set.images.get(to_usize(i)));
+        let green = match &painted {
+            Some(colors) => mixed(colors.blade[0], colors.blade[1], 0.5),
+            None => image.and_then(mean_color).unwrap_or(first.base_color),
+        };
+        let habit = leaf_habit(&recipe.keys, green);
+        let mut materials = BTreeMap::new();
+        let colors = colors_between(&habit, between);
+        for base in leaves {
+            add_colors(set, plant, recipe, &name, base, &habit, &colors, seed, &mut materials)?;
+        }
+        let length = recipe.keys.bud.unwrap_or(outline_year(recipe.keys.blade).bud);
+        let bud = match (habit.evergreen || length <= 0.0, bud_material) {
+            (true, _) => None,
+            (false, Some(material)) => Some(BudOrgan { length: narrow(length), material }),
+            (false, None) => {
+                let scales =
+                    Material::plain(format!("{}_{BUD}", plant.id), MaterialClass::Bark, BUD_COLOR, BUD_ROUGHNESS);
+                let material = set.add(scales, Vec::new())?;
+                bud_material = Some(material);
+                Some(BudOrgan { length: narrow(length), material })
+            }
+        };
+        season.organs.push(OrganSeason { name, habit, materials, bud });
+    }
+    if bud_material.is_some() {
+        set.names.push(BUD.into());
+    }
+    set.season = Some(season);
+    Ok(())
+}
+
+fn is_leaf(set: &MaterialSet, material: u32) -> bool {
+    set.materials.get(to_usize(material)).is_some_and(|m| m.class == MaterialClass::Leaf)
+}
+
+/// The colours that a blade is painted with; `None` for leaves from files, tables and needles.
+fn painted_colors(recipe: &OrganRecipe) -> Option<LeafColors> {
+    let painted = recipe.mesh.is_none() && recipe.ifs.is_none() && recipe.keys.blade != BladeOutline::Needles;
+    painted.then(|| leaf_colors(&recipe.keys))
+}
+
+fn leaf_habit(keys: &OrganKeys, green: [f32; 3]) -> LeafHabit {
+    let own = outline_year(keys.blade);
+    let of_bytes = |c: [u8; 3]| c.map(|b| osier_base::units::linear_from_srgb(f32::from(b) / 255.0));
+    let autumn = if keys.autumn.is_empty() {
+        own.autumn.iter().map(|(c, weight)| AutumnColor { color: of_bytes(*c), weight: *weight }).collect()
+    } else {
+        let weight = |i: usize| keys.autumn_weights.get(i).copied().unwrap_or(1.0);
+        keys.autumn.iter().enumerate().map(|(i, c)| AutumnColor { color: *c, weight: weight(i) }).collect()
+    };
+    let lighter = green.map(|c| (c * SPRING_LIGHT).min(1.0));
+    LeafHabit {
+        evergreen: keys.evergreen.unwrap_or(keys.blade == BladeOutline::Needles),
+        green,
+        spring: keys.spring.unwrap_or(mixed(lighter, SPRING, 0.45)),
+        dry: DRY,
+        autumn,
+        falls: keys.falls.unwrap_or(own.falls),
+        keeps: narrow(keys.keeps),
+        bends: keys.blade != BladeOutline::Needles || keys.ifs.is_some() || keys.mesh.is_some(),
+    }
+}
+
+/// The word for a colour in names of materials.
+fn color_word(color: LeafColor) -> String {
+    match color {
+        LeafColor::Green => "green".into(),
+        LeafColor::Fresh => "fresh".into(),
+        LeafColor::Young => "young".into(),
+        LeafColor::Turning(i) => format!("turning_{i}"),
+        LeafColor::Turned(i) => format!("turned_{i}"),
+        LeafColor::Aged(i) => format!("aged_{i}"),
+    }
+}
+
+/// The colours of a painted blade, for one of its seasons: veins keep their green longest, margins lose it first.
+fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> LeafColors {
+    let scaled = |c: [f32; 3], k: f32| c.map(|v| (v * k).min(1.0));
+    let whole = |c: [f32; 3], veins: f32, edge: [f32; 3]| LeafColors {
+        blade: [scaled(c, 0.76), scaled(c, 1.24)],
+        vein: mixed(scaled(c, 1.5), summer.vein, veins),
+        edge,
+        roughness: summer.roughness,
+    };
+    match color {
+        LeafColor::Green => *summer,
+        LeafColor::Fresh | LeafColor::Young => {
+            let c = habit.color(color);
+            whole(c, 0.3, scaled(c, 1.2))
+        }
+        LeafColor::Turning(i) => {
+            let hue = habit.autumn_color(i);
+            LeafColors {
+                // The darker patches are green for longer.
+                blade: [mixed(summer.blade[0], hue, 0.22), mixed(summer.blade[1], hue, 0.78)],
+                vein: mixed(hue, summer.vein, VEINS_KEEP[0]),
+                edge: hue,
+                roughness: summer.roughness,
+            }
+        }
+        LeafColor::Turned(i) => {
+            let hue = habit.autumn_color(i);
+            whole(hue, VEINS_KEEP[1], mixed(hue, habit.dry, 0.5))
+        }
+        LeafColor::Aged(_) => {
+            let c = habit.color(color);
+            LeafColors { roughness: (summer.roughness + 0.2).min(1.0), ..whole(c, 0.0, scaled(habit.dry, 0.7)) }
+        }
+    }
+}
+
+/// Adds the materials of some colours of one material of an organ.
+fn add_colors(
+    set: &mut MaterialSet,
+    plant: &PlantRecipe,
+    recipe: &OrganRecipe,
+    organ: &str,
+    base: u32,
+    habit: &LeafHabit,
+    colors: &BTreeSet<LeafColor>,
+    seed: u64,
+    materials: &mut BTreeMap<(u32, LeafColor), u32>,
+) -> Result<()> {
+    let Some(summer) = set.materials.get(to_usize(base)).cloned() else { return Ok(()) };
+    let summer_image = summer.maps.color.and_then(|i| set.images.get(to_usize(i)));
+    let name = |color: LeafColor| format!("{}_{}", summer.name, color_word(color));
+    // Painted blades are painted again; pictures from elsewhere keep their light and dark.
+    let pictures = match (painted_colors(recipe), summer_image) {
+        (Some(own), Some(_)) => {
+            let spec = leaf_blade_spec(&recipe.keys, mix64(&[seed, word(&plant.id), word(organ)]));
+            let list: Vec<_> = colors.iter().map(|c| (name(*c), season_colors(&own, habit, *c))).collect();
+            leaf_color_maps(&spec, &list, recipe.keys.side)?
+        }
+        (None, Some(image)) => {
+            let mean = mean_color(image).unwrap_or(habit.green);
+            let paint = |c: &LeafColor| recolored(image, format!("{}_color", name(*c)), mean, habit.color(*c), 1.0);
+            colors.iter().map(paint).collect()
+        }
+        (_, None) => Vec::new(),
+    };
+    for (k, color) in colors.iter().enumerate() {
+        let mut material = Material { name: name(*color), base_color: habit.color(*color), ..summer.clone() };
+        if matches!(color, LeafColor::Aged(_)) {
+            material.translucency *= DRY_TRANSLUCENCY;
+        }
+        if let Some(picture) = pictures.get(k) {
+            set.images.push(picture.clone());
+            material.maps.color = Some(osier_base::convert::index(set.images.len() - 1, "images of a plant")?);
+        }
+        set.materials.push(material);
+        let index = osier_base::convert::index(set.materials.len() - 1, "materials of a plant")?;
+        materials.insert((base, *color), index);
+    }
+    Ok(())
+}
+
+/// A season moved by a difference that vanishes at bud burst and on the bare tree.
+fn shifted(season: f64, difference: f64) -> f64 {
+    (season + difference * 4.0 * season * (1.0 - season)).clamp(0.0, 1.0)
+}
+
+/// The seed of an individual's year, and how far it is ahead of or behind others in the middle of the year.
+fn individual_year(individual: &Individual) -> (u64, f64) {
+    let seed = mix64(&[individual.seed, u64::from(individual.id)]);
+    (seed, Rng::at(seed, &["season".into()]).range(-INDIVIDUAL, INDIVIDUAL))
+}
+
+/// The organs of a plant's materials as leaves that go through the year.
+fn seasonal_organs(materials: &SeasonMaterials) -> Vec<SeasonalOrgan<'_>> {
+    let mut organs = Vec::with_capacity(materials.organs.len());
+    for OrganSeason { name, habit, materials, bud } in &materials.organs {
+        organs.push(SeasonalOrgan { name, habit, materials, bud: *bud });
+    }
+    organs
+}
+
+/// Shows a grown individual at the season of its plant, that of the first frame; without one, nothing changes.
+/// # Errors
+/// `TooMany` for the prototypes of the plant.
+pub(crate) fn show_season(
+    grown: &mut Plant,
+    recipe: &PlantRecipe,
+    individual: &Individual,
+    set: &MaterialSet,
+) -> Result<()> {
+    let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(()) };
+    let (seed, difference) = individual_year(individual);
+    let season = narrow(shifted(seasons[0], difference));
+    apply_season(grown, &PlantSeason { season, seed, organs: &seasonal_organs(materials), bud_name: BUD })
+}
+
+/// Leaves of a plant that change over a clip.
+#[derive(Debug, Clone)]
+pub struct SeasonClip {
+    /// What each organ of the plant shows.
+    pub slots: SeasonSlots,
+    /// The plant at the first frame.
+    pub first: Plant,
+    /// Seasons of the first and the last frame.
+    seasons: [f64; 2],
+    /// By how much the individual is ahead in the middle of the year.
+    difference: f64,
+}
+
+impl SeasonClip {
+    /// The season at a share of the clip, 0..1.
+    pub fn season(&self, share: f64) -> f32 {
+        let [from, to] = self.seasons;
+        narrow(shifted(from + (to - from) * share, self.difference))
+    }
+}
+
+/// Gives a grown individual an organ for each look that its leaves have in a clip. `frames`: intervals between its frames.
+/// # Errors
+/// `TooMany` for the prototypes of the plant.
+pub(crate) fn season_clip(
+    grown: &mut Plant,
+    recipe: &PlantRecipe,
+    individual: &Individual,
+    set: &MaterialSet,
+    frames: f64,
+) -> Result<Option<SeasonClip>> {
+    let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(None) };
+    let (seed, difference) = individual_year(individual);
+    let organs = seasonal_organs(materials);
+    let mut first = grown.clone();
+    show_season(&mut first, recipe, individual, set)?;
+    let at = PlantSeason { season: 0.0, seed, organs: &organs, bud_name: BUD };
+    let at_share = |share: f64| narrow(shifted(seasons[0] + (seasons[1] - seasons[0]) * share, difference));
+    let intervals = frames.max(1.0);
+    let numbers = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= intervals);
+    let shares = numbers.map(|k: f64| k / intervals);
+    let slots = season_slots(grown, &at, &shares.map(at_share).collect::<Vec<f32>>())?;
+    Ok(Some(SeasonClip { slots, first, seasons, difference }))
+}
+
+impl GrownPlant {
+    /// The plant as the first frame shows it, for formats without frames; `None` if it is that already.
+    pub(crate) fn at_first_frame(&self) -> Option<Self> {
+        let first = self.season.as_ref()?.first.clone();
+        let (imported, segment) = (self.imported.clone(), self.segment.clone());
+        Some(Self {
+            plant: first,
+            report: Report::default(),
+            modules: self.modules,
+            imported,
+            clip: None,
+            segment,
+            season: None,
+        })
+    }
+}

@@ -1,0 +1,78 @@
+//! Leaves of a plant that unfold, turn and fall over the clip.
+
+use std::collections::BTreeMap;
+
+use crate::bake::assets::material_set::PlantMaterials;
+use crate::bake::assets::plant_mesh::group_organs;
+use crate::bake::assets::seasons::SeasonClip;
+use crate::bake::motion::{AssetMotion, FrameTime};
+use osier_base::Result;
+use osier_scene::plant::{Organ, Plant};
+use osier_scene::{
+    Asset, AssetFrame, Attribute, AttributeData, InstanceState, InstancerFrame, InstancerMotion, LEAF_COLOR, MeshFrame,
+};
+
+/// Shows a plant at the season that belongs to a time of the clip. A leaf has an instance for each of its looks, of which one is shown.
+#[derive(Debug)]
+pub struct SeasonMotion {
+    plant: Plant,
+    season: SeasonClip,
+    /// Indices into the plant's organs, for each of the asset's instancers.
+    organs: Vec<Vec<usize>>,
+    /// Length of the clip, s.
+    seconds: f64,
+}
+
+impl SeasonMotion {
+    /// The leaves of a plant. `seconds`: length of the clip.
+    pub fn new(plant: &Plant, materials: &PlantMaterials, season: &SeasonClip, seconds: f64) -> Self {
+        let numbers: BTreeMap<u64, usize> = plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
+        let index = |o: &&Organ| numbers.get(&o.id).copied();
+        let groups = group_organs(plant, materials);
+        let organs = groups.values().map(|list| list.iter().filter_map(index).collect()).collect();
+        Self { plant: plant.clone(), season: season.clone(), organs, seconds }
+    }
+
+    /// The motion that an asset needs to show this: instances that appear and vanish. At rest it is as at the first frame.
+    pub fn prepare(&self, asset: &mut Asset) {
+        for (instancer, organs) in asset.instancers.iter_mut().zip(&self.organs) {
+            instancer.motion = InstancerMotion::Free;
+            let kept = std::mem::take(&mut instancer.rest.attributes);
+            instancer.rest = self.state(organs, 0.0);
+            instancer.rest.attributes.extend(kept.into_iter().filter(|a| a.name != LEAF_COLOR));
+        }
+    }
+
+    /// The state of an instancer at a share of the clip, 0..1.
+    fn state(&self, organs: &[usize], share: f64) -> InstanceState {
+        let season = self.season.season(share);
+        let (mut state, mut colors) = (InstanceState::default(), Vec::with_capacity(organs.len()));
+        for number in organs {
+            let organ = &self.plant.organs[*number];
+            let now = self.season.slots.at(organ, *number, season);
+            let (position, orientation) = self.plant.organ_site(&Organ { q: now.q, ..organ.clone() });
+            state.positions.push(position);
+            state.orientations.push(orientation);
+            state.alive.push(now.size > 0.0);
+            state.sizes.push(now.size);
+            colors.push(now.color);
+        }
+        state.attributes = vec![Attribute::instance(LEAF_COLOR, AttributeData::Unit4(colors))];
+        state
+    }
+}
+
+impl AssetMotion for SeasonMotion {
+    fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        let share = if self.seconds > 0.0 { (time.seconds / self.seconds).clamp(0.0, 1.0) } else { 0.0 };
+        let state = |i: usize| match self.organs.get(i) {
+            Some(organs) => InstancerFrame::State(self.state(organs, share)),
+            None => InstancerFrame::Same,
+        };
+        Ok(AssetFrame {
+            meshes: asset.meshes.iter().map(|_| MeshFrame::Same).collect(),
+            instancers: (0..asset.instancers.len()).map(state).collect(),
+            ..AssetFrame::default()
+        })
+    }
+}
