@@ -29,6 +29,10 @@ const ROSETTE: [f32; 2] = [35.0, 80.0];
 const ROSETTE_STEP: f32 = 0.004;
 /// Angle between a shoot and its leaves, degrees.
 const SHOOT_LEAF_ANGLE: f32 = 55.0;
+/// Angles between a shoot and the pieces of needles beside its own, degrees: those of side twigs.
+const NEEDLE_TWIGS: [f32; 2] = [25.0, 60.0];
+/// How far behind the tip the tuft of a conifer begins, as a share of the length of its pieces.
+const TUFT: f32 = 0.5;
 /// Standard deviation of the angle of leaves, degrees.
 const LEAF_ANGLE_DEVIATION: f32 = 10.0;
 /// Standard deviation of the sizes of leaves, as a share of the mean.
@@ -39,7 +43,8 @@ const LEAF_SIZE_DEVIATION: f32 = 0.12;
 pub enum Foliage {
     /// Blades: rosettes at tips, and along young shoots; as many as the model's leaf area holds.
     Blades(OrganSpec),
-    /// A piece of shoot with its needles, scaled to each internode that still bears them.
+    /// Pieces of shoot with their needles, along the internodes that still bear them and at the tips; as many as the model's leaf
+    /// area holds.
     Needles(OrganSpec),
 }
 
@@ -358,7 +363,11 @@ impl<'a> Leaves<'a> {
     fn new(tree: &Tree, foliage: &'a Foliage) -> Option<Self> {
         let organ = foliage.organ();
         let first = organ.meshes.first()?;
-        let length = first.bounds().max.y.max(1e-9);
+        // Needles stick out over the ends of their piece, whose length is the organ's size.
+        let length = match foliage {
+            Foliage::Blades(_) => first.bounds().max.y.max(1e-9),
+            Foliage::Needles(_) => narrow(organ.size).max(1e-9),
+        };
         let scale = narrow(organ.size) / length;
         let total: f32 = organ.meshes.iter().map(|m| surface_area(m)).sum();
         // Sizes vary: the mean of squares is a little more than the square of the mean.
@@ -371,10 +380,7 @@ impl<'a> Leaves<'a> {
     /// The number of organs to expect.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
-        match self.foliage {
-            Foliage::Blades(_) => (f64::from(tree.measures().leaf_area) / f64::from(self.area)) as u64,
-            Foliage::Needles(_) => tree.nodes.len() as u64,
-        }
+        (f64::from(tree.measures().leaf_area) / f64::from(self.area)) as u64
     }
 
     /// Adds the leaves of a chain of nodes.
@@ -390,8 +396,7 @@ impl<'a> Leaves<'a> {
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
             let young = tree.bears_along(i);
             match self.foliage {
-                Foliage::Needles(_) if young => self.add_needles(plant, tree, i, site, birth),
-                Foliage::Needles(_) => {}
+                Foliage::Needles(_) => self.add_needles(plant, tree, i, site, birth),
                 Foliage::Blades(_) => {
                     let base = (site.s - tree.nodes.length[i]).max(0.0);
                     let along = if young { tree.habit.leaf_area_shoot * tree.nodes.length[i] } else { 0.0 };
@@ -471,26 +476,60 @@ impl<'a> Leaves<'a> {
         });
     }
 
-    /// The piece of shoot with the needles of an internode.
+    /// The pieces of shoot with the needles of an internode and of its tip.
     fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
+        let habit = &tree.habit;
+        let (id, length) = (tree.node_id(i), tree.nodes.length[i]);
+        let size = narrow(self.foliage.organ().size);
+        let mut add = |word: u64, count: u32, from: f32, to: f32| {
+            for k in 0..count {
+                let part = (k as f32 + 0.5) / count as f32;
+                // The first piece goes on along the shoot; others stand off it as its twigs do.
+                let angle = if k == 0 { 0.0 } else { math::lerp(NEEDLE_TWIGS[0], NEEDLE_TWIGS[1], part) };
+                let place = LeafPlace {
+                    axis: site.axis,
+                    s: math::lerp(from, to, part),
+                    azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32,
+                    angle: angle.to_radians(),
+                    id: mix64(&[id, word, u64::from(k)]),
+                    birth,
+                };
+                self.add_needle_piece(plant, place);
+            }
+        };
+        if tree.bears_along(i) {
+            // Pieces reach as far beyond the end of the internode as they begin behind its base.
+            let count = self.count(habit.leaf_area_shoot * length, mix64(&[id, word("along")]));
+            let behind = 0.5 * size;
+            add(word("needles"), count, site.s - length - behind, site.s - behind);
+        }
+        if tree.nodes.grows(i) {
+            let count = self.count(habit.leaf_area_tip, mix64(&[id, word("rosette")]));
+            add(word("tuft"), count, site.s - TUFT * size, site.s);
+        }
+    }
+
+    /// A piece of shoot with its needles at an angle to its axis, turned about itself at random, so that pieces do not repeat.
+    fn add_needle_piece(&self, plant: &mut Plant, place: LeafPlace) {
         let organ = self.foliage.organ();
-        let axis = &plant.axes[site.axis as usize];
-        let s = (site.s - tree.nodes.length[i]).clamp(0.0, axis.length);
-        let id = mix64(&[tree.node_id(i), word("needles")]);
-        let mut draw = Rng::from_key(id);
-        // Turned about the shoot at random, so that pieces do not repeat.
-        let half = 0.5 * draw.unit_f32() * std::f32::consts::TAU;
+        let axis = &plant.axes[place.axis as usize];
+        let s = place.s.clamp(0.0, axis.length);
+        let mut draw = Rng::from_key(place.id);
+        let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
+        let roll = draw.unit_f32() * std::f32::consts::TAU;
+        let tilt = math::rotation_about(Vec3::Y, place.azimuth) * math::rotation_about(Vec3::Z, place.angle + deviation);
+        let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
         plant.organs.push(Organ {
-            id,
-            axis: site.axis,
+            id: place.id,
+            axis: place.axis,
             s,
             offset: Vec3::ZERO,
-            q: Quat::from_xyzw(0.0, math::sin_f32(half), 0.0, math::cos_f32(half)).normalize(),
-            scale: self.scale * tree.nodes.length[i] / narrow(organ.size).max(1e-6),
-            proto: pick_prototype(id, organ.meshes.len()),
+            q: (tilt * math::rotation_about(Vec3::Y, roll)).normalize(),
+            scale: self.scale * size,
+            proto: pick_prototype(place.id, organ.meshes.len()),
             petiole: 0.0,
             tint: draw.unit_f32(),
-            birth,
+            birth: place.birth,
         });
     }
 }
