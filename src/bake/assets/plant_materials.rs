@@ -311,10 +311,7 @@ fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let teeth = Teeth {
         count: keys.lobes.filter(|_| !has_lobes).unwrap_or(base.teeth.count),
         // A share of the half width in scenes, of the width in the blade.
-        depth: keys
-            .depth
-            .filter(|_| !has_lobes)
-            .map_or(base.teeth.depth, |d| (narrow(d) * 0.5).min(0.3)),
+        depth: keys.depth.filter(|_| !has_lobes).map_or(base.teeth.depth, |d| (narrow(d) * 0.5).min(0.3)),
         minor: keys.minor_teeth.unwrap_or(base.teeth.minor),
     };
     let form = match base.form {

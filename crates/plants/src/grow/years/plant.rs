@@ -517,7 +517,8 @@ impl<'a> Leaves<'a> {
         let mut draw = Rng::from_key(place.id);
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
         let roll = draw.unit_f32() * std::f32::consts::TAU;
-        let tilt = math::rotation_about(Vec3::Y, place.azimuth) * math::rotation_about(Vec3::Z, place.angle + deviation);
+        let tilt =
+            math::rotation_about(Vec3::Y, place.azimuth) * math::rotation_about(Vec3::Z, place.angle + deviation);
         let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
         plant.organs.push(Organ {
             id: place.id,

@@ -435,10 +435,24 @@ fn a_plant_has_the_wood_and_the_leaf_area_of_its_tree() {
     ids.sort_unstable();
     assert!(ids.windows(2).all(|w| w[0] != w[1]), "ids of organs are unique");
     assert!(plant.nodes.birth.iter().all(|b| (0.0..=1.0).contains(b)));
-    // Needles: a piece of shoot for each internode that still bears them.
-    let plant = plant_of(&grown, Some(Foliage::Needles(leaf())));
-    let bearing = (0..nodes.len()).filter(|i| nodes.lives(*i) && grown.tree.bears_along(*i)).count();
-    assert_eq!(plant.organs.len(), bearing);
+    // Needles: pieces of shoot on every internode and tip that bears leaves, of the same area, at the size of the organ.
+    let needles = OrganSpec { size: f64::from(leaf().meshes[0].bounds().max.y), ..leaf() };
+    let plant = plant_of(&grown, Some(Foliage::Needles(needles)));
+    let one = 0.5
+        * leaf().meshes[0]
+            .triangles
+            .iter()
+            .map(|[a, b, c]| {
+                let at = |i: u32| leaf().meshes[0].points[i as usize];
+                (at(*b) - at(*a)).cross(at(*c) - at(*a)).length()
+            })
+            .sum::<f32>();
+    let area: f32 = plant.organs.iter().map(|o| o.scale * o.scale * one).sum();
+    assert!((f64::from(area) / model - 1.0).abs() < 0.02, "{area} {model}");
+    assert!(
+        plant.organs.iter().all(|o| (0.7..1.3).contains(&o.scale)),
+        "needles have one size on short and long shoots"
+    );
 }
 
 #[test]

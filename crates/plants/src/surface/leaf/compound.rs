@@ -83,7 +83,8 @@ pub fn compound_leaf(spec: &BladeSpec, compound: &CompoundSpec, variant: u64, de
         let size = 1.0 - (1.0 - end) * off * off;
         for (side, number) in [(-1.0, 0), (1.0_f32, 1)] {
             let angle = math::lerp(LEAFLET_ANGLE[0], LEAFLET_ANGLE[1], part) + deviate(ANGLE_DEVIATION);
-            let turn = math::rotation_about(Vec3::Z, -side * angle) * math::rotation_about(Vec3::Y, deviate(ANGLE_DEVIATION));
+            let turn =
+                math::rotation_about(Vec3::Z, -side * angle) * math::rotation_about(Vec3::Y, deviate(ANGLE_DEVIATION));
             let t = math::lerp(first, last, part) + 0.1 * deviate(ANGLE_DEVIATION);
             add(at(t.clamp(0.0, 1.0)), turn.normalize(), size, u64::from(2 * pair) + number)?;
         }
@@ -143,7 +144,7 @@ mod tests {
         let even = of(10);
         assert!(even.triangles.len() < eleven.triangles.len());
         // A simple leaf is the blade itself.
-        assert_eq!(of(1), blade(&spec, 1, BladeDetail::Light).expect("in range"));
+        assert_eq!(of(1).points, blade(&spec, 1, BladeDetail::Light).expect("in range").points);
         let none = CompoundSpec { leaflets: 0, leaflet_length: 0.3 };
         assert!(compound_leaf(&spec, &none, 0, BladeDetail::Light).is_err());
     }
