@@ -436,17 +436,15 @@ fn a_plant_has_the_wood_and_the_leaf_area_of_its_tree() {
     assert!(ids.windows(2).all(|w| w[0] != w[1]), "ids of organs are unique");
     assert!(plant.nodes.birth.iter().all(|b| (0.0..=1.0).contains(b)));
     // Needles: pieces of shoot on every internode and tip that bears leaves, of the same area, at the size of the organ.
-    let needles = OrganSpec { size: f64::from(leaf().meshes[0].bounds().max.y), ..leaf() };
-    let plant = plant_of(&grown, Some(Foliage::Needles(needles)));
-    let one = 0.5
-        * leaf().meshes[0]
-            .triangles
-            .iter()
-            .map(|[a, b, c]| {
-                let at = |i: u32| leaf().meshes[0].points[i as usize];
-                (at(*b) - at(*a)).cross(at(*c) - at(*a)).length()
-            })
-            .sum::<f32>();
+    let mut piece = leaf();
+    let mut mesh = (*piece.meshes[0]).clone();
+    let shrink = 0.08 / mesh.bounds().max.y;
+    mesh.points.iter_mut().for_each(|p| *p *= shrink);
+    let at = |i: u32| mesh.points[i as usize];
+    let doubled = |[a, b, c]: &[u32; 3]| (at(*b) - at(*a)).cross(at(*c) - at(*a)).length();
+    let one = 0.5 * mesh.triangles.iter().map(doubled).sum::<f32>();
+    piece.meshes = vec![Arc::new(mesh)];
+    let plant = plant_of(&grown, Some(Foliage::Needles(piece)));
     let area: f32 = plant.organs.iter().map(|o| o.scale * o.scale * one).sum();
     assert!((f64::from(area) / model - 1.0).abs() < 0.02, "{area} {model}");
     assert!(

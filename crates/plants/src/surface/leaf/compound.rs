@@ -137,7 +137,9 @@ mod tests {
             compound_leaf(&spec, &compound, 1, BladeDetail::Light).expect("in range")
         };
         let (three, eleven) = (of(3), of(11));
-        assert!((area(&eleven) / area(&three) - 11.0 / 3.0).abs() < 0.5, "{} {}", area(&eleven), area(&three));
+        // The lowest and highest of many leaflets are shorter than the few in the middle.
+        let ratio = area(&eleven) / area(&three);
+        assert!((2.4..3.7).contains(&ratio), "{ratio}");
         let size = eleven.bounds().size();
         assert!((size.y / 0.25 - 1.0).abs() < 0.1 && size.x > 0.12 && size.z < size.x, "{size}");
         assert!(eleven.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3));

@@ -15,8 +15,6 @@ const ANGLE_DEVIATION: f32 = 0.17;
 const LENGTH_DEVIATION: f32 = 0.12;
 /// Width of the tip of a needle, as a share of its width in the middle.
 const TIP_WIDTH: f32 = 0.25;
-/// Where a needle of two triangles is widest, as a share of its length.
-const WIDEST: f32 = 0.4;
 /// Radius of the wood of a piece at its base, as a share of the length of a needle: needles hide all but its base.
 const WOOD_RADIUS: f32 = 0.055;
 /// Standard deviation of the direction of a side twig, rad.
@@ -45,7 +43,7 @@ pub struct NeedleSpec {
     pub twig: f32,
     /// Angle between shoot and side twigs, 0.05..2.2 rad.
     pub twig_angle: f32,
-    /// Whether needles are cut into two triangles instead of four, and twigs into three sides without ends: for crowns.
+    /// Whether needles are single triangles instead of four: for crowns.
     pub coarse: bool,
     /// Seed of the irregularities.
     pub seed: u64,
@@ -142,8 +140,7 @@ fn index_of(length: usize) -> u32 {
     length as u32
 }
 
-/// Appends a needle from `from` by `way`, m: three rows of two points, or four points of a kite. `roll`: of its flat side about it,
-/// rad.
+/// Appends a needle from `from` by `way`, m: three rows of two points, or a triangle. `roll`: of its flat side about it, rad.
 fn push_needle(mesh: &mut Mesh, from: Vec3, way: Vec3, spec: &NeedleSpec, roll: f32) {
     let direction = normalize_or(way, Vec3::Y);
     let across = perpendicular(direction);
@@ -156,10 +153,10 @@ fn push_needle(mesh: &mut Mesh, from: Vec3, way: Vec3, spec: &NeedleSpec, roll: 
         mesh.uvs.push(Vec2::new(edge + 0.5, t));
     };
     if spec.coarse {
-        for (t, edge) in [(0.0, 0.0), (WIDEST, -0.5), (WIDEST, 0.5), (1.0, 0.0)] {
+        for (t, edge) in [(0.0, -0.5), (0.0, 0.5), (1.0, 0.0)] {
             push(t, edge);
         }
-        mesh.triangles.extend([[first, first + 2, first + 1], [first + 1, first + 2, first + 3]]);
+        mesh.triangles.push([first, first + 1, first + 2]);
     } else {
         for (t, share) in [(0.0, 0.7), (0.5, 1.0), (1.0, TIP_WIDTH)] {
             push(t, -0.5 * share);
@@ -210,8 +207,8 @@ mod tests {
     fn needles_surround_the_shoot_and_face_their_normals() {
         for (spec, points, triangles) in [
             (SPEC, 240, 160),
-            (NeedleSpec { coarse: true, ..SPEC }, 160, 80),
-            (NeedleSpec { twigs: 4, coarse: true, ..SPEC }, 160, 80),
+            (NeedleSpec { coarse: true, ..SPEC }, 120, 40),
+            (NeedleSpec { twigs: 4, coarse: true, ..SPEC }, 120, 40),
         ] {
             let mesh = needle_shoot(&spec, 1).expect("in range");
             let shoots = spec.twigs as usize + 1;
