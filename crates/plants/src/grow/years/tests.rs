@@ -435,10 +435,22 @@ fn a_plant_has_the_wood_and_the_leaf_area_of_its_tree() {
     ids.sort_unstable();
     assert!(ids.windows(2).all(|w| w[0] != w[1]), "ids of organs are unique");
     assert!(plant.nodes.birth.iter().all(|b| (0.0..=1.0).contains(b)));
-    // Needles: a piece of shoot for each internode that still bears them.
-    let plant = plant_of(&grown, Some(Foliage::Needles(leaf())));
-    let bearing = (0..nodes.len()).filter(|i| nodes.lives(*i) && grown.tree.bears_along(*i)).count();
-    assert_eq!(plant.organs.len(), bearing);
+    // Needles: pieces of shoot on every internode and tip that bears leaves, of the same area, at the size of the organ.
+    let mut piece = leaf();
+    let mut mesh = (*piece.meshes[0]).clone();
+    let shrink = 0.08 / mesh.bounds().max.y;
+    mesh.points.iter_mut().for_each(|p| *p *= shrink);
+    let at = |i: u32| mesh.points[i as usize];
+    let doubled = |[a, b, c]: &[u32; 3]| (at(*b) - at(*a)).cross(at(*c) - at(*a)).length();
+    let one = 0.5 * mesh.triangles.iter().map(doubled).sum::<f32>();
+    piece.meshes = vec![Arc::new(mesh)];
+    let plant = plant_of(&grown, Some(Foliage::Needles(piece)));
+    let area: f32 = plant.organs.iter().map(|o| o.scale * o.scale * one).sum();
+    assert!((f64::from(area) / model - 1.0).abs() < 0.02, "{area} {model}");
+    assert!(
+        plant.organs.iter().all(|o| (0.7..1.3).contains(&o.scale)),
+        "needles have one size on short and long shoots"
+    );
 }
 
 #[test]
