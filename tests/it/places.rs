@@ -222,3 +222,214 @@ fn seeds_land_on_the_terrain_of_a_file() {
         assert!(landed > 130, "{kind}: {landed} of 200 lie on the land");
     }
 }
+
+/// Velocities of a slice of the wind, m/s, row by row from -z, with its width in texels.
+fn slice(path: &Path) -> (usize, Vec<[f32; 3]>) {
+    use exr::prelude::*;
+    let read = read_first_rgba_layer_from_file(
+        path,
+        |size, _| (size, vec![[0.0_f32; 3]; size.area()]),
+        |(size, texels), at, (r, g, b, _): (f32, f32, f32, f32)| texels[at.y() * size.width() + at.x()] = [r, g, b],
+    );
+    let (size, texels) = read.expect("EXR").layer_data.channel_data.pixels;
+    (size.width(), texels)
+}
+
+#[test]
+fn a_lattice_wind_is_blocked_by_the_terrain_of_a_file() {
+    let dir = tempfile::tempdir().expect("dir");
+    // A dam of 3 m along z, 3 m wide at its crest, on a plain; 0.5 m between heights.
+    let dam = ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(81, 81, |i, _| {
+        let x = (f64::from(i) * 0.5 - 20.0).abs();
+        Luma([((2.5 - x).clamp(0.0, 1.0) * 65_535.0) as u16])
+    });
+    dam.save(dir.path().join("dam.png")).expect("png");
+    let text = "seed = 2\n[frames]\nend = 49\n[terrain]\nfile = \"dam.png\"\nsize = 40\nheight = 3\nside = 16\n[wind]\nmodel = \"lattice\"\n\
+                speed = 3\n[wind.lattice]\ncells = [44, 16, 24]\ndx = 0.5\n[output]\nformats = [\"obj\"]\n[output.wind]\n\
+                texel = 0.5\n[[output.wind.slice]]\nat = 1\nevery = 12\n";
+    let out = baked(dir.path(), "dam", text);
+    let (mut inside, mut before, mut behind) = (0.0_f32, Vec::new(), Vec::new());
+    for frame in [25, 37, 49] {
+        let (width, texels) = slice(&out.join("wind").join(format!("y1.{frame:04}.exr")));
+        for (k, u) in texels.iter().enumerate() {
+            let x = ((k % width) as f64 + 0.5) * 0.5 - 11.0;
+            match x {
+                x if x.abs() < 1.0 => inside = inside.max(Vec3::from_array(*u).length()),
+                x if (-8.0..-6.0).contains(&x) => before.push(u[0]),
+                x if (3.0..5.0).contains(&x) => behind.push(u[0]),
+                _ => {}
+            }
+        }
+    }
+    let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
+    assert!(inside < 1e-3, "{inside} m/s inside the dam");
+    assert!(mean(&before) > 0.8 && mean(&behind) < 0.4 * mean(&before), "{} {}", mean(&before), mean(&behind));
+}
+
+#[test]
+fn a_changed_file_changes_the_hash() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "[terrain]\nfile = \"hills.png\"\n[[place]]\nplant = \"tree\"\narea = [4, 4]\nmask = \"mask.png\"\n";
+    let text = format!("{TREE}{text}");
+    let write = |name: &str, value: u16| {
+        ImageBuffer::<Luma<u16>, _>::from_pixel(3, 3, Luma([value])).save(dir.path().join(name)).expect("png");
+    };
+    write("hills.png", 500);
+    write("mask.png", 60_000);
+    let first = recipe(dir.path(), &text).hash;
+    assert_eq!(first, recipe(dir.path(), &text).hash);
+    write("hills.png", 501);
+    let second = recipe(dir.path(), &text).hash;
+    write("mask.png", 50_000);
+    assert!(first != second && second != recipe(dir.path(), &text).hash);
+}
+
+/// Severity, words of the message and of the help for scenes that are refused or have keys without effect.
+#[test]
+fn each_fault_of_a_place_is_named_with_its_mend() {
+    let dir = tempfile::tempdir().expect("dir");
+    let picture = |name: &str, value: u16| {
+        ImageBuffer::<Luma<u16>, _>::from_pixel(3, 3, Luma([value])).save(dir.path().join(name)).expect("png");
+    };
+    picture("hills.png", 500);
+    picture("black.png", 0);
+    ImageBuffer::<Luma<u8>, _>::from_pixel(3, 3, Luma([9])).save(dir.path().join("coarse.png")).expect("png");
+    fs::write(dir.path().join("broken.png"), b"\x89PNG\r\n\x1a\n").expect("write");
+    fs::write(dir.path().join("wall.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("write");
+    fs::write(dir.path().join("flat.obj"), "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n").expect("write");
+    fs::write(dir.path().join("empty.obj"), "").expect("write");
+    let oak = "[plants.a]\nspecies = \"oak\"\nage = 3\n";
+    let wood = |more: &str| format!("{oak}{more}");
+    let cases = [
+        // Terrain.
+        ("missing", "[terrain]\nfile = \"no.png\"\n".to_owned(), "error[S005]", "no.png"),
+        ("ending", "[terrain]\nfile = \"hills.tif\"\n".into(), "error[S005]", "expected a file .png, .exr"),
+        ("broken", "[terrain]\nfile = \"broken.png\"\n".into(), "error[X010]", "broken.toml:2"),
+        ("empty", "[terrain]\nfile = \"empty.obj\"\n".into(), "error[X010]", "empty.obj"),
+        ("coarse", "[terrain]\nfile = \"coarse.png\"\n".into(), "warning[X026]", "smooth = 3"),
+        ("generated", "[terrain]\nfile = \"hills.png\"\namplitude = 3\n".into(), "warning[S007]", "terrain.amplitude"),
+        ("scale", "[terrain]\nfile = \"hills.png\"\nscale = 3\n".into(), "warning[S007]", "see height"),
+        ("offset", "[terrain]\noffset = 3\n".into(), "warning[S007]", "file = \"hills.png\""),
+        ("colour", "[terrain]\nfile = \"flat.obj\"\ncover = 1\n".into(), "warning[S007]", "paint = true"),
+        // Lines and areas.
+        ("regions", format!("{TREE}[[place]]\nring = 3\noutline = [2, 2]\n"), "error[S003]", "both outline and ring"),
+        (
+            "both",
+            format!("{TREE}[[place]]\nring = 3\ncount = 4\nspacing = 2\n"),
+            "error[S003]",
+            "both count and spacing",
+        ),
+        ("neither", format!("{TREE}[[place]]\nring = 3\n"), "error[S006]", "spacing = 0.5"),
+        ("point", format!("{TREE}[[place]]\nalong = [[1, 0, 1]]\ncount = 2\n"), "error[S003]", "two corners"),
+        ("many", format!("{TREE}[[place]]\nring = 9000\nspacing = 0.1\n"), "error[S004]", "larger spacing"),
+        ("jitter", format!("{TREE}[[place]]\njitter = 1\n"), "warning[S007]", "along, outline or ring"),
+        ("mask", format!("{TREE}[[place]]\nmask = \"hills.png\"\n"), "error[S006]", "add area"),
+        ("black", format!("{TREE}[[place]]\narea = [3, 3]\nmask = \"black.png\"\n"), "error[S003]", "black everywhere"),
+        // Species and their places.
+        ("sources", wood("grammar = \"oak.l\"\n"), "error[S003]", "both grammar and species"),
+        (
+            "turtle",
+            wood("steps = 3\n[plants.a.turtle]\n"),
+            "warning[S007]",
+            "plants.a.turtle has no effect on a species",
+        ),
+        ("segment", wood("[plants.a.skin]\nsegment = \"q\"\n"), "error[S003]", "its organs are \"l\""),
+        (
+            "shared",
+            wood("[plants.a.site]\nsolids = true\n[[place]]\ncount = 5\nindividuals = 2\n"),
+            "error[S003]",
+            "individuals = 5",
+        ),
+        (
+            "skies",
+            wood(
+                "[plants.b]\nspecies = \"birch\"\n[plants.b.site]\nside = [0.5, 0, 0]\n[[place]]\nplant = \"a\"\n\
+                 together = true\n[[place]]\nplant = \"b\"\ntogether = true\n",
+            ),
+            "error[S003]",
+            "plants.b.site differs from plants.a.site",
+        ),
+        (
+            "stem",
+            wood("[[plants.a.prune]]\nkeep = [[-1, 0, -1], [1, 1.8, 1]]\n"),
+            "warning[S038]",
+            "a plant that is cut at 1.8 m",
+        ),
+        ("tall", wood("[plants.a.habit]\nclear_stem = 40\n"), "warning[S038]", "grows 25 m high at most"),
+        (
+            "keep",
+            wood("[[plants.a.prune]]\nkeep = \"hosue\"\n[[solid]]\nname = \"house\"\n"),
+            "error[S005]",
+            "did you mean \"house\"?",
+        ),
+        ("keeps", wood("[[plants.a.prune]]\nkeep = \"a\"\nsolid = \"a\"\n"), "error[S003]", "by keep and by solid"),
+    ];
+    for (name, text, code, words) in cases {
+        let path = scene(dir.path(), name, &text);
+        let (status, said) = osier(&["check", path.to_str().expect("path")]);
+        assert_eq!(status, Some(i32::from(code.starts_with("error"))), "{name}: {said}");
+        assert!(said.contains(code) && said.contains(words), "{name}: {said}");
+        assert!(said.contains(".toml:") || said.contains("empty.obj"), "{name} has no place: {said}");
+    }
+    // What only the terrain's heights tell.
+    let wall = scene(dir.path(), "upright", "[terrain]\nfile = \"wall.obj\"\n");
+    let (status, said) = osier(&["check", wall.to_str().expect("path")]);
+    assert!(status == Some(1) && said.contains("X010") && said.contains("mesh_up"), "{said}");
+    let far = scene(dir.path(), "far", &format!("{TREE}[terrain]\nsize = 20\n[[place]]\nat = [30, 0, 0]\n"));
+    let (status, said) = osier(&["check", far.to_str().expect("path")]);
+    assert!(status == Some(0) && said.contains("S037") && said.contains("1 plants"), "{said}");
+}
+
+#[test]
+fn a_cut_to_a_solid_is_named_by_keep() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = |key: &str| {
+        format!(
+            "[plants.a]\nspecies = \"hazel\"\nage = 4\n[[plants.a.prune]]\nyear = 3\n{key} = \"tub\"\n[[solid]]\nname = \"tub\"\nsize = [1, 1, 1]\n"
+        )
+    };
+    let of = |key: &str| {
+        let stage = grown::stage(&recipe(dir.path(), &text(key)), SceneOptions::default());
+        stage.animated.scene.assets[0].meshes[0].mesh.points.clone()
+    };
+    assert!(of("keep").len() > 100 && of("keep") == of("solid"));
+}
+
+#[test]
+fn a_new_folder_holds_what_its_scene_names() {
+    let dir = tempfile::tempdir().expect("dir");
+    let cases = [
+        ("tree", vec!["new.toml", "tree.shapes"]),
+        ("oak-grown", vec!["new.toml", "oak.species"]),
+        ("hazel.species", vec!["new.toml", "hazel.species"]),
+        ("vine.shapes", vec!["new.toml", "vine.shapes"]),
+        (
+            "landscape",
+            vec![
+                "new.toml",
+                "birch.l",
+                "grass.l",
+                "monopodial.ifs.toml",
+                "oak.l",
+                "pseudodichotomous.ifs.toml",
+                "sympodial.ifs.toml",
+            ],
+        ),
+    ];
+    for (preset, wanted) in cases {
+        let folder = dir.path().join(preset).join("new");
+        let (status, said) = osier(&["new", folder.to_str().expect("path"), "--from", preset]);
+        assert_eq!(status, Some(0), "{preset}: {said}");
+        let mut made: Vec<String> = fs::read_dir(&folder)
+            .expect("folder")
+            .map(|e| e.expect("entry").file_name().into_string().expect("name"))
+            .collect();
+        made.sort();
+        let mut wanted = wanted;
+        wanted.sort_unstable();
+        assert_eq!(made, wanted, "{preset}");
+    }
+    let scene = dir.path().join("hazel.species/new/new.toml");
+    let (status, said) = osier(&["check", scene.to_str().expect("path")]);
+    assert_eq!(status, Some(0), "{said}");
+}

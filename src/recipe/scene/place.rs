@@ -133,7 +133,8 @@ impl Resolver<'_> {
     /// Positions of the copies along a line, from `at`; none for a group. Sets `count` where the spacing gives it. `None` after an error.
     fn line(&mut self, table: &TomlTable, place: Span, path: &str, keys: &mut PlaceKeys) -> Option<Vec<[f64; 3]>> {
         // A place has one region.
-        let given: Vec<_> = REGIONS.iter().filter_map(|key| table.get(key)).collect();
+        let is_set = |key: &&&str| **key != "along" || !keys.along.is_empty();
+        let given: Vec<_> = REGIONS.iter().filter(is_set).filter_map(|key| table.get(key)).collect();
         if let [first, second, ..] = given[..] {
             let text = format!("{path} has both {} and {}: its copies stand in one region", first.key, second.key);
             let mut d = Diagnostic::error("S003", text, second.key_span, "the second region");
