@@ -297,6 +297,11 @@ impl Resolver<'_> {
         let fill = match &keys.twigs {
             // The surface of an artist's mesh stays as it is.
             _ if matches!(growth, Growth::Mesh(..)) => None,
+            // The recorded years know nothing of twigs that are added.
+            Some(_) if matches!(&growth, Growth::Species(species) if species.clip.is_some()) => {
+                self.has_no_effect(table, &path, &["twigs"], "the tree grows over the clip year by year");
+                None
+            }
             Some(reference) => {
                 let file = self.read(&reference.text, reference.span, "text-bytes", &[".shapes"])?;
                 letters.extend(Some('l').filter(|l| !letters.contains(l)));
