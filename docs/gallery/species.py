@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the pictures of docs/gallery/species.md again: docs/gallery/species.py [NAME...]. Needs pillow; OSIER names the program.
 
-A picture has three parts: the tree at six ages, each fitted to its panel; four individuals; a look from near. Ten to thirty seconds a species.
+A picture has three parts: the tree at six ages, to one scale; three individuals; a look from near. Ten to thirty seconds a species.
 """
 
 import os
@@ -14,8 +14,8 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[2]
 OSIER = os.environ.get("OSIER", str(ROOT / "target/release/osier"))
 WORK = ROOT / "out/gallery-species"
-# Pixels of a panel, and the quality of the JPEG that keeps a picture below 120 kB.
-WIDTH, HEIGHT, GAP = 176, 214, 3
+# Size of a panel in pixels, and the quality of the JPEG that keeps a picture below 120 kB.
+PANEL = "176x214"
 MOST_BYTES = 118_000
 
 LONG, SHORT = "5,10,20,40,60,90", "3,5,8,12,20,35"
@@ -42,10 +42,10 @@ SPECIES = {
 }
 
 
-def draw(scene, name, size, *flags):
+def draw(scene, name, *flags):
     picture = WORK / f"{name}.png"
     command = [OSIER, "preview", "-q", str(scene), "--search", str(ROOT / "species"), "-o", str(picture), "--force"]
-    subprocess.run([*command, "--size", f"{size[0]}x{size[1]}", *flags], check=True)
+    subprocess.run([*command, *flags], check=True)
     return Image.open(picture).convert("RGB")
 
 
@@ -54,26 +54,24 @@ def make(name):
     scene = ROOT / f"scenes/{name}.toml"
     text = scene.read_text()
     plant = next(line for line in text.splitlines() if line.startswith("plant = ")).split('"')[1]
-    # Panels are drawn half as large again and scaled down: leaves are finer than a pixel.
-    big = (WIDTH * 3 // 2, HEIGHT * 3 // 2)
-    ages = [draw(scene, f"{name}-age", big, "--seed", "2", "--set", f"plants.{plant}.age={a}") for a in ages.split(",")]
-    seeds = [draw(scene, f"{name}-seed", big, "--seed", str(seed)) for seed in (1, 3, 4, 5)]
+    sweep = ("--seed", "2", "--sweep", f"plants.{plant}.age={ages}", "--columns", "6")
+    ages = draw(scene, f"{name}-ages", "--size", PANEL, *sweep)
+    seeds = draw(scene, f"{name}-seeds", "--size", PANEL, "--seeds", "1,3,4", "--columns", "3")
     near = WORK / f"{name}.toml"
     eye, target = [", ".join(map(str, part)) for part in (camera[:3], camera[3:])]
     near.write_text(f"{text}\n[camera]\neye = [{eye}]\ntarget = [{target}]\nvfov_deg = 32\n")
-    wide = (2 * WIDTH + GAP, HEIGHT)
-    close = draw(near, f"{name}-near", (wide[0] * 3 // 2, wide[1] * 3 // 2), "--seed", "2", "--view", "scene")
-    sheet = Image.new("RGB", (6 * WIDTH + 5 * GAP, 2 * HEIGHT + GAP), "white")
-    for k, panel in enumerate(ages + seeds):
-        place = (k % 6 * (WIDTH + GAP), k // 6 * (HEIGHT + GAP))
-        sheet.paste(panel.resize((WIDTH, HEIGHT), Image.LANCZOS), place)
-    sheet.paste(close.resize(wide, Image.LANCZOS), (4 * (WIDTH + GAP), HEIGHT + GAP))
+    size = (ages.width - seeds.width, seeds.height)
+    close = draw(near, f"{name}-near", "--size", f"{size[0]}x{size[1]}", "--seed", "2", "--view", "scene")
+    sheet = Image.new("RGB", (ages.width, ages.height + seeds.height), "white")
+    sheet.paste(ages, (0, 0))
+    sheet.paste(seeds, (0, ages.height))
+    sheet.paste(close, (seeds.width, ages.height))
     out = ROOT / f"docs/gallery/species-{name.removesuffix('-grown')}.jpg"
-    for quality in range(84, 40, -4):
+    for quality in range(86, 40, -4):
         sheet.save(out, quality=quality, optimize=True)
         if out.stat().st_size < MOST_BYTES:
             break
-    print(out.name, out.stat().st_size)
+    print(out.name, out.stat().st_size, flush=True)
 
 
 if __name__ == "__main__":

@@ -89,7 +89,7 @@ fn the_tables_of_a_scene_are_laid_over_those_of_a_species() {
     let Growth::Species(species) = &recipe.plants[0].growth else { panic!("a species") };
     let habit = &species.habit.habit;
     assert!((habit.clear_stem - 3.5).abs() < 1e-6 && (habit.shoot_rate[5] - 0.2).abs() < 1e-6);
-    assert!((habit.height_max - 21.0).abs() < 1e-6, "that of the table");
+    assert!((habit.height_max - 20.5).abs() < 1e-6, "that of the table");
     let stand = species.stand.as_ref().expect("neighbours");
     assert!((stand.radius - 5.0).abs() < 1e-9 && (stand.until - 50.0).abs() < 1e-9);
     assert!((species.age - 110.0).abs() < 1e-9);
@@ -125,7 +125,8 @@ fn a_hedge_keeps_to_its_box() {
     let text = "[plants.a]\nspecies = \"beech.species\"\nage = 16\n[plants.a.habit]\nclear_stem = 0.1\nepicormic = 1\n\
                 [[plants.a.prune]]\nyear = 6\nevery = 1\nkeep = [[-1, -1, -1], [1, 1.5, 1]]\n";
     let hedge = &trees(text)[0];
-    assert!(height(hedge) < 2.6, "one year's growth beyond the box: {}", height(hedge));
+    // A shoot of 0.7 m, whose length varies by a fifth: at most three of its deviations more.
+    assert!(height(hedge) < 1.5 + 0.7 * 1.6, "one year's growth beyond the box: {}", height(hedge));
     assert!(leaves(hedge) > 50, "{}", leaves(hedge));
 }
 

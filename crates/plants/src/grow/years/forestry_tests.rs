@@ -149,7 +149,7 @@ fn crowns_have_the_leaf_area_of_trees_and_bear_it_outside() {
     }
     // Shares of an oak's tips beyond 0.6 of the radius of its crown, about the middle of its tips: without shade they fill it.
     let shell = mean(grow_all(&seeds("oak", 60.0, 1..=2), &Site::default()).iter().map(shell_share));
-    assert!((0.34..=0.56).contains(&shell), "{shell}");
+    assert!((0.38..=0.53).contains(&shell), "{shell}");
 }
 
 #[test]
@@ -158,7 +158,10 @@ fn individuals_differ_but_not_much() {
     let m = measures(&seeds("oak", 40.0, 1..=8));
     let (height, width) = (mean(m.iter().map(|m| m.height)), mean(m.iter().map(|m| m.crown_width)));
     for (i, a) in m.iter().enumerate() {
-        assert!((a.height / height - 1.0).abs() < 0.10 && (a.crown_width / width - 1.0).abs() < 0.15, "{a:?}");
+        assert!(
+            (a.height / height - 1.0).abs() < 0.07 && (a.crown_width / width - 1.0).abs() < 0.15,
+            "{height} {width} {a:?}"
+        );
         assert!(m[..i].iter().all(|b| b.nodes != a.nodes), "no two alike");
     }
 }
@@ -198,8 +201,8 @@ fn crowns_turn_to_the_brighter_side() {
             .map(|(b, f)| sign * (b.measures().crown_center.x - f.measures().crown_center.x))
             .collect();
         let shift = mean(shifts.iter().copied());
-        assert!((0.25..=0.85).contains(&shift), "{shifts:?}");
-        assert!(shifts.iter().filter(|s| **s > 0.0).count() >= 7, "{shifts:?}");
+        assert!((0.35..=0.75).contains(&shift), "{shifts:?}");
+        assert!(shifts.iter().all(|s| *s > 0.0), "{shifts:?}");
     }
 }
 
