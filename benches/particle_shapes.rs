@@ -43,7 +43,7 @@ fn main() {
     ] {
         let recipe = recipe(set);
         let look = plant_materials(&recipe.plants[0], 0, &work).expect("look");
-        let (layout, _) = lay_out_scene(&recipe, &work).expect("layout");
+        let layout = lay_out_scene(&recipe, &work).expect("layout").plants;
         let grow = |individual: &Individual| {
             grow_plant(&recipe.plants[0], individual, &look, GrowthSite::default(), &work).expect("plant").plant
         };

@@ -41,7 +41,7 @@ fn recipe(name: &str, set: &[&str]) -> Recipe {
 fn grown(name: &str, work: &BakeContext<'_>) -> Plant {
     let recipe = recipe(name, &[]);
     let look = plant_materials(&recipe.plants[0], recipe.general.seed, work).expect("look");
-    let (layout, _) = lay_out_scene(&recipe, work).expect("layout");
+    let layout = lay_out_scene(&recipe, work).expect("layout").plants;
     grow_plant(&recipe.plants[0], &layout.individuals[0], &look, GrowthSite::default(), work).expect("plant").plant
 }
 

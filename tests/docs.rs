@@ -236,6 +236,8 @@ fn scene_snippets_resolve() {
     std::fs::create_dir_all(&folder).expect("folder");
     std::fs::write(folder.join("mine.obj"), "v 0 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n").expect("write");
     std::fs::copy(root().join("grammars/koch.l"), folder.join("mine.l")).expect("copy");
+    let map = image::ImageBuffer::<image::Luma<u16>, _>::from_vec(2, 2, vec![9_u16, 0, 500, 60_000]).expect("fits");
+    map.save(folder.join("mine.png")).expect("picture");
     let mut seen = 0;
     for block in blocks().iter().filter(|b| b.tag == "toml") {
         let oak = "\n[plants.oak]\ngrammar = \"oak.l\"\n";

@@ -250,6 +250,8 @@ pub struct List {
 pub enum What {
     /// Grammars, scenes, coefficient tables and meshes in the program.
     Presets,
+    /// Trees that grow year by year, with the scenes that show them.
+    Species,
     /// Keys of scene files.
     Options,
     /// Parameters (#defines) of the grammars of a scene, with their values and comments: osier list knobs oak.

@@ -1,4 +1,4 @@
-//! `osier list`: presets, scene keys, parameters of grammars, formats, codes and limits.
+//! `osier list`: presets, species, scene keys, parameters of grammars, formats, codes and limits.
 
 use serde_json::json;
 
@@ -36,6 +36,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         (What::Knobs, true) => format!("{:#}\n", knobs::as_json(&knobs)),
         (What::Options, false) => options_text(&tables),
         (What::Options, true) => format!("{:#}\n", options_json(&tables)),
+        (What::Species, false) => preset_list::species_text(),
         (What::Formats, false) => formats_text(),
         (What::Codes, false) => codes_text(),
         (What::Limits, false) => limits_text(context),
@@ -155,6 +156,7 @@ fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
         // Listed above, each with what belongs to it.
         What::Presets | What::Options | What::Knobs => serde_json::Value::Null,
+        What::Species => preset_list::species_json(),
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
         What::Codes => {
             let word = |s| if s == Severity::Error { "error" } else { "warning" };

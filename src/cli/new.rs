@@ -11,14 +11,15 @@ use osier_base::Result;
 use osier_base::diagnostic::nearest;
 use osier_base::files::{Folder, WriteOptions, safe_name};
 
-/// Runs `osier new`; the result is the exit code. The folder receives the scene and the grammars that it names.
+/// Runs `osier new`; the result is the exit code. The folder receives the scene and the presets that it names:
+/// grammars, particle-shapes, species, coefficient tables.
 pub fn run(context: &Context, args: &New) -> Result<u8> {
     let name = args.name.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if name.is_empty() {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
-    let Some((scene, grammars)) = scene_and_grammars(&args.from, &name) else {
+    let Some((scene, named)) = scene_and_presets(&args.from, &name) else {
         let stems = presets::PRESETS.iter().map(|p| stem(p.name));
         let hint = match nearest(&args.from, stems) {
             Some(near) => format!("did you mean \"{near}\"?"),
@@ -29,7 +30,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     };
     let scene_name = format!("{}.toml", safe_name(&name));
     let mut files: Vec<(String, String)> = vec![(scene_name.clone(), scene)];
-    files.extend(grammars.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
+    files.extend(named.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
     // All names are compared before the first file is written, so that a refusal leaves no partial copy.
     if let Some(path) = files.iter().map(|(f, _)| args.name.join(f)).find(|p| p.symlink_metadata().is_ok()) {
         let path = path.display();
@@ -58,23 +59,44 @@ fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
     files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes()))
 }
 
-/// The text of the scene and the grammars that it names; for the name of a grammar a scene with one plant. `None` for
-/// an unknown preset.
-fn scene_and_grammars(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
+/// What a preset that is no scene grows a plant by: the ending of its file, and the key that names it.
+const GROWN_BY: [(&str, &str); 3] = [(".l", "grammar"), (".shapes", "shapes"), (".species", "species")];
+
+/// The text of the scene and the presets that it names; for the name of a grammar, of particle-shapes or of a species a scene with one
+/// plant. `None` for an unknown preset.
+fn scene_and_presets(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
     let bare = stem(from);
-    if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| !from.ends_with(".l")) {
-        // Grammars are found by their quoted name in the text of the scene.
-        let needed = |p: &&Preset| p.name.ends_with(".l") && scene.text.contains(&format!("\"{}\"", p.name));
-        return Some((scene.text.to_owned(), presets::PRESETS.iter().filter(needed).collect()));
+    let asked_for = GROWN_BY.iter().find(|(ending, _)| from.ends_with(*ending));
+    if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| asked_for.is_none()) {
+        let mut named = Vec::new();
+        if let Ok(table) = scene.text.parse::<toml::Table>() {
+            table.iter().for_each(|(key, value)| collect_presets(key, value, &mut named));
+        }
+        return Some((scene.text.to_owned(), presets::PRESETS.iter().filter(|p| named.contains(&p.name)).collect()));
     }
-    let grammar = presets::find(&format!("{bare}.l"))?;
+    let candidates = GROWN_BY.iter().filter(|kind| asked_for.is_none_or(|asked| asked == *kind));
+    let (preset, key) = candidates.filter_map(|(e, key)| Some((presets::find(&format!("{bare}{e}"))?, key))).next()?;
     let text = format!(
-        "# A scene of your own: change a number, bake again. `osier list options` shows every key.\ntitle = {}\n\n[plants.{}]\ngrammar = \"{}\"\n",
+        "# A scene of your own: change a number, bake again. `osier list options` shows every key.\ntitle = {}\n\n[plants.{}]\n{key} = \"{}\"\n",
         toml::Value::String(name.to_owned()),
         safe_name(bare),
-        grammar.name,
+        preset.name,
     );
-    Some((text, vec![grammar]))
+    Some((text, vec![preset]))
+}
+
+/// Adds the names of the presets that a value of a scene refers to: the file names among its strings; a species may lack its ending.
+fn collect_presets(key: &str, value: &toml::Value, named: &mut Vec<&'static str>) {
+    match value {
+        toml::Value::String(text) => {
+            let with_ending = if key == "species" { presets::find(&format!("{text}.species")) } else { None };
+            let file = presets::find(text).filter(|p| p.name.contains('.'));
+            named.extend(file.or(with_ending).map(|p| p.name));
+        }
+        toml::Value::Array(list) => list.iter().for_each(|v| collect_presets(key, v, named)),
+        toml::Value::Table(table) => table.iter().for_each(|(key, v)| collect_presets(key, v, named)),
+        _ => {}
+    }
 }
 
 fn stem(name: &str) -> &str {

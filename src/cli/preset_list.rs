@@ -1,4 +1,4 @@
-//! `osier list presets`: what each preset is and shows, and small pictures of them.
+//! `osier list presets` and `osier list species`: what each preset is and shows, and small pictures of them.
 
 use std::path::Path;
 
@@ -57,6 +57,55 @@ pub fn as_json(context: &Context, thumbnails: Option<&Path>) -> Result<Value> {
 pub fn write_pictures(context: &Context, folder: &Path) -> Result<()> {
     let mut shown = par_map(PRESETS, |preset| read(context, preset));
     write_thumbnails(context, &mut shown, folder)
+}
+
+/// A species and the scene that shows it with its own leaf and bark.
+struct ListedSpecies {
+    name: &'static str,
+    /// Age at which scenes show it without the key `age`, years.
+    age: f64,
+    about: String,
+    /// Scene that grows this species alone, if the program has one.
+    scene: Option<&'static str>,
+}
+
+fn species() -> Vec<ListedSpecies> {
+    let listed = |preset: &'static Preset| {
+        let name = preset.name.strip_suffix(".species")?;
+        let age = preset.text.lines().find_map(|line| line.strip_prefix("age = ")?.trim().parse().ok());
+        let grows_it_alone = |scene: &&Preset| {
+            let mut species = scene.text.lines().filter_map(|line| line.strip_prefix("species = "));
+            scene.name.ends_with(".toml")
+                && species.next().is_some_and(|s| s.starts_with(&format!("\"{name}\"")))
+                && species.next().is_none()
+        };
+        let scene = PRESETS.iter().find(grows_it_alone).and_then(|scene| scene.name.strip_suffix(".toml"));
+        let default = f64::from(osier_plants::grow::years::Habit::default().age);
+        Some(ListedSpecies { name, age: age.unwrap_or(default), about: presets::about(preset), scene })
+    };
+    PRESETS.iter().filter_map(listed).collect()
+}
+
+/// The species as text.
+pub fn species_text() -> String {
+    let mut out = String::from(
+        "Grow one with species = \"NAME\" in a scene, or see it with `osier preview SCENE`. Pictures: docs/gallery/species.md,\n\
+         or `osier list presets --thumbnails FOLDER`, which draws SCENE.toml.png.\n\n",
+    );
+    out += &format!("  {:16} {:>5}  {:18} {}\n", "name", "age", "scene", "description");
+    for s in species() {
+        out += &format!("  {:16} {:>5}  {:18} {}\n", s.name, s.age, s.scene.unwrap_or("-"), s.about);
+    }
+    out
+}
+
+/// The species as JSON.
+pub fn species_json() -> Value {
+    let row = |s: ListedSpecies| {
+        let thumbnail = s.scene.map(|scene| format!("{scene}.toml.png"));
+        json!({ "name": s.name, "age": s.age, "about": s.about, "scene": s.scene, "thumbnail": thumbnail })
+    };
+    species().into_iter().map(row).collect()
 }
 
 fn read(context: &Context, preset: &Preset) -> Shown {

@@ -21,8 +21,8 @@ use osier_ifs::game::Extent;
 use osier_ifs::leaf;
 use osier_ifs::stems::TreeSystem;
 use osier_ifs::weights::WeightRule;
-use osier_import::{GreyImage, Imported};
-use osier_scene::{AirGrid, Clip};
+use osier_import::{GreyImage, HeightMap, Imported};
+use osier_scene::{AirGrid, Clip, Image};
 pub use resolve::{Request, resolve};
 use syntax::recipe;
 pub use syntax::{
@@ -57,7 +57,7 @@ recipe! {
         /// Disc of ground around the plants, used without a terrain.
         ground: scene::GroundKeys;
         /// Terrain, which replaces the ground.
-        terrain: Option<scene::TerrainKeys>, hashed by element;
+        terrain: Option<TerrainRecipe>, hashed by element;
         /// Plants scattered over the terrain.
         scatters: Vec<ScatterRecipe>, hashed by element;
         /// Catkins in flight: release, motion, deposition.
@@ -292,6 +292,35 @@ recipe! {
         plant: usize;
         /// Position, spread and number of copies.
         keys: scene::PlaceKeys;
+        derived {
+            /// Positions of the copies along a line, m, from the place's own; empty for a group.
+            line: Vec<[f64; 3]>;
+            /// Density over the place's area, if a picture gives it.
+            mask: Option<GreyImage>;
+        }
+    }
+}
+
+/// What a terrain of a file is made of.
+#[derive(Debug, Clone)]
+pub enum TerrainFile {
+    /// Heights on a grid.
+    Map(Arc<HeightMap>),
+    /// An artist's mesh.
+    Mesh(Arc<Imported>),
+}
+
+recipe! {
+    /// Land with hills.
+    TerrainRecipe {
+        /// How it is generated or read, and its colours.
+        keys: scene::TerrainKeys;
+        derived {
+            /// The file that it is made of; `None`: it is generated.
+            file: Option<TerrainFile>;
+            /// Colour picture over all of it.
+            texture: Option<Image>;
+        }
     }
 }
 

@@ -1,13 +1,10 @@
 //! From text to [`Recipe`].
 
 use super::scene::{
-    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, SeasonSpan, WindModel,
-    solid_names,
+    FramesKeys, GltfKeys, GltfProfile, OutputKeys, PhotonKeys, PlantKeys, SceneKeys, SeasonSpan, WindModel, solid_names,
 };
-use super::syntax::{Digest, KeyTable, Registry, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
-use super::{
-    Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe,
-};
+use super::syntax::{Digest, KeyTable, Registry, TomlTable, TomlValue, apply_override, join, parse, wrong};
+use super::{Growth, Library, OutputRecipe, PlantRecipe, Recipe, ReferencedFile, VdbRecipe, WindOutputRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::files::{Encoding, Names, decode, safe_name};
 use osier_base::limits::Limits;
@@ -214,6 +211,7 @@ impl Resolver<'_> {
         let layers = self.layers(root);
         // Places, scatters, flights and rain refer to plants by index, so that plants come first.
         let places = self.places(root, &plants);
+        self.check_sites_together(root, &plants, &places);
         let scatters = self.scatters(root, &plants);
         let flight = self.flight(root, &plants);
         let solids = self.solids(root);
@@ -406,52 +404,6 @@ impl Resolver<'_> {
         }
     }
 
-    fn places(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
-        let Some(entry) = root.get("place") else {
-            return if root.get("scatter").is_none() { default_places(plants) } else { Vec::new() };
-        };
-        let TomlValue::List(list) = &entry.node.value else {
-            self.report.push(*wrong("place", &entry.node, "a list: write [[place]]"));
-            return Vec::new();
-        };
-        // Plants with faults of their own are declared all the same: a place that names one is right.
-        let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
-            Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
-            _ => Vec::new(),
-        };
-        list.iter().enumerate().filter_map(|(i, node)| self.place(i, node, plants, &declared)).collect()
-    }
-
-    fn place(&mut self, i: usize, node: &TomlNode, plants: &[PlantRecipe], declared: &[&str]) -> Option<PlaceRecipe> {
-        let path = format!("place.{i}");
-        let TomlValue::Table(table) = &node.value else {
-            self.report.push(*wrong(&path, node, "a table"));
-            return None;
-        };
-        let keys = self.read_keys::<PlaceKeys>(table, &path);
-        if let Some(plant) = plants.iter().position(|p| p.name == keys.plant) {
-            return Some(PlaceRecipe { plant, keys });
-        }
-        let span = table.get("plant").map_or(node.span, |e| e.node.span);
-        if declared.contains(&keys.plant.as_str()) {
-            return None;
-        }
-        if keys.plant.is_empty() {
-            if declared.len() == 1 {
-                return (!plants.is_empty()).then_some(PlaceRecipe { plant: 0, keys });
-            }
-            let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
-            self.report.push(d.help("add plant = \"NAME\""));
-        } else {
-            let d = Diagnostic::error("S005", format!("there is no plant \"{}\"", keys.plant), span, "unknown plant");
-            self.report.push(match nearest(&keys.plant, declared.iter().copied()) {
-                Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(span, format!("\"{near}\"")),
-                None => d.help(format!("plants of this scene: {}", declared.join(", "))),
-            });
-        }
-        None
-    }
-
     fn output(&mut self, root: &TomlTable, clip: Clip, vdb: VdbRecipe, wind: WindOutputRecipe) -> OutputRecipe {
         let keys: OutputKeys = self.section(root, "output");
         let empty = TomlTable::default();
@@ -532,15 +484,6 @@ impl Resolver<'_> {
         }
         keys
     }
-}
-
-/// Without [[place]], every plant stands once, 4 m from its neighbour.
-fn default_places(plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
-    let place = |(plant, number): (usize, u32)| {
-        let at = [4.0 * f64::from(number), 0.0, 0.0];
-        PlaceRecipe { plant, keys: PlaceKeys { at, ..PlaceKeys::defaults() } }
-    };
-    (0..plants.len()).zip(0_u32..).map(place).collect()
 }
 
 pub(super) fn span_of(root: &TomlTable, path: &[&str]) -> Option<Span> {

@@ -211,6 +211,6 @@ fn cap_map_sides(recipe: &mut Recipe, quality: Quality) {
     recipe.ground.side = recipe.ground.side.min(side);
     if let Some(terrain) = &mut recipe.terrain {
         // One map covers the whole terrain.
-        terrain.side = terrain.side.min(4 * side);
+        terrain.keys.side = terrain.keys.side.min(4 * side);
     }
 }

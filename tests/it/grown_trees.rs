@@ -1,16 +1,21 @@
 //! Trees that grow year by year, through scenes: species, ages, places, neighbours, cuts, wind, and what they complain of.
 #![allow(clippy::expect_used, reason = "tests fail loudly")]
 
+use std::process::Command;
+
 use glam::Vec3;
 use osier::bake::BakeContext;
+use osier::bake::motion;
 use osier::bake::scene::{self, AssembledScene, SceneOptions};
 use osier::limits::Limits;
 use osier::presets::PRESETS;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Growth, Recipe, Request, resolve};
-use osier::scene::Asset;
+use osier::scene::{Asset, AssetFrame, Frame, InstancerFrame, asset_bounds};
+use serde_json::Value;
 
-use crate::common::grown;
+use crate::common::program::{arg, ends};
+use crate::common::{clients, grown};
 
 fn request(text: &str) -> Request {
     Request { name: "s".into(), shown: "s.toml".into(), text: text.into(), ..Request::default() }
@@ -24,6 +29,12 @@ fn recipe(text: &str) -> Recipe {
 
 fn assembled(text: &str) -> AssembledScene {
     grown::stage(&recipe(text), SceneOptions::default())
+}
+
+fn evaluated(scene: &AssembledScene, numbers: &[u32]) -> Vec<Frame> {
+    let animated = &scene.animated;
+    let frame = |n: &u32| motion::evaluate_frame(&animated.scene, &animated.motions, *n, false).expect("a frame");
+    numbers.iter().map(frame).collect()
 }
 
 /// The plants of a scene, in the order of their places.
@@ -180,4 +191,63 @@ fn faults_name_the_key_and_the_remedy() {
         let found = complaint(&text);
         assert!(found.contains(wanted), "{text}\n{found}");
     }
+}
+
+/// A young oak that grows over eight frames.
+const CLIP: &str = "[frames]\nend = 8\n[plants.a]\nspecies = \"oak\"\nage = 12\n[plants.a.site]\nfrom = 4\n";
+
+#[test]
+fn a_clip_of_years_ends_as_the_tree_of_its_age() {
+    let moving = assembled(CLIP);
+    let (asset, still) =
+        (&moving.animated.scene.assets[0], &trees(&CLIP.replace("[plants.a.site]\nfrom = 4\n", ""))[0]);
+    let frames = evaluated(&moving, &[1, 8]);
+    let bounds = |frame: usize| asset_bounds(asset, &frames[frame].assets[0]);
+    let whole = asset_bounds(still, &AssetFrame::default());
+    assert!(bounds(1).min.distance(whole.min) < 0.02 && bounds(1).max.distance(whole.max) < 0.02, "{:?}", bounds(1));
+    assert!(bounds(0).max.y < 0.8 * whole.max.y);
+    // The leaves that the clip shows at its end are those of the tree.
+    let InstancerFrame::State(state) = &frames[1].assets[0].instancers[0] else { panic!("a state") };
+    assert_eq!(state.alive.iter().filter(|a| **a).count(), leaves(still));
+}
+
+#[test]
+fn a_clip_of_years_opens_in_blender_as_one_object() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("s.toml");
+    let text = CLIP.replace("end = 8", "end = 120").replace("from = 4", "to = 12\nclip_leaves = \"summer\"");
+    std::fs::write(&scene, format!("{text}[[place]]\nplant = \"a\"\n")).expect("written");
+    let out = dir.path().join("out");
+    ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "usd,glb"]);
+    let stage = out.join("s.usda");
+    let numbers: Vec<String> = (20..=120).map(|n: u32| n.to_string()).collect();
+    let arguments: Vec<&str> = [arg(&stage)].into_iter().chain(numbers.iter().map(String::as_str)).collect();
+    let output = clients::python_script(&python, "growth_clip.py", &arguments);
+    let text = String::from_utf8_lossy(&output.stdout);
+    let frames: Vec<Value> = serde_json::from_str(text.trim_end().lines().last().expect("a line")).expect("JSON");
+    let number = |f: &Value, key: &str| f[key].as_f64().expect("a number");
+    for pair in frames.windows(2) {
+        // One object with one topology; ten frames are a year, in which a shoot grows by 0.9 m at most.
+        assert!(pair[1]["barks"] == 1 && pair[0]["topology"] == pair[1]["topology"]);
+        assert!(number(&pair[1], "moved") < 0.1 + 0.09, "{}", pair[1]);
+    }
+    assert!(number(&frames[100], "leaves") > 5.0 * number(&frames[0], "leaves"));
+
+    // The same as glTF, without errors or warnings.
+    let Some((node, folder)) = clients::validator() else { return };
+    let mut validate = Command::new(node);
+    validate.arg(clients::script("gltf_validate.mjs")).arg(folder).arg(out.join("s.glb"));
+    let report: Value = serde_json::from_slice(&clients::run(&mut validate).stdout).expect("JSON");
+    assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{report}");
+}
+
+#[test]
+fn contradictory_clips_of_years_are_refused() {
+    let with = |keys: &str| complaint(&format!("[frames]\nend = 8\n[plants.a]\nspecies = \"oak\"\nage = 12\n{keys}"));
+    assert!(with("growth_clip = [0, 1]\n[plants.a.site]\nto = 9\n").contains("S003"));
+    assert!(with("[plants.a.site]\nto = 20\n").contains("raise its age: age = 20"));
+    assert!(with("twigs = \"twigs.shapes\"\n[plants.a.site]\nto = 12\n").contains("twigs has no effect"));
+    assert!(with("season = 0.5\n[plants.a.site]\nto = 12\n").contains("season has no effect"));
+    assert!(with("[plants.a.site]\nto = 12\n[rain]\nrate_mm_per_h = 5\n").contains("to has no effect"));
 }

@@ -31,6 +31,7 @@ mod morphs;
 mod one_wind;
 mod options;
 mod particle_shapes;
+mod places;
 mod plain_files;
 mod points;
 mod pov_files;

@@ -140,6 +140,13 @@ pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
     Quat::from_xyzw(c.x, c.y, c.z, 1.0 + d).normalize()
 }
 
+/// The rotation by `angle`, rad, about unit vector `axis`, counterclockwise seen against it.
+#[inline]
+pub fn rotation_about(axis: Vec3, angle: f32) -> Quat {
+    let v = axis * sin_f32(0.5 * angle);
+    Quat::from_xyzw(v.x, v.y, v.z, cos_f32(0.5 * angle)).normalize()
+}
+
 /// Normalised linear blend of two rotations along the shorter arc.
 #[inline]
 pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {

@@ -24,6 +24,7 @@
 
 mod assembly;
 mod gltf;
+mod heights;
 mod images;
 mod obj;
 
@@ -34,6 +35,8 @@ use osier_base::files::{ReadError, ReferencedFile, SearchPaths};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::{Image, Material, MaterialClass, Mesh};
+
+pub use heights::{HeightMap, HeightUnit, read_heights};
 
 /// Which axis of the file points up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -149,10 +152,15 @@ pub struct GreyImage {
     pub values: Vec<f32>,
 }
 
-/// Reads a PNG or JPEG as brightness, the mean of its channels as they are stored.
+/// Reads a PNG or JPEG as brightness, the mean of its channels as they are stored; an EXR as its values, clamped to 0..1.
 /// # Errors
-/// `Input` with X010 if it is damaged, of another format, or over a limit.
+/// `Input` with X001 or X010 if it is damaged, of another format, or over a limit.
 pub fn read_grey(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<GreyImage> {
+    if heights::is_exr(bytes) {
+        let map = read_heights(path, bytes, options)?;
+        let values = map.values.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+        return Ok(GreyImage { width: map.width, height: map.height, values });
+    }
     let context = ImportContext::new(path, bytes, options);
     let raw = images::decode(&context, "mask", bytes, &mut 0).map_err(|d| Error::from(*d))?;
     let channels = usize::from(raw.channels);
@@ -162,6 +170,15 @@ pub fn read_grey(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Resu
     let scale = 1.0 / (255.0 * f32::from(if colors == 1 { 1_u8 } else { 3 }));
     let values = raw.samples.chunks_exact(channels).map(|p| f32::from(mean(p)) * scale).collect();
     Ok(GreyImage { width: raw.width as usize, height: raw.height as usize, values })
+}
+
+/// Reads a PNG or JPEG as a colour picture of 8 bits a channel, named `color`.
+/// # Errors
+/// `Input` with X010 if it is damaged, of another format, or over a limit.
+pub fn read_picture(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<Image> {
+    let context = ImportContext::new(path, bytes, options);
+    let raw = images::decode(&context, "picture", bytes, &mut 0).map_err(|d| Error::from(*d))?;
+    Ok(raw.into_image("color".into(), osier_scene::ImageKind::Color))
 }
 
 /// A result whose error is the diagnostic that ends the reading.

@@ -10,6 +10,7 @@ use crate::bake::assets::billboards;
 use crate::bake::assets::ifs_leaf;
 use crate::bake::assets::material_set::{MaterialSet, image_indices_mut};
 use crate::bake::assets::seasons::add_season_materials;
+use crate::bake::assets::skin_options::SHOOT;
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
 use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, ImportedMeshKeys, OrganKeys};
@@ -34,11 +35,12 @@ use osier_scene::{Image, Material, MaterialClass, Mesh};
 const IMPORTED_TRANSLUCENCY: f32 = 0.3;
 
 /// Length of a piece of a conifer's shoot, m, and the diameter of its needles as a share of that.
-const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.42];
-/// Needles of such a piece, and the angle of each to the shoot, rad: a spruce's, thinned out and widened to the same area.
-const NEEDLES: u32 = 110;
+const NEEDLE_SHOOT: [f64; 2] = [0.12, 0.3];
+/// Needles of such a piece and its twigs, and the angle of each to the shoot, rad: a spruce's, thinned out and widened to the same
+/// area.
+const NEEDLES: u32 = 180;
 const NEEDLE_ANGLE: f64 = 0.95;
-const NEEDLE_WIDTH: f32 = 0.0035;
+const NEEDLE_WIDTH: f32 = 0.003;
 /// Linear colour and roughness of needles.
 const NEEDLE_COLOR: [f32; 3] = [0.028, 0.075, 0.022];
 const NEEDLE_ROUGHNESS: f32 = 0.5;
@@ -231,8 +233,9 @@ fn build_leaf_blades(
         BladeDetail::Crown => leaf::BladeDetail::Crown,
     };
     let shape = BladeSpec { petiole_length: if bare { 0.0 } else { spec.petiole_length }, ..spec.clone() };
+    let compound = leaf::CompoundSpec { leaflets: keys.leaflets, leaflet_length: narrow(keys.leaflet_length) };
     let meshes = (0..u64::from(keys.variants))
-        .map(|variant| Ok(Arc::new(leaf::blade(&shape, variant, detail)?.with_material(id))))
+        .map(|variant| Ok(Arc::new(leaf::compound_leaf(&shape, &compound, variant, detail)?.with_material(id))))
         .collect::<Result<Vec<_>>>()?;
     // The organ's size is the length along +Y of mesh and petiole together, from the specification: a curled blade is shorter
     // than it. Without its petiole the mesh gets the share of that length that is its own.
@@ -244,7 +247,7 @@ fn build_leaf_blades(
 }
 
 /// Pieces of a conifer's shoot with their needles, `keys.variants` of them. `size` is the length of the piece, `width` the diameter of
-/// its needles over that, `lobes` the number of needles.
+/// its needles over that, `lobes` the number of needles; the wood of the pieces has the material of thin shoots.
 fn build_needle_shoots(
     set: &mut MaterialSet,
     recipe: &OrganRecipe,
@@ -267,14 +270,24 @@ fn build_needle_shoots(
     let across = 0.5 * keys.width.unwrap_or(NEEDLE_SHOOT[1]) * length;
     let spec = leaf::NeedleSpec {
         length: narrow(length),
-        count: keys.lobes.unwrap_or(NEEDLES).clamp(2, 1000),
+        count: keys.needles.unwrap_or(NEEDLES),
         needle: narrow(across / osier_base::math::sin(angle)),
         width: keys.petiole_radius.map_or(NEEDLE_WIDTH, |r| narrow(2.0 * r)),
         angle: narrow(angle),
+        twigs: keys.twigs,
+        twig: narrow(keys.twig_length * length),
+        twig_angle: narrow(keys.twig_angle),
+        coarse: keys.detail == BladeDetail::Crown,
         seed: mix64(&[seed, word(plant), word(name)]),
     };
     let meshes = (0..u64::from(keys.variants))
-        .map(|variant| Ok(Arc::new(leaf::needle_shoot(&spec, variant)?.with_material(id))))
+        .map(|variant| {
+            let mut mesh = leaf::needle_shoot(&spec, variant)?;
+            for subset in &mut mesh.subsets {
+                subset.material = if subset.material == 0 { id } else { u32::from(SHOOT) };
+            }
+            Ok(Arc::new(mesh))
+        })
         .collect::<Result<Vec<_>>>()?;
     Ok(OrganSpec { name: name.to_owned(), meshes, size: length, petiole: 0.0 })
 }
@@ -291,22 +304,24 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         BladeOutline::Lobed => BladeSpec::oak(),
         BladeOutline::Toothed => BladeSpec::birch(),
         BladeOutline::Deltoid => BladeSpec::poplar(),
+        BladeOutline::Palmate => BladeSpec::maple(),
         BladeOutline::Elliptic | BladeOutline::Needles => BladeSpec::elliptic(),
     };
     let or = |key: Option<f64>, own: f32| key.map_or(own, narrow);
     let length = or(keys.size, base.length);
+    let has_lobes = matches!(keys.blade, BladeOutline::Lobed | BladeOutline::Palmate);
     let teeth = Teeth {
-        count: keys.lobes.filter(|_| keys.blade != BladeOutline::Lobed).unwrap_or(base.teeth.count),
+        count: keys.lobes.filter(|_| !has_lobes).unwrap_or(base.teeth.count),
         // A share of the half width in scenes, of the width in the blade.
-        depth: keys
-            .depth
-            .filter(|_| keys.blade != BladeOutline::Lobed)
-            .map_or(base.teeth.depth, |d| (narrow(d) * 0.5).min(0.3)),
+        depth: keys.depth.filter(|_| !has_lobes).map_or(base.teeth.depth, |d| (narrow(d) * 0.5).min(0.3)),
         minor: keys.minor_teeth.unwrap_or(base.teeth.minor),
     };
     let form = match base.form {
         LeafForm::Lobed { lobes, depth } => {
             LeafForm::Lobed { lobes: keys.lobes.unwrap_or(lobes).clamp(1, 8), depth: or(keys.depth, depth) }
+        }
+        LeafForm::Palmate { lobes, depth } => {
+            LeafForm::Palmate { lobes: keys.lobes.unwrap_or(lobes).clamp(1, 4), depth: or(keys.depth, depth) }
         }
         other => other,
     };

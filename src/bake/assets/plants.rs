@@ -15,6 +15,7 @@ use crate::bake::assets::plant_mesh::{BoundPlant, build_bound_plant, build_plant
 use crate::bake::assets::rigged_plant::build_rigged_plant;
 use crate::bake::assets::shape_growth::grows_round_solids;
 use crate::bake::assets::species_growth::{grow_species, needs_solids, shared_individuals};
+use crate::bake::assets::terrain::terrain_solid;
 use crate::bake::motion::AssetMotion;
 use crate::bake::motion::growth::{GrowthClip, GrowthMotion};
 use crate::bake::motion::rain::PlantInRain;
@@ -32,7 +33,8 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
-use osier_scene::solid::Solid;
+use osier_plants::surface::terrain::Terrain;
+use osier_scene::solid::{Form, Solid};
 use osier_scene::{Asset, Placement, Trs};
 
 /// What [`add_plant_assets`] found out while it built the plants' assets.
@@ -90,16 +92,17 @@ pub(crate) fn plant_material_sets(
     sets.into_iter().collect()
 }
 
-/// Grows all individuals of a layout, with the warnings of their derivations.
+/// Grows all individuals of a layout, with the warnings of their derivations. `terrain`: of the scene, if it has one.
 /// # Errors
 /// `Input` with the faults of all individuals together; else the first other error.
 pub(crate) fn grow_plants(
     recipe: &Recipe,
     layout: &PlantLayout,
+    terrain: Option<&Terrain>,
     sets: &[MaterialSet],
     context: &BakeContext<'_>,
 ) -> Result<(Vec<GrownPlant>, Report)> {
-    let solids = growth_solids(recipe, layout)?;
+    let solids = growth_solids(recipe, layout, terrain)?;
     let transforms = layout.first_transforms();
     let trees = grow_species(recipe, layout, &solids, context.limits)?;
     let frames = f64::from(recipe.clip.end.saturating_sub(recipe.clip.start));
@@ -130,7 +133,7 @@ pub(crate) fn grow_plants(
 /// The solids that some plant of a scene grows round; none if there is no such plant.
 /// # Errors
 /// S003 for such a plant with more copies than individuals, X010 for a mesh without triangles.
-fn growth_solids(recipe: &Recipe, layout: &PlantLayout) -> Result<Vec<Solid>> {
+fn growth_solids(recipe: &Recipe, layout: &PlantLayout, terrain: Option<&Terrain>) -> Result<Vec<Solid>> {
     let bound: Vec<usize> = (0..recipe.plants.len()).filter(|i| grows_round_solids(&recipe.plants[*i])).collect();
     let mut report = Report { diagnostics: shared_individuals(recipe, layout), ..Report::default() };
     let species = recipe.plants.iter().any(|p| matches!(&p.growth, Growth::Species(s) if needs_solids(s)));
@@ -150,7 +153,10 @@ fn growth_solids(recipe: &Recipe, layout: &PlantLayout) -> Result<Vec<Solid>> {
     }
     let solid =
         |s: &SolidRecipe| Ok(Solid { name: s.keys.name.clone(), form: solid_form(s)?, humidity: s.keys.humidity });
-    let solids = recipe.solids.iter().map(solid).collect::<Result<_>>()?;
+    let mut solids = recipe.solids.iter().map(solid).collect::<Result<Vec<Solid>>>()?;
+    // The terrain is the ground in which such plants stand; no solid of a scene is without a name.
+    let land = terrain.and_then(terrain_solid).map(|land| Form::Land(Arc::new(land)));
+    solids.extend(land.map(|form| Solid { name: String::new(), form, humidity: 0.0 }));
     report.into_result(solids).map(|r| r.0)
 }
 

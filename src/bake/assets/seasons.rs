@@ -62,7 +62,7 @@ struct OutlineYear {
     bud: f64,
 }
 
-/// Own: chosen by eye from photographs of oak, birch, poplar, beech and larch.
+/// Own: chosen by eye from photographs of oak, birch, poplar, beech, maple and larch.
 fn outline_year(blade: BladeOutline) -> OutlineYear {
     match blade {
         BladeOutline::Lobed => OutlineYear {
@@ -94,6 +94,17 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
             ],
             falls: FallOrder::Tips,
             bud: 0.009,
+        },
+        // Maples: yellow, orange and red on one tree.
+        BladeOutline::Palmate => OutlineYear {
+            autumn: &[
+                ([0xd8, 0x8a, 0x26], 3.0),
+                ([0xe3, 0xb2, 0x34], 3.0),
+                ([0xc4, 0x4e, 0x24], 2.0),
+                ([0xc9, 0xb0, 0x4a], 1.0),
+            ],
+            falls: FallOrder::Tips,
+            bud: 0.008,
         },
         BladeOutline::Needles => OutlineYear {
             autumn: &[([0xd8, 0xa0, 0x36], 3.0), ([0xc6, 0x8a, 0x2e], 2.0)],

@@ -20,7 +20,7 @@ use osier_plants::grow::particle_shapes::region::Region;
 use osier_plants::grow::particle_shapes::{self, ShapeMaterials};
 use osier_plants::grow::turtle::OrganSpec;
 use osier_scene::plant::Plant;
-use osier_scene::solid::Solid;
+use osier_scene::solid::{Form, Solid};
 
 /// Ratios of the radii of an internode and their weights, without the key: [wang-hao] draws them, but prints none.
 const DEFAULT_RATIOS: [[f64; 2]; 3] = [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]];
@@ -82,7 +82,9 @@ pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParam
     let regions = |list: &[RegionKeys]| -> Vec<Region> { list.iter().filter_map(|r| region(r, site)).collect() };
     let mut obstacles = regions(&keys.obstacles);
     if keys.solids {
-        obstacles.extend(site.solids.iter().map(|solid| solid_region(solid, site)));
+        // The land is the ground that they start from, which is no obstacle.
+        let standing = site.solids.iter().filter(|s| !matches!(s.form, Form::Land(_)));
+        obstacles.extend(standing.map(|solid| solid_region(solid, site)));
     }
     let envelope = regions(&keys.envelope);
     // Keys are SI already; what is by level stays a list, whose last number repeats.

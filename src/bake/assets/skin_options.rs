@@ -13,7 +13,9 @@ pub const SHOOT_RADIUS: f32 = 0.008;
 
 /// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
 pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
+    let defaults = SkinOptions::default();
     SkinOptions {
+        sides: (keys.sides, defaults.sides.1),
         turn: osier_base::math::narrow(keys.turn),
         edge: osier_base::math::narrow(keys.edge),
         tile: [tile, tile],
@@ -22,6 +24,6 @@ pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> Sk
         bury: osier_base::math::narrow(keys.bury),
         shoot: Some((SHOOT_RADIUS, SHOOT)),
         max_points: context.limits.get("vertices"),
-        ..SkinOptions::default()
+        ..defaults
     }
 }

@@ -20,7 +20,7 @@ use osier_plants::grow::years::{
 };
 use osier_scene::Trs;
 use osier_scene::plant::Plant;
-use osier_scene::solid::{Solid, Solids};
+use osier_scene::solid::{Form, Solid, Solids};
 
 /// Whether a plant grows for the one place in which it stands: its copies are neither turned nor scaled, and no two share an
 /// individual. `together`: with the trees around it.
@@ -124,8 +124,14 @@ fn site(keys: &SiteKeys, solids: &[Solid]) -> Site {
         side: Vec3::from_array(keys.side.map(narrow)),
         latitude: keys.latitude,
         direct: keys.direct,
-        solids: keys.solids.then(|| Arc::new(Solids::new(solids.to_vec(), true))),
+        solids: keys.solids.then(|| Arc::new(ground_and_solids(solids))),
     }
+}
+
+/// Solids with the ground under them: the land among them, else the level y = 0.
+pub(crate) fn ground_and_solids(solids: &[Solid]) -> Solids {
+    let level = !solids.iter().any(|s| matches!(s.form, Form::Land(_)));
+    Solids::new(solids.to_vec(), level)
 }
 
 /// A cut of the keys; `None` for one that keeps nothing, which resolving has reported.
@@ -212,9 +218,12 @@ pub(crate) fn shared_individuals(recipe: &Recipe, layout: &PlantLayout) -> Vec<D
         let Some(plant) = recipe.plants.get(individual.plant) else { continue };
         let bound = grows_in_place(plant, individual.together);
         if bound && copies > 1 && !std::mem::replace(&mut told[individual.plant], true) {
-            let text =
-                format!("plant \"{}\" grows for its own place, but copies of it share an individual", plant.name);
-            out.push(Diagnostic::about("S003", text).help("leave out `individuals` of its [[place]]"));
+            let text = format!(
+                "plant \"{}\" grows for its own place but stands in {copies} places as one individual",
+                plant.name
+            );
+            let help = "leave out `individuals` of its [[place]], or place it by [[place]] instead of [[scatter]]";
+            out.push(Diagnostic::about("S003", text).help(help));
         }
     }
     out

@@ -21,7 +21,7 @@ use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::scene::builder::SceneBuilder;
 use crate::bake::scene::camera_light::{scene_camera, scene_sky, scene_sun};
 use crate::bake::scene::dry_run;
-use crate::bake::scene::layout::lay_out_scene;
+use crate::bake::scene::layout::{SceneLayout, lay_out_scene};
 use crate::bake::scene::scatter::sink_feet;
 use crate::bake::wind::lattice::{check_lattice, lattice_solids};
 use crate::bake::wind::needs::WindNeeds;
@@ -118,7 +118,7 @@ fn assemble(
 
     // Placement: where each plant stands, and which individual of its kind it shows. An estimate grows a sample of the
     // individuals, each with a weight.
-    let (mut layout, terrain) = lay_out_scene(recipe, context)?;
+    let SceneLayout { plants: mut layout, terrain, report: layout_report } = lay_out_scene(recipe, context)?;
     let weights = if estimating {
         dry_run::sample_individuals_of_each_plant(&mut layout, recipe.plants.len())
     } else {
@@ -137,7 +137,7 @@ fn assemble(
             let full_plants = full.iter().flat_map(|m| &m.plants);
             sets.iter_mut().zip(full_plants).for_each(|(set, plant)| dry_run::restore_image_sizes(set, plant));
             context.progress.stage("growing", layout.individuals.len() as u64);
-            let grown = grow_plants(recipe, &layout, &sets, context)?;
+            let grown = grow_plants(recipe, &layout, terrain.as_ref(), &sets, context)?;
             Ok::<_, Error>((sets, grown))
         },
         || {
@@ -152,6 +152,7 @@ fn assemble(
         },
     );
     let ((material_sets, (grown, mut report)), ground_surface) = (plants?, ground_surface?);
+    report.extend(layout_report);
     material_sets.iter().filter_map(|l| l.tree.as_ref()).for_each(|tree| report.extend(tree.report.clone()));
     // The radius of a grown foot tells how deep it must be sunk into a slope.
     if let Some(terrain) = &terrain {
@@ -231,8 +232,8 @@ fn assemble(
         add_ground(materials, mesh, ground.center, &mut builder)?;
     }
     let terrain = terrain.filter(|_| parts.ground);
-    if let Some((terrain, keys)) = terrain.as_ref().zip(recipe.terrain.as_ref()) {
-        add_terrain(terrain, keys, recipe.general.seed, &mut builder)?;
+    if let Some((terrain, of)) = terrain.as_ref().zip(recipe.terrain.as_ref()) {
+        add_terrain(terrain, of, recipe.general.seed, &mut builder)?;
     }
     rain.wet_surfaces(&mut builder, context)?;
     let mut camera = camera.unwrap_or_else(|| scene_camera(recipe, &builder.assets, &builder.placements));

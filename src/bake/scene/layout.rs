@@ -13,28 +13,50 @@ use crate::bake::scene::plant_layout::{
 use crate::bake::scene::scatter;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
 use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
 use osier_base::math;
 use osier_base::rng::Rng;
+use osier_import::GreyImage;
 use osier_plants::surface::terrain::Terrain;
 use osier_scene::Trs;
 
-/// Lays out the places of a recipe and scatters plants over its terrain, which is returned too.
+/// Where everything stands, and what it stands on.
+#[derive(Debug)]
+pub struct SceneLayout {
+    /// The individuals and their placements.
+    pub plants: PlantLayout,
+    /// The terrain, if the scene has one.
+    pub terrain: Option<Terrain>,
+    /// Warnings about the terrain.
+    pub report: Report,
+}
+
+/// Lays out the places of a recipe and scatters plants over its terrain.
 /// # Errors
-/// `Range` for a terrain outside its ranges, `Limit`, `Cancelled`.
-pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<(PlantLayout, Option<Terrain>)> {
+/// `Range` for a terrain outside its ranges, X010 for a mesh that is none, `Limit`, `Cancelled`.
+pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<SceneLayout> {
     let mut layout = lay_out(recipe);
-    let Some(keys) = &recipe.terrain else { return Ok((layout, None)) };
+    let mut report = Report::default();
+    let Some(terrain) = &recipe.terrain else { return Ok(SceneLayout { plants: layout, terrain: None, report }) };
     // Places give heights above the terrain; scattered plants are placed on it directly.
-    let land = terrain::generate_terrain(keys, recipe.general.seed)?;
+    let (land, folded) = terrain::build_terrain(terrain, recipe.general.seed)?;
+    folded.into_iter().for_each(|d| report.push(d));
+    let mut beyond = 0_usize;
     for s in &mut layout.instances {
         let at = &mut s.transform.t;
+        beyond += usize::from(!land.covers(at.x, at.z));
         at.y += land.height_at(at.x, at.z);
         s.slope = Some(tan_of_slope(land.normal_at(at.x, at.z)));
     }
+    if beyond > 0 {
+        let text = format!("{beyond} plants of [[place]] stand beyond the edge of the terrain or over a hole in it");
+        let help = "move them, or make the terrain larger; they stand at the height of its nearest edge";
+        report.push(Diagnostic::about("S037", text).help(help));
+    }
     scatter::scatter_plants(recipe, &land, &mut layout, context)?;
     name_assets(recipe, &mut layout);
-    Ok((layout, Some(land)))
+    Ok(SceneLayout { plants: layout, terrain: Some(land), report })
 }
 
 /// Lays out a recipe's places. Copies of a group are spread evenly over a disc; each draw has the address
@@ -100,27 +122,30 @@ fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
     }
 }
 
-/// Positions of a place's copies relative to its centre, m, by best-candidate sampling: up to 24 uniform draws in the disc, of which the
-/// first that keeps both distances is taken, else the best. `clear`: plants of earlier places, relative to the same centre.
-fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec2> {
-    let count = place.keys.count;
-    if count == 1 {
-        return vec![Vec2::ZERO];
+/// Tries of a copy to keep both distances.
+const TRIES: u32 = 24;
+
+/// Positions of a place's copies relative to its centre, m, by best-candidate sampling: up to [`TRIES`] draws in the place's region, of
+/// which the first that keeps both distances is taken, else the best. `clear`: plants of earlier places, relative to the same centre.
+fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec3> {
+    let region = Region::of(place);
+    if matches!(region, Region::Disc { .. }) && place.keys.count == 1 {
+        return vec![Vec3::ZERO];
     }
-    let (radius, spacing) = (math::narrow(place.keys.radius), math::narrow(place.keys.spacing));
+    // Along a line the spacing is kept by the positions themselves.
+    let on_line = matches!(region, Region::Line { .. });
+    let spacing = if on_line { 0.0 } else { math::narrow(place.keys.spacing) };
     let mut near = PlacementGrid::new(spacing);
-    (0..u64::from(count))
+    (0..place.keys.count)
         .map(|copy| {
             let mut rng = Rng::at(seed, &["place".into(), index.into(), copy.into(), "spot".into()]);
-            // Radius as the square root of a uniform draw: even density over the disc.
-            let mut best = (f32::NEG_INFINITY, Vec2::ZERO);
-            for _ in 0..24 {
-                let r = radius * math::sqrt_f32(rng.unit_f32());
-                let a = std::f32::consts::TAU * rng.unit_f32();
-                let spot = Vec2::new(r * math::cos_f32(a), r * math::sin_f32(a));
-                let room = near.distance(spot);
+            let mut best = (f32::NEG_INFINITY, Vec3::ZERO);
+            for _ in 0..TRIES {
+                let spot = region.draw(copy, &mut rng);
+                let level = Vec2::new(spot.x, spot.z);
+                let room = near.distance(level);
                 // Overlap with another place weighs a thousand times as much as crowding within this one.
-                let lacking = clear.side - clear.distance(spot);
+                let lacking = clear.side - clear.distance(level);
                 let score = room - 1e3 * lacking;
                 if score > best.0 {
                     best = (score, spot);
@@ -129,10 +154,97 @@ fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &Placement
                     break;
                 }
             }
-            near.insert(best.1);
+            near.insert(Vec2::new(best.1.x, best.1.z));
             best.1
         })
         .collect()
+}
+
+/// Where the copies of a place may stand, m, from its centre.
+enum Region<'a> {
+    Disc {
+        radius: f32,
+    },
+    /// Half width along x and half depth along z; `mask`: the density over it.
+    Rectangle {
+        half: Vec2,
+        mask: Option<MaskSampler<'a>>,
+    },
+    /// A position for each copy, and how far it may lie from it.
+    Line {
+        positions: &'a [[f64; 3]],
+        jitter: f32,
+    },
+}
+
+impl<'a> Region<'a> {
+    fn of(place: &'a PlaceRecipe) -> Self {
+        let keys = &place.keys;
+        match keys.area {
+            _ if !place.line.is_empty() => Self::Line { positions: &place.line, jitter: math::narrow(keys.jitter) },
+            Some(size) => {
+                let half = Vec2::from_array(size.map(math::narrow)) * 0.5;
+                Self::Rectangle { half, mask: place.mask.as_ref().map(MaskSampler::new) }
+            }
+            None => Self::Disc { radius: math::narrow(keys.radius) },
+        }
+    }
+
+    fn draw(&self, copy: u32, rng: &mut Rng) -> Vec3 {
+        match self {
+            Self::Disc { radius } => draw_in_disc(*radius, rng),
+            Self::Rectangle { half, mask } => {
+                let shares = match mask {
+                    Some(mask) => mask.draw(rng),
+                    None => Vec2::new(rng.unit_f32(), rng.unit_f32()),
+                };
+                let at = (shares * 2.0 - 1.0) * *half;
+                Vec3::new(at.x, 0.0, at.y)
+            }
+            Self::Line { positions, jitter } => {
+                let at = positions.get(copy as usize).copied().unwrap_or_default();
+                let off = if *jitter > 0.0 { draw_in_disc(*jitter, rng) } else { Vec3::ZERO };
+                Vec3::from_array(at.map(math::narrow)) + off
+            }
+        }
+    }
+}
+
+/// A uniform draw in a level disc. The radius is the square root of a uniform draw: even density over the disc.
+fn draw_in_disc(radius: f32, rng: &mut Rng) -> Vec3 {
+    let r = radius * math::sqrt_f32(rng.unit_f32());
+    let a = std::f32::consts::TAU * rng.unit_f32();
+    Vec3::new(r * math::cos_f32(a), 0.0, r * math::sin_f32(a))
+}
+
+/// Draws places with the density of a grey picture: a pixel by its share of all brightness, then a place in it.
+struct MaskSampler<'a> {
+    mask: &'a GreyImage,
+    /// Sum of the brightness up to and including each pixel, row by row.
+    sums: Vec<f64>,
+}
+
+impl<'a> MaskSampler<'a> {
+    fn new(mask: &'a GreyImage) -> Self {
+        let mut total = 0.0;
+        let add = |v: &f32| {
+            total += f64::from(v.max(0.0));
+            total
+        };
+        Self { mask, sums: mask.values.iter().map(add).collect() }
+    }
+
+    /// Shares of the way from the left and from the top.
+    fn draw(&self, rng: &mut Rng) -> Vec2 {
+        let total = self.sums.last().copied().unwrap_or(0.0);
+        let wanted = rng.unit_f64() * total;
+        // The first pixel whose sum lies above the draw: never a black one, whose sum is that of its neighbour.
+        let pixel = self.sums.partition_point(|sum| *sum <= wanted).min(self.sums.len().saturating_sub(1));
+        let width = self.mask.width.max(1);
+        let (x, y) = (pixel % width, pixel / width);
+        let place = Vec2::new(x as f32 + rng.unit_f32(), y as f32 + rng.unit_f32());
+        place / Vec2::new(width as f32, self.mask.height.max(1) as f32)
+    }
 }
 
 /// Points in square cells as wide as the distance that is kept, so that the nearest point within it lies in the 3 x 3 cells around.
@@ -170,7 +282,7 @@ impl PlacementGrid {
 }
 
 /// Transform of one copy of a place. `turned_as`: the copy whose drawn turn it shares.
-fn copy_transform(seed: u64, index: usize, copy: usize, turned_as: usize, place: &PlaceRecipe, spot: Vec2) -> Trs {
+fn copy_transform(seed: u64, index: usize, copy: usize, turned_as: usize, place: &PlaceRecipe, spot: Vec3) -> Trs {
     let keys = &place.keys;
     let stream = |copy: usize| Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
     let drawn_turn = stream(turned_as).range(0.0, std::f64::consts::TAU);
@@ -183,7 +295,7 @@ fn copy_transform(seed: u64, index: usize, copy: usize, turned_as: usize, place:
     let lean = rotation_about_axis(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);
     let center = Vec3::from_array(keys.at.map(math::narrow));
     Trs {
-        t: center + Vec3::new(spot.x, 0.0, spot.y),
+        t: center + spot,
         r: (lean * rotation_about_axis(Vec3::Y, turn)).normalize(),
         s: Vec3::splat(math::narrow(keys.scale * (1.0 + keys.vary * drawn_scale))),
     }
@@ -222,6 +334,47 @@ mod tests {
         let p: Vec<Vec3> = l.instances.iter().map(|s| s.transform.t).collect();
         assert!(p[1..].iter().all(|q| q.distance(p[0]) >= 1.0));
         assert!(p[1..].iter().any(|q| q.distance(p[0]) < 1.3));
+    }
+
+    #[test]
+    fn hedges_stand_on_their_outline() {
+        let l = laid("[[place]]\nplant = \"a\"\nat = [5, 1, 2]\noutline = [6, 3]\nspacing = 0.5\nindividuals = 2");
+        assert_eq!((l.individuals.len(), l.instances.len()), (2, 36));
+        for s in &l.instances {
+            let p = s.transform.t - Vec3::new(5.0, 1.0, 2.0);
+            let on_edge = (p.x.abs() - 3.0).abs() < 1e-5 || (p.z.abs() - 1.5).abs() < 1e-5;
+            assert!(on_edge && p.x.abs() < 3.001 && p.z.abs() < 1.501 && p.y.abs() < 1e-6, "{p}");
+        }
+        let line = |jitter: f64| {
+            laid(&format!(
+                "[[place]]\nplant = \"a\"\nalong = [[0, 0, 0], [9, 3, 0]]\ncount = 10\njitter = {jitter}\nindividuals = 1"
+            ))
+        };
+        let off: Vec<f32> = (line(0.3).instances.iter().zip(&line(0.0).instances))
+            .map(|(a, b)| (a.transform.t - b.transform.t).length())
+            .collect();
+        assert!(off.iter().all(|d| (0.0..=0.3).contains(d)) && off.iter().any(|d| *d > 0.1), "{off:?}");
+        assert!((line(0.0).instances[3].transform.t - Vec3::new(3.0, 1.0, 0.0)).length() < 1e-5);
+    }
+
+    #[test]
+    fn a_mask_gives_the_density() {
+        // Three columns, black, grey and white, over 30 x 10 m.
+        let mask = GreyImage { width: 3, height: 1, values: vec![0.0, 0.25, 0.75] };
+        let text =
+            "[plants.a]\ngrammar = \"oak.l\"\n[[place]]\nplant = \"a\"\narea = [30, 10]\ncount = 2000\nindividuals = 1";
+        let mut recipe = resolve(&Request { text: text.into(), ..Request::default() }).expect("scene").0;
+        let even = lay_out(&recipe);
+        recipe.places[0].mask = Some(mask);
+        let masked = lay_out(&recipe);
+        let within = |l: &PlantLayout, from: f32, to: f32| {
+            l.instances.iter().filter(|s| s.transform.t.x >= from && s.transform.t.x < to).count()
+        };
+        assert!((620..=710).contains(&within(&even, -15.0, -5.0)), "a third");
+        assert_eq!(within(&masked, -15.0, -5.0), 0);
+        assert!((450..=550).contains(&within(&masked, -5.0, 5.0)), "a quarter: {}", within(&masked, -5.0, 5.0));
+        assert_eq!(within(&masked, -15.0, 15.0), 2000);
+        assert!(masked.instances.iter().all(|s| s.transform.t.z.abs() <= 5.0));
     }
 
     #[test]

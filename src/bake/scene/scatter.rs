@@ -198,8 +198,15 @@ individuals = 2
         let stage = built(SCENE);
         let scene = &stage.scene;
         let field = scene.land.as_ref().expect("land");
-        let land =
-            Terrain { side: field.side, size: field.size, stride: 1, tileable: false, heights: field.heights.clone() };
+        let land = Terrain {
+            counts: field.counts,
+            size: field.size,
+            center: field.center,
+            stride: 1,
+            tileable: false,
+            heights: field.heights.clone(),
+            surface: None,
+        };
         let plants: Vec<_> =
             scene.placements.iter().filter(|p| scene.assets[p.asset].kind == AssetKind::Plant).collect();
         assert!(plants.len() > 80, "{}", plants.len());

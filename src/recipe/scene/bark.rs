@@ -1,7 +1,8 @@
 //! `[plants.NAME.bark]`, `.shoot` and `.skin`: bark and its mesh.
 
 use crate::recipe::syntax::{
-    ColorType, FileReference, OneOf, OptionalKey, PowerOfTwo, Reference, StringType, degrees, millimetres, number,
+    ColorType, FileReference, OneOf, OptionalKey, PowerOfTwo, Reference, StringType, degrees, integer, millimetres,
+    number,
 };
 use crate::recipe::syntax::{choices, keys};
 
@@ -74,6 +75,8 @@ keys! {
         segment: String = "segment" StringType("");
         /// Edge length around an axis.
         edge: f64 = "edge" number(0.04, 1e-5, 10.0, "m");
+        /// Fewest sides of a tube, which twigs have: 3 makes files of growth clips and of trees with many twigs smaller.
+        sides: u32 = "sides" integer(5, 3, 32);
         /// Bending angle after which a new ring is inserted.
         turn: f64 = "turn_deg" degrees(12.0, 0.6, 85.0);
         /// Texture coordinates: scaled with the circumference ("conformal") or of constant size ("metric").

@@ -22,6 +22,8 @@ choices! {
         Deltoid = "deltoid",
         /// Widest in the middle, without teeth, as a beech's.
         Elliptic = "elliptic",
+        /// Lobes from the base like fingers, as a maple's.
+        Palmate = "palmate",
         /// A piece of a conifer's shoot with its needles all round.
         Needles = "needles",
     }
@@ -67,6 +69,18 @@ keys! {
         lobes: Option<u32> = "lobes" OptionalKey(integer(5, 0, 60), OWN);
         /// Depth of lobes or teeth.
         depth: Option<f64> = "depth" OptionalKey(number(0.35, 0.0, 0.9, "of the half width"), OWN);
+        /// Leaflets of a compound leaf along its stalk, each with the outline of the blade; 1 is a simple leaf.
+        leaflets: u32 = "leaflets" integer(1, 1, 41);
+        /// Length of a leaflet as a share of the whole leaf's.
+        leaflet_length: f64 = "leaflet_length" number(0.35, 0.02, 1.0, "of the leaf");
+        /// With blade "needles": number of needles of a piece of shoot and its twigs.
+        needles: Option<u32> = "needles" OptionalKey(integer(180, 2, 4000), OWN);
+        /// With blade "needles": side twigs of a piece of shoot, to the left and right.
+        twigs: u32 = "twigs" integer(0, 0, 24);
+        /// With blade "needles": length of the longest side twig.
+        twig_length: f64 = "twig_length" number(0.6, 0.05, 2.0, "of the piece");
+        /// With blade "needles": angle between the shoot and its side twigs.
+        twig_angle: f64 = "twig_angle_deg" degrees(50.0, 5.0, 120.0);
         /// Number of smaller teeth after each large one.
         minor_teeth: Option<u32> = "minor_teeth" OptionalKey(integer(0, 0, 4), OWN);
         /// Number of secondary veins on each side; lobed blades have one per lobe.

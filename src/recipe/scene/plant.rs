@@ -220,6 +220,28 @@ impl Resolver<'_> {
                 self.report.push(d.help(help));
             }
         }
+        if self.has_two_sources(table, &path) {
+            return None;
+        }
+        if keys.species.is_some() {
+            for (key, why) in [
+                ("steps", "a species grows for `age` years"),
+                ("set", "only a grammar has #defines; the habit of a species is in [plants.NAME.habit]"),
+                ("turtle", "only a grammar is drawn by a turtle"),
+                ("tree", "only a coefficient table has it; the habit of a species is in [plants.NAME.habit]"),
+                ("stochastic", "only a grammar has productions"),
+            ] {
+                if let Some(entry) = table.get(key) {
+                    let d = Diagnostic::warning(
+                        "S007",
+                        format!("{path}.{key} has no effect on a species"),
+                        entry.key_span,
+                        "has no effect",
+                    );
+                    self.report.push(d.help(why));
+                }
+            }
+        }
         // One of mesh, grammar, coefficient table and particle-shapes grows the plant. `letters` are the organs that it uses.
         let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
@@ -275,6 +297,11 @@ impl Resolver<'_> {
         let fill = match &keys.twigs {
             // The surface of an artist's mesh stays as it is.
             _ if matches!(growth, Growth::Mesh(..)) => None,
+            // The recorded years know nothing of twigs that are added.
+            Some(_) if matches!(&growth, Growth::Species(species) if species.clip.is_some()) => {
+                self.has_no_effect(table, &path, &["twigs"], "the tree grows over the clip year by year");
+                None
+            }
             Some(reference) => {
                 let file = self.read(&reference.text, reference.span, "text-bytes", &[".shapes"])?;
                 letters.extend(Some('l').filter(|l| !letters.contains(l)));
@@ -299,6 +326,7 @@ impl Resolver<'_> {
             let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
             organs.push(OrganRecipe { letter: CARD, keys, ifs: None, drawn: Arc::default(), mesh: None });
         }
+        self.check_segment_organ(table, &path, &skin, &organs);
         Some(PlantRecipe {
             name: name.into(),
             id,
@@ -315,6 +343,40 @@ impl Resolver<'_> {
             rods,
             keys,
         })
+    }
+
+    /// S003 for a plant that is to grow from two files. A mesh with anything but a species is S007: it keeps what it is.
+    fn has_two_sources(&mut self, plant: &TomlTable, path: &str) -> bool {
+        let mut given: Vec<_> = ["grammar", "ifs", "shapes", "species"].iter().filter_map(|k| plant.get(k)).collect();
+        if plant.get("species").is_some() {
+            given.extend(plant.get("mesh"));
+        }
+        let [first, second, ..] = given[..] else { return false };
+        let text = format!("{path} has both {} and {}: a plant grows from one of them", first.key, second.key);
+        let mut d = Diagnostic::error("S003", text, second.key_span, "the second");
+        d.labels.push((first.key_span, "the first".into()));
+        self.report.push(d.help("leave one of them out, or make it a plant of its own"));
+        true
+    }
+
+    /// S003 for segments that are to be shown as an organ that the plant does not have.
+    fn check_segment_organ(&mut self, plant: &TomlTable, path: &str, skin: &SkinKeys, organs: &[OrganRecipe]) {
+        let mut letters = skin.segment.chars();
+        let (Some(letter), rest) = (letters.next(), letters.next()) else { return };
+        let known = organs.iter().any(|o| o.letter == letter && o.letter != CARD);
+        if known && rest.is_none() {
+            return;
+        }
+        let span = span_of(plant, &["skin", "segment"]).unwrap_or(self.whole);
+        let text = format!("{path}.skin.segment names the organ \"{}\", which the plant does not have", skin.segment);
+        let names: Vec<String> =
+            organs.iter().filter(|o| o.letter != CARD).map(|o| format!("\"{}\"", o.letter)).collect();
+        let d = Diagnostic::error("S003", text, span, "one letter of an organ");
+        self.report.push(d.help(if names.is_empty() {
+            format!("give it such an organ: [{path}.organs.{letter}]")
+        } else {
+            format!("its organs are {}; another one is described by [{path}.organs.{letter}]", names.join(", "))
+        }));
     }
 
     /// S007 for what a plant cannot be at the same time; the later of both keys gives way: growth in the rain or on shader attributes,

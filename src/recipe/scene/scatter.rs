@@ -21,7 +21,7 @@ keys! {
         /// Probability that a position is used.
         density: f64 = "density" number(1.0, 0.0, 1.0, ""), basic;
         /// Image over the whole terrain, top at -z: plants grow where it is white.
-        mask: Option<Reference> = "mask" FileReference(".png, .jpg");
+        mask: Option<Reference> = "mask" FileReference(".png, .jpg, .exr");
         /// Size of patches in which plants gather; 0 for a uniform distribution.
         clump: f64 = "clump" number(0.0, 0.0, 1e5, "m");
         /// Smallest and largest scale.

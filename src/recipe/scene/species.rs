@@ -7,13 +7,16 @@ use crate::recipe::syntax::{
     integer, join, list_table, number, outside, wrong,
 };
 use crate::recipe::syntax::{Fault, choices, keys};
-use crate::recipe::{ReferencedFile, SpeciesRecipe};
+use crate::recipe::{Growth, PlaceRecipe, PlantRecipe, ReferencedFile, SpeciesRecipe};
 use osier_base::diagnostic::{Diagnostic, nearest};
 use osier_plants::grow::years::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS};
 use serde_json::json;
 
 /// Greatest length of the vector towards the brighter side of the sky: with 1 the dark side would be black.
 const MAX_SIDE: f64 = 0.95;
+/// Share of the height of a cut up to which a clear stem leaves a plant a crown. Own: a hedge that is bare over more than its lower half
+/// is taken for a mistake.
+const MAX_CLEAR_SHARE: f64 = 0.5;
 /// Keys of a habit that artists change first.
 const BASIC: [&str; 6] = ["apical_control", "shoot_rate", "path_max", "angle", "elevation", "clear_stem"];
 
@@ -64,10 +67,18 @@ keys! {
         every: u32 = "every" integer(0, 0, 500);
         /// Last year in which it may repeat.
         until: u32 = "until" integer(500, 1, 500);
-        /// Two opposite corners of the box that stays, from the base of the tree.
+        /// Two opposite corners of the box that stays, from the base of the tree; or the name of a `[[solid]]`.
         keep: Vec<[f64; 3]> = "keep" PointList;
         /// Name of the `[[solid]]` that stays instead of a box.
         solid: String = "solid" StringType("");
+    }
+}
+
+impl SiteKeys {
+    /// Whether another tree has the same sky and stands among the same solids.
+    fn has_sky_of(&self, other: &Self) -> bool {
+        let keys = |k: &Self| (k.side, k.latitude, k.direct, k.solids);
+        keys(self) == keys(other)
     }
 }
 
@@ -232,6 +243,7 @@ impl Resolver<'_> {
             self.report.push(d.help(format!("give it a length of at most {MAX_SIDE}")));
         }
         let prunes = self.prunes(plant, path);
+        self.check_clear_stem(plant, path, &habit.habit, &prunes);
         let age = age.unwrap_or_else(|| shortest(habit.habit.age));
         Some(SpeciesRecipe { habit, site, stand, prunes, age, clip: None })
     }
@@ -271,6 +283,58 @@ impl Resolver<'_> {
         Some(ages)
     }
 
+    /// S038 where `clear_stem` takes away what a cut keeps, or more than the tree grows high.
+    fn check_clear_stem(&mut self, plant: &TomlTable, path: &str, habit: &Habit, prunes: &[PruneKeys]) {
+        // Trees of several stems keep their lower branches.
+        if habit.stems > 1.0 {
+            return;
+        }
+        let clear = f64::from(habit.clear_stem);
+        let top = |p: &PruneKeys| p.keep.iter().map(|corner| corner[1]).fold(0.0, f64::max);
+        let hedge = prunes.iter().filter(|p| p.solid.is_empty()).map(top).fold(f64::INFINITY, f64::min);
+        let highest = f64::from(habit.path_max.min(habit.height_max));
+        let text = if clear > MAX_CLEAR_SHARE * hedge {
+            format!("clear_stem takes away the branches below {clear} m of a plant that is cut at {hedge} m")
+        } else if clear >= highest {
+            format!("clear_stem takes away the branches below {clear} m of a tree that grows {highest} m high at most")
+        } else {
+            return;
+        };
+        let span = span_of(plant, &["habit", "clear_stem"])
+            .or_else(|| plant.get("prune").map(|e| e.key_span))
+            .unwrap_or(self.whole);
+        let d = Diagnostic::warning("S038", format!("{path}: {text}"), span, "too high a stem");
+        self.report.push(d.help("write [plants.NAME.habit] clear_stem = 0.1 for a hedge"));
+    }
+
+    /// S003 for plants that grow together in one field of light under different skies.
+    pub(in crate::recipe) fn check_sites_together(
+        &mut self,
+        root: &TomlTable,
+        plants: &[PlantRecipe],
+        places: &[PlaceRecipe],
+    ) {
+        let mut first: Option<(&PlantRecipe, &SiteKeys)> = None;
+        let mut told: Vec<&str> = Vec::new();
+        for plant in places.iter().filter(|p| p.keys.together).filter_map(|p| plants.get(p.plant)) {
+            let Growth::Species(species) = &plant.growth else { continue };
+            let (other, site) = *first.get_or_insert((plant, &species.site));
+            if site.has_sky_of(&species.site) || told.contains(&plant.name.as_str()) {
+                continue;
+            }
+            told.push(&plant.name);
+            let span = |name: &str| span_of(root, &["plants", name, "site"]).unwrap_or(self.whole);
+            let text = format!(
+                "plants.{0}.site differs from plants.{1}.site, but {0} and {1} grow together in one field of light",
+                plant.name, other.name
+            );
+            let mut d = Diagnostic::error("S003", text, span(&plant.name), "another site");
+            d.labels.push((span(&other.name), "than this one".into()));
+            let help = "give both the same [plants.NAME.site], or leave out `together` of one";
+            self.report.push(d.help(help));
+        }
+    }
+
     fn prunes(&mut self, plant: &TomlTable, path: &str) -> Vec<PruneKeys> {
         let Some(entry) = plant.get("prune") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {
@@ -284,8 +348,26 @@ impl Resolver<'_> {
                 self.report.push(*wrong(&path, node, "a table"));
                 continue;
             };
-            let keys = self.read_keys::<PruneKeys>(table, &path);
-            if keys.solid.is_empty() && keys.keep.len() != 2 {
+            // keep = "NAME" is short for solid = "NAME".
+            let named = table.get("keep").filter(|e| matches!(e.node.value, TomlValue::Text(_)));
+            if let Some((keep, solid)) = named.zip(table.get("solid")) {
+                let text = format!("[{path}] names a solid by keep and by solid");
+                let mut d = Diagnostic::error("S003", text, solid.key_span, "the second name");
+                d.labels.push((keep.key_span, "the first".into()));
+                self.report.push(d.help("leave one of them out"));
+                continue;
+            }
+            let renamed = named.map(|_| {
+                let mut renamed = table.clone();
+                renamed.entries.iter_mut().filter(|e| e.key == "keep").for_each(|e| e.key = "solid".into());
+                renamed
+            });
+            let keys = self.read_keys::<PruneKeys>(renamed.as_ref().unwrap_or(table), &path);
+            if !keys.solid.is_empty() && !keys.keep.is_empty() {
+                let text = format!("[{path}] keeps both a box and a solid");
+                let d = Diagnostic::error("S003", text, node.span, "keep and solid");
+                self.report.push(d.help("leave out `keep` or `solid`, or write two cuts"));
+            } else if keys.solid.is_empty() && keys.keep.len() != 2 {
                 let d = Diagnostic::error("S006", format!("[{path}] names nothing to keep"), node.span, "no box");
                 self.report
                     .push(d.help("add keep = [[-1, 0, -1], [1, 1.8, 1]], two corners of a box, or solid = \"NAME\""));

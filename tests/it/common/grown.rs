@@ -80,7 +80,7 @@ pub struct Grown {
 
 /// All individuals of a recipe at rest, one after the other as [`assemble_scene`] makes them.
 pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
-    let layout = with_work(|w| lay_out_scene(recipe, w)).expect("layout").0;
+    let layout = with_work(|w| lay_out_scene(recipe, w)).expect("layout").plants;
     let trees = with_work(|w| grow_species(recipe, &layout, &[], w.limits)).expect("trees");
     let one = |(individual, tree): (&osier::bake::scene::plant_layout::Individual, &Option<RecordedTree>)| {
         let site = GrowthSite { tree: tree.as_ref(), ..GrowthSite::default() };

@@ -124,6 +124,8 @@ pub const CODES: &[Code] = &[
     row("S034", Warning, "the ground lies below the base of the lattice wind"),
     row("S035", Warning, "growth by particle-shapes was cut short"),
     row("S036", Warning, "a tree died for lack of light"),
+    row("S037", Warning, "plants stand beyond the edge of the terrain"),
+    row("S038", Warning, "a clear stem leaves a tree or a hedge no branches"),
     row("S040", Warning, "the torsional stiffness of a rod is below that of its material"),
     row("S041", Warning, "the integrator is not stable or not accurate for a rod of this stiffness"),
     row("S042", Warning, "no rest shape found for the weight of a rod; its own weight is ignored"),
@@ -153,6 +155,8 @@ pub const CODES: &[Code] = &[
     row("X023", Warning, "rain falls through a leaf whose mesh has no area"),
     row("X024", Warning, "more drops on leaves than a frame shows as meshes"),
     row("X025", Warning, "the scene has no plants, and the format writes nothing else"),
+    row("X026", Warning, "a height map of 8 bits has visible steps"),
+    row("X027", Warning, "surfaces of a terrain's mesh lie above each other; the highest is the ground"),
     row("X030", Error, "nothing to write: no triangles and no points"),
 ];
 

@@ -103,9 +103,10 @@ impl ExrExporter {
         let [min, max] = land.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)]);
         let comment = serde_json::json!({
             "map": "terrain", "seed": scene.seed.to_string(), "scene": scene.hash, "unit": "m",
-            "size": land.size, "min": min, "max": max,
+            "size": land.size, "at": land.center, "min": min, "max": max,
         });
-        out.put(&floats(land.side, land.side, 1, &land.heights, &comment.to_string())?)?;
+        let [width, height] = land.counts;
+        out.put(&floats(width, height, 1, &land.heights, &comment.to_string())?)?;
         out.commit()
     }
 }

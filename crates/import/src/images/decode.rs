@@ -76,7 +76,7 @@ impl DecodedImage {
     }
 }
 
-/// Decodes a PNG or JPEG. `place`: what it is in the file; `spent`: bytes decoded so far for this file.
+/// Decodes a PNG or JPEG to 8 bits a channel. `place`: what it is in the file; `spent`: bytes decoded so far for this file.
 /// # Errors
 /// X010 if it is damaged, of another format, or over a limit.
 pub(crate) fn decode(
@@ -85,6 +85,24 @@ pub(crate) fn decode(
     bytes: &[u8],
     spent: &mut u64,
 ) -> ImportResult<DecodedImage> {
+    let picture = decode_deep(context, place, bytes, spent)?;
+    let (width, height) = (picture.width(), picture.height());
+    // 16-bit and float samples are reduced to 8 bits; grey with alpha becomes RGBA.
+    let (channels, samples) = match picture.color() {
+        ColorType::L8 | ColorType::L16 => (1, picture.into_luma8().into_raw()),
+        ColorType::Rgb8 | ColorType::Rgb16 | ColorType::Rgb32F => (3, picture.into_rgb8().into_raw()),
+        _ => (4, picture.into_rgba8().into_raw()),
+    };
+    Ok(DecodedImage { width, height, channels, samples })
+}
+
+/// Decodes a PNG or JPEG at the depth that it has. Parameters and errors as [`decode`].
+pub(crate) fn decode_deep(
+    context: &ImportContext<'_>,
+    place: &str,
+    bytes: &[u8],
+    spent: &mut u64,
+) -> ImportResult<DynamicImage> {
     let failed =
         |e: &dyn std::fmt::Display| context.error_in_file("X010", format_args!("{place}: image is damaged: {e}"));
     let side = context.options.limits.get("image-side");
@@ -116,14 +134,7 @@ pub(crate) fn decode(
         return Err(Box::new(context.error_in_file("X010", message).help("make it smaller, or use --max-image-side")));
     }
     spend(context, place, decoder.total_bytes(), spent)?;
-    let picture = DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))?;
-    // 16-bit and float samples are reduced to 8 bits; grey with alpha becomes RGBA.
-    let (channels, samples) = match picture.color() {
-        ColorType::L8 | ColorType::L16 => (1, picture.into_luma8().into_raw()),
-        ColorType::Rgb8 | ColorType::Rgb16 | ColorType::Rgb32F => (3, picture.into_rgb8().into_raw()),
-        _ => (4, picture.into_rgba8().into_raw()),
-    };
-    Ok(DecodedImage { width, height, channels, samples })
+    DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))
 }
 
 /// Counts bytes of decoded images.

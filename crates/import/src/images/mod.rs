@@ -4,4 +4,4 @@ mod cache;
 mod decode;
 
 pub(super) use cache::{MapCache, MapUse};
-pub(super) use decode::{DecodedImage, decode, spend};
+pub(super) use decode::{DecodedImage, decode, decode_deep, spend};

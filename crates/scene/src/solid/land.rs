@@ -5,11 +5,30 @@ use glam::{Vec2, Vec3};
 use super::Nearest;
 use osier_base::geometry::Bounds;
 
-/// Heights over a square around the origin; outside it goes on as at its edge. Cells are cut from -x -z to +x +z.
+/// Heights on a grid of square cells over a rectangle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LandGrid {
+    /// Number of heights along x and along z, each at least 2.
+    pub counts: [usize; 2],
+    /// Length of the rectangle along x, m, > 0; that along z follows from the counts.
+    pub width: f32,
+    /// Middle of the rectangle, x and z, m.
+    pub center: Vec2,
+    /// Heights, m: rows from -z to +z, in each from -x to +x.
+    pub heights: Vec<f32>,
+}
+
+/// Heights over a rectangle; outside it goes on as at its edge. Cells are cut from -x -z to +x +z.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandForm {
-    side: usize,
-    size: f32,
+    columns: usize,
+    rows: usize,
+    /// Edge of a cell, m.
+    step: f32,
+    /// Corner with the smallest x and z, m.
+    corner: Vec2,
+    /// Column and row at x = 0 and z = 0, in cells.
+    origin: Vec2,
     heights: Vec<f32>,
     bounds: Bounds,
     /// Least cosine of a slope: what a gap straight down is worth as a distance, everywhere.
@@ -17,45 +36,75 @@ pub struct LandForm {
 }
 
 impl LandForm {
-    /// `heights`: `side * side`, m, rows from -z to +z, in each from -x to +x; `size`: length of a side, m. None if the
-    /// numbers do not fit together.
+    /// Heights over a square around the origin. `heights`: `side * side`, m, rows from -z to +z, in each from -x to +x; `size`: length
+    /// of a side, m. None if the numbers do not fit together.
     pub fn new(side: usize, size: f32, heights: Vec<f32>) -> Option<Self> {
-        if side < 2 || heights.len() != side * side || size <= 0.0 {
+        Self::over(LandGrid { counts: [side; 2], width: size, center: Vec2::ZERO, heights })
+    }
+
+    /// Heights over a rectangle. None if the numbers do not fit together.
+    pub fn over(grid: LandGrid) -> Option<Self> {
+        let LandGrid { counts: [columns, rows], width, center, heights } = grid;
+        if columns < 2 || rows < 2 || heights.len() != columns.checked_mul(rows)? || width <= 0.0 {
             return None;
         }
         let low = heights.iter().copied().fold(f32::INFINITY, f32::min);
         let high = heights.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        let half = size / 2.0;
-        let bounds = Bounds { min: Vec3::new(-half, low, -half), max: Vec3::new(half, high, half) };
-        let step = size / (side - 1) as f32;
+        let cells = Vec2::new((columns - 1) as f32, (rows - 1) as f32);
+        let step = width / cells.x;
+        let half = Vec2::new(width, if columns == rows { width } else { step * cells.y }) / 2.0;
+        let (corner, far) = (center - half, center + half);
+        let bounds = Bounds { min: Vec3::new(corner.x, low, corner.y), max: Vec3::new(far.x, high, far.y) };
+        // Steepest difference between neighbours along both axes.
         let mut steepest = 0.0_f32;
-        for z in 0..side {
-            for x in 0..side - 1 {
-                let along = (heights[z * side + x + 1] - heights[z * side + x]).abs();
-                let across = (heights[(x + 1) * side + z] - heights[x * side + z]).abs();
-                steepest = steepest.max(along).max(across);
+        for z in 0..rows {
+            for x in 0..columns {
+                let here = heights[z * columns + x];
+                if x + 1 < columns {
+                    steepest = steepest.max((heights[z * columns + x + 1] - here).abs());
+                }
+                if z + 1 < rows {
+                    steepest = steepest.max((heights[(z + 1) * columns + x] - here).abs());
+                }
             }
         }
         let slope = steepest * std::f32::consts::SQRT_2 / step;
-        Some(Self { side, size, heights, bounds, flattest: 1.0 / (1.0 + slope * slope).sqrt() })
+        let origin = cells / 2.0 - center / step;
+        Some(Self {
+            columns,
+            rows,
+            step,
+            corner,
+            origin,
+            heights,
+            bounds,
+            flattest: 1.0 / (1.0 + slope * slope).sqrt(),
+        })
     }
 
-    fn step(&self) -> f32 {
-        self.size / (self.side - 1) as f32
+    /// Column along x and place within its cell.
+    fn column(&self, x: f32) -> (usize, f32) {
+        self.cell(x - self.corner.x, self.columns)
     }
 
+    /// Row along z and place within its cell.
+    fn row(&self, z: f32) -> (usize, f32) {
+        self.cell(z - self.corner.y, self.rows)
+    }
+
+    /// Cell and place within it, of a distance from the edge, m. `count`: heights along this axis.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
-    fn cell(&self, v: f32) -> (usize, f32) {
-        let at = ((v + self.size / 2.0) / self.step()).clamp(0.0, (self.side - 1) as f32);
-        let cell = (at as usize).min(self.side - 2);
+    fn cell(&self, v: f32, count: usize) -> (usize, f32) {
+        let at = (v / self.step).clamp(0.0, (count - 1) as f32);
+        let cell = (at as usize).min(count - 2);
         (cell, at - cell as f32)
     }
 
     /// Height at (x, z), m.
     #[inline]
     pub fn height(&self, at: Vec2) -> f32 {
-        let ((x, u), (z, v)) = (self.cell(at.x), self.cell(at.y));
-        let h = |i: usize, k: usize| self.heights[(z + k) * self.side + x + i];
+        let ((x, u), (z, v)) = (self.column(at.x), self.row(at.y));
+        let h = |i: usize, k: usize| self.heights[(z + k) * self.columns + x + i];
         // The diagonal runs from (0, 0) to (1, 1).
         if u >= v {
             h(0, 0) + (h(1, 0) - h(0, 0)) * u + (h(1, 1) - h(1, 0)) * v
@@ -69,7 +118,7 @@ impl LandForm {
         [self.bounds.min.y, self.bounds.max.y]
     }
 
-    /// Its highest and lowest heights over the whole square.
+    /// Its highest and lowest heights over the whole rectangle.
     pub(super) fn bounds(&self) -> Bounds {
         self.bounds
     }
@@ -86,8 +135,8 @@ impl LandForm {
         };
         // The land is flat between the lines of its cells and their diagonals, so that the gap is least at one of these or at an
         // end. Lines: x, z and x - z at whole multiples of the step.
-        let cells = |p: Vec3| [p.x / self.step(), p.z / self.step(), (p.x - p.z) / self.step()];
-        let offset = [(self.side - 1) as f32 / 2.0, (self.side - 1) as f32 / 2.0, 0.0];
+        let cells = |p: Vec3| [p.x / self.step, p.z / self.step, (p.x - p.z) / self.step];
+        let offset = [self.origin.x, self.origin.y, self.origin.x - self.origin.y];
         let dips = |axis: usize| {
             let (a, b) = (cells(from)[axis] + offset[axis], cells(to)[axis] + offset[axis]);
             let (mut line, last) = (a.min(b).ceil(), a.max(b));
@@ -112,22 +161,24 @@ impl LandForm {
     }
 
     fn corner(&self, x: usize, z: usize) -> Vec3 {
-        let place = |i: usize| i as f32 * self.step() - self.size / 2.0;
-        Vec3::new(place(x), self.heights[z * self.side + x], place(z))
+        let [x_at, z_at] = [x, z].map(|i| i as f32 * self.step);
+        Vec3::new(x_at + self.corner.x, self.heights[z * self.columns + x], z_at + self.corner.y)
     }
 
     pub(super) fn nearest(&self, at: Vec3) -> Nearest {
         let gap = at.y - self.height(Vec2::new(at.x, at.z));
         let sign = if gap < 0.0 { -1.0 } else { 1.0 };
-        let (x, u) = self.cell(at.x);
-        let (z, v) = self.cell(at.z);
+        let (x, u) = self.column(at.x);
+        let (z, v) = self.row(at.z);
         let normal = self.normal(x, z, u >= v);
         // Far from the surface a lower bound of the distance is enough: the height times the cosine of the steepest slope.
-        if gap.abs() > 3.0 * self.step() {
+        if gap.abs() > 3.0 * self.step {
             return Nearest { distance: gap * self.flattest, normal };
         }
         // Near it, the nearest point is on a triangle of the cells within the height of the point.
-        let ([x0, x1], [z0, z1]) = (self.around(at.x, gap.abs()), self.around(at.z, gap.abs()));
+        let reach = gap.abs();
+        let [x0, x1] = [at.x - reach, at.x + reach].map(|x| self.column(x).0);
+        let [z0, z1] = [at.z - reach, at.z + reach].map(|z| self.row(z).0);
         let mut best = (f32::INFINITY, at, normal);
         for cz in z0..=z1 {
             for cx in x0..=x1 {
@@ -150,11 +201,6 @@ impl LandForm {
         // On the surface itself the direction to the nearest point is lost in rounding: take the normal of its triangle.
         let out = (at - place) * sign;
         Nearest { distance: distance * sign, normal: if distance > 1e-5 { out / distance } else { flat } }
-    }
-
-    /// Cells that a ball about `v` may meet along one axis.
-    fn around(&self, v: f32, reach: f32) -> [usize; 2] {
-        [self.cell(v - reach).0, self.cell(v + reach).0]
     }
 
     /// Normal of the lower or upper triangle of the cell (x, z).
@@ -181,6 +227,24 @@ mod tests {
         assert!(land.meets([Vec3::new(1.0, 0.5, 0.0), Vec3::new(1.0, -0.1, 0.0)], 1e-4));
         let around = |x: f32, y: f32| Bounds { min: Vec3::new(x, y, 0.0), max: Vec3::new(x + 0.2, y + 0.2, 0.2) };
         assert!(land.may_touch(around(-0.1, 0.7)) && !land.may_touch(around(1.0, 3.0)));
+    }
+
+    #[test]
+    fn a_rectangle_lies_where_its_middle_is() {
+        // 5 x 3 heights over 8 x 4 m around (100, -50): a ramp along x, and a step along z in its last row.
+        let heights = (0..15).map(|i| (i % 5) as f32 + if i >= 10 { 1.0 } else { 0.0 }).collect();
+        let grid = LandGrid { counts: [5, 3], width: 8.0, center: Vec2::new(100.0, -50.0), heights };
+        let land = LandForm::over(grid.clone()).expect("fits");
+        for (x, z, h) in
+            [(96.0, -52.0, 0.0), (104.0, -52.0, 4.0), (101.0, -50.0, 2.5), (101.0, -48.0, 3.5), (90.0, -60.0, 0.0)]
+        {
+            assert!((land.height(Vec2::new(x, z)) - h).abs() < 1e-5, "{x} {z}");
+        }
+        let near = land.nearest(Vec3::new(101.0, 4.5, -51.5));
+        assert!((near.distance - 2.0 * Vec2::new(1.0, 2.0).normalize().y).abs() < 1e-4, "{near:?}");
+        assert!(land.meets([Vec3::new(97.0, 3.0, -51.0), Vec3::new(103.0, 3.0, -51.0)], 0.0));
+        assert!(!land.meets([Vec3::new(97.0, 3.0, -51.0), Vec3::new(99.0, 3.0, -51.0)], 0.0));
+        assert!(LandForm::over(LandGrid { counts: [3, 5], heights: vec![0.0; 14], ..grid }).is_none());
     }
 
     #[test]

@@ -23,7 +23,7 @@ use glam::Vec3;
 
 use osier_base::geometry::Bounds;
 
-pub use land::LandForm;
+pub use land::{LandForm, LandGrid};
 pub use prism::{Prism, Side};
 pub use shell::Shell;
 
@@ -41,7 +41,7 @@ pub struct Nearest {
 pub enum Form {
     /// A wall, a box, a house: an upright convex outline drawn out along a level line.
     Prism(Prism),
-    /// A height field over a square of land.
+    /// A height field over a rectangle of land.
     Land(Arc<LandForm>),
     /// A triangle mesh.
     Shell(Arc<Shell>),

@@ -8,7 +8,7 @@ use glam::{Quat, Vec3};
 use super::clip_leaves::{LeafSlots, SlotOptions};
 use super::plant::{AxisBuilder, ClipNodes, Leaves, NodeSource, PlantOptions};
 use super::record::{GrowthRecord, Wood};
-use super::tree::{NONE as NO_NODE, Tree, flag, y_axis};
+use super::tree::{Tree, flag, y_axis};
 use crate::grow::turtle::set_exposed_lengths;
 use osier_base::limits::Limits;
 use osier_base::math::{self, narrow};
@@ -94,7 +94,7 @@ impl GrowthRecord {
         let age = narrow(self.span().from.max(self.span().to)).max(0.1);
         let mut builder = AxisBuilder::new(&tree, age, options, plant);
         let gone = (0..nodes.len()).map(|i| self.is_gone(i)).collect();
-        builder.clip = Some(ClipNodes { gone, carries: carrying_nodes(&tree) });
+        builder.clip = Some(ClipNodes { gone });
         builder.add_axes(None);
         let (sources, at) = (builder.sources, builder.at);
         let mut plant = builder.plant;
@@ -132,23 +132,6 @@ impl GrowthRecord {
         }
         tree
     }
-}
-
-/// Nodes that carry a branch beside the continuation of their axis.
-fn carrying_nodes(tree: &Tree) -> Vec<bool> {
-    let nodes = &tree.nodes;
-    let mut children = vec![0_u16; nodes.len()];
-    let mut carries = vec![false; nodes.len()];
-    for i in (0..nodes.len()).filter(|i| nodes.flags[*i] & flag::FALLEN == 0) {
-        let parent = nodes.parent[i];
-        if parent == NO_NODE {
-            continue;
-        }
-        let parent = parent as usize;
-        children[parent] = children[parent].saturating_add(1);
-        carries[parent] |= children[parent] > 1 || nodes.flags[i] & flag::MAIN == 0;
-    }
-    carries
 }
 
 /// A node of the plant at a time.

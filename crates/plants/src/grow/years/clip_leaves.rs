@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use glam::{Quat, Vec3};
 
 use super::clip::{ClipLeaves, ClipOptions, LeafNow};
-use super::plant::{Foliage, Leaves, MeanLeaf, NodeSite, PlacedLeaf, ROSETTE_STEP};
+use super::plant::{BladeTurn, Foliage, Leaves, MeanLeaf, NodeSite, PlacedLeaf, ROSETTE_STEP};
 use super::record::{GrowthRecord, Wood};
 use super::tree::{Tree, index_of, y_axis};
 use osier_base::Result;
@@ -39,8 +39,6 @@ enum LeafSite {
     Tip { axis: u32 },
     /// Along an internode.
     Along { node: u32 },
-    /// The needles of an internode.
-    Needles { node: u32 },
 }
 
 /// A leaf from its unfolding to its fall.
@@ -137,18 +135,13 @@ impl LeafSlots {
         let tree = &record.tree;
         let sheds = come_and_go == ClipLeaves::Seasons && tree.habit.leaf_years <= DECIDUOUS_YEARS;
         let leaves = self.leaves();
-        let has_needles = matches!(self.foliage, Foliage::Needles(_));
         let mut lives = Vec::new();
-        for axis in 0..if has_needles { 0 } else { index_of(tree.axis_ids.len()) } {
+        for axis in 0..index_of(tree.axis_ids.len()) {
             self.add_tip_lives(record, axis, sheds, &mut lives);
         }
         for i in (0..tree.nodes.len()).filter(|i| tree.habit.leaf_area_shoot > 0.0 && record.is_shown(*i)) {
             let node = index_of(i);
             let [unfolds, falls] = self.shoot_life(record, i, sheds);
-            if has_needles {
-                lives.push(LeafLife { site: LeafSite::Needles { node }, k: 0, count: 1, unfolds, falls });
-                continue;
-            }
             let count = narrow_count(leaves.count_along(tree, i, tree.nodes.length[i]));
             let site = LeafSite::Along { node };
             lives.extend((0..count).map(|k| LeafLife { site, k, count, unfolds, falls }));
@@ -307,29 +300,38 @@ impl LeafSlots {
         let tree = &record.tree;
         let leaves = self.leaves();
         let (k, count) = (u32::from(life.k), u32::from(life.count));
-        match life.site {
+        let has_needles = matches!(self.foliage, Foliage::Needles(_));
+        let stand = match life.site {
             LeafSite::Tip { axis } => {
                 let (node, q) = self.tip_at(axis, wood, age);
-                let i = node as usize;
-                let back = (k as f32 * ROSETTE_STEP).min(wood.length[i]);
-                let turn = Leaves::tip_leaf_turn(tree, axis, k, count);
-                let leaf = leaves.blade(Leaves::tip_leaf_id(tree, axis, k), turn, q, wood.r[i] * wood.shown[i]);
-                LeafOnWood { node, position: wood.p[i] - y_axis(wood.q[i]) * back, leaf }
+                let id = Leaves::tip_leaf_id(tree, axis, k);
+                if has_needles {
+                    let turn = Leaves::needle_turn(tree, node as usize, k, count);
+                    LeafStand { node, q, id, turn, behind: leaves.tuft_behind(k, count) }
+                } else {
+                    let turn = Leaves::tip_leaf_turn(tree, axis, k, count);
+                    LeafStand { node, q, id, turn, behind: k as f32 * ROSETTE_STEP }
+                }
             }
             LeafSite::Along { node } => {
-                let i = node as usize;
-                let back = (1.0 - (k as f32 + 0.5) / count as f32) * wood.length[i];
-                let turn = Leaves::shoot_leaf_turn(tree, i, k);
-                let id = Leaves::shoot_leaf_id(tree, i, k);
-                let leaf = leaves.blade(id, turn, wood.q[i], wood.r[i] * wood.shown[i]);
-                LeafOnWood { node, position: wood.p[i] - y_axis(wood.q[i]) * back, leaf }
+                let (i, length) = (node as usize, wood.length[node as usize]);
+                let (q, id) = (wood.q[i], Leaves::shoot_leaf_id(tree, i, k));
+                if has_needles {
+                    let turn = Leaves::needle_turn(tree, i, k, count);
+                    LeafStand { node, q, id, turn, behind: leaves.needles_behind(k, count, length) }
+                } else {
+                    let part = (k as f32 + 0.5) / count as f32;
+                    let turn = Leaves::shoot_leaf_turn(tree, i, k);
+                    LeafStand { node, q, id, turn, behind: (1.0 - part) * length }
+                }
             }
-            LeafSite::Needles { node } => {
-                let i = node as usize;
-                let leaf = leaves.needles(Leaves::needles_id(tree, i), wood.q[i], wood.length[i]);
-                LeafOnWood { node, position: wood.p[i] - y_axis(wood.q[i]) * wood.length[i], leaf }
-            }
-        }
+        };
+        let i = stand.node as usize;
+        let leaf = match has_needles {
+            true => leaves.needle_piece(stand.id, stand.turn, stand.q),
+            false => leaves.blade(stand.id, stand.turn, stand.q, wood.r[i] * wood.shown[i]),
+        };
+        LeafOnWood { node: stand.node, position: wood.p[i] - y_axis(wood.q[i]) * stand.behind, leaf }
     }
 
     /// The node that is the tip of an axis at an age, and the frame of its leaves.
@@ -344,6 +346,18 @@ impl LeafSlots {
         let turned = ((age - (year - 1.0)) / TURNING).clamp(0.0, 1.0);
         (tip.node, math::nlerp(wood.q[before.node as usize], q, turned))
     }
+}
+
+/// How a leaf stands on its wood.
+struct LeafStand {
+    /// Node of the tree that bears it.
+    node: u32,
+    /// Frame that it is turned by.
+    q: Quat,
+    id: u64,
+    turn: BladeTurn,
+    /// How far behind the end of the node's internode it begins, m.
+    behind: f32,
 }
 
 /// Where a leaf is.

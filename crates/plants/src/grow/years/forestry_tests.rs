@@ -72,6 +72,9 @@ fn the_species_have_their_marks() {
         ("poplar", 30.0, 6.4, 0.40),
         ("willow", 11.8, 14.5, 0.0),
         ("spruce", 29.8, 11.3, 0.48),
+        ("pine", 20.9, 12.3, 0.40),
+        ("larch", 31.0, 11.0, 0.53),
+        ("acacia", 6.1, 10.4, 0.0),
         ("apple", 5.2, 8.2, 0.31),
         ("japanese-maple", 4.4, 7.9, 0.0),
         ("hazel", 6.3, 8.5, 0.0),
@@ -140,7 +143,9 @@ fn crowns_have_the_leaf_area_of_trees_and_bear_it_outside() {
     for name in ["oak", "beech", "birch", "pine", "spruce", "apple", "ash", "linden", "willow"] {
         let m = measures(&seeds(name, species(name, 1).age, 1..=2));
         let index = mean(m.iter().map(|m| m.leaf_area_index));
-        assert!((1.5..=6.5).contains(&index), "{name}: {index}");
+        // Stands of spruce bear more than broadleaves: their needles live for years and shade each other in clumps.
+        let most = if name == "spruce" { 11.0 } else { 6.5 };
+        assert!((1.5..=most).contains(&index), "{name}: {index}");
     }
     // Shares of an oak's tips beyond 0.6 of the radius of its crown, about the middle of its tips: without shade they fill it.
     let shell = mean(grow_all(&seeds("oak", 60.0, 1..=2), &Site::default()).iter().map(shell_share));

@@ -247,6 +247,8 @@ fn full_years(age: f64) -> u32 {
 }
 
 #[cfg(test)]
+mod clip_tests;
+#[cfg(test)]
 mod forestry_tests;
 #[cfg(test)]
 mod tests;

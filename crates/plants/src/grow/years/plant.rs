@@ -28,7 +28,11 @@ const ROSETTE: [f32; 2] = [35.0, 80.0];
 /// Distance between successive leaves of a rosette along the tip, m.
 pub(super) const ROSETTE_STEP: f32 = 0.004;
 /// Angle between a shoot and its leaves, degrees.
-pub(super) const SHOOT_LEAF_ANGLE: f32 = 55.0;
+const SHOOT_LEAF_ANGLE: f32 = 55.0;
+/// Angles between a shoot and the pieces of needles beside its own, degrees: those of side twigs.
+const NEEDLE_TWIGS: [f32; 2] = [25.0, 60.0];
+/// How far behind the tip the tuft of a conifer begins, as a share of the length of its pieces.
+const TUFT: f32 = 0.5;
 /// Standard deviation of the angle of leaves, degrees.
 const LEAF_ANGLE_DEVIATION: f32 = 10.0;
 /// Standard deviation of the sizes of leaves, as a share of the mean.
@@ -39,7 +43,8 @@ const LEAF_SIZE_DEVIATION: f32 = 0.12;
 pub enum Foliage {
     /// Blades: rosettes at tips, and along young shoots; as many as the model's leaf area holds.
     Blades(OrganSpec),
-    /// A piece of shoot with its needles, scaled to each internode that still bears them.
+    /// Pieces of shoot with their needles, along the internodes that still bear them and at the tips; as many as the model's leaf
+    /// area holds.
     Needles(OrganSpec),
 }
 
@@ -142,8 +147,6 @@ pub(super) struct NodeSite {
 pub(super) struct ClipNodes {
     /// It falls before the end of the clip: it begins a tube of its own, for what carries it grows thicker than it ever was.
     pub gone: Vec<bool>,
-    /// It carries branches, which would slide along the axis if the node were left out while the axis grows on.
-    pub carries: Vec<bool>,
 }
 
 /// Nodes of the tree that a node of the plant follows.
@@ -342,15 +345,13 @@ impl<'a> AxisBuilder<'a> {
             let way = here - kept;
             let next = chain.get(k + 1).map(|n| *n as usize);
             let r = next.map_or(nodes.r[i], |n| 0.5 * (nodes.r[i] + nodes.r[n]));
-            let carries = self.clip.as_ref().is_some_and(|clip| clip.carries[i]);
-            let straight = !carries
-                && next.is_some_and(|n| {
-                    let ahead = nodes.p[n] - here;
-                    let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
-                    // How far the next node lies beside the chord so far: long arcs of small bends would leave their own branches.
-                    let beside = way.length() * (1.0 - cosine * cosine).max(0.0).sqrt();
-                    cosine > STRAIGHT[0] && beside < MAX_DRIFT * r && (r - kept_r).abs() < STRAIGHT[1] * kept_r
-                });
+            let straight = next.is_some_and(|n| {
+                let ahead = nodes.p[n] - here;
+                let cosine = way.dot(ahead) / (way.length() * ahead.length()).max(1e-12);
+                // How far the next node lies beside the chord so far: long arcs of small bends would leave their own branches.
+                let beside = way.length() * (1.0 - cosine * cosine).max(0.0).sqrt();
+                cosine > STRAIGHT[0] && beside < MAX_DRIFT * r && (r - kept_r).abs() < STRAIGHT[1] * kept_r
+            });
             if straight {
                 skipped += 1;
                 continue;
@@ -429,7 +430,11 @@ impl<'a> Leaves<'a> {
     pub fn new(tree: &Tree, foliage: &'a Foliage) -> Option<Self> {
         let organ = foliage.organ();
         let first = organ.meshes.first()?;
-        let length = first.bounds().max.y.max(1e-9);
+        // Needles stick out over the ends of their piece, whose length is the organ's size.
+        let length = match foliage {
+            Foliage::Blades(_) => first.bounds().max.y.max(1e-9),
+            Foliage::Needles(_) => narrow(organ.size).max(1e-9),
+        };
         let scale = narrow(organ.size) / length;
         let total: f32 = organ.meshes.iter().map(|m| surface_area(m)).sum();
         // Sizes vary: the mean of squares is a little more than the square of the mean.
@@ -442,10 +447,7 @@ impl<'a> Leaves<'a> {
     /// The number of organs to expect.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
-        match self.foliage {
-            Foliage::Blades(_) => (f64::from(tree.measures().leaf_area) / f64::from(self.mean.area)) as u64,
-            Foliage::Needles(_) => tree.nodes.len() as u64,
-        }
+        (f64::from(tree.measures().leaf_area) / f64::from(self.mean.area)) as u64
     }
 
     /// Adds the leaves of a chain of nodes.
@@ -460,8 +462,7 @@ impl<'a> Leaves<'a> {
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
             let young = tree.bears_along(i);
             match self.foliage {
-                Foliage::Needles(_) if young => self.add_needles(plant, tree, i, site, birth),
-                Foliage::Needles(_) => {}
+                Foliage::Needles(_) => self.add_needles(plant, tree, i, site, birth),
                 Foliage::Blades(_) => {
                     let base = (site.s - tree.nodes.length[i]).max(0.0);
                     let count = if young { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
@@ -519,11 +520,6 @@ impl<'a> Leaves<'a> {
     pub fn shoot_leaf_turn(tree: &Tree, i: usize, k: u32) -> BladeTurn {
         let azimuth = tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32;
         BladeTurn { azimuth, angle: SHOOT_LEAF_ANGLE.to_radians() }
-    }
-
-    /// Id of the piece of shoot with the needles of an internode.
-    pub fn needles_id(tree: &Tree, i: usize) -> u64 {
-        mix64(&[tree.node_id(i), word("needles")])
     }
 
     /// Leaves of an area: whole ones, and one more with the probability of the rest.
@@ -589,39 +585,75 @@ impl<'a> Leaves<'a> {
         });
     }
 
-    /// The piece of shoot with the needles of an internode, turned about it at random, so that pieces do not repeat. `q`: frame of
-    /// the internode; `length`: of it, m.
-    pub fn needles(&self, id: u64, q: Quat, length: f32) -> PlacedLeaf {
-        let organ = self.foliage.organ();
+    /// How piece `k` of `count` leaves its internode or its tip: the first goes on along the shoot, others stand off it as its twigs do.
+    pub fn needle_turn(tree: &Tree, i: usize, k: u32, count: u32) -> BladeTurn {
+        let part = (k as f32 + 0.5) / count as f32;
+        let angle = if k == 0 { 0.0 } else { math::lerp(NEEDLE_TWIGS[0], NEEDLE_TWIGS[1], part) };
+        BladeTurn { azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32, angle: angle.to_radians() }
+    }
+
+    /// How far behind the end of its internode piece `k` of `count` begins, m: pieces reach as far beyond the end as they begin behind
+    /// the base. `length`: of the internode, m.
+    pub fn needles_behind(&self, k: u32, count: u32, length: f32) -> f32 {
+        0.5 * narrow(self.foliage.organ().size) + length * (1.0 - (k as f32 + 0.5) / count as f32)
+    }
+
+    /// How far behind the tip piece `k` of `count` of its tuft begins, m.
+    pub fn tuft_behind(&self, k: u32, count: u32) -> f32 {
+        TUFT * narrow(self.foliage.organ().size) * (1.0 - (k as f32 + 0.5) / count as f32)
+    }
+
+    /// The pieces of shoot with the needles of an internode and of its tip.
+    fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
+        let along = if tree.bears_along(i) { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
+        for k in 0..along {
+            let s = site.s - self.needles_behind(k, along, tree.nodes.length[i]);
+            let turn = Self::needle_turn(tree, i, k, along);
+            let id = Self::shoot_leaf_id(tree, i, k);
+            self.add_needle_piece(plant, LeafPlace { axis: site.axis, s, turn, id, birth });
+        }
+        let axis = tree.nodes.axis[i];
+        let at_tip = if tree.nodes.grows(i) { self.count_at_tip(tree, axis) } else { 0 };
+        for k in 0..at_tip {
+            let s = site.s - self.tuft_behind(k, at_tip);
+            let turn = Self::needle_turn(tree, i, k, at_tip);
+            let id = Self::tip_leaf_id(tree, axis, k);
+            self.add_needle_piece(plant, LeafPlace { axis: site.axis, s, turn, id, birth });
+        }
+    }
+
+    /// A piece of shoot with its needles at an angle to its wood, turned about itself at random, so that pieces do not repeat. `q`: frame
+    /// of the wood.
+    pub fn needle_piece(&self, id: u64, turn: BladeTurn, q: Quat) -> PlacedLeaf {
         let mut draw = Rng::from_key(id);
-        let half = 0.5 * draw.unit_f32() * std::f32::consts::TAU;
-        let turn = Quat::from_xyzw(0.0, math::sin_f32(half), 0.0, math::cos_f32(half)).normalize();
+        let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
+        let roll = draw.unit_f32() * std::f32::consts::TAU;
+        let tilt = math::rotation_about(Vec3::Y, turn.azimuth) * math::rotation_about(Vec3::Z, turn.angle + deviation);
+        let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
         PlacedLeaf {
-            q: (q * turn).normalize(),
-            scale: self.mean.scale * length / narrow(organ.size).max(1e-6),
-            proto: pick_prototype(id, organ.meshes.len()),
+            q: (q * tilt * math::rotation_about(Vec3::Y, roll)).normalize(),
+            scale: self.mean.scale * size,
+            proto: pick_prototype(id, self.foliage.organ().meshes.len()),
             petiole: 0.0,
             tint: draw.unit_f32(),
         }
     }
 
-    fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
-        let axis = &plant.axes[site.axis as usize];
-        let s = (site.s - tree.nodes.length[i]).clamp(0.0, axis.length);
-        let id = Self::needles_id(tree, i);
+    fn add_needle_piece(&self, plant: &mut Plant, place: LeafPlace) {
+        let axis = &plant.axes[place.axis as usize];
         // The organ's rotation is relative to its axis.
-        let leaf = self.needles(id, Quat::IDENTITY, tree.nodes.length[i]);
+        let leaf = self.needle_piece(place.id, place.turn, Quat::IDENTITY);
         plant.organs.push(Organ {
-            id,
-            axis: site.axis,
-            s,
+            id: place.id,
+            axis: place.axis,
+            s: place.s.clamp(0.0, axis.length),
             offset: Vec3::ZERO,
             q: leaf.q,
             scale: leaf.scale,
             proto: leaf.proto,
             petiole: leaf.petiole,
             tint: leaf.tint,
-            birth,
+            birth: place.birth,
         });
     }
 }

@@ -16,7 +16,7 @@ use osier_scene::Mesh;
 use osier_scene::plant::Plant;
 
 /// A broadleaved tree that grows quickly.
-fn habit() -> Habit {
+pub(super) fn habit() -> Habit {
     let mut habit = Habit::default();
     for (key, values) in [
         ("shoot_rate", [0.5, 0.4, 0.35].as_slice()),
@@ -34,7 +34,7 @@ fn habit() -> Habit {
     habit
 }
 
-fn spec(age: f64) -> TreeSpec {
+pub(super) fn spec(age: f64) -> TreeSpec {
     TreeSpec {
         name: "tree".into(),
         habit: habit(),
@@ -395,7 +395,7 @@ fn a_cut_wakes_dormant_buds() {
     assert!(grown.died().is_none() && grown.measures().height > 2.0, "{:?}", grown.measures());
 }
 
-fn leaf() -> OrganSpec {
+pub(super) fn leaf() -> OrganSpec {
     // A square of 8 cm that stands for a blade.
     let points: Vec<Vec3> =
         [(-0.5, 0.0), (0.5, 0.0), (0.5, 1.0), (-0.5, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec();
@@ -435,10 +435,22 @@ fn a_plant_has_the_wood_and_the_leaf_area_of_its_tree() {
     ids.sort_unstable();
     assert!(ids.windows(2).all(|w| w[0] != w[1]), "ids of organs are unique");
     assert!(plant.nodes.birth.iter().all(|b| (0.0..=1.0).contains(b)));
-    // Needles: a piece of shoot for each internode that still bears them.
-    let plant = plant_of(&grown, Some(Foliage::Needles(leaf())));
-    let bearing = (0..nodes.len()).filter(|i| nodes.lives(*i) && grown.tree.bears_along(*i)).count();
-    assert_eq!(plant.organs.len(), bearing);
+    // Needles: pieces of shoot on every internode and tip that bears leaves, of the same area, at the size of the organ.
+    let mut piece = leaf();
+    let mut mesh = (*piece.meshes[0]).clone();
+    let shrink = 0.08 / mesh.bounds().max.y;
+    mesh.points.iter_mut().for_each(|p| *p *= shrink);
+    let at = |i: u32| mesh.points[i as usize];
+    let doubled = |[a, b, c]: &[u32; 3]| (at(*b) - at(*a)).cross(at(*c) - at(*a)).length();
+    let one = 0.5 * mesh.triangles.iter().map(doubled).sum::<f32>();
+    piece.meshes = vec![Arc::new(mesh)];
+    let plant = plant_of(&grown, Some(Foliage::Needles(piece)));
+    let area: f32 = plant.organs.iter().map(|o| o.scale * o.scale * one).sum();
+    assert!((f64::from(area) / model - 1.0).abs() < 0.02, "{area} {model}");
+    assert!(
+        plant.organs.iter().all(|o| (0.7..1.3).contains(&o.scale)),
+        "needles have one size on short and long shoots"
+    );
 }
 
 #[test]

@@ -374,7 +374,7 @@ mod tests {
 
     #[test]
     fn cells_cover_the_outline_once() {
-        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar(), BladeSpec::maple()] {
             for detail in [BladeDetail::Close, BladeDetail::Hero, BladeDetail::Light] {
                 let (add_half, outline) = area(&spec, detail);
                 assert!((add_half / outline - 1.0).abs() < 1e-3, "{:?}: {add_half} of {outline}", spec.form);
@@ -405,7 +405,7 @@ mod tests {
 
     #[test]
     fn blades_are_sound_and_variants_differ() {
-        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar(), BladeSpec::maple()] {
             let all = [
                 (BladeDetail::Close, 1000..=6000),
                 (BladeDetail::Hero, 60..=280),

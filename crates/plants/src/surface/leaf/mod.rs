@@ -12,12 +12,14 @@
 //! ```
 
 mod blade;
+mod compound;
 mod edge_flips;
 mod maps;
 mod needles;
 mod outline;
 
 pub use blade::{BladeDetail, blade};
+pub use compound::{CompoundSpec, compound_leaf};
 pub use maps::{LeafColors, leaf_color_maps, leaf_material};
 pub use needles::{NeedleSpec, needle_shoot};
 
@@ -31,6 +33,13 @@ pub enum LeafForm {
         /// Lobes on each side besides the one at the tip, 1..=8.
         lobes: u32,
         /// How far the bays reach towards the midrib, share of the half width, 0..0.9.
+        depth: f32,
+    },
+    /// Pointed lobes from the base like fingers: maples.
+    Palmate {
+        /// Lobes on each side besides the one at the tip, 1..=4.
+        lobes: u32,
+        /// How far the bays reach towards the base, share of the length of the lobes beside them, 0..0.9.
         depth: f32,
     },
     /// Widest below the middle with straight sides to a fine tip: birches.
@@ -141,6 +150,25 @@ impl BladeSpec {
         }
     }
 
+    /// Norway maple: five pointed lobes, 11 cm, on a long petiole.
+    pub fn maple() -> Self {
+        Self {
+            form: LeafForm::Palmate { lobes: 2, depth: 0.42 },
+            teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
+            length: 0.11,
+            width: 0.13,
+            veins: 2,
+            vein_angle: 0.8,
+            fold: 0.1,
+            curl: 0.45,
+            waviness: 0.03,
+            petiole_length: 0.09,
+            petiole_radius: 0.000_9,
+            petiole_flatness: 1.0,
+            seed: 4,
+        }
+    }
+
     /// Elliptic with an entire margin, as beeches have: 8 cm, petiole as a birch's.
     pub fn elliptic() -> Self {
         Self {
@@ -156,12 +184,13 @@ impl BladeSpec {
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {
-        let (lobes, depth) = match self.form {
-            LeafForm::Lobed { lobes, depth } => (lobes, depth),
-            _ => (1, 0.0),
+        let (lobes, most, depth) = match self.form {
+            LeafForm::Lobed { lobes, depth } => (lobes, 8.0, depth),
+            LeafForm::Palmate { lobes, depth } => (lobes, 4.0, depth),
+            _ => (1, 8.0, 0.0),
         };
         let rows = [
-            ("lobes", lobes as f32, 1.0, 8.0),
+            ("lobes", lobes as f32, 1.0, most),
             ("depth of the lobes", depth, 0.0, 0.9),
             ("teeth", self.teeth.count as f32, 0.0, 60.0),
             ("depth of the teeth", self.teeth.depth, 0.0, 0.3),

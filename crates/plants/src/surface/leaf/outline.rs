@@ -86,6 +86,7 @@ impl BladeOutline {
 fn control_points(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
     let table: &[[f32; 2]] = match spec.form {
         LeafForm::Lobed { lobes, depth } => return lobed(lobes, depth, draw),
+        LeafForm::Palmate { lobes, depth } => return palmate(lobes, depth, draw),
         LeafForm::Rhombic => &[
             [0.0, 0.0],
             [0.28, 0.012],
@@ -148,6 +149,42 @@ fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     out
 }
 
+/// Angle from the midrib of the lowest lobe of a palmate leaf, rad, and the length of that lobe over the middle one's.
+const LOWEST_LOBE: [f32; 2] = [1.85, 0.5];
+
+/// Pointed lobes about the base, the lowest first: for each its lower shoulder, tip and upper shoulder, then the bottom of the bay
+/// above, as [`lobed`]; then half of the middle lobe.
+#[allow(clippy::cast_precision_loss, reason = "at most 4 lobes")]
+fn palmate(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
+    let mut wobble = |amount: f64| math::narrow(draw.range(-amount, amount));
+    let n = lobes as f32;
+    // Lobe `k` of `n`, counted from the middle one (0) down: its angle to the midrib and its length; fractions are the bays.
+    let angle = |k: f32| LOWEST_LOBE[0] * k / n;
+    let reach = |k: f32| 1.0 - (1.0 - LOWEST_LOBE[1]) * (k / n).max(0.0) * math::sqrt_f32(k / n);
+    let at = |angle: f32, radius: f32| Vec2::new(math::sin_f32(angle), math::cos_f32(angle)) * radius;
+    let step = LOWEST_LOBE[0] / n;
+    // Shoulders of deep lobes are narrow: their angle to the lobe's axis, and their distance from the base.
+    let shoulder = step * (0.42 - 0.22 * depth);
+    let out_to = 0.62 + 0.1 * depth;
+    let mut out = vec![Vec2::ZERO, at(angle(n) + 0.7 * step, 0.06)];
+    for i in 0..lobes {
+        let k = n - i as f32;
+        let a = angle(k) + wobble(0.04) * step;
+        let r = reach(k) * (1.0 + wobble(0.05));
+        let bay = reach(k - 0.5) * (1.0 - depth) * 0.9 * (1.0 + wobble(0.05));
+        out.push(at(a + shoulder, r * out_to));
+        out.push(at(a, r));
+        out.push(at(a - shoulder, r * (out_to + 0.04)));
+        out.push(at(angle(k - 0.5) + wobble(0.04) * step, bay));
+    }
+    out.push(at(shoulder, out_to));
+    out.push(at(0.34 * shoulder, 0.84));
+    out.push(Vec2::new(0.0, 1.0));
+    // In shares of the half width.
+    let widest = out.iter().fold(0.0_f32, |w, p| w.max(p.x)).max(1e-3);
+    out.iter().map(|p| Vec2::new(p.x / widest, p.y)).collect()
+}
+
 /// Margin and veins of one side; `side`: 1 right, -1 left.
 fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     let word = if side > 0.0 { "right" } else { "left" };
@@ -155,7 +192,7 @@ fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     // Work on the positive side, then mirror: both sides draw from streams of their own and so differ a little.
     let scale = Vec2::new(spec.width * 0.5, spec.length);
     let points: Vec<Vec2> = control_points(spec, &mut draw).iter().map(|p| *p * scale).collect();
-    let lobed = matches!(spec.form, LeafForm::Lobed { .. });
+    let lobed = matches!(spec.form, LeafForm::Lobed { .. } | LeafForm::Palmate { .. });
     let curve = spline(&points, smooth);
     let (mut margin, tips) = match (teeth && spec.teeth.count > 0, lobed) {
         (true, _) => toothed(spec, &spline(&points, 12), &mut draw),
@@ -181,7 +218,7 @@ fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
 /// Number of side veins on a side: one per lobe, else as the species has.
 fn vein_count(spec: &BladeSpec) -> usize {
     match spec.form {
-        LeafForm::Lobed { lobes, .. } => lobes as usize,
+        LeafForm::Lobed { lobes, .. } | LeafForm::Palmate { lobes, .. } => lobes as usize,
         _ => spec.veins as usize,
     }
 }
@@ -317,7 +354,9 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
         let most = spec.length * (0.97 - 0.03 * (tips.len() - i) as f32);
         // Lead the vein back from its tip at the species' angle to the midrib; roots keep their order and a least
         // distance.
-        let y = (tip.y - tip.x * slope + shift).clamp(lowest, most.max(lowest));
+        // Veins of palmate leaves all come from the base.
+        let y = if matches!(spec.form, LeafForm::Palmate { .. }) { lowest } else { tip.y - tip.x * slope + shift };
+        let y = y.clamp(lowest, most.max(lowest));
         let mut vein = Vein { root: Vec2::ZERO, bend: Vec2::ZERO, tip, at };
         // Straight at first, bent to the tip of the blade near the margin; rooted higher where a bay is in the way.
         for k in 0..16_u8 {
@@ -360,10 +399,12 @@ mod tests {
 
     #[test]
     fn margins_are_simple_and_veins_end_on_them() {
-        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+        let palmate = |lobes, depth| BladeSpec { form: LeafForm::Palmate { lobes, depth }, ..BladeSpec::maple() };
+        let maples = [palmate(1, 0.3), palmate(2, 0.4), palmate(3, 0.7), palmate(4, 0.85)];
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()].into_iter().chain(maples) {
             let o = BladeOutline::new(&spec, 4, true);
             for half in &o.halves {
-                assert!(half.veins.len() >= 5);
+                assert!(half.veins.len() >= 5.min(vein_count(&spec)));
                 assert!(half.veins.windows(2).all(|v| v[0].root.y < v[1].root.y && v[0].at < v[1].at));
                 assert!(half.veins.iter().all(|v| half.margin[v.at] == v.tip));
                 let m = &half.margin;

@@ -86,8 +86,8 @@ pub fn terrain_material(
         let one = |i: usize| sample(colors, ground.at(xs[i], down), [meadow[i], worn[i], tufts[i], strata[i]]);
         (0..xs.len()).map(one).collect()
     }));
-    let step = RELIEF / (land.size / n);
-    let images = pixels::surface_images(name, side, &texels, [step, step], false);
+    let steps = land.size.map(|length| RELIEF / (length / n));
+    let images = pixels::surface_images(name, side, &texels, steps, false);
     let material = Material {
         name: name.to_owned(),
         class: MaterialClass::Ground,
@@ -98,7 +98,7 @@ pub fn terrain_material(
         double_sided: false,
         alpha_cutoff: None,
         height_range: RELIEF,
-        tile: land.size,
+        tile: land.size[0],
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: None },
         coat: None,
     };
@@ -107,16 +107,16 @@ pub fn terrain_material(
 
 impl TerrainNoise {
     /// Lengths are in metres whatever the land's size; what is finer than two pixels is drawn as coarse as the map shows.
-    fn new(size: f32, side: u32, seed: u64) -> Self {
+    fn new(size: [f32; 2], side: u32, seed: u64) -> Self {
         let most = (side / 2).max(1);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
         let fractal = |k: u64, (length, octaves): (f32, u32)| {
             // At most one lattice cell per two pixels (Nyquist), and as many octaves as fit below that.
-            let cells = (size / length).round().clamp(1.0, most as f32) as u32;
+            let cells = size.map(|size| (size / length).round().clamp(1.0, most as f32) as u32);
             FractalNoise::new(
                 seed.wrapping_mul(64).wrapping_add(k << 3),
-                [cells; 2],
-                octaves.min((most / cells).ilog2() + 1),
+                cells,
+                octaves.min((most / cells[0].max(cells[1])).ilog2() + 1),
             )
         };
         Self {
@@ -130,7 +130,7 @@ impl TerrainNoise {
 
 /// Slope and relative height of the land, bilinear between its heights.
 struct TerrainShape {
-    side: usize,
+    counts: [usize; 2],
     /// Slope, rad, and height above the smoothed land, m, at each height.
     cells: Vec<[f32; 2]>,
 }
@@ -140,31 +140,33 @@ impl TerrainShape {
     fn new(land: &Terrain) -> Self {
         let mut broad = land.clone();
         (0..SMOOTHING_PASSES).for_each(|_| broad.smooth_binomial());
-        let rows: Vec<usize> = (0..land.side).collect();
+        let [columns, rows] = land.counts;
+        let rows: Vec<usize> = (0..rows).collect();
         let row = |&j: &usize| {
             let one = |i: usize| {
                 // Slope from the normal; height above the smoothed land tells crests (positive) from hollows.
                 let slope = osier_base::math::acos_f32(land.normal(i, j, 1).y.clamp(-1.0, 1.0));
                 [slope, land.height(i, j) - broad.height(i, j)]
             };
-            (0..land.side).map(one).collect::<Vec<_>>()
+            (0..columns).map(one).collect::<Vec<_>>()
         };
-        Self { side: land.side, cells: pixels::concatenated(par_map(&rows, row)) }
+        Self { counts: land.counts, cells: pixels::concatenated(par_map(&rows, row)) }
     }
 
     /// `x`, `y`: shares of the way from -x and -z.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of the unit line")]
     fn at(&self, x: f32, y: f32) -> [f32; 2] {
-        let cells = self.side - 1;
-        let split = |v: f32| {
+        let split = |v: f32, count: usize| {
+            let cells = count - 1;
             let u = v.clamp(0.0, 1.0) * cells as f32;
             let i = (u as usize).min(cells - 1);
             (i, u - i as f32)
         };
-        let ((i, f), (j, g)) = (split(x), split(y));
+        let [columns, rows] = self.counts;
+        let ((i, f), (j, g)) = (split(x, columns), split(y, rows));
         // Bilinear interpolation of slope and relative height.
         let row = |j: usize| {
-            let [a, b] = [self.cells[j * self.side + i], self.cells[j * self.side + i + 1]];
+            let [a, b] = [self.cells[j * columns + i], self.cells[j * columns + i + 1]];
             [0, 1].map(|k| osier_base::math::lerp(a[k], b[k], f))
         };
         let (low, high) = (row(j), row(j + 1));

@@ -13,13 +13,13 @@ impl Terrain {
     /// Meshes of one material (0) that cover the land, named by row and column; edges of neighbours share every bit.
     /// u runs 0..1 along +x, v along -z. Cells are split as [`Terrain::height_at`] has them.
     pub fn tiles(&self) -> Vec<(String, Mesh)> {
-        let cells = (self.side - 1) / self.stride;
-        let count = cells.div_ceil(MAX_TILE_CELLS);
+        let [across, along] = self.counts.map(|n| (n - 1) / self.stride);
         // Cuts at whole cells, so that tiles differ by one cell at most.
-        let cut = |t: usize| t * cells / count;
-        let all: Vec<[usize; 2]> = (0..count).flat_map(|r| (0..count).map(move |c| [r, c])).collect();
+        let count = |cells: usize| cells.div_ceil(MAX_TILE_CELLS);
+        let cut = |t: usize, cells: usize| t * cells / count(cells);
+        let all: Vec<[usize; 2]> = (0..count(along)).flat_map(|r| (0..count(across)).map(move |c| [r, c])).collect();
         par_map(&all, |&[r, c]| {
-            let mesh = self.tile([cut(c), cut(c + 1)], [cut(r), cut(r + 1)]);
+            let mesh = self.tile([cut(c, across), cut(c + 1, across)], [cut(r, along), cut(r + 1, along)]);
             (format!("tile_{r}_{c}"), mesh.with_material(0))
         })
     }
@@ -28,12 +28,12 @@ impl Terrain {
     fn tile(&self, across: [usize; 2], along: [usize; 2]) -> Mesh {
         let (width, s) = (across[1] - across[0] + 1, self.stride);
         let mut mesh = Mesh::default();
-        let last = (self.side - 1) as f32;
+        let [across_last, along_last] = self.counts.map(|n| (n - 1) as f32);
         for j in (along[0]..=along[1]).map(|j| j * s) {
             for i in (across[0]..=across[1]).map(|i| i * s) {
-                mesh.points.push(Vec3::new(self.coordinate(i), self.height(i, j), self.coordinate(j)));
+                mesh.points.push(Vec3::new(self.coordinate(0, i), self.height(i, j), self.coordinate(1, j)));
                 mesh.normals.push(self.normal(i, j, s));
-                mesh.uvs.push(Vec2::new(i as f32 / last, 1.0 - j as f32 / last));
+                mesh.uvs.push(Vec2::new(i as f32 / across_last, 1.0 - j as f32 / along_last));
             }
         }
         for j in along[0]..along[1] {

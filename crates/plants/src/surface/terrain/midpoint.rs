@@ -22,11 +22,13 @@ impl Terrain {
         params.check()?;
         let side = (1_usize << params.n) + 1;
         let mut land = Self {
-            side,
-            size: narrow(params.size),
+            counts: [side; 2],
+            size: [narrow(params.size); 2],
+            center: [0.0; 2],
             stride: params.stride as usize,
             tileable: params.tileable,
             heights: vec![0.0; side * side],
+            surface: None,
         };
         let key = Rng::key(params.seed, &["terrain".into()]);
         land.set_corners(params, key);
@@ -49,13 +51,13 @@ impl Terrain {
 
     /// Sets the four corners, given or drawn; a tileable land has one height at all of them.
     fn set_corners(&mut self, params: &TerrainParams, key: u64) {
-        let last = self.side - 1;
+        let last = self.counts[0] - 1;
         let key = child(key, Key::from("corner").0);
         for (c, (i, j)) in [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().enumerate() {
             let drawn = if self.tileable { (0, 0) } else { (j, i) };
             let given = params.corners.and_then(|g| g.get(if self.tileable { 0 } else { c }).copied());
             let h = given.unwrap_or_else(|| params.amplitude * uniform(child(child(key, drawn.0), drawn.1)));
-            let at = usize::from(j == 1) * last * self.side + usize::from(i == 1) * last;
+            let at = usize::from(j == 1) * last * self.counts[0] + usize::from(i == 1) * last;
             self.heights[at] = narrow(h);
         }
     }
@@ -63,7 +65,7 @@ impl Terrain {
     /// The diamond step: sets the middles of squares.
     fn diamond(&mut self, level: u32, by: f64, key: u64) {
         let squares = 1_usize << level;
-        let step = (self.side - 1) >> level;
+        let step = (self.counts[0] - 1) >> level;
         let rows: Vec<usize> = (0..squares).collect();
         let done = par_map(&rows, |&j| {
             let key = child(key, j as u64);
@@ -78,7 +80,7 @@ impl Terrain {
         });
         // Write the new heights back in order; the rows were computed in parallel from the old ones.
         for (j, row) in done.iter().enumerate() {
-            let at = (j * step + step / 2) * self.side + step / 2;
+            let at = (j * step + step / 2) * self.counts[0] + step / 2;
             row.iter().zip(self.heights[at..].iter_mut().step_by(step)).for_each(|(from, to)| *to = *from);
         }
     }
@@ -86,7 +88,7 @@ impl Terrain {
     /// The square step: sets the middles of edges.
     fn square(&mut self, level: u32, by: f64, key: u64) {
         let m = 2_usize << level;
-        let k = (self.side - 1) / m;
+        let k = (self.counts[0] - 1) / m;
         let rows: Vec<usize> = (0..=m).collect();
         let done = par_map(&rows, |&j| {
             let key = child(key, if self.tileable { j % m } else { j } as u64);
@@ -106,28 +108,31 @@ impl Terrain {
             ((j + 1) % 2..=m).step_by(2).map(one).collect::<Vec<f32>>()
         });
         for (j, row) in done.iter().enumerate() {
-            let at = j * k * self.side + ((j + 1) % 2) * k;
+            let at = j * k * self.counts[0] + ((j + 1) % 2) * k;
             row.iter().zip(self.heights[at..].iter_mut().step_by(2 * k)).for_each(|(from, to)| *to = *from);
         }
     }
 
     /// Heights of row `j` from -z.
     fn row(&self, j: usize) -> &[f32] {
-        &self.heights[j * self.side..(j + 1) * self.side]
+        &self.heights[j * self.counts[0]..(j + 1) * self.counts[0]]
     }
 
     /// One binomial pass, 1 2 1 both ways; at an open border the missing height is the border's own.
     pub(super) fn smooth_binomial(&mut self) {
-        let last = self.side - 1;
-        let before = |v: usize| if v > 0 { v - 1 } else { [0, last - 1][usize::from(self.tileable)] };
-        let after = |v: usize| if v < last { v + 1 } else { [last, 1][usize::from(self.tileable)] };
-        let rows: Vec<usize> = (0..self.side).collect();
-        let done = par_map(&rows, |&j| {
-            let (a, b, c) = (self.row(before(j)), self.row(j), self.row(after(j)));
+        let [columns, rows] = self.counts;
+        let before = |v: usize, n: usize| if v > 0 { v - 1 } else { [0, n - 2][usize::from(self.tileable)] };
+        let after = |v: usize, n: usize| if v < n - 1 { v + 1 } else { [n - 1, 1][usize::from(self.tileable)] };
+        let rows_of: Vec<usize> = (0..rows).collect();
+        let done = par_map(&rows_of, |&j| {
+            let (a, b, c) = (self.row(before(j, rows)), self.row(j), self.row(after(j, rows)));
             // Separable kernel (1 2 1) / 4 in both directions: columns first, then the row, divided by 16.
             let column = |i: usize| f64::from(a[i]) + 2.0 * f64::from(b[i]) + f64::from(c[i]);
-            let one = |i: usize| narrow((column(before(i)) + 2.0 * column(i) + column(after(i))) / 16.0);
-            (0..self.side).map(one).collect::<Vec<f32>>()
+            let one = |i: usize| {
+                let (west, east) = (before(i, columns), after(i, columns));
+                narrow((column(west) + 2.0 * column(i) + column(east)) / 16.0)
+            };
+            (0..columns).map(one).collect::<Vec<f32>>()
         });
         self.heights = done.concat();
     }

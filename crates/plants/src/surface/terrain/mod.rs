@@ -1,4 +1,4 @@
-//! Terrain: a heightfield by midpoint displacement, its mesh in tiles, its material, and the scattering of plants on it.
+//! Terrain: a heightfield by midpoint displacement, of a height map or of an artist's mesh; its mesh in tiles, its material, and the scattering of plants on it.
 //!
 //! ```
 //! use osier_plants::surface::terrain::{Terrain, TerrainParams};
@@ -10,18 +10,24 @@
 //! # }
 //! ```
 
+mod height_map;
 mod material;
 mod mesh;
 mod midpoint;
 pub mod scatter;
+mod surface;
 #[cfg(test)]
 mod tests;
+
+use std::sync::Arc;
 
 use glam::Vec3;
 
 use osier_base::{Error, Result};
 
+pub use height_map::HeightMapParams;
 pub use material::{TerrainColors, terrain_material};
+pub use surface::{MeshTerrain, SurfaceHit, TerrainSurface};
 
 /// Parameters of a heightfield.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,36 +104,51 @@ impl TerrainParams {
     }
 }
 
-/// Land around the origin: x and z in [-size / 2, size / 2].
+/// Land over a rectangle: heights on a grid of square cells, or the triangles of an artist's mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terrain {
-    /// Heights along a side, 2^n + 1.
-    pub side: usize,
-    /// Length of a side, m.
-    pub size: f32,
+    /// Heights along x and along z, each at least 2.
+    pub counts: [usize; 2],
+    /// Lengths along x and along z, m.
+    pub size: [f32; 2],
+    /// Middle, x and z, m.
+    pub center: [f32; 2],
     /// Length of a cell of the mesh in cells of the heights.
     pub stride: usize,
     /// Opposite edges have equal heights.
     pub tileable: bool,
     /// Heights, m: rows from -z to +z, in each from -x to +x.
     pub heights: Vec<f32>,
+    /// The mesh whose highest surface the land is; its heights are then samples of it, for what needs a grid.
+    pub surface: Option<Arc<TerrainSurface>>,
 }
 
 impl Terrain {
     /// Height at column `i` from -x in row `j` from -z, m; indices beyond the border are clamped to it.
     pub fn height(&self, i: usize, j: usize) -> f32 {
-        let last = self.side - 1;
-        self.heights.get(j.min(last) * self.side + i.min(last)).copied().unwrap_or(0.0)
+        let [columns, rows] = self.counts;
+        self.heights.get(j.min(rows - 1) * columns + i.min(columns - 1)).copied().unwrap_or(0.0)
     }
 
     /// Length of a cell of the heights, m.
     pub fn cell(&self) -> f32 {
-        self.size / (self.side - 1) as f32
+        self.size[0] / (self.counts[0] - 1) as f32
     }
 
-    /// Coordinate of column or row `i` along x or z, m.
-    fn coordinate(&self, i: usize) -> f32 {
-        self.size * (i as f32 / (self.side - 1) as f32 - 0.5)
+    /// Coordinate of column (axis 0) or row (axis 1) `i` along x or z, m.
+    fn coordinate(&self, axis: usize, i: usize) -> f32 {
+        self.size[axis] * (i as f32 / (self.counts[axis] - 1) as f32 - 0.5) + self.center[axis]
+    }
+
+    /// Shares of the way from -x to +x and from -z to +z at (x, z); outside of 0 to 1 beyond the land.
+    pub(crate) fn shares(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+        [(x - self.center[0]) / self.size[0] + 0.5, (z - self.center[1]) / self.size[1] + 0.5]
+    }
+
+    /// Whether there is land at (x, z): within its rectangle and, for a mesh, not over a hole or beyond its edge.
+    pub fn covers(&self, x: f32, z: f32) -> bool {
+        let inside = [x, z].iter().zip(self.center).zip(self.size).all(|((v, c), s)| (v - c).abs() <= s * 0.5);
+        inside && self.surface.as_ref().is_none_or(|mesh| mesh.highest_at(x, z).is_some())
     }
 
     /// Lowest and highest height, m.
@@ -137,26 +158,35 @@ impl Terrain {
 
     /// Height of the mesh at (x, z), m; points beyond the land are clamped to its border.
     pub fn height_at(&self, x: f32, z: f32) -> f32 {
-        self.triangle_at(x, z).0
+        self.hit_at(x, z).map_or_else(|| self.triangle_at(x, z).0, |hit| hit.height)
     }
 
     /// Slope of the mesh at (x, z) as the unit normal of the triangle there.
     pub fn normal_at(&self, x: f32, z: f32) -> Vec3 {
+        if let Some(hit) = self.hit_at(x, z) {
+            return hit.normal;
+        }
         let [dx, dz] = self.triangle_at(x, z).1;
         Vec3::new(-dx, 1.0, -dz).normalize()
+    }
+
+    /// The highest surface of an artist's mesh at (x, z).
+    fn hit_at(&self, x: f32, z: f32) -> Option<SurfaceHit> {
+        self.surface.as_ref()?.highest_at(x, z)
     }
 
     /// Height and its change along x and z on the triangle under (x, z).
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells of the land")]
     fn triangle_at(&self, x: f32, z: f32) -> (f32, [f32; 2]) {
-        let cells = (self.side - 1) / self.stride;
         // Cell and position within it, 0..1 along both sides.
-        let across = |v: f32| {
-            let u = ((v / self.size + 0.5) * cells as f32).clamp(0.0, cells as f32);
+        let across = |count: usize, share: f32| {
+            let cells = (count - 1) / self.stride;
+            let u = (share * cells as f32).clamp(0.0, cells as f32);
             let i = (u as usize).min(cells - 1);
             (i * self.stride, u - i as f32)
         };
-        let ((i, f), (j, g)) = (across(x), across(z));
+        let [u, v] = self.shares([x, z]);
+        let ((i, f), (j, g)) = (across(self.counts[0], u), across(self.counts[1], v));
         let [a, b, c, d] = self.corners(i, j);
         // The plane of the triangle that holds the point: h + f dx + g dz, from the corner heights.
         let (dx, dz, h) = if splits_along_main_diagonal(a, b, c, d) {
@@ -180,16 +210,16 @@ impl Terrain {
     /// Unit normal at a height, by central differences over `step` heights; wrapped at the border of tileable land,
     /// one-sided at any other.
     fn normal(&self, i: usize, j: usize, step: usize) -> Vec3 {
-        let last = self.side - 1;
         // Indices of both neighbours, and the number of steps between them.
-        let around = |k: usize| match (k < step, k + step > last) {
+        let around = |k: usize, last: usize| match (k < step, k + step > last) {
             (true, _) if self.tileable => ((last + k - step), k + step, 2),
             (_, true) if self.tileable => (k - step, k + step - last, 2),
             (true, _) => (k, k + step, 1),
             (_, true) => (k - step, k, 1),
             _ => (k - step, k + step, 2),
         };
-        let ((w, e, across), (n, s, along)) = (around(i), around(j));
+        let [columns, rows] = self.counts;
+        let ((w, e, across), (n, s, along)) = (around(i, columns - 1), around(j, rows - 1));
         let rate = |n: u8| 1.0 / (f32::from(n) * step as f32 * self.cell());
         let dx = (self.height(e, j) - self.height(w, j)) * rate(across);
         let dz = (self.height(i, s) - self.height(i, n)) * rate(along);

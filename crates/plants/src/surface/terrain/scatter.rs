@@ -123,13 +123,13 @@ impl ScatterGrid {
     )]
     fn new(land: &Terrain, params: &ScatterParams) -> Self {
         let edge = params.spacing * std::f32::consts::FRAC_1_SQRT_2;
-        let half = land.size * 0.5;
-        let last = ((land.size / edge).ceil() as usize).max(1) - 1;
+        let last = land.size.map(|length| ((length / edge).ceil() as usize).max(1) - 1);
         // Only cells that the disc touches are visited; cells keep the numbers that they have over the whole land.
         let span = |axis: usize| match params.disc {
-            None => [0, last],
+            None => [0, last[axis]],
             Some(d) => {
-                let cell = |v: f32| (((v + half) / edge).max(0.0) as usize).min(last);
+                let start = land.center[axis] - land.size[axis] * 0.5;
+                let cell = |v: f32| (((v - start) / edge).max(0.0) as usize).min(last[axis]);
                 [cell(d.at[axis] - d.radius), cell(d.at[axis] + d.radius)]
             }
         };
@@ -212,15 +212,14 @@ fn candidate_rng(cells: &ScatterGrid, key: u64, cell: usize) -> Rng {
 /// The candidate position of a cell: uniform within it.
 fn candidate_position(cells: &ScatterGrid, land: &Terrain, cell: usize, rng: &mut Rng) -> [f32; 2] {
     let (row, column) = (cells.z[0] + cell / cells.width(), cells.x[0] + cell % cells.width());
-    let at = |i: usize, u: f32| (i as f32 + u) * cells.edge - 0.5 * land.size;
+    let at = |axis: usize, i: usize, u: f32| (i as f32 + u) * cells.edge - 0.5 * land.size[axis] + land.center[axis];
     let (u, v) = (rng.unit_f32(), rng.unit_f32());
-    [at(column, u), at(row, v)]
+    [at(0, column, u), at(1, row, v)]
 }
 
 /// Chance that a place bears a plant; 0 outside of the limits.
 fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
-    let half = land.size * 0.5;
-    if at.iter().any(|v| v.abs() > half) {
+    if !land.covers(at[0], at[1]) {
         return 0.0;
     }
     // The acceptance probability is the product of density, disc, patches and mask, and 0 outside the hard limits.
@@ -245,7 +244,8 @@ fn chance(land: &Terrain, params: &ScatterParams, at: [f32; 2]) -> f32 {
         chance *= smoothstep(-0.12, 0.16, noise::fractal2(mix64(&[0xC1_0D]), p, [1 << 20, 1 << 20], 3));
     }
     if let Some(mask) = &params.mask {
-        chance *= mask.at(at[0] / land.size + 0.5, at[1] / land.size + 0.5);
+        let [x, y] = land.shares(at);
+        chance *= mask.at(x, y);
     }
     chance
 }

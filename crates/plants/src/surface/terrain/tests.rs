@@ -10,8 +10,8 @@ fn a_larger_land_keeps_the_heights_of_a_smaller_one() {
     for tileable in [false, true] {
         let of = |n| raised(&TerrainParams { n, tileable, seed: 5, ..TerrainParams::default() });
         let (small, large) = (of(8), of(9));
-        for j in 0..small.side {
-            for i in 0..small.side {
+        for j in 0..small.counts[0] {
+            for i in 0..small.counts[0] {
                 assert_eq!(small.height(i, j).to_bits(), large.height(2 * i, 2 * j).to_bits(), "{i} {j}");
             }
         }
@@ -40,14 +40,14 @@ fn roughness(exponent: f64) -> f64 {
     for seed in 0..8 {
         let land = raised(&TerrainParams { exponent, seed, ..TerrainParams::default() });
         for (sum, lag) in sums.iter_mut().zip(lags) {
-            let n = land.side - lag;
-            let pairs = (0..land.side).flat_map(|j| (0..n).map(move |i| (i, j)));
+            let n = land.counts[0] - lag;
+            let pairs = (0..land.counts[0]).flat_map(|j| (0..n).map(move |i| (i, j)));
             let square = |a: f32, b: f32| (f64::from(a) - f64::from(b)) * (f64::from(a) - f64::from(b));
             let all = pairs.fold(0.0, |s, (i, j)| {
                 let along = square(land.height(i + lag, j), land.height(i, j));
                 s + along + square(land.height(j, i + lag), land.height(j, i))
             });
-            *sum += all / (n * land.side) as f64;
+            *sum += all / (n * land.counts[0]) as f64;
         }
     }
     let points: Vec<(f64, f64)> = lags.iter().zip(sums).map(|(l, s)| (ln(*l as f64), ln(s))).collect();
@@ -125,7 +125,7 @@ fn heights_are_those_of_the_triangles() {
 #[test]
 fn a_tileable_land_repeats() {
     let land = raised(&TerrainParams { n: 7, tileable: true, smooth: 2, ..TerrainParams::default() });
-    for k in 0..land.side {
+    for k in 0..land.counts[0] {
         assert_eq!(land.height(0, k).to_bits(), land.height(128, k).to_bits());
         assert_eq!(land.height(k, 0).to_bits(), land.height(k, 128).to_bits());
         assert!(land.normal(0, k, 1).distance(land.normal(128, k, 1)) < 1e-6);

@@ -1,0 +1,435 @@
+//! Places through whole bakes: terrain of files, lines, outlines and masks, and what is said about those that do not work.
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "tests run the program and read its files, whose numbers are small and known"
+)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use glam::Vec3;
+use image::{ImageBuffer, Luma};
+use osier::scene::AssetKind;
+use serde_json::Value;
+
+use crate::common::grown;
+use osier::bake::scene::SceneOptions;
+use osier::recipe::{Library, Recipe, Request, resolve};
+
+/// A tree of a few hundred triangles.
+const TREE: &str = "[plants.tree]\nifs = \"pseudodichotomous.ifs.toml\"\n[plants.tree.tree]\nheight = 5\neps = 0.4\n\
+    leaf_density = 0\n[plants.tree.bark]\nside = 16\n[plants.tree.shoot]\nside = 16\n";
+
+fn osier(arguments: &[&str]) -> (Option<i32>, String) {
+    let run = Command::new(env!("CARGO_BIN_EXE_osier")).args(arguments).output().expect("osier runs");
+    (run.status.code(), String::from_utf8_lossy(&run.stderr).into_owned())
+}
+
+fn scene(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let path = folder.join(format!("{name}.toml"));
+    fs::write(&path, text).expect("scene");
+    path
+}
+
+fn baked(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let (path, out) = (scene(folder, name, text), folder.join(name));
+    let arguments = ["-q", "bake", path.to_str().expect("path"), "-o", out.to_str().expect("path")];
+    let (code, said) = osier(&arguments);
+    assert_eq!(code, Some(0), "{name}: {said}");
+    out
+}
+
+fn recipe(folder: &Path, text: &str) -> Recipe {
+    let library = Library::new(&folder.join("s.toml"), &[]).expect("folder");
+    let request = Request { name: "s".into(), text: text.into(), library, ..Request::default() };
+    let mut recipe = resolve(&request).unwrap_or_else(|e| panic!("{e}")).0;
+    grown::small(&mut recipe);
+    recipe.terrain.iter_mut().for_each(|t| t.keys.side = 16);
+    recipe
+}
+
+/// The height of the test's land at x, z: level at 2 m for x < 0, then a slope of 1 in 4, and a step of 3 m at z > 20.
+fn height(x: f64, z: f64) -> f64 {
+    2.0 + x.max(0.0) / 4.0 + if z > 20.0 { 3.0 } else { 0.0 }
+}
+
+/// That land as a picture of 16 bits over 80 x 60 m, 0.25 m between pixels, from 0 m (black) to 20 m (white).
+fn write_map(path: &Path) {
+    let picture = ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(321, 241, |i, j| {
+        let (x, z) = (f64::from(i) * 0.25 - 40.0, f64::from(j) * 0.25 - 30.0);
+        Luma([(height(x, z) / 20.0 * 65_535.0).round() as u16])
+    });
+    picture.save(path).expect("png");
+}
+
+/// That land as a mesh with Z up, 0.5 m between points, and a slab at 12 m over (-20, -20).
+fn write_mesh(path: &Path, with_slab: bool) {
+    use std::fmt::Write as _;
+    let mut text = "mtllib hills.mtl\nusemtl grass\n".to_owned();
+    fs::write(path.with_extension("mtl"), "newmtl grass\nKd 0.2 0.4 0.1\n").expect("mtl");
+    for j in 0..121_u32 {
+        for i in 0..161_u32 {
+            let (x, z) = (f64::from(i) * 0.5 - 40.0, f64::from(j) * 0.5 - 30.0);
+            writeln!(text, "v {x} {} {}", -z, height(x, z)).expect("text");
+            writeln!(text, "vt {} {}", f64::from(i) / 160.0, 1.0 - f64::from(j) / 120.0).expect("text");
+        }
+    }
+    for j in 0..120 {
+        for i in 0..160 {
+            let a = j * 161 + i + 1;
+            let quad = [a, a + 161, a + 162, a + 1].map(|v| format!("{v}/{v}"));
+            writeln!(text, "f {}", quad.join(" ")).expect("text");
+        }
+    }
+    if with_slab {
+        text += "v -22 22 12\nv -18 22 12\nv -18 18 12\nv -22 18 12\nf -4/1 -3/1 -2/1 -1/1\n";
+    }
+    fs::write(path, text).expect("obj");
+}
+
+/// Feet of the plants of a scene, m.
+fn feet(folder: &Path, text: &str) -> Vec<Vec3> {
+    let stage = grown::stage(&recipe(folder, text), SceneOptions::default());
+    let scene = &stage.animated.scene;
+    let plants = scene.placements.iter().filter(|p| scene.assets[p.asset].kind == AssetKind::Plant);
+    plants.map(|p| p.transform.t).collect()
+}
+
+#[test]
+fn plants_stand_on_the_terrain_of_a_file() {
+    let dir = tempfile::tempdir().expect("dir");
+    write_map(&dir.path().join("hills.png"));
+    write_mesh(&dir.path().join("hills.obj"), true);
+    let map = "[terrain]\nfile = \"hills.png\"\nsize = 80\nheight = 20\n";
+    let mesh = "[terrain]\nfile = \"hills.obj\"\nmesh_up = \"z\"\nsubdivisions = 7\n";
+    let level = "[[place]]\nplant = \"tree\"\nat = [-20, 0, 10]\n[[place]]\nplant = \"tree\"\nat = [-15, 0, 26]\n\
+                 [[place]]\nplant = \"tree\"\nat = [20, 0, -10]\n[[place]]\nplant = \"tree\"\nat = [-20, 0, -20]\n";
+    let scattered = "[[scatter]]\nplants = { tree = 1 }\nspacing = 8\nindividuals = 1\n";
+    for (kind, land) in [("map", map), ("mesh", mesh)] {
+        let feet = feet(dir.path(), &format!("{TREE}{land}{level}{scattered}"));
+        // On level land a foot is 2 cm deep, on the slab too where there is one.
+        let slab = if kind == "mesh" { 12.0 } else { 2.0 };
+        for (i, wanted) in [(0, 2.0), (1, 5.0), (3, slab)] {
+            let deep: f32 = wanted - feet[i].y;
+            assert!((deep - 0.02).abs() < 1e-3, "{kind}: {deep} m deep at {}", feet[i]);
+        }
+        // On the slope and everywhere else no foot is above the land, nor more than its own radius below it.
+        assert!(feet.len() > 40, "{kind}: {}", feet.len());
+        for p in feet.iter().filter(|p| (p.z - 20.0).abs() > 0.6 && (p.x + 20.0).abs().max((p.z + 20.0).abs()) > 2.5) {
+            let deep = height(p.x.into(), p.z.into()) - f64::from(p.y);
+            assert!((0.015..0.25).contains(&deep), "{kind}: {deep} m deep at {p}");
+        }
+    }
+}
+
+#[test]
+fn a_terrain_read_from_its_own_heights_is_the_same() {
+    let dir = tempfile::tempdir().expect("dir");
+    let land = "subdivisions = 5\nsize = 60\namplitude = 9\nside = 16\n";
+    let out =
+        baked(dir.path(), "made", &format!("seed = 3\n[terrain]\n{land}[output]\nformats = [\"exr\", \"obj\"]\n"));
+    fs::copy(out.join("maps/terrain/height.exr"), dir.path().join("own.exr")).expect("copy");
+    let again = baked(
+        dir.path(),
+        "read",
+        "seed = 3\n[terrain]\nfile = \"own.exr\"\nsize = 60\nside = 16\n[output]\nformats = [\"exr\", \"obj\"]\n",
+    );
+    let mesh = |out: &Path| {
+        let text = fs::read_to_string(out.join("obj/terrain.obj")).expect("obj");
+        text.lines().filter(|l| !l.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert!(mesh(&out).len() > 3000);
+    assert_eq!(mesh(&out), mesh(&again), "points, normals, texture coordinates and faces");
+    // Turned by `at` and `offset`: the same land elsewhere.
+    let moved = baked(
+        dir.path(),
+        "moved",
+        "seed = 3\n[terrain]\nfile = \"own.exr\"\nsize = 60\nat = [100, -50]\noffset = 7\nscale = 2\nside = 16\n\
+         [output]\nformats = [\"obj\"]\n",
+    );
+    let points = |lines: Vec<String>| -> Vec<[f64; 3]> {
+        let point = |l: &str| {
+            let v: Vec<f64> = l[2..].split(' ').map(|v| v.parse().expect("number")).collect();
+            [v[0], v[1], v[2]]
+        };
+        lines.iter().filter(|l| l.starts_with("v ")).map(|l| point(l)).collect()
+    };
+    for (a, b) in points(mesh(&out)).iter().zip(points(mesh(&moved))) {
+        let wanted = [a[0] + 100.0, a[1] * 2.0 + 7.0, a[2] - 50.0];
+        assert!(wanted.iter().zip(b).all(|(w, b)| (w - b).abs() < 2e-4), "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn a_mesh_is_exported_with_its_coordinates_and_material() {
+    let dir = tempfile::tempdir().expect("dir");
+    write_mesh(&dir.path().join("hills.obj"), false);
+    let text = "[terrain]\nfile = \"hills.obj\"\nmesh_up = \"z\"\n[output]\nformats = [\"obj\", \"exr\"]\n";
+    let out = baked(dir.path(), "mesh", text);
+    let obj = fs::read_to_string(out.join("obj/terrain.obj")).expect("obj");
+    let count = |start: &str| obj.lines().filter(|l| l.starts_with(start)).count();
+    assert_eq!((count("f "), count("vt ")), (2 * 160 * 120, 161 * 121));
+    assert!(obj.contains("usemtl terrain_grass"), "the material of the file");
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("manifest")).expect("json");
+    let asset = manifest["assets"].as_array().expect("assets").iter().find(|a| a["id"] == "terrain").expect("terrain");
+    assert_eq!((&asset["kind"], &asset["triangles"]), (&Value::from("terrain"), &Value::from(38_400)));
+    assert!((asset["bounds"][1][1].as_f64().expect("number") - 15.0).abs() < 1e-3, "{}", asset["bounds"]);
+    // Painted, its coordinates are shares of the way over the land.
+    let text = text.replace("mesh_up", "paint = true\nside = 16\nmesh_up");
+    let obj = fs::read_to_string(baked(dir.path(), "painted", &text).join("obj/terrain.obj")).expect("obj");
+    assert!(obj.contains("usemtl terrain\n") && obj.lines().any(|l| l.starts_with("vt 0.5 0.5")));
+}
+
+#[test]
+fn seeds_land_on_the_terrain_of_a_file() {
+    let dir = tempfile::tempdir().expect("dir");
+    write_map(&dir.path().join("hills.png"));
+    write_mesh(&dir.path().join("hills.obj"), false);
+    for (kind, land) in [
+        ("map", "file = \"hills.png\"\nsize = 80\nheight = 20\n"),
+        ("mesh", "file = \"hills.obj\"\nmesh_up = \"z\"\nsubdivisions = 8\n"),
+    ] {
+        let text = format!(
+            "[frames]\nend = 121\n[terrain]\n{land}side = 16\n[catkin]\nlod = 3\nhairs = 12\n[flight]\ncount = 200\n\
+             fall_speed = 2.5\nsize = [50, 14, 50]\nband = [0.8, 0.95]\nhumidity = 1\n[wind]\nspeed = 0\n\
+             [output]\nformats = [\"points\"]\n"
+        );
+        let out = baked(dir.path(), kind, &text);
+        let table = fs::read_to_string(out.join("points/catkins_0121.csv")).expect("points");
+        let names: Vec<&str> =
+            table.lines().next().expect("header").split(',').map(|n| n.split(':').next().expect("name")).collect();
+        let column =
+            |name: &str| names.iter().position(|n| *n == name).unwrap_or_else(|| panic!("{name} in {names:?}"));
+        let at = [column("x"), column("y"), column("z")];
+        let mut landed = 0;
+        for line in table.lines().skip(1) {
+            let row: Vec<&str> = line.split(',').collect();
+            // Points have Blender's axes: Z up.
+            let [x, north, y] = at.map(|i| row[i].parse::<f64>().expect("number"));
+            let z = -north;
+            // Away from the step, whose face the samples of a mesh lean.
+            if (z - 20.0).abs() < 1.0 || x.abs() > 24.5 || z.abs() > 24.5 {
+                continue;
+            }
+            landed += usize::from((y - height(x, z)).abs() < 0.03);
+            assert!(y > height(x, z) - 0.02, "{kind}: below the land at {x} {y} {z}");
+        }
+        assert!(landed > 130, "{kind}: {landed} of 200 lie on the land");
+    }
+}
+
+/// Velocities of a slice of the wind, m/s, row by row from -z, with its width in texels.
+fn slice(path: &Path) -> (usize, Vec<[f32; 3]>) {
+    use exr::prelude::*;
+    let read = read_first_rgba_layer_from_file(
+        path,
+        |size, _| (size, vec![[0.0_f32; 3]; size.area()]),
+        |(size, texels), at, (r, g, b, _): (f32, f32, f32, f32)| texels[at.y() * size.width() + at.x()] = [r, g, b],
+    );
+    let (size, texels) = read.expect("EXR").layer_data.channel_data.pixels;
+    (size.width(), texels)
+}
+
+#[test]
+fn a_lattice_wind_is_blocked_by_the_terrain_of_a_file() {
+    let dir = tempfile::tempdir().expect("dir");
+    // A dam of 3 m along z, 3 m wide at its crest, on a plain; 0.5 m between heights.
+    let dam = ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(81, 81, |i, _| {
+        let x = (f64::from(i) * 0.5 - 20.0).abs();
+        Luma([((2.5 - x).clamp(0.0, 1.0) * 65_535.0) as u16])
+    });
+    dam.save(dir.path().join("dam.png")).expect("png");
+    let text = "seed = 2\n[frames]\nend = 49\n[terrain]\nfile = \"dam.png\"\nsize = 40\nheight = 3\nside = 16\n[wind]\nmodel = \"lattice\"\n\
+                speed = 3\n[wind.lattice]\ncells = [44, 16, 24]\ndx = 0.5\n[output]\nformats = [\"obj\"]\n[output.wind]\n\
+                texel = 0.5\n[[output.wind.slice]]\nat = 1\nevery = 12\n";
+    let out = baked(dir.path(), "dam", text);
+    let (mut inside, mut before, mut behind) = (0.0_f32, Vec::new(), Vec::new());
+    for frame in [25, 37, 49] {
+        let (width, texels) = slice(&out.join("wind").join(format!("y1.{frame:04}.exr")));
+        for (k, u) in texels.iter().enumerate() {
+            let x = ((k % width) as f64 + 0.5) * 0.5 - 11.0;
+            match x {
+                x if x.abs() < 1.0 => inside = inside.max(Vec3::from_array(*u).length()),
+                x if (-8.0..-6.0).contains(&x) => before.push(u[0]),
+                x if (3.0..5.0).contains(&x) => behind.push(u[0]),
+                _ => {}
+            }
+        }
+    }
+    let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
+    assert!(inside < 1e-3, "{inside} m/s inside the dam");
+    assert!(mean(&before) > 0.8 && mean(&behind) < 0.4 * mean(&before), "{} {}", mean(&before), mean(&behind));
+}
+
+#[test]
+fn a_changed_file_changes_the_hash() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "[terrain]\nfile = \"hills.png\"\n[[place]]\nplant = \"tree\"\narea = [4, 4]\nmask = \"mask.png\"\n";
+    let text = format!("{TREE}{text}");
+    let write = |name: &str, value: u16| {
+        ImageBuffer::<Luma<u16>, _>::from_pixel(3, 3, Luma([value])).save(dir.path().join(name)).expect("png");
+    };
+    write("hills.png", 500);
+    write("mask.png", 60_000);
+    let first = recipe(dir.path(), &text).hash;
+    assert_eq!(first, recipe(dir.path(), &text).hash);
+    write("hills.png", 501);
+    let second = recipe(dir.path(), &text).hash;
+    write("mask.png", 50_000);
+    assert!(first != second && second != recipe(dir.path(), &text).hash);
+}
+
+/// Severity, words of the message and of the help for scenes that are refused or have keys without effect.
+#[test]
+fn each_fault_of_a_place_is_named_with_its_mend() {
+    let dir = tempfile::tempdir().expect("dir");
+    let picture = |name: &str, value: u16| {
+        ImageBuffer::<Luma<u16>, _>::from_pixel(3, 3, Luma([value])).save(dir.path().join(name)).expect("png");
+    };
+    picture("hills.png", 500);
+    picture("black.png", 0);
+    ImageBuffer::<Luma<u8>, _>::from_pixel(3, 3, Luma([9])).save(dir.path().join("coarse.png")).expect("png");
+    fs::write(dir.path().join("broken.png"), b"\x89PNG\r\n\x1a\n").expect("write");
+    fs::write(dir.path().join("wall.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("write");
+    fs::write(dir.path().join("flat.obj"), "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n").expect("write");
+    fs::write(dir.path().join("empty.obj"), "").expect("write");
+    let oak = "[plants.a]\nspecies = \"oak\"\nage = 3\n";
+    let wood = |more: &str| format!("{oak}{more}");
+    let cases = [
+        // Terrain.
+        ("missing", "[terrain]\nfile = \"no.png\"\n".to_owned(), "error[S005]", "no.png"),
+        ("ending", "[terrain]\nfile = \"hills.tif\"\n".into(), "error[S005]", "expected a file .png, .exr"),
+        ("broken", "[terrain]\nfile = \"broken.png\"\n".into(), "error[X010]", "broken.toml:2"),
+        ("empty", "[terrain]\nfile = \"empty.obj\"\n".into(), "error[X010]", "empty.obj"),
+        ("coarse", "[terrain]\nfile = \"coarse.png\"\n".into(), "warning[X026]", "smooth = 3"),
+        ("generated", "[terrain]\nfile = \"hills.png\"\namplitude = 3\n".into(), "warning[S007]", "terrain.amplitude"),
+        ("scale", "[terrain]\nfile = \"hills.png\"\nscale = 3\n".into(), "warning[S007]", "see height"),
+        ("offset", "[terrain]\noffset = 3\n".into(), "warning[S007]", "file = \"hills.png\""),
+        ("colour", "[terrain]\nfile = \"flat.obj\"\ncover = 1\n".into(), "warning[S007]", "paint = true"),
+        // Lines and areas.
+        ("regions", format!("{TREE}[[place]]\nring = 3\noutline = [2, 2]\n"), "error[S003]", "both outline and ring"),
+        (
+            "both",
+            format!("{TREE}[[place]]\nring = 3\ncount = 4\nspacing = 2\n"),
+            "error[S003]",
+            "both count and spacing",
+        ),
+        ("neither", format!("{TREE}[[place]]\nring = 3\n"), "error[S006]", "spacing = 0.5"),
+        ("point", format!("{TREE}[[place]]\nalong = [[1, 0, 1]]\ncount = 2\n"), "error[S003]", "two corners"),
+        ("many", format!("{TREE}[[place]]\nring = 9000\nspacing = 0.1\n"), "error[S004]", "larger spacing"),
+        ("jitter", format!("{TREE}[[place]]\njitter = 1\n"), "warning[S007]", "along, outline or ring"),
+        ("mask", format!("{TREE}[[place]]\nmask = \"hills.png\"\n"), "error[S006]", "add area"),
+        ("black", format!("{TREE}[[place]]\narea = [3, 3]\nmask = \"black.png\"\n"), "error[S003]", "black everywhere"),
+        // Species and their places.
+        ("sources", wood("grammar = \"oak.l\"\n"), "error[S003]", "both grammar and species"),
+        (
+            "turtle",
+            wood("steps = 3\n[plants.a.turtle]\n"),
+            "warning[S007]",
+            "plants.a.turtle has no effect on a species",
+        ),
+        ("segment", wood("[plants.a.skin]\nsegment = \"q\"\n"), "error[S003]", "its organs are \"l\""),
+        (
+            "shared",
+            wood("[plants.a.site]\nsolids = true\n[[place]]\ncount = 5\nindividuals = 2\n"),
+            "error[S003]",
+            "individuals = 5",
+        ),
+        (
+            "skies",
+            wood(
+                "[plants.b]\nspecies = \"birch\"\n[plants.b.site]\nside = [0.5, 0, 0]\n[[place]]\nplant = \"a\"\n\
+                 together = true\n[[place]]\nplant = \"b\"\ntogether = true\n",
+            ),
+            "error[S003]",
+            "plants.b.site differs from plants.a.site",
+        ),
+        (
+            "stem",
+            wood("[[plants.a.prune]]\nkeep = [[-1, 0, -1], [1, 1.8, 1]]\n"),
+            "warning[S038]",
+            "a plant that is cut at 1.8 m",
+        ),
+        ("tall", wood("[plants.a.habit]\nclear_stem = 40\n"), "warning[S038]", "grows 25 m high at most"),
+        (
+            "keep",
+            wood("[[plants.a.prune]]\nkeep = \"hosue\"\n[[solid]]\nname = \"house\"\n"),
+            "error[S005]",
+            "did you mean \"house\"?",
+        ),
+        ("keeps", wood("[[plants.a.prune]]\nkeep = \"a\"\nsolid = \"a\"\n"), "error[S003]", "by keep and by solid"),
+    ];
+    for (name, text, code, words) in cases {
+        let path = scene(dir.path(), name, &text);
+        let (status, said) = osier(&["check", path.to_str().expect("path")]);
+        assert_eq!(status, Some(i32::from(code.starts_with("error"))), "{name}: {said}");
+        assert!(said.contains(code) && said.contains(words), "{name}: {said}");
+        assert!(said.contains(".toml:") || said.contains("empty.obj"), "{name} has no place: {said}");
+    }
+    // What only the terrain's heights tell.
+    let wall = scene(dir.path(), "upright", "[terrain]\nfile = \"wall.obj\"\n");
+    let (status, said) = osier(&["check", wall.to_str().expect("path")]);
+    assert!(status == Some(1) && said.contains("X010") && said.contains("mesh_up"), "{said}");
+    let far = scene(dir.path(), "far", &format!("{TREE}[terrain]\nsize = 20\n[[place]]\nat = [30, 0, 0]\n"));
+    let (status, said) = osier(&["check", far.to_str().expect("path")]);
+    assert!(status == Some(0) && said.contains("S037") && said.contains("1 plants"), "{said}");
+}
+
+#[test]
+fn a_cut_to_a_solid_is_named_by_keep() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = |key: &str| {
+        format!(
+            "[plants.a]\nspecies = \"hazel\"\nage = 4\n[[plants.a.prune]]\nyear = 3\n{key} = \"tub\"\n[[solid]]\nname = \"tub\"\nsize = [1, 1, 1]\n"
+        )
+    };
+    let of = |key: &str| {
+        let stage = grown::stage(&recipe(dir.path(), &text(key)), SceneOptions::default());
+        stage.animated.scene.assets[0].meshes[0].mesh.points.clone()
+    };
+    assert!(of("keep").len() > 100 && of("keep") == of("solid"));
+}
+
+#[test]
+fn a_new_folder_holds_what_its_scene_names() {
+    let dir = tempfile::tempdir().expect("dir");
+    let cases = [
+        ("tree", vec!["new.toml", "tree.shapes"]),
+        ("oak-grown", vec!["new.toml", "oak.species"]),
+        ("hazel.species", vec!["new.toml", "hazel.species"]),
+        ("vine.shapes", vec!["new.toml", "vine.shapes"]),
+        (
+            "landscape",
+            vec![
+                "new.toml",
+                "birch.l",
+                "grass.l",
+                "monopodial.ifs.toml",
+                "oak.l",
+                "pseudodichotomous.ifs.toml",
+                "sympodial.ifs.toml",
+            ],
+        ),
+    ];
+    for (preset, wanted) in cases {
+        let folder = dir.path().join(preset).join("new");
+        let (status, said) = osier(&["new", folder.to_str().expect("path"), "--from", preset]);
+        assert_eq!(status, Some(0), "{preset}: {said}");
+        let mut made: Vec<String> = fs::read_dir(&folder)
+            .expect("folder")
+            .map(|e| e.expect("entry").file_name().into_string().expect("name"))
+            .collect();
+        made.sort();
+        let mut wanted = wanted;
+        wanted.sort_unstable();
+        assert_eq!(made, wanted, "{preset}");
+    }
+    let scene = dir.path().join("hazel.species/new/new.toml");
+    let (status, said) = osier(&["check", scene.to_str().expect("path")]);
+    assert_eq!(status, Some(0), "{said}");
+}
