@@ -354,9 +354,22 @@ fn leaves_change_over_a_clip() {
     assert!(counts.windows(2).all(|w| w[1] <= w[0]) && counts[6] < counts[0], "{counts:?}");
     // Half of the clip is the season in the middle.
     assert_eq!(counts[4], still("0.775"));
-    // In files: colours have samples, and what has fallen is invisible.
+    // Too many leaves for nodes of glTF are as at the first frame.
     let dir = tempfile::tempdir().expect("dir");
     let clip = AUTUMN.replace("season = 0.82", "season = [0.5, 0.9]");
+    let out = bake(dir.path(), "still", &clip, "glb", &["--set", "output.gltf.nodes=20"]);
+    let manifest: Value = serde_json::from_slice(&fs::read(out.join("manifest.json")).expect("file")).expect("JSON");
+    let warnings = manifest["warnings"].to_string();
+    assert!(warnings.contains("X003") && warnings.contains("stay as at the first frame"), "{warnings}");
+    let web = Player::new(&fs::read(out.join("gltf/still.web.glb")).expect("a file"));
+    let instances = |node: &Value| {
+        let accessor = node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"].as_u64()?;
+        web.json["accessors"][usize::try_from(accessor).ok()?]["count"].as_u64()
+    };
+    let shown: u64 = web.json["nodes"].as_array().expect("nodes").iter().filter_map(instances).sum();
+    let summer = count(&plant(&AUTUMN.replace("season = 0.82", "season = 0.5")), "leaves");
+    assert_eq!(shown, summer as u64, "all leaves of the first frame");
+    // In files: colours have samples, and what has fallen is invisible.
     let out = bake(dir.path(), "clip", &clip, "usd,pov,unreal", &[]);
     let Some(told) = usd_leaves(&out.join("clip.usda")) else { return };
     let leaves: Vec<&Value> = told.iter().filter(|t| t["name"] == "leaves").collect();

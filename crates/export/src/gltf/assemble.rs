@@ -11,7 +11,7 @@ use super::buffer::last_index;
 use super::document::{GltfDocument, check_finite, node_with_extras, node_with_transform};
 use super::json::{Camera, Index, Node, Perspective, Skin};
 use osier_base::Result;
-use osier_scene::{InstancerMotion, Placement, Trs};
+use osier_scene::{Asset, Instancer, InstancerMotion, LEAF_COLOR, Placement, Trs};
 
 /// What a document shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,14 +78,26 @@ impl GltfDocument<'_> {
         let input = self.input;
         let mut list = Vec::new();
         let mut total = 0_usize;
+        let mut leaves = 0_usize;
         for (k, placement) in placements.iter().enumerate() {
             let Some(tracks) = input.tracks.assets.get(placement.asset) else { continue };
+            let asset = &input.scene.assets[placement.asset];
+            let stays =
+                |i: usize| asset.instancers.get(i).is_some_and(|instancer| self.stays_at_rest(asset, instancer));
             // Only what is visible at some frame is worth a node.
-            list.extend(
-                tracks.moving.iter().filter(|m| m.alive.contains(&true)).map(|m| (m.key, k, m.instancer, m.instance)),
+            let moving = tracks.moving.iter().filter(|m| m.alive.contains(&true) && !stays(m.instancer));
+            list.extend(moving.map(|m| (m.key, k, m.instancer, m.instance)));
+            for instancer in asset.instancers.iter().filter(|i| i.motion == InstancerMotion::Free) {
+                let sum = if self.stays_at_rest(asset, instancer) { &mut leaves } else { &mut total };
+                *sum += instancer.len();
+            }
+        }
+        if leaves > 0 {
+            let message = format!(
+                "{name}: {leaves} instances of leaves change over the clip, but stay as at the first frame; \
+                 output.gltf.nodes = {leaves} lets them change, output.gltf.frame = N shows those of another frame"
             );
-            let free = |i: &&osier_scene::Instancer| i.motion == InstancerMotion::Free;
-            total += input.scene.assets[placement.asset].instancers.iter().filter(free).map(|i| i.len()).sum::<usize>();
+            self.warnings.push(Warning { code: "X003", message });
         }
         let most = input.tracks.max_moving;
         if total > most && !input.tracks.is_still() {
@@ -103,6 +115,14 @@ impl GltfDocument<'_> {
             chosen.entry(k).or_default().insert((instancer, instance));
         }
         chosen
+    }
+
+    /// Whether the instances of leaves that change over a clip are too many for nodes of their own. They are then written as they are at
+    /// rest: some of them alone would show a bare tree.
+    pub(super) fn stays_at_rest(&self, asset: &Asset, instancer: &Instancer) -> bool {
+        let of_season = |i: &Instancer| i.motion == InstancerMotion::Free && i.rest.attribute(LEAF_COLOR).is_some();
+        let all: usize = asset.instancers.iter().filter(|i| of_season(i)).map(Instancer::len).sum();
+        !self.input.tracks.is_still() && of_season(instancer) && all > self.input.tracks.max_moving
     }
 
     /// Adds the nodes of a placement: its own, below it the joints, and one for each template.

@@ -110,7 +110,7 @@ impl GltfDocument<'_> {
         for (i, instancer) in source.instancers.iter().enumerate() {
             let label = format!("asset {}, instancer {}", source.id, instancer.name);
             match (&instancer.motion, &selection) {
-                (InstancerMotion::Free, _) if !input.tracks.is_still() => {
+                (InstancerMotion::Free, _) if !input.tracks.is_still() && !self.stays_at_rest(source, instancer) => {
                     let list: Vec<&InstanceTrack> = tracks
                         .moving
                         .iter()

@@ -15,6 +15,10 @@ mod tuning {
     pub(super) const UNFOLDING: f32 = 0.13;
     /// Time after bud burst in which a fresh leaf becomes as green as in summer.
     pub(super) const GREENING: [f32; 2] = [0.12, 0.36];
+    /// Size of the needles of a young shoot at bud burst: the shoots of the year are there already.
+    pub(super) const FIRST_NEEDLES: f32 = 0.6;
+    /// Organs of an evergreen that are at most so much younger than the youngest, as a share of its growth, are on young shoots.
+    pub(super) const YOUNGEST: f32 = 0.02;
     /// Size of a leaf that has just left its bud.
     pub(super) const FIRST_SIZE: f32 = 0.16;
     /// Seasons at which the first and the last leaf begin to turn, and how long that takes.
@@ -62,6 +66,8 @@ pub struct LeafCalendar {
     pub fall: f32,
     /// Index of its autumn colour.
     pub hue: u8,
+    /// Whether it is on one of the youngest shoots of an evergreen, which are fresh in spring.
+    pub youngest: bool,
 }
 
 /// A leaf at a season.
@@ -82,23 +88,27 @@ impl LeafCalendar {
     pub fn at(&self, habit: &LeafHabit, season: f32) -> Option<LeafNow> {
         let shape = |bent: LeafShape| if habit.bends { bent } else { LeafShape::Open };
         let summer = LeafNow { look: LeafLook::SUMMER, size: 1.0, opening: 1.0, color: habit.green };
-        if habit.evergreen {
-            return Some(summer);
-        }
         // Spring: size, direction and folds by how far the leaf has unfolded, colour by its age.
         let unfolded = smoothstep(self.burst, self.burst + tuning::UNFOLDING, season);
+        let [start, end] = tuning::GREENING.map(|t| self.burst + t);
+        let green = smoothstep(start, end, season);
+        let fresh_color = match green {
+            g if g < 0.34 => LeafColor::Fresh,
+            g if g < 0.8 => LeafColor::Young,
+            _ => LeafColor::Green,
+        };
+        if habit.evergreen {
+            let look = LeafLook { color: fresh_color, shape: LeafShape::Open };
+            let size = lerp(tuning::FIRST_NEEDLES, 1.0, unfolded);
+            let fresh = LeafNow { look, size, color: mixed(habit.spring, habit.green, green), ..summer };
+            return Some(if self.youngest { fresh } else { summer });
+        }
         if unfolded <= 0.0 || season >= self.fall {
             return None;
         }
-        let [start, end] = tuning::GREENING.map(|t| self.burst + t);
-        let green = smoothstep(start, end, season);
         let young = LeafNow {
             look: LeafLook {
-                color: match green {
-                    g if g < 0.34 => LeafColor::Fresh,
-                    g if g < 0.8 => LeafColor::Young,
-                    _ => LeafColor::Green,
-                },
+                color: fresh_color,
                 shape: match unfolded {
                     u if u < 0.35 => shape(LeafShape::Furled),
                     u if u < 0.8 => shape(LeafShape::Unfolding),
@@ -131,15 +141,13 @@ impl LeafCalendar {
 /// The colours, besides green, that leaves of a habit have at some time between two seasons.
 pub fn colors_between(habit: &LeafHabit, seasons: [f32; 2]) -> BTreeSet<LeafColor> {
     let mut colors = BTreeSet::new();
-    if habit.evergreen {
-        return colors;
-    }
     // Calendars and seasons on a grid that is finer than the shortest time that a colour is shown.
     let steps = 60_u8;
     let grid = |k: u8| f32::from(k) / f32::from(steps);
     let seasons: Vec<f32> = (0..=steps).map(|k| lerp(seasons[0], seasons[1], grid(k))).collect();
     for (rank, falling) in (0..=steps).flat_map(|k| (0..=steps).step_by(3).map(move |f| (grid(k), grid(f)))) {
         let falls = calendar(rank, rank, falling, 0);
+        let falls = LeafCalendar { youngest: habit.evergreen, ..falls };
         let stays = Some(LeafCalendar { fall: 2.0, ..falls }).filter(|_| habit.keeps > 0.0);
         for leaf in std::iter::once(falls).chain(stays) {
             colors.extend(seasons.iter().filter_map(|s| leaf.at(habit, *s)).map(|now| now.look.color));
@@ -168,6 +176,7 @@ fn calendar(spring: f32, turning: f32, falling: f32, hue: u8) -> LeafCalendar {
         turn,
         fall: fall.max(turn + tuning::TURNING + tuning::LEAST_COLOR),
         hue,
+        youngest: false,
     }
 }
 
@@ -200,9 +209,13 @@ pub fn leaf_calendars(
     // Leaves that stay are those of the shaded inner and lower branches.
     let kept = rank("kept", &Shares { sun: -0.5, limb: 0.2, twig: 0.2, chance: 0.1, tip: 0.0 });
     let weights: Vec<f64> = habit.autumn.iter().map(|c| c.weight).collect();
+    let births = || leaves.iter().map(|i| plant.organs[*i].birth);
+    let (first, last) = births().fold((1.0_f32, 0.0_f32), |b, birth| (b.0.min(birth), b.1.max(birth)));
     let leaf = |k: usize| {
+        let youngest = last > first && plant.organs[leaves[k]].birth >= last - tuning::YOUNGEST;
         let calendar = calendar(spring[k], turning[k], falling[k], by_share(&weights, hues[k]));
-        if kept[k] < habit.keeps { LeafCalendar { fall: 2.0, ..calendar } } else { calendar }
+        let fall = if kept[k] < habit.keeps { 2.0 } else { calendar.fall };
+        LeafCalendar { fall, youngest, ..calendar }
     };
     (0..leaves.len()).map(leaf).collect()
 }
@@ -293,12 +306,15 @@ mod tests {
     }
 
     #[test]
-    fn needles_stay_as_they_are() {
+    fn needles_stay_and_those_of_young_shoots_are_fresh_in_spring() {
         let habit = LeafHabit { evergreen: true, ..habit() };
+        let old = calendar(0.5, 0.5, 0.5, 0);
+        let young = LeafCalendar { youngest: true, ..old };
         for s in [0.0, 0.3, 0.8, 1.0] {
-            assert_eq!(calendar(0.5, 0.5, 0.5, 0).at(&habit, s).expect("a needle").look, LeafLook::SUMMER);
+            assert_eq!(old.at(&habit, s).expect("a needle").look, LeafLook::SUMMER);
+            assert_eq!(young.at(&habit, s).expect("a needle").look == LeafLook::SUMMER, s > 0.4);
         }
-        assert!(colors_between(&habit, [0.0, 1.0]).is_empty());
+        assert!(colors_between(&habit, [0.5, 1.0]).is_empty() && colors_between(&habit, [0.0, 1.0]).len() == 2);
     }
 
     #[test]
