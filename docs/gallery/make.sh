@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the gallery's pictures that are osier's own again: docs/gallery/make.sh [NAME...]. A few minutes for all of them.
-# The others: sapling.png and sapling-renders.png as docs/tutorial.md says, showcase, catkins-ground.png, preview-cycles by Cycles (render.py), wet-leaf, rain-fig1, rain-fig14, rain-pendant by rain.sh, rain-cycles by render.py as docs/rain.md says,
+# The others: sapling.png and sapling-renders.png as docs/tutorial.md says, showcase, catkins-ground.png, preview-cycles by Cycles (render.py), stand and stand-pov as docs/growth.md says, wet-leaf, rain-fig1, rain-fig14, rain-pendant by rain.sh, rain-cycles by render.py as docs/rain.md says,
 # wind-slices by slices.py from a bake, plots of flows by flows.py, other plots by the benches that docs name beside them; catkins-fig12, catkins-fig13, catkins-ground.gif and catkins-wall.gif by catkins.sh; those of hoetzlein.md by shapes.sh.
 set -euo pipefail
 cd "$(dirname "$0")/../.."

@@ -410,7 +410,7 @@ fn a_new_folder_holds_what_its_scene_names() {
                 "birch.l",
                 "grass.l",
                 "monopodial.ifs.toml",
-                "oak.l",
+                "oak.species",
                 "pseudodichotomous.ifs.toml",
                 "sympodial.ifs.toml",
             ],

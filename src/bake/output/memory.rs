@@ -8,7 +8,7 @@
 
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::wind::lattice::lattice_memory;
-use crate::recipe::Recipe;
+use crate::recipe::{Recipe, TerrainFile};
 use osier_export::format::FormatInfo;
 use osier_export::usd;
 use osier_scene::{Image, Pixels, Scene, VolumeGrid};
@@ -27,6 +27,10 @@ const POINT: u64 = 50;
 const USD_POINT: u64 = 26;
 /// Bytes for each texel of the maps of rain.
 const TEXEL: u64 = 150;
+
+/// Bytes for each triangle of an artist's terrain beside its mesh: the file's own mesh, the triangles by which heights are found, their
+/// index.
+const TERRAIN_TRIANGLE: u64 = 70;
 
 /// Bytes of the record of rain at each frame: for a leaf its pose, its water and its place on the plant; for a drop in the air.
 const RECORDED_LEAF: u64 = 350;
@@ -67,10 +71,19 @@ pub fn predict_memory(
         ("maps of rain", TEXEL * texels),
         ("record of rain", recorded),
         ("volumes", volumes),
+        ("terrain", TERRAIN_TRIANGLE.saturating_mul(terrain_triangles(recipe))),
     ];
     parts.extend(lattice_memory(recipe));
     parts.retain(|p| p.1 > 0);
     parts
+}
+
+/// Triangles of an artist's terrain; 0 for any other.
+fn terrain_triangles(recipe: &Recipe) -> u64 {
+    match recipe.terrain.as_ref().and_then(|t| t.file.as_ref()) {
+        Some(TerrainFile::Mesh(imported)) => imported.mesh.triangles.len() as u64,
+        _ => 0,
+    }
 }
 
 /// Bytes of a picture, not packed.

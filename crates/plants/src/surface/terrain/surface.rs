@@ -72,20 +72,21 @@ impl TerrainSurface {
             entries: Vec::new(),
         };
         // Count the triangles of each cell, then enter them in their order.
-        let spans: Vec<[[usize; 2]; 2]> = surface.triangles.iter().map(|t| surface.span(t)).collect();
         let [across, along] = surface.cells;
+        let cells_of = |t: &[Vec3; 3]| {
+            let [x, z] = surface.span(t);
+            (z[0]..=z[1]).flat_map(move |j| (x[0]..=x[1]).map(move |i| j * across + i))
+        };
         let mut counts = vec![0_u32; across * along + 1];
-        let cells_of =
-            |[x, z]: [[usize; 2]; 2]| (z[0]..=z[1]).flat_map(move |j| (x[0]..=x[1]).map(move |i| j * across + i));
-        spans.iter().flat_map(|span| cells_of(*span)).for_each(|cell| counts[cell + 1] += 1);
+        surface.triangles.iter().flat_map(cells_of).for_each(|cell| counts[cell + 1] += 1);
         for k in 1..counts.len() {
             counts[k] += counts[k - 1];
         }
         let mut next = counts.clone();
         let mut entries = vec![0_u32; counts.last().copied().unwrap_or(0) as usize];
-        for (t, span) in (0_u32..).zip(&spans) {
-            for cell in cells_of(*span) {
-                entries[next[cell] as usize] = t;
+        for (i, t) in (0_u32..).zip(&surface.triangles) {
+            for cell in cells_of(t) {
+                entries[next[cell] as usize] = i;
                 next[cell] += 1;
             }
         }
