@@ -18,26 +18,40 @@ def bark_points(dependencies):
     mesh.vertices.foreach_get("co", points)
     triangles = [tuple(p.vertices) for p in mesh.polygons]
     objects[0].evaluated_get(dependencies).to_mesh_clear()
-    return len(objects), points.reshape(-1, 3), hash(tuple(triangles))
+    return len(objects), points.reshape(-1, 3), triangles
+
+
+def seen(points, triangles):
+    """Which points belong to a face that has an area: others are not born yet or have fallen."""
+    a, b, c = (points[[t[k] for t in triangles]] for k in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    shown = np.zeros(len(points), dtype=bool)
+    for t, area in zip(triangles, areas):
+        if area > 1e-8:
+            shown[list(t)] = True
+    return shown
 
 
 def main():
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=sys.argv[1])
     frames = []
-    before = None
+    before, shown_before = None, None
     for number in map(int, sys.argv[2:]):
         bpy.context.scene.frame_set(number)
         dependencies = bpy.context.evaluated_depsgraph_get()
-        objects, points, topology = bark_points(dependencies)
+        objects, points, triangles = bark_points(dependencies)
+        shown = seen(points, triangles)
         sizes = [i.matrix_world.to_scale()[0] for i in dependencies.object_instances if i.is_instance]
-        moved = 0.0 if before is None else float(np.linalg.norm(points - before, axis=1).max())
-        before = points
+        moved = 0.0
+        if before is not None and (shown & shown_before).any():
+            moved = float(np.linalg.norm(points - before, axis=1)[shown & shown_before].max())
+        before, shown_before = points, shown
         frames.append(
             {
                 "barks": objects,
                 "points": len(points),
-                "topology": topology,
+                "topology": hash(tuple(triangles)),
                 "height": float(points.max(axis=0)[1] if points.size else 0.0),
                 "extent": float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))),
                 "moved": moved,
