@@ -186,7 +186,7 @@ fn faults_name_the_key_and_the_remedy() {
                 "{species}[plants.a.site]\nsolids = true\n[[solid]]\nname = \"w\"\nat = [3, 0, 0]\n[[place]]\nplant = \"a\"\n\
                  count = 5\nindividuals = 1\n"
             ),
-            "grows round solids but stands in 5 places as 1 individuals",
+            "grows round solids but stands in 5 places as 1 individual\n",
         ),
     ] {
         let found = complaint(&text);

@@ -395,6 +395,26 @@ fn a_cut_to_a_solid_is_named_by_keep() {
     assert!(of("keep").len() > 100 && of("keep") == of("solid"));
 }
 
+/// A tree that grows round solids has the terrain as its ground: below the level of the scene it grows as on it.
+#[test]
+fn trees_round_solids_grow_at_any_height_of_the_terrain() {
+    let dir = tempfile::tempdir().expect("dir");
+    let bark = |y: i32| {
+        let text = format!(
+            "[terrain]\nsize = 60\namplitude = 0\nsubdivisions = 4\ncorners = [{y}, {y}, {y}, {y}]\n[plants.a]\nspecies = \"oak\"\nage = 9\n\
+             [plants.a.site]\nsolids = true\n[[place]]\nat = [3, 0, 2]\n[[solid]]\nname = \"wall\"\nat = [4, {y}, 2]\nsize = [0.3, 4, 8]\n"
+        );
+        let stage = grown::stage(&recipe(dir.path(), &text), SceneOptions::default());
+        let points = &stage.animated.scene.assets[0].meshes[0].mesh.points;
+        (points.len(), points.iter().fold(0.0, |h: f32, p| h.max(p.y)))
+    };
+    let ((level, height), (below, height_below)) = (bark(0), bark(-16));
+    assert!(
+        height > 1.5 && level.abs_diff(below) * 50 < level && (height - height_below).abs() < 0.05,
+        "{level} {below} {height} {height_below}"
+    );
+}
+
 #[test]
 fn a_new_folder_holds_what_its_scene_names() {
     let dir = tempfile::tempdir().expect("dir");

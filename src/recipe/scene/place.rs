@@ -234,8 +234,11 @@ impl Resolver<'_> {
             return;
         };
         let places = keys.count;
-        let text =
-            format!("{path}: plant \"{}\" {why} but stands in {places} places as {count} individuals", plant.name);
+        let text = format!(
+            "{path}: plant \"{}\" {why} but stands in {places} places as {count} individual{}",
+            plant.name,
+            if count == 1 { "" } else { "s" }
+        );
         let d = Diagnostic::error("S003", text, entry.node.span, "too few individuals");
         self.report.push(d.help(format!("write individuals = {places}, or leave it out")));
     }

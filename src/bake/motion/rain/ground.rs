@@ -53,7 +53,7 @@ impl GroundHeight for RainGround {
             Self::Level { .. } => 0.0,
             // Noise within 1 either way, less that at the centre.
             Self::Waves(ground, _) => 2.0 * ground.amplitude,
-            Self::Terrain(terrain) => terrain.heights.iter().copied().fold(f32::NEG_INFINITY, f32::max),
+            Self::Terrain(terrain) => terrain.range()[1],
         })
     }
 }

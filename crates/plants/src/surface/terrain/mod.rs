@@ -153,7 +153,9 @@ impl Terrain {
 
     /// Lowest and highest height, m.
     pub fn range(&self) -> [f32; 2] {
-        self.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)])
+        // A mesh may rise and fall between the samples of its heights.
+        let corners = self.surface.iter().flat_map(|mesh| mesh.corner_heights());
+        self.heights.iter().copied().chain(corners).fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(h), hi.max(h)])
     }
 
     /// Height of the mesh at (x, z), m; points beyond the land are clamped to its border.

@@ -99,6 +99,11 @@ impl TerrainSurface {
         [self.high[0] - self.low[0], self.high[1] - self.low[1]]
     }
 
+    /// Heights of the corners of its triangles, m.
+    pub(super) fn corner_heights(&self) -> impl Iterator<Item = f32> {
+        self.triangles.iter().flatten().map(|p| p.y)
+    }
+
     /// The highest surface at (x, z); `None` over a hole or beyond the edge.
     pub fn highest_at(&self, x: f32, z: f32) -> Option<SurfaceHit> {
         let (mut best, mut of) = (f32::NEG_INFINITY, None);
@@ -287,6 +292,7 @@ mod tests {
         assert!((32..=45).contains(&made.folded) && made.holes == 1, "{} {}", made.folded, made.holes);
         assert!(!land.covers(-1.5, 2.5) && land.covers(-2.5, 2.5) && !land.covers(15.1, 0.0));
         assert!((land.height_at(-1.5, 2.5) - 0.625).abs() < 1e-4, "a hole is filled from its border");
+        assert_eq!(land.range().map(f32::to_bits), [-0.25_f32, 9.0].map(f32::to_bits));
         assert_eq!(Terrain::from_mesh(ramp(false), 40).expect("land").folded, 0);
     }
 
