@@ -1,5 +1,5 @@
 //! Trees that grow year by year, through scenes: species, ages, places, neighbours, cuts, wind, and what they complain of.
-#![allow(clippy::expect_used, reason = "tests fail loudly")]
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests fail loudly and write scenes themselves")]
 
 use std::process::Command;
 

@@ -36,7 +36,7 @@ pub(crate) fn needs_solids(species: &SpeciesRecipe) -> bool {
 
 /// Grows all individuals of species of a layout, in its order; `None` for other plants. `solids`: of the scene, in world space.
 /// # Errors
-/// As [`grow`].
+/// As [`grow_recorded`].
 pub fn grow_species(
     recipe: &Recipe,
     layout: &PlantLayout,
