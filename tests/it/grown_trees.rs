@@ -238,7 +238,7 @@ fn a_clip_of_years_opens_in_blender_as_one_object() {
     // The same as glTF, without errors or warnings.
     let Some((node, folder)) = clients::validator() else { return };
     let mut validate = Command::new(node);
-    validate.arg(clients::script("gltf_validate.mjs")).arg(folder).arg(out.join("s.glb"));
+    validate.arg(clients::script("gltf_validate.mjs")).arg(folder).arg(out.join("gltf/s.web.glb"));
     let report: Value = serde_json::from_slice(&clients::run(&mut validate).stdout).expect("JSON");
     assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{report}");
 }

@@ -310,14 +310,14 @@ fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterato
         let many = asset.curves.iter().zip(&tracks.curves).filter(|(_, s)| matches!(s, tracks::MorphFrames::TooMany));
         let curves = many.map(move |(curves, _)| {
             let label = format!("asset {}, curves {}", asset.id, curves.name);
-            warning(label, "left out, they move in more ways than glTF's 32 targets show; USD and POV-Ray have them")
+            warning(label, "left out, they move in more ways than the morph targets of a glTF file show; USD and POV-Ray have them")
         });
         let many = asset.meshes.iter().zip(&tracks.meshes).filter(|(_, s)| matches!(s, tracks::MorphFrames::TooMany));
         let meshes = many.map(move |(object, _)| {
             let label = format!("asset {}, mesh {}", asset.id, object.name);
             warning(
                 label,
-                "shown at rest, its points move in more ways than glTF's 32 targets show; USD and POV-Ray have them",
+                "shown at rest, its points move in more ways than the morph targets of a glTF file show; USD and POV-Ray have them",
             )
         });
         clouds.chain(curves).chain(meshes)

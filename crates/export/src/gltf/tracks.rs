@@ -7,8 +7,13 @@ use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
 };
 
-/// Most morph targets of a mesh. Own: each target is a copy of its positions and normals, and importers hold all of them.
-pub(super) const MORPH_TARGETS: usize = 32;
+/// Morph targets that every mesh may have. Own: each target is a copy of its positions and normals, and importers hold all of them.
+const MORPH_TARGETS: usize = 32;
+/// A mesh may have more, up to the second number, while all of its targets take less than the first, bytes. Own: small meshes that
+/// move irregularly, as trees that grow year by year, keep every frame of a clip of five seconds.
+const MORPH_BUDGET: [usize; 2] = [64 << 20, 256];
+/// Bytes of a point in a target: position and normal.
+const MORPH_POINT_BYTES: usize = 24;
 /// Where a clip has more frames than targets, most that a point may lie off its place between two of them, as a share of the
 /// diagonal of the mesh's box. Own: a vine that grows over 120 frames stays below 0.013, at its tips; a tree of which each frame adds
 /// a fortieth of its height needs 0.05, which would show, as swaying would.
@@ -78,12 +83,12 @@ pub(super) enum MorphFrames {
     #[default]
     Still,
     Frames(MorphKeys),
-    /// More than [`MORPH_TARGETS`] shapes are needed; none is kept.
+    /// More shapes are needed than [`MorphKeys::most`]; none is kept.
     TooMany,
 }
 
 /// Shapes of a mesh at evenly spaced frames and at the last one: of all frames while these are at most [`MORPH_TARGETS`], else of every
-/// second, fourth and so on. Readers interpolate between them; each halving moves a point by [`MORPH_TOLERANCE`] at most.
+/// second, fourth and so on where that suffices. Readers interpolate between them; each halving moves a point by [`MORPH_TOLERANCE`] at most.
 #[derive(Debug)]
 pub(super) struct MorphKeys {
     /// Indices of the frames that are kept, rising.
@@ -98,6 +103,8 @@ pub(super) struct MorphKeys {
     skipped: Vec<MorphShape>,
     /// Most that a skipped shape may lie off the interpolated one, m.
     tolerance: f32,
+    /// Most shapes of a mesh of its size.
+    most: usize,
 }
 
 /// Morph targets of a mesh: the shapes of some frames.
@@ -125,6 +132,7 @@ impl MorphKeys {
             seen: 0,
             skipped: Vec::new(),
             tolerance: MORPH_TOLERANCE * diagonal,
+            most: (MORPH_BUDGET[0] / (MORPH_POINT_BYTES * rest.len().max(1))).clamp(MORPH_TARGETS, MORPH_BUDGET[1]),
         }
     }
 
@@ -148,11 +156,14 @@ impl MorphKeys {
         });
         self.frames.push(frame);
         self.shapes.push(shape);
-        on_the_way && (self.shapes.len() <= MORPH_TARGETS || self.thin_out())
+        on_the_way && (self.shapes.len() <= MORPH_TARGETS || self.thin_out() || self.shapes.len() <= self.most)
     }
 
     /// Drops every second of an odd number of shapes if they lie between their neighbours.
     fn thin_out(&mut self) -> bool {
+        if self.shapes.len().is_multiple_of(2) {
+            return false;
+        }
         let between = |i: usize| {
             let [a, b, c] = [i - 1, i, i + 1].map(|k| self.frames[k]);
             let share = (b - a) as f32 / (c - a) as f32;
@@ -338,10 +349,11 @@ mod tests {
 
     #[test]
     fn smooth_motion_of_many_frames_is_kept_at_some_and_swaying_is_not() {
-        let shapes = |frames: usize, place: fn(f32) -> f32| {
+        // A mesh of so many points that its targets fill the budget.
+        let rest = vec![Vec3::Y * 4.0; 200_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
+        let shapes = |rest: &[Vec3], frames: usize, place: fn(f32) -> f32| {
             let at = |i: usize| place(i as f32 / (frames - 1) as f32);
-            let rest = [Vec3::ZERO, Vec3::Y * 4.0];
-            let mut morph = MorphFrames::Frames(MorphKeys::new(&rest));
+            let mut morph = MorphFrames::Frames(MorphKeys::new(rest));
             for i in 0..frames {
                 morph.push(|| MorphShape { points: vec![Vec3::ZERO, Vec3::Y * at(i)], normals: Vec::new() });
             }
@@ -352,10 +364,13 @@ mod tests {
             }
         };
         let growth = |t: f32| 4.0 * t * t;
-        assert_eq!(shapes(20, growth).expect("kept"), (0..20).collect::<Vec<_>>());
-        let kept = shapes(120, growth).expect("kept");
+        assert_eq!(shapes(&rest, 20, growth).expect("kept"), (0..20).collect::<Vec<_>>());
+        let kept = shapes(&rest, 120, growth).expect("kept");
         assert!(kept.len() <= MORPH_TARGETS && kept.first() == Some(&0) && kept.last() == Some(&119), "{kept:?}");
-        assert!(shapes(120, |t| 3.0 + osier_base::math::sin_f32(90.0 * t)).is_none());
+        let sway = |t: f32| 3.0 + osier_base::math::sin_f32(90.0 * t);
+        assert!(shapes(&rest, 120, sway).is_none());
+        // A small mesh keeps every frame.
+        assert_eq!(shapes(&[Vec3::ZERO, Vec3::Y * 4.0], 120, sway).expect("kept").len(), 120);
     }
 
     #[test]
