@@ -43,8 +43,8 @@ pub struct PreviewClip<'a> {
 }
 
 impl<'a> PreviewClip<'a> {
-    /// Evaluates the first frame of a clip and fits the camera to it; for a turntable to the volume that the subject
-    /// sweeps.
+    /// Evaluates the first frame of a clip and fits the camera to it and to the scene at rest; for a turntable to the volume that
+    /// the subject sweeps.
     /// # Errors
     /// `Range` for a frame outside of the scene's clip, P001 if nothing is visible, those of the simulation.
     /// # Examples
@@ -78,7 +78,11 @@ impl<'a> PreviewClip<'a> {
         let subject = scene.subject(first.as_ref())?;
         let camera = match content {
             ClipContent::Turntable { .. } => options.camera(scene, &subject.spun()),
-            ClipContent::Frames(_) => options.camera(scene, &subject),
+            // What grows over the clip is small at first; at rest it is grown.
+            ClipContent::Frames(_) => match scene.subject(None) {
+                Ok(rest) => options.camera(scene, &subject.clone().with(&rest)),
+                Err(_) => options.camera(scene, &subject),
+            },
         };
         Ok(Self { scene, options, content, first, subject, camera })
     }

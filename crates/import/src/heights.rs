@@ -138,7 +138,8 @@ fn from_exr(context: &ImportContext<'_>, bytes: &[u8]) -> ImportResult<HeightMap
     let only = (channels.len() == 1).then_some(0);
     let Some(index) = CHANNELS.iter().find_map(named).or(only) else {
         let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
-        let message = format_args!("no channel holds heights; it has {}", names.join(", "));
+        let names = names.join(", ");
+        let message = format_args!("no channel holds heights; it has {names}");
         let help = format!("name the channel of heights one of {}", CHANNELS.join(", "));
         return Err(Box::new(context.error_in_file("X010", message).help(help)));
     };

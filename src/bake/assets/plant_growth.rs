@@ -12,7 +12,7 @@ use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::seasons::{SeasonClip, season_clip, show_season};
 use crate::bake::assets::shape_growth::{fill_with_twigs, grow_shapes};
 use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
-use crate::bake::assets::species_growth::{species_clip, species_plant};
+use crate::bake::assets::species_growth::{death_warning, species_clip, species_plant};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
@@ -144,7 +144,7 @@ fn grow_from_source(
         Growth::Species(_) => {
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
             let (plant, clip, warnings) = match species_clip(tree, recipe, set, site.frames, context.limits)? {
-                Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), Vec::new()),
+                Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), death_warning(&tree.tree, recipe)),
                 None => {
                     let (plant, warnings) = species_plant(&tree.tree, recipe, set, context.limits)?;
                     (plant, None, warnings)

@@ -182,12 +182,17 @@ pub(crate) fn species_plant(
     limits: &Limits,
 ) -> Result<(Plant, Vec<Diagnostic>)> {
     let plant = tree.plant(&plant_options(recipe, set), limits)?;
+    Ok((plant, death_warning(tree, recipe)))
+}
+
+/// S036 for a tree that died for lack of light.
+pub(crate) fn death_warning(tree: &GrownTree, recipe: &PlantRecipe) -> Vec<Diagnostic> {
     let died = tree.died().map(|year| {
         let text = format!("plant \"{}\" is dead: no light since year {year}", recipe.name);
         let help = "give it more room, fewer neighbours or a lower `shade_point`";
         Diagnostic { help: Some(help.into()), ..Diagnostic::about("S036", text) }
     });
-    Ok((plant, died.into_iter().collect()))
+    died.into_iter().collect()
 }
 
 /// Leaves and materials of a species.
