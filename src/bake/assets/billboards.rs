@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::branchlets::{branch_skin_options, branchlet_mesh};
+use crate::bake::assets::ifs_tree::ifs_tree_options;
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::plant_growth::ifs_tree_options;
 use crate::recipe::PlantRecipe;
 use crate::recipe::scene::IfsTreeKeys;
 use osier_base::diagnostic::Report;

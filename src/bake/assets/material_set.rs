@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::bake::assets::seasons::SeasonMaterials;
+use crate::bake::assets::season_materials::SeasonMaterials;
 use osier_base::Result;
 use osier_base::convert::index;
 use osier_plants::grow::ifs::SubtreeBillboards;

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::branchlets;
 use crate::bake::assets::growth_site::GrowthSite;
+use crate::bake::assets::ifs_tree::ifs_tree_options;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::seasons::{SeasonClip, season_clip, show_season};
 use crate::bake::assets::shape_growth::{fill_with_twigs, grow_shapes};
@@ -16,8 +17,6 @@ use crate::bake::assets::species_growth::{death_warning, species_clip, species_p
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
-use crate::recipe::scene::set_letters;
-use crate::recipe::scene::{BranchRadii, IfsTreeKeys};
 use crate::recipe::scene::{LineStyle, TropismKeys};
 use crate::recipe::{Growth, PlantRecipe};
 use osier_base::convert::saturating_byte;
@@ -25,7 +24,6 @@ use osier_base::diagnostic::Report;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_grammar::{DeriveOptions, derive};
-use osier_ifs::stems::TreeSystem;
 use osier_plants::crown::crown_attributes;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
@@ -94,6 +92,23 @@ impl GrownPlant {
             self.season = season_clip(&mut self.plant, recipe, individual, set, frames)?;
         }
         Ok(())
+    }
+}
+
+impl GrownPlant {
+    /// The plant as the first frame shows it, for formats without frames; `None` if it is that already.
+    pub(crate) fn at_first_frame(&self) -> Option<Self> {
+        let first = self.season.as_ref()?.first.clone();
+        let (imported, segment) = (self.imported.clone(), self.segment.clone());
+        Some(Self {
+            plant: first,
+            report: Report::default(),
+            modules: self.modules,
+            imported,
+            clip: None,
+            segment,
+            season: None,
+        })
     }
 }
 
@@ -183,39 +198,6 @@ fn grow_from_source(
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
     Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
-}
-
-/// Options of an IFS tree from the keys of `[plants.NAME.tree]`.
-pub(crate) fn ifs_tree_options(
-    recipe: &PlantRecipe,
-    stems: &TreeSystem,
-    keys: &IfsTreeKeys,
-    set: &MaterialSet,
-) -> ifs::TreeOptions {
-    ifs::TreeOptions {
-        height: keys.height,
-        eps: keys.eps,
-        max_depth: saturating_u16(keys.max_depth),
-        max_order: saturating_u16(keys.max_order),
-        variation: keys.variation,
-        radius: keys.radius,
-        pipe: keys.radii == BranchRadii::Pipe,
-        leaf_density: keys.leaf_density,
-        leaves_per_site: keys.leaves,
-        leaf: set.organs.get(&'l').cloned(),
-        sets: set_letters(&stems.system).filter_map(|letter| set.organs.get(&letter)).cloned().collect(),
-        cards: set.cards.clone(),
-        materials: set.materials.iter().map(|m| m.name.clone()).collect(),
-        bark: (BARK, SHOOT, f64::from(SHOOT_RADIUS)),
-        source: recipe.source.clone(),
-        up: Vec3::Y,
-    }
-}
-
-/// A depth limit in 16 bits; beyond them it is no limit in practice.
-#[allow(clippy::cast_possible_truncation, reason = "at most u16::MAX after the minimum")]
-fn saturating_u16(limit: u32) -> u16 {
-    limit.min(u32::from(u16::MAX)) as u16
 }
 
 /// Options of the turtle from the keys of `[plants.NAME.turtle]`, which override those of the grammar.

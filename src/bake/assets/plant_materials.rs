@@ -9,7 +9,6 @@ use crate::bake::BakeContext;
 use crate::bake::assets::billboards;
 use crate::bake::assets::ifs_leaf;
 use crate::bake::assets::material_set::{MaterialSet, image_indices_mut};
-use crate::bake::assets::seasons::add_season_materials;
 use crate::bake::assets::skin_options::SHOOT;
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
@@ -107,7 +106,6 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
     if matches!(&plant.growth, Growth::Ifs(_, keys) if keys.twigs) {
         set.names.push(BRANCHLET.into());
     }
-    add_season_materials(&mut set, plant, seed)?;
     Ok(set)
 }
 

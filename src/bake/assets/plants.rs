@@ -13,6 +13,7 @@ use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::plant_materials;
 use crate::bake::assets::plant_mesh::{BoundPlant, build_bound_plant, build_plant_asset, is_shown_by_segments};
 use crate::bake::assets::rigged_plant::build_rigged_plant;
+use crate::bake::assets::seasons::add_season_materials;
 use crate::bake::assets::shape_growth::grows_round_solids;
 use crate::bake::assets::species_growth::{grow_species, needs_solids, shared_individuals};
 use crate::bake::assets::terrain::terrain_solid;
@@ -85,9 +86,13 @@ pub(crate) fn plant_material_sets(
     let sets = par_map(&indexed, |(i, plant)| {
         context.cancel.check()?;
         let used = layout.individuals.iter().any(|n| n.plant == *i);
-        let set = if used { plant_materials(plant, recipe.general.seed, context) } else { Ok(MaterialSet::default()) };
+        let mut set = MaterialSet::default();
+        if used {
+            set = plant_materials(plant, recipe.general.seed, context)?;
+            add_season_materials(&mut set, plant, recipe.general.seed)?;
+        }
         context.progress.advance(1);
-        set
+        Ok(set)
     });
     sets.into_iter().collect()
 }

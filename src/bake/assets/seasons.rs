@@ -3,14 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::{leaf_blade_spec, leaf_colors, organ_names};
+use crate::bake::assets::season_materials::{OrganSeason, SeasonMaterials};
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::scene::{BladeOutline, OrganKeys};
 use crate::recipe::{CARD, OrganRecipe, PlantRecipe};
 use osier_base::Result;
 use osier_base::convert::to_usize;
-use osier_base::diagnostic::Report;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, mix64, word};
 use osier_plants::season::{
@@ -38,20 +37,6 @@ const SPRING_LIGHT: f32 = 1.7;
 const VEINS_KEEP: [f32; 2] = [0.85, 0.3];
 /// Translucency of dry leaves as a share of that of fresh ones.
 const DRY_TRANSLUCENCY: f32 = 0.5;
-
-/// The materials of a plant's leaves at a season.
-#[derive(Debug, Clone, Default)]
-pub struct SeasonMaterials {
-    organs: Vec<OrganSeason>,
-}
-
-#[derive(Debug, Clone)]
-struct OrganSeason {
-    name: String,
-    habit: LeafHabit,
-    materials: BTreeMap<(u32, LeafColor), u32>,
-    bud: Option<BudOrgan>,
-}
 
 /// What a leaf outline looks like through the year.
 struct OutlineYear {
@@ -117,7 +102,7 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
 /// Adds the materials that the leaves of a plant have at its season, and its buds. `set` holds all other materials.
 /// # Errors
 /// `Range` for blades outside their ranges, `TooMany`.
-pub(crate) fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u64) -> Result<()> {
+pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u64) -> Result<()> {
     let Some(seasons) = plant.seasons() else { return Ok(()) };
     let [from, to] = [seasons[0].min(seasons[1]), seasons[0].max(seasons[1])];
     let between = [shifted(from, -INDIVIDUAL), shifted(to, INDIVIDUAL)].map(narrow);
@@ -365,21 +350,4 @@ pub(crate) fn season_clip(
     let shares = numbers.map(|k: f64| k / intervals);
     let slots = season_slots(grown, &at, &shares.map(at_share).collect::<Vec<f32>>())?;
     Ok(Some(SeasonClip { slots, first, seasons, difference }))
-}
-
-impl GrownPlant {
-    /// The plant as the first frame shows it, for formats without frames; `None` if it is that already.
-    pub(crate) fn at_first_frame(&self) -> Option<Self> {
-        let first = self.season.as_ref()?.first.clone();
-        let (imported, segment) = (self.imported.clone(), self.segment.clone());
-        Some(Self {
-            plant: first,
-            report: Report::default(),
-            modules: self.modules,
-            imported,
-            clip: None,
-            segment,
-            season: None,
-        })
-    }
 }

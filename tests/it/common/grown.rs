@@ -8,6 +8,7 @@ use osier::bake::assets::material_set::PlantMaterials;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
 use osier::bake::assets::plant_mesh::build_plant_asset;
+use osier::bake::assets::seasons::add_season_materials;
 use osier::bake::assets::skin_options::skin_options;
 use osier::bake::assets::species_growth::grow_species;
 use osier::bake::scene::layout::lay_out_scene;
@@ -85,7 +86,8 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
     let one = |(individual, tree): (&osier::bake::scene::plant_layout::Individual, &Option<RecordedTree>)| {
         let site = GrowthSite { tree: tree.as_ref(), ..GrowthSite::default() };
         let keys = &recipe.plants[individual.plant];
-        let look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");
+        let mut look = with_work(|w| plant_materials(keys, recipe.general.seed, w)).expect("look");
+        add_season_materials(&mut look, keys, recipe.general.seed).expect("colours");
         let grown = with_work(|w| grow_plant(keys, individual, &look, site, w)).expect("plant");
         let kind = PlantMaterials {
             tile: look.materials[0].tile,

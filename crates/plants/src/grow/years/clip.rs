@@ -5,7 +5,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::clip_leaves::{LeafSlots, SlotOptions};
+use super::clip_leaves::{ClipOptions, LeafNow, LeafSlots, SlotOptions};
 use super::plant::{AxisBuilder, ClipNodes, Leaves, NodeSource, PlantOptions};
 use super::record::{GrowthRecord, Wood};
 use super::tree::{Tree, flag, y_axis};
@@ -14,35 +14,6 @@ use osier_base::limits::Limits;
 use osier_base::math::{self, narrow};
 use osier_base::{Error, Result};
 use osier_scene::plant::Plant;
-
-/// How leaves come and go in a clip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ClipLeaves {
-    /// They unfold in spring and fall in autumn, as far as they live less than two years.
-    Seasons,
-    /// Crowns are in leaf all year: tips carry their leaves along as they grow.
-    Summer,
-}
-
-/// How a record is shown.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClipOptions {
-    /// How leaves come and go.
-    pub leaves: ClipLeaves,
-    /// Years between two frames.
-    pub frame_years: f64,
-}
-
-/// A leaf at a time of a clip.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeafNow {
-    /// Pivot, plant space, m.
-    pub position: Vec3,
-    /// Rotation into plant space.
-    pub orientation: Quat,
-    /// Factor on the size that the plant's organ has; 0 if it is not there.
-    pub size: f32,
-}
 
 /// A plant at a time of a clip: its nodes, parallel to those of [`GrowthClip::plant`], and its leaves, parallel to its organs.
 #[derive(Debug, Clone, Default)]

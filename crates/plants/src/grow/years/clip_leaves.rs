@@ -5,7 +5,6 @@ use std::collections::BinaryHeap;
 
 use glam::{Quat, Vec3};
 
-use super::clip::{ClipLeaves, ClipOptions, LeafNow};
 use super::plant::{BladeTurn, Foliage, Leaves, MeanLeaf, NodeSite, PlacedLeaf, ROSETTE_STEP};
 use super::record::{GrowthRecord, Wood};
 use super::tree::{Tree, index_of, y_axis};
@@ -31,6 +30,35 @@ const FRAMES_BETWEEN: f64 = 2.0;
 const DECIDUOUS_YEARS: f32 = 1.5;
 /// No end within the record.
 const STAYS: f32 = f32::INFINITY;
+
+/// How leaves come and go in a clip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ClipLeaves {
+    /// They unfold in spring and fall in autumn, as far as they live less than two years.
+    Seasons,
+    /// Crowns are in leaf all year: tips carry their leaves along as they grow.
+    Summer,
+}
+
+/// How a record is shown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClipOptions {
+    /// How leaves come and go.
+    pub leaves: ClipLeaves,
+    /// Years between two frames.
+    pub frame_years: f64,
+}
+
+/// A leaf at a time of a clip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafNow {
+    /// Pivot, plant space, m.
+    pub position: Vec3,
+    /// Rotation into plant space.
+    pub orientation: Quat,
+    /// Factor on the size that the plant's organ has; 0 if it is not there.
+    pub size: f32,
+}
 
 /// Where a leaf grows.
 #[derive(Debug, Clone, Copy)]

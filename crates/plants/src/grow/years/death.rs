@@ -3,10 +3,9 @@
 use glam::Vec3;
 
 use super::light::LightField;
-use super::record::CutThrough;
 use super::season::Season;
 use super::site::Prune;
-use super::tree::{Bud, Loss, NONE, Purpose, Tree, flag, index_of};
+use super::tree::{Bud, CutThrough, Loss, NONE, Purpose, Tree, flag, index_of};
 use osier_base::math::{GOLDEN_ANGLE_F32, narrow};
 
 /// Radius of dead wood that stands for the years of `linger`, m.

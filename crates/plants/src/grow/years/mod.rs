@@ -26,7 +26,8 @@ mod site;
 mod stand;
 mod tree;
 
-pub use clip::{ClipLeaves, ClipOptions, GrowthClip, LeafNow, PoseNow};
+pub use clip::{GrowthClip, PoseNow};
+pub use clip_leaves::{ClipLeaves, ClipOptions, LeafNow};
 pub use habit::{Arity, HABIT_KEYS, Habit, HabitKey, ORDERS, PerOrder};
 pub use measure::Measures;
 pub use plant::{Foliage, PlantOptions};

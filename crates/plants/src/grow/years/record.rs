@@ -37,17 +37,6 @@ impl ClipSpan {
     }
 }
 
-/// A cut through an internode.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct CutThrough {
-    /// Node whose internode was shortened.
-    pub node: u32,
-    /// Year of the cut.
-    pub year: u16,
-    /// Length before it, m.
-    pub length: f32,
-}
-
 /// Frames and pipe areas of all nodes at the end of a year.
 #[derive(Debug, Clone)]
 struct Key {

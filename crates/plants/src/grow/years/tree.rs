@@ -3,7 +3,6 @@
 use glam::{Quat, Vec3};
 
 use super::habit::{Habit, whole};
-use super::record::CutThrough;
 use super::site::{Neighbours, Prune};
 use osier_base::math;
 use osier_base::rng::{Rng, child, mix64, word};
@@ -218,6 +217,17 @@ pub(super) struct Loss {
     pub at: u32,
     /// Light that it had gathered last year.
     pub light: f32,
+}
+
+/// A cut through an internode.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CutThrough {
+    /// Node whose internode was shortened.
+    pub node: u32,
+    /// Year of the cut.
+    pub year: u16,
+    /// Length before it, m.
+    pub length: f32,
 }
 
 /// A tree and what it grows by.
