@@ -171,15 +171,19 @@ fn over_500_moving_instances_those_of_the_smallest_hash_are_kept() {
 #[test]
 fn more_frames_than_targets_leave_the_rest_shape() {
     let (mut scene, frames) = synthetic::scene();
-    scene.clip.end = 40;
-    let long: Vec<Frame> = (1..=33).map(|n| Frame { number: n, ..frames[(n as usize - 1) % 9].clone() }).collect();
+    scene.clip.end = 300;
+    let long: Vec<Frame> = (1..=257).map(|n| Frame { number: n, ..frames[(n as usize - 1) % 9].clone() }).collect();
     let temp = tempfile::tempdir().expect("temp");
     let targets = |folder: &Path| {
         player(folder, "cache.blender.glb").json["meshes"][0]["primitives"][0]["targets"].as_array().map_or(0, Vec::len)
     };
     export(temp.path(), &scene, &long[..32], Profile::Blender).expect("written");
     assert_eq!(targets(temp.path()), 32 - 4, "frames 1, 10, 19 and 28 show the rest shape");
-    // A frame more: every second one would be kept, and the others do not lie between them.
+    // A frame more: others than every second one do not lie between these, but a small mesh may keep all.
+    let temp = tempfile::tempdir().expect("temp");
+    export(temp.path(), &scene, &long[..33], Profile::Blender).expect("written");
+    assert_eq!(targets(temp.path()), 33 - 4);
+    // More frames than any mesh may keep.
     let temp = tempfile::tempdir().expect("temp");
     export(temp.path(), &scene, &long, Profile::Blender).expect("written");
     assert_eq!(targets(temp.path()), 0);
