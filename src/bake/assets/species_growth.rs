@@ -169,7 +169,7 @@ pub(crate) fn species_clip(
         LeafSeasons::Auto | LeafSeasons::Seasons => ClipLeaves::Seasons,
     };
     let options = plant_options(recipe, set);
-    record.clone().into_clip(&options, ClipOptions { leaves, frame_years }, limits).map(Some)
+    record.clip(&options, ClipOptions { leaves, frame_years }, limits).map(Some)
 }
 
 /// A grown tree as a plant with the leaves of its materials, and what is to be told of it.

@@ -1,10 +1,8 @@
 //! Leaves of a plant that unfold, turn and fall over the clip.
 
-use std::collections::BTreeMap;
-
 use crate::bake::assets::material_set::PlantMaterials;
-use crate::bake::assets::plant_mesh::group_organs;
 use crate::bake::assets::seasons::SeasonClip;
+use crate::bake::motion::growth::organs_by_instancer;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use osier_base::Result;
 use osier_scene::plant::{Organ, Plant};
@@ -26,10 +24,7 @@ pub struct SeasonMotion {
 impl SeasonMotion {
     /// The leaves of a plant. `seconds`: length of the clip.
     pub fn new(plant: &Plant, materials: &PlantMaterials, season: &SeasonClip, seconds: f64) -> Self {
-        let numbers: BTreeMap<u64, usize> = plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
-        let index = |o: &&Organ| numbers.get(&o.id).copied();
-        let groups = group_organs(plant, materials);
-        let organs = groups.values().map(|list| list.iter().filter_map(index).collect()).collect();
+        let organs = organs_by_instancer(plant, materials);
         Self { plant: plant.clone(), season: season.clone(), organs, seconds }
     }
 

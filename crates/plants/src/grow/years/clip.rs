@@ -3,6 +3,8 @@
 //! The plant holds every axis that is seen at some time, so that its skin has one topology. Before its birth a node lies at the tip
 //! that its axis has reached; a branch that falls thins out and then lies at its base.
 
+use std::sync::Arc;
+
 use glam::{Quat, Vec3};
 
 use super::clip_leaves::{ClipOptions, LeafNow, LeafSlots, SlotOptions};
@@ -34,7 +36,7 @@ pub struct GrowthClip {
     /// All axes that are seen at some time, as at the end of the clip; fallen ones as they were when they fell. Its organs are
     /// as many leaves as are seen at once.
     pub plant: Plant,
-    record: GrowthRecord,
+    record: Arc<GrowthRecord>,
     sources: Vec<NodeSource>,
     /// Radius of each node of the plant over that of its source: branches are never thicker than what carries them.
     thinning: Vec<f32>,
@@ -45,19 +47,13 @@ impl GrowthRecord {
     /// The record as a plant with its poses, validated.
     /// # Errors
     /// `Limit` for more organs than allowed; what `plant::validate` refuses.
-    pub fn into_clip(self, options: &PlantOptions, clip: ClipOptions, limits: &Limits) -> Result<GrowthClip> {
+    pub fn clip(self: &Arc<Self>, options: &PlantOptions, clip: ClipOptions, limits: &Limits) -> Result<GrowthClip> {
         let all = self.wood_of_all();
         let tree = self.tree_of_all(&all);
         let nodes = &tree.nodes;
 
         // Axes of all nodes that are shown.
-        let mut plant = Plant {
-            id: self.id,
-            seed: self.seed,
-            materials: options.materials.clone(),
-            source: options.source.clone(),
-            ..Plant::default()
-        };
+        let mut plant = options.plant_without_axes(self.id, self.seed);
         let leaves = options.foliage.as_ref().and_then(|foliage| Leaves::new(&tree, foliage));
         if let Some(leaves) = &leaves {
             plant.protos = leaves.foliage.organ().prototypes();
@@ -81,12 +77,12 @@ impl GrowthRecord {
         let thinning = plant.nodes.r.iter().zip(&posed).map(|(r, n)| r / n.r.max(f32::MIN_POSITIVE)).collect();
 
         // Leaves: as many as are seen at once, each the place of several in succession.
-        let slot_options = SlotOptions { clip, organs: limits };
-        let slots = leaves.map(|leaves| LeafSlots::new(&self, &leaves, slot_options)).transpose()?;
+        let slot_options = SlotOptions { clip, limits };
+        let slots = leaves.map(|leaves| LeafSlots::new(self, &leaves, slot_options)).transpose()?;
         if let Some(slots) = &slots {
-            plant.organs = slots.organs(&plant, &self, &all, &at);
+            plant.organs = slots.organs(&plant, self, &all, &at);
         }
-        Ok(GrowthClip { plant, record: self, sources, thinning, slots })
+        Ok(GrowthClip { plant, record: Arc::clone(self), sources, thinning, slots })
     }
 
     /// The tree with all nodes that are shown, as they are in the plant.
@@ -152,11 +148,5 @@ impl GrowthClip {
     /// The ages that the clip shows.
     pub fn span(&self) -> super::ClipSpan {
         self.record.span()
-    }
-
-    /// Bytes of memory that it holds beside its plant.
-    pub fn bytes(&self) -> u64 {
-        let sources = self.sources.len() * (size_of::<NodeSource>() + size_of::<f32>());
-        self.record.bytes() + sources as u64 + self.slots.as_ref().map_or(0, LeafSlots::bytes)
     }
 }

@@ -93,7 +93,7 @@ struct TipStop {
 pub(super) struct SlotOptions<'a> {
     pub clip: ClipOptions,
     /// Bounds the number of places.
-    pub organs: &'a Limits,
+    pub limits: &'a Limits,
 }
 
 /// Places of leaves, each of several leaves in succession.
@@ -143,11 +143,6 @@ impl LeafSlots {
         lives.retain(|life| life.unfolds < last && life.falls + FALLING > first);
         slots.share_places(record, lives, options)?;
         Ok(slots)
-    }
-
-    /// Bytes of memory that they take.
-    pub fn bytes(&self) -> u64 {
-        (self.lives.len() * size_of::<LeafLife>() + self.tips.len() * size_of::<TipStop>()) as u64
     }
 
     fn leaves(&self) -> Leaves<'_> {
@@ -251,7 +246,7 @@ impl LeafSlots {
             }
         }
         let what = format!("leaves of plant \"{}\" that its clip shows at once", record.tree.name);
-        options.organs.check("organs", self.scales.len() as u64, &what)?;
+        options.limits.check("organs", self.scales.len() as u64, &what)?;
 
         // A counting sort by place keeps the order of time.
         self.first_life = vec![0; self.scales.len() + 1];
@@ -280,20 +275,19 @@ impl LeafSlots {
 
     /// All leaves at an age, by place.
     pub fn leaves_at(&self, record: &GrowthRecord, wood: &Wood, age: f32) -> Vec<LeafNow> {
-        let places: Vec<usize> = (0..self.scales.len()).collect();
         let absent = LeafNow { position: Vec3::ZERO, orientation: Quat::IDENTITY, size: 0.0 };
-        let now = |place: &usize| {
-            let Some(life) = self.life_at(*place, age) else { return absent };
+        let now = |place: usize| {
+            let Some(life) = self.life_at(place, age) else { return absent };
             let unfolded = ((age - life.unfolds) / UNFOLDING).clamp(0.0, 1.0);
             let left = 1.0 - ((age - life.falls) / FALLING).clamp(0.0, 1.0);
             let site = self.placed(record, wood, life, age);
             LeafNow {
                 position: site.position + site.leaf.q * Vec3::Y * site.leaf.petiole,
                 orientation: site.leaf.q,
-                size: unfolded * left * site.leaf.scale / self.scales[*place].max(f32::MIN_POSITIVE),
+                size: unfolded * left * site.leaf.scale / self.scales[place].max(f32::MIN_POSITIVE),
             }
         };
-        places.iter().map(now).collect()
+        (0..self.scales.len()).map(now).collect()
     }
 
     /// The places as organs of a plant, where their last leaves are. `at`: axis and arc length of the tree's nodes in the plant.
@@ -301,6 +295,7 @@ impl LeafSlots {
         let last = record.ages()[1];
         let mut organs = Vec::with_capacity(self.scales.len());
         for place in 0..self.scales.len() {
+            // Organs are parallel to places: each has a life, and a node that is shown lies on an axis.
             let Some(life) = self.life_at(place, last) else { continue };
             let site = self.placed(record, all, life, last);
             let Some(on) = at.get(site.node as usize).filter(|on| on.axis != NONE) else { continue };
@@ -320,6 +315,7 @@ impl LeafSlots {
                 birth: 0.0,
             });
         }
+        debug_assert_eq!(organs.len(), self.scales.len(), "a place without an organ");
         organs
     }
 

@@ -20,7 +20,7 @@ fn clip_of(spec: &TreeSpec, span: ClipSpan, leaves: ClipLeaves) -> GrowthClip {
     let record = grown.expect("grows").pop().and_then(|g| g.record).expect("a record");
     let clip = ClipOptions { leaves, frame_years: 1.0 / 24.0 };
     let needles = spec.habit.leaf_area_shoot > 0.0;
-    record.into_clip(&options(needles), clip, &Limits::default()).expect("a clip")
+    record.clip(&options(needles), clip, &Limits::default()).expect("a clip")
 }
 
 fn whole(age: f64) -> ClipSpan {

@@ -34,6 +34,8 @@ pub use plant::{Foliage, PlantOptions};
 pub use record::{ClipSpan, GrowthRecord};
 pub use site::{Keep, Neighbours, Prune, Site};
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use osier_base::limits::Limits;
@@ -84,7 +86,7 @@ pub struct RecordedTree {
     /// The tree at its age.
     pub tree: GrownTree,
     /// Its years, if they were to be recorded.
-    pub record: Option<GrowthRecord>,
+    pub record: Option<Arc<GrowthRecord>>,
 }
 
 impl GrownTree {
@@ -236,7 +238,7 @@ fn grow_group(
     }
     let grown = stand.trees.into_iter().zip(records).zip(group.iter().zip(&members));
     let together = |((tree, record), (i, spec)): ((Tree, Option<GrowthRecord>), (&usize, &&TreeSpec))| {
-        (*i, RecordedTree { tree: GrownTree::new(tree, spec, spec.age), record })
+        (*i, RecordedTree { tree: GrownTree::new(tree, spec, spec.age), record: record.map(Arc::new) })
     };
     Ok(grown.map(together).collect())
 }

@@ -75,18 +75,19 @@ pub struct PlantOptions {
     pub source: String,
 }
 
+impl PlantOptions {
+    /// A plant with these materials to which axes will be added.
+    pub(super) fn plant_without_axes(&self, id: u32, seed: u64) -> Plant {
+        Plant { id, seed, materials: self.materials.clone(), source: self.source.clone(), ..Plant::default() }
+    }
+}
+
 impl GrownTree {
     /// The tree as a plant, in its own space, validated.
     /// # Errors
     /// `Limit` for more organs than allowed; what `plant::validate` refuses.
     pub fn plant(&self, options: &PlantOptions, limits: &Limits) -> Result<Plant> {
-        let mut plant = Plant {
-            id: self.id,
-            seed: self.seed,
-            materials: options.materials.clone(),
-            source: options.source.clone(),
-            ..Plant::default()
-        };
+        let mut plant = options.plant_without_axes(self.id, self.seed);
         let leaves = options.foliage.as_ref().and_then(|foliage| Leaves::new(&self.tree, foliage));
         if let Some(leaves) = &leaves {
             plant.protos = leaves.foliage.organ().prototypes();

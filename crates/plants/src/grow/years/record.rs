@@ -144,14 +144,6 @@ impl GrowthRecord {
         self.span.ordered()
     }
 
-    /// Bytes of memory that the record holds.
-    pub fn bytes(&self) -> u64 {
-        let each = size_of::<Quat>() + size_of::<f32>();
-        let keys: usize = self.keys.iter().map(|k| k.frames.len() * each).sum();
-        // The nodes of the tree, and what is stored of each beside the keys.
-        (keys + self.fell.len() * (each + 3 * size_of::<u16>() + size_of::<super::tree::Node>())) as u64
-    }
-
     /// Whether a node is seen at some time of the clip.
     pub(super) fn is_shown(&self, i: usize) -> bool {
         let [first, last] = self.span.ordered();
