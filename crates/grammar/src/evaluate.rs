@@ -45,7 +45,7 @@ impl<'g> BindingEvaluator<'g> {
     /// For the modules of a derivation of `grammar`.
     pub fn new(grammar: &'g Grammar, derived: &DerivedString, limits: &Limits) -> Self {
         let bindings = grammar.program.turtle.as_ref();
-        let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed: derived.file_seed };
+        let streams = RandomStreams::new(derived.seed, derived.plant_id, derived.file_seed);
         let mut vm = Vm::new(streams, 0, derived.length);
         vm.globals.clone_from(&derived.globals);
         vm.step = derived.steps;

@@ -43,7 +43,7 @@ mod vm;
 use std::collections::BTreeMap;
 
 pub use binding::{Dialect, TurtleAction, TurtleAxis};
-pub use derive::{DeriveOptions, DerivedString, Prediction, derive, interpret, predict};
+pub use derive::{DeriveOptions, DerivedString, Prediction, derive, derive_deferred, interpret, predict};
 pub use evaluate::BindingEvaluator;
 pub use grammar::Grammar;
 pub use modules::{Module, ModuleString};

@@ -15,6 +15,16 @@ pub struct Module<'a> {
     pub birth: u32,
 }
 
+/// Modules in a row.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ModuleBlock<'a> {
+    pub symbols: &'a [SymbolId],
+    /// Per module: end of its parameters, counted from those of the first module.
+    pub ends: &'a [u32],
+    /// Position of the first parameter in the string.
+    pub first_param: usize,
+}
+
 /// A bracketed string of modules in the order of the grammar's text.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ModuleString {
@@ -27,6 +37,10 @@ pub struct ModuleString {
 }
 
 impl ModuleString {
+    /// A string without modules.
+    pub(crate) const EMPTY: Self =
+        Self { symbols: Vec::new(), ends: Vec::new(), params: Vec::new(), lineage: Vec::new(), birth: Vec::new() };
+
     /// Number of modules, brackets included.
     pub fn len(&self) -> usize {
         self.symbols.len()
@@ -85,6 +99,28 @@ impl ModuleString {
         self.birth.push(birth);
     }
 
+    /// The parameters of all modules, to append those of modules that [`ModuleString::finish_modules`] will end.
+    #[inline]
+    pub(crate) fn params_mut(&mut self) -> &mut Vec<f32> {
+        &mut self.params
+    }
+
+    /// Ends modules whose parameters were appended, from parameter `block.first_param` on. `lineages`: one for each module.
+    #[inline]
+    pub(crate) fn finish_modules(
+        &mut self,
+        block: ModuleBlock<'_>,
+        lineages: impl Iterator<Item = u64>,
+        birth: u32,
+    ) {
+        self.symbols.extend_from_slice(block.symbols);
+        // Always fits: derivation stops at 2^27 parameters.
+        let base = u32::try_from(block.first_param).unwrap_or(u32::MAX);
+        self.ends.extend(block.ends.iter().map(|e| e.saturating_add(base)));
+        self.lineage.extend(lineages);
+        self.birth.resize(self.symbols.len(), birth);
+    }
+
     /// Appends a copy of a module.
     #[inline]
     pub(crate) fn push(&mut self, m: Module<'_>) {
@@ -106,16 +142,6 @@ impl ModuleString {
         self.symbols.extend_from_slice(&other.symbols[range.clone()]);
         self.lineage.extend_from_slice(&other.lineage[range.clone()]);
         self.birth.extend_from_slice(&other.birth[range]);
-    }
-
-    /// Consecutive substrings of `n` modules; the last one may be shorter.
-    pub(crate) fn chunks(&self, n: usize) -> Vec<Self> {
-        let chunk = |start: usize| {
-            let mut chunk = Self::default();
-            chunk.extend(self, start..(start + n).min(self.len()));
-            chunk
-        };
-        (0..self.len()).step_by(n.max(1)).map(chunk).collect()
     }
 
     /// Removes all modules and keeps the memory.

@@ -1,11 +1,15 @@
 //! Decomposition and homomorphism: modules expanded depth first, with an explicit stack.
 
+use std::ops::ControlFlow;
+
 use super::matching::{self, ContextView};
+use super::plan::RewritePlan;
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::step::check_size;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
 use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
+use crate::program::Production;
 use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
 use osier_base::convert;
@@ -63,10 +67,21 @@ impl<'p> Expander<'p> {
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<(), Halt> {
-        let rules = self.rewriter.settings.rules;
-        let module = view.modules.get(at);
+        self.expand_module(view.modules.get(at), view, at, sink)
+    }
+
+    /// As [`Expander::expand`], for a module whose contexts are those of place `at` of the string.
+    fn expand_module(
+        &mut self,
+        module: Module<'_>,
+        view: ContextView<'_>,
+        at: usize,
+        sink: &mut impl FnMut(Module<'_>) -> bool,
+    ) -> std::result::Result<(), Halt> {
+        let plan = self.rewriter.settings.plan;
+        let rules = plan.set;
         // Modules without productions, and all modules where the maximum depth is 0, pass unchanged.
-        if rules.depth == 0 || !rules.has_productions(module.symbol) {
+        if rules.depth == 0 || !plan.has_productions(module.symbol) {
             return if sink(module) { Ok(()) } else { Err(Halt::Modules) };
         }
         self.stack.modules.clear();
@@ -82,11 +97,12 @@ impl<'p> Expander<'p> {
             self.stack.modules.truncate(n);
             let module = self.current.get(0);
             let applicable =
-                if rules.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
+                if plan.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
             // A module that no production applies to, or that has reached the maximum depth, is final.
             let Some(p) = applicable.filter(|_| depth < rules.depth) else {
                 if let Some(p) = applicable.filter(|_| rules.warn_depth) {
-                    self.rewriter.vm.warnings.add("L052", p.place, "depth limit reached");
+                    let place = self.rewriter.planned(p).source.place;
+                    self.rewriter.vm.warnings.add("L052", place, "depth limit reached");
                 }
                 if sink(module) {
                     continue;
@@ -102,7 +118,7 @@ impl<'p> Expander<'p> {
             // Expansions that vanish produce nothing for the sink to count.
             self.rewriter.vm.statements += 1;
             if self.rewriter.vm.statements > self.rewriter.vm.statement_limit {
-                return Err(Halt::Statements(p.place));
+                return Err(Halt::Statements(self.rewriter.planned(p).source.place));
             }
         }
         Ok(())
@@ -120,9 +136,7 @@ impl Derivation<'_> {
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = RewriteSettings {
-            program: self.program,
-            rules,
-            stochastic: self.stochastic,
+            plan: &self.plans.decomposition,
             purposes: DrawPurposes::all(DrawPurpose::Decomposition),
             step: Some(step),
             birth: step,
@@ -160,47 +174,63 @@ pub fn interpret(
 ) -> Result<Vec<Diagnostic>> {
     let program = &grammar.program;
     let rules = &program.homomorphism;
+    let halted = |h: Halt| halt_error(grammar, h, derived.steps, limits);
     if rules.list.is_empty() {
-        derived.modules.iter().for_each(sink);
+        derived.for_each(grammar, limits, &mut |m| {
+            sink(m);
+            ControlFlow::Continue(())
+        })?;
         return Ok(Vec::new());
     }
-    let brackets = brackets(program);
     // The machine continues where the derivation ended: same seeds, last step, final values of the global variables.
+    let brackets = brackets(program);
     let file_seed = rules.seed.unwrap_or(derived.file_seed);
-    let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed };
+    let streams = RandomStreams::new(derived.seed, derived.plant_id, file_seed);
     let mut vm = Vm::new(streams, 0, derived.length);
     vm.globals.clone_from(&derived.globals);
-    vm.step = derived.steps;
+    vm.step = derived.completed;
     vm.statement_limit = limits.get("statements");
+    // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
+    let plan = RewritePlan::new(program, rules, derived.stochastic || rules.seed.is_some());
     let settings = RewriteSettings {
-        program,
-        rules,
-        // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
-        stochastic: derived.stochastic || rules.seed.is_some(),
+        plan: &plan,
         purposes: DrawPurposes::all(DrawPurpose::Homomorphism),
         step: None,
         birth: 0,
         tag: word("homomorphism"),
         brackets,
     };
-    let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
-    let partner = if needs_partners { matching::matching_brackets(&derived.modules, brackets) } else { Vec::new() };
-    let ignored = program.ignored.flags(&program.symbols);
-    let view = ContextView { modules: &derived.modules, partner: &partner, ignored: &ignored };
-    let max_stack = convert::limit(limits.get("modules"));
-    let mut expander = Expander::new(settings, vm, max_stack);
+    let mut expander = Expander::new(settings, vm, convert::limit(limits.get("modules")));
     // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
     // hold.
     let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
-    for i in 0..derived.modules.len() {
-        let result = expander.expand(view, i, &mut |m| {
-            drawn += 1;
-            sink(m);
-            // The callback ends the expansion when the budget is used up.
-            drawn <= limit
-        });
-        result.map_err(|h| halt_error(grammar, h, derived.steps, limits))?;
+    let mut draw = |m: Module<'_>| {
+        drawn += 1;
+        sink(m);
+        // The callback ends the expansion when the budget is used up.
+        drawn <= limit
+    };
+    let ignored = program.ignored.flags(&program.symbols);
+    if rules.list.iter().all(Production::is_context_free) {
+        let view = ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &ignored };
+        let mut halt = None;
+        derived.for_each(grammar, limits, &mut |m| match expander.expand_module(m, view, 0, &mut draw) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(h) => {
+                halt = Some(h);
+                ControlFlow::Break(())
+            }
+        })?;
+        halt.map_or(Ok(()), |h| Err(halted(h)))?;
+    } else {
+        // Contexts are those of the derived string, which must be stored for them.
+        let string = derived.string(grammar, limits)?;
+        let partner = matching::matching_brackets(&string, brackets);
+        let view = ContextView { modules: &string, partner: &partner, ignored: &ignored };
+        for i in 0..string.len() {
+            expander.expand(view, i, &mut draw).map_err(halted)?;
+        }
     }
     Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))
 }

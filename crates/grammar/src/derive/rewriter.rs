@@ -1,9 +1,11 @@
 //! Chooses and applies productions, one module at a time.
 
 use super::matching::{self, Brackets, ContextView};
-use crate::modules::{Module, ModuleString};
-use crate::program::{Production, ProductionSet, Program};
-use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
+use super::plan::{GroupId, PlannedProduction, ProductionGroup, RewritePlan, Weight};
+use crate::modules::{Module, ModuleBlock, ModuleString};
+use crate::program::Production;
+use crate::vm::{DrawPurpose, Halt, Vm};
+use osier_base::convert::to_usize;
 use osier_base::math::narrow;
 use osier_base::rng::{self, Rng};
 
@@ -18,6 +20,11 @@ pub(super) struct DrawPurposes {
 }
 
 impl DrawPurposes {
+    /// Statements, weights and choices draw from separate streams, so that one does not shift the others.
+    pub fn of_productions() -> Self {
+        Self { statement: DrawPurpose::Statement, weight: DrawPurpose::Weight, choice: DrawPurpose::Choice }
+    }
+
     /// One purpose for all parts.
     pub fn all(purpose: DrawPurpose) -> Self {
         Self { statement: purpose, weight: purpose, choice: purpose }
@@ -27,10 +34,7 @@ impl DrawPurposes {
 /// The productions to apply, and how their draws and the modules they produce are labelled.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RewriteSettings<'p> {
-    pub program: &'p Program,
-    pub rules: &'p ProductionSet,
-    pub stochastic: bool,
-    /// What the random draws are for, by the part of the production that makes them.
+    pub plan: &'p RewritePlan<'p>,
     pub purposes: DrawPurposes,
     /// Step of the draws; `None` for a homomorphism, whose draws do not change from step to step.
     pub step: Option<u32>,
@@ -43,8 +47,8 @@ pub(super) struct RewriteSettings<'p> {
 
 /// A production that applies to the current module.
 #[derive(Debug, Clone, Copy)]
-struct Candidate<'p> {
-    production: &'p Production,
+struct Candidate {
+    production: u32,
     /// Start of its local variables in `saved_locals`.
     offset: usize,
 }
@@ -56,31 +60,46 @@ pub(super) struct Rewriter<'p> {
     pub vm: Vm,
     locals: Vec<f64>,
     /// Productions that apply to the current module.
-    candidates: Vec<Candidate<'p>>,
+    candidates: Vec<Candidate>,
     saved_locals: Vec<f64>,
     weights: Vec<f64>,
-    /// Unicode scalar value of each symbol: its part in the lineage of a module.
-    symbol_codes: Vec<u64>,
 }
 
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
-        let symbols = &settings.program.symbols;
-        let symbol_codes = symbols.iter().map(|(_, c)| u64::from(u32::from(c))).collect();
-        Self {
-            settings,
-            vm,
-            locals: Vec::new(),
-            candidates: Vec::new(),
-            saved_locals: Vec::new(),
-            weights: Vec::new(),
-            symbol_codes,
-        }
+        let (locals, candidates, saved_locals, weights) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { settings, vm, locals, candidates, saved_locals, weights }
+    }
+
+    /// The production of an index.
+    #[inline]
+    pub fn planned(&self, production: u32) -> &'p PlannedProduction<'p> {
+        &self.settings.plan.productions[to_usize(production)]
     }
 
     /// Draws from here on are for `purpose` and belong to the module of lineage `h`.
     fn begin_draws(&mut self, purpose: DrawPurpose, h: u64) {
         self.vm.begin_draws(purpose, h, self.settings.step);
+    }
+
+    /// Makes the parameters of a module the first local variables, of `count` in all.
+    #[inline]
+    fn load_params(&mut self, params: &[f32], count: usize) {
+        self.locals.clear();
+        self.locals.extend(params.iter().map(|v| f64::from(*v)));
+        if self.locals.len() != count {
+            self.locals.resize(count, 0.0);
+        }
+    }
+
+    /// Tests a production that looks at nothing but the module and its condition.
+    #[inline]
+    fn simple_applies(&mut self, p: &PlannedProduction<'_>, params: &[f32]) -> Result<bool, Halt> {
+        self.load_params(params, p.source.locals);
+        match &p.condition {
+            None => Ok(true),
+            Some(condition) => Ok(!crate::code::is_zero(condition.value(&mut self.vm, &mut self.locals)?)),
+        }
     }
 
     /// Tests a production at `module`, the module of index `at`: predecessor, contexts, condition. Local variables hold its
@@ -121,30 +140,68 @@ impl<'p> Rewriter<'p> {
         Ok(true)
     }
 
-    /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged.
-    pub fn select(
+    /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged. `view` and
+    /// `at`: the string that contexts see, and the module's place in it.
+    #[inline]
+    pub fn select(&mut self, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<Option<u32>, Halt> {
+        let Some(group) = self.settings.plan.group(module.symbol, module.params.len()) else { return Ok(None) };
+        self.select_in_group(group, module, view, at)
+    }
+
+    /// As [`Rewriter::select`], for a module whose group is known.
+    #[inline]
+    pub fn select_in_group(
         &mut self,
+        group: GroupId,
         module: Module<'_>,
         view: ContextView<'_>,
         at: usize,
-    ) -> Result<Option<&'p Production>, Halt> {
-        let arity = module.params.len();
-        let rules = self.settings.rules;
+    ) -> Result<Option<u32>, Halt> {
+        let plan = self.settings.plan;
+        let group = &plan.groups[to_usize(group)];
         self.begin_draws(self.settings.purposes.statement, module.lineage);
+        if let Some(p) = group.always {
+            self.load_params(module.params, self.planned(p).source.locals);
+            return Ok(Some(p));
+        }
         // Deterministic L-system: the first production in file order that applies.
-        if !self.settings.stochastic {
-            for p in rules.matching(module.symbol, arity) {
-                if self.applies(p, module, view, at)? {
+        if !plan.stochastic {
+            for &p in &group.productions {
+                if self.production_applies(p, module, view, at)? {
                     return Ok(Some(p));
                 }
             }
             return Ok(None);
         }
-        // Stochastic L-system: collect every production that applies, with its variables, and draw one by weight.
+        self.draw_one(group, module, view, at)
+    }
+
+    fn production_applies(
+        &mut self,
+        p: u32,
+        module: Module<'_>,
+        view: ContextView<'_>,
+        at: usize,
+    ) -> Result<bool, Halt> {
+        let planned = self.planned(p);
+        if planned.is_simple {
+            return self.simple_applies(planned, module.params);
+        }
+        self.applies(planned.source, module, view, at)
+    }
+
+    /// Stochastic L-system: collects every production that applies, with its variables, and draws one by weight.
+    fn draw_one(
+        &mut self,
+        group: &ProductionGroup,
+        module: Module<'_>,
+        view: ContextView<'_>,
+        at: usize,
+    ) -> Result<Option<u32>, Halt> {
         self.candidates.clear();
         self.saved_locals.clear();
-        for p in rules.matching(module.symbol, arity) {
-            if self.applies(p, module, view, at)? {
+        for &p in &group.productions {
+            if self.production_applies(p, module, view, at)? {
                 self.candidates.push(Candidate { production: p, offset: self.saved_locals.len() });
                 self.saved_locals.extend_from_slice(&self.locals);
             }
@@ -158,63 +215,75 @@ impl<'p> Rewriter<'p> {
         let Some(&Candidate { production: p, offset }) = self.candidates.get(chosen) else { return Ok(None) };
         self.locals.clear();
         // Testing later candidates overwrote the local variables; restore those of the chosen one.
-        self.locals.extend_from_slice(&self.saved_locals[offset..offset + p.locals]);
+        let locals = self.planned(p).source.locals;
+        self.locals.extend_from_slice(&self.saved_locals[offset..offset + locals]);
         Ok(Some(p))
     }
 
     /// Index of the candidate drawn by weight.
     fn choose(&mut self, h: u64) -> Result<usize, Halt> {
-        // Weights have a stream of their own, so that their draws do not shift those of the successor.
-        let resume = self.vm.save_draws();
-        self.begin_draws(self.settings.purposes.weight, h);
-        self.vm.set_draw_number(1 << 32);
         self.weights.clear();
+        let mut resume = None;
         for k in 0..self.candidates.len() {
-            let Candidate { production: p, offset } = self.candidates[k];
-            let weight = match &p.weight {
-                None => 1.0,
-                Some(code) => {
-                    let locals = &mut self.saved_locals[offset..offset + p.locals];
+            let Candidate { production, offset } = self.candidates[k];
+            let p = self.planned(production);
+            let weight = match p.weight {
+                Weight::Constant(w) => w,
+                Weight::Code(code) => {
+                    // Weights have a stream of their own, so that their draws do not shift those of the successor.
+                    if resume.is_none() {
+                        resume = Some(self.vm.save_draws());
+                        self.begin_draws(self.settings.purposes.weight, h);
+                        self.vm.set_draw_number(1 << 32);
+                    }
+                    let locals = &mut self.saved_locals[offset..offset + p.source.locals];
                     self.vm.run(code, locals)?
                 }
             };
             // Invalid weights are reported and count as 0, so that the rest still forms a distribution.
             if weight.is_nan() || weight < 0.0 {
-                self.vm.warnings.add("L033", p.place, "negative or NaN weight counts as 0");
+                self.vm.warnings.add("L033", p.source.place, "negative or NaN weight counts as 0");
             }
             self.weights.push(if weight > 0.0 { weight } else { 0.0 });
         }
-        self.vm.restore_draws(resume);
+        if let Some(resume) = resume {
+            self.vm.restore_draws(resume);
+        }
         if !self.weights.iter().any(|w| *w > 0.0) {
-            self.vm.warnings.add(
-                "L034",
-                self.candidates[0].production.place,
-                "all weights are 0, the first production is taken",
-            );
+            let place = self.planned(self.candidates[0].production).source.place;
+            self.vm.warnings.add("L034", place, "all weights are 0, the first production is taken");
             return Ok(0);
         }
-        let streams: RandomStreams = self.vm.streams;
         // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
         // 2^32, cannot reach.
-        let key = streams.key(self.settings.purposes.choice, h, self.settings.step);
+        let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
         Ok(Rng::from_key(rng::child(key, u64::MAX)).pick(&self.weights))
     }
 
+    /// Appends the parameters of the successor of a production that was selected.
+    #[inline]
+    pub fn append_params(&mut self, p: &PlannedProduction<'_>, out: &mut Vec<f32>) -> Result<(), Halt> {
+        let start = out.len();
+        out.extend_from_slice(&p.template.constants);
+        for parameter in &p.template.computed {
+            let value = narrow(parameter.value.value(&mut self.vm, &mut self.locals)?);
+            for target in &parameter.targets {
+                out[start + to_usize(*target)] = value;
+            }
+        }
+        Ok(())
+    }
+
     /// Appends the successor of a production that [`Rewriter::select`] chose for the module of lineage `h`.
-    pub fn append_successor(&mut self, p: &Production, h: u64, out: &mut ModuleString) -> Result<(), Halt> {
+    pub fn append_successor(&mut self, production: u32, h: u64, out: &mut ModuleString) -> Result<(), Halt> {
         // The tag separates the lineages of a homomorphism from those of the string that it draws.
         let h = if self.settings.tag == 0 { h } else { rng::child(h, self.settings.tag) };
-        for t in &p.successor {
-            for arg in &t.args {
-                let value = self.vm.eval(arg, &mut self.locals)?;
-                out.push_param(narrow(value));
-            }
-            let code = self.symbol_codes.get(usize::from(t.symbol)).copied().unwrap_or(0);
-            // Lineage: a hash of the parent's lineage, the symbol and its occurrence among equal symbols of the
-            // successor. It does not depend on the position in the string.
-            let lineage = rng::child(rng::child(h, code), u64::from(t.occurrence));
-            out.finish_module(t.symbol, lineage, self.settings.birth);
-        }
+        let planned = self.planned(production);
+        let template = &planned.template;
+        let first_param = out.param_count();
+        self.append_params(planned, out.params_mut())?;
+        let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
+        out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);
         Ok(())
     }
 }

@@ -1,11 +1,11 @@
 //! One step: all modules are rewritten at once, blocks of them in parallel.
 
 use super::matching::{self, ContextView};
+use super::plan::RewritePlan;
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
-use crate::program::ProductionSet;
-use crate::vm::{DrawPurpose, Halt};
+use crate::vm::Halt;
 use osier_base::{convert, par};
 
 /// Modules of a block that one thread rewrites. Smaller blocks balance the threads better, larger ones cost fewer copies of
@@ -25,11 +25,12 @@ impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
         let rules = &self.program.rules;
+        let plan = &self.plans.rules;
         // Matching brackets are only needed by productions with contexts; without them the table stays empty.
         let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
-        let settings = self.rewrite_settings(rules, step);
+        let settings = self.rewrite_settings(plan, step);
         let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
@@ -66,25 +67,9 @@ impl<'g> Derivation<'g> {
     }
 
     /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
-    pub(super) fn rewrite_settings<'p>(&self, rules: &'p ProductionSet, step: u32) -> RewriteSettings<'p>
-    where
-        'g: 'p,
-    {
-        RewriteSettings {
-            program: self.program,
-            rules,
-            stochastic: self.stochastic,
-            purposes: DrawPurposes {
-                // Statements, weights and choices draw from separate streams, so that one does not shift the others.
-                statement: DrawPurpose::Statement,
-                weight: DrawPurpose::Weight,
-                choice: DrawPurpose::Choice,
-            },
-            step: Some(step),
-            birth: step,
-            tag: 0,
-            brackets: self.brackets,
-        }
+    pub(super) fn rewrite_settings<'p>(&self, plan: &'p RewritePlan<'p>, step: u32) -> RewriteSettings<'p> {
+        let purposes = DrawPurposes::of_productions();
+        RewriteSettings { plan, purposes, step: Some(step), birth: step, tag: 0, brackets: self.brackets }
     }
 
     /// Concatenates the rewritten blocks in order and merges their warnings and counters.
@@ -129,14 +114,14 @@ pub(super) fn rewrite_range(
     out: &mut ModuleString,
     limit: usize,
 ) -> Result<bool, Halt> {
-    let rules = rewriter.settings.rules;
+    let plan = rewriter.settings.plan;
     let mut changed = false;
     let mut i = range.start;
     // Modules without productions are copied run by run.
     let mut copied_to = i;
     while i < range.end {
         let symbol = view.modules.symbols()[i];
-        if !rules.has_productions(symbol) {
+        if !plan.has_productions(symbol) {
             i += 1;
             continue;
         }
@@ -151,7 +136,7 @@ pub(super) fn rewrite_range(
         check_size(out, 0, 0, limit)?;
         changed = true;
         // A predecessor of several modules consumes all of them.
-        i += p.predecessor.len();
+        i += rewriter.planned(p).source.predecessor.len();
         copied_to = i;
     }
     if copied_to < range.end {
