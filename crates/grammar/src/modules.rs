@@ -1,6 +1,7 @@
 //! The string of an L-system: modules with parameters, stored as a structure of arrays.
 
 use crate::symbols::SymbolId;
+use osier_base::rng::ChildId;
 
 /// One module of a string.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,10 +10,48 @@ pub struct Module<'a> {
     pub symbol: SymbolId,
     /// Actual parameters, stored in single precision.
     pub params: &'a [f32],
-    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
-    pub lineage: u64,
     /// Step in which it was made; 0 = the axiom.
     pub birth: u32,
+    pub(crate) ancestry: Ancestry,
+}
+
+impl Module<'_> {
+    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
+    #[inline]
+    pub fn lineage(&self) -> u64 {
+        match self.ancestry {
+            Ancestry::Known(lineage) => lineage,
+            Ancestry::Child { parent, ids } => ids.lineage(parent),
+        }
+    }
+}
+
+/// What the lineage of a module is computed from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ancestry {
+    Known(u64),
+    /// Made from the module of lineage `parent`.
+    Child { parent: u64, ids: LineageIds },
+}
+
+/// Symbol and occurrence of a module in its successor, prepared for its lineage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LineageIds {
+    symbol: ChildId,
+    occurrence: ChildId,
+}
+
+impl LineageIds {
+    /// For the symbol of Unicode scalar value `code`.
+    pub fn new(code: u64, occurrence: u32) -> Self {
+        Self { symbol: ChildId::new(code), occurrence: ChildId::new(u64::from(occurrence)) }
+    }
+
+    /// Lineage of the module, made from the module of lineage `h`. It does not depend on the position in the string.
+    #[inline]
+    pub fn lineage(self, h: u64) -> u64 {
+        self.occurrence.of(self.symbol.of(h))
+    }
 }
 
 /// Modules in a row.
@@ -73,8 +112,8 @@ impl ModuleString {
         Module {
             symbol: self.symbols[i],
             params: &self.params[self.param_range(i)],
-            lineage: self.lineage[i],
             birth: self.birth[i],
+            ancestry: Ancestry::Known(self.lineage[i]),
         }
     }
 
@@ -125,7 +164,7 @@ impl ModuleString {
     #[inline]
     pub(crate) fn push(&mut self, m: Module<'_>) {
         self.params.extend_from_slice(m.params);
-        self.finish_module(m.symbol, m.lineage, m.birth);
+        self.finish_module(m.symbol, m.lineage(), m.birth);
     }
 
     /// Appends modules `range` of another string.

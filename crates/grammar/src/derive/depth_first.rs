@@ -12,9 +12,10 @@
 use std::ops::{ControlFlow, Range};
 
 use super::matching::{Brackets, ContextView};
-use super::plan::{LineageIds, RewritePlan, Template};
+use super::plan::{RewritePlan, Template};
+use super::registers::RegisterCompiler;
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
-use crate::modules::{Module, ModuleBlock, ModuleString};
+use crate::modules::{Ancestry, LineageIds, Module, ModuleBlock, ModuleString};
 use crate::program::Program;
 use crate::symbols::SymbolId;
 use crate::vm::{Halt, Vm};
@@ -22,8 +23,10 @@ use osier_base::convert::to_usize;
 
 /// Receives the modules of a final string, in order.
 pub(super) trait ModuleSink {
-    /// Lineages and steps of birth are asked for.
+    /// Asks for lineages.
     const NEEDS_LINEAGE: bool;
+    /// Asks for parameters.
+    const NEEDS_PARAMS: bool = true;
 
     /// Takes modules `range` of a block; `Break`: wants no more.
     fn modules(&mut self, block: &Block<'_>, range: Range<usize>) -> ControlFlow<()>;
@@ -45,6 +48,19 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
+    #[inline]
+    fn new(
+        template: &'a Template<'_>,
+        params: &'a [f32],
+        axiom_lineages: &'a [u64],
+        parent: u64,
+        birth: u32,
+    ) -> Self {
+        let Template { symbols, ends, ids, .. } = template;
+        Self { symbols, ends, params, ids, axiom_lineages, parent, birth }
+    }
+
+    #[inline]
     fn param_range(&self, i: usize) -> Range<usize> {
         let start = i.checked_sub(1).map_or(0, |k| to_usize(self.ends[k]));
         start..to_usize(self.ends[i])
@@ -60,8 +76,11 @@ impl<'a> Block<'a> {
         Module {
             symbol: self.symbols[i],
             params: &self.params[self.param_range(i)],
-            lineage: self.lineage(i),
             birth: self.birth,
+            ancestry: match self.axiom_lineages.get(i) {
+                Some(lineage) => Ancestry::Known(*lineage),
+                None => Ancestry::Child { parent: self.parent, ids: self.ids[i] },
+            },
         }
     }
 }
@@ -112,6 +131,22 @@ struct Frame {
     next: u32,
     /// Number of modules emitted or rewritten.
     emitted: u32,
+    /// Start of its choices in the pool of choices.
+    choices: usize,
+}
+
+impl Frame {
+    fn new(production: Option<u32>, params: usize, choices: usize, parent: u64, birth: u32) -> Self {
+        Self { production, params, parent, birth, next: 0, emitted: 0, choices }
+    }
+}
+
+/// What is known of an active module before it is its turn: chains of hashes of several modules are computed side by side.
+#[derive(Debug, Clone, Copy)]
+struct Choice {
+    lineage: u64,
+    /// The production that was drawn, where productions compete under no condition.
+    production: Option<u32>,
 }
 
 /// Counts of a derivation.
@@ -159,6 +194,8 @@ pub(super) struct DepthFirst<'p> {
     stack: Vec<Frame>,
     /// Parameters of the blocks on the stack.
     pool: Vec<f32>,
+    /// Choices of the active modules of the blocks on the stack.
+    choices: Vec<Choice>,
     /// Global variables after `StartEach` of each step; empty if no block changes them.
     globals: Vec<Vec<f64>>,
 }
@@ -172,7 +209,7 @@ impl<'p> DepthFirst<'p> {
         vm: Vm,
         globals: Vec<Vec<f64>>,
     ) -> Self {
-        let mut axiom = job.plan.template(program, &program.axiom);
+        let mut axiom = job.plan.template(program, &program.axiom, &mut RegisterCompiler::new(0));
         // The axiom's parameters are values, whatever their expressions.
         axiom.computed.clear();
         axiom.constants.clear();
@@ -193,11 +230,12 @@ impl<'p> DepthFirst<'p> {
         Self {
             job,
             axiom,
-            axiom_lineages: modules.iter().map(|m| m.lineage).collect(),
+            axiom_lineages: modules.iter().map(|m| m.lineage()).collect(),
             rewriter: Rewriter::new(settings, vm),
             counts,
             stack: Vec::new(),
             pool: Vec::new(),
+            choices: Vec::new(),
             globals,
         }
     }
@@ -218,69 +256,104 @@ impl<'p> DepthFirst<'p> {
         self.stack.clear();
         self.pool.clear();
         self.pool.extend_from_slice(&self.axiom.constants);
-        self.stack.push(Frame { production: None, params: 0, parent: 0, birth: 0, next: 0, emitted: 0 });
-        while let Some(frame) = self.stack.last().copied() {
-            let template = match frame.production {
-                None => &self.axiom,
-                Some(p) => &plan.productions[to_usize(p)].template,
+        self.choices.clear();
+        self.stack.push(Frame::new(None, 0, 0, 0, 0));
+        'frames: while let Some(mut frame) = self.stack.pop() {
+            let (template, axiom_lineages): (&Template<'_>, &[u64]) = match frame.production {
+                None => (&self.axiom, &self.axiom_lineages),
+                Some(p) => (&plan.productions[to_usize(p)].template, &[]),
             };
-            let block = Block {
-                symbols: &template.symbols,
-                ends: &template.ends,
-                params: &self.pool[frame.params..],
-                ids: &template.ids,
-                axiom_lineages: if frame.production.is_none() { &self.axiom_lineages } else { &[] },
-                parent: frame.parent,
-                birth: frame.birth,
-            };
-            // All active modules are dealt with: emit the rest of the block.
-            let Some(&active) = template.active.get(to_usize(frame.next)) else {
-                emit(&mut self.counts, self.job.max_modules, sink, &block, to_usize(frame.emitted)..block.symbols.len())?;
-                self.pool.truncate(frame.params);
-                self.stack.pop();
-                continue;
-            };
-            let i = to_usize(active.index);
-            let lineage = if LINEAGE { block.lineage(i) } else { 0 };
-            let module = Module {
-                symbol: block.symbols[i],
-                params: &block.params[block.param_range(i)],
-                lineage,
-                birth: frame.birth,
-            };
-            let applied = apply_next(&mut self.rewriter, &mut self.counts, &self.job, &self.globals, module, active.group)?;
-            let Some(top) = self.stack.last_mut() else { break };
-            top.next += 1;
-            let Some(Applied { production, step }) = applied else { continue };
-            // What stands before the module is emitted first, then comes what is made of the module.
-            emit(&mut self.counts, self.job.max_modules, sink, &block, to_usize(frame.emitted)..i)?;
-            top.emitted = active.index + 1;
-            let planned = self.rewriter.planned(production);
-            let made = planned.template.symbols.len();
-            self.counts.made[to_usize(production)] += made as u64;
-            self.counts.gains[to_usize(step - 1)] += made as i64 - 1;
-            self.counts.last_change = self.counts.last_change.max(step);
-            let params = self.pool.len();
-            self.rewriter.append_params(planned, &mut self.pool)?;
-            let child = Frame { production: Some(production), params, parent: lineage, birth: step, next: 0, emitted: 0 };
-            if step < self.job.length && !planned.template.active.is_empty() {
-                self.stack.push(child);
-                continue;
+            if LINEAGE && frame.next == 0 && frame.birth < self.job.length {
+                let lineage = |i: usize| match axiom_lineages.get(i) {
+                    Some(lineage) => *lineage,
+                    None => template.ids[i].lineage(frame.parent),
+                };
+                self.rewriter.begin_step(frame.birth + 1, &self.globals);
+                for active in &template.active {
+                    let lineage = lineage(to_usize(active.index));
+                    let production = self.rewriter.draw_in_group(active.group, lineage);
+                    self.choices.push(Choice { lineage, production });
+                }
             }
-            // Nothing is rewritten any more: the block is emitted whole.
-            let block = Block {
-                symbols: &planned.template.symbols,
-                ends: &planned.template.ends,
-                params: &self.pool[params..],
-                ids: &planned.template.ids,
-                axiom_lineages: &[],
-                parent: lineage,
-                birth: step,
-            };
-            emit(&mut self.counts, self.job.max_modules, sink, &block, 0..made)?;
-            self.pool.truncate(params);
+            // Rewrite the active modules of the block one after the other.
+            while let Some(active) = template.active.get(to_usize(frame.next)) {
+                let choice = if LINEAGE { self.choices.get(frame.choices + to_usize(frame.next)) } else { None };
+                let lineage = choice.map_or(0, |c| c.lineage);
+                frame.next += 1;
+                let params = frame.params + to_usize(active.first_param)..frame.params + to_usize(active.end_param);
+                let module = Module {
+                    symbol: template.symbols[to_usize(active.index)],
+                    params: &self.pool[params],
+                    birth: frame.birth,
+                    ancestry: Ancestry::Known(lineage),
+                };
+                let (rewriter, counts) = (&mut self.rewriter, &mut self.counts);
+                let applied = match choice.and_then(|c| c.production) {
+                    // The production is known; its step is the next one.
+                    Some(production) => {
+                        counts.work += 1;
+                        rewriter.begin_step(frame.birth + 1, &self.globals);
+                        rewriter.take(production, module);
+                        Some(Applied { production, step: frame.birth + 1 })
+                    }
+                    _ => apply_next(rewriter, counts, &self.job, &self.globals, module, active.group)?,
+                };
+                let Some(Applied { production, step }) = applied else { continue };
+                // What stands before the module is emitted first, then comes what is made of the module.
+                if frame.emitted < active.index {
+                    let params = &self.pool[frame.params..];
+                    let block = Block::new(template, params, axiom_lineages, frame.parent, frame.birth);
+                    let before = to_usize(frame.emitted)..to_usize(active.index);
+                    emit(counts, self.job.max_modules, sink, &block, before)?;
+                }
+                frame.emitted = active.index + 1;
+                let planned = rewriter.planned(production);
+                let made = planned.template.symbols.len();
+                counts.count_production(production, step, made);
+                let is_final = step == self.job.length || planned.template.active.is_empty();
+                // Without anyone to read them, parameters are only computed for what they report.
+                if is_final && !S::NEEDS_PARAMS && planned.is_pure {
+                    counts.count_modules(made as u64, self.job.max_modules)?;
+                    continue;
+                }
+                let params = self.pool.len();
+                rewriter.append_params(production, &mut self.pool)?;
+                if !is_final {
+                    self.stack.push(frame);
+                    self.stack.push(Frame::new(Some(production), params, self.choices.len(), lineage, step));
+                    continue 'frames;
+                }
+                // Nothing of it is rewritten any more: the block is emitted whole.
+                let block = Block::new(&planned.template, &self.pool[params..], &[], lineage, step);
+                emit(counts, self.job.max_modules, sink, &block, 0..made)?;
+                self.pool.truncate(params);
+            }
+            // All active modules are dealt with: emit the rest of the block.
+            let rest = to_usize(frame.emitted)..template.symbols.len();
+            if !rest.is_empty() {
+                let block = Block::new(template, &self.pool[frame.params..], axiom_lineages, frame.parent, frame.birth);
+                emit(&mut self.counts, self.job.max_modules, sink, &block, rest)?;
+            }
+            self.pool.truncate(frame.params);
+            self.choices.truncate(frame.choices);
         }
         Ok(())
+    }
+}
+
+impl DerivationCounts {
+    #[inline]
+    fn count_modules(&mut self, n: u64, max_modules: u64) -> Result<(), Halt> {
+        self.modules += n;
+        if self.modules > max_modules { Err(Halt::Modules) } else { Ok(()) }
+    }
+
+    /// Counts a production that made `made` modules of one in `step`.
+    #[inline]
+    fn count_production(&mut self, production: u32, step: u32, made: usize) {
+        self.made[to_usize(production)] += made as u64;
+        self.gains[to_usize(step - 1)] += made as i64 - 1;
+        self.last_change = self.last_change.max(step);
     }
 }
 
@@ -299,15 +372,12 @@ fn emit<S: ModuleSink>(
     block: &Block<'_>,
     range: Range<usize>,
 ) -> Result<(), Halt> {
-    counts.modules += range.len() as u64;
-    if counts.modules > max_modules || sink.modules(block, range).is_break() {
-        return Err(Halt::Modules);
-    }
-    Ok(())
+    counts.count_modules(range.len() as u64, max_modules)?;
+    if sink.modules(block, range).is_break() { Err(Halt::Modules) } else { Ok(()) }
 }
 
 /// The first production that applies to a module in one of the steps after its birth; the rewriter holds its variables.
-#[inline]
+#[inline(always)]
 fn apply_next(
     rewriter: &mut Rewriter<'_>,
     counts: &mut DerivationCounts,
@@ -318,19 +388,14 @@ fn apply_next(
 ) -> Result<Option<Applied>, Halt> {
     const NOTHING: &ModuleString = &ModuleString::EMPTY;
     let is_stationary = job.plan.groups[to_usize(group)].is_stationary;
-    let last = if is_stationary { job.length.min(module.birth + 1) } else { job.length };
-    for step in module.birth + 1..=last {
+    let first = module.birth + 1;
+    let last = if is_stationary { job.length.min(first) } else { job.length };
+    for step in first..=last {
         counts.work += 1;
         if counts.work > job.max_work {
             return Err(Halt::Work);
         }
-        if rewriter.vm.step != step {
-            rewriter.vm.step = step;
-            if let Some(values) = globals.get(to_usize(step - 1)) {
-                rewriter.vm.globals.clone_from(values);
-            }
-        }
-        rewriter.settings.step = Some(step);
+        rewriter.begin_step(step, globals);
         let view = ContextView { modules: NOTHING, partner: &[], ignored: &[] };
         if let Some(production) = rewriter.select_in_group(group, module, view, 0)? {
             return Ok(Some(Applied { production, step }));

@@ -112,7 +112,7 @@ impl<'p> Expander<'p> {
             self.successor.clear();
             // Expansion refines a module within its step: successors keep its birth.
             self.rewriter.settings.birth = module.birth;
-            self.rewriter.append_successor(p, module.lineage, &mut self.successor)?;
+            self.rewriter.append_successor(p, module.lineage(), &mut self.successor)?;
             self.stack.push_reversed(&self.successor, depth + 1);
             check_size(&self.stack.modules, 0, 0, self.limit)?;
             // Expansions that vanish produce nothing for the sink to count.
@@ -176,7 +176,7 @@ pub fn interpret(
     let rules = &program.homomorphism;
     let halted = |h: Halt| halt_error(grammar, h, derived.steps, limits);
     if rules.list.is_empty() {
-        derived.for_each(grammar, limits, &mut |m| {
+        derived.for_each(grammar, limits, |m| {
             sink(m);
             ControlFlow::Continue(())
         })?;
@@ -215,7 +215,7 @@ pub fn interpret(
     if rules.list.iter().all(Production::is_context_free) {
         let view = ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &ignored };
         let mut halt = None;
-        derived.for_each(grammar, limits, &mut |m| match expander.expand_module(m, view, 0, &mut draw) {
+        derived.for_each(grammar, limits, |m| match expander.expand_module(m, view, 0, &mut draw) {
             Ok(()) => ControlFlow::Continue(()),
             Err(h) => {
                 halt = Some(h);

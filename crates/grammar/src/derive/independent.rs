@@ -35,6 +35,7 @@ struct CountingSink;
 
 impl ModuleSink for CountingSink {
     const NEEDS_LINEAGE: bool = false;
+    const NEEDS_PARAMS: bool = false;
 
     #[inline]
     fn modules(&mut self, _block: &Block<'_>, _range: Range<usize>) -> ControlFlow<()> {
@@ -43,9 +44,9 @@ impl ModuleSink for CountingSink {
 }
 
 /// Hands modules over one by one.
-struct CallingSink<'f>(&'f mut dyn FnMut(Module<'_>) -> ControlFlow<()>);
+struct CallingSink<F>(F);
 
-impl ModuleSink for CallingSink<'_> {
+impl<F: FnMut(Module<'_>) -> ControlFlow<()>> ModuleSink for CallingSink<F> {
     const NEEDS_LINEAGE: bool = true;
 
     #[inline]
@@ -250,19 +251,19 @@ impl DerivedString {
         &self,
         grammar: &Grammar,
         limits: &Limits,
-        sink: &mut dyn FnMut(Module<'_>) -> ControlFlow<()>,
+        mut sink: impl FnMut(Module<'_>) -> ControlFlow<()>,
     ) -> Result<()> {
         let Some(deferred) = &self.deferred else {
-            let _ = self.modules.iter().try_for_each(sink);
+            let _ = self.modules.iter().try_for_each(&mut sink);
             return Ok(());
         };
         let mut is_stopped = false;
-        let mut stopping = |m: Module<'_>| {
+        let stopping = |m: Module<'_>| {
             let flow = sink(m);
             is_stopped |= flow.is_break();
             flow
         };
-        let result = self.run_again(grammar, deferred, limits, &mut CallingSink(&mut stopping));
+        let result = self.run_again(grammar, deferred, limits, &mut CallingSink(stopping));
         if is_stopped { Ok(()) } else { result }
     }
 

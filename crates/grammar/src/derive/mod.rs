@@ -6,9 +6,9 @@ mod independent;
 mod matching;
 mod plan;
 mod predict;
+mod registers;
 mod rewriter;
 mod step;
-mod straight;
 
 pub use expand::interpret;
 pub use predict::{Prediction, predict};

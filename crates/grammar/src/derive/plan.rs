@@ -1,13 +1,13 @@
 //! Productions prepared for rewriting: an index by symbol and number of parameters, and successors as blocks of symbols and
 //! parameters that are copied whole, so that only the parameters that change are computed.
 
-use super::straight::Evaluation;
+use super::registers::{RegisterCode, RegisterCompiler, ValueSource};
 use crate::code::{Bytecode, Expr, Op};
+use crate::modules::LineageIds;
 use crate::program::{Production, ProductionSet, Program, SuccessorModule};
 use crate::symbols::SymbolId;
 use osier_base::convert::to_usize;
 use osier_base::math::narrow;
-use osier_base::rng::ChildId;
 
 /// Index of a group in [`RewritePlan::groups`].
 pub(super) type GroupId = u32;
@@ -28,30 +28,13 @@ pub(super) struct Template<'p> {
 }
 
 /// A parameter that depends on the module which is rewritten.
-#[derive(Debug)]
-pub(super) struct ComputedParameter<'p> {
-    pub value: Evaluation<'p>,
-    /// Positions among the parameters: equal expressions are computed once.
-    pub targets: Vec<u32>,
-}
-
-/// Symbol and occurrence of a module in its successor, prepared for its lineage.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LineageIds {
-    symbol: ChildId,
-    occurrence: ChildId,
-}
-
-impl LineageIds {
-    fn new(code: u64, occurrence: u32) -> Self {
-        Self { symbol: ChildId::new(code), occurrence: ChildId::new(u64::from(occurrence)) }
-    }
-
-    /// Lineage of the module, made from the module of lineage `h`. It does not depend on the position in the string.
-    #[inline]
-    pub fn lineage(self, h: u64) -> u64 {
-        self.occurrence.of(self.symbol.of(h))
-    }
+pub(super) struct ComputedParameter<'p> {
+    pub source: ValueSource<'p>,
+    /// Its expression, for the report of a division by zero.
+    pub code: Option<&'p Bytecode>,
+    /// Position among the parameters.
+    pub target: u32,
 }
 
 /// A module of a template that some production may rewrite.
@@ -59,6 +42,9 @@ impl LineageIds {
 pub(super) struct ActiveModule {
     pub index: u32,
     pub group: GroupId,
+    /// Its parameters, as a range of all parameters of the template.
+    pub first_param: u32,
+    pub end_param: u32,
 }
 
 /// Share of a production among those that apply.
@@ -72,11 +58,24 @@ pub(super) enum Weight<'p> {
 #[derive(Debug)]
 pub(super) struct PlannedProduction<'p> {
     pub source: &'p Production,
-    pub condition: Option<Evaluation<'p>>,
+    /// Number of local variables, parameters included.
+    pub locals: usize,
+    pub condition: Condition<'p>,
     pub weight: Weight<'p>,
+    pub registers: RegisterCode,
     pub template: Template<'p>,
     /// One predecessor, no contexts, no blocks: whether it applies depends on its condition alone.
     pub is_simple: bool,
+    /// Computing the successor's parameters has no effect but their values.
+    pub is_pure: bool,
+}
+
+/// What a production tests before it applies.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Condition<'p> {
+    Always,
+    /// The value, and the code that it equals.
+    Value(ValueSource<'p>, &'p Bytecode),
 }
 
 /// The productions of one symbol with one number of parameters, in file order.
@@ -87,6 +86,8 @@ pub(super) struct ProductionGroup {
     pub is_stationary: bool,
     /// The only production, if it applies to every module of the group.
     pub always: Option<u32>,
+    /// Constant weights of the productions, if all of them apply to every module of the group.
+    pub shares: Option<Vec<f64>>,
 }
 
 /// The productions of one section, prepared for rewriting.
@@ -134,7 +135,7 @@ impl<'p> RewritePlan<'p> {
             let group = group.unwrap_or_else(|| {
                 let next = u32::try_from(groups.len()).unwrap_or(u32::MAX);
                 row.push((arity, next));
-                groups.push(ProductionGroup { productions: Vec::new(), is_stationary: true, always: None });
+                groups.push(ProductionGroup { productions: Vec::new(), is_stationary: true, always: None, shares: None });
                 next
             });
             if let Some(g) = groups.get_mut(to_usize(group)) {
@@ -154,14 +155,30 @@ impl<'p> RewritePlan<'p> {
                 // A deterministic L-system takes the first production that applies.
                 [first, others @ ..] if others.is_empty() || !stochastic => {
                     let p = &plan.productions[to_usize(*first)];
-                    (p.is_simple && p.condition.is_none()).then_some(*first)
+                    (p.is_simple && matches!(p.condition, Condition::Always)).then_some(*first)
                 }
                 _ => None,
             };
         }
+        for i in 0..plan.groups.len() {
+            plan.groups[i].shares = plan.constant_shares(&plan.groups[i]);
+        }
         let competes = stochastic && plan.groups.iter().any(|g| g.productions.len() > 1);
         plan.draws = competes || set.list.iter().flat_map(Production::codes).any(draws);
         plan
+    }
+
+    /// Weights of productions that compete under no condition, if they are constant and positive.
+    fn constant_shares(&self, group: &ProductionGroup) -> Option<Vec<f64>> {
+        let share = |i: &u32| {
+            let p = &self.productions[to_usize(*i)];
+            match p.weight {
+                Weight::Constant(w) if w > 0.0 && p.is_simple && matches!(p.condition, Condition::Always) => Some(w),
+                _ => None,
+            }
+        };
+        let competes = self.stochastic && group.productions.len() > 1;
+        if competes { group.productions.iter().map(share).collect() } else { None }
     }
 
     /// Group of modules of a symbol with `arity` parameters.
@@ -189,17 +206,26 @@ impl<'p> RewritePlan<'p> {
             && is_first
             && p.before.is_none()
             && p.after.is_none();
-        PlannedProduction {
-            source: p,
-            condition: p.condition.as_ref().map(Evaluation::of_code),
-            weight,
-            template: self.template(program, &p.successor),
-            is_simple,
-        }
+        let mut compiler = RegisterCompiler::new(p.locals);
+        let condition = match &p.condition {
+            None => Condition::Always,
+            Some(code) => Condition::Value(compiler.code(code), code),
+        };
+        let condition_end = compiler.operation_count();
+        let template = self.template(program, &p.successor, &mut compiler);
+        let registers = compiler.finish(condition_end);
+        let runs_code = template.computed.iter().any(|c| matches!(c.source, ValueSource::Code(_)));
+        let is_pure = registers.cannot_fail && !runs_code;
+        PlannedProduction { source: p, locals: p.locals, condition, weight, registers, template, is_simple, is_pure }
     }
 
-    /// The template of a successor or of the axiom.
-    pub fn template(&self, program: &Program, modules: &'p [SuccessorModule]) -> Template<'p> {
+    /// The template of a successor or of the axiom, whose expressions are added to `compiler`.
+    pub fn template(
+        &self,
+        program: &Program,
+        modules: &'p [SuccessorModule],
+        compiler: &mut RegisterCompiler,
+    ) -> Template<'p> {
         let mut out = Template {
             symbols: Vec::new(),
             ends: Vec::new(),
@@ -208,63 +234,30 @@ impl<'p> RewritePlan<'p> {
             ids: Vec::new(),
             active: Vec::new(),
         };
-        // Expressions computed so far that may be shared: those without draws.
-        let mut shared: Vec<(&Expr, usize)> = Vec::new();
         for (index, m) in (0_u32..).zip(modules) {
             out.symbols.push(m.symbol);
             let code = u64::from(u32::from(program.symbols.get(m.symbol)));
             out.ids.push(LineageIds::new(code, m.occurrence));
+            let first_param = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
             for arg in &m.args {
                 let target = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
-                let value = Evaluation::of_expr(arg);
-                if let Evaluation::Constant(c) = value {
-                    out.constants.push(narrow(c));
+                let source = compiler.expression(arg);
+                let ValueSource::Constant(c) = source else {
+                    let code = if let Expr::Code(code) = arg { Some(code) } else { None };
+                    out.computed.push(ComputedParameter { source, code, target });
+                    out.constants.push(0.0);
                     continue;
-                }
-                out.constants.push(0.0);
-                let known = shared.iter().find(|(e, _)| same_arithmetic(e, arg)).map(|(_, k)| *k);
-                if let Some(k) = known {
-                    out.computed[k].targets.push(target);
-                    continue;
-                }
-                if !matches!(value, Evaluation::Code(_)) {
-                    shared.push((arg, out.computed.len()));
-                }
-                out.computed.push(ComputedParameter { value, targets: vec![target] });
+                };
+                out.constants.push(narrow(c));
             }
-            out.ends.push(u32::try_from(out.constants.len()).unwrap_or(u32::MAX));
+            let end_param = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
+            out.ends.push(end_param);
             if let Some(group) = self.group(m.symbol, m.args.len()) {
-                out.active.push(ActiveModule { index, group });
+                out.active.push(ActiveModule { index, group, first_param, end_param });
             }
         }
         out
     }
-}
-
-/// Equal operations, wherever they are written. A division by a variable may have to be reported at each of its places.
-fn same_arithmetic(a: &Expr, b: &Expr) -> bool {
-    match (a, b) {
-        (Expr::Code(x), Expr::Code(y)) => {
-            use crate::code::BinaryOp::{Div, Rem};
-            x.ops == y.ops && !x.ops.iter().any(|o| matches!(o, Op::Binary(Div | Rem, _)))
-                || x.ops == y.ops && divides_by_constants(x)
-        }
-        _ => a == b,
-    }
-}
-
-/// Every division has a constant other than zero as its divisor, so that it cannot fail.
-fn divides_by_constants(code: &Bytecode) -> bool {
-    use crate::code::BinaryOp::{Div, Rem};
-    let mut before: Option<&Op> = None;
-    for op in &code.ops {
-        let divides = matches!(op, Op::Binary(Div | Rem, _));
-        if divides && !matches!(before, Some(Op::Const(c)) if c.trunc().abs() >= 1.0) {
-            return false;
-        }
-        before = Some(op);
-    }
-    true
 }
 
 /// What decides whether a production applies: its condition and the block before it.

@@ -1,9 +1,9 @@
 //! Chooses and applies productions, one module at a time.
 
 use super::matching::{self, Brackets, ContextView};
-use super::plan::{GroupId, PlannedProduction, ProductionGroup, RewritePlan, Weight};
+use super::plan::{Condition, GroupId, PlannedProduction, ProductionGroup, RewritePlan, Template, Weight};
+use super::registers::{RegisterFile, ValueSource};
 use crate::modules::{Module, ModuleBlock, ModuleString};
-use crate::program::Production;
 use crate::vm::{DrawPurpose, Halt, Vm};
 use osier_base::convert::to_usize;
 use osier_base::math::narrow;
@@ -45,30 +45,22 @@ pub(super) struct RewriteSettings<'p> {
     pub brackets: Brackets,
 }
 
-/// A production that applies to the current module.
-#[derive(Debug, Clone, Copy)]
-struct Candidate {
-    production: u32,
-    /// Start of its local variables in `saved_locals`.
-    offset: usize,
-}
-
 /// Selects and applies the productions of one section.
 #[derive(Debug)]
 pub(super) struct Rewriter<'p> {
     pub settings: RewriteSettings<'p>,
     pub vm: Vm,
-    locals: Vec<f64>,
+    /// Registers of each production; the first ones are its local variables.
+    files: Vec<RegisterFile>,
     /// Productions that apply to the current module.
-    candidates: Vec<Candidate>,
-    saved_locals: Vec<f64>,
+    candidates: Vec<u32>,
     weights: Vec<f64>,
 }
 
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
-        let (locals, candidates, saved_locals, weights) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { settings, vm, locals, candidates, saved_locals, weights }
+        let files = settings.plan.productions.iter().map(|p| p.registers.initial.clone()).collect();
+        Self { settings, vm, files, candidates: Vec::new(), weights: Vec::new() }
     }
 
     /// The production of an index.
@@ -77,65 +69,98 @@ impl<'p> Rewriter<'p> {
         &self.settings.plan.productions[to_usize(production)]
     }
 
+    /// Makes `step` the current one. `globals`: global variables of each step, if blocks change them.
+    #[inline]
+    pub fn begin_step(&mut self, step: u32, globals: &[Vec<f64>]) {
+        if self.vm.step == step && self.settings.step == Some(step) {
+            return;
+        }
+        self.vm.step = step;
+        self.settings.step = Some(step);
+        if let Some(values) = globals.get(to_usize(step - 1)) {
+            self.vm.globals.clone_from(values);
+        }
+    }
+
     /// Draws from here on are for `purpose` and belong to the module of lineage `h`.
+    #[inline]
     fn begin_draws(&mut self, purpose: DrawPurpose, h: u64) {
         self.vm.begin_draws(purpose, h, self.settings.step);
     }
 
-    /// Makes the parameters of a module the first local variables, of `count` in all.
+    /// Makes the parameters of a module the first local variables of a production.
     #[inline]
-    fn load_params(&mut self, params: &[f32], count: usize) {
-        self.locals.clear();
-        self.locals.extend(params.iter().map(|v| f64::from(*v)));
-        if self.locals.len() != count {
-            self.locals.resize(count, 0.0);
+    fn load_params(&mut self, production: u32, params: &[f32]) {
+        let planned = self.planned(production);
+        let file = &mut self.files[to_usize(production)];
+        for (local, value) in file.iter_mut().zip(params) {
+            *local = f64::from(*value);
         }
+        if planned.locals > params.len() {
+            file[params.len()..planned.locals].fill(0.0);
+        }
+        planned.registers.load_outside(&self.vm, file);
     }
 
-    /// Tests a production that looks at nothing but the module and its condition.
+    /// Is the condition met? The local variables are set.
     #[inline]
-    fn simple_applies(&mut self, p: &PlannedProduction<'_>, params: &[f32]) -> Result<bool, Halt> {
-        self.load_params(params, p.source.locals);
-        match &p.condition {
-            None => Ok(true),
-            Some(condition) => Ok(!crate::code::is_zero(condition.value(&mut self.vm, &mut self.locals)?)),
-        }
+    fn condition_holds(&mut self, production: u32) -> Result<bool, Halt> {
+        let planned = self.planned(production);
+        let Condition::Value(source, code) = planned.condition else { return Ok(true) };
+        let file = &mut self.files[to_usize(production)];
+        let value = match source {
+            ValueSource::Constant(c) => c,
+            ValueSource::Register(r) if planned.registers.run_condition(file) => file[usize::from(r)],
+            // A division by zero is found again, and reported, by the machine.
+            ValueSource::Register(_) | ValueSource::Code(_) => self.vm.run(code, &mut file[..planned.locals])?,
+        };
+        Ok(!crate::code::is_zero(value))
     }
 
-    /// Tests a production at `module`, the module of index `at`: predecessor, contexts, condition. Local variables hold its
-    /// parameters afterwards if it applies.
-    fn applies(&mut self, p: &Production, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<bool, Halt> {
-        self.locals.clear();
-        self.locals.resize(p.locals, 0.0);
+    /// Tests a production with contexts or blocks at `module`, the module of index `at`. Local variables hold its parameters
+    /// afterwards if it applies.
+    fn applies(
+        &mut self,
+        production: u32,
+        module: Module<'_>,
+        view: ContextView<'_>,
+        at: usize,
+    ) -> Result<bool, Halt> {
+        let planned = self.planned(production);
+        let p = planned.source;
+        let file = &mut self.files[to_usize(production)];
+        let locals = &mut file[..p.locals];
+        locals.fill(0.0);
         // Strict predecessor: the module itself, then its right neighbours one by one.
         let Some((first, others)) = p.predecessor.split_first() else { return Ok(false) };
-        if !matching::match_module(first, module, &mut self.locals) {
+        if !matching::match_module(first, module, locals) {
             return Ok(false);
         }
         for (k, formal) in others.iter().enumerate() {
             let i = at + 1 + k;
-            if i >= view.modules.len() || !matching::match_module(formal, view.modules.get(i), &mut self.locals) {
+            if i >= view.modules.len() || !matching::match_module(formal, view.modules.get(i), locals) {
                 return Ok(false);
             }
         }
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
-        if !view.matches_left(brackets, &p.left, at, &mut self.locals)
-            || !view.matches_right(brackets, &p.right, at + p.predecessor.len(), &mut self.locals)
+        if !view.matches_left(brackets, &p.left, at, locals)
+            || !view.matches_right(brackets, &p.right, at + p.predecessor.len(), locals)
         {
             return Ok(false);
         }
         // The block before the condition may assign variables that the condition reads.
         if let Some(code) = &p.before {
-            self.vm.run(code, &mut self.locals)?;
+            self.vm.run(code, locals)?;
         }
-        if let Some(code) = &p.condition
-            && crate::code::is_zero(self.vm.run(code, &mut self.locals)?)
-        {
+        planned.registers.load_outside(&self.vm, file);
+        if !self.condition_holds(production)? {
             return Ok(false);
         }
         if let Some(code) = &p.after {
-            self.vm.run(code, &mut self.locals)?;
+            let file = &mut self.files[to_usize(production)];
+            self.vm.run(code, &mut file[..p.locals])?;
+            planned.registers.load_outside(&self.vm, file);
         }
         Ok(true)
     }
@@ -159,9 +184,11 @@ impl<'p> Rewriter<'p> {
     ) -> Result<Option<u32>, Halt> {
         let plan = self.settings.plan;
         let group = &plan.groups[to_usize(group)];
-        self.begin_draws(self.settings.purposes.statement, module.lineage);
+        if plan.draws {
+            self.begin_draws(self.settings.purposes.statement, module.lineage());
+        }
         if let Some(p) = group.always {
-            self.load_params(module.params, self.planned(p).source.locals);
+            self.load_params(p, module.params);
             return Ok(Some(p));
         }
         // Deterministic L-system: the first production in file order that applies.
@@ -173,9 +200,17 @@ impl<'p> Rewriter<'p> {
             }
             return Ok(None);
         }
-        self.draw_one(group, module, view, at)
+        // Stochastic L-system: a production is drawn among those that apply.
+        if let Some(shares) = &group.shares {
+            let chosen = self.draw_choice(module.lineage(), shares);
+            let p = group.productions[chosen];
+            self.load_params(p, module.params);
+            return Ok(Some(p));
+        }
+        self.draw_candidate(group, module, view, at)
     }
 
+    #[inline]
     fn production_applies(
         &mut self,
         p: u32,
@@ -183,15 +218,32 @@ impl<'p> Rewriter<'p> {
         view: ContextView<'_>,
         at: usize,
     ) -> Result<bool, Halt> {
-        let planned = self.planned(p);
-        if planned.is_simple {
-            return self.simple_applies(planned, module.params);
+        if self.planned(p).is_simple {
+            self.load_params(p, module.params);
+            return self.condition_holds(p);
         }
-        self.applies(planned.source, module, view, at)
+        self.applies(p, module, view, at)
     }
 
-    /// Stochastic L-system: collects every production that applies, with its variables, and draws one by weight.
-    fn draw_one(
+    /// The production drawn for a module of lineage `h`, where those of its group compete under no condition.
+    #[inline]
+    pub fn draw_in_group(&self, group: GroupId, h: u64) -> Option<u32> {
+        let group = &self.settings.plan.groups[to_usize(group)];
+        let shares = group.shares.as_ref()?;
+        group.productions.get(self.draw_choice(h, shares)).copied()
+    }
+
+    /// Sets the variables of a production that was drawn for a module.
+    #[inline]
+    pub fn take(&mut self, production: u32, module: Module<'_>) {
+        if self.settings.plan.draws {
+            self.begin_draws(self.settings.purposes.statement, module.lineage());
+        }
+        self.load_params(production, module.params);
+    }
+
+    /// Collects every production that applies, each with its variables in its own registers, and draws one by weight.
+    fn draw_candidate(
         &mut self,
         group: &ProductionGroup,
         module: Module<'_>,
@@ -199,25 +251,28 @@ impl<'p> Rewriter<'p> {
         at: usize,
     ) -> Result<Option<u32>, Halt> {
         self.candidates.clear();
-        self.saved_locals.clear();
         for &p in &group.productions {
             if self.production_applies(p, module, view, at)? {
-                self.candidates.push(Candidate { production: p, offset: self.saved_locals.len() });
-                self.saved_locals.extend_from_slice(&self.locals);
+                self.candidates.push(p);
             }
         }
         // A single candidate is taken without a draw, whatever its weight.
         let chosen = match self.candidates.len() {
             0 => return Ok(None),
             1 => 0,
-            _ => self.choose(module.lineage)?,
+            _ => self.choose(module.lineage())?,
         };
-        let Some(&Candidate { production: p, offset }) = self.candidates.get(chosen) else { return Ok(None) };
-        self.locals.clear();
-        // Testing later candidates overwrote the local variables; restore those of the chosen one.
-        let locals = self.planned(p).source.locals;
-        self.locals.extend_from_slice(&self.saved_locals[offset..offset + locals]);
-        Ok(Some(p))
+        Ok(self.candidates.get(chosen).copied())
+    }
+
+    /// An index drawn by weight for the module of lineage `h`.
+    #[inline]
+    fn draw_choice(&self, h: u64, weights: &[f64]) -> usize {
+        // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
+        // 2^32, cannot reach.
+        const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
+        let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
+        Rng::from_key(CHOICE.of(key)).pick(weights)
     }
 
     /// Index of the candidate drawn by weight.
@@ -225,7 +280,7 @@ impl<'p> Rewriter<'p> {
         self.weights.clear();
         let mut resume = None;
         for k in 0..self.candidates.len() {
-            let Candidate { production, offset } = self.candidates[k];
+            let production = self.candidates[k];
             let p = self.planned(production);
             let weight = match p.weight {
                 Weight::Constant(w) => w,
@@ -236,8 +291,7 @@ impl<'p> Rewriter<'p> {
                         self.begin_draws(self.settings.purposes.weight, h);
                         self.vm.set_draw_number(1 << 32);
                     }
-                    let locals = &mut self.saved_locals[offset..offset + p.source.locals];
-                    self.vm.run(code, locals)?
+                    self.vm.run(code, &mut self.files[to_usize(production)][..p.locals])?
                 }
             };
             // Invalid weights are reported and count as 0, so that the rest still forms a distribution.
@@ -250,26 +304,37 @@ impl<'p> Rewriter<'p> {
             self.vm.restore_draws(resume);
         }
         if !self.weights.iter().any(|w| *w > 0.0) {
-            let place = self.planned(self.candidates[0].production).source.place;
+            let place = self.planned(self.candidates[0]).source.place;
             self.vm.warnings.add("L034", place, "all weights are 0, the first production is taken");
             return Ok(0);
         }
-        // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
-        // 2^32, cannot reach.
-        let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
-        Ok(Rng::from_key(rng::child(key, u64::MAX)).pick(&self.weights))
+        Ok(self.draw_choice(h, &self.weights))
     }
 
     /// Appends the parameters of the successor of a production that was selected.
     #[inline]
-    pub fn append_params(&mut self, p: &PlannedProduction<'_>, out: &mut Vec<f32>) -> Result<(), Halt> {
+    pub fn append_params(&mut self, production: u32, out: &mut Vec<f32>) -> Result<(), Halt> {
+        let planned = self.planned(production);
+        let template: &Template<'_> = &planned.template;
         let start = out.len();
-        out.extend_from_slice(&p.template.constants);
-        for parameter in &p.template.computed {
-            let value = narrow(parameter.value.value(&mut self.vm, &mut self.locals)?);
-            for target in &parameter.targets {
-                out[start + to_usize(*target)] = value;
-            }
+        out.extend_from_slice(&template.constants);
+        if template.computed.is_empty() {
+            return Ok(());
+        }
+        let file = &mut self.files[to_usize(production)];
+        let divides_by_zero = !planned.registers.run_successor(file);
+        let params = &mut out[start..];
+        for parameter in &template.computed {
+            let value = match (parameter.source, parameter.code) {
+                (ValueSource::Constant(c), _) => c,
+                // A division by zero is found again, and reported, by the machine.
+                (ValueSource::Register(_), Some(code)) if divides_by_zero => {
+                    self.vm.run(code, &mut file[..planned.locals])?
+                }
+                (ValueSource::Register(r), _) => file[usize::from(r)],
+                (ValueSource::Code(code), _) => self.vm.run(code, &mut file[..planned.locals])?,
+            };
+            params[to_usize(parameter.target)] = narrow(value);
         }
         Ok(())
     }
@@ -281,7 +346,7 @@ impl<'p> Rewriter<'p> {
         let planned = self.planned(production);
         let template = &planned.template;
         let first_param = out.param_count();
-        self.append_params(planned, out.params_mut())?;
+        self.append_params(production, out.params_mut())?;
         let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
         out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);
         Ok(())

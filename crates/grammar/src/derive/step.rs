@@ -132,7 +132,7 @@ pub(super) fn rewrite_range(
         };
         // A production applies: copy the unchanged run before the module, then append the successor.
         out.extend(view.modules, copied_to..i);
-        rewriter.append_successor(p, module.lineage, out)?;
+        rewriter.append_successor(p, module.lineage(), out)?;
         check_size(out, 0, 0, limit)?;
         changed = true;
         // A predecessor of several modules consumes all of them.
