@@ -63,7 +63,7 @@ impl<'p> Expander<'p> {
     /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false.
     fn expand(
         &mut self,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<(), Halt> {
@@ -74,7 +74,7 @@ impl<'p> Expander<'p> {
     fn expand_module(
         &mut self,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<(), Halt> {
@@ -150,7 +150,7 @@ impl Derivation<'_> {
         let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
         let out = &mut self.next_string;
         for i in 0..self.string.len() {
-            expander.expand(view, i, &mut |m| {
+            expander.expand(&view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit
             })?;
@@ -215,7 +215,7 @@ pub fn interpret(
     if rules.list.iter().all(Production::is_context_free) {
         let view = ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &ignored };
         let mut halt = None;
-        derived.for_each(grammar, limits, |m| match expander.expand_module(m, view, 0, &mut draw) {
+        derived.for_each(grammar, limits, |m| match expander.expand_module(m, &view, 0, &mut draw) {
             Ok(()) => ControlFlow::Continue(()),
             Err(h) => {
                 halt = Some(h);
@@ -229,7 +229,7 @@ pub fn interpret(
         let partner = matching::matching_brackets(&string, brackets);
         let view = ContextView { modules: &string, partner: &partner, ignored: &ignored };
         for i in 0..string.len() {
-            expander.expand(view, i, &mut draw).map_err(halted)?;
+            expander.expand(&view, i, &mut draw).map_err(halted)?;
         }
     }
     Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))

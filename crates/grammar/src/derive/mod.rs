@@ -9,6 +9,7 @@ mod predict;
 mod registers;
 mod rewriter;
 mod step;
+mod text;
 
 pub use expand::interpret;
 pub use predict::{Prediction, predict};

@@ -25,6 +25,34 @@ pub(super) struct Template<'p> {
     pub ids: Vec<LineageIds>,
     /// Modules that some production may rewrite.
     pub active: Vec<ActiveModule>,
+    /// The modules as text, if none has parameters.
+    pub text: Option<TemplateText>,
+}
+
+/// Modules without parameters as text.
+#[derive(Debug, Default)]
+pub(super) struct TemplateText {
+    text: String,
+    /// Per module: end of its text.
+    ends: Vec<usize>,
+}
+
+impl TemplateText {
+    fn new(program: &Program, symbols: &[SymbolId]) -> Self {
+        let mut out = Self::default();
+        for symbol in symbols {
+            out.text.push(program.symbols.get(*symbol));
+            out.ends.push(out.text.len());
+        }
+        out
+    }
+
+    /// Text of the modules of a range.
+    #[inline]
+    pub fn part(&self, modules: std::ops::Range<usize>) -> &str {
+        let end = |n: usize| n.checked_sub(1).map_or(0, |k| self.ends[k]);
+        &self.text[end(modules.start)..end(modules.end)]
+    }
 }
 
 /// A parameter that depends on the module which is rewritten.
@@ -82,6 +110,8 @@ pub(super) enum Condition<'p> {
 #[derive(Debug)]
 pub(super) struct ProductionGroup {
     pub productions: Vec<u32>,
+    /// All of them look at nothing but the module and their conditions.
+    pub is_simple: bool,
     /// A module to which none of them applies in one step stays as it is in all later steps.
     pub is_stationary: bool,
     /// The only production, if it applies to every module of the group.
@@ -135,7 +165,7 @@ impl<'p> RewritePlan<'p> {
             let group = group.unwrap_or_else(|| {
                 let next = u32::try_from(groups.len()).unwrap_or(u32::MAX);
                 row.push((arity, next));
-                groups.push(ProductionGroup { productions: Vec::new(), is_stationary: true, always: None, shares: None });
+                groups.push(ProductionGroup { productions: Vec::new(), is_simple: true, is_stationary: true, always: None, shares: None });
                 next
             });
             if let Some(g) = groups.get_mut(to_usize(group)) {
@@ -151,6 +181,8 @@ impl<'p> RewritePlan<'p> {
             Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
         plan.productions = set.list.iter().map(|p| plan.production(program, p)).collect();
         for i in 0..plan.groups.len() {
+            plan.groups[i].is_simple =
+                plan.groups[i].productions.iter().all(|p| plan.productions[to_usize(*p)].is_simple);
             plan.groups[i].always = match plan.groups[i].productions.as_slice() {
                 // A deterministic L-system takes the first production that applies.
                 [first, others @ ..] if others.is_empty() || !stochastic => {
@@ -233,6 +265,7 @@ impl<'p> RewritePlan<'p> {
             computed: Vec::new(),
             ids: Vec::new(),
             active: Vec::new(),
+            text: None,
         };
         for (index, m) in (0_u32..).zip(modules) {
             out.symbols.push(m.symbol);
@@ -256,6 +289,7 @@ impl<'p> RewritePlan<'p> {
                 out.active.push(ActiveModule { index, group, first_param, end_param });
             }
         }
+        out.text = out.constants.is_empty().then(|| TemplateText::new(program, &out.symbols));
         out
     }
 }

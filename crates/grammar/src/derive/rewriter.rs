@@ -123,7 +123,7 @@ impl<'p> Rewriter<'p> {
         &mut self,
         production: u32,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
     ) -> Result<bool, Halt> {
         let planned = self.planned(production);
@@ -168,7 +168,7 @@ impl<'p> Rewriter<'p> {
     /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged. `view` and
     /// `at`: the string that contexts see, and the module's place in it.
     #[inline]
-    pub fn select(&mut self, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<Option<u32>, Halt> {
+    pub fn select(&mut self, module: Module<'_>, view: &ContextView<'_>, at: usize) -> Result<Option<u32>, Halt> {
         let Some(group) = self.settings.plan.group(module.symbol, module.params.len()) else { return Ok(None) };
         self.select_in_group(group, module, view, at)
     }
@@ -179,7 +179,7 @@ impl<'p> Rewriter<'p> {
         &mut self,
         group: GroupId,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
     ) -> Result<Option<u32>, Halt> {
         let plan = self.settings.plan;
@@ -194,7 +194,13 @@ impl<'p> Rewriter<'p> {
         // Deterministic L-system: the first production in file order that applies.
         if !plan.stochastic {
             for &p in &group.productions {
-                if self.production_applies(p, module, view, at)? {
+                let applies = if group.is_simple {
+                    self.load_params(p, module.params);
+                    self.condition_holds(p)?
+                } else {
+                    self.production_applies(p, module, view, at)?
+                };
+                if applies {
                     return Ok(Some(p));
                 }
             }
@@ -210,12 +216,11 @@ impl<'p> Rewriter<'p> {
         self.draw_candidate(group, module, view, at)
     }
 
-    #[inline]
     fn production_applies(
         &mut self,
         p: u32,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
     ) -> Result<bool, Halt> {
         if self.planned(p).is_simple {
@@ -247,7 +252,7 @@ impl<'p> Rewriter<'p> {
         &mut self,
         group: &ProductionGroup,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
     ) -> Result<Option<u32>, Halt> {
         self.candidates.clear();
@@ -345,7 +350,7 @@ impl<'p> Rewriter<'p> {
         let h = if self.settings.tag == 0 { h } else { rng::child(h, self.settings.tag) };
         let planned = self.planned(production);
         let template = &planned.template;
-        let first_param = out.param_count();
+        let first_param = u32::try_from(out.param_count()).unwrap_or(u32::MAX);
         self.append_params(production, out.params_mut())?;
         let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
         out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);

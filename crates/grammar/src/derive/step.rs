@@ -35,11 +35,11 @@ impl<'g> Derivation<'g> {
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
-        // modules). Short strings do not repay the cost of parallel blocks.
-        if self.program.is_serial() || n <= BLOCK_MODULES {
+        // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
+        if self.program.is_serial() || n <= BLOCK_MODULES || par::threads() == 1 {
             let mut rewriter = Rewriter::new(settings, self.vm.clone());
             self.next_string.clear();
-            let changed = rewrite_range(&mut rewriter, view, 0..n, &mut self.next_string, limit);
+            let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, limit);
             self.vm = rewriter.vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
@@ -58,7 +58,7 @@ impl<'g> Derivation<'g> {
         let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
         par::par_each(&mut blocks, |block| {
             let mut rewriter = Rewriter::new(settings, block.vm.clone());
-            let result = rewrite_range(&mut rewriter, view, block.range.clone(), &mut block.modules, limit);
+            let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, limit);
             block.changed = result.unwrap_or(false);
             block.vm = rewriter.vm;
             block.halt = result.err();
@@ -109,7 +109,7 @@ pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limi
 /// Rewrites the modules of `range` into `out`; true if any production was applied.
 pub(super) fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
-    view: ContextView<'_>,
+    view: &ContextView<'_>,
     range: std::ops::Range<usize>,
     out: &mut ModuleString,
     limit: usize,
