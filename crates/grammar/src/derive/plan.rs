@@ -8,6 +8,7 @@ use crate::program::{Production, ProductionSet, Program, SuccessorModule};
 use crate::symbols::SymbolId;
 use osier_base::convert::to_usize;
 use osier_base::math::narrow;
+use osier_base::rng::Shares;
 
 /// Index of a group in [`RewritePlan::groups`].
 pub(super) type GroupId = u32;
@@ -117,7 +118,7 @@ pub(super) struct ProductionGroup {
     /// The only production, if it applies to every module of the group.
     pub always: Option<u32>,
     /// Constant weights of the productions, if all of them apply to every module of the group.
-    pub shares: Option<Vec<f64>>,
+    pub shares: Option<Shares>,
 }
 
 /// The productions of one section, prepared for rewriting.
@@ -201,7 +202,7 @@ impl<'p> RewritePlan<'p> {
     }
 
     /// Weights of productions that compete under no condition, if they are constant and positive.
-    fn constant_shares(&self, group: &ProductionGroup) -> Option<Vec<f64>> {
+    fn constant_shares(&self, group: &ProductionGroup) -> Option<Shares> {
         let share = |i: &u32| {
             let p = &self.productions[to_usize(*i)];
             match p.weight {
@@ -210,7 +211,8 @@ impl<'p> RewritePlan<'p> {
             }
         };
         let competes = self.stochastic && group.productions.len() > 1;
-        if competes { group.productions.iter().map(share).collect() } else { None }
+        let weights: Option<Vec<f64>> = if competes { group.productions.iter().map(share).collect() } else { None };
+        weights.map(|w| Shares::new(&w))
     }
 
     /// Group of modules of a symbol with `arity` parameters.

@@ -208,7 +208,7 @@ impl<'p> Rewriter<'p> {
         }
         // Stochastic L-system: a production is drawn among those that apply.
         if let Some(shares) = &group.shares {
-            let chosen = self.draw_choice(module.lineage(), shares);
+            let chosen = shares.pick(&mut self.choice_stream(module.lineage()));
             let p = group.productions[chosen];
             self.load_params(p, module.params);
             return Ok(Some(p));
@@ -235,7 +235,7 @@ impl<'p> Rewriter<'p> {
     pub fn draw_in_group(&self, group: GroupId, h: u64) -> Option<u32> {
         let group = &self.settings.plan.groups[to_usize(group)];
         let shares = group.shares.as_ref()?;
-        group.productions.get(self.draw_choice(h, shares)).copied()
+        group.productions.get(shares.pick(&mut self.choice_stream(h))).copied()
     }
 
     /// Sets the variables of a production that was drawn for a module.
@@ -270,14 +270,14 @@ impl<'p> Rewriter<'p> {
         Ok(self.candidates.get(chosen).copied())
     }
 
-    /// An index drawn by weight for the module of lineage `h`.
+    /// The stream that the choice of a production for the module of lineage `h` is drawn from.
     #[inline]
-    fn draw_choice(&self, h: u64, weights: &[f64]) -> usize {
+    fn choice_stream(&self, h: u64) -> Rng {
         // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
         // 2^32, cannot reach.
         const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
         let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
-        Rng::from_key(CHOICE.of(key)).pick(weights)
+        Rng::from_key(CHOICE.of(key))
     }
 
     /// Index of the candidate drawn by weight.
@@ -313,7 +313,7 @@ impl<'p> Rewriter<'p> {
             self.vm.warnings.add("L034", place, "all weights are 0, the first production is taken");
             return Ok(0);
         }
-        Ok(self.draw_choice(h, &self.weights))
+        Ok(self.choice_stream(h).pick(&self.weights))
     }
 
     /// Appends the parameters of the successor of a production that was selected.
