@@ -159,6 +159,8 @@ pub(crate) struct Program {
     /// Bindings of symbols to turtle actions; `None` without a `turtle:` line.
     pub turtle: Option<TurtleBindings>,
     pub ignored: IgnoredSymbols,
+    /// The ends of the string are joined (`ring Lsystem`).
+    pub is_ring: bool,
     pub blocks: ControlBlocks,
     pub rules: ProductionSet,
     pub decomposition: ProductionSet,

@@ -112,6 +112,8 @@ pub(crate) struct ParseSession {
     pub diagnostics: Vec<Diagnostic>,
     /// Remarks that only a verbose run shows.
     pub notes: Vec<Diagnostic>,
+    /// `#pragma osier comments block` was read: `//` begins no comment.
+    pub block_comments_only: bool,
     /// Functions and curves of companion files.
     pub functions: Arc<FunctionTables>,
 }

@@ -1,6 +1,6 @@
 //! The stack machine that runs expressions and statements.
 
-use super::code::{Bytecode, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
+use super::code::{Bytecode, ElementAccess, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
 use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
@@ -245,6 +245,8 @@ impl Vm {
                         *slot = v;
                     }
                 }
+                Op::LoadElement(k) => self.load_element(code, k),
+                Op::StoreElement(k) => self.store_element(code, k),
                 Op::Step => self.stack.push(f64::from(self.step)),
                 Op::Length => self.stack.push(f64::from(self.length)),
                 Op::Remaining => self.stack.push(f64::from(self.length) - f64::from(self.step)),
@@ -301,6 +303,31 @@ impl Vm {
             }
         }
         Ok(self.pop())
+    }
+
+    /// Slot of the element whose indices lie on the stack, which are popped; L026 outside the array.
+    fn element(&mut self, access: &ElementAccess) -> Option<usize> {
+        let first = self.stack.len().saturating_sub(access.shape.sizes.len());
+        let slot = access.shape.slot(self.stack.get(first..).unwrap_or(&[]));
+        self.stack.truncate(first);
+        if slot.is_none() {
+            self.warnings.add("L026", access.place, &format!("index outside array '{}'", access.name));
+        }
+        slot
+    }
+
+    fn load_element(&mut self, code: &Bytecode, k: usize) {
+        let Some(access) = code.elements.get(k) else { return };
+        let value = self.element(access).and_then(|slot| self.globals.get(slot)).copied();
+        self.stack.push(value.unwrap_or(0.0));
+    }
+
+    fn store_element(&mut self, code: &Bytecode, k: usize) {
+        let Some(access) = code.elements.get(k) else { return };
+        let value = self.pop();
+        if let Some(slot) = self.element(access).and_then(|slot| self.globals.get_mut(slot)) {
+            *slot = value;
+        }
     }
 
     /// Value of a function or a curve of a companion file; 0 with L048 if it is missing.
@@ -412,6 +439,8 @@ pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
                 | Op::Global(_)
                 | Op::StoreLocal(_)
                 | Op::StoreGlobal(_)
+                | Op::LoadElement(_)
+                | Op::StoreElement(_)
                 | Op::Step
                 | Op::Length
                 | Op::Remaining

@@ -21,6 +21,19 @@ enum PendingOperator {
         place: SourcePlace,
         args: usize,
     },
+    /// `[` of an array: its number in [`Compiler::arrays`], the indices before the open one.
+    Index {
+        array: usize,
+        place: SourcePlace,
+        given: usize,
+    },
+}
+
+impl PendingOperator {
+    /// Holds everything before it until it is closed.
+    fn is_bracket(&self) -> bool {
+        matches!(self, Self::Paren(_) | Self::Call { .. } | Self::Index { .. })
+    }
 }
 
 const PREC_TERNARY: u8 = 1;
@@ -129,6 +142,11 @@ impl ExpressionCompiler<'_, '_> {
                 cursor.bump();
                 Some(PendingOperator::Call { name, place: t.place, args: 0 })
             }
+            TokenKind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('[')) => {
+                let Some(array) = self.compiler.array(name) else { return Some(false) };
+                cursor.bump();
+                Some(PendingOperator::Index { array, place: t.place, given: 0 })
+            }
             _ => return Some(false),
         };
         cursor.bump();
@@ -186,6 +204,9 @@ impl ExpressionCompiler<'_, '_> {
     /// Takes a closing parenthesis or a comma that belongs to this expression.
     fn close_parenthesis(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
+        if t.is(']') {
+            return self.close_index(cursor, t.place);
+        }
         let inside = self.pending.iter().any(|p| matches!(p, PendingOperator::Paren(_) | PendingOperator::Call { .. }));
         if !inside || !t.is(')') {
             return Some(false);
@@ -202,6 +223,28 @@ impl ExpressionCompiler<'_, '_> {
         }
         cursor.bump();
         self.last = t.place;
+        Some(true)
+    }
+
+    /// Takes a `]` that ends the indices of an array.
+    fn close_index(&mut self, cursor: &mut TokenCursor<'_>, close: SourcePlace) -> Option<bool> {
+        let innermost = self.pending.iter().rev().find(|p| p.is_bracket());
+        let Some(&PendingOperator::Index { array, place, given }) = innermost else { return Some(false) };
+        let wanted = self.compiler.arrays.get(array).map_or(0, |a| a.shape.sizes.len());
+        // `a[i][j]`: the next bracket holds the next index.
+        if given + 1 < wanted && cursor.peek_at(1).is_some_and(|t| t.is('[')) {
+            return Some(false);
+        }
+        self.reduce(0);
+        if !matches!(self.pending.pop(), Some(PendingOperator::Index { .. })) {
+            return self.error("L001", "unexpected ']', expected ':' of '?:'".into(), close, "here");
+        }
+        let access = self.compiler.element(array, given + 1, place.to(close))?;
+        self.code.elements.push(access);
+        self.code.ops.push(Op::LoadElement(self.code.elements.len() - 1));
+        self.barrier = self.code.ops.len();
+        cursor.bump();
+        self.last = close;
         Some(true)
     }
 
@@ -235,10 +278,17 @@ impl ExpressionCompiler<'_, '_> {
                 self.patch_jump(jump);
                 self.push_pending(PendingOperator::Colon(end), t.place)?;
             }
+            // `a[i][j]`, which is `a[i,j]`: `close_index` left it.
+            TokenKind::Char(']') if self.pending.iter().any(|p| matches!(p, PendingOperator::Index { .. })) => {
+                self.reduce(0);
+                match self.pending.last_mut() {
+                    Some(PendingOperator::Index { given, .. }) => *given += 1,
+                    _ => return self.error("L001", "unexpected ']', expected ')'".into(), t.place, "here"),
+                }
+                cursor.bump();
+            }
             TokenKind::Char(',') => {
-                let inside =
-                    |p: &PendingOperator| matches!(p, PendingOperator::Paren(_) | PendingOperator::Call { .. });
-                if !self.pending.iter().any(inside) {
+                if !self.pending.iter().any(PendingOperator::is_bracket) {
                     return Some(false);
                 }
                 self.reduce(0);
@@ -246,6 +296,7 @@ impl ExpressionCompiler<'_, '_> {
                 // expression.
                 match self.pending.last_mut() {
                     Some(PendingOperator::Call { args, .. }) => *args += 1,
+                    Some(PendingOperator::Index { given, .. }) => *given += 1,
                     _ => return self.error("L001", "unexpected ',', expected ')'".into(), t.place, "here"),
                 }
             }
@@ -259,9 +310,7 @@ impl ExpressionCompiler<'_, '_> {
 
     /// Is a `?` still without its `:` inside the innermost parenthesis?
     fn innermost_question(&self) -> bool {
-        let stop = |p: &&PendingOperator| {
-            matches!(p, PendingOperator::Question(_) | PendingOperator::Paren(_) | PendingOperator::Call { .. })
-        };
+        let stop = |p: &&PendingOperator| matches!(p, PendingOperator::Question(_)) || p.is_bracket();
         matches!(self.pending.iter().rev().find(stop), Some(PendingOperator::Question(_)))
     }
 
@@ -500,13 +549,18 @@ impl ExpressionCompiler<'_, '_> {
         let place = cursor.peek().map_or(self.last, |t| t.place);
         match self.pending.pop() {
             None => Some(()),
-            Some(PendingOperator::Paren(open) | PendingOperator::Call { place: open, .. }) => {
+            Some(p @ (PendingOperator::Paren(_) | PendingOperator::Call { .. } | PendingOperator::Index { .. })) => {
+                let (open, close) = match p {
+                    PendingOperator::Paren(open) | PendingOperator::Call { place: open, .. } => (open, ')'),
+                    PendingOperator::Index { place: open, .. } => (open, ']'),
+                    _ => (place, ')'),
+                };
                 // The expression ended inside a parenthesis: point to both places.
                 let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
                 self.compiler.session.push(
                     osier_base::diagnostic::Diagnostic::error(
                         "L001",
-                        format!("unexpected {found}, expected ')' or an operator"),
+                        format!("unexpected {found}, expected '{close}' or an operator"),
                         place.span,
                         "here",
                     )

@@ -1,12 +1,58 @@
 //! The items of an L-system: header, values, blocks, sections.
 
 use super::lines::{self, KEYWORDS, Keyword, LogicalLine, is_block};
-use super::{Compiler, NameScope, describe, production, statement, successor, whole_expression};
-use crate::code::Bytecode;
+use std::rc::Rc;
+
+use super::{
+    Array, Compiler, NameScope, TokenCursor, describe, expression, production, statement, successor, whole_expression,
+};
+use crate::code::{ArrayShape, Bytecode, Op};
 use crate::program::{IgnoredSymbols, Program};
 use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::{Diagnostic, nearest};
+
+/// Variables, elements of arrays included, that a grammar may have: their slots are 16-bit numbers.
+const MAX_ARRAY_ELEMENTS: u32 = 65_535;
+
+/// Lines of each L-system of a file. One begins with its heading: `Lsystem`, `ring Lsystem`, or both on two lines.
+fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
+    let mut systems: Vec<Vec<LogicalLine>> = Vec::new();
+    for line in lines {
+        let key = |l: &LogicalLine| l.keyword.map(|k| k.0);
+        let begins = systems.last().is_none_or(|system| {
+            let has_ended = system.iter().any(|l| key(l) == Some(Keyword::EndLsystem));
+            // A second `Lsystem` begins another one even where `endlsystem` is missing.
+            let has_heading = system.iter().any(|l| key(l) == Some(Keyword::Lsystem));
+            let has_items = system.iter().any(|l| !l.is_heading());
+            match key(&line) {
+                Some(Keyword::Lsystem) => has_ended || (has_heading && has_items),
+                Some(Keyword::Ring) => has_ended,
+                _ => false,
+            }
+        });
+        match systems.last_mut() {
+            Some(system) if !begins => system.push(line),
+            _ => systems.push(vec![line]),
+        }
+    }
+    systems
+}
+
+/// What a compiler knows of its L-system.
+struct CompilerContext {
+    globals: Vec<u32>,
+    arrays: Rc<[Array]>,
+    has_turtle: bool,
+}
+
+impl CompilerContext {
+    fn compiler(self, session: &mut ParseSession, scope: NameScope) -> Compiler<'_> {
+        let mut c = Compiler::new(session, scope);
+        (c.globals, c.arrays, c.has_turtle) = (self.globals, self.arrays, self.has_turtle);
+        c
+    }
+}
 
 /// Result of compiling the main L-system of a file.
 #[derive(Debug)]
@@ -29,6 +75,10 @@ pub(super) struct ItemParser<'r> {
     label: String,
     section: ProductionSection,
     globals: Vec<u32>,
+    arrays: Vec<Array>,
+    shared_arrays: Rc<[Array]>,
+    /// Values of array elements by slot, where they are not 0.
+    array_values: Vec<(u16, f64)>,
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
     ended: bool,
@@ -43,6 +93,9 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
         label: String::new(),
         section: ProductionSection::Productions,
         globals: Vec::new(),
+        arrays: Vec::new(),
+        shared_arrays: Rc::from([]),
+        array_values: Vec::new(),
         header: None,
         axiom: None,
         ended: false,
@@ -56,9 +109,14 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
     let main = p.main_lines(lines);
     // Global variables and the turtle are known before any production is compiled, wherever their items stand.
     p.collect_globals(&main);
-    for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k))) {
+    for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| k == Keyword::Define)) {
+        p.define_item(line);
+    }
+    p.shared_arrays = std::mem::take(&mut p.arrays).into();
+    for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define)) {
         p.block_item(line);
     }
+    p.set_array_values();
     p.turtle_items(&main);
     for line in &main {
         p.item(line);
@@ -68,36 +126,22 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
     p.program.rules.index(symbols);
     p.program.decomposition.index(symbols);
     p.program.homomorphism.index(symbols);
-    p.program.blocks.globals = p.globals.len();
+    p.program.blocks.globals = p.variable_count();
     ParsedGrammar { program: p.program, label: p.label }
 }
 
 impl ItemParser<'_> {
     /// The lines of the first L-system; others are named and left out.
     fn main_lines(&mut self, lines: Vec<LogicalLine>) -> Vec<LogicalLine> {
-        let mut out = Vec::new();
-        let mut skipping = false;
-        for line in lines {
-            let key = line.keyword.map(|k| k.0);
-            // An L-system begins with its heading; lines before it belong to it too.
-            let begins = matches!(key, Some(Keyword::Lsystem | Keyword::Ring));
-            if skipping {
-                continue;
-            }
-            if begins && self.header.is_some() {
-                skipping = true;
-                if let Some(place) = line.place() {
-                    let help = "the first L-system of the file is the one that is read";
-                    self.session.warning("L008", "sub-L-systems are not supported".into(), place, help);
-                }
-                continue;
-            }
-            if begins {
-                self.header = line.place();
-            }
-            out.push(line);
+        let mut systems = split_systems(lines);
+        // Lines before the first heading belong to it.
+        let main = if systems.is_empty() { Vec::new() } else { systems.remove(0) };
+        if let Some(place) = systems.first().and_then(|s| s.first()).and_then(LogicalLine::place) {
+            let help = "the first L-system of the file is the one that is read";
+            self.session.warning("L008", "sub-L-systems are not supported".into(), place, help);
         }
-        out
+        self.header = main.iter().find(|l| l.is_heading()).and_then(LogicalLine::place);
+        main
     }
 
     /// Every name that a block assigns is global, wherever the block stands.
@@ -117,33 +161,188 @@ impl ItemParser<'_> {
     }
 
     pub(super) fn compiler(&mut self, scope: NameScope) -> Compiler<'_> {
-        let globals = self.globals.clone();
-        let mut c = Compiler::new(self.session, scope);
-        c.globals = globals;
-        c.has_turtle = self.program.turtle.is_some();
-        c
+        let context = self.compiler_context();
+        context.compiler(self.session, scope)
+    }
+
+    /// What a compiler of this L-system knows; separate, so that the program can be changed while it compiles.
+    fn compiler_context(&self) -> CompilerContext {
+        CompilerContext {
+            globals: self.globals.clone(),
+            arrays: Rc::clone(&self.shared_arrays),
+            has_turtle: self.program.turtle.is_some(),
+        }
+    }
+
+    /// Number of global variables, elements of arrays included.
+    fn variable_count(&self) -> usize {
+        let elements = |a: &Array| a.shape.sizes.iter().fold(1, |n, s| n * *s as usize);
+        self.globals.len() + self.arrays.iter().chain(self.shared_arrays.iter()).map(elements).sum::<usize>()
+    }
+
+    /// `Define: { array a[2,3] = {1,2,3,4,5,6}; array b[4]; }`
+    fn define_item(&mut self, line: &LogicalLine) {
+        let (Some((_, n)), Some(place)) = (line.keyword, line.place()) else { return };
+        let Some(inner) = self.block_tokens(line, n, place) else { return };
+        let mut cursor = TokenCursor::new(inner, place);
+        while cursor.peek().is_some() {
+            if cursor.eat(';') {
+                continue;
+            }
+            let is_array = matches!(cursor.peek().map(|t| t.kind), Some(TokenKind::Ident(w)) if self.session.names.get(w) == "array");
+            if !is_array {
+                let message = "unexpected token, expected 'array NAME[SIZE];'".to_owned();
+                let help = "only arrays are defined here; assign variables in Start: { .. }";
+                return self.session.error_help("L001", message, cursor.place(), help);
+            }
+            cursor.bump();
+            loop {
+                if self.array_definition(&mut cursor).is_none() {
+                    return;
+                }
+                if !cursor.eat(',') {
+                    break;
+                }
+            }
+            if !cursor.eat(';') {
+                let message = "unexpected token, expected ';' after the array".to_owned();
+                return self.session.error_help("L001", message, cursor.place(), "end the definition with ';'");
+            }
+        }
+    }
+
+    /// `name[2,3] = {..}`: declares an array; `None` after an error.
+    fn array_definition(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
+        let place = cursor.place();
+        let Some(TokenKind::Ident(name)) = cursor.peek().map(|t| t.kind) else {
+            self.session.error("L001", "expected the name of an array", place, "here");
+            return None;
+        };
+        cursor.bump();
+        let word = self.session.names.get(name).to_owned();
+        if self.arrays.iter().any(|a| a.name == name) || self.globals.contains(&name) {
+            self.session.error("L024", format!("'{word}' is defined twice"), place, "the second one");
+            return None;
+        }
+        // Sizes in one pair of brackets or in one pair each.
+        let mut sizes = Vec::new();
+        while cursor.eat('[') {
+            loop {
+                let at = cursor.place();
+                let size = self.constant(cursor)?;
+                if !(1.0..=f64::from(MAX_ARRAY_ELEMENTS)).contains(&size) {
+                    let message = format!("a size of an array lies in 1 to {MAX_ARRAY_ELEMENTS}");
+                    self.session.error_help("L001", message, at, "write a whole number of elements");
+                    return None;
+                }
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
+                sizes.push(size as u32);
+                if !cursor.eat(',') {
+                    break;
+                }
+            }
+            self.expect(cursor, ']')?;
+        }
+        if sizes.is_empty() {
+            self.session.error("L001", format!("expected '[' and the sizes of array '{word}'"), cursor.place(), "here");
+            return None;
+        }
+        // All elements are global variables behind those of the blocks.
+        let elements = sizes.iter().fold(1_usize, |n, s| n.saturating_mul(*s as usize));
+        let used = self.variable_count();
+        let first = u16::try_from(used).ok().filter(|_| used.saturating_add(elements) <= MAX_ARRAY_ELEMENTS as usize);
+        let Some(first) = first else {
+            let message = format!("arrays and variables have more than {MAX_ARRAY_ELEMENTS} elements together");
+            self.session.error_help("L004", message, place, "make the arrays smaller");
+            return None;
+        };
+        if cursor.eat('=') {
+            self.array_initializer(cursor, &word, first, elements)?;
+        }
+        self.arrays.push(Array { name, shape: ArrayShape { first, sizes } });
+        Some(())
+    }
+
+    /// `{1, 2, {3, 4}}`: values in the order of the elements.
+    fn array_initializer(&mut self, cursor: &mut TokenCursor<'_>, word: &str, first: u16, count: usize) -> Option<()> {
+        let place = cursor.place();
+        self.expect(cursor, '{')?;
+        let (mut depth, mut given) = (1_usize, 0_usize);
+        while depth > 0 {
+            if cursor.eat('{') {
+                depth += 1;
+            } else if cursor.eat('}') {
+                depth -= 1;
+            } else if !cursor.eat(',') {
+                let value = self.constant(cursor)?;
+                if given >= count {
+                    let message = format!("array '{word}' has {count} elements, more values are given");
+                    self.session.error_help("L022", message, place, "remove values, or make the array larger");
+                    return None;
+                }
+                let slot = u16::try_from(usize::from(first) + given).ok()?;
+                self.array_values.push((slot, value));
+                given += 1;
+            }
+        }
+        Some(())
+    }
+
+    /// A constant expression.
+    fn constant(&mut self, cursor: &mut TokenCursor<'_>) -> Option<f64> {
+        let place = cursor.place();
+        let mut compiler = self.compiler(NameScope::Global);
+        let code = expression::compile_expression(&mut compiler, cursor)?;
+        let value = vm::constant_value(&code);
+        if value.is_none() {
+            self.session.error("L001", "value is not a constant number", place, "here");
+        }
+        value
+    }
+
+    fn expect(&mut self, cursor: &mut TokenCursor<'_>, c: char) -> Option<()> {
+        if cursor.eat(c) {
+            return Some(());
+        }
+        let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| describe(&self.session.names, t));
+        self.session.error("L001", format!("unexpected {found}, expected '{c}'"), cursor.place(), "here");
+        None
+    }
+
+    /// Lets the derivation begin with the values of the arrays, before the statements of `Start`.
+    fn set_array_values(&mut self) {
+        let values = std::mem::take(&mut self.array_values);
+        if values.is_empty() {
+            return;
+        }
+        let set = values.iter().flat_map(|(slot, value)| [Op::Const(*value), Op::StoreGlobal(*slot)]);
+        let mut code = Bytecode { ops: set.collect(), ..Bytecode::default() };
+        if let Some(start) = self.program.blocks.start.take() {
+            code.append(start);
+        }
+        self.program.blocks.start = Some(code);
+    }
+
+    /// The tokens of a block between its outer braces; `None` after an error.
+    fn block_tokens<'l>(&mut self, line: &'l LogicalLine, keyword: usize, place: SourcePlace) -> Option<&'l [Token]> {
+        let colon = usize::from(line.tokens.get(keyword).is_some_and(|t| t.is(':')));
+        match &line.tokens[(keyword + colon).min(line.tokens.len())..] {
+            [open, inner @ .., close] if open.is('{') && close.is('}') => Some(inner),
+            [open, ..] if open.is('{') => {
+                self.session.error("L004", "block is never closed", open.place, "opened here");
+                None
+            }
+            body => {
+                let at = body.first().map_or(place, |t| t.place);
+                self.session.error("L001", "unexpected token, expected '{'", at, "here");
+                None
+            }
+        }
     }
 
     fn block_item(&mut self, line: &LogicalLine) {
         let (Some((key, n)), Some(place)) = (line.keyword, line.place()) else { return };
-        if key == Keyword::Define {
-            let help = "use single variables in Start: { .. }";
-            self.session.warning("L008", "arrays are not supported, Define is ignored".into(), place, help);
-            return;
-        }
-        let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
-        let body = &line.tokens[(n + colon).min(line.tokens.len())..];
-        // The block is everything between the outer braces.
-        let inner = match body {
-            [open, inner @ .., close] if open.is('{') && close.is('}') => inner,
-            [open, ..] if open.is('{') => {
-                return self.session.error("L004", "block is never closed", open.place, "opened here");
-            }
-            _ => {
-                let at = body.first().map_or(place, |t| t.place);
-                return self.session.error("L001", "unexpected token, expected '{'", at, "here");
-            }
-        };
+        let Some(inner) = self.block_tokens(line, n, place) else { return };
         let mut compiler = self.compiler(NameScope::Global);
         let Some(code) = statement::block(&mut compiler, inner, place) else { return };
         // A second block of the same kind replaces the first.
@@ -162,7 +361,7 @@ impl ItemParser<'_> {
         }
         let Some(place) = line.place() else { return };
         if let Some(arrow) = line.arrow {
-            return self.production(line, arrow, place);
+            return self.production(line, arrow);
         }
         let Some((key, n)) = line.keyword else { return self.unknown_line(line, place) };
         let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
@@ -171,9 +370,12 @@ impl ItemParser<'_> {
         let value = &line.tokens[(n + colon).min(line.tokens.len())..];
         match key {
             Keyword::Lsystem => self.label = self.spelling(value),
+            // A label may follow, as after `Lsystem`.
             Keyword::Ring => {
-                let help = "contexts do not see across the ends of the string";
-                self.session.warning("L008", "ring L-systems are not supported".into(), head, help);
+                self.program.is_ring = true;
+                if !value.is_empty() {
+                    self.label = self.spelling(value);
+                }
             }
             // `Seed:` belongs to the section in which it stands; sections other than the homomorphism share one seed.
             Keyword::Seed => {
@@ -263,10 +465,7 @@ impl ItemParser<'_> {
             return self.session.push(d.help("keep one axiom with the modules of both"), place);
         }
         self.axiom = Some(place);
-        let globals = self.globals.clone();
-        let mut compiler = Compiler::new(self.session, NameScope::Global);
-        compiler.globals = globals;
-        compiler.has_turtle = self.program.turtle.is_some();
+        let mut compiler = self.compiler_context().compiler(self.session, NameScope::Global);
         if let Some((modules, _)) = successor::successor(&mut compiler, &mut self.program.symbols, value, place) {
             if modules.is_empty() {
                 self.session.error("L003", "the axiom is empty", place, "expected modules after this");
@@ -287,11 +486,8 @@ impl ItemParser<'_> {
             if key == Keyword::Ignore { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
     }
 
-    fn production(&mut self, line: &LogicalLine, arrow: usize, place: SourcePlace) {
-        let globals = self.globals.clone();
-        let mut compiler = Compiler::new(self.session, NameScope::Production);
-        compiler.globals = globals;
-        compiler.has_turtle = self.program.turtle.is_some();
+    fn production(&mut self, line: &LogicalLine, arrow: usize) {
+        let mut compiler = self.compiler_context().compiler(self.session, NameScope::Production);
         let parsed = production::production(&mut compiler, &mut self.program.symbols, line, arrow);
         let Some(parsed) = parsed else { return };
         let rules = match self.section {
@@ -299,11 +495,6 @@ impl ItemParser<'_> {
             ProductionSection::Decomposition => &mut self.program.decomposition,
             ProductionSection::Homomorphism => &mut self.program.homomorphism,
         };
-        // Expansion works on single modules.
-        if self.section != ProductionSection::Productions && parsed.predecessor.len() > 1 {
-            let message = "ill-formed production: only one predecessor is allowed in this section".to_owned();
-            return self.session.error_help("L010", message, place, "write one production for each predecessor");
-        }
         rules.list.push(parsed);
     }
 

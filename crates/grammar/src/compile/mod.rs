@@ -9,7 +9,9 @@ mod statement;
 mod successor;
 mod symbol;
 
-use super::code::{Bytecode, Op};
+use std::rc::Rc;
+
+use super::code::{ArrayShape, Bytecode, ElementAccess, Op};
 use super::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::nearest;
 
@@ -88,12 +90,41 @@ pub(super) struct Compiler<'r> {
     pub max_depth: usize,
     /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
     pub has_turtle: bool,
+    /// Arrays of the grammar.
+    pub arrays: Rc<[Array]>,
+}
+
+/// An array of the grammar, by the number of its name.
+#[derive(Debug)]
+pub(super) struct Array {
+    pub name: u32,
+    pub shape: ArrayShape,
 }
 
 impl<'r> Compiler<'r> {
     pub fn new(session: &'r mut ParseSession, scope: NameScope) -> Self {
         let (globals, locals, parameter_slots) = (Vec::new(), Vec::new(), Vec::new());
-        Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false }
+        let arrays = Rc::from([]);
+        Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false, arrays }
+    }
+
+    /// Number of the array of a name; a formal parameter or a local variable of the same name hides it.
+    pub fn array(&self, name: u32) -> Option<usize> {
+        self.arrays.iter().position(|a| a.name == name).filter(|_| !self.locals.contains(&name))
+    }
+
+    /// An element of an array with `given` indices; L022 if it takes another number of them.
+    pub fn element(&mut self, array: usize, given: usize, place: SourcePlace) -> Option<ElementAccess> {
+        let array = self.arrays.get(array)?;
+        let (wanted, name) = (array.shape.sizes.len(), self.session.names.get(array.name).to_owned());
+        if given != wanted {
+            let s = if wanted == 1 { "index" } else { "indices" };
+            let message = format!("array '{name}' takes {wanted} {s}, got {given}");
+            let help = format!("write one index for each of its sizes: {name}[{}]", vec!["i"; wanted].join(","));
+            self.session.error_help("L022", message, place, help);
+            return None;
+        }
+        Some(ElementAccess { shape: array.shape.clone(), name, place })
     }
 
     /// A token as messages quote it.

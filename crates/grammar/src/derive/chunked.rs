@@ -191,7 +191,13 @@ impl ChunkDeriver<'_, '_> {
             self.next_string.clear();
             self.work = self.work.saturating_add(chunk.len() as u64);
             // Independent modules have no contexts, so that the view needs no bracket table.
-            let view = ContextView { modules: chunk, partner: &[], ignored: &self.derivation.ignored };
+            let view = ContextView {
+                modules: chunk,
+                partner: &[],
+                ignored: &self.derivation.ignored,
+                is_ring: false,
+                border: None,
+            };
             let max_modules = convert::limit(limit);
             let changed =
                 rewrite_range(&mut self.rewriter, view, 0..chunk.len(), &mut self.next_string, max_modules).ok()?;

@@ -1,7 +1,7 @@
 //! Decomposition and homomorphism: modules expanded depth first, with an explicit stack.
 
 use super::matching::{self, ContextView};
-use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
+use super::rewriter::{DrawPurposes, Followers, RewriteSettings, Rewriter};
 use super::step::check_size;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
 use crate::grammar::Grammar;
@@ -32,6 +32,21 @@ impl ExpansionStack {
             self.depth.push(depth);
         }
     }
+
+    /// The next modules of the successor whose modules have this depth, at most `count`.
+    fn followers(&self, depth: u32, count: usize, context_from: usize) -> Followers {
+        let same = self.depth.iter().rev().take(count).take_while(|d| **d == depth).count();
+        let mut modules = ModuleString::default();
+        (1..=same).for_each(|k| modules.push(self.modules.get(self.modules.len() - k)));
+        Followers { modules, context_from }
+    }
+
+    /// Removes the uppermost `count` modules.
+    fn drop_top(&mut self, count: usize) {
+        let n = self.depth.len().saturating_sub(count);
+        self.depth.truncate(n);
+        self.modules.truncate(n);
+    }
 }
 
 /// Expands modules one after the other; reuses its memory.
@@ -40,6 +55,10 @@ struct Expander<'p> {
     stack: ExpansionStack,
     successor: ModuleString,
     current: ModuleString,
+    /// A production was applied.
+    applied: bool,
+    /// Most modules of a predecessor of these productions.
+    longest: usize,
     /// Modules that may wait at once.
     limit: usize,
 }
@@ -47,7 +66,10 @@ struct Expander<'p> {
 impl<'p> Expander<'p> {
     fn new(settings: RewriteSettings<'p>, vm: Vm, limit: usize) -> Self {
         let rewriter = Rewriter::new(settings, vm);
+        let longest = settings.rules.list.iter().map(|p| p.predecessor.len()).max().unwrap_or(1);
         Self {
+            applied: false,
+            longest,
             rewriter,
             stack: ExpansionStack::default(),
             successor: ModuleString::default(),
@@ -56,23 +78,26 @@ impl<'p> Expander<'p> {
         }
     }
 
-    /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false.
+    /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false. Returns the
+    /// number of modules of the string that it took: a predecessor of several modules takes all of them.
     fn expand(
         &mut self,
         view: ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
-    ) -> std::result::Result<(), Halt> {
+    ) -> std::result::Result<usize, Halt> {
         let rules = self.rewriter.settings.rules;
         let module = view.modules.get(at);
         // Modules without productions, and all modules where the maximum depth is 0, pass unchanged.
         if rules.depth == 0 || !rules.has_productions(module.symbol) {
-            return if sink(module) { Ok(()) } else { Err(Halt::Modules) };
+            return if sink(module) { Ok(1) } else { Err(Halt::Modules) };
         }
         self.stack.modules.clear();
         self.stack.depth.clear();
         self.stack.modules.push(module);
         self.stack.depth.push(0);
+        let mut taken = 1;
+        self.rewriter.followers = None;
         while let Some(depth) = self.stack.depth.pop() {
             // Pop the topmost module into a buffer of its own: the production reads its parameters while successors are
             // pushed.
@@ -80,6 +105,9 @@ impl<'p> Expander<'p> {
             self.current.clear();
             self.current.push(self.stack.modules.get(n));
             self.stack.modules.truncate(n);
+            if depth > 0 && self.longest > 1 {
+                self.rewriter.followers = Some(self.stack.followers(depth, self.longest - 1, at + taken));
+            }
             let module = self.current.get(0);
             let applicable =
                 if rules.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
@@ -93,6 +121,13 @@ impl<'p> Expander<'p> {
                 }
                 return Err(Halt::Modules);
             };
+            // A predecessor of several modules takes those after the first from the string or from the same successor.
+            if depth == 0 {
+                taken = p.predecessor.len();
+            } else {
+                self.stack.drop_top(p.predecessor.len() - 1);
+            }
+            self.applied = true;
             self.successor.clear();
             // Expansion refines a module within its step: successors keep its birth.
             self.rewriter.settings.birth = module.birth;
@@ -105,16 +140,17 @@ impl<'p> Expander<'p> {
                 return Err(Halt::Statements(p.place));
             }
         }
-        Ok(())
+        self.rewriter.followers = None;
+        Ok(taken)
     }
 }
 
 impl Derivation<'_> {
-    /// Replaces the string by its decomposition.
-    pub(super) fn decompose(&mut self, step: u32) -> std::result::Result<(), Halt> {
+    /// Replaces the string by its decomposition; true if any production was applied.
+    pub(super) fn decompose(&mut self, step: u32) -> std::result::Result<bool, Halt> {
         let rules = &self.program.decomposition;
         if rules.list.is_empty() {
-            return Ok(());
+            return Ok(false);
         }
         let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
         let partner =
@@ -133,18 +169,26 @@ impl Derivation<'_> {
         // Modules are expanded in string order into the second buffer; contexts see the string before decomposition.
         let mut expander = Expander::new(settings, self.vm.clone(), limit);
         self.next_string.clear();
-        let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
+        let view = ContextView {
+            modules: &self.string,
+            partner: &partner,
+            ignored: &self.ignored,
+            is_ring: self.program.is_ring,
+            border: None,
+        };
         let out = &mut self.next_string;
-        for i in 0..self.string.len() {
-            expander.expand(view, i, &mut |m| {
+        let mut i = 0;
+        while i < self.string.len() {
+            i += expander.expand(view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit
             })?;
             check_size(out, 0, 0, limit)?;
         }
+        let applied = expander.applied;
         self.vm = expander.rewriter.vm;
         std::mem::swap(&mut self.string, &mut self.next_string);
-        Ok(())
+        Ok(applied)
     }
 }
 
@@ -186,21 +230,28 @@ pub fn interpret(
     let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
     let partner = if needs_partners { matching::matching_brackets(&derived.modules, brackets) } else { Vec::new() };
     let ignored = program.ignored.flags(&program.symbols);
-    let view = ContextView { modules: &derived.modules, partner: &partner, ignored: &ignored };
+    let view = ContextView {
+        modules: &derived.modules,
+        partner: &partner,
+        ignored: &ignored,
+        is_ring: program.is_ring,
+        border: None,
+    };
     let max_stack = convert::limit(limits.get("modules"));
     let mut expander = Expander::new(settings, vm, max_stack);
     // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
     // hold.
     let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
-    for i in 0..derived.modules.len() {
+    let mut i = 0;
+    while i < derived.modules.len() {
         let result = expander.expand(view, i, &mut |m| {
             drawn += 1;
             sink(m);
             // The callback ends the expansion when the budget is used up.
             drawn <= limit
         });
-        result.map_err(|h| halt_error(grammar, h, derived.steps, limits))?;
+        i += result.map_err(|h| halt_error(grammar, h, derived.steps, limits))?;
     }
     Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))
 }

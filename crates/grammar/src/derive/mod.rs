@@ -144,10 +144,6 @@ impl<'g> Derivation<'g> {
             self.vm.step = step - 1;
             self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
-            // The axiom is decomposed before the first step; later strings are decomposed when they are made.
-            if step == 1 {
-                self.decompose(step)?;
-            }
             if let Some(cut) = self.cut_symbol {
                 self.remove_cut_branches(cut);
             }
@@ -156,8 +152,8 @@ impl<'g> Derivation<'g> {
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
             }
-            let changed = self.rewrite_string(step)?;
-            self.decompose(step)?;
+            let rewritten = self.rewrite_string(step)?;
+            let changed = self.decompose(step)? || rewritten;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
             // Start of the run of steps without change that is still going on, for the warning L054.
@@ -180,11 +176,12 @@ impl<'g> Derivation<'g> {
         let b = &self.program.blocks;
         let uses_step = |c: &Bytecode| {
             use crate::code::Op;
-            c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
+            c.writes_globals()
+                || c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
         b.start_each.is_none()
             && b.end_each.is_none()
-            && !self.program.rules.list.iter().any(|p| p.codes().any(uses_step))
+            && !self.program.rules.list.iter().chain(&self.program.decomposition.list).any(|p| p.codes().any(uses_step))
     }
 
     fn run_block(&mut self, code: Option<&Bytecode>, step: u32) -> std::result::Result<(), Halt> {
@@ -280,6 +277,7 @@ pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings)
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
         let help = match e.code {
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
+            "L026" => "indices run from 0; outside an array a read gives 0 and a write does nothing",
             "L033" => "weights must be 0 or more",
             "L034" => "give at least one production a positive weight",
             "L048" => "name its file in the view file: `function: FILE` or `contour: ID FILE`",

@@ -49,11 +49,21 @@ struct Candidate<'p> {
     offset: usize,
 }
 
+/// Modules after the current one that a predecessor of several modules may take, where they do not stand in the string.
+#[derive(Debug)]
+pub(super) struct Followers {
+    pub modules: ModuleString,
+    /// Where right contexts begin in the string.
+    pub context_from: usize,
+}
+
 /// Selects and applies the productions of one section.
 #[derive(Debug)]
 pub(super) struct Rewriter<'p> {
     pub settings: RewriteSettings<'p>,
     pub vm: Vm,
+    /// `None`: the neighbours in the string follow.
+    pub followers: Option<Followers>,
     locals: Vec<f64>,
     /// Productions that apply to the current module.
     candidates: Vec<Candidate<'p>>,
@@ -70,6 +80,7 @@ impl<'p> Rewriter<'p> {
         Self {
             settings,
             vm,
+            followers: None,
             locals: Vec::new(),
             candidates: Vec::new(),
             saved_locals: Vec::new(),
@@ -94,15 +105,19 @@ impl<'p> Rewriter<'p> {
             return Ok(false);
         }
         for (k, formal) in others.iter().enumerate() {
-            let i = at + 1 + k;
-            if i >= view.modules.len() || !matching::match_module(formal, view.modules.get(i), &mut self.locals) {
+            let (modules, i) = match &self.followers {
+                Some(f) => (&f.modules, k),
+                None => (view.modules, at + 1 + k),
+            };
+            if i >= modules.len() || !matching::match_module(formal, modules.get(i), &mut self.locals) {
                 return Ok(false);
             }
         }
+        let right = self.followers.as_ref().map_or(at + p.predecessor.len(), |f| f.context_from);
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
         if !view.matches_left(brackets, &p.left, at, &mut self.locals)
-            || !view.matches_right(brackets, &p.right, at + p.predecessor.len(), &mut self.locals)
+            || !view.matches_right(brackets, &p.right, right, &mut self.locals)
         {
             return Ok(false);
         }

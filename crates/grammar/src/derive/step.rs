@@ -30,7 +30,13 @@ impl<'g> Derivation<'g> {
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = self.rewrite_settings(rules, step);
-        let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
+        let view = ContextView {
+            modules: &self.string,
+            partner: &partner,
+            ignored: &self.ignored,
+            is_ring: self.program.is_ring,
+            border: None,
+        };
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
