@@ -2,8 +2,8 @@
 
 use super::{Compiler, NameScope, TokenCursor};
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, TableFunction, UnaryOp, is_zero};
-use crate::token::{SourcePlace, Token, TokenKind};
-use osier_base::diagnostic::nearest;
+use crate::token::{SourcePlace, Token, TokenKind, with_fix};
+use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_base::math::narrow;
 
 /// An operator on the parser's stack whose right operand is not complete.
@@ -525,7 +525,14 @@ impl ExpressionCompiler<'_, '_> {
                     Some(n) => format!("did you mean '{n}'?"),
                     None => format!("known functions: {}", FUNCTIONS.join(", ")),
                 };
-                self.compiler.session.error_help("L021", format!("unknown function '{w}'"), place, help);
+                let message = format!("unknown function '{w}'");
+                let mut d = Diagnostic::error("L021", message, place.span, "here").help(help);
+                // Only the name is replaced, which begins the place of the call.
+                if let (Some(near), Ok(length)) = (nearest(w, FUNCTIONS), u32::try_from(w.len())) {
+                    let end = place.span.start + length;
+                    d = with_fix(d, SourcePlace { span: Span { end, ..place.span }, ..place }, near);
+                }
+                self.compiler.session.push(d, place);
                 None
             }
         }
@@ -558,7 +565,7 @@ impl ExpressionCompiler<'_, '_> {
                 // The expression ended inside a parenthesis: point to both places.
                 let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
                 self.compiler.session.push(
-                    osier_base::diagnostic::Diagnostic::error(
+                    Diagnostic::error(
                         "L001",
                         format!("unexpected {found}, expected '{close}' or an operator"),
                         place.span,

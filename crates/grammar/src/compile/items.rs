@@ -8,9 +8,9 @@ use super::{
 };
 use crate::code::{ArrayShape, Bytecode, Op};
 use crate::program::{IgnoredSymbols, Program};
-use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
+use crate::token::{ParseSession, SourcePlace, Token, TokenKind, with_fix};
 use crate::vm;
-use osier_base::diagnostic::{Diagnostic, nearest};
+use osier_base::diagnostic::{Diagnostic, Span, nearest};
 
 /// Variables, elements of arrays included, that a grammar may have: their slots are 16-bit numbers.
 const MAX_ARRAY_ELEMENTS: u32 = 65_535;
@@ -82,6 +82,8 @@ pub(super) struct ItemParser<'r> {
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
     ended: bool,
+    /// Place of the last line.
+    end: Option<SourcePlace>,
 }
 
 /// Reads the main L-system of a file.
@@ -99,6 +101,7 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
         header: None,
         axiom: None,
         ended: false,
+        end: lines.last().and_then(LogicalLine::place),
     };
     p.program.decomposition.depth = 1;
     p.program.homomorphism.depth = 1;
@@ -470,6 +473,8 @@ impl ItemParser<'_> {
             if modules.is_empty() {
                 self.session.error("L003", "the axiom is empty", place, "expected modules after this");
             }
+            let end = value.last().map_or(place, |t| t.place);
+            production::check_balance(self.session, &modules, &self.program.symbols, "axiom", place, end);
             self.program.axiom = modules;
         }
     }
@@ -498,8 +503,36 @@ impl ItemParser<'_> {
         rules.list.push(parsed);
     }
 
+    /// An arrow as other programs write it, with the tokens that it takes.
+    fn foreign_arrow(line: &LogicalLine) -> Option<SourcePlace> {
+        let tokens = &line.tokens;
+        let mut depth = 0_usize;
+        for (i, t) in tokens.iter().enumerate().skip(1) {
+            let follows = |k: usize, c: char| tokens.get(i + k).is_some_and(|t| t.glued && t.is(c));
+            let to = |k: usize| tokens.get(i + k).map(|e| t.place.to(e.place));
+            match t.kind {
+                TokenKind::Char('(') => depth += 1,
+                TokenKind::Char(')') => depth = depth.saturating_sub(1),
+                // Behind these a condition or a block stands, whose signs are no arrows.
+                TokenKind::Char(':' | '{') if depth == 0 => return None,
+                _ if depth > 0 => {}
+                TokenKind::Char('\u{2192}' | '\u{27f6}' | '\u{21d2}') => return Some(t.place),
+                TokenKind::Char('-' | '=') if follows(1, '>') => return to(1),
+                TokenKind::Char('=') if follows(1, '=') && follows(2, '>') => return to(2),
+                TokenKind::Char('=') => return Some(t.place),
+                _ => {}
+            }
+        }
+        None
+    }
+
     /// A line that is neither an item nor a production.
     fn unknown_line(&mut self, line: &LogicalLine, place: SourcePlace) {
+        // Arrows of other programs: `->`, `=` and the like.
+        if let Some(arrow) = Self::foreign_arrow(line) {
+            let message = "unexpected sign, expected '-->' between predecessor and successor".to_owned();
+            return self.session.error_fix("L001", message, arrow, "did you mean '-->'?", "-->");
+        }
         // A few plain words before a ":" look like a misspelled item; anything else lacks its arrow.
         let colon = line.tokens.iter().position(|t| t.is(':') || t.is('{'));
         let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
@@ -521,7 +554,9 @@ impl ItemParser<'_> {
                 None => "a production needs '-->' between predecessor and successor".to_owned(),
             };
             let at = words.last().map_or(first, |t| first.to(t.place));
-            return self.session.error_help("L002", format!("unknown item '{spelled}'"), at, help);
+            let d = Diagnostic::error("L002", format!("unknown item '{spelled}'"), at.span, "here").help(help);
+            let d = if let Some(near) = near { with_fix(d, at, near) } else { d };
+            return self.session.push(d, at);
         }
         let found = line.tokens.first().map_or_else(String::new, |t| describe(&self.session.names, t));
         let message = format!("unexpected {found}, expected an item or a production with '-->'");
@@ -540,7 +575,12 @@ impl ItemParser<'_> {
         }
         if !self.ended {
             let help = "add a last line 'endlsystem'";
-            self.session.error_help("L003", "the L-system has no 'endlsystem'".into(), at, help);
+            let mut d = Diagnostic::error("L003", "the L-system has no 'endlsystem'", at.span, "here").help(help);
+            if let Some(end) = self.end {
+                let behind = Span { start: end.span.end, ..end.span };
+                d = with_fix(d, SourcePlace { span: behind, ..end }, "\nendlsystem");
+            }
+            self.session.push(d, at);
         }
     }
 }

@@ -12,8 +12,8 @@ mod symbol;
 use std::rc::Rc;
 
 use super::code::{ArrayShape, Bytecode, ElementAccess, Op};
-use super::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind};
-use osier_base::diagnostic::nearest;
+use super::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind, with_fix};
+use osier_base::diagnostic::{Diagnostic, nearest};
 
 pub(super) use items::parse;
 
@@ -155,12 +155,18 @@ impl<'r> Compiler<'r> {
         }
         // Unknown names count as 0, with a warning that suggests the nearest known one.
         let known = self.locals.iter().chain(&self.globals).map(|n| self.session.names.get(*n));
-        let help = match nearest(&word, known.filter(|k| *k != word)) {
+        let near = nearest(&word, known.filter(|k| *k != word)).map(str::to_owned);
+        let help = match &near {
             Some(n) => format!("did you mean '{n}'?"),
             None if self.scope == NameScope::Angle => format!("define it: define-angle: {word} = uniform(0,60)"),
             None => "assign it in a Start block, or #define it".to_owned(),
         };
-        self.session.warning("L020", format!("undefined variable '{word}' counts as 0"), place, help);
+        let message = format!("undefined variable '{word}' counts as 0");
+        let mut d = Diagnostic::warning("L020", message, place.span, "here").help(help);
+        if let Some(near) = near {
+            d = with_fix(d, place, near);
+        }
+        self.session.push(d, place);
         Op::Const(0.0)
     }
 
@@ -235,7 +241,12 @@ fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: Source
         Some(t) => {
             let word = compiler.describe(t);
             let message = format!("unexpected {word}, expected an operator or the end");
-            compiler.session.error("L001", message, t.place, "here");
+            if t.is('=') {
+                let help = "did you mean '=='? A single '=' assigns in a block";
+                compiler.session.error_fix("L001", message, t.place, help, "==");
+            } else {
+                compiler.session.error("L001", message, t.place, "here");
+            }
             None
         }
     }

@@ -109,7 +109,10 @@ impl BlockCompiler<'_, '_> {
 
     fn open_brace(&mut self, cursor: &mut TokenCursor<'_>, open: OpenBrace) -> Option<()> {
         let place = cursor.place();
-        self.expect(cursor, '{')?;
+        if !cursor.peek().is_some_and(|t| t.is('{')) {
+            return self.refuse_without_braces(cursor, &open);
+        }
+        cursor.bump();
         self.open.push(open);
         if self.open.len() > self.compiler.max_depth {
             let message = format!("blocks nested deeper than {}", self.compiler.max_depth);
@@ -119,10 +122,46 @@ impl BlockCompiler<'_, '_> {
         Some(())
     }
 
+    /// L001 for a statement without braces after `if`, `else`, `while` or `do`.
+    fn refuse_without_braces(&mut self, cursor: &TokenCursor<'_>, open: &OpenBrace) -> Option<()> {
+        let after = match open {
+            OpenBrace::If(..) => "if (..)",
+            OpenBrace::Else(_) => "else",
+            OpenBrace::While(..) => "while (..)",
+            OpenBrace::Do(_) => "do",
+        };
+        let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| self.compiler.describe(t));
+        let message = format!("unexpected {found}, expected '{{' after '{after}'");
+        let help = format!("put the statement in braces: {after} {{ .. }}");
+        // The statement reaches to its semicolon; it is written anew without blanks.
+        let mut text = String::new();
+        let mut ahead = 0;
+        while let Some(t) = cursor.peek_at(ahead) {
+            match t.kind {
+                TokenKind::Ident(n) | TokenKind::Number(n) => text.push_str(self.compiler.session.names.get(n)),
+                TokenKind::Char(c) if !matches!(c, '{' | '}') => text.push(c),
+                _ => break,
+            }
+            if t.is(';') {
+                let place = cursor.place().to(t.place);
+                self.compiler.session.error_fix("L001", message, place, help, format!("{{ {text} }}"));
+                return None;
+            }
+            ahead += 1;
+        }
+        self.compiler.session.error_help("L001", message, cursor.place(), help);
+        None
+    }
+
     /// A condition in parentheses; returns the jump taken when it fails.
     fn condition(&mut self, cursor: &mut TokenCursor<'_>) -> Option<usize> {
         self.expect(cursor, '(')?;
         self.append_expression(cursor)?;
+        if let Some(t) = cursor.peek().filter(|t| t.is('=')) {
+            let message = "unexpected '=', expected ')'".to_owned();
+            self.compiler.session.error_fix("L001", message, t.place, "did you mean '=='?", "==");
+            return None;
+        }
         self.expect(cursor, ')')?;
         self.code.ops.push(Op::JumpIfZero(0));
         Some(self.position() - 1)
