@@ -112,6 +112,8 @@ pub(crate) enum Op {
     /// Pairs of (value, share) on the stack.
     Choose(usize),
     Srand,
+    /// Pushes a bound of the last interpretation: least x, y, z, then greatest x, y, z.
+    Bounds(u8),
     /// Function of a table, and index into [`Bytecode::places`] for a table that is missing.
     Table(TableFunction, usize),
     Stop,
@@ -209,6 +211,18 @@ impl Bytecode {
             Op::StoreElement(k) => Op::StoreElement(k + elements),
             other => other,
         }));
+    }
+
+    /// Can it turn finite numbers into others?
+    pub fn may_overflow(&self) -> bool {
+        let risky = |o: &Op| match o {
+            Op::Unary(f) => {
+                matches!(f, UnaryOp::Exp | UnaryOp::Log | UnaryOp::Sqrt | UnaryOp::Tan | UnaryOp::Asin | UnaryOp::Acos)
+            }
+            Op::Binary(f, _) => matches!(f, BinaryOp::Mul | BinaryOp::Div | BinaryOp::Pow),
+            _ => false,
+        };
+        self.ops.iter().any(risky)
     }
 
     /// Does it write a global variable?

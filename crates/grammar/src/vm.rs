@@ -69,6 +69,10 @@ pub(crate) enum Halt {
     Parameters,
     /// Modules of all steps pass the limit.
     Work,
+    /// An interpretation for queries failed.
+    Query,
+    /// The production at this place expands one module too often, in a decomposition or homomorphism.
+    Expansion(SourcePlace),
 }
 
 /// A warning of a run, with the number of its occurrences.
@@ -135,6 +139,8 @@ pub(crate) struct Vm {
     pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
+    /// Least and greatest coordinates of the last interpretation.
+    pub bounds: [[f64; 3]; 2],
     /// Set by `stop(n)`: the derivation ends after this step.
     pub stopped: bool,
 }
@@ -156,6 +162,7 @@ impl Vm {
             warnings: RuntimeWarnings::default(),
             statements: 0,
             statement_limit: u64::MAX,
+            bounds: [[0.0; 3]; 2],
             stopped: false,
         }
     }
@@ -297,6 +304,7 @@ impl Vm {
                 }
                 Op::Random(f) => self.push_random(f),
                 Op::Choose(n) => self.choose(n),
+                Op::Bounds(i) => self.stack.push(self.bounds[usize::from(i / 3 % 2)][usize::from(i % 3)]),
                 Op::Table(f, place) => self.read_table(code, f, place),
                 Op::Srand => self.srand(),
                 Op::Stop => self.stopped = true,
@@ -447,6 +455,7 @@ pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
                 | Op::Random(_)
                 | Op::Choose(_)
                 | Op::Srand
+                | Op::Bounds(_)
                 | Op::Stop
         )
     };

@@ -46,7 +46,9 @@ const FUNCTIONS: [&str; 26] = [
     "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "fabs", "floor", "ceil", "trunc", "sign", "ran",
     "nran", "bran", "biran", "srand", "choose", "stop", "func", "curveX", "curveY", "curveZ", "curveGAL",
 ];
-const DATA_FUNCTIONS: [&str; 7] = ["vvXmin", "vvXmax", "vvYmin", "vvYmax", "vvZmin", "vvZmax", "printf"];
+/// Bounds of what the last interpretation drew, in the order of [`Op::Bounds`].
+const BOUNDS: [&str; 6] = ["vvXmin", "vvYmin", "vvZmin", "vvXmax", "vvYmax", "vvZmax"];
+const DATA_FUNCTIONS: [&str; 1] = ["printf"];
 const FILE_FUNCTIONS: [&str; 5] = ["fopen", "fclose", "fscan", "fprintf", "fflush"];
 
 /// An expression under construction.
@@ -482,6 +484,14 @@ impl ExpressionCompiler<'_, '_> {
             self.code.places.push(place);
             self.code.ops.push(Op::Table(function, self.code.places.len() - 1));
             self.code.tables = Some(std::sync::Arc::clone(&self.compiler.session.functions));
+            self.barrier = self.code.ops.len();
+            return Some(());
+        }
+        if let Some(bound) = BOUNDS.iter().position(|b| *b == word) {
+            if args != 0 {
+                return self.error("L022", format!("{word} takes no arguments, got {args}"), place, "this call");
+            }
+            self.code.ops.push(Op::Bounds(u8::try_from(bound).unwrap_or(0)));
             self.barrier = self.code.ops.len();
             return Some(());
         }

@@ -7,7 +7,7 @@ use super::{
     Array, Compiler, NameScope, TokenCursor, describe, expression, production, statement, successor, whole_expression,
 };
 use crate::code::{ArrayShape, Bytecode, Op};
-use crate::program::{IgnoredSymbols, Program};
+use crate::program::{IgnoredSymbols, Program, SubSystem};
 use crate::token::{ParseSession, SourcePlace, Token, TokenKind, with_fix};
 use crate::vm;
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
@@ -109,10 +109,12 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
     for c in ['[', ']', '%'] {
         p.program.symbols.intern(c);
     }
-    let main = p.main_lines(lines);
+    let (main, others) = p.main_lines(lines);
     // Global variables and the turtle are known before any production is compiled, wherever their items stand.
-    p.collect_globals(&main);
-    for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| k == Keyword::Define)) {
+    // All L-systems of a file share their variables and arrays.
+    let all = || main.iter().chain(others.iter().flatten());
+    p.collect_globals(all());
+    for line in all().filter(|l| l.keyword.is_some_and(|(k, _)| k == Keyword::Define)) {
         p.define_item(line);
     }
     p.shared_arrays = std::mem::take(&mut p.arrays).into();
@@ -125,31 +127,83 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
         p.item(line);
     }
     p.check_complete(start);
+    for system in &others {
+        p.subsystem(system);
+    }
     let symbols = p.program.symbols.len();
     p.program.rules.index(symbols);
     p.program.decomposition.index(symbols);
     p.program.homomorphism.index(symbols);
+    for s in &mut p.program.subsystems {
+        [&mut s.rules, &mut s.decomposition, &mut s.homomorphism].into_iter().for_each(|set| set.index(symbols));
+    }
     p.program.blocks.globals = p.variable_count();
     ParsedGrammar { program: p.program, label: p.label }
 }
 
 impl ItemParser<'_> {
     /// The lines of the first L-system; others are named and left out.
-    fn main_lines(&mut self, lines: Vec<LogicalLine>) -> Vec<LogicalLine> {
+    fn main_lines(&mut self, lines: Vec<LogicalLine>) -> (Vec<LogicalLine>, Vec<Vec<LogicalLine>>) {
         let mut systems = split_systems(lines);
         // Lines before the first heading belong to it.
         let main = if systems.is_empty() { Vec::new() } else { systems.remove(0) };
-        if let Some(place) = systems.first().and_then(|s| s.first()).and_then(LogicalLine::place) {
-            let help = "the first L-system of the file is the one that is read";
-            self.session.warning("L008", "sub-L-systems are not supported".into(), place, help);
-        }
         self.header = main.iter().find(|l| l.is_heading()).and_then(LogicalLine::place);
-        main
+        (main, systems)
+    }
+
+    /// Reads another L-system of the file: its productions, and its blocks, which run after those of the main one. Its axiom
+    /// and derivation length are read and not used.
+    fn subsystem(&mut self, lines: &[LogicalLine]) {
+        let program = &mut self.program;
+        // The parser fills the sections of the main L-system, which are put aside.
+        let main = SubSystem {
+            label: None,
+            ignored: std::mem::take(&mut program.ignored),
+            rules: std::mem::take(&mut program.rules),
+            decomposition: std::mem::take(&mut program.decomposition),
+            homomorphism: std::mem::take(&mut program.homomorphism),
+        };
+        let (axiom, length, place) = (std::mem::take(&mut program.axiom), program.length, program.length_place);
+        let (seed, ring) = (program.seed, program.is_ring);
+        let blocks = std::mem::take(&mut program.blocks);
+        (program.decomposition.depth, program.homomorphism.depth) = (1, 1);
+        let (label, first) = (std::mem::take(&mut self.label), self.axiom.take());
+        (self.section, self.ended) = (ProductionSection::Productions, false);
+        for line in lines.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define)) {
+            self.block_item(line);
+        }
+        for line in lines {
+            self.item(line);
+        }
+        let program = &mut self.program;
+        let own = std::mem::replace(&mut program.blocks, blocks);
+        for (slot, code) in [
+            (&mut program.blocks.start, own.start),
+            (&mut program.blocks.start_each, own.start_each),
+            (&mut program.blocks.end_each, own.end_each),
+            (&mut program.blocks.end, own.end),
+        ] {
+            match (slot.as_mut(), code) {
+                (Some(main), Some(code)) => main.append(code),
+                (None, code) => *slot = code,
+                (Some(_), None) => {}
+            }
+        }
+        program.subsystems.push(SubSystem {
+            label: self.label.parse().ok(),
+            ignored: std::mem::replace(&mut program.ignored, main.ignored),
+            rules: std::mem::replace(&mut program.rules, main.rules),
+            decomposition: std::mem::replace(&mut program.decomposition, main.decomposition),
+            homomorphism: std::mem::replace(&mut program.homomorphism, main.homomorphism),
+        });
+        (program.axiom, program.length, program.length_place) = (axiom, length, place);
+        (program.seed, program.is_ring) = (seed, ring);
+        (self.label, self.axiom) = (label, first);
     }
 
     /// Every name that a block assigns is global, wherever the block stands.
-    fn collect_globals(&mut self, lines: &[LogicalLine]) {
-        let blocks = lines.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define));
+    fn collect_globals<'l>(&mut self, lines: impl Iterator<Item = &'l LogicalLine>) {
+        let blocks = lines.filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define));
         for line in blocks {
             for (i, t) in line.tokens.iter().enumerate() {
                 let TokenKind::Ident(name) = t.kind else { continue };

@@ -113,7 +113,9 @@ impl Derivation<'_> {
     fn modules_are_independent(&self) -> bool {
         let program = self.program;
         let blocks = &program.blocks;
-        blocks.start_each.is_none()
+        !self.has_queries
+            && program.subsystems.is_empty()
+            && blocks.start_each.is_none()
             && blocks.end_each.is_none()
             && self.cut_symbol.is_none()
             && program.decomposition.list.is_empty()
@@ -196,7 +198,7 @@ impl ChunkDeriver<'_, '_> {
                 partner: &[],
                 ignored: &self.derivation.ignored,
                 is_ring: false,
-                border: None,
+                borders: None,
             };
             let max_modules = convert::limit(limit);
             let changed =

@@ -6,6 +6,7 @@ use super::step::check_size;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
 use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
+use crate::program::{Program, Section};
 use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
 use osier_base::convert;
@@ -16,6 +17,10 @@ use osier_base::rng::word;
 /// Factor on the limit `modules` for modules that a homomorphism draws: they take time but no memory. Raising it lets
 /// `interpret` run longer before L051.
 const MAX_DRAWN_PER_STORED: u64 = 10;
+
+/// Part of the limit `modules` that productions may be applied for a single module, so that an endless expansion ends before
+/// it fills the memory. Own: the four million of the default take less than a second.
+const EXPANSION_SHARE: usize = 5;
 
 /// Stack of modules to expand, with the depth of each; the last one is next.
 #[derive(Debug, Default)]
@@ -66,7 +71,7 @@ struct Expander<'p> {
 impl<'p> Expander<'p> {
     fn new(settings: RewriteSettings<'p>, vm: Vm, limit: usize) -> Self {
         let rewriter = Rewriter::new(settings, vm);
-        let longest = settings.rules.list.iter().map(|p| p.predecessor.len()).max().unwrap_or(1);
+        let longest = settings.program.productions().map(|p| p.predecessor.len()).max().unwrap_or(1);
         Self {
             applied: false,
             longest,
@@ -96,7 +101,7 @@ impl<'p> Expander<'p> {
         self.stack.depth.clear();
         self.stack.modules.push(module);
         self.stack.depth.push(0);
-        let mut taken = 1;
+        let (mut taken, mut expansions) = (1, 0_usize);
         self.rewriter.followers = None;
         while let Some(depth) = self.stack.depth.pop() {
             // Pop the topmost module into a buffer of its own: the production reads its parameters while successors are
@@ -128,6 +133,10 @@ impl<'p> Expander<'p> {
                 self.stack.drop_top(p.predecessor.len() - 1);
             }
             self.applied = true;
+            expansions += 1;
+            if expansions > self.limit / EXPANSION_SHARE {
+                return Err(Halt::Expansion(p.place));
+            }
             self.successor.clear();
             // Expansion refines a module within its step: successors keep its birth.
             self.rewriter.settings.birth = module.birth;
@@ -149,10 +158,10 @@ impl Derivation<'_> {
     /// Replaces the string by its decomposition; true if any production was applied.
     pub(super) fn decompose(&mut self, step: u32) -> std::result::Result<bool, Halt> {
         let rules = &self.program.decomposition;
-        if rules.list.is_empty() {
+        if self.program.sections(Section::Decomposition).all(|s| s.list.is_empty()) {
             return Ok(false);
         }
-        let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
+        let needs_partners = needs_partners(self.program, Section::Decomposition);
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = RewriteSettings {
@@ -174,11 +183,15 @@ impl Derivation<'_> {
             partner: &partner,
             ignored: &self.ignored,
             is_ring: self.program.is_ring,
-            border: None,
+            borders: self.program.borders(),
         };
         let out = &mut self.next_string;
         let mut i = 0;
+        let systems = self.program.systems_of(&self.string);
         while i < self.string.len() {
+            if let Some(system) = systems.get(i) {
+                expander.rewriter.settings.rules = self.program.section(Section::Decomposition, *system);
+            }
             i += expander.expand(view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit
@@ -192,6 +205,11 @@ impl Derivation<'_> {
     }
 }
 
+/// Does a production of the section look at its neighbours?
+fn needs_partners(program: &Program, section: Section) -> bool {
+    program.sections(section).any(|s| s.list.iter().any(|p| !p.is_context_free()))
+}
+
 /// Hands every module of the final string to `sink`, expanded by the homomorphism.
 /// Returns warnings.
 /// # Errors
@@ -202,10 +220,22 @@ pub fn interpret(
     limits: &Limits,
     mut sink: impl FnMut(Module<'_>),
 ) -> Result<Vec<Diagnostic>> {
+    interpret_modules(grammar, derived, limits, |m, _| sink(m))
+}
+
+/// As [`interpret`]; `sink` also gets the index of the module of the string that stands for what is drawn.
+/// # Errors
+/// As [`interpret`].
+pub fn interpret_modules(
+    grammar: &Grammar,
+    derived: &DerivedString,
+    limits: &Limits,
+    mut sink: impl FnMut(Module<'_>, usize),
+) -> Result<Vec<Diagnostic>> {
     let program = &grammar.program;
     let rules = &program.homomorphism;
-    if rules.list.is_empty() {
-        derived.modules.iter().for_each(sink);
+    if program.sections(Section::Homomorphism).all(|s| s.list.is_empty()) {
+        derived.modules.iter().enumerate().for_each(|(i, m)| sink(m, i));
         return Ok(Vec::new());
     }
     let brackets = brackets(program);
@@ -227,15 +257,18 @@ pub fn interpret(
         tag: word("homomorphism"),
         brackets,
     };
-    let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
-    let partner = if needs_partners { matching::matching_brackets(&derived.modules, brackets) } else { Vec::new() };
+    let partner = if needs_partners(program, Section::Homomorphism) {
+        matching::matching_brackets(&derived.modules, brackets)
+    } else {
+        Vec::new()
+    };
     let ignored = program.ignored.flags(&program.symbols);
     let view = ContextView {
         modules: &derived.modules,
         partner: &partner,
         ignored: &ignored,
         is_ring: program.is_ring,
-        border: None,
+        borders: program.borders(),
     };
     let max_stack = convert::limit(limits.get("modules"));
     let mut expander = Expander::new(settings, vm, max_stack);
@@ -244,10 +277,14 @@ pub fn interpret(
     let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
     let mut i = 0;
+    let systems = program.systems_of(&derived.modules);
     while i < derived.modules.len() {
+        if let Some(system) = systems.get(i) {
+            expander.rewriter.settings.rules = program.section(Section::Homomorphism, *system);
+        }
         let result = expander.expand(view, i, &mut |m| {
             drawn += 1;
-            sink(m);
+            sink(m, i);
             // The callback ends the expansion when the budget is used up.
             drawn <= limit
         });

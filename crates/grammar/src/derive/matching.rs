@@ -1,7 +1,7 @@
 //! Contexts: what stands to the left and right of a module in a bracketed string.
 
 use crate::modules::{Module, ModuleString};
-use crate::program::{ContextElement, FormalModule};
+use crate::program::{Borders, ContextElement, FormalModule};
 use crate::symbols::SymbolId;
 
 /// Stands for "no matching bracket" in a table of indices.
@@ -17,8 +17,8 @@ pub(super) struct ContextView<'a> {
     pub ignored: &'a [bool],
     /// The string's ends are joined.
     pub is_ring: bool,
-    /// Symbol of the borders of sub-L-systems, which end a context.
-    pub border: Option<SymbolId>,
+    /// Borders of sub-L-systems, which end a context.
+    pub borders: Option<Borders>,
 }
 
 /// Symbol numbers of `[` and `]`.
@@ -95,7 +95,7 @@ impl ContextView<'_> {
     }
 
     fn is_border(&self, symbol: SymbolId) -> bool {
-        self.border == Some(symbol)
+        self.borders.is_some_and(|b| symbol == b.open || symbol == b.close)
     }
 
     /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped

@@ -4,11 +4,13 @@ mod chunked;
 mod expand;
 mod matching;
 mod predict;
+mod queries;
 mod rewriter;
 mod step;
 
-pub use expand::interpret;
+pub use expand::{interpret, interpret_modules};
 pub use predict::{Prediction, predict};
+pub use queries::{AskTurtle, QueryAnswer, TurtleAnswers, derive_with_queries};
 
 use super::code::Bytecode;
 use super::grammar::{Grammar, runtime_error, runtime_report};
@@ -68,7 +70,7 @@ pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Re
     let length = options.steps.unwrap_or(program.length);
     predict::check_limits(grammar, length, options, limits)?;
     let mut d = Derivation::new(grammar, options, length, limits);
-    match d.run() {
+    match d.run(None) {
         Ok(()) => Ok(d.finish(options)),
         Err(halt) => Err(d.halt_report(halt)),
     }
@@ -95,6 +97,11 @@ pub(super) struct Derivation<'g> {
     work: u64,
     /// A derivation in chunks was abandoned, because a warning or a limit must name its step.
     must_stay_whole: bool,
+    /// The turtle answers queries, so that modules change between the steps.
+    has_queries: bool,
+    /// Error of an interpretation that was asked for.
+    query_error: Option<osier_base::Error>,
+    options: DeriveOptions,
 }
 
 impl<'g> Derivation<'g> {
@@ -128,10 +135,13 @@ impl<'g> Derivation<'g> {
             steps_done: 0,
             work: 0,
             must_stay_whole: false,
+            has_queries: program.has_queries(),
+            query_error: None,
+            options: options.clone(),
         }
     }
 
-    fn run(&mut self) -> std::result::Result<(), Halt> {
+    fn run(&mut self, mut turtle: Option<&mut AskTurtle<'_>>) -> std::result::Result<(), Halt> {
         let blocks = &self.program.blocks;
         // The Start block assigns the global variables; its `srand` replaces the seed of the file for all later draws.
         self.run_block(blocks.start.as_ref(), 0)?;
@@ -139,6 +149,7 @@ impl<'g> Derivation<'g> {
             self.vm.streams.file_seed = seed;
         }
         self.append_axiom()?;
+        self.ask(turtle.as_deref_mut())?;
         for step in 1..=self.length {
             // `Q` counts completed steps: the StartEach block still sees the step before.
             self.vm.step = step - 1;
@@ -154,6 +165,7 @@ impl<'g> Derivation<'g> {
             }
             let rewritten = self.rewrite_string(step)?;
             let changed = self.decompose(step)? || rewritten;
+            self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
             // Start of the run of steps without change that is still going on, for the warning L054.
@@ -179,7 +191,8 @@ impl<'g> Derivation<'g> {
             c.writes_globals()
                 || c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
-        b.start_each.is_none()
+        !self.has_queries
+            && b.start_each.is_none()
             && b.end_each.is_none()
             && !self.program.rules.list.iter().chain(&self.program.decomposition.list).any(|p| p.codes().any(uses_step))
     }
@@ -311,6 +324,18 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let limit = osier_base::limits::grouped(limits.get("modules"));
             let message = format!("step {step} passes the limit of {limit} modules");
             runtime_error(grammar, "L051", message, at, "raise it with --max-modules, or shorten the derivation")
+        }
+        Halt::Expansion(place) => {
+            let message = format!("step {step}: this production expands a single module without end");
+            let help = "end the expansion by a condition, lower 'maximum depth', or raise --max-modules";
+            let most = osier_base::limits::grouped(limits.get("modules") / 5);
+            let d =
+                Diagnostic::error("L051", message, place.span, format!("applied more than {most} times")).help(help);
+            runtime_report(grammar, grammar.with_macro_chain(d, place))
+        }
+        // Reported by the interpretation that failed.
+        Halt::Query => {
+            runtime_error(grammar, "L051", "the interpretation for queries failed".into(), at, "leave the queries out")
         }
         Halt::Work => {
             let limit = osier_base::limits::grouped(limits.get("work"));

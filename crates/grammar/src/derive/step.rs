@@ -4,7 +4,7 @@ use super::matching::{self, ContextView};
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
-use crate::program::ProductionSet;
+use crate::program::{ProductionSet, Section};
 use crate::vm::{DrawPurpose, Halt};
 use osier_base::{convert, par};
 
@@ -26,7 +26,7 @@ impl<'g> Derivation<'g> {
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
         let rules = &self.program.rules;
         // Matching brackets are only needed by productions with contexts; without them the table stays empty.
-        let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
+        let needs_partners = self.program.sections(Section::Rules).any(|s| s.list.iter().any(|p| !p.is_context_free()));
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = self.rewrite_settings(rules, step);
@@ -35,12 +35,19 @@ impl<'g> Derivation<'g> {
             partner: &partner,
             ignored: &self.ignored,
             is_ring: self.program.is_ring,
-            border: None,
+            borders: self.program.borders(),
         };
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
         // modules). Short strings do not repay the cost of parallel blocks.
+        if !self.program.subsystems.is_empty() {
+            let rewriter = Rewriter::new(settings, self.vm.clone());
+            let (changed, vm) = rewrite_systems(rewriter, view, &mut self.next_string, limit);
+            self.vm = vm;
+            std::mem::swap(&mut self.string, &mut self.next_string);
+            return changed;
+        }
         if self.program.is_serial() || n <= BLOCK_MODULES {
             let mut rewriter = Rewriter::new(settings, self.vm.clone());
             self.next_string.clear();
@@ -125,6 +132,34 @@ pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limi
         return Err(Halt::Parameters);
     }
     Ok(())
+}
+
+/// Rewrites a string with sub-L-systems, run by run: the modules between two borders by the productions of their L-system.
+fn rewrite_systems(
+    mut rewriter: Rewriter<'_>,
+    view: ContextView<'_>,
+    out: &mut ModuleString,
+    limit: usize,
+) -> (Result<bool, Halt>, crate::vm::Vm) {
+    let program = rewriter.settings.program;
+    let systems = program.systems_of(view.modules);
+    let hidden: Vec<Vec<bool>> = program.subsystems.iter().map(|s| s.ignored.flags(&program.symbols)).collect();
+    out.clear();
+    let mut changed = false;
+    let mut start = 0;
+    for run in systems.chunk_by(|a, b| a == b) {
+        let system = run.first().copied().unwrap_or(0);
+        rewriter.settings.rules = program.section(Section::Rules, system);
+        let ignored =
+            usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
+        let view = ContextView { ignored, ..view };
+        match rewrite_range(&mut rewriter, view, start..start + run.len(), out, limit) {
+            Ok(c) => changed |= c,
+            Err(halt) => return (Err(halt), rewriter.vm),
+        }
+        start += run.len();
+    }
+    (Ok(changed), rewriter.vm)
 }
 
 /// Rewrites the modules of `range` into `out`; true if any production was applied.

@@ -172,3 +172,39 @@ fn a_step_that_changes_a_global_alone_is_not_the_last() {
     // The block of a production that loses counts the steps; it wins in the third.
     assert_eq!(steps(5, "A", "Start: { n = 0; }\nA : { n = n+1; } n >= 3 --> B(n)"), "B(3)");
 }
+
+#[test]
+fn other_l_systems_of_the_file_rewrite_what_stands_between_their_borders() {
+    let sub = |n: u32, axiom: &str, main: &str, second: &str| {
+        string(&format!(
+            "Lsystem: 1\nderivation length: {n}\nAxiom: {axiom}\n{main}\nendlsystem\n\
+             Lsystem: 2\nderivation length: 7\nAxiom: Q\n{second}\nendlsystem\n\
+             Lsystem: 3\nderivation length: 1\nAxiom: Q\nA --> D\nendlsystem\n"
+        ))
+    };
+    // Outside A --> AB; inside A --> C, C --> CC, and B has no production.
+    let (main, second) = ("A --> AB", "A --> C\nC --> CC");
+    assert_eq!(sub(2, "A?(2,0.5)AB$A", main, second), "ABB?(2,0.5)CCB$ABB");
+    // They nest; a label that no L-system has changes nothing.
+    assert_eq!(sub(1, "?(2)A?(3)A$A$A", main, second), "?(2)C?(3)D$C$AB");
+    assert_eq!(sub(1, "?(9)A$", main, second), "?(9)AB$");
+    // Borders end contexts; inside, the second L-system's own symbols are ignored.
+    let (main, second) = ("A < B --> X", "Ignore: +\nA < B --> Y");
+    assert_eq!(sub(1, "A?(2)B A+B$B", main, second), "A?(2)BA+Y$B");
+    // Decomposition is that of the L-system around; variables are shared, blocks of both run.
+    let (main, second) =
+        ("Start: { n = 2; }\nA --> B(n)\nDecomposition\nB(x) --> E(x)", "Start: { n = n*5; }\nA --> B(n)");
+    assert_eq!(sub(1, "A?(2)A$", main, second), "E(10)?(2)B(10)$");
+}
+
+#[test]
+fn the_homomorphism_of_a_sub_l_system_is_its_own() {
+    let (g, _) = read(
+        "Lsystem: 1\nderivation length: 0\nAxiom: A?(2)A$A\nHomomorphism\nA --> F\nendlsystem\n\
+         Lsystem: 2\nderivation length: 0\nAxiom: A\nHomomorphism\nA --> GG\nendlsystem\n",
+    );
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let mut drawn = String::new();
+    interpret(&g, &d, &Limits::default(), |m| drawn.push(g.symbols().get(m.symbol))).expect("draws");
+    assert_eq!(drawn, "F?GG$F");
+}
