@@ -328,7 +328,7 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
         Halt::Expansion(place) => {
             let message = format!("step {step}: this production expands a single module without end");
             let help = "end the expansion by a condition, lower 'maximum depth', or raise --max-modules";
-            let most = osier_base::limits::grouped(limits.get("modules") / 5);
+            let most = osier_base::limits::grouped(limits.get("modules") / expand::EXPANSION_SHARE as u64);
             let d =
                 Diagnostic::error("L051", message, place.span, format!("applied more than {most} times")).help(help);
             runtime_report(grammar, grammar.with_macro_chain(d, place))

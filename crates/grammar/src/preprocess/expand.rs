@@ -26,7 +26,9 @@ impl Preprocessor<'_> {
                 self.directive();
                 continue;
             }
-            self.produced += 1;
+            // Text of files is bounded by their size; only what macros make of it counts.
+            let from_macro = self.frames.last().is_some_and(|f| !matches!(f.kind, FrameKind::File { .. }));
+            self.produced += u64::from(from_macro);
             // Nested macros can grow exponentially: stop at the budget and report it once.
             if self.produced > self.limits.get("macro-tokens") && !self.exhausted {
                 self.exhausted = true;

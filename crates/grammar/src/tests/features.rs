@@ -208,3 +208,100 @@ fn the_homomorphism_of_a_sub_l_system_is_its_own() {
     interpret(&g, &d, &Limits::default(), |m| drawn.push(g.symbols().get(m.symbol))).expect("draws");
     assert_eq!(drawn, "F?GG$F");
 }
+
+#[test]
+fn values_of_every_function_and_operator() {
+    for (e, v) in [
+        // Precedence from low to high, associativity to the left.
+        ("1 || 0 && 0", "1"),
+        ("1 == 2 < 3", "1"),
+        ("3 < 2 == 0", "1"),
+        ("2+3*2^2", "14"),
+        ("7-2-1", "4"),
+        ("8/4/2", "1"),
+        ("7%4%2", "1"),
+        ("!3^2", "0"),
+        ("-2*-3", "6"),
+        ("1 >= 1 && 2 <= 1", "0"),
+        // In degrees.
+        ("cos(60)", "0.5"),
+        ("tan(45)", "1"),
+        ("asin(1)", "90"),
+        ("acos(0.5)", "60"),
+        ("atan(1)", "45"),
+        ("atan(0,0-1)", "180"),
+        ("exp(0)+log(exp(2))", "3"),
+        ("sqrt(2)", "1.41421"),
+        ("fabs(0-2.5)", "2.5"),
+        ("floor(0-0.5)", "-1"),
+        ("ceil(0.2)", "1"),
+        ("sign(0)", "0"),
+        ("trunc(0-1.5)", "-1"),
+        ("trunc(1.49)", "1"),
+        ("0%3", "0"),
+        ("0/0", "0"),
+        // Printing with six digits.
+        ("1/7", "0.142857"),
+        ("1234567", "1.23457e+06"),
+        ("0.0001", "0.0001"),
+        ("0.00001", "1e-05"),
+        ("100000", "100000"),
+        ("12.", "12"),
+    ] {
+        assert_eq!(value(e), format!("V({v})"), "{e}");
+    }
+}
+
+#[test]
+fn a_name_that_the_file_assigns_is_its_own() {
+    // Q, Z and remaining are predefined until the grammar assigns them.
+    assert_eq!(steps(2, "A", "A --> A(Q,Z,remaining)\nA(q,z,r) --> B(Q,Z,remaining)"), "B(2,2,0)");
+    assert_eq!(steps(2, "A", "Start: { Q = 7; remaining = 5; }\nA --> B(Q,Z,remaining)"), "B(7,2,5)");
+    // In blocks Q counts the steps that are completed.
+    assert_eq!(steps(3, "A", "StartEach: { s = Q; }\nEndEach: { e = Q; }\nA --> A B(s,e)"), "AB(2,2)B(1,1)B(0,0)");
+}
+
+#[test]
+fn each_sentence_about_matching_holds() {
+    for (axiom, rules, result) in [
+        // 1. Same symbol and number of parameters.
+        ("A A(1) A(1,2)", "A(x) --> X", "AXA(1,2)"),
+        ("BA B(1)A", "B(x) < A --> X", "BAB(1)X"),
+        // 2. An unmatched `[` is stepped over, `]` jumps over its branch, ignored symbols are skipped.
+        ("AB[C[D]E", "AB < E --> X\nD < E --> Y", "AB[C[D]E"),
+        ("A[C[D]E]", "AC < E --> X\nD < E --> Y", "A[C[D]X]"),
+        ("A+[D]-B", "Ignore: +-\nA < B --> X", "A+[D]-X"),
+        // 3. `]` of the axis fails unless the element is `]`.
+        ("[AB]C", "AB > C --> X", "[AB]C"),
+        ("[AB]", "B > ] --> X", "[AX]"),
+        ("A[B]C", "A > [B]C --> X", "X[B]C"),
+        ("A[+B]C", "Ignore: +\nA > [B] --> X", "X[+B]C"),
+        ("A[BD]C", "A > [B] --> X", "A[BD]C"),
+        ("A[B[D]]C", "A > [B] --> X", "X[B[D]]C"),
+        ("A[BD]C", "A > [B=]C --> X", "X[BD]C"),
+        ("A[BD]C", "A > [B --> X", "X[BD]C"),
+        // 4. Brackets always count.
+        ("A[B]", "Consider: A\nA > B --> X", "A[B]"),
+        ("A+B", "Consider: AB\nA > B --> X", "X+B"),
+        // Contexts read the string as it was before the step.
+        ("ABB", "A < B --> A\nA --> C", "CAB"),
+        // 5. Decomposition sees contexts of the derived string.
+        ("AB", "B --> C\nDecomposition\nA > C --> X\nA > B --> Y", "XC"),
+    ] {
+        assert_eq!(steps(1, axiom, rules), result, "{axiom} | {rules}");
+    }
+}
+
+#[test]
+fn blanks_stars_and_lines_mean_what_they_should() {
+    // `*` alone: empty successor, empty context, true condition; the condition may be left out behind a block.
+    assert_eq!(steps(1, "AB", "* < A > * : * --> *"), "B");
+    assert_eq!(steps(1, "A(3)", "A(x) : {y=x;} * {z=y+1;} --> B(z)"), "B(4)");
+    assert_eq!(steps(1, "A(3)", "A(x) : {y=x;} --> B(y)"), "B(3)");
+    // A production goes on behind an indented line end, and in an open group.
+    assert_eq!(steps(1, "A", "A --> B\n\tC\nB --> D"), "BC");
+    assert_eq!(steps(1, "A", "A --> B(1,\n2)C"), "B(1,2)C");
+    // Length 0 is the axiom; blanks in keywords and their case do not count.
+    let text = "lsystem\nStart Each: {n=n+1;}\nDerivationLength: 2\naxiom: A\nA --> A B(n)\nendlsystem";
+    assert_eq!(string(text), "AB(2)B(1)");
+}
