@@ -1,5 +1,8 @@
 //! Expressions and statements as code for a small stack machine.
 
+use std::sync::Arc;
+
+use super::functions::FunctionTables;
 use super::token::SourcePlace;
 
 /// Functions of one argument without side effects.
@@ -52,6 +55,38 @@ pub(crate) enum RandomFunction {
     Uniform,
 }
 
+/// Functions that read the tables of companion files; the first argument is a number of a function or of a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum TableFunction {
+    Func,
+    /// A coordinate of a curve: 0, 1 or 2.
+    Curve(u8),
+    CurveLength,
+}
+
+impl TableFunction {
+    /// The function of a name, with its number of arguments.
+    pub fn named(name: &str) -> Option<(Self, usize)> {
+        Some(match name {
+            "func" => (Self::Func, 2),
+            "curveX" => (Self::Curve(0), 2),
+            "curveY" => (Self::Curve(1), 2),
+            "curveZ" => (Self::Curve(2), 2),
+            "curveGAL" => (Self::CurveLength, 1),
+            _ => return None,
+        })
+    }
+
+    /// Value at `x` of table `id`; `None` if there is no such table.
+    pub fn value(self, tables: &FunctionTables, id: f64, x: f64) -> Option<f64> {
+        match self {
+            Self::Func => tables.value(id, x),
+            Self::Curve(axis) => tables.curve(id, x)?.get(usize::from(axis)).copied(),
+            Self::CurveLength => tables.curve_length(id),
+        }
+    }
+}
+
 /// Instruction of the stack machine; most pop their operands and push their result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Op {
@@ -60,6 +95,10 @@ pub(crate) enum Op {
     Global(u16),
     StoreLocal(u16),
     StoreGlobal(u16),
+    /// Pops the indices, pushes an element; index into [`Bytecode::elements`].
+    LoadElement(usize),
+    /// Pops a value and the indices; index into [`Bytecode::elements`].
+    StoreElement(usize),
     /// Pushes `Q`, the number of the current step.
     Step,
     /// Pushes `Z`, the derivation length.
@@ -73,6 +112,10 @@ pub(crate) enum Op {
     /// Pairs of (value, share) on the stack.
     Choose(usize),
     Srand,
+    /// Pushes a bound of the last interpretation: least x, y, z, then greatest x, y, z.
+    Bounds(u8),
+    /// Function of a table, and index into [`Bytecode::places`] for a table that is missing.
+    Table(TableFunction, usize),
     Stop,
     Pop,
     Jump(usize),
@@ -93,6 +136,43 @@ pub(crate) enum Op {
 pub(crate) struct Bytecode {
     pub ops: Vec<Op>,
     pub places: Vec<SourcePlace>,
+    /// The tables that [`Op::Table`] reads.
+    pub tables: Option<Arc<FunctionTables>>,
+    /// Uses of array elements.
+    pub elements: Vec<ElementAccess>,
+}
+
+/// An array of a `Define:` block; its elements are consecutive global variables, the last index changes fastest.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ArrayShape {
+    /// Slot of its first element.
+    pub first: u16,
+    pub sizes: Vec<u32>,
+}
+
+/// A place that reads or writes an element of an array.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ElementAccess {
+    pub shape: ArrayShape,
+    pub name: String,
+    pub place: SourcePlace,
+}
+
+impl ArrayShape {
+    /// Slot of the element with these indices, cut to integers; `None` outside the array.
+    pub fn slot(&self, indices: &[f64]) -> Option<usize> {
+        let mut offset = 0_usize;
+        for (index, size) in indices.iter().zip(&self.sizes) {
+            let i = index.trunc();
+            if !(i >= 0.0 && i < f64::from(*size)) {
+                return None;
+            }
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the array")]
+            let i = i as usize;
+            offset = offset * (*size as usize) + i;
+        }
+        Some(usize::from(self.first) + offset)
+    }
 }
 
 /// A parameter of a successor. Constants and plain variables, the common cases, need no machine.
@@ -113,9 +193,41 @@ impl Bytecode {
         }
     }
 
+    /// Appends code that was compiled on its own: its jump targets and indices move behind what is here.
+    pub fn append(&mut self, code: Self) {
+        let (shift, places, elements) = (self.ops.len(), self.places.len(), self.elements.len());
+        self.places.extend(code.places);
+        self.elements.extend(code.elements);
+        self.tables = self.tables.take().or(code.tables);
+        self.ops.extend(code.ops.into_iter().map(|op| match op {
+            Op::Jump(t) => Op::Jump(t + shift),
+            Op::JumpIfZero(t) => Op::JumpIfZero(t + shift),
+            Op::And(t) => Op::And(t + shift),
+            Op::Or(t) => Op::Or(t + shift),
+            Op::Binary(b, p) => Op::Binary(b, p + places),
+            Op::Table(f, p) => Op::Table(f, p + places),
+            Op::Count(p) => Op::Count(p + places),
+            Op::LoadElement(k) => Op::LoadElement(k + elements),
+            Op::StoreElement(k) => Op::StoreElement(k + elements),
+            other => other,
+        }));
+    }
+
+    /// Can it turn finite numbers into others?
+    pub fn may_overflow(&self) -> bool {
+        let risky = |o: &Op| match o {
+            Op::Unary(f) => {
+                matches!(f, UnaryOp::Exp | UnaryOp::Log | UnaryOp::Sqrt | UnaryOp::Tan | UnaryOp::Asin | UnaryOp::Acos)
+            }
+            Op::Binary(f, _) => matches!(f, BinaryOp::Mul | BinaryOp::Div | BinaryOp::Pow),
+            _ => false,
+        };
+        self.ops.iter().any(risky)
+    }
+
     /// Does it write a global variable?
     pub fn writes_globals(&self) -> bool {
-        self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::Stop))
+        self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::StoreElement(_) | Op::Stop))
     }
 }
 

@@ -179,6 +179,15 @@ impl ModuleString {
         self.birth.resize(self.symbols.len(), birth);
     }
 
+    /// Replaces the first parameters of module `i`, which must exist; values that it has no parameter for are left out.
+    pub(crate) fn set_params(&mut self, i: usize, values: &[f64]) {
+        let range = self.param_range(i);
+        for (param, value) in self.params[range].iter_mut().zip(values) {
+            // Adding 0 turns -0 into 0.
+            *param = osier_base::math::narrow(*value + 0.0);
+        }
+    }
+
     /// Appends a copy of a module.
     #[inline]
     pub(crate) fn push(&mut self, m: Module<'_>) {

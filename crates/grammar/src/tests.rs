@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use super::*;
 
+mod features;
+
 pub(crate) fn read(text: &str) -> (Grammar, Vec<Diagnostic>) {
     try_read(text).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -16,7 +18,13 @@ pub(crate) fn try_read(text: &str) -> Result<(Grammar, Vec<Diagnostic>)> {
         "self.h" => Ok(("self.h".to_owned(), b"#include \"self.h\"\n".to_vec())),
         _ => Err(Error::io("open", r, std::io::Error::from(std::io::ErrorKind::NotFound))),
     };
-    let source = GrammarSource { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let source = GrammarSource {
+        name: "test.l",
+        bytes: text.as_bytes(),
+        includes: &mut includes,
+        defines: &defines,
+        functions: Default::default(),
+    };
     parse(&mut sources, source, &Limits::default())
 }
 
@@ -72,6 +80,29 @@ fn expressions_have_the_values_of_the_language() {
 }
 
 #[test]
+fn functions_of_companion_files_are_read_by_number_and_name() {
+    let mut tables = FunctionTables::default();
+    tables.add_function(1, "width", DataFunction::new(&[[0.0, 2.0], [1.0, 4.0]], 0));
+    tables.add_curve(2, Spline::new(&[[0.0; 3], [3.0, 0.0, 4.0]], SplineEnds::Clamped));
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: S\nS --> V(func(WIDTH,0.25)) V(func(1,7)) V(curveX(2,0.5)) \
+        V(curveY(2,0.5)) V(curveZ(2,0.25)) V(curveGAL(2)) : 1\nendlsystem";
+    let (mut sources, defines, limits) = (Sources::default(), BTreeMap::new(), Limits::default());
+    let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };
+    let functions = Arc::new(tables);
+    let source =
+        GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &defines, functions };
+    let (g, _) = parse(&mut sources, source, &limits).expect("reads");
+    let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");
+    assert_eq!(g.print(&d.modules), "V(2.5)V(4)V(1.5)V(0)V(1)V(5)");
+    // In a block the locations of a call move behind those before it.
+    let (g, _) = read("Lsystem: 1\nderivation length: 1\nAxiom: A\nA : {x = 1; y = func(3,x);} --> B(y)\nendlsystem");
+    let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");
+    assert_eq!(g.print(&d.modules), "B(0)");
+    let said = g.report(d.warnings).to_string();
+    assert!(said.contains("function 3 is unknown") && said.contains(":4:17"), "{said}");
+}
+
+#[test]
 fn formulas_keep_short_circuits_and_conditions_apart() {
     assert_eq!(steps(1, "A(2)", "A(x) : x>1 && (x<3 || 5/0) --> B(x?x*2:0)\n"), "B(4)");
     assert_eq!(steps(1, "A(0)", "A(x) : x>1 --> B\nA(x) : x<=1-->C"), "C");
@@ -115,12 +146,24 @@ fn defines_are_known_with_comment_and_can_be_overridden() {
     let mut sources = Sources::default();
     let mut set = BTreeMap::from([("ANGLE".to_owned(), "45".to_owned())]);
     let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };
-    let source = GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
+    let source = GrammarSource {
+        name: "t.l",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &set,
+        functions: Default::default(),
+    };
     let (g, _) = parse(&mut sources, source, &Limits::default()).expect("reads");
     let d = derive(&g, &DeriveOptions { steps: Some(0), ..Default::default() }, &Limits::default()).expect("derives");
     assert_eq!(g.print(&d.modules), "F(45)");
     set = BTreeMap::from([("ANGEL".to_owned(), "45".to_owned()), ("ANGL".to_owned(), "45".to_owned())]);
-    let source = GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
+    let source = GrammarSource {
+        name: "t.l",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &set,
+        functions: Default::default(),
+    };
     let e = parse(&mut sources, source, &Limits::default()).expect_err("no such define").to_string();
     assert!(e.contains("no #define is named 'ANGL'") && e.contains("did you mean 'ANGLE'?"), "{e}");
 }
@@ -199,7 +242,7 @@ fn decomposition_and_depth() {
     let rules = "A --> BA\nDecomposition\nmaximum depth: 3\nB --> CC\nC --> D";
     assert_eq!(steps(1, "A", rules), "DDA");
     let rules = "A --> BA\nDecomposition\nB --> CC\nC --> D";
-    assert_eq!(steps(1, "AB", rules), "CCADD", "the axiom is decomposed before it is rewritten");
+    assert_eq!(steps(1, "AB", rules), "CCACC", "B of the axiom is copied and decomposed");
 }
 
 #[test]
@@ -235,6 +278,97 @@ fn textbook_plants_have_their_lengths() {
         let id = g.symbols().find('F').expect("F");
         assert_eq!(d.modules.symbols().iter().filter(|s| **s == id).count(), f, "{rules}");
     }
+}
+
+/// Counts of `F` and of all modules by the formulas of the textbook figure.
+struct FigureCounts {
+    axiom: &'static str,
+    rules: &'static str,
+    steps: u32,
+    /// `F` after n steps, from powers p^n.
+    f: fn(u32) -> u128,
+    /// Other modules after n steps.
+    rest: fn(u32) -> u128,
+}
+
+#[test]
+fn textbook_plants_have_their_lengths_at_every_step() {
+    let p = |b: u128, n: u32| b.pow(n);
+    let figures = [
+        FigureCounts {
+            axiom: "F",
+            rules: "F --> F[+F]F[-F]F",
+            steps: 5,
+            f: |n| 5_u128.pow(n),
+            rest: |n| 6 * (5_u128.pow(n) - 1) / 4,
+        },
+        FigureCounts {
+            axiom: "F",
+            rules: "F --> F[+F]F[-F][F]",
+            steps: 5,
+            f: |n| 5_u128.pow(n),
+            rest: |n| 8 * (5_u128.pow(n) - 1) / 4,
+        },
+        FigureCounts {
+            axiom: "F",
+            rules: "F --> FF-[-F+F+F]+[+F-F-F]",
+            steps: 4,
+            f: |n| 8_u128.pow(n),
+            rest: |n| 12 * (8_u128.pow(n) - 1) / 7,
+        },
+        FigureCounts {
+            axiom: "X",
+            rules: "X --> F[+X]F[-X]+X\nF --> FF",
+            steps: 7,
+            f: |n| 2 * (3_u128.pow(n) - 2_u128.pow(n)),
+            rest: |n| 3_u128.pow(n) + 7 * (3_u128.pow(n) - 1) / 2,
+        },
+        FigureCounts {
+            axiom: "X",
+            rules: "X --> F[+X][-X]FX\nF --> FF",
+            steps: 7,
+            f: |n| 2 * (3_u128.pow(n) - 2_u128.pow(n)),
+            rest: |n| 3_u128.pow(n) + 6 * (3_u128.pow(n) - 1) / 2,
+        },
+        FigureCounts {
+            axiom: "X",
+            rules: "X --> F-[[X]+X]+F[+FX]-X\nF --> FF",
+            steps: 5,
+            f: |n| 3 * (4_u128.pow(n) - 2_u128.pow(n)) / 2,
+            rest: |n| 4_u128.pow(n) + 11 * (4_u128.pow(n) - 1) / 3,
+        },
+        // The Koch curve: four segments and four turns for each segment.
+        FigureCounts {
+            axiom: "F(1)",
+            rules: "F(d) --> F(d/3)+F(d/3)--F(d/3)+F(d/3)",
+            steps: 6,
+            f: |n| 4_u128.pow(n),
+            rest: |n| 4 * (4_u128.pow(n) - 1) / 3,
+        },
+    ];
+    assert_eq!((p(5, 5), (figures[3].f)(7), (figures[5].rest)(5)), (3125, 4118, 6263 - 1488));
+    for FigureCounts { axiom, rules, steps, f, rest } in figures {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: {steps}\nAxiom: {axiom}\n{rules}\nendlsystem"));
+        let id = g.symbols().find('F').expect("F");
+        for n in 0..=steps {
+            let wanted = f(n) + rest(n);
+            let predicted = predict(&g, n, false);
+            assert_eq!((predicted.lower, predicted.upper), (wanted, wanted), "{rules}, {n}");
+            let options = DeriveOptions { steps: Some(n), ..Default::default() };
+            let d = derive(&g, &options, &Limits::default()).expect("derives");
+            let count = d.modules.symbols().iter().filter(|s| **s == id).count();
+            assert_eq!((count as u128, d.modules.len() as u128), (f(n), wanted), "{rules}, {n}");
+        }
+    }
+}
+
+#[test]
+fn a_printed_string_is_read_as_it_was_printed() {
+    let rules = "A(x) --> F(x/3)[+(30)&(-1e-9)A(x*1e7)]~l(ran(1),2)@Ts(1,0.5)B;(3)'!A(x/7)";
+    let text = format!("Lsystem: 1\nderivation length: 4\nAxiom: A(1)\n{rules}\nendlsystem\n");
+    let printed = string(&text);
+    assert!(printed.len() > 500 && printed.contains("F(0.333333)"), "{printed}");
+    assert_eq!(steps(0, &printed, ""), printed);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The stack machine that runs expressions and statements.
 
-use super::code::{Bytecode, Expr, Op, RandomFunction, is_zero, truth};
+use super::code::{Bytecode, ElementAccess, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
 use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
@@ -105,6 +105,10 @@ pub(crate) enum Halt {
     Parameters,
     /// Modules of all steps pass the limit.
     Work,
+    /// An interpretation for queries failed.
+    Query,
+    /// The production at this place expands one module too often, in a decomposition or homomorphism.
+    Expansion(SourcePlace),
 }
 
 /// A warning of a run, with the number of its occurrences.
@@ -171,6 +175,8 @@ pub(crate) struct Vm {
     pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
+    /// Least and greatest coordinates of the last interpretation.
+    pub bounds: [[f64; 3]; 2],
     /// Set by `stop(n)`: the derivation ends after this step.
     pub stopped: bool,
 }
@@ -192,6 +198,7 @@ impl Vm {
             warnings: RuntimeWarnings::default(),
             statements: 0,
             statement_limit: u64::MAX,
+            bounds: [[0.0; 3]; 2],
             stopped: false,
         }
     }
@@ -283,6 +290,8 @@ impl Vm {
                         *slot = v;
                     }
                 }
+                Op::LoadElement(k) => self.load_element(code, k),
+                Op::StoreElement(k) => self.store_element(code, k),
                 Op::Step => self.stack.push(f64::from(self.step)),
                 Op::Length => self.stack.push(f64::from(self.length)),
                 Op::Remaining => self.stack.push(f64::from(self.length) - f64::from(self.step)),
@@ -333,11 +342,52 @@ impl Vm {
                 }
                 Op::Random(f) => self.push_random(f),
                 Op::Choose(n) => self.choose(n),
+                Op::Bounds(i) => self.stack.push(self.bounds[usize::from(i / 3 % 2)][usize::from(i % 3)]),
+                Op::Table(f, place) => self.read_table(code, f, place),
                 Op::Srand => self.srand(),
                 Op::Stop => self.stopped = true,
             }
         }
         Ok(self.pop())
+    }
+
+    /// Slot of the element whose indices lie on the stack, which are popped; L026 outside the array.
+    fn element(&mut self, access: &ElementAccess) -> Option<usize> {
+        let first = self.stack.len().saturating_sub(access.shape.sizes.len());
+        let slot = access.shape.slot(self.stack.get(first..).unwrap_or(&[]));
+        self.stack.truncate(first);
+        if slot.is_none() {
+            self.warnings.add("L026", access.place, &format!("index outside array '{}'", access.name));
+        }
+        slot
+    }
+
+    fn load_element(&mut self, code: &Bytecode, k: usize) {
+        let Some(access) = code.elements.get(k) else { return };
+        let value = self.element(access).and_then(|slot| self.globals.get(slot)).copied();
+        self.stack.push(value.unwrap_or(0.0));
+    }
+
+    fn store_element(&mut self, code: &Bytecode, k: usize) {
+        let Some(access) = code.elements.get(k) else { return };
+        let value = self.pop();
+        if let Some(slot) = self.element(access).and_then(|slot| self.globals.get_mut(slot)) {
+            *slot = value;
+        }
+    }
+
+    /// Value of a function or a curve of a companion file; 0 with L048 if it is missing.
+    fn read_table(&mut self, code: &Bytecode, f: TableFunction, place: usize) {
+        let x = if f == TableFunction::CurveLength { 0.0 } else { self.pop() };
+        let id = self.pop();
+        let value = code.tables.as_ref().and_then(|t| f.value(t, id, x));
+        if value.is_none()
+            && let Some(place) = code.places.get(place)
+        {
+            let what = if f == TableFunction::Func { "function" } else { "curve" };
+            self.warnings.add("L048", *place, &format!("{what} {id} is unknown, its value is 0"));
+        }
+        self.stack.push(value.unwrap_or(0.0));
     }
 
     fn count_statement(&mut self, code: &Bytecode, place: usize, iterations: u64) -> Result<(), Halt> {
@@ -435,12 +485,15 @@ pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
                 | Op::Global(_)
                 | Op::StoreLocal(_)
                 | Op::StoreGlobal(_)
+                | Op::LoadElement(_)
+                | Op::StoreElement(_)
                 | Op::Step
                 | Op::Length
                 | Op::Remaining
                 | Op::Random(_)
                 | Op::Choose(_)
                 | Op::Srand
+                | Op::Bounds(_)
                 | Op::Stop
         )
     };

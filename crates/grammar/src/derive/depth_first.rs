@@ -415,7 +415,7 @@ fn apply_next(
     group: u32,
 ) -> Result<Option<Applied>, Halt> {
     // Productions without contexts look at no string.
-    const NO_STRING: ContextView<'static> = ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &[] };
+    const NO_STRING: ContextView<'static> = ContextView::NONE;
     let is_stationary = job.plan.groups[to_usize(group)].is_stationary;
     let first = module.birth + 1;
     let last = if is_stationary { job.length.min(first) } else { job.length };

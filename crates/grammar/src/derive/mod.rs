@@ -6,13 +6,15 @@ mod independent;
 mod matching;
 mod plan;
 mod predict;
+mod queries;
 mod registers;
 mod rewriter;
 mod step;
 mod text;
 
-pub use expand::interpret;
+pub use expand::{interpret, interpret_modules};
 pub use predict::{Prediction, predict};
+pub use queries::{AskTurtle, QueryAnswer, TurtleAnswers, derive_with_queries};
 
 use super::code::Bytecode;
 use super::grammar::{Grammar, runtime_error, runtime_report};
@@ -83,7 +85,7 @@ const MAX_PARAMS: usize = 1 << 27;
 /// `Input` with L050 if the string would surely pass `modules`, with L051 if it does on the way, with L044 for an
 /// endless loop.
 pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
-    derive_with(grammar, options, limits, Storage::String)
+    derive_with(grammar, options, limits, Storage::String, None)
 }
 
 /// Derives a grammar without storing its string where modules are rewritten independently of each other: only the number of
@@ -91,7 +93,7 @@ pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Re
 /// # Errors
 /// Those of [`derive()`].
 pub fn derive_deferred(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
-    derive_with(grammar, options, limits, Storage::Deferred)
+    derive_with(grammar, options, limits, Storage::Deferred, None)
 }
 
 /// Whether a string that could be derived while it is drawn is stored.
@@ -106,6 +108,7 @@ fn derive_with(
     options: &DeriveOptions,
     limits: &Limits,
     storage: Storage,
+    turtle: Option<&mut AskTurtle<'_>>,
 ) -> Result<DerivedString> {
     let program = &grammar.program;
     let length = options.steps.unwrap_or(program.length);
@@ -113,7 +116,7 @@ fn derive_with(
     let stochastic = options.stochastic.unwrap_or(program.is_stochastic());
     let plans = Plans::new(program, stochastic);
     let d = Derivation::new(grammar, &plans, options, length, limits);
-    if program.rewrites_independently() { d.derive_independently(options, storage) } else { d.derive_by_steps(options) }
+    if program.rewrites_independently() { d.derive_independently(options, storage) } else { d.derive_by_steps(options, turtle) }
 }
 
 /// State of one derivation.
@@ -135,6 +138,11 @@ pub(super) struct Derivation<'g> {
     steps_done: u32,
     /// Modules rewritten so far.
     work: u64,
+    /// The turtle answers queries, so that modules change between the steps.
+    has_queries: bool,
+    /// Error of an interpretation that was asked for.
+    query_error: Option<osier_base::Error>,
+    options: DeriveOptions,
 }
 
 impl<'g> Derivation<'g> {
@@ -173,13 +181,21 @@ impl<'g> Derivation<'g> {
             unchanged_since: None,
             steps_done: 0,
             work: 0,
+            has_queries: program.has_queries(),
+            query_error: None,
+            options: options.clone(),
         }
     }
 
     /// Derives step by step: the whole string is rewritten before the next step begins.
-    fn derive_by_steps(mut self, options: &DeriveOptions) -> Result<DerivedString> {
-        match self.run() {
+    fn derive_by_steps(
+        mut self,
+        options: &DeriveOptions,
+        turtle: Option<&mut AskTurtle<'_>>,
+    ) -> Result<DerivedString> {
+        match self.run(turtle) {
             Ok(()) => Ok(self.finish(options)),
+            Err(Halt::Query) => Err(self.query_error.take().unwrap_or_else(|| self.halt_report(Halt::Query))),
             Err(halt) => Err(self.halt_report(halt)),
         }
     }
@@ -194,18 +210,15 @@ impl<'g> Derivation<'g> {
         self.append_axiom()
     }
 
-    fn run(&mut self) -> std::result::Result<(), Halt> {
+    fn run(&mut self, mut turtle: Option<&mut AskTurtle<'_>>) -> std::result::Result<(), Halt> {
         self.begin()?;
+        self.ask(turtle.as_deref_mut())?;
         let blocks = &self.program.blocks;
         for step in 1..=self.length {
             // `Q` counts completed steps: the StartEach block still sees the step before.
             self.vm.step = step - 1;
             self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
-            // The axiom is decomposed before the first step; later strings are decomposed when they are made.
-            if step == 1 {
-                self.decompose(step)?;
-            }
             if let Some(cut) = self.cut_symbol {
                 self.remove_cut_branches(cut);
             }
@@ -214,8 +227,9 @@ impl<'g> Derivation<'g> {
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
             }
-            let changed = self.rewrite_string(step)?;
-            self.decompose(step)?;
+            let rewritten = self.rewrite_string(step)?;
+            let changed = self.decompose(step)? || rewritten;
+            self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
             // Start of the run of steps without change that is still going on, for the warning L054.
@@ -237,11 +251,13 @@ impl<'g> Derivation<'g> {
         let b = &self.program.blocks;
         let uses_step = |c: &Bytecode| {
             use crate::code::Op;
-            c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
+            c.writes_globals()
+                || c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
-        b.start_each.is_none()
+        !self.has_queries
+            && b.start_each.is_none()
             && b.end_each.is_none()
-            && !self.program.rules.list.iter().any(|p| p.codes().any(uses_step))
+            && !self.program.rules.list.iter().chain(&self.program.decomposition.list).any(|p| p.codes().any(uses_step))
     }
 
     fn run_block(&mut self, code: Option<&Bytecode>, step: u32) -> std::result::Result<(), Halt> {
@@ -321,7 +337,7 @@ impl<'g> Derivation<'g> {
             plant_id: options.plant_id,
             seed: options.seed,
             warnings: runtime_diagnostics(self.grammar, &self.vm.warnings),
-            stochastic: self.plans.rules.stochastic,
+            stochastic: self.plans.rules.main().stochastic,
             length: self.length,
             completed,
             file_seed: self.vm.streams.file_seed(),
@@ -349,8 +365,10 @@ pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings)
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
         let help = match e.code {
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
+            "L026" => "indices run from 0; outside an array a read gives 0 and a write does nothing",
             "L033" => "weights must be 0 or more",
             "L034" => "give at least one production a positive weight",
+            "L048" => "name its file in the view file: `function: FILE` or `contour: ID FILE`",
             "L052" => "raise 'maximum depth', or end the expansion by a condition",
             "L054" => "shorten the derivation length",
             _ => "",
@@ -381,6 +399,18 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let limit = osier_base::limits::grouped(limits.get("modules"));
             let message = format!("step {step} passes the limit of {limit} modules");
             runtime_error(grammar, "L051", message, at, "raise it with --max-modules, or shorten the derivation")
+        }
+        Halt::Expansion(place) => {
+            let message = format!("step {step}: this production expands a single module without end");
+            let help = "end the expansion by a condition, lower 'maximum depth', or raise --max-modules";
+            let most = osier_base::limits::grouped(limits.get("modules") / expand::EXPANSION_SHARE as u64);
+            let d =
+                Diagnostic::error("L051", message, place.span, format!("applied more than {most} times")).help(help);
+            runtime_report(grammar, grammar.with_macro_chain(d, place))
+        }
+        // Reported by the interpretation that failed.
+        Halt::Query => {
+            runtime_error(grammar, "L051", "the interpretation for queries failed".into(), at, "leave the queries out")
         }
         Halt::Work => {
             let limit = osier_base::limits::grouped(limits.get("work"));

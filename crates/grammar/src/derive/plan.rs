@@ -4,7 +4,7 @@
 use super::registers::{RegisterCode, RegisterCompiler, ValueSource};
 use crate::code::{Bytecode, Expr, Op};
 use crate::modules::LineageIds;
-use crate::program::{Production, ProductionSet, Program, SuccessorModule};
+use crate::program::{Production, ProductionSet, Program, Section, SuccessorModule};
 use crate::symbols::SymbolId;
 use osier_base::convert::to_usize;
 use osier_base::math::narrow;
@@ -135,19 +135,59 @@ pub(super) struct RewritePlan<'p> {
     pub draws: bool,
 }
 
+/// The plans of one section of all L-systems of a file.
+#[derive(Debug)]
+pub(super) struct SectionPlans<'p> {
+    /// The main L-system first, then those of [`Program::subsystems`].
+    systems: Vec<RewritePlan<'p>>,
+}
+
+impl<'p> SectionPlans<'p> {
+    /// Prepares a section. `stochastic`: its productions compete by weight.
+    pub fn new(program: &'p Program, section: Section, stochastic: bool) -> Self {
+        let plan = |set| RewritePlan::new(program, set, stochastic);
+        Self { systems: program.sections(section).map(plan).collect() }
+    }
+
+    /// The plan of the main L-system.
+    pub fn main(&self) -> &RewritePlan<'p> {
+        &self.systems[0]
+    }
+
+    /// The plan of an L-system by its number, as [`Program::section`] counts; of the main one for an unknown number.
+    pub fn of(&self, system: u16) -> &RewritePlan<'p> {
+        self.systems.get(usize::from(system)).unwrap_or(&self.systems[0])
+    }
+
+    /// No production in any L-system.
+    pub fn is_empty(&self) -> bool {
+        self.systems.iter().all(|p| p.productions.is_empty())
+    }
+
+    /// Some production looks at its neighbours.
+    pub fn needs_partners(&self) -> bool {
+        self.systems.iter().flat_map(|p| &p.set.list).any(|p| !p.is_context_free())
+    }
+
+    /// Modules of the longest predecessor.
+    pub fn longest_predecessor(&self) -> usize {
+        self.systems.iter().flat_map(|p| &p.set.list).map(|p| p.predecessor.len()).max().unwrap_or(1)
+    }
+}
+
 /// The plans of the sections that make the string.
 #[derive(Debug)]
 pub(super) struct Plans<'p> {
-    pub rules: RewritePlan<'p>,
-    pub decomposition: RewritePlan<'p>,
+    pub rules: SectionPlans<'p>,
+    pub decomposition: SectionPlans<'p>,
 }
 
 impl<'p> Plans<'p> {
     /// Prepares the productions of a program. `stochastic`: they compete by weight.
     pub fn new(program: &'p Program, stochastic: bool) -> Self {
         Self {
-            rules: RewritePlan::new(program, &program.rules, stochastic),
-            decomposition: RewritePlan::new(program, &program.decomposition, stochastic),
+            rules: SectionPlans::new(program, Section::Rules, stochastic),
+            decomposition: SectionPlans::new(program, Section::Decomposition, stochastic),
         }
     }
 }
@@ -305,7 +345,7 @@ fn tests(p: &Production) -> impl Iterator<Item = &Bytecode> {
 fn may_change(code: &Bytecode, globals: bool) -> bool {
     code.ops.iter().any(|o| match o {
         Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_) => true,
-        Op::Global(_) => globals,
+        Op::Global(_) | Op::LoadElement(_) => globals,
         _ => false,
     })
 }

@@ -45,11 +45,21 @@ pub(super) struct RewriteSettings<'p> {
     pub brackets: Brackets,
 }
 
+/// Modules after the current one that a predecessor of several modules may take, where they do not stand in the string.
+#[derive(Debug)]
+pub(super) struct Followers {
+    pub modules: ModuleString,
+    /// Where right contexts begin in the string.
+    pub context_from: usize,
+}
+
 /// Selects and applies the productions of one section.
 #[derive(Debug)]
 pub(super) struct Rewriter<'p> {
     pub settings: RewriteSettings<'p>,
     pub vm: Vm,
+    /// `None`: the neighbours in the string follow.
+    pub followers: Option<Followers>,
     /// Registers of each production; the first ones are its local variables.
     files: Vec<RegisterFile>,
     /// Productions that apply to the current module.
@@ -59,8 +69,20 @@ pub(super) struct Rewriter<'p> {
 
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
-        let files = settings.plan.productions.iter().map(|p| p.registers.initial.clone()).collect();
-        Self { settings, vm, files, candidates: Vec::new(), weights: Vec::new() }
+        let files = Self::register_files(settings.plan);
+        Self { settings, vm, followers: None, files, candidates: Vec::new(), weights: Vec::new() }
+    }
+
+    fn register_files(plan: &RewritePlan<'_>) -> Vec<RegisterFile> {
+        plan.productions.iter().map(|p| p.registers.initial.clone()).collect()
+    }
+
+    /// Continues with the productions of another L-system.
+    pub fn change_plan(&mut self, plan: &'p RewritePlan<'p>) {
+        if !std::ptr::eq(self.settings.plan, plan) {
+            self.settings.plan = plan;
+            self.files = Self::register_files(plan);
+        }
     }
 
     /// The production of an index.
@@ -137,15 +159,19 @@ impl<'p> Rewriter<'p> {
             return Ok(false);
         }
         for (k, formal) in others.iter().enumerate() {
-            let i = at + 1 + k;
-            if i >= view.modules.len() || !matching::match_module(formal, view.modules.get(i), locals) {
+            let (modules, i) = match &self.followers {
+                Some(f) => (&f.modules, k),
+                None => (view.modules, at + 1 + k),
+            };
+            if i >= modules.len() || !matching::match_module(formal, modules.get(i), locals) {
                 return Ok(false);
             }
         }
+        let right = self.followers.as_ref().map_or(at + p.predecessor.len(), |f| f.context_from);
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
         if !view.matches_left(brackets, &p.left, at, locals)
-            || !view.matches_right(brackets, &p.right, at + p.predecessor.len(), locals)
+            || !view.matches_right(brackets, &p.right, right, locals)
         {
             return Ok(false);
         }

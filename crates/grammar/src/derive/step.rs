@@ -1,10 +1,11 @@
 //! One step: all modules are rewritten at once, blocks of them in parallel.
 
 use super::matching::{self, ContextView};
-use super::plan::RewritePlan;
+use super::plan::{RewritePlan, SectionPlans};
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
+use crate::program::Program;
 use crate::vm::Halt;
 use osier_base::{convert, par};
 
@@ -24,16 +25,29 @@ struct BlockTask {
 impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
-        let rules = &self.program.rules;
-        let plan = &self.plans.rules;
+        let plan = self.plans.rules.main();
         // Matching brackets are only needed by productions with contexts; without them the table stays empty.
-        let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
+        let needs_partners = self.plans.rules.needs_partners();
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = self.rewrite_settings(plan, step);
-        let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
+        let view = ContextView {
+            modules: &self.string,
+            partner: &partner,
+            ignored: &self.ignored,
+            is_ring: self.program.is_ring,
+            borders: self.program.borders(),
+        };
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
+        if !self.program.subsystems.is_empty() {
+            let rewriter = Rewriter::new(settings, self.vm.clone());
+            let systems = SystemRuns { program: self.program, plans: &self.plans.rules };
+            let (changed, vm) = systems.rewrite(rewriter, &view, &mut self.next_string, limit);
+            self.vm = vm;
+            std::mem::swap(&mut self.string, &mut self.next_string);
+            return changed;
+        }
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
         // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
         if self.program.is_serial() || n <= BLOCK_MODULES || par::threads() == 1 {
@@ -104,6 +118,43 @@ pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limi
         return Err(Halt::Parameters);
     }
     Ok(())
+}
+
+/// A string with sub-L-systems: the modules between two borders are rewritten by the productions of their L-system.
+struct SystemRuns<'p> {
+    program: &'p Program,
+    plans: &'p SectionPlans<'p>,
+}
+
+impl<'p> SystemRuns<'p> {
+    /// Rewrites a string run by run; whether any production was applied, and the machine afterwards.
+    fn rewrite(
+        &self,
+        mut rewriter: Rewriter<'p>,
+        view: &ContextView<'_>,
+        out: &mut ModuleString,
+        limit: usize,
+    ) -> (Result<bool, Halt>, crate::vm::Vm) {
+        let program = self.program;
+        let systems = program.systems_of(view.modules);
+        let hidden: Vec<Vec<bool>> = program.subsystems.iter().map(|s| s.ignored.flags(&program.symbols)).collect();
+        out.clear();
+        let mut changed = false;
+        let mut start = 0;
+        for run in systems.chunk_by(|a, b| a == b) {
+            let system = run.first().copied().unwrap_or(0);
+            rewriter.change_plan(self.plans.of(system));
+            let ignored =
+                usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
+            let view = ContextView { ignored, ..*view };
+            match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, limit) {
+                Ok(c) => changed |= c,
+                Err(halt) => return (Err(halt), rewriter.vm),
+            }
+            start += run.len();
+        }
+        (Ok(changed), rewriter.vm)
+    }
 }
 
 /// Rewrites the modules of `range` into `out`; true if any production was applied.

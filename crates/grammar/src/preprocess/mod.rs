@@ -143,15 +143,28 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
 
 impl Preprocessor<'_> {
     fn predefine(&mut self) {
-        let source = self.sources.add("predefined", "1");
-        let body = lexer::lex(self.session, source, "1").tokens;
-        let body: Rc<[Token]> = body.into_iter().filter(|t| !t.is_newline()).collect();
-        let name = self.session.names.intern("OSIER");
-        self.macros.insert(name, MacroDefinition { params: None, body });
+        // `OSIER`, and the functions of companion files by their names.
+        let functions = std::sync::Arc::clone(&self.session.functions);
+        for (name, value) in [("OSIER", 1)].into_iter().chain(functions.names()) {
+            let text = value.to_string();
+            let source = self.sources.add("predefined", text.as_str());
+            let body = lexer::lex(self.session, source, &text).tokens;
+            let body: Rc<[Token]> = body.into_iter().filter(|t| !t.is_newline()).collect();
+            let name = self.session.names.intern(name);
+            self.macros.insert(name, MacroDefinition { params: None, body });
+        }
     }
 
     /// Puts a file on top of the reading stack.
     fn open_file(&mut self, name: &str, bytes: &[u8]) {
+        if lexer::is_utf16(bytes) {
+            let start = SourcePlace::start_of(self.sources.add(name, ""));
+            let message = format!("\"{name}\" is UTF-16 text, expected UTF-8");
+            let help = "save it as UTF-8 in its editor, or run: iconv -f UTF-16 -t UTF-8";
+            self.session.error_help("L001", message, start, help);
+            self.is_foreign = true;
+            return;
+        }
         let (text, latin1) = lexer::decode(bytes);
         let source = self.sources.add(name, text.as_str());
         let start = SourcePlace::start_of(source);
