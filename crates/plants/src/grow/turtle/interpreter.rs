@@ -6,6 +6,7 @@ use super::builder::{NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
 use super::frame::{TurtleFrame, TurtlePose};
 use super::options::TurtleOptions;
+use super::paint::Paint;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
 use super::tropism;
 use osier_base::Result;
@@ -14,6 +15,7 @@ use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, TurtleAction};
+use osier_scene::plant::PAINTED;
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
 const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
@@ -43,6 +45,8 @@ pub(super) struct TurtleState {
     pub(super) width: f64,
     pub(super) scale: f64,
     pub(super) color: u8,
+    /// Whether what is drawn wears the colour index.
+    painted: bool,
     elasticity: [f64; tropism::MAX_TROPISMS],
     tropism_elasticity: f64,
     keep_roll: bool,
@@ -105,7 +109,7 @@ pub(super) struct Turtle<'a> {
     pub builder: PlantBuilder,
     pub(super) shape_prototypes: PrototypeCache,
     /// Prototypes of organs once they are used.
-    pub(super) organs: std::collections::BTreeMap<char, OrganPrototypes>,
+    pub(super) organs: std::collections::BTreeMap<(char, Option<u8>), OrganPrototypes>,
     warnings: Vec<TurtleWarning>,
     max_stack: u64,
     max_nodes: u64,
@@ -137,8 +141,9 @@ impl<'a> Turtle<'a> {
             width: options.width.max(MIN_WIDTH),
             scale: options.scale,
             color: options.color,
+            painted: options.painted,
             elasticity,
-            tropism_elasticity: 0.0,
+            tropism_elasticity: options.old_elasticity,
             keep_roll: options.tropism_keep_roll,
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
@@ -283,7 +288,7 @@ impl<'a> Turtle<'a> {
                 let step = self.options.color_increment;
                 let next = if up { self.s.color.wrapping_add(step) } else { self.s.color.wrapping_sub(step) };
                 let value = self.param(m, 0, f64::from(next));
-                self.s.color = color_index(value);
+                self.set_color(color_index(value));
             }
             Command::OpenPolygon => {
                 if !m.params.is_empty() {
@@ -293,7 +298,10 @@ impl<'a> Turtle<'a> {
             }
             Command::Vertex => self.vertex(),
             Command::ClosePolygon => self.fill_polygon(m),
-            Command::TropismElasticity => self.s.tropism_elasticity = self.param(m, 0, 0.0),
+            Command::TropismElasticity => {
+                let raised = self.s.tropism_elasticity + self.options.old_increment;
+                self.s.tropism_elasticity = self.param(m, 0, raised);
+            }
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
             Command::Bound => self.apply_bound_action(m),
@@ -381,6 +389,21 @@ impl<'a> Turtle<'a> {
         self.sets_widths = true;
     }
 
+    /// Sets the colour index, which everything wears from here on.
+    pub(super) fn set_color(&mut self, index: u8) {
+        (self.s.color, self.s.painted) = (index, true);
+    }
+
+    /// The colour index that what is drawn wears; `None`: the materials of the plant.
+    pub(super) fn worn_color(&self) -> Option<u8> {
+        self.s.painted.then_some(self.s.color)
+    }
+
+    /// Material of polygons and discs (`thin`), and of spheres.
+    pub(super) fn shape_material(&self, thin: bool) -> osier_scene::MaterialId {
+        self.worn_color().map_or(self.options.shape_material, |index| Paint { index, thin }.material())
+    }
+
     pub(super) fn open_polygon(&mut self) {
         self.polygons.push(Polygon { frame: self.s.frame, corners: Vec::new() });
     }
@@ -427,7 +450,7 @@ impl<'a> Turtle<'a> {
         }
         let left = self.s.frame.l;
         let width = self.s.width * self.options.unit_m;
-        let color = u16::from(self.s.color);
+        let color = u16::from(self.s.color) | if self.s.painted { PAINTED } else { 0 };
         // The first segment of a bracket level opens an axis at the node where the bracket began.
         let axis = match self.s.attachment.axis {
             Some(axis) => axis,
@@ -473,7 +496,7 @@ impl<'a> Turtle<'a> {
         let Some(&p) = polygon.corners.first() else { return };
         // A polygon becomes an organ whose pivot is its first corner, in the frame of the turtle at `{`.
         let pose = TurtlePose { p, q: polygon.frame.quat() };
-        let material = self.options.shape_material;
+        let material = self.shape_material(true);
         match self.shape_prototypes.polygon(&mut self.builder.protos, material, &polygon.corners, pose) {
             Ok(Some(PolygonPrototype { proto, size })) => {
                 self.place_organ(pose, ProtoRange::single(proto), OrganSize { scale: size, petiole: 0.0 }, m);

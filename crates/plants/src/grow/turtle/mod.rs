@@ -10,11 +10,14 @@ mod frame;
 mod interpreter;
 mod options;
 mod organs;
+mod paint;
+mod pixels;
 mod prototypes;
 mod tropism;
 
 pub(super) use builder::set_exposed_lengths;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
+pub use paint::{Paint, TURTLE_COLOR};
 
 use super::radii;
 use interpreter::Turtle;
@@ -22,7 +25,7 @@ use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_grammar::{BindingEvaluator, DerivedString, Grammar, interpret};
-use osier_scene::plant::Plant;
+use osier_scene::plant::{NONE, Plant};
 
 /// Interprets a derived string.
 /// Returns the plant, validated, and the warnings of the interpretation and of the homomorphism.
@@ -44,11 +47,21 @@ pub fn grow(
     warnings.extend(turtle.bindings.warnings(grammar));
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
-    let sets_widths = turtle.sets_widths;
+    let (sets_widths, symbol_place) = (turtle.sets_widths, grammar.place_of(None, 'F'));
     let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
     match options.radii {
         RadiusModel::Pipe(p) => radii::pipe(&mut plant, &p),
         RadiusModel::Taper(t) => radii::taper(&mut plant, &t),
+        RadiusModel::Pixels => {
+            let pixel = pixels::pixel_size(&plant);
+            pixels::scale_widths(&mut plant, pixel / options.unit_m);
+            warnings.push(pixels::warning(pixel, symbol_place));
+        }
+        // A line that does not branch is no tree: it has one width.
+        RadiusModel::Auto if !sets_widths && plant.axes.iter().all(|a| a.parent == NONE) => {
+            let pixel = pixels::pixel_size(&plant);
+            pixels::set_width(&mut plant, pixel);
+        }
         RadiusModel::Auto if !sets_widths => radii::pipe(&mut plant, &radii::Pipe::default()),
         RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
         RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}

@@ -40,7 +40,8 @@ impl Default for Tropism {
 pub struct OrganSpec {
     /// Name in files, `[a-z0-9_]+`; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub name: String,
-    /// Prototypes in organ space, one picked per organ by its id; their subsets index [`TurtleOptions::materials`].
+    /// Prototypes in organ space, one picked per organ by its id; their subsets index [`TurtleOptions::materials`], or are
+    /// [`TURTLE_COLOR`](super::TURTLE_COLOR) or a [`Paint`](super::Paint).
     pub meshes: Vec<Arc<Mesh>>,
     /// Length along +Y that parameter 1 stands for, m; prototypes are scaled to it.
     pub size: f64,
@@ -60,8 +61,10 @@ impl OrganSpec {
 /// Where radii come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RadiusModel {
-    /// Turtle widths if the string sets any, else the pipe model.
+    /// Turtle widths if the string sets any; else the pipe model, or one width where nothing branches.
     Auto,
+    /// The widths that the string sets, or else `width`, are pixels of a drawing (cpfg's line style `pixel`).
+    Pixels,
     /// The widths that the string sets, linear along a segment.
     Widths,
     /// The pipe model, whatever the string sets.
@@ -85,6 +88,9 @@ pub struct TurtleOptions {
     pub width_increment: f64,
     /// Colour index at the start, 0..255.
     pub color: u8,
+    /// Whether everything wears its colour index from the start; else what is drawn before the first colour command wears the materials
+    /// of the plant.
+    pub painted: bool,
     /// What `;` and `,` without parameter add and take.
     pub color_increment: u8,
     /// Factor of lengths and widths at the start; commands `@D` change it.
@@ -97,6 +103,10 @@ pub struct TurtleOptions {
     pub tropisms: Vec<Tropism>,
     /// Direction of the tropism whose elasticity the command `_(e)` sets (cpfg's older form); need not be normalized.
     pub old_tropism: DVec3,
+    /// Its elasticity at the start, and what `_` without a parameter adds.
+    pub old_elasticity: f64,
+    /// See `old_elasticity`.
+    pub old_increment: f64,
     /// Whether a roll made since the last segment survives a tropism.
     pub tropism_keep_roll: bool,
     /// Organs by the symbol after `~`.
@@ -125,12 +135,15 @@ impl Default for TurtleOptions {
             width: 1.0,
             width_increment: 0.0,
             color: 128,
+            painted: false,
             color_increment: 1,
             scale: 1.0,
             scale_multiplier: 1.0,
             tapered: true,
             tropisms: Vec::new(),
             old_tropism: DVec3::Y,
+            old_elasticity: 0.0,
+            old_increment: 0.0,
             tropism_keep_roll: false,
             organs: BTreeMap::new(),
             materials: vec!["bark".into()],

@@ -22,10 +22,10 @@ const RINGS: u32 = 7;
 /// Indices of the prototypes created so far.
 #[derive(Debug, Default)]
 pub(super) struct PrototypeCache {
-    polygons: BTreeMap<Vec<i32>, Option<u16>>,
+    polygons: BTreeMap<(MaterialId, Vec<i32>), Option<u16>>,
     stretched: BTreeMap<(u16, [i32; 2]), u16>,
-    disc: Option<u16>,
-    sphere: Option<u16>,
+    discs: BTreeMap<MaterialId, u16>,
+    spheres: BTreeMap<MaterialId, u16>,
 }
 
 /// More prototypes than 16 bits can index.
@@ -46,6 +46,11 @@ fn add_prototype(protos: &mut Vec<Proto>, name: String, mesh: Mesh) -> Option<u1
     let i = u16::try_from(protos.len()).ok().filter(|i| *i < u16::MAX)?;
     protos.push(Proto { name, mesh: Arc::new(mesh) });
     Some(i)
+}
+
+/// Name of a shape of which there is one for each material.
+fn unique_name(name: &str, earlier: usize) -> String {
+    if earlier == 0 { name.to_owned() } else { format!("{name}_{earlier}") }
 }
 
 impl PrototypeCache {
@@ -72,6 +77,7 @@ impl PrototypeCache {
         }
         let key: Vec<i32> =
             local.iter().flat_map(|c| (*c / (size * POLYGON_TOLERANCE)).to_array()).map(round_to_i32).collect();
+        let key = (material, key);
         if let Some(known) = self.polygons.get(&key) {
             return Ok(known.map(|proto| PolygonPrototype { proto, size }));
         }
@@ -86,26 +92,32 @@ impl PrototypeCache {
         Ok(Some(PolygonPrototype { proto: i, size }))
     }
 
-    /// The shared disc of diameter 1 facing +Z, registered on first use; `None` without a free index.
+    /// The shared disc of a material, of diameter 1 and facing +Z, registered on first use; `None` without a free index.
     pub fn disc(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
-        if self.disc.is_none() {
-            let corner = |i: u32| {
-                let a = corner_angle(i, SIDES);
-                Vec3::new(0.5 * math::cos_f32(a), 0.5 * math::sin_f32(a), 0.0)
-            };
-            let corners: Vec<Vec3> = (0..SIDES).map(corner).collect();
-            let mesh = polygon_mesh(&corners).unwrap_or_default().with_material(material);
-            self.disc = add_prototype(protos, "disc".into(), mesh);
+        if let Some(known) = self.discs.get(&material) {
+            return Some(*known);
         }
-        self.disc
+        let corner = |i: u32| {
+            let a = corner_angle(i, SIDES);
+            Vec3::new(0.5 * math::cos_f32(a), 0.5 * math::sin_f32(a), 0.0)
+        };
+        let corners: Vec<Vec3> = (0..SIDES).map(corner).collect();
+        let mesh = polygon_mesh(&corners).unwrap_or_default().with_material(material);
+        let name = unique_name("disc", self.discs.len());
+        let i = add_prototype(protos, name, mesh)?;
+        self.discs.insert(material, i);
+        Some(i)
     }
 
-    /// The shared sphere of diameter 1, registered on first use; `None` without a free index.
+    /// The shared sphere of a material, of diameter 1, registered on first use; `None` without a free index.
     pub fn sphere(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
-        if self.sphere.is_none() {
-            self.sphere = add_prototype(protos, "sphere".into(), sphere_mesh().with_material(material));
+        if let Some(known) = self.spheres.get(&material) {
+            return Some(*known);
         }
-        self.sphere
+        let name = unique_name("sphere", self.spheres.len());
+        let i = add_prototype(protos, name, sphere_mesh().with_material(material))?;
+        self.spheres.insert(material, i);
+        Some(i)
     }
 
     /// Prototype `source` stretched by `ratio` across and along the normal, relative to its length.
