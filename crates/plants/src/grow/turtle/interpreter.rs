@@ -472,6 +472,12 @@ impl<'a> Turtle<'a> {
         self.open_segment = Some(self.builder.last_node(axis)).filter(|n| *n != start);
     }
 
+    /// Moves without drawing, by a vector in m.
+    pub(super) fn jump(&mut self, by: DVec3, m: Module<'_>) {
+        self.s.p += by;
+        self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
+    }
+
     /// The turtle's position and orientation.
     pub(super) fn pose(&self) -> TurtlePose {
         TurtlePose { p: self.s.p, q: self.s.frame.quat() }

@@ -111,6 +111,8 @@ pub struct TurtleOptions {
     pub tropism_keep_roll: bool,
     /// Organs by the symbol after `~`.
     pub organs: BTreeMap<char, OrganSpec>,
+    /// Points of organs, in the units of their meshes, that the turtle moves to once it has placed them; after organs without one it stays.
+    pub organ_ends: BTreeMap<char, DVec3>,
     /// Names of the plant's materials, which the indices below refer to.
     pub materials: Vec<String>,
     /// Material of axes, index into `materials`.
@@ -146,6 +148,7 @@ impl Default for TurtleOptions {
             old_increment: 0.0,
             tropism_keep_roll: false,
             organs: BTreeMap::new(),
+            organ_ends: BTreeMap::new(),
             materials: vec!["bark".into()],
             axis_material: 0,
             shoot_material: None,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 
 use super::builder::{OrganSize, ProtoRange};
 use super::frame::TurtlePose;
@@ -67,6 +67,7 @@ impl Turtle<'_> {
             let size = size * scale;
             if size > 0.0 {
                 self.place_organ(pose, range, OrganSize { scale: unit * size, petiole: petiole * size }, m);
+                self.move_to_organ_end(c, DVec3::splat(unit * size), m);
             }
             return;
         }
@@ -79,9 +80,17 @@ impl Turtle<'_> {
                 Some(proto) => {
                     let size = OrganSize { scale: unit * y * scale, petiole: petiole * y * scale };
                     self.place_organ(pose, ProtoRange::single(proto), size, m);
+                    self.move_to_organ_end(c, DVec3::new(x, y, z) * (unit * scale), m);
                 }
                 None => self.too_many_prototypes(c),
             }
+        }
+    }
+
+    /// Moves the turtle to the end point of the organ that it has placed, if it has one. What is drawn next begins an axis of its own.
+    fn move_to_organ_end(&mut self, c: char, scale: DVec3, m: Module<'_>) {
+        if let Some(end) = self.options.organ_ends.get(&c) {
+            self.jump(self.pose().q * (*end * scale), m);
         }
     }
 
