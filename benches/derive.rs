@@ -17,7 +17,13 @@ use osier::recipe::scene::CatkinKeys;
 fn read(text: &str) -> Grammar {
     let defines = BTreeMap::new();
     let mut none = |r: &str, _: &str| Err(osier::Error::io("open", r, std::io::ErrorKind::NotFound.into()));
-    let source = GrammarSource { name: "bench.l", bytes: text.as_bytes(), includes: &mut none, defines: &defines };
+    let source = GrammarSource {
+        name: "bench.l",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &defines,
+        functions: Default::default(),
+    };
     parse(&mut Sources::default(), source, &Limits::default()).expect("reads").0
 }
 

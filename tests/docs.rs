@@ -124,8 +124,13 @@ fn read(text: &str) -> osier::Result<(Grammar, Vec<Diagnostic>)> {
     let mut sources = Sources::default();
     let mut includes = |r: &str, _: &str| Err(osier::Error::io("open", r, std::io::ErrorKind::NotFound.into()));
     let defines = BTreeMap::new();
-    let source =
-        grammar::GrammarSource { name: "mine.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let source = grammar::GrammarSource {
+        name: "mine.l",
+        bytes: text.as_bytes(),
+        includes: &mut includes,
+        defines: &defines,
+        functions: Default::default(),
+    };
     grammar::parse(&mut sources, source, &Limits::default())
 }
 

@@ -11,6 +11,6 @@ use osier::limits::Limits;
 fuzz_target!(|bytes: &[u8]| {
     let mut includes = |r: &str, _: &str| Err(osier::Error::io("open", r, std::io::ErrorKind::NotFound.into()));
     let defines = BTreeMap::new();
-    let source = GrammarSource { name: "a.l", bytes, includes: &mut includes, defines: &defines };
+    let source = GrammarSource { name: "a.l", bytes, includes: &mut includes, defines: &defines, functions: Default::default() };
     let _ = parse(&mut Sources::default(), source, &Limits::default());
 });

@@ -26,8 +26,13 @@ fn read(text: &str) -> Grammar {
     let mut none = |reference: &str, _: &str| {
         Err(osier::Error::io("open", reference, std::io::Error::from(std::io::ErrorKind::NotFound)))
     };
-    let source =
-        GrammarSource { name: "test.l", bytes: text.as_bytes(), includes: &mut none, defines: &BTreeMap::default() };
+    let source = GrammarSource {
+        name: "test.l",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &BTreeMap::default(),
+        functions: Default::default(),
+    };
     let (grammar, warnings) =
         parse(&mut Sources::default(), source, &Limits::default()).unwrap_or_else(|e| panic!("{e}"));
     assert!(warnings.is_empty(), "{warnings:?}");

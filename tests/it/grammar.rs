@@ -25,7 +25,13 @@ fn read(sources: &mut Sources, text: &[u8], defines: &BTreeMap<String, String>) 
     let includes: &mut Includes<'_> = &mut missing;
     parse(
         sources,
-        GrammarSource { name: "test.l", bytes: text, includes: &mut |a, b| includes(a, b), defines },
+        GrammarSource {
+            name: "test.l",
+            bytes: text,
+            includes: &mut |a, b| includes(a, b),
+            defines,
+            functions: Default::default(),
+        },
         &Limits::default(),
     )
 }

@@ -109,7 +109,7 @@ impl TurtleBindings {
     fn catkin(&mut self, symbols: &mut Symbols, names: &mut NameTable) {
         let uniform = |a: f64, b: f64| Bytecode {
             ops: vec![Op::Const(a), Op::Const(b), Op::Random(RandomFunction::Uniform)],
-            places: Vec::new(),
+            ..Bytecode::default()
         };
         // Angles of table 1, uniform between their bounds, degrees.
         for (name, low, high) in [("delta", 0.0, 60.0), ("spin", 0.0, 180.0), ("gamma", -15.0, 15.0)] {
@@ -122,7 +122,7 @@ impl TurtleBindings {
             }
         };
         // Step length of a hair, m.
-        let step = Bytecode { ops: vec![Op::Const(0.0058)], places: Vec::new() };
+        let step = Bytecode { ops: vec![Op::Const(0.0058)], ..Bytecode::default() };
         bind('F', TurtleAction::Forward, Some(step));
         bind('S', TurtleAction::Organ("stalk".into()), None);
         // Symbol, axis, angle, clockwise.
@@ -144,7 +144,7 @@ impl TurtleBindings {
             // Clockwise turns negate the angle.
             let mut ops = vec![Op::Local(angle)];
             ops.extend(clockwise.then_some(Op::Unary(UnaryOp::Neg)));
-            bind(c, TurtleAction::RotateWorld(axis), Some(Bytecode { ops, places: Vec::new() }));
+            bind(c, TurtleAction::RotateWorld(axis), Some(Bytecode { ops, ..Bytecode::default() }));
         }
     }
 

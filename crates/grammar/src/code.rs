@@ -1,5 +1,8 @@
 //! Expressions and statements as code for a small stack machine.
 
+use std::sync::Arc;
+
+use super::functions::FunctionTables;
 use super::token::SourcePlace;
 
 /// Functions of one argument without side effects.
@@ -52,6 +55,38 @@ pub(crate) enum RandomFunction {
     Uniform,
 }
 
+/// Functions that read the tables of companion files; the first argument is a number of a function or of a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum TableFunction {
+    Func,
+    /// A coordinate of a curve: 0, 1 or 2.
+    Curve(u8),
+    CurveLength,
+}
+
+impl TableFunction {
+    /// The function of a name, with its number of arguments.
+    pub fn named(name: &str) -> Option<(Self, usize)> {
+        Some(match name {
+            "func" => (Self::Func, 2),
+            "curveX" => (Self::Curve(0), 2),
+            "curveY" => (Self::Curve(1), 2),
+            "curveZ" => (Self::Curve(2), 2),
+            "curveGAL" => (Self::CurveLength, 1),
+            _ => return None,
+        })
+    }
+
+    /// Value at `x` of table `id`; `None` if there is no such table.
+    pub fn value(self, tables: &FunctionTables, id: f64, x: f64) -> Option<f64> {
+        match self {
+            Self::Func => tables.value(id, x),
+            Self::Curve(axis) => tables.curve(id, x)?.get(usize::from(axis)).copied(),
+            Self::CurveLength => tables.curve_length(id),
+        }
+    }
+}
+
 /// Instruction of the stack machine; most pop their operands and push their result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Op {
@@ -73,6 +108,8 @@ pub(crate) enum Op {
     /// Pairs of (value, share) on the stack.
     Choose(usize),
     Srand,
+    /// Function of a table, and index into [`Bytecode::places`] for a table that is missing.
+    Table(TableFunction, usize),
     Stop,
     Pop,
     Jump(usize),
@@ -93,6 +130,8 @@ pub(crate) enum Op {
 pub(crate) struct Bytecode {
     pub ops: Vec<Op>,
     pub places: Vec<SourcePlace>,
+    /// The tables that [`Op::Table`] reads.
+    pub tables: Option<Arc<FunctionTables>>,
 }
 
 /// A parameter of a successor. Constants and plain variables, the common cases, need no machine.

@@ -15,7 +15,7 @@
 //! let (mut sources, limits, defines) = (Sources::default(), Limits::default(), BTreeMap::new());
 //! let mut includes = |name: &str, _: &str| Err(Error::io("open", name, NotFound.into()));
 //! let source =
-//!     GrammarSource { name: "algae.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+//!     GrammarSource { name: "algae.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines, functions: Default::default() };
 //! let (grammar, _warnings) = parse(&mut sources, source, &limits)?;
 //! let derived = derive(&grammar, &DeriveOptions::default(), &limits)?;
 //! assert_eq!(grammar.print(&derived.modules), "ABAAB");
@@ -32,6 +32,7 @@ pub mod companion;
 mod compile;
 mod derive;
 mod evaluate;
+mod functions;
 mod grammar;
 mod lint;
 mod modules;
@@ -42,10 +43,12 @@ mod token;
 mod vm;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 pub use binding::{Dialect, TurtleAction, TurtleAxis};
 pub use derive::{DeriveOptions, DerivedString, Prediction, derive, interpret, predict};
 pub use evaluate::BindingEvaluator;
+pub use functions::{DataFunction, FunctionTables, Spline, SplineEnds};
 pub use grammar::Grammar;
 pub use modules::{Module, ModuleString};
 pub use preprocess::{Define, DefineRange, Includes};
@@ -66,6 +69,8 @@ pub struct GrammarSource<'a> {
     pub includes: &'a mut Includes<'a>,
     /// Values that replace those of its `#define`s.
     pub defines: &'a BTreeMap<String, String>,
+    /// Functions and curves that its expressions read; empty without companion files.
+    pub functions: Arc<FunctionTables>,
 }
 
 /// Reads a grammar. The texts are added to `sources`, into which all diagnostics point.
@@ -75,7 +80,8 @@ pub struct GrammarSource<'a> {
 pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) -> Result<(Grammar, Vec<Diagnostic>)> {
     let mut session = ParseSession::default();
     let first = sources.ids().count();
-    let GrammarSource { name, bytes, includes, defines } = source;
+    let GrammarSource { name, bytes, includes, defines, functions } = source;
+    session.functions = functions;
     let input = preprocess::PreprocessorInput { name, bytes, includes, defines, limits };
     // Preprocess: includes, conditionals and macros give one list of tokens.
     let preprocessed = preprocess::run(&mut session, sources, input);

@@ -16,7 +16,13 @@ pub(crate) fn try_read(text: &str) -> Result<(Grammar, Vec<Diagnostic>)> {
         "self.h" => Ok(("self.h".to_owned(), b"#include \"self.h\"\n".to_vec())),
         _ => Err(Error::io("open", r, std::io::Error::from(std::io::ErrorKind::NotFound))),
     };
-    let source = GrammarSource { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let source = GrammarSource {
+        name: "test.l",
+        bytes: text.as_bytes(),
+        includes: &mut includes,
+        defines: &defines,
+        functions: Default::default(),
+    };
     parse(&mut sources, source, &Limits::default())
 }
 
@@ -72,6 +78,29 @@ fn expressions_have_the_values_of_the_language() {
 }
 
 #[test]
+fn functions_of_companion_files_are_read_by_number_and_name() {
+    let mut tables = FunctionTables::default();
+    tables.add_function(1, "width", DataFunction::new(&[[0.0, 2.0], [1.0, 4.0]], 0));
+    tables.add_curve(2, Spline::new(&[[0.0; 3], [3.0, 0.0, 4.0]], SplineEnds::Clamped));
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: S\nS --> V(func(WIDTH,0.25)) V(func(1,7)) V(curveX(2,0.5)) \
+        V(curveY(2,0.5)) V(curveZ(2,0.25)) V(curveGAL(2)) : 1\nendlsystem";
+    let (mut sources, defines, limits) = (Sources::default(), BTreeMap::new(), Limits::default());
+    let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };
+    let functions = Arc::new(tables);
+    let source =
+        GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &defines, functions };
+    let (g, _) = parse(&mut sources, source, &limits).expect("reads");
+    let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");
+    assert_eq!(g.print(&d.modules), "V(2.5)V(4)V(1.5)V(0)V(1)V(5)");
+    // In a block the locations of a call move behind those before it.
+    let (g, _) = read("Lsystem: 1\nderivation length: 1\nAxiom: A\nA : {x = 1; y = func(3,x);} --> B(y)\nendlsystem");
+    let d = derive(&g, &DeriveOptions::default(), &limits).expect("derives");
+    assert_eq!(g.print(&d.modules), "B(0)");
+    let said = g.report(d.warnings).to_string();
+    assert!(said.contains("function 3 is unknown") && said.contains(":4:17"), "{said}");
+}
+
+#[test]
 fn formulas_keep_short_circuits_and_conditions_apart() {
     assert_eq!(steps(1, "A(2)", "A(x) : x>1 && (x<3 || 5/0) --> B(x?x*2:0)\n"), "B(4)");
     assert_eq!(steps(1, "A(0)", "A(x) : x>1 --> B\nA(x) : x<=1-->C"), "C");
@@ -115,12 +144,24 @@ fn defines_are_known_with_comment_and_can_be_overridden() {
     let mut sources = Sources::default();
     let mut set = BTreeMap::from([("ANGLE".to_owned(), "45".to_owned())]);
     let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };
-    let source = GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
+    let source = GrammarSource {
+        name: "t.l",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &set,
+        functions: Default::default(),
+    };
     let (g, _) = parse(&mut sources, source, &Limits::default()).expect("reads");
     let d = derive(&g, &DeriveOptions { steps: Some(0), ..Default::default() }, &Limits::default()).expect("derives");
     assert_eq!(g.print(&d.modules), "F(45)");
     set = BTreeMap::from([("ANGEL".to_owned(), "45".to_owned()), ("ANGL".to_owned(), "45".to_owned())]);
-    let source = GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
+    let source = GrammarSource {
+        name: "t.l",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &set,
+        functions: Default::default(),
+    };
     let e = parse(&mut sources, source, &Limits::default()).expect_err("no such define").to_string();
     assert!(e.contains("no #define is named 'ANGL'") && e.contains("did you mean 'ANGLE'?"), "{e}");
 }

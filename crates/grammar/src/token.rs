@@ -1,5 +1,8 @@
 //! Tokens of a grammar file, and the diagnostics about them.
 
+use std::sync::Arc;
+
+use super::functions::FunctionTables;
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
 /// Where a token was written and through which macros it came.
@@ -109,6 +112,8 @@ pub(crate) struct ParseSession {
     pub diagnostics: Vec<Diagnostic>,
     /// Remarks that only a verbose run shows.
     pub notes: Vec<Diagnostic>,
+    /// Functions and curves of companion files.
+    pub functions: Arc<FunctionTables>,
 }
 
 /// Macro uses listed below a diagnostic; deeper nesting is left out.

@@ -1,6 +1,6 @@
 //! The stack machine that runs expressions and statements.
 
-use super::code::{Bytecode, Expr, Op, RandomFunction, is_zero, truth};
+use super::code::{Bytecode, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
 use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
@@ -295,11 +295,26 @@ impl Vm {
                 }
                 Op::Random(f) => self.push_random(f),
                 Op::Choose(n) => self.choose(n),
+                Op::Table(f, place) => self.read_table(code, f, place),
                 Op::Srand => self.srand(),
                 Op::Stop => self.stopped = true,
             }
         }
         Ok(self.pop())
+    }
+
+    /// Value of a function or a curve of a companion file; 0 with L048 if it is missing.
+    fn read_table(&mut self, code: &Bytecode, f: TableFunction, place: usize) {
+        let x = if f == TableFunction::CurveLength { 0.0 } else { self.pop() };
+        let id = self.pop();
+        let value = code.tables.as_ref().and_then(|t| f.value(t, id, x));
+        if value.is_none()
+            && let Some(place) = code.places.get(place)
+        {
+            let what = if f == TableFunction::Func { "function" } else { "curve" };
+            self.warnings.add("L048", *place, &format!("{what} {id} is unknown, its value is 0"));
+        }
+        self.stack.push(value.unwrap_or(0.0));
     }
 
     fn count_statement(&mut self, code: &Bytecode, place: usize, iterations: u64) -> Result<(), Halt> {

@@ -635,6 +635,7 @@ impl Resolver<'_> {
             bytes: &file.bytes,
             includes: &mut includes,
             defines: &defines,
+            functions: Default::default(),
         };
         let mut sources = Sources::default();
         let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);

@@ -1,7 +1,7 @@
 //! Expressions: operator precedence with an explicit stack, straight into code.
 
 use super::{Compiler, NameScope, TokenCursor};
-use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
+use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, TableFunction, UnaryOp, is_zero};
 use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::nearest;
 use osier_base::math::narrow;
@@ -29,14 +29,11 @@ const PREC_AND: u8 = 3;
 const PREC_UNARY: u8 = 9;
 
 /// All functions of the language, for suggestions.
-const FUNCTIONS: [&str; 21] = [
+const FUNCTIONS: [&str; 26] = [
     "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "fabs", "floor", "ceil", "trunc", "sign", "ran",
-    "nran", "bran", "biran", "srand", "choose", "stop",
+    "nran", "bran", "biran", "srand", "choose", "stop", "func", "curveX", "curveY", "curveZ", "curveGAL",
 ];
-const DATA_FUNCTIONS: [&str; 12] = [
-    "func", "curveX", "curveY", "curveZ", "curveGAL", "vvXmin", "vvXmax", "vvYmin", "vvYmax", "vvZmin", "vvZmax",
-    "printf",
-];
+const DATA_FUNCTIONS: [&str; 7] = ["vvXmin", "vvXmax", "vvYmin", "vvYmax", "vvZmin", "vvZmax", "printf"];
 const FILE_FUNCTIONS: [&str; 5] = ["fopen", "fclose", "fscan", "fprintf", "fflush"];
 
 /// An expression under construction.
@@ -426,6 +423,19 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     fn special_call(&mut self, word: &str, place: SourcePlace, args: usize) -> Option<()> {
+        // Tables of companion files: the code keeps them, so that the machine finds them.
+        if let Some((function, wanted)) = TableFunction::named(word) {
+            if args != wanted {
+                let s = if wanted == 1 { "" } else { "s" };
+                let message = format!("{word} takes {wanted} argument{s}, got {args}");
+                return self.error("L022", message, place, "this call");
+            }
+            self.code.places.push(place);
+            self.code.ops.push(Op::Table(function, self.code.places.len() - 1));
+            self.code.tables = Some(std::sync::Arc::clone(&self.compiler.session.functions));
+            self.barrier = self.code.ops.len();
+            return Some(());
+        }
         match word {
             // Value and share alternate on the stack; the machine receives the number of pairs.
             "choose" => {

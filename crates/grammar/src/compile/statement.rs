@@ -135,12 +135,14 @@ impl BlockCompiler<'_, '_> {
         let shift = self.code.ops.len();
         let places = self.code.places.len();
         self.code.places.extend(code.places);
+        self.code.tables = self.code.tables.take().or(code.tables);
         self.code.ops.extend(code.ops.into_iter().map(|op| match op {
             Op::Jump(t) => Op::Jump(t + shift),
             Op::JumpIfZero(t) => Op::JumpIfZero(t + shift),
             Op::And(t) => Op::And(t + shift),
             Op::Or(t) => Op::Or(t + shift),
             Op::Binary(b, p) => Op::Binary(b, p + places),
+            Op::Table(f, p) => Op::Table(f, p + places),
             other => other,
         }));
         Some(())

@@ -282,6 +282,7 @@ pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings)
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
             "L033" => "weights must be 0 or more",
             "L034" => "give at least one production a positive weight",
+            "L048" => "name its file in the view file: `function: FILE` or `contour: ID FILE`",
             "L052" => "raise 'maximum depth', or end the expansion by a condition",
             "L054" => "shorten the derivation length",
             _ => "",

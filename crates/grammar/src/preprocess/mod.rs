@@ -143,11 +143,16 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
 
 impl Preprocessor<'_> {
     fn predefine(&mut self) {
-        let source = self.sources.add("predefined", "1");
-        let body = lexer::lex(self.session, source, "1").tokens;
-        let body: Rc<[Token]> = body.into_iter().filter(|t| !t.is_newline()).collect();
-        let name = self.session.names.intern("OSIER");
-        self.macros.insert(name, MacroDefinition { params: None, body });
+        // `OSIER`, and the functions of companion files by their names.
+        let functions = std::sync::Arc::clone(&self.session.functions);
+        for (name, value) in [("OSIER", 1)].into_iter().chain(functions.names()) {
+            let text = value.to_string();
+            let source = self.sources.add("predefined", text.as_str());
+            let body = lexer::lex(self.session, source, &text).tokens;
+            let body: Rc<[Token]> = body.into_iter().filter(|t| !t.is_newline()).collect();
+            let name = self.session.names.intern(name);
+            self.macros.insert(name, MacroDefinition { params: None, body });
+        }
     }
 
     /// Puts a file on top of the reading stack.

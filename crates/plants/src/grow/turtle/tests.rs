@@ -16,7 +16,13 @@ fn read(text: &str) -> Grammar {
     let mut sources = Sources::default();
     let defines = BTreeMap::new();
     let mut includes = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!("includes nothing") };
-    let source = GrammarSource { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let source = GrammarSource {
+        name: "test.l",
+        bytes: text.as_bytes(),
+        includes: &mut includes,
+        defines: &defines,
+        functions: Default::default(),
+    };
     parse(&mut sources, source, &Limits::default()).unwrap_or_else(|e| panic!("{e}")).0
 }
 
