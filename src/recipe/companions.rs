@@ -17,6 +17,7 @@ use osier_grammar::companion::{
     ColorTable, ContourFile, FileLine, FunctionFile, SurfaceFile, SurfaceLine, SurfaceTriangle, View, read_contours,
     read_functions, read_ray, read_surface, read_view,
 };
+use osier_grammar::{DataFunction, FunctionTables};
 use osier_scene::{Image, MaterialClass};
 
 /// Most bytes of one companion file. Source: as of grammars.
@@ -63,6 +64,18 @@ pub struct Companions {
     pub textures: BTreeMap<u32, Image>,
     /// What has no effect, for those who ask for notes.
     pub notes: Report,
+}
+
+impl Companions {
+    /// Functions and contours as grammars evaluate them.
+    pub fn function_tables(&self) -> Arc<FunctionTables> {
+        let mut tables = FunctionTables::default();
+        for (id, function) in (1..).zip(&self.functions) {
+            tables.add_function(id, &function.name, DataFunction::new(&function.points, function.samples));
+        }
+        self.contours.iter().for_each(|(id, contour)| tables.add_curve(*id, contour.spline()));
+        Arc::new(tables)
+    }
 }
 
 /// Files beside a grammar, and what there was to say about them.

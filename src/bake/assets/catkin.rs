@@ -163,6 +163,7 @@ pub fn grow_skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &Bak
         bytes: text.as_bytes(),
         includes: &mut none,
         defines: &std::collections::BTreeMap::new(),
+        functions: Default::default(),
     };
     let (grammar, _): (Grammar, _) = parse(&mut Sources::default(), source, context.limits)?;
     let key = variant_seed(seed, variant);

@@ -31,6 +31,8 @@ pub struct MaterialSet {
     pub season: Option<SeasonMaterials>,
     /// Materials by the colour indices that the turtle has drawn axes with.
     pub paints: BTreeMap<u8, u16>,
+    /// Materials of the view's textures by number.
+    pub textures: BTreeMap<u32, u32>,
     /// Skeleton, wood and leaves that were found in the mesh of a whole plant.
     pub tree: Option<Arc<MeshPlant>>,
 }

@@ -24,13 +24,13 @@ use osier_base::diagnostic::Report;
 use osier_base::math::narrow;
 use osier_base::units::radians;
 use osier_base::{Error, Result};
-use osier_grammar::companion::{LineStyle as ViewLine, View, ViewTropism};
+use osier_grammar::companion::{ContourFile, LineStyle as ViewLine, View, ViewTropism};
 use osier_grammar::{DeriveOptions, derive};
 use osier_plants::crown::crown_attributes;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
-use osier_plants::grow::turtle::{self, OrganSpec, RadiusModel, Tropism, TurtleOptions};
+use osier_plants::grow::turtle::{self, Contour, OrganSpec, RadiusModel, Tropism, TurtleOptions};
 use osier_plants::grow::years::GrowthClip;
 use osier_scene::plant::Plant;
 
@@ -236,6 +236,10 @@ fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptio
         tapered: keys.tapered.or(view.tapered).unwrap_or(defaults.tapered),
         tropisms,
         painted: companions.colors.is_some(),
+        contours: companions.contours.iter().map(|(id, c)| (*id, contour(c))).collect(),
+        sides: keys.sides.or(view.sides).unwrap_or(defaults.sides),
+        twist: keys.twist.or(view.twist).unwrap_or(defaults.twist),
+        textures: set.textures.clone(),
         old_tropism: DVec3::from_array(keys.old_tropism.or(view.old_direction).unwrap_or([0.0, 1.0, 0.0])),
         old_elasticity: keys.old_elasticity.or(view.old_elasticity).unwrap_or(0.0),
         old_increment: keys.old_increment.or(view.old_increment).unwrap_or(0.0),
@@ -273,6 +277,10 @@ fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
         }
         _ => RadiusModel::Auto,
     }
+}
+
+fn contour(file: &ContourFile) -> Contour {
+    Contour { curve: file.spline(), closed: file.closed }
 }
 
 /// The point of an organ that the turtle moves to, in the units of its mesh.

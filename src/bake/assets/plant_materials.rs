@@ -47,6 +47,9 @@ const NEEDLE_ROUGHNESS: f32 = 0.5;
 /// Needles are thick: they let through this share of what a blade with the same key would.
 const NEEDLE_TRANSLUCENCY: f32 = 0.3;
 
+/// Linear colour of the bark of plants that wear the colours of a file.
+const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
+
 /// Roughness of surfaces with a picture of a view, which says nothing about it. Own: as of leaves.
 const SURFACE_ROUGHNESS: f32 = 0.5;
 
@@ -73,12 +76,22 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
             set.add(catkin::hair_material(&name), Vec::new())?;
             continue;
         }
+        // Whatever such a grammar draws wears a colour of its file: bark without pictures takes its place in the list.
+        if plant.companions.colors.is_some() {
+            set.add(Material::plain(name, MaterialClass::Bark, PLAIN_BARK, SURFACE_ROUGHNESS), Vec::new())?;
+            continue;
+        }
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
         let mut surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
         if bears_blades(plant) {
             make_blade_material(&mut surface.material);
         }
         set.add(surface.material, surface.images)?;
+    }
+    for (number, picture) in &plant.companions.textures {
+        let name = format!("{}_texture_{number}", plant.id);
+        let id = add_texture(&mut set, picture, &name)?;
+        set.textures.insert(*number, id);
     }
     // Organs: a mesh from a file, a leaf drawn by a table, or a blade built from its parameters.
     for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
@@ -388,10 +401,7 @@ fn add_surface_organ(
     name: &str,
 ) -> Result<OrganSpec> {
     let Some(surface) = &recipe.surface else { return Err(Error::input("S005", "an organ without its surface")) };
-    let texture = match plant.companions.textures.get(&surface.texture) {
-        Some(picture) => Some(add_texture(set, picture, &format!("{}_texture_{}", plant.id, surface.texture))?),
-        None => None,
-    };
+    let texture = set.textures.get(&surface.texture).copied();
     let mesh = match &surface.form {
         SurfaceForm::Patches(file) => patch_mesh(file, surface.quads, texture),
         SurfaceForm::Triangles(triangles) => triangle_mesh(triangles, texture),
@@ -405,11 +415,8 @@ fn add_surface_organ(
     Ok(OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole })
 }
 
-/// The material of a thin surface with a picture; the same picture is added once.
-pub(crate) fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32> {
-    if let Some(known) = set.materials.iter().position(|m| m.name == name) {
-        return index(known, "materials of a plant");
-    }
+/// Adds the material of a thin surface with a picture.
+fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32> {
     let mut material = Material::plain(name.to_owned(), MaterialClass::Leaf, [0.5; 3], SURFACE_ROUGHNESS);
     material.double_sided = true;
     material.maps.color = Some(0);

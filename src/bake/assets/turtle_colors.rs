@@ -91,7 +91,8 @@ fn color_material(plant: &str, paint: Paint, colors: &ColorTable) -> Material {
     let class = if paint.thin { MaterialClass::Leaf } else { MaterialClass::Bark };
     let name = format!("{plant}_color_{}{thin}", paint.index);
     let mut material = Material::plain(name, class, color.base, color.roughness.clamp(0.05, 1.0));
-    material.double_sided = paint.thin;
+    // Contours are closed around, but not at their ends.
+    material.double_sided = true;
     material.translucency = if paint.thin { color.transparency.max(THIN_TRANSLUCENCY) } else { color.transparency };
     material
 }

@@ -15,7 +15,7 @@ use crate::recipe::{CARD, Companions, Growth, OrganRecipe, PlantRecipe, Referenc
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use osier_base::files::Names;
-use osier_grammar::Grammar;
+use osier_grammar::{FunctionTables, Grammar};
 use osier_ifs::stems::{TreeSystem, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
@@ -261,7 +261,7 @@ impl Resolver<'_> {
             (Some(reference), _) => {
                 let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
                 companions = self.companions(&file, &turtle);
-                let grammar = self.grammar(&file, &keys)?;
+                let grammar = self.grammar(&file, &keys, companions.function_tables())?;
                 let mut letters = grammar.organ_symbols();
                 let is_drawn = companions.view.is_some();
                 // What a view draws stands on nothing, and letters without a surface draw nothing.
@@ -613,7 +613,7 @@ impl Resolver<'_> {
     }
 
     /// Parses a grammar; the files that it includes take part in the scene's hash.
-    fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys) -> Option<Grammar> {
+    fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys, functions: Arc<FunctionTables>) -> Option<Grammar> {
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
         // Includes are resolved beside the file that names them; the bytes of each take part in the scene hash.
@@ -635,7 +635,7 @@ impl Resolver<'_> {
             bytes: &file.bytes,
             includes: &mut includes,
             defines: &defines,
-            functions: Default::default(),
+            functions,
         };
         let mut sources = Sources::default();
         let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);

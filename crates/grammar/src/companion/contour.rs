@@ -1,6 +1,7 @@
 //! Contours: outlines of generalised cylinders.
 
 use super::words::Reader;
+use crate::{Spline, SplineEnds};
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
 /// Most points of a contour, and most contours of a set.
@@ -15,6 +16,13 @@ pub struct ContourFile {
     pub closed: bool,
     /// Control points, each as often as its multiplicity says.
     pub points: Vec<[f64; 3]>,
+}
+
+impl ContourFile {
+    /// The curve of its points.
+    pub fn spline(&self) -> Spline {
+        Spline::new(&self.points, if self.closed { SplineEnds::Closed } else { SplineEnds::Open })
+    }
 }
 
 /// Reads a contour or a set of contours, in any version of the format: `cver`, `version:`, sets, and the older form whose first line has

@@ -4,9 +4,10 @@ use glam::DVec3;
 
 use super::builder::{NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
+use super::cylinders::{CylinderState, OpenCylinder, TANGENT};
+use super::extended::TurtlePatches;
 use super::frame::{TurtleFrame, TurtlePose};
 use super::options::TurtleOptions;
-use super::paint::Paint;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
 use super::tropism;
 use osier_base::Result;
@@ -47,6 +48,9 @@ pub(super) struct TurtleState {
     pub(super) color: u8,
     /// Whether what is drawn wears the colour index.
     painted: bool,
+    /// Material of the texture that shapes wear.
+    pub(super) texture: Option<osier_scene::MaterialId>,
+    pub(super) cylinder: CylinderState,
     elasticity: [f64; tropism::MAX_TROPISMS],
     tropism_elasticity: f64,
     keep_roll: bool,
@@ -101,6 +105,9 @@ pub(super) struct Turtle<'a> {
     pub(super) s: TurtleState,
     stack: Vec<TurtleState>,
     polygons: Vec<Polygon>,
+    /// Of each bracket level the cylinder that is open there.
+    pub(super) cylinders: Vec<Option<OpenCylinder>>,
+    pub(super) patches: TurtlePatches,
     prefix: Prefix,
     /// End node of the segment that still waits for its end width.
     open_segment: Option<u32>,
@@ -142,6 +149,14 @@ impl<'a> Turtle<'a> {
             scale: options.scale,
             color: options.color,
             painted: options.painted,
+            texture: None,
+            cylinder: CylinderState {
+                contour: 0,
+                sides: options.sides,
+                tangent: TANGENT,
+                slopes: None,
+                relative: false,
+            },
             elasticity,
             tropism_elasticity: options.old_elasticity,
             keep_roll: options.tropism_keep_roll,
@@ -164,6 +179,8 @@ impl<'a> Turtle<'a> {
             s,
             stack: Vec::new(),
             polygons: Vec::new(),
+            cylinders: vec![None],
+            patches: TurtlePatches::new(),
             prefix: Prefix::None,
             open_segment: None,
             default_turn: (math::cos(angle), math::sin(angle)),
@@ -272,7 +289,7 @@ impl<'a> Turtle<'a> {
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
             Command::Level => self.s.frame.level(),
             Command::Push => self.push_state(m),
-            Command::Pop => self.pop_state(),
+            Command::Pop => self.pop_state(m),
             // Increments of `#` and `!` scale with the turtle, as a parameter does.
             Command::Width(up) => {
                 let step = if up { self.options.width_increment } else { -self.options.width_increment };
@@ -291,12 +308,14 @@ impl<'a> Turtle<'a> {
                 self.set_color(color_index(value));
             }
             Command::OpenPolygon => {
-                if !m.params.is_empty() {
-                    self.warn("L008", (None, c), "splines are not supported, read as a polygon".into(), "");
-                }
-                self.open_polygon();
+                self.open_shape(m);
+            }
+            Command::Vertex if self.is_in_spline() => {
+                let strips = self.strips(m, 1);
+                self.cylinder_point(strips);
             }
             Command::Vertex => self.vertex(),
+            Command::ClosePolygon if self.is_in_spline() => self.finish_cylinder(m),
             Command::ClosePolygon => self.fill_polygon(m),
             Command::TropismElasticity => {
                 let raised = self.s.tropism_elasticity + self.options.old_increment;
@@ -364,12 +383,18 @@ impl<'a> Turtle<'a> {
             return self.halt("L051", '[', format!("more than {} open branches", self.max_stack), help);
         }
         self.stack.push(self.s);
+        self.cylinders.push(None);
         self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage };
     }
 
-    fn pop_state(&mut self) {
+    fn pop_state(&mut self, m: Module<'_>) {
         match self.stack.pop() {
-            Some(s) => self.s = s,
+            Some(s) => {
+                // A cylinder whose end is not marked ends with its branch.
+                self.finish_cylinder(m);
+                self.cylinders.pop();
+                self.s = s;
+            }
             None => {
                 let help = "every ']' needs a '[' before it";
                 self.warn("L053", (None, ']'), "unmatched ']' in the string".into(), help);
@@ -399,9 +424,9 @@ impl<'a> Turtle<'a> {
         self.s.painted.then_some(self.s.color)
     }
 
-    /// Material of polygons and discs (`thin`), and of spheres.
-    pub(super) fn shape_material(&self, thin: bool) -> osier_scene::MaterialId {
-        self.worn_color().map_or(self.options.shape_material, |index| Paint { index, thin }.material())
+    /// Number of open polygons.
+    pub(super) fn polygon_count(&self) -> usize {
+        self.polygons.len()
     }
 
     pub(super) fn open_polygon(&mut self) {
@@ -426,17 +451,23 @@ impl<'a> Turtle<'a> {
         }
         let from = self.s.p;
         self.s.p += self.s.frame.h * length;
+        // A cylinder that is open here is the stem itself.
+        let is_stem = self.cylinder().is_some();
         // A drawn step extends the current axis. A jump ends it: what is drawn next opens an axis of its own.
-        if draws {
+        if draws && !is_stem {
             self.segment(from, m);
             self.s.last = self.s.frame;
         } else {
+            if draws {
+                self.s.last = self.s.frame;
+            }
             self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
         }
         if self.s.tropism_elasticity.abs() > 0.0 {
             tropism::apply_tropism_after_step(&mut self.s.frame, self.options.old_tropism, self.s.tropism_elasticity);
         }
         if adds_vertex {
+            self.step_point();
             self.vertex();
         }
     }
@@ -531,10 +562,14 @@ impl<'a> Turtle<'a> {
                 self.s.frame.set(DVec3::new(v[0], v[1], v[2]), up, &last);
             }
             'o' | 'c' | 'O' => self.disc_or_sphere(c, m),
-            ';' | ',' | '#' | '!' => {}
+            // No format has a colour of the reverse.
+            ';' | ',' => {}
+            '#' => self.s.cylinder.contour = self.strips_or(m, 0),
+            '!' => self.s.cylinder.sides = self.strips_or(m, self.options.sides).clamp(3, 256),
             'D' | 'T' if !m.params.is_empty() => self.at_command_without_letter(c, m.params),
             'D' | 'T' | 'b' | 'G' | 'P' => self.prefix = Prefix::Letter(c),
-            'L' => self.warn("L008", (Some('@'), c), "labels are not supported".into(), "nothing is drawn"),
+            // Labels draw nothing.
+            'L' => {}
             'S' | 'I' | 'J' | 'm' => {
                 let message = format!("command '@{c}' is not available in grammars");
                 self.halted = true;
@@ -596,13 +631,14 @@ impl<'a> Turtle<'a> {
             }
             ('T', 'p') => self.s.frame = self.s.last.with_heading(self.s.frame.h),
             ('T', 'f') => self.s.keep_roll = true,
+            ('T', 'x') => self.set_texture(m),
             ('D' | 'T', _) => {
                 self.at_command_without_letter(first, &[]);
                 return false;
             }
+            _ if self.extended_command(first, c, m) => {}
             _ => {
-                let what = if first == 'G' { "generalised cylinders are" } else { "this command is" };
-                let message = format!("'@{first}{c}': {what} not supported");
+                let message = format!("'@{first}{c}': this command is not supported");
                 self.warn("L008", (Some('@'), first), message, "nothing is drawn");
             }
         }

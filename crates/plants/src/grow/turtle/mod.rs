@@ -6,6 +6,8 @@
 mod bound_actions;
 mod builder;
 mod commands;
+mod cylinders;
+mod extended;
 mod frame;
 mod interpreter;
 mod options;
@@ -16,6 +18,7 @@ mod prototypes;
 mod tropism;
 
 pub(super) use builder::set_exposed_lengths;
+pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
 pub use paint::{Paint, TURTLE_COLOR};
 

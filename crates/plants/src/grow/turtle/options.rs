@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::cylinders::Contour;
 use crate::grow::radii::{Pipe, Taper};
 use osier_scene::plant::Proto;
 use osier_scene::{MaterialId, Mesh};
@@ -111,6 +112,14 @@ pub struct TurtleOptions {
     pub tropism_keep_roll: bool,
     /// Organs by the symbol after `~`.
     pub organs: BTreeMap<char, OrganSpec>,
+    /// Contours of generalised cylinders by number.
+    pub contours: BTreeMap<u32, Contour>,
+    /// Sides of a contour at the start.
+    pub sides: u32,
+    /// Whether generalised cylinders turn with the turtle instead of by the least twist.
+    pub twist: bool,
+    /// Materials of textures by number.
+    pub textures: BTreeMap<u32, MaterialId>,
     /// Points of organs, in the units of their meshes, that the turtle moves to once it has placed them; after organs without one it stays.
     pub organ_ends: BTreeMap<char, DVec3>,
     /// Names of the plant's materials, which the indices below refer to.
@@ -149,6 +158,10 @@ impl Default for TurtleOptions {
             tropism_keep_roll: false,
             organs: BTreeMap::new(),
             organ_ends: BTreeMap::new(),
+            contours: BTreeMap::new(),
+            sides: 8,
+            twist: false,
+            textures: BTreeMap::new(),
             materials: vec!["bark".into()],
             axis_material: 0,
             shoot_material: None,
