@@ -149,8 +149,8 @@ impl Finder<'_, '_> {
         let stem = path.file_stem()?.to_string_lossy().into_owned();
         let library = &self.resolver.request.library;
         let beside: Vec<String> = endings.iter().flat_map(|e| library.names_beside(&path, e)).collect();
-        let own = |e: &&str| beside.iter().find(|n| n.as_str() == format!("{stem}{e}"));
-        let name = match (endings.iter().find_map(|e| own(&e)), &beside[..]) {
+        let own = |e: &str| beside.iter().find(|n| n.as_str() == format!("{stem}{e}"));
+        let name = match (endings.iter().find_map(|e| own(e)), &beside[..]) {
             (Some(name), _) => name.clone(),
             (None, [only]) if lone => only.clone(),
             _ => return None,

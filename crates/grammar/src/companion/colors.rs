@@ -109,6 +109,7 @@ impl ColorTable {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "what is read is equal to the bit")]
 mod tests {
     use super::*;
 

@@ -224,6 +224,7 @@ fn triangle(reader: &mut Reader<'_>) -> Option<SurfaceTriangle> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "what is read is equal to the bit")]
 mod tests {
     use super::*;
     use osier_base::diagnostic::Sources;

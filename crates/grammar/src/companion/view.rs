@@ -254,7 +254,7 @@ impl ViewReader<'_, '_> {
                 }
                 None => {
                     out.push_str(word);
-                    if !after.is_empty() && !(word.is_empty() && before.is_empty()) {
+                    if !after.is_empty() {
                         rest.push(after.to_owned());
                     }
                 }
@@ -544,8 +544,8 @@ fn without_comments(text: &str) -> String {
     while let Some(at) = rest.find('/') {
         let (before, from) = rest.split_at(at);
         out.push_str(before);
-        let length = if from.starts_with("/*") {
-            from[2..].find("*/").map_or(from.len(), |end| end + 4)
+        let length = if let Some(inside) = from.strip_prefix("/*") {
+            inside.find("*/").map_or(from.len(), |end| end + 4)
         } else if from.starts_with("//") {
             from.find('\n').unwrap_or(from.len())
         } else {

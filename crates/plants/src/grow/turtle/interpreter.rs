@@ -356,7 +356,8 @@ impl<'a> Turtle<'a> {
         // The angle of the module in degrees, or the default angle of the scene.
         let (cos, sin) = if m.params.is_empty() {
             if self.options.angle.is_none() {
-                let help = "give the turn a parameter, or set angle_deg";
+                let help =
+                    "give the turn a parameter, or an angle: --set turtle.angle_deg=90, or a view beside the grammar";
                 self.warn("L045", (None, c), "no angle given, 45 degrees assumed".into(), help);
             }
             self.default_turn
