@@ -17,9 +17,10 @@ use std::path::{Path, PathBuf};
 
 use crate::presets::{self, Preset, PresetKind};
 use crate::recipe::{Library, Request};
-use osier_base::diagnostic::{Diagnostic, Report, nearest};
+use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result, files};
+use osier_grammar::FileKind;
 use osier_ifs::read;
 
 /// Where sources are looked for, and which values of their scenes are overridden.
@@ -30,6 +31,9 @@ pub struct SourceOptions {
     /// Overrides `PATH=VALUE` of scene keys, or of the `#define`s of a bare grammar. `as=cloud` and `as=tree` choose
     /// what a coefficient table is read as.
     pub set: Vec<String>,
+    /// Notation of a grammar (`cpfg`, `abop`, `catkin`, `fractint`, `lparser`, `lpy`) in place of what its content says; a source
+    /// with one is a grammar, whatever its name.
+    pub dialect: Option<String>,
     /// Seed of all random draws in place of the scene's.
     pub seed: Option<u64>,
     /// Limits in force while sources are read and resolved.
@@ -45,8 +49,10 @@ enum TableUse {
     Picture,
 }
 
-/// The request for the scene of a source: a scene (`.toml`), a grammar (`.l`), particle-shapes (`.shapes`), a species (`.species`), a coefficient table
-/// (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or without ending. All but a scene become a scene of their own.
+/// The request for the scene of a source: a scene (`.toml`), a grammar in any notation that `osier_grammar` reads, particle-shapes
+/// (`.shapes`), a species (`.species`), a coefficient table (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or without
+/// ending. What a file is, its content tells before its ending does. `FILE#ENTRY` and `FILE:ENTRY` name one L-system of a file of
+/// Fractint. All but a scene become a scene of their own.
 /// # Errors
 /// `Io` if the source cannot be read, `Input` if it is neither scene nor grammar nor table.
 pub fn find_scene(source: &str, options: &SourceOptions) -> Result<Request> {
@@ -84,7 +90,55 @@ fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Re
     Ok(request)
 }
 
+/// File and entry of `FILE#ENTRY` or `FILE:ENTRY`; a file of this very name comes first.
+fn split_entry(source: &str) -> (&str, Option<&str>) {
+    if Path::new(source).exists() {
+        return (source, None);
+    }
+    let parts = source.rsplit_once('#').filter(|(f, _)| Path::new(f).is_file());
+    let parts = parts
+        .or_else(|| source.match_indices(':').map(|(i, _)| source.split_at(i)).find(|(f, _)| Path::new(f).is_file()));
+    match parts {
+        Some((file, entry)) => (file, Some(entry.trim_start_matches(':'))),
+        None => (source, None),
+    }
+}
+
+/// Sources of the L-systems of a file that holds several, `FILE#ENTRY`; the source itself for any other.
+/// # Errors
+/// `Io` if the file cannot be read.
+pub fn entry_sources(source: &str, limits: &Limits) -> Result<Vec<String>> {
+    let path = Path::new(source);
+    if source == "-" || !path.is_file() {
+        return Ok(vec![source.to_owned()]);
+    }
+    let bytes = files::read_input(path, limits.get("text-bytes"))?;
+    let names = osier_grammar::entries(&file_name(path), &bytes);
+    if names.len() < 2 {
+        return Ok(vec![source.to_owned()]);
+    }
+    Ok(names.iter().map(|n| format!("{source}#{n}")).collect())
+}
+
+/// S001 for a file that is no grammar, with what to do.
+pub(crate) fn no_grammar(name: &str, kind: FileKind, span: Span) -> Diagnostic {
+    match kind {
+        FileKind::Houdini => {
+            let message = format!("\"{name}\" has rules as Houdini writes them, which are not supported");
+            let help = "write 'Lsystem: 1', 'derivation length: 4', 'Axiom: ..', productions 'F --> F[+F]F' and 'endlsystem'; \
+                        '+' turns right in Houdini and left in osier";
+            Diagnostic::error("L007", message, span, "this file").help(help)
+        }
+        FileKind::Grammar(_) | FileKind::Other => {
+            let message = format!("\"{name}\" is no grammar");
+            let help = "a grammar begins with 'Lsystem:', or is a file of Fractint, LParser or L-Py; `dialect` names its notation";
+            Diagnostic::error("S005", message, span, "this file").help(help)
+        }
+    }
+}
+
 fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
+    let (source, entry) = split_entry(source);
     let path = Path::new(source);
     let search = &options.search;
     // A folder is no source: the name of a preset may also be that of the folder it was baked into.
@@ -97,11 +151,28 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     // Read the file before its folder is opened for references: of a path that does not exist, the
     // file is reported.
     let bytes = files::read_input(path, options.limits.get("text-bytes"))?;
-    if ["l", "shapes", "species"].iter().any(|e| path.extension() == Some(OsStr::new(e))) {
+    let has_ending = |list: &[&str]| list.iter().any(|e| path.extension() == Some(OsStr::new(e)));
+    if has_ending(&["shapes", "species"]) && options.dialect.is_none() {
         return Ok(Request {
             library: Library::new(path, search)?,
             ..plant_request(&file_stem(path), &file_name(path))
         });
+    }
+    let kind = osier_grammar::detect(&file_name(path), &bytes);
+    let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
+    match kind {
+        _ if options.dialect.is_some() || has_ending(&["l"]) && kind != FileKind::Houdini => {
+            return grammar_request(path, entry, options);
+        }
+        FileKind::Grammar(_) if !is_mesh_or_table && source != "-" => return grammar_request(path, entry, options),
+        FileKind::Houdini if !is_mesh_or_table => {
+            let mut report = Report::default();
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            let id = report.sources.add(source, text.as_str());
+            report.push(no_grammar(source, kind, Span::new(id, 0, text.lines().next().map_or(0, str::len))));
+            return Err(Error::Input(Box::new(report)));
+        }
+        _ => {}
     }
     if is_coefficient_table(path, &bytes) {
         let file = file_name(path);
@@ -148,6 +219,19 @@ fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, 
     } else {
         Request::cloud(name, file)
     }
+}
+
+/// The request for a scene of one plant of a grammar file, or of one of its L-systems.
+fn grammar_request(path: &Path, entry: Option<&str>, options: &SourceOptions) -> Result<Request> {
+    let file = file_name(path);
+    let name = entry.map_or_else(|| file_stem(path), str::to_owned);
+    let reference = entry.map_or_else(|| file.clone(), |e| format!("{file}#{e}"));
+    let request = Request::bare(&name, &reference);
+    let library = Library::new(path, &options.search)?;
+    // The notation is a key of the plant.
+    let dialect = options.dialect.as_ref().map(|d| format!("dialect = {}\n[ground]\n", toml::Value::String(d.clone())));
+    let text = dialect.map_or_else(|| request.text.clone(), |line| request.text.replace("[ground]\n", &line));
+    Ok(Request { library, text, ..request })
 }
 
 /// The request for a scene of one plant of a grammar, of particle-shapes or of a species.

@@ -8,7 +8,7 @@ use super::{Context, knobs, report};
 use crate::bake::BakeContext;
 use crate::check::{CheckResult, check};
 use crate::recipe::GivenKey;
-use crate::source::find_scene;
+use crate::source::{entry_sources, find_scene};
 use osier_base::diagnostic::{Severity, render_json};
 use osier_base::{Error, Result};
 
@@ -27,7 +27,12 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
     };
     let mut values: Vec<Value> = Vec::new();
     let (mut errors, mut warnings, mut code) = (0, 0, 0);
+    // A file of several L-systems is checked one by one.
+    let mut files = Vec::new();
     for file in &args.files {
+        files.extend(entry_sources(file, &context.limits).unwrap_or_else(|_| vec![file.clone()]));
+    }
+    for file in &files {
         let found = match find_scene(file, &context.sources) {
             Ok(request) => check(&request, context.common.verbose, &work),
             Err(Error::Input(report)) => CheckResult { report: *report, ..CheckResult::default() },

@@ -11,6 +11,7 @@ mod command_line;
 mod condensation;
 mod control;
 mod copies;
+mod dialects;
 mod documents;
 mod figures;
 mod flights;

@@ -73,6 +73,8 @@ pub(crate) enum Op {
     /// Pairs of (value, share) on the stack.
     Choose(usize),
     Srand,
+    /// Numbers the next draws as those after the beginning of the run.
+    RestartDraws,
     Stop,
     Pop,
     Jump(usize),

@@ -5,6 +5,7 @@ use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span};
 
 use super::binding::{Dialect, TurtleAction, TurtleBindings};
+use super::dialect::Notation;
 use super::modules::ModuleString;
 use super::preprocess::Define;
 use super::program::{Program, SuccessorModule};
@@ -23,12 +24,25 @@ pub struct Grammar {
     pub(crate) sources: Sources,
     pub(crate) expansions: Vec<(String, SourcePlace)>,
     pub(crate) start: SourcePlace,
+    pub(crate) notation: Notation,
+    /// Colours of colour indices, sRGB, that the file itself holds.
+    pub(crate) palette: Vec<(u8, [u8; 3])>,
 }
 
 impl Grammar {
     /// Text after `Lsystem:`.
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// The notation that the file was read in.
+    pub fn notation(&self) -> Notation {
+        self.notation
+    }
+
+    /// Colours, sRGB, that the file itself gives to colour indices.
+    pub fn palette(&self) -> &[(u8, [u8; 3])] {
+        &self.palette
     }
 
     /// The comment that opens the file.
@@ -95,7 +109,11 @@ impl Grammar {
     pub fn print(&self, modules: &ModuleString) -> String {
         let mut out = String::new();
         for m in modules.iter() {
-            out.push(self.program.symbols.get(m.symbol));
+            let c = self.program.symbols.get(m.symbol);
+            match self.program.symbols.long_name(c) {
+                Some(name) => out.push_str(name),
+                None => out.push(c),
+            }
             if !m.params.is_empty() {
                 let params: Vec<String> = m.params.iter().map(|p| format_g(f64::from(*p))).collect();
                 out.push_str(&format!("({})", params.join(",")));

@@ -296,6 +296,7 @@ impl Vm {
                 Op::Random(f) => self.push_random(f),
                 Op::Choose(n) => self.choose(n),
                 Op::Srand => self.srand(),
+                Op::RestartDraws => self.number = 0,
                 Op::Stop => self.stopped = true,
             }
         }

@@ -15,7 +15,7 @@ use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use osier_base::files::Names;
-use osier_grammar::Grammar;
+use osier_grammar::{FileKind, Grammar, Notation, ReadAs};
 use osier_ifs::stems::{TreeSystem, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
@@ -39,11 +39,45 @@ choices! {
     }
 }
 
+choices! {
+    /// Notation of a grammar file.
+    GrammarDialect {
+        /// cpfg.
+        Cpfg = "cpfg",
+        /// cpfg, drawn as in "The Algorithmic Beauty of Plants".
+        Abop = "abop",
+        /// cpfg, drawn as a catkin.
+        Catkin = "catkin",
+        /// Fractint.
+        Fractint = "fractint",
+        /// LParser.
+        LParser = "lparser",
+        /// L-Py.
+        LPy = "lpy",
+    }
+}
+
+impl GrammarDialect {
+    /// The notation of this word.
+    pub fn notation(self) -> Notation {
+        match self {
+            Self::Cpfg => Notation::Cpfg,
+            Self::Abop => Notation::Abop,
+            Self::Catkin => Notation::Catkin,
+            Self::Fractint => Notation::Fractint,
+            Self::LParser => Notation::LParser,
+            Self::LPy => Notation::LPy,
+        }
+    }
+}
+
 keys! {
     /// A plant; NAME is any name.
     PlantKeys at "plants.NAME" {
         /// Grammar (L-system) of the plant.
-        grammar: Option<Reference> = "grammar" FileReference(".l"), basic;
+        grammar: Option<Reference> = "grammar" FileReference(".l, .ls, .lpy"), basic;
+        /// Notation of the grammar, where its content does not tell.
+        dialect: Option<GrammarDialect> = "dialect" OptionalKey(OneOf(GrammarDialect::Cpfg), "what the file's content says");
         /// Coefficient table of a tree, instead of a grammar.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml"), basic;
         /// Mesh of a whole plant, instead of a grammar; osier extracts its skeleton.
@@ -251,8 +285,9 @@ impl Resolver<'_> {
                 (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
             }
             (Some(reference), _) => {
-                let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
-                let grammar = self.grammar(&file, &keys)?;
+                let (name, entry) = self.grammar_reference(&reference.text);
+                let file = self.read(name, reference.span, "text-bytes", &[""])?;
+                let grammar = self.grammar(&file, entry, &keys, reference.span)?;
                 let letters = grammar.organ_symbols();
                 if grammar.is_tuft() {
                     tuft_defaults(table, &mut skin);
@@ -596,8 +631,23 @@ impl Resolver<'_> {
         }
     }
 
+    /// File and entry of the reference `FILE#ENTRY`; a file whose own name has a `#` is named as a whole.
+    fn grammar_reference<'r>(&self, reference: &'r str) -> (&'r str, Option<&'r str>) {
+        let limit = self.request.limits.get("text-bytes");
+        match reference.rsplit_once('#') {
+            Some((file, entry)) if self.request.library.find(reference, limit).is_err() => (file, Some(entry)),
+            _ => (reference, None),
+        }
+    }
+
     /// Parses a grammar; the files that it includes take part in the scene's hash.
-    fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys) -> Option<Grammar> {
+    fn grammar(&mut self, file: &ReferencedFile, entry: Option<&str>, keys: &PlantKeys, span: Span) -> Option<Grammar> {
+        let notation = keys.dialect.map(GrammarDialect::notation);
+        let kind = osier_grammar::detect(&file.shown, &file.bytes);
+        if notation.is_none() && !matches!(kind, FileKind::Grammar(_)) {
+            self.report.push(crate::source::no_grammar(&file.shown, kind, span));
+            return None;
+        }
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
         // Includes are resolved beside the file that names them; the bytes of each take part in the scene hash.
@@ -621,7 +671,8 @@ impl Resolver<'_> {
             defines: &defines,
         };
         let mut sources = Sources::default();
-        let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);
+        let read_as = ReadAs { notation, entry };
+        let parsed = osier_grammar::parse_as(&mut sources, source, read_as, &self.request.limits);
         let (grammar, diagnostics) = self.load_or_report(parsed, file)?;
         self.report.extend(Report { sources, diagnostics });
         self.report_unused_defines(&grammar, keys);

@@ -6,6 +6,7 @@
 mod bound_actions;
 mod builder;
 mod commands;
+mod dialects;
 mod frame;
 mod interpreter;
 mod options;
@@ -21,7 +22,7 @@ use interpreter::Turtle;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
-use osier_grammar::{BindingEvaluator, DerivedString, Grammar, interpret};
+use osier_grammar::{BindingEvaluator, DerivedString, Dialect, Grammar, interpret};
 use osier_scene::plant::Plant;
 
 /// Interprets a derived string.
@@ -44,17 +45,22 @@ pub fn grow(
     warnings.extend(turtle.bindings.warnings(grammar));
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
-    let sets_widths = turtle.sets_widths;
+    let (sets_widths, draws_lines) = (turtle.sets_widths, turtle.dialect.kind == Dialect::Fractint);
     let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
     match options.radii {
         RadiusModel::Pipe(p) => radii::pipe(&mut plant, &p),
         RadiusModel::Taper(t) => radii::taper(&mut plant, &t),
+        RadiusModel::Auto if draws_lines => {}
         RadiusModel::Auto if !sets_widths => radii::pipe(&mut plant, &radii::Pipe::default()),
         RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
         RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}
     }
     // Validation may thin children; a grammar that halves its widths intends that, so its report is not a warning.
     osier_scene::plant::validate(&mut plant)?;
+    // Lines of a drawing have one width, which the validation would thin from branch to branch.
+    if draws_lines && matches!(options.radii, RadiusModel::Auto) {
+        dialects::set_line_radius(&mut plant);
+    }
     set_exposed_lengths(&mut plant);
     // Axes that are thin at their base get the material of shoots, all others that of bark.
     for axis in &mut plant.axes {

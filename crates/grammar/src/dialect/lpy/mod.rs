@@ -1,0 +1,1030 @@
+//! Files of L-Py whose productions are rules and expressions: no more of Python than constants, functions of one expression, `if` and
+//! `for` over a constant range. A production with `if` becomes one production for each way through it.
+
+mod expression;
+mod strings;
+
+use std::ops::Range;
+
+use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse};
+use self::strings::{PyModule, Spelled, modules, spell, split};
+use super::Reader;
+use super::text::{Piece, lines};
+use crate::code::{Bytecode, Op, UnaryOp};
+use crate::program::{ContextElement, FormalModule, IgnoredSymbols, Production, SuccessorModule};
+use crate::symbols::SymbolId;
+use crate::token::SourcePlace;
+use crate::vm;
+
+/// Ways through one production, turns of one loop, statements of one way.
+const MAX_WAYS: usize = 512;
+const MAX_TURNS: f64 = 10_000.0;
+const MAX_STEPS: usize = 20_000;
+/// Modules of one successor.
+const MAX_MODULES: usize = 1 << 20;
+/// Nesting of blocks.
+const MAX_NESTING: usize = 64;
+
+/// A statement of a production.
+#[derive(Debug, Clone)]
+enum Statement {
+    Assign(String, PyExpr),
+    /// Conditions with their blocks, then the block of `else`.
+    If(Vec<(PyExpr, Vec<Statement>)>, Vec<Statement>),
+    /// Variable, first, end, step.
+    For(String, [PyExpr; 3], Vec<Statement>, Range<usize>),
+    /// Adds modules; true ends the production.
+    Produce(Vec<PyModule>, bool),
+    Return,
+    Pass,
+}
+
+/// One step of a way through a production.
+#[derive(Debug, Clone)]
+enum Step {
+    Assign(String, PyExpr),
+    Condition(PyExpr, bool),
+}
+
+/// A way through a production: what it computes, and what it makes.
+#[derive(Debug, Clone, Default)]
+struct Way {
+    steps: Vec<Step>,
+    modules: Vec<PyModule>,
+    produced: bool,
+}
+
+/// A line of code with its indentation.
+#[derive(Debug, Clone, Copy)]
+struct Line<'t> {
+    indent: usize,
+    piece: Piece<'t>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Section {
+    Header,
+    Rules,
+    Decomposition,
+    Interpretation,
+}
+
+/// A file while its lines are read.
+struct Model<'r, 's> {
+    reader: &'r mut Reader<'s>,
+    scope: Scope,
+    declared: Vec<String>,
+    section: Section,
+    group: f64,
+    has_axiom: bool,
+    /// Statements of Python that the model could not run without; the first is named.
+    refusals: usize,
+    start: Vec<Op>,
+    temporaries: usize,
+}
+
+/// Reads a file.
+pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
+    reader.description = description(text);
+    let plain = without_comments(text);
+    let list: Vec<Line<'_>> = lines(&plain).filter_map(line_of).collect();
+    reader.program.length = 1;
+    let mut model = Model {
+        reader,
+        scope: Scope::default(),
+        declared: Vec::new(),
+        section: Section::Header,
+        group: 0.0,
+        has_axiom: false,
+        refusals: 0,
+        start: Vec::new(),
+        temporaries: 0,
+    };
+    model.parameters(&list);
+    model.declarations(&list);
+    model.lines(&list);
+    model.finish(text);
+}
+
+/// The first comment, or the text in quotes, that opens the file.
+fn description(text: &str) -> String {
+    let first = text.trim_start();
+    let quoted = first.strip_prefix("\"\"\"").and_then(|t| t.split("\"\"\"").next());
+    let line = quoted.or_else(|| first.strip_prefix('#')).unwrap_or("");
+    line.trim().lines().next().unwrap_or("").trim_matches(['#', '-', '=', ' ']).to_owned()
+}
+
+/// The text with blanks in place of comments, of texts in three quotes, of the ends of lines within parentheses and of those behind a
+/// backslash: every place stays.
+fn without_comments(text: &str) -> String {
+    let bytes = text.as_bytes();
+    let mut out: Vec<u8> = bytes.to_vec();
+    let (mut i, mut depth) = (0, 0_usize);
+    let blank = |out: &mut Vec<u8>, range: Range<usize>| {
+        if let Some(part) = out.get_mut(range) {
+            part.fill(b' ');
+        }
+    };
+    while let Some(&b) = bytes.get(i) {
+        let rest = &bytes[i..];
+        let triple = [&b"\"\"\""[..], &b"'''"[..]].into_iter().find(|q| rest.starts_with(q));
+        if let Some(quotes) = triple {
+            let inner = rest[3..].windows(3).position(|w| w == quotes).map_or(rest.len(), |n| n + 6);
+            blank(&mut out, i..i + inner);
+            i += inner;
+            continue;
+        }
+        match b {
+            b'#' => {
+                let end = rest.iter().position(|c| matches!(c, b'\n' | b'\r')).unwrap_or(rest.len());
+                blank(&mut out, i..i + end);
+                i += end;
+                continue;
+            }
+            b'"' => {
+                // A text within one line, whose '#' is no comment.
+                let end = rest[1..].iter().position(|c| matches!(c, b'"' | b'\n')).map_or(rest.len(), |n| n + 2);
+                i += end;
+                continue;
+            }
+            b'\\' if matches!(bytes.get(i + 1), Some(b'\n' | b'\r')) => {
+                let n = if rest.get(1..3) == Some(b"\r\n") { 3 } else { 2 };
+                blank(&mut out, i..i + n);
+                i += n;
+                continue;
+            }
+            b'(' => depth += 1,
+            b')' => depth = depth.saturating_sub(1),
+            // A heading that begins a line was not meant to be a parameter: the parenthesis before it lacks its partner.
+            b'\n' | b'\r' if depth > 0 => {
+                if rest.get(1).is_some_and(|c| matches!(c, b' ' | b'\t' | b')' | b'\n')) {
+                    out[i] = b' ';
+                } else {
+                    depth = 0;
+                }
+            }
+            _ => {}
+        }
+        i += 1;
+    }
+    String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
+}
+
+/// A line that holds something.
+fn line_of(piece: Piece<'_>) -> Option<Line<'_>> {
+    let trimmed = piece.trimmed();
+    if trimmed.text.is_empty() {
+        return None;
+    }
+    let lead = &piece.text[..trimmed.at - piece.at];
+    // A tab reaches to the next multiple of 8, as in Python.
+    let indent = lead.chars().fold(0, |n, c| if c == '\t' { n / 8 * 8 + 8 } else { n + 1 });
+    Some(Line { indent, piece: trimmed })
+}
+
+/// What follows a heading such as `Axiom:`, whose words any number of blanks may part.
+fn after_heading<'t>(piece: Piece<'t>, words: &[&str]) -> Option<Piece<'t>> {
+    let mut rest = piece;
+    for word in words {
+        let t = rest.trimmed();
+        if !t.text.get(..word.len())?.eq_ignore_ascii_case(word) {
+            return None;
+        }
+        rest = t.from(word.len());
+    }
+    let t = rest.trimmed();
+    t.text.starts_with(':').then(|| t.from(1).trimmed())
+}
+
+/// Lines of a block after line `i`, which are indented more than it, and the index of the line after them.
+fn block_after<'l, 't>(list: &'l [Line<'t>], i: usize, indent: usize) -> (&'l [Line<'t>], usize) {
+    let n = list.get(i + 1..).unwrap_or(&[]).iter().take_while(|l| l.indent > indent).count();
+    (&list[i + 1..i + 1 + n], i + 1 + n)
+}
+
+impl<'s> Model<'_, 's> {
+    fn refuse(&mut self, why: &Refusal) {
+        self.refusals += 1;
+        let place = self.reader.place(why.range.clone());
+        let line = self.reader.line_number(why.range.start);
+        let message = format!("this is L-Py with Python code, line {line}: {}", why.construct);
+        let help = "osier reads rules, expressions, constants, functions of one expression, 'if', and 'for' over a constant \
+                    range; pass what a production needs as parameters of its modules";
+        self.reader.session.error_help("L007", message, place, help);
+    }
+
+    fn settle<T>(&mut self, result: Result<T, Refusal>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(why) => {
+                self.refuse(&why);
+                None
+            }
+        }
+    }
+
+    /// Values of the sliders that L-Py saves behind the model: `('name', 'Integer', 5, 1, 10)`.
+    fn parameters(&mut self, list: &[Line<'_>]) {
+        for line in list.iter().filter(|l| l.piece.text.starts_with("scalars")) {
+            for part in line.piece.text.split('(').skip(1) {
+                let fields: Vec<&str> =
+                    part.split([',', ')']).map(|f| f.trim().trim_matches(['\'', '"', ' '])).collect();
+                let number = fields.get(2).and_then(|v| match *v {
+                    "True" => Some(1.0),
+                    "False" => Some(0.0),
+                    v => v.parse::<f64>().ok(),
+                });
+                if let (Some(name), Some(value)) = (fields.first(), number) {
+                    self.scope.constants.insert((*name).to_owned(), value);
+                }
+            }
+        }
+    }
+
+    /// Names of modules, wherever they are declared.
+    fn declarations(&mut self, list: &[Line<'_>]) {
+        for line in list {
+            let (word, rest) = line.piece.first_word(&[]);
+            if word.text != "module" || rest.text.is_empty() {
+                continue;
+            }
+            let names = rest.before(':');
+            for part in split(names) {
+                let name = part.text.split('(').next().unwrap_or("").trim();
+                if !name.is_empty() && !self.declared.iter().any(|d| d == name) {
+                    self.declared.push(name.to_owned());
+                }
+            }
+        }
+    }
+
+    fn lines(&mut self, list: &[Line<'_>]) {
+        let mut i = 0;
+        while let Some(line) = list.get(i) {
+            let text = line.piece.text;
+            if text == "endlsystem" {
+                return;
+            }
+            i = self.line(list, i, *line);
+        }
+    }
+
+    /// Reads the line `i` and its block; returns the index of the next line.
+    fn line(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
+        let piece = line.piece;
+        let sections = [
+            (&["production"][..], Section::Rules),
+            (&["productions"], Section::Rules),
+            (&["decomposition"], Section::Decomposition),
+            (&["interpretation"], Section::Interpretation),
+            (&["homomorphism"], Section::Interpretation),
+        ];
+        for (words, section) in sections {
+            if after_heading(piece, words).is_some_and(|rest| rest.text.is_empty()) {
+                self.section = section;
+                return i + 1;
+            }
+        }
+        if let Some(rest) = after_heading(piece, &["axiom"]) {
+            let (block, next) = block_after(list, i, line.indent);
+            self.axiom(rest, block);
+            return next;
+        }
+        if let Some(rest) = after_heading(piece, &["derivation", "length"]) {
+            self.length(rest);
+            return i + 1;
+        }
+        if let Some(rest) = after_heading(piece, &["maximum", "depth"]) {
+            self.depth(rest);
+            return i + 1;
+        }
+        for (word, hides) in [("ignore", true), ("consider", false)] {
+            if let Some(rest) = after_heading(piece, &[word]) {
+                self.ignored(rest, hides);
+                return i + 1;
+            }
+        }
+        let (word, rest) = piece.first_word(&[':']);
+        match word.text {
+            "group" => {
+                let number = Piece::new(rest.at, rest.text.trim_matches([':', ' ']));
+                self.group = number.text.parse().unwrap_or(0.0);
+                return i + 1;
+            }
+            "endgroup" => {
+                self.group = 0.0;
+                return i + 1;
+            }
+            "module" | "initial_view" => return i + 1,
+            "import" | "from" => return i + 1,
+            _ => {}
+        }
+        if self.section != Section::Header && is_rule(piece) {
+            return self.rule(list, i, line);
+        }
+        self.python(list, i, line)
+    }
+
+    fn constant(&mut self, value: Piece<'_>) -> Option<f64> {
+        let code = parse(value).and_then(|e| compile(&e, &self.scope));
+        let code = self.settle(code)?;
+        let number = vm::constant_value(&code).filter(|v| v.is_finite());
+        if number.is_none() {
+            self.refuse(&Refusal::new("a number that is not constant", value.range()));
+        }
+        number
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+    fn length(&mut self, value: Piece<'_>) {
+        let place = self.reader.place(value.range());
+        if let Some(n) = self.constant(value) {
+            self.reader.program.length = n.clamp(0.0, 1e6) as u32;
+            self.reader.program.length_place = Some(place);
+        }
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+    fn depth(&mut self, value: Piece<'_>) {
+        let Some(n) = self.constant(value) else { return };
+        let depth = n.clamp(0.0, 1e6) as u32;
+        match self.section {
+            Section::Decomposition => self.reader.program.decomposition.depth = depth,
+            _ => self.reader.program.homomorphism.depth = depth,
+        }
+    }
+
+    fn ignored(&mut self, value: Piece<'_>, hides: bool) {
+        let spelled = spell(value, &self.declared);
+        let Some(list) = self.settle(spelled) else { return };
+        let list: Vec<SymbolId> = list.iter().filter(|s| s.name != ",").filter_map(|s| self.symbol(&s.name)).collect();
+        self.reader.program.ignored =
+            if hides { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
+    }
+
+    /// The symbol of a name: its character, or a private one for a longer name.
+    fn symbol(&mut self, name: &str) -> Option<SymbolId> {
+        let mut chars = name.chars();
+        let symbols = &mut self.reader.program.symbols;
+        match (chars.next(), chars.next()) {
+            (Some(c), None) => symbols.intern(c),
+            _ => symbols.private_character(name).and_then(|c| symbols.intern(c)),
+        }
+    }
+
+    /// `Axiom: modules`, or a block of `nproduce`.
+    fn axiom(&mut self, value: Piece<'_>, block: &[Line<'_>]) {
+        self.has_axiom = true;
+        let statements = if value.text.is_empty() {
+            self.statements(block, 0)
+        } else {
+            modules(value, &self.declared).map(|m| vec![Statement::Produce(m, true)])
+        };
+        let Some(statements) = self.settle(statements) else { return };
+        let ways = self.ways(&statements);
+        let Some(ways) = self.settle(ways) else { return };
+        let [way] = ways.as_slice() else {
+            return self.refuse(&Refusal::new("an axiom with 'if'", value.range()));
+        };
+        // What the axiom computes is computed before the first step.
+        for step in &way.steps {
+            if let Step::Assign(name, e) = step {
+                self.global(name, e, value.range());
+            }
+        }
+        let successor = self.successor(&way.modules);
+        if let Some(successor) = successor {
+            self.reader.axiom(successor);
+        }
+    }
+
+    /// A value of the model: a constant, or a number that is drawn once.
+    fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
+        let code = match compile(e, &self.scope) {
+            Ok(code) => code,
+            Err(why) => {
+                // Named only where it is used: many models hold values that their rules do not need.
+                self.scope.constants.remove(name);
+                self.scope.unreadable.insert(name.to_owned(), Refusal { range, ..why });
+                return;
+            }
+        };
+        self.scope.unreadable.remove(name);
+        if let Some(value) = vm::constant_value(&code) {
+            self.scope.constants.insert(name.to_owned(), value);
+            return;
+        }
+        self.scope.constants.remove(name);
+        if !self.scope.globals.iter().any(|g| g == name) {
+            self.scope.globals.push(name.to_owned());
+        }
+        let slot = self.scope.globals.iter().position(|g| g == name).unwrap_or(0);
+        let offset = self.start.len();
+        self.start.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+        self.start.push(Op::StoreGlobal(u16::try_from(slot).unwrap_or(u16::MAX)));
+    }
+
+    /// Python outside of rules; returns the index of the next line.
+    fn python(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
+        let piece = line.piece;
+        let (block, next) = block_after(list, i, line.indent);
+        let (word, rest) = piece.first_word(&['(', ':', '=']);
+        let range = piece.range();
+        match word.text {
+            "pass" | "print" | "global" => return next,
+            "def" => {
+                self.function(rest, block, &range);
+                return next;
+            }
+            "class" | "if" | "for" | "while" | "try" | "with" | "assert" | "raise" | "del" => {
+                self.refuse(&Refusal::new(format!("'{}' outside of a production", word.text), range));
+                return next;
+            }
+            _ if word.text.starts_with('@') => {
+                self.refuse(&Refusal::new("a decorator", range));
+                return next;
+            }
+            _ => {}
+        }
+        // Angles of the turtle, seeds, and other settings that change no rule.
+        let compact: String = piece.text.chars().filter(|c| !c.is_whitespace()).collect();
+        if let Some(at) =
+            ["setAngleIncrement(", "angle_increment="].iter().find_map(|k| compact.find(k).map(|i| i + k.len()))
+        {
+            if let Ok(angle) = compact[at..].trim_end_matches(')').parse::<f64>()
+                && let Some(turtle) = &mut self.reader.program.turtle
+            {
+                turtle.settings.angle_deg = Some(angle);
+            }
+            return next;
+        }
+        let is_setting = [
+            "seed(",
+            "random.seed(",
+            "context(",
+            "lsystem.",
+            "numpy.random.seed(",
+            "np.random.seed(",
+            "setCodeVersion",
+        ];
+        if is_setting.iter().any(|s| compact.starts_with(s)) {
+            return next;
+        }
+        if let Some((names, value)) = assignment(piece) {
+            let (names, values) = (split(names), split(value));
+            for (k, name) in names.iter().enumerate() {
+                let one = if names.len() == values.len() { values.get(k).copied() } else { Some(value) };
+                match one.map_or_else(|| Err(Refusal::new("this assignment", range.clone())), parse) {
+                    Ok(e) => self.global(name.text, &e, value.range()),
+                    Err(why) => {
+                        self.scope.constants.remove(name.text);
+                        self.scope.unreadable.insert(name.text.to_owned(), Refusal { range: value.range(), ..why });
+                    }
+                }
+            }
+            return next;
+        }
+        // Texts in quotes and bare numbers do nothing.
+        if piece.text.starts_with(['"', '\'']) || piece.text.parse::<f64>().is_ok() {
+            return next;
+        }
+        let shown: String = piece.text.chars().take(40).collect();
+        self.refuse(&Refusal::new(format!("'{shown}'"), range));
+        next
+    }
+
+    /// `def f(x): return e`; any other function is named where it is called, one that L-Py calls itself at once.
+    fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
+        let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
+        let parsed = || {
+            let open = rest.text.find('(')?;
+            let inner = rest.from(open + 1);
+            let close = strings::closing(inner.text)?;
+            let params: Vec<String> = split(inner.up_to(close)).iter().map(|p| p.text.to_owned()).collect();
+            let after = inner.from(close + 1).trimmed();
+            let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
+            let only = match block {
+                [] => body,
+                [one] if body.text.is_empty() => one.piece,
+                _ => return None,
+            };
+            let value = only.text.strip_prefix("return").map(|_| only.from("return".len()))?;
+            Some((params, parse(value).ok()?))
+        };
+        if let Some(function) = parsed() {
+            self.scope.functions.insert(name, function);
+            return;
+        }
+        let called = ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
+        // A body that only sets seeds or prints changes nothing.
+        let harmless = |l: &Line<'_>| {
+            let text = l.piece.text;
+            ["pass", "print", "global", "seed", "random.seed", "return None"].iter().any(|w| text.starts_with(w))
+                || text == "return"
+        };
+        if called.contains(&name.as_str()) && !block.iter().all(harmless) {
+            self.refuse(&Refusal::new(format!("the function '{name}', which L-Py runs"), range.clone()));
+        }
+    }
+
+    /// A production: `head --> successor`, or `head:` with statements.
+    fn rule(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
+        let piece = line.piece;
+        let (block, next) = block_after(list, i, line.indent);
+        self.scope.locals.clear();
+        self.temporaries = 0;
+        let arrow = ["-static->", "-->"].iter().find_map(|a| piece.text.find(a).map(|i| (i, i + a.len())));
+        let (head, condition, statements) = if let Some((from, to)) = arrow {
+            let head = piece.up_to(from);
+            let (head, condition) = match colon(head) {
+                Some(c) => (head.up_to(c), Some(head.from(c + 1).trimmed()).filter(|c| c.text != "*")),
+                None => (head, None),
+            };
+            (
+                head,
+                condition,
+                modules(piece.from(to).trimmed(), &self.declared).map(|m| vec![Statement::Produce(m, true)]),
+            )
+        } else {
+            let c = colon(piece).unwrap_or(piece.text.len());
+            let inline = piece.from(c + 1).trimmed();
+            let statements = if inline.text.is_empty() {
+                self.statements(block, 0)
+            } else {
+                self.statements(&[Line { indent: 0, piece: inline }], 0)
+            };
+            (piece.up_to(c), None, statements)
+        };
+        if self.group.abs() > 0.0 {
+            let place = self.reader.place(piece.range());
+            let message = format!("production of group {}, which nothing activates", self.group);
+            self.reader.session.warning("L008", message, place, "move it before the groups, or after 'endgroup'");
+            return next;
+        }
+        let heads = self.heads(head);
+        let Some(head) = self.settle(heads) else { return next };
+        let Some(mut statements) = self.settle(statements) else { return next };
+        if let Some(condition) = condition {
+            let Some(test) = self.settle(parse(condition)) else { return next };
+            statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
+        }
+        let ways = self.ways(&statements);
+        let Some(ways) = self.settle(ways) else { return next };
+        for way in ways.iter().filter(|w| w.produced) {
+            if let Some(production) = self.production(&head, way) {
+                let program = &mut self.reader.program;
+                match self.section {
+                    Section::Decomposition => program.decomposition.list.push(production),
+                    Section::Interpretation => program.homomorphism.list.push(production),
+                    Section::Rules | Section::Header => program.rules.list.push(production),
+                }
+            }
+        }
+        next
+    }
+
+    /// Left context, predecessor and right context, whose parameters become local variables.
+    fn heads(&mut self, head: Piece<'_>) -> Result<Head, Refusal> {
+        let text = head.text;
+        if text.contains("<<") || text.contains(">>") {
+            return Err(Refusal::new("a context of the new string ('<<', '>>')", head.range()));
+        }
+        // Signs within parentheses are no contexts.
+        let outside = |c: char| {
+            let mut depth = 0_usize;
+            text.char_indices().find_map(|(i, d)| {
+                depth = (depth + usize::from(d == '(')).saturating_sub(usize::from(d == ')'));
+                (d == c && depth == 0).then_some(i)
+            })
+        };
+        let (less, greater) = (outside('<'), outside('>'));
+        let predecessor = head.up_to(greater.unwrap_or(text.len())).from(less.map_or(0, |i| i + 1));
+        let place = self.reader.place(predecessor.trimmed().range());
+        let mut formals = Vec::new();
+        for e in self.elements(predecessor.trimmed())? {
+            match e {
+                ContextElement::Module(f) => formals.push(f),
+                _ => return Err(Refusal::new("brackets as the predecessor of a production", predecessor.range())),
+            }
+        }
+        if formals.is_empty() {
+            return Err(Refusal::new("a production without predecessor", head.range()));
+        }
+        let left = less.map_or(Ok(Vec::new()), |i| self.elements(head.up_to(i).trimmed()))?;
+        let right = greater.map_or(Ok(Vec::new()), |i| self.elements(head.from(i + 1).trimmed()))?;
+        Ok(Head { left, formals, right, place })
+    }
+
+    fn elements(&mut self, piece: Piece<'_>) -> Result<Vec<ContextElement>, Refusal> {
+        let spelled = spell(piece, &self.declared)?;
+        let mut out = Vec::new();
+        let mut list = spelled.into_iter().peekable();
+        while let Some(s) = list.next() {
+            match s.name.as_str() {
+                "[" => out.push(ContextElement::Open),
+                "]" => out.push(ContextElement::Close),
+                "=" if list.peek().is_some_and(|n| n.name == "]") => {
+                    list.next();
+                    out.push(ContextElement::CloseRest);
+                }
+                "*" => return Err(Refusal::new("'*', which stands for any module", s.range)),
+                "?P" | "?H" | "?U" | "?L" | "?R" | "?F" => {
+                    return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
+                }
+                _ => out.push(ContextElement::Module(self.formal(&s)?)),
+            }
+        }
+        Ok(out)
+    }
+
+    fn formal(&mut self, s: &Spelled<'_>) -> Result<FormalModule, Refusal> {
+        let place = self.reader.place(s.range.clone());
+        let slot = u16::try_from(self.scope.locals.len()).unwrap_or(u16::MAX);
+        let params = s.params.as_deref().unwrap_or(&[]);
+        for p in params {
+            let is_name = p.text.chars().all(|c| c.is_alphanumeric() || c == '_') && !p.text.is_empty();
+            if !is_name || self.scope.locals.iter().any(|l| l == p.text) {
+                return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
+            }
+            self.scope.locals.push(p.text.to_owned());
+        }
+        let arity =
+            u8::try_from(params.len()).map_err(|_| Refusal::new("more than 255 parameters", s.range.clone()))?;
+        let symbol = self.symbol(&s.name).ok_or_else(|| Refusal::new("more than 65,535 symbols", s.range.clone()))?;
+        Ok(FormalModule { symbol, arity, slot, place })
+    }
+
+    /// Statements of a block.
+    fn statements(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
+        let mut out = Vec::new();
+        let mut i = 0;
+        if let Some(first) = block.first().filter(|_| nesting > MAX_NESTING) {
+            return Err(Refusal::new("blocks nested too deep", first.piece.range()));
+        }
+        while let Some(line) = block.get(i) {
+            let piece = line.piece;
+            let (inner, next) = block_after(block, i, line.indent);
+            let (word, rest) = piece.first_word(&['(', ':', '=', '[']);
+            // A block may stand on the line of its heading.
+            let body = |model: &mut Self, after: Piece<'_>| {
+                let after = after.trimmed();
+                if after.text.is_empty() {
+                    model.statements(inner, nesting + 1)
+                } else {
+                    model.statements(&[Line { indent: 0, piece: after }], nesting + 1)
+                }
+            };
+            i = next;
+            match word.text {
+                "produce" | "nproduce" => {
+                    out.push(Statement::Produce(modules(rest, &self.declared)?, word.text == "produce"));
+                }
+                "pass" | "print" | "global" => out.push(Statement::Pass),
+                "return" if rest.text.is_empty() || rest.text == "None" => out.push(Statement::Return),
+                "if" | "elif" => {
+                    let c = colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
+                    let test = parse(rest.up_to(c))?;
+                    let then = body(self, rest.from(c + 1))?;
+                    if word.text == "if" {
+                        out.push(Statement::If(vec![(test, then)], Vec::new()));
+                    } else if let Some(Statement::If(tests, _)) = out.last_mut() {
+                        tests.push((test, then));
+                    } else {
+                        return Err(Refusal::new("'elif' without 'if'", piece.range()));
+                    }
+                }
+                "else" => {
+                    let c = colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
+                    let other = body(self, rest.from(c + 1))?;
+                    let Some(Statement::If(_, last)) = out.last_mut() else {
+                        return Err(Refusal::new("'else' without 'if'", piece.range()));
+                    };
+                    *last = other;
+                }
+                "for" => {
+                    let c = colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
+                    let (name, range) = for_range(rest.up_to(c))?;
+                    let inner = body(self, rest.from(c + 1))?;
+                    out.push(Statement::For(name, range, inner, piece.range()));
+                }
+                "while" | "try" | "with" | "import" | "from" | "def" | "class" | "assert" | "raise" | "del"
+                | "return" | "sproduce" | "nsproduce" | "lambda" => {
+                    return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
+                }
+                _ => out.extend(assign_statement(piece)?),
+            }
+        }
+        Ok(out)
+    }
+
+    /// Every way through statements, in the order in which Python would try them.
+    fn ways(&mut self, statements: &[Statement]) -> Result<Vec<Way>, Refusal> {
+        let mut out = Vec::new();
+        // Each open way: what it has done, and the statements that it has left, the next one last.
+        let mut open: Vec<(Way, Vec<&Statement>)> = vec![(Way::default(), statements.iter().rev().collect())];
+        while let Some((mut way, mut left)) = open.pop() {
+            if out.len() + open.len() > MAX_WAYS || way.steps.len() > MAX_STEPS || way.modules.len() > MAX_MODULES {
+                return Err(Refusal::new("a production with too many ways through it", 0..0));
+            }
+            let Some(statement) = left.pop() else {
+                way.produced |= !way.modules.is_empty();
+                out.push(way);
+                continue;
+            };
+            match statement {
+                Statement::Pass => open.push((way, left)),
+                Statement::Return => {
+                    way.produced |= !way.modules.is_empty();
+                    out.push(way);
+                }
+                Statement::Assign(name, e) => {
+                    way.steps.push(Step::Assign(name.clone(), e.clone()));
+                    open.push((way, left));
+                }
+                Statement::Produce(modules, ends) => {
+                    self.produce(&mut way, modules, *ends);
+                    if *ends {
+                        way.produced = true;
+                        out.push(way);
+                    } else {
+                        open.push((way, left));
+                    }
+                }
+                Statement::If(tests, other) => {
+                    // Pushed in reverse, so that the first alternative is continued first.
+                    let mut alternatives = Vec::new();
+                    let mut refused = way;
+                    for (test, then) in tests {
+                        let mut taken = refused.clone();
+                        taken.steps.push(Step::Condition(test.clone(), true));
+                        let mut rest = left.clone();
+                        rest.extend(then.iter().rev());
+                        alternatives.push((taken, rest));
+                        refused.steps.push(Step::Condition(test.clone(), false));
+                    }
+                    left.extend(other.iter().rev());
+                    alternatives.push((refused, left));
+                    open.extend(alternatives.into_iter().rev());
+                }
+                Statement::For(name, [from, to, step], body, range) => {
+                    let constant = |e: &PyExpr| {
+                        let code = compile(e, &self.scope)?;
+                        vm::constant_value(&code)
+                            .filter(|v| v.is_finite())
+                            .ok_or_else(|| Refusal::new("'for' over a range that is not constant", range.clone()))
+                    };
+                    let (from, to, step) = (constant(from)?, constant(to)?, constant(step)?);
+                    let turns = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { MAX_TURNS + 1.0 };
+                    if turns > MAX_TURNS || turns * body.len() as f64 > MAX_STEPS as f64 {
+                        return Err(Refusal::new("'for' with too many turns", range.clone()));
+                    }
+                    if !body.iter().all(is_straight) {
+                        return Err(Refusal::new("'if' or 'for' within 'for'", range.clone()));
+                    }
+                    // The body is straight: its turns are done at once.
+                    let mut value = from;
+                    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_TURNS")]
+                    for _ in 0..turns as usize {
+                        way.steps.push(Step::Assign(name.clone(), PyExpr::Number(value)));
+                        for statement in body {
+                            match statement {
+                                Statement::Assign(name, e) => way.steps.push(Step::Assign(name.clone(), e.clone())),
+                                Statement::Produce(modules, _) => self.produce(&mut way, modules, false),
+                                _ => {}
+                            }
+                        }
+                        value += step;
+                    }
+                    open.push((way, left));
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// Adds modules to a way. Their parameters are computed now, for variables may change afterwards.
+    fn produce(&mut self, way: &mut Way, modules: &[PyModule], ends: bool) {
+        for m in modules {
+            let mut module = m.clone();
+            for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_))) {
+                let name = format!("(parameter {})", self.temporaries);
+                self.temporaries += 1;
+                let value = std::mem::replace(arg, PyExpr::Name(name.clone(), m.range.clone()));
+                way.steps.push(Step::Assign(name, value));
+            }
+            way.modules.push(module);
+        }
+    }
+
+    /// The production of one way.
+    fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
+        let own = self.scope.locals.clone();
+        let made = self.way_code(way);
+        let built = match self.settle(made) {
+            Some((before, condition)) => self.successor(&way.modules).map(|successor| {
+                let successor = self.reader.numbered(successor);
+                Production {
+                    left: head.left.clone(),
+                    predecessor: head.formals.clone(),
+                    right: head.right.clone(),
+                    before,
+                    condition,
+                    after: None,
+                    successor,
+                    weight: None,
+                    locals: self.scope.locals.len(),
+                    place: head.place,
+                }
+            }),
+            None => None,
+        };
+        self.scope.locals = own;
+        built
+    }
+
+    /// Code of the steps of a way: a block before the condition, and the condition.
+    fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
+        // Only conditions, which draw nothing: one expression.
+        let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
+        if way.steps.iter().all(is_plain) {
+            let test = |s: &Step| match s {
+                Step::Condition(e, true) => Some(e.clone()),
+                Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
+                Step::Assign(..) => None,
+            };
+            let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
+            return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
+        }
+        // A block computes everything in order; a variable says whether all conditions held. Every way draws the same random
+        // numbers, as it is the same run of Python.
+        let result = self.scope.local("(applies)");
+        let mut ops = vec![Op::RestartDraws];
+        let mut failures = Vec::new();
+        for step in &way.steps {
+            let (e, store) = match step {
+                Step::Assign(name, e) => (e, Some(name)),
+                Step::Condition(e, _) => (e, None),
+            };
+            let code = compile(e, &self.scope)?;
+            let offset = ops.len();
+            ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+            match (store, step) {
+                (Some(name), _) => ops.push(Op::StoreLocal(self.scope.local(name))),
+                (None, Step::Condition(_, wanted)) => {
+                    if !wanted {
+                        ops.push(Op::Unary(UnaryOp::Not));
+                    }
+                    failures.push(ops.len());
+                    ops.push(Op::Pop);
+                }
+                (None, Step::Assign(..)) => {}
+            }
+        }
+        ops.extend([Op::Const(1.0), Op::StoreLocal(result)]);
+        let jump = ops.len();
+        ops.push(Op::Pop);
+        for at in failures {
+            ops[at] = Op::JumpIfZero(ops.len());
+        }
+        ops.extend([Op::Const(0.0), Op::StoreLocal(result)]);
+        ops[jump] = Op::Jump(ops.len());
+        let condition = Bytecode { ops: vec![Op::Local(result)], places: Vec::new() };
+        Ok((Some(Bytecode { ops, places: Vec::new() }), Some(condition)))
+    }
+
+    fn successor(&mut self, list: &[PyModule]) -> Option<Vec<SuccessorModule>> {
+        let mut out = Vec::with_capacity(list.len());
+        for m in list {
+            let place = self.reader.place(m.range.clone());
+            let mut args = Vec::new();
+            for arg in &m.args {
+                let code = compile(arg, &self.scope);
+                args.push(self.settle(code)?.into_expr());
+            }
+            let Some(symbol) = self.symbol(&m.name) else {
+                self.refuse(&Refusal::new("more than 65,535 symbols", m.range.clone()));
+                return None;
+            };
+            out.push(SuccessorModule { symbol, args, occurrence: 0, place });
+        }
+        Some(out)
+    }
+
+    fn finish(mut self, text: &str) {
+        if !self.has_axiom && self.refusals == 0 {
+            let piece = Piece::new(0, &text[..text.find('\n').unwrap_or(text.len())]);
+            let place = self.reader.place(piece.range());
+            let help = "write: Axiom: F";
+            self.reader.session.error_help("L003", "the model has no axiom".into(), place, help);
+        }
+        let blocks = &mut self.reader.program.blocks;
+        blocks.globals = self.scope.globals.len();
+        if !self.start.is_empty() {
+            blocks.start = Some(Bytecode { ops: std::mem::take(&mut self.start), places: Vec::new() });
+        }
+    }
+}
+
+/// The head of a production.
+struct Head {
+    left: Vec<ContextElement>,
+    formals: Vec<FormalModule>,
+    right: Vec<ContextElement>,
+    place: SourcePlace,
+}
+
+/// An instruction moved behind others.
+fn shifted(op: Op, by: usize) -> Op {
+    match op {
+        Op::Jump(t) => Op::Jump(t + by),
+        Op::JumpIfZero(t) => Op::JumpIfZero(t + by),
+        Op::And(t) => Op::And(t + by),
+        Op::Or(t) => Op::Or(t + by),
+        other => other,
+    }
+}
+
+/// Index of the first colon outside of parentheses.
+fn colon(piece: Piece<'_>) -> Option<usize> {
+    let mut depth = 0_usize;
+    piece.text.char_indices().find_map(|(i, c)| {
+        depth = (depth + usize::from(c == '(')).saturating_sub(usize::from(c == ')'));
+        (c == ':' && depth == 0).then_some(i)
+    })
+}
+
+/// A production has an arrow, or ends its head with a colon; statements of Python do neither.
+fn is_rule(piece: Piece<'_>) -> bool {
+    let (word, _) = piece.first_word(&['(', ':', '=']);
+    let is_python =
+        ["def", "class", "if", "for", "while", "try", "with", "else", "elif", "from", "import"].contains(&word.text);
+    piece.text.contains("-->") || piece.text.contains("-static->") || (!is_python && colon(piece).is_some())
+}
+
+/// `name = expression`; `None` for anything else.
+fn assignment(piece: Piece<'_>) -> Option<(Piece<'_>, Piece<'_>)> {
+    let i = piece.text.find('=')?;
+    let names = piece.up_to(i).trimmed();
+    let value = piece.from(i + 1).trimmed();
+    let is_name = |p: &Piece<'_>| {
+        let mut chars = p.text.chars();
+        chars.next().is_some_and(|c| c.is_alphabetic() || c == '_') && chars.all(|c| c.is_alphanumeric() || c == '_')
+    };
+    (split(names).iter().all(is_name) && !names.text.is_empty() && !value.text.starts_with('='))
+        .then_some((names, value))
+}
+
+/// Assignments of a production: `x = e`, `x, y = e, f`, `x += e`.
+fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
+    let refused = || {
+        let shown: String = piece.text.chars().take(40).collect();
+        Refusal::new(format!("'{shown}' in a production"), piece.range())
+    };
+    for sign in ["+=", "-=", "*=", "/="] {
+        if let Some(i) = piece.text.find(sign) {
+            let name = piece.up_to(i).trimmed();
+            let value = parse(piece.from(i + 2).trimmed())?;
+            let op = match sign {
+                "+=" => expression::PyOp::Add,
+                "-=" => expression::PyOp::Sub,
+                "*=" => expression::PyOp::Mul,
+                _ => expression::PyOp::Div,
+            };
+            let old = PyExpr::Name(name.text.to_owned(), name.range());
+            let sum = PyExpr::Binary(op, Box::new(old), Box::new(value));
+            return Ok(vec![Statement::Assign(name.text.to_owned(), sum)]);
+        }
+    }
+    let (names, value) = assignment(piece).ok_or_else(refused)?;
+    let (names, values) = (split(names), split(value));
+    if names.len() != values.len() {
+        return Err(refused());
+    }
+    let one = |(name, value): (&Piece<'_>, &Piece<'_>)| Ok(Statement::Assign(name.text.to_owned(), parse(*value)?));
+    names.iter().zip(&values).map(one).collect()
+}
+
+/// `i in range(a, b, step)`.
+fn for_range(piece: Piece<'_>) -> Result<(String, [PyExpr; 3]), Refusal> {
+    let refused = || Refusal::new("'for' over something other than range(..)", piece.range());
+    let (name, rest) = piece.first_word(&[]);
+    let (word, rest) = rest.first_word(&[]);
+    let list = ["range", "xrange"].iter().find_map(|r| rest.text.strip_prefix(r).map(|_| rest.from(r.len()).trimmed()));
+    let list = list.filter(|l| word.text == "in" && l.text.starts_with('(') && l.text.ends_with(')'));
+    let list = list.ok_or_else(refused)?;
+    let inner = list.up_to(list.text.len() - 1).from(1);
+    let mut values = split(inner).iter().map(|p| parse(*p)).collect::<Result<Vec<_>, _>>()?;
+    let (zero, one) = (PyExpr::Number(0.0), PyExpr::Number(1.0));
+    let range = match values.len() {
+        1 => [zero, values.remove(0), one],
+        2 => [values.remove(0), values.remove(0), one],
+        3 => [values.remove(0), values.remove(0), values.remove(0)],
+        _ => return Err(refused()),
+    };
+    Ok((name.text.to_owned(), range))
+}
+
+/// A statement without alternatives that does not end the production.
+fn is_straight(s: &Statement) -> bool {
+    matches!(s, Statement::Assign(..) | Statement::Produce(_, false) | Statement::Pass)
+}
