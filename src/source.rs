@@ -174,7 +174,19 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
         }
         _ => {}
     }
-    if is_coefficient_table(path, &bytes) {
+    let content = if has_ending(&["toml"]) || is_mesh_or_table || source == "-" { None } else { content_of(&bytes) };
+    match content {
+        Some(Content::Shapes) => {
+            let request = Request::shapes(&file_stem(path), &file_name(path));
+            return Ok(Request { library: Library::new(path, search)?, ..request });
+        }
+        Some(Content::Species) => {
+            let request = Request::species(&file_stem(path), &file_name(path));
+            return Ok(Request { library: Library::new(path, search)?, ..request });
+        }
+        Some(Content::Table) | None => {}
+    }
+    if content == Some(Content::Table) || is_coefficient_table(path, &bytes) {
         let file = file_name(path);
         let short = file.split('.').next().unwrap_or(&file);
         let request = table_request(&file, short, &bytes, options, table_use);
@@ -241,6 +253,39 @@ fn plant_request(name: &str, file: &str) -> Request {
         "species" => Request::species(name, file),
         _ => Request::bare(name, file),
     }
+}
+
+/// What a file whose ending does not tell is, if it is neither grammar nor scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Content {
+    Shapes,
+    Species,
+    Table,
+}
+
+/// Numbers of a row of coefficients at least.
+const TABLE_ROW: usize = 6;
+
+/// What a file is by its lines: keys that only particle-shapes or species have at their top, or rows of coefficients between braces.
+fn content_of(bytes: &[u8]) -> Option<Content> {
+    let text = String::from_utf8_lossy(bytes);
+    let lines = || text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with(['#', ';']));
+    let has_key =
+        |key: &str| lines().any(|l| l.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('=')));
+    let has_table = lines().any(|l| l.starts_with("[plants") || l.starts_with("[clouds"));
+    if !has_table && has_key("apical_control") {
+        return Some(Content::Species);
+    }
+    if !has_table && has_key("levels") {
+        return Some(Content::Shapes);
+    }
+    let is_row = |l: &str| {
+        let words: Vec<&str> = l.split_whitespace().collect();
+        words.len() >= TABLE_ROW && words.iter().all(|w| w.parse::<f64>().is_ok())
+    };
+    let is_fractint = lines().any(|l| l.ends_with('{') || l.contains("{ ;") || l.contains("{;")) && lines().any(is_row);
+    let is_flame = lines().next().is_some_and(|l| l.starts_with("<flame"));
+    (is_fractint || is_flame).then_some(Content::Table)
 }
 
 /// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.

@@ -152,12 +152,12 @@ fn curves_of_fractint_end_where_they_should() {
         ("TwoParts", [-4.0, 0.0, 0.0]),   // (1 + i)^4
         ("Unclosed", [2.0, 0.0, 0.0]),
     ] {
-        near(draw(CURVES, name).end(), end, name);
+        near(draw(CURVES, name).last(), end, name);
     }
     near(draw(CURVES, "Cantor").size(), [81.0, 0.0, 0.0], "Cantor");
     for name in ["Snowflake", "QuadricIsland", "HalfTurns", "Degrees"] {
         let curve = draw(CURVES, name);
-        near(curve.end() - curve.first(), [0.0; 3], name);
+        near(curve.last() - curve.first(), [0.0; 3], name);
     }
     // Fractint draws in the plane x-y, beginning to the right.
     assert!(SEGMENTS.iter().all(|(name, _)| draw(CURVES, name).size().z < 1e-6));
@@ -318,6 +318,19 @@ fn the_program_finds_out_what_a_file_is() {
         ends(0, &["grow", arg(&source), "-o", arg(&glb)]);
         assert!(glb.is_file(), "{name}");
     }
+    // Shapes, species and tables too.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (file, name) in
+        [("shapes/tree.shapes", "a.txt"), ("species/oak.species", "b.txt"), ("ifs-tables/bamboo_leaf.ifs", "c.txt")]
+    {
+        let source = write(name, &std::fs::read(root.join(file)).expect("a preset"));
+        ends(0, &["list", "knobs", arg(&source)]);
+    }
+    // A scene keeps its faults.
+    let (_, err) = ends(1, &["check", arg(&write("scene.txt", b"[plants.a]\ngramar = \"oak.l\"\n"))]);
+    assert!(err.contains("S002"), "{err}");
+    let utf16: Vec<u8> = [0xff, 0xfe].into_iter().chain(cpfg.iter().flat_map(|b| [*b, 0])).collect();
+    assert_eq!(detect("koch.txt", &utf16), FileKind::Grammar(Notation::Cpfg));
     let houdini = write("plant.txt", b"A=F[+A][-A]\n");
     let (_, err) = ends(1, &["check", arg(&houdini)]);
     assert!(err.contains("L007") && err.contains("Houdini") && err.contains("-->"), "{err}");
@@ -344,7 +357,8 @@ fn the_program_finds_out_what_a_file_is() {
 }
 
 /// Strings that models of L-Py derive, by hand.
-const LPY: [(&str, &str); 14] = [
+const LPY: [(&str, &str); 15] = [
+    ("nested", "F(0)F(10)F(11)"),
     ("algae", "ABAABABA"),
     ("letters", "bFFd"),
     ("names", "F(1)[+(30)Leaf(2)]F(1)[+(30)Leaf(1)]Leaf(1)"),
@@ -436,10 +450,14 @@ fn python_that_is_more_than_rules_is_refused_by_name() {
     assert!(used.contains("line 1: a dictionary"), "{used}");
 }
 
-/// Positions of all nodes and number of organs of a grammar.
+/// Midpoints of all segments and number of organs of a grammar.
 fn positions(g: &Grammar) -> (Vec<glam::Vec3>, usize) {
-    let drawn = draw_steps(g, None);
-    (drawn.plant.nodes.p, drawn.plant.organs.len())
+    let plant = draw_steps(g, None).plant;
+    let of_axis = |a: &osier::plant::Axis| {
+        let p = &plant.nodes.p[plant.nodes_of(a)];
+        p.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect::<Vec<_>>()
+    };
+    (plant.axes.iter().flat_map(of_axis).collect(), plant.organs.len())
 }
 
 /// Converts a grammar, reads the text again, and compares what both draw; false if the notation has no words for it.

@@ -1,5 +1,7 @@
 //! One picture, two for comparison, or a contact sheet of many.
 
+use std::path::Path;
+
 use super::super::Context;
 use super::super::args::Preview;
 use super::flags::{MAX_CELLS, PreviewFlags, check_picture_limits};
@@ -40,7 +42,7 @@ pub fn single(context: &Context, args: &Preview, flags: &PreviewFlags, work: &Ba
 /// Renders and writes a contact sheet of several seeds, or of several values of one or two keys.
 pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
     let (cells, columns) = plan(flags);
-    sheet_of(cells, columns, &about(flags), context, args, flags, work)
+    sheet_of(cells, columns, &SheetTitle { name: None, about: about(flags) }, context, args, flags, work)
 }
 
 /// Renders and writes a contact sheet of the L-systems of a file.
@@ -58,14 +60,22 @@ pub fn entries(
     let cells: Vec<PlannedCell> = sources.iter().map(cell).collect();
     let columns = contact_sheet_columns(cells.len());
     let about = format!("{} L-systems of {}", cells.len(), args.source);
-    sheet_of(cells, columns, &about, context, args, flags, work)
+    let stem = Path::new(&args.source).file_stem().map(|s| s.to_string_lossy().into_owned());
+    sheet_of(cells, columns, &SheetTitle { name: stem, about }, context, args, flags, work)
+}
+
+/// What stands above a contact sheet.
+struct SheetTitle {
+    /// `None`: the name of the first scene.
+    name: Option<String>,
+    about: String,
 }
 
 /// Renders and writes a contact sheet. Entries of a file are each framed on their own.
 fn sheet_of(
     cells: Vec<PlannedCell>,
     columns: usize,
-    about: &str,
+    title: &SheetTitle,
     context: &Context,
     args: &Preview,
     flags: &PreviewFlags,
@@ -111,8 +121,9 @@ fn sheet_of(
         picture.caption = cell.caption;
     }
     let first = &scenes[0];
-    let name = format!("{}-sheet", first.name());
-    let picture = contact_sheet(first.name(), about, &pictures, columns)?;
+    let shown = title.name.as_deref().unwrap_or(first.name());
+    let name = format!("{shown}-sheet");
+    let picture = contact_sheet(shown, &title.about, &pictures, columns)?;
     let target = OutputPicture::new(context, args, &name, "png")?;
     target.write(context, &picture, flags.options.quality, first.scene(), &name)?;
     Ok(Outcome::Written { warned })

@@ -289,7 +289,9 @@ impl Resolver<'_> {
                 let file = self.read(name, reference.span, "text-bytes", &[""])?;
                 let grammar = self.grammar(&file, entry, &keys, reference.span)?;
                 let letters = grammar.organ_symbols();
-                if grammar.is_tuft() {
+                // Files of other programs say how thick their stems are.
+                let is_foreign = matches!(grammar.notation(), Notation::Fractint | Notation::LParser | Notation::LPy);
+                if grammar.is_tuft() || is_foreign {
                     tuft_defaults(table, &mut skin);
                 }
                 (Growth::Grammar(Box::new(grammar)), file.shown, letters)
@@ -311,7 +313,8 @@ impl Resolver<'_> {
             (None, None) if keys.species.is_some() => {
                 let reference = keys.species.as_ref()?;
                 // The ending may be left out: species = "oak".
-                let has_ending = reference.text.to_ascii_lowercase().ends_with(".species");
+                let is_named = self.request.bare.is_some() && reference.text.contains('.');
+                let has_ending = is_named || reference.text.to_ascii_lowercase().ends_with(".species");
                 let name = if has_ending { reference.text.clone() } else { format!("{}.species", reference.text) };
                 let file = self.read(&name, reference.span, "text-bytes", &[".species"])?;
                 let mut species = self.species_recipe(&file, table, &path, keys.age)?;

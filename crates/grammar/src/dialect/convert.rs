@@ -491,7 +491,7 @@ impl<'g> Writer<'g> {
             let _ = write!(out, " > {}", self.context(&p.right));
         }
         let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
-        let before = p.before.as_ref().map(|code| block(code));
+        let before = p.before.as_ref().map(block);
         let condition = p.condition.as_ref().map(|code| expression(&code.ops));
         match (before, condition) {
             (None, None) => {}

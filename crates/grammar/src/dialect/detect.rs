@@ -33,7 +33,7 @@ pub fn detect(name: &str, bytes: &[u8]) -> FileKind {
     if is_lpy(text, ending == "lpy") {
         return FileKind::Grammar(Notation::LPy);
     }
-    if has_line(text, |l| is_arrow_rule(l)) {
+    if has_line(text, is_arrow_rule) {
         return FileKind::Grammar(Notation::Cpfg);
     }
     if ending != "toml" && is_lparser(text) {
@@ -108,7 +108,7 @@ fn is_lparser(text: &str) -> bool {
         return true;
     }
     let mut numbers = code();
-    let is_number = |l: Option<Piece<'_>>| l.is_some_and(|l| l.text.parse::<f64>().is_ok());
+    let is_number = |l: Option<Piece<'_>>| l.is_some_and(|l| l.first_word(&[]).0.text.parse::<f64>().is_ok());
     let has_numbers = (0..3).all(|_| is_number(numbers.next()));
     let Some(axiom) = numbers.next().filter(|_| has_numbers) else { return false };
     let mut rules = numbers.take_while(|l| l.text != "@");

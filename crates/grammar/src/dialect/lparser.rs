@@ -105,9 +105,9 @@ impl<'t> File<'_, '_, 't> {
                 None => self.set_axiom(line),
             };
         }
-        let (word, rest) = line.first_word(&[]);
-        let is_number = rest.text.is_empty() && word.text.parse::<f64>().is_ok();
-        if !is_number {
+        // Words may follow the number.
+        let (word, _) = line.first_word(&[]);
+        if word.text.parse::<f64>().is_err() {
             return self.set_axiom(line);
         }
         if self.recursion.is_none() {

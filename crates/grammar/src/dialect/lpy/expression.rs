@@ -493,7 +493,7 @@ fn constant_name(name: &str) -> Option<f64> {
 }
 
 /// The expression with names replaced by expressions.
-fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
+pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
     let sub = |a: &PyExpr| Box::new(substitute(a, names, values));
     match e {
         PyExpr::Number(n) => PyExpr::Number(*n),

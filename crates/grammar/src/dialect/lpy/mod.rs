@@ -6,7 +6,7 @@ mod strings;
 
 use std::ops::Range;
 
-use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse};
+use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, substitute};
 use self::strings::{PyModule, Spelled, modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
@@ -52,6 +52,13 @@ struct Way {
     steps: Vec<Step>,
     modules: Vec<PyModule>,
     produced: bool,
+}
+
+impl Way {
+    /// Where its modules are written, for messages.
+    fn range(&self) -> Range<usize> {
+        self.modules.first().map_or(0..0, |m| m.range.clone())
+    }
 }
 
 /// A line of code with its indentation.
@@ -721,10 +728,11 @@ impl<'s> Model<'_, 's> {
     fn ways(&mut self, statements: &[Statement]) -> Result<Vec<Way>, Refusal> {
         let mut out = Vec::new();
         // Each open way: what it has done, and the statements that it has left, the next one last.
-        let mut open: Vec<(Way, Vec<&Statement>)> = vec![(Way::default(), statements.iter().rev().collect())];
+        let mut open: Vec<(Way, Vec<Statement>)> = vec![(Way::default(), statements.iter().rev().cloned().collect())];
         while let Some((mut way, mut left)) = open.pop() {
-            if out.len() + open.len() > MAX_WAYS || way.steps.len() > MAX_STEPS || way.modules.len() > MAX_MODULES {
-                return Err(Refusal::new("a production with too many ways through it", 0..0));
+            let too_many = out.len() + open.len() > MAX_WAYS || way.steps.len() + left.len() > MAX_STEPS;
+            if too_many || way.modules.len() > MAX_MODULES {
+                return Err(Refusal::new("a production with too many ways through it", way.range()));
             }
             let Some(statement) = left.pop() else {
                 way.produced |= !way.modules.is_empty();
@@ -738,12 +746,12 @@ impl<'s> Model<'_, 's> {
                     out.push(way);
                 }
                 Statement::Assign(name, e) => {
-                    way.steps.push(Step::Assign(name.clone(), e.clone()));
+                    way.steps.push(Step::Assign(name, e));
                     open.push((way, left));
                 }
                 Statement::Produce(modules, ends) => {
-                    self.produce(&mut way, modules, *ends);
-                    if *ends {
+                    self.produce(&mut way, &modules, ends);
+                    if ends {
                         way.produced = true;
                         out.push(way);
                     } else {
@@ -753,53 +761,50 @@ impl<'s> Model<'_, 's> {
                 Statement::If(tests, other) => {
                     // Pushed in reverse, so that the first alternative is continued first.
                     let mut alternatives = Vec::new();
-                    let mut refused = way;
                     for (test, then) in tests {
-                        let mut taken = refused.clone();
+                        let mut taken = way.clone();
                         taken.steps.push(Step::Condition(test.clone(), true));
                         let mut rest = left.clone();
-                        rest.extend(then.iter().rev());
+                        rest.extend(then.into_iter().rev());
                         alternatives.push((taken, rest));
-                        refused.steps.push(Step::Condition(test.clone(), false));
+                        way.steps.push(Step::Condition(test, false));
                     }
-                    left.extend(other.iter().rev());
-                    alternatives.push((refused, left));
+                    left.extend(other.into_iter().rev());
+                    alternatives.push((way, left));
                     open.extend(alternatives.into_iter().rev());
                 }
-                Statement::For(name, [from, to, step], body, range) => {
-                    let constant = |e: &PyExpr| {
-                        let code = compile(e, &self.scope)?;
-                        vm::constant_value(&code)
-                            .filter(|v| v.is_finite())
-                            .ok_or_else(|| Refusal::new("'for' over a range that is not constant", range.clone()))
-                    };
-                    let (from, to, step) = (constant(from)?, constant(to)?, constant(step)?);
-                    let turns = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { MAX_TURNS + 1.0 };
-                    if turns > MAX_TURNS || turns * body.len() as f64 > MAX_STEPS as f64 {
-                        return Err(Refusal::new("'for' with too many turns", range.clone()));
+                Statement::For(name, range, body, place) => {
+                    let turns = self.turns(&range, &place)?;
+                    if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
+                        return Err(Refusal::new("'for' with too many turns", place));
                     }
-                    if !body.iter().all(is_straight) {
-                        return Err(Refusal::new("'if' or 'for' within 'for'", range.clone()));
-                    }
-                    // The body is straight: its turns are done at once.
-                    let mut value = from;
-                    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_TURNS")]
-                    for _ in 0..turns as usize {
-                        way.steps.push(Step::Assign(name.clone(), PyExpr::Number(value)));
-                        for statement in body {
-                            match statement {
-                                Statement::Assign(name, e) => way.steps.push(Step::Assign(name.clone(), e.clone())),
-                                Statement::Produce(modules, _) => self.produce(&mut way, modules, false),
-                                _ => {}
-                            }
-                        }
-                        value += step;
+                    for value in turns.iter().rev() {
+                        left.extend(body.iter().rev().map(|s| in_turn(s, &name, *value)));
+                        left.push(Statement::Assign(name.clone(), PyExpr::Number(*value)));
                     }
                     open.push((way, left));
                 }
             }
         }
         Ok(out)
+    }
+
+    /// Values of the variable of a loop.
+    fn turns(&self, range: &[PyExpr; 3], place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
+        let constant = |e: &PyExpr| {
+            let not_constant = || Refusal::new("'for' over a range that is not constant", place.clone());
+            let code = compile(e, &self.scope).map_err(|_| not_constant())?;
+            vm::constant_value(&code).filter(|v| v.is_finite()).ok_or_else(not_constant)
+        };
+        let [from, to, step] = range;
+        let (from, to, step) = (constant(from)?, constant(to)?, constant(step)?);
+        let count = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { f64::INFINITY };
+        if count > MAX_TURNS {
+            return Err(Refusal::new("'for' with too many turns", place.clone()));
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_TURNS")]
+        let count = count as u32;
+        Ok((0..count).map(|k| from + f64::from(k) * step).collect())
     }
 
     /// Adds modules to a way. Their parameters are computed now, for variables may change afterwards.
@@ -1004,6 +1009,23 @@ fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     names.iter().zip(&values).map(one).collect()
 }
 
+/// A statement in one turn of a loop: ranges of loops within it may name the variable.
+fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
+    let all = |list: &[Statement]| list.iter().map(|s| in_turn(s, name, value)).collect::<Vec<_>>();
+    match s {
+        Statement::If(tests, other) => {
+            let tests = tests.iter().map(|(test, then)| (test.clone(), all(then))).collect();
+            Statement::If(tests, all(other))
+        }
+        Statement::For(own, range, body, place) => {
+            let known = std::slice::from_ref(name);
+            let range = range.each_ref().map(|e| substitute(e, known, &[PyExpr::Number(value)]));
+            Statement::For(own.clone(), range, all(body), place.clone())
+        }
+        other => other.clone(),
+    }
+}
+
 /// `i in range(a, b, step)`.
 fn for_range(piece: Piece<'_>) -> Result<(String, [PyExpr; 3]), Refusal> {
     let refused = || Refusal::new("'for' over something other than range(..)", piece.range());
@@ -1022,9 +1044,4 @@ fn for_range(piece: Piece<'_>) -> Result<(String, [PyExpr; 3]), Refusal> {
         _ => return Err(refused()),
     };
     Ok((name.text.to_owned(), range))
-}
-
-/// A statement without alternatives that does not end the production.
-fn is_straight(s: &Statement) -> bool {
-    matches!(s, Statement::Assign(..) | Statement::Produce(_, false) | Statement::Pass)
 }

@@ -13,6 +13,8 @@ use osier_scene::plant::Plant;
 /// its largest side, so that lines are 1 to 6 pixels wide in a picture of 800. Chosen by eye.
 const STEP_SHARE: f32 = 0.35;
 const LINE_SHARES: [f32; 2] = [0.002, 0.008];
+/// Cosine of the turn beyond which a line begins anew, about 155 degrees.
+const REVERSAL: f64 = -0.9;
 /// Colour index with which Fractint begins: white.
 const FRACTINT_COLOR: u8 = 15;
 /// Directions of a file of Fractint without an angle.
@@ -469,7 +471,12 @@ impl Turtle<'_> {
     fn plane_step(&mut self, degrees: f64, draws: bool, m: Module<'_>) {
         self.close_segment();
         let (c, s) = (math::cos(radians(degrees)), math::sin(radians(degrees)));
+        let before = self.s.frame.h;
         self.s.frame = TurtleFrame { h: DVec3::new(c, s, 0.0), l: DVec3::new(-s, c, 0.0), u: DVec3::Z };
+        // A tube cannot turn back upon itself: the way back is a line of its own.
+        if draws && self.s.frame.h.dot(before) < REVERSAL {
+            self.jump(self.s.p, m);
+        }
         self.step(self.s.dialect.length, m, draws, false);
     }
 
