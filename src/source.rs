@@ -16,11 +16,12 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::presets::{self, Preset, PresetKind};
+use crate::recipe::scene::no_grammar;
 use crate::recipe::{Library, Request};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result, files};
-use osier_grammar::FileKind;
+use osier_grammar::{FileKind, Notation};
 use osier_ifs::read;
 
 /// Where sources are looked for, and which values of their scenes are overridden.
@@ -104,37 +105,36 @@ fn split_entry(source: &str) -> (&str, Option<&str>) {
     }
 }
 
+/// The bytes of a file that may be a grammar; `None` for a scene, a mesh, or what is no file.
+fn text_of(path: &Path, limits: &Limits) -> Result<Option<Vec<u8>>> {
+    let other = ["toml", "glb", "gltf", "obj", "shapes", "species", "ifs", "flame"];
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if other.contains(&ending.as_str()) || !path.is_file() {
+        return Ok(None);
+    }
+    files::read_input(path, limits.get("text-bytes")).map(Some)
+}
+
+/// True for an L-system, or a file of them, that is drawn in the plane x-y and is best seen from the front.
+/// # Errors
+/// `Io` if the file cannot be read.
+pub fn is_plane_drawing(source: &str, limits: &Limits) -> Result<bool> {
+    let path = Path::new(split_entry(source).0);
+    let Some(bytes) = text_of(path, limits)? else { return Ok(false) };
+    Ok(osier_grammar::detect(&file_name(path), &bytes) == FileKind::Grammar(Notation::Fractint))
+}
+
 /// Sources of the L-systems of a file that holds several, `FILE#ENTRY`; the source itself for any other.
 /// # Errors
 /// `Io` if the file cannot be read.
 pub fn entry_sources(source: &str, limits: &Limits) -> Result<Vec<String>> {
     let path = Path::new(source);
-    if source == "-" || !path.is_file() {
-        return Ok(vec![source.to_owned()]);
-    }
-    let bytes = files::read_input(path, limits.get("text-bytes"))?;
+    let Some(bytes) = text_of(path, limits)? else { return Ok(vec![source.to_owned()]) };
     let names = osier_grammar::entries(&file_name(path), &bytes);
     if names.len() < 2 {
         return Ok(vec![source.to_owned()]);
     }
     Ok(names.iter().map(|n| format!("{source}#{n}")).collect())
-}
-
-/// S001 for a file that is no grammar, with what to do.
-pub(crate) fn no_grammar(name: &str, kind: FileKind, span: Span) -> Diagnostic {
-    match kind {
-        FileKind::Houdini => {
-            let message = format!("\"{name}\" has rules as Houdini writes them, which are not supported");
-            let help = "write 'Lsystem: 1', 'derivation length: 4', 'Axiom: ..', productions 'F --> F[+F]F' and 'endlsystem'; \
-                        '+' turns right in Houdini and left in osier";
-            Diagnostic::error("L007", message, span, "this file").help(help)
-        }
-        FileKind::Grammar(_) | FileKind::Other => {
-            let message = format!("\"{name}\" is no grammar");
-            let help = "a grammar begins with 'Lsystem:', or is a file of Fractint, LParser or L-Py; `dialect` names its notation";
-            Diagnostic::error("S005", message, span, "this file").help(help)
-        }
-    }
 }
 
 fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {

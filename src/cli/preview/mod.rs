@@ -16,7 +16,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::layered_picture;
 use crate::recipe::Recipe;
 use crate::single_file::canvas_image;
-use crate::source::entry_sources;
+use crate::source::{entry_sources, is_plane_drawing};
 use flags::PreviewFlags;
 use osier_base::Result;
 use osier_base::files::{FileRecord, Folder, WriteOptions};
@@ -40,6 +40,9 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     let display = ProgressDisplay::new(&context.console);
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
     let entries = entry_sources(&args.source, &context.limits)?;
+    if args.view.is_none() && is_plane_drawing(&args.source, &context.limits)? {
+        flags.options.view = Some(flags::front());
+    }
     if entries.len() > 1 && args.size.is_none() && !flags.is_sheet() {
         flags.options.size = [320, 320];
     }

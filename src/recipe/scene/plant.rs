@@ -166,6 +166,23 @@ fn tuft_defaults(plant: &TomlTable, skin: &mut SkinKeys) {
     }
 }
 
+/// S005 or L007 for a file that is no grammar, with what to do.
+pub(crate) fn no_grammar(name: &str, kind: FileKind, span: Span) -> Diagnostic {
+    match kind {
+        FileKind::Houdini => {
+            let message = format!("\"{name}\" has rules as Houdini writes them, which are not supported");
+            let help = "write 'Lsystem: 1', 'derivation length: 4', 'Axiom: ..', productions 'F --> F[+F]F' and 'endlsystem'; \
+                        '+' turns right in Houdini and left in osier";
+            Diagnostic::error("L007", message, span, "this file").help(help)
+        }
+        FileKind::Grammar(_) | FileKind::Other => {
+            let message = format!("\"{name}\" is no grammar");
+            let help = "a grammar begins with 'Lsystem:', or is a file of Fractint, LParser or L-Py; `dialect` names its notation";
+            Diagnostic::error("S005", message, span, "this file").help(help)
+        }
+    }
+}
+
 /// Leaves that one table draws with the same keys are drawn once, whatever plants bear them.
 fn share_leaves(plants: &mut [PlantRecipe]) {
     let digest = |o: &OrganRecipe| {
@@ -648,7 +665,7 @@ impl Resolver<'_> {
         let notation = keys.dialect.map(GrammarDialect::notation);
         let kind = osier_grammar::detect(&file.shown, &file.bytes);
         if notation.is_none() && !matches!(kind, FileKind::Grammar(_)) {
-            self.report.push(crate::source::no_grammar(&file.shown, kind, span));
+            self.report.push(no_grammar(&file.shown, kind, span));
             return None;
         }
         let library = &self.request.library;

@@ -584,9 +584,9 @@ impl<'g> Writer<'g> {
         match (self.to, self.dialect) {
             (ConvertTo::Cpfg, Dialect::Fractint) => "-(90) ;(15) ".into(),
             (ConvertTo::Cpfg, Dialect::LParser) => {
-                format!("/(90) !({}) ", self.settings.thickness.unwrap_or(1.0))
+                format!("/(90) ;(2) !({}) ", self.settings.thickness.unwrap_or(1.0))
             }
-            (ConvertTo::Cpfg, Dialect::LPy) => "\\(90) !(0.2) ".into(),
+            (ConvertTo::Cpfg, Dialect::LPy) => "\\(90) ;(1) !(0.2) ".into(),
             _ => String::new(),
         }
     }

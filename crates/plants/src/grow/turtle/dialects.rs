@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::frame::TurtleFrame;
 use super::interpreter::{Turtle, TurtleState, color_index};
+use super::options::TurtleOptions;
 use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{Dialect, DialectSettings, Module, SymbolId};
@@ -15,8 +16,10 @@ const STEP_SHARE: f32 = 0.35;
 const LINE_SHARES: [f32; 2] = [0.002, 0.008];
 /// Cosine of the turn beyond which a line begins anew, about 155 degrees.
 const REVERSAL: f64 = -0.9;
-/// Colour index with which Fractint begins: white.
+/// Colour indices with which the programs begin: white, red and the first one.
 const FRACTINT_COLOR: u8 = 15;
+const LPARSER_COLOR: u8 = 2;
+const LPY_COLOR: u8 = 1;
 /// Directions of a file of Fractint without an angle.
 const FRACTINT_UNIT_DEG: f64 = 45.0;
 /// Factors of LParser's commands without a number. Source: the manual of LParser; commands that enlarge divide by them.
@@ -176,12 +179,18 @@ impl DialectTurtle {
     /// Frame, width and colour with which the turtle of the program begins. World axes of LParser and L-Py, whose +Z is up, become
     /// (x, z, -y).
     pub fn begin(&self, state: &mut TurtleState) {
+        // A colour of the scene stays.
+        if state.color == TurtleOptions::default().color {
+            state.color = match self.kind {
+                Dialect::Fractint => FRACTINT_COLOR,
+                Dialect::LParser => LPARSER_COLOR,
+                Dialect::LPy => LPY_COLOR,
+                Dialect::Cpfg | Dialect::Abop | Dialect::None | Dialect::Catkin => state.color,
+            };
+        }
         match self.kind {
             // Fractint draws from +X, its plane faces the viewer.
-            Dialect::Fractint => {
-                state.frame = TurtleFrame { h: DVec3::X, l: DVec3::Y, u: DVec3::Z };
-                state.color = FRACTINT_COLOR;
-            }
+            Dialect::Fractint => state.frame = TurtleFrame { h: DVec3::X, l: DVec3::Y, u: DVec3::Z },
             Dialect::LParser => state.frame = TurtleFrame { h: DVec3::Y, l: DVec3::NEG_Z, u: DVec3::NEG_X },
             Dialect::LPy => {
                 state.frame = TurtleFrame { h: DVec3::Y, l: DVec3::Z, u: DVec3::X };
@@ -350,7 +359,8 @@ impl Turtle<'_> {
             }
             return true;
         }
-        if c == '(' && self.pending.waiting.is_some() {
+        // A number behind a symbol that is no command is left out.
+        if c == '(' && m.params.is_empty() {
             self.pending.text = Some(String::new());
             return true;
         }
