@@ -16,10 +16,12 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::presets::{self, Preset, PresetKind};
+use crate::recipe::scene::no_grammar;
 use crate::recipe::{Library, Request};
-use osier_base::diagnostic::{Diagnostic, Report, nearest};
+use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result, files};
+use osier_grammar::{FileKind, Notation};
 use osier_ifs::read;
 
 /// Where sources are looked for, and which values of their scenes are overridden.
@@ -30,6 +32,9 @@ pub struct SourceOptions {
     /// Overrides `PATH=VALUE` of scene keys, or of the `#define`s of a bare grammar. `as=cloud` and `as=tree` choose
     /// what a coefficient table is read as.
     pub set: Vec<String>,
+    /// Notation of a grammar (`cpfg`, `abop`, `catkin`, `fractint`, `lparser`, `lpy`) in place of what its content says; a source
+    /// with one is a grammar, whatever its name.
+    pub dialect: Option<String>,
     /// Seed of all random draws in place of the scene's.
     pub seed: Option<u64>,
     /// Limits in force while sources are read and resolved.
@@ -45,8 +50,10 @@ enum TableUse {
     Picture,
 }
 
-/// The request for the scene of a source: a scene (`.toml`), a grammar (`.l`), particle-shapes (`.shapes`), a species (`.species`), a coefficient table
-/// (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or without ending. All but a scene become a scene of their own.
+/// The request for the scene of a source: a scene (`.toml`), a grammar in any notation that `osier_grammar` reads, particle-shapes
+/// (`.shapes`), a species (`.species`), a coefficient table (`.ifs`, `.flame`, `.ifs.toml`), or a preset by its name with or without
+/// ending. What a file is, its content tells before its ending does. `FILE#ENTRY` and `FILE:ENTRY` name one L-system of a file of
+/// Fractint. All but a scene become a scene of their own.
 /// # Errors
 /// `Io` if the source cannot be read, `Input` if it is neither scene nor grammar nor table.
 pub fn find_scene(source: &str, options: &SourceOptions) -> Result<Request> {
@@ -84,7 +91,54 @@ fn find(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Re
     Ok(request)
 }
 
+/// File and entry of `FILE#ENTRY` or `FILE:ENTRY`; a file of this very name comes first.
+fn split_entry(source: &str) -> (&str, Option<&str>) {
+    if Path::new(source).exists() {
+        return (source, None);
+    }
+    let parts = source.rsplit_once('#').filter(|(f, _)| Path::new(f).is_file());
+    let parts = parts
+        .or_else(|| source.match_indices(':').map(|(i, _)| source.split_at(i)).find(|(f, _)| Path::new(f).is_file()));
+    match parts {
+        Some((file, entry)) => (file, Some(entry.trim_start_matches(':'))),
+        None => (source, None),
+    }
+}
+
+/// The bytes of a file that may be a grammar; `None` for a scene, a mesh, or what is no file.
+fn text_of(path: &Path, limits: &Limits) -> Result<Option<Vec<u8>>> {
+    let other = ["toml", "glb", "gltf", "obj", "shapes", "species", "ifs", "flame"];
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if other.contains(&ending.as_str()) || !path.is_file() {
+        return Ok(None);
+    }
+    files::read_input(path, limits.get("text-bytes")).map(Some)
+}
+
+/// True for an L-system, or a file of them, that is drawn in the plane x-y and is best seen from the front.
+/// # Errors
+/// `Io` if the file cannot be read.
+pub fn is_plane_drawing(source: &str, limits: &Limits) -> Result<bool> {
+    let path = Path::new(split_entry(source).0);
+    let Some(bytes) = text_of(path, limits)? else { return Ok(false) };
+    Ok(osier_grammar::detect(&file_name(path), &bytes) == FileKind::Grammar(Notation::Fractint))
+}
+
+/// Sources of the L-systems of a file that holds several, `FILE#ENTRY`; the source itself for any other.
+/// # Errors
+/// `Io` if the file cannot be read.
+pub fn entry_sources(source: &str, limits: &Limits) -> Result<Vec<String>> {
+    let path = Path::new(source);
+    let Some(bytes) = text_of(path, limits)? else { return Ok(vec![source.to_owned()]) };
+    let names = osier_grammar::entries(&file_name(path), &bytes);
+    if names.len() < 2 {
+        return Ok(vec![source.to_owned()]);
+    }
+    Ok(names.iter().map(|n| format!("{source}#{n}")).collect())
+}
+
 fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<Request> {
+    let (source, entry) = split_entry(source);
     let path = Path::new(source);
     let search = &options.search;
     // A folder is no source: the name of a preset may also be that of the folder it was baked into.
@@ -97,13 +151,42 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     // Read the file before its folder is opened for references: of a path that does not exist, the
     // file is reported.
     let bytes = files::read_input(path, options.limits.get("text-bytes"))?;
-    if ["l", "shapes", "species"].iter().any(|e| path.extension() == Some(OsStr::new(e))) {
+    let has_ending = |list: &[&str]| list.iter().any(|e| path.extension() == Some(OsStr::new(e)));
+    if has_ending(&["shapes", "species"]) && options.dialect.is_none() {
         return Ok(Request {
             library: Library::new(path, search)?,
             ..plant_request(&file_stem(path), &file_name(path))
         });
     }
-    if is_coefficient_table(path, &bytes) {
+    let kind = osier_grammar::detect(&file_name(path), &bytes);
+    let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
+    match kind {
+        _ if options.dialect.is_some() || has_ending(&["l"]) && kind != FileKind::Houdini => {
+            return grammar_request(path, entry, options);
+        }
+        FileKind::Grammar(_) if !is_mesh_or_table && source != "-" => return grammar_request(path, entry, options),
+        FileKind::Houdini if !is_mesh_or_table => {
+            let mut report = Report::default();
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            let id = report.sources.add(source, text.as_str());
+            report.push(no_grammar(source, kind, Span::new(id, 0, text.lines().next().map_or(0, str::len))));
+            return Err(Error::Input(Box::new(report)));
+        }
+        _ => {}
+    }
+    let content = if has_ending(&["toml"]) || is_mesh_or_table || source == "-" { None } else { content_of(&bytes) };
+    match content {
+        Some(Content::Shapes) => {
+            let request = Request::shapes(&file_stem(path), &file_name(path));
+            return Ok(Request { library: Library::new(path, search)?, ..request });
+        }
+        Some(Content::Species) => {
+            let request = Request::species(&file_stem(path), &file_name(path));
+            return Ok(Request { library: Library::new(path, search)?, ..request });
+        }
+        Some(Content::Table) | None => {}
+    }
+    if content == Some(Content::Table) || is_coefficient_table(path, &bytes) {
         let file = file_name(path);
         let short = file.split('.').next().unwrap_or(&file);
         let request = table_request(&file, short, &bytes, options, table_use);
@@ -150,6 +233,19 @@ fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, 
     }
 }
 
+/// The request for a scene of one plant of a grammar file, or of one of its L-systems.
+fn grammar_request(path: &Path, entry: Option<&str>, options: &SourceOptions) -> Result<Request> {
+    let file = file_name(path);
+    let name = entry.map_or_else(|| file_stem(path), str::to_owned);
+    let reference = entry.map_or_else(|| file.clone(), |e| format!("{file}#{e}"));
+    let request = Request::bare(&name, &reference);
+    let library = Library::new(path, &options.search)?;
+    // The notation is a key of the plant.
+    let dialect = options.dialect.as_ref().map(|d| format!("dialect = {}\n[ground]\n", toml::Value::String(d.clone())));
+    let text = dialect.map_or_else(|| request.text.clone(), |line| request.text.replace("[ground]\n", &line));
+    Ok(Request { library, text, ..request })
+}
+
 /// The request for a scene of one plant of a grammar, of particle-shapes or of a species.
 fn plant_request(name: &str, file: &str) -> Request {
     match file.rsplit_once('.').map_or("", |parts| parts.1) {
@@ -157,6 +253,39 @@ fn plant_request(name: &str, file: &str) -> Request {
         "species" => Request::species(name, file),
         _ => Request::bare(name, file),
     }
+}
+
+/// What a file whose ending does not tell is, if it is neither grammar nor scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Content {
+    Shapes,
+    Species,
+    Table,
+}
+
+/// Numbers of a row of coefficients at least.
+const TABLE_ROW: usize = 6;
+
+/// What a file is by its lines: keys that only particle-shapes or species have at their top, or rows of coefficients between braces.
+fn content_of(bytes: &[u8]) -> Option<Content> {
+    let text = String::from_utf8_lossy(bytes);
+    let lines = || text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with(['#', ';']));
+    let has_key =
+        |key: &str| lines().any(|l| l.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('=')));
+    let has_table = lines().any(|l| l.starts_with("[plants") || l.starts_with("[clouds"));
+    if !has_table && has_key("apical_control") {
+        return Some(Content::Species);
+    }
+    if !has_table && has_key("levels") {
+        return Some(Content::Shapes);
+    }
+    let is_row = |l: &str| {
+        let words: Vec<&str> = l.split_whitespace().collect();
+        words.len() >= TABLE_ROW && words.iter().all(|w| w.parse::<f64>().is_ok())
+    };
+    let is_fractint = lines().any(|l| l.ends_with('{') || l.contains("{ ;") || l.contains("{;")) && lines().any(is_row);
+    let is_flame = lines().next().is_some_and(|l| l.starts_with("<flame"));
+    (is_fractint || is_flame).then_some(Content::Table)
 }
 
 /// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.

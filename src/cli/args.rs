@@ -60,6 +60,9 @@ pub enum Command {
     /// Report every fault of scenes and grammars, and estimate their bakes.
     #[command(after_long_help = EXIT_CODES)]
     Check(Check),
+    /// Write a grammar of Fractint, LParser or L-Py in the notation of cpfg.
+    #[command(after_long_help = EXIT_CODES)]
+    Convert(Convert),
     /// List presets, scene keys, formats, codes or limits.
     #[command(after_long_help = EXIT_CODES)]
     List(List),
@@ -233,6 +236,32 @@ pub struct Check {
     pub string: bool,
 }
 
+/// Arguments of `osier convert`.
+#[derive(Debug, Args)]
+pub struct Convert {
+    /// Grammar, or FILE#ENTRY for one L-system of a file of Fractint.
+    #[arg(value_name = "FILE")]
+    pub file: String,
+    /// Commands of cpfg, or those of the other program (`turtle: fractint`, `turtle: lparser`).
+    #[arg(long, value_enum, value_name = "WHAT", default_value = "osier")]
+    pub to: ConvertArg,
+    /// File to write [default: standard output].
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Overwrite a file that osier did not write.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Values of `--to`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ConvertArg {
+    /// The commands of cpfg alone.
+    Cpfg,
+    /// The commands of the other program.
+    Osier,
+}
+
 /// Arguments of `osier list`.
 #[derive(Debug, Args)]
 pub struct List {
@@ -296,6 +325,9 @@ pub struct Common {
     /// Override a key of the scene, or a #define of a bare grammar: wind.speed=6, angle=30.
     #[arg(long, value_name = "PATH=VALUE", global = true)]
     pub set: Vec<String>,
+    /// Notation of a grammar, where its content does not tell: cpfg, abop, catkin, fractint, lparser, lpy.
+    #[arg(long, value_name = "NAME", global = true)]
+    pub dialect: Option<String>,
     /// Also look up referenced files in this folder.
     #[arg(long, value_name = "DIR", global = true)]
     pub search: Vec<PathBuf>,

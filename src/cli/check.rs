@@ -9,7 +9,7 @@ use crate::bake::BakeContext;
 use crate::check::{CheckResult, check};
 use crate::recipe::{GivenKey, Request, resolve};
 use crate::single_file::DerivedText;
-use crate::source::find_scene;
+use crate::source::{entry_sources, find_scene};
 use osier_base::diagnostic::{Severity, render_json};
 use osier_base::{Error, Result};
 
@@ -48,7 +48,12 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
     };
     let mut values: Vec<Value> = Vec::new();
     let (mut errors, mut warnings, mut code) = (0, 0, 0);
+    // A file of several L-systems is checked one by one.
+    let mut files = Vec::new();
     for file in &args.files {
+        files.extend(entry_sources(file, &context.limits).unwrap_or_else(|_| vec![file.clone()]));
+    }
+    for file in &files {
         let mut string = None;
         let found = match find_scene(file, &context.sources) {
             Ok(request) => {

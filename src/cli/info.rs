@@ -11,6 +11,7 @@ use osier_base::files::{MANIFEST, SearchPaths, read_input};
 use osier_base::limits::grouped;
 use osier_base::{Error, Result};
 use osier_export::manifest::{Manifest, Verification, verify};
+use osier_grammar::FileKind;
 use osier_import as import;
 use osier_scene::MaterialClass;
 
@@ -159,11 +160,17 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
         None
     };
     let size = mesh.as_ref().map(|m| m.bounds().size().to_array());
+    let file_name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let notation = match osier_grammar::detect(&file_name, &bytes) {
+        FileKind::Grammar(notation) if mesh.is_none() && std::str::from_utf8(&bytes).is_ok() => Some(notation.word()),
+        _ => None,
+    };
+    let entries = osier_grammar::entries(&file_name, &bytes);
     if context.console.json {
         let value = json!({
             "file": path.display().to_string(), "bytes": bytes.len(), "blake3": hash,
             "vertices": mesh.as_ref().map(|m| m.points.len()), "triangles": mesh.as_ref().map(|m| m.triangles.len()),
-            "size": size,
+            "size": size, "notation": notation, "entries": entries,
         });
         context.console.result(&format!("{value:#}\n"))?;
         return Ok(0);
@@ -173,6 +180,12 @@ fn describe_file(context: &Context, path: &Path) -> Result<u8> {
     if let (Some(m), Some([x, y, z])) = (mesh, size) {
         let (v, t) = (grouped(m.points.len() as u64), grouped(m.triangles.len() as u64));
         out += &format!("{v} vertices, {t} triangles, {x:.2} x {y:.2} x {z:.2} m\n");
+    }
+    if let Some(notation) = notation {
+        out += &format!("grammar in the notation of {notation}\n");
+    }
+    for entry in &entries {
+        out += &format!("  {}\n", visible(entry));
     }
     context.console.result(&out)?;
     Ok(0)

@@ -5,6 +5,7 @@ mod args;
 mod bake;
 mod check;
 mod console;
+mod convert;
 mod events;
 mod grow;
 mod info;
@@ -122,11 +123,13 @@ fn start(cli: Cli) -> u8 {
     let sources = SourceOptions {
         search: cli.common.search.clone(),
         set: cli.common.set.clone(),
+        dialect: cli.common.dialect.clone(),
         seed: cli.common.seed,
         limits: limits.clone(),
     };
     let context = Context { common: cli.common, console, limits, cancel, sources };
     let done = match &cli.command {
+        Command::Convert(a) => convert::run(&context, a),
         Command::List(a) => list::run(&context, a),
         Command::New(a) => new::run(&context, a),
         Command::Bake(a) => bake::run(&context, a),

@@ -387,7 +387,9 @@ impl Resolver<'_> {
         let mut fail = |message: String, help: String| {
             self.report.push(Diagnostic::error("S005", message, span, "this reference").help(help));
         };
-        if !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
+        // The file that the program was called with is what its content says, whatever its name.
+        let is_named = self.request.bare.is_some();
+        if !is_named && !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
             fail(format!("\"{reference}\" has another ending"), format!("expected a file {}", endings.join(", ")));
             return None;
         }

@@ -364,7 +364,7 @@ fn a_selection_of_frames_is_written_and_told() {
 
 #[test]
 fn help_and_tables_read_as_they_did() {
-    for command in ["", "bake", "grow", "preview", "check", "list", "new", "info"] {
+    for command in ["", "bake", "grow", "preview", "check", "convert", "list", "new", "info"] {
         let args: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
         let name = if command.is_empty() { "help".into() } else { format!("help_{command}") };
         insta::assert_snapshot!(name, ends(0, &args).0);

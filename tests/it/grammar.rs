@@ -243,7 +243,7 @@ fn what_is_wrong_with_a_turtle_is_told_with_its_place() {
         render(&complaints(text.as_bytes(), &TurtleOptions::default()), Style::Plain)
     };
     let faults = [
-        "turtle: fractint",
+        "turtle: fractint speed = 3",
         "turtle: catkins",
         "turtle: none\nturtle: cpfg",
         "bind F : forward 1",

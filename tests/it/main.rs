@@ -12,6 +12,7 @@ mod companions;
 mod condensation;
 mod control;
 mod copies;
+mod dialects;
 mod documents;
 mod figures;
 mod flights;

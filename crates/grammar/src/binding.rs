@@ -13,10 +13,38 @@ pub enum Dialect {
     /// All turtle commands of cpfg.
     #[default]
     Cpfg,
+    /// The commands of "The Algorithmic Beauty of Plants": those of cpfg with `$` and `'`.
+    Abop,
+    /// Commands of the L-systems of Fractint, which draw lines in the plane x-y.
+    Fractint,
+    /// Commands of the files of LParser.
+    LParser,
+    /// Commands of L-Py, whose symbols may have long names.
+    LPy,
     /// No commands but the brackets.
     None,
     /// Brackets and the rotations of the catkin model.
     Catkin,
+}
+
+impl Dialect {
+    /// True for the commands of cpfg, with which `@`, `~` and `?` begin commands of several symbols.
+    pub fn has_cpfg_commands(self) -> bool {
+        matches!(self, Self::Cpfg | Self::Abop)
+    }
+}
+
+/// Numbers that files of other programs hold for their turtle.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct DialectSettings {
+    /// Turn of commands without a number, degrees.
+    pub angle_deg: Option<f64>,
+    /// LParser: diameter of segments as a share of their length; 1 if `None`.
+    pub thickness: Option<f64>,
+    /// LParser: least diameter as a share of the length.
+    pub min_thickness: f64,
+    /// LParser: share, above 0 and below 1, of their length with which segments of the last step are drawn.
+    pub fraction: Option<f64>,
 }
 
 /// An axis of the turtle.
@@ -88,6 +116,10 @@ pub(crate) struct AngleDefinition {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TurtleBindings {
     pub dialect: Dialect,
+    /// Numbers of the turtle that a file of another program holds.
+    pub settings: DialectSettings,
+    /// The first production that applies is taken, as in the program that the dialect is of.
+    pub first_applies: bool,
     /// The expression of an angle may use the angles before it.
     pub angles: Vec<AngleDefinition>,
     pub symbols: BTreeMap<SymbolId, SymbolBinding>,
@@ -150,6 +182,6 @@ impl TurtleBindings {
 
     /// Has the symbol lost what it means to cpfg?
     pub fn overrides_cpfg(&self, symbol: Option<SymbolId>) -> bool {
-        self.dialect != Dialect::Cpfg || symbol.is_some_and(|s| self.symbols.contains_key(&s))
+        !self.dialect.has_cpfg_commands() || symbol.is_some_and(|s| self.symbols.contains_key(&s))
     }
 }

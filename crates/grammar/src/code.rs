@@ -116,6 +116,8 @@ pub(crate) enum Op {
     Bounds(u8),
     /// Function of a table, and index into [`Bytecode::places`] for a table that is missing.
     Table(TableFunction, usize),
+    /// Numbers the next draws as those after the beginning of the run.
+    RestartDraws,
     Stop,
     Pop,
     Jump(usize),

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 
-use super::binding::{AngleDefinition, Dialect, TurtleAction, TurtleBindings};
-use super::code::{Bytecode, Op};
+use super::binding::{AngleDefinition, Dialect, DialectSettings, TurtleAction, TurtleBindings};
+use super::code::{Bytecode, Op, RandomFunction};
 use super::derive::{self, DerivedString};
 use super::grammar::Grammar;
 use super::modules::Module;
@@ -62,6 +62,24 @@ impl<'g> BindingEvaluator<'g> {
     /// The turtle's commands before any is bound.
     pub fn dialect(&self) -> Dialect {
         self.bindings.map_or(Dialect::Cpfg, |r| r.dialect)
+    }
+
+    /// Numbers of the turtle that the file holds, if it is one of another program.
+    pub fn settings(&self) -> DialectSettings {
+        self.bindings.map_or_else(DialectSettings::default, |r| r.settings)
+    }
+
+    /// Number of the last step of the derivation: the birth of the modules that it made.
+    pub fn last_step(&self) -> u32 {
+        self.vm.step
+    }
+
+    /// A random number, 0 to 1, of a module: number `k` of its lineage, whatever else the string holds.
+    pub fn draw(&mut self, lineage: u64, k: u64) -> f64 {
+        let unit = Bytecode { ops: vec![Op::Const(1.0), Op::Random(RandomFunction::Ran)], ..Bytecode::default() };
+        self.vm.begin_draws(DrawPurpose::Angle, lineage, None);
+        self.vm.set_draw_number(k);
+        self.vm.run(&unit, &mut []).unwrap_or(0.5)
     }
 
     /// What a symbol is bound to.

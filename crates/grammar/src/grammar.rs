@@ -7,6 +7,7 @@ use osier_base::math::narrow;
 
 use super::binding::{Dialect, TurtleAction, TurtleBindings};
 use super::code::Expr;
+use super::dialect::Notation;
 use super::modules::{Module, ModuleString};
 use super::preprocess::Define;
 use super::program::{Program, SuccessorModule};
@@ -28,12 +29,25 @@ pub struct Grammar {
     pub(crate) sources: Sources,
     pub(crate) expansions: Vec<(String, SourcePlace)>,
     pub(crate) start: SourcePlace,
+    pub(crate) notation: Notation,
+    /// Colours of colour indices, sRGB, that the file itself holds.
+    pub(crate) palette: Vec<(u8, [u8; 3])>,
 }
 
 impl Grammar {
     /// Text after `Lsystem:`.
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// The notation that the file was read in.
+    pub fn notation(&self) -> Notation {
+        self.notation
+    }
+
+    /// Colours, sRGB, that the file itself gives to colour indices.
+    pub fn palette(&self) -> &[(u8, [u8; 3])] {
+        &self.palette
     }
 
     /// The comment that opens the file.
@@ -194,7 +208,11 @@ impl Default for NumberTexts {
 
 /// Appends a module as text, parameters with six digits.
 pub(crate) fn write_module(out: &mut String, grammar: &Grammar, m: Module<'_>, numbers: &mut NumberTexts) {
-    out.push(grammar.program.symbols.get(m.symbol));
+    let c = grammar.program.symbols.get(m.symbol);
+    match grammar.program.symbols.long_name(c) {
+        Some(name) => out.push_str(name),
+        None => out.push(c),
+    }
     for (i, value) in m.params.iter().enumerate() {
         out.push(if i == 0 { '(' } else { ',' });
         out.push_str(numbers.text(*value));

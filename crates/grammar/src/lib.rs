@@ -31,6 +31,7 @@ mod code;
 pub mod companion;
 mod compile;
 mod derive;
+mod dialect;
 mod evaluate;
 mod functions;
 mod grammar;
@@ -45,11 +46,12 @@ mod vm;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub use binding::{Dialect, TurtleAction, TurtleAxis};
+pub use binding::{Dialect, DialectSettings, TurtleAction, TurtleAxis};
 pub use derive::{
     AskTurtle, DeriveOptions, DerivedString, Prediction, QueryAnswer, TurtleAnswers, derive, derive_deferred,
     derive_text, derive_with_queries, interpret, interpret_modules, predict,
 };
+pub use dialect::{ConvertTo, Converted, FileKind, Notation, ReadAs, convert, detect, entries};
 pub use evaluate::BindingEvaluator;
 pub use functions::{DataFunction, FunctionTables, Spline, SplineEnds};
 pub use grammar::Grammar;
@@ -76,11 +78,40 @@ pub struct GrammarSource<'a> {
     pub functions: Arc<FunctionTables>,
 }
 
-/// Reads a grammar. The texts are added to `sources`, into which all diagnostics point.
+/// Reads a grammar in the notation that its content tells. The texts are added to `sources`, into which all diagnostics point.
 /// Returns the grammar with its warnings.
 /// # Errors
 /// `Input` with everything that is wrong with the file.
 pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) -> Result<(Grammar, Vec<Diagnostic>)> {
+    parse_as(sources, source, ReadAs::default(), limits)
+}
+
+/// As [`parse`] in a notation that is given, and for an entry of a file that holds several.
+/// # Errors
+/// As [`parse`]; L061 if the file has several entries and none is named.
+pub fn parse_as(
+    sources: &mut Sources,
+    source: GrammarSource<'_>,
+    read_as: ReadAs<'_>,
+    limits: &Limits,
+) -> Result<(Grammar, Vec<Diagnostic>)> {
+    let notation = read_as.notation.unwrap_or_else(|| match detect(source.name, source.bytes) {
+        FileKind::Grammar(notation) => notation,
+        FileKind::Houdini | FileKind::Other => Notation::Cpfg,
+    });
+    match notation {
+        Notation::Cpfg | Notation::Abop | Notation::Catkin => parse_cpfg(sources, source, notation, limits),
+        _ => dialect::parse(notation, read_as.entry, sources, &source, limits),
+    }
+}
+
+/// Reads a grammar in the notation of cpfg.
+fn parse_cpfg(
+    sources: &mut Sources,
+    source: GrammarSource<'_>,
+    notation: Notation,
+    limits: &Limits,
+) -> Result<(Grammar, Vec<Diagnostic>)> {
     let mut session = ParseSession::default();
     let first = sources.ids().count();
     let GrammarSource { name, bytes, includes, defines, functions } = source;
@@ -95,7 +126,8 @@ pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) 
     let main = (first..).zip(sources.ids().skip(first)).map(|(_, id)| id).find(|id| sources.name(*id) == name);
     let start = SourcePlace::start_of(main.unwrap_or(osier_base::diagnostic::SourceId(0)));
     // Compile all lines even after errors, to report them together; lint only what compiled.
-    let parsed = compile::parse(&mut session, &preprocessed.tokens, start);
+    let tokens = dialect::with_turtle(&mut session, preprocessed.tokens, notation, start);
+    let parsed = compile::parse(&mut session, &tokens, start);
     if !session.has_errors() {
         lint::check(&mut session, &parsed.program);
     }
@@ -111,6 +143,8 @@ pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) 
         sources: sources.clone(),
         expansions: session.expansions.iter().map(|e| (session.names.get(e.name).to_owned(), e.used_at)).collect(),
         start,
+        notation,
+        palette: Vec::new(),
     };
     Ok((grammar, std::mem::take(&mut session.diagnostics)))
 }

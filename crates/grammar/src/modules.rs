@@ -15,7 +15,12 @@ pub struct Module<'a> {
     pub(crate) ancestry: Ancestry,
 }
 
-impl Module<'_> {
+impl<'a> Module<'a> {
+    /// A module of a known lineage, made in step `birth`.
+    pub fn new(symbol: SymbolId, params: &'a [f32], lineage: u64, birth: u32) -> Self {
+        Self { symbol, params, birth, ancestry: Ancestry::Known(lineage) }
+    }
+
     /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
     #[inline]
     pub fn lineage(&self) -> u64 {

@@ -1,6 +1,6 @@
 //! A grammar after compilation: symbols are numbers, expressions are code.
 
-use super::binding::TurtleBindings;
+use super::binding::{Dialect, TurtleBindings};
 use super::code::{Bytecode, Expr};
 use super::modules::ModuleString;
 use super::symbols::{SymbolId, Symbols};
@@ -253,11 +253,15 @@ impl Program {
 
     /// True if productions compete by weight: with a `Seed:` or a `turtle:`.
     pub fn is_stochastic(&self) -> bool {
-        self.seed.is_some() || self.turtle.is_some()
+        self.seed.is_some() || self.turtle.as_ref().is_some_and(|t| !t.first_applies)
     }
 
     /// True if the `turtle:` item takes away the meaning that a symbol has in cpfg.
     pub fn overrides_cpfg(&self, c: char) -> bool {
+        // L-Py cuts branches as cpfg does.
+        if c == '%' && self.turtle.as_ref().is_some_and(|t| t.dialect == Dialect::LPy) {
+            return false;
+        }
         self.turtle.as_ref().is_some_and(|t| t.overrides_cpfg(self.symbols.find(c)))
     }
 

@@ -34,7 +34,12 @@ pub type SymbolId = u16;
 pub struct Symbols {
     list: Vec<char>,
     index: BTreeMap<char, SymbolId>,
+    /// Names of symbols that are spelled with several characters, by the private character that stands for each.
+    names: BTreeMap<char, String>,
 }
+
+/// First of the private characters that stand for symbols with long names.
+const FIRST_PRIVATE: u32 = 0xF_0000;
 
 impl Symbols {
     /// Number of a symbol; `None` if the table is full (65,535 symbols).
@@ -47,6 +52,21 @@ impl Symbols {
         self.list.push(c);
         self.index.insert(c, i);
         Some(i)
+    }
+
+    /// The private character of a symbol that is spelled with several characters; `None` if there are no more.
+    pub(crate) fn private_character(&mut self, name: &str) -> Option<char> {
+        if let Some((c, _)) = self.names.iter().find(|(_, n)| *n == name) {
+            return Some(*c);
+        }
+        let c = char::from_u32(FIRST_PRIVATE + u32::try_from(self.names.len()).ok()?)?;
+        self.names.insert(c, name.to_owned());
+        Some(c)
+    }
+
+    /// The name of a symbol that is spelled with several characters.
+    pub fn long_name(&self, c: char) -> Option<&str> {
+        self.names.get(&c).map(String::as_str)
     }
 
     /// The number of a symbol that occurs in the grammar.

@@ -345,6 +345,7 @@ impl Vm {
                 Op::Bounds(i) => self.stack.push(self.bounds[usize::from(i / 3 % 2)][usize::from(i % 3)]),
                 Op::Table(f, place) => self.read_table(code, f, place),
                 Op::Srand => self.srand(),
+                Op::RestartDraws => self.number = 0,
                 Op::Stop => self.stopped = true,
             }
         }

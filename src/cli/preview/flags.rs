@@ -97,6 +97,11 @@ fn pair(text: &str, flag: &str, shape: &str) -> Result<[f32; 2], String> {
     Ok([number(a)?, number(b)?])
 }
 
+/// The view of drawings in the plane x-y.
+pub fn front() -> PreviewView {
+    PreviewView::Fitted(CameraView::Angles { azimuth: 0.0, elevation: 0.0 })
+}
+
 /// A named view, or azimuth and elevation in degrees.
 fn view(text: &str) -> Result<PreviewView, String> {
     let angles = |azimuth, elevation| PreviewView::Fitted(CameraView::Angles { azimuth, elevation });

@@ -16,6 +16,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::layered_picture;
 use crate::recipe::Recipe;
 use crate::single_file::canvas_image;
+use crate::source::{entry_sources, is_plane_drawing};
 use flags::PreviewFlags;
 use osier_base::Result;
 use osier_base::files::{FileRecord, Folder, WriteOptions};
@@ -25,7 +26,7 @@ use osier_scene::Scene;
 
 /// Runs `osier preview`; the result is the exit code.
 pub fn run(context: &Context, args: &Preview) -> Result<u8> {
-    let flags = match PreviewFlags::new(context, args) {
+    let mut flags = match PreviewFlags::new(context, args) {
         Ok(flags) => flags,
         Err(why) => {
             context.console.complain(&why);
@@ -38,9 +39,18 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     }
     let display = ProgressDisplay::new(&context.console);
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
+    let entries = entry_sources(&args.source, &context.limits)?;
+    if args.view.is_none() && is_plane_drawing(&args.source, &context.limits)? {
+        flags.options.view = Some(flags::front());
+    }
+    if entries.len() > 1 && args.size.is_none() && !flags.is_sheet() {
+        flags.options.size = [320, 320];
+    }
     // Several seeds make a contact sheet; several frames or a turntable make a clip; else a single picture.
     let outcome = if flags.is_sheet() {
         sheets::run(context, args, &flags, &work)
+    } else if entries.len() > 1 {
+        sheets::entries(context, args, &entries, &flags, &work)
     } else if !flags.frames.is_empty() || args.turntable.is_some() {
         clips::run(context, args, &flags, &work)
     } else {

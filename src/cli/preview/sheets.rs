@@ -1,5 +1,7 @@
 //! One picture, two for comparison, or a contact sheet of many.
 
+use std::path::Path;
+
 use super::super::Context;
 use super::super::args::Preview;
 use super::flags::{MAX_CELLS, PreviewFlags, check_picture_limits};
@@ -40,6 +42,45 @@ pub fn single(context: &Context, args: &Preview, flags: &PreviewFlags, work: &Ba
 /// Renders and writes a contact sheet of several seeds, or of several values of one or two keys.
 pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeContext<'_>) -> Result<Outcome> {
     let (cells, columns) = plan(flags);
+    sheet_of(cells, columns, &SheetTitle { name: None, about: about(flags) }, context, args, flags, work)
+}
+
+/// Renders and writes a contact sheet of the L-systems of a file.
+pub fn entries(
+    context: &Context,
+    args: &Preview,
+    sources: &[String],
+    flags: &PreviewFlags,
+    work: &BakeContext<'_>,
+) -> Result<Outcome> {
+    let cell = |source: &String| PlannedCell {
+        caption: source.rsplit_once('#').map_or(source.as_str(), |(_, name)| name).to_owned(),
+        variation: Variation { source: Some(source.clone()), ..Variation::default() },
+    };
+    let cells: Vec<PlannedCell> = sources.iter().map(cell).collect();
+    let columns = contact_sheet_columns(cells.len());
+    let about = format!("{} L-systems of {}", cells.len(), args.source);
+    let stem = Path::new(&args.source).file_stem().map(|s| s.to_string_lossy().into_owned());
+    sheet_of(cells, columns, &SheetTitle { name: stem, about }, context, args, flags, work)
+}
+
+/// What stands above a contact sheet.
+struct SheetTitle {
+    /// `None`: the name of the first scene.
+    name: Option<String>,
+    about: String,
+}
+
+/// Renders and writes a contact sheet. Entries of a file are each framed on their own.
+fn sheet_of(
+    cells: Vec<PlannedCell>,
+    columns: usize,
+    title: &SheetTitle,
+    context: &Context,
+    args: &Preview,
+    flags: &PreviewFlags,
+    work: &BakeContext<'_>,
+) -> Result<Outcome> {
     let columns = args.columns.map_or(columns, |c| c.max(1) as usize);
     if cells.len() as u64 > MAX_CELLS {
         return Ok(Outcome::Refused(format!(
@@ -70,13 +111,19 @@ pub fn run(context: &Context, args: &Preview, flags: &PreviewFlags, work: &BakeC
     if let Some(why) = scenes.iter().find_map(|scene| outside_clip(scene, args.frame)) {
         return Ok(Outcome::Refused(why));
     }
-    let mut pictures = render_cells(&scenes, args, flags, work)?;
+    // Seeds and values of a key are compared at one scale, different L-systems are not.
+    let is_of_entries = cells.iter().any(|cell| cell.variation.source.is_some());
+    let mut pictures = Vec::with_capacity(scenes.len());
+    for group in scenes.chunks(if is_of_entries { 1 } else { scenes.len() }) {
+        pictures.extend(render_cells(group, args, flags, work)?);
+    }
     for (picture, cell) in pictures.iter_mut().zip(cells) {
         picture.caption = cell.caption;
     }
     let first = &scenes[0];
-    let name = format!("{}-sheet", first.name());
-    let picture = contact_sheet(first.name(), &about(flags), &pictures, columns)?;
+    let shown = title.name.as_deref().unwrap_or(first.name());
+    let name = format!("{shown}-sheet");
+    let picture = contact_sheet(shown, &title.about, &pictures, columns)?;
     let target = OutputPicture::new(context, args, &name, "png")?;
     target.write(context, &picture, flags.options.quality, first.scene(), &name)?;
     Ok(Outcome::Written { warned })
@@ -132,12 +179,12 @@ impl PlannedCell {
 /// the last.
 fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
     let seeds: Vec<Variation> =
-        flags.seeds.iter().map(|s| Variation { seed: Some(u64::from(*s)), set: Vec::new() }).collect();
+        flags.seeds.iter().map(|s| Variation { seed: Some(u64::from(*s)), ..Variation::default() }).collect();
     let axes: Vec<Vec<Variation>> = flags
         .sweeps
         .iter()
         .map(|sweep| {
-            let value = |v: &String| Variation { seed: None, set: vec![format!("{}={v}", sweep.key)] };
+            let value = |v: &String| Variation { set: vec![format!("{}={v}", sweep.key)], ..Variation::default() };
             sweep.values.iter().map(value).collect()
         })
         .chain((!seeds.is_empty()).then_some(seeds))
@@ -148,7 +195,11 @@ fn plan(flags: &PreviewFlags) -> (Vec<PlannedCell>, usize) {
             let pairs = down.iter().flat_map(|d| across.iter().map(move |a| (a, d)));
             let both = |(a, d): (&Variation, &Variation)| {
                 // Only one of the two axes can be seeds.
-                PlannedCell::new(Variation { seed: a.seed.or(d.seed), set: [&a.set[..], &d.set].concat() })
+                PlannedCell::new(Variation {
+                    seed: a.seed.or(d.seed),
+                    set: [&a.set[..], &d.set].concat(),
+                    source: None,
+                })
             };
             (pairs.map(both).collect(), across.len())
         }

@@ -20,6 +20,8 @@ const WRITE_ONLY_ENDINGS: [&str; 7] = ["usda", "usdc", "usdz", "ply", "pov", "pc
 /// A cell of a contact sheet: the source with another seed or other values of keys.
 #[derive(Debug, Clone, Default)]
 pub struct Variation {
+    /// Another source than that of the command line.
+    pub source: Option<String>,
     pub seed: Option<u64>,
     /// Overrides `PATH=VALUE`, applied after those of the command line.
     pub set: Vec<String>,
@@ -38,6 +40,7 @@ pub fn load(
     variation: &Variation,
     work: &BakeContext<'_>,
 ) -> Result<PreviewScene> {
+    let name = variation.source.as_deref().unwrap_or(name);
     let path = Path::new(name);
     let ending = ending(path);
     if path.is_dir() {

@@ -15,7 +15,7 @@ use crate::recipe::{CARD, Companions, Growth, OrganRecipe, PlantRecipe, Referenc
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use osier_base::files::Names;
-use osier_grammar::{FunctionTables, Grammar};
+use osier_grammar::{FileKind, FunctionTables, Grammar, Notation, ReadAs};
 use osier_ifs::stems::{TreeSystem, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
@@ -39,11 +39,45 @@ choices! {
     }
 }
 
+choices! {
+    /// Notation of a grammar file.
+    GrammarDialect {
+        /// cpfg.
+        Cpfg = "cpfg",
+        /// cpfg, drawn as in "The Algorithmic Beauty of Plants".
+        Abop = "abop",
+        /// cpfg, drawn as a catkin.
+        Catkin = "catkin",
+        /// Fractint.
+        Fractint = "fractint",
+        /// LParser.
+        LParser = "lparser",
+        /// L-Py.
+        LPy = "lpy",
+    }
+}
+
+impl GrammarDialect {
+    /// The notation of this word.
+    pub fn notation(self) -> Notation {
+        match self {
+            Self::Cpfg => Notation::Cpfg,
+            Self::Abop => Notation::Abop,
+            Self::Catkin => Notation::Catkin,
+            Self::Fractint => Notation::Fractint,
+            Self::LParser => Notation::LParser,
+            Self::LPy => Notation::LPy,
+        }
+    }
+}
+
 keys! {
     /// A plant; NAME is any name.
     PlantKeys at "plants.NAME" {
         /// Grammar (L-system) of the plant.
-        grammar: Option<Reference> = "grammar" FileReference(".l"), basic;
+        grammar: Option<Reference> = "grammar" FileReference(".l, .ls, .lpy"), basic;
+        /// Notation of the grammar, where its content does not tell.
+        dialect: Option<GrammarDialect> = "dialect" OptionalKey(OneOf(GrammarDialect::Cpfg), "what the file's content says");
         /// Coefficient table of a tree, instead of a grammar.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml"), basic;
         /// Mesh of a whole plant, instead of a grammar; osier extracts its skeleton.
@@ -122,12 +156,38 @@ pub fn words(pattern: &str) -> Vec<String> {
     pattern.split('|').map(|w| w.trim().to_lowercase()).filter(|w| !w.is_empty()).collect()
 }
 
+/// What is read of a grammar's file, and with which tables.
+struct GrammarChoice<'a> {
+    /// The L-system of a file that holds several.
+    entry: Option<&'a str>,
+    functions: Arc<FunctionTables>,
+    /// Where the scene names the file.
+    span: Span,
+}
+
 /// Hairs have no roots: they neither widen at their foot nor reach into the ground, unless the scene says so.
 fn tuft_defaults(plant: &TomlTable, skin: &mut SkinKeys) {
     let given = |key: &str| matches!(plant.get("skin").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
     for (key, value) in [("bury", &mut skin.bury), ("flare", &mut skin.flare)] {
         if !given(key) {
             *value = 0.0;
+        }
+    }
+}
+
+/// S005 or L007 for a file that is no grammar, with what to do.
+pub(crate) fn no_grammar(name: &str, kind: FileKind, span: Span) -> Diagnostic {
+    match kind {
+        FileKind::Houdini => {
+            let message = format!("\"{name}\" has rules as Houdini writes them, which are not supported");
+            let help = "write 'Lsystem: 1', 'derivation length: 4', 'Axiom: ..', productions 'F --> F[+F]F' and 'endlsystem'; \
+                        '+' turns right in Houdini and left in osier";
+            Diagnostic::error("L007", message, span, "this file").help(help)
+        }
+        FileKind::Grammar(_) | FileKind::Other => {
+            let message = format!("\"{name}\" is no grammar");
+            let help = "a grammar begins with 'Lsystem:', or is a file of Fractint, LParser or L-Py; `dialect` names its notation";
+            Diagnostic::error("S005", message, span, "this file").help(help)
         }
     }
 }
@@ -259,13 +319,17 @@ impl Resolver<'_> {
                 (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
             }
             (Some(reference), _) => {
-                let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
+                let (name, entry) = self.grammar_reference(&reference.text);
+                let file = self.read(name, reference.span, "text-bytes", &[""])?;
                 companions = self.companions(&file, &turtle);
-                let grammar = self.grammar(&file, &keys, companions.function_tables())?;
+                let source = GrammarChoice { entry, functions: companions.function_tables(), span: reference.span };
+                let grammar = self.grammar(&file, source, &keys)?;
                 let mut letters = grammar.organ_symbols();
                 let is_drawn = companions.view.is_some();
+                // Files of other programs say how thick their stems are.
+                let is_foreign = matches!(grammar.notation(), Notation::Fractint | Notation::LParser | Notation::LPy);
                 // What a view draws stands on nothing, and letters without a surface draw nothing.
-                if grammar.is_tuft() || is_drawn {
+                if grammar.is_tuft() || is_drawn || is_foreign {
                     tuft_defaults(table, &mut skin);
                 }
                 for (letter, surface) in &companions.surfaces {
@@ -293,7 +357,8 @@ impl Resolver<'_> {
             (None, None) if keys.species.is_some() => {
                 let reference = keys.species.as_ref()?;
                 // The ending may be left out: species = "oak".
-                let has_ending = reference.text.to_ascii_lowercase().ends_with(".species");
+                let is_named = self.request.bare.is_some() && reference.text.contains('.');
+                let has_ending = is_named || reference.text.to_ascii_lowercase().ends_with(".species");
                 let name = if has_ending { reference.text.clone() } else { format!("{}.species", reference.text) };
                 let file = self.read(&name, reference.span, "text-bytes", &[".species"])?;
                 let mut species = self.species_recipe(&file, table, &path, keys.age)?;
@@ -612,8 +677,24 @@ impl Resolver<'_> {
         }
     }
 
+    /// File and entry of the reference `FILE#ENTRY`; a file whose own name has a `#` is named as a whole.
+    fn grammar_reference<'r>(&self, reference: &'r str) -> (&'r str, Option<&'r str>) {
+        let limit = self.request.limits.get("text-bytes");
+        match reference.rsplit_once('#') {
+            Some((file, entry)) if self.request.library.find(reference, limit).is_err() => (file, Some(entry)),
+            _ => (reference, None),
+        }
+    }
+
     /// Parses a grammar; the files that it includes take part in the scene's hash.
-    fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys, functions: Arc<FunctionTables>) -> Option<Grammar> {
+    fn grammar(&mut self, file: &ReferencedFile, choice: GrammarChoice<'_>, keys: &PlantKeys) -> Option<Grammar> {
+        let GrammarChoice { entry, functions, span } = choice;
+        let notation = keys.dialect.map(GrammarDialect::notation);
+        let kind = osier_grammar::detect(&file.shown, &file.bytes);
+        if notation.is_none() && !matches!(kind, FileKind::Grammar(_)) {
+            self.report.push(no_grammar(&file.shown, kind, span));
+            return None;
+        }
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
         // Includes are resolved beside the file that names them; the bytes of each take part in the scene hash.
@@ -638,7 +719,8 @@ impl Resolver<'_> {
             functions,
         };
         let mut sources = Sources::default();
-        let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);
+        let read_as = ReadAs { notation, entry };
+        let parsed = osier_grammar::parse_as(&mut sources, source, read_as, &self.request.limits);
         let (grammar, diagnostics) = self.load_or_report(parsed, file)?;
         self.report.extend(Report { sources, diagnostics });
         self.report_unused_defines(&grammar, keys);

@@ -10,9 +10,15 @@ use osier_base::diagnostic::{Diagnostic, nearest};
 use osier_base::rng::word;
 
 /// Turtles that are here.
-const DIALECTS: [(&str, Dialect); 3] = [("cpfg", Dialect::Cpfg), ("none", Dialect::None), ("catkin", Dialect::Catkin)];
-/// Turtles of other programs.
-const UNSUPPORTED_DIALECTS: [&str; 3] = ["abop", "lparser", "fractint"];
+const DIALECTS: [(&str, Dialect); 7] = [
+    ("cpfg", Dialect::Cpfg),
+    ("abop", Dialect::Abop),
+    ("lparser", Dialect::LParser),
+    ("fractint", Dialect::Fractint),
+    ("lpy", Dialect::LPy),
+    ("catkin", Dialect::Catkin),
+    ("none", Dialect::None),
+];
 /// Symbols that mean something to the reader itself.
 const RESERVED_SYMBOLS: [char; 7] = ['<', '>', ':', '(', ')', '[', ']'];
 /// First words of actions.
@@ -67,7 +73,9 @@ impl ItemParser<'_> {
     }
 
     fn select_dialect(&mut self, value: &[Token], head: SourcePlace) {
-        let spelled = self.spelling(value);
+        // The first word names the turtle; numbers of the turtles of other programs may follow.
+        let (name, numbers) = value.split_at(value.len().min(1));
+        let spelled = self.spelling(name);
         let place = value.first().map_or(head, |t| t.place);
         if self.program.turtle.is_some() {
             return self.session.error_help("L001", "a second 'turtle:'".into(), place, "remove one of them");
@@ -75,21 +83,45 @@ impl ItemParser<'_> {
         if let Some((_, dialect)) = DIALECTS.iter().find(|(w, _)| *w == spelled) {
             let bindings = TurtleBindings::new(*dialect, &mut self.program.symbols, &mut self.session.names);
             self.program.turtle = Some(bindings);
-            return;
+            return self.turtle_numbers(numbers, place);
         }
         // What follows is read as it would be with a turtle, so that it earns no complaints of its own.
         self.program.turtle = Some(TurtleBindings { dialect: Dialect::None, ..TurtleBindings::default() });
-        if UNSUPPORTED_DIALECTS.contains(&spelled.as_str()) {
-            let message = format!("the turtle of '{spelled}' is not supported");
-            let help = "write 'turtle: none' and bind each of its symbols, or 'turtle: cpfg'";
-            return self.session.error_help("L007", message, place, help);
-        }
         let known = DIALECTS.map(|d| d.0);
         let help = match nearest(&spelled, known) {
             Some(n) => format!("did you mean '{n}'?"),
             None => format!("turtles: {}", known.join(", ")),
         };
         self.session.error_help("L001", format!("unknown turtle '{spelled}'"), place, help);
+    }
+
+    /// `angle = 20 thickness = 30`, the numbers of a turtle of another program.
+    fn turtle_numbers(&mut self, tokens: &[Token], at: SourcePlace) {
+        let mut cursor = TokenCursor::new(tokens, at);
+        while let Some(t) = cursor.peek() {
+            let name = self.word(&mut cursor);
+            let known = ["angle", "thickness", "min_thickness", "fraction"].contains(&name.as_str());
+            if !known || !cursor.eat('=') {
+                let help =
+                    "write: turtle: lparser angle = 20 thickness = 30 (percent) min_thickness = 1 fraction = 0.5";
+                let message = "unexpected token after the turtle, expected 'angle = ..' or another of its numbers";
+                return self.session.error_help("L001", message.into(), t.place, help);
+            }
+            let mut compiler = self.compiler(NameScope::Angle);
+            let Some(code) = expression::compile_expression(&mut compiler, &mut cursor) else { return };
+            let Some(value) = crate::vm::constant_value(&code).filter(|v| v.is_finite()) else {
+                let help = "write a number, or a calculation with numbers";
+                return self.session.error_help("L001", format!("'{name}' is not constant"), t.place, help);
+            };
+            let Some(turtle) = &mut self.program.turtle else { return };
+            let settings = &mut turtle.settings;
+            match name.as_str() {
+                "angle" => settings.angle_deg = Some(value),
+                "thickness" => settings.thickness = Some(0.01 * value),
+                "min_thickness" => settings.min_thickness = 0.01 * value,
+                _ => settings.fraction = Some(value).filter(|f| *f > 0.0 && *f < 1.0),
+            }
+        }
     }
 
     /// Names of the angles so far.

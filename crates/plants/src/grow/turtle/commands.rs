@@ -1,7 +1,9 @@
 //! Commands of the turtle by symbol, as in cpfg and "The Algorithmic Beauty of Plants".
 
+use super::dialects::DialectCommand;
+
 /// A command of one symbol.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Command {
     /// A symbol that the turtle ignores.
     Nothing,
@@ -47,6 +49,8 @@ pub(super) enum Command {
     Query,
     /// A symbol that the grammar itself binds to an action.
     Bound,
+    /// A command of the turtle of another program.
+    Dialect(DialectCommand),
 }
 
 impl Command {

@@ -6,6 +6,7 @@ use super::builder::{NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
 use super::cylinders::{CylinderState, OpenCylinder, TANGENT};
 use super::extended::TurtlePatches;
+use super::dialects::{DialectState, DialectTurtle, PendingNumber};
 use super::frame::{TurtleFrame, TurtlePose};
 use super::options::TurtleOptions;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
@@ -53,6 +54,8 @@ pub(super) struct TurtleState {
     /// Material of the texture that shapes wear.
     pub(super) texture: Option<osier_scene::MaterialId>,
     pub(super) cylinder: CylinderState,
+    /// What the commands of other programs change.
+    pub(super) dialect: DialectState,
     elasticity: [f64; tropism::MAX_TROPISMS],
     tropism_elasticity: f64,
     keep_roll: bool,
@@ -104,6 +107,10 @@ pub(super) struct Turtle<'a> {
     grammar: &'a Grammar,
     pub(super) bindings: BindingEvaluator<'a>,
     pub(super) options: &'a TurtleOptions,
+    /// The program whose commands are drawn.
+    pub(super) dialect: DialectTurtle,
+    /// A command of LParser that waits for its number.
+    pub(super) pending: PendingNumber,
     commands: Vec<Command>,
     pub(super) symbols: Vec<char>,
     pub(super) s: TurtleState,
@@ -148,12 +155,15 @@ impl<'a> Turtle<'a> {
         // Symbols are numbered by the grammar; their commands are looked up once, not per module.
         let symbols: Vec<char> = (0_u16..).take(grammar.symbols().len()).map(|i| grammar.symbols().get(i)).collect();
         // Turns without a parameter share one angle, whose sine and cosine are computed once.
-        let angle = options.angle.unwrap_or(radians(45.0));
+        let settings = bindings.settings();
+        let own_angle = settings.angle_deg.map(radians);
+        let angle = options.angle.or(own_angle).unwrap_or(radians(45.0));
+        let dialect = DialectTurtle::new(bindings.dialect(), settings, options.angle, bindings.last_step());
         let mut elasticity = [0.0; tropism::MAX_TROPISMS];
         for (e, t) in elasticity.iter_mut().zip(&options.tropisms) {
             *e = t.elasticity;
         }
-        let s = TurtleState {
+        let mut s = TurtleState {
             p: DVec3::ZERO,
             frame: TurtleFrame::START,
             last: TurtleFrame::START,
@@ -169,22 +179,26 @@ impl<'a> Turtle<'a> {
                 slopes: None,
                 relative: false,
             },
+            dialect: dialect.state(),
             elasticity,
             tropism_elasticity: options.old_elasticity,
             keep_roll: options.tropism_keep_roll,
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
         };
+        dialect.begin(&mut s);
         // In the dialects of papers only bound symbols and brackets are commands.
         let command = |i: u16, c: char| match bindings.action(i) {
             Some(TurtleAction::SameAs(other)) => Command::from_symbol(*other),
             Some(_) => Command::Bound,
-            None if bindings.dialect() == Dialect::Cpfg || matches!(c, '[' | ']') => Command::from_symbol(c),
-            None => Command::Nothing,
+            None if dialect.kind.has_cpfg_commands() || matches!(c, '[' | ']') => Command::from_symbol(c),
+            None => dialect.command(c, grammar.symbols().long_name(c)).map_or(Command::Nothing, Command::Dialect),
         };
         Self {
             grammar,
             options,
+            dialect,
+            pending: PendingNumber::default(),
             commands: (0_u16..).zip(&symbols).map(|(i, c)| command(i, *c)).collect(),
             bindings,
             symbols,
@@ -204,7 +218,7 @@ impl<'a> Turtle<'a> {
             max_nodes: limits.get("nodes"),
             max_organs: limits.get("organs"),
             halted: false,
-            sets_widths: false,
+            sets_widths: dialect.sets_widths(),
             index: 0,
             asked: false,
             answers: TurtleAnswers::default(),
@@ -271,6 +285,12 @@ impl<'a> Turtle<'a> {
         }
         let i = usize::from(m.symbol);
         let (Some(&command), Some(&c)) = (self.commands.get(i), self.symbols.get(i)) else { return };
+        if self.dialect.kind == Dialect::LParser {
+            let own = if let Command::Dialect(d) = command { Some(d) } else { None };
+            if self.read_number(own, c, m) {
+                return;
+            }
+        }
         // Commands of several symbols are read by a small state machine: the prefix says what the symbols before this
         // one began.
         match std::mem::replace(&mut self.prefix, Prefix::None) {
@@ -363,6 +383,7 @@ impl<'a> Turtle<'a> {
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
             Command::Bound => self.apply_bound_action(m),
+            Command::Dialect(d) => self.dialect_command(d, m),
             // `?(label,s)` begins a sub-L-system, which is drawn s times as large.
             Command::Query if !m.params.is_empty() => {
                 let factor = self.param(m, 1, 1.0);
@@ -402,6 +423,7 @@ impl<'a> Turtle<'a> {
 
     /// Completes what the end of the string leaves open.
     pub fn end(&mut self) {
+        self.run_pending();
         if let Prefix::Letter(first) = std::mem::replace(&mut self.prefix, Prefix::None) {
             self.at_command_without_letter(first, &[]);
         }
@@ -490,7 +512,11 @@ impl<'a> Turtle<'a> {
     }
 
     pub(super) fn vertex(&mut self) {
-        let p = self.s.p;
+        self.vertex_at(self.s.p);
+    }
+
+    /// Adds a point to the open polygon.
+    pub(super) fn vertex_at(&mut self, p: DVec3) {
         if let Some(polygon) = self.polygons.last_mut() {
             polygon.corners.push(p);
         }
@@ -577,7 +603,12 @@ impl<'a> Turtle<'a> {
 
     /// Moves without drawing, by a vector in m.
     pub(super) fn jump(&mut self, by: DVec3, m: Module<'_>) {
-        self.s.p += by;
+        self.jump_to(self.s.p + by, m);
+    }
+
+    /// Moves to a point without drawing; what is drawn next opens an axis of its own.
+    pub(super) fn jump_to(&mut self, to: DVec3, m: Module<'_>) {
+        self.s.p = to;
         self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
     }
 

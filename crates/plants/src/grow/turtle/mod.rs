@@ -8,6 +8,7 @@ mod builder;
 mod commands;
 mod cylinders;
 mod extended;
+mod dialects;
 mod frame;
 mod interpreter;
 mod options;
@@ -29,7 +30,7 @@ use interpreter::Turtle;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
-use osier_grammar::{BindingEvaluator, DerivedString, Grammar, interpret};
+use osier_grammar::{BindingEvaluator, DerivedString, Dialect, Grammar, interpret};
 use osier_scene::plant::{NONE, Plant};
 
 /// Interprets a derived string.
@@ -53,6 +54,7 @@ pub fn grow(
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
     let (sets_widths, symbol_place) = (turtle.sets_widths, grammar.place_of(None, 'F'));
+    let draws_lines = turtle.dialect.kind == Dialect::Fractint;
     if turtle.builder.is_empty() {
         warnings.push(nothing_drawn(grammar, derived, limits)?);
     }
@@ -65,6 +67,7 @@ pub fn grow(
             pixels::scale_widths(&mut plant, pixel / options.unit_m);
             warnings.push(pixels::warning(pixel, symbol_place));
         }
+        RadiusModel::Auto if draws_lines => {}
         // A line that does not branch is no tree: it has one width.
         RadiusModel::Auto if !sets_widths && plant.axes.iter().all(|a| a.parent == NONE) => {
             let pixel = pixels::pixel_size(&plant);
@@ -76,6 +79,10 @@ pub fn grow(
     }
     // Validation may thin children; a grammar that halves its widths intends that, so its report is not a warning.
     osier_scene::plant::validate(&mut plant)?;
+    // Lines of a drawing have one width, which the validation would thin from branch to branch.
+    if draws_lines && matches!(options.radii, RadiusModel::Auto) {
+        dialects::set_line_radius(&mut plant);
+    }
     set_exposed_lengths(&mut plant);
     // Axes that are thin at their base get the material of shoots, all others that of bark.
     for axis in &mut plant.axes {

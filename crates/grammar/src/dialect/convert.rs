@@ -1,0 +1,766 @@
+//! Writes a grammar of another program in the notation of cpfg, or in osier's own with the turtle of that program.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use super::Notation;
+use crate::binding::{Dialect, DialectSettings};
+use crate::code::{BinaryOp, Bytecode, Expr, Op, RandomFunction, UnaryOp};
+use crate::grammar::Grammar;
+use crate::program::{ContextElement, FormalModule, IgnoredSymbols, Production, SuccessorModule};
+use crate::symbols::SymbolId;
+use osier_base::Result;
+use osier_base::diagnostic::Diagnostic;
+
+/// What a grammar is written as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ConvertTo {
+    /// The notation and the commands of cpfg.
+    Cpfg,
+    /// The notation of osier, with the turtle of the other program where it has one.
+    Osier,
+}
+
+/// A grammar as text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Converted {
+    /// The grammar in the notation of cpfg.
+    pub text: String,
+    /// What the text says otherwise than the grammar did, such as widths.
+    pub notes: Vec<String>,
+}
+
+/// Colours that `<` and `>` of Fractint may step over at once.
+const MAX_COLOR_STEPS: u32 = 32;
+
+/// Writes a grammar as text that draws the same.
+/// # Errors
+/// `Input` with L061 for each command that the notation has no words for.
+pub fn convert(grammar: &Grammar, to: ConvertTo) -> Result<Converted> {
+    let dialect = grammar.program.turtle.as_ref().map_or(Dialect::Cpfg, |t| t.dialect);
+    if matches!(grammar.notation(), Notation::Cpfg | Notation::Abop | Notation::Catkin) {
+        // The file itself; what it includes stays where it is.
+        let text = grammar.sources.text(grammar.start.span.source).to_owned();
+        return Ok(Converted { text, notes: Vec::new() });
+    }
+    let to = if dialect == Dialect::LPy { ConvertTo::Cpfg } else { to };
+    let mut writer = Writer::new(grammar, dialect, to);
+    let text = writer.grammar_text();
+    if writer.faults.is_empty() {
+        Ok(Converted { text, notes: writer.notes.into_iter().collect() })
+    } else {
+        Err(grammar.report(writer.faults))
+    }
+}
+
+/// A grammar while it is written.
+struct Writer<'g> {
+    grammar: &'g Grammar,
+    dialect: Dialect,
+    to: ConvertTo,
+    settings: DialectSettings,
+    /// Spelling of each symbol.
+    names: BTreeMap<SymbolId, String>,
+    taken: BTreeSet<char>,
+    /// Homomorphisms that draw a symbol of the other program by commands of cpfg.
+    images: Vec<String>,
+    faults: Vec<Diagnostic>,
+    notes: BTreeSet<String>,
+}
+
+/// A successor after numbers are attached to their commands.
+#[derive(Debug, Clone)]
+struct TextModule {
+    symbol: SymbolId,
+    args: Vec<String>,
+}
+
+impl<'g> Writer<'g> {
+    fn new(grammar: &'g Grammar, dialect: Dialect, to: ConvertTo) -> Self {
+        let settings = grammar.program.turtle.as_ref().map(|t| t.settings).unwrap_or_default();
+        // Letters of commands that images consist of.
+        let taken = "FfGgDidvMRObcoTspl".chars().collect();
+        let (names, images, faults, notes) = (BTreeMap::new(), Vec::new(), Vec::new(), BTreeSet::new());
+        Self { grammar, dialect, to, settings, names, taken, images, faults, notes }
+    }
+
+    fn c(&self, symbol: SymbolId) -> char {
+        self.grammar.program.symbols.get(symbol)
+    }
+
+    fn shown(&self, symbol: SymbolId) -> String {
+        let c = self.c(symbol);
+        self.grammar.program.symbols.long_name(c).map_or_else(|| c.to_string(), str::to_owned)
+    }
+
+    fn fault(&mut self, symbol: SymbolId, why: &str) {
+        let shown = self.shown(symbol);
+        let message = format!("'{shown}' cannot be written in the notation of cpfg: {why}");
+        let at = self.grammar.place_of(None, self.c(symbol));
+        let help = match self.dialect {
+            Dialect::LPy => "osier draws the model as it is",
+            _ => "`--to osier` keeps the commands of the other program",
+        };
+        let d = Diagnostic::error("L061", message, at, "here").help(help);
+        if !self.faults.iter().any(|f| f.message == d.message) {
+            self.faults.push(d);
+        }
+    }
+
+    /// All productions with their successors, and the axiom.
+    fn all_modules(&self) -> Vec<TextModule> {
+        let program = &self.grammar.program;
+        let mut out: Vec<TextModule> = self.attached(&program.axiom);
+        for p in program.productions() {
+            out.extend(self.attached(&p.successor));
+        }
+        out
+    }
+
+    /// Modules with their parameters as text. In files of LParser numbers are characters of the string: here they become parameters.
+    fn attached(&self, modules: &[SuccessorModule]) -> Vec<TextModule> {
+        let mut out: Vec<TextModule> = Vec::new();
+        let mut number: Option<String> = None;
+        for m in modules {
+            let c = self.c(m.symbol);
+            if self.dialect == Dialect::LParser {
+                match (&mut number, c) {
+                    (Some(text), ')') => {
+                        if let Some(last) = out.last_mut() {
+                            last.args.push(text.trim().to_owned());
+                        }
+                        number = None;
+                        continue;
+                    }
+                    (Some(text), c) => {
+                        text.push(c);
+                        continue;
+                    }
+                    (None, '(') => {
+                        number = Some(String::new());
+                        continue;
+                    }
+                    (None, _) => {}
+                }
+            }
+            out.push(TextModule { symbol: m.symbol, args: m.args.iter().map(argument).collect() });
+        }
+        out
+    }
+
+    /// Spellings of all symbols, and what draws them.
+    fn spell_symbols(&mut self) {
+        let mut used: BTreeMap<SymbolId, BTreeSet<usize>> = BTreeMap::new();
+        for m in self.all_modules() {
+            used.entry(m.symbol).or_default().insert(m.args.len());
+        }
+        let program = &self.grammar.program;
+        for p in program.productions() {
+            for f in &p.predecessor {
+                used.entry(f.symbol).or_default();
+            }
+            for e in p.left.iter().chain(&p.right) {
+                if let ContextElement::Module(f) = e {
+                    used.entry(f.symbol).or_default();
+                }
+            }
+        }
+        if let IgnoredSymbols::Listed(list) | IgnoredSymbols::AllExcept(list) = &program.ignored {
+            for symbol in list {
+                used.entry(*symbol).or_default();
+            }
+        }
+        // Commands first: letters of the model give way to them.
+        let mut rest = Vec::new();
+        for (symbol, arities) in used {
+            let spelled = match self.to {
+                ConvertTo::Osier => self.osier_name(symbol),
+                ConvertTo::Cpfg => self.cpfg_name(symbol, &arities),
+            };
+            match spelled {
+                Some(name) => {
+                    self.taken.extend(name.chars());
+                    self.names.insert(symbol, name);
+                }
+                None => rest.push(symbol),
+            }
+        }
+        for symbol in rest {
+            let name = self.free_letter(symbol);
+            self.names.insert(symbol, name.to_string());
+        }
+    }
+
+    /// A letter that nothing else has: the symbol itself, the first letters of its name, then any.
+    fn free_letter(&mut self, symbol: SymbolId) -> char {
+        let shown = self.shown(symbol);
+        let usable = |c: &char| c.is_ascii_alphanumeric();
+        // Letters of Fractint have no case.
+        let in_order = |c: char| {
+            if self.dialect == Dialect::Fractint { [c.to_ascii_uppercase(), c] } else { [c, c.to_ascii_uppercase()] }
+        };
+        let own: Vec<char> = shown.chars().filter(usable).flat_map(in_order).collect();
+        let any = ('A'..='Z').chain('a'..='z').chain('\u{3b1}'..='\u{3c9}').chain('\u{4e00}'..='\u{9fff}');
+        let found = own.into_iter().chain(any).find(|c| !self.taken.contains(c)).unwrap_or('\u{2603}');
+        self.taken.insert(found);
+        found
+    }
+
+    /// With the turtle of the other program commands keep their signs, but for those that the notation needs itself.
+    fn osier_name(&mut self, symbol: SymbolId) -> Option<String> {
+        let c = self.c(symbol);
+        let name = match (self.dialect, c) {
+            (Dialect::Fractint, '<') => ',',
+            (Dialect::Fractint, '>') => ';',
+            (Dialect::LParser, '<') => '\\',
+            (Dialect::LParser, '>') => '/',
+            (Dialect::LParser, '"') => '`',
+            (Dialect::LParser, ':') => '=',
+            (
+                _,
+                '[' | ']' | '{' | '}' | '+' | '-' | '&' | '^' | '|' | '%' | '$' | '~' | '.' | '\'' | ';' | '!' | '?',
+            ) => c,
+            (Dialect::Fractint, '@' | '\\' | '/') => c,
+            _ if c.is_ascii_alphanumeric() || c == '_' => c,
+            _ => return None,
+        };
+        Some(name.to_string())
+    }
+
+    /// The sign of a command in cpfg; a symbol that cpfg has no command for gets a letter, and a homomorphism that draws it.
+    fn cpfg_name(&mut self, symbol: SymbolId, arities: &BTreeSet<usize>) -> Option<String> {
+        let c = self.c(symbol);
+        if matches!(c, '[' | ']') {
+            return Some(c.to_string());
+        }
+        match self.dialect {
+            Dialect::Fractint => self.fractint_name(symbol, c, arities),
+            Dialect::LParser => self.lparser_name(symbol, c, arities),
+            _ => self.lpy_name(symbol, c, arities),
+        }
+    }
+
+    /// A letter for the symbol, drawn by `image` for each number of parameters `a`, `b`, ..
+    fn image(
+        &mut self,
+        symbol: SymbolId,
+        arities: &BTreeSet<usize>,
+        image: impl Fn(usize) -> Option<String>,
+    ) -> Option<String> {
+        let letter = self.free_letter(symbol).to_string();
+        self.images_of(symbol, &letter, arities, image);
+        Some(letter)
+    }
+
+    fn images_of(
+        &mut self,
+        symbol: SymbolId,
+        name: &str,
+        arities: &BTreeSet<usize>,
+        image: impl Fn(usize) -> Option<String>,
+    ) {
+        for &n in arities {
+            match image(n) {
+                Some(drawn) if drawn == name => {}
+                Some(drawn) => {
+                    let drawn = if drawn.is_empty() { "*".to_owned() } else { drawn };
+                    self.images.push(format!("{} --> {drawn}", with_letters(name, n)));
+                }
+                None => self.fault(symbol, "cpfg has no such command"),
+            }
+        }
+    }
+
+    /// A turn that keeps its sign; without a number it turns by the angle of the file.
+    fn turn(&mut self, sign: &str, angle: f64, arities: &BTreeSet<usize>) -> Option<String> {
+        if arities.contains(&0) {
+            self.images.push(format!("{sign} --> {sign}({angle})"));
+        }
+        Some(sign.to_owned())
+    }
+
+    fn fractint_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
+        let angle = self.settings.angle_deg.unwrap_or(45.0);
+        let half = (360.0 / angle).round().div_euclid(2.0).floor() * angle;
+        let uses = |list: &str| list.chars().any(|c| self.grammar.program.symbols.find(c).is_some());
+        // cpfg has one direction: that of whole units, or that in degrees where the file uses nothing else.
+        let both = uses("fg+-|") && uses("dm");
+        if both && matches!(c, 'd' | 'm' | '/' | '\\') {
+            self.fault(symbol, "the file uses both the pointer in units and that in degrees");
+        }
+        match c {
+            'f' | 'd' => Some("F".into()),
+            'g' | 'm' => Some("f".into()),
+            '+' | '-' => self.turn(&c.to_string(), angle, arities),
+            '|' => {
+                self.images.push(format!("| --> -({half})"));
+                Some("|".into())
+            }
+            '\\' | '/' => {
+                let sign = if c == '\\' { '+' } else { '-' };
+                self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { String::new() }))
+            }
+            '@' => self.image(symbol, arities, |_| Some("@Di(a)".into())),
+            'c' => self.image(symbol, arities, |n| Some(if n > 0 { ";(a)".into() } else { ";(0)".into() })),
+            '<' | '>' => {
+                let sign = if c == '>' { ";" } else { "," };
+                let letter = self.free_letter(symbol).to_string();
+                if arities.contains(&0) {
+                    self.images.push(format!("{letter} --> {sign}"));
+                }
+                // One rule for each step that the file makes.
+                let steps: BTreeSet<u32> = self
+                    .all_modules()
+                    .iter()
+                    .filter(|m| m.symbol == symbol)
+                    .filter_map(|m| m.args.first()?.parse::<u32>().ok())
+                    .collect();
+                for n in steps {
+                    if n > MAX_COLOR_STEPS {
+                        self.notes.insert(format!("colour steps of more than {MAX_COLOR_STEPS} are left out"));
+                    }
+                    let signs = vec![sign; n.min(MAX_COLOR_STEPS) as usize].join(" ");
+                    let drawn = if signs.is_empty() { "*".to_owned() } else { signs };
+                    self.images.push(format!("{letter}(a) : a == {n} --> {drawn}"));
+                }
+                Some(letter)
+            }
+            '!' => {
+                self.fault(symbol, "cpfg cannot exchange the directions of turns");
+                None
+            }
+            _ if c.is_ascii_digit() => Some(c.to_string()),
+            _ => None,
+        }
+    }
+
+    fn lparser_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
+        let angle = self.settings.angle_deg.unwrap_or(45.0);
+        let find = |c: char| self.grammar.program.symbols.find(c);
+        let factors = find('\'').is_some() || find('"').is_some();
+        let with_length = matches!(c, 'F' | 'f' | 'g' | 'Z' | 'z') && arities.contains(&1);
+        if factors && with_length {
+            self.fault(symbol, "the file gives it a length of its own beside factors of the length");
+        }
+        match c {
+            'F' | 'f' | 'g' | '|' | '{' | '.' | '}' => Some(c.to_string()),
+            'Z' | 'z' => {
+                let sign = if c == 'Z' { 'F' } else { 'f' };
+                self.image(symbol, arities, |n| Some(if n > 0 { format!("{sign}(a)") } else { format!("{sign}(0.5)") }))
+            }
+            '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
+            '<' => self.turn("\\", angle, arities),
+            '>' => self.turn("/", angle, arities),
+            '%' => self.image(symbol, arities, |_| Some("\\(180)".into())),
+            '$' => self.image(symbol, arities, |_| Some("@v".into())),
+            '\'' | '"' => {
+                self.notes.insert("widths do not follow the factors of the length".into());
+                let own = if c == '"' { "@Dd(0.9)" } else { "@Di(0.9)" };
+                self.image(symbol, arities, |n| Some(if n > 0 { "@Di(a)".into() } else { own.into() }))
+            }
+            '!' | '?' => {
+                self.notes.insert("factors of the thickness are left out".into());
+                self.image(symbol, arities, |_| Some(String::new()))
+            }
+            'c' => self.image(symbol, arities, |n| Some(if n > 0 { ";(a)".into() } else { ";".into() })),
+            '~' | 't' | ':' | ';' => {
+                self.fault(symbol, "cpfg has no such command");
+                None
+            }
+            _ if c.is_ascii_digit() => Some(c.to_string()),
+            _ => None,
+        }
+    }
+
+    fn lpy_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
+        let angle = self.settings.angle_deg.unwrap_or(60.0);
+        if let Some(long) = self.grammar.program.symbols.long_name(c) {
+            let long = long.to_owned();
+            return self.lpy_long_name(symbol, &long, arities);
+        }
+        match c {
+            '+' | '-' | '&' | '^' => self.turn(&c.to_string(), angle, arities),
+            '/' => self.turn("\\", angle, arities),
+            '\\' => self.turn("/", angle, arities),
+            '|' | '{' | '}' | '.' | ';' | ',' | '%' => Some(c.to_string()),
+            'f' => Some("g".into()),
+            'F' => {
+                if arities.contains(&2) {
+                    self.images.push("F(a,b) --> F(a) !(2*(b))".into());
+                }
+                Some("F".into())
+            }
+            '_' | '!' => self.image(symbol, arities, |n| (n > 0).then(|| "!(2*(a))".into())),
+            _ => None,
+        }
+    }
+
+    fn lpy_long_name(&mut self, symbol: SymbolId, name: &str, arities: &BTreeSet<usize>) -> Option<String> {
+        let surface = name.strip_prefix('~').map(str::to_owned);
+        let is_command = name.starts_with(['@', '~', '?'])
+            || ["SetWidth", "SetColor", "nF", "iRollL", "iRollR", "Frame", "InterpolateColors", "SectionResolution"]
+                .contains(&name)
+            || ["Line", "OLine", "Move", "Pinpoint", "Texture", "Euler", "SetContour", "SetGuide", "EndGuide"]
+                .iter()
+                .any(|p| name.starts_with(p))
+            || name.ends_with("Reflection");
+        if !is_command {
+            return None;
+        }
+        let image = move |n: usize| -> Option<String> {
+            Some(match (name, n) {
+                ("@O", 0) => "@O".into(),
+                ("@O", _) => "@O(2*(a))".into(),
+                ("@o", 0) => "@c".into(),
+                ("@o", _) => "@c(2*(a))".into(),
+                ("@v", _) => "@v".into(),
+                ("@M", 3) => "@M(a,c,0-(b))".into(),
+                ("@R", 6) => "@R(a,c,0-(b),0-(d),0-(f),e)".into(),
+                ("@D" | "@Di" | "@Dd", 1..) => format!("{name}(a)"),
+                ("SetWidth", 1..) => "!(2*(a))".into(),
+                ("SetColor", 1) => ";(a)".into(),
+                ("SetColor", _) => String::new(),
+                ("nF" | "@B" | "@b", 1..) => "F(a)".into(),
+                ("@B" | "@b", 0) => "F".into(),
+                ("iRollL", 1..) => "\\(a)".into(),
+                ("iRollR", 1..) => "/(a)".into(),
+                ("@Gc" | "@Ge" | "Frame" | "InterpolateColors" | "SectionResolution" | "@2D" | "@3D" | "@L", _) => {
+                    String::new()
+                }
+                _ if name.starts_with("Texture") => String::new(),
+                _ => match (&surface, n) {
+                    (Some(letter), 0) => format!("~{letter}"),
+                    (Some(letter), _) => format!("~{letter}(a)"),
+                    (None, _) => return None,
+                },
+            })
+        };
+        self.image(symbol, arities, image)
+    }
+
+    fn name(&self, symbol: SymbolId) -> &str {
+        self.names.get(&symbol).map_or("?", String::as_str)
+    }
+
+    fn string(&mut self, modules: &[SuccessorModule]) -> String {
+        let attached = self.attached(modules);
+        // A line ends only where its braces are closed.
+        let braces = |c: char| attached.iter().filter(|m| self.c(m.symbol) == c).count();
+        if braces('{') != braces('}')
+            && let Some(m) = attached.iter().find(|m| matches!(self.c(m.symbol), '{' | '}'))
+        {
+            self.fault(m.symbol, "a polygon begins and ends in different rules");
+        }
+        let spelled = attached.iter().map(|m| {
+            let name = self.name(m.symbol);
+            if m.args.is_empty() { name.to_owned() } else { format!("{name}({})", m.args.join(",")) }
+        });
+        spelled.collect::<Vec<_>>().join(" ")
+    }
+
+    /// The empty successor: `*` in cpfg, nothing with a `turtle:`.
+    fn successor(&mut self, modules: &[SuccessorModule]) -> String {
+        let text = self.string(modules);
+        if text.is_empty() && self.to == ConvertTo::Cpfg { "*".into() } else { text }
+    }
+
+    fn formal(&self, f: &FormalModule) -> String {
+        let params: Vec<String> = (0..u16::from(f.arity)).map(|i| local(f.slot + i)).collect();
+        let name = self.name(f.symbol);
+        if params.is_empty() { name.to_owned() } else { format!("{name}({})", params.join(",")) }
+    }
+
+    fn context(&self, elements: &[ContextElement]) -> String {
+        let spelled = elements.iter().map(|e| match e {
+            ContextElement::Module(f) => self.formal(f),
+            ContextElement::Open => "[".into(),
+            ContextElement::Close => "]".into(),
+            ContextElement::CloseRest => "=]".into(),
+        });
+        spelled.collect::<Vec<_>>().join(" ")
+    }
+
+    fn production(&mut self, p: &Production) -> String {
+        let mut out = String::new();
+        if !p.left.is_empty() {
+            let _ = write!(out, "{} < ", self.context(&p.left));
+        }
+        let predecessor: Vec<String> = p.predecessor.iter().map(|f| self.formal(f)).collect();
+        out += &predecessor.join(" ");
+        if !p.right.is_empty() {
+            let _ = write!(out, " > {}", self.context(&p.right));
+        }
+        let symbol = p.predecessor.first().map_or(0, |f| f.symbol);
+        let before = p.before.as_ref().map(block);
+        let condition = p.condition.as_ref().map(|code| expression(&code.ops));
+        match (before, condition) {
+            (None, None) => {}
+            (None, Some(Some(condition))) => {
+                let _ = write!(out, " : {condition}");
+            }
+            (Some(Some(block)), Some(Some(condition))) => {
+                let _ = write!(out, " : {{ {block} }} {condition}");
+            }
+            _ => self.fault(symbol, "its production draws random numbers before it is chosen"),
+        }
+        let successor = self.successor(&p.successor);
+        let _ = write!(out, " --> {successor}");
+        out.trim_end().to_owned()
+    }
+
+    fn grammar_text(&mut self) -> String {
+        self.spell_symbols();
+        let program = &self.grammar.program;
+        let word = self.grammar.notation().word();
+        let label: String = self.grammar.label().chars().filter(|c| c.is_alphanumeric() || *c == ' ').collect();
+        let mut out = format!("/* {} */\n", format!("{} (from {word})", label.trim()).trim());
+        // Symbols that have other names here.
+        for (symbol, name) in &self.names {
+            let shown = self.shown(*symbol);
+            if shown != *name && shown.chars().count() > 1 {
+                let _ = writeln!(out, "/* {name} = {} */", shown.replace("*/", ""));
+            }
+        }
+        let _ = writeln!(out, "Lsystem: 1\nderivation length: {}", program.length);
+        if self.to == ConvertTo::Osier {
+            let settings = self.settings;
+            let turtle = if self.dialect == Dialect::LParser { "lparser" } else { "fractint" };
+            let _ = write!(out, "turtle: {turtle}");
+            for (key, value) in [
+                ("angle", settings.angle_deg),
+                ("thickness", settings.thickness.map(|t| 100.0 * t)),
+                ("min_thickness", Some(100.0 * settings.min_thickness).filter(|t| *t > 0.0)),
+                ("fraction", settings.fraction),
+            ] {
+                if let Some(value) = value {
+                    let _ = write!(out, " {key} = {value}");
+                }
+            }
+            out.push('\n');
+        }
+        if let IgnoredSymbols::Listed(list) | IgnoredSymbols::AllExcept(list) = &program.ignored {
+            let item = if matches!(program.ignored, IgnoredSymbols::Listed(_)) { "Ignore" } else { "Consider" };
+            let names: Vec<&str> = list.iter().map(|s| self.name(*s)).collect();
+            let _ = writeln!(out, "{item}: {}", names.join(" "));
+        }
+        if let Some(start) = &program.blocks.start {
+            match block(start) {
+                Some(text) => {
+                    let _ = writeln!(out, "Start: {{ {text} }}");
+                }
+                None => self.fault(0, "a value of the model"),
+            }
+        }
+        let axiom = self.string(&program.axiom);
+        let _ = writeln!(out, "Axiom: {}{axiom}", self.beginning());
+        for p in &program.rules.list {
+            let line = self.production(p);
+            let _ = writeln!(out, "{line}");
+        }
+        if !program.decomposition.list.is_empty() {
+            let _ = writeln!(out, "Decomposition\nmaximum depth: {}", program.decomposition.depth);
+            for p in &program.decomposition.list {
+                let line = self.production(p);
+                let _ = writeln!(out, "{line}");
+            }
+        }
+        if !program.homomorphism.list.is_empty() || !self.images.is_empty() {
+            let own = if program.homomorphism.list.is_empty() { 0 } else { program.homomorphism.depth };
+            let depth = own + u32::from(!self.images.is_empty());
+            let _ = writeln!(out, "Homomorphism\nmaximum depth: {depth}");
+            for p in &program.homomorphism.list {
+                let line = self.production(p);
+                let _ = writeln!(out, "{line}");
+            }
+            for line in &self.images {
+                let _ = writeln!(out, "{line}");
+            }
+        }
+        out + "endlsystem\n"
+    }
+
+    /// Commands that turn the turtle of cpfg to that of the other program.
+    fn beginning(&self) -> String {
+        match (self.to, self.dialect) {
+            (ConvertTo::Cpfg, Dialect::Fractint) => "-(90) ;(15) ".into(),
+            (ConvertTo::Cpfg, Dialect::LParser) => {
+                format!("/(90) ;(2) !({}) ", self.settings.thickness.unwrap_or(1.0))
+            }
+            (ConvertTo::Cpfg, Dialect::LPy) => "\\(90) ;(1) !(0.2) ".into(),
+            _ => String::new(),
+        }
+    }
+}
+
+/// `A(a,b)` with as many letters as parameters.
+fn with_letters(name: &str, n: usize) -> String {
+    let letters: Vec<String> = ('a'..='z').take(n).map(String::from).collect();
+    if letters.is_empty() { name.to_owned() } else { format!("{name}({})", letters.join(",")) }
+}
+
+fn local(slot: u16) -> String {
+    format!("p{slot}")
+}
+
+fn argument(e: &Expr) -> String {
+    match e {
+        Expr::Const(c) => format!("{c}"),
+        Expr::Local(i) => local(*i),
+        Expr::Code(code) => expression(&code.ops).unwrap_or_else(|| "0".into()),
+    }
+}
+
+/// An expression as text; `None` for statements.
+fn expression(ops: &[Op]) -> Option<String> {
+    let mut stack = Vec::new();
+    run(ops, 0, ops.len(), &mut stack)?;
+    stack.pop().filter(|_| stack.is_empty())
+}
+
+/// Runs instructions `from` to `to` on a stack of texts.
+fn run(ops: &[Op], from: usize, to: usize, stack: &mut Vec<String>) -> Option<()> {
+    let mut i = from;
+    while i < to {
+        let op = ops.get(i)?;
+        i += 1;
+        match *op {
+            Op::Const(c) if c < 0.0 => stack.push(format!("(0-{})", -c)),
+            Op::Const(c) => stack.push(format!("{c}")),
+            Op::Local(slot) => stack.push(local(slot)),
+            Op::Global(slot) => stack.push(format!("g{slot}")),
+            Op::Step => stack.push("Q".into()),
+            Op::Length => stack.push("Z".into()),
+            Op::Unary(f) => {
+                let a = stack.pop()?;
+                stack.push(unary(f, &a));
+            }
+            Op::Binary(f, _) => {
+                let (b, a) = (stack.pop()?, stack.pop()?);
+                stack.push(binary(f, &a, &b));
+            }
+            Op::Random(RandomFunction::Ran) => {
+                let a = stack.pop()?;
+                stack.push(format!("ran({a})"));
+            }
+            Op::Random(RandomFunction::Uniform) => {
+                let (b, a) = (stack.pop()?, stack.pop()?);
+                stack.push(format!("({a}+ran({b}-{a}))"));
+            }
+            Op::Random(RandomFunction::Nran) => {
+                let (b, a) = (stack.pop()?, stack.pop()?);
+                stack.push(format!("nran({a},{b})"));
+            }
+            Op::And(end) | Op::Or(end) => {
+                let left = stack.pop()?;
+                run(ops, i, end, stack)?;
+                let right = stack.pop()?;
+                let sign = if matches!(op, Op::And(_)) { "&&" } else { "||" };
+                stack.push(format!("({left} {sign} {right})"));
+                i = end;
+            }
+            // Both sides of `&&` and `||` are truth values already.
+            Op::Bool => {}
+            Op::JumpIfZero(other) => {
+                let condition = stack.pop()?;
+                let Some(Op::Jump(end)) = ops.get(other.checked_sub(1)?) else { return None };
+                run(ops, i, other - 1, stack)?;
+                let then = stack.pop()?;
+                run(ops, other, *end, stack)?;
+                let otherwise = stack.pop()?;
+                stack.push(format!("({condition} ? {then} : {otherwise})"));
+                i = *end;
+            }
+            _ => return None,
+        }
+    }
+    Some(())
+}
+
+/// Assignments and conditions of a block as statements; `None` if random numbers must be the same for several productions.
+fn block(code: &Bytecode) -> Option<String> {
+    let ops = &code.ops;
+    let restarts = ops.contains(&Op::RestartDraws);
+    if restarts && ops.iter().any(|op| matches!(op, Op::Random(_))) {
+        return None;
+    }
+    // A block with conditions ends in: 1, store, jump, 0, store; conditions that fail jump to the 0.
+    let failure = restarts.then(|| ops.len().saturating_sub(2));
+    let (mut out, mut open) = (String::new(), 0_usize);
+    let mut from = usize::from(restarts);
+    if let (Some(_), Some(Op::StoreLocal(slot))) = (failure, ops.last()) {
+        let _ = write!(out, "{} = 0; ", local(*slot));
+    }
+    let end = failure.map_or(ops.len(), |f| f.saturating_sub(1));
+    let mut i = from;
+    while i < end {
+        match ops[i] {
+            Op::StoreLocal(slot) => {
+                let value = expression_part(ops, from, i)?;
+                let _ = write!(out, "{} = {value}; ", local(slot));
+                from = i + 1;
+            }
+            Op::StoreGlobal(slot) => {
+                let value = expression_part(ops, from, i)?;
+                let _ = write!(out, "g{slot} = {value}; ");
+                from = i + 1;
+            }
+            Op::JumpIfZero(to) if Some(to) == failure => {
+                let test = expression_part(ops, from, i)?;
+                let _ = write!(out, "if ({test}) {{ ");
+                open += 1;
+                from = i + 1;
+            }
+            _ => {}
+        }
+        i += 1;
+    }
+    out += &"} ".repeat(open);
+    Some(out.trim_end().to_owned())
+}
+
+fn expression_part(ops: &[Op], from: usize, to: usize) -> Option<String> {
+    let mut stack = Vec::new();
+    run(ops, from, to, &mut stack)?;
+    stack.pop().filter(|_| stack.is_empty())
+}
+
+fn unary(f: UnaryOp, a: &str) -> String {
+    let name = match f {
+        UnaryOp::Neg => return format!("(0-{a})"),
+        UnaryOp::Not => return format!("(!{a})"),
+        UnaryOp::Sin => "sin",
+        UnaryOp::Cos => "cos",
+        UnaryOp::Tan => "tan",
+        UnaryOp::Asin => "asin",
+        UnaryOp::Acos => "acos",
+        UnaryOp::Atan => "atan",
+        UnaryOp::Exp => "exp",
+        UnaryOp::Log => "log",
+        UnaryOp::Sqrt => "sqrt",
+        UnaryOp::Fabs => "fabs",
+        UnaryOp::Floor => "floor",
+        UnaryOp::Ceil => "ceil",
+        UnaryOp::Trunc => "trunc",
+        UnaryOp::Sign => "sign",
+    };
+    format!("{name}({a})")
+}
+
+fn binary(f: BinaryOp, a: &str, b: &str) -> String {
+    let sign = match f {
+        BinaryOp::Add => "+",
+        BinaryOp::Sub => "-",
+        BinaryOp::Mul => "*",
+        BinaryOp::Div => "/",
+        BinaryOp::Rem => "%",
+        BinaryOp::Pow => "^",
+        BinaryOp::Eq => "==",
+        BinaryOp::Ne => "!=",
+        BinaryOp::Lt => "<",
+        BinaryOp::Le => "<=",
+        BinaryOp::Gt => ">",
+        BinaryOp::Ge => ">=",
+        BinaryOp::Atan2 => return format!("atan({a},{b})"),
+    };
+    format!("({a}{sign}{b})")
+}

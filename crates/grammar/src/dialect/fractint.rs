@@ -1,0 +1,317 @@
+//! L-systems of Fractint: `Name { Angle 6 Axiom F F=F+F--F+F }`, many in one file.
+
+use super::Reader;
+use super::text::{Piece, lines};
+use crate::program::SuccessorModule;
+use osier_base::diagnostic::nearest;
+
+/// Derivation steps where the scene gives none: the order that Fractint begins with.
+const DEFAULT_ORDER: u32 = 4;
+/// Rules and columns at which Fractint itself stops reading.
+const MAX_RULES: usize = 25;
+const MAX_COLUMNS: usize = 160;
+/// Commands that no rule can redefine.
+const RESERVED: &str = "+-/\\@|!c<>[]";
+/// Entries of the file listed in a message.
+const LISTED: usize = 12;
+
+/// An L-system of the file.
+struct Entry<'t> {
+    name: Piece<'t>,
+    /// Lines between the braces, without comments.
+    lines: Vec<Piece<'t>>,
+    comment: &'t str,
+}
+
+impl Entry<'_> {
+    /// An entry with an axiom: any other, such as `comment { .. }`, is text.
+    fn is_system(&self) -> bool {
+        self.lines.iter().any(|l| l.first_word(&['=']).0.text.eq_ignore_ascii_case("axiom"))
+    }
+}
+
+/// The L-systems of a file. Text between entries is left out; an entry without its brace ends where the next one begins.
+fn entries(text: &str) -> Vec<Entry<'_>> {
+    let mut out: Vec<Entry<'_>> = Vec::new();
+    let mut is_open = false;
+    let mut title = Piece::new(0, "");
+    for line in lines(text) {
+        let code = line.before(';');
+        if let Some(brace) = code.text.find('{') {
+            // The name stands before the brace, or alone on the line before.
+            let before = code.up_to(brace).trimmed();
+            let name = if before.text.is_empty() { title } else { before };
+            let comment = line.text.split_once(';').map_or("", |(_, c)| c.trim());
+            out.push(Entry { name, lines: Vec::new(), comment });
+            is_open = true;
+            is_open = add_line(&mut out, code.from(brace + 1)) && is_open;
+        } else if is_open {
+            is_open = add_line(&mut out, code);
+        } else if !code.trimmed().text.is_empty() {
+            title = code.trimmed();
+        }
+    }
+    out.retain(Entry::is_system);
+    out
+}
+
+/// Adds a line to the last entry; false if it closes the entry.
+fn add_line<'t>(entries: &mut [Entry<'t>], line: Piece<'t>) -> bool {
+    let close = line.text.find('}');
+    let piece = line.up_to(close.unwrap_or(line.text.len())).trimmed();
+    if let Some(e) = entries.last_mut().filter(|_| !piece.text.is_empty()) {
+        e.lines.push(piece);
+    }
+    close.is_none()
+}
+
+/// Names of the L-systems in the order of the file.
+pub(super) fn names(text: &str) -> Vec<String> {
+    entries(text).iter().map(|e| e.name.text.to_owned()).collect()
+}
+
+/// Reads one L-system of the file.
+pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Option<&str>) {
+    let list = entries(text);
+    let Some(entry) = select(reader, &list, file, wanted) else { return };
+    entry.name.text.clone_into(&mut reader.label);
+    entry.comment.clone_into(&mut reader.description);
+    let mut system = System { reader, angle: None, axiom: None, rules: Vec::new() };
+    for line in &entry.lines {
+        system.line(*line);
+    }
+    system.finish(entry);
+}
+
+/// The entry of a name, in any case; the only one without a name.
+fn select<'e, 't>(
+    reader: &mut Reader<'_>,
+    list: &'e [Entry<'t>],
+    file: &str,
+    wanted: Option<&str>,
+) -> Option<&'e Entry<'t>> {
+    let names = || list.iter().map(|e| e.name.text);
+    let listing = || {
+        let mut shown: Vec<&str> = names().take(LISTED).collect();
+        if list.len() > LISTED {
+            shown.push("..");
+        }
+        shown.join(", ")
+    };
+    let place = reader.place(0..0);
+    let Some(wanted) = wanted.map(str::trim) else {
+        if let [only] = list {
+            return Some(only);
+        }
+        let first = names().next().unwrap_or("NAME");
+        let (message, help) = if list.is_empty() {
+            let help = "write: Name { Angle 6 Axiom F F=F+F--F+F }, with each item on a line of its own";
+            ("the file has no L-system with an axiom".to_owned(), help.to_owned())
+        } else {
+            let message = format!("the file has {} L-systems: {}", list.len(), listing());
+            (message, format!("name one: \"{file}#{first}\"; `osier preview {file}` draws them all"))
+        };
+        reader.session.error_help("L061", message, place, help);
+        return None;
+    };
+    let first_word = |name: &'t str| name.split_whitespace().next().unwrap_or("");
+    let found = list
+        .iter()
+        .find(|e| e.name.text == wanted)
+        .or_else(|| list.iter().find(|e| e.name.text.eq_ignore_ascii_case(wanted)))
+        .or_else(|| list.iter().find(|e| first_word(e.name.text).eq_ignore_ascii_case(wanted)));
+    if found.is_none() {
+        let help = match nearest(wanted, names()) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None => format!("the file has {}", listing()),
+        };
+        reader.session.error_help("L061", format!("the file has no L-system \"{wanted}\""), place, help);
+    }
+    found
+}
+
+/// A rule: predecessor, its place, successor.
+struct Rule {
+    symbol: char,
+    place: crate::token::SourcePlace,
+    successor: Vec<SuccessorModule>,
+}
+
+/// An L-system while its lines are read.
+struct System<'r, 's> {
+    reader: &'r mut Reader<'s>,
+    angle: Option<f64>,
+    axiom: Option<Vec<SuccessorModule>>,
+    rules: Vec<Rule>,
+}
+
+impl System<'_, '_> {
+    fn error(&mut self, message: String, piece: Piece<'_>, help: &str) {
+        let place = self.reader.place(piece.range());
+        self.reader.session.error_help("L061", message, place, help);
+    }
+
+    fn limit(&mut self, message: String, piece: Piece<'_>, help: &str) {
+        let place = self.reader.place(piece.range());
+        self.reader.session.warning("L060", message, place, help);
+    }
+
+    fn line(&mut self, line: Piece<'_>) {
+        if line.text.chars().count() > MAX_COLUMNS {
+            let message = format!("line of more than {MAX_COLUMNS} columns, of which Fractint reads no more");
+            self.limit(message, line, "osier reads all of it; give parts of it a symbol of their own");
+        }
+        // The first word ends at a blank or '='; what follows is the value, after an optional '='.
+        let (word, rest) = line.first_word(&['=']);
+        if word.text.is_empty() {
+            return self.error("a rule without the symbol that it replaces".into(), line, "write: F=F+F");
+        }
+        let rest = rest.text.strip_prefix('=').map_or(rest, |_| rest.from(1).trimmed());
+        let (value, more) = rest.first_word(&[]);
+        let mut symbols = word.text.chars();
+        match (word.text.to_ascii_lowercase().as_str(), symbols.next(), symbols.next()) {
+            ("angle", ..) => self.angle(value),
+            ("axiom", ..) => {
+                let modules = self.modules(value);
+                if modules.is_empty() {
+                    return self.error("the axiom is empty".into(), line, "write: Axiom F");
+                }
+                self.axiom = Some(modules);
+            }
+            (_, Some(c), None) => self.rule(c.to_ascii_lowercase(), word, value),
+            _ => {
+                let help = "an L-system of Fractint holds Angle n, Axiom s, and rules such as F=F+F";
+                return self.error(format!("unknown item '{}'", word.text), word, help);
+            }
+        }
+        if !more.text.is_empty() {
+            let message = format!("unexpected '{}' after the value", more.text);
+            self.error(message, more, "write values without blanks, and comments after ';'");
+        }
+    }
+
+    fn angle(&mut self, value: Piece<'_>) {
+        match value.text.parse::<f64>() {
+            Ok(n) if n >= 1.0 && n.is_finite() => {
+                if !(3.0..=50.0).contains(&n) {
+                    let message = format!("angle {n}: Fractint takes 3 to 50 directions");
+                    self.limit(message, value, "osier draws it all the same");
+                }
+                self.angle = Some(n.trunc());
+            }
+            _ => {
+                let message = format!("the angle '{}' is not a number of directions", value.text);
+                self.error(message, value, "Angle 6 divides the circle into 6 directions");
+            }
+        }
+    }
+
+    fn rule(&mut self, c: char, word: Piece<'_>, value: Piece<'_>) {
+        if RESERVED.contains(c) {
+            return self.error(format!("'{c}' is a command and cannot be replaced"), word, "use another letter");
+        }
+        let successor = self.modules(value);
+        // Rules of one symbol concatenate.
+        if let Some(known) = self.rules.iter_mut().find(|r| r.symbol == c) {
+            known.successor.extend(successor);
+            return;
+        }
+        let place = self.reader.place(word.range());
+        self.rules.push(Rule { symbol: c, place, successor });
+        if self.rules.len() == MAX_RULES + 1 {
+            let message = format!("more than {MAX_RULES} rules, of which Fractint reads no more");
+            self.limit(message, word, "osier reads all of them");
+        }
+    }
+
+    /// Modules of a string: commands take the number that follows them as a parameter.
+    fn modules(&mut self, value: Piece<'_>) -> Vec<SuccessorModule> {
+        let chars: Vec<(usize, char)> = value.chars().map(|(i, c)| (i, c.to_ascii_lowercase())).collect();
+        let mut out = Vec::with_capacity(chars.len());
+        let mut i = 0;
+        while let Some(&(at, c)) = chars.get(i) {
+            i += 1;
+            let mut end = at + c.len_utf8();
+            let mut parameter = None;
+            if matches!(c, '@' | '\\' | '/' | '<' | '>' | 'c') {
+                let number = Number::read(&chars, &mut i, c);
+                if let Some(&(last, l)) = chars.get(i.wrapping_sub(1)) {
+                    end = end.max(last + l.len_utf8());
+                }
+                parameter = number.value;
+                // A size factor that is missing or 0 would end the drawing in one point.
+                if c == '@' && parameter.is_none_or(|p| p <= 0.0) {
+                    let piece = Piece::new(at, &value.text[at - value.at..end - value.at]);
+                    let help = "write the factor after it: @.5, @I2 (1/2), @Q2 (root of 2), @IQ2";
+                    self.error("'@' without a factor above 0".into(), piece, help);
+                    parameter = Some(1.0);
+                }
+            }
+            let place = self.reader.place(at..end);
+            let module = match parameter {
+                Some(value) => self.reader.module_with(c, value, place),
+                None => self.reader.module(c, place),
+            };
+            out.extend(module);
+        }
+        out
+    }
+
+    fn finish(mut self, entry: &Entry<'_>) {
+        let help = "every L-system has lines such as 'Angle 6' and 'Axiom F'";
+        if self.angle.is_none() {
+            self.error("the L-system has no angle".into(), entry.name, help);
+        }
+        let Some(axiom) = self.axiom.take() else {
+            return self.error("the L-system has no axiom".into(), entry.name, help);
+        };
+        let reader = self.reader;
+        if let Some(turtle) = &mut reader.program.turtle {
+            turtle.settings.angle_deg = self.angle.map(|n| 360.0 / n);
+        }
+        reader.program.length = DEFAULT_ORDER;
+        reader.program.length_place = Some(reader.place(entry.name.range()));
+        reader.axiom(axiom);
+        for rule in self.rules {
+            reader.rule(rule.symbol, rule.successor, rule.place);
+        }
+    }
+}
+
+/// The number after a command.
+struct Number {
+    value: Option<f64>,
+}
+
+impl Number {
+    /// Reads `[I][Q]digits[.digits]`: `I` is 1/x, `Q` the square root. Colours take digits alone.
+    fn read(chars: &[(usize, char)], i: &mut usize, command: char) -> Self {
+        let is_color = matches!(command, 'c' | '<' | '>');
+        let peek = |k: usize| chars.get(k).map(|p| p.1);
+        let begins = |k: usize| peek(k).is_some_and(|c| c.is_ascii_digit() || c == '.');
+        let (mut inverse, mut root, mut k) = (false, false, *i);
+        while let Some(c @ ('i' | 'q')) = peek(k).filter(|_| !is_color) {
+            inverse |= c == 'i';
+            root |= c == 'q';
+            k += 1;
+        }
+        // Letters that no number follows are symbols.
+        if !begins(k) {
+            return Self { value: None };
+        }
+        let mut text = String::new();
+        while let Some(c) = peek(k).filter(|c| c.is_ascii_digit() || (*c == '.' && !is_color)) {
+            text.push(c);
+            k += 1;
+        }
+        *i = k;
+        let mut value = text.parse::<f64>().unwrap_or(0.0);
+        if root {
+            value = osier_base::math::sqrt(value);
+        }
+        if inverse && value > 0.0 {
+            value = 1.0 / value;
+        }
+        Self { value: Some(value) }
+    }
+}

@@ -1,0 +1,226 @@
+//! Files of LParser, in the form of bare lines and in that of keywords.
+//!
+//! Rewriting acts on characters, those of numbers included: every character is a symbol, and the turtle reads the numbers.
+
+use super::Reader;
+use super::text::{Piece, lines};
+use crate::program::SuccessorModule;
+use crate::token::SourcePlace;
+
+/// Items whose values mean something only to the program itself.
+const IGNORED: [&str; 9] =
+    ["mutation", "shape", "poly_limit", "switch_yz", "closed_form", "user_form", "rand", "trope", "output"];
+/// Commands of the turtle, and the characters of numbers. Any other character without a rule becomes `_`.
+const COMMANDS: &str = "+-&^<>|%$~tFZfzg.[]{}\"';:?!c()0123456789";
+/// Most derivation steps of a file.
+const MAX_RECURSION: f64 = 1e6;
+
+/// A rule: predecessor, its place, successor as text.
+struct Rule<'t> {
+    symbol: char,
+    place: SourcePlace,
+    successor: Vec<Piece<'t>>,
+}
+
+/// A file while its lines are read.
+struct File<'r, 's, 't> {
+    reader: &'r mut Reader<'s>,
+    recursion: Option<f64>,
+    angle: Option<f64>,
+    thickness: Option<f64>,
+    min_thickness: f64,
+    axiom: Option<Vec<Piece<'t>>>,
+    rules: Vec<Rule<'t>>,
+    length_place: SourcePlace,
+}
+
+/// Reads a file.
+pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
+    reader.description = description(text);
+    let length_place = reader.place(0..0);
+    let mut file = File {
+        reader,
+        recursion: None,
+        angle: None,
+        thickness: None,
+        min_thickness: 0.0,
+        axiom: None,
+        rules: Vec::new(),
+        length_place,
+    };
+    for line in lines(text) {
+        let line = line.before('#').trimmed();
+        // '@' ends the file.
+        if line.text == "@" {
+            break;
+        }
+        if !line.text.is_empty() {
+            file.line(line);
+        }
+    }
+    file.finish(text);
+}
+
+/// The first comment of a file that says something.
+fn description(text: &str) -> String {
+    let comments = lines(text).map(|l| l.trimmed().text).take_while(|l| l.is_empty() || l.starts_with('#'));
+    let plain = |l: &str| l.trim_matches(['#', '-', '=', '*', ' ', '\t']).to_owned();
+    comments.map(plain).find(|l| l.chars().filter(|c| c.is_alphabetic()).count() > 3).unwrap_or_default()
+}
+
+impl<'t> File<'_, '_, 't> {
+    fn error(&mut self, message: String, piece: Piece<'_>, help: &str) {
+        let place = self.reader.place(piece.range());
+        self.reader.session.error_help("L061", message, place, help);
+    }
+
+    fn line(&mut self, line: Piece<'t>) {
+        let (word, rest) = line.first_word(&[]);
+        match word.text.to_ascii_lowercase().as_str() {
+            "recursion" => self.recursion(rest),
+            "angle" => self.angle = self.number(rest),
+            "thickness" => self.thickness = self.number(rest),
+            "min_thickness" => self.min_thickness = self.number(rest).unwrap_or(0.0),
+            "color" | "colour" => self.color(rest),
+            "axiom" => self.set_axiom(rest),
+            "rule" => self.rule(rest),
+            ignored if IGNORED.contains(&ignored) => {
+                let place = self.reader.place(line.range());
+                let message = format!("'{ignored}' has no meaning for osier and is ignored");
+                self.reader.session.warning("L008", message, place, "remove the line");
+            }
+            _ => self.bare_line(line),
+        }
+    }
+
+    /// A line without a keyword: recursion, angle, thickness and axiom in this order, then rules.
+    fn bare_line(&mut self, line: Piece<'t>) {
+        if is_rule(line) {
+            return self.rule(line);
+        }
+        if self.axiom.is_some() {
+            // A long rule may go on in the next line.
+            return match self.rules.last_mut() {
+                Some(rule) => rule.successor.push(line),
+                None => self.set_axiom(line),
+            };
+        }
+        // Words may follow the number.
+        let (word, _) = line.first_word(&[]);
+        if word.text.parse::<f64>().is_err() {
+            return self.set_axiom(line);
+        }
+        if self.recursion.is_none() {
+            self.recursion(line);
+        } else if self.angle.is_none() {
+            self.angle = self.number(line);
+        } else if self.thickness.is_none() {
+            self.thickness = self.number(line);
+        } else {
+            self.set_axiom(line);
+        }
+    }
+
+    fn number(&mut self, value: Piece<'_>) -> Option<f64> {
+        let (word, _) = value.first_word(&[]);
+        let number = word.text.parse::<f64>().ok().filter(|n| n.is_finite());
+        if number.is_none() {
+            self.error(format!("'{}' is not a number", word.text), value, "write a number such as 20 or 4.5");
+        }
+        number
+    }
+
+    fn recursion(&mut self, value: Piece<'_>) {
+        self.length_place = self.reader.place(value.range());
+        self.recursion = self.number(value);
+        if self.recursion.is_some_and(|n| !(0.0..=MAX_RECURSION).contains(&n)) {
+            self.error("recursion from 0 to 1,000,000".into(), value, "reduce the recursion");
+        }
+    }
+
+    /// `color i r g b`.
+    fn color(&mut self, value: Piece<'_>) {
+        let numbers: Vec<u8> = value.text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+        match numbers.as_slice() {
+            [i, r, g, b] => self.reader.palette.push((*i, [*r, *g, *b])),
+            _ => self.error("a color is an index and three numbers 0 to 255".into(), value, "write: color 2 255 0 0"),
+        }
+    }
+
+    fn set_axiom(&mut self, value: Piece<'t>) {
+        match &mut self.axiom {
+            Some(parts) => parts.push(value),
+            None => self.axiom = Some(vec![value]),
+        }
+    }
+
+    /// `x = s`, with blanks anywhere.
+    fn rule(&mut self, line: Piece<'t>) {
+        if !is_rule(line) {
+            let help = "write: rule A = F[+A]";
+            return self.error("a rule is one character, '=' and its successor".into(), line, help);
+        }
+        let Some(symbol) = line.text.chars().next() else { return };
+        let equals = line.text[symbol.len_utf8()..].find('=').map_or(0, |i| i + symbol.len_utf8());
+        let place = self.reader.place(line.up_to(symbol.len_utf8()).range());
+        let known = self.rules.iter().find(|r| r.symbol == symbol).map(|r| r.place);
+        if known.is_some() {
+            let message = format!("a second rule for '{symbol}' is never used");
+            self.reader.session.warning("L031", message, place, "the first rule of a symbol applies");
+        }
+        self.rules.push(Rule { symbol, place, successor: vec![line.from(equals + 1)] });
+    }
+
+    /// Modules of a text without its blanks.
+    fn modules(&mut self, parts: &[Piece<'_>]) -> Vec<SuccessorModule> {
+        let ruled: Vec<char> = self.rules.iter().map(|r| r.symbol).collect();
+        let chars = parts.iter().flat_map(|p| p.chars()).filter(|(_, c)| !c.is_whitespace());
+        let mut out = Vec::new();
+        for (at, c) in chars {
+            let place = self.reader.place(at..at + c.len_utf8());
+            let known = COMMANDS.contains(c) || ruled.contains(&c);
+            out.extend(self.reader.module(if known { c } else { '_' }, place));
+        }
+        out
+    }
+
+    fn finish(mut self, text: &str) {
+        let Some(axiom) = self.axiom.take() else {
+            let piece = Piece::new(0, &text[..text.find('\n').unwrap_or(text.len())]);
+            let help =
+                "write recursion, angle, thickness and axiom, each on a line of its own, then rules such as A=F[+A]";
+            return self.error("the file has no axiom".into(), piece, help);
+        };
+        // A fraction of a step is the last one, drawn shorter.
+        let recursion = self.recursion.unwrap_or(1.0).clamp(0.0, MAX_RECURSION);
+        let fraction = recursion - recursion.floor();
+        let axiom = self.modules(&axiom);
+        let mut made = std::collections::BTreeSet::new();
+        let rules: Vec<(char, Vec<Piece<'t>>, SourcePlace)> =
+            self.rules.iter().map(|r| (r.symbol, r.successor.clone(), r.place)).collect();
+        for (symbol, successor, place) in rules {
+            let successor = self.modules(&successor);
+            if made.insert(symbol) {
+                self.reader.rule(symbol, successor, place);
+            }
+        }
+        let program = &mut self.reader.program;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..1e6")]
+        let steps = recursion.ceil() as u32;
+        (program.length, program.length_place) = (steps, Some(self.length_place));
+        if let Some(turtle) = &mut program.turtle {
+            turtle.settings.angle_deg = Some(self.angle.unwrap_or(45.0));
+            turtle.settings.thickness = Some(0.01 * self.thickness.unwrap_or(100.0));
+            turtle.settings.min_thickness = 0.01 * self.min_thickness;
+            turtle.settings.fraction = Some(fraction).filter(|f| *f > 0.0);
+        }
+        self.reader.axiom(axiom);
+    }
+}
+
+/// One character, blanks, '='.
+pub(super) fn is_rule(line: Piece<'_>) -> bool {
+    let mut chars = line.trimmed().text.chars();
+    let symbol = chars.next();
+    symbol.is_some_and(|c| c != '=') && chars.as_str().trim_start().starts_with('=')
+}

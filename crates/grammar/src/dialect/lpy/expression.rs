@@ -1,0 +1,719 @@
+//! Expressions of Python: what they are, how they are read, and the code that they become.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp};
+use crate::dialect::text::Piece;
+
+/// Nesting of one expression; deeper ones are refused.
+const MAX_DEPTH: usize = 200;
+/// Operations of one expression after its functions are inserted.
+const MAX_OPS: usize = 20_000;
+/// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
+const CUT: f64 = 1e18;
+
+/// Why a text cannot be read: what it contains that is more than rules and expressions, and where.
+#[derive(Debug, Clone)]
+pub(super) struct Refusal {
+    pub construct: String,
+    pub range: Range<usize>,
+}
+
+impl Refusal {
+    pub fn new(construct: impl Into<String>, range: Range<usize>) -> Self {
+        Self { construct: construct.into(), range }
+    }
+}
+
+/// An expression.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum PyExpr {
+    Number(f64),
+    Name(String, Range<usize>),
+    Neg(Box<Self>),
+    Not(Box<Self>),
+    Binary(PyOp, Box<Self>, Box<Self>),
+    And(Box<Self>, Box<Self>),
+    Or(Box<Self>, Box<Self>),
+    /// `then if condition else other`: condition, then, other.
+    Choice(Box<Self>, Box<Self>, Box<Self>),
+    Call(String, Vec<Self>, Range<usize>),
+}
+
+/// An operator of two operands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PyOp {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    FloorDiv,
+    Mod,
+    Pow,
+    Eq,
+    Ne,
+    Lt,
+    Le,
+    Gt,
+    Ge,
+}
+
+/// A token with its place.
+#[derive(Debug, Clone, PartialEq)]
+struct PyToken {
+    kind: PyTokenKind,
+    range: Range<usize>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum PyTokenKind {
+    Number(f64),
+    Name(String),
+    Sign(&'static str),
+}
+
+/// Operators and punctuation, longer ones first.
+const SIGNS: [&str; 26] = [
+    "**", "//", "<=", ">=", "==", "!=", "<>", "->", "+", "-", "*", "/", "%", "<", ">", "(", ")", ",", "=", ".", "[",
+    "]", ";", ":", "{", "}",
+];
+
+fn tokens(piece: Piece<'_>) -> Result<Vec<PyToken>, Refusal> {
+    let mut out = Vec::new();
+    let text = piece.text;
+    let mut i = 0;
+    while let Some(c) = text[i..].chars().next() {
+        let at = piece.at + i;
+        let rest = &text[i..];
+        if c.is_whitespace() {
+            i += c.len_utf8();
+            continue;
+        }
+        if c.is_ascii_digit() || (c == '.' && rest[1..].starts_with(|d: char| d.is_ascii_digit())) {
+            let n = number_length(rest);
+            let value = rest[..n].replace('_', "").parse::<f64>();
+            let value = value.map_err(|_| Refusal::new(format!("the number '{}'", &rest[..n]), at..at + n))?;
+            out.push(PyToken { kind: PyTokenKind::Number(value), range: at..at + n });
+            i += n;
+        } else if c.is_alphabetic() || c == '_' {
+            let n = rest.find(|d: char| !d.is_alphanumeric() && d != '_').unwrap_or(rest.len());
+            out.push(PyToken { kind: PyTokenKind::Name(rest[..n].to_owned()), range: at..at + n });
+            i += n;
+        } else if c == '"' || c == '\'' {
+            return Err(Refusal::new("a text in quotes", at..at + rest.len()));
+        } else if let Some(sign) = SIGNS.iter().find(|s| rest.starts_with(**s)) {
+            out.push(PyToken { kind: PyTokenKind::Sign(sign), range: at..at + sign.len() });
+            i += sign.len();
+        } else {
+            return Err(Refusal::new(format!("the character '{c}'"), at..at + c.len_utf8()));
+        }
+    }
+    Ok(out)
+}
+
+fn number_length(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let digits = |from: usize| {
+        let more = bytes.get(from..).unwrap_or(&[]).iter().take_while(|b| b.is_ascii_digit() || **b == b'_').count();
+        from + more
+    };
+    let mut n = digits(0);
+    if bytes.get(n) == Some(&b'.') {
+        n = digits(n + 1);
+    }
+    if matches!(bytes.get(n), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(bytes.get(n + 1), Some(b'+' | b'-')));
+        let end = digits(n + 1 + sign);
+        if end > n + 1 + sign {
+            n = end;
+        }
+    }
+    n
+}
+
+struct PyParser {
+    tokens: Vec<PyToken>,
+    i: usize,
+    depth: usize,
+    end: usize,
+}
+
+/// Reads one expression that fills the whole text.
+pub(super) fn parse(piece: Piece<'_>) -> Result<PyExpr, Refusal> {
+    let mut p = PyParser { tokens: tokens(piece)?, i: 0, depth: 0, end: piece.at + piece.text.len() };
+    if p.tokens.is_empty() {
+        return Err(Refusal::new("a missing expression", piece.range()));
+    }
+    let e = p.choice()?;
+    match p.tokens.get(p.i) {
+        None => Ok(e),
+        Some(t) => Err(Refusal::new(p.describe(t), t.range.clone())),
+    }
+}
+
+impl PyParser {
+    fn describe(&self, t: &PyToken) -> String {
+        match &t.kind {
+            PyTokenKind::Number(n) => format!("'{n}' where an operator is expected"),
+            PyTokenKind::Name(n) if matches!(n.as_str(), "for" | "lambda" | "in" | "is" | "yield" | "await") => {
+                format!("'{n}'")
+            }
+            PyTokenKind::Name(n) => format!("'{n}' where an operator is expected"),
+            PyTokenKind::Sign("[") => "a list or an index '[..]'".into(),
+            PyTokenKind::Sign("{" | "}") => "a dictionary '{..}'".into(),
+            PyTokenKind::Sign(".") => "an attribute '.'".into(),
+            PyTokenKind::Sign(",") => "a tuple".into(),
+            PyTokenKind::Sign("=") => "an argument with a name".into(),
+            PyTokenKind::Sign(s) => format!("'{s}' at this place"),
+        }
+    }
+
+    fn sign(&self) -> Option<&'static str> {
+        match self.tokens.get(self.i).map(|t| &t.kind) {
+            Some(PyTokenKind::Sign(s)) => Some(s),
+            _ => None,
+        }
+    }
+
+    fn word(&self) -> Option<&str> {
+        match self.tokens.get(self.i).map(|t| &t.kind) {
+            Some(PyTokenKind::Name(n)) => Some(n),
+            _ => None,
+        }
+    }
+
+    fn eat(&mut self, sign: &str) -> bool {
+        let found = self.sign() == Some(sign);
+        self.i += usize::from(found);
+        found
+    }
+
+    fn eat_word(&mut self, word: &str) -> bool {
+        let found = self.word() == Some(word);
+        self.i += usize::from(found);
+        found
+    }
+
+    fn here(&self) -> Range<usize> {
+        self.tokens.get(self.i).map_or(self.end..self.end, |t| t.range.clone())
+    }
+
+    fn choice(&mut self) -> Result<PyExpr, Refusal> {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
+        let then = self.or()?;
+        let out = if self.eat_word("if") {
+            let condition = self.or()?;
+            if !self.eat_word("else") {
+                return Err(Refusal::new("'if' without 'else' in an expression", self.here()));
+            }
+            let other = self.choice()?;
+            PyExpr::Choice(Box::new(condition), Box::new(then), Box::new(other))
+        } else {
+            then
+        };
+        self.depth -= 1;
+        Ok(out)
+    }
+
+    fn or(&mut self) -> Result<PyExpr, Refusal> {
+        let mut left = self.and()?;
+        while self.eat_word("or") {
+            left = PyExpr::Or(Box::new(left), Box::new(self.and()?));
+        }
+        Ok(left)
+    }
+
+    fn and(&mut self) -> Result<PyExpr, Refusal> {
+        let mut left = self.not()?;
+        while self.eat_word("and") {
+            left = PyExpr::And(Box::new(left), Box::new(self.not()?));
+        }
+        Ok(left)
+    }
+
+    fn not(&mut self) -> Result<PyExpr, Refusal> {
+        // Repeated prefixes are counted, not nested.
+        let mut negations = 0_usize;
+        while self.eat_word("not") {
+            negations += 1;
+        }
+        let e = self.comparison()?;
+        Ok(if negations == 0 {
+            e
+        } else if negations % 2 == 1 {
+            PyExpr::Not(Box::new(e))
+        } else {
+            PyExpr::Not(Box::new(PyExpr::Not(Box::new(e))))
+        })
+    }
+
+    /// `a < b < c` holds if both comparisons do.
+    fn comparison(&mut self) -> Result<PyExpr, Refusal> {
+        let mut left = self.sum()?;
+        let mut all: Option<PyExpr> = None;
+        loop {
+            let op = match self.sign() {
+                Some("==") => PyOp::Eq,
+                Some("!=" | "<>") => PyOp::Ne,
+                Some("<") => PyOp::Lt,
+                Some("<=") => PyOp::Le,
+                Some(">") => PyOp::Gt,
+                Some(">=") => PyOp::Ge,
+                _ => return Ok(all.unwrap_or(left)),
+            };
+            self.i += 1;
+            let right = self.sum()?;
+            let one = PyExpr::Binary(op, Box::new(left), Box::new(right.clone()));
+            all = Some(match all {
+                None => one,
+                Some(before) => PyExpr::And(Box::new(before), Box::new(one)),
+            });
+            left = right;
+        }
+    }
+
+    fn sum(&mut self) -> Result<PyExpr, Refusal> {
+        let mut left = self.product()?;
+        loop {
+            let op = match self.sign() {
+                Some("+") => PyOp::Add,
+                Some("-") => PyOp::Sub,
+                _ => return Ok(left),
+            };
+            self.i += 1;
+            left = PyExpr::Binary(op, Box::new(left), Box::new(self.product()?));
+        }
+    }
+
+    fn product(&mut self) -> Result<PyExpr, Refusal> {
+        let mut left = self.factor()?;
+        loop {
+            let op = match self.sign() {
+                Some("*") => PyOp::Mul,
+                Some("/") => PyOp::Div,
+                Some("//") => PyOp::FloorDiv,
+                Some("%") => PyOp::Mod,
+                _ => return Ok(left),
+            };
+            self.i += 1;
+            left = PyExpr::Binary(op, Box::new(left), Box::new(self.factor()?));
+        }
+    }
+
+    fn factor(&mut self) -> Result<PyExpr, Refusal> {
+        let mut negative = false;
+        loop {
+            if self.eat("-") {
+                negative = !negative;
+            } else if !self.eat("+") {
+                break;
+            }
+        }
+        let e = self.power()?;
+        Ok(if negative { PyExpr::Neg(Box::new(e)) } else { e })
+    }
+
+    /// `**` associates to the right and binds closer than a sign before it.
+    fn power(&mut self) -> Result<PyExpr, Refusal> {
+        let base = self.atom()?;
+        if !self.eat("**") {
+            return Ok(base);
+        }
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(Refusal::new("an expression nested too deep", self.here()));
+        }
+        let exponent = self.factor()?;
+        self.depth -= 1;
+        Ok(PyExpr::Binary(PyOp::Pow, Box::new(base), Box::new(exponent)))
+    }
+
+    fn atom(&mut self) -> Result<PyExpr, Refusal> {
+        let Some(t) = self.tokens.get(self.i).cloned() else {
+            return Err(Refusal::new("an unfinished expression", self.here()));
+        };
+        self.i += 1;
+        match t.kind {
+            PyTokenKind::Number(n) => Ok(PyExpr::Number(n)),
+            PyTokenKind::Sign("(") => {
+                let e = self.choice()?;
+                if self.eat(")") {
+                    return Ok(e);
+                }
+                let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
+                Err(Refusal::new(what, self.here()))
+            }
+            PyTokenKind::Name(first) => {
+                if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
+                    return Err(Refusal::new(format!("'{first}'"), t.range));
+                }
+                // Modules of functions: math.sin is sin.
+                let mut name = first;
+                while self.sign() == Some(".") {
+                    if !matches!(name.as_str(), "math" | "random" | "np" | "numpy" | "rd" | "rnd" | "m") {
+                        return Err(Refusal::new(format!("an attribute of '{name}'"), self.here()));
+                    }
+                    self.i += 1;
+                    let Some(next) = self.word() else {
+                        return Err(Refusal::new("'.' without a name", self.here()));
+                    };
+                    name = next.to_owned();
+                    self.i += 1;
+                }
+                if self.eat("(") {
+                    return self.call(name, t.range);
+                }
+                Ok(match name.as_str() {
+                    "True" => PyExpr::Number(1.0),
+                    "False" => PyExpr::Number(0.0),
+                    "None" => return Err(Refusal::new("'None'", t.range)),
+                    _ => PyExpr::Name(name, t.range),
+                })
+            }
+            PyTokenKind::Sign(_) => Err(Refusal::new(self.describe(&t), t.range)),
+        }
+    }
+
+    fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        let mut args = Vec::new();
+        while !self.eat(")") {
+            args.push(self.choice()?);
+            if self.eat(",") || self.sign() == Some(")") {
+                continue;
+            }
+            let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
+            return Err(Refusal::new(what, self.here()));
+        }
+        Ok(PyExpr::Call(name, args, range))
+    }
+}
+
+/// Names that expressions may use.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scope {
+    /// Variables and parameters of a rule; the position is the slot.
+    pub locals: Vec<String>,
+    /// Values of the model that are drawn once, before the first step; the position is the slot.
+    pub globals: Vec<String>,
+    pub constants: BTreeMap<String, f64>,
+    /// Names whose values are more than expressions.
+    pub unreadable: BTreeMap<String, Refusal>,
+    /// Functions of one expression.
+    pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
+}
+
+impl Scope {
+    /// Slot of a local variable, which is made if it is new.
+    pub fn local(&mut self, name: &str) -> u16 {
+        let found = self.locals.iter().position(|l| l == name);
+        let i = found.unwrap_or_else(|| {
+            self.locals.push(name.to_owned());
+            self.locals.len() - 1
+        });
+        u16::try_from(i).unwrap_or(u16::MAX)
+    }
+
+    fn slot(list: &[String], name: &str) -> Option<u16> {
+        list.iter().position(|l| l == name).and_then(|i| u16::try_from(i).ok())
+    }
+}
+
+/// True if the expression draws a random number.
+pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
+    match e {
+        PyExpr::Number(_) | PyExpr::Name(..) => false,
+        PyExpr::Neg(a) | PyExpr::Not(a) => has_random(a, scope),
+        PyExpr::Binary(_, a, b) | PyExpr::And(a, b) | PyExpr::Or(a, b) => has_random(a, scope) || has_random(b, scope),
+        PyExpr::Choice(a, b, c) => [a, b, c].iter().any(|e| has_random(e, scope)),
+        PyExpr::Call(name, args, _) => {
+            let own = matches!(
+                name.as_str(),
+                "random" | "uniform" | "randint" | "randrange" | "gauss" | "normalvariate" | "normal" | "ran"
+            );
+            let body = scope.functions.get(name).is_some_and(|(_, body)| has_random(body, &Scope::default()));
+            own || body || args.iter().any(|a| has_random(a, scope))
+        }
+    }
+}
+
+/// The expression with functions of the model replaced by their expressions, and the functions of Python by those of the language.
+pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr, Refusal> {
+    let sub = |a: &PyExpr| resolve(a, scope, depth).map(Box::new);
+    Ok(match e {
+        PyExpr::Number(n) => PyExpr::Number(*n),
+        PyExpr::Name(name, range) => {
+            let known = scope.locals.contains(name) || scope.globals.contains(name);
+            if !known && !scope.constants.contains_key(name) {
+                if let Some(value) = constant_name(name) {
+                    return Ok(PyExpr::Number(value));
+                }
+                if let Some(why) = scope.unreadable.get(name) {
+                    return Err(why.clone());
+                }
+                return Err(Refusal::new(format!("the unknown name '{name}'"), range.clone()));
+            }
+            if scope.locals.contains(name) {
+                return Ok(e.clone());
+            }
+            scope.constants.get(name).map_or_else(|| e.clone(), |v| PyExpr::Number(*v))
+        }
+        PyExpr::Neg(a) => PyExpr::Neg(sub(a)?),
+        PyExpr::Not(a) => PyExpr::Not(sub(a)?),
+        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, sub(a)?, sub(b)?),
+        PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
+        PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
+        PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
+        PyExpr::Call(name, args, range) => {
+            let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+            if let Some((params, body)) = scope.functions.get(name) {
+                if depth >= 16 {
+                    return Err(Refusal::new(format!("the recursive function '{name}'"), range.clone()));
+                }
+                if params.len() != args.len() || args.iter().any(|a| has_random(a, scope)) {
+                    return Err(Refusal::new(format!("this call of '{name}'"), range.clone()));
+                }
+                let body = substitute(body, params, &args);
+                return resolve(&body, scope, depth + 1);
+            }
+            PyExpr::Call(name.clone(), args, range.clone())
+        }
+    })
+}
+
+fn constant_name(name: &str) -> Option<f64> {
+    Some(match name {
+        "pi" => std::f64::consts::PI,
+        "e" => std::f64::consts::E,
+        _ => return None,
+    })
+}
+
+/// The expression with names replaced by expressions.
+pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyExpr {
+    let sub = |a: &PyExpr| Box::new(substitute(a, names, values));
+    match e {
+        PyExpr::Number(n) => PyExpr::Number(*n),
+        PyExpr::Name(name, range) => {
+            let value = names.iter().position(|n| n == name).and_then(|i| values.get(i)).cloned();
+            value.unwrap_or_else(|| PyExpr::Name(name.clone(), range.clone()))
+        }
+        PyExpr::Neg(a) => PyExpr::Neg(sub(a)),
+        PyExpr::Not(a) => PyExpr::Not(sub(a)),
+        PyExpr::Binary(op, a, b) => PyExpr::Binary(*op, sub(a), sub(b)),
+        PyExpr::And(a, b) => PyExpr::And(sub(a), sub(b)),
+        PyExpr::Or(a, b) => PyExpr::Or(sub(a), sub(b)),
+        PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a), sub(b), sub(c)),
+        PyExpr::Call(name, args, range) => {
+            let args = args.iter().map(|a| substitute(a, names, values)).collect();
+            PyExpr::Call(name.clone(), args, range.clone())
+        }
+    }
+}
+
+/// Code of an expression.
+pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
+    let resolved = resolve(e, scope, 0)?;
+    let mut code = Bytecode::default();
+    emit(&resolved, scope, &mut code.ops)?;
+    // Constants are folded.
+    if let Some(value) = crate::vm::constant_value(&code) {
+        code.ops = vec![Op::Const(value)];
+    }
+    Ok(code)
+}
+
+fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
+    if ops.len() > MAX_OPS {
+        return Err(Refusal::new("an expression that grows too large", range_of(e)));
+    }
+    let binary = |op: BinaryOp| Op::Binary(op, usize::MAX);
+    match e {
+        PyExpr::Number(n) => ops.push(Op::Const(*n)),
+        PyExpr::Name(name, range) => {
+            if let Some(slot) = Scope::slot(&scope.locals, name) {
+                ops.push(Op::Local(slot));
+            } else if let Some(value) = scope.constants.get(name) {
+                ops.push(Op::Const(*value));
+            } else if let Some(slot) = Scope::slot(&scope.globals, name) {
+                ops.push(Op::Global(slot));
+            } else {
+                return Err(Refusal::new(format!("the unknown name '{name}'"), range.clone()));
+            }
+        }
+        PyExpr::Neg(a) => {
+            emit(a, scope, ops)?;
+            ops.push(Op::Unary(UnaryOp::Neg));
+        }
+        PyExpr::Not(a) => {
+            emit(a, scope, ops)?;
+            ops.push(Op::Unary(UnaryOp::Not));
+        }
+        PyExpr::And(a, b) | PyExpr::Or(a, b) => {
+            emit(a, scope, ops)?;
+            let jump = ops.len();
+            ops.push(Op::Pop);
+            emit(b, scope, ops)?;
+            ops.push(Op::Bool);
+            let end = ops.len();
+            ops[jump] = if matches!(e, PyExpr::And(..)) { Op::And(end) } else { Op::Or(end) };
+        }
+        PyExpr::Choice(condition, then, other) => {
+            emit(condition, scope, ops)?;
+            let to_other = ops.len();
+            ops.push(Op::Pop);
+            emit(then, scope, ops)?;
+            let to_end = ops.len();
+            ops.push(Op::Pop);
+            ops[to_other] = Op::JumpIfZero(ops.len());
+            emit(other, scope, ops)?;
+            ops[to_end] = Op::Jump(ops.len());
+        }
+        PyExpr::Binary(op, a, b) => {
+            let op = match op {
+                PyOp::Add => BinaryOp::Add,
+                PyOp::Sub => BinaryOp::Sub,
+                PyOp::Mul => BinaryOp::Mul,
+                PyOp::Div => BinaryOp::Div,
+                PyOp::Pow => BinaryOp::Pow,
+                PyOp::Eq => BinaryOp::Eq,
+                PyOp::Ne => BinaryOp::Ne,
+                PyOp::Lt => BinaryOp::Lt,
+                PyOp::Le => BinaryOp::Le,
+                PyOp::Gt => BinaryOp::Gt,
+                PyOp::Ge => BinaryOp::Ge,
+                PyOp::FloorDiv | PyOp::Mod => return emit(&floored(e, *op, a, b, scope)?, scope, ops),
+            };
+            emit(a, scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.push(binary(op));
+        }
+        PyExpr::Call(name, args, range) => return emit_call(name, args, range, scope, ops),
+    }
+    Ok(())
+}
+
+fn range_of(e: &PyExpr) -> Range<usize> {
+    match e {
+        PyExpr::Number(_) => 0..0,
+        PyExpr::Name(_, r) | PyExpr::Call(_, _, r) => r.clone(),
+        PyExpr::Neg(a) | PyExpr::Not(a) | PyExpr::Binary(_, a, _) | PyExpr::And(a, _) | PyExpr::Or(a, _) => range_of(a),
+        PyExpr::Choice(a, ..) => range_of(a),
+    }
+}
+
+/// `a // b` = floor(a / b), `a % b` = a - b floor(a / b), which has the sign of b.
+fn floored(e: &PyExpr, op: PyOp, a: &PyExpr, b: &PyExpr, scope: &Scope) -> Result<PyExpr, Refusal> {
+    let quotient = PyExpr::Binary(PyOp::Div, Box::new(a.clone()), Box::new(b.clone()));
+    let floor = PyExpr::Call("floor".into(), vec![quotient], range_of(e));
+    if op == PyOp::FloorDiv {
+        return Ok(floor);
+    }
+    if has_random(e, scope) {
+        return Err(Refusal::new("a random number in '%'", range_of(e)));
+    }
+    let whole = PyExpr::Binary(PyOp::Mul, Box::new(b.clone()), Box::new(floor));
+    Ok(PyExpr::Binary(PyOp::Sub, Box::new(a.clone()), Box::new(whole)))
+}
+
+/// Angles of Python are in radians, those of the language in degrees.
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+
+fn emit_call(
+    name: &str,
+    args: &[PyExpr],
+    range: &Range<usize>,
+    scope: &Scope,
+    ops: &mut Vec<Op>,
+) -> Result<(), Refusal> {
+    let scaled =
+        |ops: &mut Vec<Op>, factor: f64| ops.extend([Op::Const(factor), Op::Binary(BinaryOp::Mul, usize::MAX)]);
+    let one = |name: &str| UnaryOp::named(name);
+    match (name, args) {
+        ("sin" | "cos" | "tan", [a]) => {
+            emit(a, scope, ops)?;
+            scaled(ops, DEGREES);
+            ops.extend(one(name).map(Op::Unary));
+        }
+        ("asin" | "acos" | "atan", [a]) => {
+            emit(a, scope, ops)?;
+            ops.extend(one(name).map(Op::Unary));
+            scaled(ops, 1.0 / DEGREES);
+        }
+        ("atan2", [a, b]) => {
+            emit(a, scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.push(Op::Binary(BinaryOp::Atan2, usize::MAX));
+            scaled(ops, 1.0 / DEGREES);
+        }
+        ("radians", [a]) => {
+            emit(a, scope, ops)?;
+            scaled(ops, 1.0 / DEGREES);
+        }
+        ("degrees", [a]) => {
+            emit(a, scope, ops)?;
+            scaled(ops, DEGREES);
+        }
+        ("sqrt" | "exp" | "log" | "floor" | "ceil" | "fabs", [a]) => {
+            emit(a, scope, ops)?;
+            ops.extend(one(name).map(Op::Unary));
+        }
+        ("abs", [a]) => {
+            emit(a, scope, ops)?;
+            ops.push(Op::Unary(UnaryOp::Fabs));
+        }
+        ("float" | "bool", [a]) => emit(a, scope, ops)?,
+        // The remainder cuts both sides to integers.
+        ("int" | "trunc", [a]) => {
+            emit(a, scope, ops)?;
+            ops.extend([Op::Const(CUT), Op::Binary(BinaryOp::Rem, usize::MAX)]);
+        }
+        ("round", [a]) => {
+            emit(a, scope, ops)?;
+            ops.push(Op::Unary(UnaryOp::Trunc));
+        }
+        ("pow", [a, b]) => {
+            emit(a, scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.push(Op::Binary(BinaryOp::Pow, usize::MAX));
+        }
+        ("min" | "max", [first, rest @ ..]) if !rest.is_empty() => {
+            if args.iter().any(|a| has_random(a, scope)) {
+                return Err(Refusal::new(format!("a random number in '{name}'"), range.clone()));
+            }
+            let op = if name == "min" { PyOp::Le } else { PyOp::Ge };
+            let least = rest.iter().fold(first.clone(), |a, b| {
+                let test = PyExpr::Binary(op, Box::new(a.clone()), Box::new(b.clone()));
+                PyExpr::Choice(Box::new(test), Box::new(a), Box::new(b.clone()))
+            });
+            emit(&least, scope, ops)?;
+        }
+        ("random", []) => ops.extend([Op::Const(1.0), Op::Random(RandomFunction::Ran)]),
+        ("ran", [a]) => {
+            emit(a, scope, ops)?;
+            ops.push(Op::Random(RandomFunction::Ran));
+        }
+        ("uniform", [a, b]) => {
+            emit(a, scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.push(Op::Random(RandomFunction::Uniform));
+        }
+        // A whole number from a to b, both included.
+        ("randint", [a, b]) => {
+            emit(a, scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.extend([Op::Const(1.0), Op::Binary(BinaryOp::Add, usize::MAX), Op::Random(RandomFunction::Uniform)]);
+            ops.push(Op::Unary(UnaryOp::Floor));
+        }
+        ("gauss" | "normalvariate" | "normal", [a, b]) => {
+            emit(a, scope, ops)?;
+            emit(b, scope, ops)?;
+            ops.push(Op::Random(RandomFunction::Nran));
+        }
+        _ => return Err(Refusal::new(format!("the function '{name}'"), range.clone())),
+    }
+    Ok(())
+}

@@ -1,0 +1,370 @@
+//! Productions: heads, the ways through their statements, and what each way becomes.
+
+use std::ops::Range;
+
+use super::expression::{PyExpr, Refusal, compile, has_random, parse};
+use super::statement::{Statement, in_turn};
+use super::strings::{PyModule, Spelled, modules, spell};
+use super::{Line, Model, Section, block_after, colon, shifted};
+use crate::code::{Bytecode, Op, UnaryOp};
+use crate::dialect::text::Piece;
+use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
+use crate::token::SourcePlace;
+use crate::vm;
+
+/// Ways through one production, turns of one loop, statements of one way.
+const MAX_WAYS: usize = 512;
+const MAX_TURNS: f64 = 10_000.0;
+const MAX_STEPS: usize = 20_000;
+/// Modules of one successor.
+const MAX_MODULES: usize = 1 << 20;
+
+/// One step of a way through a production.
+#[derive(Debug, Clone)]
+pub(super) enum Step {
+    Assign(String, PyExpr),
+    Condition(PyExpr, bool),
+}
+
+/// A way through a production: what it computes, and what it makes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Way {
+    pub steps: Vec<Step>,
+    pub modules: Vec<PyModule>,
+    produced: bool,
+}
+
+impl Way {
+    /// Where its modules are written, for messages.
+    fn range(&self) -> Range<usize> {
+        self.modules.first().map_or(0..0, |m| m.range.clone())
+    }
+}
+
+/// The head of a production.
+struct Head {
+    left: Vec<ContextElement>,
+    formals: Vec<FormalModule>,
+    right: Vec<ContextElement>,
+    place: SourcePlace,
+}
+
+impl Model<'_, '_> {
+    /// A production: `head --> successor`, or `head:` with statements.
+    pub(super) fn rule(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
+        let piece = line.piece;
+        let (block, next) = block_after(list, i, line.indent);
+        self.scope.locals.clear();
+        self.temporaries = 0;
+        let arrow = ["-static->", "-->"].iter().find_map(|a| piece.text.find(a).map(|i| (i, i + a.len())));
+        let (head, condition, statements) = if let Some((from, to)) = arrow {
+            let head = piece.up_to(from);
+            let (head, condition) = match colon(head) {
+                Some(c) => (head.up_to(c), Some(head.from(c + 1).trimmed()).filter(|c| c.text != "*")),
+                None => (head, None),
+            };
+            (
+                head,
+                condition,
+                modules(piece.from(to).trimmed(), &self.declared).map(|m| vec![Statement::Produce(m, true)]),
+            )
+        } else {
+            let c = colon(piece).unwrap_or(piece.text.len());
+            let inline = piece.from(c + 1).trimmed();
+            let statements = if inline.text.is_empty() {
+                self.statements(block, 0)
+            } else {
+                self.statements(&[Line { indent: 0, piece: inline }], 0)
+            };
+            (piece.up_to(c), None, statements)
+        };
+        if self.group.abs() > 0.0 {
+            let place = self.reader.place(piece.range());
+            let message = format!("production of group {}, which nothing activates", self.group);
+            self.reader.session.warning("L008", message, place, "move it before the groups, or after 'endgroup'");
+            return next;
+        }
+        let heads = self.heads(head);
+        let Some(head) = self.settle(heads) else { return next };
+        let Some(mut statements) = self.settle(statements) else { return next };
+        if let Some(condition) = condition {
+            let Some(test) = self.settle(parse(condition)) else { return next };
+            statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
+        }
+        let ways = self.ways(&statements);
+        let Some(ways) = self.settle(ways) else { return next };
+        for way in ways.iter().filter(|w| w.produced) {
+            if let Some(production) = self.production(&head, way) {
+                let program = &mut self.reader.program;
+                match self.section {
+                    Section::Decomposition => program.decomposition.list.push(production),
+                    Section::Interpretation => program.homomorphism.list.push(production),
+                    Section::Rules | Section::Header => program.rules.list.push(production),
+                }
+            }
+        }
+        next
+    }
+
+    /// Left context, predecessor and right context, whose parameters become local variables.
+    fn heads(&mut self, head: Piece<'_>) -> Result<Head, Refusal> {
+        let text = head.text;
+        if text.contains("<<") || text.contains(">>") {
+            return Err(Refusal::new("a context of the new string ('<<', '>>')", head.range()));
+        }
+        // Signs within parentheses are no contexts.
+        let outside = |c: char| {
+            let mut depth = 0_usize;
+            text.char_indices().find_map(|(i, d)| {
+                depth = (depth + usize::from(d == '(')).saturating_sub(usize::from(d == ')'));
+                (d == c && depth == 0).then_some(i)
+            })
+        };
+        let (less, greater) = (outside('<'), outside('>'));
+        let predecessor = head.up_to(greater.unwrap_or(text.len())).from(less.map_or(0, |i| i + 1));
+        let place = self.reader.place(predecessor.trimmed().range());
+        let mut formals = Vec::new();
+        for e in self.elements(predecessor.trimmed())? {
+            match e {
+                ContextElement::Module(f) => formals.push(f),
+                _ => return Err(Refusal::new("brackets as the predecessor of a production", predecessor.range())),
+            }
+        }
+        if formals.is_empty() {
+            return Err(Refusal::new("a production without predecessor", head.range()));
+        }
+        let left = less.map_or(Ok(Vec::new()), |i| self.elements(head.up_to(i).trimmed()))?;
+        let right = greater.map_or(Ok(Vec::new()), |i| self.elements(head.from(i + 1).trimmed()))?;
+        Ok(Head { left, formals, right, place })
+    }
+
+    fn elements(&mut self, piece: Piece<'_>) -> Result<Vec<ContextElement>, Refusal> {
+        let spelled = spell(piece, &self.declared)?;
+        let mut out = Vec::new();
+        let mut list = spelled.into_iter().peekable();
+        while let Some(s) = list.next() {
+            match s.name.as_str() {
+                "[" => out.push(ContextElement::Open),
+                "]" => out.push(ContextElement::Close),
+                "=" if list.peek().is_some_and(|n| n.name == "]") => {
+                    list.next();
+                    out.push(ContextElement::CloseRest);
+                }
+                "*" => return Err(Refusal::new("'*', which stands for any module", s.range)),
+                "?P" | "?H" | "?U" | "?L" | "?R" | "?F" => {
+                    return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
+                }
+                _ => out.push(ContextElement::Module(self.formal(&s)?)),
+            }
+        }
+        Ok(out)
+    }
+
+    fn formal(&mut self, s: &Spelled<'_>) -> Result<FormalModule, Refusal> {
+        let place = self.reader.place(s.range.clone());
+        let slot = u16::try_from(self.scope.locals.len()).unwrap_or(u16::MAX);
+        let params = s.params.as_deref().unwrap_or(&[]);
+        for p in params {
+            let is_name = p.text.chars().all(|c| c.is_alphanumeric() || c == '_') && !p.text.is_empty();
+            if !is_name || self.scope.locals.iter().any(|l| l == p.text) {
+                return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
+            }
+            self.scope.locals.push(p.text.to_owned());
+        }
+        let arity =
+            u8::try_from(params.len()).map_err(|_| Refusal::new("more than 255 parameters", s.range.clone()))?;
+        let symbol = self.symbol(&s.name).ok_or_else(|| Refusal::new("more than 65,535 symbols", s.range.clone()))?;
+        Ok(FormalModule { symbol, arity, slot, place })
+    }
+
+    /// Every way through statements, in the order in which Python would try them.
+    pub(super) fn ways(&mut self, statements: &[Statement]) -> Result<Vec<Way>, Refusal> {
+        let mut out = Vec::new();
+        // Each open way: what it has done, and the statements that it has left, the next one last.
+        let mut open: Vec<(Way, Vec<Statement>)> = vec![(Way::default(), statements.iter().rev().cloned().collect())];
+        while let Some((mut way, mut left)) = open.pop() {
+            let too_many = out.len() + open.len() > MAX_WAYS || way.steps.len() + left.len() > MAX_STEPS;
+            if too_many || way.modules.len() > MAX_MODULES {
+                return Err(Refusal::new("a production with too many ways through it", way.range()));
+            }
+            let Some(statement) = left.pop() else {
+                way.produced |= !way.modules.is_empty();
+                out.push(way);
+                continue;
+            };
+            match statement {
+                Statement::Pass => open.push((way, left)),
+                Statement::Return => {
+                    way.produced |= !way.modules.is_empty();
+                    out.push(way);
+                }
+                Statement::Assign(name, e) => {
+                    way.steps.push(Step::Assign(name, e));
+                    open.push((way, left));
+                }
+                Statement::Produce(modules, ends) => {
+                    self.produce(&mut way, &modules, ends);
+                    if ends {
+                        way.produced = true;
+                        out.push(way);
+                    } else {
+                        open.push((way, left));
+                    }
+                }
+                Statement::If(tests, other) => {
+                    // Pushed in reverse, so that the first alternative is continued first.
+                    let mut alternatives = Vec::new();
+                    for (test, then) in tests {
+                        let mut taken = way.clone();
+                        taken.steps.push(Step::Condition(test.clone(), true));
+                        let mut rest = left.clone();
+                        rest.extend(then.into_iter().rev());
+                        alternatives.push((taken, rest));
+                        way.steps.push(Step::Condition(test, false));
+                    }
+                    left.extend(other.into_iter().rev());
+                    alternatives.push((way, left));
+                    open.extend(alternatives.into_iter().rev());
+                }
+                Statement::For(name, range, body, place) => {
+                    let turns = self.turns(&range, &place)?;
+                    if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
+                        return Err(Refusal::new("'for' with too many turns", place));
+                    }
+                    for value in turns.iter().rev() {
+                        left.extend(body.iter().rev().map(|s| in_turn(s, &name, *value)));
+                        left.push(Statement::Assign(name.clone(), PyExpr::Number(*value)));
+                    }
+                    open.push((way, left));
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// Values of the variable of a loop.
+    fn turns(&self, range: &[PyExpr; 3], place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
+        let constant = |e: &PyExpr| {
+            let not_constant = || Refusal::new("'for' over a range that is not constant", place.clone());
+            let code = compile(e, &self.scope).map_err(|_| not_constant())?;
+            vm::constant_value(&code).filter(|v| v.is_finite()).ok_or_else(not_constant)
+        };
+        let [from, to, step] = range;
+        let (from, to, step) = (constant(from)?, constant(to)?, constant(step)?);
+        let count = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { f64::INFINITY };
+        if count > MAX_TURNS {
+            return Err(Refusal::new("'for' with too many turns", place.clone()));
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_TURNS")]
+        let count = count as u32;
+        Ok((0..count).map(|k| from + f64::from(k) * step).collect())
+    }
+
+    /// Adds modules to a way. Their parameters are computed now, for variables may change afterwards.
+    fn produce(&mut self, way: &mut Way, modules: &[PyModule], ends: bool) {
+        for m in modules {
+            let mut module = m.clone();
+            for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_))) {
+                let name = format!("(parameter {})", self.temporaries);
+                self.temporaries += 1;
+                let value = std::mem::replace(arg, PyExpr::Name(name.clone(), m.range.clone()));
+                way.steps.push(Step::Assign(name, value));
+            }
+            way.modules.push(module);
+        }
+    }
+
+    /// The production of one way.
+    fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
+        let own = self.scope.locals.clone();
+        let made = self.way_code(way);
+        let built = match self.settle(made) {
+            Some((before, condition)) => self.successor(&way.modules).map(|successor| {
+                let successor = self.reader.numbered(successor);
+                Production {
+                    left: head.left.clone(),
+                    predecessor: head.formals.clone(),
+                    right: head.right.clone(),
+                    before,
+                    condition,
+                    after: None,
+                    successor,
+                    weight: None,
+                    locals: self.scope.locals.len(),
+                    place: head.place,
+                }
+            }),
+            None => None,
+        };
+        self.scope.locals = own;
+        built
+    }
+
+    /// Code of the steps of a way: a block before the condition, and the condition.
+    fn way_code(&mut self, way: &Way) -> Result<(Option<Bytecode>, Option<Bytecode>), Refusal> {
+        // Only conditions, which draw nothing: one expression.
+        let is_plain = |s: &Step| matches!(s, Step::Condition(e, _) if !has_random(e, &self.scope));
+        if way.steps.iter().all(is_plain) {
+            let test = |s: &Step| match s {
+                Step::Condition(e, true) => Some(e.clone()),
+                Step::Condition(e, false) => Some(PyExpr::Not(Box::new(e.clone()))),
+                Step::Assign(..) => None,
+            };
+            let all = way.steps.iter().filter_map(test).reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b)));
+            return Ok((None, all.map(|e| compile(&e, &self.scope)).transpose()?));
+        }
+        // A block computes everything in order; a variable says whether all conditions held. Every way draws the same random
+        // numbers, as it is the same run of Python.
+        let result = self.scope.local("(applies)");
+        let mut ops = vec![Op::RestartDraws];
+        let mut failures = Vec::new();
+        for step in &way.steps {
+            let (e, store) = match step {
+                Step::Assign(name, e) => (e, Some(name)),
+                Step::Condition(e, _) => (e, None),
+            };
+            let code = compile(e, &self.scope)?;
+            let offset = ops.len();
+            ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+            match (store, step) {
+                (Some(name), _) => ops.push(Op::StoreLocal(self.scope.local(name))),
+                (None, Step::Condition(_, wanted)) => {
+                    if !wanted {
+                        ops.push(Op::Unary(UnaryOp::Not));
+                    }
+                    failures.push(ops.len());
+                    ops.push(Op::Pop);
+                }
+                (None, Step::Assign(..)) => {}
+            }
+        }
+        ops.extend([Op::Const(1.0), Op::StoreLocal(result)]);
+        let jump = ops.len();
+        ops.push(Op::Pop);
+        for at in failures {
+            ops[at] = Op::JumpIfZero(ops.len());
+        }
+        ops.extend([Op::Const(0.0), Op::StoreLocal(result)]);
+        ops[jump] = Op::Jump(ops.len());
+        let condition = Bytecode { ops: vec![Op::Local(result)], ..Bytecode::default() };
+        Ok((Some(Bytecode { ops, ..Bytecode::default() }), Some(condition)))
+    }
+
+    pub(super) fn successor(&mut self, list: &[PyModule]) -> Option<Vec<SuccessorModule>> {
+        let mut out = Vec::with_capacity(list.len());
+        for m in list {
+            let place = self.reader.place(m.range.clone());
+            let mut args = Vec::new();
+            for arg in &m.args {
+                let code = compile(arg, &self.scope);
+                args.push(self.settle(code)?.into_expr());
+            }
+            let Some(symbol) = self.symbol(&m.name) else {
+                self.refuse(&Refusal::new("more than 65,535 symbols", m.range.clone()));
+                return None;
+            };
+            out.push(SuccessorModule { symbol, args, occurrence: 0, place });
+        }
+        Some(out)
+    }
+}

@@ -1,0 +1,239 @@
+//! Strings of modules of L-Py: `F(1)[+(30)Apex(n-1)]`, and the names that modules may have.
+
+use std::ops::Range;
+
+use super::expression::{PyExpr, Refusal, parse};
+use crate::dialect::text::Piece;
+
+/// Names of L-Py that mean the same as a shorter one. Source: its help card.
+const ALIASES: [(&str, &str); 36] = [
+    ("SB", "["),
+    ("EB", "]"),
+    ("Left", "+"),
+    ("Right", "-"),
+    ("Up", "^"),
+    ("Down", "&"),
+    ("RollL", "/"),
+    ("RollR", "\\"),
+    ("TurnAround", "|"),
+    ("RollToVert", "@v"),
+    ("SetHead", "@R"),
+    ("MoveTo", "@M"),
+    ("DivScale", "@Dd"),
+    ("MultScale", "@Di"),
+    ("SetScale", "@D"),
+    ("StartGC", "@Gc"),
+    ("EndGC", "@Ge"),
+    ("BP", "{"),
+    ("EP", "}"),
+    ("PP", "."),
+    ("Sphere", "@O"),
+    ("Box", "@B"),
+    ("Quad", "@b"),
+    ("Circle", "@o"),
+    ("Label", "@L"),
+    ("PglShape", "@g"),
+    ("IncWidth", "_"),
+    ("DecWidth", "!"),
+    ("IncColor", ";"),
+    ("DecColor", ","),
+    ("Elasticity", "@Ts"),
+    ("Tropism", "@Tp"),
+    ("Cut", "%"),
+    ("TextureVCoeff", "TextureVScale"),
+    ("StartScreenProjection", "@2D"),
+    ("EndScreenProjection", "@3D"),
+];
+/// Names of several characters that are known without a declaration. Source: the same.
+const NAMES: [&str; 43] = [
+    "@Dd",
+    "@Di",
+    "@D",
+    "@R",
+    "@M",
+    "@v",
+    "@Gc",
+    "@Ge",
+    "@O",
+    "@B",
+    "@b",
+    "@o",
+    "@L",
+    "@g",
+    "@Ts",
+    "@Tp",
+    "@2D",
+    "@3D",
+    "?P",
+    "?H",
+    "?U",
+    "?L",
+    "?R",
+    "?F",
+    "nF",
+    "iRollL",
+    "iRollR",
+    "Pinpoint",
+    "PinpointRel",
+    "EulerAngles",
+    "MoveRel",
+    "LineTo",
+    "OLineTo",
+    "LineRel",
+    "OLineRel",
+    "SetWidth",
+    "SetColor",
+    "InterpolateColors",
+    "Frame",
+    "SectionResolution",
+    "LeftReflection",
+    "UpReflection",
+    "HeadingReflection",
+];
+/// Commands whose parameters are objects of Python.
+const OBJECTS: [&str; 8] = [
+    "SetContour",
+    "SetGuide",
+    "EndGuide",
+    "Sweep",
+    "PositionOnGuide",
+    "surface",
+    "TextureScale",
+    "TextureTransformation",
+];
+
+/// A module of a string, its parameters as text.
+#[derive(Debug, Clone)]
+pub(super) struct Spelled<'t> {
+    /// The name, aliases replaced.
+    pub name: String,
+    pub params: Option<Vec<Piece<'t>>>,
+    pub range: Range<usize>,
+}
+
+/// A module of a successor.
+#[derive(Debug, Clone)]
+pub(super) struct PyModule {
+    pub name: String,
+    pub args: Vec<PyExpr>,
+    pub range: Range<usize>,
+}
+
+/// The length of the name at the beginning of a text, and the name: the longest that is known, else one character.
+fn name_at(text: &str, declared: &[String]) -> (usize, String) {
+    // `~l` is the surface l.
+    if let Some(rest) = text.strip_prefix('~')
+        && let Some(letter) = rest.chars().next().filter(char::is_ascii_alphabetic)
+    {
+        return (2, format!("~{letter}"));
+    }
+    let aliases = ALIASES.iter().map(|(long, short)| (*long, *short));
+    let own = declared.iter().map(|n| (n.as_str(), n.as_str()));
+    let known = aliases.chain(NAMES.iter().chain(&OBJECTS).map(|n| (*n, *n))).chain(own);
+    let longest = known.filter(|(name, _)| text.starts_with(name)).max_by_key(|(name, _)| name.len());
+    match longest {
+        Some((name, short)) => (name.len(), short.to_owned()),
+        None => {
+            let c = text.chars().next().unwrap_or(' ');
+            // Unknown commands of `@` are one name with the letter after it.
+            let second = text[c.len_utf8()..].chars().next().filter(|d| c == '@' && !d.is_whitespace());
+            let n = c.len_utf8() + second.map_or(0, char::len_utf8);
+            (n, text[..n].to_owned())
+        }
+    }
+}
+
+/// Modules of a text, as far as it has any.
+pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spelled<'t>>, Refusal> {
+    let mut out = Vec::new();
+    let text = piece.text;
+    let mut i = 0;
+    while i < text.len() {
+        let rest = &text[i..];
+        let blanks = rest.len() - rest.trim_start().len();
+        if blanks > 0 {
+            i += blanks;
+            continue;
+        }
+        let (n, name) = name_at(rest, declared);
+        let at = piece.at + i;
+        if matches!(name.as_str(), "(" | ")" | "\"" | "'") {
+            return Err(Refusal::new(format!("'{name}' without a module before it"), at..at + n));
+        }
+        i += n;
+        let mut end = piece.at + i;
+        let after = &text[i..];
+        let open = after.len() - after.trim_start().len();
+        let mut params = None;
+        if after[open..].starts_with('(') {
+            let inner = piece.from(i + open + 1);
+            let close = closing(inner.text)
+                .ok_or_else(|| Refusal::new("an unclosed '('", inner.at.saturating_sub(1)..inner.at))?;
+            params = Some(split(inner.up_to(close)));
+            i += open + close + 2;
+            end = piece.at + i;
+        }
+        out.push(Spelled { name, params, range: at..end });
+    }
+    Ok(out)
+}
+
+/// Index of the parenthesis that closes what is open before the text.
+pub(super) fn closing(text: &str) -> Option<usize> {
+    let mut depth = 0_usize;
+    for (i, c) in text.char_indices() {
+        match c {
+            '(' => depth += 1,
+            ')' if depth == 0 => return Some(i),
+            ')' => depth -= 1,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Parts between the commas outside of parentheses; none of an empty text.
+pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    if piece.text.trim().is_empty() {
+        return Vec::new();
+    }
+    let mut out = Vec::new();
+    let (mut depth, mut from) = (0_usize, 0);
+    for (i, c) in piece.text.char_indices() {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            ',' if depth == 0 => {
+                out.push(piece.up_to(i).from(from).trimmed());
+                from = i + 1;
+            }
+            _ => {}
+        }
+    }
+    out.push(piece.from(from).trimmed());
+    out
+}
+
+/// Modules of a successor.
+pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
+    let spelled = spell(piece, declared)?;
+    // `*` alone is the empty string.
+    if let [only] = spelled.as_slice()
+        && only.name == "*"
+    {
+        return Ok(Vec::new());
+    }
+    let module = |s: Spelled<'_>| {
+        if s.name.starts_with('?') && s.name.len() > 1 {
+            return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
+        }
+        // What only changes the surface of a drawing is left out with its objects.
+        let is_object = OBJECTS.contains(&s.name.as_str()) || matches!(s.name.as_str(), "@g" | "@L");
+        let args = match &s.params {
+            Some(params) if !is_object => params.iter().map(|p| parse(*p)).collect::<Result<Vec<_>, _>>()?,
+            _ => Vec::new(),
+        };
+        Ok(PyModule { name: s.name, args, range: s.range })
+    };
+    spelled.into_iter().map(module).collect()
+}

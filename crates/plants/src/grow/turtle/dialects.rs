@@ -1,0 +1,672 @@
+//! Turtles of other programs: Fractint, LParser and L-Py. One table of commands for each, and what its commands do.
+
+use glam::DVec3;
+
+use super::frame::TurtleFrame;
+use super::interpreter::{Turtle, TurtleState, color_index};
+use super::options::TurtleOptions;
+use osier_base::math;
+use osier_base::units::radians;
+use osier_grammar::{Dialect, DialectSettings, Module, SymbolId};
+use osier_scene::plant::Plant;
+
+/// Diameter of the lines of a drawing in the plane: a share of its median step, so that dense curves stay open, within these shares of
+/// its largest side, so that lines are 1 to 6 pixels wide in a picture of 800. Chosen by eye.
+const STEP_SHARE: f32 = 0.35;
+const LINE_SHARES: [f32; 2] = [0.002, 0.008];
+/// Cosine of the turn beyond which a line begins anew, about 155 degrees.
+const REVERSAL: f64 = -0.9;
+/// Colour indices with which the programs begin: white, red and the first one.
+const FRACTINT_COLOR: u8 = 15;
+const LPARSER_COLOR: u8 = 2;
+const LPY_COLOR: u8 = 1;
+/// Directions of a file of Fractint without an angle.
+const FRACTINT_UNIT_DEG: f64 = 45.0;
+/// Factors of LParser's commands without a number. Source: the manual of LParser; commands that enlarge divide by them.
+const LENGTH_FACTOR: f64 = 0.9;
+const ANGLE_FACTOR: f64 = 0.9;
+const THICKNESS_FACTOR: f64 = 0.7;
+/// Gravity of LParser's `t` without a number.
+const GRAVITY: f64 = 0.2;
+/// Largest angle of LParser's `~` without a number, degrees.
+const RANDOM_DEG: f64 = 6.0;
+/// Angle of turns, radius of segments and its increment with which L-Py begins. Source: the manual of L-Py.
+const LPY_ANGLE_DEG: f64 = 60.0;
+const LPY_RADIUS: f64 = 0.1;
+const LPY_RADIUS_STEP: f64 = 1.0;
+/// Characters of one number of LParser.
+const MAX_NUMBER: usize = 64;
+
+/// A command of the turtle of another program.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum DialectCommand {
+    /// Fractint: moves by the integer pointer (`F`, `G`); true draws.
+    Units(bool),
+    /// Fractint: moves by the pointer in degrees (`D`, `M`); true draws.
+    Degrees(bool),
+    /// Fractint: turns the integer pointer by one unit; true counter-clockwise.
+    TurnUnit(bool),
+    /// Fractint: turns the integer pointer clockwise by half of the units.
+    TurnHalf,
+    /// Fractint: turns the pointer in degrees; true counter-clockwise.
+    TurnDegrees(bool),
+    /// Fractint: exchanges the directions of all turns.
+    Reverse,
+    /// Fractint: multiplies the size.
+    Size,
+    /// Fractint: sets the colour; adds the sign times the number to it.
+    Color(Option<i32>),
+    /// LParser and L-Py: turns about up, left or heading, by the sign times the angle.
+    Yaw(f64),
+    Pitch(f64),
+    Roll(f64),
+    /// Turns by 180 degrees about up.
+    TurnAround,
+    /// Rolls by 180 degrees.
+    RollOver,
+    /// Rolls until left is horizontal.
+    Level,
+    /// LParser: random turns about up, left and heading.
+    Random,
+    /// LParser: pitches down, the more the more horizontal the heading is.
+    Gravity,
+    /// LParser: moves by the share of the length.
+    Step {
+        share: f64,
+        draws: bool,
+        adds_vertex: bool,
+    },
+    /// LParser: multiplies length, angle, thickness.
+    Length(f64),
+    Angle(f64),
+    Thickness(f64),
+    /// Next or given colour; the sign of the step.
+    ColorIndex(i32),
+    OpenPolygon,
+    Vertex,
+    ClosePolygon,
+    /// LParser: a character of numbers, which does nothing by itself.
+    Digit,
+    /// L-Py: moves ahead; true draws.
+    Forward(bool),
+    /// L-Py: a path of a length (`nF`): its steps make one segment.
+    Path,
+    /// L-Py: sets the radius, or changes it by the sign times its increment.
+    Radius(f64),
+    /// L-Py: sets, multiplies or divides the scale.
+    Scale,
+    ScaleUp,
+    ScaleDown,
+    /// L-Py: sets the position; true from the present one.
+    MoveTo(bool),
+    /// L-Py: a line to a point.
+    LineTo {
+        relative: bool,
+        turns: bool,
+    },
+    /// L-Py: turns the heading to a point; true from the present position.
+    PointAt(bool),
+    /// L-Py: sets heading and up.
+    SetHead,
+    Sphere,
+    Circle,
+    /// L-Py: the surface of a letter.
+    Surface(char),
+    /// L-Py: elasticity and direction of the tropism.
+    Elasticity,
+    Tropism,
+    /// A command that changes no geometry.
+    Ignored,
+    /// A command that is not supported.
+    Unsupported,
+}
+
+/// What the commands of dialects change; brackets save and restore it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DialectState {
+    /// Fractint: pointer in units, counter-clockwise from +X.
+    units: i64,
+    /// Fractint: pointer in degrees.
+    degrees: f64,
+    reversed: bool,
+    /// Fractint: size of a step; LParser: length of a segment.
+    length: f64,
+    /// LParser: factor of the angle of turns without a number.
+    angle: f64,
+    /// LParser: diameter as a share of the length.
+    thickness: f64,
+    /// L-Py: elasticity and direction of the tropism.
+    elasticity: f64,
+    tropism: DVec3,
+}
+
+/// The program whose turtle draws, and the numbers that its file holds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DialectTurtle {
+    pub kind: Dialect,
+    settings: DialectSettings,
+    /// Turn without a number, degrees.
+    angle_deg: f64,
+    /// Step of the last modules of the derivation.
+    last_step: u32,
+}
+
+impl DialectTurtle {
+    /// `angle`: of the scene, rad.
+    pub fn new(kind: Dialect, settings: DialectSettings, angle: Option<f64>, last_step: u32) -> Self {
+        let own = settings.angle_deg.unwrap_or(match kind {
+            Dialect::LPy => LPY_ANGLE_DEG,
+            _ => FRACTINT_UNIT_DEG,
+        });
+        let angle_deg = angle.map_or(own, |a| a * (180.0 / std::f64::consts::PI));
+        Self { kind, settings, angle_deg, last_step }
+    }
+
+    /// The state before the first command.
+    pub fn state(&self) -> DialectState {
+        DialectState {
+            units: 0,
+            degrees: 0.0,
+            reversed: false,
+            length: 1.0,
+            angle: 1.0,
+            thickness: self.settings.thickness.unwrap_or(1.0),
+            elasticity: 0.0,
+            tropism: DVec3::X,
+        }
+    }
+
+    /// Frame, width and colour with which the turtle of the program begins. World axes of LParser and L-Py, whose +Z is up, become
+    /// (x, z, -y).
+    pub fn begin(&self, state: &mut TurtleState) {
+        // A colour of the scene stays.
+        if state.color == TurtleOptions::default().color {
+            state.color = match self.kind {
+                Dialect::Fractint => FRACTINT_COLOR,
+                Dialect::LParser => LPARSER_COLOR,
+                Dialect::LPy => LPY_COLOR,
+                Dialect::Cpfg | Dialect::Abop | Dialect::None | Dialect::Catkin => state.color,
+            };
+        }
+        match self.kind {
+            // Fractint draws from +X, its plane faces the viewer.
+            Dialect::Fractint => state.frame = TurtleFrame { h: DVec3::X, l: DVec3::Y, u: DVec3::Z },
+            Dialect::LParser => state.frame = TurtleFrame { h: DVec3::Y, l: DVec3::NEG_Z, u: DVec3::NEG_X },
+            Dialect::LPy => {
+                state.frame = TurtleFrame { h: DVec3::Y, l: DVec3::Z, u: DVec3::X };
+                state.width = 2.0 * LPY_RADIUS;
+            }
+            Dialect::Cpfg | Dialect::Abop | Dialect::None | Dialect::Catkin => {}
+        }
+    }
+
+    /// True for programs whose files set every width.
+    pub fn sets_widths(&self) -> bool {
+        matches!(self.kind, Dialect::LParser | Dialect::LPy)
+    }
+
+    /// The command of a symbol, or of its long name.
+    pub fn command(&self, c: char, long_name: Option<&str>) -> Option<DialectCommand> {
+        match self.kind {
+            Dialect::Fractint => fractint(c),
+            Dialect::LParser => lparser(c),
+            Dialect::LPy => match long_name {
+                Some(name) => lpy_name(name),
+                None => lpy(c),
+            },
+            Dialect::Cpfg | Dialect::Abop | Dialect::None | Dialect::Catkin => None,
+        }
+    }
+}
+
+/// Commands of Fractint, in either case. Source: the description of L-systems in Fractint's manual.
+fn fractint(c: char) -> Option<DialectCommand> {
+    use DialectCommand as C;
+    Some(match c.to_ascii_uppercase() {
+        'F' => C::Units(true),
+        'G' => C::Units(false),
+        'D' => C::Degrees(true),
+        'M' => C::Degrees(false),
+        '+' => C::TurnUnit(true),
+        '-' => C::TurnUnit(false),
+        '|' => C::TurnHalf,
+        '\\' => C::TurnDegrees(true),
+        '/' => C::TurnDegrees(false),
+        '!' => C::Reverse,
+        '@' => C::Size,
+        'C' => C::Color(None),
+        // In grammars with `turtle: fractint`, ';' and ',' stand for '>' and '<', which belong to the notation.
+        '>' | ';' => C::Color(Some(1)),
+        '<' | ',' => C::Color(Some(-1)),
+        _ => return None,
+    })
+}
+
+/// Commands of LParser. Source: its manual.
+fn lparser(c: char) -> Option<DialectCommand> {
+    use DialectCommand as C;
+    let step = |share: f64, draws: bool, adds_vertex: bool| C::Step { share, draws, adds_vertex };
+    Some(match c {
+        '+' => C::Yaw(1.0),
+        '-' => C::Yaw(-1.0),
+        '&' => C::Pitch(1.0),
+        '^' => C::Pitch(-1.0),
+        // In grammars with `turtle: lparser`, '\\', '/', '=' and '`' stand for '<', '>', ':' and '"', which belong to the notation.
+        '<' | '\\' => C::Roll(1.0),
+        '>' | '/' => C::Roll(-1.0),
+        '|' => C::TurnAround,
+        '%' => C::RollOver,
+        '$' => C::Level,
+        '~' => C::Random,
+        't' => C::Gravity,
+        'F' => step(1.0, true, true),
+        'f' => step(1.0, false, true),
+        'Z' => step(0.5, true, true),
+        'z' => step(0.5, false, true),
+        'g' => step(1.0, false, false),
+        '\'' => C::Length(LENGTH_FACTOR),
+        '"' | '`' => C::Length(1.0 / LENGTH_FACTOR),
+        ':' | '=' => C::Angle(ANGLE_FACTOR),
+        ';' => C::Angle(1.0 / ANGLE_FACTOR),
+        '!' => C::Thickness(THICKNESS_FACTOR),
+        '?' => C::Thickness(1.0 / THICKNESS_FACTOR),
+        'c' => C::ColorIndex(1),
+        '{' => C::OpenPolygon,
+        '.' => C::Vertex,
+        '}' => C::ClosePolygon,
+        '(' | ')' | '0'..='9' => C::Digit,
+        _ => return None,
+    })
+}
+
+/// Commands of L-Py with one character. `/` rolls to the left there, to the right in cpfg.
+fn lpy(c: char) -> Option<DialectCommand> {
+    use DialectCommand as C;
+    Some(match c {
+        '+' => C::Yaw(1.0),
+        '-' => C::Yaw(-1.0),
+        '&' => C::Pitch(1.0),
+        '^' => C::Pitch(-1.0),
+        '/' => C::Roll(1.0),
+        '\\' => C::Roll(-1.0),
+        '|' => C::TurnAround,
+        'F' => C::Forward(true),
+        'f' => C::Forward(false),
+        '_' => C::Radius(1.0),
+        '!' => C::Radius(-1.0),
+        ';' => C::ColorIndex(1),
+        ',' => C::ColorIndex(-1),
+        '{' => C::OpenPolygon,
+        '.' => C::Vertex,
+        '}' => C::ClosePolygon,
+        _ => return None,
+    })
+}
+
+/// Commands of L-Py with long names that no single character stands for. Source: its help card.
+fn lpy_name(name: &str) -> Option<DialectCommand> {
+    use DialectCommand as C;
+    Some(match name {
+        "nF" => C::Path,
+        "@B" | "@b" => C::Forward(true),
+        "iRollL" => C::Roll(1.0),
+        "iRollR" => C::Roll(-1.0),
+        "@v" => C::Level,
+        "SetWidth" => C::Radius(1.0),
+        "SetColor" => C::ColorIndex(1),
+        "@D" => C::Scale,
+        "@Di" => C::ScaleUp,
+        "@Dd" => C::ScaleDown,
+        "@M" => C::MoveTo(false),
+        "MoveRel" => C::MoveTo(true),
+        "LineTo" => C::LineTo { relative: false, turns: false },
+        "LineRel" => C::LineTo { relative: true, turns: false },
+        "OLineTo" => C::LineTo { relative: false, turns: true },
+        "OLineRel" => C::LineTo { relative: true, turns: true },
+        "Pinpoint" => C::PointAt(false),
+        "PinpointRel" => C::PointAt(true),
+        "@R" => C::SetHead,
+        "@O" => C::Sphere,
+        "@o" => C::Circle,
+        "@Ts" => C::Elasticity,
+        "@Tp" => C::Tropism,
+        "@Gc" | "@Ge" | "Frame" | "InterpolateColors" | "SectionResolution" | "@2D" | "@3D" | "@L" => C::Ignored,
+        _ if name.starts_with("Texture") || name.starts_with('?') => C::Ignored,
+        _ if name.starts_with('~') => C::Surface(name.chars().nth(1)?),
+        "EulerAngles" | "LeftReflection" | "UpReflection" | "HeadingReflection" | "@g" | "SetContour" | "SetGuide"
+        | "EndGuide" | "PositionOnGuide" | "Sweep" | "surface" => C::Unsupported,
+        _ => return None,
+    })
+}
+
+/// A command of LParser whose number may follow it in the string.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PendingNumber {
+    waiting: Option<(DialectCommand, SymbolId, u64, u32)>,
+    /// The characters after `(` so far; `None`: no number has begun.
+    text: Option<String>,
+}
+
+impl Turtle<'_> {
+    /// Reads numbers of LParser, which are characters of the string: a command waits for the module after it. True if the module was a
+    /// part of a number, or a command that now waits.
+    pub(super) fn read_number(&mut self, command: Option<DialectCommand>, c: char, m: Module<'_>) -> bool {
+        if let Some(text) = &mut self.pending.text {
+            if c == ')' || text.len() >= MAX_NUMBER {
+                self.run_pending();
+            } else {
+                text.push(c);
+            }
+            return true;
+        }
+        // A number behind a symbol that is no command is left out.
+        if c == '(' && m.params.is_empty() {
+            self.pending.text = Some(String::new());
+            return true;
+        }
+        self.run_pending();
+        // Grammars with `turtle: lparser` write numbers as parameters.
+        match command {
+            Some(command) if m.params.is_empty() => {
+                self.pending.waiting = Some((command, m.symbol, m.lineage(), m.birth));
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Performs the command that waits for a number, with the number that was read.
+    pub(super) fn run_pending(&mut self) {
+        let Some((command, symbol, lineage, birth)) = self.pending.waiting.take() else {
+            self.pending.text = None;
+            return;
+        };
+        let number = self.pending.text.take().and_then(|t| t.trim().parse::<f64>().ok());
+        let value = number.map(math::narrow);
+        let params = value.as_slice();
+        self.dialect_command(command, Module::new(symbol, params, lineage, birth));
+    }
+
+    /// Performs a command of another program.
+    pub(super) fn dialect_command(&mut self, command: DialectCommand, m: Module<'_>) {
+        use DialectCommand as C;
+        let given = (!m.params.is_empty()).then(|| self.param(m, 0, 0.0));
+        match command {
+            C::Units(draws) => {
+                let a = (self.s.dialect.units as f64) * self.dialect.angle_deg;
+                self.plane_step(a, draws, m);
+            }
+            C::Degrees(draws) => self.plane_step(self.s.dialect.degrees, draws, m),
+            C::TurnUnit(left) => {
+                let left = left != self.s.dialect.reversed;
+                self.turn_units(if left { 1 } else { -1 });
+            }
+            // Half of the directions, rounded down, whatever `!` says.
+            C::TurnHalf => self.turn_units(-self.unit_count().div_euclid(2)),
+            C::TurnDegrees(left) => {
+                let sign = if left == self.s.dialect.reversed { -1.0 } else { 1.0 };
+                let turned = self.s.dialect.degrees + sign * given.unwrap_or(0.0);
+                self.s.dialect.degrees = turned.rem_euclid(360.0);
+            }
+            C::Reverse => self.s.dialect.reversed = !self.s.dialect.reversed,
+            C::Size => self.s.dialect.length *= given.unwrap_or(1.0),
+            C::Color(None) => self.s.color = color_index(given.unwrap_or(0.0)),
+            C::Color(Some(sign)) => {
+                let step = f64::from(sign) * given.unwrap_or(1.0);
+                self.s.color = color_index(f64::from(self.s.color) + step);
+            }
+            C::Yaw(sign) => self.dialect_turn(sign, given, TurtleFrame::yaw),
+            C::Pitch(sign) => self.dialect_turn(sign, given, TurtleFrame::pitch),
+            C::Roll(sign) => self.dialect_turn(sign, given, TurtleFrame::roll),
+            C::TurnAround => self.s.frame.yaw(-1.0, 0.0),
+            C::RollOver => self.s.frame.roll(-1.0, 0.0),
+            C::Level => self.s.frame.level(),
+            C::Random => self.random_turns(given.unwrap_or(RANDOM_DEG), m),
+            C::Gravity => {
+                let h = self.s.frame.h;
+                let angle = given.unwrap_or(GRAVITY) * math::sqrt(h.x * h.x + h.z * h.z);
+                self.s.frame.pitch(math::cos(angle), math::sin(angle));
+                self.count_turn();
+            }
+            C::Step { share, draws, adds_vertex } => self.lparser_step(given, share, draws, adds_vertex, m),
+            C::Length(factor) => self.s.dialect.length *= given.unwrap_or(factor),
+            C::Angle(factor) => self.s.dialect.angle *= given.unwrap_or(factor),
+            C::Thickness(factor) => self.s.dialect.thickness *= given.unwrap_or(factor),
+            C::ColorIndex(sign) => {
+                // Three numbers are a colour of its own, which no index has.
+                if m.params.len() < 3 {
+                    let next = f64::from(self.s.color) + f64::from(sign);
+                    self.s.color = color_index(given.unwrap_or(next));
+                }
+            }
+            C::OpenPolygon => {
+                self.close_segment();
+                self.open_polygon();
+            }
+            C::Vertex => self.vertex(),
+            C::ClosePolygon => {
+                self.close_segment();
+                self.fill_polygon(m);
+            }
+            C::Digit | C::Ignored => {}
+            _ => self.lpy_command(command, given, m),
+        }
+    }
+
+    /// Turns by the sign times the number, or times the angle of turns without one.
+    fn dialect_turn(&mut self, sign: f64, given: Option<f64>, turn: fn(&mut TurtleFrame, f64, f64)) {
+        let degrees = given.unwrap_or(self.dialect.angle_deg * self.s.dialect.angle);
+        let a = radians(sign * degrees);
+        turn(&mut self.s.frame, math::cos(a), math::sin(a));
+        self.count_turn();
+    }
+
+    /// Number of Fractint's directions.
+    fn unit_count(&self) -> i64 {
+        let n = (360.0 / self.dialect.angle_deg.abs().max(1e-6)).round();
+        #[allow(clippy::cast_possible_truncation, reason = "saturates; at most 360 million")]
+        let n = n as i64;
+        n.max(1)
+    }
+
+    /// Turns Fractint's integer pointer. Whole turns are taken away, so that closed curves close exactly.
+    fn turn_units(&mut self, by: i64) {
+        let n = self.unit_count();
+        let whole = (n as f64 * self.dialect.angle_deg - 360.0).abs() < 1e-9;
+        let units = self.s.dialect.units + by;
+        self.s.dialect.units = if whole { units.rem_euclid(n) } else { units };
+    }
+
+    /// A step of Fractint in the plane, in a direction counter-clockwise from +X, degrees.
+    fn plane_step(&mut self, degrees: f64, draws: bool, m: Module<'_>) {
+        self.close_segment();
+        let (c, s) = (math::cos(radians(degrees)), math::sin(radians(degrees)));
+        let before = self.s.frame.h;
+        self.s.frame = TurtleFrame { h: DVec3::new(c, s, 0.0), l: DVec3::new(-s, c, 0.0), u: DVec3::Z };
+        // A tube cannot turn back upon itself: the way back is a line of its own.
+        if draws && self.s.frame.h.dot(before) < REVERSAL {
+            self.jump_to(self.s.p, m);
+        }
+        self.step(self.s.dialect.length, m, draws, false);
+    }
+
+    /// Turns of LParser about up, left and heading, each drawn by the module's lineage between `-most` and `most` degrees.
+    fn random_turns(&mut self, most: f64, m: Module<'_>) {
+        let turns: [fn(&mut TurtleFrame, f64, f64); 3] = [TurtleFrame::yaw, TurtleFrame::pitch, TurtleFrame::roll];
+        for (k, turn) in (0_u64..).zip(turns) {
+            let a = radians(most * (2.0 * self.bindings.draw(m.lineage(), k) - 1.0));
+            turn(&mut self.s.frame, math::cos(a), math::sin(a));
+            self.count_turn();
+        }
+    }
+
+    /// A step of LParser: the number is its length; without one it is a share of the present length. In a fraction of a step, what the
+    /// last step has made is drawn by that share.
+    fn lparser_step(&mut self, given: Option<f64>, share: f64, draws: bool, adds_vertex: bool, m: Module<'_>) {
+        self.close_segment();
+        let DialectState { length, thickness, .. } = self.s.dialect;
+        let settings = self.dialect.settings;
+        let fraction = settings.fraction.filter(|_| m.birth == self.dialect.last_step).unwrap_or(1.0);
+        let step = given.unwrap_or(share * length) * fraction;
+        if draws {
+            self.set_width(thickness.max(settings.min_thickness) * length);
+        }
+        self.step(step, m, draws, adds_vertex);
+    }
+
+    /// The commands that L-Py alone has.
+    fn lpy_command(&mut self, command: DialectCommand, given: Option<f64>, m: Module<'_>) {
+        use DialectCommand as C;
+        let scale = self.s.scale;
+        match command {
+            C::Forward(draws) => {
+                self.close_segment();
+                // A second number is the radius at the end, from which drawing goes on.
+                self.step(given.unwrap_or(1.0), m, draws, draws);
+                if draws && m.params.len() > 1 {
+                    let radius = self.param(m, 1, LPY_RADIUS);
+                    self.set_width(2.0 * radius * scale);
+                }
+                self.bend();
+            }
+            C::Path => {
+                self.close_segment();
+                self.step(given.unwrap_or(1.0), m, true, true);
+            }
+            C::Radius(sign) => {
+                let step = sign * 2.0 * LPY_RADIUS_STEP;
+                let width = given.map_or(self.s.width + step * scale, |r| 2.0 * r * scale);
+                self.set_width(width);
+            }
+            C::Scale => self.s.scale = given.unwrap_or(1.0),
+            C::ScaleUp => self.s.scale *= given.unwrap_or(1.0),
+            C::ScaleDown => self.s.scale /= given.filter(|s| s.abs() > 0.0).unwrap_or(1.0),
+            C::MoveTo(relative) => {
+                self.close_segment();
+                let to = self.target(m, relative);
+                self.jump_to(to, m);
+            }
+            C::LineTo { relative, turns } => {
+                self.close_segment();
+                let to = self.target(m, relative);
+                self.line(to, turns, m);
+                if m.params.len() > 3 {
+                    let diameter = self.param(m, 3, 0.0);
+                    self.set_width(diameter * scale);
+                }
+            }
+            C::PointAt(relative) => {
+                let to = self.target(m, relative) - self.s.p;
+                if let Some(h) = to.try_normalize() {
+                    self.s.frame = self.s.frame.with_heading(h);
+                }
+            }
+            C::SetHead => {
+                let v = [0, 1, 2, 3, 4, 5].map(|i| self.param(m, i, if i == 2 || i == 3 { 1.0 } else { 0.0 }));
+                let last = self.s.frame;
+                let up = (m.params.len() != 3).then(|| world(v[3], v[4], v[5]));
+                self.s.frame.set(world(v[0], v[1], v[2]), up, &last);
+            }
+            C::Sphere | C::Circle => {
+                self.close_segment();
+                let radius = given.unwrap_or(0.5 * self.s.width / scale.abs().max(1e-300));
+                self.place_disc_or_sphere(if command == C::Sphere { 'O' } else { 'c' }, 2.0 * radius, m);
+            }
+            C::Surface(letter) => {
+                self.close_segment();
+                let size = given.unwrap_or(1.0);
+                if letter == 'l' && !self.options.organs.contains_key(&letter) {
+                    self.leaf(size, m);
+                } else {
+                    self.organ(letter, size, m);
+                }
+            }
+            C::Elasticity => self.s.dialect.elasticity = given.unwrap_or(0.0),
+            C::Tropism => {
+                let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, if i == 0 { 1.0 } else { 0.0 }));
+                self.s.dialect.tropism = world(x, y, z).normalize_or(DVec3::X);
+            }
+            C::Unsupported => {
+                let c = self.symbols.get(usize::from(m.symbol)).copied().unwrap_or('?');
+                let message = "this command of L-Py is not supported".to_owned();
+                self.warn("L008", (None, c), message, "nothing is drawn");
+            }
+            _ => {}
+        }
+    }
+
+    /// The point of three numbers of L-Py, in plant space.
+    fn target(&mut self, m: Module<'_>, relative: bool) -> DVec3 {
+        let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 0.0));
+        let scale = self.options.unit_m * if relative { self.s.scale } else { 1.0 };
+        let v = world(x, y, z) * scale;
+        if relative { self.s.p + v } else { v }
+    }
+
+    /// Draws a line to a point of plant space; with `turns` the heading stays in its direction.
+    fn line(&mut self, to: DVec3, turns: bool, m: Module<'_>) {
+        let way = to - self.s.p;
+        let Some(h) = way.try_normalize() else { return };
+        let before = self.s.frame;
+        self.s.frame = before.with_heading(h);
+        let unit = self.s.scale * self.options.unit_m;
+        if unit.abs() > 0.0 {
+            self.step(way.length() / unit, m, true, true);
+        }
+        if !turns {
+            self.s.frame = before;
+        }
+    }
+
+    /// Turns the heading towards the tropism of L-Py by the elasticity times the sine of the angle between both.
+    fn bend(&mut self) {
+        let DialectState { elasticity, tropism, .. } = self.s.dialect;
+        let axis = self.s.frame.h.cross(tropism);
+        let sine = axis.length();
+        if elasticity.abs() > 0.0 && sine > 1e-12 {
+            let a = elasticity * sine;
+            self.s.frame = self.s.frame.rotated(axis / sine, math::cos(a), math::sin(a));
+            self.s.frame.orthonormalize();
+        }
+    }
+
+    /// The leaf `l` that L-Py always has: a blade of length `size` along the heading, where the scene gives no organ of this letter.
+    fn leaf(&mut self, size: f64, m: Module<'_>) {
+        // Half widths along the blade, in lengths: an ovate outline.
+        const OUTLINE: [(f64, f64); 5] = [(0.12, 0.1), (0.3, 0.22), (0.5, 0.25), (0.72, 0.16), (0.9, 0.05)];
+        let length = size * self.s.scale * self.options.unit_m;
+        if length <= 0.0 {
+            return;
+        }
+        let TurtleFrame { h, l, .. } = self.s.frame;
+        let p = self.s.p;
+        let corner = |(along, half): (f64, f64)| p + (h * along + l * half) * length;
+        self.open_polygon();
+        let right = OUTLINE.iter().map(|(a, w)| (*a, -*w));
+        let left = OUTLINE.iter().rev().copied();
+        let outline = std::iter::once((0.0, 0.0)).chain(right).chain(std::iter::once((1.0, 0.0))).chain(left);
+        for at in outline {
+            self.vertex_at(corner(at));
+        }
+        self.fill_polygon(m);
+    }
+}
+
+/// A vector of LParser or L-Py, whose +Z is up, in the world.
+fn world(x: f64, y: f64, z: f64) -> DVec3 {
+    DVec3::new(x, z, -y)
+}
+
+/// Gives all lines of a drawing in the plane one diameter that suits a picture of the whole.
+pub(super) fn set_line_radius(plant: &mut Plant) {
+    let low = plant.nodes.p.iter().fold(glam::Vec3::INFINITY, |m, p| m.min(*p));
+    let high = plant.nodes.p.iter().fold(glam::Vec3::NEG_INFINITY, |m, p| m.max(*p));
+    let extent = (high - low).max_element();
+    let mut steps: Vec<f32> = plant.nodes.s.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0).collect();
+    steps.sort_unstable_by(f32::total_cmp);
+    let step = steps.get(steps.len() / 2).copied().unwrap_or(extent);
+    if extent.is_finite() && extent > 0.0 {
+        let diameter = (STEP_SHARE * step).clamp(LINE_SHARES[0] * extent, LINE_SHARES[1] * extent);
+        plant.nodes.r.fill(0.5 * diameter);
+    }
+}

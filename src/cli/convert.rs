@@ -1,0 +1,42 @@
+//! `osier convert`: a grammar of another program in the notation of cpfg.
+
+use std::path::Path;
+
+use super::Context;
+use super::args::{Convert, ConvertArg};
+use crate::recipe::{Growth, resolve};
+use crate::source::find_scene;
+use osier_base::Result;
+use osier_base::diagnostic::Diagnostic;
+use osier_base::files::{Folder, WriteOptions};
+use osier_grammar::{ConvertTo, convert};
+
+/// Runs `osier convert`; the result is the exit code.
+pub fn run(context: &Context, args: &Convert) -> Result<u8> {
+    let (recipe, warnings) = resolve(&find_scene(&args.file, &context.sources)?)?;
+    context.console.report(&warnings);
+    let grammar = recipe.plants.iter().find_map(|p| if let Growth::Grammar(g) = &p.growth { Some(g) } else { None });
+    let Some(grammar) = grammar else {
+        let message = format!("\"{}\" holds no grammar", args.file);
+        return Err(Diagnostic::about("S001", message).help("name a grammar: osier convert curves.l#Koch1").into());
+    };
+    let to = if args.to == ConvertArg::Cpfg { ConvertTo::Cpfg } else { ConvertTo::Osier };
+    let converted = convert(grammar, to)?;
+    for note in &converted.notes {
+        context.console.note(note);
+    }
+    let Some(output) = &args.output else {
+        context.console.result(&converted.text)?;
+        return Ok(context.strict(!converted.notes.is_empty()));
+    };
+    let parent = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
+    let folder = Folder::plain(parent, options)?;
+    let name = output.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    folder.write(&name, "grammar", converted.text.as_bytes())?;
+    folder.finish()?;
+    if !context.console.quiet {
+        context.console.result(&format!("{}\n", output.display()))?;
+    }
+    Ok(context.strict(!converted.notes.is_empty()))
+}

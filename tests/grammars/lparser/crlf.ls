@@ -1,0 +1,8 @@
+# Lines of DOS.
+2
+90
+10
+A
+A=F+A
+@
+

@@ -1,0 +1,6 @@
+# Half steps, moves, and moves without drawing.
+1
+90
+10
+FZfzgF
+@

@@ -1,0 +1,6 @@
+# Rolled, then levelled.
+1
+45
+10
+&(60)<(77)$+(90)F
+@

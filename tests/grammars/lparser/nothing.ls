@@ -1,0 +1,7 @@
+# Letters without a meaning become '_'.
+2
+45
+10
+AqFq
+A=qA
+@

@@ -1,0 +1,6 @@
+# There and back.
+1
+45
+10
+F|F
+@

@@ -1,0 +1,552 @@
+//! Grammars of other programs: what they draw is counted and measured against the descriptions of the curves and of the commands.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests fail loudly and read their files")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use osier::diagnostic::{Report, Sources, Style, render};
+use osier::grammar::{
+    ConvertTo, DeriveOptions, FileKind, Grammar, GrammarSource, Notation, ReadAs, convert, derive, detect, entries,
+    parse_as,
+};
+use osier::grow::turtle::{TurtleOptions, grow};
+use osier::limits::Limits;
+use osier::plant::Plant;
+use osier::{Error, Result};
+
+use crate::common::program::{arg, ends};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/grammars")
+}
+
+fn bytes(name: &str) -> Vec<u8> {
+    std::fs::read(folder().join(name)).expect("a test grammar")
+}
+
+fn read_bytes(name: &str, bytes: &[u8], read_as: ReadAs<'_>) -> Result<(Grammar, String)> {
+    let mut sources = Sources::default();
+    let defines = BTreeMap::new();
+    let mut includes = |r: &str, _: &str| Err(Error::io("open", r, std::io::Error::from(std::io::ErrorKind::NotFound)));
+    let source = GrammarSource { name, bytes, includes: &mut includes, defines: &defines, functions: Default::default() };
+    let (grammar, diagnostics) = parse_as(&mut sources, source, read_as, &Limits::default())?;
+    Ok((grammar, render(&Report { sources, diagnostics }, Style::Plain)))
+}
+
+/// A test grammar that must be read; `entry`: empty for files of one.
+fn read(name: &str, entry: &str) -> Grammar {
+    let read_as = ReadAs { notation: None, entry: Some(entry).filter(|e| !e.is_empty()) };
+    read_bytes(name, &bytes(name), read_as).unwrap_or_else(|e| panic!("{name} {entry}: {e}")).0
+}
+
+/// What a text is refused with.
+fn refused(name: &str, text: &str) -> String {
+    match read_bytes(name, text.as_bytes(), ReadAs::default()) {
+        Err(Error::Input(report)) => render(&report, Style::Plain),
+        other => panic!("{name} is read: {other:?}"),
+    }
+}
+
+/// A derived and drawn grammar.
+struct Drawn {
+    string: String,
+    plant: Plant,
+}
+
+fn draw_steps(g: &Grammar, steps: Option<u32>) -> Drawn {
+    let options = DeriveOptions { seed: 5, steps, ..DeriveOptions::default() };
+    let derived = derive(g, &options, &Limits::default()).unwrap_or_else(|e| panic!("{e}"));
+    let (plant, _) = grow(g, &derived, &TurtleOptions::default(), &Limits::default()).unwrap_or_else(|e| panic!("{e}"));
+    Drawn { string: g.print(&derived.modules), plant }
+}
+
+fn draw(name: &str, entry: &str) -> Drawn {
+    draw_steps(&read(name, entry), None)
+}
+
+impl Drawn {
+    /// Segments of all axes.
+    fn segments(&self) -> usize {
+        self.plant.nodes.p.len() - self.plant.axes.len()
+    }
+
+    fn first(&self) -> glam::Vec3 {
+        self.plant.nodes.p[0]
+    }
+
+    /// Last node of the first axis.
+    fn end(&self) -> glam::Vec3 {
+        self.plant.nodes.p[self.plant.nodes_of(&self.plant.axes[0]).end - 1]
+    }
+
+    /// The last node of all that were drawn without branches.
+    fn last(&self) -> glam::Vec3 {
+        self.plant.nodes.p[self.plant.nodes.p.len() - 1]
+    }
+
+    fn size(&self) -> glam::Vec3 {
+        let p = &self.plant.nodes.p;
+        let low = p.iter().fold(glam::Vec3::INFINITY, |m, p| m.min(*p));
+        p.iter().fold(glam::Vec3::NEG_INFINITY, |m, p| m.max(*p)) - low
+    }
+}
+
+fn near(a: glam::Vec3, b: [f32; 3], about: &str) {
+    assert!((a - glam::Vec3::from(b)).length() < 2e-4, "{about}: {a} is not {b:?}");
+}
+
+const CURVES: &str = "fractint/curves.l";
+
+/// Segments of each L-system at the order 4, from its rules.
+const SEGMENTS: [(&str, usize); 28] = [
+    ("Koch1", 256),              // 4^4
+    ("Snowflake", 768),          // 3 * 4^4
+    ("QuadricIsland", 16_384),   // 4 * 8^4
+    ("Dragon", 8),               // those of the last step alone, 2^3
+    ("Heighway", 16),            // 2 * 2^3
+    ("Hilbert", 255),            // 4^4 - 1
+    ("Moore", 1023),             // 4^5 - 1
+    ("Peano1", 6561),            // 9^4
+    ("PeanoGosper", 2400),       // 7^4 - 1
+    ("SierpinskiTriangle", 876), // f' = 2 f + 12 * 3^(n-1), from 6
+    ("Arrowhead", 81),           // 3^4
+    ("Terdragon", 81),
+    ("Levy", 16),
+    ("Cantor", 16),
+    ("Penrose3", 1780), // 90, 110, 110, 90 symbols of 5, 4, 4, 5 sides
+    ("Bush", 4096),     // 8^4
+    ("Weed", 146),      // f' = 2 f + 2 * 3^(n-1), from 1
+    ("SmallerBranches", 40),
+    ("HalfTurns", 5),
+    ("Degrees", 4),
+    ("Mirror", 4),
+    ("Roots", 4),
+    ("TwoParts", 16),
+    ("Colours", 5),
+    ("Co'Dd & name (50%)", 1),
+    ("Unclosed", 2),
+    ("Last", 3),
+    ("last", 3),
+];
+
+#[test]
+fn curves_of_fractint_have_their_known_number_of_segments() {
+    let names = entries(CURVES, &bytes(CURVES));
+    assert_eq!(names.len(), SEGMENTS.len() - 1, "{names:?}");
+    for (name, n) in SEGMENTS {
+        assert_eq!(draw(CURVES, name).segments(), n, "{name}");
+    }
+}
+
+#[test]
+fn curves_of_fractint_end_where_they_should() {
+    for (name, end) in [
+        ("Koch1", [81.0, 0.0, 0.0]),
+        ("Hilbert", [15.0, 0.0, 0.0]),
+        ("Moore", [0.0, 1.0, 0.0]),
+        ("Peano1", [81.0, 0.0, 0.0]),
+        ("Terdragon", [-4.5, -7.794_229, 0.0]), // 3^(4/2), turned by 4 * -30 degrees
+        ("Levy", [4.0, 0.0, 0.0]),              // 2^(4/2)
+        ("Mirror", [2.0, 0.0, 0.0]),
+        ("Roots", [3.914_214, 0.0, 0.0]), // 1 + sqrt(2) + 1 + 1/2
+        ("TwoParts", [-4.0, 0.0, 0.0]),   // (1 + i)^4
+        ("Unclosed", [2.0, 0.0, 0.0]),
+    ] {
+        near(draw(CURVES, name).last(), end, name);
+    }
+    near(draw(CURVES, "Cantor").size(), [81.0, 0.0, 0.0], "Cantor");
+    for name in ["Snowflake", "QuadricIsland", "HalfTurns", "Degrees"] {
+        let curve = draw(CURVES, name);
+        near(curve.last() - curve.first(), [0.0; 3], name);
+    }
+    // Fractint draws in the plane x-y, beginning to the right.
+    assert!(SEGMENTS.iter().all(|(name, _)| draw(CURVES, name).size().z < 1e-6));
+    near(draw(CURVES, "Hilbert").size(), [15.0, 15.0, 0.0], "Hilbert");
+    near(draw(CURVES, "Snowflake").size(), [81.0, 93.530_74, 0.0], "Snowflake");
+}
+
+#[test]
+fn strings_of_fractint_are_lower_case_and_commands_take_their_numbers() {
+    assert_eq!(draw_steps(&read(CURVES, "Koch1"), Some(1)).string, "f+f--f+f");
+    assert_eq!(draw(CURVES, "Koch1").string.len(), 256 + 340);
+    let roots = draw(CURVES, "Roots").string;
+    assert_eq!(roots, "f@(1.41421)f@(0.707107)f@(0.5)f");
+    assert_eq!(draw(CURVES, "TwoParts").string.len(), 16 + 15 + 15);
+    let colours = draw(CURVES, "Colours").plant;
+    let mut found: Vec<u16> = colours.nodes.color.clone();
+    found.sort_unstable();
+    found.dedup();
+    assert_eq!(found, [1, 2, 3, 9]);
+}
+
+#[test]
+fn lines_of_fractint_suit_the_picture() {
+    for (name, _) in SEGMENTS {
+        let Drawn { plant, .. } = draw(CURVES, name);
+        let side = Drawn { string: String::new(), plant: plant.clone() }.size().max_element();
+        let share = 2.0 * plant.nodes.r[0] / side;
+        assert!((0.0019..=0.0081).contains(&share), "{name}: {share}");
+        assert!(plant.nodes.r.iter().all(|r| (r - plant.nodes.r[0]).abs() < 1e-6), "{name}");
+    }
+}
+
+#[test]
+fn faults_of_fractint_are_told_with_their_places() {
+    let of = |body: &str| refused("a.l", &format!("A {{\n Angle 4\n Axiom F\n{body}\n}}\n"));
+    for (body, told) in [
+        (" F=F F", "unexpected 'F' after the value"),
+        (" +=F", "'+' is a command and cannot be replaced"),
+        (" Angel 5", "unknown item 'Angel'"),
+        (" F=F@F", "'@' without a factor"),
+        (" Angle x", "the angle 'x' is not a number"),
+    ] {
+        let text = of(body);
+        assert!(text.contains("error[L061]") && text.contains(told) && text.contains("a.l:4:"), "{text}");
+        assert!(text.contains("help:"), "{text}");
+    }
+    let limits = format!("A {{\n Angle 60\n Axiom F\n F={}\n}}\n", "F+".repeat(90));
+    let (_, warnings) = read_bytes("a.l", limits.as_bytes(), ReadAs::default()).expect("read");
+    assert_eq!(warnings.matches("warning[L060]").count(), 2, "{warnings}");
+    assert!(refused("a.l", "A {\n Axiom F\n}\n").contains("no angle"));
+    let several = refused("a.l", "Aa { Angle 4\nAxiom F\n}\nBb { Angle 4\nAxiom G\n}\n");
+    assert!(several.contains("2 L-systems: Aa, Bb") && several.contains("a.l#Aa"), "{several}");
+}
+
+/// Segments and the end of the first axis, by hand. Axes: a step goes along +Y, left is -Z, up is -X.
+const LPARSER: [(&str, usize, [f32; 3]); 19] = [
+    ("axis.ls", 3, [0.0, 1.0, 0.0]),
+    ("square.ls", 4, [0.0, 0.0, 0.0]),
+    ("koch.ls", 64, [0.0, 27.0, 0.0]),
+    ("tree.ls", 364, [0.0, 1.111_111, 0.0]), // (3^6 - 1) / 2 segments, the trunk 1/.9
+    ("delay.ls", 3, [0.0, 3.0, 0.0]),
+    ("numbers.ls", 1, [0.0, 0.0, -1.0]),
+    ("halves.ls", 3, [0.0, 1.5, 0.0]),
+    ("leaf.ls", 1, [0.0, 1.0, 0.0]),
+    ("fraction.ls", 3, [0.0, 2.5, 0.0]),
+    ("keywords.ls", 8, [0.0, 4.0, 0.0]),    // F and the first F of each of 3 steps
+    ("mixed.ls", 9, [-5.671_28, 1.0, 0.0]), // 9 sides of a polygon of 36, to its far point
+    ("random.ls", 31, [0.0, 1.0, 0.0]),
+    ("rolls.ls", 2, [-1.285_575, 1.285_575, 1.0]),
+    ("turnback.ls", 2, [0.0, 0.0, 0.0]),
+    ("factors.ls", 6, [0.0, 5.35, 0.0]),
+    ("first.ls", 1, [0.0, 1.0, 0.0]),
+    ("long.ls", 5, [0.0, 5.0, 0.0]),
+    ("crlf.ls", 2, [0.0, 1.0, -1.0]),
+    ("nothing.ls", 1, [0.0, 1.0, 0.0]),
+];
+
+#[test]
+fn files_of_lparser_are_drawn_as_their_commands_say() {
+    for (name, segments, end) in LPARSER {
+        let file = format!("lparser/{name}");
+        assert_eq!(detect(&file, &bytes(&file)), FileKind::Grammar(Notation::LParser), "{name}");
+        // By its content too: the name tells nothing.
+        assert_eq!(detect("x.txt", &bytes(&file)), FileKind::Grammar(Notation::LParser), "{name}");
+        let drawn = draw(&file, "");
+        assert_eq!(drawn.segments(), segments, "{name}: {}", drawn.string);
+        if !["random.ls", "rolls.ls", "mixed.ls", "keywords.ls"].contains(&name) {
+            near(drawn.end(), end, name);
+        }
+    }
+    // The frame: step, left, up.
+    let tips = draw("lparser/axis.ls", "").plant;
+    let tips: Vec<glam::Vec3> = tips.axes.iter().map(|a| tips.nodes.p[tips.nodes_of(a).end - 1]).collect();
+    for want in [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]] {
+        assert!(tips.iter().any(|t| (*t - glam::Vec3::from(want)).length() < 1e-5), "{tips:?}");
+    }
+    near(draw("lparser/halves.ls", "").last(), [0.0, 5.0, 0.0], "halves");
+    assert!((draw("lparser/rolls.ls", "").end().length() - 2.0).abs() < 1e-5);
+    // Angles 50, 45 and 90: 50 degrees, factors .9 and 2.
+    let (s50, c50, h) = (0.766_044_4, 0.642_787_6, std::f32::consts::FRAC_1_SQRT_2);
+    near(draw("lparser/angles.ls", "").end(), [0.0, c50 + h, -s50 - h - 1.0], "angles");
+    assert_eq!(draw("lparser/nothing.ls", "").string, "__A_F_");
+    assert_eq!(draw("lparser/crlf.ls", "").string, "F+F+A");
+    assert_eq!(draw("lparser/leaf.ls", "").plant.organs.len(), 1);
+    // Levelled, left is horizontal: a turn to it ends at the height of the turtle.
+    assert!(draw("lparser/level.ls", "").end().y.abs() < 1e-6);
+}
+
+#[test]
+fn widths_of_lparser_are_shares_of_the_length() {
+    let plant = draw("lparser/factors.ls", "").plant;
+    // Half of the length, times .7, times 2.
+    assert!((plant.nodes.r[0] - 0.25).abs() < 1e-6);
+    assert!((plant.nodes.r[6] - 0.35).abs() < 1e-6, "{:?}", plant.nodes.r);
+    let thin = draw("lparser/keywords.ls", "").plant;
+    assert!((thin.nodes.r[0] - 0.04).abs() < 1e-6);
+    assert_eq!(read("lparser/keywords.ls", "").palette(), [(1, [90, 60, 30]), (2, [40, 160, 60])]);
+    let bent = draw("lparser/gravity.ls", "").plant;
+    let n = bent.nodes.p.len();
+    let last = (bent.nodes.p[n - 1] - bent.nodes.p[n - 2]).normalize();
+    assert!(last.y < -0.7, "{last}");
+    let (grown, length) = (draw("lparser/spiral.ls", ""), |p: &Plant| p.axes[0].length);
+    // 1/.9 to the power 0, 1, .. 19, summed: (q^20 - 1) / (q - 1).
+    assert!((length(&grown.plant) - 65.026).abs() < 0.01, "{}", length(&grown.plant));
+}
+
+#[test]
+fn random_turns_of_lparser_belong_to_their_modules() {
+    let g = read("lparser/random.ls", "");
+    let at = |steps: u32| draw_steps(&g, Some(steps)).plant;
+    assert_eq!(at(5).nodes.p, at(5).nodes.p);
+    // A further step leaves what was drawn before in place.
+    let (few, many) = (at(4), at(5));
+    let known = |p: &glam::Vec3| many.nodes.p.iter().any(|q| (*p - *q).length() < 1e-6);
+    assert!(few.nodes.p.iter().all(known));
+    let seeds = |seed: u64| {
+        let d = derive(&g, &DeriveOptions { seed, ..Default::default() }, &Limits::default()).expect("derives");
+        grow(&g, &d, &TurtleOptions::default(), &Limits::default()).expect("drawn").0.nodes.p
+    };
+    assert_ne!(seeds(1), seeds(2));
+}
+
+#[test]
+fn the_program_finds_out_what_a_file_is() {
+    let out = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &[u8]| {
+        let path = out.path().join(name);
+        std::fs::write(&path, text).expect("written");
+        path
+    };
+    let cpfg = b"/* a curve */\nLsystem: 1\nderivation length: 2\nAxiom: F(1)\nF(d) --> F(d)F(d)\nendlsystem\n";
+    let tree = bytes("lparser/tree.ls");
+    for (name, text) in
+        [("koch.txt", &cpfg[..]), ("koch.lsys", &cpfg[..]), ("tree.txt", &tree[..]), ("noending", &cpfg[..])]
+    {
+        let glb = out.path().join(format!("{name}.glb"));
+        let source = write(name, text);
+        ends(0, &["grow", arg(&source), "-o", arg(&glb)]);
+        assert!(glb.is_file(), "{name}");
+    }
+    // Shapes, species and tables too.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (file, name) in
+        [("shapes/tree.shapes", "a.txt"), ("species/oak.species", "b.txt"), ("ifs-tables/bamboo_leaf.ifs", "c.txt")]
+    {
+        let source = write(name, &std::fs::read(root.join(file)).expect("a preset"));
+        ends(0, &["list", "knobs", arg(&source)]);
+    }
+    // A scene keeps its faults.
+    let (_, err) = ends(1, &["check", arg(&write("scene.txt", b"[plants.a]\ngramar = \"oak.l\"\n"))]);
+    assert!(err.contains("S002"), "{err}");
+    let utf16: Vec<u8> = [0xff, 0xfe].into_iter().chain(cpfg.iter().flat_map(|b| [*b, 0])).collect();
+    assert_eq!(detect("koch.txt", &utf16), FileKind::Grammar(Notation::Cpfg));
+    let houdini = write("plant.txt", b"A=F[+A][-A]\n");
+    let (_, err) = ends(1, &["check", arg(&houdini)]);
+    assert!(err.contains("L007") && err.contains("Houdini") && err.contains("-->"), "{err}");
+    let curves = write("curves.l", &bytes(CURVES));
+    let of = |entry: &str| format!("{}{entry}", arg(&curves));
+    let (said, _) = ends(0, &["check", &of("#Hilbert"), &of(":hilbert")]);
+    assert_eq!(said.matches("curves.l").count(), 2, "{said}");
+    let (_, err) = ends(1, &["check", &of("#Hilbrt")]);
+    assert!(err.contains("did you mean \"Hilbert\"?"), "{err}");
+    let (said, _) = ends(0, &["check", arg(&curves)]);
+    assert_eq!(said.matches("curves.l#").count(), SEGMENTS.len() - 1, "{said}");
+    let (said, _) = ends(0, &["info", arg(&curves)]);
+    assert!(said.contains("notation of fractint") && said.contains("\n  Hilbert\n"), "{said}");
+    // A scene names an entry, and the notation where the content does not tell.
+    let scene = write(
+        "s.toml",
+        b"[plants.a]\ngrammar = \"curves.l#Hilbert\"\n[plants.b]\ngrammar = \"short.x\"\ndialect = \"lparser\"\n",
+    );
+    write("short.x", b"F\n");
+    ends(0, &["check", arg(&scene)]);
+    let short = write("short.y", b"axiom F\n");
+    ends(0, &["check", "--dialect", "lparser", arg(&short)]);
+    ends(1, &["check", "--dialect", "fractint", arg(&short)]);
+}
+
+/// Strings that models of L-Py derive, by hand.
+const LPY: [(&str, &str); 15] = [
+    ("nested", "F(0)F(10)F(11)"),
+    ("algae", "ABAABABA"),
+    ("letters", "bFFd"),
+    ("names", "F(1)[+(30)Leaf(2)]F(1)[+(30)Leaf(1)]Leaf(1)"),
+    ("constants", "F(3)+(90)F(1.5)+(90)A(0.75)"),
+    ("conditions", "B(10)C(9)A(-1)"),
+    ("fallthrough", "C(1)B(7)"),
+    ("loop", "F(1)[/(0)&(45)F(2)][/(90)&(45)F(2)][/(180)&(45)F(2)][/(270)&(45)F(2)]F(1)"),
+    ("context", "AABA"),
+    ("ignore", "B+F"),
+    ("decomposition", "FFF"),
+    ("slider", "FFFFA"),
+    ("groups", "F"),
+    ("expressions", "B(3,-4,2,512,-4,-2,1,1,2,3)"),
+    ("block", "F[+(0)F][+(90)F][+(180)F]"),
+];
+
+#[test]
+fn models_of_lpy_derive_the_strings_of_python() {
+    for (name, string) in LPY {
+        let file = format!("lpy/{name}.lpy");
+        assert_eq!(detect("x.txt", &bytes(&file)), FileKind::Grammar(Notation::LPy), "{name}");
+        assert_eq!(draw(&file, "").string, string, "{name}");
+    }
+    let interpretation = draw("lpy/interpretation.lpy", "");
+    assert_eq!(interpretation.string, "Stem(1)Stem(2)Stem(2)Stem(4)");
+    near(interpretation.end(), [0.0, 9.0, 0.0], "interpretation");
+    // A production sees one random number, whichever way it takes.
+    let random = draw("lpy/random.lpy", "").string;
+    let values: Vec<(bool, f64)> = random
+        .split_inclusive(')')
+        .map(|m| (m.starts_with('B'), m[2..m.len() - 1].parse().expect("a number")))
+        .collect();
+    assert_eq!(values.len(), 40);
+    assert!(values.iter().all(|(is_b, r)| *is_b == (*r < 0.5)), "{random}");
+    assert!(values.iter().any(|v| v.0) && values.iter().any(|v| !v.0), "{random}");
+}
+
+#[test]
+fn models_of_lpy_are_drawn_by_its_turtle() {
+    let koch = draw("lpy/koch.lpy", "");
+    assert_eq!(koch.segments(), 64);
+    near(koch.end(), [0.0, 27.0, 0.0], "koch");
+    // A step goes up, left is towards +Z; rolled to the left, left is where up was: +X.
+    let frame = draw("lpy/frame.lpy", "").plant;
+    let tips: Vec<glam::Vec3> = frame.axes.iter().map(|a| frame.nodes.p[frame.nodes_of(a).end - 1]).collect();
+    for want in [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]] {
+        assert!(tips.iter().any(|t| (*t - glam::Vec3::from(want)).length() < 1e-5), "{tips:?}");
+    }
+    let widths = draw("lpy/widths.lpy", "").plant;
+    assert!((widths.nodes.r[0] - 0.3).abs() < 1e-6 && (widths.nodes.r[2] - 0.5).abs() < 1e-6, "{:?}", widths.nodes.r);
+    let shapes = draw("lpy/shapes.lpy", "").plant;
+    assert_eq!(shapes.organs.len(), 4);
+    // 1, then half of 1; a line from (0, 1.5, 0) to x = 3, z = 1.5 of L-Py.
+    let scale = draw("lpy/scale.lpy", "").plant;
+    let reaches = |want: [f32; 3]| scale.nodes.p.iter().any(|p| (*p - glam::Vec3::from(want)).length() < 1e-5);
+    assert!(reaches([0.0, 1.5, 0.0]) && reaches([0.0, 6.0, 0.0]) && reaches([3.0, 1.5, 0.0]), "{:?}", scale.nodes.p);
+    let tree = draw("lpy/tree.lpy", "");
+    // 1 and 2^6 - 1 segments, 2^6 leaves.
+    assert_eq!((tree.segments(), tree.plant.organs.len()), (64, 64));
+}
+
+#[test]
+fn python_that_is_more_than_rules_is_refused_by_name() {
+    let of = |rules: &str| {
+        refused("m.lpy", &format!("Axiom: A(1)\nderivation length: 1\nproduction:\n{rules}\nendlsystem\n"))
+    };
+    for (rules, construct) in [
+        ("A(x):\n  while x < 3:\n    x += 1\n  produce F", "'while' in a production"),
+        ("A(x):\n  produce F(x.length)", "an attribute of 'x'"),
+        ("A(x) --> F([1,2])", "a list or an index"),
+        ("A(x) --> F(foo(x))", "the function 'foo'"),
+        ("A(x) --> F(y)", "the unknown name 'y'"),
+        ("A(x):\n  for m in lstring:\n    nproduce F\n", "'for' over something other than range"),
+        ("?P(x,y,z) --> F", "the query '?P'"),
+        ("A(x) >> B --> F", "a context of the new string"),
+        ("class P:\n  pass", "'class' outside of a production"),
+    ] {
+        let text = of(rules);
+        assert!(
+            text.contains("error[L007]: this is L-Py with Python code, line ") && text.contains(construct),
+            "{text}"
+        );
+        assert!(text.contains("line 4") || text.contains("line 5"), "{text}");
+    }
+    // A value that no rule uses may be anything.
+    let unused = "table = {1: 2}\nAxiom: F\nderivation length: 0\nproduction:\nendlsystem\n";
+    assert!(read_bytes("m.lpy", unused.as_bytes(), ReadAs::default()).is_ok());
+    let used = refused("m.lpy", &unused.replace("Axiom: F", "Axiom: F(table)"));
+    assert!(used.contains("line 1: a dictionary"), "{used}");
+}
+
+/// Midpoints of all segments and number of organs of a grammar.
+fn positions(g: &Grammar) -> (Vec<glam::Vec3>, usize) {
+    let plant = draw_steps(g, None).plant;
+    let of_axis = |a: &osier::plant::Axis| {
+        let p = &plant.nodes.p[plant.nodes_of(a)];
+        p.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect::<Vec<_>>()
+    };
+    (plant.axes.iter().flat_map(of_axis).collect(), plant.organs.len())
+}
+
+/// Converts a grammar, reads the text again, and compares what both draw; false if the notation has no words for it.
+fn converts(g: &Grammar, to: ConvertTo, about: &str) -> bool {
+    let text = match convert(g, to) {
+        Ok(converted) => converted.text,
+        Err(Error::Input(report)) => {
+            assert!(report.diagnostics.iter().all(|d| d.code == "L061" && d.help.is_some()), "{about}");
+            return false;
+        }
+        Err(e) => panic!("{about}: {e}"),
+    };
+    let (again, _) = read_bytes("again.l", text.as_bytes(), ReadAs::default())
+        .unwrap_or_else(|e| panic!("{about} as {to:?}: {e}\n{text}"));
+    assert_eq!(again.notation(), Notation::Cpfg, "{about}");
+    let (a, b) = (positions(g), positions(&again));
+    assert_eq!((a.0.len(), a.1), (b.0.len(), b.1), "{about} as {to:?}\n{text}");
+    // Siblings are in the order of their lineages, which hold the names of symbols: the points are compared as a set, by their order
+    // along three directions.
+    for direction in [[0.531, 0.713, 0.459], [-0.829, 0.331, 0.451], [0.171, -0.937, 0.305]] {
+        let along = |points: &[glam::Vec3]| {
+            let mut list: Vec<f32> = points.iter().map(|p| p.dot(glam::Vec3::from(direction))).collect();
+            list.sort_unstable_by(f32::total_cmp);
+            list
+        };
+        for (p, q) in along(&a.0).iter().zip(&along(&b.0)) {
+            // Single precision of the largest curve, 81 units.
+            assert!((p - q).abs() < 1e-5 * (1.0 + p.abs()), "{about} as {to:?}: {p} is not {q}\n{text}");
+        }
+    }
+    true
+}
+
+#[test]
+fn converted_grammars_draw_the_same() {
+    let mut as_cpfg = 0;
+    for (name, _) in SEGMENTS {
+        let g = read(CURVES, name);
+        assert!(converts(&g, ConvertTo::Osier, name), "{name}");
+        let refused = name == "Mirror";
+        assert_eq!(converts(&g, ConvertTo::Cpfg, name), !refused, "{name}");
+        as_cpfg += usize::from(!refused);
+    }
+    assert_eq!(as_cpfg, SEGMENTS.len() - 1);
+    // Random turns belong to modules, whose symbols have other names; a number behind a symbol that a rule makes is none of cpfg's.
+    let files = std::fs::read_dir(folder().join("lparser")).expect("files");
+    let mut names: Vec<String> = files.map(|f| f.expect("entry").file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    let not_as_osier = ["numbers.ls", "random.ls"];
+    let not_as_cpfg = ["angles.ls", "gravity.ls", "numbers.ls", "random.ls", "fraction.ls"];
+    for name in &names {
+        let g = read(&format!("lparser/{name}"), "");
+        if !not_as_osier.contains(&name.as_str()) {
+            assert!(converts(&g, ConvertTo::Osier, name), "{name}");
+        }
+        if !not_as_cpfg.contains(&name.as_str()) {
+            assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
+        }
+    }
+    for name in ["angles.ls", "gravity.ls"] {
+        assert!(!converts(&read(&format!("lparser/{name}"), ""), ConvertTo::Cpfg, name), "{name}");
+    }
+    for (name, _) in LPY {
+        if name != "letters" {
+            assert!(converts(&read(&format!("lpy/{name}.lpy"), ""), ConvertTo::Cpfg, name), "{name}");
+        }
+    }
+    for name in ["koch", "frame", "widths", "interpretation", "tree"] {
+        let g = read(&format!("lpy/{name}.lpy"), "");
+        if name == "tree" {
+            // Its leaves are those of L-Py, which a grammar of cpfg takes from the scene.
+            assert!(convert(&g, ConvertTo::Cpfg).is_ok());
+        } else {
+            assert!(converts(&g, ConvertTo::Cpfg, name), "{name}");
+        }
+    }
+    assert!(!converts(&read("lpy/scale.lpy", ""), ConvertTo::Cpfg, "scale"));
+    assert!(!converts(&read("lpy/random.lpy", ""), ConvertTo::Cpfg, "random"));
+}
+
+#[test]
+fn the_program_converts_grammars() {
+    let source = format!("{}#Koch1", arg(&folder().join(CURVES)));
+    let (text, _) = ends(0, &["convert", &source]);
+    assert!(text.contains("turtle: fractint angle = 60") && text.contains("f --> f + f - - f + f"), "{text}");
+    let out = tempfile::tempdir().expect("a folder");
+    let file = out.path().join("koch.l");
+    ends(0, &["convert", &source, "--to", "cpfg", "-o", arg(&file)]);
+    ends(0, &["check", arg(&file)]);
+    let (_, err) = ends(1, &["convert", &source.replace("Koch1", "Mirror"), "--to", "cpfg"]);
+    assert!(err.contains("L061") && err.contains("'!'") && err.contains("--to osier"), "{err}");
+}
