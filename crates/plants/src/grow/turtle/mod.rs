@@ -45,7 +45,8 @@ pub fn grow(
     warnings.extend(turtle.bindings.warnings(grammar));
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
-    let (sets_widths, draws_lines) = (turtle.sets_widths, turtle.dialect.kind == Dialect::Fractint);
+    let (sets_widths, dialect) = (turtle.sets_widths, turtle.dialect.kind);
+    let draws_lines = dialect == Dialect::Fractint;
     let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
     match options.radii {
         RadiusModel::Pipe(p) => radii::pipe(&mut plant, &p),
@@ -60,6 +61,9 @@ pub fn grow(
     // Lines of a drawing have one width, which the validation would thin from branch to branch.
     if draws_lines && matches!(options.radii, RadiusModel::Auto) {
         dialects::set_line_radius(&mut plant);
+    }
+    if dialect == Dialect::LParser && matches!(options.radii, RadiusModel::Auto) {
+        dialects::set_least_radius(&mut plant);
     }
     set_exposed_lengths(&mut plant);
     // Axes that are thin at their base get the material of shoots, all others that of bark.
