@@ -415,6 +415,9 @@ fn models_of_lpy_are_drawn_by_its_turtle() {
     let scale = draw("lpy/scale.lpy", "").plant;
     let reaches = |want: [f32; 3]| scale.nodes.p.iter().any(|p| (*p - glam::Vec3::from(want)).length() < 1e-5);
     assert!(reaches([0.0, 1.5, 0.0]) && reaches([0.0, 6.0, 0.0]) && reaches([3.0, 1.5, 0.0]), "{:?}", scale.nodes.p);
+    let points = draw("lpy/points.lpy", "");
+    assert_eq!(points.string, "F@M(1,0,2)LineTo(1,0,5)");
+    near(points.last(), [1.0, 5.0, 0.0], "points");
     let tree = draw("lpy/tree.lpy", "");
     // 1 and 2^6 - 1 segments, 2^6 leaves.
     assert_eq!((tree.segments(), tree.plant.organs.len()), (64, 64));
@@ -549,4 +552,35 @@ fn the_program_converts_grammars() {
     ends(0, &["check", arg(&file)]);
     let (_, err) = ends(1, &["convert", &source.replace("Koch1", "Mirror"), "--to", "cpfg"]);
     assert!(err.contains("L061") && err.contains("'!'") && err.contains("--to osier"), "{err}");
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(96))]
+
+    /// Any text is read as any notation without panic, and what is read is drawn and converted.
+    #[test]
+    fn any_soup_of_the_notations_is_read_without_panic(
+        head in 0_usize..5,
+        soup in "[-A-Za-z0-9 +&^/\\\\|\\[\\](){}<>@!?:;,.~%$'\"=#*_\n\u{e9}]{0,160}",
+    ) {
+        let heads = [
+            "",
+            "A {\nAngle 6\nAxiom F\n",
+            "3\n20\n10\nA\n",
+            "Axiom: A(1)\nderivation length: 2\nproduction:\n",
+            "Axiom: A(1)\nproduction:\nA(x):\n  if x > 0:\n    produce ",
+        ];
+        let text = format!("{}{soup}\n", heads[head]);
+        for notation in [Notation::Fractint, Notation::LParser, Notation::LPy] {
+            let read_as = ReadAs { notation: Some(notation), entry: None };
+            let Ok((g, _)) = read_bytes("soup.l", text.as_bytes(), read_as) else { continue };
+            let _ = convert(&g, ConvertTo::Cpfg);
+            let _ = convert(&g, ConvertTo::Osier);
+            let options = DeriveOptions { steps: Some(2), ..DeriveOptions::default() };
+            if let Ok(derived) = derive(&g, &options, &Limits::default()) {
+                let _ = grow(&g, &derived, &TurtleOptions::default(), &Limits::default());
+            }
+        }
+        let _ = (detect("soup.txt", text.as_bytes()), entries("soup.l", text.as_bytes()));
+    }
 }

@@ -167,6 +167,49 @@ pub(super) struct DerivationCounts {
 }
 
 impl DerivationCounts {
+    /// The counts of `steps` steps from `axiom`, without a derivation; `None` for a plan whose modules are not all rewritten
+    /// alike. The modules that each production rewrites in a step follow from those of the step before (the growth matrix).
+    pub fn predicted(plan: &RewritePlan<'_>, axiom: &Template<'_>, steps: u32) -> Option<Self> {
+        let mut productions = plan.productions.iter();
+        if !plan.groups.iter().all(|g| g.always.is_some()) || !productions.all(|p| p.is_pure) {
+            return None;
+        }
+        let add = |counts: &mut [u64], template: &Template<'_>, times: u64| {
+            for active in &template.active {
+                if let Some(p) = plan.groups[to_usize(active.group)].always {
+                    counts[to_usize(p)] = counts[to_usize(p)].saturating_add(times);
+                }
+            }
+        };
+        let mut out = Self {
+            modules: axiom.symbols.len() as u64,
+            gains: vec![0; to_usize(steps)],
+            made: vec![0; plan.productions.len()],
+            ..Self::default()
+        };
+        let mut rewritten = vec![0_u64; plan.productions.len()];
+        add(&mut rewritten, axiom, 1);
+        for step in 1..=steps {
+            let mut next = vec![0_u64; rewritten.len()];
+            for (i, p) in plan.productions.iter().enumerate().filter(|(i, _)| rewritten[*i] > 0) {
+                let (times, made) = (rewritten[i], p.template.symbols.len() as u64);
+                out.last_change = step;
+                out.made[i] = out.made[i].saturating_add(times.saturating_mul(made));
+                out.modules = out.modules.saturating_add(times.saturating_mul(made)).saturating_sub(times);
+                let signed = |n: u64| i64::try_from(n).unwrap_or(i64::MAX);
+                let gain = &mut out.gains[to_usize(step - 1)];
+                *gain = gain.saturating_add(signed(times.saturating_mul(made)).saturating_sub(signed(times)));
+                add(&mut next, &p.template, times);
+            }
+            // Nothing is left to rewrite.
+            if out.last_change < step {
+                break;
+            }
+            rewritten = next;
+        }
+        Some(out)
+    }
+
     /// Largest number of modules of any step, and that step. `axiom`: modules of the axiom.
     pub fn longest(&self, axiom: u64) -> (u64, u32) {
         let mut length = i64::try_from(axiom).unwrap_or(i64::MAX);
@@ -261,6 +304,11 @@ impl<'p> DepthFirst<'p> {
             choices: Vec::new(),
             globals,
         }
+    }
+
+    /// The productions.
+    pub fn plan(&self) -> &'p RewritePlan<'p> {
+        self.job.plan
     }
 
     /// Hands the modules of the final string to `sink`.

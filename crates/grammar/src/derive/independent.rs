@@ -119,12 +119,12 @@ impl Derivation<'_> {
         let mut run = deferred.restart(self.grammar, plan, streams, bounds);
         let (mut string, mut text) = (ModuleString::default(), None);
         let result = match storage {
-            Storage::Deferred => run.run(&mut CountingSink),
+            Storage::Deferred => count(&mut run, bounds),
             Storage::Text => self.write_text(&mut run, bounds).map(|t| text = Some(t)),
             Storage::String => {
                 // Count before a long string is stored: if it passes a limit, it is refused without its memory.
                 let upper = predict(self.grammar, deferred.last_step, plan.stochastic).upper;
-                let counted = if upper > COUNTED_FROM { run.run(&mut CountingSink) } else { Ok(()) };
+                let counted = if upper > COUNTED_FROM { count(&mut run, bounds) } else { Ok(()) };
                 counted.and_then(|()| {
                     run = deferred.restart(self.grammar, plan, streams, bounds);
                     run.run(&mut string)
@@ -161,7 +161,7 @@ impl Derivation<'_> {
         let plan = self.plans.rules.main();
         if repeats(plan, &run.axiom, bounds.last_step) {
             // Equal parts are copied, not derived: the modules must be counted for themselves.
-            run.run(&mut CountingSink)?;
+            count(run, bounds)?;
             let text = repeated_text(plan, &run.axiom, bounds.last_step, run.counts.modules);
             return Ok(text.unwrap_or_default());
         }
@@ -254,6 +254,15 @@ impl Derivation<'_> {
         let d = Diagnostic::error("L051", message, p.place.span, "this production makes most of them").help(help);
         runtime_report(self.grammar, self.grammar.with_macro_chain(d, p.place))
     }
+}
+
+/// Counts the modules of a derivation that has not run.
+fn count(run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Result<(), Halt> {
+    let Some(counts) = DerivationCounts::predicted(run.plan(), &run.axiom, bounds.last_step) else {
+        return run.run(&mut CountingSink);
+    };
+    run.counts = counts;
+    if run.counts.modules > bounds.max_modules { Err(Halt::Modules) } else { Ok(()) }
 }
 
 impl DerivedString {

@@ -63,11 +63,10 @@ impl Model<'_, '_> {
                 Some(c) => (head.up_to(c), Some(head.from(c + 1).trimmed()).filter(|c| c.text != "*")),
                 None => (head, None),
             };
-            (
-                head,
-                condition,
-                modules(piece.from(to).trimmed(), &self.declared).map(|m| vec![Statement::Produce(m, true)]),
-            )
+            // The successor may go on in indented lines.
+            let parts = std::iter::once(piece.from(to).trimmed()).chain(block.iter().map(|l| l.piece));
+            let successor: Result<Vec<_>, Refusal> = parts.map(|p| modules(p, &self.declared)).collect();
+            (head, condition, successor.map(|parts| vec![Statement::Produce(parts.concat(), true)]))
         } else {
             let c = colon(piece).unwrap_or(piece.text.len());
             let inline = piece.from(c + 1).trimmed();

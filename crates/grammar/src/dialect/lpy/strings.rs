@@ -214,6 +214,18 @@ pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
     out
 }
 
+/// The three numbers of a point `Vector3(x,y,z)` or `(x,y,z)`; any other parameter itself.
+fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
+    let inner = piece.text.strip_prefix("Vector3").unwrap_or(piece.text);
+    let from = piece.text.len() - inner.len();
+    let is_list = inner.starts_with('(') && closing(&inner[1..]).is_some_and(|i| i + 2 == inner.len());
+    if !is_list {
+        return vec![piece];
+    }
+    let parts = split(piece.up_to(piece.text.len() - 1).from(from + 1));
+    if parts.len() == 3 { parts } else { vec![piece] }
+}
+
 /// Modules of a successor.
 pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
     let spelled = spell(piece, declared)?;
@@ -230,7 +242,9 @@ pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyMod
         // What only changes the surface of a drawing is left out with its objects.
         let is_object = OBJECTS.contains(&s.name.as_str()) || matches!(s.name.as_str(), "@g" | "@L");
         let args = match &s.params {
-            Some(params) if !is_object => params.iter().map(|p| parse(*p)).collect::<Result<Vec<_>, _>>()?,
+            Some(params) if !is_object => {
+                params.iter().flat_map(|p| coordinates(*p)).map(parse).collect::<Result<Vec<_>, _>>()?
+            }
             _ => Vec::new(),
         };
         Ok(PyModule { name: s.name, args, range: s.range })

@@ -14,6 +14,9 @@ use osier_scene::plant::Plant;
 /// its largest side, so that lines are 1 to 6 pixels wide in a picture of 800. Chosen by eye.
 const STEP_SHARE: f32 = 0.35;
 const LINE_SHARES: [f32; 2] = [0.002, 0.008];
+/// Least diameter of LParser's segments, as a share of the largest side: files that thin their twigs at every step would draw them
+/// thinner than a pixel of any picture.
+const LEAST_SHARE: f32 = 0.001;
 /// Cosine of the turn beyond which a line begins anew, about 155 degrees.
 const REVERSAL: f64 = -0.9;
 /// Colour indices with which the programs begin: white, red and the first one.
@@ -659,9 +662,7 @@ fn world(x: f64, y: f64, z: f64) -> DVec3 {
 
 /// Gives all lines of a drawing in the plane one diameter that suits a picture of the whole.
 pub(super) fn set_line_radius(plant: &mut Plant) {
-    let low = plant.nodes.p.iter().fold(glam::Vec3::INFINITY, |m, p| m.min(*p));
-    let high = plant.nodes.p.iter().fold(glam::Vec3::NEG_INFINITY, |m, p| m.max(*p));
-    let extent = (high - low).max_element();
+    let extent = largest_side(plant);
     let mut steps: Vec<f32> = plant.nodes.s.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0).collect();
     steps.sort_unstable_by(f32::total_cmp);
     let step = steps.get(steps.len() / 2).copied().unwrap_or(extent);
@@ -669,4 +670,21 @@ pub(super) fn set_line_radius(plant: &mut Plant) {
         let diameter = (STEP_SHARE * step).clamp(LINE_SHARES[0] * extent, LINE_SHARES[1] * extent);
         plant.nodes.r.fill(0.5 * diameter);
     }
+}
+
+/// Thickens segments of LParser that no picture of the whole would show.
+pub(super) fn set_least_radius(plant: &mut Plant) {
+    let least = 0.5 * LEAST_SHARE * largest_side(plant);
+    if least.is_finite() {
+        for r in &mut plant.nodes.r {
+            *r = r.max(least);
+        }
+    }
+}
+
+/// The largest side of the box around all nodes.
+fn largest_side(plant: &Plant) -> f32 {
+    let low = plant.nodes.p.iter().fold(glam::Vec3::INFINITY, |m, p| m.min(*p));
+    let high = plant.nodes.p.iter().fold(glam::Vec3::NEG_INFINITY, |m, p| m.max(*p));
+    (high - low).max_element()
 }

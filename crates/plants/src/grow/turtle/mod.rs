@@ -54,7 +54,8 @@ pub fn grow(
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
     let (sets_widths, symbol_place) = (turtle.sets_widths, grammar.place_of(None, 'F'));
-    let draws_lines = turtle.dialect.kind == Dialect::Fractint;
+    let dialect = turtle.dialect.kind;
+    let draws_lines = dialect == Dialect::Fractint;
     if turtle.builder.is_empty() {
         warnings.push(nothing_drawn(grammar, derived, limits)?);
     }
@@ -82,6 +83,9 @@ pub fn grow(
     // Lines of a drawing have one width, which the validation would thin from branch to branch.
     if draws_lines && matches!(options.radii, RadiusModel::Auto) {
         dialects::set_line_radius(&mut plant);
+    }
+    if dialect == Dialect::LParser && matches!(options.radii, RadiusModel::Auto) {
+        dialects::set_least_radius(&mut plant);
     }
     set_exposed_lengths(&mut plant);
     // Axes that are thin at their base get the material of shoots, all others that of bark.
