@@ -13,6 +13,7 @@ const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 const MULTIPLIER: u64 = 0xD134_2543_DE82_EF95;
 
 /// Finalizer of splitmix64: a bijection that mixes all bits.
+#[inline]
 const fn fin(z: u64) -> u64 {
     let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -22,8 +23,26 @@ const fn fin(z: u64) -> u64 {
 /// Key of the child `id` of key `k`.
 #[inline]
 pub const fn child(k: u64, id: u64) -> u64 {
-    // The parent is multiplied before the xor, so that swapping parent and child gives another key.
-    fin(k.wrapping_mul(MULTIPLIER) ^ fin(id.wrapping_add(GOLDEN)))
+    ChildId::new(id).of(k)
+}
+
+/// The part of [`child`] that depends on the id alone, for loops that need children of the same id below many keys.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ChildId(u64);
+
+impl ChildId {
+    /// Prepares an id.
+    #[inline]
+    pub const fn new(id: u64) -> Self {
+        Self(fin(id.wrapping_add(GOLDEN)))
+    }
+
+    /// Key of the child of key `k`: what [`child`] gives.
+    #[inline]
+    pub const fn of(self, k: u64) -> u64 {
+        // The parent is multiplied before the xor, so that swapping parent and child gives another key.
+        fin(k.wrapping_mul(MULTIPLIER) ^ self.0)
+    }
 }
 
 /// Mixes a sequence of integers into one key; the empty sequence gives 0.

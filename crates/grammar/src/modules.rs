@@ -1,6 +1,7 @@
 //! The string of an L-system: modules with parameters, stored as a structure of arrays.
 
 use crate::symbols::SymbolId;
+use osier_base::rng::ChildId;
 
 /// One module of a string.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,10 +10,61 @@ pub struct Module<'a> {
     pub symbol: SymbolId,
     /// Actual parameters, stored in single precision.
     pub params: &'a [f32],
-    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
-    pub lineage: u64,
     /// Step in which it was made; 0 = the axiom.
     pub birth: u32,
+    pub(crate) ancestry: Ancestry,
+}
+
+impl Module<'_> {
+    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
+    #[inline]
+    pub fn lineage(&self) -> u64 {
+        match self.ancestry {
+            Ancestry::Known(lineage) => lineage,
+            Ancestry::Child { parent, ids } => ids.lineage(parent),
+        }
+    }
+}
+
+/// What the lineage of a module is computed from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ancestry {
+    Known(u64),
+    /// Made from the module of lineage `parent`.
+    Child {
+        parent: u64,
+        ids: LineageIds,
+    },
+}
+
+/// Symbol and occurrence of a module in its successor, prepared for its lineage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LineageIds {
+    symbol: ChildId,
+    occurrence: ChildId,
+}
+
+impl LineageIds {
+    /// For the symbol of Unicode scalar value `code`.
+    pub fn new(code: u64, occurrence: u32) -> Self {
+        Self { symbol: ChildId::new(code), occurrence: ChildId::new(u64::from(occurrence)) }
+    }
+
+    /// Lineage of the module, made from the module of lineage `h`. It does not depend on the position in the string.
+    #[inline]
+    pub fn lineage(self, h: u64) -> u64 {
+        self.occurrence.of(self.symbol.of(h))
+    }
+}
+
+/// Modules in a row.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ModuleBlock<'a> {
+    pub symbols: &'a [SymbolId],
+    /// Per module: end of its parameters, counted from those of the first module.
+    pub ends: &'a [u32],
+    /// Position of the first parameter in the string.
+    pub first_param: usize,
 }
 
 /// A bracketed string of modules in the order of the grammar's text.
@@ -27,6 +79,10 @@ pub struct ModuleString {
 }
 
 impl ModuleString {
+    /// A string without modules.
+    pub(crate) const EMPTY: Self =
+        Self { symbols: Vec::new(), ends: Vec::new(), params: Vec::new(), lineage: Vec::new(), birth: Vec::new() };
+
     /// Number of modules, brackets included.
     pub fn len(&self) -> usize {
         self.symbols.len()
@@ -59,8 +115,8 @@ impl ModuleString {
         Module {
             symbol: self.symbols[i],
             params: &self.params[self.param_range(i)],
-            lineage: self.lineage[i],
             birth: self.birth[i],
+            ancestry: Ancestry::Known(self.lineage[i]),
         }
     }
 
@@ -94,11 +150,30 @@ impl ModuleString {
         }
     }
 
+    /// The parameters of all modules, to append those of modules that [`ModuleString::finish_modules`] will end.
+    #[inline]
+    pub(crate) fn params_mut(&mut self) -> &mut Vec<f32> {
+        &mut self.params
+    }
+
+    /// Ends modules whose parameters were appended, from parameter `block.first_param` on. `lineages`: one for each module.
+    #[inline]
+    pub(crate) fn finish_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
+        self.symbols.extend_from_slice(block.symbols);
+        // Modulo 2^32: the block may begin at a later parameter of its own text than of this string. The sums fit, as
+        // derivation stops at 2^27 parameters.
+        #[allow(clippy::cast_possible_truncation, reason = "modulo 2^32")]
+        let base = block.first_param as u32;
+        self.ends.extend(block.ends.iter().map(|e| e.wrapping_add(base)));
+        self.lineage.extend(lineages);
+        self.birth.resize(self.symbols.len(), birth);
+    }
+
     /// Appends a copy of a module.
     #[inline]
     pub(crate) fn push(&mut self, m: Module<'_>) {
         self.params.extend_from_slice(m.params);
-        self.finish_module(m.symbol, m.lineage, m.birth);
+        self.finish_module(m.symbol, m.lineage(), m.birth);
     }
 
     /// Appends modules `range` of another string.
@@ -115,16 +190,6 @@ impl ModuleString {
         self.symbols.extend_from_slice(&other.symbols[range.clone()]);
         self.lineage.extend_from_slice(&other.lineage[range.clone()]);
         self.birth.extend_from_slice(&other.birth[range]);
-    }
-
-    /// Consecutive substrings of `n` modules; the last one may be shorter.
-    pub(crate) fn chunks(&self, n: usize) -> Vec<Self> {
-        let chunk = |start: usize| {
-            let mut chunk = Self::default();
-            chunk.extend(self, start..(start + n).min(self.len()));
-            chunk
-        };
-        (0..self.len()).step_by(n.max(1)).map(chunk).collect()
     }
 
     /// Removes all modules and keeps the memory.

@@ -107,12 +107,6 @@ impl ProductionSet {
         let row = self.by_symbol.get(usize::from(symbol)).map_or(&[][..], Vec::as_slice);
         row.iter().filter(move |(a, _)| usize::from(*a) == arity).filter_map(|(_, i)| self.list.get(*i as usize))
     }
-
-    /// True if some production has this symbol as its (first) predecessor.
-    #[inline]
-    pub fn has_productions(&self, symbol: SymbolId) -> bool {
-        self.by_symbol.get(usize::from(symbol)).is_some_and(|row| !row.is_empty())
-    }
 }
 
 /// Symbols that context matching skips.
@@ -265,6 +259,19 @@ impl Program {
     /// True if the `turtle:` item takes away the meaning that a symbol has in cpfg.
     pub fn overrides_cpfg(&self, c: char) -> bool {
         self.turtle.as_ref().is_some_and(|t| t.overrides_cpfg(self.symbols.find(c)))
+    }
+
+    /// True if what becomes of a module depends on nothing but itself and the step, so that modules may be rewritten in any
+    /// order and without a string.
+    pub fn rewrites_independently(&self) -> bool {
+        let cuts = self.symbols.find('%').filter(|_| !self.overrides_cpfg('%'));
+        let makes_cut = |p: &Production| p.successor.iter().any(|t| Some(t.symbol) == cuts);
+        let axiom_cuts = self.axiom.iter().any(|t| Some(t.symbol) == cuts);
+        self.decomposition.list.is_empty()
+            && !self.has_queries()
+            && !self.is_serial()
+            && !(cuts.is_some() && (axiom_cuts || self.rules.list.iter().any(makes_cut)))
+            && self.rules.list.iter().all(Production::is_context_free)
     }
 
     /// True if modules must be rewritten one after the other, because productions write globals or consume several modules.

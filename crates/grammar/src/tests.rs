@@ -427,7 +427,7 @@ fn editing_one_branch_leaves_the_draws_of_others() {
         d.modules
             .iter()
             .filter(keep)
-            .map(|m| (g.symbols().get(m.symbol), m.lineage, m.params.to_vec()))
+            .map(|m| (g.symbols().get(m.symbol), m.lineage(), m.params.to_vec()))
             .collect::<Vec<_>>()
     };
     let plain = grammar("");
@@ -454,4 +454,12 @@ fn any_number_of_threads_derives_the_same_string() {
     for threads in [2, 5] {
         assert!(run(threads).modules == one.modules, "{threads} threads");
     }
+}
+
+#[test]
+fn a_production_may_have_more_variables_than_registers() {
+    let formals: Vec<String> = (0..200).map(|i| format!("p{i}")).collect();
+    let values: Vec<String> = (0..200).map(|i| i.to_string()).collect();
+    let rules = format!("A({}) : p199 == 199 --> B(p150, p3+p199, p199)", formals.join(","));
+    assert_eq!(steps(1, &format!("A({})", values.join(",")), &rules), "B(150,202,199)");
 }

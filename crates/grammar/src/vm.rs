@@ -23,6 +23,17 @@ pub(crate) enum DrawPurpose {
 }
 
 impl DrawPurpose {
+    /// Every purpose, in the order of their numbers.
+    const ALL: [Self; 7] = [
+        Self::Choice,
+        Self::Statement,
+        Self::Weight,
+        Self::Decomposition,
+        Self::Block,
+        Self::Homomorphism,
+        Self::Angle,
+    ];
+
     fn label(self) -> &'static str {
         match self {
             Self::Choice => "choice",
@@ -39,19 +50,44 @@ impl DrawPurpose {
 /// Seeds that every random stream of a run is derived from.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RandomStreams {
-    pub seed: u64,
-    pub plant_id: u32,
-    pub file_seed: i64,
+    seed: u64,
+    plant_id: u32,
+    file_seed: i64,
+    /// Key of each purpose, in the order of [`DrawPurpose::ALL`]: the part of an address that is the same for all modules.
+    keys: [u64; DrawPurpose::ALL.len()],
 }
 
 impl RandomStreams {
+    /// Streams of a plant. `seed`: of the run; `file_seed`: of the grammar.
+    pub fn new(seed: u64, plant_id: u32, file_seed: i64) -> Self {
+        // Address of a stream: plant, generator, seed of the file, purpose; then the module, and the step where draws
+        // differ from step to step.
+        let key = |purpose: DrawPurpose| {
+            let path: [Key; 4] = [plant_id.into(), "lsys".into(), file_seed.into(), purpose.label().into()];
+            Rng::key(seed, &path)
+        };
+        Self { seed, plant_id, file_seed, keys: DrawPurpose::ALL.map(key) }
+    }
+
+    /// The streams of the same run and plant with another seed of the grammar.
+    pub fn with_file_seed(&self, file_seed: i64) -> Self {
+        if file_seed == self.file_seed { *self } else { Self::new(self.seed, self.plant_id, file_seed) }
+    }
+
+    /// Number of the plant.
+    pub fn plant_id(&self) -> u32 {
+        self.plant_id
+    }
+
+    /// Seed of the grammar.
+    pub fn file_seed(&self) -> i64 {
+        self.file_seed
+    }
+
     /// Key of everything drawn for a purpose by module `h` (in `step`, if the purpose depends on it).
+    #[inline]
     pub fn key(&self, purpose: DrawPurpose, h: u64, step: Option<u32>) -> u64 {
-        // Address of a stream: plant, generator, seed of the file, purpose, module, and the step where draws differ
-        // from step to step.
-        let path: [Key; 5] =
-            [self.plant_id.into(), "lsys".into(), self.file_seed.into(), purpose.label().into(), h.into()];
-        let key = Rng::key(self.seed, &path);
+        let key = rng::child(self.keys[purpose as usize], h);
         step.map_or(key, |s| rng::child(key, u64::from(s)))
     }
 }
@@ -204,8 +240,10 @@ impl Vm {
     /// The next stream of the present owner.
     fn next_stream(&mut self) -> Rng {
         // The key is hashed once per owner and kept; each draw is a numbered child stream of it.
-        let streams = RandomStreams { file_seed: self.reseeded.unwrap_or(self.streams.file_seed), ..self.streams };
-        let key = *self.key.get_or_insert_with(|| streams.key(self.purpose, self.owner, self.owner_step));
+        let key = *self.key.get_or_insert_with(|| {
+            let streams = self.reseeded.map_or(self.streams, |seed| self.streams.with_file_seed(seed));
+            streams.key(self.purpose, self.owner, self.owner_step)
+        });
         let stream = Rng::from_key(rng::child(key, self.number));
         self.number += 1;
         stream
@@ -462,6 +500,6 @@ pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
     if code.ops.iter().any(needs) {
         return None;
     }
-    let streams = RandomStreams { seed: 0, plant_id: 0, file_seed: 0 };
+    let streams = RandomStreams::new(0, 0, 0);
     Vm::new(streams, 0, 0).run(code, &mut []).ok()
 }

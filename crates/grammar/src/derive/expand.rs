@@ -1,12 +1,15 @@
 //! Decomposition and homomorphism: modules expanded depth first, with an explicit stack.
 
+use std::ops::ControlFlow;
+
 use super::matching::{self, ContextView};
+use super::plan::RewritePlan;
 use super::rewriter::{DrawPurposes, Followers, RewriteSettings, Rewriter};
 use super::step::check_size;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
 use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
-use crate::program::{Program, Section};
+use crate::program::{Production, Program, Section};
 use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
 use osier_base::convert;
@@ -71,7 +74,7 @@ struct Expander<'p> {
 impl<'p> Expander<'p> {
     fn new(settings: RewriteSettings<'p>, vm: Vm, limit: usize) -> Self {
         let rewriter = Rewriter::new(settings, vm);
-        let longest = settings.program.productions().map(|p| p.predecessor.len()).max().unwrap_or(1);
+        let longest = settings.plan.set.list.iter().map(|p| p.predecessor.len()).max().unwrap_or(1);
         Self {
             applied: false,
             longest,
@@ -91,10 +94,21 @@ impl<'p> Expander<'p> {
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<usize, Halt> {
-        let rules = self.rewriter.settings.rules;
-        let module = view.modules.get(at);
+        self.expand_module(view.modules.get(at), view, at, sink)
+    }
+
+    /// As [`Expander::expand`], for a module whose contexts are those of place `at` of the string.
+    fn expand_module(
+        &mut self,
+        module: Module<'_>,
+        view: ContextView<'_>,
+        at: usize,
+        sink: &mut impl FnMut(Module<'_>) -> bool,
+    ) -> std::result::Result<usize, Halt> {
+        let plan = self.rewriter.settings.plan;
+        let rules = plan.set;
         // Modules without productions, and all modules where the maximum depth is 0, pass unchanged.
-        if rules.depth == 0 || !rules.has_productions(module.symbol) {
+        if rules.depth == 0 || !plan.has_productions(module.symbol) {
             return if sink(module) { Ok(1) } else { Err(Halt::Modules) };
         }
         self.stack.modules.clear();
@@ -115,11 +129,12 @@ impl<'p> Expander<'p> {
             }
             let module = self.current.get(0);
             let applicable =
-                if rules.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
+                if plan.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
             // A module that no production applies to, or that has reached the maximum depth, is final.
             let Some(p) = applicable.filter(|_| depth < rules.depth) else {
                 if let Some(p) = applicable.filter(|_| rules.warn_depth) {
-                    self.rewriter.vm.warnings.add("L052", p.place, "depth limit reached");
+                    let place = self.rewriter.planned(p).source.place;
+                    self.rewriter.vm.warnings.add("L052", place, "depth limit reached");
                 }
                 if sink(module) {
                     continue;
@@ -127,26 +142,27 @@ impl<'p> Expander<'p> {
                 return Err(Halt::Modules);
             };
             // A predecessor of several modules takes those after the first from the string or from the same successor.
+            let source = self.rewriter.planned(p).source;
             if depth == 0 {
-                taken = p.predecessor.len();
+                taken = source.predecessor.len();
             } else {
-                self.stack.drop_top(p.predecessor.len() - 1);
+                self.stack.drop_top(source.predecessor.len() - 1);
             }
             self.applied = true;
             expansions += 1;
             if expansions > self.limit / EXPANSION_SHARE {
-                return Err(Halt::Expansion(p.place));
+                return Err(Halt::Expansion(source.place));
             }
             self.successor.clear();
             // Expansion refines a module within its step: successors keep its birth.
             self.rewriter.settings.birth = module.birth;
-            self.rewriter.append_successor(p, module.lineage, &mut self.successor)?;
+            self.rewriter.append_successor(p, module.lineage(), &mut self.successor)?;
             self.stack.push_reversed(&self.successor, depth + 1);
             check_size(&self.stack.modules, 0, 0, self.limit)?;
             // Expansions that vanish produce nothing for the sink to count.
             self.rewriter.vm.statements += 1;
             if self.rewriter.vm.statements > self.rewriter.vm.statement_limit {
-                return Err(Halt::Statements(p.place));
+                return Err(Halt::Statements(source.place));
             }
         }
         self.rewriter.followers = None;
@@ -157,7 +173,6 @@ impl<'p> Expander<'p> {
 impl Derivation<'_> {
     /// Replaces the string by its decomposition; true if any production was applied.
     pub(super) fn decompose(&mut self, step: u32) -> std::result::Result<bool, Halt> {
-        let rules = &self.program.decomposition;
         if self.program.sections(Section::Decomposition).all(|s| s.list.is_empty()) {
             return Ok(false);
         }
@@ -165,9 +180,7 @@ impl Derivation<'_> {
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = RewriteSettings {
-            program: self.program,
-            rules,
-            stochastic: self.stochastic,
+            plan: &self.plans.decomposition,
             purposes: DrawPurposes::all(DrawPurpose::Decomposition),
             step: Some(step),
             birth: step,
@@ -176,7 +189,8 @@ impl Derivation<'_> {
         };
         let limit = convert::limit(self.limits.get("modules"));
         // Modules are expanded in string order into the second buffer; contexts see the string before decomposition.
-        let mut expander = Expander::new(settings, self.vm.clone(), limit);
+        let plans = self.plans.subsystems.iter().map(|s| &s.decomposition);
+        let mut expanders = SystemExpanders::new(settings, plans, self.vm.clone(), limit);
         self.next_string.clear();
         let view = ContextView {
             modules: &self.string,
@@ -189,19 +203,61 @@ impl Derivation<'_> {
         let mut i = 0;
         let systems = self.program.systems_of(&self.string);
         while i < self.string.len() {
-            if let Some(system) = systems.get(i) {
-                expander.rewriter.settings.rules = self.program.section(Section::Decomposition, *system);
-            }
-            i += expander.expand(view, i, &mut |m| {
+            let system = systems.get(i).copied().map_or(0, usize::from);
+            i += expanders.expand(system, view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit
             })?;
             check_size(out, 0, 0, limit)?;
         }
-        let applied = expander.applied;
-        self.vm = expander.rewriter.vm;
+        let applied = expanders.list.iter().any(|e| e.applied);
+        self.vm = expanders.into_vm();
         std::mem::swap(&mut self.string, &mut self.next_string);
         Ok(applied)
+    }
+}
+
+/// The expanders of all L-systems of a file. The machine, with its variables and warnings, is that of the one in use.
+struct SystemExpanders<'p> {
+    list: Vec<Expander<'p>>,
+    active: usize,
+}
+
+impl<'p> SystemExpanders<'p> {
+    /// `settings`: those of the main L-system; `others`: the productions of the others.
+    fn new(
+        settings: RewriteSettings<'p>,
+        others: impl Iterator<Item = &'p RewritePlan<'p>>,
+        vm: Vm,
+        limit: usize,
+    ) -> Self {
+        let others = others.map(|plan| Expander::new(RewriteSettings { plan, ..settings }, vm.clone(), limit));
+        let others: Vec<Expander<'p>> = others.collect();
+        Self { list: [Expander::new(settings, vm, limit)].into_iter().chain(others).collect(), active: 0 }
+    }
+
+    /// Expands module `at` by the productions of an L-system.
+    fn expand(
+        &mut self,
+        system: usize,
+        view: ContextView<'_>,
+        at: usize,
+        sink: &mut impl FnMut(Module<'_>) -> bool,
+    ) -> std::result::Result<usize, Halt> {
+        if system != self.active && system < self.list.len() {
+            let vm = self.list[self.active].rewriter.vm.clone();
+            self.list[system].rewriter.vm = vm;
+            self.active = system;
+        }
+        self.list[self.active].expand(view, at, sink)
+    }
+
+    fn vm(&self) -> &Vm {
+        &self.list[self.active].rewriter.vm
+    }
+
+    fn into_vm(self) -> Vm {
+        self.vm().clone()
     }
 }
 
@@ -234,61 +290,93 @@ pub fn interpret_modules(
 ) -> Result<Vec<Diagnostic>> {
     let program = &grammar.program;
     let rules = &program.homomorphism;
+    let halted = |h: Halt| halt_error(grammar, h, derived.steps, limits);
     if program.sections(Section::Homomorphism).all(|s| s.list.is_empty()) {
-        derived.modules.iter().enumerate().for_each(|(i, m)| sink(m, i));
+        let mut index = 0;
+        derived.for_each(grammar, limits, |m| {
+            sink(m, index);
+            index += 1;
+            ControlFlow::Continue(())
+        })?;
         return Ok(Vec::new());
     }
-    let brackets = brackets(program);
     // The machine continues where the derivation ended: same seeds, last step, final values of the global variables.
+    let brackets = brackets(program);
     let file_seed = rules.seed.unwrap_or(derived.file_seed);
-    let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed };
+    let streams = RandomStreams::new(derived.seed, derived.plant_id, file_seed);
     let mut vm = Vm::new(streams, 0, derived.length);
     vm.globals.clone_from(&derived.globals);
-    vm.step = derived.steps;
+    vm.step = derived.completed;
     vm.statement_limit = limits.get("statements");
+    // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
+    let plan = RewritePlan::new(program, rules, derived.stochastic || rules.seed.is_some());
     let settings = RewriteSettings {
-        program,
-        rules,
-        // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
-        stochastic: derived.stochastic || rules.seed.is_some(),
+        plan: &plan,
         purposes: DrawPurposes::all(DrawPurpose::Homomorphism),
         step: None,
         birth: 0,
         tag: word("homomorphism"),
         brackets,
     };
-    let partner = if needs_partners(program, Section::Homomorphism) {
-        matching::matching_brackets(&derived.modules, brackets)
-    } else {
-        Vec::new()
+    let max_stack = convert::limit(limits.get("modules"));
+    // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
+    // hold.
+    let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
+    let mut drawn = 0_u64;
+    let mut draw = |m: Module<'_>, index: usize| {
+        drawn += 1;
+        sink(m, index);
+        // The callback ends the expansion when the budget is used up.
+        drawn <= limit
     };
     let ignored = program.ignored.flags(&program.symbols);
+    let alone = |p: &Production| p.is_context_free() && p.predecessor.len() == 1;
+    if program.subsystems.is_empty() && rules.list.iter().all(alone) {
+        let view = ContextView {
+            modules: &ModuleString::EMPTY,
+            partner: &[],
+            ignored: &ignored,
+            is_ring: false,
+            borders: None,
+        };
+        let mut expander = Expander::new(settings, vm, max_stack);
+        let (mut halt, mut index) = (None, 0);
+        derived.for_each(grammar, limits, |m| {
+            let result = expander.expand_module(m, view, 0, &mut |m| draw(m, index));
+            index += 1;
+            match result {
+                Ok(_) => ControlFlow::Continue(()),
+                Err(h) => {
+                    halt = Some(h);
+                    ControlFlow::Break(())
+                }
+            }
+        })?;
+        halt.map_or(Ok(()), |h| Err(halted(h)))?;
+        return Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings));
+    }
+    // Contexts are those of the derived string, which must be stored for them.
+    let string = derived.string(grammar, limits)?;
+    let partner = matching::matching_brackets(&string, brackets);
     let view = ContextView {
-        modules: &derived.modules,
+        modules: &string,
         partner: &partner,
         ignored: &ignored,
         is_ring: program.is_ring,
         borders: program.borders(),
     };
-    let max_stack = convert::limit(limits.get("modules"));
-    let mut expander = Expander::new(settings, vm, max_stack);
-    // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
-    // hold.
-    let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
-    let mut drawn = 0_u64;
+    let stochastic = derived.stochastic;
+    let plans: Vec<RewritePlan<'_>> = program
+        .subsystems
+        .iter()
+        .map(|s| RewritePlan::new(program, &s.homomorphism, stochastic || s.homomorphism.seed.is_some()))
+        .collect();
+    let mut expanders = SystemExpanders::new(settings, plans.iter(), vm, max_stack);
+    let systems = program.systems_of(&string);
     let mut i = 0;
-    let systems = program.systems_of(&derived.modules);
-    while i < derived.modules.len() {
-        if let Some(system) = systems.get(i) {
-            expander.rewriter.settings.rules = program.section(Section::Homomorphism, *system);
-        }
-        let result = expander.expand(view, i, &mut |m| {
-            drawn += 1;
-            sink(m, i);
-            // The callback ends the expansion when the budget is used up.
-            drawn <= limit
-        });
-        i += result.map_err(|h| halt_error(grammar, h, derived.steps, limits))?;
+    while i < string.len() {
+        let system = systems.get(i).copied().map_or(0, usize::from);
+        i += expanders.expand(system, view, i, &mut |m| draw(m, i)).map_err(halted)?;
     }
-    Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))
+    Ok(runtime_diagnostics(grammar, &expanders.vm().warnings))
 }

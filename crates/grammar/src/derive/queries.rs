@@ -1,5 +1,6 @@
 //! Queries: `?P`, `?H`, `?L` and `?U` ask the turtle where it stands, and the bounds of what it has drawn.
 
+use super::plan::Plans;
 use super::{Derivation, DeriveOptions, DerivedString, predict};
 use crate::code::{Bytecode, Op};
 use crate::grammar::Grammar;
@@ -44,12 +45,9 @@ pub fn derive_with_queries(
 ) -> Result<DerivedString> {
     let length = options.steps.unwrap_or(grammar.program.length);
     predict::check_limits(grammar, length, options, limits)?;
-    let mut d = Derivation::new(grammar, options, length, limits);
-    match d.run(Some(ask)) {
-        Ok(()) => Ok(d.finish(options)),
-        Err(Halt::Query) => Err(d.query_error.take().unwrap_or_else(|| d.halt_report(Halt::Query))),
-        Err(halt) => Err(d.halt_report(halt)),
-    }
+    let stochastic = options.stochastic.unwrap_or(grammar.program.is_stochastic());
+    let plans = Plans::new(&grammar.program, stochastic);
+    Derivation::new(grammar, &plans, options, length, limits).derive_by_steps(options, Some(ask))
 }
 
 impl Program {
@@ -89,10 +87,13 @@ impl Derivation<'_> {
             plant_id: self.options.plant_id,
             seed: self.options.seed,
             warnings: Vec::new(),
-            stochastic: self.stochastic,
+            stochastic: self.plans.rules.stochastic,
             length: self.length,
-            file_seed: self.vm.streams.file_seed,
+            completed: self.vm.step,
+            file_seed: self.vm.streams.file_seed(),
             globals: self.vm.globals.clone(),
+            deferred: None,
+            count: 0,
         };
         let found = ask(&asked);
         self.string = asked.modules;

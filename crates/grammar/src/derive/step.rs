@@ -1,11 +1,12 @@
 //! One step: all modules are rewritten at once, blocks of them in parallel.
 
 use super::matching::{self, ContextView};
+use super::plan::RewritePlan;
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
-use crate::program::{ProductionSet, Section};
-use crate::vm::{DrawPurpose, Halt};
+use crate::program::Section;
+use crate::vm::{Halt, Vm};
 use osier_base::{convert, par};
 
 /// Modules of a block that one thread rewrites. Smaller blocks balance the threads better, larger ones cost fewer copies of
@@ -24,12 +25,12 @@ struct BlockTask {
 impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
-        let rules = &self.program.rules;
+        let plan = &self.plans.rules;
         // Matching brackets are only needed by productions with contexts; without them the table stays empty.
         let needs_partners = self.program.sections(Section::Rules).any(|s| s.list.iter().any(|p| !p.is_context_free()));
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
-        let settings = self.rewrite_settings(rules, step);
+        let settings = self.rewrite_settings(plan, step);
         let view = ContextView {
             modules: &self.string,
             partner: &partner,
@@ -42,11 +43,13 @@ impl<'g> Derivation<'g> {
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
         // modules). Short strings do not repay the cost of parallel blocks.
         if !self.program.subsystems.is_empty() {
-            let rewriter = Rewriter::new(settings, self.vm.clone());
-            let (changed, vm) = rewrite_systems(rewriter, view, &mut self.next_string, limit);
+            let mut next_string = std::mem::take(&mut self.next_string);
+            let result = self.rewrite_systems(settings, view, &mut next_string);
+            self.next_string = next_string;
+            let (changed, vm) = result?;
             self.vm = vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
-            return changed;
+            return Ok(changed);
         }
         if self.program.is_serial() || n <= BLOCK_MODULES {
             let mut rewriter = Rewriter::new(settings, self.vm.clone());
@@ -78,26 +81,39 @@ impl<'g> Derivation<'g> {
         self.join_blocks(blocks, limit)
     }
 
-    /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
-    pub(super) fn rewrite_settings<'p>(&self, rules: &'p ProductionSet, step: u32) -> RewriteSettings<'p>
-    where
-        'g: 'p,
-    {
-        RewriteSettings {
-            program: self.program,
-            rules,
-            stochastic: self.stochastic,
-            purposes: DrawPurposes {
-                // Statements, weights and choices draw from separate streams, so that one does not shift the others.
-                statement: DrawPurpose::Statement,
-                weight: DrawPurpose::Weight,
-                choice: DrawPurpose::Choice,
-            },
-            step: Some(step),
-            birth: step,
-            tag: 0,
-            brackets: self.brackets,
+    /// Rewrites a string with sub-L-systems, run by run: the modules between two borders by the productions of their L-system.
+    /// True if any production was applied, and the machine behind the last run.
+    fn rewrite_systems(
+        &self,
+        settings: RewriteSettings<'_>,
+        view: ContextView<'_>,
+        out: &mut ModuleString,
+    ) -> Result<(bool, Vm), Halt> {
+        let systems = self.program.systems_of(view.modules);
+        let limit = convert::limit(self.limits.get("modules"));
+        let of = |plan| Rewriter::new(RewriteSettings { plan, ..settings }, self.vm.clone());
+        let others = self.plans.subsystems.iter().map(|s| of(&s.rules));
+        let mut rewriters: Vec<Rewriter<'_>> = [of(settings.plan)].into_iter().chain(others).collect();
+        out.clear();
+        let (mut changed, mut start, mut vm) = (false, 0, self.vm.clone());
+        for run in systems.chunk_by(|a, b| a == b) {
+            let system = run.first().copied().map_or(0, usize::from);
+            let Some(rewriter) = rewriters.get_mut(system) else { continue };
+            let own = system.checked_sub(1).and_then(|i| self.plans.subsystems.get(i));
+            let view = ContextView { ignored: own.map_or(view.ignored, |s| &s.ignored), ..view };
+            // The machine, with its variables and warnings, goes on from run to run.
+            std::mem::swap(&mut rewriter.vm, &mut vm);
+            changed |= rewrite_range(rewriter, view, start..start + run.len(), out, limit)?;
+            std::mem::swap(&mut rewriter.vm, &mut vm);
+            start += run.len();
         }
+        Ok((changed, vm))
+    }
+
+    /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
+    pub(super) fn rewrite_settings<'p>(&self, plan: &'p RewritePlan<'p>, step: u32) -> RewriteSettings<'p> {
+        let purposes = DrawPurposes::of_productions();
+        RewriteSettings { plan, purposes, step: Some(step), birth: step, tag: 0, brackets: self.brackets }
     }
 
     /// Concatenates the rewritten blocks in order and merges their warnings and counters.
@@ -134,34 +150,6 @@ pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limi
     Ok(())
 }
 
-/// Rewrites a string with sub-L-systems, run by run: the modules between two borders by the productions of their L-system.
-fn rewrite_systems(
-    mut rewriter: Rewriter<'_>,
-    view: ContextView<'_>,
-    out: &mut ModuleString,
-    limit: usize,
-) -> (Result<bool, Halt>, crate::vm::Vm) {
-    let program = rewriter.settings.program;
-    let systems = program.systems_of(view.modules);
-    let hidden: Vec<Vec<bool>> = program.subsystems.iter().map(|s| s.ignored.flags(&program.symbols)).collect();
-    out.clear();
-    let mut changed = false;
-    let mut start = 0;
-    for run in systems.chunk_by(|a, b| a == b) {
-        let system = run.first().copied().unwrap_or(0);
-        rewriter.settings.rules = program.section(Section::Rules, system);
-        let ignored =
-            usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
-        let view = ContextView { ignored, ..view };
-        match rewrite_range(&mut rewriter, view, start..start + run.len(), out, limit) {
-            Ok(c) => changed |= c,
-            Err(halt) => return (Err(halt), rewriter.vm),
-        }
-        start += run.len();
-    }
-    (Ok(changed), rewriter.vm)
-}
-
 /// Rewrites the modules of `range` into `out`; true if any production was applied.
 pub(super) fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
@@ -170,14 +158,14 @@ pub(super) fn rewrite_range(
     out: &mut ModuleString,
     limit: usize,
 ) -> Result<bool, Halt> {
-    let rules = rewriter.settings.rules;
+    let plan = rewriter.settings.plan;
     let mut changed = false;
     let mut i = range.start;
     // Modules without productions are copied run by run.
     let mut copied_to = i;
     while i < range.end {
         let symbol = view.modules.symbols()[i];
-        if !rules.has_productions(symbol) {
+        if !plan.has_productions(symbol) {
             i += 1;
             continue;
         }
@@ -188,11 +176,11 @@ pub(super) fn rewrite_range(
         };
         // A production applies: copy the unchanged run before the module, then append the successor.
         out.extend(view.modules, copied_to..i);
-        rewriter.append_successor(p, module.lineage, out)?;
+        rewriter.append_successor(p, module.lineage(), out)?;
         check_size(out, 0, 0, limit)?;
         changed = true;
         // A predecessor of several modules consumes all of them.
-        i += p.predecessor.len();
+        i += rewriter.planned(p).source.predecessor.len();
         copied_to = i;
     }
     if copied_to < range.end {

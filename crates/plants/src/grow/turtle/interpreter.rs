@@ -412,7 +412,7 @@ impl<'a> Turtle<'a> {
             return self.halt("L051", '[', format!("more than {} open branches", self.max_stack), help);
         }
         self.stack.push(self.s);
-        self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage };
+        self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage() };
     }
 
     fn pop_state(&mut self) {
@@ -480,7 +480,7 @@ impl<'a> Turtle<'a> {
             self.segment(from, m);
             self.s.last = self.s.frame;
         } else {
-            self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
+            self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
         }
         if self.s.tropism_elasticity.abs() > 0.0 {
             tropism::apply_tropism_after_step(&mut self.s.frame, self.options.old_tropism, self.s.tropism_elasticity);
@@ -533,7 +533,7 @@ impl<'a> Turtle<'a> {
             return self.halt("L051", '~', message, "raise it with --max-organs, or shorten the derivation");
         }
         let site = self.current_site();
-        self.builder.add_organ(RawOrgan { site, pose, size, protos, lineage: m.lineage, birth: m.birth });
+        self.builder.add_organ(RawOrgan { site, pose, size, protos, lineage: m.lineage(), birth: m.birth });
     }
 
     pub(super) fn too_many_prototypes(&mut self, c: char) {
@@ -564,7 +564,7 @@ impl<'a> Turtle<'a> {
             'M' => {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 0.0));
                 self.s.p = DVec3::new(x, y, z) * self.options.unit_m;
-                self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
+                self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
             }
             'R' => {
                 let v = [0, 1, 2, 3, 4, 5].map(|i| self.param(m, i, 0.0));
