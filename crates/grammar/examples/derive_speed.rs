@@ -1,5 +1,10 @@
-//! Times derivations on one thread: `cargo run --release -p osier-grammar --example derive_speed`.
-#![allow(clippy::expect_used, clippy::print_stdout, clippy::disallowed_methods, reason = "an example that measures time")]
+//! Times derivations on one thread: `cargo run --release -p osier-grammar --example derive_speed [NAME]`.
+#![allow(
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "an example that measures time"
+)]
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -11,7 +16,13 @@ fn system(n: u32, rules: &str, axiom: &str, items: &str) -> Grammar {
     let text = format!("Lsystem: 1\n{items}\nderivation length: {n}\nAxiom: {axiom}\n{rules}\nendlsystem\n");
     let defines = BTreeMap::new();
     let mut none = |r: &str, _: &str| Err(Error::io("open", r, std::io::ErrorKind::NotFound.into()));
-    let source = GrammarSource { name: "speed.l", bytes: text.as_bytes(), includes: &mut none, defines: &defines, functions: Default::default() };
+    let source = GrammarSource {
+        name: "speed.l",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &defines,
+        functions: Default::default(),
+    };
     parse(&mut Sources::default(), source, &Limits::default()).expect("reads").0
 }
 
@@ -43,14 +54,19 @@ fn main() {
         ("parametric 1.9", system(10, "F(x) --> F(x*0.3)+F(x*0.7)--F(x*0.7)+F(x*0.3)", "F(1)", "")),
         ("doubling", system(22, "F(x) : x>0 --> F(x*0.9)F(x*0.9)", "F(1)", "")),
         ("contexts", system(11, "F < F > F --> F\nF --> F[+F]F[-F]F", "F", "")),
-        ("signals", system(400, "A < B --> A\nA --> B\nC --> C[+B]", "CABBB", "")),
+        ("signals", system(2000, "A < B --> A\nA --> B\nC --> C[+B]", "CABBB", "")),
     ];
     osier_base::par::on_threads(1, || {
-        for (name, g) in &grammars {
+        let wanted = std::env::args().nth(1).unwrap_or_default();
+        for (name, g) in grammars.iter().filter(|(name, _)| name.starts_with(&wanted)) {
             let n = derive_deferred(g, &options, &limits).expect("derives").module_count();
             time(&format!("{name}: string"), n, || derive(g, &options, &limits).expect("derives").module_count());
             time(&format!("{name}: count"), n, || {
                 derive_deferred(g, &options, &limits).expect("derives").module_count()
+            });
+            time(&format!("{name}: text"), n, || {
+                let derived = derive_deferred(g, &options, &limits).expect("derives");
+                derived.text(g, &limits).expect("derives").len() as u64
             });
             time(&format!("{name}: handed over"), n, || {
                 let derived = derive_deferred(g, &options, &limits).expect("derives");

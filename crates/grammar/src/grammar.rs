@@ -7,7 +7,7 @@ use osier_base::math::narrow;
 
 use super::binding::{Dialect, TurtleAction, TurtleBindings};
 use super::code::Expr;
-use super::modules::ModuleString;
+use super::modules::{Module, ModuleString};
 use super::preprocess::Define;
 use super::program::{Program, SuccessorModule};
 use super::symbols::{SymbolId, Symbols};
@@ -99,13 +99,7 @@ impl Grammar {
     /// A string of modules as text, parameters with six digits.
     pub fn print(&self, modules: &ModuleString) -> String {
         let mut out = String::new();
-        for m in modules.iter() {
-            out.push(self.program.symbols.get(m.symbol));
-            if !m.params.is_empty() {
-                let params: Vec<String> = m.params.iter().map(|p| format_g(f64::from(*p))).collect();
-                out.push_str(&format!("({})", params.join(",")));
-            }
-        }
+        modules.iter().for_each(|m| write_module(&mut out, self, m));
         out
     }
 
@@ -165,6 +159,18 @@ impl Grammar {
     /// Texts that the diagnostics of this grammar point into.
     pub fn sources(&self) -> &Sources {
         &self.sources
+    }
+}
+
+/// Appends a module as text, parameters with six digits.
+pub(crate) fn write_module(out: &mut String, grammar: &Grammar, m: Module<'_>) {
+    out.push(grammar.program.symbols.get(m.symbol));
+    for (i, value) in m.params.iter().enumerate() {
+        out.push(if i == 0 { '(' } else { ',' });
+        out.push_str(&format_g(f64::from(*value)));
+    }
+    if !m.params.is_empty() {
+        out.push(')');
     }
 }
 

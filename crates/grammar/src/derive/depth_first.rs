@@ -12,7 +12,7 @@
 use std::ops::{ControlFlow, Range};
 
 use super::matching::{Brackets, ContextView};
-use super::plan::{RewritePlan, Template};
+use super::plan::{RewritePlan, Template, TemplateText};
 use super::registers::RegisterCompiler;
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use crate::modules::{Ancestry, LineageIds, Module, ModuleBlock, ModuleString};
@@ -45,13 +45,15 @@ pub(super) struct Block<'a> {
     /// Lineage of the module that was rewritten; 0 where no lineage is needed.
     parent: u64,
     birth: u32,
+    /// Text of the modules, if none has parameters.
+    pub text: Option<&'a TemplateText>,
 }
 
 impl<'a> Block<'a> {
     #[inline]
     fn new(template: &'a Template<'_>, params: &'a [f32], axiom_lineages: &'a [u64], parent: u64, birth: u32) -> Self {
         let Template { symbols, ends, ids, .. } = template;
-        Self { symbols, ends, params, ids, axiom_lineages, parent, birth }
+        Self { symbols, ends, params, ids, axiom_lineages, parent, birth, text: template.text.as_ref() }
     }
 
     #[inline]
@@ -90,7 +92,8 @@ impl ModuleSink for ModuleString {
         }
         let params = block.param_range(range.start).start..block.param_range(range.end - 1).end;
         // Ends count from the first parameter of the block, which need not be copied.
-        let first_param = self.param_count().wrapping_sub(params.start);
+        let position = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let first_param = position(self.param_count()).wrapping_sub(position(params.start));
         self.params_mut().extend_from_slice(&block.params[params]);
         let part =
             ModuleBlock { symbols: &block.symbols[range.clone()], ends: &block.ends[range.clone()], first_param };
@@ -111,6 +114,11 @@ pub(super) struct DepthFirstJob<'p> {
     /// Attempts to rewrite a module, over all steps.
     pub max_work: u64,
 }
+
+/// Factor of growth from one step to the next below which no step is predicted: slow growth changes its course.
+const SMALLEST_FACTOR: f64 = 1.1;
+/// Difference of two factors of growth that count as equal.
+const FACTOR_TOLERANCE: f64 = 0.01;
 
 /// A block whose active modules are being rewritten.
 #[derive(Debug, Clone, Copy)]
@@ -173,6 +181,26 @@ impl DerivationCounts {
         longest
     }
 
+    /// First step after `steps`, the counted ones, whose string has more than `limit` modules if each step multiplies it as the
+    /// last two counted steps did; `None` if their factors differ, or do not let it grow.
+    pub fn step_beyond(&self, limit: u64, steps: u32) -> Option<u32> {
+        let last = to_usize(steps).checked_sub(1)?;
+        let gain = |step: usize| self.gains.get(step).copied().filter(|g| *g > 0).map(|g| g as f64);
+        // Gains grow by the same factor as lengths, and do not depend on the axiom.
+        let (a, b, c) = (gain(last.checked_sub(2)?)?, gain(last - 1)?, gain(last)?);
+        let (before, factor) = (b / a, c / b);
+        if factor < SMALLEST_FACTOR || (factor - before).abs() > FACTOR_TOLERANCE * factor {
+            return None;
+        }
+        let (mut length, mut gain, mut step) = (self.modules as f64, c, steps);
+        while length <= limit as f64 {
+            gain *= factor;
+            length += gain;
+            step += 1;
+        }
+        Some(step)
+    }
+
     /// The production that made most modules.
     pub fn main_production(&self) -> Option<usize> {
         (0..self.made.len()).max_by_key(|i| (self.made[*i], std::cmp::Reverse(*i)))
@@ -182,7 +210,7 @@ impl DerivationCounts {
 /// Derives depth first.
 pub(super) struct DepthFirst<'p> {
     job: DepthFirstJob<'p>,
-    axiom: Template<'p>,
+    pub axiom: Template<'p>,
     axiom_lineages: Vec<u64>,
     pub rewriter: Rewriter<'p>,
     pub counts: DerivationCounts,
@@ -381,7 +409,9 @@ fn apply_next(
     module: Module<'_>,
     group: u32,
 ) -> Result<Option<Applied>, Halt> {
-    const NOTHING: &ModuleString = &ModuleString::EMPTY;
+    // Productions without contexts look at no string.
+    const NO_STRING: ContextView<'static> =
+        ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &[], is_ring: false, borders: None };
     let is_stationary = job.plan.groups[to_usize(group)].is_stationary;
     let first = module.birth + 1;
     let last = if is_stationary { job.length.min(first) } else { job.length };
@@ -391,8 +421,7 @@ fn apply_next(
             return Err(Halt::Work);
         }
         rewriter.begin_step(step, globals);
-        let view = ContextView { modules: NOTHING, partner: &[], ignored: &[], is_ring: false, borders: None };
-        if let Some(production) = rewriter.select_in_group(group, module, view, 0)? {
+        if let Some(production) = rewriter.select_in_group(group, module, &NO_STRING, 0)? {
             return Ok(Some(Applied { production, step }));
         }
     }

@@ -90,7 +90,7 @@ impl<'p> Expander<'p> {
     /// number of modules of the string that it took: a predecessor of several modules takes all of them.
     fn expand(
         &mut self,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<usize, Halt> {
@@ -101,7 +101,7 @@ impl<'p> Expander<'p> {
     fn expand_module(
         &mut self,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<usize, Halt> {
@@ -204,7 +204,7 @@ impl Derivation<'_> {
         let systems = self.program.systems_of(&self.string);
         while i < self.string.len() {
             let system = systems.get(i).copied().map_or(0, usize::from);
-            i += expanders.expand(system, view, i, &mut |m| {
+            i += expanders.expand(system, &view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit
             })?;
@@ -240,7 +240,7 @@ impl<'p> SystemExpanders<'p> {
     fn expand(
         &mut self,
         system: usize,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<usize, Halt> {
@@ -342,7 +342,7 @@ pub fn interpret_modules(
         let mut expander = Expander::new(settings, vm, max_stack);
         let (mut halt, mut index) = (None, 0);
         derived.for_each(grammar, limits, |m| {
-            let result = expander.expand_module(m, view, 0, &mut |m| draw(m, index));
+            let result = expander.expand_module(m, &view, 0, &mut |m| draw(m, index));
             index += 1;
             match result {
                 Ok(_) => ControlFlow::Continue(()),
@@ -376,7 +376,7 @@ pub fn interpret_modules(
     let mut i = 0;
     while i < string.len() {
         let system = systems.get(i).copied().map_or(0, usize::from);
-        i += expanders.expand(system, view, i, &mut |m| draw(m, i)).map_err(halted)?;
+        i += expanders.expand(system, &view, i, &mut |m| draw(m, i)).map_err(halted)?;
     }
     Ok(runtime_diagnostics(grammar, &expanders.vm().warnings))
 }

@@ -6,6 +6,8 @@ use std::ops::{ControlFlow, Range};
 
 use super::depth_first::{Block, DepthFirst, DepthFirstJob, DerivationCounts, ModuleSink};
 use super::plan::RewritePlan;
+use super::registers::RegisterCompiler;
+use super::text::{TextSink, repeated_text};
 use super::{
     Derivation, DeriveOptions, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict,
 };
@@ -204,18 +206,24 @@ impl Derivation<'_> {
             return self.halt_report(halt);
         }
         // Depth first, a derivation that grows too long is halted somewhere in its last step. The first step that passes the
-        // limit is found by counting shorter derivations, each of which is halted at the same limit.
-        let (mut fits, mut passes) = (0, bounds.last_step);
+        // limit is found by counting shorter derivations.
+        let mut fits = 0;
+        let mut passes = bounds.last_step;
         let mut counts = DerivationCounts::default();
         while passes - fits > 1 {
-            let last_step = fits + (passes - fits) / 2;
+            // Twice as many steps, but no more than the growth so far lets expect to fit or to pass.
+            let expected = counts.step_beyond(bounds.max_modules, fits);
+            let last_step = (fits * 2).max(1).min(expected.unwrap_or(u32::MAX)).clamp(fits + 1, passes - 1);
             let probe = DerivationBounds { last_step, ..bounds };
             let mut run = deferred.restart(self.grammar, &self.plans.rules, streams, probe);
-            let fit = run.run(&mut CountingSink).is_ok();
-            if fit {
+            if run.run(&mut CountingSink).is_ok() {
                 fits = last_step;
             } else {
                 passes = last_step;
+                // Growth that is as regular as the expectation needs no further count, the longest of all.
+                if expected == Some(last_step) {
+                    break;
+                }
             }
             counts = run.counts;
         }
@@ -277,6 +285,22 @@ impl DerivedString {
         let mut string = ModuleString::default();
         self.run_again(grammar, deferred, limits, &mut string)?;
         Ok(Cow::Owned(string))
+    }
+
+    /// The final string as text, parameters with six digits.
+    /// # Errors
+    /// `Input` with L051 beyond a limit.
+    pub fn text(&self, grammar: &Grammar, limits: &Limits) -> Result<String> {
+        let Some(deferred) = &self.deferred else { return Ok(grammar.print(&self.modules)) };
+        let program = &grammar.program;
+        let plan = RewritePlan::new(program, &program.rules, self.stochastic);
+        let axiom = plan.template(program, &program.axiom, &mut RegisterCompiler::new(0));
+        if let Some(text) = repeated_text(&plan, &axiom, deferred.last_step, self.count) {
+            return Ok(text);
+        }
+        let mut sink = TextSink { grammar, text: String::with_capacity(osier_base::convert::limit(self.count)) };
+        self.run_again(grammar, deferred, limits, &mut sink)?;
+        Ok(sink.text)
     }
 
     fn run_again<S: ModuleSink>(

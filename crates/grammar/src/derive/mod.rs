@@ -10,6 +10,7 @@ mod queries;
 mod registers;
 mod rewriter;
 mod step;
+mod text;
 
 pub use expand::{interpret, interpret_modules};
 pub use predict::{Prediction, predict};

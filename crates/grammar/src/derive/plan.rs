@@ -8,6 +8,7 @@ use crate::program::{Production, ProductionSet, Program, SubSystem, SuccessorMod
 use crate::symbols::SymbolId;
 use osier_base::convert::to_usize;
 use osier_base::math::narrow;
+use osier_base::rng::Shares;
 
 /// Index of a group in [`RewritePlan::groups`].
 pub(super) type GroupId = u32;
@@ -25,6 +26,34 @@ pub(super) struct Template<'p> {
     pub ids: Vec<LineageIds>,
     /// Modules that some production may rewrite.
     pub active: Vec<ActiveModule>,
+    /// The modules as text, if none has parameters.
+    pub text: Option<TemplateText>,
+}
+
+/// Modules without parameters as text.
+#[derive(Debug, Default)]
+pub(super) struct TemplateText {
+    text: String,
+    /// Per module: end of its text.
+    ends: Vec<usize>,
+}
+
+impl TemplateText {
+    fn new(program: &Program, symbols: &[SymbolId]) -> Self {
+        let mut out = Self::default();
+        for symbol in symbols {
+            out.text.push(program.symbols.get(*symbol));
+            out.ends.push(out.text.len());
+        }
+        out
+    }
+
+    /// Text of the modules of a range.
+    #[inline]
+    pub fn part(&self, modules: std::ops::Range<usize>) -> &str {
+        let end = |n: usize| n.checked_sub(1).map_or(0, |k| self.ends[k]);
+        &self.text[end(modules.start)..end(modules.end)]
+    }
 }
 
 /// A parameter that depends on the module which is rewritten.
@@ -82,12 +111,14 @@ pub(super) enum Condition<'p> {
 #[derive(Debug)]
 pub(super) struct ProductionGroup {
     pub productions: Vec<u32>,
+    /// All of them look at nothing but the module and their conditions.
+    pub is_simple: bool,
     /// A module to which none of them applies in one step stays as it is in all later steps.
     pub is_stationary: bool,
     /// The only production, if it applies to every module of the group.
     pub always: Option<u32>,
     /// Constant weights of the productions, if all of them apply to every module of the group.
-    pub shares: Option<Vec<f64>>,
+    pub shares: Option<Shares>,
 }
 
 /// The productions of one section, prepared for rewriting.
@@ -159,6 +190,7 @@ impl<'p> RewritePlan<'p> {
                 row.push((arity, next));
                 groups.push(ProductionGroup {
                     productions: Vec::new(),
+                    is_simple: true,
                     is_stationary: true,
                     always: None,
                     shares: None,
@@ -177,6 +209,8 @@ impl<'p> RewritePlan<'p> {
         let mut plan = Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
         plan.productions = set.list.iter().map(|p| plan.production(program, p)).collect();
         for i in 0..plan.groups.len() {
+            plan.groups[i].is_simple =
+                plan.groups[i].productions.iter().all(|p| plan.productions[to_usize(*p)].is_simple);
             plan.groups[i].always = match plan.groups[i].productions.as_slice() {
                 // A deterministic L-system takes the first production that applies.
                 [first, others @ ..] if others.is_empty() || !stochastic => {
@@ -195,7 +229,7 @@ impl<'p> RewritePlan<'p> {
     }
 
     /// Weights of productions that compete under no condition, if they are constant and positive.
-    fn constant_shares(&self, group: &ProductionGroup) -> Option<Vec<f64>> {
+    fn constant_shares(&self, group: &ProductionGroup) -> Option<Shares> {
         let share = |i: &u32| {
             let p = &self.productions[to_usize(*i)];
             match p.weight {
@@ -204,7 +238,8 @@ impl<'p> RewritePlan<'p> {
             }
         };
         let competes = self.stochastic && group.productions.len() > 1;
-        if competes { group.productions.iter().map(share).collect() } else { None }
+        let weights: Option<Vec<f64>> = if competes { group.productions.iter().map(share).collect() } else { None };
+        weights.map(|w| Shares::new(&w))
     }
 
     /// Group of modules of a symbol with `arity` parameters.
@@ -256,6 +291,7 @@ impl<'p> RewritePlan<'p> {
             computed: Vec::new(),
             ids: Vec::new(),
             active: Vec::new(),
+            text: None,
         };
         for (index, m) in (0_u32..).zip(modules) {
             out.symbols.push(m.symbol);
@@ -279,6 +315,7 @@ impl<'p> RewritePlan<'p> {
                 out.active.push(ActiveModule { index, group, first_param, end_param });
             }
         }
+        out.text = out.constants.is_empty().then(|| TemplateText::new(program, &out.symbols));
         out
     }
 }

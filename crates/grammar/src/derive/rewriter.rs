@@ -129,7 +129,13 @@ impl<'p> Rewriter<'p> {
 
     /// Tests a production with contexts or blocks at `module`, the module of index `at`. Local variables hold its parameters
     /// afterwards if it applies.
-    fn applies(&mut self, production: u32, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<bool, Halt> {
+    fn applies(
+        &mut self,
+        production: u32,
+        module: Module<'_>,
+        view: &ContextView<'_>,
+        at: usize,
+    ) -> Result<bool, Halt> {
         let planned = self.planned(production);
         let p = planned.source;
         let file = &mut self.files[to_usize(production)];
@@ -174,7 +180,7 @@ impl<'p> Rewriter<'p> {
     /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged. `view` and
     /// `at`: the string that contexts see, and the module's place in it.
     #[inline]
-    pub fn select(&mut self, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<Option<u32>, Halt> {
+    pub fn select(&mut self, module: Module<'_>, view: &ContextView<'_>, at: usize) -> Result<Option<u32>, Halt> {
         let Some(group) = self.settings.plan.group(module.symbol, module.params.len()) else { return Ok(None) };
         self.select_in_group(group, module, view, at)
     }
@@ -185,7 +191,7 @@ impl<'p> Rewriter<'p> {
         &mut self,
         group: GroupId,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
     ) -> Result<Option<u32>, Halt> {
         let plan = self.settings.plan;
@@ -200,7 +206,13 @@ impl<'p> Rewriter<'p> {
         // Deterministic L-system: the first production in file order that applies.
         if !plan.stochastic {
             for &p in &group.productions {
-                if self.production_applies(p, module, view, at)? {
+                let applies = if group.is_simple {
+                    self.load_params(p, module.params);
+                    self.condition_holds(p)?
+                } else {
+                    self.production_applies(p, module, view, at)?
+                };
+                if applies {
                     return Ok(Some(p));
                 }
             }
@@ -208,7 +220,7 @@ impl<'p> Rewriter<'p> {
         }
         // Stochastic L-system: a production is drawn among those that apply.
         if let Some(shares) = &group.shares {
-            let chosen = self.draw_choice(module.lineage(), shares);
+            let chosen = shares.pick(&mut self.choice_stream(module.lineage()));
             let p = group.productions[chosen];
             self.load_params(p, module.params);
             return Ok(Some(p));
@@ -216,12 +228,11 @@ impl<'p> Rewriter<'p> {
         self.draw_candidate(group, module, view, at)
     }
 
-    #[inline]
     fn production_applies(
         &mut self,
         p: u32,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
     ) -> Result<bool, Halt> {
         if self.planned(p).is_simple {
@@ -236,7 +247,7 @@ impl<'p> Rewriter<'p> {
     pub fn draw_in_group(&self, group: GroupId, h: u64) -> Option<u32> {
         let group = &self.settings.plan.groups[to_usize(group)];
         let shares = group.shares.as_ref()?;
-        group.productions.get(self.draw_choice(h, shares)).copied()
+        group.productions.get(shares.pick(&mut self.choice_stream(h))).copied()
     }
 
     /// Sets the variables of a production that was drawn for a module.
@@ -253,7 +264,7 @@ impl<'p> Rewriter<'p> {
         &mut self,
         group: &ProductionGroup,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
     ) -> Result<Option<u32>, Halt> {
         self.candidates.clear();
@@ -271,14 +282,14 @@ impl<'p> Rewriter<'p> {
         Ok(self.candidates.get(chosen).copied())
     }
 
-    /// An index drawn by weight for the module of lineage `h`.
+    /// The stream that the choice of a production for the module of lineage `h` is drawn from.
     #[inline]
-    fn draw_choice(&self, h: u64, weights: &[f64]) -> usize {
+    fn choice_stream(&self, h: u64) -> Rng {
         // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
         // 2^32, cannot reach.
         const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
         let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
-        Rng::from_key(CHOICE.of(key)).pick(weights)
+        Rng::from_key(CHOICE.of(key))
     }
 
     /// Index of the candidate drawn by weight.
@@ -314,7 +325,7 @@ impl<'p> Rewriter<'p> {
             self.vm.warnings.add("L034", place, "all weights are 0, the first production is taken");
             return Ok(0);
         }
-        Ok(self.draw_choice(h, &self.weights))
+        Ok(self.choice_stream(h).pick(&self.weights))
     }
 
     /// Appends the parameters of the successor of a production that was selected.
@@ -351,7 +362,7 @@ impl<'p> Rewriter<'p> {
         let h = if self.settings.tag == 0 { h } else { rng::child(h, self.settings.tag) };
         let planned = self.planned(production);
         let template = &planned.template;
-        let first_param = out.param_count();
+        let first_param = u32::try_from(out.param_count()).unwrap_or(u32::MAX);
         self.append_params(production, out.params_mut())?;
         let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
         out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);

@@ -41,7 +41,7 @@ impl<'g> Derivation<'g> {
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
-        // modules). Short strings do not repay the cost of parallel blocks.
+        // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
         if !self.program.subsystems.is_empty() {
             let mut next_string = std::mem::take(&mut self.next_string);
             let result = self.rewrite_systems(settings, view, &mut next_string);
@@ -51,10 +51,10 @@ impl<'g> Derivation<'g> {
             std::mem::swap(&mut self.string, &mut self.next_string);
             return Ok(changed);
         }
-        if self.program.is_serial() || n <= BLOCK_MODULES {
+        if self.program.is_serial() || n <= BLOCK_MODULES || par::threads() == 1 {
             let mut rewriter = Rewriter::new(settings, self.vm.clone());
             self.next_string.clear();
-            let changed = rewrite_range(&mut rewriter, view, 0..n, &mut self.next_string, limit);
+            let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, limit);
             self.vm = rewriter.vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
@@ -73,7 +73,7 @@ impl<'g> Derivation<'g> {
         let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
         par::par_each(&mut blocks, |block| {
             let mut rewriter = Rewriter::new(settings, block.vm.clone());
-            let result = rewrite_range(&mut rewriter, view, block.range.clone(), &mut block.modules, limit);
+            let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, limit);
             block.changed = result.unwrap_or(false);
             block.vm = rewriter.vm;
             block.halt = result.err();
@@ -103,7 +103,7 @@ impl<'g> Derivation<'g> {
             let view = ContextView { ignored: own.map_or(view.ignored, |s| &s.ignored), ..view };
             // The machine, with its variables and warnings, goes on from run to run.
             std::mem::swap(&mut rewriter.vm, &mut vm);
-            changed |= rewrite_range(rewriter, view, start..start + run.len(), out, limit)?;
+            changed |= rewrite_range(rewriter, &view, start..start + run.len(), out, limit)?;
             std::mem::swap(&mut rewriter.vm, &mut vm);
             start += run.len();
         }
@@ -153,7 +153,7 @@ pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limi
 /// Rewrites the modules of `range` into `out`; true if any production was applied.
 pub(super) fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
-    view: ContextView<'_>,
+    view: &ContextView<'_>,
     range: std::ops::Range<usize>,
     out: &mut ModuleString,
     limit: usize,
