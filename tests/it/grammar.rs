@@ -186,6 +186,7 @@ fn the_replacements_of_broken_grammars_mend_them() {
         ("L001", s("F", "F = F[+F]F")),
         ("L001", s("F", "F \u{2192} FF")),
         ("L001", s("F", "F ==> FF")),
+        ("L001", s("F", "F -o> FF")),
         ("L001", s("F(1)", "F(x) : x = 1 --> F(2)")),
         ("L001", s("F(1)", "F(x) : {y = 1; if (x > 1) y=3;} --> F(y)")),
         ("L001", s("F(1)", "F(x) : {if (x = 1) {x = 3;}} --> F(x)")),

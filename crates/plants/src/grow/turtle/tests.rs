@@ -210,6 +210,7 @@ fn oddities_are_told() {
     };
     assert_eq!(code("F]F"), ["L053"]);
     assert_eq!(code("F+F"), ["L045"]);
+    assert_eq!(code("F?E(1)"), ["L008"]);
     assert_eq!(code("F(log(0))F(1)"), ["L041"]);
     assert_eq!(code("F@GsF"), ["L008"]);
     assert_eq!(code("F@SF"), ["L043!"]);
