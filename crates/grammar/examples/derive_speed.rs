@@ -1,10 +1,5 @@
 //! Times derivations on one thread: `cargo run --release -p osier-grammar --example derive_speed [NAME]`.
-#![allow(
-    clippy::expect_used,
-    clippy::print_stdout,
-    clippy::disallowed_methods,
-    reason = "an example that measures time"
-)]
+#![allow(clippy::expect_used, clippy::print_stdout, clippy::disallowed_methods, reason = "an example that measures time")]
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -16,13 +11,8 @@ fn system(n: u32, rules: &str, axiom: &str, items: &str) -> Grammar {
     let text = format!("Lsystem: 1\n{items}\nderivation length: {n}\nAxiom: {axiom}\n{rules}\nendlsystem\n");
     let defines = BTreeMap::new();
     let mut none = |r: &str, _: &str| Err(Error::io("open", r, std::io::ErrorKind::NotFound.into()));
-    let source = GrammarSource {
-        name: "speed.l",
-        bytes: text.as_bytes(),
-        includes: &mut none,
-        defines: &defines,
-        functions: Default::default(),
-    };
+    let (bytes, functions) = (text.as_bytes(), std::sync::Arc::default());
+    let source = GrammarSource { name: "speed.l", bytes, includes: &mut none, defines: &defines, functions };
     parse(&mut Sources::default(), source, &Limits::default()).expect("reads").0
 }
 

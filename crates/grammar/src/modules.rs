@@ -31,10 +31,7 @@ impl Module<'_> {
 pub(crate) enum Ancestry {
     Known(u64),
     /// Made from the module of lineage `parent`.
-    Child {
-        parent: u64,
-        ids: LineageIds,
-    },
+    Child { parent: u64, ids: LineageIds },
 }
 
 /// Symbol and occurrence of a module in its successor, prepared for its lineage.
@@ -160,15 +157,6 @@ impl ModuleString {
         self.birth.push(birth);
     }
 
-    /// Replaces the first parameters of module `i`, which must exist; values that it has no parameter for are left out.
-    pub(crate) fn set_params(&mut self, i: usize, values: &[f64]) {
-        let range = self.param_range(i);
-        for (param, value) in self.params[range].iter_mut().zip(values) {
-            // Adding 0 turns -0 into 0.
-            *param = osier_base::math::narrow(*value + 0.0);
-        }
-    }
-
     /// The parameters of all modules, to append those of modules that [`ModuleString::finish_modules`] will end.
     #[inline]
     pub(crate) fn params_mut(&mut self) -> &mut Vec<f32> {
@@ -177,13 +165,27 @@ impl ModuleString {
 
     /// Ends modules whose parameters were appended, from parameter `block.first_param` on. `lineages`: one for each module.
     #[inline]
-    pub(crate) fn finish_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
+    pub(crate) fn finish_modules(
+        &mut self,
+        block: ModuleBlock<'_>,
+        lineages: impl Iterator<Item = u64>,
+        birth: u32,
+    ) {
         if self.prepare_ends() {
             self.ends.extend(block.ends.iter().map(|e| e.wrapping_add(block.first_param)));
         }
         self.symbols.extend_from_slice(block.symbols);
         self.lineage.extend(lineages);
         self.birth.resize(self.symbols.len(), birth);
+    }
+
+    /// Replaces the first parameters of module `i`, which must exist; values that it has no parameter for are left out.
+    pub(crate) fn set_params(&mut self, i: usize, values: &[f64]) {
+        let range = self.param_range(i);
+        for (param, value) in self.params[range].iter_mut().zip(values) {
+            // Adding 0 turns -0 into 0.
+            *param = osier_base::math::narrow(*value + 0.0);
+        }
     }
 
     /// Appends a copy of a module.

@@ -268,6 +268,7 @@ impl Program {
         let makes_cut = |p: &Production| p.successor.iter().any(|t| Some(t.symbol) == cuts);
         let axiom_cuts = self.axiom.iter().any(|t| Some(t.symbol) == cuts);
         self.decomposition.list.is_empty()
+            && self.subsystems.is_empty()
             && !self.has_queries()
             && !self.is_serial()
             && !(cuts.is_some() && (axiom_cuts || self.rules.list.iter().any(makes_cut)))

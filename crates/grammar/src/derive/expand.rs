@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use super::matching::{self, ContextView};
-use super::plan::RewritePlan;
+use super::plan::SectionPlans;
 use super::rewriter::{DrawPurposes, Followers, RewriteSettings, Rewriter};
 use super::step::check_size;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
 use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
-use crate::program::{Production, Program, Section};
+use crate::program::Section;
 use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
 use osier_base::convert;
@@ -72,9 +72,9 @@ struct Expander<'p> {
 }
 
 impl<'p> Expander<'p> {
-    fn new(settings: RewriteSettings<'p>, vm: Vm, limit: usize) -> Self {
+    fn new(settings: RewriteSettings<'p>, plans: &SectionPlans<'_>, vm: Vm, limit: usize) -> Self {
         let rewriter = Rewriter::new(settings, vm);
-        let longest = settings.plan.set.list.iter().map(|p| p.predecessor.len()).max().unwrap_or(1);
+        let longest = plans.longest_predecessor();
         Self {
             applied: false,
             longest,
@@ -141,8 +141,8 @@ impl<'p> Expander<'p> {
                 }
                 return Err(Halt::Modules);
             };
-            // A predecessor of several modules takes those after the first from the string or from the same successor.
             let source = self.rewriter.planned(p).source;
+            // A predecessor of several modules takes those after the first from the string or from the same successor.
             if depth == 0 {
                 taken = source.predecessor.len();
             } else {
@@ -173,14 +173,14 @@ impl<'p> Expander<'p> {
 impl Derivation<'_> {
     /// Replaces the string by its decomposition; true if any production was applied.
     pub(super) fn decompose(&mut self, step: u32) -> std::result::Result<bool, Halt> {
-        if self.program.sections(Section::Decomposition).all(|s| s.list.is_empty()) {
+        let plans = &self.plans.decomposition;
+        if plans.is_empty() {
             return Ok(false);
         }
-        let needs_partners = needs_partners(self.program, Section::Decomposition);
         let partner =
-            if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
+            if plans.needs_partners() { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = RewriteSettings {
-            plan: &self.plans.decomposition,
+            plan: plans.main(),
             purposes: DrawPurposes::all(DrawPurpose::Decomposition),
             step: Some(step),
             birth: step,
@@ -189,8 +189,7 @@ impl Derivation<'_> {
         };
         let limit = convert::limit(self.limits.get("modules"));
         // Modules are expanded in string order into the second buffer; contexts see the string before decomposition.
-        let plans = self.plans.subsystems.iter().map(|s| &s.decomposition);
-        let mut expanders = SystemExpanders::new(settings, plans, self.vm.clone(), limit);
+        let mut expander = Expander::new(settings, plans, self.vm.clone(), limit);
         self.next_string.clear();
         let view = ContextView {
             modules: &self.string,
@@ -203,67 +202,20 @@ impl Derivation<'_> {
         let mut i = 0;
         let systems = self.program.systems_of(&self.string);
         while i < self.string.len() {
-            let system = systems.get(i).copied().map_or(0, usize::from);
-            i += expanders.expand(system, &view, i, &mut |m| {
+            if let Some(system) = systems.get(i) {
+                expander.rewriter.change_plan(plans.of(*system));
+            }
+            i += expander.expand(&view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit
             })?;
             check_size(out, 0, 0, limit)?;
         }
-        let applied = expanders.list.iter().any(|e| e.applied);
-        self.vm = expanders.into_vm();
+        let applied = expander.applied;
+        self.vm = expander.rewriter.vm;
         std::mem::swap(&mut self.string, &mut self.next_string);
         Ok(applied)
     }
-}
-
-/// The expanders of all L-systems of a file. The machine, with its variables and warnings, is that of the one in use.
-struct SystemExpanders<'p> {
-    list: Vec<Expander<'p>>,
-    active: usize,
-}
-
-impl<'p> SystemExpanders<'p> {
-    /// `settings`: those of the main L-system; `others`: the productions of the others.
-    fn new(
-        settings: RewriteSettings<'p>,
-        others: impl Iterator<Item = &'p RewritePlan<'p>>,
-        vm: Vm,
-        limit: usize,
-    ) -> Self {
-        let others = others.map(|plan| Expander::new(RewriteSettings { plan, ..settings }, vm.clone(), limit));
-        let others: Vec<Expander<'p>> = others.collect();
-        Self { list: [Expander::new(settings, vm, limit)].into_iter().chain(others).collect(), active: 0 }
-    }
-
-    /// Expands module `at` by the productions of an L-system.
-    fn expand(
-        &mut self,
-        system: usize,
-        view: &ContextView<'_>,
-        at: usize,
-        sink: &mut impl FnMut(Module<'_>) -> bool,
-    ) -> std::result::Result<usize, Halt> {
-        if system != self.active && system < self.list.len() {
-            let vm = self.list[self.active].rewriter.vm.clone();
-            self.list[system].rewriter.vm = vm;
-            self.active = system;
-        }
-        self.list[self.active].expand(view, at, sink)
-    }
-
-    fn vm(&self) -> &Vm {
-        &self.list[self.active].rewriter.vm
-    }
-
-    fn into_vm(self) -> Vm {
-        self.vm().clone()
-    }
-}
-
-/// Does a production of the section look at its neighbours?
-fn needs_partners(program: &Program, section: Section) -> bool {
-    program.sections(section).any(|s| s.list.iter().any(|p| !p.is_context_free()))
 }
 
 /// Hands every module of the final string to `sink`, expanded by the homomorphism.
@@ -290,9 +242,10 @@ pub fn interpret_modules(
 ) -> Result<Vec<Diagnostic>> {
     let program = &grammar.program;
     let rules = &program.homomorphism;
-    let halted = |h: Halt| halt_error(grammar, h, derived.steps, limits);
-    if program.sections(Section::Homomorphism).all(|s| s.list.is_empty()) {
-        let mut index = 0;
+    // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
+    let plans = SectionPlans::new(program, Section::Homomorphism, derived.stochastic || rules.seed.is_some());
+    let mut index = 0;
+    if plans.is_empty() {
         derived.for_each(grammar, limits, |m| {
             sink(m, index);
             index += 1;
@@ -308,43 +261,32 @@ pub fn interpret_modules(
     vm.globals.clone_from(&derived.globals);
     vm.step = derived.completed;
     vm.statement_limit = limits.get("statements");
-    // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
-    let plan = RewritePlan::new(program, rules, derived.stochastic || rules.seed.is_some());
     let settings = RewriteSettings {
-        plan: &plan,
+        plan: plans.main(),
         purposes: DrawPurposes::all(DrawPurpose::Homomorphism),
         step: None,
         birth: 0,
         tag: word("homomorphism"),
         brackets,
     };
-    let max_stack = convert::limit(limits.get("modules"));
+    let mut expander = Expander::new(settings, &plans, vm, convert::limit(limits.get("modules")));
     // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
-    // hold.
+    // hold. The callback ends the expansion when the budget is used up.
     let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
-    let mut draw = |m: Module<'_>, index: usize| {
+    let mut draw = |m: Module<'_>, i: usize| {
         drawn += 1;
-        sink(m, index);
-        // The callback ends the expansion when the budget is used up.
+        sink(m, i);
         drawn <= limit
     };
-    let ignored = program.ignored.flags(&program.symbols);
-    let alone = |p: &Production| p.is_context_free() && p.predecessor.len() == 1;
-    if program.subsystems.is_empty() && rules.list.iter().all(alone) {
-        let view = ContextView {
-            modules: &ModuleString::EMPTY,
-            partner: &[],
-            ignored: &ignored,
-            is_ring: false,
-            borders: None,
-        };
-        let mut expander = Expander::new(settings, vm, max_stack);
-        let (mut halt, mut index) = (None, 0);
+    let halted = |h: Halt| halt_error(grammar, h, derived.steps, limits);
+    let looks_around = plans.needs_partners() || plans.longest_predecessor() > 1;
+    if !looks_around && program.subsystems.is_empty() {
+        let mut halt = None;
         derived.for_each(grammar, limits, |m| {
-            let result = expander.expand_module(m, &view, 0, &mut |m| draw(m, index));
+            let expanded = expander.expand_module(m, &ContextView::NONE, 0, &mut |m| draw(m, index));
             index += 1;
-            match result {
+            match expanded {
                 Ok(_) => ControlFlow::Continue(()),
                 Err(h) => {
                     halt = Some(h);
@@ -355,28 +297,23 @@ pub fn interpret_modules(
         halt.map_or(Ok(()), |h| Err(halted(h)))?;
         return Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings));
     }
-    // Contexts are those of the derived string, which must be stored for them.
+    // Neighbours are those of the derived string, which must be stored for them.
     let string = derived.string(grammar, limits)?;
-    let partner = matching::matching_brackets(&string, brackets);
+    let partner = if plans.needs_partners() { matching::matching_brackets(&string, brackets) } else { Vec::new() };
     let view = ContextView {
         modules: &string,
         partner: &partner,
-        ignored: &ignored,
+        ignored: &program.ignored.flags(&program.symbols),
         is_ring: program.is_ring,
         borders: program.borders(),
     };
-    let stochastic = derived.stochastic;
-    let plans: Vec<RewritePlan<'_>> = program
-        .subsystems
-        .iter()
-        .map(|s| RewritePlan::new(program, &s.homomorphism, stochastic || s.homomorphism.seed.is_some()))
-        .collect();
-    let mut expanders = SystemExpanders::new(settings, plans.iter(), vm, max_stack);
     let systems = program.systems_of(&string);
     let mut i = 0;
     while i < string.len() {
-        let system = systems.get(i).copied().map_or(0, usize::from);
-        i += expanders.expand(system, &view, i, &mut |m| draw(m, i)).map_err(halted)?;
+        if let Some(system) = systems.get(i) {
+            expander.rewriter.change_plan(plans.of(*system));
+        }
+        i += expander.expand(&view, i, &mut |m| draw(m, i)).map_err(halted)?;
     }
-    Ok(runtime_diagnostics(grammar, &expanders.vm().warnings))
+    Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))
 }

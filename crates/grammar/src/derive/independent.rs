@@ -8,9 +8,7 @@ use super::depth_first::{Block, DepthFirst, DepthFirstJob, DerivationCounts, Mod
 use super::plan::RewritePlan;
 use super::registers::RegisterCompiler;
 use super::text::{TextSink, repeated_text};
-use super::{
-    Derivation, DeriveOptions, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict,
-};
+use super::{DeriveOptions, Derivation, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict};
 use crate::grammar::{Grammar, runtime_report};
 use crate::modules::{Module, ModuleString};
 use crate::vm::{Halt, RandomStreams, Vm};
@@ -116,8 +114,8 @@ impl Derivation<'_> {
         };
         let bounds = DerivationBounds::new(self.length, deferred.last_step, self.limits);
         let streams = self.vm.streams;
-        let mut run = deferred.restart(self.grammar, &self.plans.rules, streams, bounds);
-        let upper = predict(self.grammar, deferred.last_step, self.plans.rules.stochastic).upper;
+        let mut run = deferred.restart(self.grammar, self.plans.rules.main(), streams, bounds);
+        let upper = predict(self.grammar, deferred.last_step, self.plans.rules.main().stochastic).upper;
         let mut string = ModuleString::default();
         let mut result = Ok(());
         // Count before anything is stored: a string that passes a limit is refused without its memory.
@@ -128,7 +126,7 @@ impl Derivation<'_> {
         if stores && result.is_ok() {
             let warnings = std::mem::take(&mut run.rewriter.vm.warnings);
             let counted = upper > COUNTED_FROM;
-            run = deferred.restart(self.grammar, &self.plans.rules, streams, bounds);
+            run = deferred.restart(self.grammar, self.plans.rules.main(), streams, bounds);
             result = run.run(&mut string);
             if counted {
                 run.rewriter.vm.warnings = warnings;
@@ -215,7 +213,7 @@ impl Derivation<'_> {
             let expected = counts.step_beyond(bounds.max_modules, fits);
             let last_step = (fits * 2).max(1).min(expected.unwrap_or(u32::MAX)).clamp(fits + 1, passes - 1);
             let probe = DerivationBounds { last_step, ..bounds };
-            let mut run = deferred.restart(self.grammar, &self.plans.rules, streams, probe);
+            let mut run = deferred.restart(self.grammar, self.plans.rules.main(), streams, probe);
             if run.run(&mut CountingSink).is_ok() {
                 fits = last_step;
             } else {

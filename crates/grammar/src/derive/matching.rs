@@ -66,6 +66,10 @@ pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &m
 }
 
 impl ContextView<'_> {
+    /// No string: for productions that look at no neighbour.
+    pub const NONE: ContextView<'static> =
+        ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &[], is_ring: false, borders: None };
+
     /// Number of modules up to which positions may count: with joined ends once around the ring, back to where the search
     /// began.
     fn end(&self, from: usize) -> usize {

@@ -24,12 +24,12 @@ use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
 use independent::Deferred;
 use matching::Brackets;
+use plan::Plans;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::rng::{child, mix64};
-use plan::Plans;
 
 /// How a grammar is derived.
 #[derive(Debug, Clone, Default)]
@@ -85,7 +85,7 @@ const MAX_PARAMS: usize = 1 << 27;
 /// `Input` with L050 if the string would surely pass `modules`, with L051 if it does on the way, with L044 for an
 /// endless loop.
 pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
-    derive_with(grammar, options, limits, Storage::String)
+    derive_with(grammar, options, limits, Storage::String, None)
 }
 
 /// Derives a grammar without storing its string where modules are rewritten independently of each other: only the number of
@@ -93,7 +93,7 @@ pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Re
 /// # Errors
 /// Those of [`derive()`].
 pub fn derive_deferred(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
-    derive_with(grammar, options, limits, Storage::Deferred)
+    derive_with(grammar, options, limits, Storage::Deferred, None)
 }
 
 /// Whether a string that could be derived while it is drawn is stored.
@@ -103,18 +103,20 @@ enum Storage {
     Deferred,
 }
 
-fn derive_with(grammar: &Grammar, options: &DeriveOptions, limits: &Limits, storage: Storage) -> Result<DerivedString> {
+fn derive_with(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    limits: &Limits,
+    storage: Storage,
+    turtle: Option<&mut AskTurtle<'_>>,
+) -> Result<DerivedString> {
     let program = &grammar.program;
     let length = options.steps.unwrap_or(program.length);
     predict::check_limits(grammar, length, options, limits)?;
     let stochastic = options.stochastic.unwrap_or(program.is_stochastic());
     let plans = Plans::new(program, stochastic);
     let d = Derivation::new(grammar, &plans, options, length, limits);
-    if program.rewrites_independently() {
-        d.derive_independently(options, storage)
-    } else {
-        d.derive_by_steps(options, None)
-    }
+    if program.rewrites_independently() { d.derive_independently(options, storage) } else { d.derive_by_steps(options, turtle) }
 }
 
 /// State of one derivation.
@@ -186,10 +188,15 @@ impl<'g> Derivation<'g> {
     }
 
     /// Derives step by step: the whole string is rewritten before the next step begins.
-    fn derive_by_steps(mut self, options: &DeriveOptions, turtle: Option<&mut AskTurtle<'_>>) -> Result<DerivedString> {
+    fn derive_by_steps(
+        mut self,
+        options: &DeriveOptions,
+        turtle: Option<&mut AskTurtle<'_>>,
+    ) -> Result<DerivedString> {
         match self.run(turtle) {
             Ok(()) => Ok(self.finish(options)),
-            Err(halt) => Err(self.query_error.take().unwrap_or_else(|| self.halt_report(halt))),
+            Err(Halt::Query) => Err(self.query_error.take().unwrap_or_else(|| self.halt_report(Halt::Query))),
+            Err(halt) => Err(self.halt_report(halt)),
         }
     }
 
@@ -330,7 +337,7 @@ impl<'g> Derivation<'g> {
             plant_id: options.plant_id,
             seed: options.seed,
             warnings: runtime_diagnostics(self.grammar, &self.vm.warnings),
-            stochastic: self.plans.rules.stochastic,
+            stochastic: self.plans.rules.main().stochastic,
             length: self.length,
             completed,
             file_seed: self.vm.streams.file_seed(),

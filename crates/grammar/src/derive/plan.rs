@@ -4,7 +4,7 @@
 use super::registers::{RegisterCode, RegisterCompiler, ValueSource};
 use crate::code::{Bytecode, Expr, Op};
 use crate::modules::LineageIds;
-use crate::program::{Production, ProductionSet, Program, SubSystem, SuccessorModule};
+use crate::program::{Production, ProductionSet, Program, Section, SuccessorModule};
 use crate::symbols::SymbolId;
 use osier_base::convert::to_usize;
 use osier_base::math::narrow;
@@ -135,41 +135,59 @@ pub(super) struct RewritePlan<'p> {
     pub draws: bool,
 }
 
+/// The plans of one section of all L-systems of a file.
+#[derive(Debug)]
+pub(super) struct SectionPlans<'p> {
+    /// The main L-system first, then those of [`Program::subsystems`].
+    systems: Vec<RewritePlan<'p>>,
+}
+
+impl<'p> SectionPlans<'p> {
+    /// Prepares a section. `stochastic`: its productions compete by weight.
+    pub fn new(program: &'p Program, section: Section, stochastic: bool) -> Self {
+        let plan = |set| RewritePlan::new(program, set, stochastic);
+        Self { systems: program.sections(section).map(plan).collect() }
+    }
+
+    /// The plan of the main L-system.
+    pub fn main(&self) -> &RewritePlan<'p> {
+        &self.systems[0]
+    }
+
+    /// The plan of an L-system by its number, as [`Program::section`] counts; of the main one for an unknown number.
+    pub fn of(&self, system: u16) -> &RewritePlan<'p> {
+        self.systems.get(usize::from(system)).unwrap_or(&self.systems[0])
+    }
+
+    /// No production in any L-system.
+    pub fn is_empty(&self) -> bool {
+        self.systems.iter().all(|p| p.productions.is_empty())
+    }
+
+    /// Some production looks at its neighbours.
+    pub fn needs_partners(&self) -> bool {
+        self.systems.iter().flat_map(|p| &p.set.list).any(|p| !p.is_context_free())
+    }
+
+    /// Modules of the longest predecessor.
+    pub fn longest_predecessor(&self) -> usize {
+        self.systems.iter().flat_map(|p| &p.set.list).map(|p| p.predecessor.len()).max().unwrap_or(1)
+    }
+}
+
 /// The plans of the sections that make the string.
 #[derive(Debug)]
 pub(super) struct Plans<'p> {
-    pub rules: RewritePlan<'p>,
-    pub decomposition: RewritePlan<'p>,
-    /// Those of the other L-systems of the file.
-    pub subsystems: Vec<SubPlans<'p>>,
-}
-
-/// The plans of a sub-L-system.
-#[derive(Debug)]
-pub(super) struct SubPlans<'p> {
-    pub rules: RewritePlan<'p>,
-    pub decomposition: RewritePlan<'p>,
-    /// Per symbol: true if its contexts ignore it.
-    pub ignored: Vec<bool>,
+    pub rules: SectionPlans<'p>,
+    pub decomposition: SectionPlans<'p>,
 }
 
 impl<'p> Plans<'p> {
     /// Prepares the productions of a program. `stochastic`: they compete by weight.
     pub fn new(program: &'p Program, stochastic: bool) -> Self {
         Self {
-            rules: RewritePlan::new(program, &program.rules, stochastic),
-            decomposition: RewritePlan::new(program, &program.decomposition, stochastic),
-            subsystems: program.subsystems.iter().map(|s| SubPlans::new(program, s, stochastic)).collect(),
-        }
-    }
-}
-
-impl<'p> SubPlans<'p> {
-    fn new(program: &'p Program, system: &'p SubSystem, stochastic: bool) -> Self {
-        Self {
-            rules: RewritePlan::new(program, &system.rules, stochastic),
-            decomposition: RewritePlan::new(program, &system.decomposition, stochastic),
-            ignored: system.ignored.flags(&program.symbols),
+            rules: SectionPlans::new(program, Section::Rules, stochastic),
+            decomposition: SectionPlans::new(program, Section::Decomposition, stochastic),
         }
     }
 }
@@ -188,13 +206,7 @@ impl<'p> RewritePlan<'p> {
             let group = group.unwrap_or_else(|| {
                 let next = u32::try_from(groups.len()).unwrap_or(u32::MAX);
                 row.push((arity, next));
-                groups.push(ProductionGroup {
-                    productions: Vec::new(),
-                    is_simple: true,
-                    is_stationary: true,
-                    always: None,
-                    shares: None,
-                });
+                groups.push(ProductionGroup { productions: Vec::new(), is_simple: true, is_stationary: true, always: None, shares: None });
                 next
             });
             if let Some(g) = groups.get_mut(to_usize(group)) {
@@ -206,7 +218,8 @@ impl<'p> RewritePlan<'p> {
             let tests = g.productions.iter().filter_map(|i| set.list.get(to_usize(*i))).flat_map(tests);
             g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
         }
-        let mut plan = Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
+        let mut plan =
+            Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
         plan.productions = set.list.iter().map(|p| plan.production(program, p)).collect();
         for i in 0..plan.groups.len() {
             plan.groups[i].is_simple =
@@ -262,8 +275,11 @@ impl<'p> RewritePlan<'p> {
         };
         // Parameters of a lone predecessor are the first local variables.
         let is_first = p.predecessor.first().is_some_and(|f| f.slot == 0);
-        let is_simple =
-            p.is_context_free() && p.predecessor.len() == 1 && is_first && p.before.is_none() && p.after.is_none();
+        let is_simple = p.is_context_free()
+            && p.predecessor.len() == 1
+            && is_first
+            && p.before.is_none()
+            && p.after.is_none();
         let mut compiler = RegisterCompiler::new(p.locals);
         let condition = match &p.condition {
             None => Condition::Always,

@@ -1,7 +1,6 @@
 //! Queries: `?P`, `?H`, `?L` and `?U` ask the turtle where it stands, and the bounds of what it has drawn.
 
-use super::plan::Plans;
-use super::{Derivation, DeriveOptions, DerivedString, predict};
+use super::{Derivation, DeriveOptions, DerivedString, Storage, derive_with};
 use crate::code::{Bytecode, Op};
 use crate::grammar::Grammar;
 use crate::program::Program;
@@ -43,11 +42,7 @@ pub fn derive_with_queries(
     limits: &Limits,
     ask: &mut AskTurtle<'_>,
 ) -> Result<DerivedString> {
-    let length = options.steps.unwrap_or(grammar.program.length);
-    predict::check_limits(grammar, length, options, limits)?;
-    let stochastic = options.stochastic.unwrap_or(grammar.program.is_stochastic());
-    let plans = Plans::new(&grammar.program, stochastic);
-    Derivation::new(grammar, &plans, options, length, limits).derive_by_steps(options, Some(ask))
+    derive_with(grammar, options, limits, Storage::String, Some(ask))
 }
 
 impl Program {
@@ -87,7 +82,7 @@ impl Derivation<'_> {
             plant_id: self.options.plant_id,
             seed: self.options.seed,
             warnings: Vec::new(),
-            stochastic: self.plans.rules.stochastic,
+            stochastic: self.plans.rules.main().stochastic,
             length: self.length,
             completed: self.vm.step,
             file_seed: self.vm.streams.file_seed(),

@@ -69,8 +69,20 @@ pub(super) struct Rewriter<'p> {
 
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
-        let files = settings.plan.productions.iter().map(|p| p.registers.initial.clone()).collect();
+        let files = Self::register_files(settings.plan);
         Self { settings, vm, followers: None, files, candidates: Vec::new(), weights: Vec::new() }
+    }
+
+    fn register_files(plan: &RewritePlan<'_>) -> Vec<RegisterFile> {
+        plan.productions.iter().map(|p| p.registers.initial.clone()).collect()
+    }
+
+    /// Continues with the productions of another L-system.
+    pub fn change_plan(&mut self, plan: &'p RewritePlan<'p>) {
+        if !std::ptr::eq(self.settings.plan, plan) {
+            self.settings.plan = plan;
+            self.files = Self::register_files(plan);
+        }
     }
 
     /// The production of an index.
@@ -158,7 +170,9 @@ impl<'p> Rewriter<'p> {
         let right = self.followers.as_ref().map_or(at + p.predecessor.len(), |f| f.context_from);
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
-        if !view.matches_left(brackets, &p.left, at, locals) || !view.matches_right(brackets, &p.right, right, locals) {
+        if !view.matches_left(brackets, &p.left, at, locals)
+            || !view.matches_right(brackets, &p.right, right, locals)
+        {
             return Ok(false);
         }
         // The block before the condition may assign variables that the condition reads.

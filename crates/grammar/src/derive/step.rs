@@ -1,12 +1,12 @@
 //! One step: all modules are rewritten at once, blocks of them in parallel.
 
 use super::matching::{self, ContextView};
-use super::plan::RewritePlan;
+use super::plan::{RewritePlan, SectionPlans};
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
-use crate::program::Section;
-use crate::vm::{Halt, Vm};
+use crate::program::Program;
+use crate::vm::Halt;
 use osier_base::{convert, par};
 
 /// Modules of a block that one thread rewrites. Smaller blocks balance the threads better, larger ones cost fewer copies of
@@ -25,9 +25,9 @@ struct BlockTask {
 impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
-        let plan = &self.plans.rules;
+        let plan = self.plans.rules.main();
         // Matching brackets are only needed by productions with contexts; without them the table stays empty.
-        let needs_partners = self.program.sections(Section::Rules).any(|s| s.list.iter().any(|p| !p.is_context_free()));
+        let needs_partners = self.plans.rules.needs_partners();
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = self.rewrite_settings(plan, step);
@@ -40,17 +40,16 @@ impl<'g> Derivation<'g> {
         };
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
-        // Serial grammars see the effects of one module on the next (global variables, predecessors of several
-        // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
         if !self.program.subsystems.is_empty() {
-            let mut next_string = std::mem::take(&mut self.next_string);
-            let result = self.rewrite_systems(settings, view, &mut next_string);
-            self.next_string = next_string;
-            let (changed, vm) = result?;
+            let rewriter = Rewriter::new(settings, self.vm.clone());
+            let systems = SystemRuns { program: self.program, plans: &self.plans.rules };
+            let (changed, vm) = systems.rewrite(rewriter, &view, &mut self.next_string, limit);
             self.vm = vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
-            return Ok(changed);
+            return changed;
         }
+        // Serial grammars see the effects of one module on the next (global variables, predecessors of several
+        // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
         if self.program.is_serial() || n <= BLOCK_MODULES || par::threads() == 1 {
             let mut rewriter = Rewriter::new(settings, self.vm.clone());
             self.next_string.clear();
@@ -79,35 +78,6 @@ impl<'g> Derivation<'g> {
             block.halt = result.err();
         });
         self.join_blocks(blocks, limit)
-    }
-
-    /// Rewrites a string with sub-L-systems, run by run: the modules between two borders by the productions of their L-system.
-    /// True if any production was applied, and the machine behind the last run.
-    fn rewrite_systems(
-        &self,
-        settings: RewriteSettings<'_>,
-        view: ContextView<'_>,
-        out: &mut ModuleString,
-    ) -> Result<(bool, Vm), Halt> {
-        let systems = self.program.systems_of(view.modules);
-        let limit = convert::limit(self.limits.get("modules"));
-        let of = |plan| Rewriter::new(RewriteSettings { plan, ..settings }, self.vm.clone());
-        let others = self.plans.subsystems.iter().map(|s| of(&s.rules));
-        let mut rewriters: Vec<Rewriter<'_>> = [of(settings.plan)].into_iter().chain(others).collect();
-        out.clear();
-        let (mut changed, mut start, mut vm) = (false, 0, self.vm.clone());
-        for run in systems.chunk_by(|a, b| a == b) {
-            let system = run.first().copied().map_or(0, usize::from);
-            let Some(rewriter) = rewriters.get_mut(system) else { continue };
-            let own = system.checked_sub(1).and_then(|i| self.plans.subsystems.get(i));
-            let view = ContextView { ignored: own.map_or(view.ignored, |s| &s.ignored), ..view };
-            // The machine, with its variables and warnings, goes on from run to run.
-            std::mem::swap(&mut rewriter.vm, &mut vm);
-            changed |= rewrite_range(rewriter, &view, start..start + run.len(), out, limit)?;
-            std::mem::swap(&mut rewriter.vm, &mut vm);
-            start += run.len();
-        }
-        Ok((changed, vm))
     }
 
     /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
@@ -148,6 +118,43 @@ pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limi
         return Err(Halt::Parameters);
     }
     Ok(())
+}
+
+/// A string with sub-L-systems: the modules between two borders are rewritten by the productions of their L-system.
+struct SystemRuns<'p> {
+    program: &'p Program,
+    plans: &'p SectionPlans<'p>,
+}
+
+impl<'p> SystemRuns<'p> {
+    /// Rewrites a string run by run; whether any production was applied, and the machine afterwards.
+    fn rewrite(
+        &self,
+        mut rewriter: Rewriter<'p>,
+        view: &ContextView<'_>,
+        out: &mut ModuleString,
+        limit: usize,
+    ) -> (Result<bool, Halt>, crate::vm::Vm) {
+        let program = self.program;
+        let systems = program.systems_of(view.modules);
+        let hidden: Vec<Vec<bool>> = program.subsystems.iter().map(|s| s.ignored.flags(&program.symbols)).collect();
+        out.clear();
+        let mut changed = false;
+        let mut start = 0;
+        for run in systems.chunk_by(|a, b| a == b) {
+            let system = run.first().copied().unwrap_or(0);
+            rewriter.change_plan(self.plans.of(system));
+            let ignored =
+                usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
+            let view = ContextView { ignored, ..*view };
+            match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, limit) {
+                Ok(c) => changed |= c,
+                Err(halt) => return (Err(halt), rewriter.vm),
+            }
+            start += run.len();
+        }
+        (Ok(changed), rewriter.vm)
+    }
 }
 
 /// Rewrites the modules of `range` into `out`; true if any production was applied.
