@@ -159,7 +159,7 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool,
             let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_RING_SPACING * l.r;
             let close = if fixed && out.len() == start + 1 { 1.0 } else { MIN_RING_SPACING };
             // Points are looked at one by one only where their bounds do not tell that they are near enough.
-            let deviates = || {
+            let mut deviates = || {
                 passed.add(l, &curve[skipped..=i]);
                 (passed.may_sag(l, &curve[i + 1]) && exceeds_sag(l, &curve[skipped..=i + 1]))
                     || (passed.may_swell(l, &curve[i + 1]) && exceeds_swell(l, &curve[skipped..=i + 1]))
