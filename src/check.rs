@@ -97,6 +97,7 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
     if with_notes {
         for plant in &recipe.plants {
             let Growth::Grammar(grammar) = &plant.growth else { continue };
+            result.report.extend(plant.companions.notes.clone());
             result.report.extend(Report { sources: grammar.sources().clone(), diagnostics: grammar.notes().to_vec() });
         }
     }

@@ -48,6 +48,11 @@ impl Library {
         &self.roots
     }
 
+    /// Names of the files with an ending in the folder of a file that may be read, sorted.
+    pub fn names_beside(&self, from: &Path, ending: &str) -> Vec<String> {
+        self.roots.names_beside(from, ending)
+    }
+
     /// Reads what a reference names: a bare name beside the scene, then among the presets; a path with `/` only beneath
     /// the scene's folder or a search folder. `limit`: most bytes.
     /// # Errors

@@ -4,6 +4,7 @@
 //! every reference read. All faults are collected with their places. [`scene`] declares the keys of each table; the structs
 //! below declare which tables a scene has. Listings, the names that a table may hold and the scene hash follow from both.
 
+mod companions;
 mod given;
 mod library;
 mod resolve;
@@ -12,6 +13,7 @@ mod syntax;
 
 use std::sync::Arc;
 
+pub use companions::{Companions, OrganSurface, SurfaceForm};
 pub use given::{GivenKey, given_keys};
 pub use library::{Library, ReferencedFile};
 use osier_grammar::Grammar;
@@ -201,6 +203,8 @@ recipe! {
         derived {
             /// `[a-z0-9_]+`, unique among the plants.
             id: String;
+            /// What the companion files of its grammar hold.
+            companions: Companions;
             /// Name of the file that grows it, for people.
             source: String;
             /// Tables whose density tiles bark and shoot.
@@ -243,6 +247,8 @@ recipe! {
             drawn: Arc<leaf::LazyLeaf>;
             /// The artist's mesh, if one replaces the procedural blade.
             mesh: Option<Arc<Imported>>;
+            /// The surface of a companion file, if one replaces the procedural blade.
+            surface: Option<Arc<OrganSurface>>;
         }
     }
 }

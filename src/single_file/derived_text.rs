@@ -33,8 +33,8 @@ impl DerivedText {
             has_grammar = true;
             // The materials of organs do not change a string.
             let derived = derive_individual(plant, grammar, individual, &MaterialSet::default(), context)?;
-            out.modules += derived.modules.len() as u64;
-            out.text.push_str(&grammar.print(&derived.modules));
+            out.modules += derived.module_count();
+            out.text.push_str(&derived.text(grammar, context.limits)?);
             out.text.push('\n');
             out.report.extend(Report { sources: grammar.sources().clone(), diagnostics: derived.warnings });
         }

@@ -8,6 +8,7 @@ mod blender_panel;
 mod catkin_model;
 mod clips;
 mod command_line;
+mod companions;
 mod condensation;
 mod control;
 mod copies;

@@ -28,6 +28,7 @@
 
 mod binding;
 mod code;
+pub mod companion;
 mod compile;
 mod derive;
 mod evaluate;

@@ -29,6 +29,10 @@ pub struct MaterialSet {
     pub dead: Option<u16>,
     /// Leaves in the colours of a season, for plants that show one.
     pub season: Option<SeasonMaterials>,
+    /// Materials by the colour indices that the turtle has drawn axes with.
+    pub paints: BTreeMap<u8, u16>,
+    /// Materials of the view's textures by number.
+    pub textures: BTreeMap<u32, u32>,
     /// Skeleton, wood and leaves that were found in the mesh of a whole plant.
     pub tree: Option<Arc<MeshPlant>>,
 }
@@ -57,6 +61,8 @@ pub struct PlantMaterials {
     pub tile: f32,
     /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub organ_names: Vec<String>,
+    /// Materials of the plant by the colour indices that its axes wear.
+    pub paints: BTreeMap<u8, u16>,
     /// Whether the bark carries the attributes by which shaders sway it, for copies that a format shows without a skeleton.
     pub shader_wind: bool,
 }

@@ -24,3 +24,4 @@ pub mod shape_growth;
 pub mod skin_options;
 pub mod species_growth;
 pub(crate) mod terrain;
+pub(crate) mod turtle_colors;

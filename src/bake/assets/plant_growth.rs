@@ -18,17 +18,19 @@ use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::{LineStyle, TropismKeys};
-use crate::recipe::{Growth, PlantRecipe};
+use crate::recipe::{Growth, OrganRecipe, PlantRecipe, SurfaceForm};
 use osier_base::convert::saturating_byte;
 use osier_base::diagnostic::Report;
 use osier_base::math::narrow;
+use osier_base::units::radians;
 use osier_base::{Error, Result};
+use osier_grammar::companion::{ContourFile, LineStyle as ViewLine, View, ViewTropism};
 use osier_grammar::{DeriveOptions, DerivedString, Grammar};
 use osier_plants::crown::crown_attributes;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
-use osier_plants::grow::turtle::{self, OrganSpec, RadiusModel, Tropism, TurtleOptions};
+use osier_plants::grow::turtle::{self, Contour, OrganSpec, RadiusModel, Tropism, TurtleOptions};
 use osier_plants::grow::years::GrowthClip;
 use osier_scene::plant::Plant;
 
@@ -189,7 +191,7 @@ fn grow_from_source(
     context.cancel.check()?;
     let mut report = Report { sources: grammar.sources().clone(), diagnostics: Vec::new() };
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
-    let modules = derived.modules.len() as u64;
+    let modules = derived.module_count();
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
     Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
 }
@@ -217,27 +219,44 @@ pub fn derive_individual(
 fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptions> {
     let keys = &recipe.turtle;
     let defaults = TurtleOptions::default();
-    let byte = |v: Option<u32>, default: u8| v.map_or(default, saturating_byte);
+    let companions = &recipe.companions;
+    let own = View::default();
+    let view = companions.view.as_ref().unwrap_or(&own);
+    let byte = |v: Option<u32>, of_view: Option<u8>, default: u8| v.map_or(of_view.unwrap_or(default), saturating_byte);
     let mut organs = BTreeMap::new();
     for (letter, spec) in &set.organs {
         organs.insert(*letter, spec.clone());
     }
-    if keys.tropisms.len() > 8 {
-        let (value, max) = (keys.tropisms.len() as f64, 8.0);
+    // Tropisms of the scene replace those of the view.
+    let tropisms: Vec<Tropism> = match &keys.tropisms[..] {
+        [] => view.tropisms.iter().map(view_tropism).collect(),
+        own => own.iter().map(turtle_tropism).collect(),
+    };
+    if tropisms.len() > 8 {
+        let (value, max) = (tropisms.len() as f64, 8.0);
         return Err(Error::Range { name: "number of tropisms".into(), value, min: 0.0, max, unit: "" });
     }
     Ok(TurtleOptions {
-        angle: keys.angle,
+        angle: keys.angle.or(view.angle.map(radians)),
         unit_m: keys.unit,
-        width: keys.width.unwrap_or(if keys.line == Some(LineStyle::Pixel) { 0.02 } else { defaults.width }),
+        width: keys.width.or(view.width).unwrap_or(defaults.width),
         radii: radius_model(recipe),
-        width_increment: keys.width_increment.unwrap_or(defaults.width_increment),
-        color: byte(keys.color, defaults.color),
-        color_increment: byte(keys.color_increment, defaults.color_increment),
-        scale: keys.scale.unwrap_or(defaults.scale),
-        scale_multiplier: keys.scale_multiplier.unwrap_or(defaults.scale_multiplier),
-        tapered: keys.tapered.unwrap_or(defaults.tapered),
-        tropisms: keys.tropisms.iter().map(turtle_tropism).collect(),
+        width_increment: keys.width_increment.or(view.width_increment).unwrap_or(defaults.width_increment),
+        color: byte(keys.color, view.color, defaults.color),
+        color_increment: byte(keys.color_increment, view.color_increment, defaults.color_increment),
+        scale: keys.scale.or(view.scale).unwrap_or(defaults.scale),
+        scale_multiplier: keys.scale_multiplier.or(view.scale_multiplier).unwrap_or(defaults.scale_multiplier),
+        tapered: keys.tapered.or(view.tapered).unwrap_or(defaults.tapered),
+        tropisms,
+        painted: companions.colors.is_some(),
+        contours: companions.contours.iter().map(|(id, c)| (*id, contour(c))).collect(),
+        sides: keys.sides.or(view.sides).unwrap_or(defaults.sides),
+        twist: keys.twist.or(view.twist).unwrap_or(defaults.twist),
+        textures: set.textures.clone(),
+        old_tropism: DVec3::from_array(keys.old_tropism.or(view.old_direction).unwrap_or([0.0, 1.0, 0.0])),
+        old_elasticity: keys.old_elasticity.or(view.old_elasticity).unwrap_or(0.0),
+        old_increment: keys.old_increment.or(view.old_increment).unwrap_or(0.0),
+        organ_ends: recipe.organs.iter().filter_map(organ_end).collect(),
         tropism_keep_roll: keys.tropism_keep_roll,
         organs,
         materials: set.materials.iter().map(|m| m.name.clone()).collect(),
@@ -257,7 +276,41 @@ fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
             let base = recipe.turtle.width.map_or(own.hair_radius, |w| 0.5 * w * recipe.turtle.unit);
             RadiusModel::Hairs(Taper { base, tip: base * own.tip, exponent: 1.0 })
         }
+        Growth::Grammar(_) => {
+            let view = recipe.companions.view.as_ref();
+            let of_view = view.map(|v| v.line.unwrap_or(ViewLine::Pixel) == ViewLine::Pixel);
+            let line = recipe.turtle.line.map(|l| l == LineStyle::Pixel);
+            let pixels = view.and_then(|v| v.width_in_pixels).filter(|_| line.is_none());
+            match pixels.or(line).or(of_view).filter(|_| recipe.turtle.width.is_none()) {
+                Some(true) => RadiusModel::Pixels,
+                Some(false) => RadiusModel::Widths,
+                None if recipe.turtle.width.is_some() => RadiusModel::Widths,
+                None => RadiusModel::Auto,
+            }
+        }
         _ => RadiusModel::Auto,
+    }
+}
+
+fn contour(file: &ContourFile) -> Contour {
+    Contour { curve: file.spline(), closed: file.closed }
+}
+
+/// The point of an organ that the turtle moves to, in the units of its mesh.
+fn organ_end(organ: &OrganRecipe) -> Option<(char, DVec3)> {
+    let SurfaceForm::Patches(surface) = &organ.surface.as_ref()?.form else { return None };
+    let end = DVec3::from_array(surface.organ_point(surface.end));
+    (end.length() > 1e-9).then_some((organ.letter, end))
+}
+
+fn view_tropism(of: &ViewTropism) -> Tropism {
+    Tropism {
+        dir: DVec3::from_array(of.dir),
+        angle: radians(of.angle),
+        intensity: of.intensity,
+        elasticity: of.elasticity,
+        step: of.step,
+        torque: of.torque,
     }
 }
 
@@ -268,6 +321,6 @@ fn turtle_tropism(keys: &TropismKeys) -> Tropism {
         intensity: keys.intensity,
         elasticity: keys.elasticity,
         step: keys.step,
-        torque: false,
+        torque: keys.torque,
     }
 }

@@ -13,13 +13,13 @@ use crate::bake::assets::skin_options::SHOOT;
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
 use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, ImportedMeshKeys, OrganKeys};
-use crate::recipe::{CARD, Growth, KeyTable as _, OrganRecipe, PlantRecipe};
-use osier_base::Result;
+use crate::recipe::{CARD, Growth, KeyTable as _, OrganRecipe, PlantRecipe, SurfaceForm};
 use osier_base::convert::{index, to_usize};
 use osier_base::files::Names;
 use osier_base::math::narrow;
 use osier_base::progress::Cancel;
 use osier_base::rng::{mix64, word};
+use osier_base::{Error, Result};
 use osier_import::Imported;
 use osier_plants::grow::ifs::branchlets::NAME as BRANCHLET;
 use osier_plants::grow::mesh;
@@ -27,6 +27,7 @@ use osier_plants::grow::turtle::{OrganSpec, STALK};
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
 use osier_plants::surface::leaf::{self, BladeSpec, LeafColors, LeafForm, Teeth};
+use osier_plants::surface::patches::{patch_mesh, triangle_mesh};
 use osier_scene::{Image, Material, MaterialClass, Mesh};
 
 /// Translucency, 0..1, of imported leaves whose file has none. Own: of the order of a broad leaf's transmittance in visible
@@ -45,6 +46,12 @@ const NEEDLE_COLOR: [f32; 3] = [0.028, 0.075, 0.022];
 const NEEDLE_ROUGHNESS: f32 = 0.5;
 /// Needles are thick: they let through this share of what a blade with the same key would.
 const NEEDLE_TRANSLUCENCY: f32 = 0.3;
+
+/// Linear colour of the bark of plants that wear the colours of a file.
+const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
+
+/// Roughness of surfaces with a picture of a view, which says nothing about it. Own: as of leaves.
+const SURFACE_ROUGHNESS: f32 = 0.5;
 
 /// Linear colour of dead wood: silvery grey.
 const DEAD_WOOD: [f32; 3] = [0.22, 0.20, 0.18];
@@ -69,6 +76,11 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
             set.add(catkin::hair_material(&name), Vec::new())?;
             continue;
         }
+        // Whatever such a grammar draws wears a colour of its file: bark without pictures takes its place in the list.
+        if plant.companions.colors.is_some() {
+            set.add(Material::plain(name, MaterialClass::Bark, PLAIN_BARK, SURFACE_ROUGHNESS), Vec::new())?;
+            continue;
+        }
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
         let mut surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
         if bears_blades(plant) {
@@ -76,9 +88,15 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         }
         set.add(surface.material, surface.images)?;
     }
+    for (number, picture) in &plant.companions.textures {
+        let name = format!("{}_texture_{number}", plant.id);
+        let id = add_texture(&mut set, picture, &name)?;
+        set.textures.insert(*number, id);
+    }
     // Organs: a mesh from a file, a leaf drawn by a table, or a blade built from its parameters.
     for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
         let organ = match (&recipe.mesh, &recipe.ifs) {
+            _ if recipe.surface.is_some() => add_surface_organ(&mut set, recipe, plant, &name)?,
             (Some(mesh), _) => add_imported_organ(&mut set, mesh, recipe, &plant.id, &name)?,
             (None, Some(table)) => ifs_leaf::build_ifs_leaf(&mut set, recipe, table, &plant.id, &name, seed)?,
             (None, None) if recipe.keys.blade == BladeOutline::Needles => {
@@ -373,6 +391,36 @@ fn add_imported_organ(
     let size = recipe.keys.size.unwrap_or(own);
     let petiole = recipe.keys.petiole.unwrap_or(0.0);
     Ok(OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole })
+}
+
+/// A surface of a companion file as an organ, in the turtle's colours, or with a picture of the view.
+fn add_surface_organ(
+    set: &mut MaterialSet,
+    recipe: &OrganRecipe,
+    plant: &PlantRecipe,
+    name: &str,
+) -> Result<OrganSpec> {
+    let Some(surface) = &recipe.surface else { return Err(Error::input("S005", "an organ without its surface")) };
+    let texture = set.textures.get(&surface.texture).copied();
+    let mesh = match &surface.form {
+        SurfaceForm::Patches(file) => patch_mesh(file, surface.quads, texture),
+        SurfaceForm::Triangles(triangles) => triangle_mesh(triangles, texture),
+    };
+    // Without a size of the scene, a unit of the surface is a turtle unit times the scale of its line.
+    let unit = surface.scale * plant.turtle.unit;
+    let longest = f64::from(mesh.bounds().max.y);
+    let own = if longest > 1e-9 { longest * unit } else { unit };
+    let size = recipe.keys.size.unwrap_or(own);
+    let petiole = recipe.keys.petiole.unwrap_or(0.0);
+    Ok(OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole })
+}
+
+/// Adds the material of a thin surface with a picture.
+fn add_texture(set: &mut MaterialSet, picture: &Image, name: &str) -> Result<u32> {
+    let mut material = Material::plain(name.to_owned(), MaterialClass::Leaf, [0.5; 3], SURFACE_ROUGHNESS);
+    material.double_sided = true;
+    material.maps.color = Some(0);
+    set.add(material, vec![Image { name: format!("{name}_color"), ..picture.clone() }])
 }
 
 /// The parameters of the bark's kind, overridden by the keys that are set.

@@ -9,6 +9,7 @@ use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::segments::segment_instancer;
 use crate::bake::assets::skin_options::skin_options;
+use crate::bake::assets::turtle_colors::paint_axes;
 use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
 use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::bake::wind::plant_wind::PlantWind;
@@ -153,7 +154,9 @@ pub(crate) fn bark_mesh(
         Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
         None => {
             let bark = skin(&grown.plant, &skin_options(&recipe.skin, materials.tile, context))?;
-            (bark.mesh, bark.bindings.iter().map(|b| (b.axis, b.s)).collect())
+            let (mut mesh, bindings) = (bark.mesh, bark.bindings.iter().map(|b| (b.axis, b.s)).collect::<Vec<_>>());
+            paint_axes(&mut mesh, &bindings, &grown.plant, &materials.paints);
+            (mesh, bindings)
         }
     };
     offset_materials(&mut mesh, materials.first_material);

@@ -10,6 +10,7 @@ use crate::bake::assets::obstacles::{GroundSurface, Obstacles, add_obstacles};
 use crate::bake::assets::plant_mesh::choose_shader_wind;
 use crate::bake::assets::plants::{add_plant_assets, grow_plants, place_plants, plant_material_sets, stem_foot_radii};
 use crate::bake::assets::terrain::{add_terrain, lift_camera, terrain_height_field};
+use crate::bake::assets::turtle_colors::add_worn_colors;
 use crate::bake::motion::flight::assembly::add_catkins;
 use crate::bake::motion::flight::canopy::Canopy;
 use crate::bake::motion::rain::{RainGround, add_rain, enum_labels};
@@ -137,7 +138,8 @@ fn assemble(
             let full_plants = full.iter().flat_map(|m| &m.plants);
             sets.iter_mut().zip(full_plants).for_each(|(set, plant)| dry_run::restore_image_sizes(set, plant));
             context.progress.stage("growing", layout.individuals.len() as u64);
-            let grown = grow_plants(recipe, &layout, terrain.as_ref(), &sets, context)?;
+            let mut grown = grow_plants(recipe, &layout, terrain.as_ref(), &sets, context)?;
+            add_worn_colors(recipe, &layout, &mut sets, &mut grown.0)?;
             Ok::<_, Error>((sets, grown))
         },
         || {

@@ -45,7 +45,7 @@ impl SceneBuilder {
     /// # Errors
     /// `TooMany` beyond 2^32 materials or images.
     pub(crate) fn add_materials(&mut self, set: MaterialSet) -> Result<PlantMaterials> {
-        let organ_names = set.names;
+        let (organ_names, paints) = (set.names, set.paints);
         let tile = set.materials.first().map_or(0.5, |bark| bark.tile);
         let first_material = index(self.materials.len(), "materials of a scene")?;
         let first_image = index(self.images.len(), "images of a scene")?;
@@ -54,6 +54,6 @@ impl SceneBuilder {
             image_indices_mut(&mut material.maps).into_iter().for_each(|slot| *slot = slot.map(|i| i + first_image));
             material
         }));
-        Ok(PlantMaterials { first_material, tile, organ_names, shader_wind: false })
+        Ok(PlantMaterials { first_material, tile, organ_names, paints, shader_wind: false })
     }
 }

@@ -89,6 +89,7 @@ pub(super) fn organs(read: &SystemFile) -> Vec<OrganRecipe> {
         keys: keys.clone(),
         ifs: None,
         drawn: Arc::default(),
+        surface: None,
         mesh: Some(Arc::clone(mesh)),
     };
     set_letters(&read.system).zip(&read.meshes).map(organ).collect()

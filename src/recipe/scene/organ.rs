@@ -49,6 +49,8 @@ keys! {
         /// Mesh file instead of a parametric blade: base of the petiole at the origin, midrib along +Y, upper side towards
         /// +Z.
         mesh: Option<Reference> = "mesh" FileReference(".obj, .glb");
+        /// Surface of Bezier patches or triangles, as of cpfg, instead of a parametric blade.
+        surface: Option<Reference> = "surface" FileReference(".s, .ray");
         /// Coefficient table whose attractor is the leaf, instead of a parametric blade.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
         /// System of the table; empty selects the first.

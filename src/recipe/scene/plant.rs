@@ -11,11 +11,11 @@ use crate::recipe::syntax::{
 };
 use crate::recipe::syntax::{Digest as _, KeyTable};
 use crate::recipe::syntax::{choices, keys};
-use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, ReferencedFile};
+use crate::recipe::{CARD, Companions, Growth, OrganRecipe, PlantRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use osier_base::files::Names;
-use osier_grammar::Grammar;
+use osier_grammar::{FunctionTables, Grammar};
 use osier_ifs::stems::{TreeSystem, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
@@ -161,6 +161,13 @@ pub(in crate::recipe) struct MeshImport {
     pub class: MaterialClass,
 }
 
+impl OrganRecipe {
+    /// A parametric blade with default keys.
+    pub fn blade(letter: char) -> Self {
+        Self { letter, keys: OrganKeys::defaults(), ifs: None, drawn: Arc::default(), mesh: None, surface: None }
+    }
+}
+
 impl Resolver<'_> {
     pub(in crate::recipe) fn plants(&mut self, root: &TomlTable, names: &mut Names) -> Vec<PlantRecipe> {
         let Some(table) = self.table(root, "", "plants") else {
@@ -242,21 +249,31 @@ impl Resolver<'_> {
                 }
             }
         }
+        let mut companions = Companions::default();
         // One of mesh, grammar, coefficient table and particle-shapes grows the plant. `letters` are the organs that it uses.
         let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.import_plant_mesh(&keys, &path, table)?;
                 let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
-                organs = vec![OrganRecipe { letter: 'l', keys: flutter, ifs: None, drawn: Arc::default(), mesh: None }];
+                organs = vec![OrganRecipe { keys: flutter, ..OrganRecipe::blade('l') }];
                 (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
             }
             (Some(reference), _) => {
                 let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
-                let grammar = self.grammar(&file, &keys)?;
-                let letters = grammar.organ_symbols();
-                if grammar.is_tuft() {
+                companions = self.companions(&file, &turtle);
+                let grammar = self.grammar(&file, &keys, companions.function_tables())?;
+                let mut letters = grammar.organ_symbols();
+                let is_drawn = companions.view.is_some();
+                // What a view draws stands on nothing, and letters without a surface draw nothing.
+                if grammar.is_tuft() || is_drawn {
                     tuft_defaults(table, &mut skin);
                 }
+                for (letter, surface) in &companions.surfaces {
+                    if letters.contains(letter) && organs.iter().all(|o| o.letter != *letter) {
+                        organs.push(OrganRecipe { surface: Some(Arc::clone(surface)), ..OrganRecipe::blade(*letter) });
+                    }
+                }
+                letters.retain(|_| !is_drawn);
                 (Growth::Grammar(Box::new(grammar)), file.shown, letters)
             }
             (None, Some(reference)) => {
@@ -312,24 +329,19 @@ impl Resolver<'_> {
         // Organs that are used but not described get a blade with default keys.
         for letter in letters {
             if !organs.iter().any(|o| o.letter == letter) {
-                organs.push(OrganRecipe {
-                    letter,
-                    keys: OrganKeys::defaults(),
-                    ifs: None,
-                    drawn: Arc::default(),
-                    mesh: None,
-                });
+                organs.push(OrganRecipe::blade(letter));
             }
         }
         // Billboards of a level of detail are an organ of their own, after all others.
         if matches!(&growth, Growth::Ifs(_, tree) if tree.lod > 0) {
             let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
-            organs.push(OrganRecipe { letter: CARD, keys, ifs: None, drawn: Arc::default(), mesh: None });
+            organs.push(OrganRecipe { keys, ..OrganRecipe::blade(CARD) });
         }
         self.check_segment_organ(table, &path, &skin, &organs);
         Some(PlantRecipe {
             name: name.into(),
             id,
+            companions,
             growth,
             fill,
             source,
@@ -574,7 +586,11 @@ impl Resolver<'_> {
             Some(r) => Some(Arc::new(self.plane_table(&r, &keys.system, "a leaf is drawn")?)),
             None => None,
         };
-        Some(OrganRecipe { letter, keys, ifs, drawn: Arc::default(), mesh })
+        let surface = match keys.surface.clone() {
+            Some(r) => Some(self.organ_surface(&r)?),
+            None => None,
+        };
+        Some(OrganRecipe { keys, ifs, mesh, surface, ..OrganRecipe::blade(letter) })
     }
 
     /// S003 for colours of autumn that are too many, or whose weights do not fit them.
@@ -597,7 +613,7 @@ impl Resolver<'_> {
     }
 
     /// Parses a grammar; the files that it includes take part in the scene's hash.
-    fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys) -> Option<Grammar> {
+    fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys, functions: Arc<FunctionTables>) -> Option<Grammar> {
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
         // Includes are resolved beside the file that names them; the bytes of each take part in the scene hash.
@@ -619,7 +635,7 @@ impl Resolver<'_> {
             bytes: &file.bytes,
             includes: &mut includes,
             defines: &defines,
-            functions: Default::default(),
+            functions,
         };
         let mut sources = Sources::default();
         let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);

@@ -1,12 +1,14 @@
 //! `[plants.NAME.turtle]`: how the turtle draws a string.
 
-use crate::recipe::syntax::{BooleanType, InlineTables, NumberArray, OneOf, OptionalKey, degrees, integer, number};
+use crate::recipe::syntax::{
+    BooleanType, FileReference, InlineTables, NumberArray, OneOf, OptionalKey, Reference, degrees, integer, number,
+};
 use crate::recipe::syntax::{choices, keys};
 
 choices! {
     /// Line style of turtle segments.
     LineStyle {
-        /// Drawn 0.02 units wide.
+        /// Lines whose widths are pixels.
         Pixel = "pixel",
         /// A flat polygon.
         Polygon = "polygon",
@@ -18,6 +20,12 @@ choices! {
 keys! {
     /// Turtle interpretation of the string of a plant. `--set` has precedence over this table, this table over the defaults.
     TurtleKeys at "plants.NAME.turtle" {
+        /// View file of cpfg: "auto" is the one with the grammar's name, else the only one beside it; "none" reads none. Keys of this table
+        /// have precedence over it.
+        view: Option<Reference> = "view" FileReference(".v, \"auto\" or \"none\"");
+        /// Colours of indices: a colour map or a material file of cpfg. "auto" is the one with the grammar's name, or the only one beside a
+        /// grammar with a view; "none" reads none.
+        colors: Option<Reference> = "colors" FileReference(".map, .mat, \"auto\" or \"none\"");
         /// Angle of turns without a parameter.
         angle: Option<f64> = "angle_deg" OptionalKey(degrees(45.0, -360.0, 360.0), "45");
         /// Length of a turtle unit.
@@ -26,8 +34,8 @@ keys! {
         width: Option<f64> = "width" OptionalKey(number(1.0, 1e-7, 1e6, "turtle units"), "1");
         /// Change of the width by '#' and '!' without a parameter.
         width_increment: Option<f64> = "width_increment" OptionalKey(number(0.0, -1e6, 1e6, "turtle units"), "0");
-        /// Line style of cpfg; only "pixel" has an effect: it changes the default of `width` to 0.02.
-        line: Option<LineStyle> = "line" OptionalKey(OneOf(LineStyle::Cylinder), "\"pixel\"");
+        /// Line style of cpfg: with "pixel" widths are pixels, which are shares of the drawing's size.
+        line: Option<LineStyle> = "line" OptionalKey(OneOf(LineStyle::Cylinder), "that of the view");
         /// Whether a segment tapers to the next width.
         tapered: Option<bool> = "tapered" OptionalKey(BooleanType(true), "true");
         /// Initial colour index.
@@ -42,6 +50,34 @@ keys! {
         tropism_keep_roll: bool = "tropism_keep_roll" BooleanType(false);
         /// Tropisms, numbered from 1 for '@T'.
         tropisms: Vec<TropismKeys> = "tropisms" InlineTables::<TropismKeys>(std::marker::PhantomData);
+        /// Direction of the older tropism of cpfg, which bends after each segment.
+        old_tropism: Option<[f64; 3]> = "old_tropism" OptionalKey(NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, "")), "[0, 1, 0]");
+        /// Elasticity of the older tropism at the start of the string.
+        old_elasticity: Option<f64> = "old_elasticity" OptionalKey(number(0.0, -100.0, 100.0, ""), "0");
+        /// Change of that elasticity by '_' without a parameter.
+        old_increment: Option<f64> = "old_increment" OptionalKey(number(0.0, -100.0, 100.0, ""), "0");
+        /// Number of sides of generalised cylinders with a round contour.
+        sides: Option<u32> = "sides" OptionalKey(integer(8, 3, 256), "8");
+        /// Whether generalised cylinders turn with the turtle instead of by the least twist.
+        twist: Option<bool> = "twist" OptionalKey(BooleanType(false), "false");
+        /// Contours of generalised cylinders.
+        contours: Vec<ContourKeys> = "contours" InlineTables::<ContourKeys>(std::marker::PhantomData);
+        /// Functions for 'func', numbered from 1 after those of the view.
+        functions: Vec<FunctionKeys> = "functions" InlineTables::<FunctionKeys>(std::marker::PhantomData);
+    }
+    /// A contour of generalised cylinders.
+    ContourKeys at "plants.NAME.turtle.contours" {
+        /// Number of the contour, by which '@#' selects it.
+        id: u32 = "id" integer(1, 1, 100_000);
+        /// Its file.
+        file: Option<Reference> = "file" FileReference(".con");
+    }
+    /// A function for 'func', or a set of them.
+    FunctionKeys at "plants.NAME.turtle.functions" {
+        /// Its file.
+        file: Option<Reference> = "file" FileReference(".func, .fset");
+        /// Number of samples of its table; 0 takes the number of the file.
+        samples: u32 = "samples" integer(0, 0, 100_000);
     }
     /// A tropism that turns the heading towards a direction.
     TropismKeys at "plants.NAME.turtle.tropisms" {
@@ -55,5 +91,7 @@ keys! {
         elasticity: f64 = "elasticity" number(0.0, -100.0, 100.0, "");
         /// Change of the elasticity by '@Ti' and '@Td' without a parameter.
         step: f64 = "step" number(0.0, -100.0, 100.0, "");
+        /// Turns the frame about the heading towards `dir` instead of the heading.
+        torque: bool = "torque" BooleanType(false);
     }
 }

@@ -93,6 +93,8 @@ pub const CODES: &[Code] = &[
     row("L043", Error, "function or command that is not available in grammars"),
     row("L044", Error, "a loop exceeds its limit"),
     row("L045", Warning, "no angle is set; 45 degrees are used"),
+    row("L046", Warning, "line widths in pixels are drawn as shares of the plant's size"),
+    row("L047", Warning, "a line of a view file has no effect"),
     row("L048", Warning, "unknown or damaged organ, contour, function or tropism"),
     row("L050", Error, "the predicted size exceeds a limit"),
     row("L051", Error, "the derivation exceeds a limit"),

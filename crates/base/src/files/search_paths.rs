@@ -149,6 +149,32 @@ impl SearchPaths {
         self.read(from, &decoded, limit)
     }
 
+    /// Names of the regular files in the folder of `from` whose names end with `ending` (in either case), sorted; none if the folder is
+    /// outside of those that may be read, or holds more than 10,000 files.
+    pub fn names_beside(&self, from: &Path, ending: &str) -> Vec<String> {
+        const MOST: usize = 10_000;
+        let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let Some(entries) =
+            folder.canonicalize().ok().filter(|f| self.holds(f)).and_then(|f| std::fs::read_dir(f).ok())
+        else {
+            return Vec::new();
+        };
+        let mut names = Vec::new();
+        for (i, entry) in entries.flatten().enumerate() {
+            if i >= MOST {
+                return Vec::new();
+            }
+            let name = entry.file_name().to_string_lossy().into_owned();
+            // A folder or a pipe of that name is no companion.
+            let is_file = || entry.path().metadata().is_ok_and(|m| m.is_file());
+            if name.len() > ending.len() && name.to_ascii_lowercase().ends_with(ending) && is_file() {
+                names.push(name);
+            }
+        }
+        names.sort();
+        names
+    }
+
     fn holds(&self, path: &Path) -> bool {
         self.folders.iter().any(|f| path.starts_with(f))
     }

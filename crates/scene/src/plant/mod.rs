@@ -34,6 +34,10 @@ pub use validate::{MAX_ITEMS, Warning, validate};
 /// No parent, no fork.
 pub const NONE: u32 = u32::MAX;
 
+/// Bit of [`Nodes::color`] that tells that the segment ending at the node wears the colour index in the low byte; without it, the
+/// segment wears the material of its axis.
+pub const PAINTED: u16 = 0x100;
+
 /// Part of the plant that an axis is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AxisKind {
@@ -106,7 +110,7 @@ pub struct Nodes {
     pub s: Vec<f32>,
     /// Growth time of each node, from 0 for the oldest to 1 for the youngest.
     pub birth: Vec<f32>,
-    /// Turtle colour or map index.
+    /// Turtle colour (see [`PAINTED`]) or map index.
     pub color: Vec<u16>,
 }
 
@@ -191,6 +195,9 @@ pub struct Plant {
     pub materials: Vec<String>,
     /// What made it, for people: "oak.l", ...
     pub source: String,
+    /// Whether its axes are lines of a drawing, which stand on nothing: their skin neither widens at its foot nor reaches into the
+    /// ground.
+    pub lines: bool,
 }
 
 impl Plant {

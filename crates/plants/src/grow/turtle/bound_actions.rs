@@ -54,7 +54,7 @@ impl Turtle<'_> {
             }
             TurtleAction::Width => self.set_width(number * self.s.scale),
             TurtleAction::Widen => self.set_width(self.s.width + number * self.s.scale),
-            TurtleAction::Colour => self.s.color = color_index(number),
+            TurtleAction::Colour => self.set_color(color_index(number)),
             TurtleAction::Polygon => self.open_polygon(),
             TurtleAction::Vertex => self.vertex(),
             TurtleAction::Fill => self.fill_polygon(m),

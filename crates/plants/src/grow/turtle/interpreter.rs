@@ -4,6 +4,8 @@ use glam::DVec3;
 
 use super::builder::{NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
+use super::cylinders::{CylinderState, OpenCylinder, TANGENT};
+use super::extended::TurtlePatches;
 use super::frame::{TurtleFrame, TurtlePose};
 use super::options::TurtleOptions;
 use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
@@ -14,6 +16,7 @@ use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, QueryAnswer, TurtleAction, TurtleAnswers};
+use osier_scene::plant::PAINTED;
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
 const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
@@ -45,6 +48,11 @@ pub(super) struct TurtleState {
     pub(super) width: f64,
     pub(super) scale: f64,
     pub(super) color: u8,
+    /// Whether what is drawn wears the colour index.
+    painted: bool,
+    /// Material of the texture that shapes wear.
+    pub(super) texture: Option<osier_scene::MaterialId>,
+    pub(super) cylinder: CylinderState,
     elasticity: [f64; tropism::MAX_TROPISMS],
     tropism_elasticity: f64,
     keep_roll: bool,
@@ -101,6 +109,9 @@ pub(super) struct Turtle<'a> {
     pub(super) s: TurtleState,
     stack: Vec<TurtleState>,
     polygons: Vec<Polygon>,
+    /// Of each bracket level the cylinder that is open there.
+    pub(super) cylinders: Vec<Option<OpenCylinder>>,
+    pub(super) patches: TurtlePatches,
     prefix: Prefix,
     /// End node of the segment that still waits for its end width.
     open_segment: Option<u32>,
@@ -109,7 +120,7 @@ pub(super) struct Turtle<'a> {
     pub builder: PlantBuilder,
     pub(super) shape_prototypes: PrototypeCache,
     /// Prototypes of organs once they are used.
-    pub(super) organs: std::collections::BTreeMap<char, OrganPrototypes>,
+    pub(super) organs: std::collections::BTreeMap<(char, Option<u8>), OrganPrototypes>,
     warnings: Vec<TurtleWarning>,
     max_stack: u64,
     max_nodes: u64,
@@ -149,8 +160,17 @@ impl<'a> Turtle<'a> {
             width: options.width.max(MIN_WIDTH),
             scale: options.scale,
             color: options.color,
+            painted: options.painted,
+            texture: None,
+            cylinder: CylinderState {
+                contour: 0,
+                sides: options.sides,
+                tangent: TANGENT,
+                slopes: None,
+                relative: false,
+            },
             elasticity,
-            tropism_elasticity: 0.0,
+            tropism_elasticity: options.old_elasticity,
             keep_roll: options.tropism_keep_roll,
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
@@ -171,6 +191,8 @@ impl<'a> Turtle<'a> {
             s,
             stack: Vec::new(),
             polygons: Vec::new(),
+            cylinders: vec![None],
+            patches: TurtlePatches::new(),
             prefix: Prefix::None,
             open_segment: None,
             default_turn: (math::cos(angle), math::sin(angle)),
@@ -306,7 +328,7 @@ impl<'a> Turtle<'a> {
                 None => self.s.frame.level(),
             },
             Command::Push => self.push_state(m),
-            Command::Pop => self.pop_state(),
+            Command::Pop => self.pop_state(m),
             // Increments of `#` and `!` scale with the turtle, as a parameter does.
             Command::Width(up) => {
                 let step = if up { self.options.width_increment } else { -self.options.width_increment };
@@ -322,17 +344,22 @@ impl<'a> Turtle<'a> {
                 let step = self.options.color_increment;
                 let next = if up { self.s.color.wrapping_add(step) } else { self.s.color.wrapping_sub(step) };
                 let value = self.param(m, 0, f64::from(next));
-                self.s.color = color_index(value);
+                self.set_color(color_index(value));
             }
             Command::OpenPolygon => {
-                if !m.params.is_empty() {
-                    self.warn("L008", (None, c), "splines are not supported, read as a polygon".into(), "");
-                }
-                self.open_polygon();
+                self.open_shape(m);
+            }
+            Command::Vertex if self.is_in_spline() => {
+                let strips = self.strips(m, 1);
+                self.cylinder_point(strips);
             }
             Command::Vertex => self.vertex(),
+            Command::ClosePolygon if self.is_in_spline() => self.finish_cylinder(m),
             Command::ClosePolygon => self.fill_polygon(m),
-            Command::TropismElasticity => self.s.tropism_elasticity = self.param(m, 0, 0.0),
+            Command::TropismElasticity => {
+                let raised = self.s.tropism_elasticity + self.options.old_increment;
+                self.s.tropism_elasticity = self.param(m, 0, raised);
+            }
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
             Command::Bound => self.apply_bound_action(m),
@@ -393,7 +420,7 @@ impl<'a> Turtle<'a> {
         // The angle of the module in degrees, or the default angle of the scene.
         let (cos, sin) = if m.params.is_empty() {
             if self.options.angle.is_none() {
-                let help = "give the turn a parameter, or the plant an angle: --set angle_deg=90, or angle_deg below [plants.NAME.turtle]";
+                let help = "give the turn a parameter, or the plant an angle: --set angle_deg=90, angle_deg below [plants.NAME.turtle], or a view beside the grammar";
                 self.warn("L045", (None, c), "no angle given, 45 degrees assumed".into(), help);
             }
             self.default_turn
@@ -420,12 +447,18 @@ impl<'a> Turtle<'a> {
             return self.halt("L051", '[', format!("more than {} open branches", self.max_stack), help);
         }
         self.stack.push(self.s);
+        self.cylinders.push(None);
         self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage() };
     }
 
-    fn pop_state(&mut self) {
+    fn pop_state(&mut self, m: Module<'_>) {
         match self.stack.pop() {
-            Some(s) => self.s = s,
+            Some(s) => {
+                // A cylinder whose end is not marked ends with its branch.
+                self.finish_cylinder(m);
+                self.cylinders.pop();
+                self.s = s;
+            }
             None => {
                 let help = "every ']' needs a '[' before it";
                 self.warn("L053", (None, ']'), "unmatched ']' in the string".into(), help);
@@ -443,6 +476,21 @@ impl<'a> Turtle<'a> {
     pub(super) fn set_width(&mut self, width: f64) {
         self.s.width = width.clamp(MIN_WIDTH, MAX_STEP);
         self.sets_widths = true;
+    }
+
+    /// Sets the colour index, which everything wears from here on.
+    pub(super) fn set_color(&mut self, index: u8) {
+        (self.s.color, self.s.painted) = (index, true);
+    }
+
+    /// The colour index that what is drawn wears; `None`: the materials of the plant.
+    pub(super) fn worn_color(&self) -> Option<u8> {
+        self.s.painted.then_some(self.s.color)
+    }
+
+    /// Number of open polygons.
+    pub(super) fn polygon_count(&self) -> usize {
+        self.polygons.len()
     }
 
     pub(super) fn open_polygon(&mut self) {
@@ -483,17 +531,23 @@ impl<'a> Turtle<'a> {
                 }
             }
         }
+        // A cylinder that is open here is the stem itself.
+        let is_stem = self.cylinder().is_some();
         // A drawn step extends the current axis. A jump ends it: what is drawn next opens an axis of its own.
-        if draws {
+        if draws && !is_stem {
             self.segment(from, m);
             self.s.last = self.s.frame;
         } else {
+            if draws {
+                self.s.last = self.s.frame;
+            }
             self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
         }
         if self.s.tropism_elasticity.abs() > 0.0 {
             tropism::apply_tropism_after_step(&mut self.s.frame, self.options.old_tropism, self.s.tropism_elasticity);
         }
         if adds_vertex {
+            self.step_point();
             self.vertex();
         }
     }
@@ -507,7 +561,7 @@ impl<'a> Turtle<'a> {
         }
         let left = self.s.frame.l;
         let width = self.s.width * self.options.unit_m;
-        let color = u16::from(self.s.color);
+        let color = u16::from(self.s.color) | if self.s.painted { PAINTED } else { 0 };
         // The first segment of a bracket level opens an axis at the node where the bracket began.
         let axis = match self.s.attachment.axis {
             Some(axis) => axis,
@@ -527,6 +581,12 @@ impl<'a> Turtle<'a> {
         node.width_in = Some(width);
         self.builder.extend(axis, node);
         self.open_segment = Some(self.builder.last_node(axis)).filter(|n| *n != start);
+    }
+
+    /// Moves without drawing, by a vector in m.
+    pub(super) fn jump(&mut self, by: DVec3, m: Module<'_>) {
+        self.s.p += by;
+        self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
     }
 
     /// The turtle's position and orientation.
@@ -553,7 +613,7 @@ impl<'a> Turtle<'a> {
         let Some(&p) = polygon.corners.first() else { return };
         // A polygon becomes an organ whose pivot is its first corner, in the frame of the turtle at `{`.
         let pose = TurtlePose { p, q: polygon.frame.quat() };
-        let material = self.options.shape_material;
+        let material = self.shape_material(true);
         match self.shape_prototypes.polygon(&mut self.builder.protos, material, &polygon.corners, pose) {
             Ok(Some(PolygonPrototype { proto, size })) => {
                 self.place_organ(pose, ProtoRange::single(proto), OrganSize { scale: size, petiole: 0.0 }, m);
@@ -582,7 +642,10 @@ impl<'a> Turtle<'a> {
                 self.s.frame.set(DVec3::new(v[0], v[1], v[2]), up, &last);
             }
             'o' | 'c' | 'O' => self.disc_or_sphere(c, m),
-            ';' | ',' | '#' | '!' => {}
+            // No format has a colour of the reverse.
+            ';' | ',' => {}
+            '#' => self.s.cylinder.contour = self.strips_or(m, 0),
+            '!' => self.s.cylinder.sides = self.strips_or(m, self.options.sides).clamp(3, 256),
             'D' | 'T' if !m.params.is_empty() => self.at_command_without_letter(c, m.params),
             'D' | 'T' | 'b' | 'G' | 'P' => self.prefix = Prefix::Letter(c),
             // A label is an annotation of cpfg's window; plants have none.
@@ -648,13 +711,14 @@ impl<'a> Turtle<'a> {
             }
             ('T', 'p') => self.s.frame = self.s.last.with_heading(self.s.frame.h),
             ('T', 'f') => self.s.keep_roll = true,
+            ('T', 'x') => self.set_texture(m),
             ('D' | 'T', _) => {
                 self.at_command_without_letter(first, &[]);
                 return false;
             }
+            _ if self.extended_command(first, c, m) => {}
             _ => {
-                let what = if first == 'G' { "generalised cylinders are" } else { "this command is" };
-                let message = format!("'@{first}{c}': {what} not supported");
+                let message = format!("'@{first}{c}': this command is not supported");
                 self.warn("L008", (Some('@'), first), message, "nothing is drawn");
             }
         }

@@ -6,17 +6,23 @@
 mod bound_actions;
 mod builder;
 mod commands;
+mod cylinders;
+mod extended;
 mod frame;
 mod interpreter;
 mod options;
 mod organs;
+mod paint;
+mod pixels;
 mod prototypes;
 mod queries;
 mod tropism;
 
 pub(super) use builder::set_exposed_lengths;
+pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
 pub use queries::derive;
+pub use paint::{Paint, TURTLE_COLOR};
 
 use super::radii;
 use interpreter::Turtle;
@@ -24,7 +30,7 @@ use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_grammar::{BindingEvaluator, DerivedString, Grammar, interpret};
-use osier_scene::plant::Plant;
+use osier_scene::plant::{NONE, Plant};
 
 /// Interprets a derived string.
 /// Returns the plant, validated, and the warnings of the interpretation and of the homomorphism.
@@ -46,14 +52,24 @@ pub fn grow(
     warnings.extend(turtle.bindings.warnings(grammar));
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
-    let sets_widths = turtle.sets_widths;
+    let (sets_widths, symbol_place) = (turtle.sets_widths, grammar.place_of(None, 'F'));
     if turtle.builder.is_empty() {
-        warnings.push(nothing_drawn(grammar, derived));
+        warnings.push(nothing_drawn(grammar, derived, limits)?);
     }
     let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
     match options.radii {
         RadiusModel::Pipe(p) => radii::pipe(&mut plant, &p),
         RadiusModel::Taper(t) => radii::taper(&mut plant, &t),
+        RadiusModel::Pixels => {
+            let pixel = pixels::pixel_size(&plant);
+            pixels::scale_widths(&mut plant, pixel / options.unit_m);
+            warnings.push(pixels::warning(pixel, symbol_place));
+        }
+        // A line that does not branch is no tree: it has one width.
+        RadiusModel::Auto if !sets_widths && plant.axes.iter().all(|a| a.parent == NONE) => {
+            let pixel = pixels::pixel_size(&plant);
+            pixels::set_width(&mut plant, pixel);
+        }
         RadiusModel::Auto if !sets_widths => radii::pipe(&mut plant, &radii::Pipe::default()),
         RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
         RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}
@@ -74,9 +90,9 @@ pub fn grow(
 const NAMED_SYMBOLS: usize = 8;
 
 /// L037 for a string that draws nothing, with the symbols that it consists of.
-fn nothing_drawn(grammar: &Grammar, derived: &DerivedString) -> Diagnostic {
+fn nothing_drawn(grammar: &Grammar, derived: &DerivedString, limits: &Limits) -> Result<Diagnostic> {
     let mut counts: std::collections::BTreeMap<char, u64> = std::collections::BTreeMap::new();
-    for symbol in derived.modules.symbols() {
+    for symbol in derived.string(grammar, limits)?.symbols() {
         *counts.entry(grammar.symbols().get(*symbol)).or_insert(0) += 1;
     }
     let mut list: Vec<(char, u64)> = counts.into_iter().filter(|(c, _)| !matches!(c, '[' | ']')).collect();
@@ -90,8 +106,8 @@ fn nothing_drawn(grammar: &Grammar, derived: &DerivedString) -> Diagnostic {
         format!("the derived string draws nothing; it consists of {}{more}", named.join(", "))
     };
     let place = grammar.place_of(None, first);
-    Diagnostic::warning("L037", message, place, "made here")
-        .help("draw with F(1), or give the symbols a homomorphism: Homomorphism, then A --> F(1)")
+    let help = "draw with F(1), or give the symbols a homomorphism: Homomorphism, then A --> F(1)";
+    Ok(Diagnostic::warning("L037", message, place, "made here").help(help))
 }
 
 #[cfg(test)]

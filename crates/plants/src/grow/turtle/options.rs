@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::cylinders::Contour;
 use crate::grow::radii::{Pipe, Taper};
 use osier_scene::plant::Proto;
 use osier_scene::{MaterialId, Mesh};
@@ -40,7 +41,8 @@ impl Default for Tropism {
 pub struct OrganSpec {
     /// Name in files, `[a-z0-9_]+`; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub name: String,
-    /// Prototypes in organ space, one picked per organ by its id; their subsets index [`TurtleOptions::materials`].
+    /// Prototypes in organ space, one picked per organ by its id; their subsets index [`TurtleOptions::materials`], or are
+    /// [`TURTLE_COLOR`](super::TURTLE_COLOR) or a [`Paint`](super::Paint).
     pub meshes: Vec<Arc<Mesh>>,
     /// Length along +Y that parameter 1 stands for, m; prototypes are scaled to it.
     pub size: f64,
@@ -60,8 +62,10 @@ impl OrganSpec {
 /// Where radii come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RadiusModel {
-    /// Turtle widths if the string sets any, else the pipe model.
+    /// Turtle widths if the string sets any; else the pipe model, or one width where nothing branches.
     Auto,
+    /// The widths that the string sets, or else `width`, are pixels of a drawing (cpfg's line style `pixel`).
+    Pixels,
     /// The widths that the string sets, linear along a segment.
     Widths,
     /// The pipe model, whatever the string sets.
@@ -85,6 +89,9 @@ pub struct TurtleOptions {
     pub width_increment: f64,
     /// Colour index at the start, 0..255.
     pub color: u8,
+    /// Whether everything wears its colour index from the start; else what is drawn before the first colour command wears the materials
+    /// of the plant.
+    pub painted: bool,
     /// What `;` and `,` without parameter add and take.
     pub color_increment: u8,
     /// Factor of lengths and widths at the start; commands `@D` change it.
@@ -97,10 +104,24 @@ pub struct TurtleOptions {
     pub tropisms: Vec<Tropism>,
     /// Direction of the tropism whose elasticity the command `_(e)` sets (cpfg's older form); need not be normalized.
     pub old_tropism: DVec3,
+    /// Its elasticity at the start, and what `_` without a parameter adds.
+    pub old_elasticity: f64,
+    /// See `old_elasticity`.
+    pub old_increment: f64,
     /// Whether a roll made since the last segment survives a tropism.
     pub tropism_keep_roll: bool,
     /// Organs by the symbol after `~`.
     pub organs: BTreeMap<char, OrganSpec>,
+    /// Contours of generalised cylinders by number.
+    pub contours: BTreeMap<u32, Contour>,
+    /// Sides of a contour at the start.
+    pub sides: u32,
+    /// Whether generalised cylinders turn with the turtle instead of by the least twist.
+    pub twist: bool,
+    /// Materials of textures by number.
+    pub textures: BTreeMap<u32, MaterialId>,
+    /// Points of organs, in the units of their meshes, that the turtle moves to once it has placed them; after organs without one it stays.
+    pub organ_ends: BTreeMap<char, DVec3>,
     /// Names of the plant's materials, which the indices below refer to.
     pub materials: Vec<String>,
     /// Material of axes, index into `materials`.
@@ -125,14 +146,22 @@ impl Default for TurtleOptions {
             width: 1.0,
             width_increment: 0.0,
             color: 128,
+            painted: false,
             color_increment: 1,
             scale: 1.0,
             scale_multiplier: 1.0,
             tapered: true,
             tropisms: Vec::new(),
             old_tropism: DVec3::Y,
+            old_elasticity: 0.0,
+            old_increment: 0.0,
             tropism_keep_roll: false,
             organs: BTreeMap::new(),
+            organ_ends: BTreeMap::new(),
+            contours: BTreeMap::new(),
+            sides: 8,
+            twist: false,
+            textures: BTreeMap::new(),
             materials: vec!["bark".into()],
             axis_material: 0,
             shoot_material: None,

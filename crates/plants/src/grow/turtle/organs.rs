@@ -1,34 +1,52 @@
 //! Commands that place organs, discs and spheres.
 
-use glam::DQuat;
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
 
 use super::builder::{OrganSize, ProtoRange};
 use super::frame::TurtlePose;
 use super::interpreter::{OrganPrototypes, Turtle};
 use super::options::STALK;
+use super::paint::{Paint, TURTLE_COLOR};
 use osier_grammar::Module;
+use osier_scene::Mesh;
 
 impl Turtle<'_> {
     /// Prototypes of an organ symbol, registered on first use; `None` if it is unknown or its prototypes cannot be indexed.
     fn organ_prototypes(&mut self, c: char) -> Option<OrganPrototypes> {
-        if let Some(&known) = self.organs.get(&c) {
-            return Some(known);
-        }
         let options = self.options;
         let spec = options.organs.get(&c).filter(|s| !s.meshes.is_empty())?;
+        // Surfaces that wear the turtle's colour have prototypes for each colour.
+        let wears = |mesh: &Arc<Mesh>| mesh.subsets.iter().any(|s| s.material == TURTLE_COLOR);
+        let painted = spec.meshes.iter().any(wears);
+        let paint = painted.then(|| Paint::leaf(self.worn_color()));
+        let key = (c, paint.map(|p| p.index));
+        if let Some(&known) = self.organs.get(&key) {
+            return Some(known);
+        }
         let first = u16::try_from(self.builder.protos.len()).ok()?;
         // Register all variants as consecutive prototypes. They share one scale, so that the longest has the size
         // asked for and the others keep their proportions to it.
         let mut longest = 0.0_f32;
         for (i, mesh) in spec.meshes.iter().enumerate() {
-            let name = if spec.meshes.len() == 1 { spec.name.clone() } else { format!("{}_{i}", spec.name) };
+            let name = match paint {
+                Some(_) => format!("{}_{}", spec.name, self.builder.protos.len()),
+                None if spec.meshes.len() == 1 => spec.name.clone(),
+                None => format!("{}_{i}", spec.name),
+            };
             longest = longest.max(mesh.bounds().max.y);
-            self.builder.protos.push(osier_scene::plant::Proto { name, mesh: std::sync::Arc::clone(mesh) });
+            let mut mesh = Arc::clone(mesh);
+            if let Some(paint) = paint.filter(|_| wears(&mesh)) {
+                let subsets = &mut Arc::make_mut(&mut mesh).subsets;
+                subsets.iter_mut().filter(|s| s.material == TURTLE_COLOR).for_each(|s| s.material = paint.material());
+            }
+            self.builder.protos.push(osier_scene::plant::Proto { name, mesh });
         }
         let count = u16::try_from(spec.meshes.len()).ok()?;
         let scale = if longest > 1e-9 && longest.is_finite() { spec.size / f64::from(longest) } else { spec.size };
         let organ = OrganPrototypes { range: ProtoRange { first, count }, scale };
-        self.organs.insert(c, organ);
+        self.organs.insert(key, organ);
         Some(organ)
     }
 
@@ -49,6 +67,7 @@ impl Turtle<'_> {
             let size = size * scale;
             if size > 0.0 {
                 self.place_organ(pose, range, OrganSize { scale: unit * size, petiole: petiole * size }, m);
+                self.move_to_organ_end(c, DVec3::splat(unit * size), m);
             }
             return;
         }
@@ -61,9 +80,17 @@ impl Turtle<'_> {
                 Some(proto) => {
                     let size = OrganSize { scale: unit * y * scale, petiole: petiole * y * scale };
                     self.place_organ(pose, ProtoRange::single(proto), size, m);
+                    self.move_to_organ_end(c, DVec3::new(x, y, z) * (unit * scale), m);
                 }
                 None => self.too_many_prototypes(c),
             }
+        }
+    }
+
+    /// Moves the turtle to the end point of the organ that it has placed, if it has one. What is drawn next begins an axis of its own.
+    fn move_to_organ_end(&mut self, c: char, scale: DVec3, m: Module<'_>) {
+        if let Some(end) = self.options.organ_ends.get(&c) {
+            self.jump(self.pose().q * (*end * scale), m);
         }
     }
 
@@ -76,7 +103,7 @@ impl Turtle<'_> {
     /// A disc facing the viewer (`o`), a disc in the turtle's frame (`c`) or a sphere (`O`) of diameter `d`, turtle units.
     pub(super) fn place_disc_or_sphere(&mut self, c: char, d: f64, m: Module<'_>) {
         let d = d * self.s.scale * self.options.unit_m;
-        let material = self.options.shape_material;
+        let material = self.shape_material(c != 'O');
         let protos = &mut self.builder.protos;
         let proto = if c == 'O' {
             self.shape_prototypes.sphere(protos, material)

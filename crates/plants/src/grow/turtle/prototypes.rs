@@ -22,11 +22,16 @@ const RINGS: u32 = 7;
 /// Indices of the prototypes created so far.
 #[derive(Debug, Default)]
 pub(super) struct PrototypeCache {
-    polygons: BTreeMap<Vec<i32>, Option<u16>>,
+    polygons: BTreeMap<(MaterialId, Vec<i32>), Option<u16>>,
     stretched: BTreeMap<(u16, [i32; 2]), u16>,
-    disc: Option<u16>,
-    sphere: Option<u16>,
+    discs: BTreeMap<MaterialId, u16>,
+    spheres: BTreeMap<MaterialId, u16>,
+    rings: BTreeMap<(MaterialId, i32), u16>,
+    surfaces: BTreeMap<SurfaceKey, u16>,
 }
+
+/// Points on a grid, and the materials of the subsets.
+type SurfaceKey = (Vec<[i32; 3]>, Vec<(MaterialId, u32)>);
 
 /// More prototypes than 16 bits can index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +51,11 @@ fn add_prototype(protos: &mut Vec<Proto>, name: String, mesh: Mesh) -> Option<u1
     let i = u16::try_from(protos.len()).ok().filter(|i| *i < u16::MAX)?;
     protos.push(Proto { name, mesh: Arc::new(mesh) });
     Some(i)
+}
+
+/// Name of a shape of which there is one for each material.
+fn unique_name(name: &str, earlier: usize) -> String {
+    if earlier == 0 { name.to_owned() } else { format!("{name}_{earlier}") }
 }
 
 impl PrototypeCache {
@@ -72,6 +82,7 @@ impl PrototypeCache {
         }
         let key: Vec<i32> =
             local.iter().flat_map(|c| (*c / (size * POLYGON_TOLERANCE)).to_array()).map(round_to_i32).collect();
+        let key = (material, key);
         if let Some(known) = self.polygons.get(&key) {
             return Ok(known.map(|proto| PolygonPrototype { proto, size }));
         }
@@ -86,26 +97,58 @@ impl PrototypeCache {
         Ok(Some(PolygonPrototype { proto: i, size }))
     }
 
-    /// The shared disc of diameter 1 facing +Z, registered on first use; `None` without a free index.
+    /// The shared disc of a material, of diameter 1 and facing +Z, registered on first use; `None` without a free index.
     pub fn disc(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
-        if self.disc.is_none() {
-            let corner = |i: u32| {
-                let a = corner_angle(i, SIDES);
-                Vec3::new(0.5 * math::cos_f32(a), 0.5 * math::sin_f32(a), 0.0)
-            };
-            let corners: Vec<Vec3> = (0..SIDES).map(corner).collect();
-            let mesh = polygon_mesh(&corners).unwrap_or_default().with_material(material);
-            self.disc = add_prototype(protos, "disc".into(), mesh);
+        if let Some(known) = self.discs.get(&material) {
+            return Some(*known);
         }
-        self.disc
+        let corner = |i: u32| {
+            let a = corner_angle(i, SIDES);
+            Vec3::new(0.5 * math::cos_f32(a), 0.5 * math::sin_f32(a), 0.0)
+        };
+        let corners: Vec<Vec3> = (0..SIDES).map(corner).collect();
+        let mesh = polygon_mesh(&corners).unwrap_or_default().with_material(material);
+        let name = unique_name("disc", self.discs.len());
+        let i = add_prototype(protos, name, mesh)?;
+        self.discs.insert(material, i);
+        Some(i)
     }
 
-    /// The shared sphere of diameter 1, registered on first use; `None` without a free index.
+    /// The shared sphere of a material, of diameter 1, registered on first use; `None` without a free index.
     pub fn sphere(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
-        if self.sphere.is_none() {
-            self.sphere = add_prototype(protos, "sphere".into(), sphere_mesh().with_material(material));
+        if let Some(known) = self.spheres.get(&material) {
+            return Some(*known);
         }
-        self.sphere
+        let name = unique_name("sphere", self.spheres.len());
+        let i = add_prototype(protos, name, sphere_mesh().with_material(material))?;
+        self.spheres.insert(material, i);
+        Some(i)
+    }
+
+    /// Prototype of a mesh whose largest coordinate is 1; equal ones are shared. `None` without a free index.
+    pub fn surface(&mut self, protos: &mut Vec<Proto>, name: &str, mesh: Mesh) -> Option<u16> {
+        let grid = |p: &Vec3| p.to_array().map(|v| round_to_i32(f64::from(v) / POLYGON_TOLERANCE));
+        let key =
+            (mesh.points.iter().map(grid).collect(), mesh.subsets.iter().map(|s| (s.material, s.count)).collect());
+        if let Some(&i) = self.surfaces.get(&key) {
+            return Some(i);
+        }
+        let name = format!("{name}_{}", protos.len());
+        let i = add_prototype(protos, name, mesh)?;
+        self.surfaces.insert(key, i);
+        Some(i)
+    }
+
+    /// Prototype of a ring of diameter 1 around +Z. `tube`: diameter of what it is bent from; rings within a percent share a prototype.
+    pub fn ring(&mut self, protos: &mut Vec<Proto>, material: MaterialId, tube: f64) -> Option<u16> {
+        let key = (material, round_to_i32(math::ln(tube.max(1e-6)) * 100.0));
+        if let Some(&i) = self.rings.get(&key) {
+            return Some(i);
+        }
+        let name = format!("ring_{}", protos.len());
+        let i = add_prototype(protos, name, ring_mesh(math::narrow(tube)).with_material(material))?;
+        self.rings.insert(key, i);
+        Some(i)
     }
 
     /// Prototype `source` stretched by `ratio` across and along the normal, relative to its length.
@@ -175,6 +218,35 @@ fn polygon_mesh(corners: &[Vec3]) -> Option<Mesh> {
     })
 }
 
+/// Sides of the tube of a ring, and how many of them make it.
+const RING_SIDES: [u32; 2] = [6, 32];
+
+/// A torus of diameter 1 around +Z, of a tube of this diameter.
+fn ring_mesh(tube: f32) -> Mesh {
+    let mut mesh = Mesh::default();
+    let [sides, steps] = RING_SIDES;
+    for k in 0..=steps {
+        let a = corner_angle(k % steps, steps);
+        let out = Vec3::new(math::cos_f32(a), math::sin_f32(a), 0.0);
+        for i in 0..=sides {
+            let b = corner_angle(i % sides, sides);
+            let n = out * math::cos_f32(b) + Vec3::Z * math::sin_f32(b);
+            mesh.points.push(out * 0.5 + n * (0.5 * tube));
+            mesh.normals.push(n);
+            mesh.uvs.push(Vec2::new(k as f32 / steps as f32, i as f32 / sides as f32));
+        }
+    }
+    let row = sides + 1;
+    for k in 0..steps {
+        for i in 0..sides {
+            let (a, b) = (k * row + i, (k + 1) * row + i);
+            mesh.triangles.push([a, b, b + 1]);
+            mesh.triangles.push([a, b + 1, a + 1]);
+        }
+    }
+    mesh
+}
+
 /// A sphere of diameter 1 as rings of latitude around Y, with a texture seam.
 fn sphere_mesh() -> Mesh {
     let mut mesh = Mesh::default();
@@ -217,6 +289,13 @@ mod tests {
             let n = (b - a).cross(c - a);
             assert!(n.length() > 1e-6 && n.dot(a + b + c) > 0.0, "{t:?}");
         }
+        let ring = ring_mesh(0.1);
+        for t in &ring.triangles {
+            let [a, b, c] = t.map(|i| ring.points[i as usize]);
+            let n = t.iter().map(|i| ring.normals[*i as usize]).sum::<Vec3>();
+            assert!((b - a).cross(c - a).dot(n) > 0.0, "{t:?}");
+        }
+        assert!((ring.bounds().max.x - 0.55).abs() < 1e-6 && (ring.bounds().max.z - 0.05).abs() < 0.01);
         let mut protos = Vec::new();
         let disc = PrototypeCache::default().disc(&mut protos, 0).expect("room");
         let mesh = &protos[usize::from(disc)].mesh;

@@ -8,7 +8,7 @@ use osier_grammar::{
     BindingEvaluator, DeriveOptions, DerivedString, Grammar, TurtleAnswers, derive_with_queries, interpret_modules,
 };
 
-/// Derives a grammar as [`osier_grammar::derive`] does; queries `?P ?H ?L ?U` and bounds `vvXmin()` are answered by a turtle of
+/// Derives a grammar for [`super::grow`], as [`osier_grammar::derive_deferred`] does; queries `?P ?H ?L ?U` and bounds `vvXmin()` are answered by a turtle of
 /// these options, which interprets the string after the axiom and after each step.
 /// # Errors
 /// As [`osier_grammar::derive`]; for a grammar with queries also as [`super::grow`].
@@ -19,7 +19,7 @@ pub fn derive(
     limits: &Limits,
 ) -> Result<DerivedString> {
     if !grammar.has_queries() {
-        return osier_grammar::derive(grammar, options, limits);
+        return osier_grammar::derive_deferred(grammar, options, limits);
     }
     derive_with_queries(grammar, options, limits, &mut |string| answers(grammar, string, turtle, limits))
 }

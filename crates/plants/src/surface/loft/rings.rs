@@ -5,7 +5,8 @@ use glam::Vec3;
 use super::centerline::CurvePoint;
 use super::corners;
 use super::tuning::{
-    MAX_LEAN_SHARE, MAX_RING_SPACING, MIN_RING_SPACING, RADIUS_TOLERANCE, SAG_TOLERANCE, SWELL_TOLERANCE, TILT_PASSES,
+    EDGE_TOLERANCE, MAX_LEAN_SHARE, MAX_RING_SPACING, MIN_EDGE_SPACING, MIN_RING_SPACING, RADIUS_TOLERANCE,
+    SAG_TOLERANCE, SWELL_TOLERANCE, TILT_PASSES,
 };
 use osier_base::math;
 
@@ -33,6 +34,8 @@ pub(super) struct Ring {
 pub(super) struct RingScratch {
     /// Input: the centreline, at least two points that are apart.
     pub curve: Vec<CurvePoint>,
+    /// Input: arc lengths, rising, m, at which a ring separates two colours.
+    pub edges: Vec<f32>,
     fine: Vec<CurvePoint>,
     tangents: Vec<Vec3>,
 }
@@ -62,7 +65,7 @@ pub(super) fn place_rings(scratch: &mut RingScratch, first: FirstRing, turn: f32
     }
     let fixed = first.is_some();
     // Keep as few of its points as the tolerances allow, then propagate the reference of the first ring.
-    select_rings(&scratch.fine, &scratch.tangents, turn, fixed, out);
+    select_rings(&scratch.fine, &scratch.tangents, &scratch.edges, turn, fixed, out);
     transport_references(&mut out[start..], e0);
     // Rings that intersect would turn quads inside out: tilt them apart, then remove those that still cross.
     if out[start..].windows(2).any(|w| rings_cross(&w[0], &w[1])) {
@@ -144,16 +147,21 @@ fn catmull_rom(p: [Vec3; 4], u: f32) -> Vec3 {
 
 /// Appends a ring at every point of the curve that the tolerances ask for, not yet oriented. `fixed`: the first ring is
 /// prescribed, so the second keeps a distance of one radius in order not to cross it.
-fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool, out: &mut Vec<Ring>) {
+fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f32, fixed: bool, out: &mut Vec<Ring>) {
     let limit = math::cos_f32(turn);
     let (narrow, wide) = (1.0 - RADIUS_TOLERANCE, 1.0 + RADIUS_TOLERANCE);
     let (start, last) = (out.len(), curve.len().saturating_sub(1));
     let mut kept: Option<(CurvePoint, Vec3)> = None;
     let mut skipped = 0;
     let mut passed = SkippedPoints::default();
+    let mut edges = edges.iter().peekable();
     for (i, (k, t)) in curve.iter().zip(tangents).enumerate() {
         // A ring is needed at the ends, where tangent or radius changed since the last one, after a long gap, and where the
         // tube without it would leave the centreline or its radii.
+        let mut at_edge = false;
+        while edges.next_if(|s| k.s >= **s - EDGE_TOLERANCE * **s).is_some() {
+            at_edge = true;
+        }
         let needed = kept.is_none_or(|(l, lt)| {
             let gap = k.s - l.s;
             let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_RING_SPACING * l.r;
@@ -164,7 +172,7 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool,
                 (passed.may_sag(l, &curve[i + 1]) && exceeds_sag(l, &curve[skipped..=i + 1]))
                     || (passed.may_swell(l, &curve[i + 1]) && exceeds_swell(l, &curve[skipped..=i + 1]))
             };
-            i == last || gap > close * l.r && (changed || deviates())
+            i == last || gap > close * l.r && (changed || deviates()) || at_edge && gap > MIN_EDGE_SPACING * l.r
         });
         if !needed {
             continue;

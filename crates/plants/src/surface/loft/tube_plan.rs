@@ -14,7 +14,7 @@ use super::tuning::{
 };
 use osier_base::math;
 use osier_base::par::par_chunks;
-use osier_scene::plant::{Axis, AxisEnd, NONE, Plant};
+use osier_scene::plant::{Axis, AxisEnd, NONE, PAINTED, Plant};
 
 /// Where a side branch leaves its parent's surface; its centreline near that surface is taken as a straight line.
 #[derive(Debug, Clone, Copy)]
@@ -157,6 +157,7 @@ impl TubePlanner<'_> {
         let nodes = self.plant.nodes_of(self.axis);
         let e0 = self.plant.nodes.q[nodes.start] * Vec3::X;
         scratch.curve.clear();
+        self.color_edges(&mut scratch.edges);
         let (start_kind, first) = self.plan_start(&mut scratch.curve);
         place_rings(scratch, FirstRing { tangent: first, reference: e0 }, self.options.turn, rings);
         let r_base = self.plant.nodes.r[nodes.start];
@@ -192,6 +193,15 @@ impl TubePlanner<'_> {
         (TubeStart::Embedded, None)
     }
 
+    /// Arc lengths at which the colour of the axis changes.
+    fn color_edges(&self, edges: &mut Vec<f32>) {
+        edges.clear();
+        let (colors, range) = (&self.plant.nodes.color, self.plant.nodes_of(self.axis));
+        let changes = |i: &usize| colors[*i] != colors[*i + 1] && (colors[*i] | colors[*i + 1]) & PAINTED != 0;
+        let inner = range.start + 1..range.end.saturating_sub(1);
+        edges.extend(inner.filter(changes).map(|i| self.plant.nodes.s[i]));
+    }
+
     /// Node `i` of the plant as a point of a centreline.
     fn node(&self, i: usize) -> CurvePoint {
         let n = &self.plant.nodes;
@@ -220,6 +230,9 @@ impl TubePlanner<'_> {
     fn root_curve(&self, curve: &mut Vec<CurvePoint>) {
         self.follow_axis(0.0, curve);
         let Some((&a, &b)) = curve.first().zip(curve.get(1)) else { return };
+        if self.plant.lines {
+            return;
+        }
         if self.options.flare > 0.0 {
             // The exponential needs points where the axis has none: within ten base radii, unless one is near already.
             for step in FLARE_SAMPLES {

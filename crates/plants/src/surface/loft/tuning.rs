@@ -58,3 +58,8 @@ pub(super) const FLARE_SAMPLE_SPACING: f32 = 0.3;
 /// A transition to a continuing branch must advance by at least this share of its length along both of its end tangents; below it
 /// the curve folds back on itself.
 pub(super) const MIN_CONTINUATION_ADVANCE: f32 = 0.35;
+
+/// Least distance of a ring that separates two colours from the ring before it, in radii: nearer, its quads would fold in bends.
+pub(super) const MIN_EDGE_SPACING: f32 = 0.02;
+/// By which share of its arc length a point of the centreline may lie before a change of colours and still carry its ring: rounding.
+pub(super) const EDGE_TOLERANCE: f32 = 1e-5;

@@ -1,0 +1,161 @@
+//! Colours by index: colour maps and material files.
+
+use osier_base::math::narrow;
+use osier_base::units::linear_from_srgb;
+
+/// Number of colour indices.
+const COUNT: usize = 256;
+/// Bytes of a material record: index, transparency, ambient, diffuse, emissive and specular colour, shininess.
+const RECORD: usize = 15;
+/// Roughness of colours of a map, which says nothing about it. Own: a dull surface, as of leaves and stems.
+const ROUGHNESS: f32 = 0.55;
+
+/// Colours that are told apart, sRGB. Own: the colours of plants first, in the order in which `;` meets them from the initial
+/// index 128 on.
+const PALETTE: [[u8; 3]; 16] = [
+    [0x7a, 0x5c, 0x3e], // bark
+    [0x4f, 0x7a, 0x33], // leaf
+    [0x9f, 0xb0, 0x4c], // young leaf
+    [0xe6, 0xc8, 0x4f], // yellow
+    [0xe0, 0x8a, 0x2e], // orange
+    [0xc8, 0x40, 0x2f], // red
+    [0xd9, 0x77, 0xa6], // pink
+    [0x8e, 0x4a, 0x8c], // purple
+    [0x5a, 0x6f, 0xb5], // blue
+    [0x6f, 0xb3, 0xc9], // light blue
+    [0x2f, 0x5d, 0x3a], // dark green
+    [0xb5, 0x9a, 0x6a], // straw
+    [0xf2, 0xef, 0xe6], // white
+    [0x9a, 0x9a, 0x94], // grey
+    [0x4a, 0x40, 0x38], // dark brown
+    [0x1f, 0x1f, 0x1f], // black
+];
+
+/// What a colour index looks like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceColor {
+    /// Linear colour.
+    pub base: [f32; 3],
+    /// 0 mirror to 1 matt.
+    pub roughness: f32,
+    /// Share of light that passes, 0 to 1.
+    pub transparency: f32,
+}
+
+/// The colours of all indices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColorTable {
+    colors: Vec<SurfaceColor>,
+}
+
+impl Default for ColorTable {
+    /// Sixteen colours over and over: index i has that of i modulo 16, from brown (0) over greens, yellow and red to black (15).
+    fn default() -> Self {
+        Self { colors: PALETTE.iter().cycle().take(COUNT).map(|c| plain(*c)).collect() }
+    }
+}
+
+fn plain(srgb: [u8; 3]) -> SurfaceColor {
+    SurfaceColor { base: srgb.map(linear), roughness: ROUGHNESS, transparency: 0.0 }
+}
+
+fn linear(byte: u8) -> f32 {
+    linear_from_srgb(f32::from(byte) / 255.0)
+}
+
+impl ColorTable {
+    /// A colour map: 256 times red, green and blue as sRGB bytes. A shorter one leaves the other indices as they are by default.
+    /// # Errors
+    /// What is wrong with the bytes.
+    pub fn from_map(bytes: &[u8]) -> Result<Self, String> {
+        let expected = "a colour map is 256 times 3 bytes (768)";
+        if bytes.is_empty() || bytes.len() > COUNT * 3 || !bytes.len().is_multiple_of(3) {
+            return Err(format!("{expected}, the file has {} bytes", bytes.len()));
+        }
+        let mut table = Self::default();
+        for (color, rgb) in table.colors.iter_mut().zip(bytes.chunks_exact(3)) {
+            *color = plain([rgb[0], rgb[1], rgb[2]]);
+        }
+        Ok(table)
+    }
+
+    /// A material file: records of 15 bytes, each of which begins with its index. The diffuse colour is the base colour.
+    /// # Errors
+    /// What is wrong with the bytes.
+    pub fn from_mat(bytes: &[u8]) -> Result<Self, String> {
+        if bytes.is_empty() || !bytes.len().is_multiple_of(RECORD) {
+            return Err(format!(
+                "a material file is a number of records of 15 bytes, the file has {} bytes",
+                bytes.len()
+            ));
+        }
+        let mut table = Self::default();
+        for record in bytes.chunks_exact(RECORD) {
+            let shininess = f64::from(record[14]);
+            table.colors[usize::from(record[0])] = SurfaceColor {
+                base: [record[5], record[6], record[7]].map(linear),
+                // Of a Phong lobe, as wide as a microfacet lobe of this roughness.
+                roughness: narrow(osier_base::math::sqrt(2.0 / (shininess + 2.0))),
+                transparency: f32::from(record[1]) / 255.0,
+            };
+        }
+        Ok(table)
+    }
+
+    /// What an index looks like.
+    pub fn get(&self, index: u8) -> SurfaceColor {
+        self.colors.get(usize::from(index)).copied().unwrap_or(plain(PALETTE[0]))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "what is read is equal to the bit")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_holds_srgb_colors() {
+        let mut bytes = vec![0; 768];
+        bytes[129 * 3..129 * 3 + 3].copy_from_slice(&[255, 188, 0]);
+        let table = ColorTable::from_map(&bytes).expect("a map");
+        let color = table.get(129);
+        assert!((color.base[0] - 1.0).abs() < 1e-6 && (color.base[1] - 0.503).abs() < 2e-3, "{color:?}");
+        assert_eq!(table.get(128).base, [0.0; 3]);
+        // A short map keeps the default for the rest.
+        let short = ColorTable::from_map(&bytes[..3]).expect("one colour");
+        assert_eq!(short.get(1), ColorTable::default().get(1));
+    }
+
+    #[test]
+    fn a_material_has_its_diffuse_color_and_a_roughness_by_its_shininess() {
+        let mut record = [0_u8; 15];
+        record[0] = 7;
+        record[1] = 51;
+        record[5..8].copy_from_slice(&[255, 0, 255]);
+        record[14] = 126;
+        let color = ColorTable::from_mat(&record).expect("a material").get(7);
+        assert_eq!(color.base, [1.0, 0.0, 1.0]);
+        // sqrt(2 / 128) = 1/8.
+        assert!((color.roughness - 0.125).abs() < 1e-6 && (color.transparency - 0.2).abs() < 1e-6, "{color:?}");
+    }
+
+    #[test]
+    fn other_sizes_are_refused_with_the_size() {
+        for n in [0, 1, 767, 769, 771] {
+            let error = ColorTable::from_map(&vec![0; n]).expect_err("damaged");
+            assert!(error.contains(&format!("{n} bytes")), "{error}");
+        }
+        for n in [0, 14, 16] {
+            assert!(ColorTable::from_mat(&vec![0; n]).is_err());
+        }
+    }
+
+    #[test]
+    fn the_default_repeats_sixteen_different_colors() {
+        let table = ColorTable::default();
+        assert_eq!(table.get(128), table.get(0));
+        let distinct: std::collections::BTreeSet<[u32; 3]> =
+            (0..16).map(|i| table.get(i).base.map(f32::to_bits)).collect();
+        assert_eq!(distinct.len(), 16);
+    }
+}

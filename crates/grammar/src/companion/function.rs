@@ -1,0 +1,131 @@
+//! Functions of one variable: `.func` and sets of them, `.fset`.
+
+use super::words::Reader;
+use osier_base::diagnostic::{Diagnostic, SourceId};
+
+/// Most points of a function, and most functions of a set: beyond this a file is damaged.
+const MAX_ITEMS: usize = 100_000;
+
+/// A function as its file has it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FunctionFile {
+    /// Its name; empty if the file has none.
+    pub name: String,
+    /// Number of samples that it is tabulated with; 0: none.
+    pub samples: usize,
+    /// Control points (x, y), each as often as its multiplicity says.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// Reads a function or a set of functions, in any version of the format: `fver`, sets, and the older form that begins with `range:`.
+/// Returns what could be read, with L048 for what could not.
+pub fn read_functions(text: &str, source: SourceId) -> (Vec<FunctionFile>, Vec<Diagnostic>) {
+    let mut reader = Reader::new(text, source);
+    let mut functions = Vec::new();
+    if reader.peek().is_some_and(|w| w.text == "funcgalleryver") {
+        reader.take_line();
+    }
+    while reader.peek().is_some() && functions.len() < MAX_ITEMS {
+        let Some(function) = read_one(&mut reader) else { break };
+        functions.push(function);
+    }
+    if functions.is_empty() && reader.report.is_empty() {
+        reader.expected("'points:' and the points of a function");
+    }
+    (functions, reader.report)
+}
+
+/// The next function; `None` if nothing more can be read.
+fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
+    let mut function = FunctionFile::default();
+    while let Some(word) = reader.peek() {
+        match word.text {
+            "name:" => {
+                let line = reader.take_line();
+                function.name = line.iter().skip(1).map(|w| w.text).collect::<Vec<_>>().join(" ");
+            }
+            "samples:" => {
+                reader.take();
+                function.samples = reader.count("the number of samples")?.min(MAX_ITEMS);
+            }
+            "points:" => {
+                reader.take();
+                function.points = points(reader)?;
+                return Some(function);
+            }
+            "items:" | "fver" | "flip:" | "range:" | "background:" | "backgroundXY:" => {
+                reader.take_line();
+            }
+            _ => {
+                reader.expected("'points:', 'name:', 'samples:' or 'fver'");
+                return None;
+            }
+        }
+    }
+    if !function.name.is_empty() || function.samples > 0 {
+        reader.expected("'points:' and the points of the function");
+    }
+    None
+}
+
+/// The points behind `points:`, one a line, with an optional multiplicity.
+fn points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
+    let count = reader.count("the number of points")?;
+    if count > MAX_ITEMS {
+        reader.complain(format!("a function of {count} points"), "a function has at most 100,000 points");
+        return None;
+    }
+    let mut points = Vec::new();
+    for _ in 0..count {
+        let line = reader.peek().map(|w| w.line);
+        let point = [reader.number("the x of a point")?, reader.number("the y of a point")?];
+        let same_line = reader.peek().filter(|w| Some(w.line) == line);
+        let times = same_line.and_then(|w| w.count());
+        if times.is_some() {
+            reader.take();
+        }
+        points.extend(std::iter::repeat_n(point, times.unwrap_or(1).clamp(1, 8)));
+    }
+    Some(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use osier_base::diagnostic::Sources;
+
+    fn read(text: &str) -> (Vec<FunctionFile>, Vec<Diagnostic>) {
+        let source = Sources::default().add("f.func", text);
+        read_functions(text, source)
+    }
+
+    #[test]
+    fn all_versions_are_read() {
+        let new = "fver 1 1\nname: leaf size\nsamples: 20\nflip: off\npoints: 2\n0.0 0.5\n1.0 2.5 3\n";
+        let (functions, report) = read(new);
+        assert_eq!(report, []);
+        let points = vec![[0.0, 0.5], [1.0, 2.5], [1.0, 2.5], [1.0, 2.5]];
+        assert_eq!(functions, [FunctionFile { name: "leaf size".into(), samples: 20, points }]);
+        let (old, _) = read("range: 0.0 1.0\npoints: 2\n0 0\n1 1\n");
+        assert_eq!(old[0].points, [[0.0, 0.0], [1.0, 1.0]]);
+        let (set, report) = read(&format!("funcgalleryver 1 1\nitems: 2\n{new}{new}"));
+        assert_eq!((set.len(), report.len()), (2, 0));
+    }
+
+    #[test]
+    fn damage_is_told() {
+        for (text, wanted) in [
+            ("", "expected 'points:'"),
+            ("points: x\n", "expected the number of points, found 'x'"),
+            ("points: 2\n0 0\n", "expected the x of a point, found the end of the file"),
+            ("points: 2\n0 0\n1 y\n", "expected the y of a point, found 'y'"),
+            ("points: 99999999999\n", "a function of 99999999999 points"),
+            ("hello\n", "found 'hello'"),
+            ("name: a\n", "expected 'points:'"),
+            ("points: 1\n0 nan\n", "found 'nan'"),
+        ] {
+            let (_, report) = read(text);
+            assert!(report.len() == 1 && report[0].message.contains(wanted), "{text:?}: {report:?}");
+        }
+    }
+}

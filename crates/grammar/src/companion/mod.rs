@@ -1,0 +1,26 @@
+//! Companion files of a grammar: colours, views, functions, contours, surfaces.
+//!
+//! Nothing here opens files: bytes or text go in, structs and diagnostics come out. Damaged files are L048 with what is wrong;
+//! whatever can be read of them is used.
+//!
+//! ```
+//! use osier_grammar::companion::ColorTable;
+//!
+//! let bytes: Vec<u8> = (0..=255).flat_map(|i| [i, 0, 0]).collect();
+//! let colors = ColorTable::from_map(&bytes).expect("256 colours");
+//! assert_eq!(colors.get(255).base, [1.0, 0.0, 0.0]);
+//! assert!(ColorTable::from_map(&[1, 2]).is_err());
+//! ```
+
+mod colors;
+mod contour;
+mod function;
+mod surface;
+mod view;
+mod words;
+
+pub use colors::{ColorTable, SurfaceColor};
+pub use contour::{ContourFile, read_contours};
+pub use function::{FunctionFile, read_functions};
+pub use surface::{SurfaceFile, SurfacePatch, SurfaceTriangle, read_ray, read_surface};
+pub use view::{FileLine, LineStyle, SurfaceLine, View, ViewInclude, ViewTropism, read_view};

@@ -1,0 +1,678 @@
+//! View files: how a grammar is drawn.
+
+use std::collections::BTreeMap;
+
+use super::words::{Word, shown, words};
+use osier_base::diagnostic::{Diagnostic, SourceId, Sources, Span};
+use osier_base::files::{Encoding, decode};
+
+/// Deepest `#include` of a view.
+const MAX_DEPTH: usize = 32;
+/// Most bytes of a view with its includes, and most replacements of macros in a line.
+const MAX_BYTES: usize = 1 << 24;
+const MAX_REPLACEMENTS: usize = 1000;
+
+/// How cpfg draws segments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LineStyle {
+    /// Lines whose widths are pixels.
+    Pixel,
+    /// Flat polygons.
+    Polygon,
+    /// Round cylinders.
+    Cylinder,
+}
+
+/// A file that a view names, and the place where it does.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileLine {
+    /// As written.
+    pub file: String,
+    /// Where the name stands.
+    pub span: Span,
+    /// Number behind or before the name: samples of a function, number of a contour.
+    pub number: Option<u32>,
+}
+
+/// A surface for `~` and a letter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SurfaceLine {
+    /// The letter behind `~`.
+    pub letter: char,
+    /// The file.
+    pub file: FileLine,
+    /// Factor on its size.
+    pub scale: f64,
+    /// Quads of a patch along and across it.
+    pub quads: Option<[u32; 2]>,
+    /// Number of the texture on it, from 1.
+    pub texture: Option<u32>,
+}
+
+/// A tropism or torque.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewTropism {
+    /// Direction.
+    pub dir: [f64; 3],
+    /// Angle to it at rest, degrees.
+    pub angle: f64,
+    /// Strength and sign.
+    pub intensity: f64,
+    /// Elasticity at the start.
+    pub elasticity: f64,
+    /// What `@Ti` without a parameter adds.
+    pub step: f64,
+    /// Turns about the heading.
+    pub torque: bool,
+}
+
+/// What a view file sets; what it does not set is `None` or empty.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct View {
+    /// Turn without a parameter, degrees.
+    pub angle: Option<f64>,
+    /// Width at the start, and whether the line counts it in pixels.
+    pub width: Option<f64>,
+    /// See `width`.
+    pub width_in_pixels: Option<bool>,
+    /// What `#` and `!` without a parameter add and take.
+    pub width_increment: Option<f64>,
+    /// How segments are drawn.
+    pub line: Option<LineStyle>,
+    /// Whether segments taper to the next width.
+    pub tapered: Option<bool>,
+    /// Colour index at the start.
+    pub color: Option<u8>,
+    /// What `;` and `,` without a parameter add and take.
+    pub color_increment: Option<u8>,
+    /// Factor on lengths and widths at the start.
+    pub scale: Option<f64>,
+    /// Factor of `@D` without a parameter.
+    pub scale_multiplier: Option<f64>,
+    /// Sides of contours.
+    pub sides: Option<u32>,
+    /// Whether generalised cylinders turn with the turtle.
+    pub twist: Option<bool>,
+    /// Tropisms and torques in the order of the file.
+    pub tropisms: Vec<ViewTropism>,
+    /// Direction of the older tropism.
+    pub old_direction: Option<[f64; 3]>,
+    /// Its elasticity at the start.
+    pub old_elasticity: Option<f64>,
+    /// What `_` without a parameter adds to it.
+    pub old_increment: Option<f64>,
+    /// Surfaces of patches.
+    pub surfaces: Vec<SurfaceLine>,
+    /// Surfaces of triangles.
+    pub triangles: Vec<SurfaceLine>,
+    /// Textures, numbered from 1.
+    pub textures: Vec<FileLine>,
+    /// Contours with their numbers.
+    pub contours: Vec<FileLine>,
+    /// Sets of contours.
+    pub contour_sets: Vec<FileLine>,
+    /// Functions and sets of functions in the order of the file; a set has no number of samples of its own.
+    pub functions: Vec<FileLine>,
+}
+
+/// Finds a file that a view includes: its name for messages and its bytes.
+pub type ViewInclude<'a> = dyn FnMut(&str) -> Result<(String, Vec<u8>), String> + 'a;
+
+/// Reads a view. `name`: for messages; the text is added to `sources`. Returns it with its warnings: L048 for lines that are damaged,
+/// L006 for includes, L047 for lines that have no effect here.
+pub fn read_view(
+    name: &str,
+    bytes: &[u8],
+    sources: &mut Sources,
+    include: &mut ViewInclude<'_>,
+) -> (View, Vec<Diagnostic>) {
+    let mut reader =
+        ViewReader { sources, include, macros: BTreeMap::new(), view: View::default(), report: Vec::new(), bytes: 0 };
+    reader.file(name, bytes, 0);
+    (reader.view, reader.report)
+}
+
+struct ViewReader<'a, 'b> {
+    sources: &'a mut Sources,
+    include: &'a mut ViewInclude<'b>,
+    macros: BTreeMap<String, String>,
+    view: View,
+    report: Vec<Diagnostic>,
+    bytes: usize,
+}
+
+/// A line of a view: its text with macros replaced, and its place.
+struct Line<'a> {
+    words: Vec<Word<'a>>,
+    span: Span,
+}
+
+impl ViewReader<'_, '_> {
+    fn file(&mut self, name: &str, bytes: &[u8], depth: usize) {
+        self.bytes += bytes.len();
+        let shown = match decode(bytes, Encoding::OrLatin1) {
+            Ok(decoded) if self.bytes <= MAX_BYTES => decoded.text,
+            Ok(_) => {
+                let message = format!("\"{name}\" and what it includes are longer than 16 MiB");
+                self.report.push(Diagnostic::about("L048", message).help("it is not read"));
+                return;
+            }
+            Err(bad) => {
+                let message = format!("\"{name}\" is no view file: {bad}");
+                self.report.push(Diagnostic::about("L048", message).help("it is not read"));
+                return;
+            }
+        };
+        let source = self.sources.add(name, shown.as_str());
+        let text = without_comments(&shown);
+        // Of each open `#if`: whether its lines count, and whether one of its branches did.
+        let mut open: Vec<(bool, bool)> = Vec::new();
+        let mut start = 0;
+        for line in text.split('\n') {
+            let span = Span::new(source, start, start + line.trim_end().len());
+            start += line.len() + 1;
+            let counts = open.iter().all(|o| o.0);
+            if let Some(directive) = line.trim_start().strip_prefix('#') {
+                self.directive(directive, span, counts, &mut open, depth);
+            } else if counts && !line.trim().is_empty() {
+                let first = span.start as usize;
+                self.line(line, source, first);
+            }
+        }
+    }
+
+    fn directive(&mut self, text: &str, span: Span, counts: bool, open: &mut Vec<(bool, bool)>, depth: usize) {
+        let text = text.trim();
+        let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+        let rest = rest.trim();
+        match word {
+            "define" if counts => {
+                let (name, body) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+                if name.contains('(') {
+                    self.warn("L048", span, format!("macro '{}' of a view has arguments", shown(name)));
+                } else {
+                    self.macros.insert(name.to_owned(), body.trim().to_owned());
+                }
+            }
+            "undef" if counts => {
+                self.macros.remove(rest);
+            }
+            "ifdef" | "ifndef" | "if" => {
+                let defined = self.macros.contains_key(rest) || rest == "OSIER";
+                let holds = match word {
+                    "ifdef" => defined,
+                    "ifndef" => !defined,
+                    _ => self.expand(rest).trim().parse::<f64>().is_ok_and(|v| v.abs() > 0.0),
+                };
+                open.push((holds, holds));
+            }
+            "else" => {
+                if let Some(last) = open.last_mut() {
+                    *last = (!last.1, true);
+                }
+            }
+            "endif" => {
+                open.pop();
+            }
+            "include" if counts => {
+                let file = rest.trim_matches(['"', '<', '>', ' ']);
+                if depth >= MAX_DEPTH {
+                    let message = format!("\"{}\" is included {MAX_DEPTH} files deep", shown(file));
+                    return self.warn("L048", span, message);
+                }
+                match (self.include)(file) {
+                    Ok((name, bytes)) => self.file(&name, &bytes, depth + 1),
+                    Err(why) => self.warn("L048", span, format!("the view includes \"{}\": {why}", shown(file))),
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A text with its macros replaced.
+    fn expand(&self, text: &str) -> String {
+        if self.macros.is_empty() {
+            return text.to_owned();
+        }
+        let mut out = String::new();
+        let mut rest: Vec<String> = vec![text.to_owned()];
+        let mut replaced = 0;
+        while let Some(piece) = rest.pop() {
+            let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            let begin = piece.find(|c: char| c.is_ascii_alphabetic() || c == '_').unwrap_or(piece.len());
+            let (before, word) = piece.split_at(begin);
+            let end = word.find(|c| !is_word(c)).unwrap_or(word.len());
+            let (word, after) = word.split_at(end);
+            out.push_str(before);
+            // A name that follows a letter or digit is part of a longer word.
+            let inside = before.is_empty() && out.ends_with(is_word) || before.ends_with(|c: char| c.is_ascii_digit());
+            match self.macros.get(word).filter(|_| !inside && replaced < MAX_REPLACEMENTS) {
+                Some(body) => {
+                    replaced += 1;
+                    rest.push(after.to_owned());
+                    rest.push(body.clone());
+                }
+                None => {
+                    out.push_str(word);
+                    if !after.is_empty() {
+                        rest.push(after.to_owned());
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    fn warn(&mut self, code: &'static str, span: Span, message: String) {
+        self.report.push(Diagnostic::warning(code, message, span, "here").help("the line is ignored"));
+    }
+
+    /// One line, `keyword: values`. `first`: its offset in the source.
+    fn line(&mut self, text: &str, source: SourceId, first: usize) {
+        let end = first + text.trim_end().len();
+        let whole = Span::new(source, first, end);
+        let Some((key, values)) = text.split_once(':') else {
+            return self.ignored(whole, text.trim());
+        };
+        let keyword: String = key.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ");
+        let values = self.expand(values);
+        let line = Line { words: words(&values), span: whole };
+        if self.turtle_line(&keyword, &line) || self.file_line(&keyword, &line) {
+            return;
+        }
+        self.ignored(whole, key.trim());
+    }
+
+    fn ignored(&mut self, span: Span, key: &str) {
+        let message = format!("'{}' of a view has no effect", shown(key));
+        let d = Diagnostic::warning("L047", message, span, "ignored");
+        self.report.push(d.help("lights, cameras and windows are set in the scene"));
+    }
+
+    /// L048 for a line without the numbers that it needs.
+    fn damaged(&mut self, line: &Line<'_>, expected: &str) {
+        self.warn("L048", line.span, format!("expected {expected}"));
+    }
+
+    /// The first number of a line.
+    fn number(&mut self, line: &Line<'_>, what: &str) -> Option<f64> {
+        let value = line.words.first().and_then(value_of);
+        if value.is_none() {
+            self.damaged(line, what);
+        }
+        value
+    }
+
+    /// The first three numbers of a line.
+    fn vector(&mut self, line: &Line<'_>, what: &str) -> Option<[f64; 3]> {
+        let numbers: Vec<f64> = line.words.iter().filter_map(value_of).collect();
+        match numbers[..] {
+            [x, y, z, ..] => Some([x, y, z]),
+            _ => {
+                self.damaged(line, what);
+                None
+            }
+        }
+    }
+
+    /// `on` or `off`.
+    fn switch(&mut self, line: &Line<'_>) -> Option<bool> {
+        match line.words.first().map(|w| w.text) {
+            Some("on") => Some(true),
+            Some("off") => Some(false),
+            _ => {
+                self.damaged(line, "'on' or 'off'");
+                None
+            }
+        }
+    }
+
+    /// Lines of numbers; false if the keyword is none of them.
+    fn turtle_line(&mut self, keyword: &str, line: &Line<'_>) -> bool {
+        match keyword {
+            "angle increment" => self.view.angle = self.number(line, "an angle in degrees").or(self.view.angle),
+            "angle factor" => match self.number(line, "the number of turns of a full circle") {
+                Some(n) if n.abs() > 0.0 => self.view.angle = Some(360.0 / n),
+                Some(_) => self.damaged(line, "a number of turns other than 0"),
+                None => {}
+            },
+            "initial line width" => {
+                if let Some(width) = self.number(line, "a width") {
+                    self.view.width = Some(width);
+                    let unit = line.words.get(1).map(|w| w.text.to_lowercase());
+                    self.view.width_in_pixels = unit.map(|u| u.starts_with('p')).or(self.view.width_in_pixels);
+                }
+            }
+            "line width increment" => {
+                self.view.width_increment = self.number(line, "a width").or(self.view.width_increment);
+            }
+            "line style" => match line.words.first().map(|w| w.text.to_lowercase()).as_deref() {
+                Some("pixel") => self.view.line = Some(LineStyle::Pixel),
+                Some("polygon") => self.view.line = Some(LineStyle::Polygon),
+                Some("cylinder") => self.view.line = Some(LineStyle::Cylinder),
+                _ => self.damaged(line, "'pixel', 'polygon' or 'cylinder'"),
+            },
+            "tapered lines" => self.view.tapered = self.switch(line).or(self.view.tapered),
+            "initial color" => {
+                self.view.color = self.number(line, "a colour index").map(byte).or(self.view.color);
+            }
+            "color increment" => {
+                self.view.color_increment = self.number(line, "a number").map(byte).or(self.view.color_increment);
+            }
+            "initial scale" => self.view.scale = self.positive(line).or(self.view.scale),
+            "scale multiplier" => self.view.scale_multiplier = self.positive(line).or(self.view.scale_multiplier),
+            "contour sides" => match self.number(line, "a number of sides") {
+                Some(n) if n >= 3.0 => self.view.sides = Some(sides(n)),
+                Some(_) => self.damaged(line, "at least 3 sides"),
+                None => {}
+            },
+            "twist of cylinders" => self.view.twist = self.switch(line).or(self.view.twist),
+            "tropism" | "torque" => {
+                if let Some(tropism) = self.tropism(line, keyword == "torque") {
+                    self.view.tropisms.push(tropism);
+                }
+            }
+            "tropism direction" => {
+                self.view.old_direction = self.vector(line, "three coordinates").or(self.view.old_direction);
+            }
+            "initial elasticity" => {
+                self.view.old_elasticity = self.number(line, "an elasticity").or(self.view.old_elasticity);
+            }
+            "elasticity increment" => {
+                self.view.old_increment = self.number(line, "an elasticity").or(self.view.old_increment);
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// A number above 0.
+    fn positive(&mut self, line: &Line<'_>) -> Option<f64> {
+        let value = self.number(line, "a number")?;
+        if value > 0.0 {
+            return Some(value);
+        }
+        self.damaged(line, "a number above 0");
+        None
+    }
+
+    /// `T: x y z A: deg I: f E: f S: f`.
+    fn tropism(&mut self, line: &Line<'_>, torque: bool) -> Option<ViewTropism> {
+        let mut out =
+            ViewTropism { dir: [0.0, 1.0, 0.0], angle: 0.0, intensity: 1.0, elasticity: 0.0, step: 0.0, torque };
+        let mut part = 'T';
+        let mut place = 0;
+        for word in &line.words {
+            // `A:30` in one word, or `A:` and `30`.
+            let (name, value) = match word.text.split_once(':') {
+                Some((name, value)) => (name.chars().next(), value),
+                None => (None, word.text),
+            };
+            if let Some(name) = name {
+                (part, place) = (name.to_ascii_uppercase(), 0);
+            }
+            if value.is_empty() {
+                continue;
+            }
+            let Some(number) = value.parse::<f64>().ok().filter(|v| v.is_finite()) else {
+                self.damaged(line, "numbers after T:, A:, I:, E: and S:");
+                return None;
+            };
+            match (part, place) {
+                ('T', 0..3) => out.dir[place] = number,
+                ('A', 0) => out.angle = number,
+                ('I', 0) => out.intensity = number.clamp(-1.0, 1.0),
+                ('E', 0) => out.elasticity = number,
+                ('S', 0) => out.step = number,
+                _ => {}
+            }
+            place += 1;
+        }
+        if out.dir.iter().all(|c| c.abs() < 1e-12) {
+            self.damaged(line, "a direction T: other than 0 0 0");
+            return None;
+        }
+        Some(out)
+    }
+
+    /// Lines that name files; false if the keyword is none of them.
+    fn file_line(&mut self, keyword: &str, line: &Line<'_>) -> bool {
+        match keyword {
+            "surface" => {
+                let surface = self.surface(line);
+                self.view.surfaces.extend(surface);
+            }
+            "tsurface" => {
+                let surface = self.surface(line);
+                self.view.triangles.extend(surface);
+            }
+            "texture" => {
+                // `F: name` among other parts, or the name alone.
+                let at = line.words.iter().position(|w| w.text == "F:").map_or(0, |i| i + 1);
+                let joined = line.words.iter().find_map(|w| w.text.strip_prefix("F:").filter(|f| !f.is_empty()));
+                match joined.or_else(|| line.words.get(at).map(|w| w.text)) {
+                    Some(file) => self.view.textures.push(file_of(file, line, None)),
+                    None => self.damaged(line, "the file of a texture"),
+                }
+            }
+            "contour" => match &line.words[..] {
+                [id, file, ..] if id.count().is_some() => {
+                    self.view.contours.push(file_of(file.text, line, count32(id)));
+                }
+                [file, id, ..] if id.count().is_some() => {
+                    self.view.contours.push(file_of(file.text, line, count32(id)));
+                }
+                _ => self.damaged(line, "the number of a contour and its file"),
+            },
+            "function" => match line.words.first() {
+                Some(file) => {
+                    let samples = line.words.get(1).and_then(count32);
+                    self.view.functions.push(file_of(file.text, line, samples));
+                }
+                None => self.damaged(line, "the file of a function"),
+            },
+            "function set" | "contour set" => match line.words.first() {
+                Some(file) if keyword == "function set" => {
+                    self.view.functions.push(file_of(file.text, line, None));
+                }
+                Some(file) => self.view.contour_sets.push(file_of(file.text, line, None)),
+                None => self.damaged(line, "the file of a set"),
+            },
+            _ => return false,
+        }
+        true
+    }
+
+    /// `letter file scale [i j texture]`.
+    fn surface(&mut self, line: &Line<'_>) -> Option<SurfaceLine> {
+        let letter = line.words.first().map(|w| w.text).filter(|t| t.chars().count() == 1);
+        let (Some(letter), Some(file)) = (letter.and_then(|t| t.chars().next()), line.words.get(1)) else {
+            self.damaged(line, "one letter and the file of a surface");
+            return None;
+        };
+        let numbers: Vec<f64> = line.words.iter().skip(2).map_while(value_of).collect();
+        let scale = numbers.first().copied().unwrap_or(1.0);
+        if scale <= 0.0 {
+            self.damaged(line, "a scale above 0");
+            return None;
+        }
+        let quads = numbers.get(1).zip(numbers.get(2)).map(|(i, j)| [sides(*i), sides(*j)]);
+        let texture = numbers.get(3).map(|t| sides(*t)).filter(|t| *t > 0);
+        Some(SurfaceLine { letter, file: file_of(file.text, line, None), scale, quads, texture })
+    }
+}
+
+fn file_of(file: &str, line: &Line<'_>, number: Option<u32>) -> FileLine {
+    FileLine { file: file.to_owned(), span: line.span, number }
+}
+
+fn count32(word: &Word<'_>) -> Option<u32> {
+    word.text.parse().ok()
+}
+
+/// A number, or a quotient or product of two such as `360/7`.
+fn value_of(word: &Word<'_>) -> Option<f64> {
+    if let Some(value) = word.number() {
+        return Some(value);
+    }
+    let text = word.text.trim_matches(['(', ')']);
+    let part = |t: &str| t.trim().parse::<f64>().ok();
+    let value = match (text.split_once('/'), text.split_once('*')) {
+        (Some((a, b)), _) => part(a)? / part(b)?,
+        (_, Some((a, b))) => part(a)? * part(b)?,
+        _ => part(text)?,
+    };
+    Some(value).filter(|v| v.is_finite())
+}
+
+/// A colour index, modulo 256.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "reduced to 0..256 before the cast")]
+fn byte(value: f64) -> u8 {
+    value.trunc().rem_euclid(256.0) as u8
+}
+
+/// A whole number of 0 to 256.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+fn sides(value: f64) -> u32 {
+    value.trunc().clamp(0.0, 256.0) as u32
+}
+
+/// The text with comments as blanks; line ends stay.
+fn without_comments(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = rest.find('/') {
+        let (before, from) = rest.split_at(at);
+        out.push_str(before);
+        let length = if let Some(inside) = from.strip_prefix("/*") {
+            inside.find("*/").map_or(from.len(), |end| end + 4)
+        } else if from.starts_with("//") {
+            from.find('\n').unwrap_or(from.len())
+        } else {
+            out.push('/');
+            rest = &from[1..];
+            continue;
+        };
+        let (comment, after) = from.split_at(length);
+        // Bytes keep their places, so that messages point at what the file has there.
+        out.extend(comment.bytes().map(|b| if b == b'\n' { '\n' } else { ' ' }));
+        rest = after;
+    }
+    out.push_str(rest);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> (View, Vec<Diagnostic>) {
+        let mut sources = Sources::default();
+        let mut include = |name: &str| match name {
+            "more.v" => Ok(("more.v".to_owned(), b"initial color: 3\n".to_vec())),
+            "self.v" => Ok(("self.v".to_owned(), b"#include \"self.v\"\n".to_vec())),
+            _ => Err("not found".to_owned()),
+        };
+        read_view("t.v", text.as_bytes(), &mut sources, &mut include)
+    }
+
+    #[test]
+    fn every_line_of_the_table_is_read() {
+        let (view, report) = read(
+            "/* a view */\n#define DEG 22.5\n#define TWICE DEG\nangle increment: TWICE\ninitial line width: 3 p // pixels\n\
+             line width increment: 0.5\nline style: cylinder\ntapered lines: off\ninitial color: 257 4\ncolor increment: -1\n\
+             initial scale: 2\nscale multiplier: 0.5\ncontour sides: 12\ntwist of cylinders: on\n\
+             tropism: T: 0.0,-1.0,0.0 A: 90 I: 0.5 E: 0.2 S: 0.01\ntorque: T: 1 0 0 E:0.3\n\
+             tropism direction: 1 0 -1\ninitial elasticity: 0.22\nelasticity increment: 0.1\n\
+             surface: l leaf.s 0.5 4 6 1\ntsurface: p petal.ray 2\ntexture: F: bark.png H: l\ncontour: 2 stem.con\n\
+             function: grow.func 50\nfunction set: all.fset\n",
+        );
+        assert_eq!(report, []);
+        assert_eq!(view.angle, Some(22.5));
+        assert_eq!((view.width, view.width_in_pixels, view.width_increment), (Some(3.0), Some(true), Some(0.5)));
+        assert_eq!((view.line, view.tapered), (Some(LineStyle::Cylinder), Some(false)));
+        assert_eq!((view.color, view.color_increment), (Some(1), Some(255)));
+        assert_eq!((view.scale, view.scale_multiplier, view.sides), (Some(2.0), Some(0.5), Some(12)));
+        assert_eq!(view.twist, Some(true));
+        let down = ViewTropism {
+            dir: [0.0, -1.0, 0.0],
+            angle: 90.0,
+            intensity: 0.5,
+            elasticity: 0.2,
+            step: 0.01,
+            torque: false,
+        };
+        let roll =
+            ViewTropism { dir: [1.0, 0.0, 0.0], angle: 0.0, intensity: 1.0, elasticity: 0.3, step: 0.0, torque: true };
+        assert_eq!(view.tropisms, [down, roll]);
+        assert_eq!(view.old_direction, Some([1.0, 0.0, -1.0]));
+        assert_eq!((view.old_elasticity, view.old_increment), (Some(0.22), Some(0.1)));
+        let surface = &view.surfaces[0];
+        assert_eq!((surface.letter, surface.file.file.as_str(), surface.scale), ('l', "leaf.s", 0.5));
+        assert_eq!((surface.quads, surface.texture), (Some([4, 6]), Some(1)));
+        assert_eq!((view.triangles[0].letter, view.triangles[0].scale), ('p', 2.0));
+        assert_eq!(view.textures[0].file, "bark.png");
+        assert_eq!((view.contours[0].number, view.contours[0].file.as_str()), (Some(2), "stem.con"));
+        let functions: Vec<_> = view.functions.iter().map(|f| (f.file.as_str(), f.number)).collect();
+        assert_eq!(functions, [("grow.func", Some(50)), ("all.fset", None)]);
+    }
+
+    #[test]
+    fn other_lines_are_told_and_damaged_ones_too() {
+        let (view, report) = read("light: V: 1 1 1\nviewpoint: 0,0,1\nangle factor: 8\nrender mode\n");
+        assert_eq!(view.angle, Some(45.0));
+        assert_eq!(report.iter().map(|d| d.code).collect::<Vec<_>>(), ["L047"; 3]);
+        for (line, wanted) in [
+            ("angle increment: x", "an angle in degrees"),
+            ("angle factor: 0", "other than 0"),
+            ("line style: wide", "'pixel'"),
+            ("tapered lines: maybe", "'on' or 'off'"),
+            ("contour sides: 2", "at least 3"),
+            ("initial scale: 0", "above 0"),
+            ("tropism: T: 0 0 0 E: 1", "a direction"),
+            ("tropism: T: a b c", "numbers after T:"),
+            ("surface: leaf leaf.s 1", "one letter"),
+            ("surface: l leaf.s -1", "a scale above 0"),
+            ("contour: stem.con", "the number of a contour"),
+            ("function:", "the file of a function"),
+            ("texture:", "the file of a texture"),
+            ("tropism direction: 1 2", "three coordinates"),
+            ("#include \"none.v\"", "not found"),
+            ("#include \"self.v\"", "32 files deep"),
+        ] {
+            let (_, report) = read(line);
+            assert!(report.len() == 1 && report[0].code == "L048", "{line}: {report:?}");
+            assert!(report[0].message.contains(wanted), "{line}: {}", report[0].message);
+        }
+    }
+
+    #[test]
+    fn conditions_includes_and_quotients() {
+        let (view, _) = read(
+            "#define BIG\n#ifdef BIG\nangle increment: 360/7\n#else\nangle increment: 1\n#endif\n#ifndef BIG\ninitial scale: 9\n#endif\n#include \"more.v\"\n",
+        );
+        assert!(view.angle.is_some_and(|a| (a - 360.0 / 7.0).abs() < 1e-12));
+        assert_eq!((view.scale, view.color), (None, Some(3)));
+        let (view, _) = read("#define A B\n#define B A\nangle increment: A\n");
+        assert_eq!(view.angle, None);
+    }
+
+    #[test]
+    fn no_bytes_make_it_panic() {
+        let mut state = 7_u64;
+        let alphabet: Vec<char> = "surface: l T:,#define if/*\n\u{e9}0-.9e(\"".chars().collect();
+        for _ in 0..2000 {
+            let mut text = String::new();
+            for _ in 0..40 {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                text.push(alphabet[(state >> 33) as usize % alphabet.len()]);
+            }
+            let _ = read(&text);
+            let source = Sources::default().add("t", text.as_str());
+            let _ = super::super::read_functions(&text, source);
+            let _ = super::super::read_contours(&text, source);
+            let _ = super::super::read_surface(&text, source);
+            let _ = super::super::read_ray(&text, source);
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! Lines whose widths are pixels: a drawing has no pixels, so that its size gives them theirs.
+
+use glam::Vec3;
+
+use osier_base::diagnostic::{Diagnostic, Span};
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_scene::plant::Plant;
+
+/// A pixel as a share of the largest extent of the drawing: thinnest and thickest. Own: a curve fills a picture of some 1000 pixels;
+/// three of them are a line that can be seen in a picture of half that size.
+const PIXEL: [f64; 2] = [1.0 / 1000.0, 1.0 / 300.0];
+/// Lines are at most this share of the mean length of a segment thick, so that the corners of a fine curve stay apart.
+const SHARE_OF_SEGMENT: f64 = 0.25;
+
+/// Size of a pixel in this plant, m.
+pub(super) fn pixel_size(plant: &Plant) -> f64 {
+    let bounds = Bounds::of(plant.nodes.p.iter().copied());
+    let extent = f64::from((bounds.max - bounds.min).max(Vec3::ZERO).max_element());
+    if !extent.is_finite() || extent <= 0.0 {
+        return 0.0;
+    }
+    let segments: usize = plant.axes.iter().map(|a| a.count.saturating_sub(1) as usize).sum();
+    let length: f64 = plant.axes.iter().map(|a| f64::from(a.length)).sum();
+    let mean = length / segments.max(1) as f64;
+    (mean * SHARE_OF_SEGMENT).clamp(extent * PIXEL[0], extent * PIXEL[1])
+}
+
+/// Gives the whole plant one width, m.
+pub(super) fn set_width(plant: &mut Plant, width: f64) {
+    plant.nodes.r.fill(radius(0.5 * width));
+    plant.lines = true;
+}
+
+/// Multiplies all widths.
+pub(super) fn scale_widths(plant: &mut Plant, factor: f64) {
+    plant.nodes.r.iter_mut().for_each(|r| *r = radius(f64::from(*r) * factor));
+    plant.lines = true;
+}
+
+/// Radii are above 0, also where a width counts down to none.
+fn radius(r: f64) -> f32 {
+    narrow(r).max(1e-6)
+}
+
+/// L046: what a pixel became.
+pub(super) fn warning(pixel: f64, place: Span) -> Diagnostic {
+    let message = format!("line widths are pixels; one pixel is drawn {:.3} mm wide", pixel * 1e3);
+    let help = "a pixel is a share of the drawing's size; for other widths set line = \"cylinder\" and width";
+    Diagnostic::warning("L046", message, place, "lines").help(help)
+}

@@ -1,0 +1,325 @@
+//! The companion files of a grammar: its view, its colours, and what these name.
+//!
+//! A file is looked for beside the grammar, where its folder may be read at all; what leads out of it is refused (L006). What is
+//! missing or damaged is told (L048) and left out.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::ReferencedFile;
+use super::resolve::Resolver;
+use super::scene::TurtleKeys;
+use super::syntax::Reference;
+use osier_base::diagnostic::{Diagnostic, Report, SourceId, Sources, Span};
+use osier_base::files::{Encoding, ReadError, decode};
+use osier_grammar::companion::{
+    ColorTable, ContourFile, FileLine, FunctionFile, SurfaceFile, SurfaceLine, SurfaceTriangle, View, read_contours,
+    read_functions, read_ray, read_surface, read_view,
+};
+use osier_grammar::{DataFunction, FunctionTables};
+use osier_scene::{Image, MaterialClass};
+
+/// Most bytes of one companion file. Source: as of grammars.
+const MAX_BYTES: u64 = 64 << 20;
+/// Quads along and across a patch, where the view does not say.
+const QUADS: [u32; 2] = [8, 8];
+
+/// What a surface is made of.
+#[derive(Debug, Clone)]
+pub enum SurfaceForm {
+    /// Bezier patches.
+    Patches(SurfaceFile),
+    /// Triangles.
+    Triangles(Vec<SurfaceTriangle>),
+}
+
+/// A surface that an organ shows.
+#[derive(Debug, Clone)]
+pub struct OrganSurface {
+    /// The patches or triangles.
+    pub form: SurfaceForm,
+    /// Turtle units per unit of the surface.
+    pub scale: f64,
+    /// Quads along and across a patch.
+    pub quads: [u32; 2],
+    /// Number of the texture on it; 0: none.
+    pub texture: u32,
+}
+
+/// What the companion files of a grammar hold.
+#[derive(Debug, Clone, Default)]
+pub struct Companions {
+    /// How it is drawn; `None` without a view file.
+    pub view: Option<View>,
+    /// Colours of indices; `None` without a colour file.
+    pub colors: Option<ColorTable>,
+    /// Surfaces by the letter behind `~`.
+    pub surfaces: BTreeMap<char, Arc<OrganSurface>>,
+    /// Contours by number.
+    pub contours: BTreeMap<u32, ContourFile>,
+    /// Functions, numbered from 1.
+    pub functions: Vec<FunctionFile>,
+    /// Pictures by the number of their texture, from 1.
+    pub textures: BTreeMap<u32, Image>,
+    /// What has no effect, for those who ask for notes.
+    pub notes: Report,
+}
+
+impl Companions {
+    /// Functions and contours as grammars evaluate them.
+    pub fn function_tables(&self) -> Arc<FunctionTables> {
+        let mut tables = FunctionTables::default();
+        for (id, function) in (1..).zip(&self.functions) {
+            tables.add_function(id, &function.name, DataFunction::new(&function.points, function.samples));
+        }
+        self.contours.iter().for_each(|(id, contour)| tables.add_curve(*id, contour.spline()));
+        Arc::new(tables)
+    }
+}
+
+/// Files beside a grammar, and what there was to say about them.
+struct Finder<'a, 'b> {
+    resolver: &'a mut Resolver<'b>,
+    grammar: &'a ReferencedFile,
+    sources: Sources,
+    diagnostics: Vec<Diagnostic>,
+}
+
+impl Resolver<'_> {
+    /// Reads the companion files of a grammar: those that the keys name, else those beside it.
+    pub(in crate::recipe) fn companions(&mut self, grammar: &ReferencedFile, keys: &TurtleKeys) -> Companions {
+        let mut out = Companions::default();
+        let mut finder = Finder { resolver: self, grammar, sources: Sources::default(), diagnostics: Vec::new() };
+        if let Some(file) = finder.choose(keys.view.as_ref(), &[".v"], true) {
+            finder.view(&file, &mut out);
+        }
+        // A lone colour file with another name belongs to a grammar that has a view.
+        if let Some(file) = finder.choose(keys.colors.as_ref(), &[".mat", ".map"], out.view.is_some()) {
+            out.colors = finder.colors(&file);
+        }
+        for contour in &keys.contours {
+            let Some(file) = &contour.file else { continue };
+            let read = finder.named(file).map(|file| finder.contours(&file)).unwrap_or_default();
+            out.contours.extend(read.into_iter().next().map(|c| (contour.id, c)));
+        }
+        // Functions of the scene come after those of the view, which have the first numbers.
+        for function in &keys.functions {
+            let Some(file) = &function.file else { continue };
+            let mut read = finder.named(file).map(|file| finder.functions(&file)).unwrap_or_default();
+            if function.samples > 0 {
+                read.iter_mut().for_each(|f| f.samples = function.samples as usize);
+            }
+            out.functions.extend(read);
+        }
+        let (notes, shown): (Vec<_>, Vec<_>) = finder.diagnostics.into_iter().partition(|d| d.code == "L047");
+        out.notes = Report { sources: finder.sources.clone(), diagnostics: notes };
+        let report = Report { sources: finder.sources, diagnostics: shown };
+        self.report.extend(report);
+        out
+    }
+
+    /// The surface of an organ that its key names.
+    pub(in crate::recipe) fn organ_surface(&mut self, reference: &Reference) -> Option<Arc<OrganSurface>> {
+        let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".s", ".ray"])?;
+        let grammar = file.clone();
+        let mut finder =
+            Finder { resolver: self, grammar: &grammar, sources: Sources::default(), diagnostics: Vec::new() };
+        let form = finder.surface(&file, reference.text.to_ascii_lowercase().ends_with(".ray"));
+        let report = Report { sources: finder.sources, diagnostics: finder.diagnostics };
+        self.report.extend(report);
+        Some(Arc::new(OrganSurface { form: form?, scale: 1.0, quads: QUADS, texture: 0 }))
+    }
+}
+
+impl Finder<'_, '_> {
+    /// The file that a key names; without a key the one beside the grammar that has its stem and one of the
+    /// endings, else, where `lone` allows it, the only one with such an ending.
+    fn choose(&mut self, key: Option<&Reference>, endings: &[&str], lone: bool) -> Option<ReferencedFile> {
+        match key.map(|r| r.text.as_str()) {
+            Some("none") => return None,
+            Some("auto") | None => {}
+            Some(_) => return self.named(key?),
+        }
+        // Nothing lies beside a preset.
+        if self.grammar.shown.starts_with("preset:") {
+            return None;
+        }
+        let path = self.grammar.path.clone();
+        let stem = path.file_stem()?.to_string_lossy().into_owned();
+        let library = &self.resolver.request.library;
+        let beside: Vec<String> = endings.iter().flat_map(|e| library.names_beside(&path, e)).collect();
+        let own = |e: &str| beside.iter().find(|n| n.as_str() == format!("{stem}{e}"));
+        let name = match (endings.iter().find_map(|e| own(e)), &beside[..]) {
+            (Some(name), _) => name.clone(),
+            (None, [only]) if lone => only.clone(),
+            _ => return None,
+        };
+        self.beside(&name, None)
+    }
+
+    /// A file that a key of the scene names.
+    fn named(&mut self, key: &Reference) -> Option<ReferencedFile> {
+        let endings = [".v", ".map", ".mat", ".con", ".cset", ".func", ".fset"];
+        self.resolver.read(&key.text, key.span, "text-bytes", &endings)
+    }
+
+    /// A file beside the grammar. `span`: where a companion names it.
+    fn beside(&mut self, name: &str, span: Option<Span>) -> Option<ReferencedFile> {
+        let found = self.resolver.request.library.find_beside(&self.grammar.path, name, MAX_BYTES);
+        match found {
+            Ok(file) => {
+                self.resolver.inputs.push(blake3::hash(&file.bytes));
+                Some(file)
+            }
+            Err(why) => {
+                // What is not there is left out; what must not be read is an error.
+                let code = if matches!(why, ReadError::Missing { .. }) { "L048" } else { "L006" };
+                let message = format!("companion of \"{}\": {why}", self.grammar.shown);
+                let mut d = Diagnostic { help: Some(why.help().into()), ..Diagnostic::about(code, message) };
+                d.labels.extend(span.map(|s| (s, "named here".to_owned())));
+                self.diagnostics.push(d);
+                None
+            }
+        }
+    }
+
+    /// L048 about a file as a whole.
+    fn damaged(&mut self, file: &ReferencedFile, message: &str) {
+        let d = Diagnostic::about("L048", format!("\"{}\": {message}", file.shown));
+        self.diagnostics.push(d.help("it is not used"));
+    }
+
+    /// The text of a file, with the source that its diagnostics point into.
+    fn text(&mut self, file: &ReferencedFile) -> Option<(String, SourceId)> {
+        match decode(&file.bytes, Encoding::OrLatin1) {
+            Ok(decoded) => {
+                let source = self.sources.add(file.shown.clone(), decoded.text.as_str());
+                Some((decoded.text, source))
+            }
+            Err(bad) => {
+                self.damaged(file, &bad.to_string());
+                None
+            }
+        }
+    }
+
+    fn colors(&mut self, file: &ReferencedFile) -> Option<ColorTable> {
+        let is_mat = file.shown.to_ascii_lowercase().ends_with(".mat");
+        let read = if is_mat { ColorTable::from_mat(&file.bytes) } else { ColorTable::from_map(&file.bytes) };
+        match read {
+            Ok(colors) => Some(colors),
+            Err(why) => {
+                self.damaged(file, &why);
+                None
+            }
+        }
+    }
+
+    fn contours(&mut self, file: &ReferencedFile) -> Vec<ContourFile> {
+        let Some((text, source)) = self.text(file) else { return Vec::new() };
+        let (contours, report) = read_contours(&text, source);
+        self.diagnostics.extend(report);
+        contours
+    }
+
+    fn functions(&mut self, file: &ReferencedFile) -> Vec<FunctionFile> {
+        let Some((text, source)) = self.text(file) else { return Vec::new() };
+        let (functions, report) = read_functions(&text, source);
+        self.diagnostics.extend(report);
+        functions
+    }
+
+    fn surface(&mut self, file: &ReferencedFile, triangles: bool) -> Option<SurfaceForm> {
+        let (text, source) = self.text(file)?;
+        if triangles {
+            let (triangles, report) = read_ray(&text, source);
+            self.diagnostics.extend(report);
+            return (!triangles.is_empty()).then_some(SurfaceForm::Triangles(triangles));
+        }
+        let (surface, report) = read_surface(&text, source);
+        self.diagnostics.extend(report);
+        surface.map(SurfaceForm::Patches)
+    }
+
+    /// Reads the view and the files that it names.
+    fn view(&mut self, file: &ReferencedFile, out: &mut Companions) {
+        let library = self.resolver.request.library.clone();
+        let path = file.path.clone();
+        let mut hashes = Vec::new();
+        let mut include = |name: &str| match library.find_beside(&path, name, MAX_BYTES) {
+            Ok(found) => {
+                hashes.push(blake3::hash(&found.bytes));
+                Ok((found.shown, found.bytes.to_vec()))
+            }
+            Err(why) => Err(why.to_string()),
+        };
+        let (view, report) = read_view(&file.shown, &file.bytes, &mut self.sources, &mut include);
+        self.resolver.inputs.extend(hashes);
+        self.diagnostics.extend(report);
+        for (surfaces, triangles) in [(&view.surfaces, false), (&view.triangles, true)] {
+            for line in surfaces {
+                let surface = self.surface_line(line, triangles);
+                out.surfaces.extend(surface.map(|s| (line.letter, Arc::new(s))));
+            }
+        }
+        for line in &view.contours {
+            let contours = self.line(line, Self::contours);
+            let id = line.number.unwrap_or(0);
+            out.contours.extend(contours.into_iter().next().map(|c| (id, c)));
+        }
+        for line in &view.contour_sets {
+            let contours = self.line(line, Self::contours);
+            out.contours.extend((1..).zip(contours));
+        }
+        for line in &view.functions {
+            let mut functions = self.line(line, Self::functions);
+            if let Some(n) = line.number {
+                functions.iter_mut().for_each(|f| f.samples = n as usize);
+            }
+            out.functions.extend(functions);
+        }
+        for (number, line) in (1..).zip(&view.textures) {
+            let picture = self.texture(line);
+            out.textures.extend(picture.map(|p| (number, p)));
+        }
+        out.view = Some(view);
+    }
+
+    /// What the file of a line holds.
+    fn line<T>(&mut self, line: &FileLine, read: fn(&mut Self, &ReferencedFile) -> Vec<T>) -> Vec<T> {
+        match self.beside(&line.file, Some(line.span)) {
+            Some(file) => read(self, &file),
+            None => Vec::new(),
+        }
+    }
+
+    fn surface_line(&mut self, line: &SurfaceLine, triangles: bool) -> Option<OrganSurface> {
+        let file = self.beside(&line.file.file, Some(line.file.span))?;
+        let form = self.surface(&file, triangles || line.file.file.to_ascii_lowercase().ends_with(".ray"))?;
+        let quads = line.quads.unwrap_or(QUADS).map(|n| n.clamp(1, 64));
+        Some(OrganSurface { form, scale: line.scale, quads, texture: line.texture.unwrap_or(0) })
+    }
+
+    /// The picture of a texture; L048 for formats that are not read.
+    fn texture(&mut self, line: &FileLine) -> Option<Image> {
+        let file = self.beside(&line.file, Some(line.span))?;
+        let request = self.resolver.request;
+        let options = osier_import::ImportOptions {
+            roots: request.library.roots(),
+            limits: &request.limits,
+            up: osier_import::UpAxis::Y,
+            scale: 1.0,
+            class: MaterialClass::Leaf,
+        };
+        match osier_import::read_picture(Path::new(&file.shown), &file.bytes, &options) {
+            Ok(picture) => Some(picture),
+            Err(_) => {
+                let message = format!("texture \"{}\" is no PNG or JPEG picture", file.shown);
+                let d = Diagnostic::warning("L048", message, line.span, "named here");
+                self.diagnostics.push(d.help("convert it to PNG; surfaces with it wear their colour"));
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,2 @@
+line style: cylinder
+angle factor: 4

@@ -1,0 +1,3 @@
+line style: cylinder
+initial color: 10
+color increment: 5

@@ -1,0 +1,2 @@
+line style: cylinder
+initial color: 255

@@ -1,0 +1,2 @@
+line style: cylinder
+contour: 1 ribbon.con

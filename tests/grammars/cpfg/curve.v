@@ -1,0 +1,2 @@
+line style: cylinder
+contour: 4 path.con

@@ -1,0 +1,2 @@
+line style: cylinder
+surface: l broken.s 1

@@ -1,0 +1,2 @@
+line style: cylinder
+function set: both.fset

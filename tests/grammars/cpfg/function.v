@@ -1,0 +1,2 @@
+line style: cylinder
+function: growth.func

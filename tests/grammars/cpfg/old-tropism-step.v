@@ -1,0 +1,2 @@
+line style: cylinder
+elasticity increment: 0.2

@@ -1,0 +1,1 @@
+initial line width: 2 p

@@ -1,0 +1,3 @@
+line style: cylinder
+initial scale: 2
+scale multiplier: 0.5

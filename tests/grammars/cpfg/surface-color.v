@@ -1,0 +1,3 @@
+line style: cylinder
+surface: l blade.s 0.5
+surface: y yellow.s 1

@@ -1,0 +1,2 @@
+line style: cylinder
+surface: l jump.s 0.5

@@ -1,0 +1,2 @@
+line style: cylinder
+tsurface: t tooth.ray 1
