@@ -143,6 +143,9 @@ fn every_code_names_place_and_remedy() {
     let listed = osier::diagnostic::codes::CODES.iter().map(|c| c.code).filter(|c| c.starts_with('L'));
     let missing: Vec<&str> = listed.filter(|c| !known.contains(c)).collect();
     assert!(missing.is_empty(), "no text raises {missing:?}");
+    let pixels = TurtleOptions { radii: RadiusModel::Pixels, ..TurtleOptions::default() };
+    let report = complaints(system("F(1)", "").as_bytes(), &pixels);
+    assert!(report.diagnostics.iter().any(|d| d.code == "L046" && d.help.is_some()), "{report}");
     let latin = b"Lsystem: 1\n// caf\xe9\nderivation length: 0\nAxiom: F(1)\nendlsystem\n";
     let report = complaints(latin, &TurtleOptions::default());
     insta::assert_snapshot!("L009", render(&report, Style::Plain));
