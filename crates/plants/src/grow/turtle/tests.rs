@@ -372,6 +372,6 @@ fn a_string_that_draws_nothing_names_its_symbols() {
     let [one] = warnings.as_slice() else { panic!("{warnings:?}") };
     assert_eq!(
         (one.code, one.message.as_str()),
-        ("L037", "the derived string draws nothing; it consists of C (3 times), B (1 times)")
+        ("L037", "the derived string draws nothing; it consists of C (3 times), B (once)")
     );
 }
