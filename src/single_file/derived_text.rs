@@ -1,8 +1,7 @@
 //! The strings that the grammars of a scene derive, as text.
 
 use crate::bake::BakeContext;
-use crate::bake::assets::material_set::MaterialSet;
-use crate::bake::assets::plant_growth::derive_individual;
+use crate::bake::assets::plant_growth::individual_text;
 use crate::bake::scene::layout::lay_out;
 use crate::recipe::{Growth, Recipe};
 use osier_base::diagnostic::Report;
@@ -31,12 +30,12 @@ impl DerivedText {
             let Some(plant) = recipe.plants.get(individual.plant) else { continue };
             let Growth::Grammar(grammar) = &plant.growth else { continue };
             has_grammar = true;
-            // The materials of organs do not change a string.
-            let derived = derive_individual(plant, grammar, individual, &MaterialSet::default(), context)?;
+            let mut derived = individual_text(plant, grammar, individual, context)?;
+            let diagnostics = std::mem::take(&mut derived.warnings);
             out.modules += derived.module_count();
-            out.text.push_str(&derived.text(grammar, context.limits)?);
+            out.text.push_str(&derived.into_text(grammar, context.limits)?);
             out.text.push('\n');
-            out.report.extend(Report { sources: grammar.sources().clone(), diagnostics: derived.warnings });
+            out.report.extend(Report { sources: grammar.sources().clone(), diagnostics });
         }
         if !has_grammar {
             let reason = format!("\"{}\" has no grammar; .txt is for derived strings", recipe.name);

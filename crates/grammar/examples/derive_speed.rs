@@ -1,11 +1,16 @@
 //! Times derivations on one thread: `cargo run --release -p osier-grammar --example derive_speed [NAME]`.
-#![allow(clippy::expect_used, clippy::print_stdout, clippy::disallowed_methods, reason = "an example that measures time")]
+#![allow(
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "an example that measures time"
+)]
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
 use osier_base::{Error, diagnostic::Sources, limits::Limits};
-use osier_grammar::{DeriveOptions, Grammar, GrammarSource, derive, derive_deferred, interpret, parse};
+use osier_grammar::{DeriveOptions, Grammar, GrammarSource, derive, derive_deferred, derive_text, interpret, parse};
 
 fn system(n: u32, rules: &str, axiom: &str, items: &str) -> Grammar {
     let text = format!("Lsystem: 1\n{items}\nderivation length: {n}\nAxiom: {axiom}\n{rules}\nendlsystem\n");
@@ -55,8 +60,8 @@ fn main() {
                 derive_deferred(g, &options, &limits).expect("derives").module_count()
             });
             time(&format!("{name}: text"), n, || {
-                let derived = derive_deferred(g, &options, &limits).expect("derives");
-                derived.text(g, &limits).expect("derives").len() as u64
+                let derived = derive_text(g, &options, &limits).expect("derives");
+                derived.into_text(g, &limits).expect("derives").len() as u64
             });
             time(&format!("{name}: handed over"), n, || {
                 let derived = derive_deferred(g, &options, &limits).expect("derives");

@@ -98,8 +98,9 @@ impl Grammar {
 
     /// A string of modules as text, parameters with six digits.
     pub fn print(&self, modules: &ModuleString) -> String {
-        let mut out = String::new();
-        modules.iter().for_each(|m| write_module(&mut out, self, m));
+        let mut out = String::with_capacity(modules.len());
+        let mut numbers = NumberTexts::default();
+        modules.iter().for_each(|m| write_module(&mut out, self, m, &mut numbers));
         out
     }
 
@@ -162,12 +163,41 @@ impl Grammar {
     }
 }
 
+/// Texts of the numbers printed last: strings repeat the same few parameters, and printing one takes a hundred times as long as
+/// copying its text.
+#[derive(Debug)]
+pub(crate) struct NumberTexts {
+    /// Numbers as bits, each in the slot of its hash, with their texts.
+    slots: Vec<Option<(u32, String)>>,
+}
+
+impl NumberTexts {
+    /// Binary logarithm of the number of slots: some thousand numbers fit into the cache of a processor.
+    const BITS: u32 = 12;
+
+    fn text(&mut self, value: f32) -> &str {
+        let bits = value.to_bits();
+        // Fibonacci hashing: the high bits of the product depend on all bits of the number.
+        let slot = &mut self.slots[to_usize(bits.wrapping_mul(0x9E37_79B9) >> (32 - Self::BITS))];
+        if !slot.as_ref().is_some_and(|(known, _)| *known == bits) {
+            *slot = Some((bits, format_g(f64::from(value))));
+        }
+        slot.as_ref().map_or("", |(_, text)| text)
+    }
+}
+
+impl Default for NumberTexts {
+    fn default() -> Self {
+        Self { slots: vec![None; 1 << Self::BITS] }
+    }
+}
+
 /// Appends a module as text, parameters with six digits.
-pub(crate) fn write_module(out: &mut String, grammar: &Grammar, m: Module<'_>) {
+pub(crate) fn write_module(out: &mut String, grammar: &Grammar, m: Module<'_>, numbers: &mut NumberTexts) {
     out.push(grammar.program.symbols.get(m.symbol));
     for (i, value) in m.params.iter().enumerate() {
         out.push(if i == 0 { '(' } else { ',' });
-        out.push_str(&format_g(f64::from(*value)));
+        out.push_str(numbers.text(*value));
     }
     if !m.params.is_empty() {
         out.push(')');

@@ -31,7 +31,10 @@ impl Module<'_> {
 pub(crate) enum Ancestry {
     Known(u64),
     /// Made from the module of lineage `parent`.
-    Child { parent: u64, ids: LineageIds },
+    Child {
+        parent: u64,
+        ids: LineageIds,
+    },
 }
 
 /// Symbol and occurrence of a module in its successor, prepared for its lineage.
@@ -72,14 +75,32 @@ pub struct ModuleString {
     /// Per module: end of its parameters; empty while no module has any.
     ends: Vec<u32>,
     params: Vec<f32>,
+    /// Lineages and steps of birth; empty if they are not kept.
     lineage: Vec<u64>,
     birth: Vec<u32>,
+    has_no_ancestry: bool,
 }
 
 impl ModuleString {
     /// A string without modules.
-    pub(crate) const EMPTY: Self =
-        Self { symbols: Vec::new(), ends: Vec::new(), params: Vec::new(), lineage: Vec::new(), birth: Vec::new() };
+    pub(crate) const EMPTY: Self = Self {
+        symbols: Vec::new(),
+        ends: Vec::new(),
+        params: Vec::new(),
+        lineage: Vec::new(),
+        birth: Vec::new(),
+        has_no_ancestry: false,
+    };
+
+    /// An empty string whose modules keep neither lineage nor birth, which then read as 0.
+    pub(crate) fn without_ancestry() -> Self {
+        Self { has_no_ancestry: true, ..Self::default() }
+    }
+
+    /// An empty string that keeps ancestries if this one does.
+    pub(crate) fn empty(&self) -> Self {
+        Self { has_no_ancestry: self.has_no_ancestry, ..Self::default() }
+    }
 
     /// Number of modules, brackets included.
     pub fn len(&self) -> usize {
@@ -129,8 +150,8 @@ impl ModuleString {
         Module {
             symbol: self.symbols[i],
             params: &self.params[self.param_range(i)],
-            birth: self.birth[i],
-            ancestry: Ancestry::Known(self.lineage[i]),
+            birth: self.birth.get(i).copied().unwrap_or(0),
+            ancestry: Ancestry::Known(self.lineage.get(i).copied().unwrap_or(0)),
         }
     }
 
@@ -153,8 +174,10 @@ impl ModuleString {
             self.ends.push(u32::try_from(self.params.len()).unwrap_or(u32::MAX));
         }
         self.symbols.push(symbol);
-        self.lineage.push(lineage);
-        self.birth.push(birth);
+        if !self.has_no_ancestry {
+            self.lineage.push(lineage);
+            self.birth.push(birth);
+        }
     }
 
     /// The parameters of all modules, to append those of modules that [`ModuleString::finish_modules`] will end.
@@ -165,18 +188,15 @@ impl ModuleString {
 
     /// Ends modules whose parameters were appended, from parameter `block.first_param` on. `lineages`: one for each module.
     #[inline]
-    pub(crate) fn finish_modules(
-        &mut self,
-        block: ModuleBlock<'_>,
-        lineages: impl Iterator<Item = u64>,
-        birth: u32,
-    ) {
+    pub(crate) fn finish_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
         if self.prepare_ends() {
             self.ends.extend(block.ends.iter().map(|e| e.wrapping_add(block.first_param)));
         }
         self.symbols.extend_from_slice(block.symbols);
-        self.lineage.extend(lineages);
-        self.birth.resize(self.symbols.len(), birth);
+        if !self.has_no_ancestry {
+            self.lineage.extend(lineages);
+            self.birth.resize(self.symbols.len(), birth);
+        }
     }
 
     /// Replaces the first parameters of module `i`, which must exist; values that it has no parameter for are left out.
@@ -195,7 +215,7 @@ impl ModuleString {
         self.finish_module(m.symbol, m.lineage(), m.birth);
     }
 
-    /// Appends modules `range` of another string.
+    /// Appends modules `range` of another string, which keeps ancestries if this one does.
     pub(crate) fn extend(&mut self, other: &Self, range: std::ops::Range<usize>) {
         if range.is_empty() {
             return;
@@ -213,8 +233,10 @@ impl ModuleString {
             }
         }
         self.symbols.extend_from_slice(&other.symbols[range.clone()]);
-        self.lineage.extend_from_slice(&other.lineage[range.clone()]);
-        self.birth.extend_from_slice(&other.birth[range]);
+        if !self.has_no_ancestry {
+            self.lineage.extend_from_slice(&other.lineage[range.clone()]);
+            self.birth.extend_from_slice(&other.birth[range]);
+        }
     }
 
     /// Removes all modules and keeps the memory.

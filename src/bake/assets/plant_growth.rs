@@ -199,20 +199,38 @@ fn grow_from_source(
 /// Derives the string of one individual. `set`: the organs of its plant, which queries about the turtle's position may need.
 /// # Errors
 /// `Input` with the faults of the derivation.
-pub fn derive_individual(
+fn derive_individual(
     recipe: &PlantRecipe,
     grammar: &Grammar,
     individual: &Individual,
     set: &MaterialSet,
     context: &BakeContext<'_>,
 ) -> Result<DerivedString> {
-    let options = DeriveOptions {
+    let options = derive_options(recipe, individual);
+    turtle::derive(grammar, &options, &turtle_options(recipe, set)?, context.limits)
+}
+
+/// The string of one individual as text, and its warnings.
+/// # Errors
+/// `Input` with the faults of the derivation.
+pub fn individual_text(
+    recipe: &PlantRecipe,
+    grammar: &Grammar,
+    individual: &Individual,
+    context: &BakeContext<'_>,
+) -> Result<DerivedString> {
+    // The materials of organs do not change a string.
+    let turtle = turtle_options(recipe, &MaterialSet::default())?;
+    turtle::derive_text(grammar, &derive_options(recipe, individual), &turtle, context.limits)
+}
+
+fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOptions {
+    DeriveOptions {
         seed: individual.seed,
         plant_id: individual.id,
         steps: recipe.keys.steps,
         stochastic: recipe.keys.stochastic,
-    };
-    turtle::derive(grammar, &options, &turtle_options(recipe, set)?, context.limits)
+    }
 }
 
 /// Options of the turtle from the keys of `[plants.NAME.turtle]`, which override those of the grammar.

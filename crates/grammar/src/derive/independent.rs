@@ -6,9 +6,10 @@ use std::ops::{ControlFlow, Range};
 
 use super::depth_first::{Block, DepthFirst, DepthFirstJob, DerivationCounts, ModuleSink};
 use super::plan::RewritePlan;
-use super::registers::RegisterCompiler;
-use super::text::{TextSink, repeated_text};
-use super::{DeriveOptions, Derivation, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict};
+use super::text::{TextSink, repeated_text, repeats};
+use super::{
+    Derivation, DeriveOptions, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict,
+};
 use crate::grammar::{Grammar, runtime_report};
 use crate::modules::{Module, ModuleString};
 use crate::vm::{Halt, RandomStreams, Vm};
@@ -114,27 +115,23 @@ impl Derivation<'_> {
         };
         let bounds = DerivationBounds::new(self.length, deferred.last_step, self.limits);
         let streams = self.vm.streams;
-        let mut run = deferred.restart(self.grammar, self.plans.rules.main(), streams, bounds);
-        let upper = predict(self.grammar, deferred.last_step, self.plans.rules.main().stochastic).upper;
-        let mut string = ModuleString::default();
-        let mut result = Ok(());
-        // Count before anything is stored: a string that passes a limit is refused without its memory.
-        let stores = storage == Storage::String;
-        if !stores || upper > COUNTED_FROM {
-            result = run.run(&mut CountingSink);
-        }
-        if stores && result.is_ok() {
-            let warnings = std::mem::take(&mut run.rewriter.vm.warnings);
-            let counted = upper > COUNTED_FROM;
-            run = deferred.restart(self.grammar, self.plans.rules.main(), streams, bounds);
-            result = run.run(&mut string);
-            if counted {
-                run.rewriter.vm.warnings = warnings;
+        let plan = self.plans.rules.main();
+        let mut run = deferred.restart(self.grammar, plan, streams, bounds);
+        let (mut string, mut text) = (ModuleString::default(), None);
+        let result = match storage {
+            Storage::Deferred => run.run(&mut CountingSink),
+            Storage::Text => self.write_text(&mut run, bounds).map(|t| text = Some(t)),
+            Storage::String => {
+                // Count before a long string is stored: if it passes a limit, it is refused without its memory.
+                let upper = predict(self.grammar, deferred.last_step, plan.stochastic).upper;
+                let counted = if upper > COUNTED_FROM { run.run(&mut CountingSink) } else { Ok(()) };
+                counted.and_then(|()| {
+                    run = deferred.restart(self.grammar, plan, streams, bounds);
+                    run.run(&mut string)
+                })
             }
-            if string.param_count() > MAX_PARAMS {
-                result = Err(Halt::Parameters);
-            }
-        }
+        };
+        let result = if string.param_count() > MAX_PARAMS { Err(Halt::Parameters) } else { result };
         self.steps_done = run.rewriter.vm.step.saturating_sub(1);
         if let Err(halt) = result {
             return Err(self.independent_report(halt, &deferred, streams, bounds));
@@ -155,8 +152,22 @@ impl Derivation<'_> {
         if let Err(halt) = self.run_block(end, last) {
             return Err(self.halt_report(halt));
         }
-        let deferred = (!stores).then_some(deferred);
-        Ok(self.result(options, FinalModules { string, deferred, count: counts.modules }, last))
+        let deferred = (storage != Storage::String).then_some(deferred);
+        Ok(self.result(options, FinalModules { string, deferred, text, count: counts.modules }, last))
+    }
+
+    /// The final string as text.
+    fn write_text(&self, run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Result<String, Halt> {
+        let plan = self.plans.rules.main();
+        if repeats(plan, &run.axiom, bounds.last_step) {
+            // Equal parts are copied, not derived: the modules must be counted for themselves.
+            run.run(&mut CountingSink)?;
+            let text = repeated_text(plan, &run.axiom, bounds.last_step, run.counts.modules);
+            return Ok(text.unwrap_or_default());
+        }
+        let mut sink = TextSink::new(self.grammar, 0);
+        run.run(&mut sink)?;
+        Ok(sink.text)
     }
 
     /// Runs the blocks of all steps; `None` if they make too many values to keep. Global variables hold those of the end.
@@ -288,15 +299,12 @@ impl DerivedString {
     /// The final string as text, parameters with six digits.
     /// # Errors
     /// `Input` with L051 beyond a limit.
-    pub fn text(&self, grammar: &Grammar, limits: &Limits) -> Result<String> {
-        let Some(deferred) = &self.deferred else { return Ok(grammar.print(&self.modules)) };
-        let program = &grammar.program;
-        let plan = RewritePlan::new(program, &program.rules, self.stochastic);
-        let axiom = plan.template(program, &program.axiom, &mut RegisterCompiler::new(0));
-        if let Some(text) = repeated_text(&plan, &axiom, deferred.last_step, self.count) {
+    pub fn into_text(self, grammar: &Grammar, limits: &Limits) -> Result<String> {
+        if let Some(text) = self.text {
             return Ok(text);
         }
-        let mut sink = TextSink { grammar, text: String::with_capacity(osier_base::convert::limit(self.count)) };
+        let Some(deferred) = &self.deferred else { return Ok(grammar.print(&self.modules)) };
+        let mut sink = TextSink::new(grammar, self.count);
         self.run_again(grammar, deferred, limits, &mut sink)?;
         Ok(sink.text)
     }
@@ -314,5 +322,131 @@ impl DerivedString {
         let mut run = deferred.restart(grammar, &plan, streams, bounds);
         let result = run.run(sink);
         result.map_err(|halt| halt_error(grammar, halt, run.rewriter.vm.step, limits))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{DeriveOptions, derive, derive_deferred, derive_text, plan::Plans};
+    use super::*;
+    use crate::tests::read;
+    use osier_base::limits::Limits;
+
+    /// Derives step by step; the string and the first step from which nothing changed.
+    fn stepwise(text: &str) -> (ModuleString, u32) {
+        let (grammar, _) = read(text);
+        let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
+        let plans = Plans::new(&grammar.program, grammar.program.is_stochastic());
+        let mut d = Derivation::new(&grammar, &plans, &options, grammar.program.length, &limits);
+        d.append_axiom().expect("axiom");
+        let mut idle = 0;
+        for step in 1..=d.length {
+            d.vm.step = step;
+            let changed = d.rewrite_string(step).expect("rewrites");
+            idle = if changed { step + 1 } else { idle };
+        }
+        (d.string, idle)
+    }
+
+    fn both(length: u32, rules: &str) -> (ModuleString, u32) {
+        let text = format!("Lsystem: 1\nSeed: 5\nderivation length: {length}\nAxiom: A(0) B\n{rules}\nendlsystem\n");
+        let (grammar, _) = read(&text);
+        let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
+        let derived = derive(&grammar, &options, &limits).expect("derives");
+        let (string, idle) = stepwise(&text);
+        assert!(string.len() > 1024, "{} modules prove nothing", string.len());
+        assert_eq!(derived.modules, string, "{rules}");
+        // The same string derived while it is handed over, and as text.
+        let deferred = derive_deferred(&grammar, &options, &limits).expect("derives");
+        assert!(deferred.modules.is_empty() && deferred.module_count() == string.len() as u64);
+        assert_eq!(*deferred.string(&grammar, &limits).expect("derives"), string, "{rules}");
+        let text = derive_text(&grammar, &options, &limits).expect("derives");
+        assert_eq!(text.into_text(&grammar, &limits).expect("derives"), grammar.print(&string), "{rules}");
+        let said = derived.warnings.iter().find(|d| d.code == "L054").map(|d| d.message.clone());
+        let wanted = (idle < length).then(|| format!("nothing changes from step {idle} on"));
+        assert_eq!(said, wanted, "{rules}");
+        (string, derived.steps)
+    }
+
+    #[test]
+    fn depth_first_gives_the_string_that_steps_give() {
+        // Draws, erases, and asks for the step.
+        let (string, steps) = both(
+            14,
+            "A(x) --> F(x+ran(1)) [ A(x+1) ] A(nran(0,2))\nB : Q%3==0 --> B C\nC --> \nB --> B D(1)\nD(n) : n<5 --> D(n+1)",
+        );
+        assert!(string.len() > 8192 && steps == 14);
+        // Alternatives by weight.
+        both(13, "A(x) --> A(x) F A(x+1) :3\nA(x) --> F(x) A(x) [ A(0) ] :2");
+        // Comes to rest, some modules before others.
+        // Modules without parameters, by weight and by single productions.
+        both(9, "B --> B [ C B ] : 1\nB --> C B B : 3\nC --> \nA(x) --> B B");
+        both(8, "B --> B [ + C ] B - B\nC --> C + C\nA(x) --> B");
+        let (_, steps) = both(40, "A(x) : x<12 --> A(x+1) A(x+1) F\nA(x) : x>=12 && x<20 --> A(x+1)");
+        assert_eq!(steps, 21);
+    }
+
+    #[test]
+    fn what_has_to_be_said_is_said_as_step_by_step() {
+        let text = "Lsystem: 1\nderivation length: 14\nAxiom: A(0)\nA(x) --> A(x+1/0) A(x+1)\nendlsystem\n";
+        let (grammar, _) = read(text);
+        let derived = derive(&grammar, &DeriveOptions::default(), &Limits::default()).expect("derives");
+        assert_eq!(derived.modules, stepwise(text).0);
+        let said = derived.warnings.iter().find(|d| d.code == "L040").map(|d| d.message.clone());
+        assert_eq!(said.as_deref(), Some("division by zero, 16383 times"));
+    }
+
+    #[test]
+    fn a_limit_that_is_passed_on_the_way_is_told_with_its_step() {
+        let (grammar, _) = read(
+            "Lsystem: 1\nderivation length: 30\nAxiom: A(0)\nA(x) : x<12 --> A(x+1) A(x+1)\nA(x) : x>=12 && x < 14 --> A(x+1) C C\nC --> \nendlsystem\n",
+        );
+        let fails = |modules: u64| {
+            let mut limits = Limits::default();
+            limits.set("modules", &modules.to_string()).expect("a limit");
+            derive(&grammar, &DeriveOptions::default(), &limits).err().map(|e| e.to_string())
+        };
+        assert!(fails(12_288).is_none(), "{:?}", fails(12_288));
+        let why = fails(12_287).expect("step 13 has 12,288 modules");
+        assert!(why.contains("step 13 passes the limit"), "{why}");
+    }
+
+    #[test]
+    fn blocks_before_each_step_are_seen_by_every_module() {
+        let rules = "A(x) : n<9 --> A(n)[B(q)]A(x+r)\nB(x) --> B(x)C\nC --> ";
+        let text = format!(
+            "Lsystem: 1\nderivation length: 11\nAxiom: A(0)\nStart: {{ q = 1; }} StartEach: {{ n = n+1; r = q*2; }}\n\
+             EndEach: {{ q = q*2; }}\n{rules}\nendlsystem\n"
+        );
+        let (grammar, _) = read(&text);
+        let (options, limits) = (DeriveOptions::default(), Limits::default());
+        let derived = derive(&grammar, &options, &limits).expect("derives");
+        let plans = Plans::new(&grammar.program, false);
+        let d = Derivation::new(&grammar, &plans, &options, 11, &limits);
+        let by_steps = d.derive_by_steps(&options, None).expect("derives");
+        assert!(derived.modules.len() > 500 && derived.modules == by_steps.modules);
+        assert_eq!((derived.steps, derived.globals), (by_steps.steps, by_steps.globals));
+    }
+
+    #[test]
+    fn growth_without_end_is_refused_with_its_production_and_step() {
+        let (grammar, _) =
+            read("Lsystem: 1\nderivation length: 60\nAxiom: F(1)\nF(x) : x>0 --> F(x*0.9)F(x*0.9)\nendlsystem\n");
+        let why = derive_deferred(&grammar, &DeriveOptions::default(), &Limits::default()).expect_err("endless");
+        let why = why.to_string();
+        // 2^24 = 16,777,216 modules fit into 20 million.
+        assert!(why.contains("L051") && why.contains("step 25 passes the limit of 20,000,000 modules"), "{why}");
+        assert!(why.contains("speed.l:4") || why.contains(":4:1"), "at the production: {why}");
+        assert!(why.contains("24 or less"), "{why}");
+        // Growth that begins late.
+        let (grammar, _) = read(
+            "Lsystem: 1\nderivation length: 90\nAxiom: A(0)\nA(n) : n<40 --> A(n+1)\nA(n) : n>=40 --> A(n)A(n)A(n)\n\
+             endlsystem\n",
+        );
+        let mut limits = Limits::default();
+        limits.set("modules", "10000").expect("a limit");
+        let why = derive(&grammar, &DeriveOptions::default(), &limits).expect_err("endless").to_string();
+        // 3^8 = 6,561 modules after step 48.
+        assert!(why.contains("step 49 passes the limit of 10,000 modules"), "{why}");
     }
 }

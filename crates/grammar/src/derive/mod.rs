@@ -24,12 +24,12 @@ use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
 use independent::Deferred;
 use matching::Brackets;
-use plan::Plans;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::rng::{child, mix64};
+use plan::Plans;
 
 /// How a grammar is derived.
 #[derive(Debug, Clone, Default)]
@@ -66,6 +66,8 @@ pub struct DerivedString {
     pub(crate) globals: Vec<f64>,
     /// Where a derivation without a string begins.
     deferred: Option<Deferred>,
+    /// The string as text, if it was derived as such.
+    text: Option<String>,
     count: u64,
 }
 
@@ -73,6 +75,7 @@ pub struct DerivedString {
 struct FinalModules {
     string: ModuleString,
     deferred: Option<Deferred>,
+    text: Option<String>,
     count: u64,
 }
 
@@ -96,11 +99,20 @@ pub fn derive_deferred(grammar: &Grammar, options: &DeriveOptions, limits: &Limi
     derive_with(grammar, options, limits, Storage::Deferred, None)
 }
 
+/// Derives the string of a grammar as text, parameters with six digits: [`DerivedString::into_text`] gives it.
+/// # Errors
+/// Those of [`derive()`].
+pub fn derive_text(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
+    derive_with(grammar, options, limits, Storage::Text, None)
+}
+
 /// Whether a string that could be derived while it is drawn is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Storage {
     String,
     Deferred,
+    /// As text, instead of modules.
+    Text,
 }
 
 fn derive_with(
@@ -115,8 +127,15 @@ fn derive_with(
     predict::check_limits(grammar, length, options, limits)?;
     let stochastic = options.stochastic.unwrap_or(program.is_stochastic());
     let plans = Plans::new(program, stochastic);
-    let d = Derivation::new(grammar, &plans, options, length, limits);
-    if program.rewrites_independently() { d.derive_independently(options, storage) } else { d.derive_by_steps(options, turtle) }
+    let mut d = Derivation::new(grammar, &plans, options, length, limits);
+    if program.rewrites_independently() {
+        return d.derive_independently(options, storage);
+    }
+    // A text shows no ancestry, and without draws nothing else asks for it.
+    if storage == Storage::Text && !plans.draws() && turtle.is_none() {
+        (d.string, d.next_string) = (ModuleString::without_ancestry(), ModuleString::without_ancestry());
+    }
+    d.derive_by_steps(options, turtle)
 }
 
 /// State of one derivation.
@@ -188,11 +207,7 @@ impl<'g> Derivation<'g> {
     }
 
     /// Derives step by step: the whole string is rewritten before the next step begins.
-    fn derive_by_steps(
-        mut self,
-        options: &DeriveOptions,
-        turtle: Option<&mut AskTurtle<'_>>,
-    ) -> Result<DerivedString> {
+    fn derive_by_steps(mut self, options: &DeriveOptions, turtle: Option<&mut AskTurtle<'_>>) -> Result<DerivedString> {
         match self.run(turtle) {
             Ok(()) => Ok(self.finish(options)),
             Err(Halt::Query) => Err(self.query_error.take().unwrap_or_else(|| self.halt_report(Halt::Query))),
@@ -318,7 +333,7 @@ impl<'g> Derivation<'g> {
         let completed = if self.vm.stopped { self.steps_done } else { self.length };
         let string = std::mem::take(&mut self.string);
         let count = string.len() as u64;
-        let modules = FinalModules { string, deferred: None, count };
+        let modules = FinalModules { string, deferred: None, text: None, count };
         self.result(options, modules, completed)
     }
 
@@ -343,6 +358,7 @@ impl<'g> Derivation<'g> {
             file_seed: self.vm.streams.file_seed(),
             globals: self.vm.globals,
             deferred: modules.deferred,
+            text: modules.text,
             count: modules.count,
         }
     }

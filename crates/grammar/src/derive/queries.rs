@@ -88,6 +88,7 @@ impl Derivation<'_> {
             file_seed: self.vm.streams.file_seed(),
             globals: self.vm.globals.clone(),
             deferred: None,
+            text: None,
             count: 0,
         };
         let found = ask(&asked);

@@ -64,7 +64,7 @@ impl<'g> Derivation<'g> {
         start.warnings.list.clear();
         let block = |i: usize| {
             // Buffers of the step before are reused: touching fresh memory pages costs more than the rewriting itself.
-            let mut modules = self.block_buffers.pop().unwrap_or_default();
+            let mut modules = self.block_buffers.pop().unwrap_or_else(|| self.string.empty());
             modules.clear();
             let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
             BlockTask { range, modules, changed: false, vm: start.clone(), halt: None }

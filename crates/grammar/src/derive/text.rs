@@ -5,7 +5,7 @@ use std::ops::{ControlFlow, Range};
 
 use super::depth_first::{Block, ModuleSink};
 use super::plan::{RewritePlan, Template};
-use crate::grammar::{Grammar, write_module};
+use crate::grammar::{Grammar, NumberTexts, write_module};
 use osier_base::convert::to_usize;
 
 /// Parts of a string (production and steps left) that are remembered; more of them are written anew.
@@ -13,8 +13,17 @@ const MAX_PARTS: usize = 1 << 20;
 
 /// Appends modules to a text in the notation of grammars, parameters with six digits.
 pub(super) struct TextSink<'g> {
-    pub grammar: &'g Grammar,
+    grammar: &'g Grammar,
     pub text: String,
+    numbers: NumberTexts,
+}
+
+impl<'g> TextSink<'g> {
+    /// A sink for a string of about `modules` modules.
+    pub fn new(grammar: &'g Grammar, modules: u64) -> Self {
+        let text = String::with_capacity(osier_base::convert::limit(modules));
+        Self { grammar, text, numbers: NumberTexts::default() }
+    }
 }
 
 impl ModuleSink for TextSink<'_> {
@@ -24,7 +33,7 @@ impl ModuleSink for TextSink<'_> {
     fn modules(&mut self, block: &Block<'_>, range: Range<usize>) -> ControlFlow<()> {
         match block.text {
             Some(text) => self.text.push_str(text.part(range)),
-            None => range.for_each(|i| write_module(&mut self.text, self.grammar, block.module(i))),
+            None => range.for_each(|i| write_module(&mut self.text, self.grammar, block.module(i), &mut self.numbers)),
         }
         ControlFlow::Continue(())
     }
@@ -45,22 +54,19 @@ struct OpenPart<'p> {
     start: usize,
 }
 
-/// The text of a string of `modules` modules, if no module has parameters and each has at most one production, which applies
-/// always.
-pub(super) fn repeated_text(
-    plan: &RewritePlan<'_>,
-    axiom: &Template<'_>,
-    steps: u32,
-    modules: u64,
-) -> Option<String> {
-    let is_plain = plan.productions.iter().all(|p| p.template.text.is_some())
+/// True if no module has parameters and each has at most one production, which applies always, so that
+/// [`repeated_text`] writes the string after `steps` steps.
+pub(super) fn repeats(plan: &RewritePlan<'_>, axiom: &Template<'_>, steps: u32) -> bool {
+    plan.productions.iter().all(|p| p.template.text.is_some())
         && plan.groups.iter().all(|g| g.always.is_some())
-        && axiom.text.is_some();
+        && axiom.text.is_some()
+        && plan.productions.len().saturating_mul(to_usize(steps) + 1) <= MAX_PARTS
+}
+
+/// The text of a string of `modules` modules; `None` for a grammar that does not [repeat](repeats).
+pub(super) fn repeated_text(plan: &RewritePlan<'_>, axiom: &Template<'_>, steps: u32, modules: u64) -> Option<String> {
     let columns = to_usize(steps) + 1;
-    let parts = plan.productions.len().saturating_mul(columns);
-    if !is_plain || parts > MAX_PARTS {
-        return None;
-    }
+    let parts = plan.productions.len() * columns;
     let mut out = String::with_capacity(osier_base::convert::limit(modules));
     // Where the text of a production with so many steps left was written first.
     let mut known: Vec<Option<Range<usize>>> = vec![None; parts];

@@ -21,8 +21,8 @@ mod tropism;
 pub(super) use builder::set_exposed_lengths;
 pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
-pub use queries::derive;
 pub use paint::{Paint, TURTLE_COLOR};
+pub use queries::{derive, derive_text};
 
 use super::radii;
 use interpreter::Turtle;

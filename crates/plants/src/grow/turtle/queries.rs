@@ -24,6 +24,21 @@ pub fn derive(
     derive_with_queries(grammar, options, limits, &mut |string| answers(grammar, string, turtle, limits))
 }
 
+/// Derives the string of a grammar as text, as [`osier_grammar::derive_text`] does; queries are answered as by [`derive`].
+/// # Errors
+/// Those of [`derive`].
+pub fn derive_text(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    turtle: &TurtleOptions,
+    limits: &Limits,
+) -> Result<DerivedString> {
+    if !grammar.has_queries() {
+        return osier_grammar::derive_text(grammar, options, limits);
+    }
+    derive(grammar, options, turtle, limits)
+}
+
 fn answers(
     grammar: &Grammar,
     string: &DerivedString,
