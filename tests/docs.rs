@@ -144,7 +144,9 @@ fn whole(body: &str) -> String {
 
 fn final_string(grammar: &Grammar) -> String {
     let options = DeriveOptions { seed: 1, ..DeriveOptions::default() };
-    let derived = grammar::derive(grammar, &options, &Limits::default()).expect("derives");
+    // The turtle answers the queries of a grammar.
+    let turtle = osier::grow::turtle::TurtleOptions::default();
+    let derived = osier::grow::turtle::derive(grammar, &options, &turtle, &Limits::default()).expect("derives");
     grammar.print(&derived.modules)
 }
 

@@ -213,6 +213,7 @@ fn number(id: f64) -> Option<u32> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "exact values at simple parameters")]
 mod tests {
     use super::*;
 

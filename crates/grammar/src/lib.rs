@@ -119,7 +119,7 @@ fn parse_cpfg(
     let input = preprocess::PreprocessorInput { name, bytes, includes, defines, limits };
     // Preprocess: includes, conditionals and macros give one list of tokens.
     let preprocessed = preprocess::run(&mut session, sources, input);
-    if preprocessed.is_foreign {
+    if preprocessed.is_unreadable {
         return Err(input_error(&mut session, sources));
     }
     // Diagnostics without a location point to the start of the main file.

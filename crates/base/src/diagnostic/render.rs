@@ -191,7 +191,8 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
     }
     let fix = diagnostic.fix.as_ref();
     // A fix is rendered as a patch of its own excerpt, since it may lie far from the labels.
-    let fixed = fix.map(|f| (f, Excerpt::around(sources.text(f.span.source), &[f.span]), visible(&f.replacement)));
+    let fixed =
+        fix.map(|f| (f, Excerpt::around(sources.text(f.span.source), &[f.span]), visible_lines(&f.replacement)));
     let mut groups = vec![main];
     if let Some((fix, window, replacement)) = &fixed {
         let patch = Patch::new(window.range(fix.span), replacement.as_str());
@@ -221,6 +222,11 @@ fn windows(sources: &Sources, diagnostic: &Diagnostic) -> Vec<(String, Vec<Span>
 /// the terminal nor begin a line.
 pub fn visible(text: &str) -> String {
     text.chars().map(|c| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }).collect()
+}
+
+/// [`visible`], but line ends stay: each line of a quotation has a margin of its own.
+fn visible_lines(text: &str) -> String {
+    text.split('\n').map(visible).collect::<Vec<_>>().join("\n")
 }
 
 /// Like [`visible`], but keeps every byte offset: hidden characters become the same number of question marks.

@@ -558,7 +558,7 @@ impl ItemParser<'_> {
     }
 
     /// An arrow as other programs write it, with the tokens that it takes.
-    fn foreign_arrow(line: &LogicalLine) -> Option<SourcePlace> {
+    fn foreign_arrow(&self, line: &LogicalLine) -> Option<SourcePlace> {
         let tokens = &line.tokens;
         let mut depth = 0_usize;
         for (i, t) in tokens.iter().enumerate().skip(1) {
@@ -573,6 +573,8 @@ impl ItemParser<'_> {
                 TokenKind::Char('\u{2192}' | '\u{27f6}' | '\u{21d2}') => return Some(t.place),
                 TokenKind::Char('-' | '=') if follows(1, '>') => return to(1),
                 TokenKind::Char('=') if follows(1, '=') && follows(2, '>') => return to(2),
+                // cpfg's arrow of productions that an environment takes part in.
+                TokenKind::Char('-') if follows(2, '>') && self.is_word(tokens.get(i + 1), "o") => return to(2),
                 TokenKind::Char('=') => return Some(t.place),
                 _ => {}
             }
@@ -580,10 +582,14 @@ impl ItemParser<'_> {
         None
     }
 
+    fn is_word(&self, token: Option<&Token>, word: &str) -> bool {
+        matches!(token.map(|t| t.kind), Some(TokenKind::Ident(n)) if self.session.names.get(n) == word)
+    }
+
     /// A line that is neither an item nor a production.
     fn unknown_line(&mut self, line: &LogicalLine, place: SourcePlace) {
         // Arrows of other programs: `->`, `=` and the like.
-        if let Some(arrow) = Self::foreign_arrow(line) {
+        if let Some(arrow) = self.foreign_arrow(line) {
             let message = "unexpected sign, expected '-->' between predecessor and successor".to_owned();
             return self.session.error_fix("L001", message, arrow, "did you mean '-->'?", "-->");
         }

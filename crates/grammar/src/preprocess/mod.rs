@@ -82,8 +82,8 @@ pub(super) struct Preprocessed {
     pub defines: Vec<Define>,
     /// The comment that opens the main file.
     pub description: String,
-    /// Written for another program: there is nothing to parse.
-    pub is_foreign: bool,
+    /// Written for another program, or grown beyond a limit: there is nothing to parse.
+    pub is_unreadable: bool,
 }
 
 /// The file to read, and how.
@@ -137,8 +137,8 @@ pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: Prep
     if !p.is_foreign {
         p.check_overrides();
     }
-    let (defines, is_foreign) = (p.defines, p.is_foreign);
-    Preprocessed { tokens, defines, description, is_foreign }
+    let (defines, is_unreadable) = (p.defines, p.is_foreign || p.exhausted);
+    Preprocessed { tokens, defines, description, is_unreadable }
 }
 
 impl Preprocessor<'_> {

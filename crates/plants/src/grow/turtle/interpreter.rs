@@ -404,7 +404,15 @@ impl<'a> Turtle<'a> {
             'L' => self.s.frame.l,
             // cpfg's up vector is the opposite of U = H x L.
             'U' => -self.s.frame.u,
-            _ => return,
+            _ => {
+                let message = format!("query '?{c}' is not supported");
+                return self.warn(
+                    "L008",
+                    (Some('?'), c),
+                    message,
+                    "queries are ?P ?H ?L ?U; its parameters stay as they are",
+                );
+            }
         };
         self.answers.answers.push(QueryAnswer { module: self.index, value: value.to_array() });
     }

@@ -210,6 +210,7 @@ fn oddities_are_told() {
     };
     assert_eq!(code("F]F"), ["L053"]);
     assert_eq!(code("F+F"), ["L045"]);
+    assert_eq!(code("F?E(1)"), ["L008"]);
     assert_eq!(code("F(log(0))F(1)"), ["L041"]);
     assert_eq!(code("F@GzF"), ["L008"]);
     assert_eq!(code("@Gs@#(7)f@Ge"), ["L048"]);
@@ -371,6 +372,6 @@ fn a_string_that_draws_nothing_names_its_symbols() {
     let [one] = warnings.as_slice() else { panic!("{warnings:?}") };
     assert_eq!(
         (one.code, one.message.as_str()),
-        ("L037", "the derived string draws nothing; it consists of C (3 times), B (1 times)")
+        ("L037", "the derived string draws nothing; it consists of C (3 times), B (once)")
     );
 }

@@ -153,6 +153,7 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
     let (start, last) = (out.len(), curve.len().saturating_sub(1));
     let mut kept: Option<(CurvePoint, Vec3)> = None;
     let mut skipped = 0;
+    let mut passed = SkippedPoints::default();
     let mut edges = edges.iter().peekable();
     for (i, (k, t)) in curve.iter().zip(tangents).enumerate() {
         // A ring is needed at the ends, where tangent or radius changed since the last one, after a long gap, and where the
@@ -165,19 +166,75 @@ fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], edges: &[f32], turn: f3
             let gap = k.s - l.s;
             let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_RING_SPACING * l.r;
             let close = if fixed && out.len() == start + 1 { 1.0 } else { MIN_RING_SPACING };
-            let deviates = || exceeds_sag(l, &curve[skipped..=i + 1]) || exceeds_swell(l, &curve[skipped..=i + 1]);
+            // Points are looked at one by one only where their bounds do not tell that they are near enough.
+            let mut deviates = || {
+                passed.add(l, &curve[skipped..=i]);
+                (passed.may_sag(l, &curve[i + 1]) && exceeds_sag(l, &curve[skipped..=i + 1]))
+                    || (passed.may_swell(l, &curve[i + 1]) && exceeds_swell(l, &curve[skipped..=i + 1]))
+            };
             i == last || gap > close * l.r && (changed || deviates()) || at_edge && gap > MIN_EDGE_SPACING * l.r
         });
         if !needed {
             continue;
         }
         skipped = i + 1;
+        passed = SkippedPoints::default();
         // The last ring replaces one that it would crowd.
         if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < MIN_RING_SPACING * l.r) {
             out.pop();
         }
         out.push(Ring { c: k.p, t: *t, e: Vec3::X, r: k.r, slope: 0.0, s: k.s, v: 0.0 });
         kept = Some((*k, *t));
+    }
+}
+
+/// Share of a tolerance that bounds may use up, so that rounding does not decide.
+const BOUND_SHARE: f32 = 0.9;
+
+/// Bounds of the points after the last ring, to which points are added as they are passed: a long straight axis would otherwise be
+/// searched again at each of its points.
+#[derive(Debug, Default)]
+struct SkippedPoints {
+    count: usize,
+    /// Unit direction from the ring to the first point.
+    along: Vec3,
+    /// Greatest distances from the ring in that direction and across it, m.
+    ahead: f32,
+    aside: f32,
+    /// Least and greatest radius, m.
+    radii: [f32; 2],
+}
+
+impl SkippedPoints {
+    /// Takes in the points that are new. `from`: the ring; `points`: all points after it so far.
+    fn add(&mut self, from: CurvePoint, points: &[CurvePoint]) {
+        for k in points.iter().skip(self.count) {
+            let d = k.p - from.p;
+            if self.count == 0 {
+                self.along = math::normalize_or(d, Vec3::Y);
+                self.radii = [k.r, k.r];
+            }
+            self.count += 1;
+            self.ahead = self.ahead.max(d.dot(self.along).abs());
+            self.aside = self.aside.max(d.reject_from_normalized(self.along).length());
+            self.radii = [self.radii[0].min(k.r), self.radii[1].max(k.r)];
+        }
+    }
+
+    /// False if no point can be farther from the chord to `to` than [`SAG_TOLERANCE`] radii: a chord that leans by a moves
+    /// away from a point by no more than its distance ahead times sin a.
+    fn may_sag(&self, from: CurvePoint, to: &CurvePoint) -> bool {
+        let chord = math::normalize_or(to.p - from.p, Vec3::Y);
+        let lean = chord.cross(self.along).length();
+        self.aside + self.ahead * lean > BOUND_SHARE * SAG_TOLERANCE * self.radii[0]
+    }
+
+    /// False if no radius can differ from a linear taper to `to` by a share of [`SWELL_TOLERANCE`]: all lie between the least and
+    /// the greatest.
+    fn may_swell(&self, from: CurvePoint, to: &CurvePoint) -> bool {
+        let least = self.radii[0].min(from.r).min(to.r);
+        let greatest = self.radii[1].max(from.r).max(to.r);
+        greatest - least > BOUND_SHARE * SWELL_TOLERANCE * self.radii[0]
     }
 }
 
