@@ -108,7 +108,7 @@ impl Resolver<'_> {
             let Some(file) = &function.file else { continue };
             let mut read = finder.named(file).map(|file| finder.functions(&file)).unwrap_or_default();
             if function.samples > 0 {
-                read.iter_mut().for_each(|f| f.samples = function.samples as usize);
+                read.iter_mut().for_each(|f| f.tabulate(function.samples));
             }
             out.functions.extend(read);
         }
@@ -275,7 +275,7 @@ impl Finder<'_, '_> {
         for line in &view.functions {
             let mut functions = self.line(line, Self::functions);
             if let Some(n) = line.number {
-                functions.iter_mut().for_each(|f| f.samples = n as usize);
+                functions.iter_mut().for_each(|f| f.tabulate(n));
             }
             out.functions.extend(functions);
         }

@@ -65,7 +65,10 @@ pub fn grow(
             let pixel = pixels::pixel_size(&plant);
             pixels::set_width(&mut plant, pixel);
         }
-        RadiusModel::Auto if !sets_widths => radii::pipe(&mut plant, &radii::Pipe::default()),
+        RadiusModel::Auto if !sets_widths => {
+            let tip = pixels::visible_tip(&plant, radii::Pipe::default().tip);
+            radii::pipe(&mut plant, &radii::Pipe { tip, ..radii::Pipe::default() });
+        }
         RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
         RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}
     }
