@@ -23,11 +23,10 @@ use osier_base::{Error, Result};
 use osier_import::Imported;
 use osier_plants::grow::ifs::branchlets::NAME as BRANCHLET;
 use osier_plants::grow::mesh;
-use osier_plants::grow::turtle::{OrganSpec, STALK};
+use osier_plants::grow::turtle::{OrganSpec, STALK, patch_mesh, triangle_mesh};
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
 use osier_plants::surface::leaf::{self, BladeSpec, LeafColors, LeafForm, Teeth};
-use osier_plants::surface::patches::{patch_mesh, triangle_mesh};
 use osier_scene::{Image, Material, MaterialClass, Mesh};
 
 /// Translucency, 0..1, of imported leaves whose file has none. Own: of the order of a broad leaf's transmittance in visible
@@ -413,10 +412,10 @@ fn add_surface_organ(
     let drawable = bounds.max.is_finite()
         && bounds.min.is_finite()
         && bounds.max.abs().max(bounds.min.abs()).max_element() < MAX_EXTENT;
-    let meshes = if drawable { vec![Arc::new(mesh.clone())] } else { Vec::new() };
+    let longest = f64::from(bounds.max.y);
+    let meshes = if drawable { vec![Arc::new(mesh)] } else { Vec::new() };
     // Without a size of the scene, a unit of the surface is a turtle unit times the scale of its line.
     let unit = surface.scale * plant.turtle.unit;
-    let longest = f64::from(mesh.bounds().max.y);
     let own = if longest > 1e-9 { longest * unit } else { unit };
     let size = recipe.keys.size.unwrap_or(own);
     let petiole = recipe.keys.petiole.unwrap_or(0.0);

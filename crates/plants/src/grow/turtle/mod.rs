@@ -13,6 +13,7 @@ mod interpreter;
 mod options;
 mod organs;
 mod paint;
+mod patches;
 mod pixels;
 mod prototypes;
 mod tropism;
@@ -21,6 +22,7 @@ pub(super) use builder::set_exposed_lengths;
 pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
 pub use paint::{Paint, TURTLE_COLOR};
+pub use patches::{patch_mesh, triangle_mesh};
 
 use super::radii;
 use interpreter::Turtle;
