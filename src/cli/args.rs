@@ -130,7 +130,7 @@ pub struct Grow {
     /// Grammar (.l), scene (.toml), coefficient table (.ifs .flame) or preset.
     #[arg(value_name = "SOURCE")]
     pub source: String,
-    /// File to write: .glb .gltf .usda .usdc .usdz .obj .ply .pov, or - for a glb on standard output.
+    /// File to write: .glb .gltf .usda .usdc .usdz .obj .ply .pov, .txt for the string of a grammar, or - for a glb on standard output.
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: PathBuf,
     /// Derivation length in place of that of the grammar.
@@ -228,6 +228,9 @@ pub struct Check {
     /// Scenes, grammars or presets.
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<String>,
+    /// Also print the string that each grammar derives, as cpfg prints it.
+    #[arg(long)]
+    pub string: bool,
 }
 
 /// Arguments of `osier list`.

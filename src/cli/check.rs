@@ -7,7 +7,8 @@ use super::progress::ProgressDisplay;
 use super::{Context, knobs, report};
 use crate::bake::BakeContext;
 use crate::check::{CheckResult, check};
-use crate::recipe::GivenKey;
+use crate::recipe::{GivenKey, Request, resolve};
+use crate::single_file::DerivedText;
 use crate::source::find_scene;
 use osier_base::diagnostic::{Severity, render_json};
 use osier_base::{Error, Result};
@@ -15,6 +16,26 @@ use osier_base::{Error, Result};
 /// A key that a scene gives: path, value, file and bytes of the value.
 fn key_json(key: &GivenKey) -> Value {
     json!({ "key": key.path, "value": key.value, "file": key.file, "span": key.span })
+}
+
+/// The strings that the grammars of a scene derive; `None` for a scene without grammars, and where a fault keeps them from being
+/// derived, which `found` tells.
+fn derived_string(request: &Request, found: &mut CheckResult, context: &BakeContext<'_>) -> Option<String> {
+    if found.report.has_errors() {
+        return None;
+    }
+    let derived = resolve(request).and_then(|(recipe, _)| DerivedText::derive(&recipe, context));
+    match derived {
+        Ok(derived) => Some(derived.text),
+        Err(Error::Input(report)) => {
+            found.report.extend(*report);
+            None
+        }
+        Err(other) => {
+            found.failure.get_or_insert(other);
+            None
+        }
+    }
 }
 
 /// Runs `osier check`; the result is the exit code. A fault in one file does not keep the others from being checked.
@@ -28,8 +49,15 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
     let mut values: Vec<Value> = Vec::new();
     let (mut errors, mut warnings, mut code) = (0, 0, 0);
     for file in &args.files {
+        let mut string = None;
         let found = match find_scene(file, &context.sources) {
-            Ok(request) => check(&request, context.common.verbose, &work),
+            Ok(request) => {
+                let mut found = check(&request, context.common.verbose, &work);
+                if args.string {
+                    string = derived_string(&request, &mut found, &work);
+                }
+                found
+            }
             Err(Error::Input(report)) => CheckResult { report: *report, ..CheckResult::default() },
             Err(other) => CheckResult { failure: Some(other), ..CheckResult::default() },
         };
@@ -54,10 +82,14 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
                 "would_make": found.estimate.as_ref().map(report::estimate_json),
                 "keys": found.keys.iter().map(key_json).collect::<Value>(),
                 "knobs": knobs::as_json(&found.parameters),
+                "string": string.as_deref().map(str::trim_end),
             }));
             continue;
         }
         context.console.report(&found.report);
+        if let Some(text) = &string {
+            context.console.result(text)?;
+        }
         match (&found.estimate, &found.failure) {
             (_, Some(e)) => context.console.error(e),
             (Some(estimate), _) => {

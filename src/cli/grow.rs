@@ -11,7 +11,7 @@ use super::{Context, report};
 use crate::bake::BakeContext;
 use crate::recipe::{Growth, Recipe, resolve};
 use crate::single_file::{
-    CoefficientTables, PictureEncoding, SingleFileFormat, StillScene, TableFormat, endings, write_picture,
+    CoefficientTables, DerivedText, PictureEncoding, SingleFileFormat, StillScene, TableFormat, endings, write_picture,
 };
 use crate::source::{find_picture, find_scene};
 use osier_base::Result;
@@ -49,6 +49,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         SingleFileFormat::Scene(format) => write_scene(context, &output, &recipe, format, &warnings),
         SingleFileFormat::Picture(encoding) => write_attractor(context, &output, &recipe, encoding, &warnings),
         SingleFileFormat::Coefficients(format) => write_coefficients(context, &output, &recipe, format, &warnings),
+        SingleFileFormat::DerivedText => write_string(context, &output, &recipe, &warnings),
     }
 }
 
@@ -198,6 +199,30 @@ fn write_coefficients(
     }
     let folder = output.folder(context)?;
     folder.write(output.name, "ifs", tables.text.as_bytes())?;
+    output.finish(context, &folder)?;
+    Ok(context.strict(warned))
+}
+
+fn write_string(context: &Context, output: &OutputFile<'_>, recipe: &Recipe, warnings: &Report) -> Result<u8> {
+    if !recipe.plants.iter().any(|p| matches!(p.growth, Growth::Grammar(_))) {
+        let why = format!("\"{}\" has no grammar; .txt is for derived strings", output.args.source);
+        context.console.complain(&why);
+        return Ok(2);
+    }
+    let display = ProgressDisplay::new(&context.console);
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &display, cache: None };
+    let derived = DerivedText::derive(recipe, &work);
+    display.done();
+    let derived = derived?;
+    let warned = !warnings.diagnostics.is_empty() || !derived.report.diagnostics.is_empty();
+    context.console.report(&derived.report);
+    if context.common.dry_run {
+        let (bytes, modules) = (report::byte_size(derived.text.len() as u64), derived.modules);
+        context.console.result(&format!("{}\n  {modules} modules, {bytes}\n", output.args.output.display()))?;
+        return Ok(context.strict(warned));
+    }
+    let folder = output.folder(context)?;
+    folder.write(output.name, "string", derived.text.as_bytes())?;
     output.finish(context, &folder)?;
     Ok(context.strict(warned))
 }

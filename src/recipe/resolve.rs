@@ -150,6 +150,10 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
         SingleSource::Cloud(name) => return format!("clouds.{name}.{set}"),
     };
     let own = registry.names::<PlantKeys>().contains(if path == first { &path } else { &first });
+    // The angle and the unit of a grammar are given most often; no #define is likely to have these names.
+    if matches!(path, "angle_deg" | "unit_m") {
+        return format!("plants.{plant}.turtle.{set}");
+    }
     if top {
         set.to_owned()
     } else if own || first == "set" {

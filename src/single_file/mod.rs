@@ -3,13 +3,15 @@
 //! ```text
 //!                    ┌─ .glb .usda .obj …  StillScene: assemble, estimate, write
 //! Recipe ── ending ──┼─ .png .exr          picture of an attractor, or of layers
-//!                    └─ .ifs .flame        coefficient tables
+//!                    ├─ .ifs .flame        coefficient tables
+//!                    └─ .txt               strings that grammars derive
 //! ```
 //!
 //! [`grow`] does all of it in one call. A program that shows an estimate, or asks before it writes a large file, calls the
 //! steps of [`StillScene`] itself.
 
 mod coefficients;
+mod derived_text;
 mod picture;
 mod still_scene;
 
@@ -25,15 +27,17 @@ use crate::bake::BakeContext;
 use crate::recipe::Recipe;
 
 pub use coefficients::{CoefficientTables, TableFormat};
+pub use derived_text::DerivedText;
 pub use picture::{PictureEncoding, canvas_image, write_picture};
 pub use still_scene::StillScene;
 
 /// Endings that no format of a bake has, with what they are.
-const IFS_ENDINGS: [(&str, &str); 4] = [
+const OTHER_ENDINGS: [(&str, &str); 5] = [
     ("png", "picture of an attractor (a coefficient table)"),
     ("ifs", "coefficients of tables and trees, Fractint's columns"),
     ("flame", "coefficients of tables of the plane, for flam3 and Apophysis"),
     ("exr", "density of an attractor, 32-bit floats, linear"),
+    ("txt", "string that a grammar derives, as cpfg prints it"),
 ];
 
 /// What the ending of a file name asks for.
@@ -45,6 +49,8 @@ pub enum SingleFileFormat {
     Picture(PictureEncoding),
     /// The coefficient tables of attractors and of trees grown by tables.
     Coefficients(TableFormat),
+    /// The strings that the grammars of a scene derive.
+    DerivedText,
 }
 
 impl SingleFileFormat {
@@ -62,6 +68,7 @@ impl SingleFileFormat {
             "png" => Some(Self::Picture(PictureEncoding::Png)),
             "exr" => Some(Self::Picture(PictureEncoding::Exr)),
             "ifs" => Some(Self::Coefficients(TableFormat::Fractint)),
+            "txt" => Some(Self::DerivedText),
             "flame" => Some(Self::Coefficients(TableFormat::Flame)),
             _ => registry::by_ending(&ending).map(Self::Scene),
         }
@@ -70,7 +77,7 @@ impl SingleFileFormat {
 
 /// Endings that [`grow`] writes, without the dot, with what they are; in the order of `osier list formats`.
 pub fn endings() -> impl Iterator<Item = (&'static str, &'static str)> {
-    registry::endings().chain(IFS_ENDINGS)
+    registry::endings().chain(OTHER_ENDINGS)
 }
 
 /// Warnings of a file that was written.
@@ -131,6 +138,11 @@ pub fn grow(
         SingleFileFormat::Picture(encoding) => {
             write_picture(recipe, encoding, name, folder, context)?;
             GrownFile::default()
+        }
+        SingleFileFormat::DerivedText => {
+            let derived = DerivedText::derive(recipe, context)?;
+            folder.write(name, "string", derived.text.as_bytes())?;
+            GrownFile { report: derived.report, warnings: Vec::new() }
         }
         SingleFileFormat::Coefficients(format) => {
             let tables = CoefficientTables::encode(recipe, format)?;

@@ -263,7 +263,7 @@ fn repeats_nest_and_number_their_modules() {
     let g = read(&system("turtle: none", "A repeat 2 { B repeat 3 { C {D} } } repeat 0 { E } A"));
     let d = derived(&g, 1);
     assert_eq!(g.print(&d.modules), "ABC{D}C{D}C{D}BC{D}C{D}C{D}A");
-    let lineages: std::collections::BTreeSet<u64> = d.modules.iter().map(|m| m.lineage).collect();
+    let lineages: std::collections::BTreeSet<u64> = d.modules.iter().map(|m| m.lineage()).collect();
     assert_eq!(lineages.len(), d.modules.len(), "no two modules share their draws");
 }
 

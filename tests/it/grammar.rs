@@ -73,17 +73,20 @@ fn faults() -> Vec<(&'static str, String)> {
         ("L005", s("A", "#define M(x,y) x\nA --> B(M(1))")),
         ("L006", format!("#include \"loop.h\"\n#include \"gone.h\"\n{}", s("F(1)", ""))),
         ("L007", "#include <lpfgall.h>\nmodule A(float);\nproduction:\nA(x) : { produce A(x+1); }\n".into()),
-        ("L008", s("F(func(1,2))", "")),
+        ("L008", s("A", "A : {printf(3);} --> F(1)")),
         ("L010", s("A", "[A] < A --> B")),
         ("L011", s("A", "A --> F(1)[[F(1)]A")),
         ("L012", s("A", "A --> {.F(1)A")),
         ("L013", s("A", "A\n  --> F(1)")),
+        ("L014", s("A", "A --> F(1)//[+A]A")),
         ("L020", s("A", "A --> F(angel)")),
         ("L021", s("A", "A --> F(squirt(2))")),
         ("L022", s("A", "A --> F(sin(1,2))")),
         ("L023", s("A(1,2)", "A(x) --> F(x)")),
         ("L024", s("A(1,2)", "A(x,x) --> F(x)")),
         ("L025", s("A(1,2)", "A(x,t) : x == 0.1 && t != 0.5 --> F(x)\nA(x,t) : 0.3 != t --> F(t)")),
+        ("L026", s("A", "Define: { array a[2]; }\nA --> F(a[2])")),
+        ("L027", s("A", "Start: { n = 0; }\nA : {n = n + 1;} n > 1 --> F(n)")),
         ("L030", s("F(1)", "A --> F(1)\nA --> F(2)")),
         ("L031", s("A", "A --> F(1)\nA --> F(2)")),
         ("L032", s("A", "A --> F(1) : 2")),
@@ -91,6 +94,7 @@ fn faults() -> Vec<(&'static str, String)> {
         ("L034", s("A", "Seed: 1\nA --> F(1) : 0\nA --> F(2) : 0")),
         ("L035", s("A", "Seed: 1\nA --> F(1) : 45\nA --> F(2) : 45")),
         ("L036", s("F@v", "v --> F(1)")),
+        ("L037", s("A", "A --> F(1)XF(1)")),
         (
             "L038",
             "Lsystem: 1\nderivation length: 1\nturtle: none\nbind F : forward 1 ; F : move 1 ; [ : none ; FG : none\n\
@@ -129,9 +133,107 @@ fn every_code_names_place_and_remedy() {
         insta::assert_snapshot!(code, render(&report, Style::Plain));
     }
     assert!(silent.is_empty(), "{}", silent.join("\n"));
+    // Every code of the list has a text; that of L009 is no UTF-8 and stands below.
+    let known: Vec<&str> = faults().iter().map(|f| f.0).chain(["L009"]).collect();
+    let listed = osier::diagnostic::codes::CODES.iter().map(|c| c.code).filter(|c| c.starts_with('L'));
+    let missing: Vec<&str> = listed.filter(|c| !known.contains(c)).collect();
+    assert!(missing.is_empty(), "no text raises {missing:?}");
     let latin = b"Lsystem: 1\n// caf\xe9\nderivation length: 0\nAxiom: F(1)\nendlsystem\n";
     let report = complaints(latin, &TurtleOptions::default());
     insta::assert_snapshot!("L009", render(&report, Style::Plain));
+}
+
+/// Byte of a one-based line and column in characters.
+fn byte_of(text: &str, line: u64, column: u64) -> usize {
+    let start: usize = text.split_inclusive('\n').take(usize::try_from(line - 1).expect("fits")).map(str::len).sum();
+    let count = usize::try_from(column - 1).expect("fits");
+    start + text[start..].chars().take(count).map(char::len_utf8).sum::<usize>()
+}
+
+/// The text with the replacements of its diagnostics, as a program would apply them from the JSON.
+fn mended(text: &str) -> (String, usize) {
+    let report = complaints(text.as_bytes(), &TurtleOptions { angle: Some(0.5), ..Default::default() });
+    let json = osier::diagnostic::render_json(&report);
+    let number = |v: &serde_json::Value| v.as_u64().expect("a number");
+    let mut edits: Vec<(usize, usize, String)> = json
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|d| &d["fix"])
+        .filter(|f| !f.is_null())
+        .map(|f| {
+            let at = |line: &str, column: &str| byte_of(text, number(&f[line]), number(&f[column]));
+            let replacement = f["replacement"].as_str().expect("text").to_owned();
+            (at("line", "column"), at("end_line", "end_column"), replacement)
+        })
+        .collect();
+    // From the last to the first, so that places stay where they are.
+    edits.sort();
+    let mut out = text.to_owned();
+    for (start, end, replacement) in edits.iter().rev() {
+        out.replace_range(*start..*end, replacement);
+    }
+    (out, edits.len())
+}
+
+#[test]
+fn the_replacements_of_broken_grammars_mend_them() {
+    let s = system;
+    let broken = [
+        ("L002", s("F", "").replace("derivation length", "derivaton length")),
+        ("L002", s("F", "Homomorpism\nF --> F")),
+        ("L001", s("F", "F -> FF")),
+        ("L001", s("F", "F = F[+F]F")),
+        ("L001", s("F", "F \u{2192} FF")),
+        ("L001", s("F", "F ==> FF")),
+        ("L001", s("F(1)", "F(x) : x = 1 --> F(2)")),
+        ("L001", s("F(1)", "F(x) : {y = 1; if (x > 1) y=3;} --> F(y)")),
+        ("L001", s("F(1)", "F(x) : {if (x = 1) {x = 3;}} --> F(x)")),
+        ("L001", s("F(1)", "Start: {n = 0;}\nF(x) : * {n++;} --> F(n)")),
+        ("L001", s("F(1)", "Start: {n = 0;}\nF(x) : * {n += x;} --> F(n)")),
+        ("L003", s("F", "").replace("endlsystem\n", "")),
+        ("L011", s("F(1)", "F(x) --> F(x)[+F(x)")),
+        ("L014", s("F(1)", "F(x) --> F(x)//[+F(x)]F(x)")),
+        ("L020", s("F(1)", "F(len) --> F(lne)")),
+        ("L021", s("F(1)", "F(x) --> F(sinn(x)+1)")),
+        ("L032", s("F(1)", "F(x) --> F(x) : 2")),
+    ];
+    for (code, text) in broken {
+        let before = complaints(text.as_bytes(), &TurtleOptions::default());
+        assert!(before.diagnostics.iter().any(|d| d.code == code), "{text}\n{before}");
+        let (after, edits) = mended(&text);
+        assert!(edits > 0, "no replacement for\n{text}\n{before}");
+        let left = complaints(after.as_bytes(), &TurtleOptions { angle: Some(0.5), ..Default::default() });
+        assert!(
+            !left.has_errors() && left.diagnostics.iter().all(|d| d.code != code),
+            "{text}\n-- became --\n{after}\n{left}"
+        );
+    }
+}
+
+#[test]
+fn endless_expansions_name_their_production() {
+    for (rules, line) in [
+        ("F --> F\nDecomposition\nmaximum depth: 99\nA(x) : x > 0 --> A(x)A(x)", ":7:1"),
+        ("F --> F\nDecomposition\nmaximum depth: 1000000000\nA(x) : x > 0 --> F A(x)", ":7:1"),
+        ("F --> F\nDecomposition\nmaximum depth: 1000000000\nA(x) --> A(x)", ":7:1"),
+    ] {
+        let text = system("FA(1)", rules);
+        let report = complaints(text.as_bytes(), &TurtleOptions::default());
+        let told = report.diagnostics.iter().find(|d| d.code == "L051").map(|d| d.message.clone());
+        assert!(told.is_some_and(|m| m.contains("this production expands a single module without end")), "{report}");
+        assert!(report.to_string().contains(line), "{report}");
+    }
+}
+
+#[test]
+fn arities_are_followed_from_the_axiom() {
+    // The production makes its own kind, but nothing makes the first one.
+    let text = system("A(1)", "A(x,y) --> F(x)A(x,y)\nB --> A\nA(x) < F(y) --> F(x)");
+    let report = complaints(text.as_bytes(), &TurtleOptions::default());
+    let said: Vec<&str> = report.diagnostics.iter().filter(|d| d.code == "L023").map(|d| d.message.as_str()).collect();
+    assert_eq!(said, ["A with 2 parameters never matches: it is made with 1"], "{report}");
+    assert!(report.to_string().contains("did you mean A(x)?"), "{report}");
 }
 
 #[test]

@@ -30,7 +30,7 @@ pub const LIMITS: &[Limit] = &[
     row("includes", 256, "files included by one file"),
     row("instances", 10_000_000, "instances in a scene"),
     row("json-bytes", 64 << 20, "bytes of JSON in one file"),
-    row("macro-tokens", 10_000_000, "tokens after macro expansion"),
+    row("macro-tokens", 3_000_000, "tokens after macro expansion"),
     row("maps", 1000, "maps of an iterated function system"),
     row(
         "memory",

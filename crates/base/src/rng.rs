@@ -13,6 +13,7 @@ const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 const MULTIPLIER: u64 = 0xD134_2543_DE82_EF95;
 
 /// Finalizer of splitmix64: a bijection that mixes all bits.
+#[inline]
 const fn fin(z: u64) -> u64 {
     let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -22,8 +23,26 @@ const fn fin(z: u64) -> u64 {
 /// Key of the child `id` of key `k`.
 #[inline]
 pub const fn child(k: u64, id: u64) -> u64 {
-    // The parent is multiplied before the xor, so that swapping parent and child gives another key.
-    fin(k.wrapping_mul(MULTIPLIER) ^ fin(id.wrapping_add(GOLDEN)))
+    ChildId::new(id).of(k)
+}
+
+/// The part of [`child`] that depends on the id alone, for loops that need children of the same id below many keys.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ChildId(u64);
+
+impl ChildId {
+    /// Prepares an id.
+    #[inline]
+    pub const fn new(id: u64) -> Self {
+        Self(fin(id.wrapping_add(GOLDEN)))
+    }
+
+    /// Key of the child of key `k`: what [`child`] gives.
+    #[inline]
+    pub const fn of(self, k: u64) -> u64 {
+        // The parent is multiplied before the xor, so that swapping parent and child gives another key.
+        fin(k.wrapping_mul(MULTIPLIER) ^ self.0)
+    }
 }
 
 /// Mixes a sequence of integers into one key; the empty sequence gives 0.
@@ -200,6 +219,33 @@ impl Rng {
     }
 }
 
+/// Weights prepared for many picks: running sums instead of the weights.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shares {
+    sums: Vec<f64>,
+    /// Index that rounding past the end gives.
+    last: usize,
+}
+
+impl Shares {
+    /// Prepares weights; negative ones and NaN count as 0.
+    pub fn new(weights: &[f64]) -> Self {
+        let mut sum = 0.0;
+        let sums = weights.iter().map(|w| {
+            sum += w.max(0.0);
+            sum
+        });
+        Self { sums: sums.collect(), last: weights.iter().rposition(|w| *w > 0.0).unwrap_or(0) }
+    }
+
+    /// The index that [`Rng::pick`] picks from the weights. One draw.
+    #[inline]
+    pub fn pick(&self, rng: &mut Rng) -> usize {
+        let target = rng.unit_f64() * self.sums.last().copied().unwrap_or(0.0);
+        self.sums.iter().position(|sum| *sum > target).unwrap_or(self.last)
+    }
+}
+
 /// Quantile of the standard normal distribution at the probability 1/2 + `q`, -1/2 < q < 1/2, to 1e-15 of its value.
 /// Source: M. J. Wichura, Algorithm AS 241 (PPND16), Applied Statistics 37 (1988), 477-484: one ratio of polynomials of degree 7
 /// for the central 85 %, one of two others for the tails.
@@ -303,6 +349,17 @@ fn ratio(coefficients: &Ratio, x: f64) -> f64 {
 #[allow(clippy::cast_possible_truncation, reason = "bins of a histogram")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn prepared_weights_pick_like_weights() {
+        for weights in [&[1.0, 2.0][..], &[0.0, 3.0, -1.0, 0.5, f64::NAN, 0.0], &[], &[0.0, 0.0], &[0.1; 7]] {
+            let shares = Shares::new(weights);
+            for i in 0..1000_u64 {
+                let mut rng = Rng::from_key(i);
+                assert_eq!(shares.pick(&mut rng.clone()), rng.pick(weights), "{weights:?}");
+            }
+        }
+    }
 
     #[test]
     fn pinned_streams() {

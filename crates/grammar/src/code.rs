@@ -95,6 +95,10 @@ pub(crate) enum Op {
     Global(u16),
     StoreLocal(u16),
     StoreGlobal(u16),
+    /// Pops the indices, pushes an element; index into [`Bytecode::elements`].
+    LoadElement(usize),
+    /// Pops a value and the indices; index into [`Bytecode::elements`].
+    StoreElement(usize),
     /// Pushes `Q`, the number of the current step.
     Step,
     /// Pushes `Z`, the derivation length.
@@ -108,6 +112,8 @@ pub(crate) enum Op {
     /// Pairs of (value, share) on the stack.
     Choose(usize),
     Srand,
+    /// Pushes a bound of the last interpretation: least x, y, z, then greatest x, y, z.
+    Bounds(u8),
     /// Function of a table, and index into [`Bytecode::places`] for a table that is missing.
     Table(TableFunction, usize),
     Stop,
@@ -132,6 +138,41 @@ pub(crate) struct Bytecode {
     pub places: Vec<SourcePlace>,
     /// The tables that [`Op::Table`] reads.
     pub tables: Option<Arc<FunctionTables>>,
+    /// Uses of array elements.
+    pub elements: Vec<ElementAccess>,
+}
+
+/// An array of a `Define:` block; its elements are consecutive global variables, the last index changes fastest.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ArrayShape {
+    /// Slot of its first element.
+    pub first: u16,
+    pub sizes: Vec<u32>,
+}
+
+/// A place that reads or writes an element of an array.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ElementAccess {
+    pub shape: ArrayShape,
+    pub name: String,
+    pub place: SourcePlace,
+}
+
+impl ArrayShape {
+    /// Slot of the element with these indices, cut to integers; `None` outside the array.
+    pub fn slot(&self, indices: &[f64]) -> Option<usize> {
+        let mut offset = 0_usize;
+        for (index, size) in indices.iter().zip(&self.sizes) {
+            let i = index.trunc();
+            if !(i >= 0.0 && i < f64::from(*size)) {
+                return None;
+            }
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the array")]
+            let i = i as usize;
+            offset = offset * (*size as usize) + i;
+        }
+        Some(usize::from(self.first) + offset)
+    }
 }
 
 /// A parameter of a successor. Constants and plain variables, the common cases, need no machine.
@@ -152,9 +193,41 @@ impl Bytecode {
         }
     }
 
+    /// Appends code that was compiled on its own: its jump targets and indices move behind what is here.
+    pub fn append(&mut self, code: Self) {
+        let (shift, places, elements) = (self.ops.len(), self.places.len(), self.elements.len());
+        self.places.extend(code.places);
+        self.elements.extend(code.elements);
+        self.tables = self.tables.take().or(code.tables);
+        self.ops.extend(code.ops.into_iter().map(|op| match op {
+            Op::Jump(t) => Op::Jump(t + shift),
+            Op::JumpIfZero(t) => Op::JumpIfZero(t + shift),
+            Op::And(t) => Op::And(t + shift),
+            Op::Or(t) => Op::Or(t + shift),
+            Op::Binary(b, p) => Op::Binary(b, p + places),
+            Op::Table(f, p) => Op::Table(f, p + places),
+            Op::Count(p) => Op::Count(p + places),
+            Op::LoadElement(k) => Op::LoadElement(k + elements),
+            Op::StoreElement(k) => Op::StoreElement(k + elements),
+            other => other,
+        }));
+    }
+
+    /// Can it turn finite numbers into others?
+    pub fn may_overflow(&self) -> bool {
+        let risky = |o: &Op| match o {
+            Op::Unary(f) => {
+                matches!(f, UnaryOp::Exp | UnaryOp::Log | UnaryOp::Sqrt | UnaryOp::Tan | UnaryOp::Asin | UnaryOp::Acos)
+            }
+            Op::Binary(f, _) => matches!(f, BinaryOp::Mul | BinaryOp::Div | BinaryOp::Pow),
+            _ => false,
+        };
+        self.ops.iter().any(risky)
+    }
+
     /// Does it write a global variable?
     pub fn writes_globals(&self) -> bool {
-        self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::Stop))
+        self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::StoreElement(_) | Op::Stop))
     }
 }
 

@@ -45,7 +45,7 @@ impl<'g> BindingEvaluator<'g> {
     /// For the modules of a derivation of `grammar`.
     pub fn new(grammar: &'g Grammar, derived: &DerivedString, limits: &Limits) -> Self {
         let bindings = grammar.program.turtle.as_ref();
-        let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed: derived.file_seed };
+        let streams = RandomStreams::new(derived.seed, derived.plant_id, derived.file_seed);
         let mut vm = Vm::new(streams, 0, derived.length);
         vm.globals.clone_from(&derived.globals);
         vm.step = derived.steps;
@@ -76,13 +76,13 @@ impl<'g> BindingEvaluator<'g> {
         let code = bindings.symbols.get(&m.symbol)?.value.as_ref()?;
         for &i in self.required.get(&m.symbol).into_iter().flatten() {
             let angle = &bindings.angles[i];
-            self.vm.begin_draws(DrawPurpose::Angle, m.lineage, None);
+            self.vm.begin_draws(DrawPurpose::Angle, m.lineage(), None);
             // Numbered by its name: another angle before it changes none of its draws.
             self.vm.set_draw_number(angle.draw_key >> 1);
             let value = self.vm.run(&angle.code, &mut self.angles).unwrap_or(0.0);
             self.angles[i] = value;
         }
-        self.vm.begin_draws(DrawPurpose::Angle, m.lineage, None);
+        self.vm.begin_draws(DrawPurpose::Angle, m.lineage(), None);
         self.vm.run(code, &mut self.angles).ok()
     }
 

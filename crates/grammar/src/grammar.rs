@@ -3,13 +3,18 @@
 use osier_base::Error;
 use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span};
+use osier_base::math::narrow;
 
 use super::binding::{Dialect, TurtleAction, TurtleBindings};
-use super::modules::ModuleString;
+use super::code::Expr;
+use super::modules::{Module, ModuleString};
 use super::preprocess::Define;
 use super::program::{Program, SuccessorModule};
-use super::symbols::Symbols;
+use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
+
+/// A constant parameter beyond this is a slip rather than a length or an angle.
+const HUGE: f32 = 1e12;
 
 /// A grammar that was read without errors.
 #[derive(Debug, Clone)]
@@ -94,13 +99,7 @@ impl Grammar {
     /// A string of modules as text, parameters with six digits.
     pub fn print(&self, modules: &ModuleString) -> String {
         let mut out = String::new();
-        for m in modules.iter() {
-            out.push(self.program.symbols.get(m.symbol));
-            if !m.params.is_empty() {
-                let params: Vec<String> = m.params.iter().map(|p| format_g(f64::from(*p))).collect();
-                out.push_str(&format!("({})", params.join(",")));
-            }
-        }
+        modules.iter().for_each(|m| write_module(&mut out, self, m));
         out
     }
 
@@ -139,6 +138,19 @@ impl Grammar {
         place.unwrap_or(self.start).span
     }
 
+    /// Location of a module of this symbol and number of parameters whose parameter `i` may come out as anything but a
+    /// finite number: the first that computes it by a division, a power or a function, else the first; `None` if none is made.
+    pub fn place_of_parameter(&self, symbol: SymbolId, arity: usize, i: usize) -> Option<Span> {
+        let successors = [&self.program.axiom].into_iter().chain(self.program.productions().map(|p| &p.successor));
+        let modules: Vec<&SuccessorModule> =
+            successors.flatten().filter(|t| t.symbol == symbol && t.args.len() == arity).collect();
+        let risky = |t: &&&SuccessorModule| matches!(t.args.get(i), Some(Expr::Code(c)) if c.may_overflow());
+        let infinite =
+            |t: &&&SuccessorModule| matches!(t.args.get(i), Some(Expr::Const(v)) if !(narrow(*v).abs() < HUGE));
+        let found = modules.iter().find(infinite).or_else(|| modules.iter().find(risky)).or(modules.first());
+        found.map(|t| t.place.span)
+    }
+
     /// Diagnostics about this grammar as an error that quotes its text.
     pub fn report(&self, diagnostics: Vec<Diagnostic>) -> Error {
         Error::Input(Box::new(Report { sources: self.sources.clone(), diagnostics }))
@@ -147,6 +159,18 @@ impl Grammar {
     /// Texts that the diagnostics of this grammar point into.
     pub fn sources(&self) -> &Sources {
         &self.sources
+    }
+}
+
+/// Appends a module as text, parameters with six digits.
+pub(crate) fn write_module(out: &mut String, grammar: &Grammar, m: Module<'_>) {
+    out.push(grammar.program.symbols.get(m.symbol));
+    for (i, value) in m.params.iter().enumerate() {
+        out.push(if i == 0 { '(' } else { ',' });
+        out.push_str(&format_g(f64::from(*value)));
+    }
+    if !m.params.is_empty() {
+        out.push(')');
     }
 }
 

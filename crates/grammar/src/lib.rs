@@ -46,7 +46,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use binding::{Dialect, TurtleAction, TurtleAxis};
-pub use derive::{DeriveOptions, DerivedString, Prediction, derive, interpret, predict};
+pub use derive::{
+    AskTurtle, DeriveOptions, DerivedString, Prediction, QueryAnswer, TurtleAnswers, derive,
+    derive_deferred, derive_with_queries, interpret, interpret_modules, predict,
+};
 pub use evaluate::BindingEvaluator;
 pub use functions::{DataFunction, FunctionTables, Spline, SplineEnds};
 pub use grammar::Grammar;

@@ -3,13 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::code::Bytecode;
-use super::program::{ContextElement, FormalModule, IgnoredSymbols, Production, ProductionSet, Program};
+use super::program::{
+    ContextElement, FormalModule, IgnoredSymbols, Production, ProductionSet, Program, SuccessorModule,
+};
 use super::symbols::{SymbolId, TWO_CHARACTER_COMMANDS};
-use super::token::{ParseSession, SourcePlace};
+use super::token::{ParseSession, SourcePlace, with_fix};
 use super::vm;
-use osier_base::diagnostic::Diagnostic;
+use osier_base::diagnostic::{Diagnostic, Span};
 
-/// Reports L023, L030, L031, L032, L035, L036 and L055: legal constructs that are probably mistakes.
+/// Reports L023, L027, L030, L031, L032, L035, L036, L037 and L055: legal constructs that are probably mistakes.
 pub(super) fn check(session: &mut ParseSession, program: &Program) {
     check_arities(session, program);
     check_reachability(session, program);
@@ -19,51 +21,151 @@ pub(super) fn check(session: &mut ParseSession, program: &Program) {
             check_weight_sums(session, program, rules);
         } else {
             check_shadowed(session, rules);
-            check_unused_weights(session, rules);
+            check_unused_weights(session, program, rules);
         }
+        check_losers(session, rules, stochastic);
     }
     check_command_letters(session, program);
     check_ignored_contexts(session, program);
+    note_idle_symbols(session, program);
 }
 
-/// Numbers of parameters that each symbol is produced with, and where first.
-fn produced_arities(program: &Program) -> BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> {
-    let mut out: BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> = BTreeMap::new();
-    for t in program.productions().flat_map(|p| &p.successor).chain(&program.axiom) {
-        out.entry(t.symbol).or_default().entry(t.args.len()).or_insert(t.place);
+/// L027: a block before the condition has run even if the production is not applied.
+fn check_losers(session: &mut ParseSession, rules: &ProductionSet, stochastic: bool) {
+    for p in &rules.list {
+        let may_lose = p.condition.is_some() || stochastic;
+        if may_lose && p.before.as_ref().is_some_and(Bytecode::writes_globals) {
+            let message = "this block changes a global variable even where the production is not applied".to_owned();
+            let help = "write the statements behind the condition, or use a variable of the production";
+            session.warning("L027", message, p.place, help);
+        }
     }
-    out
+}
+
+/// Symbols that cpfg's turtle acts on by themselves or as the first of a command.
+const DRAWN_SYMBOLS: &str = "FGfg+-&^\\/|$[]#!;,'{}._@~?%";
+/// Letters after `@` that a further letter may follow.
+const LONG_COMMANDS: &str = "DTbGP";
+
+/// L037, a note: symbols that are made, but neither rewritten nor drawn nor asked for by a context.
+fn note_idle_symbols(session: &mut ParseSession, program: &Program) {
+    let symbol = |id| program.symbols.get(id);
+    let predecessors = program.productions().flat_map(|p| p.predecessor.iter().chain(context_modules(p)));
+    let used: BTreeSet<SymbolId> = predecessors.map(|f| f.symbol).collect();
+    let bound = |id: SymbolId| program.turtle.as_ref().is_some_and(|t| t.symbols.contains_key(&id));
+    let mut idle: BTreeMap<SymbolId, SourcePlace> = BTreeMap::new();
+    for modules in program.productions().map(|p| &p.successor).chain([&program.axiom]) {
+        let mut rest = modules.iter();
+        while let Some(t) = rest.next() {
+            let c = symbol(t.symbol);
+            let is_command = DRAWN_SYMBOLS.contains(c) && !program.overrides_cpfg(c);
+            if is_command && matches!(c, '@' | '~' | '?') {
+                // What follows belongs to the command.
+                let second = rest.next().map(|t| symbol(t.symbol));
+                if c == '@' && second.is_some_and(|s| LONG_COMMANDS.contains(s)) {
+                    let mut ahead = rest.clone();
+                    if ahead.next().is_some_and(|t| symbol(t.symbol).is_ascii_lowercase()) {
+                        rest = ahead;
+                    }
+                }
+            } else if !is_command && !used.contains(&t.symbol) && !bound(t.symbol) && !matches!(c, '[' | ']') {
+                idle.entry(t.symbol).or_insert(t.place);
+            }
+        }
+    }
+    for (id, place) in idle {
+        let message = format!("{} is neither rewritten nor drawn", symbol(id));
+        session.note("L037", message, place, "write a production for it, or leave it out");
+    }
+}
+
+/// A symbol with a number of parameters.
+type Kind = (SymbolId, usize);
+
+fn kind(f: &FormalModule) -> Kind {
+    (f.symbol, usize::from(f.arity))
+}
+
+/// Modules of the contexts of a production.
+fn context_modules(p: &Production) -> impl Iterator<Item = &FormalModule> {
+    p.left.iter().chain(&p.right).filter_map(|e| if let ContextElement::Module(f) = e { Some(f) } else { None })
+}
+
+/// Every kind of module that the axiom can turn into, with the place that makes it first.
+fn made_kinds(program: &Program) -> BTreeMap<Kind, SourcePlace> {
+    let productions: Vec<&Production> = program.productions().collect();
+    // A production is alive once its predecessor and contexts are made: count what each still waits for.
+    let mut waiting: BTreeMap<Kind, Vec<usize>> = BTreeMap::new();
+    let mut missing: Vec<usize> = Vec::new();
+    for (i, p) in productions.iter().enumerate() {
+        let wanted: BTreeSet<Kind> = p.predecessor.iter().chain(context_modules(p)).map(kind).collect();
+        missing.push(wanted.len());
+        wanted.into_iter().for_each(|k| waiting.entry(k).or_default().push(i));
+    }
+    let mut made: BTreeMap<Kind, SourcePlace> = BTreeMap::new();
+    let mut queue: Vec<&[SuccessorModule]> = vec![&program.axiom];
+    while let Some(modules) = queue.pop() {
+        for t in modules {
+            let kind = (t.symbol, t.args.len());
+            if made.contains_key(&kind) {
+                continue;
+            }
+            made.insert(kind, t.place);
+            for &i in waiting.get(&kind).into_iter().flatten() {
+                missing[i] -= 1;
+                if missing[i] == 0 {
+                    queue.push(&productions[i].successor);
+                }
+            }
+        }
+    }
+    made
 }
 
 fn plural(n: usize) -> String {
     if n == 1 { "1 parameter".to_owned() } else { format!("{n} parameters") }
 }
 
+/// Numbers of parameters in words: `1, 2 or 4`.
+fn listed(numbers: &[usize]) -> String {
+    match numbers {
+        [] => String::new(),
+        [one] => one.to_string(),
+        [most @ .., last] => {
+            let most: Vec<String> = most.iter().map(ToString::to_string).collect();
+            format!("{} or {last}", most.join(", "))
+        }
+    }
+}
+
+/// Places that L023 shows of modules with other numbers of parameters.
+const MAX_ARITY_LABELS: usize = 4;
+
 /// L023: predecessors and contexts whose number of parameters is never made.
 fn check_arities(session: &mut ParseSession, program: &Program) {
-    let produced = produced_arities(program);
+    let made = made_kinds(program);
+    // Symbols that nothing at all makes are the business of L030, as are kinds made only behind them.
     for p in program.productions() {
-        // Predecessors and contexts alike must match a number of parameters that occurs.
-        let elements = p.left.iter().chain(&p.right);
-        let contexts = elements.filter_map(|e| if let ContextElement::Module(f) = e { Some(f) } else { None });
-        let formals: Vec<&FormalModule> = p.predecessor.iter().chain(contexts).collect();
-        for f in formals {
+        for f in p.predecessor.iter().chain(context_modules(p)) {
             let arity = usize::from(f.arity);
-            let Some(known) = produced.get(&f.symbol) else { continue };
-            if known.contains_key(&arity) {
+            let others: Vec<(usize, SourcePlace)> =
+                made.range((f.symbol, 0)..=(f.symbol, usize::MAX)).map(|(k, at)| (k.1, *at)).collect();
+            if others.is_empty() || others.iter().any(|o| o.0 == arity) {
                 continue;
             }
-            let Some((&other, &at)) = known.iter().next() else { continue };
+            let numbers: Vec<usize> = others.iter().map(|o| o.0).collect();
             let c = program.symbols.get(f.symbol);
-            let message = format!("{c} with {} never matches: it is made with {other}", plural(arity));
-            // Suggest the module as the successor produces it, with as many formal parameters.
+            let message = format!("{c} with {} never matches: it is made with {}", plural(arity), listed(&numbers));
+            // Suggest the module as a successor produces it, with as many formal parameters.
+            let near = others.iter().min_by_key(|o| o.0.abs_diff(arity)).map_or(0, |o| o.0);
             let names = ["x", "y", "z", "u", "v", "w"];
-            let list: Vec<&str> = names.iter().cycle().take(other).copied().collect();
-            let call = if other == 0 { c.to_string() } else { format!("{c}({})", list.join(",")) };
-            let d = Diagnostic::warning("L023", message, f.place.span, "this one")
-                .label(at.span, format!("made with {} here", plural(other)))
-                .help(format!("did you mean {call}?"));
-            session.push(d, f.place);
+            let list: Vec<&str> = names.iter().cycle().take(near).copied().collect();
+            let call = if near == 0 { c.to_string() } else { format!("{c}({})", list.join(",")) };
+            let mut d = Diagnostic::warning("L023", message, f.place.span, "this one");
+            for (n, at) in others.iter().take(MAX_ARITY_LABELS) {
+                d = d.label(at.span, format!("made with {} here", plural(*n)));
+            }
+            session.push(d.help(format!("did you mean {call}?")), f.place);
         }
     }
 }
@@ -118,14 +220,19 @@ fn check_shadowed(session: &mut ParseSession, rules: &ProductionSet) {
 }
 
 /// L032: weights mean nothing without a seed.
-fn check_unused_weights(session: &mut ParseSession, rules: &ProductionSet) {
+fn check_unused_weights(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
     let mut first: Option<SourcePlace> = None;
     for p in rules.list.iter().filter(|p| p.weight.is_some()) {
         first.get_or_insert(p.place);
     }
     if let Some(place) = first {
         let help = "add 'Seed: 1' to let productions compete by weight";
-        session.warning("L032", "weights are ignored without a seed".into(), place, help);
+        let mut d = Diagnostic::warning("L032", "weights are ignored without a seed", place.span, "here").help(help);
+        if let Some(length) = program.length_place {
+            let before = Span { end: length.span.start, ..length.span };
+            d = with_fix(d, SourcePlace { span: before, ..length }, "Seed: 1\n");
+        }
+        session.push(d, place);
     }
 }
 

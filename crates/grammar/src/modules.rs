@@ -1,6 +1,7 @@
 //! The string of an L-system: modules with parameters, stored as a structure of arrays.
 
 use crate::symbols::SymbolId;
+use osier_base::rng::ChildId;
 
 /// One module of a string.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,17 +10,66 @@ pub struct Module<'a> {
     pub symbol: SymbolId,
     /// Actual parameters, stored in single precision.
     pub params: &'a [f32],
-    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
-    pub lineage: u64,
     /// Step in which it was made; 0 = the axiom.
     pub birth: u32,
+    pub(crate) ancestry: Ancestry,
+}
+
+impl Module<'_> {
+    /// Hash of the module's ancestry; equal in every derivation that produces it in the same way.
+    #[inline]
+    pub fn lineage(&self) -> u64 {
+        match self.ancestry {
+            Ancestry::Known(lineage) => lineage,
+            Ancestry::Child { parent, ids } => ids.lineage(parent),
+        }
+    }
+}
+
+/// What the lineage of a module is computed from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ancestry {
+    Known(u64),
+    /// Made from the module of lineage `parent`.
+    Child { parent: u64, ids: LineageIds },
+}
+
+/// Symbol and occurrence of a module in its successor, prepared for its lineage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LineageIds {
+    symbol: ChildId,
+    occurrence: ChildId,
+}
+
+impl LineageIds {
+    /// For the symbol of Unicode scalar value `code`.
+    pub fn new(code: u64, occurrence: u32) -> Self {
+        Self { symbol: ChildId::new(code), occurrence: ChildId::new(u64::from(occurrence)) }
+    }
+
+    /// Lineage of the module, made from the module of lineage `h`. It does not depend on the position in the string.
+    #[inline]
+    pub fn lineage(self, h: u64) -> u64 {
+        self.occurrence.of(self.symbol.of(h))
+    }
+}
+
+/// Modules in a row.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ModuleBlock<'a> {
+    pub symbols: &'a [SymbolId],
+    /// Per module: end of its parameters, counted from those of the first module.
+    pub ends: &'a [u32],
+    /// Position of that first parameter in the string, modulo 2^32: it is not in the string if the modules before the block
+    /// were left out.
+    pub first_param: u32,
 }
 
 /// A bracketed string of modules in the order of the grammar's text.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ModuleString {
     symbols: Vec<SymbolId>,
-    /// Per module: end of its parameters.
+    /// Per module: end of its parameters; empty while no module has any.
     ends: Vec<u32>,
     params: Vec<f32>,
     lineage: Vec<u64>,
@@ -27,6 +77,10 @@ pub struct ModuleString {
 }
 
 impl ModuleString {
+    /// A string without modules.
+    pub(crate) const EMPTY: Self =
+        Self { symbols: Vec::new(), ends: Vec::new(), params: Vec::new(), lineage: Vec::new(), birth: Vec::new() };
+
     /// Number of modules, brackets included.
     pub fn len(&self) -> usize {
         self.symbols.len()
@@ -49,8 +103,24 @@ impl ModuleString {
 
     #[inline]
     fn param_range(&self, i: usize) -> std::ops::Range<usize> {
+        if self.ends.is_empty() {
+            return 0..0;
+        }
         let start = i.checked_sub(1).map_or(0, |k| self.ends[k] as usize);
         start..self.ends[i] as usize
+    }
+
+    /// Prepares `ends` for modules to be added, whose parameters are appended already; false: no module has parameters yet.
+    #[inline]
+    fn prepare_ends(&mut self) -> bool {
+        if self.params.is_empty() && self.ends.is_empty() {
+            return false;
+        }
+        // Modules before the first parameter end where they begin, at 0.
+        if self.ends.is_empty() {
+            self.ends.resize(self.symbols.len(), 0);
+        }
+        true
     }
 
     /// Module `i`, which must exist.
@@ -59,8 +129,8 @@ impl ModuleString {
         Module {
             symbol: self.symbols[i],
             params: &self.params[self.param_range(i)],
-            lineage: self.lineage[i],
             birth: self.birth[i],
+            ancestry: Ancestry::Known(self.lineage[i]),
         }
     }
 
@@ -78,18 +148,51 @@ impl ModuleString {
     /// Ends a module whose parameters were appended.
     #[inline]
     pub(crate) fn finish_module(&mut self, symbol: SymbolId, lineage: u64, birth: u32) {
+        if self.prepare_ends() {
+            // Always fits: derivation stops at 2^27 parameters.
+            self.ends.push(u32::try_from(self.params.len()).unwrap_or(u32::MAX));
+        }
         self.symbols.push(symbol);
-        // Always fits: derivation stops at 2^27 parameters.
-        self.ends.push(u32::try_from(self.params.len()).unwrap_or(u32::MAX));
         self.lineage.push(lineage);
         self.birth.push(birth);
+    }
+
+    /// The parameters of all modules, to append those of modules that [`ModuleString::finish_modules`] will end.
+    #[inline]
+    pub(crate) fn params_mut(&mut self) -> &mut Vec<f32> {
+        &mut self.params
+    }
+
+    /// Ends modules whose parameters were appended, from parameter `block.first_param` on. `lineages`: one for each module.
+    #[inline]
+    pub(crate) fn finish_modules(
+        &mut self,
+        block: ModuleBlock<'_>,
+        lineages: impl Iterator<Item = u64>,
+        birth: u32,
+    ) {
+        if self.prepare_ends() {
+            self.ends.extend(block.ends.iter().map(|e| e.wrapping_add(block.first_param)));
+        }
+        self.symbols.extend_from_slice(block.symbols);
+        self.lineage.extend(lineages);
+        self.birth.resize(self.symbols.len(), birth);
+    }
+
+    /// Replaces the first parameters of module `i`, which must exist; values that it has no parameter for are left out.
+    pub(crate) fn set_params(&mut self, i: usize, values: &[f64]) {
+        let range = self.param_range(i);
+        for (param, value) in self.params[range].iter_mut().zip(values) {
+            // Adding 0 turns -0 into 0.
+            *param = osier_base::math::narrow(*value + 0.0);
+        }
     }
 
     /// Appends a copy of a module.
     #[inline]
     pub(crate) fn push(&mut self, m: Module<'_>) {
         self.params.extend_from_slice(m.params);
-        self.finish_module(m.symbol, m.lineage, m.birth);
+        self.finish_module(m.symbol, m.lineage(), m.birth);
     }
 
     /// Appends modules `range` of another string.
@@ -100,22 +203,18 @@ impl ModuleString {
         let params = other.param_range(range.start).start..other.param_range(range.end - 1).end;
         // The copied ends count from `first` in the other string and from `base` here.
         let base = self.ends.last().copied().unwrap_or(0);
-        let first = range.start.checked_sub(1).map_or(0, |k| other.ends[k]);
         self.params.extend_from_slice(&other.params[params]);
-        self.ends.extend(other.ends[range.clone()].iter().map(|e| (e - first).saturating_add(base)));
+        if self.prepare_ends() {
+            if other.ends.is_empty() {
+                self.ends.resize(self.ends.len() + range.len(), base);
+            } else {
+                let first = range.start.checked_sub(1).map_or(0, |k| other.ends[k]);
+                self.ends.extend(other.ends[range.clone()].iter().map(|e| (e - first).saturating_add(base)));
+            }
+        }
         self.symbols.extend_from_slice(&other.symbols[range.clone()]);
         self.lineage.extend_from_slice(&other.lineage[range.clone()]);
         self.birth.extend_from_slice(&other.birth[range]);
-    }
-
-    /// Consecutive substrings of `n` modules; the last one may be shorter.
-    pub(crate) fn chunks(&self, n: usize) -> Vec<Self> {
-        let chunk = |start: usize| {
-            let mut chunk = Self::default();
-            chunk.extend(self, start..(start + n).min(self.len()));
-            chunk
-        };
-        (0..self.len()).step_by(n.max(1)).map(chunk).collect()
     }
 
     /// Removes all modules and keeps the memory.
@@ -132,11 +231,49 @@ impl ModuleString {
         if n >= self.len() {
             return;
         }
-        let params = n.checked_sub(1).map_or(0, |k| self.ends[k] as usize);
+        let params = n.checked_sub(1).and_then(|k| self.ends.get(k)).map_or(0, |end| *end as usize);
         self.params.truncate(params);
         self.symbols.truncate(n);
         self.ends.truncate(n);
         self.lineage.truncate(n);
         self.birth.truncate(n);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn string(modules: &[&[f32]]) -> ModuleString {
+        let mut out = ModuleString::default();
+        for (symbol, params) in (0..).zip(modules) {
+            params.iter().for_each(|p| out.push_param(*p));
+            out.finish_module(symbol, 0, 0);
+        }
+        out
+    }
+
+    fn params(s: &ModuleString) -> Vec<Vec<f32>> {
+        s.iter().map(|m| m.params.to_vec()).collect()
+    }
+
+    #[test]
+    fn parameters_stay_with_their_modules() {
+        let (plain, mixed) = (string(&[&[], &[]]), string(&[&[], &[1.0, 2.0], &[], &[3.0]]));
+        let mut s = plain.clone();
+        s.extend(&mixed, 1..4);
+        s.extend(&plain, 0..1);
+        assert_eq!(params(&s), [vec![], vec![], vec![1.0, 2.0], vec![], vec![3.0], vec![]]);
+        // Cutting off all parameters leaves a string that takes new ones.
+        s.truncate(2);
+        s.extend(&plain, 0..2);
+        s.extend(&mixed, 3..4);
+        assert_eq!(params(&s), [vec![], vec![], vec![], vec![], vec![3.0]]);
+        // A block whose first module was left out.
+        let (symbols, ends) = ([7, 8], [3, 3]);
+        let first_param = u32::try_from(s.param_count()).expect("small").wrapping_sub(2);
+        s.params_mut().push(9.0);
+        s.finish_modules(ModuleBlock { symbols: &symbols, ends: &ends, first_param }, [0, 0].into_iter(), 1);
+        assert_eq!(params(&s)[5..], [vec![9.0], vec![]]);
     }
 }

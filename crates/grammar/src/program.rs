@@ -2,6 +2,7 @@
 
 use super::binding::TurtleBindings;
 use super::code::{Bytecode, Expr};
+use super::modules::ModuleString;
 use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
 
@@ -106,12 +107,6 @@ impl ProductionSet {
         let row = self.by_symbol.get(usize::from(symbol)).map_or(&[][..], Vec::as_slice);
         row.iter().filter(move |(a, _)| usize::from(*a) == arity).filter_map(|(_, i)| self.list.get(*i as usize))
     }
-
-    /// True if some production has this symbol as its (first) predecessor.
-    #[inline]
-    pub fn has_productions(&self, symbol: SymbolId) -> bool {
-        self.by_symbol.get(usize::from(symbol)).is_some_and(|row| !row.is_empty())
-    }
 }
 
 /// Symbols that context matching skips.
@@ -137,6 +132,32 @@ impl IgnoredSymbols {
     }
 }
 
+/// Another L-system of the file, whose productions rewrite the modules between `?(label,s)` and `$`.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct SubSystem {
+    /// Its label as a number; `None` for a word, which no module can name.
+    pub label: Option<f64>,
+    pub ignored: IgnoredSymbols,
+    pub rules: ProductionSet,
+    pub decomposition: ProductionSet,
+    pub homomorphism: ProductionSet,
+}
+
+/// Symbols that begin and end the modules of a sub-L-system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Borders {
+    pub open: SymbolId,
+    pub close: SymbolId,
+}
+
+/// One of the three sections of productions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Section {
+    Rules,
+    Decomposition,
+    Homomorphism,
+}
+
 /// Code that runs before and after the derivation (`start`, `end`) and each of its steps (`start_each`, `end_each`).
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ControlBlocks {
@@ -159,16 +180,75 @@ pub(crate) struct Program {
     /// Bindings of symbols to turtle actions; `None` without a `turtle:` line.
     pub turtle: Option<TurtleBindings>,
     pub ignored: IgnoredSymbols,
+    /// The ends of the string are joined (`ring Lsystem`).
+    pub is_ring: bool,
     pub blocks: ControlBlocks,
     pub rules: ProductionSet,
     pub decomposition: ProductionSet,
     pub homomorphism: ProductionSet,
+    /// The other L-systems of the file.
+    pub subsystems: Vec<SubSystem>,
 }
 
 impl Program {
-    /// All productions of all sections.
+    /// All productions of all sections and L-systems.
     pub fn productions(&self) -> impl Iterator<Item = &Production> {
-        self.rules.list.iter().chain(&self.decomposition.list).chain(&self.homomorphism.list)
+        let own = self.rules.list.iter().chain(&self.decomposition.list).chain(&self.homomorphism.list);
+        let of_others = self.subsystems.iter().flat_map(|s| [&s.rules, &s.decomposition, &s.homomorphism]);
+        own.chain(of_others.flat_map(|set| &set.list))
+    }
+
+    /// The productions of a section; `system`: 0 for the main L-system, else one more than an index into `subsystems`.
+    pub fn section(&self, section: Section, system: u16) -> &ProductionSet {
+        let sub = usize::from(system).checked_sub(1).and_then(|i| self.subsystems.get(i));
+        match (section, sub) {
+            (Section::Rules, None) => &self.rules,
+            (Section::Decomposition, None) => &self.decomposition,
+            (Section::Homomorphism, None) => &self.homomorphism,
+            (Section::Rules, Some(s)) => &s.rules,
+            (Section::Decomposition, Some(s)) => &s.decomposition,
+            (Section::Homomorphism, Some(s)) => &s.homomorphism,
+        }
+    }
+
+    /// The sets of a section over all L-systems.
+    pub fn sections(&self, section: Section) -> impl Iterator<Item = &ProductionSet> {
+        (0_u16..).take(self.subsystems.len() + 1).map(move |system| self.section(section, system))
+    }
+
+    /// The borders of sub-L-systems; `None` without any.
+    pub fn borders(&self) -> Option<Borders> {
+        if self.subsystems.is_empty() || self.overrides_cpfg('?') {
+            return None;
+        }
+        let none = SymbolId::MAX;
+        Some(Borders { open: self.symbols.find('?').unwrap_or(none), close: self.symbols.find('$').unwrap_or(none) })
+    }
+
+    /// The L-system of each module of a string, as [`Self::section`] numbers them; empty without sub-L-systems. Borders belong to
+    /// the L-system around them; an unknown label leaves it.
+    pub fn systems_of(&self, modules: &ModuleString) -> Vec<u16> {
+        let Some(borders) = self.borders() else { return Vec::new() };
+        let mut open: Vec<u16> = vec![0];
+        let mut out = Vec::with_capacity(modules.len());
+        for m in modules.iter() {
+            let now = open.last().copied().unwrap_or(0);
+            if m.symbol == borders.close && open.len() > 1 {
+                open.pop();
+                out.push(open.last().copied().unwrap_or(0));
+                continue;
+            }
+            out.push(now);
+            if m.symbol == borders.open
+                && let Some(label) = m.params.first()
+            {
+                let wanted = f64::from(*label);
+                #[allow(clippy::float_cmp, reason = "labels are whole numbers")]
+                let found = self.subsystems.iter().position(|s| s.label == Some(wanted));
+                open.push(found.and_then(|i| u16::try_from(i + 1).ok()).unwrap_or(now));
+            }
+        }
+        out
     }
 
     /// True if productions compete by weight: with a `Seed:` or a `turtle:`.
@@ -181,10 +261,25 @@ impl Program {
         self.turtle.as_ref().is_some_and(|t| t.overrides_cpfg(self.symbols.find(c)))
     }
 
+    /// True if what becomes of a module depends on nothing but itself and the step, so that modules may be rewritten in any
+    /// order and without a string.
+    pub fn rewrites_independently(&self) -> bool {
+        let cuts = self.symbols.find('%').filter(|_| !self.overrides_cpfg('%'));
+        let makes_cut = |p: &Production| p.successor.iter().any(|t| Some(t.symbol) == cuts);
+        let axiom_cuts = self.axiom.iter().any(|t| Some(t.symbol) == cuts);
+        self.decomposition.list.is_empty()
+            && self.subsystems.is_empty()
+            && !self.has_queries()
+            && !self.is_serial()
+            && !(cuts.is_some() && (axiom_cuts || self.rules.list.iter().any(makes_cut)))
+            && self.rules.list.iter().all(Production::is_context_free)
+    }
+
     /// True if modules must be rewritten one after the other, because productions write globals or consume several modules.
     pub fn is_serial(&self) -> bool {
         let writes = |p: &Production| p.codes().any(Bytecode::writes_globals);
-        self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1)
+        !self.subsystems.is_empty()
+            || self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1)
             || self.decomposition.list.iter().any(writes)
     }
 }

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use super::*;
 
+mod features;
+
 pub(crate) fn read(text: &str) -> (Grammar, Vec<Diagnostic>) {
     try_read(text).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -240,7 +242,7 @@ fn decomposition_and_depth() {
     let rules = "A --> BA\nDecomposition\nmaximum depth: 3\nB --> CC\nC --> D";
     assert_eq!(steps(1, "A", rules), "DDA");
     let rules = "A --> BA\nDecomposition\nB --> CC\nC --> D";
-    assert_eq!(steps(1, "AB", rules), "CCADD", "the axiom is decomposed before it is rewritten");
+    assert_eq!(steps(1, "AB", rules), "CCACC", "B of the axiom is copied and decomposed");
 }
 
 #[test]
@@ -276,6 +278,97 @@ fn textbook_plants_have_their_lengths() {
         let id = g.symbols().find('F').expect("F");
         assert_eq!(d.modules.symbols().iter().filter(|s| **s == id).count(), f, "{rules}");
     }
+}
+
+/// Counts of `F` and of all modules by the formulas of the textbook figure.
+struct FigureCounts {
+    axiom: &'static str,
+    rules: &'static str,
+    steps: u32,
+    /// `F` after n steps, from powers p^n.
+    f: fn(u32) -> u128,
+    /// Other modules after n steps.
+    rest: fn(u32) -> u128,
+}
+
+#[test]
+fn textbook_plants_have_their_lengths_at_every_step() {
+    let p = |b: u128, n: u32| b.pow(n);
+    let figures = [
+        FigureCounts {
+            axiom: "F",
+            rules: "F --> F[+F]F[-F]F",
+            steps: 5,
+            f: |n| 5_u128.pow(n),
+            rest: |n| 6 * (5_u128.pow(n) - 1) / 4,
+        },
+        FigureCounts {
+            axiom: "F",
+            rules: "F --> F[+F]F[-F][F]",
+            steps: 5,
+            f: |n| 5_u128.pow(n),
+            rest: |n| 8 * (5_u128.pow(n) - 1) / 4,
+        },
+        FigureCounts {
+            axiom: "F",
+            rules: "F --> FF-[-F+F+F]+[+F-F-F]",
+            steps: 4,
+            f: |n| 8_u128.pow(n),
+            rest: |n| 12 * (8_u128.pow(n) - 1) / 7,
+        },
+        FigureCounts {
+            axiom: "X",
+            rules: "X --> F[+X]F[-X]+X\nF --> FF",
+            steps: 7,
+            f: |n| 2 * (3_u128.pow(n) - 2_u128.pow(n)),
+            rest: |n| 3_u128.pow(n) + 7 * (3_u128.pow(n) - 1) / 2,
+        },
+        FigureCounts {
+            axiom: "X",
+            rules: "X --> F[+X][-X]FX\nF --> FF",
+            steps: 7,
+            f: |n| 2 * (3_u128.pow(n) - 2_u128.pow(n)),
+            rest: |n| 3_u128.pow(n) + 6 * (3_u128.pow(n) - 1) / 2,
+        },
+        FigureCounts {
+            axiom: "X",
+            rules: "X --> F-[[X]+X]+F[+FX]-X\nF --> FF",
+            steps: 5,
+            f: |n| 3 * (4_u128.pow(n) - 2_u128.pow(n)) / 2,
+            rest: |n| 4_u128.pow(n) + 11 * (4_u128.pow(n) - 1) / 3,
+        },
+        // The Koch curve: four segments and four turns for each segment.
+        FigureCounts {
+            axiom: "F(1)",
+            rules: "F(d) --> F(d/3)+F(d/3)--F(d/3)+F(d/3)",
+            steps: 6,
+            f: |n| 4_u128.pow(n),
+            rest: |n| 4 * (4_u128.pow(n) - 1) / 3,
+        },
+    ];
+    assert_eq!((p(5, 5), (figures[3].f)(7), (figures[5].rest)(5)), (3125, 4118, 6263 - 1488));
+    for FigureCounts { axiom, rules, steps, f, rest } in figures {
+        let (g, _) = read(&format!("Lsystem: 1\nderivation length: {steps}\nAxiom: {axiom}\n{rules}\nendlsystem"));
+        let id = g.symbols().find('F').expect("F");
+        for n in 0..=steps {
+            let wanted = f(n) + rest(n);
+            let predicted = predict(&g, n, false);
+            assert_eq!((predicted.lower, predicted.upper), (wanted, wanted), "{rules}, {n}");
+            let options = DeriveOptions { steps: Some(n), ..Default::default() };
+            let d = derive(&g, &options, &Limits::default()).expect("derives");
+            let count = d.modules.symbols().iter().filter(|s| **s == id).count();
+            assert_eq!((count as u128, d.modules.len() as u128), (f(n), wanted), "{rules}, {n}");
+        }
+    }
+}
+
+#[test]
+fn a_printed_string_is_read_as_it_was_printed() {
+    let rules = "A(x) --> F(x/3)[+(30)&(-1e-9)A(x*1e7)]~l(ran(1),2)@Ts(1,0.5)B;(3)'!A(x/7)";
+    let text = format!("Lsystem: 1\nderivation length: 4\nAxiom: A(1)\n{rules}\nendlsystem\n");
+    let printed = string(&text);
+    assert!(printed.len() > 500 && printed.contains("F(0.333333)"), "{printed}");
+    assert_eq!(steps(0, &printed, ""), printed);
 }
 
 #[test]
@@ -334,7 +427,7 @@ fn editing_one_branch_leaves_the_draws_of_others() {
         d.modules
             .iter()
             .filter(keep)
-            .map(|m| (g.symbols().get(m.symbol), m.lineage, m.params.to_vec()))
+            .map(|m| (g.symbols().get(m.symbol), m.lineage(), m.params.to_vec()))
             .collect::<Vec<_>>()
     };
     let plain = grammar("");
@@ -361,4 +454,12 @@ fn any_number_of_threads_derives_the_same_string() {
     for threads in [2, 5] {
         assert!(run(threads).modules == one.modules, "{threads} threads");
     }
+}
+
+#[test]
+fn a_production_may_have_more_variables_than_registers() {
+    let formals: Vec<String> = (0..200).map(|i| format!("p{i}")).collect();
+    let values: Vec<String> = (0..200).map(|i| i.to_string()).collect();
+    let rules = format!("A({}) : p199 == 199 --> B(p150, p3+p199, p199)", formals.join(","));
+    assert_eq!(steps(1, &format!("A({})", values.join(",")), &rules), "B(150,202,199)");
 }

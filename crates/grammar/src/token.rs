@@ -112,6 +112,8 @@ pub(crate) struct ParseSession {
     pub diagnostics: Vec<Diagnostic>,
     /// Remarks that only a verbose run shows.
     pub notes: Vec<Diagnostic>,
+    /// `#pragma osier comments block` was read: `//` begins no comment.
+    pub block_comments_only: bool,
     /// Functions and curves of companion files.
     pub functions: Arc<FunctionTables>,
 }
@@ -155,6 +157,19 @@ impl ParseSession {
         self.push(Diagnostic::error(code, message, place.span, "here").help(help), place);
     }
 
+    /// Records an error that `replacement` in place of `place` mends.
+    pub fn error_fix(
+        &mut self,
+        code: &'static str,
+        message: String,
+        place: SourcePlace,
+        help: impl Into<String>,
+        replacement: impl Into<String>,
+    ) {
+        let d = Diagnostic::error(code, message, place.span, "here").help(help);
+        self.push(with_fix(d, place, replacement), place);
+    }
+
     /// Records a warning with a way out.
     pub fn warning(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         self.push(Diagnostic::warning(code, message, place.span, "here").help(help), place);
@@ -163,6 +178,9 @@ impl ParseSession {
     /// Records a remark for verbose runs.
     pub fn note(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         let d = Diagnostic::warning(code, message, place.span, "here").help(help);
+        if self.notes.iter().any(|n| n.code == code && n.labels.first() == d.labels.first()) {
+            return;
+        }
         if self.notes.len() < MAX_DIAGNOSTICS {
             self.notes.push(d);
         }
@@ -188,6 +206,11 @@ impl ParseSession {
     pub fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == osier_base::diagnostic::Severity::Error)
     }
+}
+
+/// A diagnostic with the edit that mends it, unless a macro wrote the place: there another edit is needed.
+pub(crate) fn with_fix(d: Diagnostic, place: SourcePlace, replacement: impl Into<String>) -> Diagnostic {
+    if place.origin == 0 { d.fix(place.span, replacement) } else { d }
 }
 
 /// Labels of the macro uses that led to a place, innermost first.

@@ -1,6 +1,6 @@
 //! The stack machine that runs expressions and statements.
 
-use super::code::{Bytecode, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
+use super::code::{Bytecode, ElementAccess, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
 use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
@@ -23,6 +23,17 @@ pub(crate) enum DrawPurpose {
 }
 
 impl DrawPurpose {
+    /// Every purpose, in the order of their numbers.
+    const ALL: [Self; 7] = [
+        Self::Choice,
+        Self::Statement,
+        Self::Weight,
+        Self::Decomposition,
+        Self::Block,
+        Self::Homomorphism,
+        Self::Angle,
+    ];
+
     fn label(self) -> &'static str {
         match self {
             Self::Choice => "choice",
@@ -39,19 +50,44 @@ impl DrawPurpose {
 /// Seeds that every random stream of a run is derived from.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RandomStreams {
-    pub seed: u64,
-    pub plant_id: u32,
-    pub file_seed: i64,
+    seed: u64,
+    plant_id: u32,
+    file_seed: i64,
+    /// Key of each purpose, in the order of [`DrawPurpose::ALL`]: the part of an address that is the same for all modules.
+    keys: [u64; DrawPurpose::ALL.len()],
 }
 
 impl RandomStreams {
+    /// Streams of a plant. `seed`: of the run; `file_seed`: of the grammar.
+    pub fn new(seed: u64, plant_id: u32, file_seed: i64) -> Self {
+        // Address of a stream: plant, generator, seed of the file, purpose; then the module, and the step where draws
+        // differ from step to step.
+        let key = |purpose: DrawPurpose| {
+            let path: [Key; 4] = [plant_id.into(), "lsys".into(), file_seed.into(), purpose.label().into()];
+            Rng::key(seed, &path)
+        };
+        Self { seed, plant_id, file_seed, keys: DrawPurpose::ALL.map(key) }
+    }
+
+    /// The streams of the same run and plant with another seed of the grammar.
+    pub fn with_file_seed(&self, file_seed: i64) -> Self {
+        if file_seed == self.file_seed { *self } else { Self::new(self.seed, self.plant_id, file_seed) }
+    }
+
+    /// Number of the plant.
+    pub fn plant_id(&self) -> u32 {
+        self.plant_id
+    }
+
+    /// Seed of the grammar.
+    pub fn file_seed(&self) -> i64 {
+        self.file_seed
+    }
+
     /// Key of everything drawn for a purpose by module `h` (in `step`, if the purpose depends on it).
+    #[inline]
     pub fn key(&self, purpose: DrawPurpose, h: u64, step: Option<u32>) -> u64 {
-        // Address of a stream: plant, generator, seed of the file, purpose, module, and the step where draws differ
-        // from step to step.
-        let path: [Key; 5] =
-            [self.plant_id.into(), "lsys".into(), self.file_seed.into(), purpose.label().into(), h.into()];
-        let key = Rng::key(self.seed, &path);
+        let key = rng::child(self.keys[purpose as usize], h);
         step.map_or(key, |s| rng::child(key, u64::from(s)))
     }
 }
@@ -69,6 +105,10 @@ pub(crate) enum Halt {
     Parameters,
     /// Modules of all steps pass the limit.
     Work,
+    /// An interpretation for queries failed.
+    Query,
+    /// The production at this place expands one module too often, in a decomposition or homomorphism.
+    Expansion(SourcePlace),
 }
 
 /// A warning of a run, with the number of its occurrences.
@@ -135,6 +175,8 @@ pub(crate) struct Vm {
     pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
+    /// Least and greatest coordinates of the last interpretation.
+    pub bounds: [[f64; 3]; 2],
     /// Set by `stop(n)`: the derivation ends after this step.
     pub stopped: bool,
 }
@@ -156,6 +198,7 @@ impl Vm {
             warnings: RuntimeWarnings::default(),
             statements: 0,
             statement_limit: u64::MAX,
+            bounds: [[0.0; 3]; 2],
             stopped: false,
         }
     }
@@ -197,8 +240,10 @@ impl Vm {
     /// The next stream of the present owner.
     fn next_stream(&mut self) -> Rng {
         // The key is hashed once per owner and kept; each draw is a numbered child stream of it.
-        let streams = RandomStreams { file_seed: self.reseeded.unwrap_or(self.streams.file_seed), ..self.streams };
-        let key = *self.key.get_or_insert_with(|| streams.key(self.purpose, self.owner, self.owner_step));
+        let key = *self.key.get_or_insert_with(|| {
+            let streams = self.reseeded.map_or(self.streams, |seed| self.streams.with_file_seed(seed));
+            streams.key(self.purpose, self.owner, self.owner_step)
+        });
         let stream = Rng::from_key(rng::child(key, self.number));
         self.number += 1;
         stream
@@ -245,6 +290,8 @@ impl Vm {
                         *slot = v;
                     }
                 }
+                Op::LoadElement(k) => self.load_element(code, k),
+                Op::StoreElement(k) => self.store_element(code, k),
                 Op::Step => self.stack.push(f64::from(self.step)),
                 Op::Length => self.stack.push(f64::from(self.length)),
                 Op::Remaining => self.stack.push(f64::from(self.length) - f64::from(self.step)),
@@ -295,12 +342,38 @@ impl Vm {
                 }
                 Op::Random(f) => self.push_random(f),
                 Op::Choose(n) => self.choose(n),
+                Op::Bounds(i) => self.stack.push(self.bounds[usize::from(i / 3 % 2)][usize::from(i % 3)]),
                 Op::Table(f, place) => self.read_table(code, f, place),
                 Op::Srand => self.srand(),
                 Op::Stop => self.stopped = true,
             }
         }
         Ok(self.pop())
+    }
+
+    /// Slot of the element whose indices lie on the stack, which are popped; L026 outside the array.
+    fn element(&mut self, access: &ElementAccess) -> Option<usize> {
+        let first = self.stack.len().saturating_sub(access.shape.sizes.len());
+        let slot = access.shape.slot(self.stack.get(first..).unwrap_or(&[]));
+        self.stack.truncate(first);
+        if slot.is_none() {
+            self.warnings.add("L026", access.place, &format!("index outside array '{}'", access.name));
+        }
+        slot
+    }
+
+    fn load_element(&mut self, code: &Bytecode, k: usize) {
+        let Some(access) = code.elements.get(k) else { return };
+        let value = self.element(access).and_then(|slot| self.globals.get(slot)).copied();
+        self.stack.push(value.unwrap_or(0.0));
+    }
+
+    fn store_element(&mut self, code: &Bytecode, k: usize) {
+        let Some(access) = code.elements.get(k) else { return };
+        let value = self.pop();
+        if let Some(slot) = self.element(access).and_then(|slot| self.globals.get_mut(slot)) {
+            *slot = value;
+        }
     }
 
     /// Value of a function or a curve of a companion file; 0 with L048 if it is missing.
@@ -412,18 +485,21 @@ pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
                 | Op::Global(_)
                 | Op::StoreLocal(_)
                 | Op::StoreGlobal(_)
+                | Op::LoadElement(_)
+                | Op::StoreElement(_)
                 | Op::Step
                 | Op::Length
                 | Op::Remaining
                 | Op::Random(_)
                 | Op::Choose(_)
                 | Op::Srand
+                | Op::Bounds(_)
                 | Op::Stop
         )
     };
     if code.ops.iter().any(needs) {
         return None;
     }
-    let streams = RandomStreams { seed: 0, plant_id: 0, file_seed: 0 };
+    let streams = RandomStreams::new(0, 0, 0);
     Vm::new(streams, 0, 0).run(code, &mut []).ok()
 }

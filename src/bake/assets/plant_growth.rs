@@ -25,7 +25,7 @@ use osier_base::math::narrow;
 use osier_base::units::radians;
 use osier_base::{Error, Result};
 use osier_grammar::companion::{ContourFile, LineStyle as ViewLine, View, ViewTropism};
-use osier_grammar::{DeriveOptions, derive};
+use osier_grammar::{DeriveOptions, DerivedString, Grammar};
 use osier_plants::crown::crown_attributes;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
@@ -187,19 +187,32 @@ fn grow_from_source(
         }
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
+    let derived = derive_individual(recipe, grammar, individual, set, context)?;
+    context.cancel.check()?;
+    let mut report = Report { sources: grammar.sources().clone(), diagnostics: Vec::new() };
+    let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
+    let modules = derived.module_count();
+    derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
+    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
+}
+
+/// Derives the string of one individual. `set`: the organs of its plant, which queries about the turtle's position may need.
+/// # Errors
+/// `Input` with the faults of the derivation.
+pub fn derive_individual(
+    recipe: &PlantRecipe,
+    grammar: &Grammar,
+    individual: &Individual,
+    set: &MaterialSet,
+    context: &BakeContext<'_>,
+) -> Result<DerivedString> {
     let options = DeriveOptions {
         seed: individual.seed,
         plant_id: individual.id,
         steps: recipe.keys.steps,
         stochastic: recipe.keys.stochastic,
     };
-    let derived = derive(grammar, &options, context.limits)?;
-    context.cancel.check()?;
-    let mut report = Report { sources: grammar.sources().clone(), diagnostics: Vec::new() };
-    let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
-    let modules = derived.modules.len() as u64;
-    derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(GrownPlant { plant, report, modules, imported: None, segment: None, clip: None, season: None })
+    turtle::derive(grammar, &options, &turtle_options(recipe, set)?, context.limits)
 }
 
 /// Options of the turtle from the keys of `[plants.NAME.turtle]`, which override those of the grammar.

@@ -76,6 +76,8 @@ pub const CODES: &[Code] = &[
     row("L023", Warning, "the predecessor never matches: its module is produced with another number of parameters"),
     row("L024", Error, "formal parameter named twice"),
     row("L025", Warning, "a comparison with a constant that no 32-bit float equals"),
+    row("L026", Warning, "index outside an array: reading gives 0, writing does nothing"),
+    row("L027", Warning, "a production that is not applied changes a global variable"),
     row("L030", Warning, "the symbol cannot be reached from the axiom"),
     row("L031", Warning, "an earlier production always applies instead"),
     row("L032", Warning, "a weight has no effect without a seed"),

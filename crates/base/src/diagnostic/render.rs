@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use annotate_snippets::{AnnotationKind, Group, Level, Patch, Renderer, Snippet};
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Patch, Renderer, Snippet};
 use serde_json::{Value, json};
 
 use super::{Diagnostic, Report, Severity, Sources, Span};
@@ -13,8 +13,12 @@ const MAX_RENDERED: usize = 20;
 /// Lines kept around a place, so that a huge file costs no more than a small one.
 const CONTEXT_LINES: usize = 2;
 
-/// Longest line that is quoted; of a longer one only the place is named.
+/// Longest line that is quoted in full, bytes.
 const MAX_QUOTED_LINE: usize = 4000;
+/// Of a longer line this many bytes are quoted on either side of the place.
+const QUOTED_AROUND: usize = 60;
+/// Stands for what is left out of a long line.
+const LEFT_OUT: &str = "...";
 
 /// With or without terminal colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,6 +87,8 @@ struct Excerpt {
     text: String,
     start: usize,
     line: usize,
+    /// Bytes in front of the text that the source does not hold, where a line is cut.
+    prefix: usize,
 }
 
 impl Excerpt {
@@ -99,13 +105,37 @@ impl Excerpt {
         }
         // File line number of the excerpt's first line, from which the renderer counts.
         let line = 1 + bytes.iter().take(start).filter(|b| **b == b'\n').count();
-        Self { text: masked(text.get(start..end).unwrap_or_default()), start, line }
+        let quoted = masked(text.get(start..end).unwrap_or_default());
+        if quoted.split('\n').all(|line| line.len() <= MAX_QUOTED_LINE) {
+            return Self { text: quoted, start, line, prefix: 0 };
+        }
+        Self::cut(text, first, last)
+    }
+
+    /// Part of one long line around `first..last`, as far as it stands on the line of `first`.
+    fn cut(text: &str, first: usize, last: usize) -> Self {
+        let bytes = text.as_bytes();
+        let (line_start, line_end) = (line_start(bytes, first), line_end(bytes, first));
+        let boundary = |mut i: usize| {
+            while !text.is_char_boundary(i) {
+                i -= 1;
+            }
+            i
+        };
+        let start = boundary(first.saturating_sub(QUOTED_AROUND).max(line_start));
+        let last = last.min(first + QUOTED_AROUND);
+        let end = boundary((last + QUOTED_AROUND).min(line_end)).max(start);
+        let before = if start > line_start { LEFT_OUT } else { "" };
+        let after = if end < line_end { LEFT_OUT } else { "" };
+        let line = 1 + bytes.iter().take(start).filter(|b| **b == b'\n').count();
+        let quoted = masked(text.get(start..end).unwrap_or_default());
+        Self { text: format!("{before}{quoted}{after}"), start, line, prefix: before.len() }
     }
 
     /// A span in the window, cut to it and moved to character borders.
     fn range(&self, span: Span) -> Range<usize> {
         let floor = |i: u32| {
-            let mut i = (i as usize).saturating_sub(self.start).min(self.text.len());
+            let mut i = ((i as usize).saturating_sub(self.start) + self.prefix).min(self.text.len());
             while !self.text.is_char_boundary(i) {
                 i -= 1;
             }
@@ -113,10 +143,6 @@ impl Excerpt {
         };
         let start = floor(span.start);
         start..floor(span.end).max(start)
-    }
-
-    fn is_quotable(&self) -> bool {
-        self.text.split('\n').all(|line| line.len() <= MAX_QUOTED_LINE)
     }
 }
 
@@ -135,14 +161,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
     };
     // Labels of one file share an excerpt, so that their carets stand under one quotation.
     let windows = windows(sources, diagnostic);
-    // A file whose line is too long to quote, such as minified JSON, is named in the message with line and column
-    // instead.
-    let unquoted = windows.iter().filter(|(_, _, w)| !w.is_quotable()).map(|(_, spans, _)| spans);
-    let places = unquoted.flatten().map(|span| {
-        let at = sources.position(*span);
-        format!(" ({}:{}:{})", sources.name(span.source), at.line, at.column)
-    });
-    let message = visible(&(diagnostic.message.clone() + &places.collect::<String>()));
+    let message = visible(&diagnostic.message);
     let labels: Vec<(Span, String)> = diagnostic.labels.iter().map(|(s, t)| (*s, visible(t))).collect();
     let first = labels.first().map(|(s, _)| *s);
     let mut main: Group<'_> = level
@@ -150,8 +169,16 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
         .id(diagnostic.code)
         .elements(Vec::<Snippet<'_, annotate_snippets::Annotation<'_>>>::new());
     // The first label is the cause and gets the primary caret; all others are context.
-    for (name, spans, window) in windows.iter().filter(|(_, _, w)| w.is_quotable()) {
-        let mut snippet = Snippet::source(window.text.as_str()).line_start(window.line).path(name.as_str());
+    for (name, spans, window) in &windows {
+        let mut snippet = Snippet::source(window.text.as_str()).line_start(window.line);
+        // Columns in a line that is cut are not those of its excerpt.
+        match spans.first().filter(|_| window.prefix > 0) {
+            Some(span) => {
+                let at = sources.position(*span);
+                main = main.element(Origin::path(name.as_str()).line(at.line).char_column(at.column));
+            }
+            None => snippet = snippet.path(name.as_str()),
+        }
         for (span, label) in labels.iter().filter(|(s, _)| spans.contains(s)) {
             let kind = if Some(*span) == first { AnnotationKind::Primary } else { AnnotationKind::Context };
             snippet = snippet.annotation(kind.span(window.range(*span)).label(label.as_str()));
@@ -166,7 +193,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
     // A fix is rendered as a patch of its own excerpt, since it may lie far from the labels.
     let fixed = fix.map(|f| (f, Excerpt::around(sources.text(f.span.source), &[f.span]), visible(&f.replacement)));
     let mut groups = vec![main];
-    if let Some((fix, window, replacement)) = fixed.as_ref().filter(|(_, w, _)| w.is_quotable()) {
+    if let Some((fix, window, replacement)) = &fixed {
         let patch = Patch::new(window.range(fix.span), replacement.as_str());
         let snippet = Snippet::source(window.text.as_str()).line_start(window.line).patch(patch);
         groups.push(Level::HELP.secondary_title("write").element(snippet));
@@ -263,7 +290,11 @@ mod tests {
         let text = format!("{{\n{}oops{}", "x".repeat(8 << 20), "y\n".repeat(1 << 20));
         let r = report(&text, &[("oops", "here")]);
         let shown = render(&r, Style::Plain);
-        assert!(shown.contains("(scenes/a.toml:2:8388609)") && shown.len() < 1000, "{shown}");
+        assert!(shown.contains("scenes/a.toml:2:8388609") && shown.len() < 1000, "{shown}");
+        // The line is quoted around the place, with the caret below the word.
+        let lines: Vec<&str> = shown.lines().collect();
+        let quoted = lines.iter().position(|l| l.contains("...xxx") && l.contains("oopsy")).expect("quoted");
+        assert_eq!(lines[quoted].find("oops"), lines[quoted + 1].find("^^^^ here"), "{shown}");
         let text = "line\n".repeat(2 << 20) + "oops\n";
         assert!(render(&report(&text, &[("oops", "here")]), Style::Plain).contains("a.toml:2097153:1"));
     }

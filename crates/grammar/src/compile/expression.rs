@@ -2,8 +2,8 @@
 
 use super::{Compiler, NameScope, TokenCursor};
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, TableFunction, UnaryOp, is_zero};
-use crate::token::{SourcePlace, Token, TokenKind};
-use osier_base::diagnostic::nearest;
+use crate::token::{SourcePlace, Token, TokenKind, with_fix};
+use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_base::math::narrow;
 
 /// An operator on the parser's stack whose right operand is not complete.
@@ -21,6 +21,19 @@ enum PendingOperator {
         place: SourcePlace,
         args: usize,
     },
+    /// `[` of an array: its number in [`Compiler::arrays`], the indices before the open one.
+    Index {
+        array: usize,
+        place: SourcePlace,
+        given: usize,
+    },
+}
+
+impl PendingOperator {
+    /// Holds everything before it until it is closed.
+    fn is_bracket(&self) -> bool {
+        matches!(self, Self::Paren(_) | Self::Call { .. } | Self::Index { .. })
+    }
 }
 
 const PREC_TERNARY: u8 = 1;
@@ -33,7 +46,9 @@ const FUNCTIONS: [&str; 26] = [
     "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "fabs", "floor", "ceil", "trunc", "sign", "ran",
     "nran", "bran", "biran", "srand", "choose", "stop", "func", "curveX", "curveY", "curveZ", "curveGAL",
 ];
-const DATA_FUNCTIONS: [&str; 7] = ["vvXmin", "vvXmax", "vvYmin", "vvYmax", "vvZmin", "vvZmax", "printf"];
+/// Bounds of what the last interpretation drew, in the order of [`Op::Bounds`].
+const BOUNDS: [&str; 6] = ["vvXmin", "vvYmin", "vvZmin", "vvXmax", "vvYmax", "vvZmax"];
+const DATA_FUNCTIONS: [&str; 1] = ["printf"];
 const FILE_FUNCTIONS: [&str; 5] = ["fopen", "fclose", "fscan", "fprintf", "fflush"];
 
 /// An expression under construction.
@@ -129,6 +144,11 @@ impl ExpressionCompiler<'_, '_> {
                 cursor.bump();
                 Some(PendingOperator::Call { name, place: t.place, args: 0 })
             }
+            TokenKind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('[')) => {
+                let Some(array) = self.compiler.array(name) else { return Some(false) };
+                cursor.bump();
+                Some(PendingOperator::Index { array, place: t.place, given: 0 })
+            }
             _ => return Some(false),
         };
         cursor.bump();
@@ -186,6 +206,9 @@ impl ExpressionCompiler<'_, '_> {
     /// Takes a closing parenthesis or a comma that belongs to this expression.
     fn close_parenthesis(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
+        if t.is(']') {
+            return self.close_index(cursor, t.place);
+        }
         let inside = self.pending.iter().any(|p| matches!(p, PendingOperator::Paren(_) | PendingOperator::Call { .. }));
         if !inside || !t.is(')') {
             return Some(false);
@@ -202,6 +225,28 @@ impl ExpressionCompiler<'_, '_> {
         }
         cursor.bump();
         self.last = t.place;
+        Some(true)
+    }
+
+    /// Takes a `]` that ends the indices of an array.
+    fn close_index(&mut self, cursor: &mut TokenCursor<'_>, close: SourcePlace) -> Option<bool> {
+        let innermost = self.pending.iter().rev().find(|p| p.is_bracket());
+        let Some(&PendingOperator::Index { array, place, given }) = innermost else { return Some(false) };
+        let wanted = self.compiler.arrays.get(array).map_or(0, |a| a.shape.sizes.len());
+        // `a[i][j]`: the next bracket holds the next index.
+        if given + 1 < wanted && cursor.peek_at(1).is_some_and(|t| t.is('[')) {
+            return Some(false);
+        }
+        self.reduce(0);
+        if !matches!(self.pending.pop(), Some(PendingOperator::Index { .. })) {
+            return self.error("L001", "unexpected ']', expected ':' of '?:'".into(), close, "here");
+        }
+        let access = self.compiler.element(array, given + 1, place.to(close))?;
+        self.code.elements.push(access);
+        self.code.ops.push(Op::LoadElement(self.code.elements.len() - 1));
+        self.barrier = self.code.ops.len();
+        cursor.bump();
+        self.last = close;
         Some(true)
     }
 
@@ -235,10 +280,17 @@ impl ExpressionCompiler<'_, '_> {
                 self.patch_jump(jump);
                 self.push_pending(PendingOperator::Colon(end), t.place)?;
             }
+            // `a[i][j]`, which is `a[i,j]`: `close_index` left it.
+            TokenKind::Char(']') if self.pending.iter().any(|p| matches!(p, PendingOperator::Index { .. })) => {
+                self.reduce(0);
+                match self.pending.last_mut() {
+                    Some(PendingOperator::Index { given, .. }) => *given += 1,
+                    _ => return self.error("L001", "unexpected ']', expected ')'".into(), t.place, "here"),
+                }
+                cursor.bump();
+            }
             TokenKind::Char(',') => {
-                let inside =
-                    |p: &PendingOperator| matches!(p, PendingOperator::Paren(_) | PendingOperator::Call { .. });
-                if !self.pending.iter().any(inside) {
+                if !self.pending.iter().any(PendingOperator::is_bracket) {
                     return Some(false);
                 }
                 self.reduce(0);
@@ -246,6 +298,7 @@ impl ExpressionCompiler<'_, '_> {
                 // expression.
                 match self.pending.last_mut() {
                     Some(PendingOperator::Call { args, .. }) => *args += 1,
+                    Some(PendingOperator::Index { given, .. }) => *given += 1,
                     _ => return self.error("L001", "unexpected ',', expected ')'".into(), t.place, "here"),
                 }
             }
@@ -259,9 +312,7 @@ impl ExpressionCompiler<'_, '_> {
 
     /// Is a `?` still without its `:` inside the innermost parenthesis?
     fn innermost_question(&self) -> bool {
-        let stop = |p: &&PendingOperator| {
-            matches!(p, PendingOperator::Question(_) | PendingOperator::Paren(_) | PendingOperator::Call { .. })
-        };
+        let stop = |p: &&PendingOperator| matches!(p, PendingOperator::Question(_)) || p.is_bracket();
         matches!(self.pending.iter().rev().find(stop), Some(PendingOperator::Question(_)))
     }
 
@@ -436,6 +487,14 @@ impl ExpressionCompiler<'_, '_> {
             self.barrier = self.code.ops.len();
             return Some(());
         }
+        if let Some(bound) = BOUNDS.iter().position(|b| *b == word) {
+            if args != 0 {
+                return self.error("L022", format!("{word} takes no arguments, got {args}"), place, "this call");
+            }
+            self.code.ops.push(Op::Bounds(u8::try_from(bound).unwrap_or(0)));
+            self.barrier = self.code.ops.len();
+            return Some(());
+        }
         match word {
             // Value and share alternate on the stack; the machine receives the number of pairs.
             "choose" => {
@@ -476,7 +535,14 @@ impl ExpressionCompiler<'_, '_> {
                     Some(n) => format!("did you mean '{n}'?"),
                     None => format!("known functions: {}", FUNCTIONS.join(", ")),
                 };
-                self.compiler.session.error_help("L021", format!("unknown function '{w}'"), place, help);
+                let message = format!("unknown function '{w}'");
+                let mut d = Diagnostic::error("L021", message, place.span, "here").help(help);
+                // Only the name is replaced, which begins the place of the call.
+                if let (Some(near), Ok(length)) = (nearest(w, FUNCTIONS), u32::try_from(w.len())) {
+                    let end = place.span.start + length;
+                    d = with_fix(d, SourcePlace { span: Span { end, ..place.span }, ..place }, near);
+                }
+                self.compiler.session.push(d, place);
                 None
             }
         }
@@ -500,13 +566,18 @@ impl ExpressionCompiler<'_, '_> {
         let place = cursor.peek().map_or(self.last, |t| t.place);
         match self.pending.pop() {
             None => Some(()),
-            Some(PendingOperator::Paren(open) | PendingOperator::Call { place: open, .. }) => {
+            Some(p @ (PendingOperator::Paren(_) | PendingOperator::Call { .. } | PendingOperator::Index { .. })) => {
+                let (open, close) = match p {
+                    PendingOperator::Paren(open) | PendingOperator::Call { place: open, .. } => (open, ')'),
+                    PendingOperator::Index { place: open, .. } => (open, ']'),
+                    _ => (place, ')'),
+                };
                 // The expression ended inside a parenthesis: point to both places.
                 let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
                 self.compiler.session.push(
-                    osier_base::diagnostic::Diagnostic::error(
+                    Diagnostic::error(
                         "L001",
-                        format!("unexpected {found}, expected ')' or an operator"),
+                        format!("unexpected {found}, expected '{close}' or an operator"),
                         place.span,
                         "here",
                     )

@@ -1,12 +1,58 @@
 //! The items of an L-system: header, values, blocks, sections.
 
 use super::lines::{self, KEYWORDS, Keyword, LogicalLine, is_block};
-use super::{Compiler, NameScope, describe, production, statement, successor, whole_expression};
-use crate::code::Bytecode;
-use crate::program::{IgnoredSymbols, Program};
-use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
+use std::rc::Rc;
+
+use super::{
+    Array, Compiler, NameScope, TokenCursor, describe, expression, production, statement, successor, whole_expression,
+};
+use crate::code::{ArrayShape, Bytecode, Op};
+use crate::program::{IgnoredSymbols, Program, SubSystem};
+use crate::token::{ParseSession, SourcePlace, Token, TokenKind, with_fix};
 use crate::vm;
-use osier_base::diagnostic::{Diagnostic, nearest};
+use osier_base::diagnostic::{Diagnostic, Span, nearest};
+
+/// Variables, elements of arrays included, that a grammar may have: their slots are 16-bit numbers.
+const MAX_ARRAY_ELEMENTS: u32 = 65_535;
+
+/// Lines of each L-system of a file. One begins with its heading: `Lsystem`, `ring Lsystem`, or both on two lines.
+fn split_systems(lines: Vec<LogicalLine>) -> Vec<Vec<LogicalLine>> {
+    let mut systems: Vec<Vec<LogicalLine>> = Vec::new();
+    for line in lines {
+        let key = |l: &LogicalLine| l.keyword.map(|k| k.0);
+        let begins = systems.last().is_none_or(|system| {
+            let has_ended = system.iter().any(|l| key(l) == Some(Keyword::EndLsystem));
+            // A second `Lsystem` begins another one even where `endlsystem` is missing.
+            let has_heading = system.iter().any(|l| key(l) == Some(Keyword::Lsystem));
+            let has_items = system.iter().any(|l| !l.is_heading());
+            match key(&line) {
+                Some(Keyword::Lsystem) => has_ended || (has_heading && has_items),
+                Some(Keyword::Ring) => has_ended,
+                _ => false,
+            }
+        });
+        match systems.last_mut() {
+            Some(system) if !begins => system.push(line),
+            _ => systems.push(vec![line]),
+        }
+    }
+    systems
+}
+
+/// What a compiler knows of its L-system.
+struct CompilerContext {
+    globals: Vec<u32>,
+    arrays: Rc<[Array]>,
+    has_turtle: bool,
+}
+
+impl CompilerContext {
+    fn compiler(self, session: &mut ParseSession, scope: NameScope) -> Compiler<'_> {
+        let mut c = Compiler::new(session, scope);
+        (c.globals, c.arrays, c.has_turtle) = (self.globals, self.arrays, self.has_turtle);
+        c
+    }
+}
 
 /// Result of compiling the main L-system of a file.
 #[derive(Debug)]
@@ -29,9 +75,15 @@ pub(super) struct ItemParser<'r> {
     label: String,
     section: ProductionSection,
     globals: Vec<u32>,
+    arrays: Vec<Array>,
+    shared_arrays: Rc<[Array]>,
+    /// Values of array elements by slot, where they are not 0.
+    array_values: Vec<(u16, f64)>,
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
     ended: bool,
+    /// Place of the last line.
+    end: Option<SourcePlace>,
 }
 
 /// Reads the main L-system of a file.
@@ -43,9 +95,13 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
         label: String::new(),
         section: ProductionSection::Productions,
         globals: Vec::new(),
+        arrays: Vec::new(),
+        shared_arrays: Rc::from([]),
+        array_values: Vec::new(),
         header: None,
         axiom: None,
         ended: false,
+        end: lines.last().and_then(LogicalLine::place),
     };
     p.program.decomposition.depth = 1;
     p.program.homomorphism.depth = 1;
@@ -53,56 +109,101 @@ pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourceP
     for c in ['[', ']', '%'] {
         p.program.symbols.intern(c);
     }
-    let main = p.main_lines(lines);
+    let (main, others) = p.main_lines(lines);
     // Global variables and the turtle are known before any production is compiled, wherever their items stand.
-    p.collect_globals(&main);
-    for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k))) {
+    // All L-systems of a file share their variables and arrays.
+    let all = || main.iter().chain(others.iter().flatten());
+    p.collect_globals(all());
+    for line in all().filter(|l| l.keyword.is_some_and(|(k, _)| k == Keyword::Define)) {
+        p.define_item(line);
+    }
+    p.shared_arrays = std::mem::take(&mut p.arrays).into();
+    for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define)) {
         p.block_item(line);
     }
+    p.set_array_values();
     p.turtle_items(&main);
     for line in &main {
         p.item(line);
     }
     p.check_complete(start);
+    for system in &others {
+        p.subsystem(system);
+    }
     let symbols = p.program.symbols.len();
     p.program.rules.index(symbols);
     p.program.decomposition.index(symbols);
     p.program.homomorphism.index(symbols);
-    p.program.blocks.globals = p.globals.len();
+    for s in &mut p.program.subsystems {
+        [&mut s.rules, &mut s.decomposition, &mut s.homomorphism].into_iter().for_each(|set| set.index(symbols));
+    }
+    p.program.blocks.globals = p.variable_count();
     ParsedGrammar { program: p.program, label: p.label }
 }
 
 impl ItemParser<'_> {
     /// The lines of the first L-system; others are named and left out.
-    fn main_lines(&mut self, lines: Vec<LogicalLine>) -> Vec<LogicalLine> {
-        let mut out = Vec::new();
-        let mut skipping = false;
-        for line in lines {
-            let key = line.keyword.map(|k| k.0);
-            // An L-system begins with its heading; lines before it belong to it too.
-            let begins = matches!(key, Some(Keyword::Lsystem | Keyword::Ring));
-            if skipping {
-                continue;
-            }
-            if begins && self.header.is_some() {
-                skipping = true;
-                if let Some(place) = line.place() {
-                    let help = "the first L-system of the file is the one that is read";
-                    self.session.warning("L008", "sub-L-systems are not supported".into(), place, help);
-                }
-                continue;
-            }
-            if begins {
-                self.header = line.place();
-            }
-            out.push(line);
+    fn main_lines(&mut self, lines: Vec<LogicalLine>) -> (Vec<LogicalLine>, Vec<Vec<LogicalLine>>) {
+        let mut systems = split_systems(lines);
+        // Lines before the first heading belong to it.
+        let main = if systems.is_empty() { Vec::new() } else { systems.remove(0) };
+        self.header = main.iter().find(|l| l.is_heading()).and_then(LogicalLine::place);
+        (main, systems)
+    }
+
+    /// Reads another L-system of the file: its productions, and its blocks, which run after those of the main one. Its axiom
+    /// and derivation length are read and not used.
+    fn subsystem(&mut self, lines: &[LogicalLine]) {
+        let program = &mut self.program;
+        // The parser fills the sections of the main L-system, which are put aside.
+        let main = SubSystem {
+            label: None,
+            ignored: std::mem::take(&mut program.ignored),
+            rules: std::mem::take(&mut program.rules),
+            decomposition: std::mem::take(&mut program.decomposition),
+            homomorphism: std::mem::take(&mut program.homomorphism),
+        };
+        let (axiom, length, place) = (std::mem::take(&mut program.axiom), program.length, program.length_place);
+        let (seed, ring) = (program.seed, program.is_ring);
+        let blocks = std::mem::take(&mut program.blocks);
+        (program.decomposition.depth, program.homomorphism.depth) = (1, 1);
+        let (label, first) = (std::mem::take(&mut self.label), self.axiom.take());
+        (self.section, self.ended) = (ProductionSection::Productions, false);
+        for line in lines.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define)) {
+            self.block_item(line);
         }
-        out
+        for line in lines {
+            self.item(line);
+        }
+        let program = &mut self.program;
+        let own = std::mem::replace(&mut program.blocks, blocks);
+        for (slot, code) in [
+            (&mut program.blocks.start, own.start),
+            (&mut program.blocks.start_each, own.start_each),
+            (&mut program.blocks.end_each, own.end_each),
+            (&mut program.blocks.end, own.end),
+        ] {
+            match (slot.as_mut(), code) {
+                (Some(main), Some(code)) => main.append(code),
+                (None, code) => *slot = code,
+                (Some(_), None) => {}
+            }
+        }
+        program.subsystems.push(SubSystem {
+            label: self.label.parse().ok(),
+            ignored: std::mem::replace(&mut program.ignored, main.ignored),
+            rules: std::mem::replace(&mut program.rules, main.rules),
+            decomposition: std::mem::replace(&mut program.decomposition, main.decomposition),
+            homomorphism: std::mem::replace(&mut program.homomorphism, main.homomorphism),
+        });
+        (program.axiom, program.length, program.length_place) = (axiom, length, place);
+        (program.seed, program.is_ring) = (seed, ring);
+        (self.label, self.axiom) = (label, first);
     }
 
     /// Every name that a block assigns is global, wherever the block stands.
-    fn collect_globals(&mut self, lines: &[LogicalLine]) {
-        let blocks = lines.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define));
+    fn collect_globals<'l>(&mut self, lines: impl Iterator<Item = &'l LogicalLine>) {
+        let blocks = lines.filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define));
         for line in blocks {
             for (i, t) in line.tokens.iter().enumerate() {
                 let TokenKind::Ident(name) = t.kind else { continue };
@@ -117,33 +218,188 @@ impl ItemParser<'_> {
     }
 
     pub(super) fn compiler(&mut self, scope: NameScope) -> Compiler<'_> {
-        let globals = self.globals.clone();
-        let mut c = Compiler::new(self.session, scope);
-        c.globals = globals;
-        c.has_turtle = self.program.turtle.is_some();
-        c
+        let context = self.compiler_context();
+        context.compiler(self.session, scope)
+    }
+
+    /// What a compiler of this L-system knows; separate, so that the program can be changed while it compiles.
+    fn compiler_context(&self) -> CompilerContext {
+        CompilerContext {
+            globals: self.globals.clone(),
+            arrays: Rc::clone(&self.shared_arrays),
+            has_turtle: self.program.turtle.is_some(),
+        }
+    }
+
+    /// Number of global variables, elements of arrays included.
+    fn variable_count(&self) -> usize {
+        let elements = |a: &Array| a.shape.sizes.iter().fold(1, |n, s| n * *s as usize);
+        self.globals.len() + self.arrays.iter().chain(self.shared_arrays.iter()).map(elements).sum::<usize>()
+    }
+
+    /// `Define: { array a[2,3] = {1,2,3,4,5,6}; array b[4]; }`
+    fn define_item(&mut self, line: &LogicalLine) {
+        let (Some((_, n)), Some(place)) = (line.keyword, line.place()) else { return };
+        let Some(inner) = self.block_tokens(line, n, place) else { return };
+        let mut cursor = TokenCursor::new(inner, place);
+        while cursor.peek().is_some() {
+            if cursor.eat(';') {
+                continue;
+            }
+            let is_array = matches!(cursor.peek().map(|t| t.kind), Some(TokenKind::Ident(w)) if self.session.names.get(w) == "array");
+            if !is_array {
+                let message = "unexpected token, expected 'array NAME[SIZE];'".to_owned();
+                let help = "only arrays are defined here; assign variables in Start: { .. }";
+                return self.session.error_help("L001", message, cursor.place(), help);
+            }
+            cursor.bump();
+            loop {
+                if self.array_definition(&mut cursor).is_none() {
+                    return;
+                }
+                if !cursor.eat(',') {
+                    break;
+                }
+            }
+            if !cursor.eat(';') {
+                let message = "unexpected token, expected ';' after the array".to_owned();
+                return self.session.error_help("L001", message, cursor.place(), "end the definition with ';'");
+            }
+        }
+    }
+
+    /// `name[2,3] = {..}`: declares an array; `None` after an error.
+    fn array_definition(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
+        let place = cursor.place();
+        let Some(TokenKind::Ident(name)) = cursor.peek().map(|t| t.kind) else {
+            self.session.error("L001", "expected the name of an array", place, "here");
+            return None;
+        };
+        cursor.bump();
+        let word = self.session.names.get(name).to_owned();
+        if self.arrays.iter().any(|a| a.name == name) || self.globals.contains(&name) {
+            self.session.error("L024", format!("'{word}' is defined twice"), place, "the second one");
+            return None;
+        }
+        // Sizes in one pair of brackets or in one pair each.
+        let mut sizes = Vec::new();
+        while cursor.eat('[') {
+            loop {
+                let at = cursor.place();
+                let size = self.constant(cursor)?;
+                if !(1.0..=f64::from(MAX_ARRAY_ELEMENTS)).contains(&size) {
+                    let message = format!("a size of an array lies in 1 to {MAX_ARRAY_ELEMENTS}");
+                    self.session.error_help("L001", message, at, "write a whole number of elements");
+                    return None;
+                }
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
+                sizes.push(size as u32);
+                if !cursor.eat(',') {
+                    break;
+                }
+            }
+            self.expect(cursor, ']')?;
+        }
+        if sizes.is_empty() {
+            self.session.error("L001", format!("expected '[' and the sizes of array '{word}'"), cursor.place(), "here");
+            return None;
+        }
+        // All elements are global variables behind those of the blocks.
+        let elements = sizes.iter().fold(1_usize, |n, s| n.saturating_mul(*s as usize));
+        let used = self.variable_count();
+        let first = u16::try_from(used).ok().filter(|_| used.saturating_add(elements) <= MAX_ARRAY_ELEMENTS as usize);
+        let Some(first) = first else {
+            let message = format!("arrays and variables have more than {MAX_ARRAY_ELEMENTS} elements together");
+            self.session.error_help("L004", message, place, "make the arrays smaller");
+            return None;
+        };
+        if cursor.eat('=') {
+            self.array_initializer(cursor, &word, first, elements)?;
+        }
+        self.arrays.push(Array { name, shape: ArrayShape { first, sizes } });
+        Some(())
+    }
+
+    /// `{1, 2, {3, 4}}`: values in the order of the elements.
+    fn array_initializer(&mut self, cursor: &mut TokenCursor<'_>, word: &str, first: u16, count: usize) -> Option<()> {
+        let place = cursor.place();
+        self.expect(cursor, '{')?;
+        let (mut depth, mut given) = (1_usize, 0_usize);
+        while depth > 0 {
+            if cursor.eat('{') {
+                depth += 1;
+            } else if cursor.eat('}') {
+                depth -= 1;
+            } else if !cursor.eat(',') {
+                let value = self.constant(cursor)?;
+                if given >= count {
+                    let message = format!("array '{word}' has {count} elements, more values are given");
+                    self.session.error_help("L022", message, place, "remove values, or make the array larger");
+                    return None;
+                }
+                let slot = u16::try_from(usize::from(first) + given).ok()?;
+                self.array_values.push((slot, value));
+                given += 1;
+            }
+        }
+        Some(())
+    }
+
+    /// A constant expression.
+    fn constant(&mut self, cursor: &mut TokenCursor<'_>) -> Option<f64> {
+        let place = cursor.place();
+        let mut compiler = self.compiler(NameScope::Global);
+        let code = expression::compile_expression(&mut compiler, cursor)?;
+        let value = vm::constant_value(&code);
+        if value.is_none() {
+            self.session.error("L001", "value is not a constant number", place, "here");
+        }
+        value
+    }
+
+    fn expect(&mut self, cursor: &mut TokenCursor<'_>, c: char) -> Option<()> {
+        if cursor.eat(c) {
+            return Some(());
+        }
+        let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| describe(&self.session.names, t));
+        self.session.error("L001", format!("unexpected {found}, expected '{c}'"), cursor.place(), "here");
+        None
+    }
+
+    /// Lets the derivation begin with the values of the arrays, before the statements of `Start`.
+    fn set_array_values(&mut self) {
+        let values = std::mem::take(&mut self.array_values);
+        if values.is_empty() {
+            return;
+        }
+        let set = values.iter().flat_map(|(slot, value)| [Op::Const(*value), Op::StoreGlobal(*slot)]);
+        let mut code = Bytecode { ops: set.collect(), ..Bytecode::default() };
+        if let Some(start) = self.program.blocks.start.take() {
+            code.append(start);
+        }
+        self.program.blocks.start = Some(code);
+    }
+
+    /// The tokens of a block between its outer braces; `None` after an error.
+    fn block_tokens<'l>(&mut self, line: &'l LogicalLine, keyword: usize, place: SourcePlace) -> Option<&'l [Token]> {
+        let colon = usize::from(line.tokens.get(keyword).is_some_and(|t| t.is(':')));
+        match &line.tokens[(keyword + colon).min(line.tokens.len())..] {
+            [open, inner @ .., close] if open.is('{') && close.is('}') => Some(inner),
+            [open, ..] if open.is('{') => {
+                self.session.error("L004", "block is never closed", open.place, "opened here");
+                None
+            }
+            body => {
+                let at = body.first().map_or(place, |t| t.place);
+                self.session.error("L001", "unexpected token, expected '{'", at, "here");
+                None
+            }
+        }
     }
 
     fn block_item(&mut self, line: &LogicalLine) {
         let (Some((key, n)), Some(place)) = (line.keyword, line.place()) else { return };
-        if key == Keyword::Define {
-            let help = "use single variables in Start: { .. }";
-            self.session.warning("L008", "arrays are not supported, Define is ignored".into(), place, help);
-            return;
-        }
-        let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
-        let body = &line.tokens[(n + colon).min(line.tokens.len())..];
-        // The block is everything between the outer braces.
-        let inner = match body {
-            [open, inner @ .., close] if open.is('{') && close.is('}') => inner,
-            [open, ..] if open.is('{') => {
-                return self.session.error("L004", "block is never closed", open.place, "opened here");
-            }
-            _ => {
-                let at = body.first().map_or(place, |t| t.place);
-                return self.session.error("L001", "unexpected token, expected '{'", at, "here");
-            }
-        };
+        let Some(inner) = self.block_tokens(line, n, place) else { return };
         let mut compiler = self.compiler(NameScope::Global);
         let Some(code) = statement::block(&mut compiler, inner, place) else { return };
         // A second block of the same kind replaces the first.
@@ -162,7 +418,7 @@ impl ItemParser<'_> {
         }
         let Some(place) = line.place() else { return };
         if let Some(arrow) = line.arrow {
-            return self.production(line, arrow, place);
+            return self.production(line, arrow);
         }
         let Some((key, n)) = line.keyword else { return self.unknown_line(line, place) };
         let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
@@ -171,9 +427,12 @@ impl ItemParser<'_> {
         let value = &line.tokens[(n + colon).min(line.tokens.len())..];
         match key {
             Keyword::Lsystem => self.label = self.spelling(value),
+            // A label may follow, as after `Lsystem`.
             Keyword::Ring => {
-                let help = "contexts do not see across the ends of the string";
-                self.session.warning("L008", "ring L-systems are not supported".into(), head, help);
+                self.program.is_ring = true;
+                if !value.is_empty() {
+                    self.label = self.spelling(value);
+                }
             }
             // `Seed:` belongs to the section in which it stands; sections other than the homomorphism share one seed.
             Keyword::Seed => {
@@ -263,14 +522,13 @@ impl ItemParser<'_> {
             return self.session.push(d.help("keep one axiom with the modules of both"), place);
         }
         self.axiom = Some(place);
-        let globals = self.globals.clone();
-        let mut compiler = Compiler::new(self.session, NameScope::Global);
-        compiler.globals = globals;
-        compiler.has_turtle = self.program.turtle.is_some();
+        let mut compiler = self.compiler_context().compiler(self.session, NameScope::Global);
         if let Some((modules, _)) = successor::successor(&mut compiler, &mut self.program.symbols, value, place) {
             if modules.is_empty() {
                 self.session.error("L003", "the axiom is empty", place, "expected modules after this");
             }
+            let end = value.last().map_or(place, |t| t.place);
+            production::check_balance(self.session, &modules, &self.program.symbols, "axiom", place, end);
             self.program.axiom = modules;
         }
     }
@@ -287,11 +545,8 @@ impl ItemParser<'_> {
             if key == Keyword::Ignore { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
     }
 
-    fn production(&mut self, line: &LogicalLine, arrow: usize, place: SourcePlace) {
-        let globals = self.globals.clone();
-        let mut compiler = Compiler::new(self.session, NameScope::Production);
-        compiler.globals = globals;
-        compiler.has_turtle = self.program.turtle.is_some();
+    fn production(&mut self, line: &LogicalLine, arrow: usize) {
+        let mut compiler = self.compiler_context().compiler(self.session, NameScope::Production);
         let parsed = production::production(&mut compiler, &mut self.program.symbols, line, arrow);
         let Some(parsed) = parsed else { return };
         let rules = match self.section {
@@ -299,16 +554,39 @@ impl ItemParser<'_> {
             ProductionSection::Decomposition => &mut self.program.decomposition,
             ProductionSection::Homomorphism => &mut self.program.homomorphism,
         };
-        // Expansion works on single modules.
-        if self.section != ProductionSection::Productions && parsed.predecessor.len() > 1 {
-            let message = "ill-formed production: only one predecessor is allowed in this section".to_owned();
-            return self.session.error_help("L010", message, place, "write one production for each predecessor");
-        }
         rules.list.push(parsed);
+    }
+
+    /// An arrow as other programs write it, with the tokens that it takes.
+    fn foreign_arrow(line: &LogicalLine) -> Option<SourcePlace> {
+        let tokens = &line.tokens;
+        let mut depth = 0_usize;
+        for (i, t) in tokens.iter().enumerate().skip(1) {
+            let follows = |k: usize, c: char| tokens.get(i + k).is_some_and(|t| t.glued && t.is(c));
+            let to = |k: usize| tokens.get(i + k).map(|e| t.place.to(e.place));
+            match t.kind {
+                TokenKind::Char('(') => depth += 1,
+                TokenKind::Char(')') => depth = depth.saturating_sub(1),
+                // Behind these a condition or a block stands, whose signs are no arrows.
+                TokenKind::Char(':' | '{') if depth == 0 => return None,
+                _ if depth > 0 => {}
+                TokenKind::Char('\u{2192}' | '\u{27f6}' | '\u{21d2}') => return Some(t.place),
+                TokenKind::Char('-' | '=') if follows(1, '>') => return to(1),
+                TokenKind::Char('=') if follows(1, '=') && follows(2, '>') => return to(2),
+                TokenKind::Char('=') => return Some(t.place),
+                _ => {}
+            }
+        }
+        None
     }
 
     /// A line that is neither an item nor a production.
     fn unknown_line(&mut self, line: &LogicalLine, place: SourcePlace) {
+        // Arrows of other programs: `->`, `=` and the like.
+        if let Some(arrow) = Self::foreign_arrow(line) {
+            let message = "unexpected sign, expected '-->' between predecessor and successor".to_owned();
+            return self.session.error_fix("L001", message, arrow, "did you mean '-->'?", "-->");
+        }
         // A few plain words before a ":" look like a misspelled item; anything else lacks its arrow.
         let colon = line.tokens.iter().position(|t| t.is(':') || t.is('{'));
         let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
@@ -330,7 +608,9 @@ impl ItemParser<'_> {
                 None => "a production needs '-->' between predecessor and successor".to_owned(),
             };
             let at = words.last().map_or(first, |t| first.to(t.place));
-            return self.session.error_help("L002", format!("unknown item '{spelled}'"), at, help);
+            let d = Diagnostic::error("L002", format!("unknown item '{spelled}'"), at.span, "here").help(help);
+            let d = if let Some(near) = near { with_fix(d, at, near) } else { d };
+            return self.session.push(d, at);
         }
         let found = line.tokens.first().map_or_else(String::new, |t| describe(&self.session.names, t));
         let message = format!("unexpected {found}, expected an item or a production with '-->'");
@@ -349,7 +629,12 @@ impl ItemParser<'_> {
         }
         if !self.ended {
             let help = "add a last line 'endlsystem'";
-            self.session.error_help("L003", "the L-system has no 'endlsystem'".into(), at, help);
+            let mut d = Diagnostic::error("L003", "the L-system has no 'endlsystem'", at.span, "here").help(help);
+            if let Some(end) = self.end {
+                let behind = Span { start: end.span.end, ..end.span };
+                d = with_fix(d, SourcePlace { span: behind, ..end }, "\nendlsystem");
+            }
+            self.session.push(d, at);
         }
     }
 }

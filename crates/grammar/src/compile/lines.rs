@@ -30,9 +30,10 @@ pub(super) enum Keyword {
 }
 
 /// Spelling without blanks, keyword, spelling in messages, does a colon follow.
-pub(super) const KEYWORDS: [(&str, Keyword, &str); 21] = [
+pub(super) const KEYWORDS: [(&str, Keyword, &str); 22] = [
     ("lsystem", Keyword::Lsystem, "Lsystem"),
     ("ringlsystem", Keyword::Ring, "ring Lsystem"),
+    ("ring", Keyword::Ring, "ring Lsystem"),
     ("seed", Keyword::Seed, "Seed"),
     ("derivationlength", Keyword::Length, "derivation length"),
     ("axiom", Keyword::Axiom, "Axiom"),
@@ -63,6 +64,11 @@ pub(super) struct LogicalLine {
 }
 
 impl LogicalLine {
+    /// Begins an L-system.
+    pub fn is_heading(&self) -> bool {
+        matches!(self.keyword, Some((Keyword::Lsystem | Keyword::Ring, _)))
+    }
+
     /// From the first token to the last.
     pub fn place(&self) -> Option<SourcePlace> {
         Some(self.tokens.first()?.place.to(self.tokens.last()?.place))

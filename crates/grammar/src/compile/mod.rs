@@ -9,9 +9,11 @@ mod statement;
 mod successor;
 mod symbol;
 
-use super::code::{Bytecode, Op};
-use super::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind};
-use osier_base::diagnostic::nearest;
+use std::rc::Rc;
+
+use super::code::{ArrayShape, Bytecode, ElementAccess, Op};
+use super::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind, with_fix};
+use osier_base::diagnostic::{Diagnostic, nearest};
 
 pub(super) use items::parse;
 
@@ -88,12 +90,41 @@ pub(super) struct Compiler<'r> {
     pub max_depth: usize,
     /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
     pub has_turtle: bool,
+    /// Arrays of the grammar.
+    pub arrays: Rc<[Array]>,
+}
+
+/// An array of the grammar, by the number of its name.
+#[derive(Debug)]
+pub(super) struct Array {
+    pub name: u32,
+    pub shape: ArrayShape,
 }
 
 impl<'r> Compiler<'r> {
     pub fn new(session: &'r mut ParseSession, scope: NameScope) -> Self {
         let (globals, locals, parameter_slots) = (Vec::new(), Vec::new(), Vec::new());
-        Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false }
+        let arrays = Rc::from([]);
+        Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false, arrays }
+    }
+
+    /// Number of the array of a name; a formal parameter or a local variable of the same name hides it.
+    pub fn array(&self, name: u32) -> Option<usize> {
+        self.arrays.iter().position(|a| a.name == name).filter(|_| !self.locals.contains(&name))
+    }
+
+    /// An element of an array with `given` indices; L022 if it takes another number of them.
+    pub fn element(&mut self, array: usize, given: usize, place: SourcePlace) -> Option<ElementAccess> {
+        let array = self.arrays.get(array)?;
+        let (wanted, name) = (array.shape.sizes.len(), self.session.names.get(array.name).to_owned());
+        if given != wanted {
+            let s = if wanted == 1 { "index" } else { "indices" };
+            let message = format!("array '{name}' takes {wanted} {s}, got {given}");
+            let help = format!("write one index for each of its sizes: {name}[{}]", vec!["i"; wanted].join(","));
+            self.session.error_help("L022", message, place, help);
+            return None;
+        }
+        Some(ElementAccess { shape: array.shape.clone(), name, place })
     }
 
     /// A token as messages quote it.
@@ -124,12 +155,18 @@ impl<'r> Compiler<'r> {
         }
         // Unknown names count as 0, with a warning that suggests the nearest known one.
         let known = self.locals.iter().chain(&self.globals).map(|n| self.session.names.get(*n));
-        let help = match nearest(&word, known.filter(|k| *k != word)) {
+        let near = nearest(&word, known.filter(|k| *k != word)).map(str::to_owned);
+        let help = match &near {
             Some(n) => format!("did you mean '{n}'?"),
             None if self.scope == NameScope::Angle => format!("define it: define-angle: {word} = uniform(0,60)"),
             None => "assign it in a Start block, or #define it".to_owned(),
         };
-        self.session.warning("L020", format!("undefined variable '{word}' counts as 0"), place, help);
+        let message = format!("undefined variable '{word}' counts as 0");
+        let mut d = Diagnostic::warning("L020", message, place.span, "here").help(help);
+        if let Some(near) = near {
+            d = with_fix(d, place, near);
+        }
+        self.session.push(d, place);
         Op::Const(0.0)
     }
 
@@ -204,7 +241,12 @@ fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: Source
         Some(t) => {
             let word = compiler.describe(t);
             let message = format!("unexpected {word}, expected an operator or the end");
-            compiler.session.error("L001", message, t.place, "here");
+            if t.is('=') {
+                let help = "did you mean '=='? A single '=' assigns in a block";
+                compiler.session.error_fix("L001", message, t.place, help, "==");
+            } else {
+                compiler.session.error("L001", message, t.place, "here");
+            }
             None
         }
     }

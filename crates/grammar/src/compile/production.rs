@@ -5,8 +5,8 @@ use super::symbol::{intern, symbols_of};
 use super::{Compiler, statement, successor, whole_expression};
 use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::symbols::Symbols;
-use crate::token::{SourcePlace, Token, TokenKind};
-use osier_base::diagnostic::Diagnostic;
+use crate::token::{ParseSession, SourcePlace, Token, TokenKind, with_fix};
+use osier_base::diagnostic::{Diagnostic, Span};
 
 /// Token ranges of a production before its arrow.
 struct ProductionHead<'t> {
@@ -49,7 +49,9 @@ pub(super) fn production(
     };
     let first = head.predecessor.first().map_or(place, |t| t.place);
     let place = head.predecessor.last().map_or(first, |t| first.to(t.place));
-    check_balance(compiler, &successor, symbols, place);
+    let length = tail.len() - rest.map_or(0, |r| r.len() + 1);
+    let end = tail[..length].last().map_or(arrow_place, |t| t.place);
+    check_balance(compiler.session, &successor, symbols, "successor", place, end);
     let locals = compiler.locals.len();
     Some(Production { left, predecessor, right, before, condition, after, successor, weight, locals, place })
 }
@@ -256,8 +258,16 @@ impl HeadCompiler<'_, '_, '_> {
     }
 }
 
-/// Warns about brackets and braces that a successor opens and leaves open.
-fn check_balance(compiler: &mut Compiler<'_>, successor: &[SuccessorModule], symbols: &Symbols, place: SourcePlace) {
+/// Warns about brackets and braces that a successor or the axiom (`what`, at `place`) opens and leaves open. `end`: its last
+/// token.
+pub(super) fn check_balance(
+    session: &mut ParseSession,
+    successor: &[SuccessorModule],
+    symbols: &Symbols,
+    what: &str,
+    place: SourcePlace,
+    end: SourcePlace,
+) {
     for (open, close, code) in [('[', ']', "L011"), ('{', '}', "L012")] {
         let mut stack = Vec::new();
         for m in successor {
@@ -271,11 +281,17 @@ fn check_balance(compiler: &mut Compiler<'_>, successor: &[SuccessorModule], sym
             }
         }
         if let Some(innermost) = stack.last() {
-            let message = format!("this successor has {} '{open}' without '{close}'", stack.len());
-            let d = Diagnostic::warning(code, message, innermost.span, "the innermost")
-                .label(place.span, "in this production")
+            let message = format!("this {what} has {} '{open}' without '{close}'", stack.len());
+            let here = if what == "axiom" { "in this axiom" } else { "in this production" };
+            let mut d = Diagnostic::warning(code, message, innermost.span, "the innermost")
+                .label(place.span, here)
                 .help(format!("close it with '{close}'"));
-            compiler.session.push(d, *innermost);
+            // A single open bracket may be meant to reach to the end.
+            if stack.len() == 1 && innermost.origin == 0 {
+                let behind = Span { start: end.span.end, ..end.span };
+                d = with_fix(d, SourcePlace { span: behind, ..end }, close.to_string());
+            }
+            session.push(d, *innermost);
         }
     }
 }

@@ -4,6 +4,7 @@ use super::expression::compile_expression;
 use super::{Compiler, TokenCursor, whole_expression};
 use crate::code::{Bytecode, Op};
 use crate::token::{SourcePlace, Token, TokenKind};
+use osier_base::diagnostic::Diagnostic;
 
 /// An open brace with the jumps to patch when it closes.
 enum OpenBrace {
@@ -95,6 +96,10 @@ impl BlockCompiler<'_, '_> {
                     _ => self.assignment_or_call(cursor, name, t.place),
                 }
             }
+            TokenKind::Number(_) | TokenKind::Char('(' | '-' | '!' | '+') => {
+                self.count_statement(t.place);
+                self.bare_expression(cursor, t.place)
+            }
             _ => {
                 let word = self.compiler.describe(&t);
                 self.error(format!("unexpected {word}, expected a statement"), t.place)
@@ -104,7 +109,10 @@ impl BlockCompiler<'_, '_> {
 
     fn open_brace(&mut self, cursor: &mut TokenCursor<'_>, open: OpenBrace) -> Option<()> {
         let place = cursor.place();
-        self.expect(cursor, '{')?;
+        if !cursor.peek().is_some_and(|t| t.is('{')) {
+            return self.refuse_without_braces(cursor, &open);
+        }
+        cursor.bump();
         self.open.push(open);
         if self.open.len() > self.compiler.max_depth {
             let message = format!("blocks nested deeper than {}", self.compiler.max_depth);
@@ -114,10 +122,46 @@ impl BlockCompiler<'_, '_> {
         Some(())
     }
 
+    /// L001 for a statement without braces after `if`, `else`, `while` or `do`.
+    fn refuse_without_braces(&mut self, cursor: &TokenCursor<'_>, open: &OpenBrace) -> Option<()> {
+        let after = match open {
+            OpenBrace::If(..) => "if (..)",
+            OpenBrace::Else(_) => "else",
+            OpenBrace::While(..) => "while (..)",
+            OpenBrace::Do(_) => "do",
+        };
+        let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| self.compiler.describe(t));
+        let message = format!("unexpected {found}, expected '{{' after '{after}'");
+        let help = format!("put the statement in braces: {after} {{ .. }}");
+        // The statement reaches to its semicolon; it is written anew without blanks.
+        let mut text = String::new();
+        let mut ahead = 0;
+        while let Some(t) = cursor.peek_at(ahead) {
+            match t.kind {
+                TokenKind::Ident(n) | TokenKind::Number(n) => text.push_str(self.compiler.session.names.get(n)),
+                TokenKind::Char(c) if !matches!(c, '{' | '}') => text.push(c),
+                _ => break,
+            }
+            if t.is(';') {
+                let place = cursor.place().to(t.place);
+                self.compiler.session.error_fix("L001", message, place, help, format!("{{ {text} }}"));
+                return None;
+            }
+            ahead += 1;
+        }
+        self.compiler.session.error_help("L001", message, cursor.place(), help);
+        None
+    }
+
     /// A condition in parentheses; returns the jump taken when it fails.
     fn condition(&mut self, cursor: &mut TokenCursor<'_>) -> Option<usize> {
         self.expect(cursor, '(')?;
         self.append_expression(cursor)?;
+        if let Some(t) = cursor.peek().filter(|t| t.is('=')) {
+            let message = "unexpected '=', expected ')'".to_owned();
+            self.compiler.session.error_fix("L001", message, t.place, "did you mean '=='?", "==");
+            return None;
+        }
         self.expect(cursor, ')')?;
         self.code.ops.push(Op::JumpIfZero(0));
         Some(self.position() - 1)
@@ -131,20 +175,7 @@ impl BlockCompiler<'_, '_> {
     /// Compiles an expression and appends its code.
     fn append_expression(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let code = compile_expression(self.compiler, cursor)?;
-        // The expression was compiled from index 0: move its jump targets and locations behind the code so far.
-        let shift = self.code.ops.len();
-        let places = self.code.places.len();
-        self.code.places.extend(code.places);
-        self.code.tables = self.code.tables.take().or(code.tables);
-        self.code.ops.extend(code.ops.into_iter().map(|op| match op {
-            Op::Jump(t) => Op::Jump(t + shift),
-            Op::JumpIfZero(t) => Op::JumpIfZero(t + shift),
-            Op::And(t) => Op::And(t + shift),
-            Op::Or(t) => Op::Or(t + shift),
-            Op::Binary(b, p) => Op::Binary(b, p + places),
-            Op::Table(f, p) => Op::Table(f, p + places),
-            other => other,
-        }));
+        self.code.append(code);
         Some(())
     }
 
@@ -213,25 +244,117 @@ impl BlockCompiler<'_, '_> {
             return self.expect(cursor, ';');
         }
         if next.is_some_and(|t| t.is('[')) {
-            let word = self.compiler.session.names.get(name).to_owned();
-            let help = "use single variables";
-            let message = format!("'{word}[..]': arrays are not supported");
-            self.compiler.session.error_help("L001", message, place, help);
-            return None;
+            return self.element_statement(cursor, name, place);
+        }
+        // What is no assignment is an expression, whose value is dropped.
+        let follows = |c: char| cursor.peek_at(2).is_some_and(|t| t.glued && t.is(c));
+        let is_equality = next.is_some_and(|t| t.is('=')) && follows('=');
+        let doubled = ['+', '-'].iter().any(|c| next.is_some_and(|t| t.is(*c)) && follows(*c));
+        let compound = matches!(next.map(|t| t.kind), Some(TokenKind::Char('+' | '-' | '*' | '/' | '%' | '^')));
+        let changes = compound && follows('=') || doubled && cursor.peek_at(3).is_none_or(|t| t.is(';'));
+        if changes {
+            return self.refuse_compound(cursor, name, doubled);
+        }
+        if is_equality || !next.is_some_and(|t| t.is('=')) {
+            return self.bare_expression(cursor, place);
         }
         cursor.bump();
-        // Compound assignments such as += do not exist in the language; suggest the long form.
-        if let (Some(op), Some('=')) = (cursor.peek(), cursor.glued_char(1)) {
-            let help = "write the variable on both sides: v = v + 1";
-            let message = format!("unexpected {}, expected '='", self.compiler.describe(op));
-            self.compiler.session.error_help("L001", message, op.place, help);
-            return None;
-        }
         self.expect(cursor, '=')?;
         self.append_expression(cursor)?;
         let op = self.compiler.store_variable(name, place)?;
         self.code.ops.push(op);
         self.expect(cursor, ';')
+    }
+
+    /// `a[i,j] = expression;`, or an expression that begins with an element.
+    fn element_statement(&mut self, cursor: &mut TokenCursor<'_>, name: u32, place: SourcePlace) -> Option<()> {
+        let Some(array) = self.compiler.array(name) else {
+            let word = self.compiler.session.names.get(name).to_owned();
+            let help = format!("declare it before the productions: Define: {{ array {word}[10]; }}");
+            let message = format!("'{word}' is no array");
+            self.compiler.session.error_help("L001", message, place, help);
+            return None;
+        };
+        if !self.assigns_element(cursor) {
+            return self.bare_expression(cursor, place);
+        }
+        cursor.bump();
+        let mut given = 0_usize;
+        let mut close = place;
+        // Indices in one pair of brackets or in one pair each.
+        while cursor.eat('[') {
+            loop {
+                self.append_expression(cursor)?;
+                given += 1;
+                if !cursor.eat(',') {
+                    break;
+                }
+            }
+            close = cursor.place();
+            self.expect(cursor, ']')?;
+        }
+        let access = self.compiler.element(array, given, place.to(close))?;
+        self.expect(cursor, '=')?;
+        self.append_expression(cursor)?;
+        self.code.elements.push(access);
+        self.code.ops.push(Op::StoreElement(self.code.elements.len() - 1));
+        self.expect(cursor, ';')
+    }
+
+    /// Do the brackets behind the cursor's name end before a single `=`?
+    fn assigns_element(&self, cursor: &TokenCursor<'_>) -> bool {
+        let mut depth = 0_usize;
+        let mut ahead = 1;
+        while let Some(t) = cursor.peek_at(ahead) {
+            match t.kind {
+                TokenKind::Char('[') => depth += 1,
+                TokenKind::Char(']') => depth = depth.saturating_sub(1),
+                TokenKind::Char('=') if depth == 0 => {
+                    return !cursor.peek_at(ahead + 1).is_some_and(|t| t.is('=') && t.glued);
+                }
+                _ if depth == 0 => return false,
+                _ => {}
+            }
+            ahead += 1;
+        }
+        false
+    }
+
+    /// An expression as a statement: computed and dropped, as cpfg does.
+    fn bare_expression(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
+        let errors = self.compiler.session.diagnostics.len();
+        self.append_expression(cursor)?;
+        self.code.ops.push(Op::Pop);
+        self.expect(cursor, ';')?;
+        if self.compiler.session.diagnostics.len() == errors {
+            let help = "its value is dropped, as in cpfg; write 'v = ..;' to keep it";
+            self.compiler.session.warning("L008", "this expression has no effect".into(), place, help);
+        }
+        Some(())
+    }
+
+    /// L001 for `v += ..`, `v++` and the like, which do not exist in the language.
+    fn refuse_compound(&mut self, cursor: &TokenCursor<'_>, name: u32, doubled: bool) -> Option<()> {
+        let word = self.compiler.session.names.get(name).to_owned();
+        let (first, op, last) = (cursor.peek()?, cursor.peek_at(1)?, cursor.peek_at(2)?);
+        let TokenKind::Char(sign) = op.kind else { return None };
+        let place = op.place.to(last.place);
+        let message = format!("unexpected '{sign}', expected '='");
+        let mut d = Diagnostic::error("L001", message, place.span, "here");
+        // `v++` is replaced as a whole; of `v += e` only the operator, which keeps the meaning of e as a last term.
+        if doubled {
+            d = d
+                .help(format!("write {word} = {word} {sign} 1"))
+                .fix(first.place.to(last.place).span, format!("{word} = {word} {sign} 1"));
+        } else if sign == '+' {
+            d = d
+                .help(format!("write the variable on both sides: {word} = {word} {sign} .."))
+                .fix(place.span, format!("= {word} {sign}"));
+        } else {
+            d = d.help(format!("write the variable on both sides: {word} = {word} {sign} (..)"));
+        }
+        self.compiler.session.push(d, place);
+        None
     }
 
     /// Skips a call of `printf` to its semicolon.

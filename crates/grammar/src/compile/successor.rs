@@ -175,6 +175,16 @@ fn arguments(compiler: &mut Compiler<'_>, cursor: &mut TokenCursor<'_>, open: So
         return Some(args);
     }
     loop {
+        // The text of a label, `@L("fmt",x)`, is no parameter: nothing is printed.
+        if matches!(cursor.peek().map(|t| t.kind), Some(TokenKind::Text(_))) && args.is_empty() {
+            cursor.bump();
+            if cursor.eat(')') {
+                return Some(args);
+            }
+            if cursor.eat(',') {
+                continue;
+            }
+        }
         let code = expression::compile_expression(compiler, cursor)?;
         // Constants and single variables are stored without code.
         args.push(code.into_expr());

@@ -1,11 +1,15 @@
 //! Decomposition and homomorphism: modules expanded depth first, with an explicit stack.
 
+use std::ops::ControlFlow;
+
 use super::matching::{self, ContextView};
-use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
+use super::plan::SectionPlans;
+use super::rewriter::{DrawPurposes, Followers, RewriteSettings, Rewriter};
 use super::step::check_size;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
 use crate::grammar::Grammar;
 use crate::modules::{Module, ModuleString};
+use crate::program::Section;
 use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
 use osier_base::convert;
@@ -16,6 +20,10 @@ use osier_base::rng::word;
 /// Factor on the limit `modules` for modules that a homomorphism draws: they take time but no memory. Raising it lets
 /// `interpret` run longer before L051.
 const MAX_DRAWN_PER_STORED: u64 = 10;
+
+/// Part of the limit `modules` that productions may be applied for a single module, so that an endless expansion ends before
+/// it fills the memory. Own: the four million of the default take less than a second.
+pub(super) const EXPANSION_SHARE: usize = 5;
 
 /// Stack of modules to expand, with the depth of each; the last one is next.
 #[derive(Debug, Default)]
@@ -32,6 +40,21 @@ impl ExpansionStack {
             self.depth.push(depth);
         }
     }
+
+    /// The next modules of the successor whose modules have this depth, at most `count`.
+    fn followers(&self, depth: u32, count: usize, context_from: usize) -> Followers {
+        let same = self.depth.iter().rev().take(count).take_while(|d| **d == depth).count();
+        let mut modules = ModuleString::default();
+        (1..=same).for_each(|k| modules.push(self.modules.get(self.modules.len() - k)));
+        Followers { modules, context_from }
+    }
+
+    /// Removes the uppermost `count` modules.
+    fn drop_top(&mut self, count: usize) {
+        let n = self.depth.len().saturating_sub(count);
+        self.depth.truncate(n);
+        self.modules.truncate(n);
+    }
 }
 
 /// Expands modules one after the other; reuses its memory.
@@ -40,14 +63,21 @@ struct Expander<'p> {
     stack: ExpansionStack,
     successor: ModuleString,
     current: ModuleString,
+    /// A production was applied.
+    applied: bool,
+    /// Most modules of a predecessor of these productions.
+    longest: usize,
     /// Modules that may wait at once.
     limit: usize,
 }
 
 impl<'p> Expander<'p> {
-    fn new(settings: RewriteSettings<'p>, vm: Vm, limit: usize) -> Self {
+    fn new(settings: RewriteSettings<'p>, plans: &SectionPlans<'_>, vm: Vm, limit: usize) -> Self {
         let rewriter = Rewriter::new(settings, vm);
+        let longest = plans.longest_predecessor();
         Self {
+            applied: false,
+            longest,
             rewriter,
             stack: ExpansionStack::default(),
             successor: ModuleString::default(),
@@ -56,23 +86,37 @@ impl<'p> Expander<'p> {
         }
     }
 
-    /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false.
+    /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false. Returns the
+    /// number of modules of the string that it took: a predecessor of several modules takes all of them.
     fn expand(
         &mut self,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
-    ) -> std::result::Result<(), Halt> {
-        let rules = self.rewriter.settings.rules;
-        let module = view.modules.get(at);
+    ) -> std::result::Result<usize, Halt> {
+        self.expand_module(view.modules.get(at), view, at, sink)
+    }
+
+    /// As [`Expander::expand`], for a module whose contexts are those of place `at` of the string.
+    fn expand_module(
+        &mut self,
+        module: Module<'_>,
+        view: &ContextView<'_>,
+        at: usize,
+        sink: &mut impl FnMut(Module<'_>) -> bool,
+    ) -> std::result::Result<usize, Halt> {
+        let plan = self.rewriter.settings.plan;
+        let rules = plan.set;
         // Modules without productions, and all modules where the maximum depth is 0, pass unchanged.
-        if rules.depth == 0 || !rules.has_productions(module.symbol) {
-            return if sink(module) { Ok(()) } else { Err(Halt::Modules) };
+        if rules.depth == 0 || !plan.has_productions(module.symbol) {
+            return if sink(module) { Ok(1) } else { Err(Halt::Modules) };
         }
         self.stack.modules.clear();
         self.stack.depth.clear();
         self.stack.modules.push(module);
         self.stack.depth.push(0);
+        let (mut taken, mut expansions) = (1, 0_usize);
+        self.rewriter.followers = None;
         while let Some(depth) = self.stack.depth.pop() {
             // Pop the topmost module into a buffer of its own: the production reads its parameters while successors are
             // pushed.
@@ -80,49 +124,63 @@ impl<'p> Expander<'p> {
             self.current.clear();
             self.current.push(self.stack.modules.get(n));
             self.stack.modules.truncate(n);
+            if depth > 0 && self.longest > 1 {
+                self.rewriter.followers = Some(self.stack.followers(depth, self.longest - 1, at + taken));
+            }
             let module = self.current.get(0);
             let applicable =
-                if rules.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
+                if plan.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
             // A module that no production applies to, or that has reached the maximum depth, is final.
             let Some(p) = applicable.filter(|_| depth < rules.depth) else {
                 if let Some(p) = applicable.filter(|_| rules.warn_depth) {
-                    self.rewriter.vm.warnings.add("L052", p.place, "depth limit reached");
+                    let place = self.rewriter.planned(p).source.place;
+                    self.rewriter.vm.warnings.add("L052", place, "depth limit reached");
                 }
                 if sink(module) {
                     continue;
                 }
                 return Err(Halt::Modules);
             };
+            let source = self.rewriter.planned(p).source;
+            // A predecessor of several modules takes those after the first from the string or from the same successor.
+            if depth == 0 {
+                taken = source.predecessor.len();
+            } else {
+                self.stack.drop_top(source.predecessor.len() - 1);
+            }
+            self.applied = true;
+            expansions += 1;
+            if expansions > self.limit / EXPANSION_SHARE {
+                return Err(Halt::Expansion(source.place));
+            }
             self.successor.clear();
             // Expansion refines a module within its step: successors keep its birth.
             self.rewriter.settings.birth = module.birth;
-            self.rewriter.append_successor(p, module.lineage, &mut self.successor)?;
+            self.rewriter.append_successor(p, module.lineage(), &mut self.successor)?;
             self.stack.push_reversed(&self.successor, depth + 1);
             check_size(&self.stack.modules, 0, 0, self.limit)?;
             // Expansions that vanish produce nothing for the sink to count.
             self.rewriter.vm.statements += 1;
             if self.rewriter.vm.statements > self.rewriter.vm.statement_limit {
-                return Err(Halt::Statements(p.place));
+                return Err(Halt::Statements(source.place));
             }
         }
-        Ok(())
+        self.rewriter.followers = None;
+        Ok(taken)
     }
 }
 
 impl Derivation<'_> {
-    /// Replaces the string by its decomposition.
-    pub(super) fn decompose(&mut self, step: u32) -> std::result::Result<(), Halt> {
-        let rules = &self.program.decomposition;
-        if rules.list.is_empty() {
-            return Ok(());
+    /// Replaces the string by its decomposition; true if any production was applied.
+    pub(super) fn decompose(&mut self, step: u32) -> std::result::Result<bool, Halt> {
+        let plans = &self.plans.decomposition;
+        if plans.is_empty() {
+            return Ok(false);
         }
-        let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
         let partner =
-            if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
+            if plans.needs_partners() { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
         let settings = RewriteSettings {
-            program: self.program,
-            rules,
-            stochastic: self.stochastic,
+            plan: plans.main(),
             purposes: DrawPurposes::all(DrawPurpose::Decomposition),
             step: Some(step),
             birth: step,
@@ -131,20 +189,32 @@ impl Derivation<'_> {
         };
         let limit = convert::limit(self.limits.get("modules"));
         // Modules are expanded in string order into the second buffer; contexts see the string before decomposition.
-        let mut expander = Expander::new(settings, self.vm.clone(), limit);
+        let mut expander = Expander::new(settings, plans, self.vm.clone(), limit);
         self.next_string.clear();
-        let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
+        let view = ContextView {
+            modules: &self.string,
+            partner: &partner,
+            ignored: &self.ignored,
+            is_ring: self.program.is_ring,
+            borders: self.program.borders(),
+        };
         let out = &mut self.next_string;
-        for i in 0..self.string.len() {
-            expander.expand(view, i, &mut |m| {
+        let mut i = 0;
+        let systems = self.program.systems_of(&self.string);
+        while i < self.string.len() {
+            if let Some(system) = systems.get(i) {
+                expander.rewriter.change_plan(plans.of(*system));
+            }
+            i += expander.expand(&view, i, &mut |m| {
                 out.push(m);
                 out.len() <= limit
             })?;
             check_size(out, 0, 0, limit)?;
         }
+        let applied = expander.applied;
         self.vm = expander.rewriter.vm;
         std::mem::swap(&mut self.string, &mut self.next_string);
-        Ok(())
+        Ok(applied)
     }
 }
 
@@ -158,49 +228,92 @@ pub fn interpret(
     limits: &Limits,
     mut sink: impl FnMut(Module<'_>),
 ) -> Result<Vec<Diagnostic>> {
+    interpret_modules(grammar, derived, limits, |m, _| sink(m))
+}
+
+/// As [`interpret`]; `sink` also gets the index of the module of the string that stands for what is drawn.
+/// # Errors
+/// As [`interpret`].
+pub fn interpret_modules(
+    grammar: &Grammar,
+    derived: &DerivedString,
+    limits: &Limits,
+    mut sink: impl FnMut(Module<'_>, usize),
+) -> Result<Vec<Diagnostic>> {
     let program = &grammar.program;
     let rules = &program.homomorphism;
-    if rules.list.is_empty() {
-        derived.modules.iter().for_each(sink);
+    // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
+    let plans = SectionPlans::new(program, Section::Homomorphism, derived.stochastic || rules.seed.is_some());
+    let mut index = 0;
+    if plans.is_empty() {
+        derived.for_each(grammar, limits, |m| {
+            sink(m, index);
+            index += 1;
+            ControlFlow::Continue(())
+        })?;
         return Ok(Vec::new());
     }
-    let brackets = brackets(program);
     // The machine continues where the derivation ended: same seeds, last step, final values of the global variables.
+    let brackets = brackets(program);
     let file_seed = rules.seed.unwrap_or(derived.file_seed);
-    let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed };
+    let streams = RandomStreams::new(derived.seed, derived.plant_id, file_seed);
     let mut vm = Vm::new(streams, 0, derived.length);
     vm.globals.clone_from(&derived.globals);
-    vm.step = derived.steps;
+    vm.step = derived.completed;
     vm.statement_limit = limits.get("statements");
     let settings = RewriteSettings {
-        program,
-        rules,
-        // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
-        stochastic: derived.stochastic || rules.seed.is_some(),
+        plan: plans.main(),
         purposes: DrawPurposes::all(DrawPurpose::Homomorphism),
         step: None,
         birth: 0,
         tag: word("homomorphism"),
         brackets,
     };
-    let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
-    let partner = if needs_partners { matching::matching_brackets(&derived.modules, brackets) } else { Vec::new() };
-    let ignored = program.ignored.flags(&program.symbols);
-    let view = ContextView { modules: &derived.modules, partner: &partner, ignored: &ignored };
-    let max_stack = convert::limit(limits.get("modules"));
-    let mut expander = Expander::new(settings, vm, max_stack);
+    let mut expander = Expander::new(settings, &plans, vm, convert::limit(limits.get("modules")));
     // Interpreted modules are handed over one by one and not stored, so that more of them are allowed than a string may
-    // hold.
+    // hold. The callback ends the expansion when the budget is used up.
     let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
-    for i in 0..derived.modules.len() {
-        let result = expander.expand(view, i, &mut |m| {
-            drawn += 1;
-            sink(m);
-            // The callback ends the expansion when the budget is used up.
-            drawn <= limit
-        });
-        result.map_err(|h| halt_error(grammar, h, derived.steps, limits))?;
+    let mut draw = |m: Module<'_>, i: usize| {
+        drawn += 1;
+        sink(m, i);
+        drawn <= limit
+    };
+    let halted = |h: Halt| halt_error(grammar, h, derived.steps, limits);
+    let looks_around = plans.needs_partners() || plans.longest_predecessor() > 1;
+    if !looks_around && program.subsystems.is_empty() {
+        let mut halt = None;
+        derived.for_each(grammar, limits, |m| {
+            let expanded = expander.expand_module(m, &ContextView::NONE, 0, &mut |m| draw(m, index));
+            index += 1;
+            match expanded {
+                Ok(_) => ControlFlow::Continue(()),
+                Err(h) => {
+                    halt = Some(h);
+                    ControlFlow::Break(())
+                }
+            }
+        })?;
+        halt.map_or(Ok(()), |h| Err(halted(h)))?;
+        return Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings));
+    }
+    // Neighbours are those of the derived string, which must be stored for them.
+    let string = derived.string(grammar, limits)?;
+    let partner = if plans.needs_partners() { matching::matching_brackets(&string, brackets) } else { Vec::new() };
+    let view = ContextView {
+        modules: &string,
+        partner: &partner,
+        ignored: &program.ignored.flags(&program.symbols),
+        is_ring: program.is_ring,
+        borders: program.borders(),
+    };
+    let systems = program.systems_of(&string);
+    let mut i = 0;
+    while i < string.len() {
+        if let Some(system) = systems.get(i) {
+            expander.rewriter.change_plan(plans.of(*system));
+        }
+        i += expander.expand(&view, i, &mut |m| draw(m, i)).map_err(halted)?;
     }
     Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))
 }

@@ -1,7 +1,7 @@
 //! Contexts: what stands to the left and right of a module in a bracketed string.
 
 use crate::modules::{Module, ModuleString};
-use crate::program::{ContextElement, FormalModule};
+use crate::program::{Borders, ContextElement, FormalModule};
 use crate::symbols::SymbolId;
 
 /// Stands for "no matching bracket" in a table of indices.
@@ -15,6 +15,10 @@ pub(super) struct ContextView<'a> {
     pub partner: &'a [u32],
     /// Per symbol: true if contexts ignore it.
     pub ignored: &'a [bool],
+    /// The string's ends are joined.
+    pub is_ring: bool,
+    /// Borders of sub-L-systems, which end a context.
+    pub borders: Option<Borders>,
 }
 
 /// Symbol numbers of `[` and `]`.
@@ -62,34 +66,65 @@ pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &m
 }
 
 impl ContextView<'_> {
-    fn partner(&self, i: usize) -> Option<usize> {
-        self.partner.get(i).filter(|p| **p != NO_PARTNER).map(|p| *p as usize)
+    /// No string: for productions that look at no neighbour.
+    pub const NONE: ContextView<'static> =
+        ContextView { modules: &ModuleString::EMPTY, partner: &[], ignored: &[], is_ring: false, borders: None };
+
+    /// Number of modules up to which positions may count: with joined ends once around the ring, back to where the search
+    /// began.
+    fn end(&self, from: usize) -> usize {
+        if self.is_ring { from + self.modules.len() } else { self.modules.len() }
+    }
+
+    /// Index of a position, which counts on behind the end of a ring.
+    #[inline]
+    fn index(&self, position: usize) -> usize {
+        if position < self.modules.len() { position } else { position - self.modules.len() }
+    }
+
+    #[inline]
+    fn symbol(&self, position: usize) -> Option<SymbolId> {
+        self.modules.symbols().get(self.index(position)).copied()
+    }
+
+    /// Position of the bracket that belongs to the one at `position`.
+    fn partner(&self, position: usize) -> Option<usize> {
+        let i = self.index(position);
+        let partner = self.partner.get(i).filter(|p| **p != NO_PARTNER)?;
+        Some(*partner as usize + (position - i))
     }
 
     fn is_ignored(&self, symbol: SymbolId) -> bool {
         self.ignored.get(usize::from(symbol)).copied().unwrap_or(false)
     }
 
+    fn is_border(&self, symbol: SymbolId) -> bool {
+        self.borders.is_some_and(|b| symbol == b.open || symbol == b.close)
+    }
+
     /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped
     /// over, openings are stepped over: a branch sees the axis that carries it.
     pub fn matches_left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
-        let mut i = at;
+        // Positions of a ring count down from a second turn, so that they stay positive up to module `at` again.
+        let (mut i, least) = if self.is_ring { (at + self.modules.len(), at) } else { (at, 0) };
         // The context is matched from its last module, the neighbour, outwards.
         let mut wanted = context.iter().rev();
         let mut next = wanted.next();
         while let Some(element) = next {
             let ContextElement::Module(formal) = element else { return false };
-            let Some(k) = i.checked_sub(1) else { return false };
+            let Some(k) = i.checked_sub(1).filter(|k| *k >= least) else { return false };
             i = k;
-            let symbol = self.modules.symbols()[i];
+            let Some(symbol) = self.symbol(i) else { return false };
             // A closed branch is a sibling: jump to its opening bracket. An unmatched bracket ends the search.
             if symbol == brackets.close {
                 match self.partner(i) {
                     Some(open) => i = open,
                     None => return false,
                 }
+            } else if self.is_border(symbol) {
+                return false;
             } else if symbol != brackets.open && !self.is_ignored(symbol) {
-                if !match_module(formal, self.modules.get(i), locals) {
+                if !match_module(formal, self.modules.get(self.index(i)), locals) {
                     return false;
                 }
                 next = wanted.next();
@@ -101,13 +136,14 @@ impl ContextView<'_> {
     /// Is the right context there, beginning with module `at`?
     pub fn matches_right(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
+        let end = self.end(at);
         for element in context {
             // Each element continues after the module that matched the element before it.
             let found = match element {
-                ContextElement::Module(formal) => self.next_on_axis(brackets, formal, i, locals),
-                ContextElement::Open => self.skip_ignored(i).filter(|k| self.modules.symbols()[*k] == brackets.open),
-                ContextElement::Close => self.end_of_branch(brackets, i, false),
-                ContextElement::CloseRest => self.end_of_branch(brackets, i, true),
+                ContextElement::Module(formal) => self.next_on_axis(brackets, formal, i, end, locals),
+                ContextElement::Open => self.skip_ignored(i, end).filter(|k| self.symbol(*k) == Some(brackets.open)),
+                ContextElement::Close => self.end_of_branch(brackets, i, end, false),
+                ContextElement::CloseRest => self.end_of_branch(brackets, i, end, true),
             };
             match found {
                 Some(k) => i = k + 1,
@@ -117,41 +153,45 @@ impl ContextView<'_> {
         true
     }
 
-    /// The next module that is not ignored.
-    fn skip_ignored(&self, from: usize) -> Option<usize> {
-        (from..self.modules.len()).find(|&i| !self.is_ignored(self.modules.symbols()[i]))
+    /// The next module that is not ignored, before position `end`.
+    fn skip_ignored(&self, from: usize, end: usize) -> Option<usize> {
+        (from..end).find(|&i| self.symbol(i).is_some_and(|s| !self.is_ignored(s)))
     }
 
-    /// Index of the next module on this axis, if it matches `formal`; branches in between are jumped over.
+    /// Position of the next module on this axis, if it matches `formal`; branches in between are jumped over.
     fn next_on_axis(
         &self,
         brackets: Brackets,
         formal: &FormalModule,
         from: usize,
+        end: usize,
         locals: &mut [f64],
     ) -> Option<usize> {
         let mut i = from;
         loop {
-            i = self.skip_ignored(i)?;
-            let symbol = self.modules.symbols()[i];
+            i = self.skip_ignored(i, end)?;
+            let symbol = self.symbol(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;
-            } else if symbol == brackets.close {
+            } else if symbol == brackets.close || self.is_border(symbol) {
                 // The axis ends here without the module.
                 return None;
             } else {
-                return match_module(formal, self.modules.get(i), locals).then_some(i);
+                return match_module(formal, self.modules.get(self.index(i)), locals).then_some(i);
             }
         }
     }
 
     /// The closing bracket of the branch; what is left before it must be branches, or anything if `rest`.
-    fn end_of_branch(&self, brackets: Brackets, from: usize, rest: bool) -> Option<usize> {
+    fn end_of_branch(&self, brackets: Brackets, from: usize, end: usize, rest: bool) -> Option<usize> {
         let mut i = from;
         loop {
-            i = if rest { i } else { self.skip_ignored(i)? };
+            i = if rest { i } else { self.skip_ignored(i, end)? };
+            if i >= end {
+                return None;
+            }
             // Branches that are still open are skipped as a whole.
-            let symbol = *self.modules.symbols().get(i)?;
+            let symbol = self.symbol(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;
             } else if symbol == brackets.close {

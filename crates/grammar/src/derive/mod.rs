@@ -1,14 +1,20 @@
 //! Derivation: from the axiom through the steps to the final string.
 
-mod chunked;
+mod depth_first;
 mod expand;
+mod independent;
 mod matching;
+mod plan;
 mod predict;
+mod queries;
+mod registers;
 mod rewriter;
 mod step;
+mod text;
 
-pub use expand::interpret;
+pub use expand::{interpret, interpret_modules};
 pub use predict::{Prediction, predict};
+pub use queries::{AskTurtle, QueryAnswer, TurtleAnswers, derive_with_queries};
 
 use super::code::Bytecode;
 use super::grammar::{Grammar, runtime_error, runtime_report};
@@ -16,7 +22,9 @@ use super::modules::ModuleString;
 use super::program::Program;
 use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
+use independent::Deferred;
 use matching::Brackets;
+use plan::Plans;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
@@ -39,9 +47,10 @@ pub struct DeriveOptions {
 /// The final string and what is needed to draw it.
 #[derive(Debug, Clone)]
 pub struct DerivedString {
-    /// The final string, without homomorphism.
+    /// The final string, without homomorphism; empty if the derivation was deferred.
     pub modules: ModuleString,
-    /// Derivation steps that were carried out; fewer than the length after `stop(n)` or once nothing changes.
+    /// Derivation steps up to the last one that changes the string; fewer than the length after `stop(n)` or once nothing
+    /// changes.
     pub steps: u32,
     /// [`DeriveOptions::plant_id`], which addresses the draws of the interpretation too.
     pub plant_id: u32,
@@ -51,8 +60,20 @@ pub struct DerivedString {
     pub warnings: Vec<Diagnostic>,
     pub(crate) stochastic: bool,
     pub(crate) length: u32,
+    /// Steps that count as done for `Q`: the length, or the step of `stop(n)`.
+    pub(crate) completed: u32,
     pub(crate) file_seed: i64,
     pub(crate) globals: Vec<f64>,
+    /// Where a derivation without a string begins.
+    deferred: Option<Deferred>,
+    count: u64,
+}
+
+/// The final string, or what derives it again.
+struct FinalModules {
+    string: ModuleString,
+    deferred: Option<Deferred>,
+    count: u64,
 }
 
 /// Parameters of a string: 2^27 values of 4 bytes are half a gibibyte. It also keeps every end in [`ModuleString`] within
@@ -64,27 +85,51 @@ const MAX_PARAMS: usize = 1 << 27;
 /// `Input` with L050 if the string would surely pass `modules`, with L051 if it does on the way, with L044 for an
 /// endless loop.
 pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
+    derive_with(grammar, options, limits, Storage::String, None)
+}
+
+/// Derives a grammar without storing its string where modules are rewritten independently of each other: only the number of
+/// modules is determined, and [`interpret`] derives again while it draws.
+/// # Errors
+/// Those of [`derive()`].
+pub fn derive_deferred(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
+    derive_with(grammar, options, limits, Storage::Deferred, None)
+}
+
+/// Whether a string that could be derived while it is drawn is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Storage {
+    String,
+    Deferred,
+}
+
+fn derive_with(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    limits: &Limits,
+    storage: Storage,
+    turtle: Option<&mut AskTurtle<'_>>,
+) -> Result<DerivedString> {
     let program = &grammar.program;
     let length = options.steps.unwrap_or(program.length);
     predict::check_limits(grammar, length, options, limits)?;
-    let mut d = Derivation::new(grammar, options, length, limits);
-    match d.run() {
-        Ok(()) => Ok(d.finish(options)),
-        Err(halt) => Err(d.halt_report(halt)),
-    }
+    let stochastic = options.stochastic.unwrap_or(program.is_stochastic());
+    let plans = Plans::new(program, stochastic);
+    let d = Derivation::new(grammar, &plans, options, length, limits);
+    if program.rewrites_independently() { d.derive_independently(options, storage) } else { d.derive_by_steps(options, turtle) }
 }
 
 /// State of one derivation.
 pub(super) struct Derivation<'g> {
     grammar: &'g Grammar,
     program: &'g Program,
+    plans: &'g Plans<'g>,
     limits: &'g Limits,
     vm: Vm,
     string: ModuleString,
     next_string: ModuleString,
     /// Memory of rewritten blocks, kept from step to step: fresh pages cost more than the copying.
     block_buffers: Vec<ModuleString>,
-    stochastic: bool,
     length: u32,
     brackets: Brackets,
     ignored: Vec<bool>,
@@ -93,16 +138,25 @@ pub(super) struct Derivation<'g> {
     steps_done: u32,
     /// Modules rewritten so far.
     work: u64,
-    /// A derivation in chunks was abandoned, because a warning or a limit must name its step.
-    must_stay_whole: bool,
+    /// The turtle answers queries, so that modules change between the steps.
+    has_queries: bool,
+    /// Error of an interpretation that was asked for.
+    query_error: Option<osier_base::Error>,
+    options: DeriveOptions,
 }
 
 impl<'g> Derivation<'g> {
-    fn new(grammar: &'g Grammar, options: &DeriveOptions, length: u32, limits: &'g Limits) -> Self {
+    fn new(
+        grammar: &'g Grammar,
+        plans: &'g Plans<'g>,
+        options: &DeriveOptions,
+        length: u32,
+        limits: &'g Limits,
+    ) -> Self {
         let program = &grammar.program;
         // `Seed:` of the file and the seed of the run are independent parts of every draw's address.
         let file_seed = program.seed.unwrap_or(0);
-        let streams = RandomStreams { seed: options.seed, plant_id: options.plant_id, file_seed };
+        let streams = RandomStreams::new(options.seed, options.plant_id, file_seed);
         let mut vm = Vm::new(streams, program.blocks.globals, length);
         vm.statement_limit = limits.get("statements");
         // Only symbols that some successor or the axiom produces can occur in the string.
@@ -114,12 +168,12 @@ impl<'g> Derivation<'g> {
         Self {
             grammar,
             program,
+            plans,
             limits,
             vm,
             string: ModuleString::default(),
             next_string: ModuleString::default(),
             block_buffers: Vec::new(),
-            stochastic: options.stochastic.unwrap_or(program.is_stochastic()),
             length,
             brackets: brackets(program),
             ignored: program.ignored.flags(&program.symbols),
@@ -127,27 +181,44 @@ impl<'g> Derivation<'g> {
             unchanged_since: None,
             steps_done: 0,
             work: 0,
-            must_stay_whole: false,
+            has_queries: program.has_queries(),
+            query_error: None,
+            options: options.clone(),
         }
     }
 
-    fn run(&mut self) -> std::result::Result<(), Halt> {
-        let blocks = &self.program.blocks;
-        // The Start block assigns the global variables; its `srand` replaces the seed of the file for all later draws.
-        self.run_block(blocks.start.as_ref(), 0)?;
-        if let Some(seed) = self.vm.reseeded() {
-            self.vm.streams.file_seed = seed;
+    /// Derives step by step: the whole string is rewritten before the next step begins.
+    fn derive_by_steps(
+        mut self,
+        options: &DeriveOptions,
+        turtle: Option<&mut AskTurtle<'_>>,
+    ) -> Result<DerivedString> {
+        match self.run(turtle) {
+            Ok(()) => Ok(self.finish(options)),
+            Err(Halt::Query) => Err(self.query_error.take().unwrap_or_else(|| self.halt_report(Halt::Query))),
+            Err(halt) => Err(self.halt_report(halt)),
         }
-        self.append_axiom()?;
+    }
+
+    /// Runs the Start block and makes the axiom.
+    fn begin(&mut self) -> std::result::Result<(), Halt> {
+        // The Start block assigns the global variables; its `srand` replaces the seed of the file for all later draws.
+        self.run_block(self.program.blocks.start.as_ref(), 0)?;
+        if let Some(seed) = self.vm.reseeded() {
+            self.vm.streams = self.vm.streams.with_file_seed(seed);
+        }
+        self.append_axiom()
+    }
+
+    fn run(&mut self, mut turtle: Option<&mut AskTurtle<'_>>) -> std::result::Result<(), Halt> {
+        self.begin()?;
+        self.ask(turtle.as_deref_mut())?;
+        let blocks = &self.program.blocks;
         for step in 1..=self.length {
             // `Q` counts completed steps: the StartEach block still sees the step before.
             self.vm.step = step - 1;
             self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
-            // The axiom is decomposed before the first step; later strings are decomposed when they are made.
-            if step == 1 {
-                self.decompose(step)?;
-            }
             if let Some(cut) = self.cut_symbol {
                 self.remove_cut_branches(cut);
             }
@@ -156,8 +227,9 @@ impl<'g> Derivation<'g> {
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
             }
-            let changed = self.rewrite_string(step)?;
-            self.decompose(step)?;
+            let rewritten = self.rewrite_string(step)?;
+            let changed = self.decompose(step)? || rewritten;
+            self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
             // Start of the run of steps without change that is still going on, for the warning L054.
@@ -166,9 +238,8 @@ impl<'g> Derivation<'g> {
             } else if changed {
                 self.unchanged_since = None;
             }
-            // End early after `stop`, once no later step can change the string, or when the remaining steps were
-            // derived in chunks.
-            if self.vm.stopped || (!changed && self.nothing_can_change()) || self.derive_rest_in_chunks(step)? {
+            // End early after `stop`, or once no later step can change the string.
+            if self.vm.stopped || (!changed && self.nothing_can_change()) {
                 break;
             }
         }
@@ -180,11 +251,13 @@ impl<'g> Derivation<'g> {
         let b = &self.program.blocks;
         let uses_step = |c: &Bytecode| {
             use crate::code::Op;
-            c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
+            c.writes_globals()
+                || c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
-        b.start_each.is_none()
+        !self.has_queries
+            && b.start_each.is_none()
             && b.end_each.is_none()
-            && !self.program.rules.list.iter().any(|p| p.codes().any(uses_step))
+            && !self.program.rules.list.iter().chain(&self.program.decomposition.list).any(|p| p.codes().any(uses_step))
     }
 
     fn run_block(&mut self, code: Option<&Bytecode>, step: u32) -> std::result::Result<(), Halt> {
@@ -204,7 +277,7 @@ impl<'g> Derivation<'g> {
             }
             // Lineages of the axiom begin with the plant, not with its seed: equal plants of two seeds share lineages.
             let symbol = u64::from(u32::from(self.program.symbols.get(t.symbol)));
-            let plant = u64::from(self.vm.streams.plant_id);
+            let plant = u64::from(self.vm.streams.plant_id());
             // The second number is the L-system's: 0 is the main one.
             let lineage = child(mix64(&[plant, 0, symbol]), u64::from(t.occurrence));
             self.string.finish_module(t.symbol, lineage, 0);
@@ -242,6 +315,15 @@ impl<'g> Derivation<'g> {
     }
 
     fn finish(mut self, options: &DeriveOptions) -> DerivedString {
+        let completed = if self.vm.stopped { self.steps_done } else { self.length };
+        let string = std::mem::take(&mut self.string);
+        let count = string.len() as u64;
+        let modules = FinalModules { string, deferred: None, count };
+        self.result(options, modules, completed)
+    }
+
+    /// The result, with the warnings of the run.
+    fn result(mut self, options: &DeriveOptions, modules: FinalModules, completed: u32) -> DerivedString {
         // L054: the derivation length is larger than the grammar can use.
         if let (Some(step), Some(place)) = (self.unchanged_since, self.program.length_place)
             && step > 1
@@ -250,15 +332,18 @@ impl<'g> Derivation<'g> {
             self.vm.warnings.add("L054", place, &format!("nothing changes from step {step} on"));
         }
         DerivedString {
-            modules: self.string,
+            modules: modules.string,
             steps: self.steps_done,
             plant_id: options.plant_id,
             seed: options.seed,
             warnings: runtime_diagnostics(self.grammar, &self.vm.warnings),
-            stochastic: self.stochastic,
+            stochastic: self.plans.rules.main().stochastic,
             length: self.length,
-            file_seed: self.vm.streams.file_seed,
+            completed,
+            file_seed: self.vm.streams.file_seed(),
             globals: self.vm.globals,
+            deferred: modules.deferred,
+            count: modules.count,
         }
     }
 
@@ -280,6 +365,7 @@ pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings)
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
         let help = match e.code {
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
+            "L026" => "indices run from 0; outside an array a read gives 0 and a write does nothing",
             "L033" => "weights must be 0 or more",
             "L034" => "give at least one production a positive weight",
             "L048" => "name its file in the view file: `function: FILE` or `contour: ID FILE`",
@@ -313,6 +399,18 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let limit = osier_base::limits::grouped(limits.get("modules"));
             let message = format!("step {step} passes the limit of {limit} modules");
             runtime_error(grammar, "L051", message, at, "raise it with --max-modules, or shorten the derivation")
+        }
+        Halt::Expansion(place) => {
+            let message = format!("step {step}: this production expands a single module without end");
+            let help = "end the expansion by a condition, lower 'maximum depth', or raise --max-modules";
+            let most = osier_base::limits::grouped(limits.get("modules") / expand::EXPANSION_SHARE as u64);
+            let d =
+                Diagnostic::error("L051", message, place.span, format!("applied more than {most} times")).help(help);
+            runtime_report(grammar, grammar.with_macro_chain(d, place))
+        }
+        // Reported by the interpretation that failed.
+        Halt::Query => {
+            runtime_error(grammar, "L051", "the interpretation for queries failed".into(), at, "leave the queries out")
         }
         Halt::Work => {
             let limit = osier_base::limits::grouped(limits.get("work"));

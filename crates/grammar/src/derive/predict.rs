@@ -71,7 +71,8 @@ impl GrowthMatrix {
         let cut_symbol = program.symbols.find('%');
         let has_cut = m.kinds.keys().any(|k| Some(k.0) == cut_symbol);
         let several = program.rules.list.iter().any(|p| p.predecessor.len() > 1);
-        m.has_lower = !has_cut && !several && program.decomposition.list.is_empty();
+        let alone = program.decomposition.list.is_empty() && program.subsystems.is_empty();
+        m.has_lower = !has_cut && !several && alone;
         for (&(symbol, arity), &k) in &m.kinds.clone() {
             let rules: Vec<&Production> = program.rules.matching(symbol, arity).collect();
             m.set_row(k, &rules, stochastic);
@@ -169,7 +170,8 @@ pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
         }
     }
     let lower = if m.has_lower { saturating_sum(&low) } else { 0 };
-    let upper = if grammar.program.decomposition.list.is_empty() { saturating_sum(&high) } else { u128::MAX };
+    let alone = grammar.program.decomposition.list.is_empty() && grammar.program.subsystems.is_empty();
+    let upper = if alone { saturating_sum(&high) } else { u128::MAX };
     Prediction { lower, upper, expected: expected.iter().fold(0.0, |s, x| s + x) }
 }
 

@@ -1,9 +1,11 @@
 //! Chooses and applies productions, one module at a time.
 
 use super::matching::{self, Brackets, ContextView};
-use crate::modules::{Module, ModuleString};
-use crate::program::{Production, ProductionSet, Program};
-use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
+use super::plan::{Condition, GroupId, PlannedProduction, ProductionGroup, RewritePlan, Template, Weight};
+use super::registers::{RegisterFile, ValueSource};
+use crate::modules::{Module, ModuleBlock, ModuleString};
+use crate::vm::{DrawPurpose, Halt, Vm};
+use osier_base::convert::to_usize;
 use osier_base::math::narrow;
 use osier_base::rng::{self, Rng};
 
@@ -18,6 +20,11 @@ pub(super) struct DrawPurposes {
 }
 
 impl DrawPurposes {
+    /// Statements, weights and choices draw from separate streams, so that one does not shift the others.
+    pub fn of_productions() -> Self {
+        Self { statement: DrawPurpose::Statement, weight: DrawPurpose::Weight, choice: DrawPurpose::Choice }
+    }
+
     /// One purpose for all parts.
     pub fn all(purpose: DrawPurpose) -> Self {
         Self { statement: purpose, weight: purpose, choice: purpose }
@@ -27,10 +34,7 @@ impl DrawPurposes {
 /// The productions to apply, and how their draws and the modules they produce are labelled.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RewriteSettings<'p> {
-    pub program: &'p Program,
-    pub rules: &'p ProductionSet,
-    pub stochastic: bool,
-    /// What the random draws are for, by the part of the production that makes them.
+    pub plan: &'p RewritePlan<'p>,
     pub purposes: DrawPurposes,
     /// Step of the draws; `None` for a homomorphism, whose draws do not change from step to step.
     pub step: Option<u32>,
@@ -41,12 +45,12 @@ pub(super) struct RewriteSettings<'p> {
     pub brackets: Brackets,
 }
 
-/// A production that applies to the current module.
-#[derive(Debug, Clone, Copy)]
-struct Candidate<'p> {
-    production: &'p Production,
-    /// Start of its local variables in `saved_locals`.
-    offset: usize,
+/// Modules after the current one that a predecessor of several modules may take, where they do not stand in the string.
+#[derive(Debug)]
+pub(super) struct Followers {
+    pub modules: ModuleString,
+    /// Where right contexts begin in the string.
+    pub context_from: usize,
 }
 
 /// Selects and applies the productions of one section.
@@ -54,167 +58,328 @@ struct Candidate<'p> {
 pub(super) struct Rewriter<'p> {
     pub settings: RewriteSettings<'p>,
     pub vm: Vm,
-    locals: Vec<f64>,
+    /// `None`: the neighbours in the string follow.
+    pub followers: Option<Followers>,
+    /// Registers of each production; the first ones are its local variables.
+    files: Vec<RegisterFile>,
     /// Productions that apply to the current module.
-    candidates: Vec<Candidate<'p>>,
-    saved_locals: Vec<f64>,
+    candidates: Vec<u32>,
     weights: Vec<f64>,
-    /// Unicode scalar value of each symbol: its part in the lineage of a module.
-    symbol_codes: Vec<u64>,
 }
 
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
-        let symbols = &settings.program.symbols;
-        let symbol_codes = symbols.iter().map(|(_, c)| u64::from(u32::from(c))).collect();
-        Self {
-            settings,
-            vm,
-            locals: Vec::new(),
-            candidates: Vec::new(),
-            saved_locals: Vec::new(),
-            weights: Vec::new(),
-            symbol_codes,
+        let files = Self::register_files(settings.plan);
+        Self { settings, vm, followers: None, files, candidates: Vec::new(), weights: Vec::new() }
+    }
+
+    fn register_files(plan: &RewritePlan<'_>) -> Vec<RegisterFile> {
+        plan.productions.iter().map(|p| p.registers.initial.clone()).collect()
+    }
+
+    /// Continues with the productions of another L-system.
+    pub fn change_plan(&mut self, plan: &'p RewritePlan<'p>) {
+        if !std::ptr::eq(self.settings.plan, plan) {
+            self.settings.plan = plan;
+            self.files = Self::register_files(plan);
+        }
+    }
+
+    /// The production of an index.
+    #[inline]
+    pub fn planned(&self, production: u32) -> &'p PlannedProduction<'p> {
+        &self.settings.plan.productions[to_usize(production)]
+    }
+
+    /// Makes `step` the current one. `globals`: global variables of each step, if blocks change them.
+    #[inline]
+    pub fn begin_step(&mut self, step: u32, globals: &[Vec<f64>]) {
+        if self.vm.step == step && self.settings.step == Some(step) {
+            return;
+        }
+        self.vm.step = step;
+        self.settings.step = Some(step);
+        if let Some(values) = globals.get(to_usize(step - 1)) {
+            self.vm.globals.clone_from(values);
         }
     }
 
     /// Draws from here on are for `purpose` and belong to the module of lineage `h`.
+    #[inline]
     fn begin_draws(&mut self, purpose: DrawPurpose, h: u64) {
         self.vm.begin_draws(purpose, h, self.settings.step);
     }
 
-    /// Tests a production at `module`, the module of index `at`: predecessor, contexts, condition. Local variables hold its
-    /// parameters afterwards if it applies.
-    fn applies(&mut self, p: &Production, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<bool, Halt> {
-        self.locals.clear();
-        self.locals.resize(p.locals, 0.0);
+    /// Makes the parameters of a module the first local variables of a production.
+    #[inline]
+    fn load_params(&mut self, production: u32, params: &[f32]) {
+        let planned = self.planned(production);
+        let file = &mut self.files[to_usize(production)];
+        for (local, value) in file.iter_mut().zip(params) {
+            *local = f64::from(*value);
+        }
+        if planned.locals > params.len() {
+            file[params.len()..planned.locals].fill(0.0);
+        }
+        planned.registers.load_outside(&self.vm, file);
+    }
+
+    /// Is the condition met? The local variables are set.
+    #[inline]
+    fn condition_holds(&mut self, production: u32) -> Result<bool, Halt> {
+        let planned = self.planned(production);
+        let Condition::Value(source, code) = planned.condition else { return Ok(true) };
+        let file = &mut self.files[to_usize(production)];
+        let value = match source {
+            ValueSource::Constant(c) => c,
+            ValueSource::Register(r) if planned.registers.run_condition(file) => file[usize::from(r)],
+            // A division by zero is found again, and reported, by the machine.
+            ValueSource::Register(_) | ValueSource::Code(_) => self.vm.run(code, &mut file[..planned.locals])?,
+        };
+        Ok(!crate::code::is_zero(value))
+    }
+
+    /// Tests a production with contexts or blocks at `module`, the module of index `at`. Local variables hold its parameters
+    /// afterwards if it applies.
+    fn applies(
+        &mut self,
+        production: u32,
+        module: Module<'_>,
+        view: &ContextView<'_>,
+        at: usize,
+    ) -> Result<bool, Halt> {
+        let planned = self.planned(production);
+        let p = planned.source;
+        let file = &mut self.files[to_usize(production)];
+        let locals = &mut file[..p.locals];
+        locals.fill(0.0);
         // Strict predecessor: the module itself, then its right neighbours one by one.
         let Some((first, others)) = p.predecessor.split_first() else { return Ok(false) };
-        if !matching::match_module(first, module, &mut self.locals) {
+        if !matching::match_module(first, module, locals) {
             return Ok(false);
         }
         for (k, formal) in others.iter().enumerate() {
-            let i = at + 1 + k;
-            if i >= view.modules.len() || !matching::match_module(formal, view.modules.get(i), &mut self.locals) {
+            let (modules, i) = match &self.followers {
+                Some(f) => (&f.modules, k),
+                None => (view.modules, at + 1 + k),
+            };
+            if i >= modules.len() || !matching::match_module(formal, modules.get(i), locals) {
                 return Ok(false);
             }
         }
+        let right = self.followers.as_ref().map_or(at + p.predecessor.len(), |f| f.context_from);
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
-        if !view.matches_left(brackets, &p.left, at, &mut self.locals)
-            || !view.matches_right(brackets, &p.right, at + p.predecessor.len(), &mut self.locals)
+        if !view.matches_left(brackets, &p.left, at, locals)
+            || !view.matches_right(brackets, &p.right, right, locals)
         {
             return Ok(false);
         }
         // The block before the condition may assign variables that the condition reads.
         if let Some(code) = &p.before {
-            self.vm.run(code, &mut self.locals)?;
+            self.vm.run(code, locals)?;
         }
-        if let Some(code) = &p.condition
-            && crate::code::is_zero(self.vm.run(code, &mut self.locals)?)
-        {
+        planned.registers.load_outside(&self.vm, file);
+        if !self.condition_holds(production)? {
             return Ok(false);
         }
         if let Some(code) = &p.after {
-            self.vm.run(code, &mut self.locals)?;
+            let file = &mut self.files[to_usize(production)];
+            self.vm.run(code, &mut file[..p.locals])?;
+            planned.registers.load_outside(&self.vm, file);
         }
         Ok(true)
     }
 
-    /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged.
-    pub fn select(
+    /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged. `view` and
+    /// `at`: the string that contexts see, and the module's place in it.
+    #[inline]
+    pub fn select(&mut self, module: Module<'_>, view: &ContextView<'_>, at: usize) -> Result<Option<u32>, Halt> {
+        let Some(group) = self.settings.plan.group(module.symbol, module.params.len()) else { return Ok(None) };
+        self.select_in_group(group, module, view, at)
+    }
+
+    /// As [`Rewriter::select`], for a module whose group is known.
+    #[inline]
+    pub fn select_in_group(
         &mut self,
+        group: GroupId,
         module: Module<'_>,
-        view: ContextView<'_>,
+        view: &ContextView<'_>,
         at: usize,
-    ) -> Result<Option<&'p Production>, Halt> {
-        let arity = module.params.len();
-        let rules = self.settings.rules;
-        self.begin_draws(self.settings.purposes.statement, module.lineage);
+    ) -> Result<Option<u32>, Halt> {
+        let plan = self.settings.plan;
+        let group = &plan.groups[to_usize(group)];
+        if plan.draws {
+            self.begin_draws(self.settings.purposes.statement, module.lineage());
+        }
+        if let Some(p) = group.always {
+            self.load_params(p, module.params);
+            return Ok(Some(p));
+        }
         // Deterministic L-system: the first production in file order that applies.
-        if !self.settings.stochastic {
-            for p in rules.matching(module.symbol, arity) {
-                if self.applies(p, module, view, at)? {
+        if !plan.stochastic {
+            for &p in &group.productions {
+                let applies = if group.is_simple {
+                    self.load_params(p, module.params);
+                    self.condition_holds(p)?
+                } else {
+                    self.production_applies(p, module, view, at)?
+                };
+                if applies {
                     return Ok(Some(p));
                 }
             }
             return Ok(None);
         }
-        // Stochastic L-system: collect every production that applies, with its variables, and draw one by weight.
+        // Stochastic L-system: a production is drawn among those that apply.
+        if let Some(shares) = &group.shares {
+            let chosen = shares.pick(&mut self.choice_stream(module.lineage()));
+            let p = group.productions[chosen];
+            self.load_params(p, module.params);
+            return Ok(Some(p));
+        }
+        self.draw_candidate(group, module, view, at)
+    }
+
+    fn production_applies(
+        &mut self,
+        p: u32,
+        module: Module<'_>,
+        view: &ContextView<'_>,
+        at: usize,
+    ) -> Result<bool, Halt> {
+        if self.planned(p).is_simple {
+            self.load_params(p, module.params);
+            return self.condition_holds(p);
+        }
+        self.applies(p, module, view, at)
+    }
+
+    /// The production drawn for a module of lineage `h`, where those of its group compete under no condition.
+    #[inline]
+    pub fn draw_in_group(&self, group: GroupId, h: u64) -> Option<u32> {
+        let group = &self.settings.plan.groups[to_usize(group)];
+        let shares = group.shares.as_ref()?;
+        group.productions.get(shares.pick(&mut self.choice_stream(h))).copied()
+    }
+
+    /// Sets the variables of a production that was drawn for a module.
+    #[inline]
+    pub fn take(&mut self, production: u32, module: Module<'_>) {
+        if self.settings.plan.draws {
+            self.begin_draws(self.settings.purposes.statement, module.lineage());
+        }
+        self.load_params(production, module.params);
+    }
+
+    /// Collects every production that applies, each with its variables in its own registers, and draws one by weight.
+    fn draw_candidate(
+        &mut self,
+        group: &ProductionGroup,
+        module: Module<'_>,
+        view: &ContextView<'_>,
+        at: usize,
+    ) -> Result<Option<u32>, Halt> {
         self.candidates.clear();
-        self.saved_locals.clear();
-        for p in rules.matching(module.symbol, arity) {
-            if self.applies(p, module, view, at)? {
-                self.candidates.push(Candidate { production: p, offset: self.saved_locals.len() });
-                self.saved_locals.extend_from_slice(&self.locals);
+        for &p in &group.productions {
+            if self.production_applies(p, module, view, at)? {
+                self.candidates.push(p);
             }
         }
         // A single candidate is taken without a draw, whatever its weight.
         let chosen = match self.candidates.len() {
             0 => return Ok(None),
             1 => 0,
-            _ => self.choose(module.lineage)?,
+            _ => self.choose(module.lineage())?,
         };
-        let Some(&Candidate { production: p, offset }) = self.candidates.get(chosen) else { return Ok(None) };
-        self.locals.clear();
-        // Testing later candidates overwrote the local variables; restore those of the chosen one.
-        self.locals.extend_from_slice(&self.saved_locals[offset..offset + p.locals]);
-        Ok(Some(p))
+        Ok(self.candidates.get(chosen).copied())
+    }
+
+    /// The stream that the choice of a production for the module of lineage `h` is drawn from.
+    #[inline]
+    fn choice_stream(&self, h: u64) -> Rng {
+        // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
+        // 2^32, cannot reach.
+        const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
+        let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
+        Rng::from_key(CHOICE.of(key))
     }
 
     /// Index of the candidate drawn by weight.
     fn choose(&mut self, h: u64) -> Result<usize, Halt> {
-        // Weights have a stream of their own, so that their draws do not shift those of the successor.
-        let resume = self.vm.save_draws();
-        self.begin_draws(self.settings.purposes.weight, h);
-        self.vm.set_draw_number(1 << 32);
         self.weights.clear();
+        let mut resume = None;
         for k in 0..self.candidates.len() {
-            let Candidate { production: p, offset } = self.candidates[k];
-            let weight = match &p.weight {
-                None => 1.0,
-                Some(code) => {
-                    let locals = &mut self.saved_locals[offset..offset + p.locals];
-                    self.vm.run(code, locals)?
+            let production = self.candidates[k];
+            let p = self.planned(production);
+            let weight = match p.weight {
+                Weight::Constant(w) => w,
+                Weight::Code(code) => {
+                    // Weights have a stream of their own, so that their draws do not shift those of the successor.
+                    if resume.is_none() {
+                        resume = Some(self.vm.save_draws());
+                        self.begin_draws(self.settings.purposes.weight, h);
+                        self.vm.set_draw_number(1 << 32);
+                    }
+                    self.vm.run(code, &mut self.files[to_usize(production)][..p.locals])?
                 }
             };
             // Invalid weights are reported and count as 0, so that the rest still forms a distribution.
             if weight.is_nan() || weight < 0.0 {
-                self.vm.warnings.add("L033", p.place, "negative or NaN weight counts as 0");
+                self.vm.warnings.add("L033", p.source.place, "negative or NaN weight counts as 0");
             }
             self.weights.push(if weight > 0.0 { weight } else { 0.0 });
         }
-        self.vm.restore_draws(resume);
+        if let Some(resume) = resume {
+            self.vm.restore_draws(resume);
+        }
         if !self.weights.iter().any(|w| *w > 0.0) {
-            self.vm.warnings.add(
-                "L034",
-                self.candidates[0].production.place,
-                "all weights are 0, the first production is taken",
-            );
+            let place = self.planned(self.candidates[0]).source.place;
+            self.vm.warnings.add("L034", place, "all weights are 0, the first production is taken");
             return Ok(0);
         }
-        let streams: RandomStreams = self.vm.streams;
-        // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
-        // 2^32, cannot reach.
-        let key = streams.key(self.settings.purposes.choice, h, self.settings.step);
-        Ok(Rng::from_key(rng::child(key, u64::MAX)).pick(&self.weights))
+        Ok(self.choice_stream(h).pick(&self.weights))
+    }
+
+    /// Appends the parameters of the successor of a production that was selected.
+    #[inline]
+    pub fn append_params(&mut self, production: u32, out: &mut Vec<f32>) -> Result<(), Halt> {
+        let planned = self.planned(production);
+        let template: &Template<'_> = &planned.template;
+        let start = out.len();
+        out.extend_from_slice(&template.constants);
+        if template.computed.is_empty() {
+            return Ok(());
+        }
+        let file = &mut self.files[to_usize(production)];
+        let divides_by_zero = !planned.registers.run_successor(file);
+        let params = &mut out[start..];
+        for parameter in &template.computed {
+            let value = match (parameter.source, parameter.code) {
+                (ValueSource::Constant(c), _) => c,
+                // A division by zero is found again, and reported, by the machine.
+                (ValueSource::Register(_), Some(code)) if divides_by_zero => {
+                    self.vm.run(code, &mut file[..planned.locals])?
+                }
+                (ValueSource::Register(r), _) => file[usize::from(r)],
+                (ValueSource::Code(code), _) => self.vm.run(code, &mut file[..planned.locals])?,
+            };
+            params[to_usize(parameter.target)] = narrow(value);
+        }
+        Ok(())
     }
 
     /// Appends the successor of a production that [`Rewriter::select`] chose for the module of lineage `h`.
-    pub fn append_successor(&mut self, p: &Production, h: u64, out: &mut ModuleString) -> Result<(), Halt> {
+    pub fn append_successor(&mut self, production: u32, h: u64, out: &mut ModuleString) -> Result<(), Halt> {
         // The tag separates the lineages of a homomorphism from those of the string that it draws.
         let h = if self.settings.tag == 0 { h } else { rng::child(h, self.settings.tag) };
-        for t in &p.successor {
-            for arg in &t.args {
-                let value = self.vm.eval(arg, &mut self.locals)?;
-                out.push_param(narrow(value));
-            }
-            let code = self.symbol_codes.get(usize::from(t.symbol)).copied().unwrap_or(0);
-            // Lineage: a hash of the parent's lineage, the symbol and its occurrence among equal symbols of the
-            // successor. It does not depend on the position in the string.
-            let lineage = rng::child(rng::child(h, code), u64::from(t.occurrence));
-            out.finish_module(t.symbol, lineage, self.settings.birth);
-        }
+        let planned = self.planned(production);
+        let template = &planned.template;
+        let first_param = u32::try_from(out.param_count()).unwrap_or(u32::MAX);
+        self.append_params(production, out.params_mut())?;
+        let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
+        out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);
         Ok(())
     }
 }

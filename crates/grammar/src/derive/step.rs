@@ -1,11 +1,12 @@
 //! One step: all modules are rewritten at once, blocks of them in parallel.
 
 use super::matching::{self, ContextView};
+use super::plan::{RewritePlan, SectionPlans};
 use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::{Derivation, MAX_PARAMS};
 use crate::modules::ModuleString;
-use crate::program::ProductionSet;
-use crate::vm::{DrawPurpose, Halt};
+use crate::program::Program;
+use crate::vm::Halt;
 use osier_base::{convert, par};
 
 /// Modules of a block that one thread rewrites. Smaller blocks balance the threads better, larger ones cost fewer copies of
@@ -24,21 +25,35 @@ struct BlockTask {
 impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite_string(&mut self, step: u32) -> Result<bool, Halt> {
-        let rules = &self.program.rules;
+        let plan = self.plans.rules.main();
         // Matching brackets are only needed by productions with contexts; without them the table stays empty.
-        let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
+        let needs_partners = self.plans.rules.needs_partners();
         let partner =
             if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
-        let settings = self.rewrite_settings(rules, step);
-        let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
+        let settings = self.rewrite_settings(plan, step);
+        let view = ContextView {
+            modules: &self.string,
+            partner: &partner,
+            ignored: &self.ignored,
+            is_ring: self.program.is_ring,
+            borders: self.program.borders(),
+        };
         let limit = convert::limit(self.limits.get("modules"));
         let n = self.string.len();
+        if !self.program.subsystems.is_empty() {
+            let rewriter = Rewriter::new(settings, self.vm.clone());
+            let systems = SystemRuns { program: self.program, plans: &self.plans.rules };
+            let (changed, vm) = systems.rewrite(rewriter, &view, &mut self.next_string, limit);
+            self.vm = vm;
+            std::mem::swap(&mut self.string, &mut self.next_string);
+            return changed;
+        }
         // Serial grammars see the effects of one module on the next (global variables, predecessors of several
-        // modules). Short strings do not repay the cost of parallel blocks.
-        if self.program.is_serial() || n <= BLOCK_MODULES {
+        // modules). Short strings do not repay the cost of parallel blocks, nor does a single thread.
+        if self.program.is_serial() || n <= BLOCK_MODULES || par::threads() == 1 {
             let mut rewriter = Rewriter::new(settings, self.vm.clone());
             self.next_string.clear();
-            let changed = rewrite_range(&mut rewriter, view, 0..n, &mut self.next_string, limit);
+            let changed = rewrite_range(&mut rewriter, &view, 0..n, &mut self.next_string, limit);
             self.vm = rewriter.vm;
             std::mem::swap(&mut self.string, &mut self.next_string);
             return changed;
@@ -57,7 +72,7 @@ impl<'g> Derivation<'g> {
         let mut blocks: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(block).collect();
         par::par_each(&mut blocks, |block| {
             let mut rewriter = Rewriter::new(settings, block.vm.clone());
-            let result = rewrite_range(&mut rewriter, view, block.range.clone(), &mut block.modules, limit);
+            let result = rewrite_range(&mut rewriter, &view, block.range.clone(), &mut block.modules, limit);
             block.changed = result.unwrap_or(false);
             block.vm = rewriter.vm;
             block.halt = result.err();
@@ -66,25 +81,9 @@ impl<'g> Derivation<'g> {
     }
 
     /// Settings of the main productions in one step: draws are addressed by the step, modules are born in it.
-    pub(super) fn rewrite_settings<'p>(&self, rules: &'p ProductionSet, step: u32) -> RewriteSettings<'p>
-    where
-        'g: 'p,
-    {
-        RewriteSettings {
-            program: self.program,
-            rules,
-            stochastic: self.stochastic,
-            purposes: DrawPurposes {
-                // Statements, weights and choices draw from separate streams, so that one does not shift the others.
-                statement: DrawPurpose::Statement,
-                weight: DrawPurpose::Weight,
-                choice: DrawPurpose::Choice,
-            },
-            step: Some(step),
-            birth: step,
-            tag: 0,
-            brackets: self.brackets,
-        }
+    pub(super) fn rewrite_settings<'p>(&self, plan: &'p RewritePlan<'p>, step: u32) -> RewriteSettings<'p> {
+        let purposes = DrawPurposes::of_productions();
+        RewriteSettings { plan, purposes, step: Some(step), birth: step, tag: 0, brackets: self.brackets }
     }
 
     /// Concatenates the rewritten blocks in order and merges their warnings and counters.
@@ -121,22 +120,59 @@ pub(super) fn check_size(out: &ModuleString, modules: usize, params: usize, limi
     Ok(())
 }
 
+/// A string with sub-L-systems: the modules between two borders are rewritten by the productions of their L-system.
+struct SystemRuns<'p> {
+    program: &'p Program,
+    plans: &'p SectionPlans<'p>,
+}
+
+impl<'p> SystemRuns<'p> {
+    /// Rewrites a string run by run; whether any production was applied, and the machine afterwards.
+    fn rewrite(
+        &self,
+        mut rewriter: Rewriter<'p>,
+        view: &ContextView<'_>,
+        out: &mut ModuleString,
+        limit: usize,
+    ) -> (Result<bool, Halt>, crate::vm::Vm) {
+        let program = self.program;
+        let systems = program.systems_of(view.modules);
+        let hidden: Vec<Vec<bool>> = program.subsystems.iter().map(|s| s.ignored.flags(&program.symbols)).collect();
+        out.clear();
+        let mut changed = false;
+        let mut start = 0;
+        for run in systems.chunk_by(|a, b| a == b) {
+            let system = run.first().copied().unwrap_or(0);
+            rewriter.change_plan(self.plans.of(system));
+            let ignored =
+                usize::from(system).checked_sub(1).and_then(|i| hidden.get(i)).map_or(view.ignored, Vec::as_slice);
+            let view = ContextView { ignored, ..*view };
+            match rewrite_range(&mut rewriter, &view, start..start + run.len(), out, limit) {
+                Ok(c) => changed |= c,
+                Err(halt) => return (Err(halt), rewriter.vm),
+            }
+            start += run.len();
+        }
+        (Ok(changed), rewriter.vm)
+    }
+}
+
 /// Rewrites the modules of `range` into `out`; true if any production was applied.
 pub(super) fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
-    view: ContextView<'_>,
+    view: &ContextView<'_>,
     range: std::ops::Range<usize>,
     out: &mut ModuleString,
     limit: usize,
 ) -> Result<bool, Halt> {
-    let rules = rewriter.settings.rules;
+    let plan = rewriter.settings.plan;
     let mut changed = false;
     let mut i = range.start;
     // Modules without productions are copied run by run.
     let mut copied_to = i;
     while i < range.end {
         let symbol = view.modules.symbols()[i];
-        if !rules.has_productions(symbol) {
+        if !plan.has_productions(symbol) {
             i += 1;
             continue;
         }
@@ -147,11 +183,11 @@ pub(super) fn rewrite_range(
         };
         // A production applies: copy the unchanged run before the module, then append the successor.
         out.extend(view.modules, copied_to..i);
-        rewriter.append_successor(p, module.lineage, out)?;
+        rewriter.append_successor(p, module.lineage(), out)?;
         check_size(out, 0, 0, limit)?;
         changed = true;
         // A predecessor of several modules consumes all of them.
-        i += p.predecessor.len();
+        i += rewriter.planned(p).source.predecessor.len();
         copied_to = i;
     }
     if copied_to < range.end {

@@ -26,7 +26,9 @@ impl Preprocessor<'_> {
                 self.directive();
                 continue;
             }
-            self.produced += 1;
+            // Text of files is bounded by their size; only what macros make of it counts.
+            let from_macro = self.frames.last().is_some_and(|f| !matches!(f.kind, FrameKind::File { .. }));
+            self.produced += u64::from(from_macro);
             // Nested macros can grow exponentially: stop at the budget and report it once.
             if self.produced > self.limits.get("macro-tokens") && !self.exhausted {
                 self.exhausted = true;
@@ -93,7 +95,7 @@ impl Preprocessor<'_> {
             return false;
         }
         match definition.params.clone() {
-            None => self.push_body(name, &definition, token.place, &[]),
+            None => self.push_body(name, &definition, token.place, &MacroArguments::default()),
             Some(params) => {
                 if !self.opens_call() {
                     return false;
@@ -107,9 +109,10 @@ impl Preprocessor<'_> {
                     self.session.error("L005", message, token.place, "used here");
                     return true;
                 }
-                // Arguments are fully expanded before they are substituted.
+                // Arguments are fully expanded before they are substituted, except beside `##`.
+                let written = if pastes(&definition.body) { args.clone() } else { Vec::new() };
                 let args: Vec<Vec<Token>> = args.into_iter().map(|a| self.expand_list(a)).collect();
-                self.push_body(name, &definition, token.place, &args);
+                self.push_body(name, &definition, token.place, &MacroArguments { expanded: &args, written: &written });
             }
         }
         true
@@ -187,15 +190,58 @@ impl Preprocessor<'_> {
         out
     }
 
-    fn push_body(&mut self, name: u32, definition: &MacroDefinition, used_at: SourcePlace, args: &[Vec<Token>]) {
+    /// Joins the last token of `body` with the next one, if both are words or numbers and form one; true if it did.
+    fn paste(
+        &mut self,
+        body: &mut Vec<Token>,
+        right: &Token,
+        params: &[u32],
+        args: &MacroArguments<'_>,
+        place: SourcePlace,
+    ) -> bool {
+        let argument = match right.kind {
+            TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i, true)),
+            _ => None,
+        };
+        let right: &[Token] = argument.map_or(std::slice::from_ref(right), Vec::as_slice);
+        let word = |t: &Token| match t.kind {
+            TokenKind::Ident(n) | TokenKind::Number(n) => Some(n),
+            _ => None,
+        };
+        let (Some(left), Some((first, rest))) = (body.last().and_then(word), right.split_first()) else { return false };
+        let Some(first) = word(first) else { return false };
+        let text = format!("{}{}", self.session.names.get(left), self.session.names.get(first));
+        let tokens = super::lexer::lex(self.session, place.span.source, &text).tokens;
+        let [Token { kind, .. }, _] = tokens[..] else { return false };
+        body.pop();
+        body.push(Token { kind, place, glued: false });
+        body.extend(rest.iter().copied());
+        true
+    }
+
+    fn push_body(&mut self, name: u32, definition: &MacroDefinition, used_at: SourcePlace, args: &MacroArguments<'_>) {
         let origin = self.session.record_expansion(name, used_at) & !EXPANSION_DISABLED;
         let params: &[u32] = definition.params.as_deref().unwrap_or(&[]);
         let mut body = Vec::with_capacity(definition.body.len());
         let mut after_arg = false;
-        for token in definition.body.iter() {
+        let mut at = 0;
+        while let Some(token) = definition.body.get(at) {
+            at += 1;
+            // `a ## b`: what was written on both sides becomes one word.
+            if is_paste(&definition.body, at - 1) {
+                let right = definition.body.get(at + 1);
+                if let Some(right) = right.filter(|_| at > 1)
+                    && self.paste(&mut body, right, params, args, SourcePlace { origin, ..token.place })
+                {
+                    at += 2;
+                    after_arg = true;
+                    continue;
+                }
+            }
+            let is_left = is_paste(&definition.body, at);
             // Parameters are replaced by their arguments; other tokens point to this use of the macro.
             let arg = match token.kind {
-                TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i)),
+                TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i, is_left)),
                 _ => None,
             };
             if let Some(arg) = arg {
@@ -214,6 +260,31 @@ impl Preprocessor<'_> {
         self.break_glue = true;
         self.frames.push(TokenFrame { tokens: Rc::from(body), pos: 0, kind: FrameKind::Macro { name } });
     }
+}
+
+/// Arguments of a macro call.
+#[derive(Debug, Clone, Copy, Default)]
+struct MacroArguments<'a> {
+    expanded: &'a [Vec<Token>],
+    /// As they were written; empty if the macro pastes nothing.
+    written: &'a [Vec<Token>],
+}
+
+impl<'a> MacroArguments<'a> {
+    /// Argument `i`; `as_written`: it stands beside `##`.
+    fn get(&self, i: usize, as_written: bool) -> Option<&'a Vec<Token>> {
+        if as_written { self.written.get(i) } else { self.expanded.get(i) }
+    }
+}
+
+/// Does `##` stand at token `i`?
+fn is_paste(body: &[Token], i: usize) -> bool {
+    matches!(body.get(i..i + 2), Some([a, b]) if a.is('#') && b.is('#') && b.glued)
+}
+
+/// Does a macro's body paste tokens?
+fn pastes(body: &[Token]) -> bool {
+    (0..body.len()).any(|i| is_paste(body, i))
 }
 
 /// A token without the mark that stops its expansion.

@@ -1,15 +1,37 @@
 //! Bytes to text to tokens: encodings, spliced lines, comments.
 
 use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
-use osier_base::diagnostic::{SourceId, Span};
+use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
-/// Text of a file's bytes and whether they had to be read as Latin-1. A byte order mark is dropped.
+/// Text of a file's bytes and whether they had to be read as Latin-1. A byte order mark is dropped; line ends of a lone CR
+/// become LF, so that lines are counted as their writer saw them.
 pub(super) fn decode(bytes: &[u8]) -> (String, bool) {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    match std::str::from_utf8(bytes) {
+    let ends_with_cr = |i: usize| bytes.get(i) == Some(&b'\r') && bytes.get(i + 1) != Some(&b'\n');
+    let lines: std::borrow::Cow<'_, [u8]> = if (0..bytes.len()).any(ends_with_cr) {
+        (0..bytes.len()).map(|i| if ends_with_cr(i) { b'\n' } else { bytes[i] }).collect::<Vec<u8>>().into()
+    } else {
+        bytes.into()
+    };
+    match std::str::from_utf8(&lines) {
         Ok(text) => (text.to_owned(), false),
-        Err(_) => (bytes.iter().map(|&b| char::from(b)).collect(), true),
+        Err(_) => (lines.iter().map(|&b| char::from(b)).collect(), true),
     }
+}
+
+/// Bytes that [`is_utf16`] looks at.
+const UTF16_SAMPLE: usize = 4096;
+
+/// Is the file UTF-16? It begins with the byte order mark of UTF-16, or every other byte of its start is 0.
+pub(super) fn is_utf16(bytes: &[u8]) -> bool {
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return true;
+    }
+    let sample = bytes.get(..UTF16_SAMPLE).unwrap_or(bytes);
+    let zeros = |first: usize| sample.iter().skip(first).step_by(2).filter(|b| **b == 0).count();
+    let (even, odd) = (zeros(0), zeros(1));
+    // Text in Latin script has a zero in nearly every pair, always on the same side.
+    sample.len() >= 4 && even.min(odd) == 0 && even.max(odd) * 4 > sample.len()
 }
 
 /// A file as tokens, ending in a newline, with the places of its comments.
@@ -21,7 +43,15 @@ pub(super) struct LexedText {
 
 /// Turns a text into tokens.
 pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> LexedText {
-    let mut lexer = Lexer { session, source, chars: splice(text), i: 0, end: text.len(), out: LexedText::default() };
+    let mut lexer = Lexer {
+        session,
+        source,
+        chars: splice(text),
+        i: 0,
+        end: text.len(),
+        rule: RuleState::Elsewhere,
+        out: LexedText::default(),
+    };
     lexer.run();
     lexer.out
 }
@@ -32,11 +62,17 @@ fn splice(text: &str) -> Vec<(usize, char)> {
     let mut out = Vec::with_capacity(text.len());
     // Offsets refer to the original text, so that locations stay exact across spliced lines.
     let mut skip_to = 0;
+    let (mut starts_line, mut is_directive) = (true, false);
     for (i, c) in text.char_indices() {
         if i < skip_to {
             continue;
         }
+        is_directive = if starts_line { c == '#' } else { is_directive };
+        starts_line = c == '\n' || (starts_line && c.is_whitespace());
         match c {
+            // Some writers double the backslash that continues a directive.
+            '\\' if is_directive && bytes[i + 1..].starts_with(b"\\\n") => skip_to = i + 3,
+            '\\' if is_directive && bytes[i + 1..].starts_with(b"\\\r\n") => skip_to = i + 4,
             '\\' if bytes.get(i + 1) == Some(&b'\n') => skip_to = i + 2,
             '\\' if bytes.get(i + 1) == Some(&b'\r') => {
                 skip_to = if bytes.get(i + 2) == Some(&b'\n') { i + 3 } else { i + 2 };
@@ -49,13 +85,46 @@ fn splice(text: &str) -> Vec<(usize, char)> {
     out
 }
 
+/// Is the text a list of modules rather than words? Words have several small letters in a row, outside the parentheses of
+/// parameters. `touches`: it is written without blanks around the `//`, where few write comments.
+fn looks_like_modules(text: &str, touches: bool) -> bool {
+    let (mut depth, mut small, mut has_turns, mut has_symbols) = (0_u32, 0_u32, false, false);
+    let mut before = ' ';
+    for c in text.chars() {
+        match c {
+            // Parameters follow their symbol without a blank.
+            '(' if depth > 0 || !before.is_whitespace() => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            _ if depth > 0 => {}
+            '[' | ']' | '+' | '&' | '^' | '!' => has_turns = true,
+            _ => has_symbols |= c.is_alphabetic(),
+        }
+        small = if depth == 0 && c.is_lowercase() { small + 1 } else { 0 };
+        if small > 1 {
+            return false;
+        }
+        before = c;
+    }
+    (has_symbols || has_turns) && (touches || (has_turns && has_symbols))
+}
+
 struct Lexer<'a> {
     session: &'a mut ParseSession,
     source: SourceId,
     chars: Vec<(usize, char)>,
     i: usize,
     end: usize,
+    rule: RuleState,
     out: LexedText,
+}
+
+/// Where the lexer is in a production.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum RuleState {
+    Elsewhere,
+    /// Behind so many characters of `-->`.
+    Arrow(u8),
+    Successor,
 }
 
 impl Lexer<'_> {
@@ -84,8 +153,10 @@ impl Lexer<'_> {
                     glued = false;
                     continue;
                 }
-                '/' if matches!(self.peek(1), Some('/' | '*')) => {
-                    self.comment();
+                '/' if self.peek(1) == Some('*')
+                    || (self.peek(1) == Some('/') && !self.session.block_comments_only) =>
+                {
+                    self.comment(glued);
                     glued = false;
                     continue;
                 }
@@ -97,6 +168,16 @@ impl Lexer<'_> {
                 }
                 _ => {}
             }
+            if c == '#' && self.out.tokens.last().is_none_or(Token::is_newline) {
+                self.pragma();
+            }
+            self.rule = match (self.rule, c) {
+                (RuleState::Successor, _) => RuleState::Successor,
+                (RuleState::Arrow(2), '>') if glued => RuleState::Successor,
+                (RuleState::Arrow(1), '-') if glued => RuleState::Arrow(2),
+                (_, '-') => RuleState::Arrow(1),
+                _ => RuleState::Elsewhere,
+            };
             let kind = self.token(c);
             let place = SourcePlace::bare(Span::new(self.source, start, self.last_end()));
             self.out.tokens.push(Token { kind, place, glued });
@@ -114,6 +195,9 @@ impl Lexer<'_> {
 
     fn newline(&mut self, start: usize) {
         let tab = self.peek(0) == Some('\t');
+        if !matches!(self.peek(0), Some('\t' | ' ')) {
+            self.rule = RuleState::Elsewhere;
+        }
         let place = SourcePlace::bare(Span::new(self.source, start, (start + 1).min(self.end)));
         let kind = TokenKind::Newline { indented: tab || self.peek(0) == Some(' '), tab };
         self.out.tokens.push(Token { kind, place, glued: false });
@@ -179,10 +263,34 @@ impl Lexer<'_> {
         TokenKind::Text(self.session.names.intern(&text))
     }
 
-    fn comment(&mut self) {
+    /// `#pragma osier comments block`: from here on `//` is two symbols.
+    fn pragma(&mut self) {
+        let line: String = self.chars[self.i + 1..].iter().map(|c| c.1).take_while(|c| *c != '\n').collect();
+        if line.split_whitespace().eq(["pragma", "osier", "comments", "block"]) {
+            self.session.block_comments_only = true;
+        }
+    }
+
+    /// L014: `//` in a successor before what looks like modules. `glued`: no blank stands before it.
+    fn check_hidden_modules(&mut self, start: usize, glued: bool) {
+        let rest: String = self.chars[self.i + 2..].iter().map(|c| c.1).take_while(|c| *c != '\n').collect();
+        let touches = glued && rest.starts_with(|c: char| !c.is_whitespace());
+        if self.rule != RuleState::Successor || !looks_like_modules(&rest, touches) {
+            return;
+        }
+        let place = SourcePlace::bare(Span::new(self.source, start, start + 2));
+        let message = "'//' makes the rest of this production a comment";
+        let d = Diagnostic::warning("L014", message, place.span, "the comment begins here")
+            .help("write two rolls as '/ /'; '#pragma osier comments block' turns such comments off")
+            .fix(place.span, "/ /");
+        self.session.push(d, place);
+    }
+
+    fn comment(&mut self, glued: bool) {
         let start = self.offset();
         // A line comment keeps its line end, which ends the logical line.
         if self.peek(1) == Some('/') {
+            self.check_hidden_modules(start, glued);
             while self.peek(0).is_some_and(|c| c != '\n') {
                 self.i += 1;
             }

@@ -157,6 +157,14 @@ impl Preprocessor<'_> {
 
     /// Puts a file on top of the reading stack.
     fn open_file(&mut self, name: &str, bytes: &[u8]) {
+        if lexer::is_utf16(bytes) {
+            let start = SourcePlace::start_of(self.sources.add(name, ""));
+            let message = format!("\"{name}\" is UTF-16 text, expected UTF-8");
+            let help = "save it as UTF-8 in its editor, or run: iconv -f UTF-16 -t UTF-8";
+            self.session.error_help("L001", message, start, help);
+            self.is_foreign = true;
+            return;
+        }
         let (text, latin1) = lexer::decode(bytes);
         let source = self.sources.add(name, text.as_str());
         let start = SourcePlace::start_of(source);

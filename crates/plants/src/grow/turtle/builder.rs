@@ -116,6 +116,11 @@ impl PlantBuilder {
         self.nodes.len() as u64
     }
 
+    /// True before anything is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty() && self.organs.is_empty()
+    }
+
     /// Number of organs so far.
     pub fn organ_count(&self) -> u64 {
         self.organs.len() as u64

@@ -15,13 +15,15 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, TurtleAction};
+use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, QueryAnswer, TurtleAction, TurtleAnswers};
 use osier_scene::plant::PAINTED;
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
 const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
 /// Thinnest width, turtle units; `!` may count down below zero.
 const MIN_WIDTH: f64 = 1e-7;
+/// Longest step, m: squares of sums of such steps stay within single precision.
+const MAX_STEP: f64 = 1e12;
 
 /// Where the next segment is attached.
 #[derive(Debug, Clone, Copy)]
@@ -84,6 +86,8 @@ struct TurtleWarning {
     symbol: (Option<char>, char),
     message: String,
     help: String,
+    /// Where it comes from; `None`: the first place of the symbol.
+    span: Option<osier_base::diagnostic::Span>,
     count: u64,
 }
 
@@ -124,6 +128,14 @@ pub(super) struct Turtle<'a> {
     /// A limit was exceeded or a command is forbidden: nothing more is drawn.
     halted: bool,
     pub sets_widths: bool,
+    /// Index in the string of the module that is drawn.
+    pub(super) index: usize,
+    /// The string is interpreted for its queries.
+    pub(super) asked: bool,
+    /// Answers to the queries of the string.
+    pub(super) answers: TurtleAnswers,
+    /// Scale and width before each open sub-L-system.
+    subsystems: Vec<(f64, f64)>,
 }
 
 impl<'a> Turtle<'a> {
@@ -193,6 +205,26 @@ impl<'a> Turtle<'a> {
             max_organs: limits.get("organs"),
             halted: false,
             sets_widths: false,
+            index: 0,
+            asked: false,
+            answers: TurtleAnswers::default(),
+            subsystems: Vec::new(),
+        }
+    }
+
+    /// As [`Self::warn`], at the place that makes parameter `of.2` of a module of symbol `of.0` with `of.1` parameters.
+    fn warn_at(
+        &mut self,
+        code: &'static str,
+        of: Option<(u16, usize, usize)>,
+        symbol: (Option<char>, char),
+        message: String,
+        help: &str,
+    ) {
+        let known = self.warnings.len();
+        self.warn(code, symbol, message, help);
+        if let Some(new) = self.warnings.get_mut(known) {
+            new.span = of.and_then(|(symbol, arity, i)| self.grammar.place_of_parameter(symbol, arity, i));
         }
     }
 
@@ -201,7 +233,9 @@ impl<'a> Turtle<'a> {
         // times.
         match self.warnings.iter_mut().find(|r| r.code == code && r.symbol == symbol) {
             Some(r) => r.count += 1,
-            None => self.warnings.push(TurtleWarning { code, symbol, message, help: help.to_owned(), count: 1 }),
+            None => {
+                self.warnings.push(TurtleWarning { code, symbol, message, help: help.to_owned(), span: None, count: 1 })
+            }
         }
     }
 
@@ -218,7 +252,7 @@ impl<'a> Turtle<'a> {
             .map(|r| {
                 // Warnings point at the first place of the symbol in the grammar.
                 let times = if r.count > 1 { format!(", {} times", r.count) } else { String::new() };
-                let span = self.grammar.place_of(r.symbol.0, r.symbol.1);
+                let span = r.span.unwrap_or_else(|| self.grammar.place_of(r.symbol.0, r.symbol.1));
                 let message = format!("{}{times}", r.message);
                 let d = match osier_base::diagnostic::codes::find(r.code).map(|c| c.severity) {
                     Some(osier_base::diagnostic::Severity::Error) => Diagnostic::error(r.code, message, span, "here"),
@@ -251,7 +285,7 @@ impl<'a> Turtle<'a> {
                 let size = self.param(m, 0, 1.0);
                 self.organ(c, size, m);
             }
-            Prefix::Query => {}
+            Prefix::Query => self.query(c),
         }
     }
 
@@ -263,7 +297,8 @@ impl<'a> Turtle<'a> {
             Some(_) => {
                 let c = self.grammar.symbols().get(m.symbol);
                 let message = format!("parameter {} of {c} is not finite and counts as 0", i + 1);
-                self.warn("L041", (None, c), message, "look for a division or logarithm of 0");
+                let help = "look for a logarithm of 0, a root of a negative number, or a value that grows without end";
+                self.warn_at("L041", Some((m.symbol, m.params.len(), i)), (None, c), message, help);
                 0.0
             }
         }
@@ -287,7 +322,11 @@ impl<'a> Turtle<'a> {
             Command::Pitch(p) => self.turn(m, p, c, TurtleFrame::pitch),
             Command::Roll(p) => self.turn(m, p, c, TurtleFrame::roll),
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
-            Command::Level => self.s.frame.level(),
+            // The end of a sub-L-system, else the textbook's `@v`.
+            Command::Level => match self.subsystems.pop() {
+                Some((scale, width)) => (self.s.scale, self.s.width) = (scale, width),
+                None => self.s.frame.level(),
+            },
             Command::Push => self.push_state(m),
             Command::Pop => self.pop_state(m),
             // Increments of `#` and `!` scale with the turtle, as a parameter does.
@@ -324,12 +363,29 @@ impl<'a> Turtle<'a> {
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
             Command::Bound => self.apply_bound_action(m),
-            Command::Query => {
-                self.prefix = Prefix::Query;
-                self.warn("L008", (None, c), "queries are not supported".into(), "the module keeps its parameters");
+            // `?(label,s)` begins a sub-L-system, which is drawn s times as large.
+            Command::Query if !m.params.is_empty() => {
+                let factor = self.param(m, 1, 1.0);
+                self.subsystems.push((self.s.scale, self.s.width));
+                self.s.scale *= factor;
+                self.s.width = (self.s.width * factor).max(MIN_WIDTH);
             }
+            Command::Query => self.prefix = Prefix::Query,
             Command::Nothing => {}
         }
+    }
+
+    /// Answers the query of a letter.
+    fn query(&mut self, c: char) {
+        let value = match c {
+            'P' => self.s.p / self.options.unit_m,
+            'H' => self.s.frame.h,
+            'L' => self.s.frame.l,
+            // cpfg's up vector is the opposite of U = H x L.
+            'U' => -self.s.frame.u,
+            _ => return,
+        };
+        self.answers.answers.push(QueryAnswer { module: self.index, value: value.to_array() });
     }
 
     /// Gives the current segment the current width at its end.
@@ -356,8 +412,7 @@ impl<'a> Turtle<'a> {
         // The angle of the module in degrees, or the default angle of the scene.
         let (cos, sin) = if m.params.is_empty() {
             if self.options.angle.is_none() {
-                let help =
-                    "give the turn a parameter, or an angle: --set turtle.angle_deg=90, or a view beside the grammar";
+                let help = "give the turn a parameter, or the plant an angle: --set angle_deg=90, angle_deg below [plants.NAME.turtle], or a view beside the grammar";
                 self.warn("L045", (None, c), "no angle given, 45 degrees assumed".into(), help);
             }
             self.default_turn
@@ -385,7 +440,7 @@ impl<'a> Turtle<'a> {
         }
         self.stack.push(self.s);
         self.cylinders.push(None);
-        self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage };
+        self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage() };
     }
 
     fn pop_state(&mut self, m: Module<'_>) {
@@ -411,7 +466,7 @@ impl<'a> Turtle<'a> {
     }
 
     pub(super) fn set_width(&mut self, width: f64) {
-        self.s.width = width.max(MIN_WIDTH);
+        self.s.width = width.clamp(MIN_WIDTH, MAX_STEP);
         self.sets_widths = true;
     }
 
@@ -443,7 +498,14 @@ impl<'a> Turtle<'a> {
 
     /// Moves ahead by `length` (turtle units), bent by the tropisms before the step and by the old tropism after it.
     pub(super) fn step(&mut self, length: f64, m: Module<'_>, draws: bool, adds_vertex: bool) {
-        let length = length * self.s.scale * self.options.unit_m;
+        let mut length = length * self.s.scale * self.options.unit_m;
+        if length.abs() > MAX_STEP || length.is_nan() {
+            let c = self.grammar.symbols().get(m.symbol);
+            let message = format!("a step of {c} is longer than {MAX_STEP:e} m and counts as 0");
+            let help = "look for a length, or a scale of @D, that grows without end";
+            self.warn_at("L041", Some((m.symbol, m.params.len(), 0)), (None, c), message, help);
+            length = 0.0;
+        }
         // Directional growth responses turn the heading before the step.
         let tropisms = &self.options.tropisms;
         if !tropisms.is_empty() {
@@ -452,6 +514,15 @@ impl<'a> Turtle<'a> {
         }
         let from = self.s.p;
         self.s.p += self.s.frame.h * length;
+        if draws && self.asked {
+            for p in [from, self.s.p] {
+                let p = (p / self.options.unit_m).to_array();
+                let [least, greatest] = &mut self.answers.bounds;
+                for (k, x) in p.into_iter().enumerate() {
+                    (least[k], greatest[k]) = (least[k].min(x), greatest[k].max(x));
+                }
+            }
+        }
         // A cylinder that is open here is the stem itself.
         let is_stem = self.cylinder().is_some();
         // A drawn step extends the current axis. A jump ends it: what is drawn next opens an axis of its own.
@@ -462,7 +533,7 @@ impl<'a> Turtle<'a> {
             if draws {
                 self.s.last = self.s.frame;
             }
-            self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
+            self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
         }
         if self.s.tropism_elasticity.abs() > 0.0 {
             tropism::apply_tropism_after_step(&mut self.s.frame, self.options.old_tropism, self.s.tropism_elasticity);
@@ -507,7 +578,7 @@ impl<'a> Turtle<'a> {
     /// Moves without drawing, by a vector in m.
     pub(super) fn jump(&mut self, by: DVec3, m: Module<'_>) {
         self.s.p += by;
-        self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
+        self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
     }
 
     /// The turtle's position and orientation.
@@ -522,7 +593,7 @@ impl<'a> Turtle<'a> {
             return self.halt("L051", '~', message, "raise it with --max-organs, or shorten the derivation");
         }
         let site = self.current_site();
-        self.builder.add_organ(RawOrgan { site, pose, size, protos, lineage: m.lineage, birth: m.birth });
+        self.builder.add_organ(RawOrgan { site, pose, size, protos, lineage: m.lineage(), birth: m.birth });
     }
 
     pub(super) fn too_many_prototypes(&mut self, c: char) {
@@ -553,7 +624,7 @@ impl<'a> Turtle<'a> {
             'M' => {
                 let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 0.0));
                 self.s.p = DVec3::new(x, y, z) * self.options.unit_m;
-                self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
+                self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
             }
             'R' => {
                 let v = [0, 1, 2, 3, 4, 5].map(|i| self.param(m, i, 0.0));
@@ -569,7 +640,7 @@ impl<'a> Turtle<'a> {
             '!' => self.s.cylinder.sides = self.strips_or(m, self.options.sides).clamp(3, 256),
             'D' | 'T' if !m.params.is_empty() => self.at_command_without_letter(c, m.params),
             'D' | 'T' | 'b' | 'G' | 'P' => self.prefix = Prefix::Letter(c),
-            // Labels draw nothing.
+            // A label is an annotation of cpfg's window; plants have none.
             'L' => {}
             'S' | 'I' | 'J' | 'm' => {
                 let message = format!("command '@{c}' is not available in grammars");

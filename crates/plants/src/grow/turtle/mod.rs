@@ -16,11 +16,13 @@ mod paint;
 mod patches;
 mod pixels;
 mod prototypes;
+mod queries;
 mod tropism;
 
 pub(super) use builder::set_exposed_lengths;
 pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
+pub use queries::derive;
 pub use paint::{Paint, TURTLE_COLOR};
 pub use patches::{patch_mesh, triangle_mesh};
 
@@ -53,6 +55,9 @@ pub fn grow(
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
     let (sets_widths, symbol_place) = (turtle.sets_widths, grammar.place_of(None, 'F'));
+    if turtle.builder.is_empty() {
+        warnings.push(nothing_drawn(grammar, derived, limits)?);
+    }
     let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
     match options.radii {
         RadiusModel::Pipe(p) => radii::pipe(&mut plant, &p),
@@ -84,6 +89,30 @@ pub fn grow(
         axis.material = options.shoot_material.filter(|_| thin).unwrap_or(options.axis_material);
     }
     Ok((plant, warnings))
+}
+
+/// Symbols that L037 names, those that occur most often first.
+const NAMED_SYMBOLS: usize = 8;
+
+/// L037 for a string that draws nothing, with the symbols that it consists of.
+fn nothing_drawn(grammar: &Grammar, derived: &DerivedString, limits: &Limits) -> Result<Diagnostic> {
+    let mut counts: std::collections::BTreeMap<char, u64> = std::collections::BTreeMap::new();
+    for symbol in derived.string(grammar, limits)?.symbols() {
+        *counts.entry(grammar.symbols().get(*symbol)).or_insert(0) += 1;
+    }
+    let mut list: Vec<(char, u64)> = counts.into_iter().filter(|(c, _)| !matches!(c, '[' | ']')).collect();
+    list.sort_by_key(|(c, n)| (std::cmp::Reverse(*n), *c));
+    let named: Vec<String> = list.iter().take(NAMED_SYMBOLS).map(|(c, n)| format!("{c} ({n} times)")).collect();
+    let more = if list.len() > NAMED_SYMBOLS { ", .." } else { "" };
+    let first = list.first().map_or('F', |(c, _)| *c);
+    let message = if list.is_empty() {
+        "the derived string is empty: nothing is drawn".to_owned()
+    } else {
+        format!("the derived string draws nothing; it consists of {}{more}", named.join(", "))
+    };
+    let place = grammar.place_of(None, first);
+    let help = "draw with F(1), or give the symbols a homomorphism: Homomorphism, then A --> F(1)";
+    Ok(Diagnostic::warning("L037", message, place, "made here").help(help))
 }
 
 #[cfg(test)]

@@ -75,7 +75,7 @@ impl Turtle<'_> {
         // since prototypes are chosen before they are stretched.
         let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 1.0));
         if x > 0.0 && y > 0.0 && z > 0.0 {
-            let pick = range.pick(m.lineage);
+            let pick = range.pick(m.lineage());
             match self.shape_prototypes.stretched(&mut self.builder.protos, pick, [x / y, z / y]) {
                 Some(proto) => {
                     let size = OrganSize { scale: unit * y * scale, petiole: petiole * y * scale };

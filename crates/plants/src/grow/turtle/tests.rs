@@ -282,3 +282,95 @@ fn grown_plants_need_no_repair() {
         assert!(a.s_exposed > 0.0 && a.s_exposed <= a.length);
     }
 }
+
+/// The string of a grammar whose queries a turtle with these units answers.
+fn asked(steps: u32, axiom: &str, rules: &str, unit_m: f64) -> (Grammar, osier_grammar::DerivedString) {
+    let g = read(&format!("Lsystem: 1\nderivation length: {steps}\nAxiom: {axiom}\n{rules}\nendlsystem"));
+    let options = TurtleOptions { unit_m, ..Default::default() };
+    let d =
+        super::derive(&g, &DeriveOptions::default(), &options, &Limits::default()).unwrap_or_else(|e| panic!("{e}"));
+    (g, d)
+}
+
+#[test]
+fn queries_are_answered_in_turtle_units() {
+    let (_, d) = asked(0, "F(2)+(90)F(3)?P(0,0,0)?H(0,0)?L(0,0,0)[&(90)?U(9,9,9)]f(5)?P(0)", "", 0.01);
+    let found: Vec<f32> = d.modules.iter().flat_map(|m| m.params.to_vec()).collect();
+    // Behind the lengths and angles: P, H (two of its values), L; after `&(90)` H is -U and U is the old H, here -X, whose
+    // opposite cpfg prints; then P again, 5 further along -X.
+    let wanted = [2.0, 90.0, 3.0, -3.0, 2.0, 0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 90.0, 1.0, 0.0, 0.0, 5.0, -8.0];
+    assert_eq!(found.len(), wanted.len(), "{found:?}");
+    assert!(found.iter().zip(wanted).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-5), "{found:?}");
+}
+
+#[test]
+fn the_up_vector_has_the_sign_of_cpfg() {
+    let (g, d) = asked(0, "+(30)&(30)/(30)?U(0,0,0)", "", 1.0);
+    assert!(g.print(&d.modules).ends_with("?U(0.649519,-0.125,-0.75)"), "{}", g.print(&d.modules));
+}
+
+#[test]
+fn answers_steer_the_next_step() {
+    // The query says 0, 1, 2 after the axiom and two steps; then the condition fails.
+    let (g, d) = asked(5, "A?P(0,0)", "A > ?P(x,y) : y < 2 --> FA", 1.0);
+    assert_eq!(g.print(&d.modules), "FFA?P(0,2)");
+    // Bounds of what is drawn, without a query in the string; moves count for nothing.
+    let (g, d) = asked(5, "A", "A : vvYmax() < 2 && vvXmin() == 0 --> FA", 1.0);
+    assert_eq!(g.print(&d.modules), "FFA");
+    // A homomorphism draws what the query asks about.
+    let (g, d) = asked(1, "A?P(0,0)", "A --> AA\nHomomorphism\nA --> F(3)", 1.0);
+    assert_eq!(g.print(&d.modules), "AA?P(0,6)");
+    let d = osier_grammar::derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "AA?P(0,0)", "nobody answers");
+}
+
+#[test]
+fn a_sub_l_system_is_drawn_at_its_scale() {
+    let options = TurtleOptions { radii: RadiusModel::Widths, ..Default::default() };
+    let text = "Lsystem: 1\nderivation length: 0\nAxiom: !(1)F(1)?(2,0.5)F(1)!(1)F(1)$F(1)\nendlsystem\n\
+        Lsystem: 2\nderivation length: 0\nAxiom: F\nendlsystem";
+    let plant = try_draw(text, &options).unwrap_or_else(|e| panic!("{e}")).0;
+    // 1 + 0.5 + 0.5 + 1; each segment ends with the width in force at the next one: 1 to 0.5, 0.5, 0.5 to 1, 1.
+    near(tips(&plant)[0], [0.0, 3.0, 0.0]);
+    let r = &plant.nodes.r;
+    assert!(r.iter().zip([0.5, 0.25, 0.25, 0.5, 0.5]).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-6), "{r:?}");
+}
+
+#[test]
+fn labels_are_read_and_draw_nothing() {
+    let g =
+        read("Lsystem: 1\nderivation length: 1\nAxiom: A(3)\nA(x) --> F(x) @L(\"height %f\",x) @L(\"b\")\nendlsystem");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (plant, warnings) = grow(&g, &d, &TurtleOptions::default(), &Limits::default()).expect("draws");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(plant.axes.len(), 1);
+}
+
+#[test]
+fn numbers_without_end_are_told_with_the_module_that_makes_them() {
+    let said = |rule: &str| {
+        let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: F(1)A\nB --> F(2)\nA --> {rule}\nendlsystem");
+        let g = read(&text);
+        let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+        let (plant, warnings) = grow(&g, &d, &TurtleOptions::default(), &Limits::default()).expect("draws");
+        assert!(plant.nodes.p.iter().all(|p| p.is_finite()));
+        let codes: Vec<&str> = warnings.iter().map(|w| w.code).collect();
+        (codes.join(" "), g.report(warnings).to_string())
+    };
+    for rule in ["F(exp(1000))F(1)", "F(3*10^38)F(1)", "@D(exp(60))F(exp(30))F(1)", "F(sqrt(0-1))F(1)"] {
+        let (codes, text) = said(rule);
+        assert!(codes.contains("L041") && text.contains("test.l:5:"), "{rule}: {text}");
+    }
+}
+
+#[test]
+fn a_string_that_draws_nothing_names_its_symbols() {
+    let g = read("Lsystem: 1\nderivation length: 1\nAxiom: AB\nA --> CCC\nendlsystem");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let (_, warnings) = grow(&g, &d, &TurtleOptions::default(), &Limits::default()).expect("draws");
+    let [one] = warnings.as_slice() else { panic!("{warnings:?}") };
+    assert_eq!(
+        (one.code, one.message.as_str()),
+        ("L037", "the derived string draws nothing; it consists of C (3 times), B (1 times)")
+    );
+}

@@ -1,0 +1,433 @@
+//! Derivation depth first, for L-systems whose modules are rewritten independently of each other: each module is rewritten through
+//! all remaining steps before the next one, so that no string is stored. The modules come out in the order of the final string.
+//!
+//! ```text
+//! axiom   A ............................ B      frame 0: next active module A
+//!         |
+//! step 1  F [ + A ] A                            frame 1: emits "F [ +", then descends into A
+//!             |
+//! step 2      F [ + A ] A                        last step: emitted whole
+//! ```
+
+use std::ops::{ControlFlow, Range};
+
+use super::matching::{Brackets, ContextView};
+use super::plan::{RewritePlan, Template, TemplateText};
+use super::registers::RegisterCompiler;
+use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
+use crate::modules::{Ancestry, LineageIds, Module, ModuleBlock, ModuleString};
+use crate::program::Program;
+use crate::symbols::SymbolId;
+use crate::vm::{Halt, Vm};
+use osier_base::convert::to_usize;
+
+/// Receives the modules of a final string, in order.
+pub(super) trait ModuleSink {
+    /// Asks for lineages.
+    const NEEDS_LINEAGE: bool;
+    /// Asks for parameters.
+    const NEEDS_PARAMS: bool = true;
+
+    /// Takes modules `range` of a block; `Break`: wants no more.
+    fn modules(&mut self, block: &Block<'_>, range: Range<usize>) -> ControlFlow<()>;
+}
+
+/// Modules that one production made of one module.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Block<'a> {
+    pub symbols: &'a [SymbolId],
+    /// Per module: end of its parameters in `params`.
+    ends: &'a [u32],
+    params: &'a [f32],
+    ids: &'a [LineageIds],
+    /// Lineages of the axiom's modules, which have no parent; empty for all other blocks.
+    axiom_lineages: &'a [u64],
+    /// Lineage of the module that was rewritten; 0 where no lineage is needed.
+    parent: u64,
+    birth: u32,
+    /// Text of the modules, if none has parameters.
+    pub text: Option<&'a TemplateText>,
+}
+
+impl<'a> Block<'a> {
+    #[inline]
+    fn new(
+        template: &'a Template<'_>,
+        params: &'a [f32],
+        axiom_lineages: &'a [u64],
+        parent: u64,
+        birth: u32,
+    ) -> Self {
+        let Template { symbols, ends, ids, .. } = template;
+        Self { symbols, ends, params, ids, axiom_lineages, parent, birth, text: template.text.as_ref() }
+    }
+
+    #[inline]
+    fn param_range(&self, i: usize) -> Range<usize> {
+        let start = i.checked_sub(1).map_or(0, |k| to_usize(self.ends[k]));
+        start..to_usize(self.ends[i])
+    }
+
+    fn lineage(&self, i: usize) -> u64 {
+        self.axiom_lineages.get(i).copied().unwrap_or_else(|| self.ids[i].lineage(self.parent))
+    }
+
+    /// Module `i` of the block.
+    #[inline]
+    pub fn module(&self, i: usize) -> Module<'a> {
+        Module {
+            symbol: self.symbols[i],
+            params: &self.params[self.param_range(i)],
+            birth: self.birth,
+            ancestry: match self.axiom_lineages.get(i) {
+                Some(lineage) => Ancestry::Known(*lineage),
+                None => Ancestry::Child { parent: self.parent, ids: self.ids[i] },
+            },
+        }
+    }
+}
+
+/// Appends to a string.
+impl ModuleSink for ModuleString {
+    const NEEDS_LINEAGE: bool = true;
+
+    #[inline]
+    fn modules(&mut self, block: &Block<'_>, range: Range<usize>) -> ControlFlow<()> {
+        if range.is_empty() {
+            return ControlFlow::Continue(());
+        }
+        let params = block.param_range(range.start).start..block.param_range(range.end - 1).end;
+        // Ends count from the first parameter of the block, which need not be copied.
+        let position = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let first_param = position(self.param_count()).wrapping_sub(position(params.start));
+        self.params_mut().extend_from_slice(&block.params[params]);
+        let part = ModuleBlock { symbols: &block.symbols[range.clone()], ends: &block.ends[range.clone()], first_param };
+        self.finish_modules(part, range.map(|i| block.lineage(i)), block.birth);
+        ControlFlow::Continue(())
+    }
+}
+
+/// Where the derivation begins and what it may cost.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DepthFirstJob<'p> {
+    pub plan: &'p RewritePlan<'p>,
+    pub brackets: Brackets,
+    /// Derivation length.
+    pub length: u32,
+    /// Modules of the final string.
+    pub max_modules: u64,
+    /// Attempts to rewrite a module, over all steps.
+    pub max_work: u64,
+}
+
+/// Factor of growth from one step to the next below which no step is predicted: slow growth changes its course.
+const SMALLEST_FACTOR: f64 = 1.1;
+/// Difference of two factors of growth that count as equal.
+const FACTOR_TOLERANCE: f64 = 0.01;
+
+/// A block whose active modules are being rewritten.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    /// Production that made the block; `None`: the axiom.
+    production: Option<u32>,
+    /// Start of its parameters in the pool.
+    params: usize,
+    parent: u64,
+    /// Step in which it was made.
+    birth: u32,
+    /// Number of active modules dealt with.
+    next: u32,
+    /// Number of modules emitted or rewritten.
+    emitted: u32,
+    /// Start of its choices in the pool of choices.
+    choices: usize,
+}
+
+impl Frame {
+    fn new(production: Option<u32>, params: usize, choices: usize, parent: u64, birth: u32) -> Self {
+        Self { production, params, parent, birth, next: 0, emitted: 0, choices }
+    }
+}
+
+/// What is known of an active module before it is its turn: chains of hashes of several modules are computed side by side.
+#[derive(Debug, Clone, Copy)]
+struct Choice {
+    lineage: u64,
+    /// The production that was drawn, where productions compete under no condition.
+    production: Option<u32>,
+}
+
+/// Counts of a derivation.
+#[derive(Debug, Clone, Default)]
+pub(super) struct DerivationCounts {
+    /// Modules of the final string.
+    pub modules: u64,
+    /// Last step in which a production was applied; 0: none.
+    pub last_change: u32,
+    /// Modules that each step adds, less those that it removes.
+    gains: Vec<i64>,
+    /// Modules made by each production.
+    made: Vec<u64>,
+    work: u64,
+}
+
+impl DerivationCounts {
+    /// Largest number of modules of any step, and that step. `axiom`: modules of the axiom.
+    pub fn longest(&self, axiom: u64) -> (u64, u32) {
+        let mut length = i64::try_from(axiom).unwrap_or(i64::MAX);
+        let mut longest = (axiom, 0);
+        for (step, gain) in (1_u32..).zip(&self.gains) {
+            length = length.saturating_add(*gain);
+            let now = u64::try_from(length).unwrap_or(0);
+            if now > longest.0 {
+                longest = (now, step);
+            }
+        }
+        longest
+    }
+
+    /// First step after `steps`, the counted ones, whose string has more than `limit` modules if each step multiplies it as the
+    /// last two counted steps did; `None` if their factors differ, or do not let it grow.
+    pub fn step_beyond(&self, limit: u64, steps: u32) -> Option<u32> {
+        let last = to_usize(steps).checked_sub(1)?;
+        let gain = |step: usize| self.gains.get(step).copied().filter(|g| *g > 0).map(|g| g as f64);
+        // Gains grow by the same factor as lengths, and do not depend on the axiom.
+        let (a, b, c) = (gain(last.checked_sub(2)?)?, gain(last - 1)?, gain(last)?);
+        let (before, factor) = (b / a, c / b);
+        if factor < SMALLEST_FACTOR || (factor - before).abs() > FACTOR_TOLERANCE * factor {
+            return None;
+        }
+        let (mut length, mut gain, mut step) = (self.modules as f64, c, steps);
+        while length <= limit as f64 {
+            gain *= factor;
+            length += gain;
+            step += 1;
+        }
+        Some(step)
+    }
+
+    /// The production that made most modules.
+    pub fn main_production(&self) -> Option<usize> {
+        (0..self.made.len()).max_by_key(|i| (self.made[*i], std::cmp::Reverse(*i)))
+    }
+}
+
+/// Derives depth first.
+pub(super) struct DepthFirst<'p> {
+    job: DepthFirstJob<'p>,
+    pub axiom: Template<'p>,
+    axiom_lineages: Vec<u64>,
+    pub rewriter: Rewriter<'p>,
+    pub counts: DerivationCounts,
+    stack: Vec<Frame>,
+    /// Parameters of the blocks on the stack.
+    pool: Vec<f32>,
+    /// Choices of the active modules of the blocks on the stack.
+    choices: Vec<Choice>,
+    /// Global variables after `StartEach` of each step; empty if no block changes them.
+    globals: Vec<Vec<f64>>,
+}
+
+impl<'p> DepthFirst<'p> {
+    /// A derivation of `program` from the axiom `modules`. `globals`: global variables in each step, if blocks change them.
+    pub fn new(
+        job: DepthFirstJob<'p>,
+        program: &'p Program,
+        modules: &ModuleString,
+        vm: Vm,
+        globals: Vec<Vec<f64>>,
+    ) -> Self {
+        let mut axiom = job.plan.template(program, &program.axiom, &mut RegisterCompiler::new(0));
+        // The axiom's parameters are values, whatever their expressions.
+        axiom.computed.clear();
+        axiom.constants.clear();
+        modules.iter().for_each(|m| axiom.constants.extend_from_slice(m.params));
+        let settings = RewriteSettings {
+            plan: job.plan,
+            purposes: DrawPurposes::of_productions(),
+            step: Some(0),
+            birth: 0,
+            tag: 0,
+            brackets: job.brackets,
+        };
+        let counts = DerivationCounts {
+            gains: vec![0; to_usize(job.length)],
+            made: vec![0; job.plan.productions.len()],
+            ..DerivationCounts::default()
+        };
+        Self {
+            job,
+            axiom,
+            axiom_lineages: modules.iter().map(|m| m.lineage()).collect(),
+            rewriter: Rewriter::new(settings, vm),
+            counts,
+            stack: Vec::new(),
+            pool: Vec::new(),
+            choices: Vec::new(),
+            globals,
+        }
+    }
+
+    /// Hands the modules of the final string to `sink`.
+    /// # Errors
+    /// `Modules` and `Work` beyond the job's limits, or where the sink wants no more; what statements cause.
+    pub fn run<S: ModuleSink>(&mut self, sink: &mut S) -> Result<(), Halt> {
+        if S::NEEDS_LINEAGE || self.job.plan.draws {
+            self.run_with::<S, true>(sink)
+        } else {
+            self.run_with::<S, false>(sink)
+        }
+    }
+
+    fn run_with<S: ModuleSink, const LINEAGE: bool>(&mut self, sink: &mut S) -> Result<(), Halt> {
+        let plan = self.job.plan;
+        self.stack.clear();
+        self.pool.clear();
+        self.pool.extend_from_slice(&self.axiom.constants);
+        self.choices.clear();
+        self.stack.push(Frame::new(None, 0, 0, 0, 0));
+        'frames: while let Some(mut frame) = self.stack.pop() {
+            let (template, axiom_lineages): (&Template<'_>, &[u64]) = match frame.production {
+                None => (&self.axiom, &self.axiom_lineages),
+                Some(p) => (&plan.productions[to_usize(p)].template, &[]),
+            };
+            if LINEAGE && frame.next == 0 && frame.birth < self.job.length {
+                let lineage = |i: usize| match axiom_lineages.get(i) {
+                    Some(lineage) => *lineage,
+                    None => template.ids[i].lineage(frame.parent),
+                };
+                self.rewriter.begin_step(frame.birth + 1, &self.globals);
+                for active in &template.active {
+                    let lineage = lineage(to_usize(active.index));
+                    let production = self.rewriter.draw_in_group(active.group, lineage);
+                    self.choices.push(Choice { lineage, production });
+                }
+            }
+            // Rewrite the active modules of the block one after the other.
+            while let Some(active) = template.active.get(to_usize(frame.next)) {
+                let choice = if LINEAGE { self.choices.get(frame.choices + to_usize(frame.next)) } else { None };
+                let lineage = choice.map_or(0, |c| c.lineage);
+                frame.next += 1;
+                let params = frame.params + to_usize(active.first_param)..frame.params + to_usize(active.end_param);
+                let module = Module {
+                    symbol: template.symbols[to_usize(active.index)],
+                    params: &self.pool[params],
+                    birth: frame.birth,
+                    ancestry: Ancestry::Known(lineage),
+                };
+                let (rewriter, counts) = (&mut self.rewriter, &mut self.counts);
+                let applied = match choice.and_then(|c| c.production) {
+                    // The production is known; its step is the next one.
+                    Some(production) => {
+                        counts.work += 1;
+                        rewriter.begin_step(frame.birth + 1, &self.globals);
+                        rewriter.take(production, module);
+                        Some(Applied { production, step: frame.birth + 1 })
+                    }
+                    _ => apply_next(rewriter, counts, &self.job, &self.globals, module, active.group)?,
+                };
+                let Some(Applied { production, step }) = applied else { continue };
+                // What stands before the module is emitted first, then comes what is made of the module.
+                if frame.emitted < active.index {
+                    let params = &self.pool[frame.params..];
+                    let block = Block::new(template, params, axiom_lineages, frame.parent, frame.birth);
+                    let before = to_usize(frame.emitted)..to_usize(active.index);
+                    emit(counts, self.job.max_modules, sink, &block, before)?;
+                }
+                frame.emitted = active.index + 1;
+                let planned = rewriter.planned(production);
+                let made = planned.template.symbols.len();
+                counts.count_production(production, step, made);
+                let is_final = step == self.job.length || planned.template.active.is_empty();
+                // Without anyone to read them, parameters are only computed for what they report.
+                if is_final && !S::NEEDS_PARAMS && planned.is_pure {
+                    counts.count_modules(made as u64, self.job.max_modules)?;
+                    continue;
+                }
+                let params = self.pool.len();
+                rewriter.append_params(production, &mut self.pool)?;
+                if !is_final {
+                    self.stack.push(frame);
+                    self.stack.push(Frame::new(Some(production), params, self.choices.len(), lineage, step));
+                    continue 'frames;
+                }
+                // Nothing of it is rewritten any more: the block is emitted whole.
+                let block = Block::new(&planned.template, &self.pool[params..], &[], lineage, step);
+                emit(counts, self.job.max_modules, sink, &block, 0..made)?;
+                self.pool.truncate(params);
+            }
+            // All active modules are dealt with: emit the rest of the block.
+            let rest = to_usize(frame.emitted)..template.symbols.len();
+            if !rest.is_empty() {
+                let block = Block::new(template, &self.pool[frame.params..], axiom_lineages, frame.parent, frame.birth);
+                emit(&mut self.counts, self.job.max_modules, sink, &block, rest)?;
+            }
+            self.pool.truncate(frame.params);
+            self.choices.truncate(frame.choices);
+        }
+        Ok(())
+    }
+}
+
+impl DerivationCounts {
+    #[inline]
+    fn count_modules(&mut self, n: u64, max_modules: u64) -> Result<(), Halt> {
+        self.modules += n;
+        if self.modules > max_modules { Err(Halt::Modules) } else { Ok(()) }
+    }
+
+    /// Counts a production that made `made` modules of one in `step`.
+    #[inline]
+    fn count_production(&mut self, production: u32, step: u32, made: usize) {
+        self.made[to_usize(production)] += made as u64;
+        self.gains[to_usize(step - 1)] += made as i64 - 1;
+        self.last_change = self.last_change.max(step);
+    }
+}
+
+/// A production that was applied, and in which step.
+struct Applied {
+    production: u32,
+    step: u32,
+}
+
+/// Hands modules to the sink and counts them.
+#[inline]
+fn emit<S: ModuleSink>(
+    counts: &mut DerivationCounts,
+    max_modules: u64,
+    sink: &mut S,
+    block: &Block<'_>,
+    range: Range<usize>,
+) -> Result<(), Halt> {
+    counts.count_modules(range.len() as u64, max_modules)?;
+    if sink.modules(block, range).is_break() { Err(Halt::Modules) } else { Ok(()) }
+}
+
+/// The first production that applies to a module in one of the steps after its birth; the rewriter holds its variables.
+#[inline(always)]
+fn apply_next(
+    rewriter: &mut Rewriter<'_>,
+    counts: &mut DerivationCounts,
+    job: &DepthFirstJob<'_>,
+    globals: &[Vec<f64>],
+    module: Module<'_>,
+    group: u32,
+) -> Result<Option<Applied>, Halt> {
+    // Productions without contexts look at no string.
+    const NO_STRING: ContextView<'static> = ContextView::NONE;
+    let is_stationary = job.plan.groups[to_usize(group)].is_stationary;
+    let first = module.birth + 1;
+    let last = if is_stationary { job.length.min(first) } else { job.length };
+    for step in first..=last {
+        counts.work += 1;
+        if counts.work > job.max_work {
+            return Err(Halt::Work);
+        }
+        rewriter.begin_step(step, globals);
+        if let Some(production) = rewriter.select_in_group(group, module, &NO_STRING, 0)? {
+            return Ok(Some(Applied { production, step }));
+        }
+    }
+    Ok(None)
+}

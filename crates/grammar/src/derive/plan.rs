@@ -1,0 +1,356 @@
+//! Productions prepared for rewriting: an index by symbol and number of parameters, and successors as blocks of symbols and
+//! parameters that are copied whole, so that only the parameters that change are computed.
+
+use super::registers::{RegisterCode, RegisterCompiler, ValueSource};
+use crate::code::{Bytecode, Expr, Op};
+use crate::modules::LineageIds;
+use crate::program::{Production, ProductionSet, Program, Section, SuccessorModule};
+use crate::symbols::SymbolId;
+use osier_base::convert::to_usize;
+use osier_base::math::narrow;
+use osier_base::rng::Shares;
+
+/// Index of a group in [`RewritePlan::groups`].
+pub(super) type GroupId = u32;
+
+/// A successor, or the axiom, as arrays over its modules.
+#[derive(Debug)]
+pub(super) struct Template<'p> {
+    pub symbols: Vec<SymbolId>,
+    /// Per module: end of its parameters.
+    pub ends: Vec<u32>,
+    /// Parameters of all modules; 0 where one is computed.
+    pub constants: Vec<f32>,
+    pub computed: Vec<ComputedParameter<'p>>,
+    /// Per module: what its lineage adds to that of the module which it replaces.
+    pub ids: Vec<LineageIds>,
+    /// Modules that some production may rewrite.
+    pub active: Vec<ActiveModule>,
+    /// The modules as text, if none has parameters.
+    pub text: Option<TemplateText>,
+}
+
+/// Modules without parameters as text.
+#[derive(Debug, Default)]
+pub(super) struct TemplateText {
+    text: String,
+    /// Per module: end of its text.
+    ends: Vec<usize>,
+}
+
+impl TemplateText {
+    fn new(program: &Program, symbols: &[SymbolId]) -> Self {
+        let mut out = Self::default();
+        for symbol in symbols {
+            out.text.push(program.symbols.get(*symbol));
+            out.ends.push(out.text.len());
+        }
+        out
+    }
+
+    /// Text of the modules of a range.
+    #[inline]
+    pub fn part(&self, modules: std::ops::Range<usize>) -> &str {
+        let end = |n: usize| n.checked_sub(1).map_or(0, |k| self.ends[k]);
+        &self.text[end(modules.start)..end(modules.end)]
+    }
+}
+
+/// A parameter that depends on the module which is rewritten.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ComputedParameter<'p> {
+    pub source: ValueSource<'p>,
+    /// Its expression, for the report of a division by zero.
+    pub code: Option<&'p Bytecode>,
+    /// Position among the parameters.
+    pub target: u32,
+}
+
+/// A module of a template that some production may rewrite.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ActiveModule {
+    pub index: u32,
+    pub group: GroupId,
+    /// Its parameters, as a range of all parameters of the template.
+    pub first_param: u32,
+    pub end_param: u32,
+}
+
+/// Share of a production among those that apply.
+#[derive(Debug)]
+pub(super) enum Weight<'p> {
+    Constant(f64),
+    Code(&'p Bytecode),
+}
+
+/// A production with its successor as a template.
+#[derive(Debug)]
+pub(super) struct PlannedProduction<'p> {
+    pub source: &'p Production,
+    /// Number of local variables, parameters included.
+    pub locals: usize,
+    pub condition: Condition<'p>,
+    pub weight: Weight<'p>,
+    pub registers: RegisterCode,
+    pub template: Template<'p>,
+    /// One predecessor, no contexts, no blocks: whether it applies depends on its condition alone.
+    pub is_simple: bool,
+    /// Computing the successor's parameters has no effect but their values.
+    pub is_pure: bool,
+}
+
+/// What a production tests before it applies.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Condition<'p> {
+    Always,
+    /// The value, and the code that it equals.
+    Value(ValueSource<'p>, &'p Bytecode),
+}
+
+/// The productions of one symbol with one number of parameters, in file order.
+#[derive(Debug)]
+pub(super) struct ProductionGroup {
+    pub productions: Vec<u32>,
+    /// All of them look at nothing but the module and their conditions.
+    pub is_simple: bool,
+    /// A module to which none of them applies in one step stays as it is in all later steps.
+    pub is_stationary: bool,
+    /// The only production, if it applies to every module of the group.
+    pub always: Option<u32>,
+    /// Constant weights of the productions, if all of them apply to every module of the group.
+    pub shares: Option<Shares>,
+}
+
+/// The productions of one section, prepared for rewriting.
+#[derive(Debug)]
+pub(super) struct RewritePlan<'p> {
+    pub set: &'p ProductionSet,
+    pub productions: Vec<PlannedProduction<'p>>,
+    pub groups: Vec<ProductionGroup>,
+    /// Per symbol: number of parameters and group.
+    by_symbol: Vec<Vec<(usize, GroupId)>>,
+    /// Competing productions are drawn by weight.
+    pub stochastic: bool,
+    /// Some production draws random numbers, or is drawn itself: lineages are needed while rewriting.
+    pub draws: bool,
+}
+
+/// The plans of one section of all L-systems of a file.
+#[derive(Debug)]
+pub(super) struct SectionPlans<'p> {
+    /// The main L-system first, then those of [`Program::subsystems`].
+    systems: Vec<RewritePlan<'p>>,
+}
+
+impl<'p> SectionPlans<'p> {
+    /// Prepares a section. `stochastic`: its productions compete by weight.
+    pub fn new(program: &'p Program, section: Section, stochastic: bool) -> Self {
+        let plan = |set| RewritePlan::new(program, set, stochastic);
+        Self { systems: program.sections(section).map(plan).collect() }
+    }
+
+    /// The plan of the main L-system.
+    pub fn main(&self) -> &RewritePlan<'p> {
+        &self.systems[0]
+    }
+
+    /// The plan of an L-system by its number, as [`Program::section`] counts; of the main one for an unknown number.
+    pub fn of(&self, system: u16) -> &RewritePlan<'p> {
+        self.systems.get(usize::from(system)).unwrap_or(&self.systems[0])
+    }
+
+    /// No production in any L-system.
+    pub fn is_empty(&self) -> bool {
+        self.systems.iter().all(|p| p.productions.is_empty())
+    }
+
+    /// Some production looks at its neighbours.
+    pub fn needs_partners(&self) -> bool {
+        self.systems.iter().flat_map(|p| &p.set.list).any(|p| !p.is_context_free())
+    }
+
+    /// Modules of the longest predecessor.
+    pub fn longest_predecessor(&self) -> usize {
+        self.systems.iter().flat_map(|p| &p.set.list).map(|p| p.predecessor.len()).max().unwrap_or(1)
+    }
+}
+
+/// The plans of the sections that make the string.
+#[derive(Debug)]
+pub(super) struct Plans<'p> {
+    pub rules: SectionPlans<'p>,
+    pub decomposition: SectionPlans<'p>,
+}
+
+impl<'p> Plans<'p> {
+    /// Prepares the productions of a program. `stochastic`: they compete by weight.
+    pub fn new(program: &'p Program, stochastic: bool) -> Self {
+        Self {
+            rules: SectionPlans::new(program, Section::Rules, stochastic),
+            decomposition: SectionPlans::new(program, Section::Decomposition, stochastic),
+        }
+    }
+}
+
+impl<'p> RewritePlan<'p> {
+    /// Prepares a section of a program.
+    pub fn new(program: &'p Program, set: &'p ProductionSet, stochastic: bool) -> Self {
+        let mut by_symbol: Vec<Vec<(usize, GroupId)>> = vec![Vec::new(); program.symbols.len()];
+        let mut groups: Vec<ProductionGroup> = Vec::new();
+        // Group the productions first: templates refer to the groups of their modules.
+        for (i, p) in (0_u32..).zip(&set.list) {
+            let Some(first) = p.predecessor.first() else { continue };
+            let Some(row) = by_symbol.get_mut(usize::from(first.symbol)) else { continue };
+            let arity = usize::from(first.arity);
+            let group = row.iter().find(|(a, _)| *a == arity).map(|(_, g)| *g);
+            let group = group.unwrap_or_else(|| {
+                let next = u32::try_from(groups.len()).unwrap_or(u32::MAX);
+                row.push((arity, next));
+                groups.push(ProductionGroup { productions: Vec::new(), is_simple: true, is_stationary: true, always: None, shares: None });
+                next
+            });
+            if let Some(g) = groups.get_mut(to_usize(group)) {
+                g.productions.push(i);
+            }
+        }
+        let varies_by_step = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
+        for g in &mut groups {
+            let tests = g.productions.iter().filter_map(|i| set.list.get(to_usize(*i))).flat_map(tests);
+            g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
+        }
+        let mut plan =
+            Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
+        plan.productions = set.list.iter().map(|p| plan.production(program, p)).collect();
+        for i in 0..plan.groups.len() {
+            plan.groups[i].is_simple =
+                plan.groups[i].productions.iter().all(|p| plan.productions[to_usize(*p)].is_simple);
+            plan.groups[i].always = match plan.groups[i].productions.as_slice() {
+                // A deterministic L-system takes the first production that applies.
+                [first, others @ ..] if others.is_empty() || !stochastic => {
+                    let p = &plan.productions[to_usize(*first)];
+                    (p.is_simple && matches!(p.condition, Condition::Always)).then_some(*first)
+                }
+                _ => None,
+            };
+        }
+        for i in 0..plan.groups.len() {
+            plan.groups[i].shares = plan.constant_shares(&plan.groups[i]);
+        }
+        let competes = stochastic && plan.groups.iter().any(|g| g.productions.len() > 1);
+        plan.draws = competes || set.list.iter().flat_map(Production::codes).any(draws);
+        plan
+    }
+
+    /// Weights of productions that compete under no condition, if they are constant and positive.
+    fn constant_shares(&self, group: &ProductionGroup) -> Option<Shares> {
+        let share = |i: &u32| {
+            let p = &self.productions[to_usize(*i)];
+            match p.weight {
+                Weight::Constant(w) if w > 0.0 && p.is_simple && matches!(p.condition, Condition::Always) => Some(w),
+                _ => None,
+            }
+        };
+        let competes = self.stochastic && group.productions.len() > 1;
+        let weights: Option<Vec<f64>> = if competes { group.productions.iter().map(share).collect() } else { None };
+        weights.map(|w| Shares::new(&w))
+    }
+
+    /// Group of modules of a symbol with `arity` parameters.
+    #[inline]
+    pub fn group(&self, symbol: SymbolId, arity: usize) -> Option<GroupId> {
+        let row = self.by_symbol.get(usize::from(symbol))?;
+        row.iter().find(|(a, _)| *a == arity).map(|(_, g)| *g)
+    }
+
+    /// True if some production has this symbol as its (first) predecessor.
+    #[inline]
+    pub fn has_productions(&self, symbol: SymbolId) -> bool {
+        self.by_symbol.get(usize::from(symbol)).is_some_and(|row| !row.is_empty())
+    }
+
+    fn production(&self, program: &Program, p: &'p Production) -> PlannedProduction<'p> {
+        let weight = match &p.weight {
+            None => Weight::Constant(1.0),
+            Some(code) => crate::vm::constant_value(code).map_or(Weight::Code(code), Weight::Constant),
+        };
+        // Parameters of a lone predecessor are the first local variables.
+        let is_first = p.predecessor.first().is_some_and(|f| f.slot == 0);
+        let is_simple = p.is_context_free()
+            && p.predecessor.len() == 1
+            && is_first
+            && p.before.is_none()
+            && p.after.is_none();
+        let mut compiler = RegisterCompiler::new(p.locals);
+        let condition = match &p.condition {
+            None => Condition::Always,
+            Some(code) => Condition::Value(compiler.code(code), code),
+        };
+        let condition_end = compiler.operation_count();
+        let template = self.template(program, &p.successor, &mut compiler);
+        let registers = compiler.finish(condition_end);
+        let runs_code = template.computed.iter().any(|c| matches!(c.source, ValueSource::Code(_)));
+        let is_pure = registers.cannot_fail && !runs_code;
+        PlannedProduction { source: p, locals: p.locals, condition, weight, registers, template, is_simple, is_pure }
+    }
+
+    /// The template of a successor or of the axiom, whose expressions are added to `compiler`.
+    pub fn template(
+        &self,
+        program: &Program,
+        modules: &'p [SuccessorModule],
+        compiler: &mut RegisterCompiler,
+    ) -> Template<'p> {
+        let mut out = Template {
+            symbols: Vec::new(),
+            ends: Vec::new(),
+            constants: Vec::new(),
+            computed: Vec::new(),
+            ids: Vec::new(),
+            active: Vec::new(),
+            text: None,
+        };
+        for (index, m) in (0_u32..).zip(modules) {
+            out.symbols.push(m.symbol);
+            let code = u64::from(u32::from(program.symbols.get(m.symbol)));
+            out.ids.push(LineageIds::new(code, m.occurrence));
+            let first_param = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
+            for arg in &m.args {
+                let target = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
+                let source = compiler.expression(arg);
+                let ValueSource::Constant(c) = source else {
+                    let code = if let Expr::Code(code) = arg { Some(code) } else { None };
+                    out.computed.push(ComputedParameter { source, code, target });
+                    out.constants.push(0.0);
+                    continue;
+                };
+                out.constants.push(narrow(c));
+            }
+            let end_param = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
+            out.ends.push(end_param);
+            if let Some(group) = self.group(m.symbol, m.args.len()) {
+                out.active.push(ActiveModule { index, group, first_param, end_param });
+            }
+        }
+        out.text = out.constants.is_empty().then(|| TemplateText::new(program, &out.symbols));
+        out
+    }
+}
+
+/// What decides whether a production applies: its condition and the block before it.
+fn tests(p: &Production) -> impl Iterator<Item = &Bytecode> {
+    [&p.before, &p.condition].into_iter().flatten()
+}
+
+/// The value may be another one in the next step; `globals`: the blocks of the L-system may change global variables.
+fn may_change(code: &Bytecode, globals: bool) -> bool {
+    code.ops.iter().any(|o| match o {
+        Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_) => true,
+        Op::Global(_) | Op::LoadElement(_) => globals,
+        _ => false,
+    })
+}
+
+/// Draws random numbers.
+fn draws(code: &Bytecode) -> bool {
+    code.ops.iter().any(|o| matches!(o, Op::Random(_) | Op::Choose(_)))
+}

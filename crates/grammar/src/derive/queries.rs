@@ -1,0 +1,112 @@
+//! Queries: `?P`, `?H`, `?L` and `?U` ask the turtle where it stands, and the bounds of what it has drawn.
+
+use super::{Derivation, DeriveOptions, DerivedString, Storage, derive_with};
+use crate::code::{Bytecode, Op};
+use crate::grammar::Grammar;
+use crate::program::Program;
+use crate::symbols::SymbolId;
+use crate::vm::Halt;
+use osier_base::Result;
+use osier_base::limits::Limits;
+
+/// Symbols that may follow `?`.
+const QUERIES: [char; 4] = ['P', 'H', 'L', 'U'];
+
+/// What the turtle answers to one query module.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct QueryAnswer {
+    /// Index of the module in the string, that of the letter after `?`.
+    pub module: usize,
+    /// Position in turtle units, or a unit vector; world axes, the signs of cpfg.
+    pub value: [f64; 3],
+}
+
+/// What an interpretation of the string found out.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TurtleAnswers {
+    /// In the order of the string.
+    pub answers: Vec<QueryAnswer>,
+    /// Least and greatest coordinates of all positions, turtle units.
+    pub bounds: [[f64; 3]; 2],
+}
+
+/// Interprets a string for its queries.
+pub type AskTurtle<'a> = dyn FnMut(&DerivedString) -> Result<TurtleAnswers> + 'a;
+
+/// Derives a grammar whose queries `ask` answers: after the axiom and after each step.
+/// # Errors
+/// As [`super::derive`], and those of `ask`.
+pub fn derive_with_queries(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    limits: &Limits,
+    ask: &mut AskTurtle<'_>,
+) -> Result<DerivedString> {
+    derive_with(grammar, options, limits, Storage::String, Some(ask))
+}
+
+impl Program {
+    /// Does it ask the turtle anything? Then its string is interpreted in every step.
+    pub fn has_queries(&self) -> bool {
+        let asks_bounds = |c: &Bytecode| c.ops.iter().any(|o| matches!(o, Op::Bounds(_)));
+        let blocks = [&self.blocks.start, &self.blocks.start_each, &self.blocks.end_each, &self.blocks.end];
+        if blocks.into_iter().flatten().any(asks_bounds) || self.productions().any(|p| p.codes().any(asks_bounds)) {
+            return true;
+        }
+        let Some(mark) = self.symbols.find('?').filter(|_| !self.overrides_cpfg('?')) else { return false };
+        let mut successors = self.productions().map(|p| &p.successor).chain([&self.axiom]);
+        successors.any(|s| {
+            s.windows(2).any(|w| {
+                let asks = QUERIES.contains(&self.symbols.get(w[1].symbol));
+                w[0].symbol == mark && w[0].args.is_empty() && asks && !w[1].args.is_empty()
+            })
+        })
+    }
+}
+
+impl Grammar {
+    /// Does it ask the turtle anything? Then [`derive_with_queries`] derives it.
+    pub fn has_queries(&self) -> bool {
+        self.program.has_queries()
+    }
+}
+
+impl Derivation<'_> {
+    /// Lets the turtle interpret the string and writes its answers into the query modules.
+    pub(super) fn ask(&mut self, ask: Option<&mut AskTurtle<'_>>) -> std::result::Result<(), Halt> {
+        let Some(ask) = ask.filter(|_| self.has_queries) else { return Ok(()) };
+        // The string is lent to the turtle as if it were the last one.
+        let asked = DerivedString {
+            modules: std::mem::take(&mut self.string),
+            steps: self.vm.step,
+            plant_id: self.options.plant_id,
+            seed: self.options.seed,
+            warnings: Vec::new(),
+            stochastic: self.plans.rules.main().stochastic,
+            length: self.length,
+            completed: self.vm.step,
+            file_seed: self.vm.streams.file_seed(),
+            globals: self.vm.globals.clone(),
+            deferred: None,
+            count: 0,
+        };
+        let found = ask(&asked);
+        self.string = asked.modules;
+        match found {
+            Ok(found) => {
+                let is_query = |s: SymbolId| QUERIES.contains(&self.program.symbols.get(s));
+                for answer in &found.answers {
+                    if self.string.symbols().get(answer.module).is_some_and(|s| is_query(*s)) {
+                        self.string.set_params(answer.module, &answer.value);
+                    }
+                }
+                self.vm.bounds = found.bounds;
+                Ok(())
+            }
+            Err(e) => {
+                self.query_error = Some(e);
+                Err(Halt::Query)
+            }
+        }
+    }
+}

@@ -1,0 +1,377 @@
+//! Expressions as operations on registers: constants are folded, equal operations are computed once for a whole production.
+//! Expressions with branches, random draws or side effects stay code of the stack machine.
+
+use crate::code::{BinaryOp, Bytecode, Expr, Op, UnaryOp, is_zero, truth};
+use crate::vm::Vm;
+
+/// Registers of a production; expressions that do not fit in stay code. A power of two, so that masked numbers are in range.
+const REGISTERS: usize = 128;
+
+/// The registers that operations reach.
+type Registers = [f64; REGISTERS];
+
+/// Values that the expressions of one production read and write: local variables first, then constants and results. Operations
+/// reach the first [`REGISTERS`]; a production may have more local variables.
+pub(super) type RegisterFile = Vec<f64>;
+
+/// Number of a register.
+type Register = u8;
+
+/// What an operation does with its operands; `a` alone counts for operations of one operand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Action {
+    Unary(UnaryOp),
+    Binary(BinaryOp),
+    And,
+    Or,
+    /// 1 for a number that is not zero.
+    Truth,
+}
+
+/// One operation on registers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Operation {
+    action: Action,
+    a: Register,
+    b: Register,
+    result: Register,
+}
+
+/// A value from outside that a register takes before a production is tested.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum OutsideValue {
+    Global(u16),
+    /// `Q`.
+    Step,
+    /// `Z`.
+    Length,
+    /// `remaining`.
+    Remaining,
+}
+
+/// How an expression gets its value.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum ValueSource<'p> {
+    Constant(f64),
+    /// Lies in this place of the register file after the operations of the production.
+    Register(u16),
+    Code(&'p Bytecode),
+}
+
+/// Translates the expressions of one production.
+#[derive(Debug)]
+pub(super) struct RegisterCompiler {
+    /// Values that registers begin with.
+    initial: Box<Registers>,
+    used: usize,
+    /// Registers from here on hold constants, values from outside and results.
+    first_free: usize,
+    locals: usize,
+    is_constant: [bool; REGISTERS],
+    outside: Vec<(Register, OutsideValue)>,
+    operations: Vec<Operation>,
+}
+
+/// Where translation stood, to return to it.
+struct CompilerMark {
+    used: usize,
+    outside: usize,
+    operations: usize,
+}
+
+/// What a production evaluates.
+#[derive(Debug)]
+pub(super) struct RegisterCode {
+    pub initial: RegisterFile,
+    /// Registers that take values from outside.
+    pub outside: Vec<(Register, OutsideValue)>,
+    /// Operations of the condition, then those of the successor.
+    operations: Vec<Operation>,
+    condition_end: usize,
+    /// The operations of the successor cannot divide by zero.
+    pub cannot_fail: bool,
+}
+
+impl RegisterCompiler {
+    /// For a production with `locals` local variables.
+    pub fn new(locals: usize) -> Self {
+        let first_free = locals.min(REGISTERS);
+        Self {
+            initial: Box::new([0.0; REGISTERS]),
+            used: first_free,
+            first_free,
+            locals,
+            is_constant: [false; REGISTERS],
+            outside: Vec::new(),
+            operations: Vec::new(),
+        }
+    }
+
+    /// Number of operations so far.
+    pub fn operation_count(&self) -> usize {
+        self.operations.len()
+    }
+
+    /// The source of a successor's parameter.
+    pub fn expression<'p>(&mut self, e: &'p Expr) -> ValueSource<'p> {
+        match e {
+            Expr::Const(c) => ValueSource::Constant(*c),
+            Expr::Local(i) if usize::from(*i) < self.locals => ValueSource::Register(*i),
+            // A slot that no variable has reads as 0.
+            Expr::Local(_) => ValueSource::Constant(0.0),
+            Expr::Code(code) => self.code(code),
+        }
+    }
+
+    /// The source of a condition, a weight or a computed parameter.
+    pub fn code<'p>(&mut self, code: &'p Bytecode) -> ValueSource<'p> {
+        let mark = CompilerMark {
+            used: self.used,
+            outside: self.outside.len(),
+            operations: self.operations.len(),
+        };
+        match self.translate(code) {
+            Some(r) if self.is_constant[usize::from(r)] => ValueSource::Constant(self.initial[usize::from(r)]),
+            Some(r) => ValueSource::Register(r.into()),
+            None => {
+                // Undo what the beginning of the expression has left.
+                self.is_constant[mark.used..].fill(false);
+                self.used = mark.used;
+                self.outside.truncate(mark.outside);
+                self.operations.truncate(mark.operations);
+                ValueSource::Code(code)
+            }
+        }
+    }
+
+    /// The finished code; operations before `condition_end` belong to the condition.
+    pub fn finish(self, condition_end: usize) -> RegisterCode {
+        let (values, constant) = (&self.initial, &self.is_constant);
+        let divides = |o: &Operation| matches!(o.action, Action::Binary(BinaryOp::Div | BinaryOp::Rem));
+        let is_safe = |o: &Operation| {
+            let b = usize::from(o.b);
+            !divides(o) || (constant[b] && values[b].trunc().abs() >= 1.0)
+        };
+        let cannot_fail = self.operations[condition_end..].iter().all(is_safe);
+        let mut initial = self.initial.to_vec();
+        initial.resize(self.locals.max(REGISTERS), 0.0);
+        RegisterCode {
+            initial,
+            outside: self.outside,
+            operations: self.operations,
+            condition_end,
+            cannot_fail,
+        }
+    }
+
+    /// The register that holds the value of `code`; `None` for code that needs the stack machine.
+    fn translate(&mut self, code: &Bytecode) -> Option<Register> {
+        // The stack of the machine, with registers instead of numbers.
+        let mut stack: Vec<Register> = Vec::new();
+        // `&&` and `||` whose right side is being read: where it ends, the left side, the action. Both sides are evaluated: the
+        // right one has no side effect but the warning of a division by zero, for which the code itself is run.
+        let mut pending: Vec<(usize, Register, Action)> = Vec::new();
+        for pc in 0..=code.ops.len() {
+            while let Some(&(_, a, action)) = pending.last().filter(|p| p.0 == pc) {
+                pending.pop();
+                let b = stack.pop()?;
+                stack.push(self.operation(action, a, b)?);
+            }
+            let Some(op) = code.ops.get(pc) else { break };
+            let register = match *op {
+                Op::Const(c) => self.constant(c)?,
+                Op::Local(i) if usize::from(i) < self.first_free => u8::try_from(i).ok()?,
+                Op::Global(i) => self.outside_value(OutsideValue::Global(i))?,
+                Op::Step => self.outside_value(OutsideValue::Step)?,
+                Op::Length => self.outside_value(OutsideValue::Length)?,
+                Op::Remaining => self.outside_value(OutsideValue::Remaining)?,
+                Op::Unary(f) => {
+                    let a = stack.pop()?;
+                    self.operation(Action::Unary(f), a, a)?
+                }
+                Op::Binary(f, _) => {
+                    let b = stack.pop()?;
+                    let a = stack.pop()?;
+                    self.operation(Action::Binary(f), a, b)?
+                }
+                Op::Bool => {
+                    let a = stack.pop()?;
+                    self.operation(Action::Truth, a, a)?
+                }
+                Op::And(end) | Op::Or(end) => {
+                    let action = if matches!(op, Op::And(_)) { Action::And } else { Action::Or };
+                    pending.push((end, stack.pop()?, action));
+                    continue;
+                }
+                _ => return None,
+            };
+            stack.push(register);
+        }
+        let result = stack.pop()?;
+        (stack.is_empty() && pending.is_empty()).then_some(result)
+    }
+
+    fn free_register(&mut self) -> Option<Register> {
+        let r = u8::try_from(self.used).ok().filter(|_| self.used < REGISTERS)?;
+        self.used += 1;
+        Some(r)
+    }
+
+    fn constant(&mut self, value: f64) -> Option<Register> {
+        let known = (self.first_free..self.used)
+            .find(|i| self.is_constant[*i] && self.initial[*i].to_bits() == value.to_bits());
+        if let Some(i) = known {
+            return u8::try_from(i).ok();
+        }
+        let r = self.free_register()?;
+        self.initial[usize::from(r)] = value;
+        self.is_constant[usize::from(r)] = true;
+        Some(r)
+    }
+
+    fn outside_value(&mut self, value: OutsideValue) -> Option<Register> {
+        if let Some((r, _)) = self.outside.iter().find(|(_, v)| *v == value) {
+            return Some(*r);
+        }
+        let r = self.free_register()?;
+        self.outside.push((r, value));
+        Some(r)
+    }
+
+    /// The register of an operation's result: a constant if its operands are, that of an equal operation if there is one.
+    fn operation(&mut self, action: Action, a: Register, b: Register) -> Option<Register> {
+        let (ia, ib) = (usize::from(a), usize::from(b));
+        if self.is_constant[ia] && self.is_constant[ib] {
+            if let Some(value) = compute(action, self.initial[ia], self.initial[ib]) {
+                return self.constant(value);
+            }
+        }
+        // Operations that may divide by zero are not shared: each place of such a division is reported.
+        let may_fail = matches!(action, Action::Binary(BinaryOp::Div | BinaryOp::Rem)) && !self.is_constant[ib];
+        let equal = |o: &&Operation| o.action == action && o.a == a && o.b == b && !may_fail;
+        if let Some(o) = self.operations.iter().find(equal) {
+            return Some(o.result);
+        }
+        let result = self.free_register()?;
+        self.operations.push(Operation { action, a, b, result });
+        Some(result)
+    }
+}
+
+/// Result of an action; `None` for a division by zero.
+#[inline(always)]
+fn compute(action: Action, a: f64, b: f64) -> Option<f64> {
+    Some(match action {
+        // The common operations come first, without the test for a division by zero.
+        Action::Binary(BinaryOp::Add) => a + b,
+        Action::Binary(BinaryOp::Sub) => a - b,
+        Action::Binary(BinaryOp::Mul) => a * b,
+        Action::Binary(f) => {
+            let (value, by_zero) = f.apply(a, b);
+            if by_zero {
+                return None;
+            }
+            value
+        }
+        Action::Unary(f) => f.apply(a),
+        Action::And => truth(!is_zero(a) && !is_zero(b)),
+        Action::Or => truth(!is_zero(a) || !is_zero(b)),
+        Action::Truth => truth(!is_zero(a)),
+    })
+}
+
+impl RegisterCode {
+    /// Stores the values from outside.
+    #[inline]
+    pub fn load_outside(&self, vm: &Vm, file: &mut [f64]) {
+        for (r, value) in &self.outside {
+            file[usize::from(*r)] = match value {
+                OutsideValue::Global(i) => vm.globals.get(usize::from(*i)).copied().unwrap_or(0.0),
+                OutsideValue::Step => f64::from(vm.step),
+                OutsideValue::Length => f64::from(vm.length),
+                OutsideValue::Remaining => f64::from(vm.length) - f64::from(vm.step),
+            };
+        }
+    }
+
+    /// Runs the operations of the condition; false where a division by zero occurs, which the code itself must report.
+    #[inline]
+    pub fn run_condition(&self, file: &mut [f64]) -> bool {
+        run(&self.operations[..self.condition_end], file)
+    }
+
+    /// Runs the operations of the successor; false where a division by zero occurs.
+    #[inline]
+    pub fn run_successor(&self, file: &mut [f64]) -> bool {
+        run(&self.operations[self.condition_end..], file)
+    }
+}
+
+#[inline]
+fn run(operations: &[Operation], file: &mut [f64]) -> bool {
+    // One test of the length for all operations: masked numbers of registers are in range.
+    let Some(file) = file.first_chunk_mut::<REGISTERS>() else { return false };
+    for o in operations {
+        let (a, b) = (file[usize::from(o.a) % REGISTERS], file[usize::from(o.b) % REGISTERS]);
+        let Some(value) = compute(o.action, a, b) else { return false };
+        file[usize::from(o.result) % REGISTERS] = value;
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::read;
+    use crate::vm::RandomStreams;
+
+    /// Value of a condition by registers and by the stack machine, with x = 3, y = 0, in step 4 of 9.
+    fn both(condition: &str) -> (Option<f64>, f64) {
+        let text =
+            format!("Lsystem: 1\nderivation length: 1\nAxiom: A(1,2)\nA(x,y) : {condition} --> B\nendlsystem\n");
+        let (grammar, _) = read(&text);
+        let code = grammar.program.rules.list[0].condition.as_ref().expect("a condition");
+        let mut vm = Vm::new(RandomStreams::new(1, 0, 0), 0, 9);
+        vm.step = 4;
+        let mut compiler = RegisterCompiler::new(2);
+        let by_registers = match compiler.code(code) {
+            ValueSource::Constant(c) => Some(c),
+            ValueSource::Code(_) => None,
+            ValueSource::Register(r) => {
+                let code = compiler.finish(0);
+                let mut file = code.initial.clone();
+                (file[0], file[1]) = (3.0, 0.0);
+                code.load_outside(&vm, &mut file);
+                code.run_successor(&mut file).then(|| file[usize::from(r)])
+            }
+        };
+        (by_registers, vm.run(code, &mut [3.0, 0.0]).expect("runs"))
+    }
+
+    #[test]
+    fn registers_compute_what_the_stack_machine_computes() {
+        for condition in [
+            "x+2*x-(x-1)/2",
+            "x > 2 && y < 1",
+            "x > 5 && y < 1 || x == 3",
+            "(x > 5 || y) && (x || y) || !y",
+            "-x^2 + sin(30)*x % 2",
+            "Q + Z*10 + remaining*100",
+            "1 && (2 && (x && 3))",
+            "2*3+4 > 9",
+            "x*x+x*x+x*x",
+        ] {
+            let (registers, machine) = both(condition);
+            assert_eq!(registers, Some(machine), "{condition}");
+        }
+    }
+
+    #[test]
+    fn code_that_needs_the_machine_is_left_to_it() {
+        for condition in ["x/y", "x ? 1 : 2", "ran(1) > 2", "x && 5/0"] {
+            assert_eq!(both(condition).0, None, "{condition}");
+        }
+        let sum = (0..200).map(|i| format!("x*{i}.5")).collect::<Vec<_>>().join("+");
+        assert_eq!(both(&sum).0, None, "more operations than registers");
+    }
+}

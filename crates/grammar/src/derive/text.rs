@@ -1,0 +1,94 @@
+//! The final string as text. Strings without parameters are copied block by block; where in addition every module has one
+//! production, equal parts of the string are written once and copied from then on.
+
+use std::ops::{ControlFlow, Range};
+
+use super::depth_first::{Block, ModuleSink};
+use super::plan::{RewritePlan, Template};
+use crate::grammar::{Grammar, write_module};
+use osier_base::convert::to_usize;
+
+/// Parts of a string (production and steps left) that are remembered; more of them are written anew.
+const MAX_PARTS: usize = 1 << 20;
+
+/// Appends modules to a text in the notation of grammars, parameters with six digits.
+pub(super) struct TextSink<'g> {
+    pub grammar: &'g Grammar,
+    pub text: String,
+}
+
+impl ModuleSink for TextSink<'_> {
+    const NEEDS_LINEAGE: bool = false;
+
+    #[inline]
+    fn modules(&mut self, block: &Block<'_>, range: Range<usize>) -> ControlFlow<()> {
+        match block.text {
+            Some(text) => self.text.push_str(text.part(range)),
+            None => range.for_each(|i| write_module(&mut self.text, self.grammar, block.module(i))),
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// A part of the string that is being written.
+struct OpenPart<'p> {
+    /// The production that made it; `None`: the axiom.
+    production: Option<usize>,
+    template: &'p Template<'p>,
+    /// Steps that rewrite it.
+    left: u32,
+    /// Number of active modules written.
+    next: usize,
+    /// Number of modules written.
+    written: usize,
+    /// Where its text begins.
+    start: usize,
+}
+
+/// The text of a string of `modules` modules, if no module has parameters and each has at most one production, which applies
+/// always.
+pub(super) fn repeated_text(
+    plan: &RewritePlan<'_>,
+    axiom: &Template<'_>,
+    steps: u32,
+    modules: u64,
+) -> Option<String> {
+    let is_plain = plan.productions.iter().all(|p| p.template.text.is_some())
+        && plan.groups.iter().all(|g| g.always.is_some())
+        && axiom.text.is_some();
+    let columns = to_usize(steps) + 1;
+    let parts = plan.productions.len().saturating_mul(columns);
+    if !is_plain || parts > MAX_PARTS {
+        return None;
+    }
+    let mut out = String::with_capacity(osier_base::convert::limit(modules));
+    // Where the text of a production with so many steps left was written first.
+    let mut known: Vec<Option<Range<usize>>> = vec![None; parts];
+    let open = |production, template, left, start| OpenPart { production, template, left, next: 0, written: 0, start };
+    let mut stack: Vec<OpenPart<'_>> = vec![open(None, axiom, steps, 0)];
+    while let Some(part) = stack.last_mut() {
+        let text = part.template.text.as_ref()?;
+        let next = part.template.active.get(part.next).filter(|_| part.left > 0);
+        let Some(active) = next else {
+            out.push_str(text.part(part.written..part.template.symbols.len()));
+            if let Some(production) = part.production {
+                known[production * columns + to_usize(part.left)] = Some(part.start..out.len());
+            }
+            stack.pop();
+            continue;
+        };
+        let index = to_usize(active.index);
+        out.push_str(text.part(part.written..index));
+        (part.written, part.next) = (index + 1, part.next + 1);
+        let production = to_usize(plan.groups[to_usize(active.group)].always?);
+        let left = part.left - 1;
+        match &known[production * columns + to_usize(left)] {
+            Some(range) => out.extend_from_within(range.clone()),
+            None => {
+                let start = out.len();
+                stack.push(open(Some(production), &plan.productions[production].template, left, start));
+            }
+        }
+    }
+    Some(out)
+}

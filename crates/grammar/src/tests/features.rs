@@ -1,0 +1,307 @@
+//! Arrays, rings, predecessors of several modules, and what the preprocessor accepts.
+
+use super::*;
+
+#[test]
+fn arrays_are_read_and_written_by_index() {
+    // a = 1 2 3 / 4 5 6: a[1,0] = 4, a[0][2] = 3; indices are cut: 1.9 is 1.
+    let define = "Define: { array a[2,3] = {1,2,3, {4,5,6}}; array b[4], c[2]; }\n";
+    let rules = format!("{define}S --> V(a[1,0],a[0][2],a[1.9,-0.5],b[3])");
+    assert_eq!(steps(1, "S", &rules), "V(4,3,4,0)");
+    let rules = format!(
+        "{define}Start: {{ i = 0; while (i < 4) {{ b[i] = i*i; i = i+1; }} a[1][2] = b[3] + a[0,1]; c[1] = a[1,2]; }}\n\
+         S(x) --> V(b[x], a[1,b[1]+1], c[1]*(b[2]-a[0,0]))"
+    );
+    // b = 0 1 4 9, a[1][2] = 9 + 2 = 11, c[1] = 11; (4 - 1) * 11 = 33.
+    assert_eq!(steps(1, "S(2)", &rules), "V(4,11,33)");
+    // Productions write from left to right; the string sees each write at once.
+    let rules = format!("{define}A : {{ b[0] = b[0] + 1; }} b[0] < 3 --> B(b[0])");
+    assert_eq!(steps(1, "AAAA", &rules), "B(1)B(2)AA");
+}
+
+#[test]
+fn outside_an_array_reads_are_0_and_writes_are_lost() {
+    let (g, _) = read(
+        "Lsystem: 1\nDefine: { array a[2] = {5, 6}; array b[1] = {7}; }\nStart: { a[2] = 9; a[-1] = 9; }\n\
+         derivation length: 1\nAxiom: S\nS --> V(a[2],a[-1],a[0],a[1],b[0])\nendlsystem",
+    );
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "V(0,0,5,6,7)");
+    let places: Vec<&str> = d.warnings.iter().map(|w| w.code).collect();
+    assert_eq!(places, ["L026"; 4]);
+    assert!(g.report(d.warnings).to_string().contains("index outside array 'a'"));
+}
+
+#[test]
+fn faults_of_arrays_are_told() {
+    let fault = |define: &str, rule: &str| {
+        let text = format!("Lsystem: 1\n{define}\nderivation length: 1\nAxiom: A\n{rule}\nendlsystem\n");
+        try_read(&text).err().map_or_else(String::new, |e| e.to_string())
+    };
+    let one = "Define: { array a[2,3]; }";
+    for (define, rule, wanted) in [
+        (one, "A --> B(a[1])", "array 'a' takes 2 indices, got 1"),
+        (one, "A --> B(a[1,2,0])", "array 'a' takes 2 indices, got 3"),
+        (one, "A --> B(a[1,2)", "expected ']'"),
+        (one, "A : {a[1] = 3;} --> B", "array 'a' takes 2 indices, got 1"),
+        (one, "A : {x[1] = 3;} --> B", "'x' is no array"),
+        ("Define: { array a[2] = {1,2,3}; }", "", "array 'a' has 2 elements"),
+        ("Define: { array a[0]; }", "", "a size of an array"),
+        ("Define: { array a; }", "", "expected '['"),
+        ("Define: { array a[2] }", "", "expected ';'"),
+        ("Define: { x = 3; }", "", "expected 'array NAME[SIZE];'"),
+        ("Define: { array a[2]; array a[3]; }", "", "'a' is defined twice"),
+        ("Define: { array a[300,300]; }", "", "more than 65535 elements"),
+    ] {
+        let said = fault(define, rule);
+        assert!(said.contains(wanted), "{define} {rule}: {said}");
+    }
+}
+
+#[test]
+fn contexts_of_a_ring_see_across_its_ends() {
+    let ring = |header: &str, axiom: &str, rules: &str| {
+        string(&format!("{header}\nderivation length: 1\nAxiom: {axiom}\n{rules}\nendlsystem\n"))
+    };
+    for header in ["ring Lsystem: 1", "Lsystem: 1\nring Lsystem", "ring\nLsystem: 1", "Ring Lsystem"] {
+        assert_eq!(ring(header, "ABC", "C < A > B --> X"), "XBC", "{header}");
+        assert_eq!(ring(header, "ABC", "B < C > A --> X"), "ABX", "{header}");
+    }
+    assert_eq!(steps(1, "ABC", "C < A --> X\nC > A --> Y"), "ABC", "without a ring");
+    // Once around, to the module itself and no further.
+    assert_eq!(ring("ring Lsystem", "A", "A < A > A --> X"), "X");
+    assert_eq!(ring("ring Lsystem", "A", "AA < A --> X"), "A");
+    assert_eq!(ring("ring Lsystem", "AB", "B > AB --> X\nB > ABA --> Y"), "AX");
+    // Branches are skipped across the seam, too; ignored symbols as well.
+    assert_eq!(ring("ring Lsystem", "[Q]ABC[D]", "C < A --> X\nC > A --> Y"), "[Q]XBY[D]");
+    assert_eq!(ring("ring Lsystem", "A+B-", "Ignore: +-\nB < A --> X"), "X+B-");
+    // The signal of one cell goes round.
+    let text = "ring Lsystem\nderivation length: 4\nAxiom: A B B B\nA < B --> A\nA --> B\nendlsystem";
+    assert_eq!(string(text), "ABBB");
+}
+
+#[test]
+fn decomposition_and_homomorphism_take_several_modules() {
+    // AB in the string, then XY in the successor of A: both are one predecessor.
+    let rules = "S --> ABC\nDecomposition\nmaximum depth: 2\nAB --> XYZ\nXY --> W";
+    assert_eq!(steps(1, "S", rules), "WZC");
+    // At depth 1 XY stays; BA is no predecessor.
+    assert_eq!(steps(1, "S", "S --> ABBA\nDecomposition\nAB --> XY\nXY --> W"), "XYBA");
+    // Parameters of all modules; a successor's last module does not take the string's next one.
+    let rules = "S --> A(1)B(2)B(5)\nDecomposition\nmaximum depth: 3\nA(x)B(y) --> C(x+y)A(9)\nA(x) --> D(x)";
+    assert_eq!(steps(1, "S", rules), "C(3)D(9)B(5)");
+    let (g, _) = read(
+        "Lsystem: 1\nderivation length: 0\nAxiom: ABA\nHomomorphism\nmaximum depth: 2\nAB > A --> FG\nFG --> H\nendlsystem",
+    );
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let mut drawn = String::new();
+    interpret(&g, &d, &Limits::default(), |m| drawn.push(g.symbols().get(m.symbol))).expect("draws");
+    assert_eq!(drawn, "HA");
+}
+
+#[test]
+fn an_axiom_module_that_is_copied_is_decomposed_in_its_step() {
+    // cpfg: X(3) is first decomposed in step 1.
+    let rules = "A --> B\nDecomposition\nX(n) : n>1 --> X(n-1)B\nX(n) : n==1 --> A";
+    assert_eq!(steps(1, "X(3)", rules), "X(2)B");
+    assert_eq!(steps(3, "X(3)", rules), "ABB");
+    assert_eq!(steps(4, "X(3)", rules), "BBB");
+}
+
+#[test]
+fn expressions_alone_are_statements_without_effect() {
+    let (g, said) = read(
+        "Lsystem: 1\nderivation length: 1\nAxiom: A(3)\nA(x) : {x; x == 4; (x+1); 7; y = x;} --> B(y)\nendlsystem",
+    );
+    assert_eq!(said.iter().map(|d| d.code).collect::<Vec<_>>(), ["L008"; 4]);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), "B(3)");
+}
+
+#[test]
+fn two_hash_signs_join_words() {
+    let text = "#define JOIN(a,b) a ## b\n#define N1 5\n#define X N\n#define V(n) JOIN(N,n)\n\
+        Lsystem: 1\nderivation length: 1\nAxiom: S\nS --> A(JOIN(N,1),V(1),JOIN(1,2)) JOIN(X,1) ##F\nendlsystem";
+    // X beside ## stays as it is written: X1.
+    assert_eq!(string(text), "A(5,5,12)X1##F");
+}
+
+#[test]
+fn a_pragma_makes_two_slashes_two_symbols() {
+    let text = "#pragma osier comments block\nLsystem: 1\nderivation length: 1\nAxiom: S\nS --> F//[A] /* said */ B\nendlsystem";
+    assert_eq!(string(text), "F//[A]B");
+    assert_eq!(string(&text.replace("block", "lines")), "F");
+}
+
+#[test]
+fn a_doubled_backslash_continues_a_directive() {
+    let text = "#define BODY A \\\\\nB \\\r\nC\nLsystem: 1\nderivation length: 1\nAxiom: S\nS --> BODY\n\nendlsystem";
+    assert_eq!(string(text), "ABC");
+}
+
+#[test]
+fn lines_that_end_in_a_lone_cr_are_counted() {
+    let e =
+        try_read("Lsystem: 1\rderivation length: 1\rAxiom: A\rA --> B(sinn(1))\rendlsystem\r").expect_err("unknown");
+    assert!(e.to_string().contains("test.l:4:9"), "{e}");
+}
+
+#[test]
+fn utf_16_is_told_once() {
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: A\nendlsystem\n";
+    let units = |swap: bool, mark: bool| -> Vec<u8> {
+        let all = mark.then_some(0xfeff_u16).into_iter().chain(text.encode_utf16());
+        all.flat_map(|u| if swap { u.to_be_bytes() } else { u.to_le_bytes() }).collect()
+    };
+    for (swap, mark) in [(false, true), (true, true), (false, false), (true, false)] {
+        let (mut sources, defines) = (Sources::default(), BTreeMap::new());
+        let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };
+        let bytes = &units(swap, mark);
+        let source =
+            GrammarSource { name: "u.l", bytes, includes: &mut none, defines: &defines, functions: Default::default() };
+        let Err(Error::Input(report)) = parse(&mut sources, source, &Limits::default()) else {
+            panic!("it is refused")
+        };
+        assert_eq!(report.diagnostics.len(), 1, "{report}");
+        assert!(report.to_string().contains("UTF-16") && report.to_string().contains("iconv"), "{report}");
+    }
+}
+
+#[test]
+fn a_step_that_changes_a_global_alone_is_not_the_last() {
+    // The block of a production that loses counts the steps; it wins in the third.
+    assert_eq!(steps(5, "A", "Start: { n = 0; }\nA : { n = n+1; } n >= 3 --> B(n)"), "B(3)");
+}
+
+#[test]
+fn other_l_systems_of_the_file_rewrite_what_stands_between_their_borders() {
+    let sub = |n: u32, axiom: &str, main: &str, second: &str| {
+        string(&format!(
+            "Lsystem: 1\nderivation length: {n}\nAxiom: {axiom}\n{main}\nendlsystem\n\
+             Lsystem: 2\nderivation length: 7\nAxiom: Q\n{second}\nendlsystem\n\
+             Lsystem: 3\nderivation length: 1\nAxiom: Q\nA --> D\nendlsystem\n"
+        ))
+    };
+    // Outside A --> AB; inside A --> C, C --> CC, and B has no production.
+    let (main, second) = ("A --> AB", "A --> C\nC --> CC");
+    assert_eq!(sub(2, "A?(2,0.5)AB$A", main, second), "ABB?(2,0.5)CCB$ABB");
+    // They nest; a label that no L-system has changes nothing.
+    assert_eq!(sub(1, "?(2)A?(3)A$A$A", main, second), "?(2)C?(3)D$C$AB");
+    assert_eq!(sub(1, "?(9)A$", main, second), "?(9)AB$");
+    // Borders end contexts; inside, the second L-system's own symbols are ignored.
+    let (main, second) = ("A < B --> X", "Ignore: +\nA < B --> Y");
+    assert_eq!(sub(1, "A?(2)B A+B$B", main, second), "A?(2)BA+Y$B");
+    // Decomposition is that of the L-system around; variables are shared, blocks of both run.
+    let (main, second) =
+        ("Start: { n = 2; }\nA --> B(n)\nDecomposition\nB(x) --> E(x)", "Start: { n = n*5; }\nA --> B(n)");
+    assert_eq!(sub(1, "A?(2)A$", main, second), "E(10)?(2)B(10)$");
+}
+
+#[test]
+fn the_homomorphism_of_a_sub_l_system_is_its_own() {
+    let (g, _) = read(
+        "Lsystem: 1\nderivation length: 0\nAxiom: A?(2)A$A\nHomomorphism\nA --> F\nendlsystem\n\
+         Lsystem: 2\nderivation length: 0\nAxiom: A\nHomomorphism\nA --> GG\nendlsystem\n",
+    );
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let mut drawn = String::new();
+    interpret(&g, &d, &Limits::default(), |m| drawn.push(g.symbols().get(m.symbol))).expect("draws");
+    assert_eq!(drawn, "F?GG$F");
+}
+
+#[test]
+fn values_of_every_function_and_operator() {
+    for (e, v) in [
+        // Precedence from low to high, associativity to the left.
+        ("1 || 0 && 0", "1"),
+        ("1 == 2 < 3", "1"),
+        ("3 < 2 == 0", "1"),
+        ("2+3*2^2", "14"),
+        ("7-2-1", "4"),
+        ("8/4/2", "1"),
+        ("7%4%2", "1"),
+        ("!3^2", "0"),
+        ("-2*-3", "6"),
+        ("1 >= 1 && 2 <= 1", "0"),
+        // In degrees.
+        ("cos(60)", "0.5"),
+        ("tan(45)", "1"),
+        ("asin(1)", "90"),
+        ("acos(0.5)", "60"),
+        ("atan(1)", "45"),
+        ("atan(0,0-1)", "180"),
+        ("exp(0)+log(exp(2))", "3"),
+        ("sqrt(2)", "1.41421"),
+        ("fabs(0-2.5)", "2.5"),
+        ("floor(0-0.5)", "-1"),
+        ("ceil(0.2)", "1"),
+        ("sign(0)", "0"),
+        ("trunc(0-1.5)", "-1"),
+        ("trunc(1.49)", "1"),
+        ("0%3", "0"),
+        ("0/0", "0"),
+        // Printing with six digits.
+        ("1/7", "0.142857"),
+        ("1234567", "1.23457e+06"),
+        ("0.0001", "0.0001"),
+        ("0.00001", "1e-05"),
+        ("100000", "100000"),
+        ("12.", "12"),
+    ] {
+        assert_eq!(value(e), format!("V({v})"), "{e}");
+    }
+}
+
+#[test]
+fn a_name_that_the_file_assigns_is_its_own() {
+    // Q, Z and remaining are predefined until the grammar assigns them.
+    assert_eq!(steps(2, "A", "A --> A(Q,Z,remaining)\nA(q,z,r) --> B(Q,Z,remaining)"), "B(2,2,0)");
+    assert_eq!(steps(2, "A", "Start: { Q = 7; remaining = 5; }\nA --> B(Q,Z,remaining)"), "B(7,2,5)");
+    // In blocks Q counts the steps that are completed.
+    assert_eq!(steps(3, "A", "StartEach: { s = Q; }\nEndEach: { e = Q; }\nA --> A B(s,e)"), "AB(2,2)B(1,1)B(0,0)");
+}
+
+#[test]
+fn each_sentence_about_matching_holds() {
+    for (axiom, rules, result) in [
+        // 1. Same symbol and number of parameters.
+        ("A A(1) A(1,2)", "A(x) --> X", "AXA(1,2)"),
+        ("BA B(1)A", "B(x) < A --> X", "BAB(1)X"),
+        // 2. An unmatched `[` is stepped over, `]` jumps over its branch, ignored symbols are skipped.
+        ("AB[C[D]E", "AB < E --> X\nD < E --> Y", "AB[C[D]E"),
+        ("A[C[D]E]", "AC < E --> X\nD < E --> Y", "A[C[D]X]"),
+        ("A+[D]-B", "Ignore: +-\nA < B --> X", "A+[D]-X"),
+        // 3. `]` of the axis fails unless the element is `]`.
+        ("[AB]C", "AB > C --> X", "[AB]C"),
+        ("[AB]", "B > ] --> X", "[AX]"),
+        ("A[B]C", "A > [B]C --> X", "X[B]C"),
+        ("A[+B]C", "Ignore: +\nA > [B] --> X", "X[+B]C"),
+        ("A[BD]C", "A > [B] --> X", "A[BD]C"),
+        ("A[B[D]]C", "A > [B] --> X", "X[B[D]]C"),
+        ("A[BD]C", "A > [B=]C --> X", "X[BD]C"),
+        ("A[BD]C", "A > [B --> X", "X[BD]C"),
+        // 4. Brackets always count.
+        ("A[B]", "Consider: A\nA > B --> X", "A[B]"),
+        ("A+B", "Consider: AB\nA > B --> X", "X+B"),
+        // Contexts read the string as it was before the step.
+        ("ABB", "A < B --> A\nA --> C", "CAB"),
+        // 5. Decomposition sees contexts of the derived string.
+        ("AB", "B --> C\nDecomposition\nA > C --> X\nA > B --> Y", "XC"),
+    ] {
+        assert_eq!(steps(1, axiom, rules), result, "{axiom} | {rules}");
+    }
+}
+
+#[test]
+fn blanks_stars_and_lines_mean_what_they_should() {
+    // `*` alone: empty successor, empty context, true condition; the condition may be left out behind a block.
+    assert_eq!(steps(1, "AB", "* < A > * : * --> *"), "B");
+    assert_eq!(steps(1, "A(3)", "A(x) : {y=x;} * {z=y+1;} --> B(z)"), "B(4)");
+    assert_eq!(steps(1, "A(3)", "A(x) : {y=x;} --> B(y)"), "B(3)");
+    // A production goes on behind an indented line end, and in an open group.
+    assert_eq!(steps(1, "A", "A --> B\n\tC\nB --> D"), "BC");
+    assert_eq!(steps(1, "A", "A --> B(1,\n2)C"), "B(1,2)C");
+    // Length 0 is the axiom; blanks in keywords and their case do not count.
+    let text = "lsystem\nStart Each: {n=n+1;}\nDerivationLength: 2\naxiom: A\nA --> A B(n)\nendlsystem";
+    assert_eq!(string(text), "AB(2)B(1)");
+}

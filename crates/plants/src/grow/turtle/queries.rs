@@ -1,0 +1,43 @@
+//! Derivation of grammars that ask the turtle where it stands.
+
+use super::interpreter::Turtle;
+use super::options::TurtleOptions;
+use osier_base::Result;
+use osier_base::limits::Limits;
+use osier_grammar::{
+    BindingEvaluator, DeriveOptions, DerivedString, Grammar, TurtleAnswers, derive_with_queries, interpret_modules,
+};
+
+/// Derives a grammar for [`super::grow`], as [`osier_grammar::derive_deferred`] does; queries `?P ?H ?L ?U` and bounds `vvXmin()` are answered by a turtle of
+/// these options, which interprets the string after the axiom and after each step.
+/// # Errors
+/// As [`osier_grammar::derive`]; for a grammar with queries also as [`super::grow`].
+pub fn derive(
+    grammar: &Grammar,
+    options: &DeriveOptions,
+    turtle: &TurtleOptions,
+    limits: &Limits,
+) -> Result<DerivedString> {
+    if !grammar.has_queries() {
+        return osier_grammar::derive_deferred(grammar, options, limits);
+    }
+    derive_with_queries(grammar, options, limits, &mut |string| answers(grammar, string, turtle, limits))
+}
+
+fn answers(
+    grammar: &Grammar,
+    string: &DerivedString,
+    options: &TurtleOptions,
+    limits: &Limits,
+) -> Result<TurtleAnswers> {
+    let mut turtle = Turtle::new(grammar, BindingEvaluator::new(grammar, string, limits), options, limits);
+    turtle.asked = true;
+    interpret_modules(grammar, string, limits, |m, index| {
+        turtle.index = index;
+        turtle.module(m);
+    })?;
+    turtle.end();
+    // Faults that end the interpretation are told now, warnings only of the final string.
+    turtle.diagnostics()?;
+    Ok(turtle.answers)
+}
