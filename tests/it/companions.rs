@@ -212,8 +212,12 @@ fn scene_keys_come_before_the_view() {
     // Without a view the angle is 45, and a line that does not branch has one width.
     let (p, r) = tip("view = \"none\"");
     assert!((p - Vec3::new(-0.5_f32.sqrt(), 1.0 + 0.5_f32.sqrt(), 0.0)).length() < 1e-4 && r < 0.01, "{p} {r}");
-    // Two views, none of which has the grammar's name: neither is taken.
+    // Two views, none of which has the grammar's name: neither is taken; one of them is, unless it has the name of another grammar.
     fs::rename(dir.path().join("a.v"), dir.path().join("c.v")).expect("renamed");
+    assert!(tip("").1 < 0.01);
+    fs::remove_file(dir.path().join("b.v")).expect("removed");
+    near(tip(""), [-1.0, 1.0, 0.0], 0.1);
+    fs::copy(dir.path().join("a.l"), dir.path().join("c.l")).expect("copied");
     assert!(tip("").1 < 0.01);
 }
 

@@ -1,5 +1,10 @@
 //! Times derivations on one thread: `cargo run --release -p osier-grammar --example derive_speed [NAME]`.
-#![allow(clippy::expect_used, clippy::print_stdout, clippy::disallowed_methods, reason = "an example that measures time")]
+#![allow(
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "an example that measures time"
+)]
 
 use std::collections::BTreeMap;
 use std::hint::black_box;

@@ -47,8 +47,8 @@ use std::sync::Arc;
 
 pub use binding::{Dialect, TurtleAction, TurtleAxis};
 pub use derive::{
-    AskTurtle, DeriveOptions, DerivedString, Prediction, QueryAnswer, TurtleAnswers, derive,
-    derive_deferred, derive_with_queries, interpret, interpret_modules, predict,
+    AskTurtle, DeriveOptions, DerivedString, Prediction, QueryAnswer, TurtleAnswers, derive, derive_deferred,
+    derive_with_queries, interpret, interpret_modules, predict,
 };
 pub use evaluate::BindingEvaluator;
 pub use functions::{DataFunction, FunctionTables, Spline, SplineEnds};

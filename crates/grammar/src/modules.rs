@@ -31,7 +31,10 @@ impl Module<'_> {
 pub(crate) enum Ancestry {
     Known(u64),
     /// Made from the module of lineage `parent`.
-    Child { parent: u64, ids: LineageIds },
+    Child {
+        parent: u64,
+        ids: LineageIds,
+    },
 }
 
 /// Symbol and occurrence of a module in its successor, prepared for its lineage.
@@ -165,12 +168,7 @@ impl ModuleString {
 
     /// Ends modules whose parameters were appended, from parameter `block.first_param` on. `lineages`: one for each module.
     #[inline]
-    pub(crate) fn finish_modules(
-        &mut self,
-        block: ModuleBlock<'_>,
-        lineages: impl Iterator<Item = u64>,
-        birth: u32,
-    ) {
+    pub(crate) fn finish_modules(&mut self, block: ModuleBlock<'_>, lineages: impl Iterator<Item = u64>, birth: u32) {
         if self.prepare_ends() {
             self.ends.extend(block.ends.iter().map(|e| e.wrapping_add(block.first_param)));
         }

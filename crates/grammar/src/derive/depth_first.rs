@@ -51,13 +51,7 @@ pub(super) struct Block<'a> {
 
 impl<'a> Block<'a> {
     #[inline]
-    fn new(
-        template: &'a Template<'_>,
-        params: &'a [f32],
-        axiom_lineages: &'a [u64],
-        parent: u64,
-        birth: u32,
-    ) -> Self {
+    fn new(template: &'a Template<'_>, params: &'a [f32], axiom_lineages: &'a [u64], parent: u64, birth: u32) -> Self {
         let Template { symbols, ends, ids, .. } = template;
         Self { symbols, ends, params, ids, axiom_lineages, parent, birth, text: template.text.as_ref() }
     }
@@ -101,7 +95,8 @@ impl ModuleSink for ModuleString {
         let position = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let first_param = position(self.param_count()).wrapping_sub(position(params.start));
         self.params_mut().extend_from_slice(&block.params[params]);
-        let part = ModuleBlock { symbols: &block.symbols[range.clone()], ends: &block.ends[range.clone()], first_param };
+        let part =
+            ModuleBlock { symbols: &block.symbols[range.clone()], ends: &block.ends[range.clone()], first_param };
         self.finish_modules(part, range.map(|i| block.lineage(i)), block.birth);
         ControlFlow::Continue(())
     }

@@ -8,7 +8,9 @@ use super::depth_first::{Block, DepthFirst, DepthFirstJob, DerivationCounts, Mod
 use super::plan::RewritePlan;
 use super::registers::RegisterCompiler;
 use super::text::{TextSink, repeated_text};
-use super::{DeriveOptions, Derivation, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict};
+use super::{
+    Derivation, DeriveOptions, DerivedString, FinalModules, MAX_PARAMS, Storage, brackets, halt_error, predict,
+};
 use crate::grammar::{Grammar, runtime_report};
 use crate::modules::{Module, ModuleString};
 use crate::vm::{Halt, RandomStreams, Vm};

@@ -24,12 +24,12 @@ use super::symbols::SymbolId;
 use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
 use independent::Deferred;
 use matching::Brackets;
-use plan::Plans;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::rng::{child, mix64};
+use plan::Plans;
 
 /// How a grammar is derived.
 #[derive(Debug, Clone, Default)]
@@ -116,7 +116,11 @@ fn derive_with(
     let stochastic = options.stochastic.unwrap_or(program.is_stochastic());
     let plans = Plans::new(program, stochastic);
     let d = Derivation::new(grammar, &plans, options, length, limits);
-    if program.rewrites_independently() { d.derive_independently(options, storage) } else { d.derive_by_steps(options, turtle) }
+    if program.rewrites_independently() {
+        d.derive_independently(options, storage)
+    } else {
+        d.derive_by_steps(options, turtle)
+    }
 }
 
 /// State of one derivation.
@@ -188,11 +192,7 @@ impl<'g> Derivation<'g> {
     }
 
     /// Derives step by step: the whole string is rewritten before the next step begins.
-    fn derive_by_steps(
-        mut self,
-        options: &DeriveOptions,
-        turtle: Option<&mut AskTurtle<'_>>,
-    ) -> Result<DerivedString> {
+    fn derive_by_steps(mut self, options: &DeriveOptions, turtle: Option<&mut AskTurtle<'_>>) -> Result<DerivedString> {
         match self.run(turtle) {
             Ok(()) => Ok(self.finish(options)),
             Err(Halt::Query) => Err(self.query_error.take().unwrap_or_else(|| self.halt_report(Halt::Query))),

@@ -206,7 +206,13 @@ impl<'p> RewritePlan<'p> {
             let group = group.unwrap_or_else(|| {
                 let next = u32::try_from(groups.len()).unwrap_or(u32::MAX);
                 row.push((arity, next));
-                groups.push(ProductionGroup { productions: Vec::new(), is_simple: true, is_stationary: true, always: None, shares: None });
+                groups.push(ProductionGroup {
+                    productions: Vec::new(),
+                    is_simple: true,
+                    is_stationary: true,
+                    always: None,
+                    shares: None,
+                });
                 next
             });
             if let Some(g) = groups.get_mut(to_usize(group)) {
@@ -218,8 +224,7 @@ impl<'p> RewritePlan<'p> {
             let tests = g.productions.iter().filter_map(|i| set.list.get(to_usize(*i))).flat_map(tests);
             g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
         }
-        let mut plan =
-            Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
+        let mut plan = Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
         plan.productions = set.list.iter().map(|p| plan.production(program, p)).collect();
         for i in 0..plan.groups.len() {
             plan.groups[i].is_simple =
@@ -275,11 +280,8 @@ impl<'p> RewritePlan<'p> {
         };
         // Parameters of a lone predecessor are the first local variables.
         let is_first = p.predecessor.first().is_some_and(|f| f.slot == 0);
-        let is_simple = p.is_context_free()
-            && p.predecessor.len() == 1
-            && is_first
-            && p.before.is_none()
-            && p.after.is_none();
+        let is_simple =
+            p.is_context_free() && p.predecessor.len() == 1 && is_first && p.before.is_none() && p.after.is_none();
         let mut compiler = RegisterCompiler::new(p.locals);
         let condition = match &p.condition {
             None => Condition::Always,

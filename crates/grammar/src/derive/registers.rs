@@ -125,11 +125,7 @@ impl RegisterCompiler {
 
     /// The source of a condition, a weight or a computed parameter.
     pub fn code<'p>(&mut self, code: &'p Bytecode) -> ValueSource<'p> {
-        let mark = CompilerMark {
-            used: self.used,
-            outside: self.outside.len(),
-            operations: self.operations.len(),
-        };
+        let mark = CompilerMark { used: self.used, outside: self.outside.len(), operations: self.operations.len() };
         match self.translate(code) {
             Some(r) if self.is_constant[usize::from(r)] => ValueSource::Constant(self.initial[usize::from(r)]),
             Some(r) => ValueSource::Register(r.into()),
@@ -155,13 +151,7 @@ impl RegisterCompiler {
         let cannot_fail = self.operations[condition_end..].iter().all(is_safe);
         let mut initial = self.initial.to_vec();
         initial.resize(self.locals.max(REGISTERS), 0.0);
-        RegisterCode {
-            initial,
-            outside: self.outside,
-            operations: self.operations,
-            condition_end,
-            cannot_fail,
-        }
+        RegisterCode { initial, outside: self.outside, operations: self.operations, condition_end, cannot_fail }
     }
 
     /// The register that holds the value of `code`; `None` for code that needs the stack machine.
@@ -327,8 +317,7 @@ mod tests {
 
     /// Value of a condition by registers and by the stack machine, with x = 3, y = 0, in step 4 of 9.
     fn both(condition: &str) -> (Option<f64>, f64) {
-        let text =
-            format!("Lsystem: 1\nderivation length: 1\nAxiom: A(1,2)\nA(x,y) : {condition} --> B\nendlsystem\n");
+        let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: A(1,2)\nA(x,y) : {condition} --> B\nendlsystem\n");
         let (grammar, _) = read(&text);
         let code = grammar.program.rules.list[0].condition.as_ref().expect("a condition");
         let mut vm = Vm::new(RandomStreams::new(1, 0, 0), 0, 9);

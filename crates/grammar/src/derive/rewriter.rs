@@ -170,9 +170,7 @@ impl<'p> Rewriter<'p> {
         let right = self.followers.as_ref().map_or(at + p.predecessor.len(), |f| f.context_from);
         // Contexts: to the left of the first module, to the right of the last one.
         let brackets = self.settings.brackets;
-        if !view.matches_left(brackets, &p.left, at, locals)
-            || !view.matches_right(brackets, &p.right, right, locals)
-        {
+        if !view.matches_left(brackets, &p.left, at, locals) || !view.matches_right(brackets, &p.right, right, locals) {
             return Ok(false);
         }
         // The block before the condition may assign variables that the condition reads.

@@ -47,12 +47,7 @@ struct OpenPart<'p> {
 
 /// The text of a string of `modules` modules, if no module has parameters and each has at most one production, which applies
 /// always.
-pub(super) fn repeated_text(
-    plan: &RewritePlan<'_>,
-    axiom: &Template<'_>,
-    steps: u32,
-    modules: u64,
-) -> Option<String> {
+pub(super) fn repeated_text(plan: &RewritePlan<'_>, axiom: &Template<'_>, steps: u32, modules: u64) -> Option<String> {
     let is_plain = plan.productions.iter().all(|p| p.template.text.is_some())
         && plan.groups.iter().all(|g| g.always.is_some())
         && axiom.text.is_some();

@@ -22,9 +22,9 @@ mod tropism;
 pub(super) use builder::set_exposed_lengths;
 pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
-pub use queries::derive;
 pub use paint::{Paint, TURTLE_COLOR};
 pub use patches::{patch_mesh, triangle_mesh};
+pub use queries::derive;
 
 use super::radii;
 use interpreter::Turtle;
