@@ -108,7 +108,7 @@ impl Resolver<'_> {
             let Some(file) = &function.file else { continue };
             let mut read = finder.named(file).map(|file| finder.functions(&file)).unwrap_or_default();
             if function.samples > 0 {
-                read.iter_mut().for_each(|f| f.samples = function.samples as usize);
+                read.iter_mut().for_each(|f| f.tabulate(function.samples));
             }
             out.functions.extend(read);
         }
@@ -134,7 +134,7 @@ impl Resolver<'_> {
 
 impl Finder<'_, '_> {
     /// The file that a key names; without a key the one beside the grammar that has its stem and one of the
-    /// endings, else, where `lone` allows it, the only one with such an ending.
+    /// endings, else, where `lone` allows it, the only one with such an ending, unless it has the name of another grammar there.
     fn choose(&mut self, key: Option<&Reference>, endings: &[&str], lone: bool) -> Option<ReferencedFile> {
         match key.map(|r| r.text.as_str()) {
             Some("none") => return None,
@@ -149,10 +149,16 @@ impl Finder<'_, '_> {
         let stem = path.file_stem()?.to_string_lossy().into_owned();
         let library = &self.resolver.request.library;
         let beside: Vec<String> = endings.iter().flat_map(|e| library.names_beside(&path, e)).collect();
+        // A file with the name of another grammar is that grammar's.
+        let grammars = library.names_beside(&path, ".l");
+        let is_free = |name: &str| {
+            let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+            !grammars.contains(&format!("{stem}.l"))
+        };
         let own = |e: &str| beside.iter().find(|n| n.as_str() == format!("{stem}{e}"));
         let name = match (endings.iter().find_map(|e| own(e)), &beside[..]) {
             (Some(name), _) => name.clone(),
-            (None, [only]) if lone => only.clone(),
+            (None, [only]) if lone && is_free(only) => only.clone(),
             _ => return None,
         };
         self.beside(&name, None)
@@ -275,7 +281,7 @@ impl Finder<'_, '_> {
         for line in &view.functions {
             let mut functions = self.line(line, Self::functions);
             if let Some(n) = line.number {
-                functions.iter_mut().for_each(|f| f.samples = n as usize);
+                functions.iter_mut().for_each(|f| f.tabulate(n));
             }
             out.functions.extend(functions);
         }

@@ -8,6 +8,9 @@ use osier_scene::Camera;
 /// Vertical field of view of fitted cameras at most, degrees: wider ones distort what stands at the edge.
 const MAX_FITTED_FOV: f32 = 60.0;
 
+/// How far the foot of a plant of less than 10 m may reach into the ground, m: more than `skin.bury` of any preset.
+const DEEPEST_FOOT: f32 = 0.5;
+
 /// How previews are rendered.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PreviewOptions {
@@ -84,9 +87,10 @@ impl PreviewOptions {
             (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(direction + 90.0));
         }
         // Trunks reach a little below the ground that they stand on, so a subject whose lowest
-        // point is near 0 stands on the plane y = 0; any other stands on its lowest point.
+        // point is near 0 stands on the plane y = 0; any other, such as a curve of many units, stands on its lowest point.
         let (low, height) = (subject.bounds.min.y, subject.bounds.size().y);
-        let floor_height = if low > -0.25 * height && low < 0.1 * height { 0.0 } else { low };
+        let deepest = (0.25 * height).min((0.05 * height).max(DEEPEST_FOOT));
+        let floor_height = if low > -deepest && low < 0.1 * height { 0.0 } else { low };
         let floor = if subject.ground { None } else { Some(floor_height) };
         let backdrop = match self.background {
             PreviewBackground::Auto if subject.ground || scene.sky.below.is_some() => Backdrop::Sky,

@@ -212,8 +212,12 @@ fn scene_keys_come_before_the_view() {
     // Without a view the angle is 45, and a line that does not branch has one width.
     let (p, r) = tip("view = \"none\"");
     assert!((p - Vec3::new(-0.5_f32.sqrt(), 1.0 + 0.5_f32.sqrt(), 0.0)).length() < 1e-4 && r < 0.01, "{p} {r}");
-    // Two views, none of which has the grammar's name: neither is taken.
+    // Two views, none of which has the grammar's name: neither is taken; one of them is, unless it has the name of another grammar.
     fs::rename(dir.path().join("a.v"), dir.path().join("c.v")).expect("renamed");
+    assert!(tip("").1 < 0.01);
+    fs::remove_file(dir.path().join("b.v")).expect("removed");
+    near(tip(""), [-1.0, 1.0, 0.0], 0.1);
+    fs::copy(dir.path().join("a.l"), dir.path().join("c.l")).expect("copied");
     assert!(tip("").1 < 0.01);
 }
 
@@ -270,4 +274,52 @@ fn damaged_colors_and_textures_are_told() {
         .expect("scene");
     let (code, _, err) = said(&run(&["check", arg(&scene)]));
     assert!(code == 1 && err.contains("S005") && err.contains("s.toml:4"), "{code} {err}");
+}
+
+#[test]
+fn a_plant_with_every_kind_of_companion_bakes() {
+    let dir = tempfile::tempdir().expect("dir");
+    let poppy = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/grammars/poppy"));
+    for entry in fs::read_dir(poppy).expect("poppy").flatten() {
+        fs::copy(entry.path(), dir.path().join(entry.file_name())).expect("copied");
+    }
+    // The binary companions: a map with a red of its own for petals, a material file beside it that is not asked for, a picture.
+    let mut map = vec![96; 768];
+    map[30..33].copy_from_slice(&[216, 48, 28]);
+    fs::write(dir.path().join("poppy.map"), map).expect("map");
+    image::RgbImage::from_pixel(4, 4, image::Rgb([90, 140, 60])).save(dir.path().join("veins.png")).expect("picture");
+    let view = dir.path().join("poppy.v");
+    let text = fs::read_to_string(&view).expect("view");
+    let text = text.replace("leaf.s 1 14 10 0", "leaf.s 1 14 10 1") + "texture: F: veins.png\n";
+    fs::write(&view, text).expect("view");
+    let scene = dir.path().join("garden.toml");
+    let keys = "[plants.poppy]\ngrammar = \"poppy.l\"\n[output]\nformats = [\"usd\", \"glb\"]\n";
+    fs::write(&scene, keys).expect("scene");
+    let out = dir.path().join("out");
+    let (_, err) = ends(0, &["bake", arg(&scene), "-o", arg(&out)]);
+    assert!(!err.contains("warning[L0"), "{err}");
+    ends(0, &["info", arg(&out)]);
+    let manifest = fs::read_to_string(out.join("manifest.json")).expect("manifest");
+    for name in ["poppy_color_2", "poppy_color_4", "poppy_color_10_thin", "poppy_color_22_thin", "poppy_texture_1"] {
+        assert!(manifest.contains(&format!("\"{name}\"")), "{name}");
+    }
+    // glTF: the petals' material has the map's red, the leaves' the picture.
+    let glb = fs::read(out.join("gltf/garden.web.glb")).expect("glb");
+    let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]);
+    let length = usize::try_from(length).expect("a length");
+    let gltf: serde_json::Value = serde_json::from_slice(&glb[20..20 + length]).expect("JSON");
+    let material = |name: &str| {
+        let list = gltf["materials"].as_array().expect("materials");
+        list.iter().find(|m| m["name"] == name).unwrap_or_else(|| panic!("no {name}"))["pbrMetallicRoughness"].clone()
+    };
+    let red = material("poppy_color_10_thin")["baseColorFactor"][0].as_f64().expect("a number");
+    assert!((red - 0.6867).abs() < 1e-3, "{red}");
+    assert!(material("poppy_texture_1")["baseColorTexture"].is_object());
+    // USD as text: petals and leaves are bound to these materials.
+    let usd = dir.path().join("poppy.usda");
+    ends(0, &["grow", arg(&scene), "-o", arg(&usd)]);
+    let usd = fs::read_to_string(&usd).expect("usd");
+    for name in ["poppy_color_10_thin", "poppy_texture_1"] {
+        assert!(usd.matches(name).count() > 1, "{name}");
+    }
 }

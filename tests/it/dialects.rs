@@ -28,7 +28,8 @@ fn read_bytes(name: &str, bytes: &[u8], read_as: ReadAs<'_>) -> Result<(Grammar,
     let mut sources = Sources::default();
     let defines = BTreeMap::new();
     let mut includes = |r: &str, _: &str| Err(Error::io("open", r, std::io::Error::from(std::io::ErrorKind::NotFound)));
-    let source = GrammarSource { name, bytes, includes: &mut includes, defines: &defines, functions: Default::default() };
+    let source =
+        GrammarSource { name, bytes, includes: &mut includes, defines: &defines, functions: Default::default() };
     let (grammar, diagnostics) = parse_as(&mut sources, source, read_as, &Limits::default())?;
     Ok((grammar, render(&Report { sources, diagnostics }, Style::Plain)))
 }

@@ -24,8 +24,12 @@ const LISTS: [&str; 13] = [
 ];
 
 /// Tables that are values of a key: the key's path with what stands around such a table.
-const INLINE: [(&str, &str); 2] =
-    [("plants.NAME.turtle.tropisms", "plants.oak.turtle"), ("plants.NAME.growth.obstacles", "plants.oak.growth")];
+const INLINE: [(&str, &str); 4] = [
+    ("plants.NAME.turtle.tropisms", "plants.oak.turtle"),
+    ("plants.NAME.turtle.contours", "plants.oak.turtle"),
+    ("plants.NAME.turtle.functions", "plants.oak.turtle"),
+    ("plants.NAME.growth.obstacles", "plants.oak.growth"),
+];
 
 /// A scene in which `line` stands in a table. Tables around it have the keys that they cannot be read without.
 fn scene(table: &TableInfo, line: &str) -> String {

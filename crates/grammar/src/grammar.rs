@@ -160,8 +160,7 @@ impl Grammar {
         let modules: Vec<&SuccessorModule> =
             successors.flatten().filter(|t| t.symbol == symbol && t.args.len() == arity).collect();
         let risky = |t: &&&SuccessorModule| matches!(t.args.get(i), Some(Expr::Code(c)) if c.may_overflow());
-        let infinite =
-            |t: &&&SuccessorModule| matches!(t.args.get(i), Some(Expr::Const(v)) if v.is_nan() || narrow(*v).abs() >= HUGE);
+        let infinite = |t: &&&SuccessorModule| matches!(t.args.get(i), Some(Expr::Const(v)) if v.is_nan() || narrow(*v).abs() >= HUGE);
         let found = modules.iter().find(infinite).or_else(|| modules.iter().find(risky)).or(modules.first());
         found.map(|t| t.place.span)
     }

@@ -23,11 +23,10 @@ use osier_base::{Error, Result};
 use osier_import::Imported;
 use osier_plants::grow::ifs::branchlets::NAME as BRANCHLET;
 use osier_plants::grow::mesh;
-use osier_plants::grow::turtle::{OrganSpec, STALK};
+use osier_plants::grow::turtle::{OrganSpec, STALK, patch_mesh, triangle_mesh};
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
 use osier_plants::surface::leaf::{self, BladeSpec, LeafColors, LeafForm, Teeth};
-use osier_plants::surface::patches::{patch_mesh, triangle_mesh};
 use osier_scene::{Image, Material, MaterialClass, Mesh};
 
 /// Translucency, 0..1, of imported leaves whose file has none. Own: of the order of a broad leaf's transmittance in visible
@@ -47,6 +46,8 @@ const NEEDLE_ROUGHNESS: f32 = 0.5;
 /// Needles are thick: they let through this share of what a blade with the same key would.
 const NEEDLE_TRANSLUCENCY: f32 = 0.3;
 
+/// Greatest coordinate of a surface, in its own units.
+const MAX_EXTENT: f32 = 1e9;
 /// Linear colour of the bark of plants that wear the colours of a file.
 const PLAIN_BARK: [f32; 3] = [0.2, 0.12, 0.06];
 
@@ -406,13 +407,19 @@ fn add_surface_organ(
         SurfaceForm::Patches(file) => patch_mesh(file, surface.quads, texture),
         SurfaceForm::Triangles(triangles) => triangle_mesh(triangles, texture),
     };
+    // A surface out of all proportion is none: the turtle tells that its letter draws nothing.
+    let bounds = mesh.bounds();
+    let drawable = bounds.max.is_finite()
+        && bounds.min.is_finite()
+        && bounds.max.abs().max(bounds.min.abs()).max_element() < MAX_EXTENT;
+    let longest = f64::from(bounds.max.y);
+    let meshes = if drawable { vec![Arc::new(mesh)] } else { Vec::new() };
     // Without a size of the scene, a unit of the surface is a turtle unit times the scale of its line.
     let unit = surface.scale * plant.turtle.unit;
-    let longest = f64::from(mesh.bounds().max.y);
     let own = if longest > 1e-9 { longest * unit } else { unit };
     let size = recipe.keys.size.unwrap_or(own);
     let petiole = recipe.keys.petiole.unwrap_or(0.0);
-    Ok(OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole })
+    Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
 }
 
 /// Adds the material of a thin surface with a picture.

@@ -4,8 +4,9 @@ use super::words::Reader;
 use crate::{Spline, SplineEnds};
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
-/// Most points of a contour, and most contours of a set.
-const MAX_ITEMS: usize = 100_000;
+/// Most points of a contour, counted with their multiplicity, and most contours of a set: its length is measured chord by chord.
+const MAX_POINTS: usize = 1024;
+const MAX_CONTOURS: usize = 256;
 
 /// The control points of a cubic B-spline outline.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -33,7 +34,7 @@ pub fn read_contours(text: &str, source: SourceId) -> (Vec<ContourFile>, Vec<Dia
     if reader.peek().is_some_and(|w| w.text == "contourgalleryver") {
         reader.take_line();
     }
-    while reader.peek().is_some() && contours.len() < MAX_ITEMS {
+    while reader.peek().is_some() && contours.len() < MAX_CONTOURS {
         let Some(contour) = read_one(&mut reader) else { break };
         contours.push(contour);
     }
@@ -111,12 +112,12 @@ fn old_form(reader: &mut Reader<'_>) -> Option<ContourFile> {
 
 /// Rows of `dimension` numbers with an optional multiplicity.
 fn rows(reader: &mut Reader<'_>, count: usize, dimension: usize) -> Option<Vec<[f64; 3]>> {
-    if count > MAX_ITEMS {
-        reader.complain(format!("a contour of {count} points"), "a contour has at most 100,000 points");
-        return None;
-    }
     let mut points = Vec::new();
     for _ in 0..count {
+        if count > MAX_POINTS || points.len() > MAX_POINTS {
+            reader.complain(format!("a contour of {count} points"), "a contour has at most 1024 points");
+            return None;
+        }
         let line = reader.peek().map(|w| w.line);
         let mut point = [0.0; 3];
         for (i, v) in point.iter_mut().take(dimension).enumerate() {

@@ -3,8 +3,11 @@
 use super::words::Reader;
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
-/// Most points of a function, and most functions of a set: beyond this a file is damaged.
-const MAX_ITEMS: usize = 100_000;
+/// Most points of a function, counted with their multiplicity, and most functions of a set: beyond this a file is damaged.
+const MAX_POINTS: usize = 4096;
+const MAX_FUNCTIONS: usize = 256;
+/// Most samples of a function times its points: each sample searches all points.
+const MAX_WORK: usize = 500_000;
 
 /// A function as its file has it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -17,6 +20,13 @@ pub struct FunctionFile {
     pub points: Vec<[f64; 2]>,
 }
 
+impl FunctionFile {
+    /// Sets the number of samples, as `function: FILE n` does; a function of very many points has fewer.
+    pub fn tabulate(&mut self, samples: u32) {
+        self.samples = usize::try_from(samples).unwrap_or(usize::MAX).min(MAX_WORK / self.points.len().max(1));
+    }
+}
+
 /// Reads a function or a set of functions, in any version of the format: `fver`, sets, and the older form that begins with `range:`.
 /// Returns what could be read, with L048 for what could not.
 pub fn read_functions(text: &str, source: SourceId) -> (Vec<FunctionFile>, Vec<Diagnostic>) {
@@ -25,7 +35,7 @@ pub fn read_functions(text: &str, source: SourceId) -> (Vec<FunctionFile>, Vec<D
     if reader.peek().is_some_and(|w| w.text == "funcgalleryver") {
         reader.take_line();
     }
-    while reader.peek().is_some() && functions.len() < MAX_ITEMS {
+    while reader.peek().is_some() && functions.len() < MAX_FUNCTIONS {
         let Some(function) = read_one(&mut reader) else { break };
         functions.push(function);
     }
@@ -46,11 +56,12 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
             }
             "samples:" => {
                 reader.take();
-                function.samples = reader.count("the number of samples")?.min(MAX_ITEMS);
+                function.samples = reader.count("the number of samples")?;
             }
             "points:" => {
                 reader.take();
                 function.points = points(reader)?;
+                function.samples = function.samples.min(MAX_WORK / function.points.len().max(1));
                 return Some(function);
             }
             "items:" | "fver" | "flip:" | "range:" | "background:" | "backgroundXY:" => {
@@ -71,12 +82,12 @@ fn read_one(reader: &mut Reader<'_>) -> Option<FunctionFile> {
 /// The points behind `points:`, one a line, with an optional multiplicity.
 fn points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
     let count = reader.count("the number of points")?;
-    if count > MAX_ITEMS {
-        reader.complain(format!("a function of {count} points"), "a function has at most 100,000 points");
-        return None;
-    }
     let mut points = Vec::new();
     for _ in 0..count {
+        if count > MAX_POINTS || points.len() > MAX_POINTS {
+            reader.complain(format!("a function of {count} points"), "a function has at most 4096 points");
+            return None;
+        }
         let line = reader.peek().map(|w| w.line);
         let point = [reader.number("the x of a point")?, reader.number("the y of a point")?];
         let same_line = reader.peek().filter(|w| Some(w.line) == line);

@@ -6,6 +6,8 @@ use super::words::{Word, shown, words};
 use osier_base::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use osier_base::files::{Encoding, decode};
 
+/// Most files that a view names.
+const MAX_FILES: usize = 256;
 /// Deepest `#include` of a view.
 const MAX_DEPTH: usize = 32;
 /// Most bytes of a view with its includes, and most replacements of macros in a line.
@@ -437,6 +439,16 @@ impl ViewReader<'_, '_> {
 
     /// Lines that name files; false if the keyword is none of them.
     fn file_line(&mut self, keyword: &str, line: &Line<'_>) -> bool {
+        let named = [self.view.surfaces.len(), self.view.triangles.len(), self.view.textures.len()];
+        let more = [self.view.contours.len(), self.view.contour_sets.len(), self.view.functions.len()];
+        if named.into_iter().chain(more).sum::<usize>() >= MAX_FILES {
+            let message = format!("a view names more than {MAX_FILES} files");
+            let known = ["surface", "tsurface", "texture", "contour", "contour set", "function", "function set"];
+            if known.contains(&keyword) {
+                self.warn("L048", line.span, message);
+                return true;
+            }
+        }
         match keyword {
             "surface" => {
                 let surface = self.surface(line);

@@ -9,7 +9,6 @@ pub mod leaf;
 pub mod loft;
 pub mod masonry;
 mod material;
-pub mod patches;
 mod periodic_noise;
 mod pixels;
 pub mod rod_tube;

@@ -236,7 +236,7 @@ impl Turtle<'_> {
             size: 1.0,
             patches: vec![SurfacePatch { color: None, points }],
         };
-        let mut mesh = crate::surface::patches::patch_mesh(&surface, quads, None);
+        let mut mesh = super::patches::patch_mesh(&surface, quads, None);
         let material = self.shape_material(true);
         mesh.subsets.iter_mut().for_each(|s| s.material = material);
         let pose = TurtlePose { p: origin, q: DQuat::IDENTITY };

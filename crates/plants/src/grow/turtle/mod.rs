@@ -7,13 +7,14 @@ mod bound_actions;
 mod builder;
 mod commands;
 mod cylinders;
-mod extended;
 mod dialects;
+mod extended;
 mod frame;
 mod interpreter;
 mod options;
 mod organs;
 mod paint;
+mod patches;
 mod pixels;
 mod prototypes;
 mod queries;
@@ -23,6 +24,7 @@ pub(super) use builder::set_exposed_lengths;
 pub use cylinders::Contour;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
 pub use paint::{Paint, TURTLE_COLOR};
+pub use patches::{patch_mesh, triangle_mesh};
 pub use queries::{derive, derive_text};
 
 use super::radii;
@@ -74,7 +76,10 @@ pub fn grow(
             let pixel = pixels::pixel_size(&plant);
             pixels::set_width(&mut plant, pixel);
         }
-        RadiusModel::Auto if !sets_widths => radii::pipe(&mut plant, &radii::Pipe::default()),
+        RadiusModel::Auto if !sets_widths => {
+            let tip = pixels::visible_tip(&plant, radii::Pipe::default().tip);
+            radii::pipe(&mut plant, &radii::Pipe { tip, ..radii::Pipe::default() });
+        }
         RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
         RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}
     }

@@ -15,8 +15,7 @@ const SHARE_OF_SEGMENT: f64 = 0.25;
 
 /// Size of a pixel in this plant, m.
 pub(super) fn pixel_size(plant: &Plant) -> f64 {
-    let bounds = Bounds::of(plant.nodes.p.iter().copied());
-    let extent = f64::from((bounds.max - bounds.min).max(Vec3::ZERO).max_element());
+    let extent = extent(plant);
     if !extent.is_finite() || extent <= 0.0 {
         return 0.0;
     }
@@ -24,6 +23,23 @@ pub(super) fn pixel_size(plant: &Plant) -> f64 {
     let length: f64 = plant.axes.iter().map(|a| f64::from(a.length)).sum();
     let mean = length / segments.max(1) as f64;
     (mean * SHARE_OF_SEGMENT).clamp(extent * PIXEL[0], extent * PIXEL[1])
+}
+
+/// Up to this extent, m, lengths are taken as those of a real plant, whose twigs are as thin as they are.
+const REAL_EXTENT: f64 = 20.0;
+/// Radius of a twig as a share of what the extent goes beyond that: a pixel wide in a picture of 800.
+const TWIG: f64 = 1.0 / 1600.0;
+
+/// Radius of the tips of a plant without widths, m: `own`, or more for plants whose units are no metres, whose twigs would not be seen.
+pub(super) fn visible_tip(plant: &Plant, own: f64) -> f64 {
+    let beyond = extent(plant) - REAL_EXTENT;
+    if beyond.is_finite() { own.max(beyond * TWIG) } else { own }
+}
+
+/// Largest side of the box around all nodes, m.
+fn extent(plant: &Plant) -> f64 {
+    let bounds = Bounds::of(plant.nodes.p.iter().copied());
+    f64::from((bounds.max - bounds.min).max(Vec3::ZERO).max_element())
 }
 
 /// Gives the whole plant one width, m.

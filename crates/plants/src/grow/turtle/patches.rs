@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::grow::turtle::{Paint, TURTLE_COLOR};
+use super::paint::{Paint, TURTLE_COLOR};
 use osier_base::math::narrow;
 use osier_grammar::companion::{SurfaceFile, SurfaceTriangle};
 use osier_scene::{MaterialId, Mesh};
