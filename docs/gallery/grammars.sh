@@ -16,7 +16,7 @@ draw() {
     shift 2
     names+=("$name")
     if [ "$wanted" = "  " ] || [[ "$wanted" == *" $name "* ]]; then
-        "$osier" preview -q "$source" --size 400x400 --quality fine -o "$work/$name.png" --force "$@"
+        "$osier" preview -q "$source" --size 400x400 --quality "${QUALITY:-fine}" -o "$work/$name.png" --force "$@"
         "${PYTHON:-python3}" - "$work/$name.png" "docs/gallery/grammar-$name.jpg" <<'PY'
 import sys
 from PIL import Image
@@ -45,6 +45,7 @@ draw birch birch
 draw poplar-twig poplar-twig
 draw silk-tree silk-tree
 draw wang-tree wang-tree --seed 1
+draw wang-fig8 wang-fig8 --seed 1
 draw bamboo bamboo
 draw wang-bamboo wang-bamboo --seed 1
 draw tree-models tree-models --seed 1 --view front
@@ -60,8 +61,8 @@ draw gosper gosper --view front
 draw sierpinski sierpinski --view front
 draw penrose penrose --view front
 
-# All pictures on one sheet.
-if [ "$wanted" = "  " ]; then
+# All pictures on one sheet, also by the name "sheet".
+if [ "$wanted" = "  " ] || [[ "$wanted" == *" sheet "* ]]; then
     "${PYTHON:-python3}" - "${names[@]}" <<'PY'
 import sys
 from PIL import Image, ImageDraw
