@@ -305,6 +305,9 @@ pub struct New {
     /// Preset to copy.
     #[arg(long, value_name = "PRESET", default_value = "oak")]
     pub from: String,
+    /// Copy the grammar of the library that fits these words best, with its scene: daisy, "white umbels", curve.
+    #[arg(long, value_name = "WORDS", conflicts_with = "from")]
+    pub grammar: Option<String>,
 }
 
 /// Arguments of `osier info`.

@@ -19,13 +19,24 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.complain(&format!("\"{}\" is not the name of a folder", args.name.display()));
         return Ok(2);
     }
-    let Some((scene, named)) = scene_and_presets(&args.from, &name) else {
-        let stems = presets::PRESETS.iter().map(|p| stem(p.name));
-        let hint = match nearest(&args.from, stems) {
-            Some(near) => format!("did you mean \"{near}\"?"),
-            None => "`osier list presets` lists them".into(),
-        };
-        context.console.complain(&format!("there is no preset \"{}\"; {hint}", args.from));
+    let from = match &args.grammar {
+        None => args.from.as_str(),
+        Some(words) => {
+            let Some(fits) = fitting_grammar(words) else {
+                let grammars = presets::PRESETS.iter().filter(|p| p.name.ends_with(GRAMMAR));
+                let hint = preset_hint(words, grammars);
+                context.console.complain(&format!("no grammar of the library fits \"{words}\"; {hint}"));
+                return Ok(1);
+            };
+            if !context.console.json {
+                context.console.note(&format!("{}: {}", stem(fits.name), presets::about(fits)));
+            }
+            stem(fits.name)
+        }
+    };
+    let Some((scene, named)) = scene_and_presets(from, &name) else {
+        let hint = preset_hint(from, presets::PRESETS.iter());
+        context.console.complain(&format!("there is no preset \"{from}\"; {hint}"));
         return Ok(1);
     };
     let scene_name = format!("{}.toml", safe_name(&name));
@@ -52,6 +63,55 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.note(&format!("next: osier bake {quote}{scene}{quote}"));
     }
     Ok(0)
+}
+
+/// What to try instead of an unknown name: the preset of `among` with the most similar one.
+fn preset_hint(word: &str, among: impl Iterator<Item = &'static Preset>) -> String {
+    match nearest(&word.to_lowercase(), among.map(|p| stem(p.name))) {
+        Some(near) => format!("did you mean \"{near}\"?"),
+        None => "`osier list presets` lists them".into(),
+    }
+}
+
+/// Ending of grammars.
+const GRAMMAR: &str = ".l";
+/// How much a word counts that is a part of the name of a grammar, stands in the first line of its comment, or elsewhere in the
+/// comment: a name outweighs a first line, which outweighs any number of mentions that a short query can have.
+const WORD_WEIGHTS: [u32; 3] = [16, 4, 1];
+
+/// The grammar of the library that the words name or describe best: by its name, else by the words of its name and of its leading
+/// comment; the first in the alphabet of equal ones. `None` if no word occurs.
+fn fitting_grammar(words: &str) -> Option<&'static Preset> {
+    let words = words.to_lowercase();
+    let bare = words.trim().trim_end_matches(GRAMMAR).replace(' ', "-");
+    if let Some(exact) = presets::find(&format!("{bare}{GRAMMAR}")) {
+        return Some(exact);
+    }
+    let asked: Vec<&str> = words_of(&words).collect();
+    let score = |preset: &Preset| -> u32 {
+        let comment = preset.text.split("*/").next().unwrap_or_default().to_lowercase();
+        let mut lines = comment.splitn(2, '\n');
+        let parts = [stem(preset.name), lines.next().unwrap_or_default(), lines.next().unwrap_or_default()];
+        let weight = |word: &&str| {
+            let found = |part: &&str| words_of(part).any(|w| is_same_word(w, word));
+            parts.iter().zip(WORD_WEIGHTS).filter(|(part, _)| found(part)).map(|(_, weight)| weight).sum::<u32>()
+        };
+        asked.iter().map(weight).sum()
+    };
+    let scored = presets::PRESETS.iter().filter(|p| p.name.ends_with(GRAMMAR)).map(|p| (score(p), p));
+    // The last of equal maxima is taken, so the list is reversed.
+    scored.rev().max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, p)| p)
+}
+
+/// The words of a text that are long enough to say something.
+fn words_of(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !c.is_alphanumeric()).filter(|w| w.len() > 2)
+}
+
+/// Whether two words are equal but for a plural ending.
+fn is_same_word(a: &str, b: &str) -> bool {
+    let singular = |w: &str| w.strip_suffix('s').unwrap_or(w).to_owned();
+    a == b || singular(a) == singular(b)
 }
 
 fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
@@ -101,4 +161,27 @@ fn collect_presets(key: &str, value: &toml::Value, named: &mut Vec<&'static str>
 
 fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_find_the_nearest_grammar() {
+        let found = |words: &str| fitting_grammar(words).map(|p| p.name);
+        assert_eq!(found("daisy"), Some("daisy.l"));
+        assert_eq!(found("Lily of the Valley"), Some("lily-of-the-valley.l"));
+        assert_eq!(found("wang-tree.l"), Some("wang-tree.l"));
+        assert_eq!(found("parsley"), Some("cow-parsley.l"));
+        assert_eq!(found("white umbels"), Some("cow-parsley.l"));
+        assert_eq!(found("a flower with a capitulum"), Some("daisy.l"));
+        assert_eq!(found("panicle"), Some("oat.l"));
+        assert_eq!(found("rhombs"), Some("penrose.l"));
+        assert_eq!(found("qqqq"), None);
+        assert_eq!(found(""), None);
+        for preset in presets::PRESETS.iter().filter(|p| p.name.ends_with(GRAMMAR)) {
+            assert_eq!(found(stem(preset.name)), Some(preset.name), "found by its name");
+        }
+    }
 }

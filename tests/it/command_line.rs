@@ -284,6 +284,8 @@ fn a_misspelt_preset_is_told_the_nearest() {
         let (_, err) = ends(1, args);
         assert!(err.contains("did you mean \"oak\"?"), "{err}");
     }
+    let (_, err) = ends(1, &["new", "x", "--grammar", "daisi"]);
+    assert!(err.contains("no grammar of the library fits \"daisi\"; did you mean \"daisy\"?"), "{err}");
     let (_, err) = ends(1, &["bake", "nowhere/to/be/found.toml"]);
     assert!(err.contains("cannot open \"nowhere/to/be/found.toml\""), "{err}");
 }
@@ -307,6 +309,18 @@ fn a_new_folder_bakes_and_is_never_overwritten() {
         assert!(err.contains("already exists") && err.contains("choose another name"), "{err}");
         assert_same(&tree(&mine), &before, "new, twice");
     }
+}
+
+#[test]
+fn a_new_folder_starts_from_the_grammar_that_words_describe() {
+    let dir = folder();
+    let mine = dir.path().join("mine");
+    let (_, err) = ends(0, &["new", arg(&mine), "--grammar", "golden florets"]);
+    assert!(err.contains("daisy: Oxeye daisy"), "{err}");
+    assert!(mine.join("daisy.l").is_file() && mine.join("mine.toml").is_file());
+    ends(0, &["check", arg(&mine.join("mine.toml"))]);
+    let (_, err) = ends(2, &["new", arg(&dir.path().join("other")), "--grammar", "daisy", "--from", "oak"]);
+    assert!(err.contains("cannot be used with"), "{err}");
 }
 
 #[test]

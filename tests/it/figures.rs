@@ -2,6 +2,7 @@
 #![allow(clippy::expect_used, reason = "tests fail by panicking")]
 
 use crate::common::grown;
+use crate::library::derived;
 use std::collections::BTreeMap;
 
 use osier::plant::Plant;
@@ -88,4 +89,72 @@ fn culms_swell_at_their_nodes() {
         let gap = swollen.iter().map(|s| (s - branch.parent_s).abs()).fold(f32::MAX, f32::min);
         assert!(gap < 0.02, "a branch {gap} m from the next node");
     }
+}
+
+/// Expression 6 as printed: the counts of its text, straight axes, cones by r_3, the same tree by `remaining`.
+#[test]
+fn the_printed_tree_has_its_counts_and_cones() {
+    let mut tops = [0_u32; 2];
+    for seed in 0..6 {
+        let tree = plant("wang-tree.l", seed, &[]);
+        assert_eq!(orders(&tree), [1, 6, 36, 216, 432], "seed {seed}");
+        let segments: usize = tree.axes.iter().map(|a| a.count as usize - 1).sum();
+        assert_eq!((tree.axes.len(), segments, tree.organs.len()), (691, 777, 864));
+        let by_steps = plant("wang-tree.l", seed, &["BY_STEPS=1"]);
+        assert_eq!(by_steps.nodes.p, tree.nodes.p, "seed {seed}: the same tree by the steps that remain");
+        assert_eq!(by_steps.nodes.r, tree.nodes.r);
+        for axis in &tree.axes {
+            let nodes = tree.nodes_of(axis);
+            let (foot, tip) = (tree.nodes.p[nodes.start], tree.nodes.p[nodes.end - 1]);
+            assert!((foot.distance(tip) / axis.length - 1.0).abs() < 1e-4, "an axis is straight");
+            // Branches of pairs end in the first width of the next; whorled axes end by r_3.
+            if axis.order <= 2 {
+                let ratio = tree.nodes.r[nodes.end - 1] / tree.nodes.r[nodes.start];
+                let kind = [0.7, 0.8].iter().position(|r3| (ratio - r3).abs() < 2e-3);
+                tops[kind.unwrap_or_else(|| panic!("{ratio} is no value of r_3"))] += 1;
+            }
+        }
+    }
+    // Both values of r_3 have probability 0.5: 6 * 43 draws, chi-square with one degree of freedom, p = 0.001.
+    let expected = f64::from(tops[0] + tops[1]) / 2.0;
+    let chi: f64 = tops.iter().map(|n| (f64::from(*n) - expected) * (f64::from(*n) - expected) / expected).sum();
+    assert!(tops[0] + tops[1] == 6 * 43 && chi < 10.83, "{tops:?}");
+}
+
+/// Eq. 7-8 with the weights of the printed tree, first and second whorl apart: chi-square over many trees.
+#[test]
+fn whorls_of_the_printed_tree_draw_their_own_ratios() {
+    let sines = [0.5_f32.sqrt(), 0.75_f32.sqrt(), 0.5];
+    let mut found = [[0_u32; 3]; 2];
+    for seed in 0..12 {
+        let tree = plant("wang-tree.l", seed, &[]);
+        for axis in tree.axes.iter().filter(|a| (1..=3).contains(&a.order)) {
+            let parent = &tree.axes[axis.parent as usize];
+            let ratio = axis.length / parent.length;
+            let kind = sines.iter().position(|s| (ratio - s).abs() < 2e-3);
+            let whorl = usize::from(axis.parent_s > 0.7 * parent.length);
+            found[whorl][kind.unwrap_or_else(|| panic!("{ratio} is none of eq. 7"))] += 1;
+        }
+    }
+    for (counts, shares) in found.iter().zip([[0.4, 0.4, 0.2], [0.3, 0.2, 0.5]]) {
+        let n: u32 = counts.iter().sum();
+        assert_eq!(n, 12 * (3 + 18 + 108));
+        let expected = shares.map(|s| s * f64::from(n));
+        let chi: f64 = counts.iter().zip(expected).map(|(c, e)| (f64::from(*c) - e) * (f64::from(*c) - e) / e).sum();
+        assert!(chi < 13.8, "2 degrees of freedom, p = 0.001: {found:?}");
+    }
+}
+
+/// The Koch curve as the paper prints it, minus signs lost, and as it was meant.
+#[test]
+fn the_printed_koch_rule_loads_and_the_preset_closes() {
+    let curve = plant("koch.l", 0, &[]);
+    let segments: usize = curve.axes.iter().map(|a| a.count as usize - 1).sum();
+    assert_eq!(segments, 3 * 256);
+    let (first, last) = (curve.nodes.p[0], curve.nodes.p[curve.nodes.p.len() - 1]);
+    assert!(first.distance(last) < 1e-4, "closed: {last}");
+    let printed = "Lsystem: p\nDerivation length: 3\nAxiom: F(1)-(60)F(1)\n\
+        F(d) --> F(d/3)+(60)F(d/3)-(60)F(d/3)+(60)F(d/3)\nendlsystem\n";
+    let string = derived("printed.l", printed, &[]);
+    assert_eq!(string.matches("F(").count(), 2 * 64, "2 * 4^n");
 }

@@ -26,6 +26,7 @@ mod grammar;
 mod grown_trees;
 mod import_files;
 mod kept_leaves;
+mod library;
 mod manifest;
 mod maps;
 mod mesh_plants;

@@ -322,11 +322,12 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         BladeOutline::Toothed => BladeSpec::birch(),
         BladeOutline::Deltoid => BladeSpec::poplar(),
         BladeOutline::Palmate => BladeSpec::maple(),
+        BladeOutline::Petal => BladeSpec::petal(),
         BladeOutline::Elliptic | BladeOutline::Needles => BladeSpec::elliptic(),
     };
     let or = |key: Option<f64>, own: f32| key.map_or(own, narrow);
     let length = or(keys.size, base.length);
-    let has_lobes = matches!(keys.blade, BladeOutline::Lobed | BladeOutline::Palmate);
+    let has_lobes = matches!(keys.blade, BladeOutline::Lobed | BladeOutline::Palmate | BladeOutline::Petal);
     let teeth = Teeth {
         count: keys.lobes.filter(|_| !has_lobes).unwrap_or(base.teeth.count),
         // A share of the half width in scenes, of the width in the blade.
@@ -340,6 +341,7 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         LeafForm::Palmate { lobes, depth } => {
             LeafForm::Palmate { lobes: keys.lobes.unwrap_or(lobes).clamp(1, 4), depth: or(keys.depth, depth) }
         }
+        LeafForm::Petal { notch } => LeafForm::Petal { notch: or(keys.depth, notch) },
         other => other,
     };
     BladeSpec {
@@ -364,11 +366,16 @@ pub(crate) fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     let own = match keys.blade {
         BladeOutline::Lobed => LeafColors::OAK,
         BladeOutline::Deltoid => LeafColors::POPLAR,
+        BladeOutline::Petal => LeafColors::PETAL,
         _ => LeafColors::BIRCH,
     };
     let scaled = |c: [f32; 3], k: f32| c.map(|v| (v * k).min(1.0));
     LeafColors {
-        blade: keys.color.map_or(own.blade, |c| [scaled(c, 0.72), scaled(c, 1.28)]),
+        // Petals are more even than leaves.
+        blade: keys.color.map_or(own.blade, |c| match keys.blade {
+            BladeOutline::Petal => [scaled(c, 0.92), scaled(c, 1.06)],
+            _ => [scaled(c, 0.72), scaled(c, 1.28)],
+        }),
         vein: keys.color2.unwrap_or(own.vein),
         edge: keys.color2.map_or(own.edge, |c| scaled(c, 0.6)),
         roughness: keys.roughness.map_or(own.roughness, narrow),

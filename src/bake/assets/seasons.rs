@@ -91,6 +91,12 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
             falls: FallOrder::Tips,
             bud: 0.008,
         },
+        // Petals wither; no bud takes their place.
+        BladeOutline::Petal => OutlineYear {
+            autumn: &[([0xb8, 0xa0, 0x84], 2.0), ([0x9c, 0x82, 0x66], 1.0)],
+            falls: FallOrder::Random,
+            bud: 0.0,
+        },
         BladeOutline::Needles => OutlineYear {
             autumn: &[([0xd8, 0xa0, 0x36], 3.0), ([0xc6, 0x8a, 0x2e], 2.0)],
             falls: FallOrder::Random,

@@ -24,6 +24,8 @@ choices! {
         Elliptic = "elliptic",
         /// Lobes from the base like fingers, as a maple's.
         Palmate = "palmate",
+        /// Widest near its rounded tip, as the petals of a flower; `depth` notches the tip.
+        Petal = "petal",
         /// A piece of a conifer's shoot with its needles all round.
         Needles = "needles",
     }

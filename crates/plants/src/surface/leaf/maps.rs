@@ -41,6 +41,13 @@ impl LeafColors {
         edge: [0.200, 0.190, 0.040],
         roughness: 0.48,
     };
+    /// White petals, matt, with veins hardly darker.
+    pub const PETAL: Self = Self {
+        blade: [[0.780, 0.780, 0.760], [0.880, 0.880, 0.870]],
+        vein: [0.740, 0.740, 0.700],
+        edge: [0.820, 0.820, 0.800],
+        roughness: 0.62,
+    };
     /// Shiny mid green with pale veins.
     pub const POPLAR: Self = Self {
         blade: [[0.050, 0.118, 0.020], [0.096, 0.178, 0.032]],

@@ -42,6 +42,11 @@ pub enum LeafForm {
         /// How far the bays reach towards the base, share of the length of the lobes beside them, 0..0.9.
         depth: f32,
     },
+    /// Narrow at the base, widest near the rounded tip: petals.
+    Petal {
+        /// Depth of the notch in the tip, share of the half width, 0..0.9.
+        notch: f32,
+    },
     /// Widest below the middle with straight sides to a fine tip: birches.
     Rhombic,
     /// A broad flat base, rounded corners and a long tip: poplars.
@@ -180,6 +185,25 @@ impl BladeSpec {
         }
     }
 
+    /// A petal without a stalk, 2 cm, slightly hollow.
+    pub fn petal() -> Self {
+        Self {
+            form: LeafForm::Petal { notch: 0.0 },
+            teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
+            length: 0.02,
+            width: 0.012,
+            veins: 4,
+            vein_angle: 0.35,
+            fold: 0.12,
+            curl: 0.3,
+            waviness: 0.03,
+            petiole_length: 0.0,
+            petiole_radius: 0.000_2,
+            petiole_flatness: 1.0,
+            seed: 5,
+        }
+    }
+
     /// Checks all ranges.
     /// # Errors
     /// `Range` naming the first value outside its range.
@@ -187,6 +211,7 @@ impl BladeSpec {
         let (lobes, most, depth) = match self.form {
             LeafForm::Lobed { lobes, depth } => (lobes, 8.0, depth),
             LeafForm::Palmate { lobes, depth } => (lobes, 4.0, depth),
+            LeafForm::Petal { notch } => (1, 8.0, notch),
             _ => (1, 8.0, 0.0),
         };
         let rows = [

@@ -112,6 +112,7 @@ fn control_points(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
             [0.06, 0.92],
             [0.0, 1.0],
         ],
+        LeafForm::Petal { notch } => return petal(notch, spec.width / spec.length),
         LeafForm::Elliptic => {
             &[[0.0, 0.0], [0.35, 0.07], [0.8, 0.28], [1.0, 0.5], [0.8, 0.74], [0.35, 0.93], [0.0, 1.0]]
         }
@@ -146,6 +147,16 @@ fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     }
     let top = height(n - 0.5) + 0.3 * step;
     out.extend([Vec2::new(0.33, top), Vec2::new(0.31, 0.965), Vec2::new(0.15, 0.995), Vec2::new(0.0, 1.0)]);
+    out
+}
+
+/// Obovate with a rounded tip; `notch`: depth of the bay in it, share of the half width; `aspect`: width over length.
+fn petal(notch: f32, aspect: f32) -> Vec<Vec2> {
+    // The bay ends at the tip of the midrib, so the shoulders beside it stand above that.
+    let rise = notch * 0.5 * aspect;
+    let table = [[0.0, 0.0], [0.2, 0.04], [0.42, 0.2], [0.72, 0.42], [0.97, 0.66], [0.93, 0.83]];
+    let mut out: Vec<Vec2> = table.iter().map(|&[x, y]| Vec2::new(x, y)).collect();
+    out.extend([Vec2::new(0.66, 0.95 + 0.75 * rise), Vec2::new(0.36, 0.988 + rise), Vec2::new(0.0, 1.0)]);
     out
 }
 
@@ -401,7 +412,10 @@ mod tests {
     fn margins_are_simple_and_veins_end_on_them() {
         let palmate = |lobes, depth| BladeSpec { form: LeafForm::Palmate { lobes, depth }, ..BladeSpec::maple() };
         let maples = [palmate(1, 0.3), palmate(2, 0.4), palmate(3, 0.7), palmate(4, 0.85)];
-        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()].into_iter().chain(maples) {
+        let petal = |notch| BladeSpec { form: LeafForm::Petal { notch }, ..BladeSpec::petal() };
+        let petals = [petal(0.0), petal(0.4), petal(0.9)];
+        let leaves = [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()];
+        for spec in leaves.into_iter().chain(maples).chain(petals) {
             let o = BladeOutline::new(&spec, 4, true);
             for half in &o.halves {
                 assert!(half.veins.len() >= 5.min(vein_count(&spec)));
