@@ -87,20 +87,29 @@ fn fitting_grammar(words: &str) -> Option<&'static Preset> {
     if let Some(exact) = presets::find(&format!("{bare}{GRAMMAR}")) {
         return Some(exact);
     }
-    let asked: Vec<&str> = words_of(&words).collect();
-    let score = |preset: &Preset| -> u32 {
-        let comment = preset.text.split("*/").next().unwrap_or_default().to_lowercase();
-        let mut lines = comment.splitn(2, '\n');
-        let parts = [stem(preset.name), lines.next().unwrap_or_default(), lines.next().unwrap_or_default()];
-        let weight = |word: &&str| {
-            let found = |part: &&str| words_of(part).any(|w| is_same_word(w, word));
-            parts.iter().zip(WORD_WEIGHTS).filter(|(part, _)| found(part)).map(|(_, weight)| weight).sum::<u32>()
-        };
-        asked.iter().map(weight).sum()
-    };
-    let scored = presets::PRESETS.iter().filter(|p| p.name.ends_with(GRAMMAR)).map(|p| (score(p), p));
+    let grammars: Vec<&'static Preset> = presets::PRESETS.iter().filter(|p| p.name.ends_with(GRAMMAR)).collect();
+    let mut scores = vec![0_u32; grammars.len()];
+    for word in words_of(&words) {
+        let weights: Vec<u32> = grammars.iter().map(|preset| weight_of_word(preset, word)).collect();
+        // Words of many grammars say little.
+        let bearers = (0_u32..).zip(weights.iter().filter(|w| **w > 0)).map(|(i, _)| i + 1).last().unwrap_or(1);
+        scores.iter_mut().zip(weights).for_each(|(score, weight)| *score += weight * RARITY / bearers);
+    }
     // The last of equal maxima is taken, so the list is reversed.
-    scored.rev().max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, p)| p)
+    let scored = scores.into_iter().zip(grammars).rev();
+    scored.max_by_key(|(score, _)| *score).filter(|(score, _)| *score > 0).map(|(_, preset)| preset)
+}
+
+/// Score of a word of weight 1 that only one grammar has.
+const RARITY: u32 = 1000;
+
+/// How much a word says for a grammar, by where it stands in its name and its comment; 0 if nowhere.
+fn weight_of_word(preset: &Preset, word: &str) -> u32 {
+    let comment = preset.text.split("*/").next().unwrap_or_default().to_lowercase();
+    let mut lines = comment.splitn(2, '\n');
+    let parts = [stem(preset.name), lines.next().unwrap_or_default(), lines.next().unwrap_or_default()];
+    let found = |part: &&str| words_of(part).any(|w| is_same_word(w, word));
+    parts.iter().zip(WORD_WEIGHTS).filter(|(part, _)| found(part)).map(|(_, weight)| weight).sum()
 }
 
 /// The words of a text that are long enough to say something.
