@@ -15,7 +15,8 @@ use crate::common::grown;
 pub fn derived(name: &str, text: &str, set: &[(&str, &str)]) -> String {
     let defines: BTreeMap<String, String> = set.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
     let mut includes = |name: &str, _: &str| panic!("{name} is included");
-    let source = GrammarSource { name, bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let (bytes, functions) = (text.as_bytes(), Default::default());
+    let source = GrammarSource { name, bytes, includes: &mut includes, defines: &defines, functions };
     let grammar = parse(&mut Sources::default(), source, &Limits::default()).unwrap_or_else(|e| panic!("{e}")).0;
     let string = derive(&grammar, &DeriveOptions::default(), &Limits::default()).unwrap_or_else(|e| panic!("{e}"));
     grammar.print(&string.modules)

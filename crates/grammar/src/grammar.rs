@@ -192,7 +192,7 @@ impl NumberTexts {
         let bits = value.to_bits();
         // Fibonacci hashing: the high bits of the product depend on all bits of the number.
         let slot = &mut self.slots[to_usize(bits.wrapping_mul(0x9E37_79B9) >> (32 - Self::BITS))];
-        if !slot.as_ref().is_some_and(|(known, _)| *known == bits) {
+        if slot.as_ref().is_none_or(|(known, _)| *known != bits) {
             *slot = Some((bits, format_g(f64::from(value))));
         }
         slot.as_ref().map_or("", |(_, text)| text)

@@ -231,10 +231,11 @@ impl RegisterCompiler {
     /// The register of an operation's result: a constant if its operands are, that of an equal operation if there is one.
     fn operation(&mut self, action: Action, a: Register, b: Register) -> Option<Register> {
         let (ia, ib) = (usize::from(a), usize::from(b));
-        if self.is_constant[ia] && self.is_constant[ib] {
-            if let Some(value) = compute(action, self.initial[ia], self.initial[ib]) {
-                return self.constant(value);
-            }
+        if self.is_constant[ia]
+            && self.is_constant[ib]
+            && let Some(value) = compute(action, self.initial[ia], self.initial[ib])
+        {
+            return self.constant(value);
         }
         // Operations that may divide by zero are not shared: each place of such a division is reported.
         let may_fail = matches!(action, Action::Binary(BinaryOp::Div | BinaryOp::Rem)) && !self.is_constant[ib];
