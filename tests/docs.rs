@@ -146,8 +146,9 @@ fn final_string(grammar: &Grammar) -> String {
     let options = DeriveOptions { seed: 1, ..DeriveOptions::default() };
     // The turtle answers the queries of a grammar.
     let turtle = osier::grow::turtle::TurtleOptions::default();
-    let derived = osier::grow::turtle::derive(grammar, &options, &turtle, &Limits::default()).expect("derives");
-    grammar.print(&derived.modules)
+    let limits = Limits::default();
+    let derived = osier::grow::turtle::derive_text(grammar, &options, &turtle, &limits).expect("derives");
+    derived.into_text(grammar, &limits).expect("a text")
 }
 
 #[test]
