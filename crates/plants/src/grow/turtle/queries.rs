@@ -24,9 +24,9 @@ pub fn derive(
     derive_with_queries(grammar, options, limits, &mut |string| answers(grammar, string, turtle, limits))
 }
 
-/// Derives the string of a grammar as text, as [`osier_grammar::derive_text`] does; queries are answered as by [`derive`].
+/// Derives the string of a grammar as text, as [`osier_grammar::derive_text`] does; queries are answered as by [`derive()`].
 /// # Errors
-/// Those of [`derive`].
+/// Those of [`derive()`].
 pub fn derive_text(
     grammar: &Grammar,
     options: &DeriveOptions,
