@@ -260,6 +260,7 @@ impl Finder<'_, '_> {
             }
             Err(why) => Err(why.to_string()),
         };
+        // The view first, with the files that it includes; then the files that its lines name, each kind for itself.
         let (view, report) = read_view(&file.shown, &file.bytes, &mut self.sources, &mut include);
         self.resolver.inputs.extend(hashes);
         self.diagnostics.extend(report);

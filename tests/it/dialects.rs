@@ -585,3 +585,24 @@ proptest::proptest! {
         let _ = (detect("soup.txt", text.as_bytes()), entries("soup.l", text.as_bytes()));
     }
 }
+
+#[test]
+fn colours_of_other_programs_reach_the_files() {
+    let dir = tempfile::tempdir().expect("dir");
+    let draws = |name: &str, text: &str| {
+        let (file, out) = (dir.path().join(name), dir.path().join("out.obj"));
+        std::fs::write(&file, text).expect("written");
+        ends(0, &["grow", arg(&file), "-o", arg(&out), "--force"]);
+        let obj = std::fs::read_to_string(&out).expect("an OBJ");
+        (obj, std::fs::read_to_string(dir.path().join("out.mtl")).expect("materials"))
+    };
+    // LParser: the file gives indices their colours; sRGB 255 is 1 in any encoding.
+    let rules = "recursion 1\nangle 30\nthickness 20\ncolor 2 0 255 0\ncolor 5 255 0 0\naxiom FFF+c(5)FFF\n";
+    let (obj, mtl) = draws("stems.ls", rules);
+    let used: Vec<&str> = obj.lines().filter_map(|l| l.strip_prefix("usemtl ")).collect();
+    assert!(used.iter().any(|m| m.ends_with("color_2")) && used.iter().any(|m| m.ends_with("color_5")), "{used:?}");
+    assert!(mtl.contains("Kd 0 1 0") && mtl.contains("Kd 1 0 0"), "{mtl}");
+    // Fractint: a colour index is worn from its command on.
+    let (obj, _) = draws("two.l", "Two {\n Angle 4\n Axiom FFF+C4FFF\n F=F\n}\n");
+    assert!(obj.contains("color_4"), "{}", obj.lines().filter(|l| l.starts_with("usemtl")).collect::<String>());
+}

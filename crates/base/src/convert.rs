@@ -90,6 +90,18 @@ pub fn limit(n: u64) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
 
+/// A count as a 32-bit index; the largest one for counts beyond, which no collection with a limit reaches.
+/// # Examples
+/// ```
+/// use osier_base::convert::saturating_index;
+///
+/// assert_eq!(saturating_index(7), 7);
+/// ```
+#[inline]
+pub fn saturating_index(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
 /// `n` as a byte, 255 for all that is larger: a colour or a weight that rounding may have carried over the end.
 /// # Examples
 /// ```

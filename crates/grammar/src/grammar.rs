@@ -7,8 +7,8 @@ use osier_base::math::narrow;
 
 use super::binding::{Dialect, TurtleAction, TurtleBindings};
 use super::code::Expr;
-use super::dialect::Notation;
 use super::modules::{Module, ModuleString};
+use super::notation::Notation;
 use super::preprocess::Define;
 use super::program::{Program, SuccessorModule};
 use super::symbols::{SymbolId, Symbols};

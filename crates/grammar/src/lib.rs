@@ -37,6 +37,7 @@ mod functions;
 mod grammar;
 mod lint;
 mod modules;
+mod notation;
 mod preprocess;
 mod program;
 mod symbols;
@@ -51,11 +52,12 @@ pub use derive::{
     AskTurtle, DeriveOptions, DerivedString, Prediction, QueryAnswer, TurtleAnswers, derive, derive_deferred,
     derive_text, derive_with_queries, interpret, interpret_modules, predict,
 };
-pub use dialect::{ConvertTo, Converted, FileKind, Notation, ReadAs, convert, detect, entries};
+pub use dialect::{ConvertTo, Converted, FileKind, ReadAs, convert, detect, entries};
 pub use evaluate::BindingEvaluator;
 pub use functions::{DataFunction, FunctionTables, Spline, SplineEnds};
 pub use grammar::Grammar;
 pub use modules::{Module, ModuleString};
+pub use notation::Notation;
 pub use preprocess::{Define, DefineRange, Includes};
 pub use symbols::{SymbolId, Symbols};
 

@@ -1,6 +1,7 @@
 //! The string of an L-system: modules with parameters, stored as a structure of arrays.
 
 use crate::symbols::SymbolId;
+use osier_base::convert::saturating_index;
 use osier_base::rng::ChildId;
 
 /// One module of a string.
@@ -176,7 +177,7 @@ impl ModuleString {
     pub(crate) fn finish_module(&mut self, symbol: SymbolId, lineage: u64, birth: u32) {
         if self.prepare_ends() {
             // Always fits: derivation stops at 2^27 parameters.
-            self.ends.push(u32::try_from(self.params.len()).unwrap_or(u32::MAX));
+            self.ends.push(saturating_index(self.params.len()));
         }
         self.symbols.push(symbol);
         if !self.has_no_ancestry {

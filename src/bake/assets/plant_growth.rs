@@ -233,6 +233,11 @@ fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOption
     }
 }
 
+/// The grammar itself gives colours to indices.
+fn has_palette(recipe: &PlantRecipe) -> bool {
+    matches!(&recipe.growth, Growth::Grammar(grammar) if !grammar.palette().is_empty())
+}
+
 /// Options of the turtle from the keys of `[plants.NAME.turtle]`, which override those of the grammar.
 fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptions> {
     let keys = &recipe.turtle;
@@ -266,7 +271,7 @@ fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptio
         scale_multiplier: keys.scale_multiplier.or(view.scale_multiplier).unwrap_or(defaults.scale_multiplier),
         tapered: keys.tapered.or(view.tapered).unwrap_or(defaults.tapered),
         tropisms,
-        painted: companions.colors.is_some(),
+        painted: companions.colors.is_some() || has_palette(recipe),
         contours: companions.contours.iter().map(|(id, c)| (*id, contour(c))).collect(),
         sides: keys.sides.or(view.sides).unwrap_or(defaults.sides),
         twist: keys.twist.or(view.twist).unwrap_or(defaults.twist),

@@ -282,6 +282,7 @@ fn build_needle_shoots(
     material.double_sided = true;
     material.translucency = narrow(keys.translucency) * NEEDLE_TRANSLUCENCY;
     let id = set.add(material, Vec::new())?;
+    // The width of a piece is that of its brush: needles of this length at this angle span it.
     let length = keys.size.unwrap_or(NEEDLE_SHOOT[0]);
     let angle = keys.vein_angle.unwrap_or(NEEDLE_ANGLE).clamp(0.2, 1.5);
     let across = 0.5 * keys.width.unwrap_or(NEEDLE_SHOOT[1]) * length;
@@ -297,6 +298,7 @@ fn build_needle_shoots(
         coarse: keys.detail == BladeDetail::Crown,
         seed: mix64(&[seed, word(plant), word(name)]),
     };
+    // Each variant draws its needles anew; subset 0 is needles, the other the wood of the shoot.
     let meshes = (0..u64::from(keys.variants))
         .map(|variant| {
             let mut mesh = leaf::needle_shoot(&spec, variant)?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::bake::assets::material_set::MaterialSet;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::scene::plant_layout::PlantLayout;
-use crate::recipe::Recipe;
+use crate::recipe::{Growth, Recipe};
 use osier_base::Result;
 use osier_base::convert::to_usize;
 use osier_grammar::companion::ColorTable;
@@ -37,8 +37,12 @@ pub(crate) fn add_worn_colors(
         if worn.is_empty() {
             continue;
         }
-        let fallback = ColorTable::default();
-        let colors = plant.companions.colors.as_ref().unwrap_or(&fallback);
+        // A colour file comes before the colours that the grammar itself names.
+        let own = match &plant.growth {
+            Growth::Grammar(grammar) => ColorTable::default().with(grammar.palette()),
+            _ => ColorTable::default(),
+        };
+        let colors = plant.companions.colors.as_ref().unwrap_or(&own);
         let mut materials: BTreeMap<Paint, u32> = BTreeMap::new();
         for paint in worn {
             let id = set.add(color_material(&plant.id, paint, colors), Vec::new())?;

@@ -102,6 +102,15 @@ impl ColorTable {
         Ok(table)
     }
 
+    /// The table with other colours, sRGB, at some of its indices.
+    #[must_use]
+    pub fn with(mut self, colors: &[(u8, [u8; 3])]) -> Self {
+        for (index, srgb) in colors {
+            self.colors[usize::from(*index)] = plain(*srgb);
+        }
+        self
+    }
+
     /// What an index looks like.
     pub fn get(&self, index: u8) -> SurfaceColor {
         self.colors.get(usize::from(index)).copied().unwrap_or(plain(PALETTE[0]))

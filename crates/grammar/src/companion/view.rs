@@ -187,6 +187,7 @@ impl ViewReader<'_, '_> {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         let rest = rest.trim();
+        // `open` keeps, for each `#if` that is not closed, whether its branch counts and whether one of them has counted.
         match word {
             "define" if counts => {
                 let (name, body) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -331,6 +332,7 @@ impl ViewReader<'_, '_> {
 
     /// Lines of numbers; false if the keyword is none of them.
     fn turtle_line(&mut self, keyword: &str, line: &Line<'_>) -> bool {
+        // A value that cannot be read is reported and leaves what an earlier line has set.
         match keyword {
             "angle increment" => self.view.angle = self.number(line, "an angle in degrees").or(self.view.angle),
             "angle factor" => match self.number(line, "the number of turns of a full circle") {

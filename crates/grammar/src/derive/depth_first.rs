@@ -19,7 +19,7 @@ use crate::modules::{Ancestry, LineageIds, Module, ModuleBlock, ModuleString};
 use crate::program::Program;
 use crate::symbols::SymbolId;
 use crate::vm::{Halt, Vm};
-use osier_base::convert::to_usize;
+use osier_base::convert::{saturating_index, to_usize};
 
 /// Receives the modules of a final string, in order.
 pub(super) trait ModuleSink {
@@ -92,8 +92,7 @@ impl ModuleSink for ModuleString {
         }
         let params = block.param_range(range.start).start..block.param_range(range.end - 1).end;
         // Ends count from the first parameter of the block, which need not be copied.
-        let position = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-        let first_param = position(self.param_count()).wrapping_sub(position(params.start));
+        let first_param = saturating_index(self.param_count()).wrapping_sub(saturating_index(params.start));
         self.params_mut().extend_from_slice(&block.params[params]);
         let part =
             ModuleBlock { symbols: &block.symbols[range.clone()], ends: &block.ends[range.clone()], first_param };

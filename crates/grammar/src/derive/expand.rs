@@ -22,8 +22,8 @@ use osier_base::rng::word;
 const MAX_DRAWN_PER_STORED: u64 = 10;
 
 /// Part of the limit `modules` that productions may be applied for a single module, so that an endless expansion ends before
-/// it fills the memory. Own: the four million of the default take less than a second.
-pub(super) const EXPANSION_SHARE: usize = 5;
+/// it fills the memory. Own: the million of the default takes a quarter of a second.
+pub(super) const EXPANSION_SHARE: usize = 20;
 
 /// Stack of modules to expand, with the depth of each; the last one is next.
 #[derive(Debug, Default)]

@@ -6,7 +6,7 @@ use crate::code::{Bytecode, Expr, Op};
 use crate::modules::LineageIds;
 use crate::program::{Production, ProductionSet, Program, Section, SuccessorModule};
 use crate::symbols::SymbolId;
-use osier_base::convert::to_usize;
+use osier_base::convert::{saturating_index, to_usize};
 use osier_base::math::narrow;
 use osier_base::rng::Shares;
 
@@ -209,7 +209,7 @@ impl<'p> RewritePlan<'p> {
             let arity = usize::from(first.arity);
             let group = row.iter().find(|(a, _)| *a == arity).map(|(_, g)| *g);
             let group = group.unwrap_or_else(|| {
-                let next = u32::try_from(groups.len()).unwrap_or(u32::MAX);
+                let next = saturating_index(groups.len());
                 row.push((arity, next));
                 groups.push(ProductionGroup {
                     productions: Vec::new(),
@@ -320,9 +320,10 @@ impl<'p> RewritePlan<'p> {
             out.symbols.push(m.symbol);
             let code = u64::from(u32::from(program.symbols.get(m.symbol)));
             out.ids.push(LineageIds::new(code, m.occurrence));
-            let first_param = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
+            let first_param = saturating_index(out.constants.len());
+            // Constants are stored; other parameters are computed when a module is rewritten.
             for arg in &m.args {
-                let target = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
+                let target = saturating_index(out.constants.len());
                 let source = compiler.expression(arg);
                 let ValueSource::Constant(c) = source else {
                     let code = if let Expr::Code(code) = arg { Some(code) } else { None };
@@ -332,7 +333,7 @@ impl<'p> RewritePlan<'p> {
                 };
                 out.constants.push(narrow(c));
             }
-            let end_param = u32::try_from(out.constants.len()).unwrap_or(u32::MAX);
+            let end_param = saturating_index(out.constants.len());
             out.ends.push(end_param);
             if let Some(group) = self.group(m.symbol, m.args.len()) {
                 out.active.push(ActiveModule { index, group, first_param, end_param });

@@ -5,7 +5,7 @@ use super::plan::{Condition, GroupId, PlannedProduction, ProductionGroup, Rewrit
 use super::registers::{RegisterFile, ValueSource};
 use crate::modules::{Module, ModuleBlock, ModuleString};
 use crate::vm::{DrawPurpose, Halt, Vm};
-use osier_base::convert::to_usize;
+use osier_base::convert::{saturating_index, to_usize};
 use osier_base::math::narrow;
 use osier_base::rng::{self, Rng};
 
@@ -374,7 +374,7 @@ impl<'p> Rewriter<'p> {
         let h = if self.settings.tag == 0 { h } else { rng::child(h, self.settings.tag) };
         let planned = self.planned(production);
         let template = &planned.template;
-        let first_param = u32::try_from(out.param_count()).unwrap_or(u32::MAX);
+        let first_param = saturating_index(out.param_count());
         self.append_params(production, out.params_mut())?;
         let block = ModuleBlock { symbols: &template.symbols, ends: &template.ends, first_param };
         out.finish_modules(block, template.ids.iter().map(|ids| ids.lineage(h)), self.settings.birth);

@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use super::Notation;
 use crate::binding::{Dialect, DialectSettings};
 use crate::code::{BinaryOp, Bytecode, Expr, Op, RandomFunction, UnaryOp};
 use crate::grammar::Grammar;
+use crate::notation::Notation;
 use crate::program::{ContextElement, FormalModule, IgnoredSymbols, Production, SuccessorModule};
 use crate::symbols::SymbolId;
 use osier_base::Result;
@@ -407,6 +407,8 @@ impl<'g> Writer<'g> {
         if !is_command {
             return None;
         }
+        // What the command is in the notation of cpfg, with its parameters named a, b, .. Sizes are radii here, diameters there; the
+        // axes (x, y, z) become (x, z, -y). Commands that draw nothing become nothing.
         let image = move |n: usize| -> Option<String> {
             Some(match (name, n) {
                 ("@O", 0) => "@O".into(),

@@ -1,8 +1,8 @@
 //! What a file is, by its content and then by the ending of its name.
 
-use super::Notation;
 use super::lparser;
 use super::text::{Piece, decode, lines};
+use crate::notation::Notation;
 
 /// What a file is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

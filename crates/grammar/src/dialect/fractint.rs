@@ -99,6 +99,7 @@ fn select<'e, 't>(
         shown.join(", ")
     };
     let place = reader.place(0..0);
+    // Without a name a file must have one entry; the error lists those it has.
     let Some(wanted) = wanted.map(str::trim) else {
         if let [only] = list {
             return Some(only);
@@ -114,6 +115,7 @@ fn select<'e, 't>(
         reader.session.error_help("L061", message, place, help);
         return None;
     };
+    // The name as it is written, then in any case, then by its first word.
     let first_word = |name: &'t str| name.split_whitespace().next().unwrap_or("");
     let found = list
         .iter()

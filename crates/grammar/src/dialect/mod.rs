@@ -11,6 +11,7 @@ mod text;
 use super::binding::{Dialect, TurtleBindings};
 use super::code::Expr;
 use super::grammar::Grammar;
+use super::notation::Notation;
 use super::preprocess::Define;
 use super::program::{FormalModule, Production, Program, SuccessorModule};
 use super::token::{ParseSession, SourcePlace, Token, TokenKind};
@@ -21,46 +22,6 @@ use osier_base::limits::Limits;
 
 pub use convert::{ConvertTo, Converted, convert};
 pub use detect::{FileKind, detect};
-
-/// The notation that a grammar file is written in.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Notation {
-    /// The notation of cpfg, which is osier's own.
-    #[default]
-    Cpfg,
-    /// The notation of cpfg, drawn by the turtle of "The Algorithmic Beauty of Plants".
-    Abop,
-    /// The notation of cpfg, drawn by the turtle of the catkin model.
-    Catkin,
-    /// L-systems of Fractint: files of many entries.
-    Fractint,
-    /// Files of LParser.
-    LParser,
-    /// Files of L-Py whose productions are rules and expressions.
-    LPy,
-}
-
-impl Notation {
-    /// All notations with the words that choose them.
-    pub const ALL: [(&'static str, Self); 6] = [
-        ("cpfg", Self::Cpfg),
-        ("abop", Self::Abop),
-        ("catkin", Self::Catkin),
-        ("fractint", Self::Fractint),
-        ("lparser", Self::LParser),
-        ("lpy", Self::LPy),
-    ];
-
-    /// The word that chooses it.
-    pub fn word(self) -> &'static str {
-        Self::ALL.iter().find(|(_, n)| *n == self).map_or("cpfg", |(w, _)| *w)
-    }
-
-    /// The notation of a word.
-    pub fn of_word(word: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(w, _)| *w == word).map(|(_, n)| *n)
-    }
-}
 
 /// How a grammar file is to be read.
 #[derive(Debug, Clone, Copy, Default)]
@@ -120,6 +81,7 @@ pub(super) fn parse(
         let message = format!("\"{}\" is not UTF-8, read as Latin-1", source.name);
         session.warning("L009", message, start, "save the file as UTF-8");
     }
+    // Each reader makes the same program as a grammar of cpfg has.
     let mut reader = Reader::new(&mut session, id, &decoded.text, notation);
     match notation {
         Notation::Fractint => fractint::read(&mut reader, &decoded.text, source.name, entry),

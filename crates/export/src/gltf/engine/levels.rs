@@ -283,6 +283,7 @@ impl<'a> PlantSource<'a> {
         members: &[usize],
         budget: usize,
     ) -> Result<()> {
+        // Simpler blades, of as many triangles as the budget leaves to each.
         let for_each = (budget / members.len().max(1)).max(tuning::LEAST_BLADE);
         let simple = |mesh: &Mesh| {
             with_fewer_triangles(mesh, for_each, tuning::BLADE_DEVIATION, self.label).map(|m| compact(&m))
@@ -293,6 +294,7 @@ impl<'a> PlantSource<'a> {
         let areas: Vec<f64> = instancer.prototypes.iter().map(|p| area(&p.mesh)).collect();
         let simple_areas: Vec<f64> = blades.iter().map(area).collect();
         let at = |list: &[f64], p: usize| list.get(p).copied().unwrap_or(0.0);
+        // As many instances as fit, the same ones in every level, grown until they cover what all of them covered.
         let wanted = of(&|p| at(&areas, p));
         let triangles = of(&|p| blades.get(p).map_or(0.0, |b| to_float(b.triangles.len())));
         let fits = to_count(to_float(members.len()) * (to_float(budget) / triangles.max(1.0)).min(1.0)).max(1);

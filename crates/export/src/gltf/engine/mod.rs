@@ -48,6 +48,7 @@ impl GltfDocument<'_> {
         let source = PlantSource::new(asset, selection, &label);
         let mut levels: Vec<PlantLevel> = Vec::new();
         let finest = source.triangles().min(self.input.options.level_triangles);
+        // A level that saves little over the one before is left out.
         for share in LEVEL_SHARES {
             let level = source.level(share_of(finest, share))?;
             let last = levels.last().map_or(usize::MAX, |l| l.mesh.triangles.len());
@@ -59,6 +60,7 @@ impl GltfDocument<'_> {
             }
         }
         let counts: Vec<usize> = levels.iter().map(|l| l.mesh.triangles.len()).collect();
+        // The finest level first, each as a mesh with what a program needs to choose among them.
         for (lod, level) in levels.into_iter().enumerate() {
             let name = format!("{}_LOD{lod}", asset.id);
             let skin = selection.and_then(|s| level.influences(s.kept.len()));

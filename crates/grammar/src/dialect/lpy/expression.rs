@@ -467,6 +467,8 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
         PyExpr::And(a, b) => PyExpr::And(sub(a)?, sub(b)?),
         PyExpr::Or(a, b) => PyExpr::Or(sub(a)?, sub(b)?),
         PyExpr::Choice(a, b, c) => PyExpr::Choice(sub(a)?, sub(b)?, sub(c)?),
+        // A function of the file is replaced by its body; arguments are written in as often as it names them, so that they
+        // must not draw.
         PyExpr::Call(name, args, range) => {
             let args = args.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
             if let Some((params, body)) = scope.functions.get(name) {
@@ -553,6 +555,7 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops.push(Op::Unary(UnaryOp::Not));
         }
         PyExpr::And(a, b) | PyExpr::Or(a, b) => {
+            // The place of the jump is kept until its target, the end of the right side, is known.
             emit(a, scope, ops)?;
             let jump = ops.len();
             ops.push(Op::Pop);

@@ -244,6 +244,7 @@ impl<'s> Model<'_, 's> {
             (&["interpretation"], Section::Interpretation),
             (&["homomorphism"], Section::Interpretation),
         ];
+        // Headings of sections, then items with a value, then groups, rules and statements.
         for (words, section) in sections {
             if after_heading(piece, words).is_some_and(|rest| rest.text.is_empty()) {
                 self.section = section;

@@ -413,10 +413,10 @@ impl Turtle<'_> {
             }
             C::Reverse => self.s.dialect.reversed = !self.s.dialect.reversed,
             C::Size => self.s.dialect.length *= given.unwrap_or(1.0),
-            C::Color(None) => self.s.color = color_index(given.unwrap_or(0.0)),
+            C::Color(None) => self.set_color(color_index(given.unwrap_or(0.0))),
             C::Color(Some(sign)) => {
                 let step = f64::from(sign) * given.unwrap_or(1.0);
-                self.s.color = color_index(f64::from(self.s.color) + step);
+                self.set_color(color_index(f64::from(self.s.color) + step));
             }
             C::Yaw(sign) => self.dialect_turn(sign, given, TurtleFrame::yaw),
             C::Pitch(sign) => self.dialect_turn(sign, given, TurtleFrame::pitch),
@@ -439,7 +439,7 @@ impl Turtle<'_> {
                 // Three numbers are a colour of its own, which no index has.
                 if m.params.len() < 3 {
                     let next = f64::from(self.s.color) + f64::from(sign);
-                    self.s.color = color_index(given.unwrap_or(next));
+                    self.set_color(color_index(given.unwrap_or(next)));
                 }
             }
             C::OpenPolygon => {

@@ -196,7 +196,7 @@ const BOUND_SHARE: f32 = 0.9;
 #[derive(Debug, Default)]
 struct SkippedPoints {
     count: usize,
-    /// Unit direction from the ring to the first point.
+    /// Unit direction from the ring to the point that was the last one when points were first added: near ones may turn.
     along: Vec3,
     /// Greatest distances from the ring in that direction and across it, m.
     ahead: f32,
@@ -208,12 +208,12 @@ struct SkippedPoints {
 impl SkippedPoints {
     /// Takes in the points that are new. `from`: the ring; `points`: all points after it so far.
     fn add(&mut self, from: CurvePoint, points: &[CurvePoint]) {
+        if let (0, Some(last)) = (self.count, points.last()) {
+            self.along = math::normalize_or(last.p - from.p, Vec3::Y);
+            self.radii = [last.r, last.r];
+        }
         for k in points.iter().skip(self.count) {
             let d = k.p - from.p;
-            if self.count == 0 {
-                self.along = math::normalize_or(d, Vec3::Y);
-                self.radii = [k.r, k.r];
-            }
             self.count += 1;
             self.ahead = self.ahead.max(d.dot(self.along).abs());
             self.aside = self.aside.max(d.reject_from_normalized(self.along).length());
