@@ -174,10 +174,12 @@ fn strings_of_fractint_are_lower_case_and_commands_take_their_numbers() {
     assert_eq!(roots, "f@(1.41421)f@(0.707107)f@(0.5)f");
     assert_eq!(draw(CURVES, "TwoParts").string.len(), 16 + 15 + 15);
     let colours = draw(CURVES, "Colours").plant;
-    let mut found: Vec<u16> = colours.nodes.color.clone();
+    // What a command has coloured wears the index: the bits above it say so.
+    let mut found: Vec<u16> = colours.nodes.color.iter().map(|c| c & 0xff).collect();
     found.sort_unstable();
     found.dedup();
     assert_eq!(found, [1, 2, 3, 9]);
+    assert!(colours.nodes.color.iter().all(|c| c & osier::plant::PAINTED != 0));
 }
 
 #[test]
