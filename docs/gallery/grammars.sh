@@ -29,16 +29,16 @@ eye() { printf -- '--set camera.eye=[%s] --set camera.target=[%s]' "$1" "$2"; }
 studio="--set ground.show=false"
 
 draw daisy daisy --seed 1 $studio $(eye 0.3,0.52,0.36 0,0.27,0)
-draw campion campion --seed 1 $studio $(eye 0.42,0.72,0.56 0.02,0.44,0)
+draw campion campion --seed 1 $studio $(eye 0.5,0.76,0.66 0.02,0.47,0)
 draw lily-of-the-valley lily-of-the-valley --seed 1 $studio $(eye 0.22,0.22,0.36 0,0.13,0)
-draw cow-parsley cow-parsley --seed 1 $studio $(eye 0.55,1.0,0.65 0,0.68,0)
-draw oat oat --seed 2 $studio $(eye 0.75,0.9,1.0 0,0.62,0)
+draw cow-parsley cow-parsley --seed 1 $studio $(eye 0.68,1.1,0.8 0,0.74,0)
+draw oat oat --seed 2 $studio $(eye 0.9,0.95,1.18 0,0.66,0)
 draw shepherds-purse shepherds-purse --seed 1 $studio $(eye 0.3,0.42,0.36 0,0.26,0)
 draw mint mint --seed 1 $studio $(eye 0.4,0.66,0.46 0,0.42,0)
-draw honeysuckle honeysuckle --seed 1 $studio $(eye 0.6,0.95,0.8 0,0.72,0)
+draw honeysuckle honeysuckle --seed 1 $studio $(eye 0.75,1.0,1.0 0,0.76,0)
 draw fern fern --seed 1 $studio $(eye 0.75,0.75,0.95 0,0.22,0)
 draw maidenhair maidenhair --seed 1 $studio
-draw moss moss --seed 1 $studio $(eye 0.1,0.08,0.12 0,0.028,0)
+draw moss moss --seed 1 $studio $(eye 0.125,0.09,0.15 0,0.034,0)
 draw compound-leaf compound-leaf --seed 1 $studio --view front
 draw oak oak
 draw birch birch
