@@ -126,12 +126,7 @@ fn rows(reader: &mut Reader<'_>, count: usize, dimension: usize) -> Option<Vec<[
                 *v = reader.number("a coordinate of a point")?;
             }
         }
-        let same_line = reader.peek().filter(|w| Some(w.line) == line);
-        let times = same_line.and_then(|w| w.count());
-        if times.is_some() {
-            reader.take();
-        }
-        points.extend(std::iter::repeat_n(point, times.unwrap_or(1).clamp(1, 8)));
+        points.extend(std::iter::repeat_n(point, reader.multiplicity(line)));
     }
     Some(points)
 }

@@ -90,12 +90,7 @@ fn points(reader: &mut Reader<'_>) -> Option<Vec<[f64; 2]>> {
         }
         let line = reader.peek().map(|w| w.line);
         let point = [reader.number("the x of a point")?, reader.number("the y of a point")?];
-        let same_line = reader.peek().filter(|w| Some(w.line) == line);
-        let times = same_line.and_then(|w| w.count());
-        if times.is_some() {
-            reader.take();
-        }
-        points.extend(std::iter::repeat_n(point, times.unwrap_or(1).clamp(1, 8)));
+        points.extend(std::iter::repeat_n(point, reader.multiplicity(line)));
     }
     Some(points)
 }

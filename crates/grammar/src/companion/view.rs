@@ -149,6 +149,15 @@ struct Line<'a> {
     span: Span,
 }
 
+/// An `#if` that is not closed.
+#[derive(Debug, Clone, Copy)]
+struct Conditional {
+    /// The lines of its present branch count.
+    counts: bool,
+    /// One of its branches did.
+    has_counted: bool,
+}
+
 impl ViewReader<'_, '_> {
     fn file(&mut self, name: &str, bytes: &[u8], depth: usize) {
         self.bytes += bytes.len();
@@ -167,13 +176,12 @@ impl ViewReader<'_, '_> {
         };
         let source = self.sources.add(name, shown.as_str());
         let text = without_comments(&shown);
-        // Of each open `#if`: whether its lines count, and whether one of its branches did.
-        let mut open: Vec<(bool, bool)> = Vec::new();
+        let mut open: Vec<Conditional> = Vec::new();
         let mut start = 0;
         for line in text.split('\n') {
             let span = Span::new(source, start, start + line.trim_end().len());
             start += line.len() + 1;
-            let counts = open.iter().all(|o| o.0);
+            let counts = open.iter().all(|o| o.counts);
             if let Some(directive) = line.trim_start().strip_prefix('#') {
                 self.directive(directive, span, counts, &mut open, depth);
             } else if counts && !line.trim().is_empty() {
@@ -183,11 +191,11 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    fn directive(&mut self, text: &str, span: Span, counts: bool, open: &mut Vec<(bool, bool)>, depth: usize) {
+    fn directive(&mut self, text: &str, span: Span, counts: bool, open: &mut Vec<Conditional>, depth: usize) {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         let rest = rest.trim();
-        // `open` keeps, for each `#if` that is not closed, whether its branch counts and whether one of them has counted.
+        // Definitions and includes of branches that do not count are passed over.
         match word {
             "define" if counts => {
                 let (name, body) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -207,11 +215,11 @@ impl ViewReader<'_, '_> {
                     "ifndef" => !defined,
                     _ => self.expand(rest).trim().parse::<f64>().is_ok_and(|v| v.abs() > 0.0),
                 };
-                open.push((holds, holds));
+                open.push(Conditional { counts: holds, has_counted: holds });
             }
             "else" => {
                 if let Some(last) = open.last_mut() {
-                    *last = (!last.1, true);
+                    *last = Conditional { counts: !last.has_counted, has_counted: true };
                 }
             }
             "endif" => {

@@ -2,6 +2,9 @@
 
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
+/// Times that a control point may count: four make a cubic spline pass through it, more change nothing.
+const MAX_MULTIPLICITY: usize = 8;
+
 /// A word between blanks, and where it stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Word<'a> {
@@ -83,6 +86,16 @@ impl<'a> Reader<'a> {
         let line: Vec<_> = rest.iter().take_while(|w| w.line == first.line).copied().collect();
         self.next += line.len();
         line
+    }
+
+    /// The multiplicity of a point, which may end its line: the next word, if it stands on `line` and is a whole number; else 1.
+    pub fn multiplicity(&mut self, line: Option<usize>) -> usize {
+        let same_line = self.peek().filter(|w| Some(w.line) == line);
+        let times = same_line.and_then(|w| w.count());
+        if times.is_some() {
+            self.take();
+        }
+        times.unwrap_or(1).clamp(1, MAX_MULTIPLICITY)
     }
 
     /// The next word as a number; L048 if it is none.

@@ -59,7 +59,7 @@ impl<F: FnMut(Module<'_>) -> ControlFlow<()>> ModuleSink for CallingSink<F> {
 }
 
 impl Deferred {
-    /// The derivation from its beginning. `streams`: of its random draws; `globals_end`: values of the last step.
+    /// The derivation from its beginning. `streams`: of its random draws.
     fn restart<'p>(
         &self,
         grammar: &'p Grammar,

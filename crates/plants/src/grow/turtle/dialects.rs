@@ -342,10 +342,20 @@ fn lpy_name(name: &str) -> Option<DialectCommand> {
     })
 }
 
+/// A command of LParser that waits for its number, and the module that stands for it.
+#[derive(Debug, Clone, Copy)]
+struct WaitingCommand {
+    command: DialectCommand,
+    symbol: SymbolId,
+    lineage: u64,
+    /// Step in which the module was made.
+    birth: u32,
+}
+
 /// A command of LParser whose number may follow it in the string.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PendingNumber {
-    waiting: Option<(DialectCommand, SymbolId, u64, u32)>,
+    waiting: Option<WaitingCommand>,
     /// The characters after `(` so far; `None`: no number has begun.
     text: Option<String>,
 }
@@ -371,7 +381,8 @@ impl Turtle<'_> {
         // Grammars with `turtle: lparser` write numbers as parameters.
         match command {
             Some(command) if m.params.is_empty() => {
-                self.pending.waiting = Some((command, m.symbol, m.lineage(), m.birth));
+                let (symbol, lineage, birth) = (m.symbol, m.lineage(), m.birth);
+                self.pending.waiting = Some(WaitingCommand { command, symbol, lineage, birth });
                 true
             }
             _ => false,
@@ -380,7 +391,7 @@ impl Turtle<'_> {
 
     /// Performs the command that waits for a number, with the number that was read.
     pub(super) fn run_pending(&mut self) {
-        let Some((command, symbol, lineage, birth)) = self.pending.waiting.take() else {
+        let Some(WaitingCommand { command, symbol, lineage, birth }) = self.pending.waiting.take() else {
             self.pending.text = None;
             return;
         };

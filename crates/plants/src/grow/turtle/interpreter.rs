@@ -102,6 +102,14 @@ pub(super) struct OrganPrototypes {
     pub scale: f64,
 }
 
+/// Scale and width outside of a sub-L-system.
+#[derive(Debug, Clone, Copy)]
+struct OuterSize {
+    scale: f64,
+    /// Diameter, turtle units.
+    width: f64,
+}
+
 /// The interpreter: its state, the stack of brackets, and what it has drawn.
 pub(super) struct Turtle<'a> {
     grammar: &'a Grammar,
@@ -141,8 +149,8 @@ pub(super) struct Turtle<'a> {
     pub(super) asked: bool,
     /// Answers to the queries of the string.
     pub(super) answers: TurtleAnswers,
-    /// Scale and width before each open sub-L-system.
-    subsystems: Vec<(f64, f64)>,
+    /// What each open sub-L-system returns to.
+    subsystems: Vec<OuterSize>,
 }
 
 impl<'a> Turtle<'a> {
@@ -226,19 +234,13 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// As [`Self::warn`], at the place that makes parameter `of.2` of a module of symbol `of.0` with `of.1` parameters.
-    fn warn_at(
-        &mut self,
-        code: &'static str,
-        of: Option<(u16, usize, usize)>,
-        symbol: (Option<char>, char),
-        message: String,
-        help: &str,
-    ) {
+    /// Warns of parameter `i` of a module, which is no usable number (L041), at the place that makes it.
+    fn warn_of_parameter(&mut self, m: Module<'_>, i: usize, message: String, help: &str) {
+        let c = self.grammar.symbols().get(m.symbol);
         let known = self.warnings.len();
-        self.warn(code, symbol, message, help);
+        self.warn("L041", (None, c), message, help);
         if let Some(new) = self.warnings.get_mut(known) {
-            new.span = of.and_then(|(symbol, arity, i)| self.grammar.place_of_parameter(symbol, arity, i));
+            new.span = self.grammar.place_of_parameter(m.symbol, m.params.len(), i);
         }
     }
 
@@ -318,7 +320,7 @@ impl<'a> Turtle<'a> {
                 let c = self.grammar.symbols().get(m.symbol);
                 let message = format!("parameter {} of {c} is not finite and counts as 0", i + 1);
                 let help = "look for a logarithm of 0, a root of a negative number, or a value that grows without end";
-                self.warn_at("L041", Some((m.symbol, m.params.len(), i)), (None, c), message, help);
+                self.warn_of_parameter(m, i, message, help);
                 0.0
             }
         }
@@ -344,7 +346,7 @@ impl<'a> Turtle<'a> {
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
             // The end of a sub-L-system, else the textbook's `@v`.
             Command::Level => match self.subsystems.pop() {
-                Some((scale, width)) => (self.s.scale, self.s.width) = (scale, width),
+                Some(OuterSize { scale, width }) => (self.s.scale, self.s.width) = (scale, width),
                 None => self.s.frame.level(),
             },
             Command::Push => self.push_state(m),
@@ -387,7 +389,7 @@ impl<'a> Turtle<'a> {
             // `?(label,s)` begins a sub-L-system, which is drawn s times as large.
             Command::Query if !m.params.is_empty() => {
                 let factor = self.param(m, 1, 1.0);
-                self.subsystems.push((self.s.scale, self.s.width));
+                self.subsystems.push(OuterSize { scale: self.s.scale, width: self.s.width });
                 self.s.scale *= factor;
                 self.s.width = (self.s.width * factor).max(MIN_WIDTH);
             }
@@ -537,7 +539,7 @@ impl<'a> Turtle<'a> {
             let c = self.grammar.symbols().get(m.symbol);
             let message = format!("a step of {c} is longer than {MAX_STEP:e} m and counts as 0");
             let help = "look for a length, or a scale of @D, that grows without end";
-            self.warn_at("L041", Some((m.symbol, m.params.len(), 0)), (None, c), message, help);
+            self.warn_of_parameter(m, 0, message, help);
             length = 0.0;
         }
         // Directional growth responses turn the heading before the step.
