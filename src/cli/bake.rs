@@ -122,14 +122,22 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
 /// # Errors
 /// A message for a list that cannot be read or that leaves the clip.
 fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result::Result<Vec<u32>, String> {
-    if recipe.clip.len() == 1 {
-        return Ok(Vec::new());
-    }
-    let Some(list) = &args.frames else { return Ok((recipe.clip.start..=recipe.clip.end).collect()) };
-    let frames = numbers::number_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?;
     let (start, end) = (recipe.clip.start, recipe.clip.end);
+    let is_still = recipe.clip.len() == 1;
+    let Some(list) = &args.frames else {
+        return Ok(if is_still { Vec::new() } else { (start..=end).collect() });
+    };
+    let frames = numbers::number_list(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?;
     if let Some(outside) = frames.iter().find(|f| !(start..=end).contains(f)) {
-        return Err(format!("--frames: frame {outside} is outside the scene's {start} to {end}"));
+        return Err(match is_still {
+            true => format!(
+                "--frames: frame {outside} is outside the scene, which has the one frame {start}; --set frames.end={outside} makes it longer"
+            ),
+            false => format!("--frames: frame {outside} is outside the scene's {start} to {end}"),
+        });
+    }
+    if is_still {
+        return Ok(Vec::new());
     }
     let mut hasher = blake3::Hasher::new();
     // Four bytes per frame number: the encoding of two different lists never coincides.
