@@ -28,9 +28,9 @@ const QUADS: [u32; 2] = [8, 8];
 /// What a surface is made of.
 #[derive(Debug, Clone)]
 pub enum SurfaceForm {
-    /// Bezier patches.
+    /// Bicubic Bezier patches with their control points.
     Patches(SurfaceFile),
-    /// Triangles.
+    /// Triangles with normals and, in some files, texture coordinates.
     Triangles(Vec<SurfaceTriangle>),
 }
 

@@ -310,9 +310,9 @@ recipe! {
 /// What a terrain of a file is made of.
 #[derive(Debug, Clone)]
 pub enum TerrainFile {
-    /// Heights on a grid.
+    /// Heights on a regular grid, from a picture or a raster.
     Map(Arc<HeightMap>),
-    /// An artist's mesh.
+    /// An artist's mesh, whose highest surface is the ground.
     Mesh(Arc<Imported>),
 }
 

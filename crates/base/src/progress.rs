@@ -38,6 +38,7 @@ impl Cancel {
     pub fn check(&self) -> Result<()> {
         match self.signal.load(Ordering::Relaxed) {
             0 => Ok(()),
+            // Signals have numbers below 128. A caller of `request` that passes a larger one has its run reported as interrupted.
             signal => Err(Error::Cancelled { signal: i32::try_from(signal).unwrap_or(SIGINT) }),
         }
     }

@@ -31,7 +31,7 @@ pub const fn child(k: u64, id: u64) -> u64 {
 pub struct ChildId(u64);
 
 impl ChildId {
-    /// Prepares an id.
+    /// Mixes the id once; each parent key then costs a single further mix.
     #[inline]
     pub const fn new(id: u64) -> Self {
         Self(fin(id.wrapping_add(GOLDEN)))

@@ -2,7 +2,7 @@
 
 use crate::math;
 
-/// One milligram, kg.
+/// One milligram in kg.
 pub const MILLIGRAM: f64 = 1e-6;
 
 /// One cubic millimetre, m^3.

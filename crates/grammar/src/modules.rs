@@ -63,7 +63,7 @@ impl LineageIds {
     }
 }
 
-/// Modules in a row.
+/// Consecutive modules of a string, borrowed: symbols, and where the parameters of each end.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ModuleBlock<'a> {
     pub symbols: &'a [SymbolId],

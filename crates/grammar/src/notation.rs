@@ -12,7 +12,7 @@ pub enum Notation {
     Catkin,
     /// L-systems of Fractint: files of many entries.
     Fractint,
-    /// Files of LParser.
+    /// Files of LParser (`.ls`): settings, axiom and productions by position.
     LParser,
     /// Files of L-Py whose productions are rules and expressions.
     LPy,

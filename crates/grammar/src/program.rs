@@ -245,6 +245,7 @@ impl Program {
                 let wanted = f64::from(*label);
                 #[allow(clippy::float_cmp, reason = "labels are whole numbers")]
                 let found = self.subsystems.iter().position(|s| s.label == Some(wanted));
+                // The compiler refuses more labels than 16 bits number; an unknown label keeps the system around it.
                 open.push(found.and_then(|i| u16::try_from(i + 1).ok()).unwrap_or(now));
             }
         }

@@ -16,6 +16,7 @@
 
 use super::game::{CHUNK, Chunk, LANES};
 use super::{Ifs, Map};
+use osier_base::convert::saturating_index;
 use osier_base::math;
 
 /// Property of a point that its colour shows.
@@ -144,7 +145,8 @@ impl ColorLabels {
     pub fn of_word(&self, letters: &[usize]) -> u32 {
         let word = letters.iter().fold(0, |word, i| word * self.maps as usize + i);
         match self.mode {
-            ColorMode::Map | ColorMode::Prefix(_) => u32::try_from(word).unwrap_or(0),
+            // `max_word_length` keeps the number of words of k letters within MAX_LABELS.
+            ColorMode::Map | ColorMode::Prefix(_) => saturating_index(word),
             // Endless words; coordinates are a point's own.
             ColorMode::Depth => 255,
             ColorMode::Coord | ColorMode::Order | ColorMode::Density => 0,

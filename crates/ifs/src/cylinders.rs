@@ -14,6 +14,7 @@ use super::color::ColorLabels;
 use super::dynamics::SystemAnalysis;
 use super::game::{CHUNK, ChaosGame, Chunk, Escapes, LANES, PointSink};
 use super::{Ifs, Map};
+use osier_base::convert::saturating_index;
 use osier_base::math::narrow;
 
 /// Most and fewest points of a batch. Larger batches reuse the pool more, smaller ones share work among threads.
@@ -230,7 +231,7 @@ impl CylinderCut {
             let mut left = until - done;
             done = until;
             // The pool holds at most 2^24 / POOL_SHARE points.
-            let mut at = draw.below(u32::try_from(size).unwrap_or(u32::MAX)) as usize;
+            let mut at = draw.below(saturating_index(size)) as usize;
             while left > 0 {
                 // A window of the pool from a random start, continued from the beginning.
                 let n = left.min(size - at);

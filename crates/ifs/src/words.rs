@@ -194,7 +194,7 @@ pub fn expand(
         out.words.push(word);
         for (i, map) in ifs.maps.iter().enumerate().rev() {
             let Some(scale) = letters.scale.get(i).copied().flatten() else { continue };
-            // Letters beyond 65,535 are not told apart; no table comes near that number of maps.
+            // The readers refuse tables with more maps than the limit `maps`, 1000 unless a user raises it.
             let letter = u16::try_from(i).unwrap_or(u16::MAX);
             let key = child(key, Key::from(i).0);
             // The key of a word is the path of its letters: the same word varies in the same way at every eps.

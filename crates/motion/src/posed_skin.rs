@@ -24,9 +24,9 @@ pub struct GrowthBinding {
 /// Nodes of a plant in a pose, parallel to its own.
 #[derive(Debug, Clone, Copy)]
 pub struct PosedNodes<'a> {
-    /// Positions, m.
+    /// Positions of the nodes in this pose, m, in the plant's space.
     pub p: &'a [Vec3],
-    /// Frames.
+    /// Frames of the nodes in this pose: +Y along the axis.
     pub q: &'a [Quat],
     /// Radii, m; 0 for what is not there.
     pub r: &'a [f32],
@@ -35,9 +35,9 @@ pub struct PosedNodes<'a> {
 /// Points and normals of a skin in a pose.
 #[derive(Debug, Clone, Default)]
 pub struct PosedSkin {
-    /// Points, m.
+    /// Positions of the vertices in this pose, m.
     pub points: Vec<Vec3>,
-    /// Unit normals.
+    /// Unit normals of the vertices, in the order of `points`.
     pub normals: Vec<Vec3>,
 }
 

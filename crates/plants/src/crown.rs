@@ -45,7 +45,7 @@ const AWAY: f32 = 0.3;
 /// A leaf as the crown's light meets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CrownLeaf {
-    /// Its pivot, m.
+    /// Pivot of the leaf in the plant's space, m.
     pub position: Vec3,
     /// Area of one of its sides, m^2.
     pub area: f32,

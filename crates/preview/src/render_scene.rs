@@ -12,6 +12,7 @@ use super::detail::{DetailLimit, MeshDetail};
 use super::materials::PreviewMaterials;
 use super::request::RenderRequest;
 use super::solid::{Bvh, PrimitiveHit, Solid, build_bvh};
+use osier_base::convert::saturating_index;
 use osier_base::geometry::Bounds;
 use osier_base::par::par_map;
 use osier_scene::{
@@ -281,7 +282,7 @@ struct SceneSources<'s> {
 impl<'s> SceneSources<'s> {
     fn add_solid(&mut self, source: SolidSource<'s>) -> u32 {
         // More than 2^32 meshes do not fit into memory; the last index would then be used for all.
-        let index = u32::try_from(self.solids.len()).unwrap_or(u32::MAX);
+        let index = saturating_index(self.solids.len());
         self.solids.push(source);
         index
     }

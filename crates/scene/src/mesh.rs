@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::{Vec2, Vec3};
 
 use super::{Attribute, MaterialId};
+use osier_base::convert::saturating_index;
 use osier_base::geometry::Bounds;
 
 /// A run of triangles with one material.
@@ -48,13 +49,13 @@ impl Mesh {
     /// would take 48 GB for positions alone.
     #[inline]
     pub fn next_point(&self) -> u32 {
-        u32::try_from(self.points.len()).unwrap_or(u32::MAX)
+        saturating_index(self.points.len())
     }
 
     /// Index of the triangle that is added next; triangles are bounded as points are.
     #[inline]
     pub fn next_triangle(&self) -> u32 {
-        u32::try_from(self.triangles.len()).unwrap_or(u32::MAX)
+        saturating_index(self.triangles.len())
     }
 
     /// One subset over all triangles.

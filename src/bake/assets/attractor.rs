@@ -80,6 +80,7 @@ fn build_attractor(
     let size = high - low;
     let scale = match keys.height {
         Some(h) if size.y > 0.0 => h / size.y,
+        // A flat attractor that lies on the ground has no height: its widest extent takes its place.
         Some(h) => h / size.max_element().max(1e-30),
         None => 1.0,
     };
@@ -112,6 +113,7 @@ fn build_attractor(
     let mut points = point_cloud(cloud, density, width, material);
     if let Some(morph) = morph.as_ref().filter(|_| moving) {
         points.moving = true;
+        // Exporters write one extent for the whole clip.
         points.reach = morph.swept_bounds().union(Bounds::of(points.positions.iter().copied()));
     }
     let asset = Asset {
@@ -258,6 +260,7 @@ fn picture_window(recipe: &AttractorRecipe, keys: &PictureKeys, view: Option<&Pi
     let corners = if keys.fit == PictureFit::Quantile { recipe.extent.quantile } else { trimmed_bounds(recipe) };
     let mut fitted = PictureWindow::fitted(corners.0, corners.1, width, height);
     if let Some(v) = view {
+        // The larger pixel of both axes shows all of the view in a picture of other proportions.
         let (across, down) = (v.width / f64::from(keys.width * k), v.width / v.aspect / f64::from(keys.height * k));
         fitted = PictureWindow { center: v.center, pixel: across.max(down), ..fitted };
     }

@@ -48,6 +48,7 @@ pub fn build_ifs_leaf(
     let petiole = keys.petiole.unwrap_or(0.18 * size);
     let meshes: Vec<_> = (0..keys.variants)
         .map(|_| {
+            // Relative deviation, uniform: a pose parameter of 0 stays 0.
             let mut vary = |base: f64, by: f64| base * (1.0 + draw.range(-by, by));
             let pose = BladePose {
                 size,
@@ -139,6 +140,7 @@ fn leaf_material(
         ior: 1.5,
         translucency: narrow(keys.translucency),
         double_sided: true,
+        // The outline follows the drawn leaf loosely; the alpha of the colour map cuts it exactly.
         alpha_cutoff: Some(0.5),
         height_range: RELIEF_PER_LENGTH * narrow(size),
         tile: narrow(size),

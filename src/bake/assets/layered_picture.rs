@@ -150,10 +150,12 @@ fn attractor_layer(
     let (w, h) = (canvas.0 as f64, canvas.1 as f64);
     let size = match (keys.width, keys.height) {
         (Some(x), Some(y)) => [x * w, y * h],
+        // With one side given the other follows from the attractor's own proportions.
         (Some(x), None) => [x * w, x * w * natural.y / natural.x],
         (None, y) => [y.unwrap_or(1.0) * h * natural.x / natural.y, y.unwrap_or(1.0) * h],
     };
     let max_side = 10.0 * w.max(h);
+    // A layer beyond ten times the canvas shows nothing more, and would take its memory.
     let rect = rect_on_canvas(layer, canvas, size.map(|v| v.min(max_side)));
     let pixels = rect.width as u64 * rect.height as u64;
     if pixels.saturating_mul(BYTES_PER_PIXEL) > MAX_HISTOGRAM_BYTES {
@@ -166,6 +168,7 @@ fn attractor_layer(
     let count = keys.points.map_or(DEFAULT_POINTS_PER_PIXEL * pixels, u64::from);
     context.limits.check("points", count, "the number of points of a layer")?;
     // Scale the system along x until a table unit is as many pixels wide as high, so that one pixel size serves both axes.
+    // Table units per pixel along y.
     let pixel = natural.y / rect.height as f64;
     let stretch = DVec3::new(pixel * rect.width as f64 / natural.x, 1.0, 1.0);
     let mut system = cloud.system.clone();

@@ -51,6 +51,7 @@ impl<'a> Obstacles<'a> {
         if !meets_solids && !blows {
             return Ok(Self { solids: Vec::new(), surface: GroundSurface::Level, terrain: None });
         }
+        // A mesh is built into a hierarchy only where something meets it: an analytic wind passes through solids.
         let solids =
             recipe.solids.iter().filter(|_| meets_solids).map(|solid| {
                 Ok(Solid { name: solid.id.clone(), form: solid_form(solid)?, humidity: solid.keys.humidity })
@@ -74,6 +75,7 @@ impl<'a> Obstacles<'a> {
 
     /// The land from which the heights of the wind count; `None` where it is level, or nearly so.
     pub fn ground_heights_for_wind(&self, recipe: &Recipe) -> Option<Arc<LandForm>> {
+        // The sampled square is centred on the origin: it must hold the ground's square wherever that lies.
         let center = if let GroundSurface::Waves(_, center) = self.surface { center.abs().max_element() } else { 0.0 };
         let land = self.terrain_within(narrow(recipe.ground.size) + 2.0 * center)?;
         let [low, high] = land.height_range();
@@ -176,6 +178,7 @@ fn prism_mesh(prism: &Prism) -> Mesh {
         let corners = mesh.points.len()..;
         mesh.points.extend_from_slice(outline);
         let first: Vec<u32> = corners.take(outline.len()).filter_map(|i| u32::try_from(i).ok()).collect();
+        // A fan about the first corner: the outlines of prisms are convex.
         mesh.triangles.extend(first.windows(2).skip(1).map(|k| [first[0], k[0], k[1]]));
     };
     for i in 0..near.len() {

@@ -80,6 +80,7 @@ impl GrownPlant {
         set: &MaterialSet,
         frames: f64,
     ) -> Result<()> {
+        // `frames` counts intervals: 0 for a still picture, whose season is that of its only frame.
         let changes = frames > 0.0 && recipe.keys.season.is_some_and(|s| s.changes());
         // A crown that has lost leaves is lighter. Leaves that change have the occlusion of summer.
         if !changes {
@@ -245,6 +246,7 @@ fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptio
     let companions = &recipe.companions;
     let own = View::default();
     let view = companions.view.as_ref().unwrap_or(&own);
+    // Three layers, here and below: the scene's key, the grammar's view file, the default.
     let byte = |v: Option<u32>, of_view: Option<u8>, default: u8| v.map_or(of_view.unwrap_or(default), saturating_byte);
     let mut organs = BTreeMap::new();
     for (letter, spec) in &set.organs {
@@ -304,6 +306,8 @@ fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
             let of_view = view.map(|v| v.line.unwrap_or(ViewLine::Pixel) == ViewLine::Pixel);
             let line = recipe.turtle.line.map(|l| l == LineStyle::Pixel);
             let pixels = view.and_then(|v| v.width_in_pixels).filter(|_| line.is_none());
+            // The scene's own line style comes first, then what the view says of its width, then the view's style, which is pixels in cpfg.
+            // A width given by the scene is in units of the turtle.
             match pixels.or(line).or(of_view).filter(|_| recipe.turtle.width.is_none()) {
                 Some(true) => RadiusModel::Pixels,
                 Some(false) => RadiusModel::Widths,

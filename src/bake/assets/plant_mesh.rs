@@ -114,6 +114,7 @@ pub(crate) fn build_bound_plant(
     }
     let mut merged = Vec::new();
     if shaded || materials.shader_wind {
+        // Vertex attributes by which a shader sways the bark without joints.
         mesh.attributes = WindWeights::new(plant).bark(&bindings);
     }
     if shaded {

@@ -43,7 +43,7 @@ struct OutlineYear {
     /// sRGB colours from sun to shade, with their weights.
     autumn: &'static [([u8; 3], f64)],
     falls: FallOrder,
-    /// Length of buds, m.
+    /// Length of a winter bud, m.
     bud: f64,
 }
 
@@ -111,6 +111,7 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
 pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u64) -> Result<()> {
     let Some(seasons) = plant.seasons() else { return Ok(()) };
     let [from, to] = [seasons[0].min(seasons[1]), seasons[0].max(seasons[1])];
+    // Individuals are ahead or behind by up to INDIVIDUAL: colours are needed for the whole range.
     let between = [shifted(from, -INDIVIDUAL), shifted(to, INDIVIDUAL)].map(narrow);
     let mut season = SeasonMaterials::default();
     let mut bud_material = None;
@@ -122,6 +123,7 @@ pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u6
         let Some(first) = leaves.first().and_then(|m| set.materials.get(to_usize(*m))) else { continue };
         let painted = painted_colors(recipe);
         let image = first.maps.color.and_then(|i| set.images.get(to_usize(i)));
+        // The mean colour of summer, from which spring's and autumn's colours start.
         let green = match &painted {
             Some(colors) => mixed(colors.blade[0], colors.blade[1], 0.5),
             None => image.and_then(mean_color).unwrap_or(first.base_color),
@@ -133,6 +135,7 @@ pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u6
             add_colors(set, plant, recipe, &name, base, &habit, &colors, seed, &mut materials)?;
         }
         let length = recipe.keys.bud.unwrap_or(outline_year(recipe.keys.blade).bud);
+        // All organs of the plant share one material of buds, which is made for the first that has any.
         let bud = match (habit.evergreen || length <= 0.0, bud_material) {
             (true, _) => None,
             (false, Some(material)) => Some(BudOrgan { length: narrow(length), material }),
@@ -199,6 +202,7 @@ fn color_word(color: LeafColor) -> String {
 
 /// The colours of a painted blade, for one of its seasons: veins keep their green longest, margins lose it first.
 fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> LeafColors {
+    // 0.76 and 1.24 span the light and dark of painted summer leaves about their mean. Own: by eye.
     let scaled = |c: [f32; 3], k: f32| c.map(|v| (v * k).min(1.0));
     let whole = |c: [f32; 3], veins: f32, edge: [f32; 3]| LeafColors {
         blade: [scaled(c, 0.76), scaled(c, 1.24)],
@@ -264,6 +268,7 @@ fn add_colors(
     };
     for (k, color) in colors.iter().enumerate() {
         let mut material = Material { name: name(*color), base_color: habit.color(*color), ..summer.clone() };
+        // Dry tissue scatters light back instead of passing it.
         if matches!(color, LeafColor::Aged(_)) {
             material.translucency *= DRY_TRANSLUCENCY;
         }
@@ -280,6 +285,7 @@ fn add_colors(
 
 /// A season moved by a difference that vanishes at bud burst and on the bare tree.
 fn shifted(season: f64, difference: f64) -> f64 {
+    // The parabola 4 t (1 - t) is 0 at both ends of the year and 1 in its middle.
     (season + difference * 4.0 * season * (1.0 - season)).clamp(0.0, 1.0)
 }
 
@@ -354,6 +360,7 @@ pub(crate) fn season_clip(
     let intervals = frames.max(1.0);
     let numbers = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= intervals);
     let shares = numbers.map(|k: f64| k / intervals);
+    // Sampled at every frame: a leaf may have several looks, each of which becomes an instance of its own.
     let slots = season_slots(grown, &at, &shares.map(at_share).collect::<Vec<f32>>())?;
     Ok(Some(SeasonClip { slots, first, seasons, difference }))
 }

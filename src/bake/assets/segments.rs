@@ -81,6 +81,7 @@ fn push_segment(out: &mut Instancer, plant: &Plant, axis: &Axis, end: usize, for
         SegmentForm::Organ(organ) => {
             // Variants take turns by node, so that neighbours differ.
             let variant = end % organ.meshes.len();
+            // Organs point along +Y from their pivot: scaled so that the mesh ends at the next node.
             let own = organ.meshes[variant].bounds().max.y.max(1e-6);
             out.rest.positions.push(from);
             out.scales.push(Vec3::splat(length / own));

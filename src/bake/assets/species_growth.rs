@@ -93,6 +93,7 @@ fn oldest(recipe: &Recipe, layout: &PlantLayout, job: &[usize]) -> f64 {
 fn clip_span(recipe: &Recipe, individual: &Individual, oldest: f64) -> Option<ClipSpan> {
     let species = species_of(recipe, individual).filter(|_| recipe.clip.len() > 1)?;
     let [from, to] = species.clip?;
+    // Ages of the clip are those of the oldest tree: the others are younger by the difference of their ages.
     let later = if individual.together && species.site.from.is_none() { oldest - species.age } else { 0.0 };
     Some(ClipSpan { from: from - later, to })
 }
@@ -164,6 +165,7 @@ pub(crate) fn species_clip(
     let ClipSpan { from, to } = record.span();
     let frame_years = (to - from).abs() / frames.max(1.0);
     let leaves = match species.site.clip_leaves {
+        // Too few frames in a year to show its seasons.
         LeafSeasons::Auto if frame_years * SEASON_FRAMES > 1.0 => ClipLeaves::Summer,
         LeafSeasons::Summer => ClipLeaves::Summer,
         LeafSeasons::Auto | LeafSeasons::Seasons => ClipLeaves::Seasons,
@@ -221,6 +223,7 @@ pub(crate) fn shared_individuals(recipe: &Recipe, layout: &PlantLayout) -> Vec<D
     let mut out = Vec::new();
     for (individual, copies) in layout.individuals.iter().zip(copies) {
         let Some(plant) = recipe.plants.get(individual.plant) else { continue };
+        // Two copies of one individual would show the obstacles and cuts of the first place at the second.
         let bound = grows_in_place(plant, individual.together);
         if bound && copies > 1 && !std::mem::replace(&mut told[individual.plant], true) {
             let text = format!(

@@ -40,6 +40,7 @@ pub(crate) fn build_terrain(recipe: &TerrainRecipe, seed: u64) -> Result<(Terrai
 
 /// Land of a height map. A PNG holds shares of `height`, an EXR metres times `scale`.
 fn map_terrain(map: &HeightMap, keys: &TerrainKeys) -> Result<Terrain> {
+    // Metres that a value of 1 stands for.
     let unit = match map.unit {
         HeightUnit::Fraction { .. } => keys.height,
         HeightUnit::Values => keys.scale,
@@ -101,6 +102,7 @@ fn generate_terrain(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
         floor: keys.floor,
         smooth: keys.smooth,
         stride: keys.stride,
+        // A seed of its own lets other seeds of the scene keep the land.
         seed: if keys.seed == 0 { seed } else { mix64(&[seed, keys.seed]) },
     })
 }
@@ -214,6 +216,7 @@ pub(crate) fn lift_camera(camera: &mut Camera, terrain: &Terrain) {
     let eye = camera.eye;
     let ground = terrain.height_at(eye.x, eye.z);
     if terrain.covers(eye.x, eye.z) && eye.y < ground {
+        // Eye and target move together, so that the direction of the view stays.
         let rise = ground + EYE_HEIGHT - eye.y;
         camera.eye.y += rise;
         camera.target.y += rise;

@@ -47,6 +47,7 @@ pub(crate) fn add_worn_colors(
         for paint in worn {
             let id = set.add(color_material(&plant.id, paint, colors), Vec::new())?;
             materials.insert(paint, id);
+            // Axes look their colour up when their skin is lofted; thin shapes get their material here.
             if !paint.thin {
                 set.paints.extend(u16::try_from(id).ok().map(|id| (paint.index, id)));
             }

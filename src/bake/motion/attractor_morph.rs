@@ -64,6 +64,7 @@ impl AttractorMorph {
     pub fn points_at(&self, seconds: f64) -> AttractorPoints {
         let system = self.morph.system(seconds);
         let mut labels = ColorLabels::new(&system, self.mode, &[]);
+        // The labels of the interpolated system, with interpolated colours in place of its own.
         labels.colors = self.colors_at(seconds);
         let study = self.morph.study(seconds);
         let request = DrawRequest {
@@ -121,6 +122,7 @@ impl AttractorMorph {
             (self.positions_of_words(seconds - half, seconds), self.positions_of_words(seconds + half, seconds));
         let rate = narrow(step.recip());
         let velocities = after.iter().zip(&before).map(|(a, b)| (*a - *b) * rate).collect();
+        // Colours are written only if they can change from frame to frame.
         let recolored = self.colors.windows(2).any(|w| w[0] != w[1]) || self.mode == ColorMode::Coord;
         let colors = if recolored { now.colors } else { Vec::new() };
         let state = PointsFrame::State { positions: now.positions, widths: rest.widths.clone(), velocities, colors };

@@ -122,6 +122,7 @@ pub fn build_rod_plant_at_rest(
     };
     // Leaves of each instancer, as indices into the plant's organs.
     let groups = group_organs(plant, materials);
+    // Organs of the groups are copies: their ids lead back to the plant's own list, which the rods index.
     let organ_indices: std::collections::BTreeMap<u64, usize> =
         plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
     let organ_index = |o: &&Organ| organ_indices.get(&o.id).copied().unwrap_or(0);
@@ -134,6 +135,7 @@ pub fn build_rod_plant_at_rest(
         // Smoothstep has zero slope at both sections, where the blended bark is then tangent to them: no kinks.
         VertexBinding { sections: nearest.sections, share: smoothstep(0.0, 1.0, narrow(nearest.share)) }
     };
+    // The bark, then a mesh of petioles for each instancer of leaves.
     let mut parts = vec![("bark".to_owned(), mesh, bindings.iter().map(bind_vertex).collect::<Vec<_>>())];
     for (organ, leaves) in groups.keys().zip(&binding.groups) {
         let (mesh, bound) = petiole_mesh(plant, &rods, &binding, leaves, materials.first_material)?;
@@ -242,10 +244,12 @@ fn petiole_mesh(
         let tube_sections: Vec<TubeSection> = sections.iter().enumerate().map(tube_section).collect::<Result<_>>()?;
         let (mut tube, skin) = tube(&tube_sections, PETIOLE_TUBE);
         let proto = &plant.protos[usize::from(plant.organs[*leaf].proto)].mesh;
+        // The petiole has the colour of the place where the blade begins.
         tube.uvs.fill(uv_at_pivot(proto));
         let material = proto.subsets.first().map_or(0, |s| s.material) + first_material;
         mesh.append(&tube.with_material(material));
         bound.extend(skin.joints.iter().zip(&skin.weights).map(|(j, w)| {
+            // Joints of the tube are places in its own list of sections; the binding names sections of the whole plant.
             let ends = [j[0], j[1]].map(|k| sections.get(usize::from(k)).map(|s| s.0));
             VertexBinding { sections: ends, share: w[1] }
         }));
@@ -307,6 +311,7 @@ impl RodBinding {
 
     fn skeleton(&self, rods: &RodPlant) -> Skeleton {
         let root = Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY, radius: 0.0 };
+        // All joints are children of the root: each has its pose in asset space, whatever its rod is attached to.
         let section = |i: &usize| {
             let (t, r) = self.rest[*i];
             let radius = narrow(rods.rods().radius(*i)) / self.transform.s.x;
@@ -330,11 +335,13 @@ impl RodBinding {
         let mut skin = SkinWeights::default();
         for b in bound {
             let [first, second] = b.sections.map(|s| s.map_or(0, |s| self.joints[s]));
+            // Some readers keep only the first influences, so that the larger weight comes first.
             let (major, minor) = if b.share > 0.5 {
                 ((second, b.share), (first, 1.0 - b.share))
             } else {
                 ((first, 1.0 - b.share), (second, b.share))
             };
+            // Sections that share a joint add up to one influence.
             if first == second || minor.1 <= 0.0 {
                 skin.joints.push([major.0, 0, 0, 0]);
                 skin.weights.push([1.0, 0.0, 0.0, 0.0]);
@@ -460,6 +467,7 @@ impl RodPlantMotion {
     fn evaluate<R>(&self, number: u64, read: impl FnOnce(&RodPlant) -> R) -> Result<R> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let h = 1.0 / (self.fps * f64::from(self.steps_per_frame));
+        // The state is taken out while it is stepped: after an error the next call begins anew instead of from a half-done step.
         let (mut rods, mut frames) = match state.take().filter(|n| n.1 <= number) {
             Some(reached) => reached,
             None => {

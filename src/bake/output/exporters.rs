@@ -118,6 +118,7 @@ fn loop_frames(recipe: &Recipe, animated: &AnimatedScene) -> Option<u32> {
 
 /// Largest step that meets every one of the rising `frames` from the first; 1 if there is no second.
 fn frame_stride(frames: &[u32]) -> u32 {
+    // Euclid; gcd(0, b) is b, which starts the fold.
     let gcd = |a: u32, b: u32| {
         let (mut a, mut b) = (a, b);
         while b > 0 {

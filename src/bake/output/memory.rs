@@ -49,6 +49,7 @@ pub fn predict_memory(
 ) -> Vec<(&'static str, u64)> {
     let texels: u64 = scene.map_sequences.iter().map(|s| s.texels() as u64).sum();
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
+    // Each format says what share of its file it holds in memory at once.
     let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();
     let voxel = |g: &VolumeGrid| g.max_cells.saturating_mul(if g.is_vector { VOXEL } else { SCALAR_VOXEL });
     let volumes = scene.volumes.iter().map(voxel).fold(0, u64::saturating_add);

@@ -47,6 +47,7 @@ pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<Scene
         let at = &mut s.transform.t;
         beyond += usize::from(!land.covers(at.x, at.z));
         at.y += land.height_at(at.x, at.z);
+        // Kept until the radius of the foot is known, when the plant is grown ([`scatter::sink_feet`]).
         s.slope = Some(tan_of_slope(land.normal_at(at.x, at.z)));
     }
     if beyond > 0 {
@@ -111,6 +112,7 @@ fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
         }
     }
     let mut names = Names::default();
+    // Names that the scene itself uses.
     names.unique("ground");
     names.unique(terrain::NAME);
     let mut seen = vec![0_u32; recipe.plants.len()];

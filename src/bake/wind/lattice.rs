@@ -136,7 +136,10 @@ impl LatticePlan {
         let whole = RecordingOptions { bounds: Bounds::of([]), lead, frames, fps, repeats };
         let region = RecordingOptions { bounds: needs.region, ..whole };
         let solver_bytes = LatticeMemory::estimate(&options).total();
+        // Half of what the solver leaves: the rest of the bake needs memory beside the recording.
         let budget = limits.get("wind-bytes").min(limits.get("memory").saturating_sub(solver_bytes) / 2);
+        // In this order: what must be recorded whole; nothing read ahead, so that stepping is enough; a part read ahead and nothing frame by
+        // frame; both, with one recording if it fits; both, by two runs.
         let (recorded, stepped) = if repeats || needs.box_ahead {
             (Some(if reads_box { whole } else { region }), false)
         } else if needs.region.is_empty() {
@@ -222,6 +225,7 @@ impl LatticeConfig {
         let context = BakeContext { limits: &self.limits, cancel: &self.cancel, progress, cache: self.cache.as_ref() };
         let mut solver = wind_spin_up::load_or_spin_up(&self.options, &self.solids, &context)?;
         let before = SteppedSnapshot::advance(&mut solver, progress, &self.cancel)?;
+        // Velocities between two frames are interpolated, so that two snapshots are always held.
         let after = SteppedSnapshot::advance(&mut solver, progress, &self.cancel)?;
         Ok(LatticeState { solver, before, after, frame: -i64::from(self.options.lead_frames) })
     }
@@ -276,6 +280,7 @@ impl SteppedLattice {
     /// Those of [`LatticeSolver::advance`].
     pub fn wind_between(&mut self, frame: i64) -> Result<Arc<dyn Wind>> {
         let (config, frame) = (&self.config, frame.max(-i64::from(self.config.options.lead_frames)));
+        // A lattice cannot be stepped backwards: run again from the spin-up, which the cache may hold.
         if frame < self.state.frame {
             self.state = config.start(&Silent)?;
         }

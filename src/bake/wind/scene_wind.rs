@@ -33,7 +33,7 @@ const ANALYTIC_KNOWN_HEIGHT: f64 = 0.5;
 pub enum WindUser {
     /// Branches of the sway model, and their leaves.
     Sway,
-    /// Plants on rods.
+    /// Plants on rods, whose axes and blades sample the wind in every step.
     RodPlants,
     /// Rods of the scene's own.
     Rods,
@@ -121,6 +121,7 @@ impl SceneWind {
         if plan.stepped {
             let config = LatticeConfig::new(plan.options.clone(), surroundings.solids, context);
             let lattice = SteppedLattice::start(config, context.progress)?;
+            // With a recording the second solver reports the same warnings.
             if plan.recorded.is_none() {
                 report_warnings(lattice.solver(), report);
             }
@@ -195,6 +196,7 @@ impl SceneWind {
 /// The winds of a recipe that can be sampled at any time without a simulation, each scaled, in the recipe's order.
 fn analytic_winds(recipe: &Recipe, land: Option<&Arc<LandForm>>) -> Vec<Arc<dyn Wind>> {
     let all = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).filter(|(_, keys)| keys.blows());
+    // Duration of the loop, s; analytic winds are made periodic with it.
     let period = recipe.sway.loop_frames(&recipe.clip).map(|n| n as f64 / recipe.clip.fps());
     let wind = |(number, keys): (u64, &WindKeys)| -> Option<Arc<dyn Wind>> {
         let wind: Arc<dyn Wind> = match (keys.model, recipe.lattice.solver) {

@@ -7,7 +7,7 @@ pub struct RenamedKey {
     table: &'static str,
     /// Name of the key in earlier versions.
     old: &'static str,
-    /// Present name.
+    /// Name of the key that `osier check` suggests.
     pub new: &'static str,
     /// How the value must be changed, where its meaning changed as well.
     pub change: Option<&'static str>,

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use crate::convert;
+
 /// Index of a text in [`Sources`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SourceId(pub u32);
@@ -21,7 +23,7 @@ impl Span {
     /// Span of bytes `start..end`; offsets beyond 4 GiB saturate (texts are limited far below).
     pub fn new(source: SourceId, start: usize, end: usize) -> Self {
         // A place beyond the text is shown at its end.
-        let clip = |v: usize| u32::try_from(v).unwrap_or(u32::MAX);
+        let clip = convert::saturating_index;
         Self { source, start: clip(start), end: clip(end) }
     }
 

@@ -8,6 +8,7 @@ pub(super) type Index = u32;
 
 /// Component types of accessors.
 pub(super) mod component {
+    // The numbers are those of OpenGL: GL_BYTE, GL_UNSIGNED_BYTE, GL_SHORT and so on.
     pub(in crate::gltf) const I8: u32 = 5120;
     pub(in crate::gltf) const U8: u32 = 5121;
     pub(in crate::gltf) const I16: u32 = 5122;

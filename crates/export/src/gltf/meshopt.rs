@@ -33,6 +33,7 @@ impl Stream {
                 let shorts = bytes.as_chunks::<2>().0.iter().map(|b| i16::from_le_bytes(*b));
                 let floats: Vec<f32> = shorts.map(|c| f32::from(c) / 32_767.0).collect();
                 encode_filter_quat(count, 8, bits, &floats, workspace)
+                    // The filter rounds the quaternions to its bits and leaves bytes that the vertex codec packs well; readers undo both.
                     .and_then(|filtered| encode_vertices(&filtered, count, 8, workspace))
             }
             Self::Vectors => {
@@ -90,7 +91,9 @@ pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> R
     let mut decoded_length = 0_usize;
     for view in views {
         let bytes = &buffer.bytes[view.byte_offset..view.byte_offset + view.byte_length];
+        // Compressed streams begin at multiples of four bytes too, as the extension asks.
         out.resize(out.len().next_multiple_of(4), 0);
+        // Images and empty views are copied as they are.
         let stream = view.stream.filter(|_| view.byte_length > 0);
         let Some(stream) = stream else {
             view.byte_offset = out.len();
@@ -111,6 +114,7 @@ pub(super) fn compress(buffer: &mut BinaryBuffer, views: &mut [BufferView]) -> R
         };
         view.extensions = Some(ViewExtensions { meshopt });
         view.buffer = 1;
+        // In the fallback buffer views lie as their decoded bytes would.
         view.byte_offset = decoded_length;
         decoded_length = (decoded_length + view.byte_length).next_multiple_of(4);
         out.extend_from_slice(&encoded);

@@ -55,6 +55,7 @@ pub(super) fn byte_weights(weights: &[f32; 4]) -> [u8; 4] {
     let scaled = weights.map(|w| if sum > 0.0 { w / sum * 255.0 } else { 0.0 });
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     let mut bytes = scaled.map(|w| w.clamp(0.0, 255.0) as u8);
+    // The largest remainder method: the bytes that were rounded down most get the missing units; ties go to the lower index.
     let mut order = [0, 1, 2, 3];
     order.sort_by(|&a: &usize, &b: &usize| scaled[b].fract().total_cmp(&scaled[a].fract()).then(a.cmp(&b)));
     let missing = 255 - bytes.iter().map(|b| u32::from(*b)).sum::<u32>().min(255);

@@ -138,6 +138,7 @@ impl MorphKeys {
 
     /// Takes the shape of the next frame; false if the kept shapes do not suffice.
     fn push(&mut self, shape: MorphShape) -> bool {
+        // Kept frames are the multiples of the stride; those between are held until the next one shows whether they can be dropped.
         let frame = self.seen;
         self.seen += 1;
         if frame.is_multiple_of(self.stride) {
@@ -156,6 +157,7 @@ impl MorphKeys {
         });
         self.frames.push(frame);
         self.shapes.push(shape);
+        // Up to MORPH_TARGETS shapes always fit. Beyond, every second one is dropped if the motion allows it, else small meshes may have more.
         on_the_way && (self.shapes.len() <= MORPH_TARGETS || self.thin_out() || self.shapes.len() <= self.most)
     }
 
@@ -182,6 +184,7 @@ impl MorphKeys {
 
     /// Keeps the last frame; false as for [`MorphKeys::push`].
     fn close(&mut self) -> bool {
+        // The clip must end with its last shape, even where that is no multiple of the stride.
         let Some(last) = self.skipped.pop() else { return true };
         self.keep(self.seen - 1, last)
     }

@@ -175,7 +175,7 @@ pub(super) fn wind_of_mesh(mesh: &Mesh) -> Vec<VertexWind> {
 /// A random number of a leaf from its id, 0 to 1.
 pub(super) fn number_of_id(id: u64) -> f32 {
     // The upper 24 bits fill the fraction of a float.
-    let top = u32::try_from(mix64(&[id]) >> 40).unwrap_or(0);
+    let top = (mix64(&[id]) >> 40) as u32;
     narrow(f64::from(top) / f64::from((1_u32 << 24) - 1))
 }
 

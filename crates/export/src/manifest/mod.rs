@@ -254,7 +254,7 @@ pub struct AssetEntry {
 /// Colour and occlusion of an asset's leaves: see [`write_leaves`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeavesEntry {
-    /// Path of the table.
+    /// Path of the table of leaves, relative to the manifest.
     pub file: String,
     /// Names of the instancers in the order of the table.
     pub order: Vec<String>,

@@ -51,7 +51,7 @@ pub(super) fn write_union(text: &mut TextBuffer, count: usize, shapes: &TextBuff
 pub(super) enum PrototypeUse {
     /// A prototype without geometry, which has no declaration.
     Nothing,
-    /// A declared object.
+    /// An object that a `#declare` in the file of its asset names.
     Object,
     /// A macro: the texture of the mesh is that of the frame.
     Macro,

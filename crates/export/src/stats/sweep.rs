@@ -52,11 +52,11 @@ pub struct Mean {
 /// A quantity over runs that differ in their seeds only.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// Arithmetic mean.
+    /// Arithmetic mean over the seeds.
     pub mean: f64,
-    /// Smallest value.
+    /// Smallest value of any seed.
     pub least: f64,
-    /// Largest value.
+    /// Largest value of any seed.
     pub most: f64,
     /// Standard deviation with n - 1 in the denominator; 0 for a single run.
     pub deviation: f64,

@@ -29,7 +29,7 @@ const WIND: &str = "unreal:dynamicWind";
 
 /// What the file of a plant is made from.
 pub(super) struct AssemblyInput<'a> {
-    /// The plant at rest.
+    /// Meshes, joints and influences of the plant in its rest pose.
     pub(super) rig: &'a RiggedPlant,
     /// Its joints that are written.
     pub(super) joints: &'a WindJoints,

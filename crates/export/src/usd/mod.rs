@@ -444,6 +444,7 @@ fn rebind_materials(
         let meta = PrimMetadata { over: true, inactive: true, ..PrimMetadata::default() };
         layer.writer.define_prim(&format!("{path}/mtl"), "", &meta)?;
     }
+    // Bindings share ancestors, each of which is defined once.
     let mut defined = BTreeSet::new();
     for MaterialBinding { prim, material } in bindings.iter().filter(|b| !own(b)) {
         // A path of the payload begins with its root prim, which the prim at `path` replaces here; each prim on the way down

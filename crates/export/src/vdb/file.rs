@@ -8,6 +8,7 @@ use super::VdbOptions;
 use super::tree::{Leaf, leaves};
 use crate::GENERATOR;
 use crate::usd::UpAxis;
+use osier_base::convert::saturating_index;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Scene, VolumeFrame, VolumeGrid, VolumeValues};
@@ -111,7 +112,7 @@ impl VdbBytes {
 
     /// A count, or a length in bytes: of grids, children, names and numbers, far below 2^31.
     fn put_count(&mut self, n: usize) {
-        self.put_u32(u32::try_from(n).unwrap_or(u32::MAX));
+        self.put_u32(saturating_index(n));
     }
 
     /// A text after its length.

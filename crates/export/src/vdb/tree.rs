@@ -124,6 +124,7 @@ fn box_leaves(size: [usize; 3], values: &VolumeValues) -> Vec<Leaf> {
     let of_column = |column: &[usize; 2]| -> Vec<Leaf> {
         let leaf = |z: usize| {
             let low = [column[0], column[1], z].map(|n| n * LEAF_SIDE);
+            // The limit on voxels keeps every side far below 2^31.
             let (key, _) = LeafKey::of(low.map(|n| i32::try_from(n).unwrap_or(i32::MAX)));
             let voxel = |n: usize| {
                 let [x, y, z] = [low[0] + (n >> 6), low[1] + (n >> 3 & 7), low[2] + (n & 7)];

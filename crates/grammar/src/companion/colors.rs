@@ -34,7 +34,7 @@ const PALETTE: [[u8; 3]; 16] = [
 /// What a colour index looks like.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceColor {
-    /// Linear colour.
+    /// Linear RGB of the diffuse colour, 0 to 1.
     pub base: [f32; 3],
     /// 0 mirror to 1 matt.
     pub roughness: f32,

@@ -1,6 +1,7 @@
 //! Functions of one variable: `.func` and sets of them, `.fset`.
 
 use super::words::Reader;
+use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, SourceId};
 
 /// Most points of a function, counted with their multiplicity, and most functions of a set: beyond this a file is damaged.
@@ -23,7 +24,7 @@ pub struct FunctionFile {
 impl FunctionFile {
     /// Sets the number of samples, as `function: FILE n` does; a function of very many points has fewer.
     pub fn tabulate(&mut self, samples: u32) {
-        self.samples = usize::try_from(samples).unwrap_or(usize::MAX).min(MAX_WORK / self.points.len().max(1));
+        self.samples = to_usize(samples).min(MAX_WORK / self.points.len().max(1));
     }
 }
 

@@ -28,7 +28,7 @@ pub struct SurfaceFile {
     pub up: [f64; 3],
     /// Length of the file that a turtle unit is.
     pub size: f64,
-    /// Its patches.
+    /// Patches in the order of the file.
     pub patches: Vec<SurfacePatch>,
 }
 
@@ -172,7 +172,7 @@ fn index(value: f64) -> Option<u8> {
 /// A triangle of a `.ray` file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceTriangle {
-    /// Corners.
+    /// Corners in units of the file; their order may turn either way about the normals.
     pub points: [[f64; 3]; 3],
     /// Normals at the corners.
     pub normals: [[f64; 3]; 3],

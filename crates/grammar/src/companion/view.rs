@@ -19,16 +19,16 @@ const MAX_REPLACEMENTS: usize = 1000;
 pub enum LineStyle {
     /// Lines whose widths are pixels.
     Pixel,
-    /// Flat polygons.
+    /// Flat polygons of the line's width.
     Polygon,
-    /// Round cylinders.
+    /// Cylinders whose diameter is the line's width.
     Cylinder,
 }
 
 /// A file that a view names, and the place where it does.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileLine {
-    /// As written.
+    /// Name of the file as the line has it, relative to the view file.
     pub file: String,
     /// Where the name stands.
     pub span: Span,
@@ -41,7 +41,7 @@ pub struct FileLine {
 pub struct SurfaceLine {
     /// The letter behind `~`.
     pub letter: char,
-    /// The file.
+    /// File of the surface and the place of its name.
     pub file: FileLine,
     /// Factor on its size.
     pub scale: f64,
@@ -54,11 +54,11 @@ pub struct SurfaceLine {
 /// A tropism or torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewTropism {
-    /// Direction.
+    /// Direction that the heading turns to.
     pub dir: [f64; 3],
     /// Angle to it at rest, degrees.
     pub angle: f64,
-    /// Strength and sign.
+    /// Strength of the turn; a negative one turns away from `dir`.
     pub intensity: f64,
     /// Elasticity at the start.
     pub elasticity: f64,
@@ -75,7 +75,7 @@ pub struct View {
     pub angle: Option<f64>,
     /// Width at the start, and whether the line counts it in pixels.
     pub width: Option<f64>,
-    /// See `width`.
+    /// Whether `width` counts pixels of the view instead of units of the turtle.
     pub width_in_pixels: Option<bool>,
     /// What `#` and `!` without a parameter add and take.
     pub width_increment: Option<f64>,
@@ -91,7 +91,7 @@ pub struct View {
     pub scale: Option<f64>,
     /// Factor of `@D` without a parameter.
     pub scale_multiplier: Option<f64>,
-    /// Sides of contours.
+    /// Number of sides of round contours.
     pub sides: Option<u32>,
     /// Whether generalised cylinders turn with the turtle.
     pub twist: Option<bool>,
@@ -111,7 +111,7 @@ pub struct View {
     pub textures: Vec<FileLine>,
     /// Contours with their numbers.
     pub contours: Vec<FileLine>,
-    /// Sets of contours.
+    /// Files that hold several contours, each with its number.
     pub contour_sets: Vec<FileLine>,
     /// Functions and sets of functions in the order of the file; a set has no number of samples of its own.
     pub functions: Vec<FileLine>,
@@ -326,7 +326,7 @@ impl ViewReader<'_, '_> {
         }
     }
 
-    /// `on` or `off`.
+    /// True for `on`, false for `off`; other words are reported.
     fn switch(&mut self, line: &Line<'_>) -> Option<bool> {
         match line.words.first().map(|w| w.text) {
             Some("on") => Some(true),
@@ -398,7 +398,7 @@ impl ViewReader<'_, '_> {
         true
     }
 
-    /// A number above 0.
+    /// A number above 0; others are reported and yield `None`.
     fn positive(&mut self, line: &Line<'_>) -> Option<f64> {
         let value = self.number(line, "a number")?;
         if value > 0.0 {

@@ -487,11 +487,11 @@ impl ExpressionCompiler<'_, '_> {
             self.barrier = self.code.ops.len();
             return Some(());
         }
-        if let Some(bound) = BOUNDS.iter().position(|b| *b == word) {
+        if let Some((bound, _)) = (0_u8..).zip(BOUNDS).find(|(_, b)| *b == word) {
             if args != 0 {
                 return self.error("L022", format!("{word} takes no arguments, got {args}"), place, "this call");
             }
-            self.code.ops.push(Op::Bounds(u8::try_from(bound).unwrap_or(0)));
+            self.code.ops.push(Op::Bounds(bound));
             self.barrier = self.code.ops.len();
             return Some(());
         }

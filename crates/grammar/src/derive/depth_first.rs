@@ -23,7 +23,7 @@ use osier_base::convert::{saturating_index, to_usize};
 
 /// Receives the modules of a final string, in order.
 pub(super) trait ModuleSink {
-    /// Asks for lineages.
+    /// Whether modules are handed over with their lineages, which cost time to compute.
     const NEEDS_LINEAGE: bool;
     /// Asks for parameters.
     const NEEDS_PARAMS: bool = true;
@@ -106,7 +106,7 @@ impl ModuleSink for ModuleString {
 pub(super) struct DepthFirstJob<'p> {
     pub plan: &'p RewritePlan<'p>,
     pub brackets: Brackets,
-    /// Derivation length.
+    /// Derivation length: number of steps.
     pub length: u32,
     /// Modules of the final string.
     pub max_modules: u64,
@@ -195,6 +195,7 @@ impl DerivationCounts {
                 out.last_change = step;
                 out.made[i] = out.made[i].saturating_add(times.saturating_mul(made));
                 out.modules = out.modules.saturating_add(times.saturating_mul(made)).saturating_sub(times);
+                // Beyond 2^63 modules only "too many" matters: every limit is far below.
                 let signed = |n: u64| i64::try_from(n).unwrap_or(i64::MAX);
                 let gain = &mut out.gains[to_usize(step - 1)];
                 *gain = gain.saturating_add(signed(times.saturating_mul(made)).saturating_sub(signed(times)));
@@ -211,11 +212,11 @@ impl DerivationCounts {
 
     /// Largest number of modules of any step, and that step. `axiom`: modules of the axiom.
     pub fn longest(&self, axiom: u64) -> (u64, u32) {
-        let mut length = i64::try_from(axiom).unwrap_or(i64::MAX);
+        let mut length = 0_i64.saturating_add_unsigned(axiom);
         let mut longest = (axiom, 0);
         for (step, gain) in (1_u32..).zip(&self.gains) {
             length = length.saturating_add(*gain);
-            let now = u64::try_from(length).unwrap_or(0);
+            let now = length.max(0).unsigned_abs();
             if now > longest.0 {
                 longest = (now, step);
             }
@@ -305,7 +306,7 @@ impl<'p> DepthFirst<'p> {
         }
     }
 
-    /// The productions.
+    /// The prepared productions that this derivation applies.
     pub fn plan(&self) -> &'p RewritePlan<'p> {
         self.job.plan
     }

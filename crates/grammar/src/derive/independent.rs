@@ -33,7 +33,7 @@ pub(super) struct Deferred {
     last_step: u32,
 }
 
-/// Counts modules.
+/// Accepts modules and stores nothing, for passes that only count them.
 struct CountingSink;
 
 impl ModuleSink for CountingSink {
@@ -84,7 +84,7 @@ impl Deferred {
 /// How far a derivation may go.
 #[derive(Debug, Clone, Copy)]
 struct DerivationBounds {
-    /// `Z`.
+    /// Derivation length, which grammars read as `Z`.
     length: u32,
     last_step: u32,
     max_modules: u64,

@@ -41,11 +41,11 @@ pub(super) struct Operation {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum OutsideValue {
     Global(u16),
-    /// `Q`.
+    /// Number of the present step, `Q` in grammars.
     Step,
-    /// `Z`.
+    /// Derivation length, `Z` in grammars.
     Length,
-    /// `remaining`.
+    /// Derivation steps that are left after this one, `remaining` in grammars.
     Remaining,
 }
 

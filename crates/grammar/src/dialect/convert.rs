@@ -21,7 +21,7 @@ pub enum ConvertTo {
     Osier,
 }
 
-/// A grammar as text.
+/// A grammar in the notation of cpfg, and what of it that notation cannot say.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Converted {
     /// The grammar in the notation of cpfg.

@@ -4,7 +4,7 @@ use super::lparser;
 use super::text::{Piece, decode, lines};
 use crate::notation::Notation;
 
-/// What a file is.
+/// What a file contains, judged by its text and its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
     /// A grammar in this notation.

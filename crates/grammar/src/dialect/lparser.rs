@@ -34,7 +34,7 @@ struct File<'r, 's, 't> {
     length_place: SourcePlace,
 }
 
-/// Reads a file.
+/// Reads the lines of a file of LParser into the reader's program.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     reader.description = description(text);
     let length_place = reader.place(0..0);
@@ -138,7 +138,7 @@ impl<'t> File<'_, '_, 't> {
         }
     }
 
-    /// `color i r g b`.
+    /// Reads `color i r g b`: index, then channels from 0 to 1.
     fn color(&mut self, value: Piece<'_>) {
         let numbers: Vec<u8> = value.text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
         match numbers.as_slice() {

@@ -1,6 +1,6 @@
 //! Bytes to text, and text to lines with their places.
 
-/// A decoded text.
+/// A file as text, and how its bytes were read.
 pub(super) struct Decoded {
     pub text: String,
     /// The bytes were no UTF-8 and were read as Latin-1.
@@ -54,12 +54,12 @@ impl<'t> Piece<'t> {
         Self { at: self.at, text: self.text.split(c).next().unwrap_or("") }
     }
 
-    /// From byte `i` on.
+    /// The part from byte `i` to the end; `i` is relative to this part.
     pub fn from(self, i: usize) -> Self {
         Self { at: self.at + i.min(self.text.len()), text: self.text.get(i..).unwrap_or("") }
     }
 
-    /// Up to byte `i`.
+    /// The part before byte `i`, which is relative to this part.
     pub fn up_to(self, i: usize) -> Self {
         Self { at: self.at, text: self.text.get(..i).unwrap_or(self.text) }
     }

@@ -6,6 +6,7 @@ use glam::DVec2;
 
 use super::{BladePlacement, FlatBlade, LeafColors, LeafSpec, fields, leaf, normals};
 use crate::Ifs;
+use osier_base::convert::saturating_index;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::units::{byte, srgb_from_linear};
 
@@ -51,7 +52,7 @@ pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<Drawn
     let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
     Ok(DrawnLeaf {
         // At most 4096.
-        side: u32::try_from(n).unwrap_or(u32::MAX),
+        side: saturating_index(n),
         color: f.color.iter().flat_map(rgba).collect(),
         normal: normals(&f.height, &traced.raster.mask.set, n),
         rough: f.rough.iter().map(|r| byte(*r)).collect(),

@@ -1,6 +1,6 @@
 //! Fractint's files: entries `name { numbers }`, in the variants found in published tables.
 
-use super::{Reader, fractint};
+use super::{IfsReader, fractint};
 use crate::Ifs;
 use osier_base::diagnostic::{Diagnostic, Severity};
 use std::ops::Range;
@@ -17,7 +17,7 @@ struct EntryHeader {
 }
 
 /// Reads all entries, or the whole file as one system if there is no brace.
-pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
+pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
     let clean = without_comments(reader.text);
     warn_long_lines(reader);
     let mut systems = Vec::new();
@@ -78,7 +78,7 @@ fn without_comments(text: &str) -> Vec<u8> {
         .collect()
 }
 
-fn warn_long_lines(reader: &mut Reader<'_>) {
+fn warn_long_lines(reader: &mut IfsReader<'_>) {
     let mut start = 0;
     for line in reader.text.split('\n') {
         if line.len() > 200 && !line.trim_start().starts_with(';') {
@@ -116,7 +116,7 @@ fn header(clean: &[u8], from: usize, open: usize) -> EntryHeader {
 }
 
 /// I003 for text that belongs to no entry.
-fn warn_stray_text(reader: &mut Reader<'_>, clean: &[u8], from: usize, to: usize) {
+fn warn_stray_text(reader: &mut IfsReader<'_>, clean: &[u8], from: usize, to: usize) {
     let text = clean.get(from..to).unwrap_or_default();
     let Some(first) = text.iter().position(|b| !matches!(b, b' ' | b'\n')) else { return };
     let length = text[first..].iter().position(|b| *b == b'\n').unwrap_or(text.len() - first);
@@ -126,7 +126,13 @@ fn warn_stray_text(reader: &mut Reader<'_>, clean: &[u8], from: usize, to: usize
 }
 
 /// Reads one entry; `body`: the bytes between its braces. `None` for a comment or an entry with errors.
-fn entry(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader, body: Range<usize>, closed: bool) -> Option<Ifs> {
+fn entry(
+    reader: &mut IfsReader<'_>,
+    clean: &[u8],
+    header: &EntryHeader,
+    body: Range<usize>,
+    closed: bool,
+) -> Option<Ifs> {
     // Entries named "comment" hold text, not numbers.
     let title = title(reader, clean, header);
     if title.name.eq_ignore_ascii_case("comment") {
@@ -149,11 +155,11 @@ fn entry(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader, body: Rang
     system.filter(|_| error_count(reader) == errors_before)
 }
 
-fn error_count(reader: &Reader<'_>) -> usize {
+fn error_count(reader: &IfsReader<'_>) -> usize {
     reader.report.diagnostics.iter().filter(|d| d.severity == Severity::Error).count()
 }
 
-fn title(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader) -> fractint::EntryTitle {
+fn title(reader: &mut IfsReader<'_>, clean: &[u8], header: &EntryHeader) -> fractint::EntryTitle {
     let blank = |i: &usize| clean.get(*i).is_none_or(|b| matches!(b, b' ' | b'\n'));
     let start = (header.start..header.end).find(|i| !blank(i)).unwrap_or(header.end);
     let end = (header.start..header.end).rev().find(|i| !blank(i)).map_or(start, |i| i + 1);
@@ -183,9 +189,9 @@ fn title(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader) -> fractin
 }
 
 /// Reports I009 for what Fractint and programs after it would drop.
-fn warn_portability(reader: &mut Reader<'_>, clean: &[u8], header: &EntryHeader, body: Range<usize>, closed: bool) {
+fn warn_portability(reader: &mut IfsReader<'_>, clean: &[u8], header: &EntryHeader, body: Range<usize>, closed: bool) {
     let (open, end) = (body.start - 1, body.end);
-    let note = |reader: &mut Reader<'_>, text: &str, help: &str, (a, b): (usize, usize)| {
+    let note = |reader: &mut IfsReader<'_>, text: &str, help: &str, (a, b): (usize, usize)| {
         let span = reader.span(a, b);
         reader.push(Diagnostic::warning("I009", text, span, "here").help(help));
     };

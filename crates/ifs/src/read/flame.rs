@@ -3,7 +3,7 @@
 use glam::DVec3;
 use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
-use super::Reader;
+use super::IfsReader;
 use crate::affine::Affine;
 use crate::{Ifs, MAX_COEFFICIENT, Map, PictureView};
 use osier_base::diagnostic::{Diagnostic, Span};
@@ -73,7 +73,7 @@ const FLAME_ATTRIBUTES: &[&str] = &[
 const MAX_XML_NODES: u32 = 1_000_000;
 
 /// Reads all flames of a document.
-pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
+pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_XML_NODES, ..ParsingOptions::default() };
     // Apophysis writes several flames without a root; one is put around them, and positions are moved back.
     let text = reader.text;
@@ -109,7 +109,7 @@ fn offset(text: &str, at: roxmltree::TextPos) -> usize {
 }
 
 struct FlameReader<'a, 'r> {
-    reader: &'a mut Reader<'r>,
+    reader: &'a mut IfsReader<'r>,
     /// Bytes that were put before the text.
     shift: usize,
 }

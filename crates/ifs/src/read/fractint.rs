@@ -1,6 +1,6 @@
 //! The numbers of one Fractint entry into maps.
 
-use super::Reader;
+use super::IfsReader;
 use crate::affine::Affine;
 use crate::{Ifs, MAX_COEFFICIENT, Map};
 use osier_base::diagnostic::{Diagnostic, Span};
@@ -24,7 +24,7 @@ struct NumberToken {
 }
 
 /// Reads the numbers of an entry whose body begins at byte `start` of the file. `None` after an error.
-pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: EntryTitle) -> Option<Ifs> {
+pub(super) fn system(reader: &mut IfsReader<'_>, body: &[u8], start: usize, title: EntryTitle) -> Option<Ifs> {
     let tokens = tokens(reader, body, start)?;
     if tokens.is_empty() {
         let text = format!("\"{}\" holds no numbers", title.name);
@@ -76,7 +76,7 @@ pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: 
 }
 
 /// All numbers of a body; `None` if one is none.
-fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<NumberToken>> {
+fn tokens(reader: &mut IfsReader<'_>, body: &[u8], start: usize) -> Option<Vec<NumberToken>> {
     let mut out = Vec::new();
     // Read on after a bad number, to report all of them; commas are reported once.
     let (mut at, mut line, mut comma, mut bad_ones) = (0, 0, None, 0);
@@ -127,7 +127,7 @@ fn value(word: &str) -> Result<f64, String> {
 }
 
 /// Reports I005 for the number `index` of an entry, the bytes `word` of the text.
-fn report_number(reader: &mut Reader<'_>, word: std::ops::Range<usize>, index: usize, why: &str) {
+fn report_number(reader: &mut IfsReader<'_>, word: std::ops::Range<usize>, index: usize, why: &str) {
     // Long words are pointed at by their start.
     let end = word.start
         + reader
@@ -156,7 +156,7 @@ fn guess_dimension(tokens: &[NumberToken]) -> usize {
 }
 
 /// I007 with the first line that has another number of numbers.
-fn report_number_count(reader: &mut Reader<'_>, tokens: &[NumberToken], title: &EntryTitle, columns: usize) {
+fn report_number_count(reader: &mut IfsReader<'_>, tokens: &[NumberToken], title: &EntryTitle, columns: usize) {
     let line = tokens.chunk_by(|a, b| a.line == b.line).find(|l| l.len() % columns != 0);
     let text = format!("\"{}\" has {} numbers, which is no multiple of {columns}", title.name, tokens.len());
     let (span, label) = match line {

@@ -90,7 +90,7 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
     };
     let source = report.sources.add(name, text.text.as_str());
     let mut reader =
-        Reader { text: &text.text, source, stem: stem(name), report: &mut report, diagnostic_count: 0, limits };
+        IfsReader { text: &text.text, source, stem: stem(name), report: &mut report, diagnostic_count: 0, limits };
     if let Some((line, _)) = text.latin1 {
         let d = Diagnostic::about("I003", format!("\"{name}\" is not UTF-8 from line {line} on, read as Latin-1"));
         reader.push(d.help("save the file as UTF-8 to keep names as they are"));
@@ -143,7 +143,7 @@ fn stem(name: &str) -> String {
 }
 
 /// One file being read.
-pub(super) struct Reader<'a> {
+pub(super) struct IfsReader<'a> {
     pub text: &'a str,
     pub source: SourceId,
     /// File name without folder and ending: the name of a system without one.
@@ -154,7 +154,7 @@ pub(super) struct Reader<'a> {
     pub limits: &'a Limits,
 }
 
-impl Reader<'_> {
+impl IfsReader<'_> {
     /// Most maps of a system.
     fn max_maps(&self) -> usize {
         convert::limit(self.limits.get("maps"))

@@ -4,7 +4,7 @@ use std::ops::{Bound, RangeBounds};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::Reader;
+use super::IfsReader;
 use crate::affine::Affine;
 use crate::faces::MeshReference;
 use crate::weights::WeightRule;
@@ -36,7 +36,7 @@ const MESH_KEYS: &[&str] = &["file", "scale", "up"];
 const MESH_ENDINGS: &[&str] = &[".obj", ".glb", ".gltf"];
 
 /// The table `[ifs]`, or each of `[[ifs]]`.
-pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
+pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
     let (document, errors) = DeTable::parse_recoverable(reader.text);
     for e in &errors {
         let at = e.span().unwrap_or(0..0);
@@ -71,7 +71,7 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
 type TomlItem<'i> = Spanned<DeValue<'i>>;
 
 struct TableReader<'a, 'r> {
-    reader: &'a mut Reader<'r>,
+    reader: &'a mut IfsReader<'r>,
 }
 
 impl TableReader<'_, '_> {

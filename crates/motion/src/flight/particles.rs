@@ -217,7 +217,7 @@ impl Catkin {
         self.radius
     }
 
-    /// Mass, kg.
+    /// Mass of the particle with its wings or hairs, kg.
     pub fn mass(&self) -> f64 {
         self.mass
     }

@@ -64,7 +64,7 @@ impl Shelter {
 
 /// The way on which a drop came, followed backwards.
 struct BackwardPath {
-    /// Where it was, m.
+    /// Position reached so far, m, going back in time.
     p: DVec3,
     /// Terminal speed, m/s.
     speed: f64,

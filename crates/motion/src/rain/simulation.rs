@@ -60,7 +60,7 @@ impl FallingDrop {
 /// The wind at a drop, sampled every [`DROP_WIND_INTERVAL`] and held in between: a drop answers the wind within tenths of a second.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct HeldWind {
-    /// Velocity, m/s.
+    /// Wind velocity at the drop when it was last sampled, m/s.
     velocity: Vec3,
     /// Time of the next sample, s; 0 for a drop that has none.
     until: f64,
@@ -195,7 +195,7 @@ impl SmoothedLeafAcceleration {
 /// Water that a splash has ejected.
 #[derive(Debug, Clone, Copy, Default)]
 struct EjectedWater {
-    /// Volume, m^3.
+    /// Volume of the ejected droplets, m^3.
     volume: f64,
     /// Momentum in the world, kg m/s.
     momentum: DVec3,

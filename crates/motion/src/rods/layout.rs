@@ -9,6 +9,7 @@ use crate::rods::springs::{
     CORNER_RADIUS_RATIO, RodInterval, SPRINGS_PER_SECTION, spring_lengths, spring_stiffnesses, spring_vectors,
 };
 use crate::rods::tuning::{INTERVAL_RADII, SECTION_COUNT_RANGE, SPLINE_SUBDIVISIONS};
+use osier_base::convert::saturating_index;
 use osier_base::math;
 use osier_scene::plant::NONE;
 
@@ -316,5 +317,5 @@ fn corner_masses(line: &SampledRod, density: f64) -> Vec<f64> {
 /// Index of a section or base as it is stored.
 pub(crate) fn to_stored_index(i: usize) -> u32 {
     // A section takes hundreds of bytes: 2^32 of them exceed the memory long before the index overflows.
-    u32::try_from(i).unwrap_or(NONE)
+    saturating_index(i)
 }

@@ -47,13 +47,13 @@ pub fn corner_dot(a: &Vector9, b: &Vector9) -> f64 {
     (0..9).fold(0.0, |sum, k| sum + a[k] * b[k])
 }
 
-/// Product m x.
+/// Product m x of a 3x3 matrix stored in rows.
 #[inline(always)]
 pub fn matrix_vector(m: &Matrix9, x: &Vector9) -> Vector9 {
     std::array::from_fn(|k| corner_dot(&m[k], x))
 }
 
-/// Product m^T x.
+/// Product of the transpose of m and x, without building the transpose.
 #[inline(always)]
 pub fn transposed_matrix_vector(m: &Matrix9, x: &Vector9) -> Vector9 {
     let mut y = [0.0; 9];
@@ -72,7 +72,7 @@ pub struct SectionFrame {
     pub p: DVec3,
     /// Unit vector towards corner 0.
     pub u: DVec3,
-    /// Unit vector w x u.
+    /// Unit vector w x u, which completes the right-handed frame.
     pub v: DVec3,
     /// Unit tangent of the rod.
     pub w: DVec3,

@@ -17,7 +17,7 @@ pub(crate) const CORNER_RADIUS_RATIO: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Geometry and material between two neighbouring sections.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RodInterval {
-    /// Length at rest, m.
+    /// Distance of its two sections at rest, m.
     pub length: f64,
     /// Mean of the radii of its ends, m.
     pub radius: f64,
@@ -129,7 +129,7 @@ pub(crate) fn spring_vectors(own: &Vector9, up: &Vector9, over: &Vector9) -> Spr
 pub(crate) struct SpringStates {
     /// Unit vectors towards the far ends.
     pub e: SpringVectors,
-    /// Tension, N.
+    /// Tension of each spring, N; negative under compression.
     pub tension: [f64; SPRINGS_PER_SECTION],
     /// Transverse (geometric) stiffness, N/m: of stretched springs only, so that the tangent stays positive definite.
     pub across: [f64; SPRINGS_PER_SECTION],

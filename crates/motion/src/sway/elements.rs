@@ -18,7 +18,7 @@ use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
 /// A stretch of an axis that bends as one cantilever.
 #[derive(Debug, Clone)]
 pub struct BeamElement {
-    /// Index of its axis.
+    /// Index of the plant's axis that it is a part of.
     pub axis: u32,
     /// Range of arc length on the axis, m.
     pub span: [f32; 2],
@@ -30,13 +30,13 @@ pub struct BeamElement {
     pub order: u8,
     /// Random key, stable while the plant is edited elsewhere.
     pub id: u64,
-    /// Base at rest, m.
+    /// Base at rest in the plant's space, m.
     pub base: DVec3,
     /// Direction of growth at its base, at rest.
     pub up: DVec3,
     /// Rotation axes of its two bending directions, at rest, perpendicular to `up`.
     pub bend_axes: [DVec3; 2],
-    /// Length, m.
+    /// Length from base to tip at rest, m.
     pub length: f64,
     /// From its base to its tip at rest, m.
     pub chord: DVec3,
@@ -50,7 +50,7 @@ pub struct BeamElement {
     pub carrier_compliance: f64,
     /// Natural angular frequency of both bending directions, rad/s.
     pub w: [f64; 2],
-    /// Damping ratio.
+    /// Damping ratio of both bending directions, 1 at critical damping.
     pub damping_ratio: f64,
     /// Relative slope along it.
     pub shape: SlopeProfile,

@@ -4,6 +4,7 @@ use glam::{Quat, Vec3};
 
 use super::elements::{BeamElements, ElementLocation};
 use crate::sway::tuning::{COLLAR_RADII, MAX_LEAF_OFFSET, POINTS_PER_TASK};
+use osier_base::convert::saturating_index;
 use osier_base::math;
 use osier_base::par::par_chunks;
 use osier_scene::plant::{NONE, Organ, Plant};
@@ -170,7 +171,7 @@ fn attach_to_segment(plant: &Plant, axis: u32, s: f32, point: Vec3) -> SegmentAt
     // Store the offset from the centreline: it turns with the segment.
     let center = plant.nodes.p[k].lerp(plant.nodes.p[k + 1], t);
     // Axes store the indices of their nodes as u32 (`Axis::first`), so that every node has one.
-    SegmentAttachment { node: u32::try_from(k).unwrap_or(NONE), t, arm: point - center }
+    SegmentAttachment { node: saturating_index(k), t, arm: point - center }
 }
 
 /// Weight of a point's own axis at arc length `s`, 0 to 1; the rest belongs to the parent axis.

@@ -17,7 +17,7 @@ pub struct BranchLoad {
     pub wood: f64,
     /// One-sided area of leaves, m^2.
     pub leaf: f64,
-    /// Mass, kg.
+    /// Mass of wood and leaves, kg.
     pub mass: f64,
 }
 

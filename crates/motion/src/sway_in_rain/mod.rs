@@ -53,7 +53,7 @@ pub struct SwayInRain<'a> {
     pub params: SwayParams,
     /// Leaves in the order of the poses.
     pub leaves: &'a [SwayingLeaf<'a>],
-    /// Poses in the wind.
+    /// Poses of the plant that the wind alone makes, to which the drops' part is added.
     pub poses: Box<dyn WindPoses>,
     /// Time before the clip for which it rains, s.
     pub lead: f64,

@@ -45,7 +45,7 @@ pub(super) struct MovingPlace {
 #[derive(Debug)]
 pub(super) struct WindMotion {
     source: Box<dyn WindPoses>,
-    /// Frames per second.
+    /// Frames per second of the clip, above 0.
     fps: f64,
     /// Frame at the beginning of the present interval.
     frame: i64,

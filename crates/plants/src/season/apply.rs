@@ -36,7 +36,7 @@ pub struct SeasonalOrgan<'a> {
 /// A bud that stands where a leaf is missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BudOrgan {
-    /// Length, m.
+    /// Length of a bud from base to tip, m.
     pub length: f32,
     /// Material, of the plant's.
     pub material: u32,
@@ -118,7 +118,7 @@ pub struct SlotNow {
     pub size: f32,
     /// Its rotation relative to its axis.
     pub q: Quat,
-    /// Its linear colour.
+    /// Linear RGBA colour of the leaf at this time.
     pub color: [f32; 4],
 }
 

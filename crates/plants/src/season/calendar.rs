@@ -154,6 +154,7 @@ pub fn colors_between(habit: &LeafHabit, seasons: [f32; 2]) -> BTreeSet<LeafColo
         }
     }
     // The times do not depend on the colour of autumn.
+    // The key `autumn` accepts at most 100 colours.
     let hues = u8::try_from(habit.autumn.len()).unwrap_or(u8::MAX);
     let with_all_hues = |color: LeafColor| -> Vec<LeafColor> {
         match color {
@@ -260,6 +261,7 @@ fn by_share(weights: &[f64], share: f32) -> u8 {
         left -= w;
         left < 0.0
     });
+    // The weights are those of at most 100 autumn colours.
     u8::try_from(found.unwrap_or(weights.len().saturating_sub(1))).unwrap_or(u8::MAX)
 }
 

@@ -39,7 +39,7 @@ const SPRING_DELAY: f64 = 4.0;
 const WINTER_ADVANCE: f64 = 2.5;
 /// Least and greatest latitude of these rules: nearer to the equator cold does not end the year, nearer to the poles no trees grow.
 const LATITUDES: [f64; 2] = [25.0, 70.0];
-/// Days of a year.
+/// Days of a year; leap years are not told apart.
 const YEAR: f64 = 365.0;
 
 /// The season of a day of the year, 1..=366, at a latitude in degrees, negative in the south: 0..1, 1 in winter.
@@ -59,14 +59,14 @@ pub enum FallOrder {
     Tips,
     /// Those at its base, as of birches, poplars and lindens.
     Bases,
-    /// In no order.
+    /// In an order that a random number of each leaf decides.
     Random,
 }
 
 /// A colour of a leaf in autumn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AutumnColor {
-    /// Linear colour.
+    /// Linear RGB of the leaf, 0 to 1.
     pub color: [f32; 3],
     /// How frequent it is beside the others, above 0.
     pub weight: f64,
@@ -96,30 +96,30 @@ pub struct LeafHabit {
 /// Colour of a leaf; the numbers are indices into [`LeafHabit::autumn`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LeafColor {
-    /// As in summer.
+    /// The green of an adult leaf.
     Green,
-    /// Just unfolded.
+    /// The pale green of a leaf that has just unfolded.
     Fresh,
     /// Between fresh and green.
     Young,
     /// Green along the veins, the autumn colour between them.
     Turning(u8),
-    /// The autumn colour.
+    /// The autumn colour over the whole blade.
     Turned(u8),
     /// The autumn colour on its way to dry.
     Aged(u8),
 }
 
-/// Shape of a leaf.
+/// Shape of a leaf at a stage of its year; each is a prototype of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LeafShape {
     /// Both halves lie against each other.
     Furled,
     /// Halfway between furled and open.
     Unfolding,
-    /// As in summer.
+    /// The flat blade of summer.
     Open,
-    /// Curled, dry.
+    /// Curled along the midrib, as dry leaves that stay on the twig.
     Withered,
 }
 
@@ -128,7 +128,7 @@ pub enum LeafShape {
 pub struct LeafLook {
     /// Which of its colours it has.
     pub color: LeafColor,
-    /// Its shape.
+    /// Which of the leaf's shapes it has.
     pub shape: LeafShape,
 }
 

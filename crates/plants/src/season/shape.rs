@@ -59,7 +59,7 @@ const MIDRIB: f32 = 0.08;
 
 /// Height of a leaf's midrib along it: leaves of summer are curled already.
 struct Midrib {
-    /// y and z, y rising.
+    /// (y, z) of points along the midrib, m, with rising y.
     points: Vec<[f32; 2]>,
 }
 

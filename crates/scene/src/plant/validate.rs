@@ -1,6 +1,7 @@
 //! What every plant must satisfy before anything consumes it, and the repairs that need no decision.
 
 use super::{Axis, NONE, Nodes, Plant};
+use osier_base::convert::saturating_index;
 use osier_base::{Error, Result};
 
 /// Most nodes, and most organs, that a plant may have.
@@ -158,7 +159,7 @@ fn kept(plant: &Plant, axis: &Axis) -> Vec<usize> {
 
 /// Index or number of nodes as axes store it. The nodes are some of those that the plant's axes indexed with u32 before.
 fn stored_index(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
+    saturating_index(n)
 }
 
 fn drop_empty_segments(plant: &mut Plant, warnings: &mut Vec<Warning>) {

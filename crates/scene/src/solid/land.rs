@@ -23,7 +23,7 @@ pub struct LandGrid {
 pub struct LandForm {
     columns: usize,
     rows: usize,
-    /// Edge of a cell, m.
+    /// Edge of a square cell of the height field, m.
     step: f32,
     /// Corner with the smallest x and z, m.
     corner: Vec2,

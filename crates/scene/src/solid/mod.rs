@@ -43,7 +43,7 @@ pub enum Form {
     Prism(Prism),
     /// A height field over a rectangle of land.
     Land(Arc<LandForm>),
-    /// A triangle mesh.
+    /// A triangle mesh with its hierarchy of bounding boxes.
     Shell(Arc<Shell>),
 }
 

@@ -16,7 +16,7 @@ pub struct Prism {
     depth: Vec3,
     /// (depth, height) of the corners, counter-clockwise, m.
     outline: Vec<Vec2>,
-    /// Half the width, m.
+    /// Half of the extrusion's width, m.
     half: f32,
 }
 

@@ -75,7 +75,7 @@ impl CutLinks {
         &self.halves
     }
 
-    /// Bytes of memory.
+    /// Memory that the links occupy, bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.halves)
     }

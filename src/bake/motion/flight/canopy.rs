@@ -91,6 +91,7 @@ impl Canopy {
     /// Those of the plants' motions.
     pub(crate) fn positions(&self, time: FrameTime) -> Result<TwigPositions> {
         let posed = |plant: &CanopyPlant| {
+            // Copies of one individual show its motion with different phases, so that they do not sway in step.
             let time = FrameTime { seconds: time.seconds + f64::from(plant.phase) * time.step, ..time };
             let ends = plant.moving.as_ref().map(|moving| moving.positions(time)).transpose()?;
             let ends = ends.as_ref().unwrap_or(&plant.rest);

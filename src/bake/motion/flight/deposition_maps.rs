@@ -90,6 +90,7 @@ impl DepositionMaps {
         for place in places {
             let map = self.map_index(&place);
             if let (Some(field), Some(sum)) = (self.fields.get(map), sums.get_mut(map)) {
+                // Milligrams per kilogram: the maps are in mg/m^2.
                 let weight = if self.mass { place.mass * 1e6 } else { 1.0 };
                 self.add_to_texels(field, sum, place.position.as_vec3(), weight);
             }

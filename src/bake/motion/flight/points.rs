@@ -14,7 +14,7 @@ struct CatkinPoint {
     state: u32,
     /// Index of its prototype.
     prototype: u32,
-    /// In the world, m.
+    /// Position at which the catkin is drawn, in the world, m.
     position: Vec3,
     /// Relative to the ground, m/s.
     velocity: Vec3,

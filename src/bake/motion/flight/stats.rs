@@ -68,6 +68,7 @@ pub fn flight_table(
         STATE_COLUMNS.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
     let CountedPlaceNames { solids, zones } = places;
     columns.extend(solids.iter().map(|name| (format!("at_{name}"), "")));
+    // `at_` counts what rests there now, `landed_` and `ground_` count all depositions so far.
     let of_solids = solids.iter().map(|name| format!("landed_{name}"));
     let landed: Vec<String> = of_solids.chain(zones.iter().map(|name| format!("ground_{name}"))).collect();
     columns.extend(landed.iter().map(|name| (name.clone(), "")));

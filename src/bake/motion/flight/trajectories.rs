@@ -43,6 +43,7 @@ impl Trajectories {
                 line.fill(*p);
                 *generation = *now;
             } else {
+                // The oldest point moves to the end, where the new one replaces it.
                 line.rotate_left(1);
                 line[self.length - 1] = *p;
             }

@@ -99,6 +99,7 @@ struct LeafRecord {
 pub(super) fn number_drops(frames: &[RainFrame]) -> Result<BTreeMap<u64, u32>> {
     let mut known = BTreeMap::new();
     for frame in frames {
+        // Ids are hashes; small numbers in the order of appearance stay the same when the clip is prolonged.
         let on_leaves = frame.sessile.iter().map(|d| d.id).chain(frame.pendant.iter().map(|d| d.id));
         let in_frame = on_leaves.chain(frame.airborne.iter().map(|d| d.id));
         let in_events = frame.events.iter().flat_map(|e| e.other.into_iter().chain([e.id]));
@@ -136,6 +137,7 @@ pub(super) fn record_tables(
 pub(super) fn drop_points(frame: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<u64, u32>) -> RecordTable {
     let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
     let drops = drop_records(frame, leaves, &number);
+    // Read from the leaf, since drops have no wetness of their own.
     let wetness = |d: &DropRecord| d.leaf.and_then(|leaf| frame.wetness.get(leaf as usize)).copied().unwrap_or(0.0);
     let mut columns = Vec::from(identity_columns(&drops));
     columns.extend(motion_columns(&drops));
@@ -155,6 +157,7 @@ fn drop_records(frame: &RainFrame, leaves: &[RainLeaf], number: &impl Fn(&u64) -
     }
     records.extend(frame.pendant.iter().map(|d| {
         let blade = &frame.leaf_poses[d.leaf];
+        // Pendant drops are kept in leaf space, so that they follow the blade between steps.
         let p = blade.position + blade.orientation * d.p;
         DropRecord {
             leaf: u32::try_from(d.leaf).ok(),
@@ -302,11 +305,14 @@ fn blank_record(id: u32, state: DropState, volume: f64) -> DropRecord {
 /// Appends the records of a sessile drop: its head, then the caps of its tail.
 fn record_sessile_drop(frame: &RainFrame, d: &SessileDrop, leaf: &RainLeaf, id: u32, out: &mut Vec<DropRecord>) {
     let blade = &frame.leaf_poses[d.leaf];
+    // The velocity of a sessile drop is relative to its leaf.
     let running = d.v.length() > RUNNING_SPEED;
     let head = if running { DropState::Running } else { DropState::Resting };
     #[allow(clippy::cast_possible_truncation, reason = "at most rain.drop.tail_drops caps")]
     let tail = d.caps.len().saturating_sub(1) as u32;
+    // Cap 0 is the head; only it is deformed by the motion, the caps of the tail are spherical.
     for (k, bead) in d.caps.iter().enumerate() {
+        // Texture coordinates find the point on the blade, the pose of the blade carries it into the world.
         let p = blade.position + blade.orientation * leaf.point_at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
         let (q, s) = if k == 0 { (d.deformation.stretch, d.deformation.skew) } else { (1.0, 0.0) };
         out.push(DropRecord {
@@ -336,6 +342,7 @@ pub(super) fn assign_point_slots(frames: &[RainFrame]) -> (Vec<Vec<u32>>, usize)
     let mut count = 0_u32;
     let mut all = Vec::new();
     for (number, frame) in (0_u64..).zip(frames) {
+        // Slots whose pause is over return to the free ones; `insert` is true for each of them, which drops it from the list.
         pausing.retain(|(until, slot)| *until > number || !free.insert(*slot));
         let mut in_frame = Vec::with_capacity(frame.airborne.len());
         for drop in &frame.airborne {
@@ -351,6 +358,7 @@ pub(super) fn assign_point_slots(frames: &[RainFrame]) -> (Vec<Vec<u32>>, usize)
             held.insert(drop.id, (slot, number));
             in_frame.push(slot);
         }
+        // Drops that this frame no longer contains have landed: their slots pause.
         held.retain(|_, (slot, seen)| {
             let stays = *seen == number;
             if !stays {

@@ -57,6 +57,7 @@ pub fn build_uv_rasters(
         .iter()
         .map(|mapped| {
             let (leaf, side) = (&leaves[mapped.leaf], mapped.side);
+            // A scene has few distinct blades: a linear search by identity of the surface is enough.
             let known = rasters.iter().find(|(surface, s, _)| Arc::ptr_eq(surface, &leaf.surface) && *s == side);
             let known = known.map(|(.., raster)| Arc::clone(raster));
             known.unwrap_or_else(|| {
@@ -73,7 +74,7 @@ pub fn build_uv_rasters(
         .collect()
 }
 
-/// The instance_prototype of an instance.
+/// The prototype that an instance shows.
 fn instance_prototype(assets: &[Asset], of: LeafInstance) -> &Prototype {
     let instancer = &assets[of.asset].instancers[of.instancer];
     &instancer.prototypes[to_usize(instancer.protos[of.instance])]
@@ -134,6 +135,8 @@ pub fn add_leaf_maps(
         let sequence = index(sequences.len(), "leaves with maps")?;
         assign_wet_material(&mut mesh, materials, &name, sequence)?;
         let mesh_name = format!("leaf_{id}");
+        // A leaf that moves freely stays an instance, with its mesh as a prototype; one that is fixed to its joint becomes part of the
+        // asset's skinned meshes.
         if leaf.moves_off_joint {
             prototypes.insert(leaf.instance, Prototype::new(mesh_name, mesh));
         } else {
@@ -152,6 +155,7 @@ pub fn add_leaf_maps(
             layers: LAYERS.into_iter().chain(recipe.maps.water.then_some(WATER_LAYER)).collect(),
             rest: None,
         });
+        // Removal waits until all leaves are done: indices of instances must not shift before.
         removed.insert(leaf.instance);
     }
     // Filter the instancers; those that lose their last leaf are removed.
@@ -161,6 +165,7 @@ pub fn add_leaf_maps(
         let mask = |(n, i): (usize, &Instancer)| (0..i.len()).map(|k| is_kept(n, k)).collect();
         let kept: Vec<Vec<bool>> = asset.instancers.iter().enumerate().map(mask).collect();
         let mut own: Vec<Vec<Prototype>> = vec![Vec::new(); kept.len()];
+        // The map is sorted by asset, instancer and instance, which is the order of assets here and of instances in an instancer.
         while let Some(first) = prototypes.first_entry().filter(|first| first.key().asset == a) {
             own[first.key().instancer].push(first.remove());
         }
@@ -245,6 +250,7 @@ fn assign_wet_material(mesh: &mut Mesh, materials: &mut Vec<Material>, name: &st
     for Subset { material, .. } in &mut mesh.subsets {
         let next = index(materials.len(), "materials of a scene")?;
         let id = *own.entry(*material).or_insert(next);
+        // Only the first subset with a material makes the copy; `entry` returns the known one to the others.
         if id == next
             && let Some(plain) = materials.get(*material as usize).cloned()
         {
@@ -306,6 +312,7 @@ pub fn separate_frame_instances(frame: &mut AssetFrame, leaves: &SeparatedLeaves
             wet.push(InstancerFrame::Same);
         }
     }
+    // As in the asset: an instancer without a leaf left is gone, and instancers of mapped leaves follow the others.
     let mut masks = leaves.kept.iter();
     frame.instancers.retain(|_| masks.next().is_none_or(|keep| keep.contains(&true)));
     frame.instancers.extend(wet);

@@ -229,6 +229,7 @@ pub(crate) fn add_rain(
     let simulated = simulate_rain(scene, rain, context, report)?;
     let mut drops = simulated.asset;
     if full.is_some() {
+        // An estimate simulates one frame only; drops that the whole clip is expected to hold are filled in.
         simulated.expected.into_iter().for_each(|expected| expected.fill(&mut drops));
     } else {
         builder.images.extend(simulated.images);
@@ -269,6 +270,7 @@ fn simulate_rain(
     let lead = spin_up_steps(rain, step) as f64 * step;
     let wind = wind.map(|wind| Arc::new(ShiftedWind { wind, lead }) as Arc<dyn Wind>);
     let clock = RainClock { fps: recipe.clip.fps(), lead, gravity: rain.keys.gravity };
+    // For each plant a target, which drops hit and load, and a recorder, which turns its state into frames of the asset.
     let (mut targets, mut recorders) = (Vec::new(), Vec::new());
     for (k, motion) in plant_motions.into_iter().enumerate() {
         let on_plant = scene_leaves.iter().filter(|leaf| leaf.instance.asset == k).collect();
@@ -285,6 +287,7 @@ fn simulate_rain(
     let frames = clip.len() as u64;
     let rainfall = params::rainfall_params(rain, recipe);
     let lowest = f64::from(bounds.min.y);
+    // Without terrain the ground lies at the lowest point of plants and solids.
     let ground = ground.into_height(solids.heights().map_or(lowest, |[low, _]| low.min(lowest)));
     let wet_film = (rain.wet.film > 0.0).then(|| WetFilm {
         cover: narrow(rain.wet.film),
@@ -303,6 +306,7 @@ fn simulate_rain(
     let config =
         RainConfig { params: params.clone(), emitter, plants: targets, leaves: leaves.collect(), wind, ground, solids };
     let mut simulation = RainSimulation::new(config);
+    // Blades without water, from which maps and meshes of each frame begin; the simulation changes its own.
     let dry_leaves = simulation.leaves().to_vec();
     initial_drops::check_initial_drops(&rain.lying, &dry_leaves)?;
     let RecordedRain { frames: rain_frames, mut plants } =
@@ -371,6 +375,7 @@ fn still_plant(of: &RainedPlant<'_>) -> Box<dyn RainPlant> {
     for axis in plant.axes.iter().filter(|a| a.kind != AxisKind::Root) {
         let range = plant.nodes_of(axis);
         for i in range.start..range.end.saturating_sub(1) {
+            // A straight segment between two nodes; the roots are left out, as no rain reaches them.
             let end = |i: usize| transform.apply(plant.nodes.p[i]).as_dvec3();
             let radius = |i: usize| f64::from(plant.nodes.r[i] * transform.s.x);
             segments.push(WoodSegment { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
@@ -467,6 +472,7 @@ fn record_frames(
 
     // Clip: capture, then step to the next frame.
     let mut rain_frames = Vec::new();
+    // Memory is checked as it grows: how many drops stay on leaves is only known from the simulation.
     let mut recorded_bytes = 0;
     let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); recorders.len()];
     for (number, frame) in (recipe.clip.start..).zip(0..frames) {
@@ -482,6 +488,7 @@ fn record_frames(
         set_leaf_wetness(&mut plants, scene_leaves, &rain_frame.wetness);
         rain_frames.push(rain_frame);
         context.progress.advance(1);
+        // No step follows the last frame.
         if frame + 1 < frames {
             (0..steps).try_for_each(|_| simulation.step(h))?;
         }
@@ -500,6 +507,7 @@ fn report_hidden_drops(frames: &[RainFrame], max_drops: usize, report: &mut Repo
 
 /// Shapes of pendant drops for every radius that occurs in the clip, by the bits of the radius; `g` in m/s^2.
 fn pendant_families_by_radius(frames: &[RainFrame], g: f64) -> BTreeMap<u64, PendantFamily> {
+    // Drops at one margin share few radii, so that a family of shapes is solved once for each.
     let radii: BTreeSet<u64> = frames.iter().flat_map(|f| &f.pendant).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
     let shapes = par_map(&radii, |bits| PendantFamily::new(f64::from_bits(*bits), g));
@@ -566,6 +574,7 @@ impl RainPlayback {
     /// Positions, diameters and velocities of the point cloud of airborne drops; a slot without a drop has diameter 0.
     fn airborne_points(&self, nth: u64) -> (Vec<Vec3>, Vec<f32>, Vec<Vec3>) {
         let frame = self.frame_at(nth);
+        // Points keep their index over frames, so that renderers can blur the motion of each.
         let slots = self.slots.get(limit(nth)).map_or(&[][..], Vec::as_slice);
         let n = self.capacity;
         let (mut p, mut w, mut v) = (vec![Vec3::ZERO; n], vec![0.0; n], vec![Vec3::ZERO; n]);
@@ -636,6 +645,7 @@ impl RainPlayback {
     /// frame starts from dry leaves.
     pub fn map_frames(&self, nth: u64) -> Vec<MapFrame> {
         let mut state = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
+        // The frame just shown may be asked for again; anything before it needs a new start.
         if state.frames > nth + 1 || state.leaves.is_empty() {
             let dry = |m: &MappedLeaf| LeafWaterMaps::new(Arc::clone(&m.raster), self.leaves[m.leaf].scale);
             *state = AdvancingLeafMaps { frames: 0, leaves: self.mapped_leaves.iter().map(dry).collect() };

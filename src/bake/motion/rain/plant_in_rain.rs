@@ -60,7 +60,7 @@ pub(super) struct RainedPlant<'a> {
 /// Clock and gravity of the rain.
 #[derive(Clone, Copy)]
 pub(super) struct RainClock {
-    /// Frames per second.
+    /// Frames per second of the clip, above 0.
     pub(super) fps: f64,
     /// Duration of the rain before the clip, s.
     pub(super) lead: f64,
@@ -179,6 +179,7 @@ impl SwayRecorder {
         let back = transform.r.as_dquat().normalize().conjugate();
         let scale = f64::from(transform.s.x);
         for state in &mut instances {
+            // Leaves without a blade for drops have no pose in the simulation: their velocities stay 0.
             let count = state.positions.len();
             (state.velocities, state.angular_velocities) = (vec![Vec3::ZERO; count], vec![Vec3::ZERO; count]);
         }

@@ -27,7 +27,7 @@ pub(crate) struct LeafInstance {
 /// A leaf blade of the scene, at rest.
 pub(crate) struct SceneLeaf {
     pub(crate) instance: LeafInstance,
-    /// The blade in its own space; instances of one instance_prototype share it.
+    /// The blade in its own space; instances of one prototype share it.
     pub(crate) surface: Arc<LeafSurface>,
     pub(super) collider: Arc<LeafCollider>,
     /// Number of the leaf on its plant: the index of its organ on a plant on rods, else counted in order.
@@ -60,7 +60,7 @@ pub(super) fn scene_leaves(
         let moves_off_joint = motion.is_some_and(PlantInRain::moves_by_sway_model);
         let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
-            // Surface and collider of each instance_prototype: alpha and height maps tell where blade and veins are.
+            // Surface and collider of each prototype: alpha and height maps tell where blade and veins are.
             let prototypes: Vec<Option<(Arc<LeafSurface>, Arc<LeafCollider>)>> = instancer
                 .prototypes
                 .iter()
@@ -76,6 +76,7 @@ pub(super) fn scene_leaves(
                 .collect();
             for k in 0..instancer.len() {
                 let Some(Some((surface, collider))) = prototypes.get(to_usize(instancer.protos[k])) else { continue };
+                // World from leaf: the plant's placement after the leaf's own place on the plant.
                 let trs = transform.then_inner(&instancer.transform(&instancer.rest, k));
                 let organ = rods.and_then(|(_, binding)| binding.leaf_groups().get(i)?.get(k).copied());
                 let joint = match (&instancer.motion, rods.zip(organ)) {
@@ -138,6 +139,7 @@ pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], pictur
     let mut order: Vec<usize> = (0..leaves.len()).collect();
     let distance = |leaf: usize| picture.distance(leaves[leaf].position);
     order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
+    // The nearest ones get maps; then back to the order of the scene, so that names do not depend on the camera.
     order.truncate(to_usize(recipe.maps.max_mapped_leaves));
     order.sort_unstable();
     order.into_iter().map(|leaf| LeafWithMaps { leaf, side: map_side(recipe, &leaves[leaf], picture) }).collect()

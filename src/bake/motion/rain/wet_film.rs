@@ -34,6 +34,7 @@ impl Film {
 
     /// Roughness of a surface under the film.
     fn smooth(self, roughness: f32) -> f32 {
+        // A film never makes a surface rougher.
         roughness + (self.roughness - roughness).min(0.0) * self.cover
     }
 
@@ -141,6 +142,7 @@ pub(super) fn add_wet_materials(
 /// Multiplies the colours of an sRGB picture in linear light; alpha stays.
 fn darken_colors(image: &mut Image, film: Film) {
     let factor = film.darkening();
+    // One entry per byte value: a picture has far more pixels than that.
     let table: Vec<u8> = (0..=u8::MAX).map(|c| srgb_byte(linear_from_srgb(f32::from(c) / 255.0) * factor)).collect();
     if let Pixels::U8(samples) = &mut image.pixels {
         for pixel in samples.chunks_mut(usize::from(image.channels.max(1))) {

@@ -197,6 +197,7 @@ fn divide_faces(
             let count = |of: &[u32]| of.iter().filter(|i| is_wet(ratios[to_usize(**i)])).count();
             let bounds = Bounds::of([a, b, c].map(at));
             let meets = bounds.min.cmple(sheltered.max).all() && bounds.max.cmpge(sheltered.min).all();
+            // 0 or 6 of six points are wet: all agree.
             let differs = count(&[a, b, c, ab, bc, ca]) % 6 != 0;
             // A face whose corners and middles agree may still be sheltered in between, but only near what shelters.
             let is_divided = longest > SHORTEST_DIVIDED_EDGE && differs || longest > LONGEST_UNDIVIDED_EDGE && meets;
@@ -207,6 +208,7 @@ fn divide_faces(
                 nodes.extend(quarters.map(quarter));
             } else {
                 let wet = count(&face.corners);
+                // `None` where the corners differ: the border runs through this face, which is cut along it below.
                 nodes[node].wet = (wet % 3 == 0).then_some(wet == 3);
             }
         }

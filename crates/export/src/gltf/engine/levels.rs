@@ -11,6 +11,7 @@ use crate::gltf::meshes::SkinInfluences;
 use crate::gltf::rig::JointSelection;
 use crate::gltf::wind_channels::{VertexWind, number_of_id, wind_of_mesh};
 use crate::merge::transform_normal;
+use osier_base::convert::saturating_index;
 use osier_base::math::{narrow, sqrt};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
@@ -102,7 +103,7 @@ fn padded<T: Copy>(list: &[T], count: usize, fill: T) -> Vec<T> {
 }
 
 /// Leaves that are thinned out together.
-enum Leaves<'a> {
+enum LeafGroup<'a> {
     /// Instances of prototypes, each on a joint where the plant has joints.
     Instances { instancer: &'a Instancer, members: Vec<usize> },
     /// A mesh that holds all leaves, one after the other.
@@ -115,7 +116,7 @@ struct MergedLeaf {
     triangles: Vec<(MaterialId, [u32; 3])>,
 }
 
-impl Leaves<'_> {
+impl LeafGroup<'_> {
     fn triangles(&self) -> usize {
         match self {
             Self::Instances { instancer, members } => {
@@ -152,7 +153,7 @@ impl MergedLeaf {
 pub(super) struct PlantSource<'a> {
     selection: Option<&'a JointSelection>,
     wood: Vec<&'a MeshObject>,
-    leaves: Vec<Leaves<'a>>,
+    leaves: Vec<LeafGroup<'a>>,
     /// Vertices of wood that sway, with how they do, and a grid to find them in.
     wood_wind: Vec<(Vec3, VertexWind)>,
     wood_grid: NeighbourGrid,
@@ -174,9 +175,10 @@ impl<'a> PlantSource<'a> {
         };
         for object in asset.meshes.iter().filter(|o| is_merged(o)) {
             let wind = wind_of_mesh(&object.mesh);
+            // Only leaves flutter: that tells a mesh of merged leaves from wood.
             if wind.iter().any(|w| w.flutter > 0.0) {
                 let leaves = merged_leaves(&object.mesh, &wind);
-                source.leaves.push(Leaves::Merged { object, leaves, wind });
+                source.leaves.push(LeafGroup::Merged { object, leaves, wind });
             } else {
                 let swaying = object.mesh.points.iter().copied().zip(wind);
                 source.wood_wind.extend(swaying.filter(|(_, w)| *w != VertexWind::STILL));
@@ -187,7 +189,7 @@ impl<'a> PlantSource<'a> {
         source.wood_grid = NeighbourGrid::new(tuning::WOOD_CELL, places);
         for instancer in asset.instancers.iter().filter(|i| i.motion != InstancerMotion::Free) {
             let members = (0..instancer.len()).filter(|i| instancer.rest.is_alive(*i)).collect();
-            source.leaves.push(Leaves::Instances { instancer, members });
+            source.leaves.push(LeafGroup::Instances { instancer, members });
         }
         source
     }
@@ -205,7 +207,7 @@ impl<'a> PlantSource<'a> {
 
     /// Number of triangles without simplification.
     pub(super) fn triangles(&self) -> usize {
-        self.wood_triangles() + self.leaves.iter().map(Leaves::triangles).sum::<usize>()
+        self.wood_triangles() + self.leaves.iter().map(LeafGroup::triangles).sum::<usize>()
     }
 
     fn wood_triangles(&self) -> usize {
@@ -222,7 +224,7 @@ impl<'a> PlantSource<'a> {
             let share = share_of(wood, object.mesh.triangles.len(), self.wood_triangles());
             self.add_wood(&mut level, object, share)?;
         }
-        let all: usize = self.leaves.iter().map(Leaves::triangles).sum();
+        let all: usize = self.leaves.iter().map(LeafGroup::triangles).sum();
         for group in &self.leaves {
             self.add_leaves(&mut level, group, share_of(leaves, group.triangles(), all))?;
         }
@@ -268,10 +270,10 @@ impl<'a> PlantSource<'a> {
         }
     }
 
-    fn add_leaves(&self, level: &mut PlantLevel, group: &Leaves<'_>, budget: usize) -> Result<()> {
+    fn add_leaves(&self, level: &mut PlantLevel, group: &LeafGroup<'_>, budget: usize) -> Result<()> {
         match group {
-            Leaves::Instances { instancer, members } => self.add_instances(level, instancer, members, budget),
-            Leaves::Merged { object, leaves, wind } => self.add_merged_leaves(level, object, leaves, wind, budget),
+            LeafGroup::Instances { instancer, members } => self.add_instances(level, instancer, members, budget),
+            LeafGroup::Merged { object, leaves, wind } => self.add_merged_leaves(level, object, leaves, wind, budget),
         }
     }
 
@@ -295,6 +297,7 @@ impl<'a> PlantSource<'a> {
         let simple_areas: Vec<f64> = blades.iter().map(area).collect();
         let at = |list: &[f64], p: usize| list.get(p).copied().unwrap_or(0.0);
         // As many instances as fit, the same ones in every level, grown until they cover what all of them covered.
+        // Leaf area of the full crown, m^2, and triangles of all simpler blades.
         let wanted = of(&|p| at(&areas, p));
         let triangles = of(&|p| blades.get(p).map_or(0.0, |b| to_float(b.triangles.len())));
         let fits = to_count(to_float(members.len()) * (to_float(budget) / triangles.max(1.0)).min(1.0)).max(1);
@@ -386,6 +389,7 @@ pub(super) fn is_merged(object: &MeshObject) -> bool {
 /// `total` times `part` / `all`, rounded down; 0 if `all` is 0.
 fn share_of(total: usize, part: usize, all: usize) -> usize {
     let share = total as u128 * part as u128 / (all as u128).max(1);
+    // `part` is among `all`, so that the share is at most `total`, which is a usize.
     usize::try_from(share).unwrap_or(usize::MAX)
 }
 
@@ -405,6 +409,7 @@ fn to_count(x: f64) -> usize {
 
 /// How much larger leaves become that stand for the area of all; at least 1.
 fn growth_for(wanted: f64, covered: f64) -> f32 {
+    // Area grows with the square of the size.
     let ratio = if covered > 0.0 { sqrt(wanted / covered) } else { 1.0 };
     narrow(ratio).clamp(1.0, tuning::MOST_GROWTH)
 }
@@ -433,6 +438,7 @@ fn area(mesh: &Mesh) -> f64 {
 fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
     let mut leaf_of: Vec<usize> = Vec::with_capacity(wind.len());
     for (i, w) in wind.iter().enumerate() {
+        // A change of the random number begins the next leaf.
         let last = leaf_of.last().copied().unwrap_or(0);
         let begins = i > 0 && wind[i - 1].id.to_bits() != w.id.to_bits();
         leaf_of.push(last + usize::from(begins));
@@ -450,7 +456,7 @@ fn merged_leaves(mesh: &Mesh, wind: &[VertexWind]) -> Vec<MergedLeaf> {
 
 /// Place of a vertex in a sorted list that has it.
 fn index_in(sorted: &[u32], vertex: u32) -> u32 {
-    sorted.binary_search(&vertex).map_or(0, |n| n.try_into().unwrap_or(0))
+    sorted.binary_search(&vertex).map_or(0, saturating_index)
 }
 
 /// The values of some vertices.
@@ -517,6 +523,7 @@ fn simplified(
     let normals: Vec<f32> =
         padded(&mesh.normals, mesh.points.len(), Vec3::Y).iter().flat_map(|n| n.to_array()).collect();
     let attributes = Attributes::from_interleaved(&normals, mesh.points.len(), 3, 3, 0).map_err(refused)?;
+    // Prune: small parts that stand alone may vanish. Sparse: the triangles use few of the vertices, which saves the work on the others.
     let bits = SimplifyOptions::PRUNE.bits() | SimplifyOptions::SPARSE.bits();
     let options = SimplifyOptions::from_bits(bits).map_err(refused)?;
     let settings = SimplifySettings { target_index_count: target * 3, target_error: deviation, options };

@@ -151,6 +151,7 @@ pub(super) fn placement_table(input: GltfInput<'_>, written: &[bool]) -> Result<
     let scene = input.scene;
     let place = |p: &Placement| -> Vec<f32> {
         let Trs { t, r, s } = p.transform;
+        // q and -q are one rotation; w >= 0 makes the table unique.
         let r = if r.w < 0.0 { -r } else { r };
         let scale = if s.x.to_bits() == s.y.to_bits() && s.x.to_bits() == s.z.to_bits() {
             vec![s.x]

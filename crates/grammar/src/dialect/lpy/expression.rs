@@ -26,7 +26,7 @@ impl Refusal {
     }
 }
 
-/// An expression.
+/// An expression of the subset of Python that rules may use; each node keeps its place in the text.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum PyExpr {
     Number(f64),
@@ -414,6 +414,7 @@ impl Scope {
             self.locals.push(name.to_owned());
             self.locals.len() - 1
         });
+        // A way has at most MAX_STEPS (20,000) steps, each of which adds at most one variable to the parameters.
         u16::try_from(i).unwrap_or(u16::MAX)
     }
 

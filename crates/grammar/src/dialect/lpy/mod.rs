@@ -48,7 +48,7 @@ struct Model<'r, 's> {
     temporaries: usize,
 }
 
-/// Reads a file.
+/// Reads a model of L-Py into the reader's program: sections, rules, and values computed outside of rules.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
     reader.description = description(text);
     let plain = without_comments(text);
@@ -384,6 +384,7 @@ impl<'s> Model<'_, 's> {
         if !self.scope.globals.iter().any(|g| g == name) {
             self.scope.globals.push(name.to_owned());
         }
+        // Slots beyond 65,535 cannot be stored; `Scope::slot` does not find their names either, so that each use is refused.
         let slot = self.scope.globals.iter().position(|g| g == name).unwrap_or(0);
         let offset = self.start.len();
         self.start.extend(code.ops.iter().map(|op| shifted(*op, offset)));

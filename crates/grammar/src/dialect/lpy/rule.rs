@@ -161,7 +161,8 @@ impl Model<'_, '_> {
 
     fn formal(&mut self, s: &Spelled<'_>) -> Result<FormalModule, Refusal> {
         let place = self.reader.place(s.range.clone());
-        let slot = u16::try_from(self.scope.locals.len()).unwrap_or(u16::MAX);
+        let slot = u16::try_from(self.scope.locals.len());
+        let slot = slot.map_err(|_| Refusal::new("more than 65,535 parameters", s.range.clone()))?;
         let params = s.params.as_deref().unwrap_or(&[]);
         for p in params {
             let is_name = p.text.chars().all(|c| c.is_alphanumeric() || c == '_') && !p.text.is_empty();

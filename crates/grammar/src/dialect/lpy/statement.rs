@@ -7,7 +7,7 @@ use super::strings::{PyModule, modules, split};
 use super::{Line, Model, assignment, block_after, colon};
 use crate::dialect::text::Piece;
 
-/// Nesting of blocks.
+/// Deepest nesting of blocks in a production; deeper ones are refused, as the reader recurses.
 const MAX_NESTING: usize = 64;
 
 /// A statement of a production.

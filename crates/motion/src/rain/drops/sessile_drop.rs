@@ -265,7 +265,7 @@ impl UnitTurn {
 /// A short piece of a run, over which the driving force, friction and heading are constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct RunSegment {
-    /// Duration, s.
+    /// Duration of the segment, s; shorter than asked if friction stops the drop.
     duration: f64,
     /// Displacement along the tangent plane, m.
     shift: DVec3,

@@ -40,7 +40,7 @@ pub struct RodPlantParams {
     pub max_leaf_stalks: usize,
 }
 
-/// Motion of an axis.
+/// How an axis of a plant moves: on rods of its own, or rigidly with another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum AxisMotion {
     /// Rigid with the ground.

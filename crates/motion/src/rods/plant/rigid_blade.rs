@@ -16,11 +16,11 @@ use osier_wind::TimeNoise;
 pub struct RigidBlade {
     /// One-sided area, m^2.
     pub area: f64,
-    /// Centroid, m.
+    /// Centroid of the blade, m, in leaf space at scale 1.
     pub centroid: DVec3,
     /// Inertia about the centroid per mass per area, m^4.
     inertia: DMat3,
-    /// Unit normal.
+    /// Unit normal of the blade in leaf space.
     normal: DVec3,
     /// Projected area along the normal, m^2.
     facing: f64,

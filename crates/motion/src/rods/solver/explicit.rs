@@ -20,7 +20,7 @@ struct SpringEnds {
     corner: usize,
     /// Predecessor at the far end: 0 the section before, 1 the one before that; `None` for the section itself.
     predecessor: Option<usize>,
-    /// Corner there.
+    /// Corner, 0 to 2, at which the spring ends on the far section.
     far_corner: usize,
 }
 

@@ -91,7 +91,7 @@ impl RodSystem {
         sum
     }
 
-    /// Kinetic energy, J.
+    /// Kinetic energy of all sections, J.
     pub fn kinetic_energy(&self) -> f64 {
         (0..self.x.len()).fold(0.0, |s, i| s + 0.5 * corner_dot(&self.v[i], &self.apply_mass(i, &self.v[i], false)))
     }

@@ -40,7 +40,7 @@ pub struct SwaySimulation<'a> {
     elements: &'a BeamElements,
     wind: &'a dyn Wind,
     params: SwayParams,
-    /// Time step, s.
+    /// Time step of the integrator, s.
     step: f64,
     constants: SimulationConstants,
     state: SimulationState,

@@ -260,7 +260,7 @@ fn place_stations<S: Simd>(constants: &SimulationConstants, state: &mut Simulati
 pub(crate) struct IntegrateStep<'a> {
     pub(crate) constants: &'a SimulationConstants,
     pub(crate) state: &'a mut SimulationState,
-    /// Time step, s.
+    /// Time step of the integrator, s.
     pub(crate) step: f64,
     /// There is no previous step.
     pub(crate) fresh: bool,

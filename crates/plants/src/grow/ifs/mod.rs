@@ -259,9 +259,9 @@ fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, 
 /// A position on an axis of the plant.
 #[derive(Debug, Clone, Copy)]
 struct AxisSite {
-    /// Index of the axis.
+    /// Index of the axis in the plant.
     axis: u32,
-    /// Arc length, m.
+    /// Arc length from the base of the axis, m.
     s: f32,
 }
 

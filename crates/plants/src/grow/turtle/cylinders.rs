@@ -46,10 +46,10 @@ pub(super) struct CylinderState {
 /// A point of the axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CylinderPoint {
-    /// Position, m.
+    /// Position of the turtle, m.
     pub p: DVec3,
     pub frame: TurtleFrame,
-    /// Radius, m.
+    /// Radius at this point, m, half the turtle's line width.
     pub radius: f64,
     pub state: CylinderState,
     /// Strips of the piece that ends here.
@@ -77,8 +77,8 @@ pub(super) struct OpenCylinder {
     pub points: Vec<CylinderPoint>,
 }
 
-/// A cross-section.
-struct Section {
+/// A ring of vertices across a generalised cylinder: where it lies and between which contours.
+struct CrossSection {
     p: DVec3,
     tangent: DVec3,
     radius: f64,
@@ -161,7 +161,7 @@ impl OpenCylinder {
     }
 
     /// Cross-sections along the axis, and of each piece the number of strips and the material.
-    fn sections(&self) -> (Vec<Section>, Vec<(u32, MaterialId)>) {
+    fn sections(&self) -> (Vec<CrossSection>, Vec<(u32, MaterialId)>) {
         let points = self.control_points();
         let n = points.len();
         let (mut sections, mut pieces) = (Vec::new(), Vec::new());
@@ -198,7 +198,7 @@ impl OpenCylinder {
                 };
                 let up = first.frame.u.lerp(last.frame.u, t).normalize_or(first.frame.u);
                 let tangent = tangent.normalize_or(first.frame.h);
-                sections.push(Section { p, tangent, radius, contours: (first.state, last.state, t), up });
+                sections.push(CrossSection { p, tangent, radius, contours: (first.state, last.state, t), up });
             }
             pieces.push((strips, last.material));
         }
@@ -255,7 +255,7 @@ fn radius(a: &CylinderPoint, b: &CylinderPoint, chord: f64, t: f64) -> f64 {
 }
 
 /// Up and left vectors of all sections: least twist from the first, plus, with `twist`, the roll of the turtle.
-fn frames(sections: &[Section], twist: bool) -> Vec<(DVec3, DVec3)> {
+fn frames(sections: &[CrossSection], twist: bool) -> Vec<(DVec3, DVec3)> {
     let mut out = Vec::with_capacity(sections.len());
     let mut up = DVec3::Z;
     for (i, section) in sections.iter().enumerate() {

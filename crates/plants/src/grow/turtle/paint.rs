@@ -20,7 +20,7 @@ const UNPAINTED_LEAF: u8 = 1;
 /// A colour index on a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Paint {
-    /// The colour index.
+    /// Colour index of the turtle, an entry of the colour map.
     pub index: u8,
     /// Whether the surface is thin and seen from both sides, as polygons and leaves; else it is the outside of something round.
     pub thin: bool,

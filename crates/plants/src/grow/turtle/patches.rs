@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec2, Vec3};
 
 use super::paint::{Paint, TURTLE_COLOR};
+use osier_base::convert::saturating_index;
 use osier_base::math::narrow;
 use osier_grammar::companion::{SurfaceFile, SurfaceTriangle};
 use osier_scene::{MaterialId, Mesh};
@@ -76,7 +77,7 @@ pub fn triangle_mesh(triangles: &[SurfaceTriangle], texture: Option<MaterialId>)
 fn append(mesh: &mut Mesh, material: MaterialId, triangles: Vec<[u32; 3]>) {
     match mesh.subsets.last_mut().filter(|s| s.material == material) {
         Some(last) => {
-            last.count += u32::try_from(triangles.len()).unwrap_or(u32::MAX);
+            last.count += saturating_index(triangles.len());
             mesh.triangles.extend(triangles);
         }
         None => mesh.append_subset(material, triangles),

@@ -62,6 +62,7 @@ impl Tree {
             values.clear();
             values.resize(count, 0.0);
         }
+        // Light above the compensation point, scaled so that the open sky gives 1; below it is negative.
         let net = |q: f32| (q - habit.shade_point) / (1.0 - habit.shade_point);
         // A tip's own leaves do not shade it: half of the depth that they add to its cell is taken back.
         let area = habit.leaf_area_tip * habit.extinction;
@@ -74,6 +75,7 @@ impl Tree {
             let q = field.in_cell(scratch.cell[i]).q;
             let q = (q * math::exp_f32((own * share).min(OWN_SHADE_MAX))).min(1.0);
             let light = net(q);
+            // A counter with memory: one lit year undoes one dark year.
             if light < 0.0 {
                 nodes.starve[i] = nodes.starve[i].saturating_add(1);
             } else {
@@ -99,8 +101,10 @@ impl Tree {
     pub fn sum_light(&mut self, shed: bool) {
         let habit = &self.habit;
         let year = self.year as f32;
+        let this_year = self.stored_year();
         let nodes = &mut self.nodes;
         let scratch = &mut self.scratch;
+        // Children have higher indices than their parent: from the end, each node is complete before it is added to its parent.
         for i in (0..nodes.len()).rev() {
             if !nodes.lives(i) {
                 continue;
@@ -114,15 +118,17 @@ impl Tree {
                 // One of several stems dies like a branch.
                 if shed && total <= 0.0 && habit.stems > 1.5 {
                     nodes.flags[i] |= flag::DEAD;
-                    nodes.death[i] = u16::try_from(self.year).unwrap_or(u16::MAX);
+                    nodes.death[i] = this_year;
                 }
                 continue;
             }
             let is_main = nodes.flags[i] & flag::MAIN != 0;
+            // [palubicki] 4.2, shedding: light per length of wood below a threshold. Continuations are exempt: an axis is shed as a whole.
             let old = !is_main && year - nodes.birth[i] > habit.shed_age;
             if shed && (total <= 0.0 || old && total < habit.shed * wood) {
                 nodes.flags[i] |= flag::DEAD;
-                nodes.death[i] = u16::try_from(self.year).unwrap_or(u16::MAX);
+                nodes.death[i] = this_year;
+                // The pipes that fed it remain in the wood below, as far as the species keeps them.
                 nodes.lost[parent] += habit.pipe_memory * nodes.area[i];
                 self.losses.push(Loss { at: nodes.parent[i], light: nodes.gathered[i] });
                 continue;

@@ -50,6 +50,7 @@ impl Tree {
                 if nodes.lives(i) { wood + self.habit.leaf_mass * self.leaf_area(i) } else { DEAD_DENSITY * wood };
             let base = nodes.base(i);
             let middle = 0.5 * (base + nodes.p[i]);
+            // Moments about the origin can be summed over subtrees; they are taken about the base of each internode afterwards.
             let weight = weights[i] + Vec3::new(middle.x * mass, mass, middle.z * mass);
             if nodes.parent[i] != NONE {
                 weights[nodes.parent[i] as usize] += weight;
@@ -86,6 +87,7 @@ impl Tree {
             let gain = moment - nodes.moment[i];
             let r = nodes.r[i];
             let square = r * r;
+            // theta = M l / (E I) with I = pi r^4 / 4; `modulus` is E pi / 4.
             let angle = habit.sag[order] * gain * length / (modulus * square * square);
             let bends = angle * (length + self.scratch.beyond[i]) > LEAST_SHIFT;
             // What cannot bend carries its load as it is.
@@ -94,6 +96,7 @@ impl Tree {
             }
             // Its direction as the turn of its parent leaves it: what that has righted is not righted again.
             let mut q = carried * nodes.q[i];
+            // `own` is the rotation that children inherit: all turns from the root to here.
             let mut own = carried;
             let rate = if nodes.flags[i] & flag::DEAD == 0 { habit.upright[order] } else { 0.0 };
             if bends || rate > 0.0 {
@@ -112,6 +115,7 @@ impl Tree {
             }
             let mut q = renormalized(q);
             let mut d = y_axis(q);
+            // Side branches are kept above the ground; wood that starts below (on slopes) is left alone.
             if order > 0 && new_base.y >= LOWEST && new_base.y + d.y * length < LOWEST {
                 let up = math::rotation_between(d, lowest_direction(d, new_base.y, length));
                 own = up * own;

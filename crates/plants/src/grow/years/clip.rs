@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 
 use super::clip_leaves::{ClipOptions, LeafNow, LeafSlots, SlotOptions};
-use super::plant::{AxisBuilder, ClipNodes, Leaves, NodeSource, PlantOptions};
+use super::plant::{AxisBuilder, ClipNodes, NodeSource, PlantOptions, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
 use super::tree::{Tree, flag, y_axis};
 use crate::grow::turtle::set_exposed_lengths;
@@ -20,13 +20,13 @@ use osier_scene::plant::Plant;
 /// A plant at a time of a clip: its nodes, parallel to those of [`GrowthClip::plant`], and its leaves, parallel to its organs.
 #[derive(Debug, Clone, Default)]
 pub struct PoseNow {
-    /// Positions, m.
+    /// Positions of all nodes that the clip ever has, m.
     pub p: Vec<Vec3>,
     /// Frames, as those of the plant's nodes.
     pub q: Vec<Quat>,
     /// Radii, m; 0 for what is not there.
     pub r: Vec<f32>,
-    /// Leaves.
+    /// Leaves, parallel to the organs of [`GrowthClip::plant`].
     pub leaves: Vec<LeafNow>,
 }
 
@@ -54,7 +54,7 @@ impl GrowthRecord {
 
         // Axes of all nodes that are shown.
         let mut plant = options.plant_without_axes(self.id, self.seed);
-        let leaves = options.foliage.as_ref().and_then(|foliage| Leaves::new(&tree, foliage));
+        let leaves = options.foliage.as_ref().and_then(|foliage| TreeFoliage::new(&tree, foliage));
         if let Some(leaves) = &leaves {
             plant.protos = leaves.foliage.organ().prototypes();
         }

@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use glam::{Quat, Vec3};
 
-use super::plant::{BladeTurn, Foliage, Leaves, MeanLeaf, NodeSite, PlacedLeaf, ROSETTE_STEP};
+use super::plant::{BladeTurn, Foliage, MeanLeaf, NodeSite, PlacedLeaf, ROSETTE_STEP, TreeFoliage};
 use super::record::{GrowthRecord, Wood};
 use super::tree::{Tree, index_of, y_axis};
 use osier_base::Result;
@@ -117,18 +117,20 @@ impl LeafSlots {
     /// Finds the lives of all leaves that the clip shows and shares out places among them.
     /// # Errors
     /// `Limit` for more places than organs are allowed.
-    pub fn new(record: &GrowthRecord, leaves: &Leaves<'_>, options: SlotOptions<'_>) -> Result<Self> {
+    pub fn new(record: &GrowthRecord, leaves: &TreeFoliage<'_>, options: SlotOptions<'_>) -> Result<Self> {
         let tree = &record.tree;
         let mut tips: Vec<TipStop> = (0..tree.nodes.len())
             .filter(|i| record.is_shown(*i) && record.last_open_year(*i).is_some())
             .map(|i| TipStop { axis: tree.nodes.axis[i], year: record.first_year(i), node: index_of(i) })
             .collect();
+        // Nodes are stored in the order in which they grew and the sort is stable: the tips of an axis stay in the order of years.
         tips.sort_by_key(|tip| tip.axis);
         let mut first_tip = vec![0; tree.axis_ids.len() + 1];
         tips.iter().for_each(|tip| first_tip[tip.axis as usize + 1] += 1);
         for i in 1..first_tip.len() {
             first_tip[i] += first_tip[i - 1];
         }
+        // Counts became sums: `first_tip[a]..first_tip[a + 1]` are the tips of axis a.
         let mut slots = Self {
             foliage: leaves.foliage.clone(),
             mean: leaves.mean,
@@ -140,13 +142,14 @@ impl LeafSlots {
         };
         let mut lives = slots.all_lives(record, options.clip.leaves);
         let [first, last] = record.ages();
+        // Only what is seen between the first and the last frame needs a place.
         lives.retain(|life| life.unfolds < last && life.falls + FALLING > first);
         slots.share_places(record, lives, options)?;
         Ok(slots)
     }
 
-    fn leaves(&self) -> Leaves<'_> {
-        Leaves { foliage: &self.foliage, mean: self.mean }
+    fn leaves(&self) -> TreeFoliage<'_> {
+        TreeFoliage { foliage: &self.foliage, mean: self.mean }
     }
 
     fn tips_of(&self, axis: u32) -> &[TipStop] {
@@ -184,6 +187,7 @@ impl LeafSlots {
             lives.extend((0..count).map(|k| LeafLife { site, k, count, unfolds, falls }));
         };
         if sheds {
+            // One rosette each year, as long as the axis has an open tip.
             let mut year = first.year.max(1.0);
             while year <= open_until {
                 add(year - 1.0 + SPRING, year - 1.0 + AUTUMN);
@@ -200,11 +204,13 @@ impl LeafSlots {
         let year = record.first_year(i).max(1.0);
         let born = record.start(i).max(year - 1.0);
         if sheds {
+            // An internode that appears late in the summer unfolds its leaves at once, but never after LATEST_SPRING: they need time before the fall.
             return [born.clamp(year - 1.0 + SPRING, year - 1.0 + LATEST_SPRING), year - 1.0 + AUTUMN];
         }
         let years = tree.habit.leaf_years.ceil().max(1.0);
         let unfolds = born.min(year - UNFOLDING);
         let living = record.last_living_year(i);
+        // Three ends: the branch dies first; the leaf outlives the record; it falls of age.
         let falls = if living < year + years - 1.0 {
             end_of_life(record, i, living)
         } else if year + years > tree.year as f32 {
@@ -221,9 +227,12 @@ impl LeafSlots {
         let last = record.ages()[1];
         let mut sorted: Vec<(LeafLife, PlacedLeaf)> =
             lives.into_iter().map(|life| (life, self.placed(record, &wood, &life, last).leaf)).collect();
+        // Greedy interval colouring: lives in the order of their start, each in the place that was free first. The number of places is then
+        // the largest number of leaves that are seen at once.
         sorted.sort_by_key(|(life, _)| ticks(life.unfolds));
         let pause = FALLING + math::narrow(FRAMES_BETWEEN * options.clip.frame_years.abs());
 
+        // For each prototype, the places that were given back, by the time from which they are free (a heap with the earliest on top).
         let mut free: Vec<BinaryHeap<Reverse<(i64, u32)>>> = vec![BinaryHeap::new(); self.foliage.organ().meshes.len()];
         let mut places: Vec<u32> = Vec::with_capacity(sorted.len());
         self.scales.clear();
@@ -241,6 +250,7 @@ impl LeafSlots {
                 }
             };
             places.push(place);
+            // A leaf that stays keeps its place for good.
             if life.falls < STAYS {
                 pool.push(Reverse((ticks(life.falls + pause), place)));
             }
@@ -278,6 +288,7 @@ impl LeafSlots {
         let absent = LeafNow { position: Vec3::ZERO, orientation: Quat::IDENTITY, size: 0.0 };
         let now = |place: usize| {
             let Some(life) = self.life_at(place, age) else { return absent };
+            // Both ramps are linear; the rotation follows the wood, so that only the size says how far a leaf is open.
             let unfolded = ((age - life.unfolds) / UNFOLDING).clamp(0.0, 1.0);
             let left = 1.0 - ((age - life.falls) / FALLING).clamp(0.0, 1.0);
             let site = self.placed(record, wood, life, age);
@@ -328,24 +339,24 @@ impl LeafSlots {
         let stand = match life.site {
             LeafSite::Tip { axis } => {
                 let (node, q) = self.tip_at(axis, wood, age);
-                let id = Leaves::tip_leaf_id(tree, axis, k);
+                let id = TreeFoliage::tip_leaf_id(tree, axis, k);
                 if has_needles {
-                    let turn = Leaves::needle_turn(tree, node as usize, k, count);
+                    let turn = TreeFoliage::needle_turn(tree, node as usize, k, count);
                     LeafStand { node, q, id, turn, behind: leaves.tuft_behind(k, count) }
                 } else {
-                    let turn = Leaves::tip_leaf_turn(tree, axis, k, count);
+                    let turn = TreeFoliage::tip_leaf_turn(tree, axis, k, count);
                     LeafStand { node, q, id, turn, behind: k as f32 * ROSETTE_STEP }
                 }
             }
             LeafSite::Along { node } => {
                 let (i, length) = (node as usize, wood.length[node as usize]);
-                let (q, id) = (wood.q[i], Leaves::shoot_leaf_id(tree, i, k));
+                let (q, id) = (wood.q[i], TreeFoliage::shoot_leaf_id(tree, i, k));
                 if has_needles {
-                    let turn = Leaves::needle_turn(tree, i, k, count);
+                    let turn = TreeFoliage::needle_turn(tree, i, k, count);
                     LeafStand { node, q, id, turn, behind: leaves.needles_behind(k, count, length) }
                 } else {
                     let part = (k as f32 + 0.5) / count as f32;
-                    let turn = Leaves::shoot_leaf_turn(tree, i, k);
+                    let turn = TreeFoliage::shoot_leaf_turn(tree, i, k);
                     LeafStand { node, q, id, turn, behind: (1.0 - part) * length }
                 }
             }
@@ -361,12 +372,14 @@ impl LeafSlots {
     /// The node that is the tip of an axis at an age, and the frame of its leaves.
     fn tip_at(&self, axis: u32, wood: &Wood, age: f32) -> (u32, Quat) {
         let tips = self.tips_of(axis);
+        // The year that is under way at this age; a tip that appeared in an earlier one has turned already.
         let year = age.ceil().max(1.0);
         let reached = tips.partition_point(|tip| tip.year <= year).max(1) - 1;
         let Some(tip) = tips.get(reached) else { return (0, Quat::IDENTITY) };
         let q = wood.q[tip.node as usize];
         let before = reached.checked_sub(1).and_then(|k| tips.get(k)).filter(|_| tip.year >= year);
         let Some(before) = before else { return (tip.node, q) };
+        // In the year of its growth the rosette turns from the frame of the tip before to that of the new one.
         let turned = ((age - (year - 1.0)) / TURNING).clamp(0.0, 1.0);
         (tip.node, math::nlerp(wood.q[before.node as usize], q, turned))
     }
@@ -384,7 +397,7 @@ struct LeafStand {
     behind: f32,
 }
 
-/// Where a leaf is.
+/// Place of a leaf on the wood at one moment of the clip.
 struct LeafOnWood {
     /// Node of the tree that bears it.
     node: u32,
@@ -405,7 +418,7 @@ fn end_of_life(record: &GrowthRecord, node: usize, last_year: f32) -> f32 {
     }
 }
 
-/// A number of leaves at one site.
+/// A number of leaves at one site; more than 65,535 leaves of one internode would be cut to that number.
 fn narrow_count(count: u32) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }

@@ -99,11 +99,7 @@ impl Tree {
         // The root stays as a stump in any case.
         let part = low.max(SHORTEST_STUB);
         if self.recorded {
-            self.cuts.push(CutThrough {
-                node: index_of(i),
-                year: u16::try_from(self.year).unwrap_or(u16::MAX),
-                length,
-            });
+            self.cuts.push(CutThrough { node: index_of(i), year: self.stored_year(), length });
         }
         let nodes = &mut self.nodes;
         let gone = length * (1.0 - part);

@@ -54,6 +54,7 @@ pub(super) fn sky(site: &Site) -> Vec<SkyDirection> {
     let mut diffuse = Vec::new();
     for i in 0..SKY_DIRECTIONS {
         let part = f64::from(i) / f64::from(SKY_DIRECTIONS - 1);
+        // Equal steps of the sine are equal solid angles; with golden-angle azimuths the directions cover the band evenly.
         let sine = SKY_SINES[0] + (SKY_SINES[1] - SKY_SINES[0]) * part;
         let azimuth = f64::from(i) * GOLDEN_ANGLE;
         let level = math::sqrt(1.0 - sine * sine);
@@ -86,6 +87,7 @@ fn sun_directions(latitude_deg: f64) -> Vec<DVec3> {
         let (sin_dec, cos_dec) = (math::sin(delta), math::cos(delta));
         for hour in [-HOUR_ANGLE, HOUR_ANGLE] {
             let h = hour.to_radians();
+            // The sun in the horizontal system from declination, latitude and hour angle; `up` is the sine of its elevation.
             let up = sin_lat * sin_dec + cos_lat * cos_dec * math::cos(h);
             let east = -cos_dec * math::sin(h);
             let north = cos_lat * sin_dec - sin_lat * cos_dec * math::cos(h);
@@ -104,7 +106,7 @@ pub(super) struct Grid {
     pub origin: Vec3,
     /// Side of a cubic cell, m.
     pub cell: f32,
-    /// 1 / `cell`, 1/m.
+    /// Reciprocal of `cell`, 1/m, as positions are divided often.
     pub per_cell: f32,
     /// Numbers of cells along x, y (layers) and z.
     pub size: [usize; 3],
@@ -157,6 +159,7 @@ impl Grid {
     #[inline]
     pub fn own_share(&self, p: Vec3) -> f32 {
         let at = (p - self.origin) * self.per_cell;
+        // The trilinear weight of the nearest center: 1 at the center of the cell, 1/8 at its corners.
         let off = (at - at.floor() - 0.5).abs();
         (1.0 - off.x) * (1.0 - off.y) * (1.0 - off.z)
     }
@@ -171,6 +174,7 @@ impl Grid {
         let t = at - low;
         let pair = |v: f32, n: usize| {
             let low = v.max(0.0) as usize;
+            // Before the first center both indices are 0: a deposit at the edge goes wholly into the outermost cells.
             [low.min(n - 1), (low + usize::from(v >= 0.0)).min(n - 1)]
         };
         let (xs, ys, zs) = (pair(low.x, nx), pair(low.y, ny), pair(low.z, nz));
@@ -203,6 +207,7 @@ impl LeafAreas {
     pub fn deposit(&mut self, p: Vec3, area: f32) {
         let corners = self.grid.corners(p);
         for (cell, weight) in corners.cells.into_iter().zip(corners.weights) {
+            // Integer sums are associative: trees deposit in any order with the same result.
             self.areas[cell] += (f64::from(weight * area) * AREA_UNITS) as i64;
         }
     }
@@ -244,6 +249,7 @@ impl LightField {
     pub fn compute(areas: &LeafAreas, sky: &[SkyDirection], opaque: &[u32], wanted: &CellMarks) -> Self {
         let grid = areas.grid;
         // Optical depth of a cell passed straight down, and the cells that light is wanted in, in the order of the sweep.
+        // Depth = extinction x leaf area / ground area of the cell.
         let to_depth = 1.0 / (AREA_UNITS * f64::from(grid.cell) * f64::from(grid.cell));
         let mut depth: Vec<f32> = areas.areas.iter().map(|a| narrow(*a as f64 * to_depth)).collect();
         for cell in opaque {
@@ -262,6 +268,7 @@ impl LightField {
             for (sample, t) in light.iter_mut().zip(passed) {
                 let w = direction.weight * t;
                 sample.q += w;
+                // The weighted mean of directions, which phototropism follows.
                 sample.from += direction.d * w;
             }
         }

@@ -88,7 +88,7 @@ impl GrownTree {
     /// `Limit` for more organs than allowed; what `plant::validate` refuses.
     pub fn plant(&self, options: &PlantOptions, limits: &Limits) -> Result<Plant> {
         let mut plant = options.plant_without_axes(self.id, self.seed);
-        let leaves = options.foliage.as_ref().and_then(|foliage| Leaves::new(&self.tree, foliage));
+        let leaves = options.foliage.as_ref().and_then(|foliage| TreeFoliage::new(&self.tree, foliage));
         if let Some(leaves) = &leaves {
             plant.protos = leaves.foliage.organ().prototypes();
             let wanted = leaves.expected_count(&self.tree);
@@ -193,11 +193,12 @@ impl<'a> AxisBuilder<'a> {
     }
 
     /// Adds all axes depth first, siblings by their place on the parent, and their leaves.
-    pub fn add_axes(&mut self, leaves: Option<&Leaves<'_>>) {
+    pub fn add_axes(&mut self, leaves: Option<&TreeFoliage<'_>>) {
         let nodes = &self.tree.nodes;
         let children = Children::new(self.tree);
         self.at = vec![NodeSite { axis: NONE, s: 0.0 }; nodes.len()];
         let is_root = |i: &usize| nodes.parent[*i] == NO_NODE && nodes.flags[*i] & flag::FALLEN == 0;
+        // Roots are the first nodes of a tree, so that the search ends at the first node with a parent.
         let roots = (0..nodes.len()).take_while(|i| nodes.parent[*i] == NO_NODE).filter(is_root);
         let mut stack: Vec<AxisStart> = roots.map(|i| AxisStart { node: index_of(i), fork: NONE }).collect();
         stack.reverse();
@@ -211,6 +212,7 @@ impl<'a> AxisBuilder<'a> {
                 chain.push(index_of(node));
                 let next = self.continuation(&children, node);
                 for other in children.of(node).iter().filter(|c| Some(**c) != next) {
+                    // Where an axis ends in branches, one that is nearly as thick as the node joins its skin as a fork instead of piercing it.
                     let thick = nodes.r[*other as usize] > FORK_RADIUS * nodes.r[node];
                     let forks = next.is_none() && thick && !self.is_gone(*other as usize);
                     let fork = if forks { index_of(self.plant.axes.len()) } else { NONE };
@@ -237,17 +239,20 @@ impl<'a> AxisBuilder<'a> {
         let stays = |c: usize| self.is_gone(c) == self.is_gone(node);
         let same_state = |c: usize| nodes.lives(c) == nodes.lives(node) && stays(c);
         let is_main = |c: &&u32| nodes.flags[**c as usize] & flag::MAIN != 0;
+        // A living axis continues in living wood, a dead one in dead wood: the material changes only between axes.
         let main = children.of(node).iter().filter(is_main).find(|c| same_state(**c as usize));
         let falling = children.of(node).iter().filter(is_main).find(|c| self.is_gone(**c as usize));
         if main.is_some() || !nodes.lives(node) || nodes.flags[node] & (flag::OPEN | flag::CUT) != 0 {
             return main.or(falling).copied();
         }
+        // The leader is lost. A side branch takes the skin over only if the bend would not show.
         let d = nodes.direction(node);
         let fits = |c: &&u32| {
             let c = **c as usize;
             let straight = nodes.direction(c).dot(d) > TAKEOVER_COSINE;
             nodes.lives(c) && stays(c) && straight && nodes.r[c] > TAKEOVER_RADIUS * nodes.r[node]
         };
+        // Equal radii: the lower index, so that the choice does not depend on the order of children.
         let thicker = |a: &&u32, b: &&u32| nodes.r[**a as usize].total_cmp(&nodes.r[**b as usize]).then(b.cmp(a));
         children.of(node).iter().filter(fits).max_by(thicker).or(falling).copied()
     }
@@ -258,9 +263,11 @@ impl<'a> AxisBuilder<'a> {
         let nodes = &tree.nodes;
         let (head, tail) = (start.node as usize, chain.last().copied().unwrap_or(start.node) as usize);
         let carrier = nodes.parent[head] as usize;
+        // An axis that falls during the clip has no parent: it must not thicken with a carrier that goes on growing.
         let breaks_off = self.is_gone(head) && carrier < nodes.len() && !self.is_gone(carrier);
         let on = self.at.get(carrier).copied().filter(|_| !breaks_off);
         let parent = on.and_then(|on| self.plant.axes.get(on.axis as usize));
+        // The axis begins on the parent's centreline as the skin has it, from which straight nodes were left out.
         let from = match (parent, on) {
             (Some(parent), Some(on)) => self.plant.frame(parent, on.s).p,
             _ => nodes.base(head),
@@ -335,6 +342,7 @@ impl<'a> AxisBuilder<'a> {
             out.birth.push((birth / self.age).clamp(0.0, 1.0));
             out.color.push(0);
         };
+        // The first node of the axis, on its parent's centreline.
         let to_first = nodes.p[head] - from;
         push(from, math::normalize_or(to_first, nodes.direction(head)), head, nodes.r[head], 0.0, first_birth);
         // The last node that was kept, and the ones since then.
@@ -345,6 +353,7 @@ impl<'a> AxisBuilder<'a> {
             let here = nodes.p[i];
             let way = here - kept;
             let next = chain.get(k + 1).map(|n| *n as usize);
+            // Radii belong to internodes; at a node the mean of the two that meet there avoids steps.
             let r = next.map_or(nodes.r[i], |n| 0.5 * (nodes.r[i] + nodes.r[n]));
             let straight = next.is_some_and(|n| {
                 let ahead = nodes.p[n] - here;
@@ -365,6 +374,7 @@ impl<'a> AxisBuilder<'a> {
             }
             skipped = 0;
             s += chord;
+            // The tangent halves the angle between the chord and the next internode.
             let tangent = match next {
                 Some(n) => math::normalize_or(way.normalize_or_zero() + nodes.direction(n), nodes.direction(i)),
                 None => math::normalize_or(way, nodes.direction(i)),
@@ -379,7 +389,7 @@ impl<'a> AxisBuilder<'a> {
 
 /// The leaves of a tree.
 #[derive(Debug, Clone)]
-pub(super) struct Leaves<'a> {
+pub(super) struct TreeFoliage<'a> {
     pub foliage: &'a Foliage,
     pub mean: MeanLeaf,
 }
@@ -389,7 +399,7 @@ pub(super) struct Leaves<'a> {
 pub(super) struct MeanLeaf {
     /// Scale of the prototypes.
     scale: f32,
-    /// Area, m2.
+    /// One-sided area of a leaf of this scale, m^2.
     area: f32,
 }
 
@@ -426,7 +436,7 @@ struct LeafPlace {
     birth: f32,
 }
 
-impl<'a> Leaves<'a> {
+impl<'a> TreeFoliage<'a> {
     /// `None` for a tree without leaf area or an organ without a mesh.
     pub fn new(tree: &Tree, foliage: &'a Foliage) -> Option<Self> {
         let organ = foliage.organ();
@@ -461,6 +471,7 @@ impl<'a> Leaves<'a> {
             }
             let site = at[i];
             let birth = (tree.nodes.birth[i] / age).clamp(0.0, 1.0);
+            // Leaves remain along an internode for `leaf_years`; a rosette stands at every living open tip.
             let young = tree.bears_along(i);
             match self.foliage {
                 Foliage::Needles(_) => self.add_needles(plant, tree, i, site, birth),
@@ -484,6 +495,7 @@ impl<'a> Leaves<'a> {
                 }
             }
         }
+        // Organs of an axis go by arc length; ids decide between leaves of one site, so that the order does not depend on how they were made.
         plant.organs[first..].sort_by(|a, b| a.s.total_cmp(&b.s).then(a.id.cmp(&b.id)));
     }
 
@@ -504,6 +516,7 @@ impl<'a> Leaves<'a> {
 
     /// How leaf `k` of `count` leaves its tip.
     pub fn tip_leaf_turn(tree: &Tree, axis: u32, k: u32, count: u32) -> BladeTurn {
+        // One random azimuth per axis, then the golden angle from leaf to leaf; outer leaves lie flatter than inner ones.
         let first = Rng::from_key(mix64(&[tree.axis_ids[axis as usize], word("tip-azimuth")])).unit_f32();
         let part = (k as f32 + 0.5) / count as f32;
         BladeTurn {
@@ -553,6 +566,7 @@ impl<'a> Leaves<'a> {
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
         let angle = turn.angle + deviation;
         let side = Vec3::new(math::cos_f32(turn.azimuth), 0.0, math::sin_f32(turn.azimuth));
+        // Midrib at `angle` to the wood; the blade's normal is as near to the vertical as the midrib allows.
         let dir = q * (Vec3::Y * math::cos_f32(angle) + side * math::sin_f32(angle));
         let up = math::normalize_or(Vec3::Y - dir * dir.y, math::perpendicular(dir));
         let q = Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
@@ -629,6 +643,7 @@ impl<'a> Leaves<'a> {
         let mut draw = Rng::from_key(id);
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
         let roll = draw.unit_f32() * std::f32::consts::TAU;
+        // About the wood first, then away from it; the roll about the piece itself comes last.
         let tilt = math::rotation_about(Vec3::Y, turn.azimuth) * math::rotation_about(Vec3::Z, turn.angle + deviation);
         let size = 1.0 + LEAF_SIZE_DEVIATION * narrow(draw.normal().clamp(-2.0, 2.0));
         PlacedLeaf {

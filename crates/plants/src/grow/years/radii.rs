@@ -26,9 +26,11 @@ impl Tree {
             }
             let open = if nodes.flags[i] & flag::OPEN != 0 { tip } else { 0.0 };
             let mut area = scratch.area[i] + nodes.lost[i] + open;
+            // Children come after their parents: from the end, the areas of all children are summed before their parent is reached.
             // The column beyond the base of the internode.
             let beyond = scratch.beyond[i] + nodes.length[i];
             let part = habit.buckling_safety[usize::from(nodes.order[i])] * beyond / season.critical_length;
+            // 0.5 part^1.5: r = d / 2 of the column that Greenhill's length allows.
             let least = 0.5 * part * part.sqrt();
             if least > nodes.r[i] {
                 area = area.max(math::pow_f32(least, exponent));
@@ -41,6 +43,7 @@ impl Tree {
             let parent = nodes.parent[i];
             if parent != NONE {
                 scratch.area[parent as usize] += nodes.area[i];
+                // Only the own continuation lengthens the column; side branches are columns of their own.
                 if nodes.flags[i] & flag::MAIN != 0 {
                     scratch.beyond[parent as usize] = beyond;
                 }

@@ -20,7 +20,7 @@ const STANDS: u16 = u16::MAX;
 pub struct ClipSpan {
     /// At the first frame.
     pub from: f64,
-    /// At the last frame.
+    /// Age of the tree at the first frame, years.
     pub to: f64,
 }
 
@@ -109,13 +109,14 @@ impl GrowthRecord {
             return;
         }
         let nodes = &tree.nodes;
+        // Nodes of a recorded tree are only appended: those from `known` on grew this year.
         let known = self.fell.len();
         self.first_frames.extend_from_slice(&nodes.q[known..]);
         self.first_areas.extend_from_slice(&nodes.area[known..]);
         self.fell.resize(nodes.len(), STANDS);
         self.last_living.resize(nodes.len(), 0);
         self.last_open.resize(nodes.len(), 0);
-        let year = u16::try_from(tree.year).unwrap_or(STANDS - 1);
+        let year = tree.stored_year();
         for i in 0..nodes.len() {
             if nodes.flags[i] & flag::FALLEN != 0 {
                 self.fell[i] = self.fell[i].min(year);
@@ -126,9 +127,11 @@ impl GrowthRecord {
                 }
             }
         }
+        // Keys of all nodes at some years only: their number, and with it the memory, does not grow with the age of the tree.
         if tree.year > 0 && (last || tree.year.is_multiple_of(self.spacing)) {
             self.keys.push(Key { year: tree.year as f32, frames: nodes.q.clone(), areas: nodes.area.clone() });
         }
+        // The tree at the end of the clip holds what does not change: parents, births, cuts.
         if last {
             self.tree = Tree { scratch: Scratch::default(), ..tree.clone() };
         }
@@ -174,6 +177,7 @@ impl GrowthRecord {
     /// Time at which a node's internode begins to grow, years: when the one before it is complete, and not before its year.
     pub(super) fn start(&self, i: usize) -> f32 {
         let nodes = &self.tree.nodes;
+        // Births within a year are spread over it along each shoot, so that internodes follow each other. NONE lies beyond the array.
         match nodes.birth.get(nodes.parent[i] as usize) {
             Some(carrier) => carrier.max(self.first_year(i) - 1.0),
             None => -SPROUTING,
@@ -214,6 +218,7 @@ impl GrowthRecord {
         };
         for i in 0..count {
             let parent = nodes.parent[i] as usize;
+            // Parents come first, so that their ends are known: positions are forward kinematics along the tree.
             let base = match wood.p.get(parent) {
                 Some(p) => *p,
                 // Roots stay where they were sown.
@@ -222,6 +227,7 @@ impl GrowthRecord {
             let (start, end) = (self.start(i), nodes.birth[i]);
             let grown = if all { 1.0 } else { ((time - start) / (end - start).max(1e-6)).clamp(0.0, 1.0) };
             let (q, area) = self.frame_and_area(i, time, tip_area, before, after);
+            // An infinite time stands for the length after all cuts.
             let mut length = self.length(i, if all { f32::INFINITY } else { time }) * grown;
             let mut shown = grown;
             if let Some([start, end]) = self.fall_window(i).filter(|_| !all) {
@@ -260,6 +266,7 @@ impl GrowthRecord {
         };
         let from = stored(before).unwrap_or((first, self.first_frames[i], self.first_areas[i]));
         let Some(to) = stored(after) else { return (from.1, from.2) };
+        // The denominator is 0 where both are the same key.
         let part = ((time - from.0) / (to.0 - from.0).max(1e-6)).clamp(0.0, 1.0);
         (math::nlerp(from.1, to.1, part), math::lerp(from.2, to.2, part))
     }

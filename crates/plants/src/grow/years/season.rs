@@ -12,7 +12,7 @@ const GREENHILL: f32 = 0.788;
 /// A habit's values in one year.
 #[derive(Debug, Clone)]
 pub(super) struct Season {
-    /// The year, from 1.
+    /// Year of the tree's life that grows, from 1.
     pub year: u32,
     /// Share of an axis' own tip against its sides.
     pub apical_control: PerOrder,
@@ -35,6 +35,7 @@ pub(super) struct Season {
 impl Season {
     pub fn new(habit: &Habit, year: u32) -> Self {
         let at = year as f32;
+        // 0 in a young tree to 1 in an old one; all "old" values are blended by it.
         let maturity = math::smoothstep(habit.maturity[0], habit.maturity[1], at);
         let blend = |young: &PerOrder, old: &PerOrder| {
             let mut out = *young;
@@ -47,7 +48,9 @@ impl Season {
         } else {
             1.0
         };
+        // Shrubs of several stems keep their low branches.
         let clears = habit.stems < 1.5;
+        // E / (rho g) in m: the length that Greenhill's formula takes the cube root of.
         let stiffness = habit.elasticity_gpa * 1e9 / (habit.density * GRAVITY);
         Self {
             year,

@@ -46,7 +46,7 @@ struct Shoot {
     node: u32,
     /// The bud that it grows from; `None` for the tip of the node.
     bud: Option<Bud>,
-    /// Length, m.
+    /// Length that the shoot reaches this year, m.
     length: f32,
     /// Number of internodes.
     count: u16,
@@ -71,6 +71,7 @@ fn power(x: f32, exponent: f32) -> f32 {
 /// Decline of growth with the path of water and with height.
 /// Source: max(0, 1 - (path / path_max)^a) max(0, 1 - (height / height_max)^b).
 fn hydraulics(habit: &Habit, path: f32, height: f32) -> f32 {
+    // A negative height (roots of a plant on a slope) must not become a power of a negative number.
     let decline = |part: f32, exponent: f32| (1.0 - power(part.max(0.0), exponent)).max(0.0);
     decline(path / habit.path_max, habit.path_power) * decline(height / habit.height_max, habit.height_power)
 }
@@ -110,6 +111,7 @@ impl Tree {
                 continue;
             }
             let order = usize::from(self.nodes.order[i]);
+            // Borchert-Honda: `factor` is vigour per light at the node, of which the continuation gets the share `control`.
             let vigour = self.scratch.factor[i] * self.control_at(season, i) * self.scratch.main[i];
             let leader = if order == 0 { season.leader } else { 1.0 };
             let was_short = self.nodes.flags[i] & flag::SHORT != 0;
@@ -119,6 +121,7 @@ impl Tree {
             // Most tips are far from a long shoot and need neither powers nor draws.
             if most * luck >= needed {
                 let declined = hydraulics(habit, self.nodes.path[i], self.nodes.p[i].y);
+                // 1 - (s / axis_max)^2: axes grow almost undiminished over most of their length and stop at axis_max.
                 let part = self.nodes.s[i] / habit.axis_max[order];
                 let wanted = most * declined * (1.0 - part * part).max(0.0);
                 let wanted = wanted.min(habit.shoot_max[order] * leader);
@@ -127,6 +130,8 @@ impl Tree {
                     length = wanted * chance.max(LENGTH_LEAST[0]);
                 }
             }
+            // Below the threshold the tip bears its rosette again, but no wood. Returning from short to long needs more vigour than remaining
+            // long (SHORT_STAYS), so that spurs stay spurs from year to year.
             if length < needed {
                 self.nodes.flags[i] |= flag::SHORT;
             } else {
@@ -146,7 +151,9 @@ impl Tree {
             }
             let parent_order = usize::from(self.nodes.order[i]);
             let order = parent_order + 1;
+            // The side's part of the vigour at the node, by the light of this bud.
             let vigour = self.scratch.factor[i] * (1.0 - self.control_at(season, i)) * bud.gathered;
+            // Unlit buds wait; after `bud_life` years they join the dormant ones, which may still break when light returns.
             if vigour <= 0.0 || order >= ORDERS {
                 bud.age = bud.age.saturating_add(1);
                 if f32::from(bud.age) > self.habit.bud_life {
@@ -160,6 +167,7 @@ impl Tree {
             let habit = &self.habit;
             let declined = hydraulics(habit, self.nodes.path[i], self.nodes.p[i].y);
             let wanted = (vigour * habit.shoot_rate[order] * season.juvenile * declined).min(habit.shoot_max[order]);
+            // If even the luckiest draw leaves the shoot short, none is drawn. Draws are addressed, so that skipping one changes no other.
             let luck = 1.0 + LENGTH_DEVIATION[1] * NORMAL_MAX;
             let mut length = 0.0;
             if wanted * luck >= habit.short_shoot {
@@ -176,6 +184,7 @@ impl Tree {
     /// Id of the axis that grows from a bud.
     fn axis_of_bud(&self, bud: &Bud) -> u64 {
         let i = bud.node as usize;
+        // At most 12 buds share a node: 64 keeps the ordinals of neighbouring nodes apart.
         let ordinal = u64::from(self.nodes.index[i]) * 64 + u64::from(bud.slot);
         mix64(&[self.axis_ids[self.nodes.axis[i] as usize], word("bud"), ordinal])
     }
@@ -222,11 +231,13 @@ impl Tree {
             let d = y_axis(q);
             let wanted = Step { d: turns.turn(d, &mut self.draw(id, Purpose::Wander)), length };
             let t = (f32::from(j) + 1.0) / count;
+            // Longer shoots are stouter; each tapers linearly to its tip. From the next year on the pipe model rules.
             let radius = self.habit.tip_radius + self.habit.stout[order] * shoot.length * (1.0 - TIP_TAPER * t);
             let Some(step) = obstacles.slide(at, wanted, radius) else {
                 end_flag = flag::OBSTACLE;
                 break;
             };
+            // The smallest rotation onto the new direction: frames are carried along without twist.
             q = (math::rotation_between(d, step.d) * q).normalize();
             at += step.d * step.length;
             let is_first_of_bud = j == 0 && shoot.bud.is_some();
@@ -235,6 +246,7 @@ impl Tree {
                 parent: index_of(parent),
                 axis,
                 index,
+                // At most 6 orders: `habit.orders()` ends branching.
                 order: u8::try_from(order).unwrap_or(u8::MAX),
                 flags: if is_first_of_bud { 0 } else { flag::MAIN },
                 dormant: 0,
@@ -344,6 +356,7 @@ impl Tree {
         let order = usize::from(self.nodes.order[node]);
         let next = order + 1;
         let turn = self.divergence(order);
+        // Short shoots are spurs without side buds.
         if next >= habit.orders() || length < LONG_ENOUGH[0] * habit.short_shoot {
             return turn;
         }
@@ -351,6 +364,7 @@ impl Tree {
         let alive = f64::from(habit.bud_break[order]);
         let (count, chance, spacing) = if whorled {
             if last && length > LONG_ENOUGH[1] * habit.short_shoot {
+                // Strong leaders make full whorls; the number of branches goes with the root of the relative length.
                 let size = (length / habit.shoot_max[order]).sqrt().clamp(WHORL_LEAST, 1.0);
                 let count = super::habit::whole(habit.whorl[order] * size).clamp(1, 12);
                 (count, alive, std::f32::consts::TAU / f32::from(count))
@@ -358,16 +372,19 @@ impl Tree {
                 (1, f64::from(habit.internodal) * alive, 0.0)
             }
         } else {
+            // `buds` is 1 (alternate) or 2 (opposite). Acrotony favours the buds near the tip: t^acrotony.
             let count = if habit.buds > 1.5 { 2 } else { 1 };
             (count, alive * f64::from(power(t, habit.acrotony)), std::f32::consts::PI)
         };
         let mut draw = self.draw(id, Purpose::Buds);
         let deviation = AZIMUTH_DEVIATION.to_radians();
         for slot in 0..count {
+            // Both draws happen for dead buds too, so that the fate of one bud does not change the next.
             let lives = draw.chance(chance);
             let jitter = deviation * normal(&mut draw);
             if lives {
                 let azimuth = self.nodes.azimuth[node] + f32::from(slot) * spacing + jitter;
+                // At most 12 buds in a whorl, 2 elsewhere.
                 let slot = u8::try_from(slot).unwrap_or(0);
                 self.buds.push(Bud { node: index_of(node), azimuth, slot, age: 0, gathered: 0.0 });
             } else if self.habit.epicormic > 0.0 {
@@ -410,7 +427,7 @@ struct Turns {
     rise: f32,
     /// Sine and cosine of the elevation.
     elevation: [f32; 2],
-    /// Turn to the light.
+    /// Direction of the light, times the phototropism and the length of an internode.
     light: Vec3,
 }
 

@@ -73,7 +73,7 @@ impl Neighbours {
     }
 }
 
-/// What a cut leaves.
+/// Region that a cut leaves standing; wood outside of it is removed.
 #[derive(Debug, Clone)]
 pub enum Keep {
     /// A box in the space of the tree, from its base, m.
@@ -100,13 +100,13 @@ impl Keep {
 /// A cut at the start of one year or of several.
 #[derive(Debug, Clone)]
 pub struct Prune {
-    /// First year.
+    /// Year of the tree's life of the first cut, from 1.
     pub year: u32,
     /// Years from one cut to the next; 0: only once.
     pub every: u32,
     /// Last year in which it may repeat.
     pub until: u32,
-    /// What stays.
+    /// Region whose wood stays.
     pub keep: Keep,
 }
 
@@ -119,12 +119,12 @@ impl Prune {
     }
 }
 
-/// A step of a shoot.
+/// One internode as a growing shoot places it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
-    /// Unit direction.
+    /// Unit direction of the internode.
     pub d: Vec3,
-    /// Length, m.
+    /// Length of the internode, m.
     pub length: f32,
 }
 

@@ -7,7 +7,7 @@ use super::site::{Neighbours, Prune};
 use osier_base::math;
 use osier_base::rng::{Rng, child, mix64, word};
 
-/// No parent.
+/// Stands for a missing index: the parent of a root, the new index of a removed node.
 pub(super) const NONE: u32 = u32::MAX;
 /// Length of the internode that a tree grows from, m.
 const SEED_LENGTH: f32 = 0.05;
@@ -20,7 +20,7 @@ pub(super) mod flag {
     pub const SHORT: u8 = 2;
     /// Dead wood that still stands.
     pub const DEAD: u8 = 4;
-    /// Fallen or cut off.
+    /// The internode fell or was cut off; its node stays until the arrays are compacted.
     pub const FALLEN: u8 = 8;
     /// It continues the axis of its parent.
     pub const MAIN: u8 = 16;
@@ -30,7 +30,7 @@ pub(super) mod flag {
     pub const CUT: u8 = 64;
     /// Its tip ended at a solid.
     pub const OBSTACLE: u8 = 128;
-    /// Not alive.
+    /// Mask of internodes that no longer live, standing or fallen.
     pub const GONE: u8 = DEAD | FALLEN;
 }
 
@@ -86,25 +86,25 @@ columns! {
         axis: u32,
         /// Number on the axis on which it was made.
         index: u16,
-        /// Order of its axis.
+        /// Branching order of its axis, 0 for a trunk.
         order: u8,
         /// Marks, see [`flag`].
         flags: u8,
-        /// Dormant buds.
+        /// Number of dormant buds that may still break here.
         dormant: u8,
         /// Dormant buds that woke so far.
         woken: u8,
         /// Years without enough light, less the years with it.
         starve: u8,
-        /// Year of death.
+        /// Year of the tree's life in which it died; 0 while it lives.
         death: u16,
         /// End, from the tree's base, m.
         p: Vec3,
         /// Frame: +Y along the internode, +X the roll reference.
         q: Quat,
-        /// Length, m.
+        /// Length of the internode, m.
         length: f32,
-        /// Radius, m.
+        /// Radius of the internode, m, from the pipe model.
         r: f32,
         /// r^n, the area of its pipes.
         area: f32,
@@ -224,7 +224,7 @@ pub(super) struct Loss {
 pub(super) struct CutThrough {
     /// Node whose internode was shortened.
     pub node: u32,
-    /// Year of the cut.
+    /// Year of the tree's life in which it was cut.
     pub year: u16,
     /// Length before it, m.
     pub length: f32,
@@ -233,7 +233,7 @@ pub(super) struct CutThrough {
 /// A tree and what it grows by.
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
-    /// Name for messages.
+    /// Name of the plant in the scene, for messages.
     pub name: String,
     pub habit: Habit,
     /// Key of its random draws.
@@ -267,6 +267,12 @@ pub(super) struct Tree {
 }
 
 impl Tree {
+    /// The year as nodes store the year of their death.
+    pub(super) fn stored_year(&self) -> u16 {
+        // Ages end at 500 years (key `age`), far below the year 65,535, which marks a node that has not fallen.
+        u16::try_from(self.year).unwrap_or(u16::MAX - 1)
+    }
+
     /// A seed of one internode for each stem. `identity`: seed and id of the plant.
     pub fn new(name: &str, habit: &Habit, seed: u64, id: u32, base: Vec3) -> Self {
         let mut tree = Self {
@@ -305,6 +311,7 @@ impl Tree {
         let mut draw = self.draw(id, Purpose::Stem);
         let azimuth =
             if stems > 1 { f32::from(i) * math::GOLDEN_ANGLE_F32 } else { draw.unit_f32() * std::f32::consts::TAU };
+        // sqrt((i + 0.5) / n): with the golden angle this covers the disc evenly (Vogel's spiral).
         let out = if stems > 1 { ((f32::from(i) + 0.5) / f32::from(stems)).sqrt() } else { 0.0 };
         let level = Vec3::new(math::cos_f32(azimuth), 0.0, math::sin_f32(azimuth));
         let tilt = (habit.tilt * (0.4 + 0.9 * draw.unit_f32()) * out).to_radians();
@@ -378,6 +385,7 @@ impl Tree {
                 kept += 1;
             }
         }
+        // The indices are renumbered before the rows move. NONE lies beyond the array, so that roots keep it.
         for parent in &mut nodes.parent {
             if let Some(new) = new_index.get(*parent as usize) {
                 *parent = *new;
@@ -385,6 +393,7 @@ impl Tree {
         }
         nodes.keep(&new_index);
         let index_of = |node: u32| new_index.get(node as usize).copied().unwrap_or(NONE);
+        // Buds of removed nodes go with them.
         self.buds.retain_mut(|bud| {
             bud.node = index_of(bud.node);
             bud.node != NONE

@@ -20,7 +20,7 @@ const ROW: u32 = 3;
 struct Row {
     p: Vec3,
     q: Quat,
-    /// Half the width, m.
+    /// Half the width of the ribbon at this point, m.
     half: f32,
     /// Arc length on the axis, m; below 0 under the ground.
     s: f32,

@@ -22,7 +22,7 @@ const MAX_INDEX_SIDE: usize = 2048;
 /// Where a vertical line meets the highest surface of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceHit {
-    /// Height, m.
+    /// Height of the surface above y = 0, m.
     pub height: f32,
     /// Unit normal of the triangle, upwards.
     pub normal: Vec3,
@@ -179,7 +179,7 @@ fn index_cells(triangles: usize, low: [f32; 2], high: [f32; 2]) -> [usize; 2] {
 /// Land of a mesh, with what its sampling found.
 #[derive(Debug)]
 pub struct MeshTerrain {
-    /// The land.
+    /// The highest surface of the mesh, sampled as heights.
     pub land: Terrain,
     /// Samples that lie over a hole or beyond the edge of the mesh.
     pub holes: usize,
