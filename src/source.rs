@@ -96,6 +96,7 @@ fn split_entry(source: &str) -> (&str, Option<&str>) {
     if Path::new(source).exists() {
         return (source, None);
     }
+    // A colon also follows the letter of a drive, so that `#` is tried first, and every colon after it.
     let parts = source.rsplit_once('#').filter(|(f, _)| Path::new(f).is_file());
     let parts = parts
         .or_else(|| source.match_indices(':').map(|(i, _)| source.split_at(i)).find(|(f, _)| Path::new(f).is_file()));
@@ -109,6 +110,7 @@ fn split_entry(source: &str) -> (&str, Option<&str>) {
 fn text_of(path: &Path, limits: &Limits) -> Result<Option<Vec<u8>>> {
     let other = ["toml", "glb", "gltf", "obj", "shapes", "species", "ifs", "flame"];
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    // These endings name formats that no grammar has; all others are judged by content.
     if other.contains(&ending.as_str()) || !path.is_file() {
         return Ok(None);
     }
@@ -161,6 +163,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
     let kind = osier_grammar::detect(&file_name(path), &bytes);
     let is_mesh_or_table = has_ending(&["obj", "glb", "gltf", "ifs", "flame"]);
     match kind {
+        // A file that is called a grammar is read as one, so that its faults are told as those of a grammar.
         _ if options.dialect.is_some() || has_ending(&["l"]) && kind != FileKind::Houdini => {
             return grammar_request(path, entry, options);
         }
@@ -192,6 +195,7 @@ fn locate(source: &str, options: &SourceOptions, table_use: TableUse) -> Result<
         let request = table_request(&file, short, &bytes, options, table_use);
         return Ok(Request { library: Library::new(path, search)?, ..request });
     }
+    // Read as TOML it would be a fault of syntax; this message names the way to use a mesh.
     if let Some(ending) = path.extension().filter(|e| ["obj", "glb", "gltf"].iter().any(|m| e.eq_ignore_ascii_case(m)))
     {
         let message = format!("\"{source}\" is a mesh (.{}), neither scene nor grammar", ending.display());
@@ -223,6 +227,7 @@ fn folder_error(source: &str) -> Error {
 /// The request for a coefficient table: a tree if its maps name branches, else an attractor. `as=cloud` and `as=tree`
 /// override that, and a picture is always of the attractor.
 fn table_request(file: &str, name: &str, bytes: &[u8], options: &SourceOptions, table_use: TableUse) -> Request {
+    // Faults of the table are told when it is resolved; here it counts as without branches.
     let systems = read::read(file, bytes, &options.limits).map(|r| r.0).unwrap_or_default();
     let is_set = |v: &str| options.set.iter().any(|s| s.replace(' ', "") == format!("as={v}"));
     let has_branches = systems.first().is_some_and(|s| s.maps.iter().any(|m| m.branch.is_some()));
@@ -272,6 +277,7 @@ fn content_of(bytes: &[u8]) -> Option<Content> {
     let lines = || text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with(['#', ';']));
     let has_key =
         |key: &str| lines().any(|l| l.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('=')));
+    // A scene may hold the same keys in its tables, of which one of these tells it.
     let has_table = lines().any(|l| l.starts_with("[plants") || l.starts_with("[clouds"));
     if !has_table && has_key("apical_control") {
         return Some(Content::Species);
@@ -310,6 +316,7 @@ fn find_preset(name: &str, options: &SourceOptions, table_use: TableUse) -> Resu
         };
         return Err(Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint)));
     };
+    // `bush.ifs.toml` is the plant "bush".
     let stem = preset.name.split('.').next().unwrap_or(preset.name);
     if [".l", ".shapes", ".species"].iter().any(|e| preset.name.ends_with(e)) {
         return Ok(plant_request(stem, preset.name));

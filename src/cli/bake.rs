@@ -43,6 +43,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
             return Ok(2);
         }
     };
+    // Without a folder given, the scene's name chooses one, as in the help.
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
     let mut warned = !warnings.diagnostics.is_empty();
     if !context.common.dry_run
@@ -136,6 +137,7 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
             false => format!("--frames: frame {outside} is outside the scene's {start} to {end}"),
         });
     }
+    // Its one frame is all of a still scene: the list changes nothing.
     if is_still {
         return Ok(Vec::new());
     }
@@ -158,6 +160,7 @@ fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Opt
         return Some(format!("--frames: frame {frame} of output.gltf.frame is not selected"));
     }
     let part = !frames.is_empty() && frames.len() < recipe.clip.len();
+    // A copy with a phase shows, at frame n, what its plant does at another frame, which must have been written, too.
     let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
     (part && phased > 0).then(|| {
         format!(
@@ -172,6 +175,7 @@ fn missing_frames(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Opt
 fn current(context: &Context, root: &Path, recipe: &Recipe) -> Option<Manifest> {
     let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
     // The same hash under another version of the program may stand for other bytes.
+    // `is_settled` compares the key, which holds the sources, with the one that the last run left in the folder.
     let is_same = m.scene.hash == recipe.hash && m.version == VERSION;
     (is_same && found.is_complete() && is_settled(root, &key(recipe))).then_some(m)
 }

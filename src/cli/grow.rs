@@ -23,6 +23,7 @@ use osier_export::gltf::Profile;
 /// Runs `osier grow`; the result is the exit code.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let to_pipe = args.output == Path::new("-");
+    // Standard output has no name to take a format from; it gets the one format that is a single binary file.
     let name = if to_pipe { "stdout.glb".into() } else { file_name(&args.output) };
     let Some(format) = SingleFileFormat::of_file(&name) else {
         let known: Vec<String> = endings().map(|(e, _)| format!(".{e}")).collect();
@@ -82,6 +83,7 @@ impl<'a> OutputFile<'a> {
         if self.to_pipe {
             return context.console.artefact(&folder.take(self.name).unwrap_or_default());
         }
+        // Paths are shown as the caller could type them: without "./" in front.
         let parent = self.parent();
         let is_here = parent == Path::new(".");
         let path = |p: &str| if is_here { p.to_owned() } else { parent.join(p).display().to_string() };
@@ -183,6 +185,7 @@ fn write_coefficients(
     format: TableFormat,
     warnings: &Report,
 ) -> Result<u8> {
+    // Coefficients come from clouds and from plants grown of tables.
     if recipe.clouds.is_empty() && !recipe.plants.iter().any(|p| matches!(p.growth, Growth::Ifs(..))) {
         let source = &output.args.source;
         let why = format!("\"{source}\" holds no coefficients; .ifs and .flame are for tables and their trees");

@@ -72,6 +72,7 @@ struct ListedSpecies {
 fn species() -> Vec<ListedSpecies> {
     let listed = |preset: &'static Preset| {
         let name = preset.name.strip_suffix(".species")?;
+        // Presets are part of the program and in one form: lines are enough to find a key.
         let age = preset.text.lines().find_map(|line| line.strip_prefix("age = ")?.trim().parse().ok());
         let grows_it_alone = |scene: &&Preset| {
             let mut species = scene.text.lines().filter_map(|line| line.strip_prefix("species = "));
@@ -109,6 +110,7 @@ pub fn species_json() -> Value {
 }
 
 fn read(context: &Context, preset: &Preset) -> Shown {
+    // Lowered limits may refuse a preset, which is then listed without what it holds.
     let request = preset_scene(preset, &context.sources);
     let recipe = request.and_then(|request| resolve(&request)).ok().map(|(recipe, _)| recipe);
     Shown { preset: *preset, recipe, thumbnail: None }
@@ -127,6 +129,7 @@ fn row(shown: &Shown) -> Value {
 
 /// Words for what a scene contains besides single plants.
 fn contents(recipe: &Recipe) -> Vec<&'static str> {
+    // Scatters always count as copies, whatever their number comes to.
     let copies: u32 = recipe.places.iter().map(|place| place.keys.count).sum();
     let parts = [
         ("wind", recipe.moves && recipe.blows()),

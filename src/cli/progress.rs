@@ -69,6 +69,7 @@ impl Progress for ProgressDisplay {
             }
             Self::Lines => {
                 let count = if total > 1 { format!(" ({total})") } else { String::new() };
+                // Where progress cannot be shown, the work goes on.
                 let _ = writeln!(std::io::stderr(), "{}{count}", visible(name));
             }
             Self::Events(events) => events.stage(name, total),
@@ -92,6 +93,7 @@ impl Progress for ProgressDisplay {
         match self {
             Self::Bar(slot) => {
                 if let Some(bar) = slot.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+                    // The bar is taken away while a line is printed, which would else run into it.
                     bar.suspend(|| {
                         let _ = writeln!(std::io::stderr(), "{}", visible(text));
                     });

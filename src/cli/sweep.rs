@@ -123,14 +123,14 @@ fn plan(args: &Bake) -> std::result::Result<SweepPlan, String> {
     if count > MAX_RUNS {
         return Err(format!("--sweep: {count} runs, more than {MAX_RUNS}; take fewer values or seeds"));
     }
-    // The Cartesian product grows key by key from one empty combination.
     let mut combinations: Vec<Vec<String>> = vec![Vec::new()];
     for s in &sweeps {
-        // Cartesian product of the axes: every choice so far is extended by each value of the next key.
+        // Every combination so far is extended by each value of this key; the first one is empty.
         let with =
             |c: &Vec<String>| s.values.iter().map(|v| [&c[..], std::slice::from_ref(v)].concat()).collect::<Vec<_>>();
         combinations = combinations.iter().flat_map(with).collect();
     }
+    // Seeds vary fastest: the runs of one combination follow each other, which `run` relies on.
     let with_seeds = |c: &Vec<String>| -> Vec<PlannedRun> {
         seeds.iter().map(|seed| PlannedRun { values: c.clone(), seed: *seed }).collect()
     };
@@ -149,9 +149,11 @@ struct SimulatedRun {
 
 /// Simulates the clip of one run and summarises its statistics.
 fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Result<SimulatedRun> {
+    // Silent: one bar counts the frames of all runs.
     let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
     let stage = scene::assemble_scene(recipe, scene::SceneOptions::default(), &work)?.animated;
     let mut all = Vec::new();
+    // Tables are rows of one frame each; nothing but their rows is kept of a run.
     for number in recipe.clip.start..=recipe.clip.end {
         context.cancel.check()?;
         let row = table_rows(&stage.scene, &stage.motions, number)?.into_iter().next().unwrap_or_default();
@@ -159,6 +161,7 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
         display.advance(1);
     }
     let whole = stage.scene.tables.first().map(|table| Whole::of(table, &all)).unwrap_or_default();
+    // Fields accumulate over the clip: the last frame holds what all of it deposited.
     let last = FrameTime::of_frame(&stage.scene, recipe.clip.end).index();
     let maps = stage.motions.iter().flatten().map(|m| m.fields(last)).collect::<Result<Vec<_>>>()?.concat();
     Ok(SimulatedRun { scene: stage.scene, whole, maps })
@@ -167,6 +170,7 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
 fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<()> {
     let hashes: Vec<&str> = all.runs.iter().map(|r| r.hash.as_str()).collect();
     let options = WriteOptions {
+        // All runs together are the folder's identity: one changed value makes another sweep.
         key: format!("{VERSION} {}", hashes.join(" ")),
         force: args.force,
         cancel: context.cancel.clone(),
@@ -191,6 +195,7 @@ fn print_means(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
     let mut lines: Vec<Vec<String>> = vec![heads.collect()];
     lines.extend(means.iter().map(|m| {
         let with_spread = |s: &Spread| {
+            // One run has no deviation.
             if m.count > 1 { format!("{:.0} ± {:.0}", s.mean, s.deviation) } else { format!("{:.0}", s.mean) }
         };
         let numbers = m.outcome.iter().map(with_spread);

@@ -100,6 +100,7 @@ impl Resolver<'_> {
         }
         for contour in &keys.contours {
             let Some(file) = &contour.file else { continue };
+            // A key gives one contour its number: of a file that holds several, only the first is taken.
             let read = finder.named(file).map(|file| finder.contours(&file)).unwrap_or_default();
             out.contours.extend(read.into_iter().next().map(|c| (contour.id, c)));
         }
@@ -112,6 +113,7 @@ impl Resolver<'_> {
             }
             out.functions.extend(read);
         }
+        // L047 reports lines of a view that change nothing here; only `check` shows them, on request.
         let (notes, shown): (Vec<_>, Vec<_>) = finder.diagnostics.into_iter().partition(|d| d.code == "L047");
         out.notes = Report { sources: finder.sources.clone(), diagnostics: notes };
         let report = Report { sources: finder.sources, diagnostics: shown };
@@ -122,6 +124,7 @@ impl Resolver<'_> {
     /// The surface of an organ that its key names.
     pub(in crate::recipe) fn organ_surface(&mut self, reference: &Reference) -> Option<Arc<OrganSurface>> {
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".s", ".ray"])?;
+        // The surface stands where a grammar would: nothing beside it is looked for.
         let grammar = file.clone();
         let mut finder =
             Finder { resolver: self, grammar: &grammar, sources: Sources::default(), diagnostics: Vec::new() };
@@ -137,6 +140,7 @@ impl Finder<'_, '_> {
     /// endings, else, where `lone` allows it, the only one with such an ending, unless it has the name of another grammar there.
     fn choose(&mut self, key: Option<&Reference>, endings: &[&str], lone: bool) -> Option<ReferencedFile> {
         match key.map(|r| r.text.as_str()) {
+            // "none" declines even a file of the same stem; "auto" is the default spelt out.
             Some("none") => return None,
             Some("auto") | None => {}
             Some(_) => return self.named(key?),
@@ -155,6 +159,7 @@ impl Finder<'_, '_> {
             let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
             !grammars.contains(&format!("{stem}.l"))
         };
+        // In the order of the endings: of "tree.mat" and "tree.map", the former is read.
         let own = |e: &str| beside.iter().find(|n| n.as_str() == format!("{stem}{e}"));
         let name = match (endings.iter().find_map(|e| own(e)), &beside[..]) {
             (Some(name), _) => name.clone(),
@@ -211,6 +216,7 @@ impl Finder<'_, '_> {
     }
 
     fn colors(&mut self, file: &ReferencedFile) -> Option<ColorTable> {
+        // Both hold raw bytes without a signature; only the ending tells them apart.
         let is_mat = file.shown.to_ascii_lowercase().ends_with(".mat");
         let read = if is_mat { ColorTable::from_mat(&file.bytes) } else { ColorTable::from_map(&file.bytes) };
         match read {
@@ -264,6 +270,7 @@ impl Finder<'_, '_> {
         let (view, report) = read_view(&file.shown, &file.bytes, &mut self.sources, &mut include);
         self.resolver.inputs.extend(hashes);
         self.diagnostics.extend(report);
+        // Lines of both kinds share the letters: a triangle file given for a letter replaces its patches.
         for (surfaces, triangles) in [(&view.surfaces, false), (&view.triangles, true)] {
             for line in surfaces {
                 let surface = self.surface_line(line, triangles);
@@ -272,15 +279,18 @@ impl Finder<'_, '_> {
         }
         for line in &view.contours {
             let contours = self.line(line, Self::contours);
+            // A contour without a number is 0, the one that lines are drawn with by default.
             let id = line.number.unwrap_or(0);
             out.contours.extend(contours.into_iter().next().map(|c| (id, c)));
         }
         for line in &view.contour_sets {
             let contours = self.line(line, Self::contours);
+            // Contours of a set are numbered in the order of the file, from 1.
             out.contours.extend((1..).zip(contours));
         }
         for line in &view.functions {
             let mut functions = self.line(line, Self::functions);
+            // The number behind a function is the number of samples of its table.
             if let Some(n) = line.number {
                 functions.iter_mut().for_each(|f| f.tabulate(n));
             }
@@ -303,6 +313,7 @@ impl Finder<'_, '_> {
 
     fn surface_line(&mut self, line: &SurfaceLine, triangles: bool) -> Option<OrganSurface> {
         let file = self.beside(&line.file.file, Some(line.file.span))?;
+        // Some views name triangle files in lines for patches: the ending decides then.
         let form = self.surface(&file, triangles || line.file.file.to_ascii_lowercase().ends_with(".ray"))?;
         let quads = line.quads.unwrap_or(QUADS).map(|n| n.clamp(1, 64));
         Some(OrganSurface { form, scale: line.scale, quads, texture: line.texture.unwrap_or(0) })
@@ -312,6 +323,7 @@ impl Finder<'_, '_> {
     fn texture(&mut self, line: &FileLine) -> Option<Image> {
         let file = self.beside(&line.file, Some(line.span))?;
         let request = self.resolver.request;
+        // A picture has no axes and no scale; only the roots and limits of the options count.
         let options = osier_import::ImportOptions {
             roots: request.library.roots(),
             limits: &request.limits,
@@ -321,6 +333,7 @@ impl Finder<'_, '_> {
         };
         match osier_import::read_picture(Path::new(&file.shown), &file.bytes, &options) {
             Ok(picture) => Some(picture),
+            // Many views name textures in formats of long ago, such as SGI's RGB: the surface is drawn without.
             Err(_) => {
                 let message = format!("texture \"{}\" is no PNG or JPEG picture", file.shown);
                 let d = Diagnostic::warning("L048", message, line.span, "named here");

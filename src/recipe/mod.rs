@@ -143,6 +143,7 @@ impl Digest for Growth {
     /// The bytes of a grammar are hashed with all files.
     fn digest(&self, hasher: &mut blake3::Hasher) {
         match self {
+            // Its defines may be overridden, but those overrides are keys of the plant and hashed there.
             Self::Grammar(_) => {}
             Self::Ifs(_, tree) => tree.digest(hasher),
             Self::Mesh(_, import) => import.digest(hasher),

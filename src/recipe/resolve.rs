@@ -63,6 +63,7 @@ impl Request {
 
     /// A scene of nothing but one plant. `key`: what names the file that it grows from.
     fn single_plant(name: &str, key: &str, reference: &str) -> Self {
+        // Names become quoted TOML strings: a file name may hold dots, spaces and quotes.
         let plant = toml::Value::String(name.to_owned()).to_string();
         let file = toml::Value::String(reference.to_owned()).to_string();
         let text = format!("[plants.{plant}]\n{key} = {file}\n[ground]\nshow = false\n");
@@ -100,6 +101,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     if report.has_errors() {
         return Err(Error::Input(Box::new(report)));
     }
+    // What is missing has no place in the text: its diagnostic points at the start.
     let whole = Span::new(source, 0, 0);
     let mut resolver = Resolver {
         request,
@@ -121,6 +123,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
 /// Where an unknown key of the scene is a #define of one of its grammars, the help names the key that reaches it.
 fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
     for d in report.diagnostics.iter_mut().filter(|d| d.code == "S002") {
+        // The name stands in the message only, which `syntax::key::unknown` words.
         let Some(name) = d.message.strip_prefix("a scene has no key \"").and_then(|m| m.strip_suffix('"')) else {
             continue;
         };
@@ -132,6 +135,7 @@ fn suggest_define_keys(recipe: &Recipe, report: &mut Report) {
             recipe.plants.iter().filter(has).map(|p| format!("plants.{}.set.{name}", p.name)).collect();
         if !keys.is_empty() {
             d.help = Some(format!("it is a #define of a grammar: its key is {}", keys.join(" or ")));
+            // The fix was a guess at a similar key, which the help now contradicts.
             d.fix = None;
         }
     }
@@ -149,7 +153,8 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
         SingleSource::Cloud(_) if top => return set.to_owned(),
         SingleSource::Cloud(name) => return format!("clouds.{name}.{set}"),
     };
-    let own = registry.names::<PlantKeys>().contains(if path == first { &path } else { &first });
+    // A key with a dot in it, such as `leaf.size`, belongs to the plant if its first word names a table of plants.
+    let own = registry.names::<PlantKeys>().contains(&first);
     // The angle and the unit of a grammar are given most often; no #define is likely to have these names.
     if matches!(path, "angle_deg" | "unit_m") {
         return format!("plants.{plant}.turtle.{set}");
@@ -205,6 +210,7 @@ impl Resolver<'_> {
         if general.title.is_empty() {
             general.title.clone_from(&self.request.name);
         }
+        // Plants, resolved below, fall back on these two.
         (self.season, self.latitude) = (general.season, general.latitude);
         let clip = self.clip(root);
         self.frames = clip.len() as u64;
@@ -327,6 +333,7 @@ impl Resolver<'_> {
         name: &str,
     ) -> TomlTable {
         if let Some(own) = self.table(parent, path, name) {
+            // Whole entries are replaced: a table of the scene is not merged into one of the same name.
             table.entries.retain(|e| own.get(&e.key).is_none());
             table.entries.extend(own.entries.iter().cloned());
         }
@@ -342,6 +349,7 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S004", format!("frames.end is {end}, before frames.start"), span, "too small");
             self.report.push(d.help(format!("at least {}", keys.start)));
         }
+        // After the error the clip is one frame long, so that what follows can be checked, too.
         let clip = Clip { start: keys.start, end: end.max(keys.start), fps: keys.fps };
         self.limit("frames", clip.len() as u64, span_of(root, &["frames", "end"]));
         clip
@@ -356,6 +364,7 @@ impl Resolver<'_> {
     /// Refuses a number of things that would take more memory than there may be. `each`: bytes of one.
     pub(in crate::recipe) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
         let what = format!("memory of {key} = {count}, in bytes,");
+        // A product beyond 64 bits saturates, which no limit allows.
         if let Err(e) = self.request.limits.check("memory", count.saturating_mul(each), &what) {
             let d = Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit");
             self.report.push(d.help(format!("each takes {each} bytes; give fewer")));
@@ -366,6 +375,7 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn load_or_report<T>(&mut self, read: Result<T>, file: &ReferencedFile) -> Option<T> {
         match read {
             Ok(held) => Some(held),
+            // Faults of the file's own text come with their places in it.
             Err(Error::Input(faults)) => {
                 self.report.extend(*faults);
                 None
@@ -395,10 +405,12 @@ impl Resolver<'_> {
         }
         match self.request.library.find(reference, self.request.limits.get(limit)) {
             Ok(found) => {
+                // The bytes, not the name, enter the scene hash: an edited file makes another scene, a moved one does not.
                 self.inputs.push(blake3::hash(&found.bytes));
                 Some(found)
             }
             Err(why) => {
+                // Most references that lead nowhere are misspelt presets.
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
                 let help = match nearest(reference, names) {
                     Some(near) => format!("did you mean the preset \"{near}\"?"),
@@ -414,6 +426,7 @@ impl Resolver<'_> {
         let keys: OutputKeys = self.section(root, "output");
         let empty = TomlTable::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
+        // Both hold nothing but what moves.
         let clips_only = [&osier_export::points::FORMAT, &osier_export::vdb::FORMAT];
         let words: Vec<&str> = keys.formats.iter().map(|f| f.0.word).collect();
         let useless: Vec<&str> =
@@ -449,6 +462,7 @@ impl Resolver<'_> {
 
     /// The one frame that a glTF shows is one of the clip's.
     fn check_gltf_frame(&mut self, root: &TomlTable, keys: GltfKeys, clip: Clip) -> GltfKeys {
+        // An absent key means the first frame, which is always one of the clip's.
         if let Some(frame) = keys.frame.filter(|f| !(clip.start..=clip.end).contains(f)) {
             let span = span_of(root, &["output", "gltf", "frame"]).unwrap_or(self.whole);
             let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);
@@ -478,6 +492,7 @@ impl Resolver<'_> {
         }
         let span = span_of(root, &["output", "gltf", "channels"]).unwrap_or(self.whole);
         let presets = keys.channels.iter().filter(|w| w.is_preset()).count();
+        // Either four channels without a preset among them, or a preset alone.
         if (keys.channels.len(), presets) != (4, 0) && (keys.channels.len(), presets) != (1, 1) {
             let text = "output.gltf.channels must be four words, or one preset";
             let d = Diagnostic::error("S003", text, span, "neither");
@@ -496,6 +511,7 @@ pub(super) fn span_of(root: &TomlTable, path: &[&str]) -> Option<Span> {
     let (name, rest) = path.split_first()?;
     let entry = root.get(name)?;
     match &entry.node.value {
+        // Where the path leads beyond a plain value, the place of that value is the nearest one.
         TomlValue::Table(t) if !rest.is_empty() => span_of(t, rest),
         _ => Some(entry.node.span),
     }

@@ -69,6 +69,7 @@ fn write_density(
     let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash });
     let (width, height) = (density.width, density.height);
     folder.write(name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment.to_string())?)?;
+    // The density is one channel; colours have a file of their own.
     if !density.color.is_empty() {
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
         let samples: Vec<f32> = density.color.iter().flatten().copied().collect();

@@ -99,9 +99,8 @@ fn cell(i: i32, period: i32) -> u64 {
     u64::from(i.rem_euclid(period.max(1)).cast_unsigned())
 }
 
-/// Quintic fade 6 t^5 - 15 t^4 + 10 t^3: first and second derivatives vanish at 0 and 1.
+/// Quintic fade 6 t^5 - 15 t^4 + 10 t^3: first and second derivatives vanish at 0 and 1, where cells meet.
 fn fade(t: f32) -> f32 {
-    // 6 t^5 - 15 t^4 + 10 t^3: first and second derivative vanish at both ends, where cells meet.
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }
 

@@ -171,6 +171,7 @@ impl ArrayShape {
             }
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the array")]
             let i = i as usize;
+            // Horner's scheme: the last index changes fastest.
             offset = offset * (*size as usize) + i;
         }
         Some(usize::from(self.first) + offset)
@@ -219,6 +220,7 @@ impl Bytecode {
     pub fn may_overflow(&self) -> bool {
         let risky = |o: &Op| match o {
             Op::Unary(f) => {
+                // Functions whose value may be infinite or NaN for a finite argument.
                 matches!(f, UnaryOp::Exp | UnaryOp::Log | UnaryOp::Sqrt | UnaryOp::Tan | UnaryOp::Asin | UnaryOp::Acos)
             }
             Op::Binary(f, _) => matches!(f, BinaryOp::Mul | BinaryOp::Div | BinaryOp::Pow),

@@ -95,6 +95,7 @@ impl ProductionSet {
     pub fn index(&mut self, symbols: usize) {
         self.by_symbol = vec![Vec::new(); symbols];
         for (i, p) in self.list.iter().enumerate() {
+            // Every production has a predecessor, and a file holds fewer than 2^32 of them.
             let (Some(first), Ok(i)) = (p.predecessor.first(), u32::try_from(i)) else { continue };
             if let Some(row) = self.by_symbol.get_mut(usize::from(first.symbol)) {
                 row.push((first.arity, i));
@@ -221,6 +222,7 @@ impl Program {
         if self.subsystems.is_empty() || self.overrides_cpfg('?') {
             return None;
         }
+        // A border that the grammar never names gets a symbol that no module has.
         let none = SymbolId::MAX;
         Some(Borders { open: self.symbols.find('?').unwrap_or(none), close: self.symbols.find('$').unwrap_or(none) })
     }
@@ -245,7 +247,7 @@ impl Program {
                 let wanted = f64::from(*label);
                 #[allow(clippy::float_cmp, reason = "labels are whole numbers")]
                 let found = self.subsystems.iter().position(|s| s.label == Some(wanted));
-                // The compiler refuses more labels than 16 bits number; an unknown label keeps the system around it.
+                // A label that no system has keeps the system around it; so would one beyond the 65,535th.
                 open.push(found.and_then(|i| u16::try_from(i + 1).ok()).unwrap_or(now));
             }
         }

@@ -206,6 +206,7 @@ impl Vm {
     /// From here on draws belong to `owner`.
     pub fn begin_draws(&mut self, purpose: DrawPurpose, owner: u64, step: Option<u32>) {
         (self.purpose, self.owner, self.owner_step) = (purpose, owner, step);
+        // The key is hashed by the first draw, as most modules draw nothing.
         (self.number, self.key, self.reseeded) = (0, None, None);
     }
 

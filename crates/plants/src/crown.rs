@@ -141,6 +141,7 @@ impl CrownGrid {
         let mean = leaves.iter().map(|l| l.area).sum::<f32>() / leaves.len() as f32;
         let side = (high - low).max_element();
         let cell = (side / CELLS).max(LEAST_CELL * mean.max(1e-8).sqrt()).max(1e-4);
+        // Whole cells, the one that the rest lies in, and an empty one at each end.
         let count = |v: f32| whole(v / cell) + 3;
         let size = IVec3::new(count(high.x - low.x), count(high.y - low.y), count(high.z - low.z));
         let mut grid = Self {
@@ -196,6 +197,7 @@ impl CrownGrid {
     fn light(&self, directions: &[IVec3], depths: &[Vec<f32>]) -> Vec<CellLight> {
         let unit: Vec<Vec3> = directions.iter().map(|d| d.as_vec3().normalize()).collect();
         let weights: Vec<f32> =
+            // No skylight comes from below; a leaf may still see out there, which its direction heeds.
             unit.iter().map(|d| if d.y < 0.0 { 0.0 } else { HORIZON + (1.0 - HORIZON) * d.y }).collect();
         let whole_sky: f32 = weights.iter().sum();
         let cell = |i: usize| {
@@ -223,6 +225,7 @@ impl CrownGrid {
             let step = IVec3::new(k & 1, k >> 1 & 1, k >> 2 & 1);
             let share = |t: f32, step: i32| if step > 0 { t } else { 1.0 - t };
             let weight = share(t.x, step.x) * share(t.y, step.y) * share(t.z, step.z);
+            // Leaves at the edge of the crown find the empty cells around it.
             let corner = (base + step).clamp(IVec3::ZERO, self.size - IVec3::ONE);
             let Some(cell) = self.index(corner).and_then(|i| cells.get(i)) else { continue };
             light.sky += weight * cell.sky;

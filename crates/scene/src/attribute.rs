@@ -200,8 +200,10 @@ impl Attribute {
         for attribute in other {
             let same = |a: &Self| a.name == attribute.name && a.domain == attribute.domain;
             match own.iter_mut().find(|a| same(a)) {
+                // One value cannot stand for two parts: the first part's stays.
                 Some(known) if known.domain == AttributeDomain::Mesh => {}
                 Some(known) => {
+                    // Parts before without the attribute have left the list short.
                     known.data.resize(before);
                     known.data.append(&attribute.data);
                 }

@@ -56,6 +56,7 @@ pub fn skinned_normals(normals: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) 
     let blend = |(n, (joints, weights)): (&Vec3, (&[u16; 4], &[f32; 4]))| {
         let mut sum = Vec3::ZERO;
         for (j, w) in joints.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
+            // Joints rotate and move without scale, so that normals need no inverse transpose.
             sum += matrices[usize::from(*j)].transform_vector3(*n) * *w;
         }
         osier_base::math::normalize_or(sum, *n)
@@ -84,6 +85,7 @@ pub fn joint_motions(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Trs> {
     let bind = skeleton.bind();
     let posed = skeleton.asset_from_joint(pose);
     let motion = |(p, b): (&Trs, &Trs)| {
+        // posed after the inverse of bind: x -> p.t + r (x - b.t).
         let r = (p.r * b.r.conjugate()).normalize();
         Trs { t: p.t - r * b.t, r, s: Vec3::ONE }
     };

@@ -63,6 +63,7 @@ pub struct CatkinModel {
 impl CatkinModel {
     /// What instances show: the level shown, and those beside it. `first`: index in the scene of the first of [`catkin_materials`].
     pub fn prototype(&self, levels: &CatkinLods, first: u32) -> Prototype {
+        // A single level is not named: its prototype is the catkin.
         let mut proto = self.level_prototype(levels.shown, levels, first);
         if !levels.others.is_empty() {
             let named = |lod: u32| Prototype { level: format!("lod{lod}"), ..self.level_prototype(lod, levels, first) };
@@ -88,6 +89,7 @@ impl CatkinModel {
             }
         };
         proto.mesh.subsets.iter_mut().for_each(|s| s.material += first);
+        // Hairs as curves are the finer form beside a mesh; both show the same materials.
         if let Some(fine) = &mut proto.fine {
             fine.mesh.subsets.iter_mut().for_each(|s| s.material += first);
             fine.curves.material += first;
@@ -133,6 +135,7 @@ pub fn catkin_materials(models: &[CatkinModel], levels: &CatkinLods) -> Result<M
 fn variant_grammar_text(keys: &CatkinKeys, variant: usize) -> String {
     let (tilt, turn) = VARIANTS[variant % VARIANTS.len()];
     let (tilt, turn) = (keys.fluffiness.map_or(tilt, degrees), keys.bend.map_or(turn, degrees));
+    // Angles of a grammar are in degrees.
     let delta = match keys.polar {
         HairDistribution::Tilt => format!("uniform(0,{tilt})"),
         // The cosine of the tilt is even between 1 and that of the largest.
@@ -142,6 +145,7 @@ fn variant_grammar_text(keys: &CatkinKeys, variant: usize) -> String {
         HairAngles::Signed => (format!("uniform(0,{})", degrees(keys.spin)), format!("uniform({},{turn})", -turn)),
         HairAngles::Paper => ("delta".to_owned(), format!("uniform(0,{turn})")),
     };
+    // The hairs are shared among the two starting symbols of eq. 1; an odd one goes to the first.
     let (p, q) = (keys.hairs.div_ceil(2), keys.hairs / 2);
     let rules: String = ["P", "Q"].map(|s| format!("{s} --> F@F'F\n{s} --> F@F-F\n{s} --> F-F#F\n")).concat();
     format!(
@@ -157,6 +161,7 @@ fn variant_grammar_text(keys: &CatkinKeys, variant: usize) -> String {
 pub fn grow_skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeContext<'_>) -> Result<Plant> {
     context.cancel.check()?;
     let text = variant_grammar_text(keys, variant);
+    // The text is whole: it includes no file.
     let mut none =
         |reference: &str, _: &str| Err(osier_base::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
     let source = GrammarSource {

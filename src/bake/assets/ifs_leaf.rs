@@ -39,6 +39,7 @@ pub fn build_ifs_leaf(
 ) -> Result<OrganSpec> {
     let keys = &recipe.keys;
     let (spec, colors) = drawn_leaf_spec(keys);
+    // Drawn once for all organs with the same table and keys, whose recipes share the cell.
     let drawn = recipe.drawn.get_or_init(|| leaf::mapped(table, &spec, &colors));
     let drawn = drawn.as_ref().map_err(|d| table_error((**d).clone()))?;
     let size = keys.size.unwrap_or(DEFAULT_LENGTH);
@@ -91,6 +92,7 @@ fn drawn_leaf_spec(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
         (None, None) => own,
         (centre, second) => {
             let centre = centre.unwrap_or(own.centre);
+            // From the middle of the blade to its margin colours brighten.
             let lighter = |k: f32| centre.map(|v| (v * k).min(1.0));
             LeafColors { centre, edge: lighter(1.5), tip: lighter(1.7), vein: second.unwrap_or(lighter(2.6)) }
         }

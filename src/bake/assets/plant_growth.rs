@@ -65,6 +65,7 @@ pub fn grow_plant(
     context: &BakeContext<'_>,
 ) -> Result<GrownPlant> {
     let mut grown = grow_from_source(recipe, individual, set, site, context)?;
+    // Twigs before the season: their leaves are coloured and fall as all others.
     fill_with_twigs(&mut grown.plant, recipe, set, site)?.into_iter().for_each(|d| grown.report.push(d));
     grown.show_season(recipe, individual, set, site.frames)?;
     grown.segment = recipe.skin.segment.chars().next().and_then(|letter| set.organs.get(&letter)).cloned();
@@ -101,6 +102,7 @@ impl GrownPlant {
 impl GrownPlant {
     /// The plant as the first frame shows it, for formats without frames; `None` if it is that already.
     pub(crate) fn at_first_frame(&self) -> Option<Self> {
+        // A plant that stays the same needs no copy.
         let first = self.season.as_ref()?.first.clone();
         let (imported, segment) = (self.imported.clone(), self.segment.clone());
         Some(Self {
@@ -160,6 +162,7 @@ fn grow_from_source(
             });
         }
         Growth::Species(_) => {
+            // Trees of years are grown before all other plants, since those that stand together shade each other.
             let tree = site.tree.ok_or_else(|| Error::input("S005", "a species without its tree"))?;
             let (plant, clip, warnings) = match species_clip(tree, recipe, set, site.frames, context.limits)? {
                 Some(clip) => (clip.plant.clone(), Some(Arc::new(clip)), death_warning(&tree.tree, recipe)),
@@ -189,6 +192,7 @@ fn grow_from_source(
     };
     // Derivation of the grammar's string, then its interpretation by the turtle.
     let derived = derive_individual(recipe, grammar, individual, set, context)?;
+    // Both halves may take long; neither is interrupted within.
     context.cancel.check()?;
     let mut report = Report { sources: grammar.sources().clone(), diagnostics: Vec::new() };
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
@@ -298,6 +302,7 @@ fn radius_model(recipe: &PlantRecipe) -> RadiusModel {
     match &recipe.growth {
         Growth::Grammar(grammar) if grammar.is_tuft() => {
             let own = CatkinKeys::defaults();
+            // A width is a diameter in units of the turtle, a hair has a radius in metres.
             let base = recipe.turtle.width.map_or(own.hair_radius, |w| 0.5 * w * recipe.turtle.unit);
             RadiusModel::Hairs(Taper { base, tip: base * own.tip, exponent: 1.0 })
         }

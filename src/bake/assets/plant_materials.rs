@@ -89,6 +89,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         }
         set.add(surface.material, surface.images)?;
     }
+    // Before the organs, whose surfaces may wear them.
     for (number, picture) in &plant.companions.textures {
         let name = format!("{}_texture_{number}", plant.id);
         let id = add_texture(&mut set, picture, &name)?;
@@ -110,6 +111,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
     }
     if matches!(plant.growth, Growth::Species(_)) {
         let dead = Material::plain(format!("{}_dead", plant.id), MaterialClass::Bark, DEAD_WOOD, 0.9);
+        // Beyond the 65,536 materials that axes can number, dead wood keeps the bark.
         set.dead = u16::try_from(set.add(dead, Vec::new())?).ok();
     }
     if tuft {
@@ -182,6 +184,7 @@ fn mesh_plant_materials(
     add_imported_materials(&mut set, import, &plant.id)?;
     // A material that wood and leaves share is split, once: leaves are two-sided and translucent.
     let mut leaf_materials: BTreeMap<u32, u32> = BTreeMap::new();
+    // Materials of the file were added first, so that its indices hold here.
     for proto in &mut tree.plant.protos {
         for s in &mut Arc::make_mut(&mut proto.mesh).subsets {
             let known = leaf_materials.get(&s.material).copied();
@@ -199,6 +202,7 @@ fn mesh_plant_materials(
 fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> Result<u32> {
     let Some(own) = set.materials.get_mut(to_usize(material)) else { return Ok(material) };
     let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
+    // Few files say that their leaves let light through.
     if leaf.translucency <= 0.0 {
         leaf.translucency = IMPORTED_TRANSLUCENCY;
     }
@@ -214,6 +218,7 @@ fn imported_leaf_material(set: &mut MaterialSet, wood: &Mesh, material: u32) -> 
 /// Adds the materials and images of an imported file under `prefix`; returns the index of the first material.
 fn add_imported_materials(set: &mut MaterialSet, import: &Imported, prefix: &str) -> Result<u32> {
     let first_material = index(set.materials.len(), "materials of a plant")?;
+    // Indices of the file count from its own first material and image.
     let first_image = index(set.images.len(), "images of a plant")?;
     let renamed = |own: &str| format!("{prefix}_{own}");
     set.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
@@ -329,6 +334,7 @@ pub(crate) fn leaf_blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     };
     let or = |key: Option<f64>, own: f32| key.map_or(own, narrow);
     let length = or(keys.size, base.length);
+    // `lobes` and `depth` mean lobes where the outline has them, else teeth.
     let has_lobes = matches!(keys.blade, BladeOutline::Lobed | BladeOutline::Palmate | BladeOutline::Petal);
     let teeth = Teeth {
         count: keys.lobes.filter(|_| !has_lobes).unwrap_or(base.teeth.count),
@@ -397,6 +403,7 @@ fn add_imported_organ(
     for s in &mut mesh.subsets {
         s.material += first_material;
     }
+    // Without a size the mesh keeps its own; one that lies in the plane y = 0 counts as 1 mm long.
     let own = f64::from(mesh.bounds().max.y.max(1e-3));
     let size = recipe.keys.size.unwrap_or(own);
     let petiole = recipe.keys.petiole.unwrap_or(0.0);
@@ -451,6 +458,7 @@ fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
         BarkKind::Shoot => BarkSpec::shoot(),
         BarkKind::Culm => BarkSpec::culm(),
     };
+    // The second colour is that of the marks where a bark has some, else that of its cracks.
     let marked = matches!(keys.kind, BarkKind::Lenticel | BarkKind::Diamond);
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
     let crack = match (keys.color, keys.color2) {

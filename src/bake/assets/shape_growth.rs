@@ -138,6 +138,7 @@ pub(crate) fn shape_params(keys: &ShapeKeys, site: GrowthSite<'_>) -> ShapeParam
             rule: thickness_rule(keys),
             base: keys.radius,
             tip: keys.tip_radius,
+            // The pipe model's exponent of all plants without a key; 1 makes a straight taper.
             exponent: keys.exponent.unwrap_or(if keys.radii == ShapeRadii::Pipe { 2.3 } else { 1.0 }),
         },
         leaves: Leaves {

@@ -61,6 +61,7 @@ impl GrowthMotion {
     pub fn prepare(asset: &mut Asset) {
         for object in &mut asset.meshes {
             object.motion = MeshMotion::Deforming;
+            // Joints cannot lengthen an axis: every frame has points of its own.
             object.skin = None;
         }
         asset.instancers.iter_mut().for_each(|i| i.motion = InstancerMotion::Free);
@@ -70,6 +71,7 @@ impl GrowthMotion {
     /// Share of the growth time at a time of the clip.
     fn share(&self, seconds: f64) -> f32 {
         let GrowthClip { shares: [from, to], seconds: whole } = self.clip;
+        // A clip of one frame shows the end of the growth.
         let t = if whole > 0.0 { (seconds / whole).clamp(0.0, 1.0) } else { 1.0 };
         narrow(from + (to - from) * t)
     }
@@ -95,6 +97,7 @@ impl GrowthMotion {
 pub(super) fn organs_by_instancer(plant: &Plant, materials: &PlantMaterials) -> Vec<Vec<usize>> {
     let mut numbers = std::collections::BTreeMap::new();
     plant.organs.iter().enumerate().for_each(|(i, o)| {
+        // Organs keep their ids when they are grouped by instancer, not their indices.
         numbers.insert(o.id, i);
     });
     let index = |o: &&osier_scene::plant::Organ| numbers.get(&o.id).copied();
@@ -118,6 +121,7 @@ impl AssetMotion for GrowthMotion {
         let mesh_frame = |object: &osier_scene::MeshObject| MeshFrame::Points {
             points: young.points(&object.mesh.points, &self.bindings),
             normals: object.mesh.normals.clone(),
+            // Growth is too slow to blur.
             velocities: Vec::<Vec3>::new(),
         };
         let state =

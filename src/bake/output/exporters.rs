@@ -21,11 +21,13 @@ pub fn bake_exporters(
     frames: &[u32],
 ) -> Vec<NamedExporter> {
     let mut options = export_options(recipe);
+    // Of the files that hold one frame each, the first of this bake, which need not be the clip's.
     options.usd.first = frames.first().copied();
     let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
     let mut writers: Vec<NamedExporter> =
         recipe.output.keys.formats.iter().flat_map(|f| open_format_writers(f.0, &job)).collect();
     if !recipe.output.wind.grids.is_empty() {
+        // Last: files of the wind belong to no format of the list.
         writers.push(NamedExporter { name: "wind", exporter: Box::new(air::Air::new(folder.clone())) });
     }
     writers
@@ -44,6 +46,7 @@ pub fn file_exporter(
     let mut options = export_options(recipe);
     options.gltf_profiles = vec![if web { gltf::Profile::Web } else { gltf::Profile::Blender }];
     let job = ExportJob { folder, textures: Arc::clone(textures), options: &options, file: Some(name) };
+    // A single file has one writer; formats of several profiles got one above.
     open_format_writers(format, &job).into_iter().next()
 }
 
@@ -160,6 +163,7 @@ fn gltf_profile(profile: GltfProfile) -> gltf::Profile {
 /// The channels of `output.gltf.channels`: a preset, or four words.
 fn wind_channels(words: &[WindWord]) -> Option<gltf::WindChannels> {
     let preset = match words {
+        // O3DE continues CryEngine's vertex colours.
         [WindWord::Crysis | WindWord::O3de] => Some(gltf::WindChannels::CRYSIS),
         [WindWord::Unity] => Some(gltf::WindChannels::UNITY),
         [WindWord::Godot] => Some(gltf::WindChannels::GODOT),

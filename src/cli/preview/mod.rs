@@ -33,6 +33,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
+    // A picture of layers has its own size and no space to look around in.
     if let Some((recipe, report)) = source::layered_picture(context, args)? {
         context.console.report(&report);
         return write_layers(context, args, recipe, &flags, !report.diagnostics.is_empty());
@@ -43,6 +44,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
     if args.view.is_none() && is_plane_drawing(&args.source, &context.limits)? {
         flags.options.view = Some(flags::front());
     }
+    // Each L-system of a file gets a small picture of the sheet.
     if entries.len() > 1 && args.size.is_none() && !flags.is_sheet() {
         flags.options.size = [320, 320];
     }

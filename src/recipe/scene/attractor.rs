@@ -116,6 +116,7 @@ impl Resolver<'_> {
         let path = format!("clouds.{name}");
         let reported = self.report.diagnostics.len();
         let keys = self.read_keys::<AttractorKeys>(table, &path);
+        // `ifs` may be the key that could not be read; that it is missing as well would mislead.
         if keys.ifs.is_none() && self.report.diagnostics.len() > reported {
             return None;
         }
@@ -174,6 +175,7 @@ impl Resolver<'_> {
                 .push(Diagnostic::error("S005", text, reference.span, "this table").help("take one with 7 columns"));
             return None;
         }
+        // Areas as probabilities cover a leaf or a bark evenly, whatever the column says.
         self.study(&system, system.weights.unwrap_or(WeightRule::Det), &sources)?;
         Some(system)
     }
@@ -182,6 +184,7 @@ impl Resolver<'_> {
     fn study_other_systems(&mut self, file: &ReferencedFile, drawn: &Ifs) {
         let Ok((mut systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
         for system in systems.iter_mut().filter(|s| s.name != drawn.name) {
+            // A system is studied with its condensation meshes, whose points are part of its attractor.
             if self.import_set_meshes(system, file, &sources).is_some()
                 && let Some(study) = self.study(system, system.weights.unwrap_or(WeightRule::File), &sources)
                 && let Err(escaped) = extent(system, &study)
@@ -246,6 +249,7 @@ impl Resolver<'_> {
                 self.report.extend(*faults);
                 None
             }
+            // A study reads nothing, so that it fails with faults of its input only.
             Err(_) => None,
         }
     }

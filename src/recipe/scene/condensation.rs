@@ -54,6 +54,7 @@ impl Resolver<'_> {
 
     fn import_set_mesh(&mut self, model: &mut MeshReference, file: &ReferencedFile) -> Result<Imported, Box<Report>> {
         let limit = self.request.limits.get("mesh-bytes");
+        // Without a place: the caller adds that of the table's line.
         let about = |d: Diagnostic| Box::new(Report { diagnostics: vec![d], ..Report::default() });
         let library = &self.request.library;
         let found = library
@@ -83,6 +84,7 @@ pub fn set_letters(system: &Ifs) -> impl Iterator<Item = char> {
 
 /// The meshes of a tree's table as organs, in the order of the table; they keep still on what bears them.
 pub(super) fn organs(read: &SystemFile) -> Vec<OrganRecipe> {
+    // What a table puts on its words is part of the tree and as stiff: it does not flutter as leaves do.
     let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
     let organ = |(letter, mesh): (char, &Arc<Imported>)| OrganRecipe {
         letter,

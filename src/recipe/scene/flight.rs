@@ -181,6 +181,7 @@ impl Resolver<'_> {
             self.in_order(table, "flight", name, pair);
         }
         let span = |key: &str| table.get(key).map_or(entry.key_span, |e| e.node.span);
+        // Faults below end nothing: the flight is assembled with what is whole, and the report refuses the scene.
         let canopy = self.canopy(&keys, span("canopy"), root, plants);
         let forms = self.forms(&keys, span("forms"));
         let starts = match (keys.release, &keys.points) {
@@ -216,6 +217,7 @@ impl Resolver<'_> {
             let mut keys = self.read_keys::<FlightZoneKeys>(t, &path);
             self.in_order(t, &path, "x", keys.x);
             self.in_order(t, &path, "z", keys.z);
+            // Each zone is a column of the table, so that equal names get numbers.
             keys.name = names.unique(&keys.name);
             zones.push(keys);
         }
@@ -232,6 +234,7 @@ impl Resolver<'_> {
             self.report.push(d.help("add [plants.NAME], or choose another release"));
         }
         if keys.canopy.is_empty() {
+            // Without names all plants of the scene take part alike.
             return (0..plants.len()).map(|i| (i, 1.0)).collect();
         }
         self.weights("flight.canopy", span, &keys.canopy, root, plants).unwrap_or_default()
@@ -240,12 +243,14 @@ impl Resolver<'_> {
     /// Weights of the forms, by their order.
     fn forms(&mut self, keys: &FlightKeys, span: Span) -> Vec<f64> {
         if keys.forms.is_empty() {
+            // Without weights the forms are equally frequent.
             return vec![1.0; FORMS.len()];
         }
         let mut weights = vec![0.0; FORMS.len()];
         for (name, weight) in &keys.forms {
             self.weight("flight.forms", name, *weight, span);
             match FORMS.iter().position(|f| f == name) {
+                // A form that is not named has weight 0: naming one chooses it alone.
                 Some(i) => weights[i] = *weight,
                 None => {
                     let d = Diagnostic::error("S005", format!("there is no form \"{name}\""), span, "unknown form");
@@ -279,6 +284,7 @@ impl Resolver<'_> {
                     return None;
                 }
             }
+            // Offsets count whole lines, comments and ends included, since diagnostics point into the text.
             at += line.len();
         }
         self.limit("catkins", starts.len() as u64, Some(reference.span));

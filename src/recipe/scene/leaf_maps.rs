@@ -30,6 +30,7 @@ impl Resolver<'_> {
     /// `[maps]`; a tile must fit its atlas.
     pub(in crate::recipe) fn maps(&mut self, root: &TomlTable) -> LeafMapKeys {
         let keys: LeafMapKeys = self.section(root, "maps");
+        // Each leaf in an atlas has a border, so that neighbours do not bleed into it.
         let most = ATLAS - 2 * BORDER;
         if keys.atlas && keys.resolution as usize > most {
             let span = span_of(root, &["maps", "resolution"]).unwrap_or(self.whole);

@@ -107,6 +107,7 @@ impl Resolver<'_> {
         let path = join(path, "morph");
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
         self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
+        // Faults from here on are the morph's; those of other tables must not stop it from being checked.
         let reported = self.report.diagnostics.len();
         let morph = self.read_keys::<MorphKeys>(table, &path);
         self.report_unused_keys(cloud, &path);
@@ -172,6 +173,7 @@ impl Resolver<'_> {
             return None;
         }
         let mut rows: Vec<Row> = Vec::new();
+        // A faulty keyframe does not end the list: the faults of all are reported in one run.
         let mut whole = true;
         for (i, node) in list.iter().enumerate() {
             match self.read_keyframe(name, &format!("{path}.{i}"), node, keys, &rows) {
@@ -201,9 +203,9 @@ impl Resolver<'_> {
         let same = |r: &&Row| r.key.ifs.as_ref().map(|r| &r.text) == key.ifs.as_ref().map(|r| &r.text);
         let again = known.iter().find(|r| same(r) && r.key.system == key.system);
         let cloud = match again {
-            // A table that comes back was judged before.
             Some(row) => row.cloud.clone(),
             None => {
+                // Points and colours are the cloud's for all tables; only the table and its system differ.
                 let keys = AttractorKeys { ifs: key.ifs.clone(), system: key.system.clone(), ..keys.clone() };
                 self.attractor(NamedTable { name, path, id: String::new() }, node.span, keys)?
             }
@@ -221,6 +223,7 @@ impl Resolver<'_> {
             }
         }
         for row in rows {
+            // No number means no turns, one number holds for every map.
             let (n, m) = (row.key.turns.len(), row.cloud.system.maps.len());
             if n > 1 && n != m {
                 let text = format!("{n} numbers of turns for {m} maps");
@@ -264,6 +267,7 @@ impl Resolver<'_> {
                 let at = a + (b - a) * f64::from(i) / f64::from(CONTRACTION_CHECKS);
                 let shares = morph.study(at).probabilities;
                 let mut system = morph.system(at);
+                // The study takes weights as they stand; the interpolated ones are already probabilities.
                 for (map, p) in system.maps.iter_mut().zip(shares) {
                     map.weight = Some(p);
                 }

@@ -190,6 +190,7 @@ impl PartialEq for OutputFormat {
 
 impl Choice for OutputFormat {
     const ALL: &'static [(&'static str, Self)] = &{
+        // Constants cannot collect iterators: the array is filled by a loop.
         let mut all = [("", Self(&usd::FORMAT)); FORMATS.len()];
         let mut i = 0;
         while i < all.len() {

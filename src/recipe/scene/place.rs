@@ -68,6 +68,7 @@ const REGIONS: [&str; 5] = ["radius", "area", "along", "outline", "ring"];
 impl Resolver<'_> {
     pub(in crate::recipe) fn places(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
         let Some(entry) = root.get("place") else {
+            // A scene without any place shows each plant once; one with scatters shows those alone.
             return if root.get("scatter").is_none() { default_places(plants) } else { Vec::new() };
         };
         let TomlValue::List(list) = &entry.node.value else {
@@ -88,6 +89,7 @@ impl Resolver<'_> {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
+        // Line, mask and plant are all checked before the first fault ends the place, so that each is reported in one run.
         let mut keys = self.read_keys::<PlaceKeys>(table, &path);
         let line = self.line(table, node.span, &path, &mut keys);
         let mask = self.place_mask(table, &path, &keys);
@@ -116,6 +118,7 @@ impl Resolver<'_> {
         }
         if keys.plant.is_empty() {
             if declared.len() == 1 {
+                // The one plant may have had faults of its own, which are reported.
                 return (!plants.is_empty()).then_some(0);
             }
             let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
@@ -133,6 +136,7 @@ impl Resolver<'_> {
     /// Positions of the copies along a line, from `at`; none for a group. Sets `count` where the spacing gives it. `None` after an error.
     fn line(&mut self, table: &TomlTable, place: Span, path: &str, keys: &mut PlaceKeys) -> Option<Vec<[f64; 3]>> {
         // A place has one region.
+        // An empty list for `along` counts as absent: a place is then a group.
         let is_set = |key: &&&str| **key != "along" || !keys.along.is_empty();
         let given: Vec<_> = REGIONS.iter().filter(is_set).filter_map(|key| table.get(key)).collect();
         if let [first, second, ..] = given[..] {
@@ -149,6 +153,7 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
             self.report.push(d.help("copies of a group stand at random anyway; give a line: along, outline or ring"));
         }
+        // A rectangle and a circle are lines whose end meets their start.
         let corners = match (keys.outline, keys.ring) {
             _ if !is_line => return Some(Vec::new()),
             (Some(size), _) => rectangle(size),
@@ -210,6 +215,7 @@ impl Resolver<'_> {
             return None;
         }
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg", ".exr"])?;
+        // Copies are drawn by brightness: of a black picture none could ever be.
         let mask = self.grey(&file)?;
         if mask.values.iter().all(|v| *v <= 0.0) {
             let text = format!("{path}.mask is black everywhere");
@@ -234,6 +240,7 @@ impl Resolver<'_> {
         } else {
             return;
         };
+        // Trees that share an individual are the same mesh, which cannot fit two places.
         let places = keys.count;
         let text = format!(
             "{path}: plant \"{}\" {why} but stands in {places} places as {count} individual{}",
@@ -292,6 +299,7 @@ fn whole(v: f64) -> u32 {
 /// `count` positions at equal distances along a line; on an open one the first and the last stand at its ends, a single one in its middle.
 fn by_count(corners: &[[f64; 3]], count: u32, closed: bool) -> Vec<[f64; 3]> {
     let total = length(corners);
+    // A closed line has as many intervals as copies, an open one has one fewer.
     let share = |k: u32| match (closed, count) {
         (true, n) => f64::from(k) / f64::from(n),
         (false, 1) => 0.5,

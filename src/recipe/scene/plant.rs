@@ -167,6 +167,7 @@ struct GrammarChoice<'a> {
 
 /// Hairs have no roots: they neither widen at their foot nor reach into the ground, unless the scene says so.
 fn tuft_defaults(plant: &TomlTable, skin: &mut SkinKeys) {
+    // Only defaults are replaced: what the scene says of its skin stays.
     let given = |key: &str| matches!(plant.get("skin").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
     for (key, value) in [("bury", &mut skin.bury), ("flare", &mut skin.flare)] {
         if !given(key) {
@@ -194,6 +195,7 @@ pub(crate) fn no_grammar(name: &str, kind: FileKind, span: Span) -> Diagnostic {
 
 /// Leaves that one table draws with the same keys are drawn once, whatever plants bear them.
 fn share_leaves(plants: &mut [PlantRecipe]) {
+    // The digest covers what the scene hash covers: organs that differ in any key may be drawn differently.
     let digest = |o: &OrganRecipe| {
         let mut hasher = blake3::Hasher::new();
         o.keys.digest(&mut hasher);
@@ -203,6 +205,7 @@ fn share_leaves(plants: &mut [PlantRecipe]) {
     for organ in plants.iter_mut().flat_map(|p| &mut p.organs) {
         let Some(table) = &organ.ifs else { continue };
         let keys = digest(organ);
+        // Scenes have few organs: a list that is searched is enough.
         match known.iter().find(|(t, k, _)| *k == keys && t == table) {
             Some((.., drawn)) => organ.drawn = Arc::clone(drawn),
             None => known.push((Arc::clone(table), keys, Arc::clone(&organ.drawn))),
@@ -233,6 +236,7 @@ impl Resolver<'_> {
         let Some(table) = self.table(root, "", "plants") else {
             if !self.report.has_errors()
                 && ["clouds", "terrain", "layer", "catkin", "rod"].iter().all(|t| root.get(t).is_none())
+                // A scene may show nothing and still write the wind.
                 && span_of(root, &["output", "wind"]).is_none()
             {
                 let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
@@ -246,6 +250,7 @@ impl Resolver<'_> {
                 self.report.push(*wrong(&format!("plants.{}", entry.key), &entry.node, "a table"));
                 continue;
             };
+            // The name is taken even if the plant turns out faulty: the ids of later plants do not depend on it.
             let id = names.unique(&entry.key);
             plants.extend(self.plant(&entry.key, id, entry.key_span, plant));
         }
@@ -257,7 +262,9 @@ impl Resolver<'_> {
         let path = format!("plants.{name}");
         let reported = self.report.diagnostics.len();
         let mut keys = self.read_keys::<PlantKeys>(table, &path);
+        // A key that names the source may be among the misread ones; its absence is then no second fault.
         let misread = self.report.diagnostics.len() > reported;
+        // The command line comes before the scene, a plant's own keys before those of the scene.
         keys.steps = self.request.steps.or(keys.steps);
         keys.season = keys.season.or(self.season);
         keys.latitude = keys.latitude.or(self.latitude);
@@ -270,6 +277,7 @@ impl Resolver<'_> {
         let wood = self.section_at(table, &path, "wood");
         let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
         self.settle_forms(table, &path, &mut keys, &mut skin);
+        // From here on `?` ends the plant: what is missing has been reported.
         let grains = [self.bark_grain_table(&bark)?, self.bark_grain_table(&shoot)?];
         for (name, file, help) in [
             ("import", &keys.mesh, "it sets how a mesh is read: name one with mesh = \"FILE\""),
@@ -314,6 +322,7 @@ impl Resolver<'_> {
         let (growth, source, mut letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.import_plant_mesh(&keys, &path, table)?;
+                // All leaves of a mesh are one organ, which exists for its flutter alone.
                 let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
                 organs = vec![OrganRecipe { keys: flutter, ..OrganRecipe::blade('l') }];
                 (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
@@ -337,6 +346,7 @@ impl Resolver<'_> {
                         organs.push(OrganRecipe { surface: Some(Arc::clone(surface)), ..OrganRecipe::blade(*letter) });
                     }
                 }
+                // A view describes all of its surfaces: no letter gets a default blade.
                 letters.retain(|_| !is_drawn);
                 (Growth::Grammar(Box::new(grammar)), file.shown, letters)
             }
@@ -344,6 +354,7 @@ impl Resolver<'_> {
                 let mut tree: IfsTreeKeys = self.section_at(table, &path, "tree");
                 let (stems, source, sets) = self.tree_system(reference, &tree)?;
                 tree.twigs &= self.can_instance_twigs(table, &path, &stems, &tree, &keys, rods.is_some());
+                // Condensation sets of the table replace the organs of their letters.
                 organs.retain(|o| sets.iter().all(|s| s.letter != o.letter));
                 organs.extend(sets);
                 (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
@@ -439,6 +450,7 @@ impl Resolver<'_> {
     /// S003 for segments that are to be shown as an organ that the plant does not have.
     fn check_segment_organ(&mut self, plant: &TomlTable, path: &str, skin: &SkinKeys, organs: &[OrganRecipe]) {
         let mut letters = skin.segment.chars();
+        // An empty word means prisms, which need no organ.
         let (Some(letter), rest) = (letters.next(), letters.next()) else { return };
         let known = organs.iter().any(|o| o.letter == letter && o.letter != CARD);
         if known && rest.is_none() {
@@ -542,6 +554,7 @@ impl Resolver<'_> {
         // Twigs can be instances only where each map of the table is a rotation with uniform scale and nothing needs single leaves.
         let sheared = sheared(stems);
         let why = match sheared {
+            // Only the first reason that holds is told.
             _ if rods => "each branch bends on its own as a rod".to_owned(),
             _ if tree.lod > 0 => "this lod replaces them by billboards".to_owned(),
             _ if self.raining => "rain needs each leaf on its own".to_owned(),
@@ -550,6 +563,7 @@ impl Resolver<'_> {
             Some(i) => format!("map {} is not a rotation with uniform scale", i + 1),
             None => return true,
         };
+        // Silent where twigs were not asked for.
         if tree.twigs {
             let span = span_of(plant, &["tree", "twigs"]).unwrap_or(self.whole);
             let d = Diagnostic::warning("S007", format!("{path}.tree.twigs has no effect"), span, "has no effect");
@@ -573,6 +587,7 @@ impl Resolver<'_> {
             );
         }
         let import: ImportedMeshKeys = self.section_at(table, path, "import");
+        // An empty pattern would be part of every name, and all of the mesh a leaf.
         if words(&import.leaf_pattern).is_empty() {
             let span = span_of(table, &["import", "leaf_pattern"]).unwrap_or(self.whole);
             let text = format!("{path}.import.leaf_pattern names no word");
@@ -617,6 +632,7 @@ impl Resolver<'_> {
         if let Some(table) = self.table(plant, path, "organs") {
             for e in &table.entries {
                 let full = format!("{path}.organs.{}", e.key);
+                // `char`s, not bytes: any letter of Unicode names an organ.
                 let mut letters = e.key.chars();
                 match (&e.node.value, letters.next(), letters.next()) {
                     (TomlValue::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
@@ -665,6 +681,7 @@ impl Resolver<'_> {
             let span = span_of(table, &[key]).unwrap_or(self.whole);
             self.report.push(Diagnostic::error("S003", format!("{path}.{key} {text}"), span, "this list").help(help));
         };
+        // Both lists are judged: two faults may be told of one organ.
         if colors > MAX_AUTUMN_COLORS {
             let text = format!("has {colors} colors, but may have {MAX_AUTUMN_COLORS}");
             refuse("autumn", text, "each color is a material with pictures of its own: leave out similar ones");
@@ -698,11 +715,13 @@ impl Resolver<'_> {
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
         // Includes are resolved beside the file that names them; the bytes of each take part in the scene hash.
+        // Files are known to the grammar by the names that are shown; their paths are kept here.
         let mut paths = BTreeMap::from([(file.shown.clone(), file.path.clone())]);
         let inputs = &mut self.inputs;
         let mut includes = |reference: &str, from: &str| {
             let beside = paths.get(from).cloned().unwrap_or_default();
             let found = library.find_beside(&beside, reference, limit).map_err(|why| {
+                // The reader of grammars knows only errors of opening a file; the reason becomes its text.
                 let missing = std::io::Error::other(why.to_string());
                 Error::io("open", reference, missing)
             })?;
@@ -729,6 +748,7 @@ impl Resolver<'_> {
 
     /// S007 for values that no #define of the grammar takes.
     fn report_unused_defines(&mut self, grammar: &Grammar, keys: &PlantKeys) {
+        // Values are laid over the grammar by name, so that a misspelt one would pass without a word.
         let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
         for (name, _) in keys.set.iter().filter(|(name, _)| !known.contains(&name.as_str())) {
             let near = nearest(name, known.iter().copied());
@@ -778,6 +798,7 @@ impl Resolver<'_> {
         };
         let mut imported = osier_import::read(&file.path, &file.bytes, &options)?;
         self.report.extend(std::mem::take(&mut imported.warnings));
+        // The first file is the mesh itself, which `read` has counted.
         self.inputs.extend(imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3)));
         Ok(imported)
     }

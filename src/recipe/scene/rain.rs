@@ -230,6 +230,7 @@ impl Resolver<'_> {
         // The preset of the paper replaces defaults, never keys that the scene gives.
         apply_paper_defaults(&mut rain, table);
         self.check_contact_angles(&rain.drop, table);
+        // Times must rise strictly: two factors at one time would be a jump, which has no rate in between.
         if rain.keys.envelope == RainEnvelope::Keys
             && (rain.keys.envelope_keyframes.is_empty()
                 || rain.keys.envelope_keyframes.windows(2).any(|k| k[1][0] <= k[0][0]))
@@ -288,6 +289,7 @@ fn apply_paper_defaults(rain: &mut RainRecipe, table: &TomlTable) {
         return;
     }
     let said = |section: &str, key: &str| {
+        // A key counts as given even if its value is the default: the scene then insists on it.
         let at = if section.is_empty() { Some(table) } else { subtable(table, section) };
         at.is_some_and(|t| t.get(key).is_some())
     };

@@ -146,6 +146,7 @@ impl Resolver<'_> {
             }
         }
         // A clip keeps a position and a rotation of every section for every frame.
+        // Rods that choose their number of sections take at most 16.
         let sections = rods.iter().map(|r| u64::from(r.keys.sections.unwrap_or(16))).sum::<u64>();
         let keys = sections.saturating_mul(self.frames);
         if let Err(e) = self.request.limits.check("motion-keys", keys, "the number of sections of rods times frames") {
@@ -162,6 +163,7 @@ impl Resolver<'_> {
         };
         let keys = self.read_keys::<RodKeys>(table, &path);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
+        // Points closer than 0.01 mm are taken for the same one: the axis has no direction between them.
         let apart = |p: &[[f64; 3]]| (0..3).map(|k| (p[1][k] - p[0][k]) * (p[1][k] - p[0][k])).sum::<f64>();
         if keys.points.len() < 2 || keys.points.windows(2).any(|p| apart(p) < 1e-10) {
             let text = format!("[[rod]] {} needs two points or more, none twice in a row", i + 1);
@@ -185,6 +187,7 @@ impl Resolver<'_> {
 
     /// Index of the rod of a name, among those before.
     fn carrier_rod(&mut self, name: &str, span: Span, before: &[RodRecipe]) -> Option<usize> {
+        // Only rods above this one are searched, so that no rod can carry itself through others.
         let found = before.iter().position(|r| r.keys.name == name);
         if found.is_none() {
             let d =
@@ -221,6 +224,7 @@ impl Resolver<'_> {
         let r = keys.radius[0];
         let unit = std::f64::consts::PI * r * r * r * r;
         let young = keys.bending_stiffness.map_or(keys.elasticity, |ei| 4.0 * ei / unit);
+        // Isotropic materials have a ratio of 1/3 to 1/2, wood about 1/15; outside of the range one stiffness is a slip.
         if let Some(ratio) =
             keys.torsional_stiffness.map(|gj| 2.0 * gj / unit / young).filter(|q| !(0.02..=0.5).contains(q))
         {
@@ -261,6 +265,7 @@ impl Resolver<'_> {
                     None
                 }
             };
+            // One faulty table makes the whole list `None`, but the rest is still read for its faults.
             all = all.zip(made).map(|(mut all, made)| {
                 all.push(made);
                 all

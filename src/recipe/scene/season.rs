@@ -52,6 +52,7 @@ impl PlantRecipe {
     pub fn seasons(&self) -> Option<[f64; 2]> {
         let site = match &self.growth {
             Growth::Species(species) => species.site.latitude,
+            // Of what grows a plant, only a species has a site.
             _ => LATITUDE,
         };
         let latitude = self.keys.latitude.unwrap_or(site);
@@ -81,8 +82,10 @@ impl SeasonType {
 /// The day of the year of `MM-DD`, 1..=365; 29 February counts as 28 February.
 fn day_of_date(text: &str) -> Option<u16> {
     let (month, day) = text.split_once('-')?;
+    // `parse` alone would take "+1" and "1".
     let digits = |t: &str| (t.len() == 2 && t.bytes().all(|b| b.is_ascii_digit())).then(|| t.parse::<u16>().ok());
     let (month, day) = (usize::from(digits(month)??), digits(day)??);
+    // Days before the month; the entry after it ends the month, so that the last one belongs to no month.
     let before = *MONTHS.get(month.checked_sub(1)?)?;
     let length = *MONTHS.get(month)? - before;
     let day = if (month, day) == (2, 29) { 28 } else { day };
@@ -119,6 +122,7 @@ impl ValueType for SeasonType {
     fn digest(&self, value: &SeasonSpan, hasher: &mut blake3::Hasher) {
         for time in [value.first, value.last] {
             match time {
+                // The tag keeps season 1 and day 1 apart.
                 SeasonTime::Season(season) => (0_u32, season).digest(hasher),
                 SeasonTime::Day(day) => (1_u32, u32::from(day)).digest(hasher),
             }

@@ -211,6 +211,7 @@ impl Resolver<'_> {
         path: &str,
         name: &str,
     ) -> Option<ShapeKeys> {
+        // Only errors reported from here on make the keys faulty: neither warnings, nor errors of other tables.
         let before = self.report.diagnostics.len();
         let parsed = self.parse_file(file)?;
         let merged = self.laid_over(parsed, plant, path, name);
@@ -235,6 +236,7 @@ impl Resolver<'_> {
             self.report
                 .push(d.help("write [ratio, weight] with ratios up to 1: [[0.78, 0.25], [0.84, 0.5], [0.9, 0.25]]"));
         }
+        // Attraction of 0 at every order is the same as none.
         let guided = keys.attract.iter().any(|a| *a != 0.0);
         for (key, useless, needs) in [
             ("attract", guided && keys.envelope.is_empty(), "an `envelope`, in which the points lie"),
@@ -269,5 +271,6 @@ impl Resolver<'_> {
 pub(in crate::recipe) fn solid_names(root: &TomlTable) -> Vec<String> {
     let Some(TomlValue::List(list)) = root.get("solid").map(|e| &e.node.value) else { return Vec::new() };
     let tables = list.iter().filter_map(|node| if let TomlValue::Table(t) = &node.value { Some(t) } else { None });
+    // Names only: faults of solids are reported when they are resolved.
     tables.map(|t| SolidKeys::read(Some(t), "solid", &mut Report::default()).name).collect()
 }

@@ -77,6 +77,7 @@ keys! {
 impl SiteKeys {
     /// Whether another tree has the same sky and stands among the same solids.
     fn has_sky_of(&self, other: &Self) -> bool {
+        // Ages and seasons of a clip belong to the tree, not to its sky.
         let keys = |k: &Self| (k.side, k.latitude, k.direct, k.solids);
         keys(self) == keys(other)
     }
@@ -124,6 +125,7 @@ impl ValueType for HabitValue<'_> {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
         let key = self.0;
+        // Habits are kept in single precision, but checked as written.
         let one = |n: &TomlNode| {
             let v = finite_number(name, n)?;
             if (key.min..=key.max).contains(&v) { Ok(v) } else { Err(outside(name, n, &v.to_string(), &self.range())) }
@@ -157,6 +159,7 @@ impl ValueType for HabitValue<'_> {
             Arity::Two => ("2 numbers", format!("[{list}]"), ValueKind::Vector, json!(defaults)),
             Arity::PerOrder => ("numbers by order of axes", format!("[{list}]"), ValueKind::List, json!(defaults)),
         };
+        // A form of length 0 is a list of any length.
         let length = if key.arity == Arity::Two { 2 } else { 0 };
         let form = ValueForm { length, ..ValueForm::new(kind, value).within(key.min, key.max) };
         KeyListing { accepts: format!("{accepts}, {}", self.range()), default, unit: key.unit, form }
@@ -229,6 +232,7 @@ impl Resolver<'_> {
         }
         let stand = match (stand_of_file, plant.get("stand").is_some()) {
             (None, false) => None,
+            // Neighbours of the file are kept where the plant only changes some of their keys.
             (file, _) => {
                 let table = file.and_then(|e| if let TomlValue::Table(t) = e.node.value { Some(t) } else { None });
                 let merged = self.laid_over(table.unwrap_or_default(), plant, path, "stand");
@@ -237,6 +241,7 @@ impl Resolver<'_> {
         };
         let site: SiteKeys = self.section_at(plant, path, "site");
         let side = site.side.iter().map(|v| v * v).sum::<f64>();
+        // Each component is within its own range; only all three together can be too long.
         if side > MAX_SIDE * MAX_SIDE {
             let span = span_of(plant, &["site", "side"]).unwrap_or(self.whole);
             let d = Diagnostic::error("S003", format!("{path}.site.side is too long"), span, "too long");
@@ -291,7 +296,9 @@ impl Resolver<'_> {
         }
         let clear = f64::from(habit.clear_stem);
         let top = |p: &PruneKeys| p.keep.iter().map(|corner| corner[1]).fold(0.0, f64::max);
+        // Height of the lowest cut by a box; without one it is infinite, and no stem is too high for it.
         let hedge = prunes.iter().filter(|p| p.solid.is_empty()).map(top).fold(f64::INFINITY, f64::min);
+        // A tree grows no higher than its longest axis, nor than the limit of its height.
         let highest = f64::from(habit.path_max.min(habit.height_max));
         let text = if clear > MAX_CLEAR_SHARE * hedge {
             format!("clear_stem takes away the branches below {clear} m of a plant that is cut at {hedge} m")
@@ -318,6 +325,7 @@ impl Resolver<'_> {
         let mut told: Vec<&str> = Vec::new();
         for plant in places.iter().filter(|p| p.keys.together).filter_map(|p| plants.get(p.plant)) {
             let Growth::Species(species) = &plant.growth else { continue };
+            // Every plant is compared with the first; one diagnostic per plant, however many places name it.
             let (other, site) = *first.get_or_insert((plant, &species.site));
             if site.has_sky_of(&species.site) || told.contains(&plant.name.as_str()) {
                 continue;
@@ -359,6 +367,7 @@ impl Resolver<'_> {
             }
             let renamed = named.map(|_| {
                 let mut renamed = table.clone();
+                // The entry keeps its place in the text, so that faults of its value point there.
                 renamed.entries.iter_mut().filter(|e| e.key == "keep").for_each(|e| e.key = "solid".into());
                 renamed
             });

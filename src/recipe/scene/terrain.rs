@@ -87,6 +87,7 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn terrain(&mut self, root: &TomlTable) -> Option<TerrainRecipe> {
         let table = self.table(root, "", "terrain")?;
         let keys = self.read_keys::<TerrainKeys>(table, "terrain");
+        // The size of a height map is not known before it is read; a generated terrain has 2^subdivisions cells along a side.
         let most = if keys.file.is_some() { 8192 } else { 1_u32 << keys.subdivisions };
         if let Some(entry) = table.get("stride").filter(|_| !keys.stride.is_power_of_two() || keys.stride > most) {
             let text = format!("terrain.stride is {}, but must be a power of two up to {most}", keys.stride);
@@ -102,6 +103,7 @@ impl Resolver<'_> {
             }
             None => None,
         };
+        // Without a file the terrain is generated; what only files have is said to be without effect.
         let Some(reference) = &keys.file else {
             self.ignore_terrain_keys(table, OF_FILES, "only a terrain of a file has it: file = \"hills.png\"");
             // Heights along a side are 2^n + 1; a mesh with stride s has (2^n / s)^2 cells of two triangles.
@@ -113,6 +115,7 @@ impl Resolver<'_> {
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &endings)?;
         self.ignore_terrain_keys(table, GENERATED, "only a generated terrain has it: leave it or `file` out");
         let ending = reference.text.to_ascii_lowercase();
+        // Pictures are height maps, all other endings are meshes.
         let land = if ending.ends_with(".png") || ending.ends_with(".exr") {
             self.terrain_map(&file, reference.span, table, &keys)?
         } else {
@@ -165,6 +168,7 @@ impl Resolver<'_> {
             self.report.push(d.help("export it with 16 bits or as EXR, or smooth the steps: smooth = 3"));
         }
         let stride = keys.stride.max(1) as usize;
+        // To within one cell a side what the land will have, which rounds where a stride does not divide.
         let cells = |n: usize| ((n - 1) / stride).max(1) as u64;
         self.limit("triangles", 2 * cells(map.width) * cells(map.height), Some(span));
         Some(TerrainFile::Map(std::sync::Arc::new(map)))
@@ -194,6 +198,7 @@ impl Resolver<'_> {
         match read {
             Ok(held) => Some(held),
             Err(osier_base::Error::Input(mut faults)) => {
+                // A picture or a mesh of bytes has no lines to point at: its faults get the place that names it.
                 for d in faults.diagnostics.iter_mut().filter(|d| d.labels.is_empty()) {
                     d.labels.push((span, "this file".into()));
                 }
@@ -238,6 +243,7 @@ impl Resolver<'_> {
             self.in_order(table, &path, name, pair);
         }
         let span = table.get("plants").map_or(node.span, |e| e.node.span);
+        // A scatter chooses among its plants by weight, so that it has to name them; a place may leave the only one unnamed.
         if keys.plants.is_empty() {
             let d = Diagnostic::error("S006", format!("[[{path}]] names no plant"), span, "no plants here");
             self.report.push(d.help("add plants = { NAME = 1 }"));
@@ -282,6 +288,7 @@ impl Resolver<'_> {
         root: &TomlTable,
         plants: &[PlantRecipe],
     ) -> Option<Vec<(usize, f64)>> {
+        // Names as written: `plants` holds only those without faults.
         let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
             Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),

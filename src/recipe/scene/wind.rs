@@ -97,6 +97,7 @@ impl Resolver<'_> {
             self.report.push(d.help("write one more [[wind.add]]"));
         }
         let keys = self.read_keys::<WindKeys>(table, &path);
+        // An added wind is a formula that can be evaluated at any point and time; a lattice must be stepped through the clip.
         let own = table.get("lattice").map(|e| e.key_span);
         let model = table.get("model").filter(|_| keys.model == WindModel::Lattice).map(|e| e.node.span);
         if let Some(at) = own.or(model) {
@@ -109,6 +110,7 @@ impl Resolver<'_> {
     /// A given speed wins over a number of Beaufort's scale.
     fn resolve_speed(&mut self, mut keys: WindKeys, path: &str, table: Option<&TomlTable>) -> WindKeys {
         let span = |key: &str| table.and_then(|t| span_of(t, &[key]));
+        // Only a number that is written counts, since the key has no default.
         if let Some((number, at)) = keys.beaufort.zip(span("beaufort")) {
             if span("speed").is_some() {
                 let text = format!("{path}.beaufort is {number}, but {path}.speed is given, too");
@@ -192,6 +194,7 @@ impl Resolver<'_> {
     /// The largest speed of a curve is the wind's.
     fn apply_speed_curve(&mut self, parent: &TomlTable, table: &TomlTable, keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("speed_curve").filter(|_| !keys.speed_curve.is_empty()) else { return };
+        // The lattice is laid out for its fastest wind; the curve becomes a factor of at most 1 on it.
         let most = keys.speed_curve.iter().map(|row| row[1]).fold(0.0, f64::max);
         if !(FASTEST[0]..=FASTEST[1]).contains(&most) {
             let text = format!("the largest speed of wind.lattice.speed_curve is {most} m/s");

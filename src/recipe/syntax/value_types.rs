@@ -49,6 +49,7 @@ impl Unit {
             return value;
         }
         let written = value / self.factor * self.divisor;
+        // Converting there and back may change the last bit; 15 digits restore what was written.
         format!("{written:.14e}").parse().unwrap_or(written)
     }
 }
@@ -110,6 +111,7 @@ impl NumberType {
     }
 
     fn checked(&self, name: &str, node: &TomlNode) -> Result<f64, Fault> {
+        // Ranges are in the unit of the file, so that messages show the numbers that the artist wrote.
         let v = finite_number(name, node)?;
         if v < self.min || v > self.max {
             return Err(outside(name, node, &v.to_string(), &self.range()));
@@ -120,6 +122,7 @@ impl NumberType {
     fn range(&self) -> String {
         let symbol = self.unit.symbol;
         let unit = if symbol.is_empty() { String::new() } else { format!(" {symbol}") };
+        // Bounds of 1e9 and more stand for no bound.
         match (self.min > -1e9, self.max < 1e9) {
             (true, true) => format!("{} to {}{unit}", self.min, self.max),
             (true, false) => format!("at least {}{unit}", self.min),
@@ -201,6 +204,7 @@ impl ValueType for IntegerType {
         let TomlValue::Integer(i) = node.value else { return Err(wrong(name, node, "a whole number")) };
         match u32::try_from(i) {
             Ok(v) if v >= self.min && v <= self.max => Ok(v),
+            // A negative number fails the conversion, a large one the comparison: both lie outside.
             _ => Err(outside(name, node, &i.to_string(), &format!("{} to {}", self.min, self.max))),
         }
     }
@@ -230,6 +234,7 @@ impl ValueType for IntegerList {
         Vec::new()
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<u32>, Fault> {
+        // The bounds are checked for each number by the type of a single one; its default is never used.
         let one = integer(self.0, self.0, self.1);
         let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of whole numbers")) };
         let mut out: Vec<u32> = list.iter().map(|n| one.read(name, n)).collect::<Result<_, _>>()?;
@@ -292,6 +297,7 @@ impl ValueType for SeedType {
             TomlValue::Integer(i) => {
                 u64::try_from(*i).map_err(|_| outside(name, node, &i.to_string(), "0 to 18446744073709551615"))
             }
+            // TOML's integers end at 2^63 - 1: larger seeds are written as text.
             TomlValue::Text(t) => t.parse().map_err(|_| wrong(name, node, "a whole number")),
             _ => Err(wrong(name, node, "a whole number")),
         }
@@ -302,6 +308,7 @@ impl ValueType for SeedType {
             default: self.0.to_string(),
             unit: "",
             form: ValueForm {
+                // Forms hold their ranges as `f64`, so that the upper bound is 2^64.
                 range: [Some(0.0), Some(u64::MAX as f64)],
                 ..ValueForm::new(ValueKind::Whole, json!(self.0))
             },
@@ -427,6 +434,7 @@ impl<W: Choice + PartialEq> ValueType for ListOf<W> {
         self.0.to_vec()
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<W>, Fault> {
+        // The first default stands in for any: `OneOf` reads without it.
         let one = OneOf(self.0[0]);
         let TomlValue::List(list) = &node.value else { return Ok(vec![one.read(name, node)?]) };
         let mut out = Vec::new();
@@ -463,6 +471,7 @@ impl<W: Choice + PartialEq> ValueType for SequenceOf<W> {
         Vec::new()
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<W>, Fault> {
+        // Repeats are kept: each entry of a sequence counts.
         let one = OneOf(self.0);
         let TomlValue::List(list) = &node.value else { return Ok(vec![one.read(name, node)?]) };
         list.iter().map(|n| one.read(name, n)).collect()
@@ -499,6 +508,7 @@ impl<const N: usize> ValueType for NumberArray<N> {
         let wanted = format!("a list of {N} numbers");
         let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, &wanted)) };
         let values: Vec<f64> = list.iter().map(|n| self.1.checked(name, n)).collect::<Result<_, _>>()?;
+        // Faults of single numbers come first: only a list of right numbers is counted.
         values.try_into().map_err(|v: Vec<f64>| {
             let message = format!("{name} has {} numbers, but must have {N}", v.len());
             Box::new(Diagnostic::error("S003", message, node.span, wanted.clone()).help(format!("write {N} numbers")))
@@ -550,6 +560,7 @@ impl ValueType for NumbersByLevel {
         }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        // The length sets lists apart whose numbers continue each other.
         value.len().digest(hasher);
         value.iter().for_each(|v| self.1.digest(v, hasher));
     }
@@ -593,6 +604,7 @@ impl ValueType for RisingPairs {
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
         let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of pairs of numbers")) };
+        // Each pair must lie in the range; only the first numbers must rise.
         let pair = NumberArray([0.0; 2], self.0);
         let rows: Vec<[f64; 2]> = list.iter().map(|n| pair.read(name, n)).collect::<Result<_, _>>()?;
         if let Some((late, _)) = list.iter().skip(1).zip(rows.windows(2)).find(|(_, w)| w[0][0] >= w[1][0]) {
@@ -623,6 +635,7 @@ impl ValueType for ColorType {
         hex(self.0).unwrap_or_default()
     }
     fn read(&self, name: &str, node: &TomlNode) -> Result<[f32; 3], Fault> {
+        // A list is linear already; text is sRGB and converted.
         if let TomlValue::List(_) = node.value {
             return Ok(NumberArray([0.0; 3], number(0.0, 0.0, 1.0, ""))
                 .read(name, node)?
@@ -674,6 +687,7 @@ fn hex(text: &str) -> Option<[f32; 3]> {
     }
     let part = |i: usize| match digits.len() {
         6 => u8::from_str_radix(digits.get(2 * i..2 * i + 2)?, 16).ok(),
+        // 0xf becomes 0xff: f x 17 = ff.
         3 => u8::from_str_radix(digits.get(i..=i)?, 16).ok().map(|v| v * 17),
         _ => None,
     };
@@ -694,11 +708,13 @@ impl<K: ValueType> ValueType for OptionalKey<K> {
         self.0.read(name, node).map(Some)
     }
     fn listing(&self) -> KeyListing {
+        // What the key accepts is what its type does; only the default is replaced by the words that describe it.
         let listing = self.0.listing();
         let form = ValueForm { default: Value::Null, ..listing.form };
         KeyListing { default: self.1.to_owned(), form, ..listing }
     }
     fn digest(&self, value: &Self::Value, hasher: &mut blake3::Hasher) {
+        // Absent and default are different choices, even where they have the same effect.
         u64::from(value.is_some()).digest(hasher);
         value.iter().for_each(|v| self.0.digest(v, hasher));
     }
@@ -829,6 +845,7 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
         let mut out = Vec::new();
         for n in list {
             let TomlValue::Table(t) = &n.value else { return Err(wrong(name, n, "a table")) };
+            // A value type returns one fault: of a table's faults the first is told.
             let mut report = Report::default();
             out.push(S::read(Some(t), name, &mut report));
             refuse_unknown(t, name, S::PATH, &known_names::<S>(&[]), &mut report);

@@ -126,6 +126,7 @@ fn copy_tile(all: &mut [f32], corner: [usize; 2], samples: &[f32], side: usize, 
         let row = &samples[from * side * channels..][..side * channels];
         let at = ((corner[1] + y - BORDER) * ATLAS + corner[0]) * channels;
         all[at..at + row.len()].copy_from_slice(row);
+        // To the left the first texel of the row, to the right the last, channel by channel.
         for k in 0..BORDER * channels {
             all[at - BORDER * channels + k] = row[k % channels];
             all[at + row.len() + k] = row[row.len() - channels + k % channels];

@@ -29,6 +29,7 @@ pub(super) mod target {
 pub(super) struct Root {
     pub asset: AssetInfo,
     #[serde(skip_serializing_if = "Vec::is_empty")]
+    // Lists that are empty must be left out: the schema wants at least one element in each.
     pub extensions_used: Vec<&'static str>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub extensions_required: Vec<&'static str>,
@@ -87,6 +88,7 @@ pub(super) struct FileExtras {
     pub fog: Option<FogExtras>,
     pub schema: u32,
     pub version: &'static str,
+    // As text: numbers of JSON are exact up to 2^53 only.
     pub seed: String,
     pub scene: SceneExtras,
     pub fps: [u32; 2],

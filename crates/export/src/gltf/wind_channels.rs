@@ -158,6 +158,7 @@ impl VertexWind {
 /// How the vertices of a mesh sway, by its attributes `wind` and `wind2`; still without them.
 pub(super) fn wind_of_mesh(mesh: &Mesh) -> Vec<VertexWind> {
     let find = |name: &str| mesh.attributes.iter().find(|a: &&Attribute| a.name == name).map(|a| &a.data);
+    // Meshes without the attributes stand still: ground, solids, hairs.
     let mut list = vec![VertexWind::STILL; mesh.points.len()];
     if let Some(AttributeData::Unit4(wind)) = find("wind") {
         for (v, [sway, phase, flutter, light]) in list.iter_mut().zip(wind) {

@@ -65,6 +65,7 @@ pub struct Spread {
 impl Spread {
     /// The spread of at least one value.
     pub fn of(values: &[f64]) -> Self {
+        // Sums run in the order of the runs, so that the same sweep has the same digits.
         let count = values.len().max(1) as f64;
         let mean = values.iter().fold(0.0, |sum, v| sum + v) / count;
         let squares = values.iter().fold(0.0, |sum, v| sum + (v - mean) * (v - mean));
@@ -139,6 +140,7 @@ impl Sweep {
     }
 
     fn csv(&self) -> String {
+        // All runs are of one scene and have the same columns.
         let names = self.runs.first().map(|r| r.numbers().map(|n| n.0).collect::<Vec<_>>()).unwrap_or_default();
         let heads: Vec<String> =
             self.keys.iter().map(|k| csv_cell(k)).chain(["seed".to_owned()]).chain(names).collect();
@@ -204,6 +206,7 @@ impl Sweep {
             }
         }
         let position = |m: &Mean| ticks.iter().find(|t| m.values.first() == Some(&t.1)).map_or(0.0, |t| t.0);
+        // A line for each choice of the keys after the first, in the order of the runs.
         let mut others: Vec<&[String]> = Vec::new();
         for rest in means.iter().map(|m| m.values.get(1..).unwrap_or_default()) {
             if !others.contains(&rest) {

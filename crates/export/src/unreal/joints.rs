@@ -64,6 +64,7 @@ impl WindJoints {
             }
             // A joint is written if its parent is and its group exists; else its geometry follows what moves that of its parent.
             let group = match (parent, carrier) {
+                // Continues its parent's chain; any other child begins a chain of the next group.
                 (Some(p), Some(c)) if followers.get(p).copied().flatten() == Some(i) => written.groups[usize::from(c)],
                 (Some(_), Some(c)) => written.groups[usize::from(c)] + 1,
                 _ => 0,

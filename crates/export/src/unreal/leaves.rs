@@ -79,6 +79,7 @@ pub(super) fn leaf_parts(instancers: &[Instancer], carrier: &[u16], most: usize)
 fn twigs_of_size(by_joint: &[BTreeMap<u16, Vec<usize>>], size: usize) -> Vec<Twig> {
     let of = |(instancer, joints): (usize, &BTreeMap<u16, Vec<usize>>)| -> Vec<Twig> {
         let twig = |(joint, members): (u16, &[usize])| Twig { instancer, joint, members: members.to_vec() };
+        // Instances follow each other along their axis, so that neighbours in the list are neighbours on the twig.
         let runs = joints.iter().flat_map(|(joint, list)| list.chunks(size.max(2)).map(|run| (*joint, run)));
         runs.filter(|(_, run)| run.len() > 1).map(twig).collect()
     };

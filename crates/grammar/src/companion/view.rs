@@ -73,7 +73,7 @@ pub struct ViewTropism {
 pub struct View {
     /// Turn without a parameter, degrees.
     pub angle: Option<f64>,
-    /// Width at the start, and whether the line counts it in pixels.
+    /// Line width at the start, in pixels or units of the turtle.
     pub width: Option<f64>,
     /// Whether `width` counts pixels of the view instead of units of the turtle.
     pub width_in_pixels: Option<bool>,
@@ -181,6 +181,7 @@ impl ViewReader<'_, '_> {
         for line in text.split('\n') {
             let span = Span::new(source, start, start + line.trim_end().len());
             start += line.len() + 1;
+            // A line counts if every `#if` around it is in a branch that does.
             let counts = open.iter().all(|o| o.counts);
             if let Some(directive) = line.trim_start().strip_prefix('#') {
                 self.directive(directive, span, counts, &mut open, depth);

@@ -35,6 +35,7 @@ impl Word<'_> {
 pub(super) fn words(text: &str) -> Vec<Word<'_>> {
     let mut out = Vec::new();
     let (mut start, mut line) = (None, 0);
+    // A line end behind the text closes its last word.
     for (i, c) in text.char_indices().chain([(text.len(), '\n')]) {
         if c.is_whitespace() || c == ',' {
             if let Some(first) = start.take() {

@@ -40,6 +40,7 @@ impl<'t> TokenCursor<'t> {
 
     /// The character `ahead` tokens on, if all tokens up to it stick together.
     pub fn glued_char(&self, ahead: usize) -> Option<char> {
+        // Operators of several characters come as single characters that touch.
         let run = self.tokens.get(self.pos + 1..=self.pos + ahead)?;
         match run.last()?.kind {
             TokenKind::Char(c) if run.iter().all(|t| t.glued) => Some(c),
@@ -133,6 +134,7 @@ impl<'r> Compiler<'r> {
     }
 
     fn slot(list: &[u32], name: u32) -> Option<u16> {
+        // The last of a name: an inner variable hides an outer one.
         list.iter().rposition(|n| *n == name).and_then(|i| u16::try_from(i).ok())
     }
 

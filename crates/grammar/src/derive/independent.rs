@@ -183,6 +183,7 @@ impl Derivation<'_> {
                 return Ok(None);
             }
             for step in 1..=self.length {
+                // The block before a step still sees the number of the step before.
                 self.vm.step = step - 1;
                 self.run_block(blocks.start_each.as_ref(), step)?;
                 self.vm.step = step;

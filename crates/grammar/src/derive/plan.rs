@@ -227,6 +227,7 @@ impl<'p> RewritePlan<'p> {
         let varies_by_step = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
         for g in &mut groups {
             let tests = g.productions.iter().filter_map(|i| set.list.get(to_usize(*i))).flat_map(tests);
+            // Conditions that depend on parameters alone give the same answer in every step.
             g.is_stationary = !tests.into_iter().any(|c| may_change(c, varies_by_step));
         }
         let mut plan = Self { set, productions: Vec::new(), groups, by_symbol, stochastic, draws: false };
@@ -260,6 +261,7 @@ impl<'p> RewritePlan<'p> {
                 _ => None,
             }
         };
+        // Prepared sums of the weights: a draw then needs no pass over the productions.
         let competes = self.stochastic && group.productions.len() > 1;
         let weights: Option<Vec<f64>> = if competes { group.productions.iter().map(share).collect() } else { None };
         weights.map(|w| Shares::new(&w))
@@ -292,6 +294,7 @@ impl<'p> RewritePlan<'p> {
             None => Condition::Always,
             Some(code) => Condition::Value(compiler.code(code), code),
         };
+        // Registers of the condition are computed first; those of the successor only if it holds.
         let condition_end = compiler.operation_count();
         let template = self.template(program, &p.successor, &mut compiler);
         let registers = compiler.finish(condition_end);

@@ -171,6 +171,7 @@ impl<'g> Writer<'g> {
             }
         }
         // Commands first: letters of the model give way to them.
+        // Arities matter: a command without and with a number may need two homomorphisms.
         let mut rest = Vec::new();
         for (symbol, arities) in used {
             let spelled = match self.to {
@@ -281,6 +282,7 @@ impl<'g> Writer<'g> {
 
     fn fractint_name(&mut self, symbol: SymbolId, c: char, arities: &BTreeSet<usize>) -> Option<String> {
         let angle = self.settings.angle_deg.unwrap_or(45.0);
+        // Fractint turns in whole units of the angle: '|' turns by half of them, rounded down.
         let half = (360.0 / angle).round().div_euclid(2.0).floor() * angle;
         let uses = |list: &str| list.chars().any(|c| self.grammar.program.symbols.find(c).is_some());
         // cpfg has one direction: that of whole units, or that in degrees where the file uses nothing else.
@@ -568,6 +570,7 @@ impl<'g> Writer<'g> {
         }
         if !program.homomorphism.list.is_empty() || !self.images.is_empty() {
             let own = if program.homomorphism.list.is_empty() { 0 } else { program.homomorphism.depth };
+            // The images are interpreted after the model's own homomorphisms, one level deeper.
             let depth = own + u32::from(!self.images.is_empty());
             let _ = writeln!(out, "Homomorphism\nmaximum depth: {depth}");
             for p in &program.homomorphism.list {
@@ -664,6 +667,7 @@ fn run(ops: &[Op], from: usize, to: usize, stack: &mut Vec<String>) -> Option<()
             Op::Bool => {}
             Op::JumpIfZero(other) => {
                 let condition = stack.pop()?;
+                // `a ? b : c` compiles to: a, jump if zero to c, b, jump behind c, c.
                 let Some(Op::Jump(end)) = ops.get(other.checked_sub(1)?) else { return None };
                 run(ops, i, other - 1, stack)?;
                 let then = stack.pop()?;
@@ -686,6 +690,7 @@ fn block(code: &Bytecode) -> Option<String> {
         return None;
     }
     // A block with conditions ends in: 1, store, jump, 0, store; conditions that fail jump to the 0.
+    // The index of that 0.
     let failure = restarts.then(|| ops.len().saturating_sub(2));
     let (mut out, mut open) = (String::new(), 0_usize);
     let mut from = usize::from(restarts);

@@ -195,6 +195,7 @@ impl System<'_, '_> {
     fn angle(&mut self, value: Piece<'_>) {
         match value.text.parse::<f64>() {
             Ok(n) if n >= 1.0 && n.is_finite() => {
+                // A note, not a fault: the number divides the circle in any case.
                 if !(3.0..=50.0).contains(&n) {
                     let message = format!("angle {n}: Fractint takes 3 to 50 directions");
                     self.limit(message, value, "osier draws it all the same");
@@ -233,6 +234,7 @@ impl System<'_, '_> {
         let mut i = 0;
         while let Some(&(at, c)) = chars.get(i) {
             i += 1;
+            // The place of a module includes its number.
             let mut end = at + c.len_utf8();
             let mut parameter = None;
             if matches!(c, '@' | '\\' | '/' | '<' | '>' | 'c') {
@@ -290,6 +292,7 @@ impl Number {
     fn read(chars: &[(usize, char)], i: &mut usize, command: char) -> Self {
         let is_color = matches!(command, 'c' | '<' | '>');
         let peek = |k: usize| chars.get(k).map(|p| p.1);
+        // A number may begin with its point: `@.5`.
         let begins = |k: usize| peek(k).is_some_and(|c| c.is_ascii_digit() || c == '.');
         let (mut inverse, mut root, mut k) = (false, false, *i);
         while let Some(c @ ('i' | 'q')) = peek(k).filter(|_| !is_color) {

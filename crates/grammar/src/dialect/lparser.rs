@@ -64,6 +64,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
 /// The first comment of a file that says something.
 fn description(text: &str) -> String {
     let comments = lines(text).map(|l| l.trimmed().text).take_while(|l| l.is_empty() || l.starts_with('#'));
+    // Comments are framed by rows of signs, which say nothing.
     let plain = |l: &str| l.trim_matches(['#', '-', '=', '*', ' ', '\t']).to_owned();
     comments.map(plain).find(|l| l.chars().filter(|c| c.is_alphabetic()).count() > 3).unwrap_or_default()
 }
@@ -138,7 +139,7 @@ impl<'t> File<'_, '_, 't> {
         }
     }
 
-    /// Reads `color i r g b`: index, then channels from 0 to 1.
+    /// Reads `color i r g b`: index, then red, green and blue from 0 to 255.
     fn color(&mut self, value: Piece<'_>) {
         let numbers: Vec<u8> = value.text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
         match numbers.as_slice() {
@@ -161,6 +162,7 @@ impl<'t> File<'_, '_, 't> {
             return self.error("a rule is one character, '=' and its successor".into(), line, help);
         }
         let Some(symbol) = line.text.chars().next() else { return };
+        // The predecessor may itself be '=': the search begins after it.
         let equals = line.text[symbol.len_utf8()..].find('=').map_or(0, |i| i + symbol.len_utf8());
         let place = self.reader.place(line.up_to(symbol.len_utf8()).range());
         let known = self.rules.iter().find(|r| r.symbol == symbol).map(|r| r.place);
@@ -178,6 +180,7 @@ impl<'t> File<'_, '_, 't> {
         let mut out = Vec::new();
         for (at, c) in chars {
             let place = self.reader.place(at..at + c.len_utf8());
+            // A rule makes a symbol of any character, a command of the turtle included.
             let known = COMMANDS.contains(c) || ruled.contains(&c);
             out.extend(self.reader.module(if known { c } else { '_' }, place));
         }

@@ -47,6 +47,7 @@ pub(super) fn with_turtle(
     notation: Notation,
     start: SourcePlace,
 ) -> Vec<Token> {
+    // Tokens compare by number, so that the word is interned once.
     let word = session.names.intern("turtle");
     let has_turtle = tokens
         .split(Token::is_newline)
@@ -72,6 +73,7 @@ pub(super) fn parse(
     let decoded = text::decode(source.bytes);
     let id = sources.add(source.name, decoded.text.as_str());
     let start = SourcePlace::start_of(id);
+    // The text is added to the sources first: the error points into it.
     if source.bytes.len() as u64 > limits.get("text-bytes") {
         let message = format!("\"{}\" is larger than --max-text-bytes", source.name);
         session.error_help("L005", message, start, "shorten the file, or raise the limit");
@@ -122,6 +124,7 @@ struct Reader<'s> {
 impl<'s> Reader<'s> {
     fn new(session: &'s mut ParseSession, source: SourceId, text: &str, notation: Notation) -> Self {
         let mut program = Program::default();
+        // These notations have neither decomposition nor homomorphism; a depth of 1 leaves both without effect.
         program.decomposition.depth = 1;
         program.homomorphism.depth = 1;
         // Brackets and the cut symbol get the first numbers, as in grammars of cpfg.
@@ -174,6 +177,7 @@ impl<'s> Reader<'s> {
 
     /// Adds a production of one symbol without parameters, to which nothing but its symbol is a condition.
     fn rule(&mut self, c: char, successor: Vec<SuccessorModule>, place: SourcePlace) {
+        // The module is made for its symbol alone: too many symbols are reported there.
         let Some(SuccessorModule { symbol, .. }) = self.module(c, place) else { return };
         self.program.rules.list.push(Production {
             left: Vec::new(),
@@ -207,6 +211,7 @@ impl<'s> Reader<'s> {
 
     /// The complete program, its label, its description and its colours.
     fn finish(mut self) -> (Program, String, String, Vec<(u8, [u8; 3])>) {
+        // Only now are all symbols known that the tables are indexed by.
         let symbols = self.program.symbols.len();
         self.program.rules.index(symbols);
         self.program.decomposition.index(symbols);

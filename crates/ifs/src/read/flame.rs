@@ -101,6 +101,7 @@ pub(super) fn read(reader: &mut IfsReader<'_>) -> Vec<Ifs> {
 }
 
 fn offset(text: &str, at: roxmltree::TextPos) -> usize {
+    // The XML reader counts rows and columns from 1, columns in characters.
     let row = (at.row as usize).saturating_sub(1);
     let start: usize = text.split_inclusive('\n').take(row).map(str::len).sum();
     let column = (at.col as usize).saturating_sub(1);

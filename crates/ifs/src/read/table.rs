@@ -126,6 +126,7 @@ impl TableReader<'_, '_> {
                 return None;
             }
         };
+        // Larger coefficients would overflow within a few maps.
         let finite = value.filter(|v| v.is_finite() && v.abs() <= MAX_COEFFICIENT);
         if finite.is_none() {
             let text = format!("{key} is not a finite number up to 1e12");
@@ -212,6 +213,7 @@ impl TableReader<'_, '_> {
             }
         };
         let dim = match table.get("dim").and_then(|i| self.number(i, "dim")) {
+            // Any other dimension is read as the plane; its maps then name what is wrong.
             Some(d) if (d - 3.0).abs() < 0.5 => 3,
             _ => 2,
         };

@@ -43,6 +43,7 @@ impl Accessors<'_> {
     ) -> ImportResult<Vec<f32>> {
         let layout = self.layout(context, index, types)?;
         context.limit(limit, layout.count as u64)?;
+        // Elements without bytes stay 0, as the format wants it.
         let mut values = vec![0.0; layout.count * layout.width];
         self.for_each_component(context, &layout, |i, k, bytes| {
             if let Some(v) = values.get_mut(i * layout.width + k) {

@@ -113,6 +113,7 @@ impl GltfDocument {
         };
         check_required_extensions(context, top)?;
         check_position_accessors(context, top)?;
+        // Removed before validation: a fault in them must not refuse the mesh.
         if top.remove("animations").is_some() {
             context.warn("X016", "holds animations; they are not read");
         }

@@ -19,6 +19,7 @@ pub(crate) enum MapUse {
 
 impl MapUse {
     pub(crate) fn color(tint: [f32; 4]) -> Self {
+        // Factors of 1 leave the picture as it is: it is shared with uses that have none.
         Self::Color(tint.iter().any(|v| *v < 1.0).then(|| tint.map(f32::to_bits)))
     }
 
@@ -34,6 +35,7 @@ impl MapUse {
     fn apply(self, raw: DecodedImage) -> DecodedImage {
         match self {
             Self::Color(Some(tint)) => raw.tinted(tint.map(f32::from_bits)),
+            // glTF packs roughness into green; a grey picture is taken as it is.
             Self::Roughness(factor) => raw.channel(1, 255).scaled(f32::from_bits(factor)),
             Self::Color(None) | Self::Normal => raw,
         }
@@ -96,6 +98,7 @@ impl MapCache {
 
     /// Bytes that storing a map takes beyond those of decoding its image: none for the first use without a change.
     pub(crate) fn additional_bytes(&self, number: usize, map_use: MapUse) -> u64 {
+        // The first plain use takes the decoded samples themselves; every other one makes a copy.
         let fresh = matches!(self.decoded.get(&number), Some(Some(CachedImage::Decoded(_))));
         let grey = matches!(map_use, MapUse::Roughness(_));
         if fresh && map_use.is_plain() {

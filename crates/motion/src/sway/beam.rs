@@ -272,6 +272,7 @@ impl OscillatorStep {
             let (up, down) = (math::exp(wd * h), math::exp(-wd * h));
             (0.5 * (up + down), 0.5 * (up - down))
         };
+        // y(h) = e^(-zeta w h) (y (cos + k sin) + v sin / wd), and its derivative.
         let k = zeta * w / wd;
         Self { a: e * (c + k * s), b: e * s / wd, c: -e * w * w / wd * s, d: e * (c - k * s) }
     }

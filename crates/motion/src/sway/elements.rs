@@ -120,6 +120,7 @@ impl BeamElements {
             ..Self::default()
         };
         let mut index = vec![NONE; segments.list.len()];
+        // Compliance along each element, which places its children on it.
         let mut slopes = vec![None; segments.list.len()];
         let mut next = 0_u32..;
         for (i, segment) in segments.list.iter().enumerate() {
@@ -376,6 +377,7 @@ impl ElementBeam {
         let free = trunk.map_or_else(|| self.beam.fundamental_angular_frequency(), |f| f * TAU);
         let mut draw = rng::Rng::from_key(rng::child(id, rng::word("frequency")));
         // Detune equal branches, and both directions of one, so that they do not oscillate in unison.
+        // Tree-wide factor times a random detuning of at most FREQUENCY_SPREAD.
         let w = free * wood.hertz * (1.0 + FREQUENCY_SPREAD * draw.range(-1.0, 1.0));
         let apart = MODE_SPLIT * draw.range(-1.0, 1.0);
         [w * (1.0 + apart), w * (1.0 - apart)].map(|w| w.max(MIN_HZ * TAU))

@@ -68,6 +68,7 @@ struct Wrench {
 
 impl Wrench {
     fn add(&mut self, lever: &BendLever, force: DVec3, moment: DVec3) {
+        // (shift + slope p) x F = shift x F + slope (p x F): the moment about the origin is enough, whatever the points of attack.
         self.bending += lever.shift.cross(force) + moment * lever.slope;
         self.force += force;
         self.moment += moment;
@@ -146,6 +147,7 @@ impl BranchResponse {
             // The tip moves by phi x chord over the whole length: a force there bends it with this arm.
             let arm = e.length * e.shape.integral(1.0);
             let stiffness = if e.tip_compliance > 0.0 { arm / e.tip_compliance } else { 0.0 };
+            // The geometric mean of the frequencies of both directions.
             let w = math::sqrt(e.w[0] * e.w[1]);
             // Both directions have one inertia, k / w^2; their stiffnesses differ as their frequencies do.
             let inverse_inertia = if stiffness > 0.0 { w * w / stiffness } else { 0.0 };

@@ -130,6 +130,7 @@ impl SwayingRainPlant {
         for (index, axis) in (0_u32..).zip(&plant.axes).filter(|(_, a)| a.kind != AxisKind::Root) {
             let range = plant.nodes_of(axis);
             for k in range.start..range.end.saturating_sub(1) {
+                // A piece is short beside the element that bends it: one lever serves both of its ends.
                 let middle = 0.5 * (plant.nodes.s[k] + plant.nodes.s[k + 1]);
                 wood.push(WoodPiece {
                     nodes: [k, k + 1],
@@ -171,6 +172,7 @@ impl SwayingRainPlant {
         let leaf = &self.leaves[i];
         let (turn, scale) = (self.turn(), self.scale());
         let [moved, moving_twig] = leaf.lever.map_or([RigidMotion::default(); 2], |lever| self.branches.motion(&lever));
+        // From the outside in: the wind's pose, the bend of the branches, the nod of the petiole.
         let twig = DQuat::from_scaled_axis(turn * moved.turn) * moving.place.orientation;
         let orientation = (twig * DQuat::from_scaled_axis(leaf.nod.angle)).normalize();
         let velocity = moving.velocity + turn * moving_twig.at(leaf.rest) * scale;
@@ -192,6 +194,7 @@ impl SwayingRainPlant {
         let (pose, back) = (self.poses[i], self.turn().conjugate());
         let local = pose.orientation.conjugate();
         let (p, in_plant) = (self.to_plant(point), back * vector);
+        // The petiole's degrees of freedom are in leaf space, those of the branches in plant space.
         let moment = (local * (point - pose.position)).cross(local * vector);
         let Self { leaves, branches, .. } = self;
         let leaf = &mut leaves[i];
@@ -240,6 +243,7 @@ impl RainPlant for SwayingRainPlant {
 
     fn set_attached_mass(&mut self, leaf: usize, mass: f64, center: DVec3) {
         let own = &mut self.leaves[leaf];
+        // Dry before and after.
         if mass <= 0.0 && own.water <= 0.0 {
             return;
         }

@@ -60,6 +60,7 @@ impl PetioleNod {
     /// Change of the velocity along the unit vector `n` at the point `p` for an impulse of 1 N s along it, 1/kg.
     pub fn inverse_effective_mass(&self, p: DVec3, n: DVec3) -> f64 {
         let moment = p.cross(n);
+        // J M^-1 J^T with the diagonal M of the three axes.
         (moment * moment / self.moments()).element_sum()
     }
 

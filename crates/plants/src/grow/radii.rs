@@ -209,7 +209,7 @@ pub fn taper(plant: &mut Plant, options: &Taper) {
         };
         let (base, tip) = (base.max(1e-6), tip.min(base.max(1e-6)));
         for k in plant.nodes_of(&axis) {
-            // r(s) = tip + (base - tip) (1 - s / L)^e
+            // An axis without length has the radius of its base.
             let along = if axis.length > 0.0 { f64::from(plant.nodes.s[k] / axis.length) } else { 0.0 };
             let left = pow((1.0 - along).clamp(0.0, 1.0), options.exponent);
             plant.nodes.r[k] = narrow(tip + (base - tip) * left);

@@ -79,9 +79,11 @@ pub fn apply_season(plant: &mut Plant, at: &PlantSeason<'_>) -> Result<()> {
                 let [r, g, b] = now.color;
                 colors.push([r, g, b, 1.0].map(|c| c.clamp(0.0, 1.0)));
             }
+            // Buds wait until all organs are known: one stands for all leaves at a place.
             None => buds.note(&organ, kind.bud, at.season / calendar.burst.max(1e-3)),
         }
     }
+    // They come after the leaves, so that leaves keep their order.
     for (organ, bud, growth) in buds.list {
         let proto = prototypes.bud(&mut plant.protos, bud, at.bud_name)?;
         organs.push(bud_at(plant, &organ, bud, growth, proto));
@@ -169,6 +171,7 @@ pub fn season_slots(plant: &mut Plant, at: &PlantSeason<'_>, seasons: &[f32]) ->
             continue;
         };
         let kind = &at.organs[number];
+        // The leaf at every season of the clip; `None` while it is missing.
         let states: Vec<Option<LeafNow>> = seasons.iter().map(|s| calendar.at(kind.habit, *s)).collect();
         let looks: BTreeSet<LeafLook> = states.iter().flatten().map(|now| now.look).collect();
         for (k, look) in (0_u64..).zip(looks) {
@@ -228,6 +231,7 @@ fn leaf_at(organ: &Organ, now: &LeafNow) -> Organ {
 
 /// A direction on an axis turned towards the axis by a share of the angle between both.
 fn leaning(q: Quat, share: f32) -> Quat {
+    // In the space of the axis, whose direction is +Y.
     let whole = rotation_between((q * Vec3::Y).normalize(), Vec3::Y);
     (nlerp(Quat::IDENTITY, whole, share) * q).normalize()
 }
@@ -242,6 +246,7 @@ fn bud_at(plant: &Plant, leaf: &Organ, bud: BudOrgan, growth: f32, proto: u16) -
         q: leaning(leaf.q, BUD_LEAN),
         scale: bud.length * lerp(1.0, 1.0 + SWELLING, growth),
         proto,
+        // A fifth of its seat is sunk into the bark.
         petiole: 0.8 * outside,
         ..leaf.clone()
     }
@@ -303,6 +308,7 @@ impl PrototypeLooks {
 /// Adds a prototype as a variant of an organ.
 fn add_prototype(protos: &mut Vec<Proto>, organ: &str, mesh: osier_scene::Mesh) -> Result<u16> {
     let index: u16 = narrow(protos.len() as u64, "prototypes of a plant")?;
+    // Among so many numbers one at least is not taken.
     let numbers = protos.len()..=2 * protos.len();
     let name = numbers.map(|n| format!("{organ}_{n}")).find(|name| protos.iter().all(|p| p.name != *name));
     protos.push(Proto { name: name.unwrap_or_else(|| organ.to_owned()), mesh: Arc::new(mesh) });

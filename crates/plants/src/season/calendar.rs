@@ -92,6 +92,7 @@ impl LeafCalendar {
         let unfolded = smoothstep(self.burst, self.burst + tuning::UNFOLDING, season);
         let [start, end] = tuning::GREENING.map(|t| self.burst + t);
         let green = smoothstep(start, end, season);
+        // The steps at which a leaf takes another material; `color` changes smoothly beside them.
         let fresh_color = match green {
             g if g < 0.34 => LeafColor::Fresh,
             g if g < 0.8 => LeafColor::Young,
@@ -125,6 +126,7 @@ impl LeafCalendar {
         // Autumn: the colour comes between the veins first, and the leaf dries before it falls.
         let hue = habit.autumn_color(self.hue);
         let turned = smoothstep(self.turn, self.turn + tuning::TURNING, season);
+        // Leaves that stay through the winter dry in late autumn.
         let dries_at = if self.fall > 1.0 { tuning::MARCESCENT_DRY } else { self.fall - tuning::DRYING };
         let dry = smoothstep(dries_at, dries_at + tuning::DRYING, season);
         let (color, shape) = match (turned, dry) {
@@ -145,6 +147,7 @@ pub fn colors_between(habit: &LeafHabit, seasons: [f32; 2]) -> BTreeSet<LeafColo
     let steps = 60_u8;
     let grid = |k: u8| f32::from(k) / f32::from(steps);
     let seasons: Vec<f32> = (0..=steps).map(|k| lerp(seasons[0], seasons[1], grid(k))).collect();
+    // Turning and unfolding share a rank here: which colours occur does not depend on their combination.
     for (rank, falling) in (0..=steps).flat_map(|k| (0..=steps).step_by(3).map(move |f| (grid(k), grid(f)))) {
         let falls = calendar(rank, rank, falling, 0);
         let falls = LeafCalendar { youngest: habit.evergreen, ..falls };
@@ -153,8 +156,8 @@ pub fn colors_between(habit: &LeafHabit, seasons: [f32; 2]) -> BTreeSet<LeafColo
             colors.extend(seasons.iter().filter_map(|s| leaf.at(habit, *s)).map(|now| now.look.color));
         }
     }
-    // The times do not depend on the colour of autumn.
-    // The key `autumn` accepts at most 100 colours.
+    // The times do not depend on the hue: calendars of hue 0 stand for those of all.
+    // At most 100 colours: see `LeafHabit::autumn`.
     let hues = u8::try_from(habit.autumn.len()).unwrap_or(u8::MAX);
     let with_all_hues = |color: LeafColor| -> Vec<LeafColor> {
         match color {
@@ -249,6 +252,7 @@ fn ranks(scores: &[f64], keys: &[u64]) -> Vec<f32> {
     order.sort_by(|a, b| scores[*a].total_cmp(&scores[*b]).then(keys[*a].cmp(&keys[*b])));
     let mut ranks = vec![0.0; scores.len()];
     for (rank, i) in order.into_iter().enumerate() {
+        // The middle of each of n equal intervals, so that no rank is 0 or 1.
         ranks[i] = narrow((rank as f64 + 0.5) / scores.len() as f64);
     }
     ranks
@@ -261,7 +265,7 @@ fn by_share(weights: &[f64], share: f32) -> u8 {
         left -= w;
         left < 0.0
     });
-    // The weights are those of at most 100 autumn colours.
+    // The weights are those of at most 100 colours: see `LeafHabit::autumn`.
     u8::try_from(found.unwrap_or(weights.len().saturating_sub(1))).unwrap_or(u8::MAX)
 }
 

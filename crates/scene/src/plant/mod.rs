@@ -213,6 +213,7 @@ impl Plant {
     pub fn segment(&self, axis: &Axis, s: f32) -> (usize, f32) {
         let range = self.nodes_of(axis);
         let arcs = &self.nodes.s[range.clone()];
+        // The last node at or before `s`, but never the last of the axis, which begins no segment.
         let i = range.start + arcs.partition_point(|&v| v <= s).clamp(1, arcs.len() - 1) - 1;
         let span = self.nodes.s[i + 1] - self.nodes.s[i];
         (i, if span > 0.0 { ((s - self.nodes.s[i]) / span).clamp(0.0, 1.0) } else { 0.0 })
@@ -245,6 +246,7 @@ impl Plant {
     pub fn organ_site(&self, organ: &Organ) -> (Vec3, Quat) {
         let site = self.frame(&self.axes[organ.axis as usize], organ.s);
         let q = (site.q * organ.q).normalize();
+        // The offset turns with the axis, the petiole with the organ.
         (site.p + site.q * organ.offset + q * (Vec3::Y * organ.petiole), q)
     }
 }

@@ -112,6 +112,7 @@ fn check_axis(plant: &Plant, i: usize, axis: &Axis) -> Result<()> {
     let Some(parent) = plant.axes.get(axis.parent as usize).filter(|_| (axis.parent as usize) < i) else {
         return Err(range_error(name("parent"), f64::from(axis.parent), 0.0, i as f64 - 1.0));
     };
+    // Arc lengths are sums of rounded segments: a site at the tip may lie a little beyond it.
     let slack = 1e-4 * (1.0 + parent.length);
     if axis.parent_s < -slack || axis.parent_s > parent.length + slack {
         let (at, length) = (f64::from(axis.parent_s), f64::from(parent.length));
@@ -175,11 +176,13 @@ fn drop_empty_segments(plant: &mut Plant, warnings: &mut Vec<Warning>) {
         for &i in keep {
             copy_node(&mut plant.nodes, &old, i);
         }
+        // An axis needs two nodes: the only one is doubled and moved along its frame.
         if let &[only] = keep.as_slice() {
             copy_node(&mut plant.nodes, &old, only);
             stretch(&mut plant.nodes, only, &old);
         }
         axis.count = stored_index(keep.len().max(2));
+        // The nodes of this axis were appended last.
         axis.length = plant.nodes.s.last().copied().unwrap_or(0.0);
     }
     note(warnings, "segments of no length were dropped", changed);
@@ -196,6 +199,7 @@ fn copy_node(to: &mut Nodes, from: &Nodes, i: usize) {
 
 /// Moves the last node off its twin, along the frame's growth direction.
 fn stretch(nodes: &mut Nodes, twin: usize, old: &Nodes) {
+    // Relative to the coordinates, so that the sum differs from them in single precision.
     let far = old.p[twin].abs().max_element().max(1.0) * 1e-6;
     if let (Some(p), Some(s)) = (nodes.p.last_mut(), nodes.s.last_mut()) {
         *p += old.q[twin] * (glam::Vec3::Y * far);
@@ -208,6 +212,7 @@ fn thin_children(plant: &mut Plant, warnings: &mut Vec<Warning>) {
     for i in 0..plant.axes.len() {
         let axis = plant.axes[i].clone();
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
+        // Parents come first: theirs is the radius after thinning.
         let most = plant.frame(parent, axis.parent_s).r * MAX_CHILD;
         let range = plant.nodes_of(&axis);
         if plant.nodes.r[range.start] <= most * 1.0001 {

@@ -68,6 +68,7 @@ impl LandForm {
                 }
             }
         }
+        // The steepest descent of a triangle is at most sqrt(2) times that along one axis.
         let slope = steepest * std::f32::consts::SQRT_2 / step;
         let origin = cells / 2.0 - center / step;
         Some(Self {
@@ -156,6 +157,7 @@ impl LandForm {
         let (center, half) = (within.center(), within.size() / 2.0);
         // From the middle the land rises or falls by its steepest slope at most.
         let slope = (1.0 / (self.flattest * self.flattest) - 1.0).max(0.0).sqrt();
+        // Height of the middle of the box over the land below it.
         let gap = center.y - self.height(Vec2::new(center.x, center.z));
         gap.abs() <= half.y + slope * Vec2::new(half.x, half.z).length()
     }

@@ -124,6 +124,7 @@ impl Prism {
             ((a - *p).dot(normal), (b - *p).dot(normal))
         });
         // Clip the part of the segment within reach against each face: distances of both ends from it, outwards.
+        // The segment is inside between the last entry and the first exit.
         let (mut enter, mut leave) = (0.0_f32, 1.0_f32);
         for (start, end) in ends.into_iter().chain(edges) {
             let (start, end) = (start - slack, end - slack);
@@ -143,9 +144,11 @@ impl Prism {
         let from = at - self.foot;
         let along = from.dot(self.width);
         let (side, out) = outline(&self.outline, Vec2::new(from.dot(self.depth), from.y));
+        // Beyond the nearer end if above 0.
         let over = along.abs() - self.half;
         let end = self.width * if along < 0.0 { -1.0 } else { 1.0 };
         let out = self.depth * out.x + Vec3::Y * out.y;
+        // Beyond an edge between end and side: the distance to that edge.
         if side > 0.0 && over > 0.0 {
             let away = Vec2::new(side, over);
             let distance = away.length();
@@ -162,6 +165,7 @@ fn outline(corners: &[Vec2], p: Vec2) -> (f32, Vec2) {
     for (i, a) in corners.iter().enumerate() {
         let next = corners[(i + 1) % corners.len()];
         let (edge, normal) = (next - *a, edge_normal(*a, next));
+        // Inside of a convex outline the nearest edge is that with the largest signed distance.
         let depth = (p - *a).dot(normal);
         if depth > inside.0 {
             inside = (depth, normal);

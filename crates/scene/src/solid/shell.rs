@@ -68,12 +68,14 @@ impl Shell {
             return false;
         }
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
+        // A hole in an open mesh misleads the rays through it; the others outvote them.
         axes.iter().filter(|way| self.walls(at, **way) % 2 == 1).count() > 3
     }
 
     /// Walls that a ray passes.
     fn walls(&self, from: Vec3, way: Vec3) -> usize {
         let mut count = 0;
+        // Beyond the mesh in every direction.
         let far = self.bounds.size().max_element() * 2.0;
         let reach = from + way * far;
         self.each_in_box(Bounds { min: from.min(reach), max: from.max(reach) }, |triangle| {
@@ -110,6 +112,7 @@ impl Shell {
         let mut touched = false;
         self.each_in_box(within, |[a, b, c]| {
             let normal = (b - a).cross(c - a);
+            // The plane of the triangle meets the box; its outline is not tested, so that the answer may be a false yes.
             touched = normal.dot(center - a).abs() <= normal.abs().dot(half);
             !touched
         });

@@ -173,6 +173,7 @@ fn lattice_viscosity(tau: f64) -> f64 {
 fn couette_flow_has_a_linear_profile() {
     for height in [8, 16, 32] {
         for tau in [0.6, 0.8, 1.5] {
+            // 3.5 times H^2 / nu, the time in which friction reaches across the channel: what was left of the start has died away.
             let steps = (3.5 * (height * height) as f64 / lattice_viscosity(tau)) as usize;
             let walls = || channel_domain(height, FaceCondition::Wall([0.1, 0.0, 0.0]));
             for (fluid, bound) in [
@@ -180,6 +181,7 @@ fn couette_flow_has_a_linear_profile() {
                 (TestFlow::production(walls(), tau, [0.0; 3]), 1e-5),
             ] {
                 let fluid = fluid.run(steps);
+                // Walls lie half a cell beyond the outer nodes.
                 let line = |y: usize| 0.1 * (y as f64 + 0.5) / height as f64;
                 let off = relative_l2_error((0..height).map(|y| (fluid.moments_at([0, y, 0]).1[0], line(y))));
                 println!("couette H {height} tau {tau}: {off:.3e}");
@@ -191,7 +193,9 @@ fn couette_flow_has_a_linear_profile() {
 
 /// Relative errors of the profile, and wall force over body force.
 fn poiseuille_errors(height: usize, tau: f64, ours: bool) -> (f64, f64) {
+    // The greatest velocity shrinks with the cells, so that the error of compressibility falls as the error of resolution does.
     let (h, top) = (height as f64, 0.4 / height as f64);
+    // u(y) = F / (2 nu) y (H - y) has its maximum F H^2 / (8 nu) in the middle.
     let force = [8.0 * lattice_viscosity(tau) * top / (h * h), 0.0, 0.0];
     let walls = channel_domain(height, RESTING_WALL);
     let fluid = if ours { TestFlow::production(walls, tau, force) } else { TestFlow::reference(walls, tau, force) };
@@ -222,12 +226,14 @@ fn poiseuille_errors(height: usize, tau: f64, ours: bool) -> (f64, f64) {
 fn poiseuille_flow_is_second_order_and_walls_balance_the_force() {
     for tau in [0.55, 0.8, 1.5] {
         let list = [8, 16, 32].map(|h| poiseuille_errors(h, tau, false));
+        // Twice the cells, a quarter of the error: the order is the logarithm of the quotient to base 2.
         let order = [(list[0].0 / list[1].0).log2(), (list[1].0 / list[2].0).log2()];
         println!("poiseuille tau {tau}: {:.4e} {:.4e} {:.4e}, order {order:.3?}", list[0].0, list[1].0, list[2].0);
         println!("  wall force less 1: {:.2e} {:.2e} {:.2e}", list[0].1 - 1.0, list[1].1 - 1.0, list[2].1 - 1.0);
         assert!(order.iter().all(|o| (o - 2.0).abs() < 0.1), "tau {tau}: order {order:?}");
         assert!(list.iter().all(|l| (l.1 - 1.0).abs() < 1e-6));
         if tau == 0.8 {
+            // Figures by which a change of the scheme or of its walls would show.
             for (l, known) in list.iter().zip([1.11e-2, 2.78e-3, 6.95e-4]) {
                 assert!((l.0 / known - 1.0).abs() < 0.05, "{} against {known}", l.0);
             }
@@ -249,6 +255,7 @@ fn taylor_green_errors(n: usize, ours: bool) -> (f64, f64) {
     for y in 0..n {
         for x in 0..n {
             let twice = |x: usize| (2.0 * k * x as f64).cos();
+            // The pressure that balances the vortices, as a deviation of the density: p = drho / 3.
             let drho = -0.75 * u0 * u0 * (twice(x) + twice(y));
             // The stress of the shear, after the collision: (tau - 1) of -w tau / cs^2 c_a c_b d_a u_b.
             let (xx, yy) = (u0 * k * sin(x) * sin(y), -u0 * k * sin(x) * sin(y));
@@ -266,6 +273,7 @@ fn taylor_green_errors(n: usize, ours: bool) -> (f64, f64) {
         all.map(|u| u[0] * u[0] + u[1] * u[1]).sum::<f64>()
     };
     let before = energy(&fluid);
+    // Velocities decay as exp(-2 nu k^2 t), energy with twice the exponent.
     let steps = (std::f64::consts::LN_2 / (2.0 * lattice_viscosity(tau) * 2.0 * k * k)).round();
     // In eight parts, for the plot.
     let steps_until = |part: usize| steps as usize * part / 8;
@@ -327,8 +335,10 @@ fn cavity_domain(n: usize, lid: f64) -> Domain {
 /// Greatest and mean square difference from the table.
 fn lid_driven_cavity_errors(n: usize, re: f64, turns: usize, table: &[f64; 15]) -> (f64, f64) {
     let lid = 0.1;
+    // Re = lid n / nu with nu = (tau - 0.5) / 3.
     let tau = 0.5 + 3.0 * lid * n as f64 / re;
     let fluid = TestFlow::production(cavity_domain(n, lid), tau, [0.0; 3]).run(turns * n * 10);
+    // n is even: the middle lies between two columns of nodes.
     let middle =
         |y: usize| 0.5 * (fluid.moments_at([n / 2 - 1, y, 0]).1[0] + fluid.moments_at([n / 2, y, 0]).1[0]) / lid;
     let off: Vec<f64> = GHIA_HEIGHTS
@@ -372,6 +382,7 @@ fn closed_cavity_conserves_mass() {
             if ours { TestFlow::production(walls, 0.6, [0.0; 3]) } else { TestFlow::reference(walls, 0.6, [0.0; 3]) };
         let fluid = fluid.run(10_000);
         let n = fluid.grid().n;
+        // Populations are kept less their equilibrium at rest, so that the mass of still air is 0.
         let mass: f64 = (0..n[0] * n[1]).map(|c| fluid.moments_at([c % n[0], c / n[0], 0]).0).sum();
         let drift = mass.abs() / (n[0] * n[1]) as f64;
         println!("mass drift, ours {ours}: {drift:.3e}");
@@ -399,6 +410,7 @@ fn production_solver_matches_the_reference_solver() {
     let mut plain = ReferenceSolver::new(make(), tau, smagorinsky_factor(0.16));
     let sponge: Vec<f64> = (0..n[0])
         .map(|x| {
+            // A sponge before the outlet: what it adds to tau rises with the square of the distance.
             let k = (x as f64 - 28.0).max(0.0) / 8.0;
             k * k
         })
@@ -416,7 +428,9 @@ fn production_solver_matches_the_reference_solver() {
     // The production solver with the same parameters, in single precision and in place.
     let mut ours = FlowState::new(make(), v, false).expect("memory");
     let inlets = ours.exchange.open_boundary.inlet_positions();
+    // The velocity above rough ground, 1 at 20 cells, and its slope, which shears the inflow.
     let log = |y: isize| (((y as f64 + 0.5) / 0.1).max(0.0) + 1.0).ln() / 201.0_f64.ln();
+    // Ghost nodes below the ground have no shear.
     let growth = |y: isize| if y < 0 { 0.0 } else { 1.0 / (y as f64 + 0.6) / 201.0_f64.ln() };
     let leans = |y: isize| shear_coefficient(f64::from(ground.min_tau_at(y.max(0) as usize, tau as f32)), growth(y));
     let leaning: Vec<f32> = inlets.iter().map(|p| leans(p[1]) as f32).collect();
@@ -521,6 +535,7 @@ fn fused_steps_equal_single_steps() {
         ([8, 8, 1], 1, false),
         ([33, 12, 17], 1, false),
     ] {
+        // One flow takes two single steps where the other takes a fused one; both start from the same bits.
         let [mut one, mut two] = [0, 1].map(|_| flow_with_mixed_boundaries(n, along, rest));
         let count = one.exchange.open_boundary.inlet_positions().len();
         for step in 0..24 {
@@ -538,6 +553,7 @@ fn fused_steps_equal_single_steps() {
         }
         let fluid = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
         let fluid = fluid.filter(|c| !one.domain.is_solid(*c));
+        // Equality says little of air at rest: some of it must have moved.
         let mut moves = 0.0_f32;
         for cell in fluid {
             assert_eq!(

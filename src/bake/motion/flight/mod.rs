@@ -125,6 +125,7 @@ impl FlightPlayback {
             }
             _ => (sky_and_point_starts(scene, &params), Vec::new()),
         };
+        // The number of catkins need not be that of the key: a file of points gives as many as it has.
         let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
         let trails = new_trajectories(scene, start.options());
         let settled = vec![Vec3::ZERO; start.len()];
@@ -141,7 +142,6 @@ impl FlightPlayback {
             twigs: None,
         };
         state.extend_trajectories();
-        // The state before the spin-up is kept: a clip that is read from an earlier frame begins anew.
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
         Ok(Self {
             wind: Arc::clone(wind),
@@ -155,6 +155,7 @@ impl FlightPlayback {
             settle: keys.settle,
             trail_width: narrow(keys.trail_width),
             state: Mutex::new(state),
+            // The state before the spin-up is kept: a clip that is read from an earlier frame begins anew.
             start,
         })
     }

@@ -28,6 +28,7 @@ pub(super) fn resample_to_charts(
     new: &mut Vec<Image>,
 ) -> Result<Maps> {
     let mut redrawn = |slot: Option<u32>, is_normal: bool| -> Result<Option<u32>> {
+        // A slot without a picture stays without: its uniform value needs no coordinates.
         let Some(source) = slot.and_then(|i| images.get(i as usize)) else { return Ok(None) };
         let id = index(images.len() + new.len(), "images of a scene")?;
         new.push(resample_image(surface, source, is_normal, suffix));
@@ -49,6 +50,7 @@ fn resample_image(surface: &LeafSurface, source: &Image, is_normal: bool, suffix
     let sampler = TextureSampler::new(source);
     let rows: Vec<u32> = (0..height).collect();
     let texel = |x: u32, y: u32| -> Option<[f64; 4]> {
+        // Rows of a picture run downwards, v upwards.
         let uv = DVec2::new((f64::from(x) + 0.5) / f64::from(width), 1.0 - (f64::from(y) + 0.5) / f64::from(height));
         let mut value = sampler.bilinear(surface.texture_uv(uv)?);
         if is_normal && let Some([texture, chart]) = surface.texture_and_chart_partials(uv) {
@@ -125,12 +127,14 @@ fn rotate_normal(value: [f64; 4], most: f64, texture: [DVec3; 2], chart: [DVec3;
     let decode = |c: f64| 2.0 * c / most - 1.0;
     let encode = |c: f64| ((0.5 * c + 0.5) * most).clamp(0.0, most);
     let slope = t * decode(value[0]) + b * decode(value[1]);
+    // The part along the normal is the same in both, since both tangent spaces lie in the blade.
     [encode(slope.dot(u)), encode(slope.dot(v)), value[2], value[3]]
 }
 
 /// Gives texels beyond the blade the values of the nearest ones on it, so that filters find no edge at the margin.
 fn fill_beyond_blade(texels: &mut [Option<[f64; 4]>], width: usize) {
     let mut open: VecDeque<usize> = (0..texels.len()).filter(|k| texels[*k].is_some()).collect();
+    // Breadth first from all texels on the blade at once, so that each open one is reached from a nearest one.
     while let Some(k) = open.pop_front() {
         let x = k % width;
         let near = [

@@ -86,8 +86,8 @@ impl WetImages {
         if let Some(known) = self.wet.get(&dry) {
             return Ok(*known);
         }
-        // A copy if a dry material shows the image too, else the image itself.
         let mut new = dry;
+        // Only an image that a dry material shows, too, needs a copy.
         if let Some(image) = images.get(to_usize(dry)).filter(|_| self.dry.contains(&dry)) {
             new = index(images.len(), "images of a scene")?;
             images.push(Image { name: format!("{}_wet", image.name), ..image.clone() });

@@ -78,6 +78,7 @@ struct TextProperty {
 impl UsdaWriter {
     /// A writer into `sink`.
     pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
+        // The pseudo-root has no text of its own; it holds the top-level prims.
         let root = TextPrim::new(String::new());
         let index = [("/".to_owned(), 0)].into();
         Self { sink: Some(sink), head: String::new(), prims: vec![root], index, attrs: Vec::new(), bytes: 0 }
@@ -140,6 +141,7 @@ impl UsdaWriter {
 fn render_property(p: &TextProperty, depth: usize, out: &mut String) {
     if let Some(value) = &p.default {
         text::push_indented(&format!("{} = {value}{}", p.declaration, p.metadata), depth, out);
+    // An attribute without a value is declared alone, unless a connection below declares it.
     } else if !p.declaration.is_empty() && p.lines.is_empty() {
         text::push_indented(&format!("{}{}", p.declaration, p.metadata), depth, out);
     }
@@ -180,6 +182,7 @@ impl LayerWriter for UsdaWriter {
                 p.variants = Some(TextVariantSet { set: variants.set, variants: all });
             }
         }
+        // Parents are defined before their children; what has none belongs to the pseudo-root.
         let parent = self.index.get(parent).copied().unwrap_or(0);
         if let Some(p) = self.prims.get_mut(parent) {
             p.children.push(number);

@@ -31,6 +31,7 @@ impl CodedInteger for i32 {
     }
 
     fn narrowest(self) -> (u8, [u8; 8], usize) {
+        // The width in bytes is 1, 2 or 4 here and twice that for 64-bit values.
         if let Ok(x) = i8::try_from(self) {
             (1, pad8(x.to_le_bytes()), 1)
         } else if let Ok(x) = i16::try_from(self) {

@@ -276,6 +276,7 @@ impl UsdcWriter {
         let mut table = (sections.len() as u64).to_le_bytes().to_vec();
         for (name, bytes) in &sections {
             let mut padded = [0; 16];
+            // Names of sections have at most 10 characters; the rest of the field stays 0.
             padded[..name.len()].copy_from_slice(name.as_bytes());
             table.extend(padded);
             table.extend(sink.position().to_le_bytes());
@@ -288,6 +289,7 @@ impl UsdcWriter {
         header[..8].copy_from_slice(MAGIC);
         header[8..16].copy_from_slice(&VERSION);
         header[16..24].copy_from_slice(&table_offset.to_le_bytes());
+        // The header was written as zeros: a file that was cut off has no magic and is refused.
         sink.put_at(0, &header)
     }
 }

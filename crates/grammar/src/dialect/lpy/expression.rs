@@ -204,6 +204,7 @@ impl PyParser {
         if self.depth > MAX_DEPTH {
             return Err(Refusal::new("an expression nested too deep", self.here()));
         }
+        // `a if b else c`: the value comes before its condition.
         let then = self.or()?;
         let out = if self.eat_word("if") {
             let condition = self.or()?;

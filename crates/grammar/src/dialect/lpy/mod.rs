@@ -65,6 +65,7 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         start: Vec::new(),
         temporaries: 0,
     };
+    // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
     model.declarations(&list);
     model.lines(&list);
@@ -94,6 +95,7 @@ fn without_comments(text: &str) -> String {
         let rest = &bytes[i..];
         let triple = [&b"\"\"\""[..], &b"'''"[..]].into_iter().find(|q| rest.starts_with(q));
         if let Some(quotes) = triple {
+            // Both quotes and what lies between; a text that is not closed reaches to the end of the file.
             let inner = rest[3..].windows(3).position(|w| w == quotes).map_or(rest.len(), |n| n + 6);
             blank(&mut out, i..i + inner);
             i += inner;

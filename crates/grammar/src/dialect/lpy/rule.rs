@@ -12,7 +12,7 @@ use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::token::SourcePlace;
 use crate::vm;
 
-/// Ways through one production, turns of one loop, statements of one way.
+/// Most ways through one production, most turns of one loop, and most statements of one way.
 const MAX_WAYS: usize = 512;
 const MAX_TURNS: f64 = 10_000.0;
 const MAX_STEPS: usize = 20_000;
@@ -54,6 +54,7 @@ impl Model<'_, '_> {
     pub(super) fn rule(&mut self, list: &[Line<'_>], i: usize, line: Line<'_>) -> usize {
         let piece = line.piece;
         let (block, next) = block_after(list, i, line.indent);
+        // Variables of one production are unknown in the next.
         self.scope.locals.clear();
         self.temporaries = 0;
         let arrow = ["-static->", "-->"].iter().find_map(|a| piece.text.find(a).map(|i| (i, i + a.len())));
@@ -88,6 +89,7 @@ impl Model<'_, '_> {
         let Some(mut statements) = self.settle(statements) else { return next };
         if let Some(condition) = condition {
             let Some(test) = self.settle(parse(condition)) else { return next };
+            // `head : condition --> successor` is `head: if condition: produce successor`.
             statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
         }
         let ways = self.ways(&statements);
@@ -276,6 +278,7 @@ impl Model<'_, '_> {
 
     /// The production of one way.
     fn production(&mut self, head: &Head, way: &Way) -> Option<Production> {
+        // Each way has variables of its own; the parameters of the head are common to all.
         let own = self.scope.locals.clone();
         let made = self.way_code(way);
         let built = match self.settle(made) {

@@ -34,6 +34,7 @@ impl Model<'_, '_> {
         }
         while let Some(line) = block.get(i) {
             let piece = line.piece;
+            // The lines indented deeper, and where the block goes on after them.
             let (inner, next) = block_after(block, i, line.indent);
             let (word, rest) = piece.first_word(&['(', ':', '=', '[']);
             // A block may stand on the line of its heading.
@@ -50,6 +51,7 @@ impl Model<'_, '_> {
                 "produce" | "nproduce" => {
                     out.push(Statement::Produce(modules(rest, &self.declared)?, word.text == "produce"));
                 }
+                // What these do does not reach the string of modules.
                 "pass" | "print" | "global" => out.push(Statement::Pass),
                 "return" if rest.text.is_empty() || rest.text == "None" => out.push(Statement::Return),
                 "if" | "elif" => {
@@ -58,6 +60,7 @@ impl Model<'_, '_> {
                     let then = body(self, rest.from(c + 1))?;
                     if word.text == "if" {
                         out.push(Statement::If(vec![(test, then)], Vec::new()));
+                    // The statement before must be an `if`: Python allows nothing between the two.
                     } else if let Some(Statement::If(tests, _)) = out.last_mut() {
                         tests.push((test, then));
                     } else {
@@ -67,6 +70,7 @@ impl Model<'_, '_> {
                 "else" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'else' without ':'", piece.range()))?;
                     let other = body(self, rest.from(c + 1))?;
+                    // As for `elif`.
                     let Some(Statement::If(_, last)) = out.last_mut() else {
                         return Err(Refusal::new("'else' without 'if'", piece.range()));
                     };
@@ -105,6 +109,7 @@ fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
                 "*=" => PyOp::Mul,
                 _ => PyOp::Div,
             };
+            // `x += e` becomes `x = x + e`.
             let old = PyExpr::Name(name.text.to_owned(), name.range());
             let sum = PyExpr::Binary(op, Box::new(old), Box::new(value));
             return Ok(vec![Statement::Assign(name.text.to_owned(), sum)]);
@@ -112,6 +117,7 @@ fn assign_statement(piece: Piece<'_>) -> Result<Vec<Statement>, Refusal> {
     }
     let (names, value) = assignment(piece).ok_or_else(refused)?;
     let (names, values) = (split(names), split(value));
+    // `x, y = f()` would need a value with parts, which expressions here do not have.
     if names.len() != values.len() {
         return Err(refused());
     }
@@ -128,6 +134,7 @@ pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
             Statement::If(tests, all(other))
         }
         Statement::For(own, range, body, place) => {
+            // Ranges must be constant, so that they need the number now; elsewhere the variable is read as it was assigned for this turn.
             let known = std::slice::from_ref(name);
             let range = range.each_ref().map(|e| substitute(e, known, &[PyExpr::Number(value)]));
             Statement::For(own.clone(), range, all(body), place.clone())

@@ -128,6 +128,7 @@ fn name_at(text: &str, declared: &[String]) -> (usize, String) {
         return (2, format!("~{letter}"));
     }
     let aliases = ALIASES.iter().map(|(long, short)| (*long, *short));
+    // Declared names take part in the search for the longest: `module Fx` hides the F in `Fx`.
     let own = declared.iter().map(|n| (n.as_str(), n.as_str()));
     let known = aliases.chain(NAMES.iter().chain(&OBJECTS).map(|n| (*n, *n))).chain(own);
     let longest = known.filter(|(name, _)| text.starts_with(name)).max_by_key(|(name, _)| name.len());
@@ -157,12 +158,14 @@ pub(super) fn spell<'t>(piece: Piece<'t>, declared: &[String]) -> Result<Vec<Spe
         }
         let (n, name) = name_at(rest, declared);
         let at = piece.at + i;
+        // Parameters are read with their module; a parenthesis here has none.
         if matches!(name.as_str(), "(" | ")" | "\"" | "'") {
             return Err(Refusal::new(format!("'{name}' without a module before it"), at..at + n));
         }
         i += n;
         let mut end = piece.at + i;
         let after = &text[i..];
+        // Blanks may stand between a name and its parenthesis.
         let open = after.len() - after.trim_start().len();
         let mut params = None;
         if after[open..].starts_with('(') {
@@ -218,11 +221,13 @@ pub(super) fn split(piece: Piece<'_>) -> Vec<Piece<'_>> {
 fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     let inner = piece.text.strip_prefix("Vector3").unwrap_or(piece.text);
     let from = piece.text.len() - inner.len();
+    // The parenthesis that opens must close at the very end: `(a)*(b)` is an expression.
     let is_list = inner.starts_with('(') && closing(&inner[1..]).is_some_and(|i| i + 2 == inner.len());
     if !is_list {
         return vec![piece];
     }
     let parts = split(piece.up_to(piece.text.len() - 1).from(from + 1));
+    // Other numbers of parts are left to the parser of expressions, which reports them.
     if parts.len() == 3 { parts } else { vec![piece] }
 }
 

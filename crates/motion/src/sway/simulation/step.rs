@@ -242,7 +242,6 @@ fn accumulate_base_transforms(constants: &SimulationConstants, state: &mut Simul
 fn place_stations<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, fresh: bool, simd: S) {
     for g in 0..element_groups::<S>(constants) {
         let count = station_count::<S>(constants, g);
-        // From the element's frame to the plant's space.
         let [x, y, z, w, px, py, pz] = state.carried.get(simd, g);
         let (turned, base) = (RotationLanes::from_quaternion([x, y, z, w]), Vec3Lanes([px, py, pz]));
         for k in 0..count {

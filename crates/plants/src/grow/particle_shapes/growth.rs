@@ -75,6 +75,7 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
                 out.refused = Some(RefusedLevel { level, predicted });
                 return out;
             }
+            // A fork ends an axis and begins two of the same level, which grow in the next turn of this loop.
             let generation = out.axes.len();
             let (axes, cut) = grow_generation(&mut around, std::mem::take(&mut starts));
             out.axes.extend(axes);
@@ -117,6 +118,7 @@ fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Ve
     if interact {
         let mut grown: Vec<usize> = vec![0; growing.len()];
         while growing.iter().any(|g| !g.done) {
+            // The guide shares its points out among the tips that still grow, in their order.
             let tips: Vec<DVec3> = growing.iter().filter(|g| !g.done).map(|g| g.particle.p).collect();
             let mut pulls = around.guide.as_ref().map(|guide| guide.pulls(&tips).into_iter());
             for g in growing.iter_mut().filter(|g| !g.done) {
@@ -131,6 +133,7 @@ fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Ve
                 *seen = g.axis.nodes.len();
             }
             if let Some(shade) = &mut around.shade {
+                // Axes of level 0, the trunks, shade nothing.
                 shade.add(new.iter().filter(|n| n.0 >= 1).map(|n| n.1));
             }
             if let Some(guide) = &mut around.guide {
@@ -242,6 +245,7 @@ impl GrowingAxis {
         }
         self.steps_left -= 1;
         let printed = params.variant == Variant::Paper;
+        // With the equations as printed a step has a fixed duration; else a fixed length.
         let mut dt = if printed { PAPER_STEP } else { self.particle.time_step(&self.rates) };
         let age_left = params.limits.max_age.map_or(f64::INFINITY, |most| most - self.particle.age);
         let mut roll = self.rates.twist;
@@ -267,6 +271,7 @@ impl GrowingAxis {
         }
         let cut = params.limits.envelope.as_ref().and_then(|envelope| self.cut_at(envelope, &mut to));
         self.particle.move_to(to, dt, roll);
+        // A step that a solid stopped adds no second node in the same place.
         if from.distance(to) > 0.0 {
             self.axis.nodes.push(node(&self.particle, self.start_time));
         }
@@ -291,6 +296,7 @@ impl GrowingAxis {
             out.light = shade.way_out(p) * motion.light.at(level);
         }
         out.other = self.pull * motion.attract.at(level);
+        // Climbing is negative avoidance.
         let rate = motion.avoid.at(level) - motion.climb.at(level);
         if rate != 0.0 {
             out.other += params.limits.obstacles.iter().map(|o| o.repulsion(p, rate)).sum::<DVec3>();
@@ -315,6 +321,7 @@ impl GrowingAxis {
                 }
                 clear = false;
                 *to += near.normal * (radius - near.distance);
+                // `inward` is negative or 0: the velocity keeps its part along the surface.
                 self.particle.v -= near.normal * inward;
                 let d = self.particle.d - near.normal * self.particle.d.dot(near.normal).min(0.0);
                 self.particle.d = d.try_normalize().map_or(self.particle.d, |d| d * self.particle.d.length());
@@ -333,6 +340,7 @@ impl GrowingAxis {
         if !self.was_inside || after <= 0.0 {
             return None;
         }
+        // Linear root of the signed distance between both ends of the step.
         let share = (before / (before - after)).clamp(0.0, 1.0);
         *to = self.particle.p.lerp(*to, share);
         Some(())

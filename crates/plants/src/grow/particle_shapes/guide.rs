@@ -44,6 +44,7 @@ impl CrownGuide {
         let grid = NeighbourGrid::new(narrow(PULL_REACH), (0_u32..).zip(tips).map(|(i, p)| (i, single(p))));
         let mut pulls = vec![DVec3::ZERO; tips.len()];
         for point in &self.points {
+            // The grid works in single precision; the distance is tested again in double precision.
             let near = grid.nearest(single(point), narrow(PULL_REACH), |i| single(&tips[i as usize]));
             let within = near.map(|i| (i as usize, *point - tips[i as usize])).filter(|n| n.1.length() <= PULL_REACH);
             if let Some((i, to)) = within {

@@ -41,6 +41,7 @@ pub(super) fn push_axis(plant: &mut Plant, axis: &ShapeAxis, at: Attachment, kin
         before = Some(p);
         plant.nodes.p.push(p);
         plant.nodes.q.push(frame(node));
+        // Any positive radius until [`set_radii`]; leaves need the centreline before.
         plant.nodes.r.push(1e-4);
         plant.nodes.s.push(s);
         plant.nodes.birth.push(birth(node.time));
@@ -196,6 +197,7 @@ fn set_cones(plant: &mut Plant, grown: &[&ShapeAxis], ratios: &[WeightedRatio], 
         let (mut below, mut above) = ((0.0, base.max(tip)), (0.0, base.max(tip)));
         for k in plant.nodes_of(&axis) {
             let s = f64::from(plant.nodes.s[k]);
+            // Step on to the internode that holds the node; each draws its ratio once.
             while s > above.0 {
                 below = above;
                 let ratio = ratios.get(draws.pick(&weights)).map_or(1.0, |r| r.ratio);

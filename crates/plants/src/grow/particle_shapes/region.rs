@@ -87,15 +87,18 @@ impl Region {
             Self::Sphere { center, radius } => p.distance(*center) - radius,
             Self::Ellipsoid { center, radii } => {
                 let x = (p - center) / radii;
+                // First-order distance f / |grad f| of f = |x / r| - 1, scaled so that it is exact on the surface.
                 let (k0, k1) = (x.length(), (x / radii).length());
                 if k1 < 1e-12 { -radii.min_element() } else { k0 * (k0 - 1.0) / k1 }
             }
             Self::Box { center, half } => {
                 let q = (p - center).abs() - half;
+                // Outside the distance to the nearest face, edge or corner; inside the negative distance to the nearest face.
                 q.max(DVec3::ZERO).length() + q.max_element().min(0.0)
             }
             Self::Capsule { from, to, radius } => {
                 let along = *to - *from;
+                // Share of the line at which it is nearest to the point.
                 let t = ((p - from).dot(along) / along.length_squared().max(1e-300)).clamp(0.0, 1.0);
                 p.distance(*from + along * t) - radius
             }

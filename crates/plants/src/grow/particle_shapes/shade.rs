@@ -84,6 +84,7 @@ impl ShadeGrid {
     /// Direction out of the shade, as long as the shade is deep, at most 1.
     pub fn way_out(&self, p: DVec3) -> DVec3 {
         let c = self.cell_of(p);
+        // Central differences over two cells.
         let slope = |e: IVec3| (self.at(c + e) - self.at(c - e)) / (2.0 * self.cell);
         let gradient = DVec3::new(slope(IVec3::X), slope(IVec3::Y), slope(IVec3::Z));
         -gradient / gradient.length().max(MIN_GRADIENT) * self.at(c).min(1.0)

@@ -98,6 +98,7 @@ pub(super) fn sites(params: &ShapeParams, axis: &ShapeAxis, seed: u64) -> Vec<f6
     let spacing = params.spawning.spacing.at(axis.level);
     let mut draws = Rng::at(seed, &[axis.id.into(), "sites".into()]);
     let end = axis.grown_length();
+    // The first site lies behind the bare base, by a random part of a spacing.
     let mut s = (params.spawning.base.at(axis.level) * axis.length).max(axis.exposed) + spacing * draws.unit_f64();
     let mut sites = Vec::new();
     while s < end {
@@ -135,6 +136,7 @@ pub(super) fn children(params: &ShapeParams, axis: &ShapeAxis, index: usize, see
             let ordinal = site as u64 * u64::from(buds) + u64::from(bud);
             let id = mix64(&[axis.id, word("spawn"), ordinal]);
             let mut draws = Rng::at(seed, &[id.into(), "bud".into()]);
+            // Every bud has a stream of its own: a dormant one changes no other.
             if draws.chance(spawning.dormancy) {
                 continue;
             }
@@ -193,6 +195,7 @@ pub(super) fn fork(
         return None;
     }
     let tip: &ShapeNode = axis.nodes.last()?;
+    // Both halves turn about one axis across the tip, in opposite directions.
     let hinge = rotated(tip.reference, tip.tangent, draws.range(0.0, TAU));
     let half = |ordinal: u64, sign: f64| {
         let direction = rotated(tip.tangent, hinge, sign * 0.5 * params.spawning.split_angle);

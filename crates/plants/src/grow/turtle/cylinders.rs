@@ -110,9 +110,11 @@ impl OpenCylinder {
         if sections.len() < 2 {
             return None;
         }
+        // All sections need the same number of points, the largest that any asks for.
         let sides = self.points.iter().map(|p| p.state.sides).max().unwrap_or(8).max(3);
         // Cross-sections in plant space.
         let frames = frames(&sections, twist);
+        // The first point is repeated at the end of each ring, where u is 1.
         let around = sides as usize + 1;
         let mut points = Vec::with_capacity(sections.len() * around);
         for (section, (up, left)) in sections.iter().zip(&frames) {
@@ -183,6 +185,7 @@ impl OpenCylinder {
             if self.kind == CurveKind::Hermite && chord < 1e-9 {
                 continue;
             }
+            // Pieces share the section between them.
             let begin = u32::from(!sections.is_empty());
             for k in begin..=strips {
                 let t = f64::from(k) / f64::from(strips);
@@ -230,6 +233,7 @@ fn hermite(a: &CylinderPoint, b: &CylinderPoint, chord: f64, t: f64) -> (DVec3, 
 
 /// Point and tangent of a piece of a uniform cubic B-spline.
 fn b_spline(p: [DVec3; 4], t: f64) -> (DVec3, DVec3) {
+    // The basis of the uniform cubic B-spline, times 6, and its derivative, times 2.
     let (t2, t3, s) = (t * t, t * t * t, 1.0 - t);
     let point = p[0] * (s * s * s)
         + p[1] * (3.0 * t3 - 6.0 * t2 + 4.0)
@@ -251,6 +255,7 @@ fn radius(a: &CylinderPoint, b: &CylinderPoint, chord: f64, t: f64) -> f64 {
         + m0 * (t3 - 2.0 * t2 + t)
         + b.radius * (3.0 * t2 - 2.0 * t3)
         + m1 * (t3 - t2);
+    // Steep slopes may carry the curve below 0.
     cubic.max(0.0)
 }
 
@@ -265,6 +270,7 @@ fn frames(sections: &[CrossSection], twist: bool) -> Vec<(DVec3, DVec3)> {
             // The smallest rotation from the tangent before to this one.
             up = DQuat::from_rotation_arc(sections[i - 1].tangent, section.tangent) * up;
         }
+        // Rounding errors of many rotations are taken out at each section.
         up = (up - section.tangent * up.dot(section.tangent)).normalize_or(section.tangent.any_orthonormal_vector());
         let own = section.up - section.tangent * section.up.dot(section.tangent);
         let shown = if twist { own.normalize_or(up) } else { up };
@@ -294,6 +300,7 @@ fn smooth_normals(mesh: &Mesh, row: u32, closed: bool) -> Vec<Vec3> {
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|i| mesh.points[i as usize]);
         let face = (b - a).cross(c - a);
+        // The cross product is as long as twice the area: larger faces count for more.
         t.iter().for_each(|i| sums[*i as usize] += face);
     }
     if closed {

@@ -418,6 +418,7 @@ impl Turtle<'_> {
             // Half of the directions, rounded down, whatever `!` says.
             C::TurnHalf => self.turn_units(-self.unit_count().div_euclid(2)),
             C::TurnDegrees(left) => {
+                // Counter-clockwise unless `!` has exchanged the directions.
                 let sign = if left == self.s.dialect.reversed { -1.0 } else { 1.0 };
                 let turned = self.s.dialect.degrees + sign * given.unwrap_or(0.0);
                 self.s.dialect.degrees = turned.rem_euclid(360.0);
@@ -432,12 +433,14 @@ impl Turtle<'_> {
             C::Yaw(sign) => self.dialect_turn(sign, given, TurtleFrame::yaw),
             C::Pitch(sign) => self.dialect_turn(sign, given, TurtleFrame::pitch),
             C::Roll(sign) => self.dialect_turn(sign, given, TurtleFrame::roll),
+            // (-1, 0) are cosine and sine of 180 degrees, exactly.
             C::TurnAround => self.s.frame.yaw(-1.0, 0.0),
             C::RollOver => self.s.frame.roll(-1.0, 0.0),
             C::Level => self.s.frame.level(),
             C::Random => self.random_turns(given.unwrap_or(RANDOM_DEG), m),
             C::Gravity => {
                 let h = self.s.frame.h;
+                // The horizontal part of the unit heading is the cosine of its elevation.
                 let angle = given.unwrap_or(GRAVITY) * math::sqrt(h.x * h.x + h.z * h.z);
                 self.s.frame.pitch(math::cos(angle), math::sin(angle));
                 self.count_turn();

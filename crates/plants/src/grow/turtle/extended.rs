@@ -37,6 +37,7 @@ impl PatchBasis {
     fn bezier(self, p: [DVec3; 4]) -> [DVec3; 4] {
         match self {
             Self::Bezier => p,
+            // The change of basis from uniform cubic B-splines, and below from Catmull-Rom splines, to Bezier form.
             Self::BSpline => [
                 (p[0] + p[1] * 4.0 + p[2]) / 6.0,
                 (p[1] * 2.0 + p[2]) / 3.0,

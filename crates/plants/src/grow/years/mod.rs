@@ -141,6 +141,7 @@ pub fn grow_recorded(
     for group in grown {
         trees.extend(group?);
     }
+    // Groups are in the order of their first trees; results are in the order of the specifications.
     trees.sort_by_key(|(i, _)| *i);
     Ok(trees.into_iter().map(|(_, tree)| tree).collect())
 }
@@ -208,6 +209,7 @@ fn grow_group(
     let members: Vec<&TreeSpec> = group.iter().map(|i| &specs[*i]).collect();
     let span = |i: usize| spans.get(i).copied().flatten();
     let last = members.iter().map(|s| full_years(s.age)).max().unwrap_or(0);
+    // Ages end together: younger trees are sown later.
     let sow = |i: &usize| {
         let spec = &specs[*i];
         Tree { sown: last - full_years(spec.age), recorded: span(*i).is_some(), ..plant_seed(spec) }
@@ -225,6 +227,7 @@ fn grow_group(
     }
     let part = |spec: &TreeSpec| narrow(spec.age - f64::from(full_years(spec.age)));
     if members.iter().any(|s| part(s) > 0.0) {
+        // The last year is grown whole for all, then taken back for those whose age has no fraction.
         let before = stand.trees.clone();
         stand.grow_year(false)?;
         for (((tree, before), spec), record) in stand.trees.iter_mut().zip(before).zip(&members).zip(&mut records) {

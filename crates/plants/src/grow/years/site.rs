@@ -56,6 +56,7 @@ impl Neighbours {
     /// Adds the ring's leaves. `base`: of the tree in the field; `extinction`: of its species.
     pub(super) fn deposit(&self, areas: &mut LeafAreas, base: Vec3, height: f32, extinction: f32) {
         let grid = areas.grid;
+        // The field holds areas times extinction: species absorb light differently.
         let area = self.density * grid.cell * grid.cell * grid.cell * extinction;
         let [nx, ny, nz] = grid.size;
         for y in 0..ny {
@@ -63,6 +64,7 @@ impl Neighbours {
                 for x in 0..nx {
                     let at = grid.center(x, y, z) - base;
                     let away = (at.x * at.x + at.z * at.z).sqrt();
+                    // Cells count whole, by their centers.
                     let ring = (self.radius..self.radius + RING_THICKNESS).contains(&away);
                     if ring && (RING_HEIGHTS[0] * height..RING_HEIGHTS[1] * height).contains(&at.y) {
                         areas.add_to_cell((y * nz + z) * nx + x, area);

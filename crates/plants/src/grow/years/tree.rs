@@ -47,6 +47,7 @@ pub(super) enum Purpose {
     Lift = 8,
 }
 
+// One list of fields makes the columns and the row, so that no column can be forgotten in `push` and `keep`.
 macro_rules! columns {
     ($(#[$doc:meta])* $name:ident / $row:ident { $($(#[$field_doc:meta])* $field:ident: $kind:ty,)* }) => {
         $(#[$doc])*
@@ -363,6 +364,7 @@ impl Tree {
     #[inline]
     pub fn leaf_area(&self, i: usize) -> f32 {
         let habit = &self.habit;
+        // Leaves at an open tip, and others along a shoot that is young enough.
         let tip = if self.nodes.flags[i] & flag::OPEN != 0 { habit.leaf_area_tip } else { 0.0 };
         if self.bears_along(i) { tip + habit.leaf_area_shoot * self.nodes.length[i] } else { tip }
     }
