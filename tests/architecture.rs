@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const CRATES: &[(&str, &[&str])] = &[
     ("base", &[]),
     ("scene", &["base"]),
-    ("grammar", &["base", "scene"]),
+    ("grammar", &["base"]),
     ("ifs", &["base", "scene"]),
     ("import", &["base", "scene"]),
     ("wind", &["base", "scene"]),

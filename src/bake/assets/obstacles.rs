@@ -22,8 +22,8 @@ use osier_scene::{Asset, AssetKind, MaterialId, Mesh, MeshMotion, MeshObject, Tr
 /// fewer smooth the waves that catkins land on.
 const GROUND_SAMPLES: u16 = 513;
 /// Default colours of walls and roofs, linear.
-const PLASTER: [f32; 3] = [0.48, 0.40, 0.29];
-const TILES: [f32; 3] = [0.20, 0.058, 0.034];
+const WALL_COLOR: [f32; 3] = [0.48, 0.40, 0.29];
+const ROOF_COLOR: [f32; 3] = [0.20, 0.058, 0.034];
 
 /// The ground under a scene.
 pub enum GroundSurface<'a> {
@@ -155,7 +155,7 @@ fn obstacle_materials(solid: &SolidRecipe) -> MaterialSet {
         }
         None => {
             let keys = &solid.keys;
-            let (wall, roof) = (keys.color.unwrap_or(PLASTER), keys.roof_color.unwrap_or(TILES));
+            let (wall, roof) = (keys.color.unwrap_or(WALL_COLOR), keys.roof_color.unwrap_or(ROOF_COLOR));
             let count = if keys.shape == SolidShape::House { masonry::MATERIAL_COUNT as usize } else { 1 };
             set.materials.extend(masonry::materials(&solid.id, wall, roof).into_iter().take(count));
         }

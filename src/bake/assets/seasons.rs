@@ -24,17 +24,17 @@ use osier_scene::{Material, MaterialClass};
 pub(crate) const BUD: &str = "bud";
 /// Largest difference between the seasons of two individuals at the same time, in the middle of the year: trees of one species do
 /// not turn on the same day.
-const INDIVIDUAL: f64 = 0.03;
+const MAX_INDIVIDUAL_SHIFT: f64 = 0.03;
 /// Linear colour and roughness of buds: brown scales.
 const BUD_COLOR: [f32; 3] = [0.095, 0.052, 0.028];
 const BUD_ROUGHNESS: f32 = 0.55;
 /// Linear colour of dry leaves.
-const DRY: [f32; 3] = [0.165, 0.085, 0.038];
+const DRY_LEAF_COLOR: [f32; 3] = [0.165, 0.085, 0.038];
 /// Linear colour that the first leaves of spring are drawn to, and how much lighter than summer's they are before.
-const SPRING: [f32; 3] = [0.30, 0.40, 0.055];
+const SPRING_COLOR: [f32; 3] = [0.30, 0.40, 0.055];
 const SPRING_LIGHT: f32 = 1.7;
 /// Share of the summer's colours that veins keep in turning and in turned leaves: they are green longest.
-const VEINS_KEEP: [f32; 2] = [0.85, 0.3];
+const VEIN_SUMMER_SHARES: [f32; 2] = [0.85, 0.3];
 /// Translucency of dry leaves as a share of that of fresh ones.
 const DRY_TRANSLUCENCY: f32 = 0.5;
 
@@ -111,8 +111,8 @@ fn outline_year(blade: BladeOutline) -> OutlineYear {
 pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u64) -> Result<()> {
     let Some(seasons) = plant.seasons() else { return Ok(()) };
     let [from, to] = [seasons[0].min(seasons[1]), seasons[0].max(seasons[1])];
-    // Individuals are ahead or behind by up to INDIVIDUAL: colours are needed for the whole range.
-    let between = [shifted(from, -INDIVIDUAL), shifted(to, INDIVIDUAL)].map(narrow);
+    // Individuals are ahead or behind by up to MAX_INDIVIDUAL_SHIFT: colours are needed for the whole range.
+    let between = [shift_season(from, -MAX_INDIVIDUAL_SHIFT), shift_season(to, MAX_INDIVIDUAL_SHIFT)].map(narrow);
     let mut season = SeasonMaterials::default();
     let mut bud_material = None;
     for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
@@ -179,8 +179,8 @@ fn leaf_habit(keys: &OrganKeys, green: [f32; 3]) -> LeafHabit {
     LeafHabit {
         evergreen: keys.evergreen.unwrap_or(keys.blade == BladeOutline::Needles),
         green,
-        spring: keys.spring.unwrap_or(mixed(lighter, SPRING, 0.45)),
-        dry: DRY,
+        spring: keys.spring.unwrap_or(mixed(lighter, SPRING_COLOR, 0.45)),
+        dry: DRY_LEAF_COLOR,
         autumn,
         falls: keys.falls.unwrap_or(own.falls),
         keeps: narrow(keys.keeps),
@@ -221,14 +221,14 @@ fn season_colors(summer: &LeafColors, habit: &LeafHabit, color: LeafColor) -> Le
             LeafColors {
                 // The darker patches are green for longer.
                 blade: [mixed(summer.blade[0], hue, 0.22), mixed(summer.blade[1], hue, 0.78)],
-                vein: mixed(hue, summer.vein, VEINS_KEEP[0]),
+                vein: mixed(hue, summer.vein, VEIN_SUMMER_SHARES[0]),
                 edge: hue,
                 roughness: summer.roughness,
             }
         }
         LeafColor::Turned(i) => {
             let hue = habit.autumn_color(i);
-            whole(hue, VEINS_KEEP[1], mixed(hue, habit.dry, 0.5))
+            whole(hue, VEIN_SUMMER_SHARES[1], mixed(hue, habit.dry, 0.5))
         }
         LeafColor::Aged(_) => {
             let c = habit.color(color);
@@ -284,7 +284,7 @@ fn add_colors(
 }
 
 /// A season moved by a difference that vanishes at bud burst and on the bare tree.
-fn shifted(season: f64, difference: f64) -> f64 {
+fn shift_season(season: f64, difference: f64) -> f64 {
     // The parabola 4 t (1 - t) is 0 at both ends of the year and 1 in its middle.
     (season + difference * 4.0 * season * (1.0 - season)).clamp(0.0, 1.0)
 }
@@ -292,7 +292,7 @@ fn shifted(season: f64, difference: f64) -> f64 {
 /// The seed of an individual's year, and how far it is ahead of or behind others in the middle of the year.
 fn individual_year(individual: &Individual) -> (u64, f64) {
     let seed = mix64(&[individual.seed, u64::from(individual.id)]);
-    (seed, Rng::at(seed, &["season".into()]).range(-INDIVIDUAL, INDIVIDUAL))
+    (seed, Rng::at(seed, &["season".into()]).range(-MAX_INDIVIDUAL_SHIFT, MAX_INDIVIDUAL_SHIFT))
 }
 
 /// The organs of a plant's materials as leaves that go through the year.
@@ -315,7 +315,7 @@ pub(crate) fn show_season(
 ) -> Result<()> {
     let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(()) };
     let (seed, difference) = individual_year(individual);
-    let season = narrow(shifted(seasons[0], difference));
+    let season = narrow(shift_season(seasons[0], difference));
     apply_season(grown, &PlantSeason { season, seed, organs: &seasonal_organs(materials), bud_name: BUD })
 }
 
@@ -336,7 +336,7 @@ impl SeasonClip {
     /// The season at a share of the clip, 0..1.
     pub fn season(&self, share: f64) -> f32 {
         let [from, to] = self.seasons;
-        narrow(shifted(from + (to - from) * share, self.difference))
+        narrow(shift_season(from + (to - from) * share, self.difference))
     }
 }
 
@@ -356,7 +356,7 @@ pub(crate) fn season_clip(
     let mut first = grown.clone();
     show_season(&mut first, recipe, individual, set)?;
     let at = PlantSeason { season: 0.0, seed, organs: &organs, bud_name: BUD };
-    let at_share = |share: f64| narrow(shifted(seasons[0] + (seasons[1] - seasons[0]) * share, difference));
+    let at_share = |share: f64| narrow(shift_season(seasons[0] + (seasons[1] - seasons[0]) * share, difference));
     let intervals = frames.max(1.0);
     let numbers = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= intervals);
     let shares = numbers.map(|k: f64| k / intervals);

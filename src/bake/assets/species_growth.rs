@@ -116,7 +116,7 @@ fn tree_spec(recipe: &Recipe, individual: &Individual, transform: Trs, solids: &
         base: if in_place { transform.t } else { Vec3::ZERO },
         age: species.age,
         neighbours: species.stand.as_ref().map(ring),
-        prunes: species.prunes.iter().filter_map(|p| prune(p, solids)).collect(),
+        prunes: species.prunes.iter().filter_map(|p| prune_of_keys(p, solids)).collect(),
     })
 }
 
@@ -136,7 +136,7 @@ pub(crate) fn ground_and_solids(solids: &[Solid]) -> Solids {
 }
 
 /// A cut of the keys; `None` for one that keeps nothing, which resolving has reported.
-fn prune(keys: &PruneKeys, solids: &[Solid]) -> Option<Prune> {
+fn prune_of_keys(keys: &PruneKeys, solids: &[Solid]) -> Option<Prune> {
     let keep = match keys.keep[..] {
         _ if !keys.solid.is_empty() => Keep::Solid(Arc::new(solids.iter().find(|s| s.name == keys.solid)?.clone())),
         [a, b] => {

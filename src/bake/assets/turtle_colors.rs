@@ -17,7 +17,7 @@ use osier_scene::{Material, MaterialClass, Mesh};
 /// Translucency of thin surfaces of opaque colours. Own: petals and leaves let some light through, half as much as a blade of a scene.
 const THIN_TRANSLUCENCY: f32 = 0.15;
 
-/// Adds a material for each colour index that the grown plants wear to the materials of their kind, and puts it on their shapes.
+/// Adds a material for each colour index that the grown plants replace_paints to the materials of their kind, and puts it on their shapes.
 /// `grown`: of the individuals of the layout, in its order.
 /// # Errors
 /// `TooMany` beyond 2^32 materials.
@@ -59,7 +59,7 @@ pub(crate) fn add_worn_colors(
             let first = grown.season.as_mut().map(|s| &mut s.first);
             for plant in std::iter::once(&mut grown.plant).chain(first) {
                 plant.materials.clone_from(&names);
-                plant.protos.iter_mut().for_each(|p| wear(&mut p.mesh, &materials));
+                plant.protos.iter_mut().for_each(|p| replace_paints(&mut p.mesh, &materials));
             }
         }
     }
@@ -78,7 +78,7 @@ fn paints_of(plant: &Plant) -> impl Iterator<Item = Paint> {
 }
 
 /// Puts the real materials in place of the colour indices of a mesh.
-fn wear(mesh: &mut Arc<Mesh>, materials: &BTreeMap<Paint, u32>) {
+fn replace_paints(mesh: &mut Arc<Mesh>, materials: &BTreeMap<Paint, u32>) {
     if mesh.subsets.iter().all(|s| Paint::of(s.material).is_none()) {
         return;
     }

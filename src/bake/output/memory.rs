@@ -14,19 +14,19 @@ use osier_export::usd;
 use osier_scene::{Image, Pixels, Scene, VolumeGrid};
 
 /// The program itself, and what each thread has on its stack and in its buffers, bytes.
-const PROGRAM: u64 = 16_000_000;
-const THREAD: u64 = 4_000_000;
+const PROGRAM_BYTES: u64 = 16_000_000;
+const THREAD_BYTES: u64 = 4_000_000;
 /// Tenths of a byte for each byte of a picture, which is held as it is and packed.
-const PICTURE: u64 = 22;
+const PICTURE_BYTE_TENTHS: u64 = 22;
 /// Bytes for each vertex and each triangle.
-const VERTEX: u64 = 42;
+const VERTEX_BYTES: u64 = 42;
 /// Bytes for each instance: its transform, its place on the plant, its motion.
-const INSTANCE: u64 = 130;
+const INSTANCE_BYTES: u64 = 130;
 /// Bytes for each point of a cloud, and how many more as USD lays it out.
-const POINT: u64 = 50;
-const USD_POINT: u64 = 26;
+const POINT_BYTES: u64 = 50;
+const USD_POINT_BYTES: u64 = 26;
 /// Bytes for each texel of the maps of rain.
-const TEXEL: u64 = 150;
+const TEXEL_BYTES: u64 = 150;
 
 /// Bytes for each triangle of an artist's terrain beside its mesh: the file's own mesh, the triangles by which heights are found, their
 /// index.
@@ -37,8 +37,8 @@ const RECORDED_LEAF: u64 = 350;
 const RECORDED_DROP: u64 = 96;
 
 /// Bytes for each cell of a volume: its middle, its velocity in two frames, and as it is packed; or its value in a leaf of its own.
-const VOXEL: u64 = 70;
-const SCALAR_VOXEL: u64 = 600;
+const VOXEL_BYTES: u64 = 70;
+const SCALAR_VOXEL_BYTES: u64 = 600;
 
 /// Bytes of memory at the peak of a run, by what they are for. `counts`: of the run, with its sizes.
 pub fn predict_memory(
@@ -51,9 +51,10 @@ pub fn predict_memory(
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
     // Each format says what share of its file it holds in memory at once.
     let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();
-    let voxel = |g: &VolumeGrid| g.max_cells.saturating_mul(if g.is_vector { VOXEL } else { SCALAR_VOXEL });
+    let voxel = |g: &VolumeGrid| g.max_cells.saturating_mul(if g.is_vector { VOXEL_BYTES } else { SCALAR_VOXEL_BYTES });
     let volumes = scene.volumes.iter().map(voxel).fold(0, u64::saturating_add);
-    let point = if formats.iter().any(|f| f.word == usd::FORMAT.word) { POINT + USD_POINT } else { POINT };
+    let point =
+        if formats.iter().any(|f| f.word == usd::FORMAT.word) { POINT_BYTES + USD_POINT_BYTES } else { POINT_BYTES };
     // Rain is simulated as a whole before the first frame is written.
     let recorded = match &recipe.rain {
         Some(_) if counts.frames > 1 => {
@@ -63,13 +64,13 @@ pub fn predict_memory(
         _ => 0,
     };
     let mut parts = vec![
-        ("program", PROGRAM + THREAD * osier_base::par::threads() as u64),
-        ("pictures", scene.images.iter().map(decoded_bytes).sum::<u64>() / 10 * PICTURE),
-        ("meshes", VERTEX.saturating_mul(counts.vertices + counts.triangles)),
-        ("instances", INSTANCE.saturating_mul(counts.instances)),
+        ("program", PROGRAM_BYTES + THREAD_BYTES * osier_base::par::threads() as u64),
+        ("pictures", scene.images.iter().map(decoded_bytes).sum::<u64>() / 10 * PICTURE_BYTE_TENTHS),
+        ("meshes", VERTEX_BYTES.saturating_mul(counts.vertices + counts.triangles)),
+        ("instances", INSTANCE_BYTES.saturating_mul(counts.instances)),
         ("points", point.saturating_mul(counts.points)),
         ("writers", writers),
-        ("maps of rain", TEXEL * texels),
+        ("maps of rain", TEXEL_BYTES * texels),
         ("record of rain", recorded),
         ("volumes", volumes),
         ("terrain", TERRAIN_TRIANGLE.saturating_mul(terrain_triangles(recipe))),

@@ -125,24 +125,24 @@ fn name_assets(recipe: &Recipe, layout: &mut PlantLayout) {
 }
 
 /// Tries of a copy to keep both distances.
-const TRIES: u32 = 24;
+const MAX_TRIES: u32 = 24;
 
-/// Positions of a place's copies relative to its centre, m, by best-candidate sampling: up to [`TRIES`] draws in the place's region, of
+/// Positions of a place's copies relative to its centre, m, by best-candidate sampling: up to [`MAX_TRIES`] draws in the place's region, of
 /// which the first that keeps both distances is taken, else the best. `clear`: plants of earlier places, relative to the same centre.
 fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec3> {
-    let region = Region::of(place);
-    if matches!(region, Region::Disc { .. }) && place.keys.count == 1 {
+    let region = CopyRegion::of(place);
+    if matches!(region, CopyRegion::Disc { .. }) && place.keys.count == 1 {
         return vec![Vec3::ZERO];
     }
     // Along a line the spacing is kept by the positions themselves.
-    let on_line = matches!(region, Region::Line { .. });
+    let on_line = matches!(region, CopyRegion::Line { .. });
     let spacing = if on_line { 0.0 } else { math::narrow(place.keys.spacing) };
     let mut near = PlacementGrid::new(spacing);
     (0..place.keys.count)
         .map(|copy| {
             let mut rng = Rng::at(seed, &["place".into(), index.into(), copy.into(), "spot".into()]);
             let mut best = (f32::NEG_INFINITY, Vec3::ZERO);
-            for _ in 0..TRIES {
+            for _ in 0..MAX_TRIES {
                 let spot = region.draw(copy, &mut rng);
                 let level = Vec2::new(spot.x, spot.z);
                 let room = near.distance(level);
@@ -163,7 +163,7 @@ fn spread_copies(seed: u64, index: usize, place: &PlaceRecipe, clear: &Placement
 }
 
 /// Where the copies of a place may stand, m, from its centre.
-enum Region<'a> {
+enum CopyRegion<'a> {
     Disc {
         radius: f32,
     },
@@ -179,7 +179,7 @@ enum Region<'a> {
     },
 }
 
-impl<'a> Region<'a> {
+impl<'a> CopyRegion<'a> {
     fn of(place: &'a PlaceRecipe) -> Self {
         let keys = &place.keys;
         match keys.area {

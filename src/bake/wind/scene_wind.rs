@@ -65,7 +65,7 @@ pub struct SceneWind {
     /// At all times and all places that are read ahead of the frames; `None` in calm air, and where a lattice is stepped only.
     field: Option<Arc<dyn Wind>>,
     /// A lattice that is stepped from frame to frame, with two snapshots in memory.
-    stepped: Option<Stepped>,
+    stepped: Option<SteppedWind>,
     /// Snapshots for the whole clip.
     recorded: Option<Arc<RecordedWind>>,
     /// Width of the cells of a lattice, m.
@@ -75,7 +75,7 @@ pub struct SceneWind {
 }
 
 #[derive(Debug)]
-struct Stepped {
+struct SteppedWind {
     lattice: Mutex<SteppedLattice>,
     scale: f32,
     /// The scene's other winds, which are added.
@@ -125,7 +125,7 @@ impl SceneWind {
             if plan.recorded.is_none() {
                 report_warnings(lattice.solver(), report);
             }
-            wind.stepped = Some(Stepped { lattice: Mutex::new(lattice), scale, others: winds.clone() });
+            wind.stepped = Some(SteppedWind { lattice: Mutex::new(lattice), scale, others: winds.clone() });
         }
         if let Some(recording) = plan.recorded {
             let mut solver = wind_spin_up::load_or_spin_up(&plan.options, surroundings.solids, context)?;

@@ -10,9 +10,9 @@ use osier_base::math;
 use osier_scene::{Fog, Trs};
 
 /// Vertical aperture in tenths of the scene unit, as UsdGeomCamera has it: 24 mm.
-const FILM: f32 = 0.24;
+const VERTICAL_APERTURE: f32 = 0.24;
 /// Aspect ratio of the aperture, width to height.
-const ASPECT: f32 = 16.0 / 9.0;
+const APERTURE_ASPECT: f32 = 16.0 / 9.0;
 
 /// Defines camera, sun, sky and fog below `root`. `picture`: path of the sky's equirectangular image, relative to the layer;
 /// without one the sky has a single colour.
@@ -45,7 +45,7 @@ fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Resul
     let camera = &cx.scene.camera;
     layer.define_prim(path, "Camera")?;
     // Pinhole camera: tan(vfov / 2) = (aperture / 2) / focal length, both in tenths of the scene unit.
-    let focal = FILM * 0.5 / math::tan_f32(camera.vfov * 0.5);
+    let focal = VERTICAL_APERTURE * 0.5 / math::tan_f32(camera.vfov * 0.5);
     layer.set_attr(&format!("{path}.clippingRange"), "float2", UsdValue::Float2(camera.clipping_range()))?;
     layer.set_attr(&format!("{path}.focalLength"), "float", UsdValue::Float(focal))?;
     layer.set_attr(
@@ -53,9 +53,13 @@ fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Resul
         "float",
         UsdValue::Float((camera.target - camera.eye).length()),
     )?;
-    layer.set_attr(&format!("{path}.horizontalAperture"), "float", UsdValue::Float(FILM * ASPECT))?;
+    layer.set_attr(
+        &format!("{path}.horizontalAperture"),
+        "float",
+        UsdValue::Float(VERTICAL_APERTURE * APERTURE_ASPECT),
+    )?;
     layer.set_uniform(&format!("{path}.projection"), "token", UsdValue::Token("perspective"))?;
-    layer.set_attr(&format!("{path}.verticalAperture"), "float", UsdValue::Float(FILM))?;
+    layer.set_attr(&format!("{path}.verticalAperture"), "float", UsdValue::Float(VERTICAL_APERTURE))?;
     let [right, up, back] = camera.axes();
     let r = Quat::from_mat3(&Mat3::from_cols(right, up, back));
     let place = Trs { t: cx.up.stage_vec(camera.eye), r: cx.up.world_to_stage() * r, s: Vec3::ONE };

@@ -62,7 +62,7 @@ impl InstancerBounds {
         let mut span = ExtentLanes { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3] };
         let placed = positions.chunks(LANES).zip(turns.chunks(LANES));
         for (block, (shown, (t, q))) in self.blocks.iter().zip(placed).enumerate() {
-            let resized = (!state.sizes.is_empty()).then(|| shown.resized(|l| state.size(block * LANES + l)));
+            let resized = (!state.sizes.is_empty()).then(|| shown.with_size_factors(|l| state.size(block * LANES + l)));
             let shown = resized.as_ref().unwrap_or(shown);
             // The last block has 1 to 4 instances; its empty lanes count as not alive.
             let n = t.len().min(q.len());
@@ -102,7 +102,7 @@ impl InstanceBoxLanes {
     }
 
     /// The same block with factors on the scales. `size`: of each lane.
-    fn resized(&self, size: impl Fn(usize) -> f32) -> Self {
+    fn with_size_factors(&self, size: impl Fn(usize) -> f32) -> Self {
         let size = Vec4::from_array(std::array::from_fn(size));
         Self { scale: self.scale.map(|v| v * size), reach: self.reach * size, ..*self }
     }

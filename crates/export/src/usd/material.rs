@@ -7,7 +7,7 @@ use osier_base::Result;
 use osier_scene::{Coat, Material, MaterialClass};
 
 /// Roughness of a film of water on a leaf. Own: 0 would be a mirror of single bright pixels.
-const FILM: f32 = 0.05;
+const WATER_FILM_ROUGHNESS: f32 = 0.05;
 
 /// Writes a material and its shaders. Returns the pictures of it that change with the frames.
 pub(super) fn define_material(
@@ -107,7 +107,7 @@ impl ShaderInputWriter<'_> {
         if let Some(coat) = coat {
             // A film over the surface, which keeps its own roughness and relief.
             self.connect("clearcoat", "float", &format!("{}.outputs:r", coat.weight))?;
-            self.input("clearcoatRoughness", "float", UsdValue::Float(FILM))?;
+            self.input("clearcoatRoughness", "float", UsdValue::Float(WATER_FILM_ROUGHNESS))?;
         }
         self.input("ior", "float", UsdValue::Float(m.ior))?;
         self.input("metallic", "float", UsdValue::Float(0.0))?;

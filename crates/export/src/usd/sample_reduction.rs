@@ -64,8 +64,11 @@ impl<T: Interpolated> SampleReducer<T> {
             return Some(sample);
         }
         // The newest of the waiting frames is written once the gap is full or interpolation over all of them fails.
-        let due =
-            if self.waiting.len() >= MAX_GAP || !self.restores_waiting(&sample) { self.waiting.pop() } else { None };
+        let due = if self.waiting.len() >= MAX_GAP || !self.restores_waiting_frames(&sample) {
+            self.waiting.pop()
+        } else {
+            None
+        };
         if let Some(due) = &due {
             self.waiting.clear();
             self.last = Some(due.clone());
@@ -82,7 +85,7 @@ impl<T: Interpolated> SampleReducer<T> {
     }
 
     /// Whether interpolation from the last written sample to `next` restores all waiting frames.
-    fn restores_waiting(&self, next: &TimeSample<T>) -> bool {
+    fn restores_waiting_frames(&self, next: &TimeSample<T>) -> bool {
         let Some(last) = &self.last else { return false };
         self.waiting.iter().all(|w| {
             // The parameter of the waiting frame between the two samples, 0 to 1, computed in f64 from the times.

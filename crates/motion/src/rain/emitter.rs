@@ -162,7 +162,7 @@ impl RainEmitter {
     }
 
     /// Number flux at factor 1 of the envelope, drops per m^2 and s.
-    pub fn flux(&self) -> f64 {
+    pub fn drop_flux(&self) -> f64 {
         self.flux
     }
 
@@ -365,7 +365,7 @@ mod tests {
     #[test]
     fn ten_millimetres_an_hour_are_ten_millimetres_an_hour() {
         let mut emitter = RainEmitter::new(rainfall(), bounds(), None);
-        assert!((2300.0..3100.0).contains(&emitter.flux()), "{}", emitter.flux());
+        assert!((2300.0..3100.0).contains(&emitter.drop_flux()), "{}", emitter.drop_flux());
         let (mut water, mut counts, h) = (0.0, Vec::new(), 0.005);
         for k in 0..8000_u64 {
             let emitted = emitter.emit_until((k + 1) as f64 * h);

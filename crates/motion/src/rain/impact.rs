@@ -40,7 +40,7 @@ pub struct ImpulseAndRebound {
 
 impl Impact {
     /// Speed of approach along the normal, m/s.
-    pub fn approach(&self) -> f64 {
+    pub fn approach_speed(&self) -> f64 {
         (-self.relative.dot(self.normal)).max(0.0)
     }
 
@@ -51,9 +51,9 @@ impl Impact {
     /// that stays is added to the leaf's at the leaf's velocity, so that the impulse on both is the whole relative momentum but for
     /// the part that the drop keeps along the leaf.
     /// Source: conservation of momentum; or [yang-wu] eq. 2 with M_e the effective mass along the drop's flight.
-    pub fn strike(&self, params: &DropParams, inverse_mass: impl Fn(DVec3) -> f64) -> ImpulseAndRebound {
+    pub fn impulse_and_rebound(&self, params: &DropParams, inverse_mass: impl Fn(DVec3) -> f64) -> ImpulseAndRebound {
         let Self { mass, diameter, relative, normal, surface_velocity } = *self;
-        let approach = self.approach();
+        let approach = self.approach_speed();
         let along = relative + normal * approach;
         let kept = along * params.tangent_keep;
         let restitution = match params.impact {
@@ -121,12 +121,12 @@ mod tests {
     #[test]
     fn a_drop_that_stays_moves_with_a_free_leaf_and_loses_no_momentum() {
         let impact = slanting(6.5);
-        let outcome = impact.strike(&with(0.0), |_| 1.0 / LEAF);
+        let outcome = impact.impulse_and_rebound(&with(0.0), |_| 1.0 / LEAF);
         assert!(!outcome.bounces);
         // Leaf and drop as one body of both masses, at the leaf's velocity, that the impulse moves.
         let both = impact.surface_velocity + outcome.impulse / (LEAF + DROP);
         let pushed = (both - impact.surface_velocity).y;
-        assert!((pushed / impact.approach() + DROP / (LEAF + DROP)).abs() < 1e-12, "{pushed}");
+        assert!((pushed / impact.approach_speed() + DROP / (LEAF + DROP)).abs() < 1e-12, "{pushed}");
         assert!((outcome.relative.dot(DVec3::Y)).abs() < 1e-15);
         let after = both * (LEAF + DROP) + outcome.relative * DROP;
         let before = impact.surface_velocity * LEAF + (impact.surface_velocity + impact.relative) * DROP;
@@ -137,32 +137,35 @@ mod tests {
     fn a_drop_bounces_with_the_restitution_and_energy_never_grows() {
         for e in [0.1, 0.5, 0.9] {
             let impact = slanting(6.5);
-            let outcome = impact.strike(&with(e), |_| 1.0 / LEAF);
+            let outcome = impact.impulse_and_rebound(&with(e), |_| 1.0 / LEAF);
             assert!(outcome.bounces);
             // In the frame of the leaf before the impact.
             let (leaf, drop) = (outcome.impulse / LEAF, outcome.relative);
             let parting = drop - leaf;
-            assert!((parting.y - e * impact.approach()).abs() < 1e-9, "{parting}");
-            let sliding = (impact.relative + DVec3::Y * impact.approach()) * 0.3;
+            assert!((parting.y - e * impact.approach_speed()).abs() < 1e-9, "{parting}");
+            let sliding = (impact.relative + DVec3::Y * impact.approach_speed()) * 0.3;
             assert!((parting - DVec3::Y * parting.y - sliding).length() < 1e-9);
             assert!((leaf * LEAF + drop * DROP - impact.relative * DROP).length() < 1e-15);
             let after = DROP * drop.length_squared() + LEAF * leaf.length_squared();
             assert!(after < DROP * impact.relative.length_squared());
         }
         // Slower than what surface tension holds: it stays.
-        assert!(!slanting(0.3).strike(&with(0.5), |_| 1.0 / LEAF).bounces);
+        assert!(!slanting(0.3).impulse_and_rebound(&with(0.5), |_| 1.0 / LEAF).bounces);
     }
 
     #[test]
     fn the_papers_energy_throws_a_leaf_eight_times_as_fast() {
         let straight = Impact { relative: DVec3::NEG_Y * 6.5, surface_velocity: DVec3::ZERO, ..slanting(6.5) };
         let paper = DropParams { impact: ImpactImpulseLaw::PaperEnergy { eps: 0.1 }, ..DropParams::default() };
-        let outcome = straight.strike(&paper, |_| 1.0 / LEAF);
+        let outcome = straight.impulse_and_rebound(&paper, |_| 1.0 / LEAF);
         let leaf = outcome.impulse.length() / LEAF;
         let energy = 0.5 * DROP * 6.5 * 6.5;
         assert!((0.5 * LEAF * leaf * leaf / (0.9 * energy) - 1.0).abs() < 1e-6);
         assert!((leaf - 0.73).abs() < 0.005, "{leaf}");
-        assert!((straight.strike(&with(0.0), |_| 1.0 / LEAF).impulse.length() / (LEAF + DROP) - 0.09).abs() < 0.001);
+        assert!(
+            (straight.impulse_and_rebound(&with(0.0), |_| 1.0 / LEAF).impulse.length() / (LEAF + DROP) - 0.09).abs()
+                < 0.001
+        );
     }
 
     #[test]

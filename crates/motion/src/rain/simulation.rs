@@ -514,7 +514,7 @@ impl RainSimulation {
         let diameter = sphere_diameter(drop.volume);
         let mut impact = Impact { mass: WATER_DENSITY * drop.volume, diameter, relative, normal, surface_velocity };
         let mut splashed = EjectedWater::default();
-        if weber_number(impact.approach(), diameter) > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
+        if weber_number(impact.approach_speed(), diameter) > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
             splashed = self.eject_splash_droplets(drop, i, point, &impact);
         }
         // The water that has not splashed strikes the leaf. The plant gives the effective mass with which the leaf resists there.
@@ -522,8 +522,9 @@ impl RainSimulation {
         impact.mass = WATER_DENSITY * volume;
         let LeafOnPlant { plant, leaf: leaf_on_plant, .. } = self.attachments[i];
         let target = &mut self.plants[plant];
-        let outcome =
-            impact.strike(&self.params, |direction| target.inverse_effective_mass(leaf_on_plant, point, direction));
+        let outcome = impact.impulse_and_rebound(&self.params, |direction| {
+            target.inverse_effective_mass(leaf_on_plant, point, direction)
+        });
         let recoil = drop.v * (WATER_DENSITY * splashed.volume) - splashed.momentum;
         let impulse = outcome.impulse + recoil;
         target.apply_impulse(leaf_on_plant, point, impulse * self.params.impulse_factor);

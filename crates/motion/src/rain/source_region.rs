@@ -18,12 +18,12 @@ use osier_wind::Wind;
 
 /// A horizontal rectangle: x and z, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct LevelRect {
+struct HorizontalRect {
     min: DVec2,
     max: DVec2,
 }
 
-impl LevelRect {
+impl HorizontalRect {
     const EMPTY: Self = Self { min: DVec2::INFINITY, max: DVec2::NEG_INFINITY };
 
     fn is_empty(&self) -> bool {
@@ -55,27 +55,27 @@ impl LevelRect {
 
 /// Horizontal drift of drops of one size since their start, m, for each band of the bounds' height from the top: the rectangle of
 /// drifts that occur while they are in the band; empty if none gets there.
-type DriftByHeight = [LevelRect; HEIGHT_BANDS];
+type DriftByHeight = [HorizontalRect; HEIGHT_BANDS];
 
 /// The part of the emission plane from which drops of similar size come to the bounds: the union of a rectangle for each height
 /// band.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SourceRegion {
-    bounding_rect: LevelRect,
-    rects: Vec<LevelRect>,
+    bounding_rect: HorizontalRect,
+    rects: Vec<HorizontalRect>,
 }
 
 impl SourceRegion {
     /// The region for the footprint of the bounds.
-    fn new(footprint: &LevelRect, drift: &DriftByHeight) -> Self {
+    fn new(footprint: &HorizontalRect, drift: &DriftByHeight) -> Self {
         // A drop at x - drift crosses the bounds at x; rectangles grow by what the traced drops may have missed of the wind.
-        let source = |drift: &LevelRect| {
+        let source = |drift: &HorizontalRect| {
             let margin = DVec2::splat(SOURCE_MARGIN) + drift.size() * DRIFT_MARGIN;
-            LevelRect { min: footprint.min - drift.max - margin, max: footprint.max - drift.min + margin }
+            HorizontalRect { min: footprint.min - drift.max - margin, max: footprint.max - drift.min + margin }
         };
-        let mut rects: Vec<LevelRect> = drift.iter().filter(|d| !d.is_empty()).map(source).collect();
+        let mut rects: Vec<HorizontalRect> = drift.iter().filter(|d| !d.is_empty()).map(source).collect();
         rects.dedup();
-        let bounding_rect = rects.iter().fold(LevelRect::EMPTY, |all, rect| all.union(*rect));
+        let bounding_rect = rects.iter().fold(HorizontalRect::EMPTY, |all, rect| all.union(*rect));
         Self { bounding_rect, rects }
     }
 
@@ -191,9 +191,9 @@ impl DriftTracer {
     }
 
     /// The bounds as seen from above.
-    fn bounds_from_above(&self) -> LevelRect {
+    fn bounds_from_above(&self) -> HorizontalRect {
         let level = |p: Vec3| DVec2::new(f64::from(p.x), f64::from(p.z));
-        LevelRect { min: level(self.bounds.min), max: level(self.bounds.max) }
+        HorizontalRect { min: level(self.bounds.min), max: level(self.bounds.max) }
     }
 
     fn epoch_drifts(&mut self, epoch: u64) -> Vec<DriftByHeight> {
@@ -213,7 +213,7 @@ impl DriftTracer {
     fn drift_by_height(&self, d: f64, t: f64) -> DriftByHeight {
         let footprint = self.bounds_from_above();
         if self.wind.is_none() {
-            return [LevelRect { min: DVec2::ZERO, max: DVec2::ZERO }; HEIGHT_BANDS];
+            return [HorizontalRect { min: DVec2::ZERO, max: DVec2::ZERO }; HEIGHT_BANDS];
         }
         // The start of a drop that comes to a given point depends on its drift, which depends on the start: two fixed-point
         // iterations, the first with a drop from above the center, the second with drops that come to the center.
@@ -232,7 +232,7 @@ impl DriftTracer {
 
     /// Drift of drops of diameter `d`, m, that start at points of the emission plane at time `t`, s.
     fn trace_drift(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByHeight {
-        let mut drift = [LevelRect::EMPTY; HEIGHT_BANDS];
+        let mut drift = [HorizontalRect::EMPTY; HEIGHT_BANDS];
         // Bands reach a little beyond the bounds, as the regions do.
         let (low, high) = (f64::from(self.bounds.min.y) - SOURCE_MARGIN, f64::from(self.bounds.max.y) + SOURCE_MARGIN);
         // The time step takes a drop in still air down in `TRACE_STEPS` steps; an updraft makes it take more.
@@ -273,7 +273,7 @@ impl DriftTracer {
 /// band, the nearest band below, else above, that one gets to stands in.
 fn start_to_reach(drift: &DriftByHeight, band: usize, target: DVec2) -> DVec2 {
     let known = drift[band..].iter().chain(drift[..band].iter().rev()).find(|d| !d.is_empty());
-    target - known.map_or(DVec2::ZERO, LevelRect::center)
+    target - known.map_or(DVec2::ZERO, HorizontalRect::center)
 }
 
 /// The diameter, m, between two at which drops fall with terminal speed `speed`, m/s, by bisection.

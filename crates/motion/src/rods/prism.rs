@@ -8,8 +8,8 @@ pub type Vector9 = [f64; 9];
 pub type Matrix9 = [[f64; 9]; 9];
 
 /// Cosine and sine of the corners' angles, 0, 120 and 240 degrees.
-const COS: [f64; 3] = [1.0, -0.5, -0.5];
-const SIN: [f64; 3] = [0.0, 0.866_025_403_784_438_6, -0.866_025_403_784_438_6];
+const CORNER_COSINES: [f64; 3] = [1.0, -0.5, -0.5];
+const CORNER_SINES: [f64; 3] = [0.0, 0.866_025_403_784_438_6, -0.866_025_403_784_438_6];
 
 /// Vector of corner `c`.
 #[inline(always)]
@@ -87,8 +87,8 @@ impl SectionFrame {
         // Least-squares axes of the triangle: sum of cos(a_c) d_c lies along u, sum of sin(a_c) d_c along v.
         for c in 0..3 {
             let d = corner(x, c) - p;
-            a += COS[c] * d;
-            b += SIN[c] * d;
+            a += CORNER_COSINES[c] * d;
+            b += CORNER_SINES[c] * d;
         }
         // Normal of the triangle; then u as the mean of a and of b turned back by a quarter.
         let w = a.cross(b).normalize_or_zero();
@@ -105,7 +105,7 @@ impl SectionFrame {
 
     /// Corners of an equilateral triangle with circumradius `rho`, m.
     pub fn corner_positions(&self, rho: f64) -> Vector9 {
-        corners_from_fn(|c| self.p + rho * (COS[c] * self.u + SIN[c] * self.v))
+        corners_from_fn(|c| self.p + rho * (CORNER_COSINES[c] * self.u + CORNER_SINES[c] * self.v))
     }
 
     /// Rotation from section coordinates (u, v, w) to world directions.

@@ -42,7 +42,7 @@ pub(super) fn narrowest_open_share(domain: &Domain, enough: f64) -> f64 {
     // Each phase finds ways of the shortest length left; none left means that the flow is the largest.
     while flow < wanted && network.find_levels(&inlets) {
         for end in &inlets {
-            if flow < wanted && !network.is_end_used(*end) && network.find_way(*end) {
+            if flow < wanted && !network.is_end_used(*end) && network.find_augmenting_path(*end) {
                 flow += 1.0;
             }
         }
@@ -150,7 +150,7 @@ impl<'a> FaceNetwork<'a> {
     }
 
     /// Finds a way from an inlet to an unused outlet along rising levels, and lets one unit flow.
-    fn find_way(&mut self, inlet: NetworkEnd) -> bool {
+    fn find_augmenting_path(&mut self, inlet: NetworkEnd) -> bool {
         let grid = self.domain.grid;
         // The way so far, as cells and the face by which each is left.
         let (mut way, mut cell): (Vec<NetworkEnd>, [usize; 3]) = (Vec::new(), inlet.cell);

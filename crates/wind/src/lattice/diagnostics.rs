@@ -22,7 +22,7 @@ pub(super) struct PlaneDiagnostics {
 }
 
 /// Partial sums that are accumulated side by side.
-const SUMS: usize = 8;
+const PARTIAL_SUMS: usize = 8;
 
 /// Where a snapshot is written.
 #[derive(Debug)]
@@ -98,9 +98,9 @@ impl PlaneDiagnostics {
     #[inline(always)]
     fn accumulate_densities(&mut self, row: &[f32], y: usize, z: usize) {
         // Eight partial sums let the loop vectorize, and fix the order of summation on every machine.
-        let mut sums = [0.0_f64; SUMS];
+        let mut sums = [0.0_f64; PARTIAL_SUMS];
         let mut good = true;
-        for chunk in row.chunks(SUMS) {
+        for chunk in row.chunks(PARTIAL_SUMS) {
             for (sum, drho) in sums.iter_mut().zip(chunk) {
                 *sum += f64::from(*drho);
                 good &= is_density_in_range(*drho);
@@ -109,7 +109,7 @@ impl PlaneDiagnostics {
         if !good && self.out_of_range.is_none() {
             self.out_of_range = row.iter().position(|drho| !is_density_in_range(*drho)).map(|x| [x, y]);
         }
-        // SUMS is even, so that the sums alternate between cells of even and of odd x.
+        // PARTIAL_SUMS is even, so that the sums alternate between cells of even and of odd x.
         let every_other = |first: usize| sums.iter().skip(first).step_by(2).sum::<f64>();
         let (even, odd) = (every_other(0), every_other(1));
         self.mass += even + odd;

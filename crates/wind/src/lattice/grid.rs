@@ -24,7 +24,7 @@ pub(super) const BLOCK: usize = 16;
 /// a step map to the same cache sets and evict each other.
 const ARRAY_SKEW: usize = 5 * BLOCK;
 /// Elements of a 4 KiB page.
-const PAGE: usize = 1024;
+const PAGE_ELEMENTS: usize = 1024;
 
 /// Extents and strides of the population arrays, in elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,14 +76,14 @@ impl LatticeGrid {
             plane_stride: plane,
             first_cell: first,
             // Whole pages, plus the skew that spreads the arrays over the cache sets.
-            array_stride: (plane * (n[2] + 2)).next_multiple_of(PAGE) + ARRAY_SKEW,
+            array_stride: (plane * (n[2] + 2)).next_multiple_of(PAGE_ELEMENTS) + ARRAY_SKEW,
         }
     }
 
     /// Bytes of the populations of `n` cells along each axis.
     pub(super) fn population_bytes(n: [usize; 3]) -> u64 {
         let [_, plane, _] = plane_layout([n[0], n[1]]);
-        4 * Q as u64 * ((plane as u64 * (n[2] as u64 + 2)).next_multiple_of(PAGE as u64) + ARRAY_SKEW as u64)
+        4 * Q as u64 * ((plane as u64 * (n[2] as u64 + 2)).next_multiple_of(PAGE_ELEMENTS as u64) + ARRAY_SKEW as u64)
     }
 
     pub(super) fn cell_count(&self) -> usize {

@@ -18,7 +18,7 @@ use osier_scene::plant::{AxisKind, Plant};
 
 /// Standard deviation, m, of the place of a catkin about its twig's end, so that the catkins of one twig do not start in one point and
 /// stick together.
-const SPREAD: f64 = 0.05;
+const CATKIN_SPREAD: f64 = 0.05;
 
 /// The twigs of all plants that `[flight]` names as its canopy.
 #[derive(Debug, Default)]
@@ -125,7 +125,7 @@ impl Canopy {
             let mut draw = Rng::at(seed, &["flight".into(), id.into(), 0_u64.into(), "start".into()]);
             let pick = draw.unit_f64() * sum;
             let (plant, twig) = twigs[cumulative.partition_point(|s| *s <= pick).min(twigs.len() - 1)];
-            let offset = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * SPREAD;
+            let offset = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * CATKIN_SPREAD;
             let site = TwigSite { plant, twig, offset };
             // The inverse distribution function of the unit exponential: -ln(1 - u).
             let exposure = -ln(1.0 - draw.unit_f64());
@@ -144,7 +144,12 @@ impl TwigSite {
     }
 
     /// Place and velocity of the catkin at a share of the way between two frames, `duration` s apart.
-    pub(crate) fn between(&self, ends: [&TwigPositions; 2], share: f64, duration: f64) -> Option<CarriedPoint> {
+    pub(crate) fn catkin_between_frames(
+        &self,
+        ends: [&TwigPositions; 2],
+        share: f64,
+        duration: f64,
+    ) -> Option<CarriedPoint> {
         let [before, after] = [self.position(ends[0])?, self.position(ends[1])?];
         Some(CarriedPoint { position: before.lerp(after, share), velocity: (after - before) / duration })
     }

@@ -274,7 +274,8 @@ impl FlightPlayback {
         let after = twigs_at(state.frames + 1)?;
         for k in 0..substeps {
             let share = f64::from(k) / f64::from(substeps);
-            let site = |id: u32| self.sites.get(to_usize(id))?.between([&before, &after], share, 1.0 / fps);
+            let site =
+                |id: u32| self.sites.get(to_usize(id))?.catkin_between_frames([&before, &after], share, 1.0 / fps);
             state.simulation.move_pending(site);
             self.advance_substep(state, wind);
         }

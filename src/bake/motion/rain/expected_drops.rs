@@ -19,7 +19,7 @@ mod tuning {
     /// Share of the area of leaves that rain meets: they are tilted, and those above shelter those below.
     pub(super) const EXPOSED_SHARE: f64 = 0.3;
     /// Longest time that a drop stays on its leaf before it runs off or joins another, s.
-    pub(super) const RESIDENCE: f64 = 4.0;
+    pub(super) const MAX_RESIDENCE_TIME: f64 = 4.0;
     /// Radius of a typical drop on a leaf, m.
     pub(super) const DROP_RADIUS: f64 = 1e-3;
 }
@@ -50,8 +50,8 @@ impl ExpectedDrops {
         let clip = recipe.clip.len() as f64 / recipe.clip.fps();
         let keys = recipe.rain.as_ref().map(|rain| &rain.keys);
         let spin_up = keys.map_or(0.0, |k| k.spin_up);
-        let time = (spin_up + clip * 0.5).min(tuning::RESIDENCE);
-        let lying = emitter.flux() * area * tuning::EXPOSED_SHARE * time;
+        let time = (spin_up + clip * 0.5).min(tuning::MAX_RESIDENCE_TIME);
+        let lying = emitter.drop_flux() * area * tuning::EXPOSED_SHARE * time;
         let meshed = lying.min(keys.map_or(0.0, |k| f64::from(k.max_drop_meshes)));
         let n = leaves.len().max(1) as f64;
         let distance = leaves.iter().map(|f| picture.distance(f.position)).sum::<f64>() / n;

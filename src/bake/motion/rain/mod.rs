@@ -57,7 +57,7 @@ const DEFAULT_SUBSTEPS: u32 = 8;
 /// Bytes of recorded drops that count as one key of the limit `motion-keys`.
 const BYTES_PER_KEY: u64 = 64;
 /// What the limit counts, for its message.
-const COUNTED: &str = "the number of leaves and raindrops times frames";
+const LIMITED_QUANTITY: &str = "the number of leaves and raindrops times frames";
 /// Index of refraction of water.
 const WATER_IOR: f32 = osier_base::physics::WATER_IOR;
 
@@ -417,7 +417,7 @@ fn check_memory(
     let falling = emitter.as_ref().map_or(0.0, RainEmitter::mean_drop_rate) * seconds * 96.0;
     let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / BYTES_PER_KEY as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
-    context.limits.check("motion-keys", drops as u64, COUNTED)
+    context.limits.check("motion-keys", drops as u64, LIMITED_QUANTITY)
 }
 
 /// Time steps per frame: those of the keys, else as many as the stiffest rods need.
@@ -480,7 +480,7 @@ fn record_frames(
         simulation.check_water_budget(number)?;
         let rain_frame = RainFrame::capture(simulation);
         recorded_bytes += rain_frame.memory_bytes();
-        context.limits.check("motion-keys", recorded_bytes / BYTES_PER_KEY, COUNTED)?;
+        context.limits.check("motion-keys", recorded_bytes / BYTES_PER_KEY, LIMITED_QUANTITY)?;
         let time = FrameTime { seconds: frame as f64 / fps, step: fps.recip() };
         for (k, (target, recorder)) in simulation.plants().iter().zip(recorders).enumerate() {
             plants[k].extend(recorder.frame(&assets[k], &**target, time));

@@ -9,7 +9,7 @@ use osier_scene::Table;
 pub const TABLE: &str = "rain";
 
 /// Cubic millimetres in a cubic metre.
-const MM3: f64 = 1e9;
+const CUBIC_MM_PER_M3: f64 = 1e9;
 
 /// Columns of the state at a frame: numbers of drops, and volumes of water by place.
 const STATE_COLUMNS: [(&str, &str); 11] = [
@@ -65,7 +65,7 @@ pub fn rain_row(frame: &RainFrame) -> Vec<f64> {
         .map(|n| *n as f64)
         .collect();
     let volumes = [water.air, water.leaves, water.pendants, water.ground, water.wood, water.solids, water.emitted];
-    row.extend(volumes.map(|v| v * MM3));
+    row.extend(volumes.map(|v| v * CUBIC_MM_PER_M3));
     row.extend(
         [counters.impacts, counters.mergers, counters.beads, counters.pendants, counters.detachments].map(|n| n as f64),
     );

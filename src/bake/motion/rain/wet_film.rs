@@ -22,7 +22,7 @@ struct Film {
 }
 
 impl Film {
-    fn on(class: MaterialClass, cover: f32) -> Self {
+    fn covering(class: MaterialClass, cover: f32) -> Self {
         let porous = matches!(class, MaterialClass::Bark | MaterialClass::Ground);
         Self { cover, roughness: if porous { POROUS_FILM_ROUGHNESS } else { FILM_ROUGHNESS } }
     }
@@ -33,21 +33,21 @@ impl Film {
     }
 
     /// Roughness of a surface under the film.
-    fn smooth(self, roughness: f32) -> f32 {
+    fn roughness_below(self, roughness: f32) -> f32 {
         // A film never makes a surface rougher.
         roughness + (self.roughness - roughness).min(0.0) * self.cover
     }
 
     fn wet_values(self, material: &mut Material) {
         material.base_color = material.base_color.map(|c| c * self.darkening());
-        material.roughness = self.smooth(material.roughness);
+        material.roughness = self.roughness_below(material.roughness);
     }
 }
 
 /// Wets the materials of all leaves. `cover`: fraction of the leaves that the film covers, 0 to 1. `images`: textures of the scene;
 /// empty in an estimate, which reads none.
 pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images: &mut [Image]) {
-    let film = Film::on(MaterialClass::Leaf, cover);
+    let film = Film::covering(MaterialClass::Leaf, cover);
     // Leaves may share textures, each of which is changed once.
     let (mut colors, mut roughnesses) = (BTreeSet::new(), BTreeSet::new());
     for material in materials.iter_mut().filter(|m| m.class == MaterialClass::Leaf) {
@@ -119,7 +119,7 @@ pub(super) fn add_wet_materials(
     let mut wet_materials = BTreeMap::new();
     for (i, of) in uses.iter().enumerate().filter(|(_, of)| of.wet) {
         let mut material = materials[i].clone();
-        let film = Film::on(material.class, cover);
+        let film = Film::covering(material.class, cover);
         film.wet_values(&mut material);
         let Maps { color, roughness, .. } = material.maps;
         material.maps.color = color.map(|dry| wet_images.add(dry, film, darken_colors, images)).transpose()?;
@@ -154,11 +154,11 @@ fn darken_colors(image: &mut Image, film: Film) {
 /// Replaces the values of a roughness map by those under a film.
 fn smooth_roughness_map(image: &mut Image, film: Film) {
     match &mut image.pixels {
-        Pixels::U8(samples) => samples.iter_mut().for_each(|r| *r = byte(film.smooth(f32::from(*r) / 255.0))),
+        Pixels::U8(samples) => samples.iter_mut().for_each(|r| *r = byte(film.roughness_below(f32::from(*r) / 255.0))),
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the old value")]
-        Pixels::U16(samples) => {
-            samples.iter_mut().for_each(|r| *r = (film.smooth(f32::from(*r) / 65535.0) * 65535.0).round() as u16)
-        }
+        Pixels::U16(samples) => samples
+            .iter_mut()
+            .for_each(|r| *r = (film.roughness_below(f32::from(*r) / 65535.0) * 65535.0).round() as u16),
     }
 }
 

@@ -183,7 +183,7 @@ fn divide_faces(
                 let [a, b, c] = node.face.corners;
                 [[a, b], [b, c], [c, a]].map(|[i, k]| {
                     let key = [i.min(k), i.max(k)];
-                    *middles.entry(key).or_insert_with(|| add_between(mesh, key, 0.5))
+                    *middles.entry(key).or_insert_with(|| add_edge_vertex(mesh, key, 0.5))
                 })
             })
             .collect();
@@ -248,7 +248,7 @@ fn divide_faces(
             let key = [i.min(k), i.max(k)];
             let [low, high] = key.map(|i| ratios[to_usize(i)]);
             let fraction = ((WET_CATCH_RATIO - low) / (high - low)).clamp(0.0, 1.0);
-            *crossings.entry(key).or_insert_with(|| add_between(mesh, key, fraction))
+            *crossings.entry(key).or_insert_with(|| add_edge_vertex(mesh, key, fraction))
         };
         let (ab, ca) = (crossing(a, b), crossing(c, a));
         let part = |corners| Face { corners, ..face };
@@ -270,7 +270,7 @@ fn divide_faces(
 }
 
 /// Adds a vertex on the edge between two vertices, at a fraction of the way from the first to the second.
-fn add_between(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
+fn add_edge_vertex(mesh: &mut Mesh, [i, k]: [u32; 2], fraction: f32) -> u32 {
     let new = mesh.next_point();
     let [i, k] = [i, k].map(to_usize);
     mesh.points.push(mesh.points[i].lerp(mesh.points[k], fraction));

@@ -140,7 +140,7 @@ impl UsdcWriter {
         number
     }
 
-    /// `SdfListOp`: a byte of flags ([`EXPLICIT`] or [`PREPENDED`]), the number of items, the encoded items.
+    /// `SdfListOp`: a byte of flags ([`EXPLICIT_LIST`] or [`PREPENDED`]), the number of items, the encoded items.
     fn list_op_rep(&mut self, code: u8, flags: u8, items: &[Vec<u8>]) -> Result<u64> {
         let mut bytes = vec![flags];
         bytes.extend((items.len() as u64).to_le_bytes());
@@ -151,7 +151,7 @@ impl UsdcWriter {
     /// An explicit `SdfPathListOp`: targets of a relationship, or sources of a connection.
     fn path_list_op_rep(&mut self, targets: &[String]) -> Result<u64> {
         let items: Vec<Vec<u8>> = targets.iter().map(|t| self.paths.intern(t).to_le_bytes().to_vec()).collect();
-        self.list_op_rep(type_code::PATH_LIST_OP, EXPLICIT, &items)
+        self.list_op_rep(type_code::PATH_LIST_OP, EXPLICIT_LIST, &items)
     }
 
     /// `SdfPayload`, and the first part of `SdfReference`: string row of the layer, path row of the prim, layer offset (negative,
@@ -295,7 +295,7 @@ impl UsdcWriter {
 }
 
 /// `SdfListOp` flags: the list is explicit and has explicit items.
-const EXPLICIT: u8 = 0x03;
+const EXPLICIT_LIST: u8 = 0x03;
 /// `SdfListOp` flag: the list has prepended items.
 const PREPENDED: u8 = 0x20;
 

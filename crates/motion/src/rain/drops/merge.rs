@@ -45,7 +45,7 @@ impl RainLeaf {
             let kept = &drops[heavy];
             // The attachment of a pendant drop stops what runs into it.
             if kept.pendant.is_some() {
-                result.react(step, p, kept.v * (WATER_DENSITY * kept.volume) - before);
+                result.record_reaction(step, p, kept.v * (WATER_DENSITY * kept.volume) - before);
             }
             let event = RainEvent::new(DropEventKind::Merged, kept.id, step.t, p, kept.volume);
             result.events.push(RainEvent { other: Some(gone.id), ..event });
@@ -86,7 +86,7 @@ impl RainLeaf {
         match drop.pendant {
             Some(anchor) => Some(MergeCircle { p: anchor.margin.p, radius: anchor.radius }),
             None => {
-                let radius = drop.head_cap_by(law, params).a;
+                let radius = drop.head_cap_by_law(law, params).a;
                 self.surface_under(drop).map(|surface| MergeCircle { p: surface.p, radius })
             }
         }

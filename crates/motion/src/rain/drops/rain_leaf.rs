@@ -159,7 +159,7 @@ impl LeafStep<'_> {
 
 impl LeafStepResult {
     /// Records the reaction on the leaf to a gain of a drop's momentum relative to it, in leaf space, kg m/s, at a point of the world.
-    pub(super) fn react(&mut self, step: &LeafStep<'_>, point: DVec3, gain: DVec3) {
+    pub(super) fn record_reaction(&mut self, step: &LeafStep<'_>, point: DVec3, gain: DVec3) {
         if gain != DVec3::ZERO {
             self.reactions.push(PointImpulse { point, impulse: step.pose.orientation * -gain });
         }
@@ -209,7 +209,7 @@ impl RainLeaf {
         // Base areas pi a^2 of the heads; tails add little.
         let law = params.wetting.cap_law();
         let base = |d: &LeafDrop| {
-            let a = d.head_cap_by(&law, params).a;
+            let a = d.head_cap_by_law(&law, params).a;
             std::f64::consts::PI * a * a
         };
         // Pendant drops cover next to nothing of the blade.

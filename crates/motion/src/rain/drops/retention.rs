@@ -65,7 +65,7 @@ pub(super) struct SurfaceForces {
 
 impl SurfaceForces {
     /// Whether a drop at rest stays at rest.
-    pub fn hold(&self) -> bool {
+    pub fn stays_at_rest(&self) -> bool {
         self.drive.length() <= self.holding
     }
 }

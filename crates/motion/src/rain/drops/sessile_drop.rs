@@ -43,7 +43,7 @@ impl RainLeaf {
         // Whatever has changed the drop's momentum relative to the leaf beside its weight, the leaf has given it; see
         // [`PointImpulse`].
         let point = step.world_point(start.map_or_else(|| self.clamped_blade_point(drop), |s| s.p));
-        result.react(step, point, (drop.v - before) * m);
+        result.record_reaction(step, point, (drop.v - before) * m);
     }
 
     /// Runs a drop for the step in segments of constant force. Each ends where the drop stops, where it chooses a new heading, or
@@ -77,7 +77,7 @@ impl RainLeaf {
             drop.v -= gravity.normal * drop.v.dot(gravity.normal);
             let mut forces = self.surface_forces(drop, cap, &surface, &gravity, attraction, constants, step);
             drop.lean = forces.lean;
-            if drop.v.length() <= STOP_SPEED && forces.hold() {
+            if drop.v.length() <= STOP_SPEED && forces.stays_at_rest() {
                 drop.v = DVec3::ZERO;
                 drop.turn_axis_downhill(forces.drive.normalize_or(drop.axis), left);
                 break;
@@ -95,7 +95,7 @@ impl RainLeaf {
                     }
                     // The edge also takes up the force across it.
                     forces.drive -= outward * forces.drive.dot(outward).max(0.0);
-                    if drop.v.length() <= STOP_SPEED && forces.hold() {
+                    if drop.v.length() <= STOP_SPEED && forces.stays_at_rest() {
                         drop.v = DVec3::ZERO;
                         break;
                     }

@@ -36,7 +36,7 @@ impl RainLeaf {
     /// Substeps in which no drop runs so far that it could pass over another.
     fn substeps(&self, constants: &StepConstants, step: &LeafStep<'_>) -> u32 {
         let running = |drop: &LeafDrop| {
-            let reach = MAX_DROP_SHIFT * drop.head_cap_by(&constants.cap_law, step.params).a.max(MIN_CAP_RADIUS);
+            let reach = MAX_DROP_SHIFT * drop.head_cap_by_law(&constants.cap_law, step.params).a.max(MIN_CAP_RADIUS);
             step.h * (drop.v.length() / reach).max(1.0 / MAX_RUN_STEP)
         };
         let running_drops = self.drops.iter().filter(|drop| drop.pendant.is_none() && drop.v != DVec3::ZERO);
@@ -114,7 +114,7 @@ impl RainLeaf {
         let p = step.world_point(surface.p);
         drop.volume -= bead.volume;
         // The bead is at rest: it gives its momentum to the leaf.
-        result.react(step, p, -drop.v * (WATER_DENSITY * bead.volume));
+        result.record_reaction(step, p, -drop.v * (WATER_DENSITY * bead.volume));
         // Its identifier has the highest bit set, which emitted drops never have.
         let id = draw.next_u64() | (1 << 63);
         let mut deposited = LeafDrop::new(id, drop.side, bead.uv, DVec3::ZERO, bead.volume);

@@ -169,22 +169,22 @@ impl LeafDrop {
 
     /// The cap of the head alone.
     pub fn head_cap(&self, params: &DropParams) -> SphericalCap {
-        self.head_cap_by(&params.wetting.cap_law(), params)
+        self.head_cap_by_law(&params.wetting.cap_law(), params)
     }
 
     /// The cap of the head alone by the law of `params`.
-    pub(super) fn head_cap_by(&self, law: &CapLaw, params: &DropParams) -> SphericalCap {
-        self.head_by(law, params).cap
+    pub(super) fn head_cap_by_law(&self, law: &CapLaw, params: &DropParams) -> SphericalCap {
+        self.head_by_law(law, params).cap
     }
 
     /// The cap of the head alone by the law of `params`; it is computed again only once the drop has changed.
     pub(super) fn update_head_cap(&mut self, law: &CapLaw, params: &DropParams) -> SphericalCap {
-        let head = self.head_by(law, params);
+        let head = self.head_by_law(law, params);
         self.head = Some(head);
         head.cap
     }
 
-    fn head_by(&self, law: &CapLaw, params: &DropParams) -> HeadCap {
+    fn head_by_law(&self, law: &CapLaw, params: &DropParams) -> HeadCap {
         let (volume, tail_count, tail_ratio) = (self.volume, self.tail_count, params.tail_ratio);
         if let Some(head) =
             self.head.filter(|head| HeadCap { volume, tail_count, tail_ratio, law: *law, ..*head } == *head)

@@ -4,7 +4,7 @@ use super::TILE;
 use super::texel_window::{ColumnSpan, TexelWindow};
 
 /// Number of segments that a word has bits for.
-const WORD: usize = 64;
+const WORD_BITS: usize = 64;
 
 /// Disjoint spans of columns for each row of a map.
 #[derive(Debug, Clone)]
@@ -88,7 +88,7 @@ pub(super) struct DirtyBits {
 impl DirtyBits {
     /// No marks on a map of `side` by `side` texels.
     pub fn none(side: usize) -> Self {
-        let words_per_row = side.div_ceil(TILE * WORD);
+        let words_per_row = side.div_ceil(TILE * WORD_BITS);
         Self { side, words_per_row, words: vec![0; side * words_per_row] }
     }
 
@@ -113,11 +113,11 @@ impl DirtyBits {
 /// Sets bits from `first` to `last`, both included.
 #[inline(always)]
 fn set_bit_range(words: &mut [u64], first: usize, last: usize) {
-    for (k, word) in words.iter_mut().enumerate().take(last / WORD + 1).skip(first / WORD) {
+    for (k, word) in words.iter_mut().enumerate().take(last / WORD_BITS + 1).skip(first / WORD_BITS) {
         // Bits of this word: from `first` or its lowest, to `last` or its highest.
-        let low = first.saturating_sub(k * WORD);
-        let high = (last - k * WORD).min(WORD - 1);
-        *word |= (u64::MAX << low) & (u64::MAX >> (WORD - 1 - high));
+        let low = first.saturating_sub(k * WORD_BITS);
+        let high = (last - k * WORD_BITS).min(WORD_BITS - 1);
+        *word |= (u64::MAX << low) & (u64::MAX >> (WORD_BITS - 1 - high));
     }
 }
 
@@ -128,11 +128,11 @@ fn marked_spans(words: &[u64], n: usize) -> impl Iterator<Item = ColumnSpan> + '
     let next = move |from: usize, flip: u64| {
         let mut k = from;
         while k < segments {
-            let left = (words[k / WORD] ^ flip) >> (k % WORD);
+            let left = (words[k / WORD_BITS] ^ flip) >> (k % WORD_BITS);
             if left != 0 {
                 return (k + left.trailing_zeros() as usize).min(segments);
             }
-            k = (k / WORD + 1) * WORD;
+            k = (k / WORD_BITS + 1) * WORD_BITS;
         }
         segments
     };
@@ -153,7 +153,7 @@ mod tests {
     fn spans_are_the_bits_that_were_set() {
         // 80 segments and a part of one: bits of two words.
         let n = 80 * TILE + 5;
-        let mut words = vec![0; n.div_ceil(TILE * WORD)];
+        let mut words = vec![0; n.div_ceil(TILE * WORD_BITS)];
         for ends in [(3, 3), (10, 70), (64, 72), (80, 80)] {
             set_bit_range(&mut words, ends.0, ends.1);
         }

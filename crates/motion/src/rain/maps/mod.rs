@@ -26,7 +26,7 @@ pub use uv_raster::UvRaster;
 /// Texels of a tile's side; also of a band of rows and of a segment of a row.
 const TILE: usize = 16;
 /// Normal of a dry surface in tangent space.
-const FLAT: [f32; 3] = [0.0, 0.0, 1.0];
+const DRY_NORMAL: [f32; 3] = [0.0, 0.0, 1.0];
 
 /// A cap of a drop on a leaf, as maps need it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,7 +136,7 @@ impl LeafWaterMaps {
             height: if raster.relief.is_some() { Arc::new(vec![0.0; n]) } else { Arc::clone(&water) },
             water,
             wetness: Arc::new(vec![0.0; n]),
-            normal: Arc::new(vec![FLAT; n]),
+            normal: Arc::new(vec![DRY_NORMAL; n]),
         };
         let mut dry = Self {
             full: RowSpans::full(raster.side),
@@ -231,7 +231,7 @@ impl LeafWaterMaps {
             if let Some(above) = band.checked_sub(1) {
                 self.update_normals(own, &update.dirty, above);
             }
-            self.dry(own, update.decay, band);
+            self.decay_wetness(own, update.decay, band);
             self.stamp_wet_spots(own, &update.wet_spots, band);
         }
         self.update_normals(own, &update.dirty, tiles - 1);
@@ -438,7 +438,7 @@ impl LeafWaterMaps {
     }
 
     /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped from then on.
-    fn dry(&mut self, maps: &mut LeafMapsMut<'_>, decay: f32, band: usize) {
+    fn decay_wetness(&mut self, maps: &mut LeafMapsMut<'_>, decay: f32, band: usize) {
         let arch = kernels::arch();
         let (n, rows) = (self.raster.side, self.band_row_range(band));
         let tiles = n.div_ceil(TILE);

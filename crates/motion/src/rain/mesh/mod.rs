@@ -55,7 +55,7 @@ impl DropDetail {
     }
 
     /// Index into the tables of numbers of rows and sides.
-    fn level(self) -> usize {
+    fn table_index(self) -> usize {
         match self {
             Self::Near => 0,
             Self::Afar => 1,
@@ -300,7 +300,7 @@ impl DropMesh {
         let Some(body) = TailedDropShape::new(placement, drop) else { return };
         let start = self.part_start();
         let motion = placement.drop_motion();
-        let (rows, columns) = (body.row_count(self.detail.level()), TAIL_COLUMNS[self.detail.level()]);
+        let (rows, columns) = (body.row_count(self.detail.table_index()), TAIL_COLUMNS[self.detail.table_index()]);
         // The first and the last row shrink to a point.
         let ends = [0, rows].map(|k| {
             let p = body.world_point(placement, body.row_position(k, rows), 0.0, 0.0);
@@ -337,7 +337,7 @@ impl DropMesh {
     ) {
         let start = self.part_start();
         let (motion, flip) = (placement.drop_motion(), placement.flip());
-        let (rows, columns) = (body.row_count(self.detail.level()), TAIL_COLUMNS[self.detail.level()]);
+        let (rows, columns) = (body.row_count(self.detail.table_index()), TAIL_COLUMNS[self.detail.table_index()]);
         let n = columns as usize;
         // The lower side has the same rows and columns.
         let mut lower_point = |k: u32, x: f64| {
@@ -385,7 +385,7 @@ impl DropMesh {
         let attachment = pose.position + pose.orientation * drop.p;
         let start = self.part_start();
         let motion = DropMotion { pose, v: DVec3::ZERO };
-        let level = self.detail.level();
+        let level = self.detail.table_index();
         let (sides, seat_rings) = (PENDANT_SIDES[level], SEAT_RINGS[level]);
         let mut outline: Vec<[f64; 2]> = resample_profile(&profile, PROFILE_POINTS[level]);
         // A quarter of an ellipse continues the outline over the leaf's edge, so that the drop encloses it.
@@ -546,7 +546,7 @@ mod tests {
         water.add_sessile(&leaf, &pose, &drop);
         let placement = DropPlacement::new(&leaf, &pose, drop.caps[0].uv, 1.0, DVec3::ZERO).expect("on the leaf");
         let body = TailedDropShape::new(&placement, &drop).expect("a body");
-        let rows = body.row_count(water.detail.level());
+        let rows = body.row_count(water.detail.table_index());
         let area: f64 = (0..rows)
             .map(|k| {
                 let [a, b] = [k, k + 1].map(|k| body.row_position(k, rows));
