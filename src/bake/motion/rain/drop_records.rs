@@ -15,7 +15,7 @@ const SLOT_PAUSE: u64 = 2;
 /// Speed above which a drop on a leaf counts as running, m/s. Own: by eye; a smaller speed counts creeping drops too.
 pub(super) const RUNNING_SPEED: f64 = 1e-3;
 /// Cubic millimetres in a cubic metre.
-const CUBIC_MILLIMETRES: f64 = 1e9;
+const CUBIC_MM_PER_M3: f64 = 1e9;
 /// Written in a signed column for a leaf or a second drop where there is none.
 const MISSING: i32 = -1;
 
@@ -143,7 +143,7 @@ pub(super) fn drop_points(frame: &RainFrame, leaves: &[RainLeaf], numbers: &BTre
     columns.extend(motion_columns(&drops));
     columns.extend([
         RecordColumn::f32("radius", "m", &drops, |d| d.a),
-        RecordColumn::f64("volume_mm3", "mm^3", &drops, |d| d.volume * CUBIC_MILLIMETRES),
+        RecordColumn::f64("volume_mm3", "mm^3", &drops, |d| d.volume * CUBIC_MM_PER_M3),
         RecordColumn::f32("wetness", "", &drops, |d| narrow(wetness(d))),
     ]);
     RecordTable { name: "drops", columns }
