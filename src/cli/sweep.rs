@@ -161,7 +161,7 @@ fn simulate(context: &Context, recipe: &Recipe, display: &ProgressDisplay) -> Re
         display.advance(1);
     }
     let whole = stage.scene.tables.first().map(|table| Whole::of(table, &all)).unwrap_or_default();
-    // Fields accumulate over the clip: the last frame holds what all of it deposited.
+    // Maps are compared as they are when the clip ends, like the last row of the table.
     let last = FrameTime::of_frame(&stage.scene, recipe.clip.end).index();
     let maps = stage.motions.iter().flatten().map(|m| m.fields(last)).collect::<Result<Vec<_>>>()?.concat();
     Ok(SimulatedRun { scene: stage.scene, whole, maps })

@@ -25,7 +25,7 @@ fn quoted(s: &str) -> String {
             '"' => out.push_str("\\\""),
             '\\' => out.push_str("\\\\"),
             '\n' => out.push_str("\\n"),
-            // Text layers have no escape for these.
+            // Names and paths have no use for these.
             c if c.is_control() => out.push(' '),
             c => out.push(c),
         }
