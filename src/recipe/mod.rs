@@ -84,7 +84,7 @@ recipe! {
         wind: scene::WindKeys;
         /// The lattice, used with `model = "lattice"`.
         lattice: scene::LatticeKeys, hashed if has_lattice_wind;
-        /// Winds whose velocities are added to it.
+        /// Further winds, whose velocities are added to that of `wind`.
         added: Vec<scene::WindKeys>, hashed by element;
         /// How plants answer the wind.
         sway: scene::SwayKeys;
@@ -259,7 +259,7 @@ recipe! {
     AttractorRecipe {
         /// As written in the scene.
         name: String;
-        /// Keys of its table in the scene.
+        /// Keys of its table in the scene, defaults filled in.
         keys: scene::AttractorKeys;
         /// How it changes; the system is then the first one.
         morph: Option<scene::MorphRecipe>, hashed by element;

@@ -368,7 +368,7 @@ fn write_mesh(out: &mut Output, scene: &Scene, placed: &[(&FlattenedAsset<'_>, T
         format_in_parallel(flat.points(*world), rows, |body| out.put(&body))?;
     }
     for material in order {
-        // Every material walks over all placements again: `base` is the number of the first point of each.
+        // Faces are grouped by material: all placements are passed once for each. `base`: number of a placement's first point.
         let mut base = 0;
         for (flat, world) in placed {
             format_in_parallel(flat.triangles(*world, material, base), face_rows, |body| out.put(&body))?;

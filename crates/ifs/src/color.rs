@@ -38,7 +38,7 @@ pub enum ColorMode {
 
 /// Largest number of words with a colour each; longer words share colours by their newest letters.
 const MAX_LABELS: usize = 4096;
-/// Steps of the palette and of depth.
+/// Colours interpolated from a palette, for the modes that colour by a continuous value.
 const PALETTE_STEPS: usize = 256;
 /// Branching orders with a colour each; higher ones share the last.
 const MAX_ORDER: u32 = 5;

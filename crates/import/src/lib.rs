@@ -55,7 +55,7 @@ pub struct ImportOptions<'a> {
     pub roots: &'a SearchPaths,
     /// What the file may cost.
     pub limits: &'a Limits,
-    /// Up axis of the file.
+    /// The axis of the file that becomes +Y.
     pub up: UpAxis,
     /// Metres per unit of the file, finite, > 0.
     pub scale: f32,

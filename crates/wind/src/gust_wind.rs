@@ -80,8 +80,8 @@ impl AdvectedNoise {
     }
 }
 
-/// The gust length, m, nearest to `length` of which a whole number, at least four, passes a point in one period.
-/// `speed`: m/s; `period`: s.
+/// A gust length, m, of which a whole number, at least four, passes a point in one period: that number is `period * speed / length`,
+/// rounded. `speed`: m/s, at least that of calm air; `period`: s.
 /// ```
 /// // In 10 s at 4.5 m/s 45 m of air pass. Gusts of 40 m would not repeat; four of 11.25 m do.
 /// assert_eq!(osier_wind::fit_gust_length(40.0, 4.5, 10.0), 11.25);

@@ -17,7 +17,7 @@ use osier_scene::{Material, MaterialClass, Mesh};
 /// Translucency of thin surfaces of opaque colours. Own: petals and leaves let some light through, half as much as a blade of a scene.
 const THIN_TRANSLUCENCY: f32 = 0.15;
 
-/// Adds a material for each colour index that the grown plants replace_paints to the materials of their kind, and puts it on their shapes.
+/// Adds to the materials of each kind one for every colour index that its grown plants use, and assigns it to their shapes.
 /// `grown`: of the individuals of the layout, in its order.
 /// # Errors
 /// `TooMany` beyond 2^32 materials.

@@ -123,7 +123,7 @@ keys! {
         kind: RodLoadKind = "kind" OneOf(RodLoadKind::Force);
         /// Time and value; linear between keyframes, constant before the first and after the last.
         keyframes: Vec<Vec<f64>> = "keyframes" timed_rows();
-        /// With "mass": whether it is visible, as a sphere with the density of water.
+        /// With "mass": whether it is shown, as a sphere of water of this mass.
         show: bool = "show" BooleanType(true);
         /// With "mass": colour.
         color: [f32; 3] = "color" ColorType("#a83a2c");

@@ -146,7 +146,7 @@ pub(super) fn write_points(
         let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);
         match half(*i) {
             Some(half) => {
-                // Opacity falls with the ratio of width to length: a longer streak spreads the same water over a larger area.
+                // Opacity is proportional to width over length: a longer streak spreads the same water over a larger area.
                 let opacity = STREAK_OPACITY * radius / half.length();
                 let rounding = decimal_step(radius * space.scale / STREAK_POSITION_STEPS);
                 t.put("object{OsStreak(");

@@ -16,7 +16,7 @@ pub(super) trait Interpolated: Copy {
     fn is_between(&self, a: &Self, b: &Self, t: f32, tolerance: f32) -> bool;
 }
 
-/// A position, m: interpolated linearly, its error is a distance.
+/// Positions, m: linear interpolation; the tolerance is a distance.
 impl Interpolated for Vec3 {
     fn is_between(&self, a: &Self, b: &Self, t: f32, tolerance: f32) -> bool {
         (a.lerp(*b, t) - *self).length_squared() <= tolerance * tolerance

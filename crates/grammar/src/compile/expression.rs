@@ -171,7 +171,7 @@ impl ExpressionCompiler<'_, '_> {
         match t.kind {
             TokenKind::Number(n) => {
                 let text = self.compiler.session.names.get(n).to_owned();
-                // The lexer passes digits only; numbers too large for a double parse as infinity.
+                // The lexer passes valid number literals only, so that parsing cannot fail; too large ones parse as infinity.
                 let value: f64 = text.parse().unwrap_or(f64::INFINITY);
                 if !value.is_finite() {
                     return self.error("L001", format!("number {text} is out of range"), t.place, "too large");

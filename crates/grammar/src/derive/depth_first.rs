@@ -91,7 +91,7 @@ impl ModuleSink for ModuleString {
             return ControlFlow::Continue(());
         }
         let params = block.param_range(range.start).start..block.param_range(range.end - 1).end;
-        // Ends count from the first parameter of the block, which need not be copied.
+        // `ends` are indices into all parameters of the block, of which only those of `range` are copied: the offset may wrap.
         let first_param = saturating_index(self.param_count()).wrapping_sub(saturating_index(params.start));
         self.params_mut().extend_from_slice(&block.params[params]);
         let part =

@@ -31,7 +31,7 @@ use osier_base::math::narrow;
 use osier_base::rng::{child, mix64};
 use plan::Plans;
 
-/// How a grammar is derived.
+/// Seed, plant and what replaces the grammar's own derivation length and choice of productions.
 #[derive(Debug, Clone, Default)]
 pub struct DeriveOptions {
     /// Seed of every random draw of the derivation and of its drawing.
@@ -131,7 +131,7 @@ fn derive_with(
     if program.rewrites_independently() {
         return d.derive_independently(options, storage);
     }
-    // A text shows no ancestry, and without draws nothing else asks for it.
+    // Only random draws and the turtle read lineages: text without draws does not store them.
     if storage == Storage::Text && !plans.draws() && turtle.is_none() {
         (d.string, d.next_string) = (ModuleString::without_ancestry(), ModuleString::without_ancestry());
     }

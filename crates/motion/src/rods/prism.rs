@@ -90,7 +90,7 @@ impl SectionFrame {
             a += CORNER_COSINES[c] * d;
             b += CORNER_SINES[c] * d;
         }
-        // Normal of the triangle; then u as the mean of a and of b turned back by a quarter.
+        // w: normal of the triangle. u: mean direction of a and of b, the latter rotated by -90 degrees about w.
         let w = a.cross(b).normalize_or_zero();
         let u = (a.normalize_or_zero() + b.normalize_or_zero().cross(w)).normalize_or_zero();
         Self { p, u, v: w.cross(u), w }

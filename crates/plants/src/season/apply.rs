@@ -152,8 +152,8 @@ impl SeasonSlots {
     }
 }
 
-/// Replaces the organs of a plant by one for each look that a leaf has at some of `seasons`, and buds; attributes of the organs stay
-/// with them. `at.season` has no effect.
+/// Replaces each leaf by one organ for every look that it has at any of `seasons`, and adds buds; attributes of organs are copied.
+/// `at.season` has no effect.
 /// # Errors
 /// `TooMany` beyond 65,535 prototypes.
 pub fn season_slots(plant: &mut Plant, at: &PlantSeason<'_>, seasons: &[f32]) -> Result<SeasonSlots> {

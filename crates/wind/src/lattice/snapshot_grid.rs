@@ -35,7 +35,7 @@ pub(super) struct SnapshotGrid {
     pub periodic: [bool; 3],
     /// By cell, halo included: solid, or below the ground.
     pub solid: Vec<bool>,
-    /// By cell, halo included: a surface cuts a link between it and other air.
+    /// By cell, halo included: whether a surface cuts a link from this air cell to another one.
     beside_cut: Vec<bool>,
     /// By cell, halo included: what is among the eight cells of which it is the lowest corner.
     near: Vec<NearSurface>,
@@ -216,7 +216,7 @@ impl SnapshotGrid {
         inner
     }
 
-    /// Trilinear interpolation between the eight cells from index `first` on.
+    /// Trilinear interpolation in the eight cells of which `first` is the lowest corner. Beside solids only cells of air count.
     fn interpolate_trilinear(
         &self,
         first: usize,

@@ -71,7 +71,7 @@ pub(super) struct StepContext<'a> {
 pub(super) struct StepReport {
     /// Clamped cells of the first step and of the second.
     pub clamped: [u64; 2],
-    /// Of the planes, if a snapshot was written; else empty.
+    /// Diagnostics of the planes if the pass wrote a snapshot; else empty.
     pub diagnostics: FlowDiagnostics,
 }
 

@@ -193,7 +193,8 @@ fn couette_flow_has_a_linear_profile() {
 
 /// Relative errors of the profile, and wall force over body force.
 fn poiseuille_errors(height: usize, tau: f64, ours: bool) -> (f64, f64) {
-    // The greatest velocity shrinks with the cells, so that the error of compressibility falls as the error of resolution does.
+    // The greatest velocity is inverse to the height in cells: the error of compressibility, proportional to Ma^2, falls as fast as
+    // that of the resolution.
     let (h, top) = (height as f64, 0.4 / height as f64);
     // u(y) = F / (2 nu) y (H - y) has its maximum F H^2 / (8 nu) in the middle.
     let force = [8.0 * lattice_viscosity(tau) * top / (h * h), 0.0, 0.0];
@@ -494,7 +495,8 @@ fn cut_links_keep_mass_and_let_nothing_through() {
     }
 }
 
-/// Air at rest in a box of which a part is solid, with a wall, open faces and others.
+/// Air at rest in a partly solid box. `along` 0: inlets, outlets and rough ground; else periodic faces, a moving wall and one at rest.
+/// `rest`: outlets pass on the non-equilibrium part.
 fn flow_with_mixed_boundaries(n: [usize; 3], along: usize, rest: bool) -> FlowState {
     let mut faces = [
         FaceCondition::Periodic,

@@ -17,7 +17,7 @@ pub(super) struct FlightVolumes {
     counted: Vec<CountedCatkins>,
 }
 
-/// Which catkins a grid counts, and per what.
+/// Catkins that a grid counts: decides their state and the unit, 1/m^3 or 1/m^2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CountedCatkins {
     /// In flight, per volume of a cell.

@@ -137,7 +137,6 @@ pub(super) fn record_tables(
 pub(super) fn drop_points(frame: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<u64, u32>) -> RecordTable {
     let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
     let drops = drop_records(frame, leaves, &number);
-    // Read from the leaf, since drops have no wetness of their own.
     let wetness = |d: &DropRecord| d.leaf.and_then(|leaf| frame.wetness.get(leaf as usize)).copied().unwrap_or(0.0);
     let mut columns = Vec::from(identity_columns(&drops));
     columns.extend(motion_columns(&drops));

@@ -134,8 +134,8 @@ impl LeafDrop {
 
     /// Stretch of its footprint by speed and by a recent merger. Source: own, after photographs.
     pub fn stretch(&self) -> f64 {
-        // Two drops that merge begin as an elongated one, which surface tension rounds exponentially.
         let moving = SPEED_STRETCH * (self.v.length() / FULL_TAIL_SPEED).min(1.0);
+        // Two drops that merge form an elongated one; under surface tension its stretch decays exponentially.
         1.0 + moving + MERGE_STRETCH * math::exp(-self.since_merge / MERGE_STRETCH_TIME)
     }
 

@@ -193,7 +193,7 @@ fn place_vertices(
                 placed[*i as usize] = Some(uv);
                 continue;
             }
-            // The vertex is that of another piece: a copy of it.
+            // Another piece already uses this vertex: this piece gets a copy.
             let next = vertices.len();
             let copy = *doubled.entry((*i, piece)).or_insert_with(|| {
                 vertices.push(*i);
@@ -396,7 +396,7 @@ mod tests {
         assert!(surface.nearest_margin(DVec3::new(0.0, 0.04, 0.0), 1.0).is_some());
         let chart = surface.chart().expect("of its own");
         assert!((1..=5).contains(&chart.cuts), "{}", chart.cuts);
-        // Vertices along the cuts are doubled, and the mesh stays the same.
+        // Vertices along the cuts are doubled; positions of corners do not change.
         let charted = chart.apply_to(&mesh);
         assert!(charted.points.len() > mesh.points.len() && charted.uvs.len() == charted.points.len());
         for (a, b) in mesh.triangles.iter().zip(&charted.triangles) {

@@ -263,7 +263,7 @@ pub(super) struct NormalInputs<'a> {
     pub below: &'a [f32],
     /// As in [`UvRaster`].
     pub slope_factors: [&'a [f32]; 3],
-    /// Inverse distances of opposite neighbours in u and in v, over the leaf's scale.
+    /// Inverse of the distance between opposite neighbours in u and in v, divided by the leaf's scale.
     pub inverse_distance: [f32; 2],
 }
 

@@ -24,7 +24,7 @@ const MIN_LEAVING_SINE: f32 = 0.3;
 /// Samples per segment of the parent when the attachment is sought.
 const SAMPLES_PER_SEGMENT: u8 = 4;
 
-/// The surface points of a cluster: positions and normals.
+/// Points on the surface of a cluster, and how much of the surface each stands for.
 #[derive(Debug, Default, Clone)]
 pub(super) struct ClusterSurface {
     pub points: Vec<(Vec3, Vec3)>,

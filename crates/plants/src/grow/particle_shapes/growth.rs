@@ -88,7 +88,8 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
                 }
             }
         }
-        // Buds of all axes of the level begin the next one. They are counted on the way: their number has no bound of its own.
+        // Buds of all axes of the level start the next one. The nodes that they will have are summed on the way, so that a level
+        // over `max_nodes` is refused before it grows.
         if level + 1 < params.limits.levels {
             let mut predicted = nodes;
             for i in first..out.axes.len() {

@@ -267,7 +267,7 @@ fn frames(sections: &[CrossSection], twist: bool) -> Vec<(DVec3, DVec3)> {
         if i == 0 {
             up = section.up;
         } else {
-            // The smallest rotation from the tangent before to this one.
+            // Parallel transport: the section does not twist about the axis.
             up = DQuat::from_rotation_arc(sections[i - 1].tangent, section.tangent) * up;
         }
         // Rounding errors of many rotations are taken out at each section.

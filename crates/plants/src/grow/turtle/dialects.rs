@@ -57,7 +57,7 @@ pub(super) enum DialectCommand {
     Reverse,
     /// Fractint: multiplies the size.
     Size,
-    /// Fractint: sets the colour; adds the sign times the number to it.
+    /// Fractint: without a sign sets the colour to the number, else adds sign times number to it.
     Color(Option<i32>),
     /// LParser and L-Py: turns about up, left or heading, by the sign times the angle.
     Yaw(f64),

@@ -153,7 +153,7 @@ impl PrototypeCache {
 
     /// Prototype `source` stretched by `ratio` across and along the normal, relative to its length.
     pub fn stretched(&mut self, protos: &mut Vec<Proto>, source: u16, ratio: [f64; 2]) -> Option<u16> {
-        // Ratios within a percent share a prototype.
+        // Ratios are rounded to steps of a percent, so that nearly equal ones share a prototype.
         let key = (source, ratio.map(|r| round_to_i32(math::ln(r.max(1e-6)) * 100.0)));
         if let Some(&i) = self.stretched.get(&key) {
             return Some(i);
