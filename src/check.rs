@@ -98,7 +98,11 @@ fn check_into(request: &Request, with_notes: bool, context: &BakeContext<'_>, re
         for plant in &recipe.plants {
             let Growth::Grammar(grammar) = &plant.growth else { continue };
             result.report.extend(plant.companions.notes.clone());
-            result.report.extend(Report { sources: grammar.sources().clone(), diagnostics: grammar.notes().to_vec() });
+            result.report.extend(Report {
+                sources: grammar.sources().clone(),
+                diagnostics: grammar.notes().to_vec(),
+                ..Report::default()
+            });
         }
     }
     // A picture of layers has no geometry to estimate.

@@ -35,6 +35,8 @@ pub struct SourceOptions {
     /// Notation of a grammar (`cpfg`, `abop`, `catkin`, `fractint`, `lparser`, `lpy`) in place of what its content says; a source
     /// with one is a grammar, whatever its name.
     pub dialect: Option<String>,
+    /// How a grammar draws random numbers (`osier`, `cpfg`) in place of `osier`.
+    pub rng: Option<String>,
     /// Seed of all random draws in place of the scene's.
     pub seed: Option<u64>,
     /// Limits in force while sources are read and resolved.
@@ -245,9 +247,12 @@ fn grammar_request(path: &Path, entry: Option<&str>, options: &SourceOptions) ->
     let reference = entry.map_or_else(|| file.clone(), |e| format!("{file}#{e}"));
     let request = Request::bare(&name, &reference);
     let library = Library::new(path, &options.search)?;
-    // The notation is a key of the plant.
-    let dialect = options.dialect.as_ref().map(|d| format!("dialect = {}\n[ground]\n", toml::Value::String(d.clone())));
-    let text = dialect.map_or_else(|| request.text.clone(), |line| request.text.replace("[ground]\n", &line));
+    // The notation and the random numbers are keys of the plant.
+    let key = |name: &str, value: &Option<String>| {
+        value.as_ref().map_or_else(String::new, |v| format!("{name} = {}\n", toml::Value::String(v.clone())))
+    };
+    let keys = key("dialect", &options.dialect) + &key("rng", &options.rng);
+    let text = request.text.replace("[ground]\n", &format!("{keys}[ground]\n"));
     Ok(Request { library, text, ..request })
 }
 

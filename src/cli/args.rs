@@ -269,7 +269,7 @@ pub struct List {
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
     /// With `options`: only keys whose name, table or help contains all of these words. With `knobs`: the scene or
-    /// grammar.
+    /// grammar. With `entries`: the files.
     #[arg(value_name = "WORD")]
     pub words: Vec<String>,
     /// With `presets`: also draw a small picture of each into this folder.
@@ -288,6 +288,8 @@ pub enum What {
     Options,
     /// Parameters (#defines) of the grammars of a scene, with their values and comments: osier list knobs oak.
     Knobs,
+    /// L-systems of a file that holds several: osier list FILE.l.
+    Entries,
     /// File formats.
     Formats,
     /// Codes of errors and warnings.
@@ -331,6 +333,9 @@ pub struct Common {
     /// Notation of a grammar, where its content does not tell: cpfg, abop, catkin, fractint, lparser, lpy.
     #[arg(long, value_name = "NAME", global = true)]
     pub dialect: Option<String>,
+    /// How a grammar draws random numbers: osier, or cpfg to get the strings of that program.
+    #[arg(long, value_name = "NAME", global = true)]
+    pub rng: Option<String>,
     /// Also look up referenced files in this folder.
     #[arg(long, value_name = "DIR", global = true)]
     pub search: Vec<PathBuf>,

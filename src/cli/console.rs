@@ -86,6 +86,9 @@ impl Console {
 
     /// Prints faults and warnings of files with their source lines; warnings alone are suppressed by `-q`.
     pub fn report(&self, report: &Report) {
+        if !report.output.is_empty() {
+            report.output.lines().for_each(|line| self.note(line));
+        }
         if report.diagnostics.is_empty() || (self.quiet && !report.has_errors()) {
             return;
         }

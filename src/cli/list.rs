@@ -1,14 +1,19 @@
 //! `osier list`: presets, species, scene keys, parameters of grammars, formats, codes and limits.
 
+use std::ffi::OsString;
+use std::path::Path;
+
+use clap::ValueEnum as _;
 use serde_json::json;
 
 use super::args::{List, What};
 use super::{Context, knobs, preset_list};
 use crate::recipe::{KeyInfo, TableInfo, options};
 use crate::single_file::endings;
+use crate::source::entry_sources;
 use osier_base::Result;
-use osier_base::diagnostic::Severity;
 use osier_base::diagnostic::codes::CODES;
+use osier_base::diagnostic::{Severity, visible};
 use osier_base::limits::{LIMITS, grouped};
 use osier_export::registry;
 
@@ -32,6 +37,14 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
             args.thumbnails.iter().try_for_each(|folder| preset_list::write_pictures(context, folder))?;
             preset_list::as_text()
         }
+        (What::Entries, as_json) => {
+            let sources = entries(context, &args.words)?;
+            if as_json {
+                format!("{:#}\n", json!(sources))
+            } else {
+                sources.iter().map(|s| format!("{}\n", visible(s))).collect()
+            }
+        }
         (What::Knobs, false) => knobs::as_text(&knobs),
         (What::Knobs, true) => format!("{:#}\n", knobs::as_json(&knobs)),
         (What::Options, false) => options_text(&tables),
@@ -46,6 +59,24 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
     Ok(0)
 }
 
+/// Arguments of `osier list FILE`, where FILE is a file and not a word, as those of `osier list entries FILE`.
+pub fn with_entries(mut args: Vec<OsString>) -> Vec<OsString> {
+    let is_list = args.get(1).is_some_and(|a| a == "list");
+    let is_word = |a: &OsString| a.to_str().is_some_and(|w| What::from_str(w, true).is_ok());
+    if is_list && args.get(2).is_some_and(|a| !is_word(a) && Path::new(a).is_file()) {
+        args.insert(2, "entries".into());
+    }
+    args
+}
+
+/// Names of the L-systems of files, as sources that other commands take.
+/// # Errors
+/// `Io` for a file that cannot be read.
+fn entries(context: &Context, files: &[String]) -> Result<Vec<String>> {
+    let sources = files.iter().map(|f| entry_sources(f, &context.limits)).collect::<Result<Vec<_>>>()?;
+    Ok(sources.concat())
+}
+
 /// Why the words after the first argument do not fit it.
 fn misplaced(args: &List) -> Option<String> {
     if args.thumbnails.is_some() && args.what != What::Presets {
@@ -56,7 +87,8 @@ fn misplaced(args: &List) -> Option<String> {
         What::Knobs if args.words.is_empty() => {
             Some("name a scene, grammar or preset: osier list knobs oak".to_owned())
         }
-        What::Knobs => None,
+        What::Entries if args.words.is_empty() => Some("name a file of L-systems: osier list FILE.l".to_owned()),
+        What::Knobs | What::Entries => None,
         _ if args.words.is_empty() => None,
         _ => Some(format!("only `list options` and `list knobs` take words, here {}", quoted(&args.words))),
     }
@@ -155,7 +187,7 @@ fn options_json(tables: &[TableInfo]) -> serde_json::Value {
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
         // Listed above, each with what belongs to it.
-        What::Presets | What::Options | What::Knobs => serde_json::Value::Null,
+        What::Presets | What::Options | What::Knobs | What::Entries => serde_json::Value::Null,
         What::Species => preset_list::species_json(),
         What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
         What::Codes => {

@@ -67,7 +67,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         let _ = std::io::stderr().write_all(args::GUIDE.as_bytes());
         return 2;
     }
-    match Cli::try_parse_from(args) {
+    match Cli::try_parse_from(list::with_entries(args)) {
         Ok(cli) => guarded(cli),
         Err(e) => {
             let _ = e.print();
@@ -124,6 +124,7 @@ fn start(cli: Cli) -> u8 {
         search: cli.common.search.clone(),
         set: cli.common.set.clone(),
         dialect: cli.common.dialect.clone(),
+        rng: cli.common.rng.clone(),
         seed: cli.common.seed,
         limits: limits.clone(),
     };

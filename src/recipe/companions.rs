@@ -115,8 +115,8 @@ impl Resolver<'_> {
         }
         // L047 reports lines of a view that change nothing here; only `check` shows them, on request.
         let (notes, shown): (Vec<_>, Vec<_>) = finder.diagnostics.into_iter().partition(|d| d.code == "L047");
-        out.notes = Report { sources: finder.sources.clone(), diagnostics: notes };
-        let report = Report { sources: finder.sources, diagnostics: shown };
+        out.notes = Report { sources: finder.sources.clone(), diagnostics: notes, ..Report::default() };
+        let report = Report { sources: finder.sources, diagnostics: shown, ..Report::default() };
         self.report.extend(report);
         out
     }
@@ -129,7 +129,7 @@ impl Resolver<'_> {
         let mut finder =
             Finder { resolver: self, grammar: &grammar, sources: Sources::default(), diagnostics: Vec::new() };
         let form = finder.surface(&file, reference.text.to_ascii_lowercase().ends_with(".ray"));
-        let report = Report { sources: finder.sources, diagnostics: finder.diagnostics };
+        let report = Report { sources: finder.sources, diagnostics: finder.diagnostics, ..Report::default() };
         self.report.extend(report);
         Some(Arc::new(OrganSurface { form: form?, scale: 1.0, quads: QUADS, texture: 0 }))
     }
@@ -335,7 +335,8 @@ impl Finder<'_, '_> {
             Ok(picture) => Some(picture),
             // Many views name textures in formats of long ago, such as SGI's RGB: the surface is drawn without.
             Err(_) => {
-                let message = format!("texture \"{}\" is no PNG or JPEG picture", file.shown);
+                let message =
+                    format!("texture \"{}\" is no picture of PNG, JPEG, Silicon Graphics or Targa", file.shown);
                 let d = Diagnostic::warning("L048", message, line.span, "named here");
                 self.diagnostics.push(d.help("convert it to PNG; surfaces with it wear their colour"));
                 None

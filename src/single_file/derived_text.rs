@@ -32,10 +32,11 @@ impl DerivedText {
             has_grammar = true;
             let mut derived = individual_text(plant, grammar, individual, context)?;
             let diagnostics = std::mem::take(&mut derived.warnings);
+            let output = std::mem::take(&mut derived.output);
             out.modules += derived.module_count();
             out.text.push_str(&derived.into_text(grammar, context.limits)?);
             out.text.push('\n');
-            out.report.extend(Report { sources: grammar.sources().clone(), diagnostics });
+            out.report.extend(Report { sources: grammar.sources().clone(), diagnostics, output });
         }
         // A grammar may derive the empty string, so that an empty text alone says nothing.
         if !has_grammar {

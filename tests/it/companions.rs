@@ -267,7 +267,7 @@ fn damaged_colors_and_textures_are_told() {
     let (code, _, err) = said(&run(&["check", arg(&grammar)]));
     assert_eq!(code, 0, "{err}");
     assert!(err.contains("a colour map is 256 times 3 bytes (768), the file has 4 bytes"), "{err}");
-    assert!(err.contains("is no PNG or JPEG picture") && err.contains("a.v:2:1"), "{err}");
+    assert!(err.contains("is no picture of PNG, JPEG, Silicon Graphics or Targa") && err.contains("a.v:2:1"), "{err}");
     // A scene that names a file which is not there says so at the name.
     let scene = dir.path().join("s.toml");
     fs::write(&scene, "[plants.a]\ngrammar = \"a.l\"\n[plants.a.turtle]\ncolors = \"b.map\"\nview = \"none\"\n")

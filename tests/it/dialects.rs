@@ -31,7 +31,7 @@ fn read_bytes(name: &str, bytes: &[u8], read_as: ReadAs<'_>) -> Result<(Grammar,
     let source =
         GrammarSource { name, bytes, includes: &mut includes, defines: &defines, functions: Default::default() };
     let (grammar, diagnostics) = parse_as(&mut sources, source, read_as, &Limits::default())?;
-    Ok((grammar, render(&Report { sources, diagnostics }, Style::Plain)))
+    Ok((grammar, render(&Report { sources, diagnostics, ..Report::default() }, Style::Plain)))
 }
 
 /// A test grammar that must be read; `entry`: empty for files of one.
@@ -607,4 +607,48 @@ fn colours_of_other_programs_reach_the_files() {
     // Fractint: a colour index is worn from its command on.
     let (obj, _) = draws("two.l", "Two {\n Angle 4\n Axiom FFF+C4FFF\n F=F\n}\n");
     assert!(obj.contains("color_4"), "{}", obj.lines().filter(|l| l.starts_with("usemtl")).collect::<String>());
+}
+
+#[test]
+fn listing_a_file_names_its_l_systems() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = dir.path().join("two.l");
+    std::fs::write(&file, "One {\nAngle 4\nAxiom F\n}\nTwo {\nAngle 6\nAxiom F--F\n}\n").expect("written");
+    let (listed, _) = ends(0, &["list", arg(&file)]);
+    let names: Vec<&str> = listed.lines().filter_map(|l| l.split_once('#').map(|(_, n)| n)).collect();
+    assert_eq!(names, ["One", "Two"]);
+    // A word is still a word.
+    assert!(ends(0, &["list", "limits"]).0.contains("modules"));
+}
+
+#[test]
+fn the_program_draws_the_numbers_of_cpfg_and_prints_what_a_grammar_prints() {
+    let dir = tempfile::tempdir().expect("dir");
+    let (file, out) = (dir.path().join("draw.l"), dir.path().join("draw.txt"));
+    let text = "Lsystem: 1\nSeed: 1\nEndEach: { printf(\"one step\\n\"); }\nderivation length: 1\nAxiom: AAAAAV\n\
+                A --> B : 1\nA --> C : 3\nV --> V(ran(1))\nendlsystem\n";
+    std::fs::write(&file, text).expect("written");
+    let (_, err) = ends(0, &["grow", arg(&file), "--rng", "cpfg", "--seed", "9", "-o", arg(&out)]);
+    // The choices of cpfg 6.6 for weights 1 and 3, and drand48 after srand48(0).
+    assert_eq!(std::fs::read_to_string(&out).expect("a string").trim(), "BBBBCV(0.170828)");
+    assert!(err.lines().any(|l| l == "one step"), "{err}");
+    // Another name is refused with the names that there are.
+    let (_, err) = ends(1, &["check", arg(&file), "--rng", "lcg"]);
+    assert!(err.contains("cpfg"), "{err}");
+}
+
+#[test]
+fn a_comma_means_nothing_in_fractint() {
+    // Old files end rules with quotes and commas.
+    let text = "Curve { Angle 6\nAxiom F\nF=F+F\",\n,=F\n}\n";
+    let (grammar, _) = read_bytes("curve.l", text.as_bytes(), ReadAs::default()).unwrap_or_else(|e| panic!("{e}"));
+    let d =
+        derive(&grammar, &DeriveOptions { steps: Some(1), ..Default::default() }, &Limits::default()).expect("derives");
+    let (plant, _) = grow(&grammar, &d, &TurtleOptions::default(), &Limits::default()).expect("draws");
+    assert!(plant.nodes.color.iter().all(|c| *c == plant.nodes.color[0]), "{:?}", plant.nodes.color);
+    // It is a symbol like any other: the second step replaces it.
+    let d =
+        derive(&grammar, &DeriveOptions { steps: Some(2), ..Default::default() }, &Limits::default()).expect("derives");
+    let (plant, _) = grow(&grammar, &d, &TurtleOptions::default(), &Limits::default()).expect("draws");
+    assert_eq!(plant.nodes.p.len() - plant.axes.len(), 5);
 }

@@ -55,7 +55,7 @@ fn complaints(text: &[u8], options: &TurtleOptions) -> Report {
         Err(Error::Input(report)) => diagnostics.extend(report.diagnostics),
         Err(e) => panic!("{e}"),
     }
-    Report { sources, diagnostics }
+    Report { sources, diagnostics, ..Report::default() }
 }
 
 fn system(axiom: &str, rules: &str) -> String {
@@ -77,7 +77,7 @@ fn faults() -> Vec<(&'static str, String)> {
         ("L005", s("A", "#define M(x,y) x\nA --> B(M(1))")),
         ("L006", format!("#include \"loop.h\"\n#include \"gone.h\"\n{}", s("F(1)", ""))),
         ("L007", "#include <lpfgall.h>\nmodule A(float);\nproduction:\nA(x) : { produce A(x+1); }\n".into()),
-        ("L008", s("A", "A : {printf(3);} --> F(1)")),
+        ("L008", s("A", "A : {3 == 4;} 1 --> F(1)")),
         ("L010", s("A", "[A] < A --> B")),
         ("L011", s("A", "A --> F(1)[[F(1)]A")),
         ("L012", s("A", "A --> {.F(1)A")),
@@ -116,6 +116,8 @@ fn faults() -> Vec<(&'static str, String)> {
         ("L051", "Lsystem: 1\nderivation length: 99\nAxiom: A(1)\nA(x) : x > 0 --> A(x)A(x)\nendlsystem\n".into()),
         ("L052", s("F(1)A", "Homomorphism: warnings\nA --> F(1)A")),
         ("L053", s("F(1)]F(1)", "")),
+        ("L056", s("A(1)", "Seed: 1\nA(x) : x > 3 --> F(x)\nA(x) --> A(x+1)")),
+        ("L057", s("A", "A --> F(1)\\\nB --> F(2)")),
         ("L055", s("A+B", "Ignore: +\nA > + --> F(1)\nA < B --> F(2)")),
         ("L054", "Lsystem: 1\nderivation length: 9\nAxiom: A\nA --> B\nB --> F(1)\nendlsystem\n".into()),
     ]
@@ -287,7 +289,7 @@ fn preset(name: &str) -> Grammar {
     let preset = osier::presets::PRESETS.iter().find(|p| p.name == format!("{name}.l")).expect("preset");
     let mut sources = Sources::default();
     let (g, warnings) = read(&mut sources, preset.text.as_bytes(), &BTreeMap::new()).unwrap_or_else(|e| panic!("{e}"));
-    let report = Report { sources, diagnostics: warnings };
+    let report = Report { sources, diagnostics: warnings, ..Report::default() };
     assert!(report.diagnostics.is_empty(), "{name}: {report}");
     assert!(!g.description().is_empty(), "{name} says what it is");
     g

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::functions::FunctionTables;
+use super::print_format::PrintFormat;
 use super::token::SourcePlace;
 
 /// Functions of one argument without side effects.
@@ -119,6 +120,8 @@ pub(crate) enum Op {
     /// Numbers the next draws as those after the beginning of the run.
     RestartDraws,
     Stop,
+    /// Pops the arguments of a `printf`, pushes 0; index into [`Bytecode::formats`].
+    Print(usize),
     Pop,
     Jump(usize),
     /// Pops; jumps if zero.
@@ -142,6 +145,8 @@ pub(crate) struct Bytecode {
     pub tables: Option<Arc<FunctionTables>>,
     /// Uses of array elements.
     pub elements: Vec<ElementAccess>,
+    /// What [`Op::Print`] writes.
+    pub formats: Vec<PrintFormat>,
 }
 
 /// An array of a `Define:` block; its elements are consecutive global variables, the last index changes fastest.
@@ -199,8 +204,13 @@ impl Bytecode {
     /// Appends code that was compiled on its own: its jump targets and indices move behind what is here.
     pub fn append(&mut self, code: Self) {
         let (shift, places, elements) = (self.ops.len(), self.places.len(), self.elements.len());
+        let formats = self.formats.len();
         self.places.extend(code.places);
         self.elements.extend(code.elements);
+        self.formats.extend(code.formats.into_iter().map(|mut f| {
+            f.place += places;
+            f
+        }));
         self.tables = self.tables.take().or(code.tables);
         self.ops.extend(code.ops.into_iter().map(|op| match op {
             Op::Jump(t) => Op::Jump(t + shift),
@@ -212,6 +222,7 @@ impl Bytecode {
             Op::Count(p) => Op::Count(p + places),
             Op::LoadElement(k) => Op::LoadElement(k + elements),
             Op::StoreElement(k) => Op::StoreElement(k + elements),
+            Op::Print(k) => Op::Print(k + formats),
             other => other,
         }));
     }
@@ -227,6 +238,11 @@ impl Bytecode {
             _ => false,
         };
         self.ops.iter().any(risky)
+    }
+
+    /// Does it write output?
+    pub fn prints(&self) -> bool {
+        self.ops.iter().any(|o| matches!(o, Op::Print(_)))
     }
 
     /// Does it write a global variable?

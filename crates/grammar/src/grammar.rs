@@ -167,7 +167,7 @@ impl Grammar {
 
     /// Diagnostics about this grammar as an error that quotes its text.
     pub fn report(&self, diagnostics: Vec<Diagnostic>) -> Error {
-        Error::Input(Box::new(Report { sources: self.sources.clone(), diagnostics }))
+        Error::Input(Box::new(Report { sources: self.sources.clone(), diagnostics, ..Report::default() }))
     }
 
     /// Texts that the diagnostics of this grammar point into.

@@ -30,6 +30,7 @@ mod binding;
 mod code;
 pub mod companion;
 mod compile;
+mod cpfg_random;
 mod derive;
 mod dialect;
 mod evaluate;
@@ -39,6 +40,7 @@ mod lint;
 mod modules;
 mod notation;
 mod preprocess;
+mod print_format;
 mod program;
 mod symbols;
 mod token;
@@ -49,8 +51,8 @@ use std::sync::Arc;
 
 pub use binding::{Dialect, DialectSettings, TurtleAction, TurtleAxis};
 pub use derive::{
-    AskTurtle, DeriveOptions, DerivedString, Prediction, QueryAnswer, TurtleAnswers, derive, derive_deferred,
-    derive_text, derive_with_queries, interpret, interpret_modules, predict,
+    AskTurtle, DeriveOptions, DerivedString, Prediction, QueryAnswer, QueryValue, TurtleAnswers, derive,
+    derive_deferred, derive_text, derive_with_queries, interpret, interpret_modules, predict,
 };
 pub use dialect::{ConvertTo, Converted, FileKind, ReadAs, convert, detect, entries};
 pub use evaluate::BindingEvaluator;
@@ -154,7 +156,7 @@ fn parse_cpfg(
 /// The collected diagnostics as an error.
 fn input_error(session: &mut ParseSession, sources: &Sources) -> Error {
     let diagnostics = std::mem::take(&mut session.diagnostics);
-    Error::Input(Box::new(Report { sources: sources.clone(), diagnostics }))
+    Error::Input(Box::new(Report { sources: sources.clone(), diagnostics, ..Report::default() }))
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::code::Bytecode;
+use super::notation::Notation;
 use super::program::{
     ContextElement, FormalModule, IgnoredSymbols, Production, ProductionSet, Program, SuccessorModule,
 };
@@ -11,7 +12,7 @@ use super::token::{ParseSession, SourcePlace, with_fix};
 use super::vm;
 use osier_base::diagnostic::{Diagnostic, Span};
 
-/// Reports L023, L027, L030, L031, L032, L035, L036, L037 and L055: legal constructs that are probably mistakes.
+/// Reports L023, L027, L030, L031, L032, L035, L036, L037, L055 and L056: legal constructs that are probably mistakes.
 pub(super) fn check(session: &mut ParseSession, program: &Program) {
     check_arities(session, program);
     check_reachability(session, program);
@@ -19,6 +20,7 @@ pub(super) fn check(session: &mut ParseSession, program: &Program) {
         let stochastic = program.is_stochastic() || rules.seed.is_some();
         if stochastic {
             check_weight_sums(session, program, rules);
+            check_defaults(session, program, rules);
         } else {
             check_shadowed(session, rules);
             check_unused_weights(session, program, rules);
@@ -28,6 +30,21 @@ pub(super) fn check(session: &mut ParseSession, program: &Program) {
     check_command_letters(session, program);
     check_ignored_contexts(session, program);
     note_idle_symbols(session, program);
+}
+
+/// Reports what is probably a mistake in a grammar of another program: L030, and in one with parameters L023 and L055.
+pub(super) fn check_dialect(session: &mut ParseSession, program: &Program, notation: Notation) {
+    check_reachability(session, program);
+    if notation == Notation::LPy {
+        check_arities(session, program);
+        check_ignored_contexts(session, program);
+    }
+}
+
+/// A symbol as the file writes it.
+fn shown(program: &Program, symbol: SymbolId) -> String {
+    let c = program.symbols.get(symbol);
+    program.symbols.long_name(c).map_or_else(|| c.to_string(), str::to_owned)
 }
 
 /// L027: a block before the condition has run even if the production is not applied.
@@ -154,13 +171,13 @@ fn check_arities(session: &mut ParseSession, program: &Program) {
                 continue;
             }
             let numbers: Vec<usize> = others.iter().map(|o| o.0).collect();
-            let c = program.symbols.get(f.symbol);
+            let c = shown(program, f.symbol);
             let message = format!("{c} with {} never matches: it is made with {}", plural(arity), listed(&numbers));
             // Suggest the module as a successor produces it, with as many formal parameters.
             let near = others.iter().min_by_key(|o| o.0.abs_diff(arity)).map_or(0, |o| o.0);
             let names = ["x", "y", "z", "u", "v", "w"];
             let list: Vec<&str> = names.iter().cycle().take(near).copied().collect();
-            let call = if near == 0 { c.to_string() } else { format!("{c}({})", list.join(",")) };
+            let call = if near == 0 { c.clone() } else { format!("{c}({})", list.join(",")) };
             let mut d = Diagnostic::warning("L023", message, f.place.span, "this one");
             for (n, at) in others.iter().take(MAX_ARITY_LABELS) {
                 d = d.label(at.span, format!("made with {} here", plural(*n)));
@@ -195,7 +212,7 @@ fn check_reachability(session: &mut ParseSession, program: &Program) {
         }
     }
     for (symbol, (count, place)) in idle {
-        let c = program.symbols.get(symbol);
+        let c = shown(program, symbol);
         let idle = if count == 1 { "1 production is".to_owned() } else { format!("{count} productions are") };
         let message = format!("{c} cannot be reached from the axiom: {idle} never applied");
         session.warning("L030", message, place, format!("put {c} into the axiom or a successor that is reached"));
@@ -236,6 +253,34 @@ fn check_unused_weights(session: &mut ParseSession, program: &Program, rules: &P
     }
 }
 
+/// L056: in a deterministic grammar a last production without condition is what applies where no other does. With a seed it
+/// competes with them all the same, and is drawn as often.
+fn check_defaults(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
+    let mut groups: BTreeMap<(SymbolId, u8), Vec<&Production>> = BTreeMap::new();
+    for p in &rules.list {
+        if let Some(f) = p.predecessor.first() {
+            groups.entry((f.symbol, f.arity)).or_default().push(p);
+        }
+    }
+    for ((symbol, _), list) in groups {
+        // Weights show that the competition is meant.
+        let always: Vec<&&Production> = list.iter().filter(|p| p.is_unconditional()).collect();
+        let conditional = list.iter().find(|p| !p.is_unconditional());
+        let (&[default], Some(conditional)) = (always.as_slice(), conditional) else { continue };
+        if list.iter().any(|p| p.weight.is_some()) {
+            continue;
+        }
+        let c = program.symbols.get(symbol);
+        let message =
+            format!("with a seed this production for {c} competes with those that have conditions or contexts");
+        let help = "give it the opposite condition, or weights to all of them; without 'Seed:' the first that applies is taken";
+        let d = Diagnostic::warning("L056", message, default.place.span, "this one always applies")
+            .label(conditional.place.span, "this one is drawn only half of the time where it applies")
+            .help(help);
+        session.push(d, default.place);
+    }
+}
+
 /// L035: constant weights of one kind that look like shares of 1 or 100.
 fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
     let mut groups: BTreeMap<(SymbolId, u8), Vec<&Production>> = BTreeMap::new();
@@ -270,7 +315,7 @@ fn check_ignored_contexts(session: &mut ParseSession, program: &Program) {
     for element in program.productions().flat_map(|p| p.left.iter().chain(&p.right)) {
         let ContextElement::Module(f) = element else { continue };
         if ignored.get(usize::from(f.symbol)) == Some(&true) {
-            let c = program.symbols.get(f.symbol);
+            let c = shown(program, f.symbol);
             let message = format!("this context never matches: {c} is hidden by '{item}:'");
             let verb = if item == "Ignore" { "take it out of" } else { "add it to" };
             session.warning(

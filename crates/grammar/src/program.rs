@@ -282,9 +282,10 @@ impl Program {
             && self.rules.list.iter().all(Production::is_context_free)
     }
 
-    /// True if modules must be rewritten one after the other, because productions write globals or consume several modules.
+    /// True if modules must be rewritten one after the other, because productions write globals or output or consume several
+    /// modules.
     pub fn is_serial(&self) -> bool {
-        let writes = |p: &Production| p.codes().any(Bytecode::writes_globals);
+        let writes = |p: &Production| p.codes().any(|c| c.writes_globals() || c.prints());
         !self.subsystems.is_empty()
             || self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1)
             || self.decomposition.list.iter().any(writes)

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::*;
 
 mod features;
+mod foreign;
 
 pub(crate) fn read(text: &str) -> (Grammar, Vec<Diagnostic>) {
     try_read(text).unwrap_or_else(|e| panic!("{e}"))

@@ -1,12 +1,15 @@
 //! The stack machine that runs expressions and statements.
 
 use super::code::{Bytecode, ElementAccess, Expr, Op, RandomFunction, TableFunction, is_zero, truth};
+use super::cpfg_random::CpfgRandom;
 use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
 
 /// Iterations of one run of a block before a loop counts as infinite (L044).
 const LOOP_LIMIT: u64 = 1_000_000;
+/// Bytes of output that a derivation keeps.
+const MAX_OUTPUT: usize = 1 << 20;
 /// Largest n of `biran(n, p)`, whose trials are drawn one by one; a larger n counts as this many.
 const BIRAN_LIMIT: f64 = 1e6;
 
@@ -179,6 +182,10 @@ pub(crate) struct Vm {
     pub bounds: [[f64; 3]; 2],
     /// Set by `stop(n)`: the derivation ends after this step.
     pub stopped: bool,
+    /// Draws as cpfg does, one after the other, instead of by address.
+    pub cpfg: Option<CpfgRandom>,
+    /// What `printf` wrote.
+    pub output: String,
 }
 
 impl Vm {
@@ -200,6 +207,8 @@ impl Vm {
             statement_limit: u64::MAX,
             bounds: [[0.0; 3]; 2],
             stopped: false,
+            cpfg: None,
+            output: String::new(),
         }
     }
 
@@ -269,7 +278,14 @@ impl Vm {
         self.stack.clear();
         let mut pc = 0_usize;
         let mut iterations = 0_u64;
-        while let Some(op) = code.ops.get(pc) {
+        // Results that the left side of `&&` or `||` has decided, with the place where the right side ends.
+        let mut decided: Vec<(usize, f64)> = Vec::new();
+        loop {
+            while let Some((_, value)) = decided.pop_if(|d| d.0 == pc) {
+                self.pop();
+                self.stack.push(value);
+            }
+            let Some(op) = code.ops.get(pc) else { break };
             pc += 1;
             match *op {
                 // Operands. Slots that code cannot have got from the compiler read as 0.
@@ -319,14 +335,12 @@ impl Vm {
                 }
                 Op::And(t) => {
                     if is_zero(self.pop()) {
-                        self.stack.push(0.0);
-                        pc = t;
+                        self.decide(0.0, t, &mut pc, &mut decided);
                     }
                 }
                 Op::Or(t) => {
                     if !is_zero(self.pop()) {
-                        self.stack.push(1.0);
-                        pc = t;
+                        self.decide(1.0, t, &mut pc, &mut decided);
                     }
                 }
                 Op::Bool => {
@@ -348,9 +362,35 @@ impl Vm {
                 Op::Srand => self.srand(),
                 Op::RestartDraws => self.number = 0,
                 Op::Stop => self.stopped = true,
+                Op::Print(k) => self.print(code, k),
             }
         }
         Ok(self.pop())
+    }
+
+    /// The left side of `&&` or `||` has decided: the right side, which ends at `end`, is skipped. cpfg computes it all the same,
+    /// which matters to its draws.
+    fn decide(&mut self, value: f64, end: usize, pc: &mut usize, decided: &mut Vec<(usize, f64)>) {
+        if self.cpfg.is_some() {
+            decided.push((end, value));
+        } else {
+            self.stack.push(value);
+            *pc = end;
+        }
+    }
+
+    /// Appends what a `printf` writes to the output, which holds no more than [`MAX_OUTPUT`] bytes.
+    fn print(&mut self, code: &Bytecode, k: usize) {
+        let Some(format) = code.formats.get(k) else { return };
+        let first = self.stack.len().saturating_sub(format.arguments);
+        let text = format.text(self.stack.get(first..).unwrap_or(&[]));
+        self.stack.truncate(first);
+        self.stack.push(0.0);
+        if self.output.len() + text.len() <= MAX_OUTPUT {
+            self.output.push_str(&text);
+        } else if let Some(place) = code.places.get(format.place) {
+            self.warnings.add("L008", *place, "more than 1 MiB of output is left out");
+        }
     }
 
     /// Slot of the element whose indices lie on the stack, which are popped; L026 outside the array.
@@ -410,11 +450,31 @@ impl Vm {
 
     #[allow(clippy::cast_possible_truncation, reason = "seeds saturate")]
     fn srand(&mut self) {
-        let seed = self.stack.last().copied().unwrap_or(0.0);
-        (self.reseeded, self.key, self.number) = (Some(seed as i64), None, 0);
+        let seed = self.stack.last().copied().unwrap_or(0.0) as i64;
+        if let Some(cpfg) = &mut self.cpfg {
+            cpfg.seed(seed);
+        }
+        (self.reseeded, self.key, self.number) = (Some(seed), None, 0);
     }
 
     fn push_random(&mut self, f: RandomFunction) {
+        if let Some(mut cpfg) = self.cpfg {
+            let b = self.pop();
+            let value = match f {
+                RandomFunction::Ran => b * cpfg.uniform(),
+                _ => {
+                    let a = self.pop();
+                    match f {
+                        RandomFunction::Nran => cpfg.normal(a, b),
+                        RandomFunction::Uniform => a + (b - a) * cpfg.uniform(),
+                        RandomFunction::Bran => cpfg.beta(a, b),
+                        _ => cpfg.binomial(a, b),
+                    }
+                }
+            };
+            self.cpfg = Some(cpfg);
+            return self.stack.push(value);
+        }
         let mut stream = self.next_stream();
         let value = match f {
             RandomFunction::Ran => self.pop() * stream.unit_f64(),
@@ -508,6 +568,7 @@ pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
                 | Op::Srand
                 | Op::Bounds(_)
                 | Op::Stop
+                | Op::Print(_)
         )
     };
     if code.ops.iter().any(needs) {

@@ -57,7 +57,7 @@ impl SystemAnalysis {
     /// # Errors
     /// `Input` with all warnings and errors of the analysis.
     pub fn into_result(self, sources: &Report) -> osier_base::Result<(Self, Report)> {
-        let mut report = Report { sources: sources.sources.clone(), diagnostics: Vec::new() };
+        let mut report = Report { sources: sources.sources.clone(), ..Report::default() };
         self.diagnostics.iter().for_each(|d| report.push(d.clone()));
         report.into_result(self)
     }

@@ -177,7 +177,11 @@ pub fn read_grey(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Resu
 /// `Input` with X010 if it is damaged, of another format, or over a limit.
 pub fn read_picture(path: &Path, bytes: &[u8], options: &ImportOptions<'_>) -> Result<Image> {
     let context = ImportContext::new(path, bytes, options);
-    let raw = images::decode(&context, "picture", bytes, &mut 0).map_err(|d| Error::from(*d))?;
+    let raw = match images::decode_old(&context, &path.to_string_lossy(), bytes, &mut 0) {
+        Some(old) => old,
+        None => images::decode(&context, "picture", bytes, &mut 0),
+    };
+    let raw = raw.map_err(|d| Error::from(*d))?;
     Ok(raw.into_image("color".into(), osier_scene::ImageKind::Color))
 }
 

@@ -17,7 +17,7 @@ use crate::bake::assets::species_growth::{death_warning, species_clip, species_p
 use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
-use crate::recipe::scene::{LineStyle, TropismKeys};
+use crate::recipe::scene::{GrammarRandom, LineStyle, TropismKeys};
 use crate::recipe::{Growth, OrganRecipe, PlantRecipe, SurfaceForm};
 use osier_base::convert::saturating_byte;
 use osier_base::diagnostic::Report;
@@ -194,7 +194,7 @@ fn grow_from_source(
     let derived = derive_individual(recipe, grammar, individual, set, context)?;
     // Both halves may take long; neither is interrupted within.
     context.cancel.check()?;
-    let mut report = Report { sources: grammar.sources().clone(), diagnostics: Vec::new() };
+    let mut report = Report { sources: grammar.sources().clone(), output: derived.output.clone(), ..Report::default() };
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, set)?, context.limits)?;
     let modules = derived.module_count();
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
@@ -235,6 +235,7 @@ fn derive_options(recipe: &PlantRecipe, individual: &Individual) -> DeriveOption
         plant_id: individual.id,
         steps: recipe.keys.steps,
         stochastic: recipe.keys.stochastic,
+        draw_as_cpfg: recipe.keys.rng == GrammarRandom::Cpfg,
     }
 }
 
@@ -280,6 +281,7 @@ fn turtle_options(recipe: &PlantRecipe, set: &MaterialSet) -> Result<TurtleOptio
         painted: companions.colors.is_some() || has_palette(recipe),
         contours: companions.contours.iter().map(|(id, c)| (*id, contour(c))).collect(),
         sides: keys.sides.or(view.sides).unwrap_or(defaults.sides),
+        past_cut: view.past_cut.unwrap_or(defaults.past_cut),
         twist: keys.twist.or(view.twist).unwrap_or(defaults.twist),
         textures: set.textures.clone(),
         old_tropism: DVec3::from_array(keys.old_tropism.or(view.old_direction).unwrap_or([0.0, 1.0, 0.0])),

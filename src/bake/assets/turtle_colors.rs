@@ -39,7 +39,7 @@ pub(crate) fn add_worn_colors(
         }
         // A colour file comes before the colours that the grammar itself names.
         let own = match &plant.growth {
-            Growth::Grammar(grammar) => ColorTable::default().with(grammar.palette()),
+            Growth::Grammar(grammar) => ColorTable::of(grammar.notation()).with(grammar.palette()),
             _ => ColorTable::default(),
         };
         let colors = plant.companions.colors.as_ref().unwrap_or(&own);

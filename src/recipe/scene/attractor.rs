@@ -159,7 +159,11 @@ impl Resolver<'_> {
                 Some(AttractorRecipe { name: name.into(), id, source, system, rule, study, extent, keys, morph: None })
             }
             Err(escaped) => {
-                self.report.extend(Report { sources: report.sources, diagnostics: vec![*escaped] });
+                self.report.extend(Report {
+                    sources: report.sources,
+                    diagnostics: vec![*escaped],
+                    ..Report::default()
+                });
                 None
             }
         }
@@ -189,7 +193,11 @@ impl Resolver<'_> {
                 && let Some(study) = self.study(system, system.weights.unwrap_or(WeightRule::File), &sources)
                 && let Err(escaped) = extent(system, &study)
             {
-                self.report.extend(Report { sources: sources.sources.clone(), diagnostics: vec![*escaped] });
+                self.report.extend(Report {
+                    sources: sources.sources.clone(),
+                    diagnostics: vec![*escaped],
+                    ..Report::default()
+                });
             }
         }
     }
@@ -213,7 +221,11 @@ impl Resolver<'_> {
         match stems(system) {
             Ok(stems) => Some((stems, file.shown, super::condensation::organs(&read))),
             Err(fault) => {
-                self.report.extend(Report { sources: read.report.sources, diagnostics: vec![*fault] });
+                self.report.extend(Report {
+                    sources: read.report.sources,
+                    diagnostics: vec![*fault],
+                    ..Report::default()
+                });
                 None
             }
         }

@@ -43,8 +43,12 @@ impl Resolver<'_> {
                     let (inside, mut about): (Vec<_>, Vec<_>) =
                         faults.diagnostics.into_iter().partition(|d| !d.labels.is_empty());
                     about.iter_mut().for_each(|d| d.labels.push((model.span, "this mesh".into())));
-                    self.report.extend(Report { sources: faults.sources, diagnostics: inside });
-                    self.report.extend(Report { sources: sources.sources.clone(), diagnostics: about });
+                    self.report.extend(Report { sources: faults.sources, diagnostics: inside, ..Report::default() });
+                    self.report.extend(Report {
+                        sources: sources.sources.clone(),
+                        diagnostics: about,
+                        ..Report::default()
+                    });
                     return None;
                 }
             }

@@ -57,6 +57,16 @@ choices! {
     }
 }
 
+choices! {
+    /// How the productions and functions of a grammar draw random numbers.
+    GrammarRandom {
+        /// By address: changing one branch leaves all others as they are.
+        Osier = "osier",
+        /// One after the other, as the program cpfg does: its strings come out, and seeds of osier have no effect.
+        Cpfg = "cpfg",
+    }
+}
+
 impl GrammarDialect {
     /// The notation of this word.
     pub fn notation(self) -> Notation {
@@ -78,6 +88,8 @@ keys! {
         grammar: Option<Reference> = "grammar" FileReference(".l, .ls, .lpy"), basic;
         /// Notation of the grammar, where its content does not tell.
         dialect: Option<GrammarDialect> = "dialect" OptionalKey(OneOf(GrammarDialect::Cpfg), "what the file's content says");
+        /// How the grammar draws random numbers: by address ("osier"), or as the program cpfg ("cpfg"), whose strings come out then.
+        rng: GrammarRandom = "rng" OneOf(GrammarRandom::Osier);
         /// Coefficient table of a tree, instead of a grammar.
         ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml"), basic;
         /// Mesh of a whole plant, instead of a grammar; osier extracts its skeleton.
@@ -741,7 +753,7 @@ impl Resolver<'_> {
         let read_as = ReadAs { notation, entry };
         let parsed = osier_grammar::parse_as(&mut sources, source, read_as, &self.request.limits);
         let (grammar, diagnostics) = self.load_or_report(parsed, file)?;
-        self.report.extend(Report { sources, diagnostics });
+        self.report.extend(Report { sources, diagnostics, ..Report::default() });
         self.report_unused_defines(&grammar, keys);
         Some(grammar)
     }

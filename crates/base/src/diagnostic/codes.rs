@@ -102,6 +102,8 @@ pub const CODES: &[Code] = &[
     row("L053", Warning, "unmatched ']' in the string"),
     row("L054", Warning, "the string does not change after this step"),
     row("L055", Warning, "the context never matches: it names an ignored symbol"),
+    row("L056", Warning, "with a seed an unconditional production competes with those that have conditions"),
+    row("L057", Warning, "a backslash joins the next line, which looks like a line of its own"),
     row("L060", Warning, "beyond a limit of Fractint, whose own reading ends there"),
     row("L061", Error, "the file of another program cannot be read; the message says why"),
     row("P001", Error, "the source contains nothing visible"),

@@ -95,6 +95,8 @@ pub struct Report {
     pub sources: Sources,
     /// Diagnostics in order of discovery.
     pub diagnostics: Vec<Diagnostic>,
+    /// What the sources themselves print, such as `printf` of a grammar; lines end with a line feed.
+    pub output: String,
 }
 
 impl Report {
@@ -127,6 +129,10 @@ impl Report {
     /// Adds all of another report. Texts that are already here are shared, so that what several plants of one grammar
     /// have to say is said once.
     pub fn extend(&mut self, other: Self) {
+        // Individuals of one grammar often print the same.
+        if !self.output.contains(&other.output) {
+            self.output.push_str(&other.output);
+        }
         let ids: Vec<SourceId> = other.sources.ids().map(|id| self.add_source_of(&other.sources, id)).collect();
         let renumber = |s: &mut Span| s.source = ids.get(s.source.0 as usize).copied().unwrap_or(s.source);
         for mut diagnostic in other.diagnostics {

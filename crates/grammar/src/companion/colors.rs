@@ -1,5 +1,6 @@
 //! Colours by index: colour maps and material files.
 
+use crate::notation::Notation;
 use osier_base::math::narrow;
 use osier_base::units::linear_from_srgb;
 
@@ -28,6 +29,55 @@ const PALETTE: [[u8; 3]; 16] = [
     [0xf2, 0xef, 0xe6], // white
     [0x9a, 0x9a, 0x94], // grey
     [0x4a, 0x40, 0x38], // dark brown
+    [0x1f, 0x1f, 0x1f], // black
+];
+
+/// Colours of LParser's viewer, in colours that suit paint and bark: indices 1 to 15. All other indices are dark grey.
+const LPARSER_PALETTE: [[u8; 3]; 15] = [
+    [0x1f, 0x1f, 0x1f], // black
+    [0xc8, 0x30, 0x2a], // red
+    [0xe8, 0xc8, 0x40], // yellow
+    [0x5c, 0xa8, 0x3c], // green
+    [0x50, 0xb4, 0xbe], // cyan
+    [0x3c, 0x5a, 0xb4], // blue
+    [0xb4, 0x46, 0xa0], // magenta
+    [0x2f, 0x6d, 0x33], // dark green
+    [0x24, 0x64, 0x68], // dark cyan
+    [0x24, 0x30, 0x70], // dark blue
+    [0x68, 0x22, 0x5c], // dark magenta
+    [0x6e, 0x4a, 0x2c], // brown
+    [0x47, 0x5e, 0x26], // olive
+    [0x8c, 0x8c, 0x88], // grey
+    [0xf2, 0xef, 0xe6], // white
+];
+const LPARSER_OTHER: [u8; 3] = [0x48, 0x48, 0x46];
+/// Materials of L-Py's turtle: 0 grey, then brown, green, red, yellow, blue and purple, over and over from 0 on.
+const LPY_PALETTE: [[u8; 3]; 7] = [
+    [0x96, 0x96, 0x90], // grey
+    [0x70, 0x4e, 0x28], // brown
+    [0x54, 0x8c, 0x2c], // green
+    [0xb4, 0x26, 0x22], // red
+    [0xc8, 0xb8, 0x3c], // yellow
+    [0x2e, 0x38, 0x90], // blue
+    [0x88, 0x2c, 0x88], // purple
+];
+/// The sixteen colours of Fractint's default map, which repeat; black and white have changed places, for the ground is light here.
+const FRACTINT_PALETTE: [[u8; 3]; 16] = [
+    [0xf2, 0xef, 0xe6], // white
+    [0x2a, 0x38, 0xa0], // blue
+    [0x2f, 0x8c, 0x3a], // green
+    [0x2a, 0x8c, 0x8c], // cyan
+    [0xa8, 0x24, 0x20], // red
+    [0x98, 0x2a, 0x90], // magenta
+    [0x8c, 0x5a, 0x24], // brown
+    [0xb0, 0xb0, 0xac], // light grey
+    [0x58, 0x58, 0x56], // dark grey
+    [0x5a, 0x6c, 0xdc], // light blue
+    [0x6c, 0xc8, 0x5a], // light green
+    [0x5a, 0xc4, 0xcc], // light cyan
+    [0xe0, 0x5a, 0x50], // light red
+    [0xd2, 0x64, 0xc8], // light magenta
+    [0xe8, 0xcc, 0x48], // yellow
     [0x1f, 0x1f, 0x1f], // black
 ];
 
@@ -64,6 +114,21 @@ fn linear(byte: u8) -> f32 {
 }
 
 impl ColorTable {
+    /// The colours that a program gives to indices by itself.
+    pub fn of(notation: Notation) -> Self {
+        let repeated =
+            |palette: &[[u8; 3]]| Self { colors: palette.iter().cycle().take(COUNT).map(|c| plain(*c)).collect() };
+        match notation {
+            Notation::Cpfg | Notation::Abop | Notation::Catkin => Self::default(),
+            Notation::Fractint => repeated(&FRACTINT_PALETTE),
+            Notation::LPy => repeated(&LPY_PALETTE),
+            Notation::LParser => {
+                let own: Vec<(u8, [u8; 3])> = (1_u8..).zip(LPARSER_PALETTE).collect();
+                repeated(&[LPARSER_OTHER]).with(&own)
+            }
+        }
+    }
+
     /// A colour map: 256 times red, green and blue as sRGB bytes. A shorter one leaves the other indices as they are by default.
     /// # Errors
     /// What is wrong with the bytes.
@@ -157,6 +222,20 @@ mod tests {
         for n in [0, 14, 16] {
             assert!(ColorTable::from_mat(&vec![0; n]).is_err());
         }
+    }
+
+    #[test]
+    fn programs_have_their_own_colors() {
+        let is_red = |c: SurfaceColor| c.base[0] > 3.0 * c.base[1] && c.base[0] > 3.0 * c.base[2];
+        let is_green = |c: SurfaceColor| c.base[1] > 1.5 * c.base[0] && c.base[1] > 1.5 * c.base[2];
+        let lparser = ColorTable::of(Notation::LParser);
+        assert!(is_red(lparser.get(2)) && is_green(lparser.get(4)) && is_green(lparser.get(8)));
+        assert_eq!((lparser.get(0), lparser.get(16)), (lparser.get(200), lparser.get(16)));
+        let lpy = ColorTable::of(Notation::LPy);
+        assert!(is_green(lpy.get(2)) && is_red(lpy.get(3)) && lpy.get(7) == lpy.get(0));
+        let fractint = ColorTable::of(Notation::Fractint);
+        assert!(is_green(fractint.get(2)) && is_red(fractint.get(4)) && fractint.get(18) == fractint.get(2));
+        assert_eq!(ColorTable::of(Notation::Cpfg), ColorTable::default());
     }
 
     #[test]

@@ -95,6 +95,8 @@ pub struct View {
     pub sides: Option<u32>,
     /// Whether generalised cylinders turn with the turtle.
     pub twist: Option<bool>,
+    /// Whether what stands behind a `%` of the final string is drawn.
+    pub past_cut: Option<bool>,
     /// Tropisms and torques in the order of the file.
     pub tropisms: Vec<ViewTropism>,
     /// Direction of the older tropism.
@@ -379,6 +381,7 @@ impl ViewReader<'_, '_> {
                 Some(_) => self.damaged(line, "at least 3 sides"),
                 None => {}
             },
+            "interpretation past %" => self.view.past_cut = self.switch(line).or(self.view.past_cut),
             "twist of cylinders" => self.view.twist = self.switch(line).or(self.view.twist),
             "tropism" | "torque" => {
                 if let Some(tropism) = self.tropism(line, keyword == "torque") {

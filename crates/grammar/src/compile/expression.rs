@@ -48,8 +48,7 @@ const FUNCTIONS: [&str; 26] = [
 ];
 /// Bounds of what the last interpretation drew, in the order of [`Op::Bounds`].
 const BOUNDS: [&str; 6] = ["vvXmin", "vvYmin", "vvZmin", "vvXmax", "vvYmax", "vvZmax"];
-const DATA_FUNCTIONS: [&str; 1] = ["printf"];
-const FILE_FUNCTIONS: [&str; 5] = ["fopen", "fclose", "fscan", "fprintf", "fflush"];
+const FILE_FUNCTIONS: [&str; 7] = ["fopen", "fclose", "fscan", "fscanf", "fprintf", "fflush", "play"];
 
 /// An expression under construction.
 struct ExpressionCompiler<'c, 'r> {
@@ -141,6 +140,7 @@ impl ExpressionCompiler<'_, '_> {
             TokenKind::Char('+') => None,
             TokenKind::Char('(') => Some(PendingOperator::Paren(t.place)),
             TokenKind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('(')) => {
+                self.refuse_files(name, t.place)?;
                 cursor.bump();
                 Some(PendingOperator::Call { name, place: t.place, args: 0 })
             }
@@ -162,6 +162,22 @@ impl ExpressionCompiler<'_, '_> {
             return Some(false);
         }
         Some(true)
+    }
+
+    /// L043 for a function that works on files, before its arguments are read: strings among them are no values.
+    fn refuse_files(&mut self, name: u32, place: SourcePlace) -> Option<()> {
+        let word = self.compiler.session.names.get(name).to_owned();
+        let help = match word.as_str() {
+            w if !FILE_FUNCTIONS.contains(&w) => return Some(()),
+            "fscan" | "fscanf" | "fopen" => {
+                "write the values into the grammar: Define: { array a[3] = {1, 2, 3}; }; a file that is only written needs no call"
+            }
+            "fprintf" => "printf writes to the output of the derivation",
+            _ => "remove this call",
+        };
+        let message = format!("{word} is not available: grammars neither read nor write files");
+        self.compiler.session.error_help("L043", message, place, help);
+        None
     }
 
     fn operand(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
@@ -511,22 +527,6 @@ impl ExpressionCompiler<'_, '_> {
             }
             "srand" | "stop" => {
                 self.code.ops.push(if word == "srand" { Op::Srand } else { Op::Stop });
-                self.barrier = self.code.ops.len();
-                Some(())
-            }
-            w if FILE_FUNCTIONS.contains(&w) => {
-                let message = format!("{w} is not available: grammars neither read nor write files");
-                self.compiler.session.error_help("L043", message, place, "remove this call");
-                None
-            }
-            // Functions on data files of cpfg: drop the arguments and push 0, so that the grammar still derives.
-            w if DATA_FUNCTIONS.contains(&w) => {
-                let help = "its value is 0";
-                self.compiler.session.warning("L008", format!("{w} is not supported"), place, help);
-                for _ in 0..args {
-                    self.code.ops.push(Op::Pop);
-                }
-                self.code.ops.push(Op::Const(0.0));
                 self.barrier = self.code.ops.len();
                 Some(())
             }

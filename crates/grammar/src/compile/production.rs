@@ -132,19 +132,35 @@ impl HeadCompiler<'_, '_, '_> {
         None
     }
 
+    /// The strict predecessor. Brackets among its modules are matched literally; alone they are no predecessor.
     fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<FormalModule>> {
         let elements = self.context_elements(tokens)?;
+        let bracket = elements.iter().find(|(e, _)| !matches!(e, ContextElement::Module(_))).map(|(_, place)| *place);
+        if let Some(place) = bracket
+            && !elements.iter().any(|(e, _)| matches!(e, ContextElement::Module(_)))
+        {
+            return self.ill_formed("brackets alone cannot be rewritten", place);
+        }
         let mut out = Vec::new();
-        for e in elements {
-            match e {
-                (ContextElement::Module(f), _) => out.push(f),
-                (_, place) => return self.ill_formed("brackets cannot be rewritten", place),
-            }
+        for (element, place) in elements {
+            let c = match element {
+                ContextElement::Module(f) => {
+                    out.push(f);
+                    continue;
+                }
+                ContextElement::Open => '[',
+                ContextElement::Close => ']',
+                ContextElement::CloseRest => {
+                    return self.ill_formed("'=]' belongs to a context, a predecessor names every module", place);
+                }
+            };
+            let symbol = intern(self.compiler, self.symbols, c, place)?;
+            out.push(FormalModule { symbol, arity: 0, slot: 0, place });
         }
-        match out.first() {
-            None => self.ill_formed("it has no predecessor", tokens.first().map_or(self.place, |t| t.place)),
-            Some(_) => Some(out),
+        if out.is_empty() {
+            return self.ill_formed("it has no predecessor", tokens.first().map_or(self.place, |t| t.place));
         }
+        Some(out)
     }
 
     fn context(&mut self, tokens: &[Token], is_left: bool) -> Option<Vec<ContextElement>> {

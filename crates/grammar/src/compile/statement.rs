@@ -3,6 +3,7 @@
 use super::expression::compile_expression;
 use super::{Compiler, TokenCursor, whole_expression};
 use crate::code::{Bytecode, Op};
+use crate::print_format::PrintFormat;
 use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::Diagnostic;
 
@@ -357,13 +358,34 @@ impl BlockCompiler<'_, '_> {
         None
     }
 
-    /// Skips a call of `printf` to its semicolon.
+    /// `printf("format", values);`: written to the output of the derivation.
     fn printf(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
-        let help = "it prints nothing here; use `osier check` to see what a grammar makes";
-        self.compiler.session.warning("L008", "printf is not supported".into(), place, help);
-        while cursor.peek().is_some_and(|t| !t.is(';')) {
-            cursor.bump();
+        cursor.bump();
+        self.expect(cursor, '(')?;
+        let Some(&Token { kind: TokenKind::Text(format), .. }) = cursor.peek() else {
+            let message = "printf needs a format in quotes".to_owned();
+            let help = "write printf(\"step %g\\n\", n);";
+            self.compiler.session.error_help("L022", message, cursor.place(), help);
+            return None;
+        };
+        let format = self.compiler.session.names.get(format).to_owned();
+        cursor.bump();
+        let mut arguments = 0_usize;
+        while cursor.eat(',') {
+            self.append_expression(cursor)?;
+            arguments += 1;
         }
+        self.expect(cursor, ')')?;
+        self.code.places.push(place);
+        let format = PrintFormat::new(&format, arguments, self.code.places.len() - 1);
+        if format.fields() != arguments {
+            let message = format!("the format of printf takes {} values, got {arguments}", format.fields());
+            let help = "give one value for each % of the format; a missing one is 0";
+            self.compiler.session.warning("L008", message, place, help);
+        }
+        self.code.formats.push(format);
+        self.code.ops.push(Op::Print(self.code.formats.len() - 1));
+        self.code.ops.push(Op::Pop);
         self.expect(cursor, ';')
     }
 }

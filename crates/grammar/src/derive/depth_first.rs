@@ -342,7 +342,7 @@ impl<'p> DepthFirst<'p> {
                 self.rewriter.begin_step(frame.birth + 1, &self.globals);
                 for active in &template.active {
                     let lineage = lineage(to_usize(active.index));
-                    let production = self.rewriter.draw_in_group(active.group, lineage);
+                    let production = self.rewriter.draw_in_step(active.group, lineage, frame.birth + 1);
                     self.choices.push(Choice { lineage, production });
                 }
             }
@@ -363,8 +363,11 @@ impl<'p> DepthFirst<'p> {
                     // The production is known; its step is the next one.
                     Some(production) => {
                         counts.work += 1;
-                        rewriter.begin_step(frame.birth + 1, &self.globals);
-                        rewriter.take(production, module);
+                        // A successor without expressions needs no variables.
+                        if !rewriter.planned(production).template.computed.is_empty() {
+                            rewriter.begin_step(frame.birth + 1, &self.globals);
+                            rewriter.take(production, module);
+                        }
                         Some(Applied { production, step: frame.birth + 1 })
                     }
                     _ => apply_next(rewriter, counts, &self.job, &self.globals, module, active.group)?,

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::matching::{self, ContextView};
-use super::plan::SectionPlans;
+use super::plan::{RewritePlan, SectionPlans};
 use super::rewriter::{DrawPurposes, Followers, RewriteSettings, Rewriter};
 use super::step::check_size;
 use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
@@ -49,6 +49,12 @@ impl ExpansionStack {
         Followers { modules, context_from }
     }
 
+    /// Removes all modules.
+    fn clear(&mut self) {
+        self.modules.clear();
+        self.depth.clear();
+    }
+
     /// Removes the uppermost `count` modules.
     fn drop_top(&mut self, count: usize) {
         let n = self.depth.len().saturating_sub(count);
@@ -58,7 +64,7 @@ impl ExpansionStack {
 }
 
 /// Expands modules one after the other; reuses its memory.
-struct Expander<'p> {
+pub(super) struct Expander<'p> {
     rewriter: Rewriter<'p>,
     stack: ExpansionStack,
     successor: ModuleString,
@@ -72,7 +78,7 @@ struct Expander<'p> {
 }
 
 impl<'p> Expander<'p> {
-    fn new(settings: RewriteSettings<'p>, plans: &SectionPlans<'_>, vm: Vm, limit: usize) -> Self {
+    pub fn new(settings: RewriteSettings<'p>, plans: &SectionPlans<'_>, vm: Vm, limit: usize) -> Self {
         let rewriter = Rewriter::new(settings, vm);
         let longest = plans.longest_predecessor();
         Self {
@@ -84,6 +90,39 @@ impl<'p> Expander<'p> {
             current: ModuleString::default(),
             limit,
         }
+    }
+
+    /// Continues with the productions of another L-system.
+    pub fn change_plan(&mut self, plan: &'p RewritePlan<'p>) {
+        self.rewriter.change_plan(plan);
+    }
+
+    /// The machine that its productions run on.
+    pub fn vm(&mut self) -> &mut Vm {
+        &mut self.rewriter.vm
+    }
+
+    /// Has any production been applied?
+    pub fn has_applied(&self) -> bool {
+        self.applied
+    }
+
+    /// Expands a successor that replaces the modules `replaced` of the string into `sink`; contexts are those of the string.
+    pub fn expand_successor(
+        &mut self,
+        successor: &ModuleString,
+        view: &ContextView<'_>,
+        replaced: std::ops::Range<usize>,
+        sink: &mut impl FnMut(Module<'_>) -> bool,
+    ) -> std::result::Result<(), Halt> {
+        if self.rewriter.settings.plan.set.depth == 0 {
+            return if successor.iter().all(sink) { Ok(()) } else { Err(Halt::Modules) };
+        }
+        // One level deeper than a module of the string: what follows it, follows in the successor.
+        self.stack.clear();
+        self.stack.push_reversed(successor, 1);
+        self.expand_stack(view, replaced, 1, sink)?;
+        Ok(())
     }
 
     /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false. Returns the
@@ -111,11 +150,25 @@ impl<'p> Expander<'p> {
         if rules.depth == 0 || !plan.has_productions(module.symbol) {
             return if sink(module) { Ok(1) } else { Err(Halt::Modules) };
         }
-        self.stack.modules.clear();
-        self.stack.depth.clear();
+        self.stack.clear();
         self.stack.modules.push(module);
         self.stack.depth.push(0);
-        let (mut taken, mut expansions) = (1, 0_usize);
+        self.expand_stack(view, at..at + 1, 0, sink)
+    }
+
+    /// Expands what is on the stack, modules that stand for `replaced` in the string. `base`: depth that they begin with.
+    fn expand_stack(
+        &mut self,
+        view: &ContextView<'_>,
+        replaced: std::ops::Range<usize>,
+        base: u32,
+        sink: &mut impl FnMut(Module<'_>) -> bool,
+    ) -> std::result::Result<usize, Halt> {
+        let plan = self.rewriter.settings.plan;
+        let rules = plan.set;
+        let max_depth = rules.depth.saturating_add(base);
+        let at = replaced.start;
+        let (mut taken, mut expansions) = (replaced.len(), 0_usize);
         self.rewriter.followers = None;
         while let Some(depth) = self.stack.depth.pop() {
             // Pop the topmost module into a buffer of its own: the production reads its parameters while successors are
@@ -124,14 +177,14 @@ impl<'p> Expander<'p> {
             self.current.clear();
             self.current.push(self.stack.modules.get(n));
             self.stack.modules.truncate(n);
-            if depth > 0 && self.longest > 1 {
+            if depth > 0 && (self.longest > 1 || base > 0) {
                 self.rewriter.followers = Some(self.stack.followers(depth, self.longest - 1, at + taken));
             }
             let module = self.current.get(0);
             let applicable =
                 if plan.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
             // A module that no production applies to, or that has reached the maximum depth, is final.
-            let Some(p) = applicable.filter(|_| depth < rules.depth) else {
+            let Some(p) = applicable.filter(|_| depth < max_depth) else {
                 if let Some(p) = applicable.filter(|_| rules.warn_depth) {
                     let place = self.rewriter.planned(p).source.place;
                     self.rewriter.vm.warnings.add("L052", place, "depth limit reached");
@@ -243,7 +296,9 @@ pub fn interpret_modules(
     let program = &grammar.program;
     let rules = &program.homomorphism;
     // A `seed:` of the homomorphism makes its productions compete by weight even in a deterministic grammar.
-    let plans = SectionPlans::new(program, Section::Homomorphism, derived.stochastic || rules.seed.is_some());
+    // cpfg takes the first one that applies.
+    let competes = derived.cpfg.is_none() && (derived.stochastic || rules.seed.is_some());
+    let plans = SectionPlans::new(program, Section::Homomorphism, competes);
     let mut index = 0;
     if plans.is_empty() {
         derived.for_each(grammar, limits, |m| {
@@ -259,6 +314,10 @@ pub fn interpret_modules(
     let streams = RandomStreams::new(derived.seed, derived.plant_id, file_seed);
     let mut vm = Vm::new(streams, 0, derived.length);
     vm.globals.clone_from(&derived.globals);
+    vm.cpfg = derived.cpfg;
+    if let (Some(cpfg), Some(seed)) = (&mut vm.cpfg, rules.seed) {
+        cpfg.seed(seed);
+    }
     vm.step = derived.completed;
     vm.statement_limit = limits.get("statements");
     let settings = RewriteSettings {

@@ -19,6 +19,8 @@ use osier_base::limits::{Limits, grouped};
 
 /// Modules up to which a string is stored without counting them first; counting a string of this length takes milliseconds.
 const COUNTED_FROM: u128 = 1 << 20;
+/// Factor on the expected length of a text: random growth exceeds it by a few percent.
+const TEXT_MARGIN: f64 = 1.1;
 /// Values of global variables over all steps that are kept, if blocks change them from step to step.
 const MAX_STEP_VALUES: usize = 1 << 22;
 
@@ -165,7 +167,10 @@ impl Derivation<'_> {
             let text = repeated_text(plan, &run.axiom, bounds.last_step, run.counts.modules);
             return Ok(text.unwrap_or_default());
         }
-        let mut sink = TextSink::new(self.grammar, 0);
+        // The expected length spares the copies of a text that grows; a wrong one costs no more than its address space.
+        let expected = predict(self.grammar, bounds.last_step, plan.stochastic).expected.min(bounds.max_modules as f64);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the limit of modules")]
+        let mut sink = TextSink::new(self.grammar, (expected * TEXT_MARGIN).max(0.0) as u64);
         run.run(&mut sink)?;
         Ok(sink.text)
     }
@@ -346,7 +351,7 @@ mod tests {
     fn stepwise(text: &str) -> (ModuleString, u32) {
         let (grammar, _) = read(text);
         let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
-        let plans = Plans::new(&grammar.program, grammar.program.is_stochastic());
+        let plans = Plans::new(&grammar.program, grammar.program.is_stochastic(), false);
         let mut d = Derivation::new(&grammar, &plans, &options, grammar.program.length, &limits);
         d.append_axiom().expect("axiom");
         let mut idle = 0;
@@ -431,7 +436,7 @@ mod tests {
         let (grammar, _) = read(&text);
         let (options, limits) = (DeriveOptions::default(), Limits::default());
         let derived = derive(&grammar, &options, &limits).expect("derives");
-        let plans = Plans::new(&grammar.program, false);
+        let plans = Plans::new(&grammar.program, false, false);
         let d = Derivation::new(&grammar, &plans, &options, 11, &limits);
         let by_steps = d.derive_by_steps(&options, None).expect("derives");
         assert!(derived.modules.len() > 500 && derived.modules == by_steps.modules);

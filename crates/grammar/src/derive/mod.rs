@@ -2,6 +2,7 @@
 
 mod depth_first;
 mod expand;
+mod in_order;
 mod independent;
 mod matching;
 mod plan;
@@ -14,9 +15,10 @@ mod text;
 
 pub use expand::{interpret, interpret_modules};
 pub use predict::{Prediction, predict};
-pub use queries::{AskTurtle, QueryAnswer, TurtleAnswers, derive_with_queries};
+pub use queries::{AskTurtle, QueryAnswer, QueryValue, TurtleAnswers, derive_with_queries};
 
 use super::code::Bytecode;
+use super::cpfg_random::CpfgRandom;
 use super::grammar::{Grammar, runtime_error, runtime_report};
 use super::modules::ModuleString;
 use super::program::Program;
@@ -42,6 +44,8 @@ pub struct DeriveOptions {
     pub steps: Option<u32>,
     /// Whether productions compete by weight; `None`: if the grammar has a `Seed:`.
     pub stochastic: Option<bool>,
+    /// Draws random numbers as the program cpfg does, one after the other, so that its strings come out. `seed` has no effect then.
+    pub draw_as_cpfg: bool,
 }
 
 /// The final string and what is needed to draw it.
@@ -64,6 +68,10 @@ pub struct DerivedString {
     pub(crate) completed: u32,
     pub(crate) file_seed: i64,
     pub(crate) globals: Vec<f64>,
+    /// cpfg's random numbers where the derivation ended, if it drew them.
+    pub(crate) cpfg: Option<CpfgRandom>,
+    /// What `printf` of the grammar wrote during the derivation.
+    pub output: String,
     /// Where a derivation without a string begins.
     deferred: Option<Deferred>,
     /// The string as text, if it was derived as such.
@@ -126,9 +134,9 @@ fn derive_with(
     let length = options.steps.unwrap_or(program.length);
     predict::check_limits(grammar, length, options, limits)?;
     let stochastic = options.stochastic.unwrap_or(program.is_stochastic());
-    let plans = Plans::new(program, stochastic);
+    let plans = Plans::new(program, stochastic, options.draw_as_cpfg);
     let mut d = Derivation::new(grammar, &plans, options, length, limits);
-    if program.rewrites_independently() {
+    if program.rewrites_independently() && !options.draw_as_cpfg {
         return d.derive_independently(options, storage);
     }
     // Only random draws and the turtle read lineages: text without draws does not store them.
@@ -178,6 +186,7 @@ impl<'g> Derivation<'g> {
         let streams = RandomStreams::new(options.seed, options.plant_id, file_seed);
         let mut vm = Vm::new(streams, program.blocks.globals, length);
         vm.statement_limit = limits.get("statements");
+        vm.cpfg = options.draw_as_cpfg.then(CpfgRandom::default);
         // Only symbols that some successor or the axiom produces can occur in the string.
         let is_produced = |c: char| {
             let id = program.symbols.find(c)?;
@@ -242,8 +251,12 @@ impl<'g> Derivation<'g> {
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
             }
-            let rewritten = self.rewrite_string(step)?;
-            let changed = self.decompose(step)? || rewritten;
+            let changed = if self.vm.cpfg.is_some() {
+                self.rewrite_in_order(step)?
+            } else {
+                let rewritten = self.rewrite_string(step)?;
+                self.decompose(step)? || rewritten
+            };
             self.ask(turtle.as_deref_mut())?;
             self.run_block(blocks.end_each.as_ref(), step)?;
             self.steps_done = step;
@@ -357,6 +370,8 @@ impl<'g> Derivation<'g> {
             completed,
             file_seed: self.vm.streams.file_seed(),
             globals: self.vm.globals,
+            cpfg: self.vm.cpfg,
+            output: self.vm.output,
             deferred: modules.deferred,
             text: modules.text,
             count: modules.count,

@@ -183,11 +183,12 @@ pub(super) struct Plans<'p> {
 }
 
 impl<'p> Plans<'p> {
-    /// Prepares the productions of a program. `stochastic`: they compete by weight.
-    pub fn new(program: &'p Program, stochastic: bool) -> Self {
+    /// Prepares the productions of a program. `stochastic`: they compete by weight; `as_cpfg`: those of a decomposition do not,
+    /// the first one that applies is taken.
+    pub fn new(program: &'p Program, stochastic: bool, as_cpfg: bool) -> Self {
         Self {
             rules: SectionPlans::new(program, Section::Rules, stochastic),
-            decomposition: SectionPlans::new(program, Section::Decomposition, stochastic),
+            decomposition: SectionPlans::new(program, Section::Decomposition, stochastic && !as_cpfg),
         }
     }
 

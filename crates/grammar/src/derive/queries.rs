@@ -1,4 +1,4 @@
-//! Queries: `?P`, `?H`, `?L` and `?U` ask the turtle where it stands, and the bounds of what it has drawn.
+//! Queries: `?P`, `?H`, `?L`, `?U` and `?Q` ask the turtle where it stands, and the bounds of what it has drawn.
 
 use super::{Derivation, DeriveOptions, DerivedString, Storage, derive_with};
 use crate::code::{Bytecode, Op};
@@ -10,15 +10,33 @@ use osier_base::Result;
 use osier_base::limits::Limits;
 
 /// Symbols that may follow `?`.
-const QUERIES: [char; 4] = ['P', 'H', 'L', 'U'];
+const QUERIES: [char; 5] = ['P', 'H', 'L', 'U', 'Q'];
 
 /// What the turtle answers to one query module.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QueryAnswer {
     /// Index of the module in the string, that of the letter after `?`.
     pub module: usize,
-    /// Position in turtle units, or a unit vector; world axes, the signs of cpfg.
-    pub value: [f64; 3],
+    /// Position in turtle units, or a unit vector; world axes, the signs of cpfg. A rotation is a unit quaternion x, y, z, w.
+    pub value: QueryValue,
+}
+
+/// The numbers of an answer, which replace the parameters of the query from the first on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum QueryValue {
+    /// Three coordinates.
+    Vector([f64; 3]),
+    /// x, y, z, w.
+    Rotation([f64; 4]),
+}
+
+impl QueryValue {
+    fn numbers(&self) -> &[f64] {
+        match self {
+            Self::Vector(v) => v,
+            Self::Rotation(q) => q,
+        }
+    }
 }
 
 /// What an interpretation of the string found out.
@@ -87,6 +105,8 @@ impl Derivation<'_> {
             completed: self.vm.step,
             file_seed: self.vm.streams.file_seed(),
             globals: self.vm.globals.clone(),
+            cpfg: self.vm.cpfg,
+            output: String::new(),
             deferred: None,
             text: None,
             count: 0,
@@ -98,7 +118,7 @@ impl Derivation<'_> {
                 let is_query = |s: SymbolId| QUERIES.contains(&self.program.symbols.get(s));
                 for answer in &found.answers {
                     if self.string.symbols().get(answer.module).is_some_and(|s| is_query(*s)) {
-                        self.string.set_params(answer.module, &answer.value);
+                        self.string.set_params(answer.module, answer.value.numbers());
                     }
                 }
                 self.vm.bounds = found.bounds;

@@ -3,11 +3,16 @@
 use super::matching::{self, Brackets, ContextView};
 use super::plan::{Condition, GroupId, PlannedProduction, ProductionGroup, RewritePlan, Template, Weight};
 use super::registers::{RegisterFile, ValueSource};
+use crate::cpfg_random::CpfgRandom;
 use crate::modules::{Module, ModuleBlock, ModuleString};
 use crate::vm::{DrawPurpose, Halt, Vm};
 use osier_base::convert::{saturating_index, to_usize};
 use osier_base::math::narrow;
 use osier_base::rng::{self, Rng};
+
+/// The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and 2^32, cannot
+/// reach.
+const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
 
 /// Purposes of random draws, by the part of a production that makes them.
 #[derive(Debug, Clone, Copy)]
@@ -65,12 +70,14 @@ pub(super) struct Rewriter<'p> {
     /// Productions that apply to the current module.
     candidates: Vec<u32>,
     weights: Vec<f64>,
+    /// The part of a choice's address that is the same for all modules of a step.
+    choice_step: Option<(u32, rng::ChildId)>,
 }
 
 impl<'p> Rewriter<'p> {
     pub fn new(settings: RewriteSettings<'p>, vm: Vm) -> Self {
         let files = Self::register_files(settings.plan);
-        Self { settings, vm, followers: None, files, candidates: Vec::new(), weights: Vec::new() }
+        Self { settings, vm, followers: None, files, candidates: Vec::new(), weights: Vec::new(), choice_step: None }
     }
 
     fn register_files(plan: &RewritePlan<'_>) -> Vec<RegisterFile> {
@@ -89,6 +96,24 @@ impl<'p> Rewriter<'p> {
     #[inline]
     pub fn planned(&self, production: u32) -> &'p PlannedProduction<'p> {
         &self.settings.plan.productions[to_usize(production)]
+    }
+
+    /// The production drawn for a module of lineage `h` in `step`, where those of its group compete under no condition. The
+    /// step is hashed once for all modules.
+    #[inline]
+    pub fn draw_in_step(&mut self, group: GroupId, h: u64, step: u32) -> Option<u32> {
+        let group = &self.settings.plan.groups[to_usize(group)];
+        let shares = group.shares.as_ref()?;
+        let id = match self.choice_step {
+            Some((s, id)) if s == step => id,
+            _ => {
+                let id = rng::ChildId::new(u64::from(step));
+                self.choice_step = Some((step, id));
+                id
+            }
+        };
+        let key = id.of(self.vm.streams.key(self.settings.purposes.choice, h, None));
+        group.productions.get(shares.pick(&mut Rng::from_key(CHOICE.of(key)))).copied()
     }
 
     /// Makes `step` the current one. `globals`: global variables of each step, if blocks change them.
@@ -140,7 +165,7 @@ impl<'p> Rewriter<'p> {
     }
 
     /// Tests a production with contexts or blocks at `module`, the module of index `at`. Local variables hold its parameters
-    /// afterwards if it applies.
+    /// afterwards if it applies. The block behind the condition runs later, if the production is applied.
     fn applies(
         &mut self,
         production: u32,
@@ -178,15 +203,18 @@ impl<'p> Rewriter<'p> {
             self.vm.run(code, locals)?;
         }
         planned.registers.load_outside(&self.vm, file);
-        if !self.condition_holds(production)? {
-            return Ok(false);
-        }
-        if let Some(code) = &p.after {
+        self.condition_holds(production)
+    }
+
+    /// Runs the block behind the condition of the production that is applied: those of the others have no effect.
+    fn run_after(&mut self, production: u32) -> Result<(), Halt> {
+        let planned = self.planned(production);
+        if let Some(code) = &planned.source.after {
             let file = &mut self.files[to_usize(production)];
-            self.vm.run(code, &mut file[..p.locals])?;
+            self.vm.run(code, &mut file[..planned.locals])?;
             planned.registers.load_outside(&self.vm, file);
         }
-        Ok(true)
+        Ok(())
     }
 
     /// The production to apply to a module, with its local variables set; `None`: the module is copied unchanged. `view` and
@@ -225,6 +253,7 @@ impl<'p> Rewriter<'p> {
                     self.production_applies(p, module, view, at)?
                 };
                 if applies {
+                    self.run_after(p)?;
                     return Ok(Some(p));
                 }
             }
@@ -252,14 +281,6 @@ impl<'p> Rewriter<'p> {
             return self.condition_holds(p);
         }
         self.applies(p, module, view, at)
-    }
-
-    /// The production drawn for a module of lineage `h`, where those of its group compete under no condition.
-    #[inline]
-    pub fn draw_in_group(&self, group: GroupId, h: u64) -> Option<u32> {
-        let group = &self.settings.plan.groups[to_usize(group)];
-        let shares = group.shares.as_ref()?;
-        group.productions.get(shares.pick(&mut self.choice_stream(h))).copied()
     }
 
     /// Sets the variables of a production that was drawn for a module.
@@ -291,15 +312,62 @@ impl<'p> Rewriter<'p> {
             1 => 0,
             _ => self.choose(module.lineage())?,
         };
-        Ok(self.candidates.get(chosen).copied())
+        let Some(&production) = self.candidates.get(chosen) else { return Ok(None) };
+        self.run_after(production)?;
+        Ok(Some(production))
+    }
+
+    /// The production to apply where all that apply compete by weight for the next number of cpfg, which every module takes;
+    /// local variables are set. Weights are computed right after their conditions, in file order.
+    pub fn select_by_number(
+        &mut self,
+        module: Module<'_>,
+        view: &ContextView<'_>,
+        at: usize,
+    ) -> Result<Option<u32>, Halt> {
+        let plan = self.settings.plan;
+        self.candidates.clear();
+        self.weights.clear();
+        let group = plan.group(module.symbol, module.params.len());
+        for &p in group.map_or(&[][..], |g| &plan.groups[to_usize(g)].productions) {
+            if self.production_applies(p, module, view, at)? {
+                let weight = self.weight(p)?;
+                self.candidates.push(p);
+                self.weights.push(weight);
+            }
+        }
+        let number = self.vm.cpfg.as_mut().map_or(0.0, CpfgRandom::choice);
+        // cpfg computes with 32 bits here, which decides at the borders of the shares.
+        let total = self.weights.iter().fold(0.0_f32, |s, w| s + narrow(*w));
+        let mut rest = narrow(f64::from(total) * number);
+        for (k, weight) in self.weights.iter().enumerate() {
+            rest -= narrow(*weight);
+            if rest <= 0.0 {
+                let production = self.candidates[k];
+                self.run_after(production)?;
+                return Ok(Some(production));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Weight of a production whose local variables are set; invalid ones are reported and count as 0.
+    fn weight(&mut self, production: u32) -> Result<f64, Halt> {
+        let p = self.planned(production);
+        let weight = match p.weight {
+            Weight::Constant(w) => w,
+            Weight::Code(code) => self.vm.run(code, &mut self.files[to_usize(production)][..p.locals])?,
+        };
+        if weight.is_nan() || weight < 0.0 {
+            self.vm.warnings.add("L033", p.source.place, "negative or NaN weight counts as 0");
+        }
+        // So that the rest still forms a distribution.
+        Ok(if weight > 0.0 { weight } else { 0.0 })
     }
 
     /// The stream that the choice of a production for the module of lineage `h` is drawn from.
     #[inline]
     fn choice_stream(&self, h: u64) -> Rng {
-        // The choice is drawn at the address u64::MAX of the module, which statements and weights, numbered from 0 and
-        // 2^32, cannot reach.
-        const CHOICE: rng::ChildId = rng::ChildId::new(u64::MAX);
         let key = self.vm.streams.key(self.settings.purposes.choice, h, self.settings.step);
         Rng::from_key(CHOICE.of(key))
     }
@@ -310,24 +378,14 @@ impl<'p> Rewriter<'p> {
         let mut resume = None;
         for k in 0..self.candidates.len() {
             let production = self.candidates[k];
-            let p = self.planned(production);
-            let weight = match p.weight {
-                Weight::Constant(w) => w,
-                Weight::Code(code) => {
-                    // Weights have a stream of their own, so that their draws do not shift those of the successor.
-                    if resume.is_none() {
-                        resume = Some(self.vm.save_draws());
-                        self.begin_draws(self.settings.purposes.weight, h);
-                        self.vm.set_draw_number(1 << 32);
-                    }
-                    self.vm.run(code, &mut self.files[to_usize(production)][..p.locals])?
-                }
-            };
-            // Invalid weights are reported and count as 0, so that the rest still forms a distribution.
-            if weight.is_nan() || weight < 0.0 {
-                self.vm.warnings.add("L033", p.source.place, "negative or NaN weight counts as 0");
+            // Weights have a stream of their own, so that their draws do not shift those of the successor.
+            if resume.is_none() && matches!(self.planned(production).weight, Weight::Code(_)) {
+                resume = Some(self.vm.save_draws());
+                self.begin_draws(self.settings.purposes.weight, h);
+                self.vm.set_draw_number(1 << 32);
             }
-            self.weights.push(if weight > 0.0 { weight } else { 0.0 });
+            let weight = self.weight(production)?;
+            self.weights.push(weight);
         }
         if let Some(resume) = resume {
             self.vm.restore_draws(resume);

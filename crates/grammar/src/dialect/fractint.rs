@@ -213,6 +213,7 @@ impl System<'_, '_> {
         if RESERVED.contains(c) {
             return self.error(format!("'{c}' is a command and cannot be replaced"), word, "use another letter");
         }
+        let c = self.symbol(c);
         let successor = self.modules(value);
         // Rules of one symbol concatenate.
         if let Some(known) = self.rules.iter_mut().find(|r| r.symbol == c) {
@@ -225,6 +226,11 @@ impl System<'_, '_> {
             let message = format!("more than {MAX_RULES} rules, of which Fractint reads no more");
             self.limit(message, word, "osier reads all of them");
         }
+    }
+
+    /// The symbol of a character. A comma means nothing in Fractint, but lowers the colour in grammars with `turtle: fractint`.
+    fn symbol(&mut self, c: char) -> char {
+        if c == ',' { self.reader.program.symbols.private_character(",").unwrap_or('_') } else { c }
     }
 
     /// Modules of a string: commands take the number that follows them as a parameter.
@@ -252,6 +258,7 @@ impl System<'_, '_> {
                 }
             }
             let place = self.reader.place(at..end);
+            let c = self.symbol(c);
             let module = match parameter {
                 Some(value) => self.reader.module_with(c, value, place),
                 None => self.reader.module(c, place),

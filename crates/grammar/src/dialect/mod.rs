@@ -15,7 +15,7 @@ use super::notation::Notation;
 use super::preprocess::Define;
 use super::program::{FormalModule, Production, Program, SuccessorModule};
 use super::token::{ParseSession, SourcePlace, Token, TokenKind};
-use super::{GrammarSource, input_error};
+use super::{GrammarSource, input_error, lint};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use osier_base::limits::Limits;
@@ -91,6 +91,9 @@ pub(super) fn parse(
         _ => lparser::read(&mut reader, &decoded.text),
     }
     let (program, label, description, palette) = reader.finish();
+    if !session.has_errors() {
+        lint::check_dialect(&mut session, &program, notation);
+    }
     if session.has_errors() {
         return Err(input_error(&mut session, sources));
     }

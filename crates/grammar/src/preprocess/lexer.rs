@@ -43,6 +43,7 @@ pub(super) struct LexedText {
 
 /// Turns a text into tokens.
 pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> LexedText {
+    warn_of_joined_lines(session, source, text);
     let mut lexer = Lexer {
         session,
         source,
@@ -83,6 +84,33 @@ fn splice(text: &str) -> Vec<(usize, char)> {
         }
     }
     out
+}
+
+/// Words that begin a line of their own.
+const LINE_WORDS: [&str; 9] =
+    ["axiom", "derivation", "decomposition", "homomorphism", "endlsystem", "lsystem", "ignore", "consider", "maximum"];
+
+/// L057: a roll at the end of a production, `\\`, joins the next line, which is a production or an item of its own.
+fn warn_of_joined_lines(session: &mut ParseSession, source: SourceId, text: &str) {
+    let mut start = 0;
+    for line in text.split_inclusive('\n') {
+        let (from, end) = (start, start + line.len());
+        start = end;
+        let own = line.trim_end_matches(['\n', '\r']);
+        let is_rule = own.contains("-->") && !own.starts_with('#');
+        if !is_rule || !own.ends_with('\\') {
+            continue;
+        }
+        let next = text[end..].lines().next().unwrap_or("");
+        let word = next.split(|c: char| !c.is_ascii_alphabetic()).next().unwrap_or("").to_ascii_lowercase();
+        if !next.contains("-->") && !LINE_WORDS.contains(&word.as_str()) {
+            continue;
+        }
+        let at = from + own.len() - 1;
+        let place = SourcePlace::bare(Span::new(source, at, at + 1));
+        let message = "the backslash at the end of this line joins the next line to it".to_owned();
+        session.warning("L057", message, place, "put a blank behind it if it is a roll, else remove it");
+    }
 }
 
 /// Is the text a list of modules rather than words? Words have several small letters in a row, outside the parentheses of

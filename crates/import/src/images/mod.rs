@@ -2,6 +2,8 @@
 
 mod cache;
 mod decode;
+mod old_formats;
 
 pub(super) use cache::{MapCache, MapUse};
 pub(super) use decode::{DecodedImage, decode, decode_deep, spend};
+pub(super) use old_formats::decode_old;

@@ -10,6 +10,10 @@ use crate::dialect::text::Piece;
 const MAX_DEPTH: usize = 200;
 /// Operations of one expression after its functions are inserted.
 const MAX_OPS: usize = 20_000;
+/// Numbers of one list.
+const MAX_ITEMS: f64 = 10_000.0;
+/// Numbers of a list that a rule looks up by an index which is not constant.
+const MAX_LOOKUP: usize = 256;
 /// A divisor larger than any number of a model: the remainder of a division by it cuts a number to an integer.
 const CUT: f64 = 1e18;
 
@@ -39,6 +43,12 @@ pub(super) enum PyExpr {
     /// `then if condition else other`: condition, then, other.
     Choice(Box<Self>, Box<Self>, Box<Self>),
     Call(String, Vec<Self>, Range<usize>),
+    /// `[a, b]` or `(a, b)`.
+    List(Vec<Self>, Range<usize>),
+    /// `list[index]`.
+    Index(Box<Self>, Box<Self>, Range<usize>),
+    /// `[value for name in list]`: value, name, list.
+    Each(Box<Self>, String, Box<Self>, Range<usize>),
 }
 
 /// An operator of two operands.
@@ -343,10 +353,28 @@ impl PyParser {
             PyTokenKind::Sign("(") => {
                 let e = self.choice()?;
                 if self.eat(")") {
-                    return Ok(e);
+                    return self.indexed(e);
+                }
+                if self.sign() == Some(",") {
+                    let list = self.list(e, ")", t.range)?;
+                    return self.indexed(list);
                 }
                 let what = self.tokens.get(self.i).map_or("an unclosed '('".to_owned(), |t| self.describe(t));
                 Err(Refusal::new(what, self.here()))
+            }
+            PyTokenKind::Sign("[") if self.eat("]") => Ok(PyExpr::List(Vec::new(), t.range)),
+            PyTokenKind::Sign("[") => {
+                let e = self.choice()?;
+                let list = if self.word() == Some("for") {
+                    let list = self.each(e, t.range)?;
+                    if !self.eat("]") {
+                        return Err(Refusal::new("a list that does not end", self.here()));
+                    }
+                    list
+                } else {
+                    self.list(e, "]", t.range)?
+                };
+                self.indexed(list)
             }
             PyTokenKind::Name(first) => {
                 if matches!(first.as_str(), "lambda" | "for" | "if" | "else" | "in" | "is") {
@@ -366,23 +394,79 @@ impl PyParser {
                     self.i += 1;
                 }
                 if self.eat("(") {
-                    return self.call(name, t.range);
+                    let call = self.call(name, t.range)?;
+                    return self.indexed(call);
                 }
-                Ok(match name.as_str() {
-                    "True" => PyExpr::Number(1.0),
-                    "False" => PyExpr::Number(0.0),
-                    "None" => return Err(Refusal::new("'None'", t.range)),
-                    _ => PyExpr::Name(name, t.range),
-                })
+                match name.as_str() {
+                    "True" => Ok(PyExpr::Number(1.0)),
+                    "False" => Ok(PyExpr::Number(0.0)),
+                    "None" => Err(Refusal::new("'None'", t.range)),
+                    _ => self.indexed(PyExpr::Name(name, t.range)),
+                }
             }
             PyTokenKind::Sign(_) => Err(Refusal::new(self.describe(&t), t.range)),
         }
+    }
+
+    /// The rest of a list after its first value.
+    fn list(&mut self, first: PyExpr, end: &str, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        let mut items = vec![first];
+        while !self.eat(end) {
+            if !self.eat(",") {
+                return Err(Refusal::new("a list that does not end", self.here()));
+            }
+            if self.sign() != Some(end) {
+                items.push(self.choice()?);
+            }
+        }
+        Ok(PyExpr::List(items, range))
+    }
+
+    /// `for name in list` after the value.
+    fn each(&mut self, value: PyExpr, range: Range<usize>) -> Result<PyExpr, Refusal> {
+        let place = self.here();
+        if !self.eat_word("for") {
+            return Err(Refusal::new("a list that does not end", place));
+        }
+        let Some(name) = self.word().map(str::to_owned) else { return Err(Refusal::new("'for'", place)) };
+        self.i += 1;
+        if !self.eat_word("in") {
+            return Err(Refusal::new("'for'", place));
+        }
+        let list = self.or()?;
+        if matches!(self.word(), Some("if" | "for")) {
+            return Err(Refusal::new("a list with conditions", self.here()));
+        }
+        Ok(PyExpr::Each(Box::new(value), name, Box::new(list), range))
+    }
+
+    /// Indices behind a value.
+    fn indexed(&mut self, value: PyExpr) -> Result<PyExpr, Refusal> {
+        let mut out = value;
+        let mut count = 0;
+        while self.sign() == Some("[") {
+            let place = self.here();
+            self.i += 1;
+            let index = self.choice()?;
+            count += 1;
+            if !self.eat("]") || count > 8 {
+                return Err(Refusal::new("a list or an index '[..]'", place));
+            }
+            out = PyExpr::Index(Box::new(out), Box::new(index), place);
+        }
+        Ok(out)
     }
 
     fn call(&mut self, name: String, range: Range<usize>) -> Result<PyExpr, Refusal> {
         let mut args = Vec::new();
         while !self.eat(")") {
             args.push(self.choice()?);
+            if self.word() == Some("for")
+                && args.len() == 1
+                && let Some(value) = args.pop()
+            {
+                args.push(self.each(value, range.clone())?);
+            }
             if self.eat(",") || self.sign() == Some(")") {
                 continue;
             }
@@ -401,6 +485,8 @@ pub(super) struct Scope {
     /// Values of the model that are drawn once, before the first step; the position is the slot.
     pub globals: Vec<String>,
     pub constants: BTreeMap<String, f64>,
+    /// Lists that never change.
+    pub lists: BTreeMap<String, PyExpr>,
     /// Names whose values are more than expressions.
     pub unreadable: BTreeMap<String, Refusal>,
     /// Functions of one expression.
@@ -416,6 +502,16 @@ impl Scope {
             self.locals.len() - 1
         });
         // A way has at most MAX_STEPS (20,000) steps, each of which adds at most one variable to the parameters.
+        u16::try_from(i).unwrap_or(u16::MAX)
+    }
+
+    /// Slot of a variable of the model, which is made if it is new.
+    pub fn global(&mut self, name: &str) -> u16 {
+        let found = self.globals.iter().position(|g| g == name);
+        let i = found.unwrap_or_else(|| {
+            self.globals.push(name.to_owned());
+            self.globals.len() - 1
+        });
         u16::try_from(i).unwrap_or(u16::MAX)
     }
 
@@ -439,6 +535,8 @@ pub(super) fn has_random(e: &PyExpr, scope: &Scope) -> bool {
             let body = scope.functions.get(name).is_some_and(|(_, body)| has_random(body, &Scope::default()));
             own || body || args.iter().any(|a| has_random(a, scope))
         }
+        PyExpr::List(items, _) => items.iter().any(|e| has_random(e, scope)),
+        PyExpr::Index(a, b, _) | PyExpr::Each(a, _, b, _) => has_random(a, scope) || has_random(b, scope),
     }
 }
 
@@ -448,18 +546,22 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
     Ok(match e {
         PyExpr::Number(n) => PyExpr::Number(*n),
         PyExpr::Name(name, range) => {
-            let known = scope.locals.contains(name) || scope.globals.contains(name);
+            let is_local = scope.locals.contains(name);
+            if let Some(why) = scope.unreadable.get(name).filter(|_| !is_local) {
+                return Err(why.clone());
+            }
+            let known = is_local || scope.globals.contains(name) || scope.lists.contains_key(name);
             if !known && !scope.constants.contains_key(name) {
                 if let Some(value) = constant_name(name) {
                     return Ok(PyExpr::Number(value));
                 }
-                if let Some(why) = scope.unreadable.get(name) {
-                    return Err(why.clone());
-                }
                 return Err(Refusal::new(format!("the unknown name '{name}'"), range.clone()));
             }
-            if scope.locals.contains(name) {
+            if is_local {
                 return Ok(e.clone());
+            }
+            if let Some(list) = scope.lists.get(name) {
+                return Ok(list.clone());
             }
             scope.constants.get(name).map_or_else(|| e.clone(), |v| PyExpr::Number(*v))
         }
@@ -480,12 +582,125 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
                 if params.len() != args.len() || args.iter().any(|a| has_random(a, scope)) {
                     return Err(Refusal::new(format!("this call of '{name}'"), range.clone()));
                 }
+                if size_with(body, params, &args) > MAX_OPS {
+                    return Err(Refusal::new("an expression that grows too large", range.clone()));
+                }
                 let body = substitute(body, params, &args);
                 return resolve(&body, scope, depth + 1);
             }
-            PyExpr::Call(name.clone(), args, range.clone())
+            match (name.as_str(), args.as_slice()) {
+                ("range" | "xrange", _) => numbers_of_range(&args, scope, range)?,
+                ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(u32::try_from(items.len()).unwrap_or(0))),
+                ("sum", [PyExpr::List(items, _)]) => {
+                    let add = |a, b| PyExpr::Binary(PyOp::Add, Box::new(a), Box::new(b));
+                    items.iter().cloned().reduce(add).unwrap_or(PyExpr::Number(0.0))
+                }
+                ("min" | "max", [PyExpr::List(items, _)]) if !items.is_empty() => {
+                    PyExpr::Call(name.clone(), items.clone(), range.clone())
+                }
+                ("list" | "tuple", [list @ PyExpr::List(..)]) => list.clone(),
+                _ => PyExpr::Call(name.clone(), args, range.clone()),
+            }
+        }
+        PyExpr::List(items, range) => {
+            let items = items.iter().map(|a| resolve(a, scope, depth)).collect::<Result<Vec<_>, _>>()?;
+            PyExpr::List(items, range.clone())
+        }
+        PyExpr::Each(value, name, list, range) => {
+            let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
+                return Err(Refusal::new("'for' over something other than a list", range.clone()));
+            };
+            let one = |item: PyExpr| {
+                let one = substitute(value, std::slice::from_ref(name), &[item]);
+                resolve(&one, scope, depth)
+            };
+            PyExpr::List(items.into_iter().map(one).collect::<Result<_, _>>()?, range.clone())
+        }
+        PyExpr::Index(list, index, range) => {
+            let PyExpr::List(items, _) = resolve(list, scope, depth)? else {
+                return Err(Refusal::new("a list or an index '[..]'", range.clone()));
+            };
+            item(&items, &resolve(index, scope, depth)?, scope, range)?
         }
     })
+}
+
+/// `range(n)`, `range(from, to)`, `range(from, to, step)` as a list.
+fn numbers_of_range(args: &[PyExpr], scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let refused = || Refusal::new("a range that is not constant", range.clone());
+    let mut values = Vec::with_capacity(3);
+    for a in args {
+        values.push(constant_of(a, scope).ok_or_else(refused)?);
+    }
+    let (from, to, step) = match values.as_slice() {
+        [to] => (0.0, *to, 1.0),
+        [from, to] => (*from, *to, 1.0),
+        [from, to, step] => (*from, *to, *step),
+        _ => return Err(refused()),
+    };
+    let count = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { f64::INFINITY };
+    if count > MAX_ITEMS {
+        return Err(Refusal::new("a range of too many numbers", range.clone()));
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_ITEMS")]
+    let count = count as u32;
+    Ok(PyExpr::List((0..count).map(|k| PyExpr::Number(from + f64::from(k) * step)).collect(), range.clone()))
+}
+
+/// The value of a resolved expression that is constant.
+fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
+    let mut ops = Vec::new();
+    emit(e, scope, &mut ops).ok()?;
+    crate::vm::constant_value(&Bytecode { ops, ..Bytecode::default() }).filter(|v| v.is_finite())
+}
+
+/// An item of a list; an index below 0 counts from the end. An index that is not constant becomes a choice.
+fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
+    let n = f64::from(u32::try_from(items.len()).unwrap_or(u32::MAX));
+    if let Some(i) = constant_of(index, scope) {
+        let i = if i < 0.0 { i + n } else { i };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the list")]
+        let found = (i >= 0.0 && i < n).then(|| items.get(i as usize)).flatten();
+        return found.cloned().ok_or_else(|| Refusal::new("an index outside of its list", range.clone()));
+    }
+    let is_number = |e: &PyExpr| !matches!(e, PyExpr::List(..)) && !has_random(e, scope);
+    let Some((last, others)) = items.split_last().filter(|_| items.len() <= MAX_LOOKUP && items.iter().all(is_number))
+    else {
+        return Err(Refusal::new("an index of this list that is not constant", range.clone()));
+    };
+    if has_random(index, scope) {
+        return Err(Refusal::new("a random number as an index", range.clone()));
+    }
+    let is = |k: f64| Box::new(PyExpr::Binary(PyOp::Eq, Box::new(index.clone()), Box::new(PyExpr::Number(k))));
+    let mut out = last.clone();
+    for (k, value) in others.iter().enumerate().rev() {
+        let k = f64::from(u32::try_from(k).unwrap_or(u32::MAX));
+        out = PyExpr::Choice(Box::new(PyExpr::Or(is(k), is(k - n))), Box::new(value.clone()), Box::new(out));
+    }
+    Ok(out)
+}
+
+/// Operands of an expression whose names are replaced by expressions.
+pub(super) fn size_with(e: &PyExpr, names: &[String], values: &[PyExpr]) -> usize {
+    let sizes: Vec<usize> = values.iter().map(|v| size_of(v, &[], &[])).collect();
+    size_of(e, names, &sizes)
+}
+
+fn size_of(e: &PyExpr, names: &[String], sizes: &[usize]) -> usize {
+    let size = |a: &PyExpr| size_of(a, names, sizes);
+    let total = |list: &[PyExpr]| list.iter().map(size).fold(1, usize::saturating_add);
+    match e {
+        PyExpr::Number(_) => 1,
+        PyExpr::Name(name, _) => names.iter().position(|n| n == name).and_then(|i| sizes.get(i)).copied().unwrap_or(1),
+        PyExpr::Neg(a) | PyExpr::Not(a) => size(a).saturating_add(1),
+        PyExpr::Binary(_, a, b)
+        | PyExpr::And(a, b)
+        | PyExpr::Or(a, b)
+        | PyExpr::Index(a, b, _)
+        | PyExpr::Each(a, _, b, _) => size(a).saturating_add(size(b)).saturating_add(1),
+        PyExpr::Choice(a, b, c) => size(a).saturating_add(size(b)).saturating_add(size(c)).saturating_add(1),
+        PyExpr::Call(_, args, _) | PyExpr::List(args, _) => total(args),
+    }
 }
 
 fn constant_name(name: &str) -> Option<f64> {
@@ -514,6 +729,17 @@ pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyE
         PyExpr::Call(name, args, range) => {
             let args = args.iter().map(|a| substitute(a, names, values)).collect();
             PyExpr::Call(name.clone(), args, range.clone())
+        }
+        PyExpr::List(items, range) => {
+            PyExpr::List(items.iter().map(|a| substitute(a, names, values)).collect(), range.clone())
+        }
+        PyExpr::Index(a, b, range) => PyExpr::Index(sub(a), sub(b), range.clone()),
+        // The name of the list's own variable means that variable.
+        PyExpr::Each(value, name, list, range) => {
+            let others: (Vec<String>, Vec<PyExpr>) =
+                names.iter().cloned().zip(values.iter().cloned()).filter(|(n, _)| n != name).unzip();
+            let value = Box::new(substitute(value, &others.0, &others.1));
+            PyExpr::Each(value, name.clone(), sub(list), range.clone())
         }
     }
 }
@@ -597,6 +823,9 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
             ops.push(binary(op));
         }
         PyExpr::Call(name, args, range) => return emit_call(name, args, range, scope, ops),
+        PyExpr::List(_, range) | PyExpr::Index(_, _, range) | PyExpr::Each(_, _, _, range) => {
+            return Err(Refusal::new("a list or an index '[..]' where a number is expected", range.clone()));
+        }
     }
     Ok(())
 }
@@ -604,7 +833,11 @@ fn emit(e: &PyExpr, scope: &Scope, ops: &mut Vec<Op>) -> Result<(), Refusal> {
 fn range_of(e: &PyExpr) -> Range<usize> {
     match e {
         PyExpr::Number(_) => 0..0,
-        PyExpr::Name(_, r) | PyExpr::Call(_, _, r) => r.clone(),
+        PyExpr::Name(_, r)
+        | PyExpr::Call(_, _, r)
+        | PyExpr::List(_, r)
+        | PyExpr::Index(_, _, r)
+        | PyExpr::Each(_, _, _, r) => r.clone(),
         PyExpr::Neg(a) | PyExpr::Not(a) | PyExpr::Binary(_, a, _) | PyExpr::And(a, _) | PyExpr::Or(a, _) => range_of(a),
         PyExpr::Choice(a, ..) => range_of(a),
     }
@@ -695,6 +928,10 @@ fn emit_call(
                 PyExpr::Choice(Box::new(test), Box::new(a), Box::new(b.clone()))
             });
             emit(&least, scope, ops)?;
+        }
+        // Counted from 0.
+        ("getIterationNb", []) => {
+            ops.extend([Op::Step, Op::Const(1.0), Op::Binary(BinaryOp::Sub, usize::MAX)]);
         }
         ("random", []) => ops.extend([Op::Const(1.0), Op::Random(RandomFunction::Ran)]),
         ("ran", [a]) => {

@@ -1,16 +1,17 @@
-//! Files of L-Py whose productions are rules and expressions: no more of Python than constants, functions of one expression, `if` and
-//! `for` over a constant range. A production with `if` becomes one production for each way through it.
+//! Files of L-Py whose productions are rules and expressions: no more of Python than constants, lists, functions with a value, `if`
+//! and `for` over a constant range. A production with `if` becomes one production for each way through it.
 
 mod expression;
 mod rule;
 mod statement;
 mod strings;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
-use self::expression::{PyExpr, Refusal, Scope, compile, parse};
+use self::expression::{PyExpr, Refusal, Scope, compile, has_random, parse, resolve};
 use self::rule::Step;
-use self::statement::Statement;
+use self::statement::{FunctionValue, Statement};
 use self::strings::{modules, spell, split};
 use super::Reader;
 use super::text::{Piece, lines};
@@ -44,8 +45,23 @@ struct Model<'r, 's> {
     has_axiom: bool,
     /// Statements of Python that the model could not run without; the first is named.
     refusals: usize,
+    /// What the values of the model compute before the first step.
     start: Vec<Op>,
+    /// Functions that L-Py runs: at the beginning, before and after each step.
+    functions: RunFunctions,
+    /// Names that rules and functions declare `global`.
+    shared: Vec<String>,
+    /// Values of shared names before the first step, for items that need a constant.
+    initial: BTreeMap<String, f64>,
     temporaries: usize,
+}
+
+/// Code of the functions that L-Py runs between the steps.
+#[derive(Default)]
+struct RunFunctions {
+    start: Vec<Op>,
+    start_each: Vec<Op>,
+    end_each: Vec<Op>,
 }
 
 /// Reads a model of L-Py into the reader's program: sections, rules, and values computed outside of rules.
@@ -63,8 +79,12 @@ pub(super) fn read(reader: &mut Reader<'_>, text: &str) {
         has_axiom: false,
         refusals: 0,
         start: Vec::new(),
+        functions: RunFunctions::default(),
+        shared: Vec::new(),
+        initial: BTreeMap::new(),
         temporaries: 0,
     };
+    model.shared_names(&list);
     // Sliders and module names first: L-Py knows them wherever the file has them.
     model.parameters(&list);
     model.declarations(&list);
@@ -85,7 +105,7 @@ fn description(text: &str) -> String {
 fn without_comments(text: &str) -> String {
     let bytes = text.as_bytes();
     let mut out: Vec<u8> = bytes.to_vec();
-    let (mut i, mut depth) = (0, 0_usize);
+    let (mut i, mut depth, mut list) = (0, 0_usize, 0_usize);
     let blank = |out: &mut Vec<u8>, range: Range<usize>| {
         if let Some(part) = out.get_mut(range) {
             part.fill(b' ');
@@ -122,6 +142,10 @@ fn without_comments(text: &str) -> String {
             }
             b'(' => depth += 1,
             b')' => depth = depth.saturating_sub(1),
+            // A list that a name stands for may go on in the next lines; brackets of branches have no sign before them.
+            b'[' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
+            b']' => list = list.saturating_sub(1),
+            b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',
             // A heading that begins a line was not meant to be a parameter: the parenthesis before it lacks its partner.
             b'\n' | b'\r' if depth > 0 => {
                 if rest.get(1).is_some_and(|c| matches!(c, b' ' | b'\t' | b')' | b'\n')) {
@@ -175,7 +199,7 @@ impl<'s> Model<'_, 's> {
         let place = self.reader.place(why.range.clone());
         let line = self.reader.line_number(why.range.start);
         let message = format!("this is L-Py with Python code, line {line}: {}", why.construct);
-        let help = "osier reads rules, expressions, constants, functions of one expression, 'if', and 'for' over a constant \
+        let help = "osier reads rules, expressions, constants, lists, functions with a value, 'if', and 'for' over a constant \
                     range; pass what a production needs as parameters of its modules";
         self.reader.session.error_help("L007", message, place, help);
     }
@@ -204,6 +228,16 @@ impl<'s> Model<'_, 's> {
                 if let (Some(name), Some(value)) = (fields.first(), number) {
                     self.scope.constants.insert((*name).to_owned(), value);
                 }
+            }
+        }
+    }
+
+    /// Names that some rule or function declares `global`: they may change from step to step.
+    fn shared_names(&mut self, list: &[Line<'_>]) {
+        for line in list {
+            let (word, rest) = line.piece.first_word(&[]);
+            if word.text == "global" {
+                self.shared.extend(split(rest).iter().map(|n| n.text.trim_end_matches(';').to_owned()));
             }
         }
     }
@@ -294,7 +328,10 @@ impl<'s> Model<'_, 's> {
     }
 
     fn constant(&mut self, value: Piece<'_>) -> Option<f64> {
-        let code = parse(value).and_then(|e| compile(&e, &self.scope));
+        // Shared names have the values that they begin with.
+        let mut scope = self.scope.clone();
+        scope.constants.extend(self.initial.clone());
+        let code = parse(value).and_then(|e| compile(&e, &scope));
         let code = self.settle(code)?;
         let number = vm::constant_value(&code).filter(|v| v.is_finite());
         if number.is_none() {
@@ -368,7 +405,19 @@ impl<'s> Model<'_, 's> {
 
     /// A value of the model: a constant, or a number that is drawn once.
     fn global(&mut self, name: &str, e: &PyExpr, range: Range<usize>) {
-        let code = match compile(e, &self.scope) {
+        let is_shared = self.shared.iter().any(|s| s == name);
+        let resolved = resolve(e, &self.scope, 0);
+        if let Ok(list @ PyExpr::List(..)) = &resolved
+            && !is_shared
+            && !has_random(list, &self.scope)
+        {
+            self.scope.constants.remove(name);
+            self.scope.unreadable.remove(name);
+            self.scope.lists.insert(name.to_owned(), list.clone());
+            return;
+        }
+        self.scope.lists.remove(name);
+        let code = match resolved.and_then(|e| compile(&e, &self.scope)) {
             Ok(code) => code,
             Err(why) => {
                 // Named only where it is used: many models hold values that their rules do not need.
@@ -379,18 +428,18 @@ impl<'s> Model<'_, 's> {
         };
         self.scope.unreadable.remove(name);
         if let Some(value) = vm::constant_value(&code) {
-            self.scope.constants.insert(name.to_owned(), value);
-            return;
+            if !is_shared {
+                self.scope.constants.insert(name.to_owned(), value);
+                return;
+            }
+            self.initial.insert(name.to_owned(), value);
         }
         self.scope.constants.remove(name);
-        if !self.scope.globals.iter().any(|g| g == name) {
-            self.scope.globals.push(name.to_owned());
-        }
-        // Slots beyond 65,535 cannot be stored; `Scope::slot` does not find their names either, so that each use is refused.
-        let slot = self.scope.globals.iter().position(|g| g == name).unwrap_or(0);
+        // A slot beyond 65,535 would be that of another value, but `Scope::slot` does not find such names: each use is refused.
+        let slot = self.scope.global(name);
         let offset = self.start.len();
         self.start.extend(code.ops.iter().map(|op| shifted(*op, offset)));
-        self.start.push(Op::StoreGlobal(u16::try_from(slot).unwrap_or(u16::MAX)));
+        self.start.push(Op::StoreGlobal(slot));
     }
 
     /// Python outside of rules; returns the index of the next line.
@@ -400,12 +449,12 @@ impl<'s> Model<'_, 's> {
         let (word, rest) = piece.first_word(&['(', ':', '=']);
         let range = piece.range();
         match word.text {
-            "pass" | "print" | "global" => return next,
+            "pass" | "print" | "global" | "assert" => return next,
             "def" => {
                 self.function(rest, block, &range);
                 return next;
             }
-            "class" | "if" | "for" | "while" | "try" | "with" | "assert" | "raise" | "del" => {
+            "class" | "if" | "for" | "while" | "try" | "with" | "raise" | "del" => {
                 self.refuse(&Refusal::new(format!("'{}' outside of a production", word.text), range));
                 return next;
             }
@@ -441,12 +490,28 @@ impl<'s> Model<'_, 's> {
         }
         if let Some((names, value)) = assignment(piece) {
             let (names, values) = (split(names), split(value));
+            if let ([name], Some((params, body))) = (names.as_slice(), lambda(value)) {
+                self.scope.functions.insert(name.text.to_owned(), (params, body));
+                return next;
+            }
+            // One list for several names.
+            if names.len() > 1
+                && values.len() == 1
+                && let Ok(PyExpr::List(items, _)) = parse(value).and_then(|e| resolve(&e, &self.scope, 0))
+                && items.len() == names.len()
+            {
+                for (name, item) in names.iter().zip(&items) {
+                    self.global(name.text, item, value.range());
+                }
+                return next;
+            }
             for (k, name) in names.iter().enumerate() {
                 let one = if names.len() == values.len() { values.get(k).copied() } else { Some(value) };
                 match one.map_or_else(|| Err(Refusal::new("this assignment", range.clone())), parse) {
                     Ok(e) => self.global(name.text, &e, value.range()),
                     Err(why) => {
                         self.scope.constants.remove(name.text);
+                        self.scope.lists.remove(name.text);
                         self.scope.unreadable.insert(name.text.to_owned(), Refusal { range: value.range(), ..why });
                     }
                 }
@@ -462,7 +527,7 @@ impl<'s> Model<'_, 's> {
         next
     }
 
-    /// `def f(x): return e`; any other function is named where it is called, one that L-Py calls itself at once.
+    /// A function with a value; any other is named where it is called, one that L-Py calls itself at once.
     fn function(&mut self, rest: Piece<'_>, block: &[Line<'_>], range: &Range<usize>) {
         let name = rest.text.split('(').next().unwrap_or("").trim().to_owned();
         let parsed = || {
@@ -472,28 +537,122 @@ impl<'s> Model<'_, 's> {
             let params: Vec<String> = split(inner.up_to(close)).iter().map(|p| p.text.to_owned()).collect();
             let after = inner.from(close + 1).trimmed();
             let body = after.text.strip_prefix(':').map(|_| after.from(1).trimmed())?;
-            let only = match block {
-                [] => body,
-                [one] if body.text.is_empty() => one.piece,
-                _ => return None,
-            };
-            let value = only.text.strip_prefix("return").map(|_| only.from("return".len()))?;
-            Some((params, parse(value).ok()?))
+            Some((params, body))
         };
-        if let Some(function) = parsed() {
-            self.scope.functions.insert(name, function);
+        let head = parsed();
+        let called = ["Start", "StartEach", "EndEach", "StartInterpretation", "EndInterpretation", "PostDraw"];
+        if !called.contains(&name.as_str()) {
+            let Some((params, body)) = head else { return };
+            let inline = [Line { indent: 0, piece: body }];
+            let lines = if body.text.is_empty() { block } else { &inline };
+            let value = self.statements(lines, 0).and_then(|mut list| {
+                list.reverse();
+                let values = params.iter().map(|p| PyExpr::Name(p.clone(), range.clone())).collect();
+                let mut function = FunctionValue { scope: &self.scope, place: range.clone(), count: 0 };
+                function.of(list, params.clone(), values, 0)
+            });
+            match value {
+                Ok(value) => {
+                    self.scope.functions.insert(name, (params, value));
+                }
+                Err(_) => {
+                    self.scope.functions.remove(&name);
+                }
+            }
             return;
         }
-        let called = ["Start", "StartEach", "EndEach", "End", "StartInterpretation", "EndInterpretation", "PostDraw"];
-        // A body that only sets seeds or prints changes nothing.
-        let harmless = |l: &Line<'_>| {
-            let text = l.piece.text;
-            ["pass", "print", "global", "seed", "random.seed", "return None"].iter().any(|w| text.starts_with(w))
-                || text == "return"
-        };
-        if called.contains(&name.as_str()) && !block.iter().all(harmless) {
-            self.refuse(&Refusal::new(format!("the function '{name}', which L-Py runs"), range.clone()));
+        match self.run_function(block) {
+            Ok(code) => {
+                let to = match name.as_str() {
+                    "Start" => &mut self.functions.start,
+                    "StartEach" => &mut self.functions.start_each,
+                    "EndEach" => &mut self.functions.end_each,
+                    // What they count is of no use to the string.
+                    _ => return,
+                };
+                *to = code;
+            }
+            Err(why) => {
+                let construct = format!("the function '{name}', which L-Py runs: {}", why.construct);
+                let range = if why.range.is_empty() { range.clone() } else { why.range };
+                self.refuse(&Refusal::new(construct, range));
+            }
         }
+    }
+
+    /// Code of a function that L-Py runs: assignments of numbers, `if`, `for`. Values that are none are named where they are used.
+    fn run_function(&mut self, block: &[Line<'_>]) -> Result<Vec<Op>, Refusal> {
+        let mut lines = Vec::new();
+        for line in block {
+            let text = line.piece.text;
+            if ["seed(", "random.seed(", "context(", "return None"].iter().any(|w| text.starts_with(w)) {
+                continue;
+            }
+            let unreadable = assignment(line.piece).and_then(|(names, value)| Some((names, parse(value).err()?)));
+            match unreadable {
+                Some((names, why)) if split(names).len() == 1 => {
+                    self.scope.constants.remove(names.text);
+                    self.scope.unreadable.insert(names.text.to_owned(), why);
+                }
+                _ => lines.push(*line),
+            }
+        }
+        let statements = self.statements(&lines, 0)?;
+        let mut ops = Vec::new();
+        let mut declared = Vec::new();
+        self.block_code(&statements, &mut declared, &mut ops)?;
+        Ok(ops)
+    }
+
+    /// Appends the code of statements of a function. Variables of its own are kept apart from those of the model.
+    fn block_code(
+        &mut self,
+        statements: &[Statement],
+        declared: &mut Vec<String>,
+        ops: &mut Vec<Op>,
+    ) -> Result<(), Refusal> {
+        for statement in statements {
+            match statement {
+                Statement::Pass | Statement::Return(..) => {}
+                Statement::Global(names) => declared.extend(names.iter().cloned()),
+                Statement::Assign(name, e) => {
+                    let code = compile(e, &self.scope)?;
+                    let offset = ops.len();
+                    ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                    let is_of_model = self.scope.constants.contains_key(name) || self.shared.contains(name);
+                    if !declared.contains(name) && is_of_model {
+                        return Err(Refusal::new(format!("'{name}' as a variable of its own"), 0..0));
+                    }
+                    ops.push(Op::StoreGlobal(self.scope.global(name)));
+                }
+                Statement::If(tests, other) => {
+                    let mut ends = Vec::new();
+                    for (test, then) in tests {
+                        let code = compile(test, &self.scope)?;
+                        let offset = ops.len();
+                        ops.extend(code.ops.iter().map(|op| shifted(*op, offset)));
+                        let skip = ops.len();
+                        ops.push(Op::Pop);
+                        self.block_code(then, declared, ops)?;
+                        ends.push(ops.len());
+                        ops.push(Op::Pop);
+                        ops[skip] = Op::JumpIfZero(ops.len());
+                    }
+                    self.block_code(other, declared, ops)?;
+                    for end in ends {
+                        ops[end] = Op::Jump(ops.len());
+                    }
+                }
+                Statement::For(_, _, _, place) => {
+                    return Err(Refusal::new("'for' in a function", place.clone()));
+                }
+                Statement::Produce(modules, _) => {
+                    let range = modules.first().map_or(0..0, |m| m.range.clone());
+                    return Err(Refusal::new("'produce' outside of a production", range));
+                }
+            }
+        }
+        Ok(())
     }
 
     fn finish(mut self, text: &str) {
@@ -505,10 +664,22 @@ impl<'s> Model<'_, 's> {
         }
         let blocks = &mut self.reader.program.blocks;
         blocks.globals = self.scope.globals.len();
-        if !self.start.is_empty() {
-            blocks.start = Some(Bytecode { ops: std::mem::take(&mut self.start), ..Bytecode::default() });
-        }
+        // Values of the model first, wherever they are written, then the function that begins a run.
+        let offset = self.start.len();
+        self.start.extend(self.functions.start.iter().map(|op| shifted(*op, offset)));
+        let block = |ops: Vec<Op>| (!ops.is_empty()).then(|| Bytecode { ops, ..Bytecode::default() });
+        blocks.start = block(self.start);
+        blocks.start_each = block(self.functions.start_each);
+        blocks.end_each = block(self.functions.end_each);
     }
+}
+
+/// `lambda x, y: e`: parameters and expression.
+fn lambda(piece: Piece<'_>) -> Option<(Vec<String>, PyExpr)> {
+    let rest = piece.text.strip_prefix("lambda").map(|_| piece.from("lambda".len()))?;
+    let c = colon(rest)?;
+    let params: Vec<String> = split(rest.up_to(c).trimmed()).iter().map(|p| p.text.to_owned()).collect();
+    Some((params, parse(rest.from(c + 1).trimmed()).ok()?))
 }
 
 /// An instruction moved behind others.

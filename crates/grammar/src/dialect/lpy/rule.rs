@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::expression::{PyExpr, Refusal, compile, has_random, parse};
+use super::expression::{PyExpr, PyOp, Refusal, compile, has_random, parse, resolve, size_with, substitute};
 use super::statement::{Statement, in_turn};
 use super::strings::{PyModule, Spelled, modules, spell};
 use super::{Line, Model, Section, block_after, colon, shifted};
@@ -12,10 +12,13 @@ use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
 use crate::token::SourcePlace;
 use crate::vm;
 
-/// Most ways through one production, most turns of one loop, and most statements of one way.
+/// Most ways through one production, and most statements of one way.
 const MAX_WAYS: usize = 512;
-const MAX_TURNS: f64 = 10_000.0;
 const MAX_STEPS: usize = 20_000;
+/// Turns of a loop whose end is not constant.
+const MAX_COUNTED: f64 = 100.0;
+/// Turns of a loop of whose end nothing is known.
+const MAX_UNKNOWN: u32 = 64;
 /// Modules of one successor.
 const MAX_MODULES: usize = 1 << 20;
 
@@ -32,9 +35,17 @@ pub(super) struct Way {
     pub steps: Vec<Step>,
     pub modules: Vec<PyModule>,
     produced: bool,
+    /// Names declared `global` on the way.
+    globals: Vec<String>,
 }
 
 impl Way {
+    /// Variables of the model that it assigns.
+    fn written(&self) -> Vec<&String> {
+        let assigns = |name: &String| self.steps.iter().any(|s| matches!(s, Step::Assign(n, _) if n == name));
+        self.globals.iter().filter(|g| assigns(g)).collect()
+    }
+
     /// Where its modules are written, for messages.
     fn range(&self) -> Range<usize> {
         self.modules.first().map_or(0..0, |m| m.range.clone())
@@ -46,6 +57,8 @@ struct Head {
     left: Vec<ContextElement>,
     formals: Vec<FormalModule>,
     right: Vec<ContextElement>,
+    /// What the parameters of its modules must be.
+    conditions: Vec<PyExpr>,
     place: SourcePlace,
 }
 
@@ -92,9 +105,13 @@ impl Model<'_, '_> {
             // `head : condition --> successor` is `head: if condition: produce successor`.
             statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
         }
+        if let Some(test) = head.conditions.iter().cloned().reduce(|a, b| PyExpr::And(Box::new(a), Box::new(b))) {
+            statements = vec![Statement::If(vec![(test, statements)], Vec::new())];
+        }
         let ways = self.ways(&statements);
         let Some(ways) = self.settle(ways) else { return next };
-        for way in ways.iter().filter(|w| w.produced) {
+        // A way that makes nothing still counts what it counts; the next production is tried after it.
+        for way in ways.iter().filter(|w| w.produced || !w.written().is_empty()) {
             if let Some(production) = self.production(&head, way) {
                 let program = &mut self.reader.program;
                 match self.section {
@@ -125,7 +142,8 @@ impl Model<'_, '_> {
         let predecessor = head.up_to(greater.unwrap_or(text.len())).from(less.map_or(0, |i| i + 1));
         let place = self.reader.place(predecessor.trimmed().range());
         let mut formals = Vec::new();
-        for e in self.elements(predecessor.trimmed())? {
+        let mut conditions = Vec::new();
+        for e in self.elements(predecessor.trimmed(), &mut conditions)? {
             match e {
                 ContextElement::Module(f) => formals.push(f),
                 _ => return Err(Refusal::new("brackets as the predecessor of a production", predecessor.range())),
@@ -134,12 +152,17 @@ impl Model<'_, '_> {
         if formals.is_empty() {
             return Err(Refusal::new("a production without predecessor", head.range()));
         }
-        let left = less.map_or(Ok(Vec::new()), |i| self.elements(head.up_to(i).trimmed()))?;
-        let right = greater.map_or(Ok(Vec::new()), |i| self.elements(head.from(i + 1).trimmed()))?;
-        Ok(Head { left, formals, right, place })
+        // `*` alone is no context.
+        let mut context = |model: &mut Self, piece: Option<Piece<'_>>| match piece.map(|p| p.trimmed()) {
+            Some(p) if p.text != "*" => model.elements(p, &mut conditions),
+            _ => Ok(Vec::new()),
+        };
+        let left = context(self, less.map(|i| head.up_to(i)))?;
+        let right = context(self, greater.map(|i| head.from(i + 1)))?;
+        Ok(Head { left, formals, right, conditions, place })
     }
 
-    fn elements(&mut self, piece: Piece<'_>) -> Result<Vec<ContextElement>, Refusal> {
+    fn elements(&mut self, piece: Piece<'_>, conditions: &mut Vec<PyExpr>) -> Result<Vec<ContextElement>, Refusal> {
         let spelled = spell(piece, &self.declared)?;
         let mut out = Vec::new();
         let mut list = spelled.into_iter().peekable();
@@ -155,23 +178,41 @@ impl Model<'_, '_> {
                 "?P" | "?H" | "?U" | "?L" | "?R" | "?F" => {
                     return Err(Refusal::new(format!("the query '{}'", s.name), s.range));
                 }
-                _ => out.push(ContextElement::Module(self.formal(&s)?)),
+                _ => out.push(ContextElement::Module(self.formal(&s, conditions)?)),
             }
         }
         Ok(out)
     }
 
-    fn formal(&mut self, s: &Spelled<'_>) -> Result<FormalModule, Refusal> {
+    /// A module of a head: its parameters are names, names with a condition `x if x > 2`, or constants that they must equal.
+    fn formal(&mut self, s: &Spelled<'_>, conditions: &mut Vec<PyExpr>) -> Result<FormalModule, Refusal> {
         let place = self.reader.place(s.range.clone());
         let slot = u16::try_from(self.scope.locals.len());
         let slot = slot.map_err(|_| Refusal::new("more than 65,535 parameters", s.range.clone()))?;
         let params = s.params.as_deref().unwrap_or(&[]);
         for p in params {
-            let is_name = p.text.chars().all(|c| c.is_alphanumeric() || c == '_') && !p.text.is_empty();
-            if !is_name || self.scope.locals.iter().any(|l| l == p.text) {
-                return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
+            let (name, condition) = match p.text.find(" if ") {
+                Some(i) => (p.up_to(i).trimmed(), Some(p.from(i + " if ".len()).trimmed())),
+                None => (*p, None),
+            };
+            let mut chars = name.text.chars();
+            let is_name = chars.next().is_some_and(|c| c.is_alphabetic() || c == '_')
+                && chars.all(|c| c.is_alphanumeric() || c == '_');
+            if is_name && !self.scope.locals.iter().any(|l| l == name.text) {
+                self.scope.locals.push(name.text.to_owned());
+                conditions.extend(condition.map(parse).transpose()?);
+                continue;
             }
-            self.scope.locals.push(p.text.to_owned());
+            let constant = parse(name).ok().and_then(|e| compile(&e, &self.scope).ok());
+            let constant =
+                constant.and_then(|code| vm::constant_value(&code)).filter(|_| !is_name && condition.is_none());
+            let Some(value) = constant else {
+                return Err(Refusal::new(format!("'{}' as the name of a parameter", p.text), p.range()));
+            };
+            let hidden = format!("(parameter {})", self.scope.locals.len());
+            self.scope.locals.push(hidden.clone());
+            let own = Box::new(PyExpr::Name(hidden, p.range()));
+            conditions.push(PyExpr::Binary(PyOp::Eq, own, Box::new(PyExpr::Number(value))));
         }
         let arity =
             u8::try_from(params.len()).map_err(|_| Refusal::new("more than 255 parameters", s.range.clone()))?;
@@ -196,9 +237,16 @@ impl Model<'_, '_> {
             };
             match statement {
                 Statement::Pass => open.push((way, left)),
-                Statement::Return => {
+                Statement::Global(names) => {
+                    way.globals.extend(names);
+                    open.push((way, left));
+                }
+                Statement::Return(None, _) => {
                     way.produced |= !way.modules.is_empty();
                     out.push(way);
+                }
+                Statement::Return(Some(_), place) => {
+                    return Err(Refusal::new("'return' in a production", place));
                 }
                 Statement::Assign(name, e) => {
                     way.steps.push(Step::Assign(name, e));
@@ -228,14 +276,36 @@ impl Model<'_, '_> {
                     alternatives.push((way, left));
                     open.extend(alternatives.into_iter().rev());
                 }
-                Statement::For(name, range, body, place) => {
-                    let turns = self.turns(&range, &place)?;
-                    if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
-                        return Err(Refusal::new("'for' with too many turns", place));
-                    }
-                    for value in turns.iter().rev() {
-                        left.extend(body.iter().rev().map(|s| in_turn(s, &name, *value)));
-                        left.push(Statement::Assign(name.clone(), PyExpr::Number(*value)));
+                Statement::For(name, list, body, place) => {
+                    match self.turns(&list, &place) {
+                        Ok(turns) => {
+                            if turns.len().saturating_mul(body.len() + 1) > MAX_STEPS {
+                                return Err(Refusal::new("'for' with too many turns", place));
+                            }
+                            for value in turns.iter().rev() {
+                                left.extend(body.iter().rev().map(|s| in_turn(s, &name, *value)));
+                                left.push(Statement::Assign(name.clone(), PyExpr::Number(*value)));
+                            }
+                        }
+                        // As many turns as there may be, each within the condition that it comes to it.
+                        Err(why) => {
+                            let (end, most) = self.last_turn(&list, &way, &place).ok_or(why)?;
+                            let count = format!("(turns {})", self.temporaries);
+                            self.temporaries += 1;
+                            way.steps.push(Step::Assign(count.clone(), end));
+                            let mut inner = Vec::new();
+                            for k in (0..most).rev() {
+                                let value = f64::from(k);
+                                let number = PyExpr::Number(value);
+                                let end = PyExpr::Name(count.clone(), place.clone());
+                                let test = PyExpr::Binary(PyOp::Lt, Box::new(number.clone()), Box::new(end));
+                                let mut turn = vec![Statement::Assign(name.clone(), number)];
+                                turn.extend(body.iter().map(|s| in_turn(s, &name, value)));
+                                turn.append(&mut inner);
+                                inner = vec![Statement::If(vec![(test, turn)], Vec::new())];
+                            }
+                            left.append(&mut inner);
+                        }
                     }
                     open.push((way, left));
                 }
@@ -245,21 +315,92 @@ impl Model<'_, '_> {
     }
 
     /// Values of the variable of a loop.
-    fn turns(&self, range: &[PyExpr; 3], place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
-        let constant = |e: &PyExpr| {
-            let not_constant = || Refusal::new("'for' over a range that is not constant", place.clone());
-            let code = compile(e, &self.scope).map_err(|_| not_constant())?;
-            vm::constant_value(&code).filter(|v| v.is_finite()).ok_or_else(not_constant)
+    fn turns(&self, list: &PyExpr, place: &Range<usize>) -> Result<Vec<f64>, Refusal> {
+        let refused = || match list {
+            PyExpr::Call(name, ..) if name == "range" || name == "xrange" => {
+                Refusal::new("'for' over a range that is not constant", place.clone())
+            }
+            _ => Refusal::new("'for' over something other than range(..)", place.clone()),
         };
-        let [from, to, step] = range;
-        let (from, to, step) = (constant(from)?, constant(to)?, constant(step)?);
-        let count = if step.abs() > 0.0 { ((to - from) / step).ceil().max(0.0) } else { f64::INFINITY };
-        if count > MAX_TURNS {
-            return Err(Refusal::new("'for' with too many turns", place.clone()));
+        let Ok(PyExpr::List(items, _)) = resolve(list, &self.scope, 0) else { return Err(refused()) };
+        let number = |e: &PyExpr| {
+            let code = compile(e, &self.scope).map_err(|_| refused())?;
+            vm::constant_value(&code).filter(|v| v.is_finite()).ok_or_else(refused)
+        };
+        items.iter().map(number).collect()
+    }
+
+    /// The end of `range(end)` and how many turns are read: as many as there may be, else a number that the file is warned of.
+    fn last_turn(&mut self, list: &PyExpr, way: &Way, place: &Range<usize>) -> Option<(PyExpr, u32)> {
+        let PyExpr::Call(name, args, _) = list else { return None };
+        let [end] = args.as_slice() else { return None };
+        if !name.ends_with("range") || !self.is_readable(end, way) {
+            return None;
         }
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_TURNS")]
-        let count = count as u32;
-        Ok((0..count).map(|k| from + f64::from(k) * step).collect())
+        let most = self.at_most(end, &way.steps, 0).map(f64::ceil).filter(|m| *m <= MAX_COUNTED);
+        if most.is_none() {
+            let at = self.reader.place(place.clone());
+            let message = format!("the end of this 'for' is not constant: read with up to {MAX_UNKNOWN} turns");
+            let help = "further turns are left out; write an end that has a largest value: min(n, 8)";
+            self.reader.session.warning("L008", message, at, help);
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and MAX_COUNTED")]
+        let turns = most.map_or(MAX_UNKNOWN, |m| m.max(0.0) as u32);
+        Some((end.clone(), turns))
+    }
+
+    /// Are all names of an expression known behind the steps of a way?
+    fn is_readable(&self, e: &PyExpr, way: &Way) -> bool {
+        let mut scope = self.scope.clone();
+        for step in &way.steps {
+            if let Step::Assign(name, _) = step {
+                scope.local(name);
+            }
+        }
+        compile(e, &scope).is_ok()
+    }
+
+    /// A number that an expression does not exceed behind the steps of a way.
+    fn at_most(&self, e: &PyExpr, steps: &[Step], depth: usize) -> Option<f64> {
+        if depth > 32 {
+            return None;
+        }
+        let of = |e: &PyExpr| self.at_most(e, steps, depth + 1);
+        let fixed = |e: &PyExpr| compile(e, &self.scope).ok().and_then(|code| vm::constant_value(&code));
+        match e {
+            PyExpr::Name(name, _) => {
+                let last = steps.iter().enumerate().rev().find_map(|(i, s)| match s {
+                    Step::Assign(n, e) if n == name => Some((i, e)),
+                    _ => None,
+                });
+                match last {
+                    Some((i, e)) => self.at_most(e, &steps[..i], depth + 1),
+                    None => fixed(e),
+                }
+            }
+            PyExpr::Binary(PyOp::Add, a, b) => Some(of(a)? + of(b)?),
+            PyExpr::Binary(PyOp::Sub, a, b) => Some(of(a)? - fixed(b)?),
+            PyExpr::Binary(PyOp::Div, a, b) => Some(of(a)?.max(0.0) / fixed(b).filter(|b| *b > 0.0)?),
+            PyExpr::Binary(PyOp::Mul, a, b) => {
+                let (factor, other) = fixed(a).map_or_else(|| (fixed(b), a), |a| (Some(a), b));
+                Some(of(other)?.max(0.0) * factor.filter(|f| *f >= 0.0)?)
+            }
+            PyExpr::Choice(_, a, b) => Some(of(a)?.max(of(b)?)),
+            PyExpr::Call(name, args, _) => match (name.as_str(), args.as_slice()) {
+                ("randint", [_, b]) => of(b),
+                ("uniform", [a, b]) => Some(of(a)?.max(of(b)?)),
+                ("random", []) => Some(1.0),
+                ("int" | "trunc" | "floor" | "float", [a]) => Some(of(a)?.max(0.0)),
+                ("round" | "ceil", [a]) => Some(of(a)?.max(0.0) + 1.0),
+                ("min", args) => args.iter().filter_map(of).reduce(f64::min),
+                ("max", args) => args.iter().map(of).reduce(|a, b| Some(a?.max(b?))).flatten(),
+                _ => {
+                    let (params, body) = self.scope.functions.get(name).filter(|f| f.0.len() == args.len())?;
+                    (size_with(body, params, args) <= MAX_STEPS).then(|| of(&substitute(body, params, args))).flatten()
+                }
+            },
+            _ => fixed(e),
+        }
     }
 
     /// Adds modules to a way. Their parameters are computed now, for variables may change afterwards.
@@ -267,7 +408,7 @@ impl Model<'_, '_> {
         for m in modules {
             let mut module = m.clone();
             for arg in module.args.iter_mut().filter(|a| !ends && !matches!(a, PyExpr::Number(_))) {
-                let name = format!("(parameter {})", self.temporaries);
+                let name = format!("(value {})", self.temporaries);
                 self.temporaries += 1;
                 let value = std::mem::replace(arg, PyExpr::Name(name.clone(), m.range.clone()));
                 way.steps.push(Step::Assign(name, value));
@@ -341,7 +482,12 @@ impl Model<'_, '_> {
                 (None, Step::Assign(..)) => {}
             }
         }
-        ops.extend([Op::Const(1.0), Op::StoreLocal(result)]);
+        // Until here they were local variables: only the way that is gone changes those of the model.
+        for name in way.written() {
+            let (local, global) = (self.scope.local(name), self.scope.global(name));
+            ops.extend([Op::Local(local), Op::StoreGlobal(global)]);
+        }
+        ops.extend([Op::Const(if way.produced { 1.0 } else { 0.0 }), Op::StoreLocal(result)]);
         let jump = ops.len();
         ops.push(Op::Pop);
         for at in failures {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::expression::{PyExpr, PyOp, Refusal, parse, substitute};
+use super::expression::{PyExpr, PyOp, Refusal, Scope, has_random, parse, resolve, size_with, substitute};
 use super::strings::{PyModule, modules, split};
 use super::{Line, Model, assignment, block_after, colon};
 use crate::dialect::text::Piece;
@@ -16,11 +16,14 @@ pub(super) enum Statement {
     Assign(String, PyExpr),
     /// Conditions with their blocks, then the block of `else`.
     If(Vec<(PyExpr, Vec<Statement>)>, Vec<Statement>),
-    /// Variable, first, end, step.
-    For(String, [PyExpr; 3], Vec<Statement>, Range<usize>),
+    /// Variable, list of its values.
+    For(String, PyExpr, Vec<Statement>, Range<usize>),
     /// Adds modules; true ends the production.
     Produce(Vec<PyModule>, bool),
-    Return,
+    /// Names whose assignments change variables of the model.
+    Global(Vec<String>),
+    /// A function has a value, a production has none.
+    Return(Option<PyExpr>, Range<usize>),
     Pass,
 }
 
@@ -52,8 +55,12 @@ impl Model<'_, '_> {
                     out.push(Statement::Produce(modules(rest, &self.declared)?, word.text == "produce"));
                 }
                 // What these do does not reach the string of modules.
-                "pass" | "print" | "global" => out.push(Statement::Pass),
-                "return" if rest.text.is_empty() || rest.text == "None" => out.push(Statement::Return),
+                "pass" | "print" | "assert" => out.push(Statement::Pass),
+                "global" => out.push(Statement::Global(split(rest).iter().map(|n| n.text.to_owned()).collect())),
+                "return" if rest.text.is_empty() || rest.text == "None" => {
+                    out.push(Statement::Return(None, piece.range()));
+                }
+                "return" => out.push(Statement::Return(Some(parse(rest)?), piece.range())),
                 "if" | "elif" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'if' without ':'", piece.range()))?;
                     let test = parse(rest.up_to(c))?;
@@ -78,12 +85,12 @@ impl Model<'_, '_> {
                 }
                 "for" => {
                     let c = colon(rest).ok_or_else(|| Refusal::new("'for' without ':'", piece.range()))?;
-                    let (name, range) = for_range(rest.up_to(c))?;
+                    let (name, list) = for_list(rest.up_to(c))?;
                     let inner = body(self, rest.from(c + 1))?;
-                    out.push(Statement::For(name, range, inner, piece.range()));
+                    out.push(Statement::For(name, list, inner, piece.range()));
                 }
-                "while" | "try" | "with" | "import" | "from" | "def" | "class" | "assert" | "raise" | "del"
-                | "return" | "sproduce" | "nsproduce" | "lambda" => {
+                "while" | "try" | "with" | "import" | "from" | "def" | "class" | "raise" | "del" | "sproduce"
+                | "nsproduce" | "lambda" => {
                     return Err(Refusal::new(format!("'{}' in a production", word.text), piece.range()));
                 }
                 _ => out.extend(assign_statement(piece)?),
@@ -133,32 +140,104 @@ pub(super) fn in_turn(s: &Statement, name: &String, value: f64) -> Statement {
             let tests = tests.iter().map(|(test, then)| (test.clone(), all(then))).collect();
             Statement::If(tests, all(other))
         }
-        Statement::For(own, range, body, place) => {
-            // Ranges must be constant, so that they need the number now; elsewhere the variable is read as it was assigned for this turn.
-            let known = std::slice::from_ref(name);
-            let range = range.each_ref().map(|e| substitute(e, known, &[PyExpr::Number(value)]));
-            Statement::For(own.clone(), range, all(body), place.clone())
+        Statement::For(own, list, body, place) => {
+            // Lists must be constant, so that they need the number now; elsewhere the variable is read as it was assigned for this turn.
+            let list = substitute(list, std::slice::from_ref(name), &[PyExpr::Number(value)]);
+            Statement::For(own.clone(), list, all(body), place.clone())
         }
         other => other.clone(),
     }
 }
 
-/// `i in range(a, b, step)`.
-fn for_range(piece: Piece<'_>) -> Result<(String, [PyExpr; 3]), Refusal> {
-    let refused = || Refusal::new("'for' over something other than range(..)", piece.range());
+/// `i in range(a, b, step)`, or in another list.
+fn for_list(piece: Piece<'_>) -> Result<(String, PyExpr), Refusal> {
     let (name, rest) = piece.first_word(&[]);
     let (word, rest) = rest.first_word(&[]);
-    let list = ["range", "xrange"].iter().find_map(|r| rest.text.strip_prefix(r).map(|_| rest.from(r.len()).trimmed()));
-    let list = list.filter(|l| word.text == "in" && l.text.starts_with('(') && l.text.ends_with(')'));
-    let list = list.ok_or_else(refused)?;
-    let inner = list.up_to(list.text.len() - 1).from(1);
-    let mut values = split(inner).iter().map(|p| parse(*p)).collect::<Result<Vec<_>, _>>()?;
-    let (zero, one) = (PyExpr::Number(0.0), PyExpr::Number(1.0));
-    let range = match values.len() {
-        1 => [zero, values.remove(0), one],
-        2 => [values.remove(0), values.remove(0), one],
-        3 => [values.remove(0), values.remove(0), values.remove(0)],
-        _ => return Err(refused()),
-    };
-    Ok((name.text.to_owned(), range))
+    let list = Some(rest).filter(|_| word.text == "in").and_then(|r| parse(r).ok());
+    let list = list.ok_or_else(|| Refusal::new("'for' over something other than range(..)", piece.range()))?;
+    Ok((name.text.to_owned(), list))
+}
+
+/// Statements whose value one function may look at.
+const MAX_STATEMENTS: usize = 4_096;
+
+/// The value of a function of assignments, `if`, `for` and `return` as one expression.
+pub(super) struct FunctionValue<'m> {
+    pub scope: &'m Scope,
+    pub place: Range<usize>,
+    /// Statements that were looked at.
+    pub count: usize,
+}
+
+impl FunctionValue<'_> {
+    /// `statements` with the next one last; `names` and `values` are the variables so far.
+    pub fn of(
+        &mut self,
+        mut statements: Vec<Statement>,
+        mut names: Vec<String>,
+        mut values: Vec<PyExpr>,
+        depth: usize,
+    ) -> Result<PyExpr, Refusal> {
+        while let Some(statement) = statements.pop() {
+            self.count += 1;
+            if self.count > MAX_STATEMENTS || depth > MAX_NESTING {
+                return Err(Refusal::new("a function that is too long", self.place.clone()));
+            }
+            match statement {
+                Statement::Pass => {}
+                Statement::Assign(name, e) => {
+                    let value = self.value(&e, &names, &values)?;
+                    if has_random(&value, self.scope) {
+                        return Err(Refusal::new("a random number in a variable of a function", self.place.clone()));
+                    }
+                    if let Some(i) = names.iter().position(|n| *n == name) {
+                        values[i] = value;
+                    } else {
+                        names.push(name);
+                        values.push(value);
+                    }
+                }
+                Statement::If(tests, other) => {
+                    let with = |body: Vec<Statement>| {
+                        let mut all = statements.clone();
+                        all.extend(body.into_iter().rev());
+                        all
+                    };
+                    let mut out = self.of(with(other), names.clone(), values.clone(), depth + 1)?;
+                    for (test, then) in tests.into_iter().rev() {
+                        let test = self.value(&test, &names, &values)?;
+                        let then = self.of(with(then), names.clone(), values.clone(), depth + 1)?;
+                        out = PyExpr::Choice(Box::new(test), Box::new(then), Box::new(out));
+                    }
+                    return Ok(out);
+                }
+                Statement::For(name, list, body, _) => {
+                    let list = self.value(&list, &names, &values)?;
+                    let PyExpr::List(items, _) = resolve(&list, self.scope, 0)? else {
+                        return Err(Refusal::new("'for' over something other than a list", self.place.clone()));
+                    };
+                    if items.len().saturating_mul(body.len() + 1) > MAX_STATEMENTS {
+                        return Err(Refusal::new("'for' with too many turns", self.place.clone()));
+                    }
+                    for item in items.into_iter().rev() {
+                        statements.extend(body.iter().rev().cloned());
+                        statements.push(Statement::Assign(name.clone(), item));
+                    }
+                }
+                Statement::Return(Some(e), _) => return self.value(&e, &names, &values),
+                Statement::Return(None, place) => return Err(Refusal::new("a function without a value", place)),
+                Statement::Global(_) | Statement::Produce(..) => {
+                    return Err(Refusal::new("a function that changes the model", self.place.clone()));
+                }
+            }
+        }
+        Err(Refusal::new("a function without a value", self.place.clone()))
+    }
+
+    fn value(&self, e: &PyExpr, names: &[String], values: &[PyExpr]) -> Result<PyExpr, Refusal> {
+        if size_with(e, names, values) > MAX_STATEMENTS {
+            return Err(Refusal::new("an expression that grows too large", self.place.clone()));
+        }
+        Ok(substitute(e, names, values))
+    }
 }

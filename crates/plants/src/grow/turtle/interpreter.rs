@@ -16,7 +16,7 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, QueryAnswer, TurtleAction, TurtleAnswers};
+use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, QueryAnswer, QueryValue, TurtleAction, TurtleAnswers};
 use osier_scene::plant::PAINTED;
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
@@ -143,6 +143,8 @@ pub(super) struct Turtle<'a> {
     /// A limit was exceeded or a command is forbidden: nothing more is drawn.
     halted: bool,
     pub sets_widths: bool,
+    /// Brackets open since a `%` behind which nothing is drawn; `None`: everything is drawn.
+    cut: Option<usize>,
     /// Index in the string of the module that is drawn.
     pub(super) index: usize,
     /// The string is interpreted for its queries.
@@ -227,6 +229,7 @@ impl<'a> Turtle<'a> {
             max_organs: limits.get("organs"),
             halted: false,
             sets_widths: dialect.sets_widths(),
+            cut: None,
             index: 0,
             asked: false,
             answers: TurtleAnswers::default(),
@@ -287,6 +290,9 @@ impl<'a> Turtle<'a> {
         }
         let i = usize::from(m.symbol);
         let (Some(&command), Some(&c)) = (self.commands.get(i), self.symbols.get(i)) else { return };
+        if !self.options.past_cut && self.is_cut(c) {
+            return;
+        }
         if self.dialect.kind == Dialect::LParser {
             let own = if let Command::Dialect(d) = command { Some(d) } else { None };
             if self.read_number(own, c, m) {
@@ -309,6 +315,22 @@ impl<'a> Turtle<'a> {
             }
             Prefix::Query => self.query(c),
         }
+    }
+
+    /// Is this symbol a `%`, or behind one on its branch? The bracket that closes the branch is not.
+    fn is_cut(&mut self, c: char) -> bool {
+        match (self.cut, c) {
+            (None, '%') if self.dialect.kind.has_cpfg_commands() && self.prefix == Prefix::None => self.cut = Some(0),
+            (None, _) => return false,
+            (Some(open), '[') => self.cut = Some(open + 1),
+            (Some(0), ']') => {
+                self.cut = None;
+                return false;
+            }
+            (Some(open), ']') => self.cut = Some(open - 1),
+            (Some(_), _) => {}
+        }
+        true
     }
 
     /// Parameter `i`, or the default; non-finite values count as 0.
@@ -406,17 +428,23 @@ impl<'a> Turtle<'a> {
             'L' => self.s.frame.l,
             // cpfg's up vector is the opposite of U = H x L.
             'U' => -self.s.frame.u,
+            // The rotation that turns the world's axes into right, heading and up.
+            'Q' => {
+                let q = self.s.frame.quat();
+                let value = QueryValue::Rotation([q.x, q.y, q.z, q.w]);
+                return self.answers.answers.push(QueryAnswer { module: self.index, value });
+            }
             _ => {
                 let message = format!("query '?{c}' is not supported");
                 return self.warn(
                     "L008",
                     (Some('?'), c),
                     message,
-                    "queries are ?P ?H ?L ?U; its parameters stay as they are",
+                    "queries are ?P ?H ?L ?U ?Q; its parameters stay as they are",
                 );
             }
         };
-        self.answers.answers.push(QueryAnswer { module: self.index, value: value.to_array() });
+        self.answers.answers.push(QueryAnswer { module: self.index, value: QueryValue::Vector(value.to_array()) });
     }
 
     /// Gives the current segment the current width at its end.

@@ -118,6 +118,8 @@ pub struct TurtleOptions {
     pub sides: u32,
     /// Whether generalised cylinders turn with the turtle instead of by the least twist.
     pub twist: bool,
+    /// Whether what stands behind a `%` of the final string is drawn, up to the end of its branch.
+    pub past_cut: bool,
     /// Materials of textures by number.
     pub textures: BTreeMap<u32, MaterialId>,
     /// Points of organs, in the units of their meshes, that the turtle moves to once it has placed them; after organs without one it stays.
@@ -161,6 +163,7 @@ impl Default for TurtleOptions {
             contours: BTreeMap::new(),
             sides: 8,
             twist: false,
+            past_cut: true,
             textures: BTreeMap::new(),
             materials: vec!["bark".into()],
             axis_material: 0,

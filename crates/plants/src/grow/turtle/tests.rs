@@ -375,3 +375,26 @@ fn a_string_that_draws_nothing_names_its_symbols() {
         ("L037", "the derived string draws nothing; it consists of C (3 times), B (once)")
     );
 }
+
+#[test]
+fn a_query_for_the_rotation_gets_a_quaternion() {
+    // Half angles: a turn by 90 degrees about +Z is (0, 0, sin 45, cos 45), a pitch about L = -X has its axis along -X.
+    let (_, d) = asked(0, "?Q(9,9,9,9)[+(90)?Q(9,9,9,9)]&(90)?Q(9,9,9,9)", "", 1.0);
+    let found: Vec<f32> = d.modules.iter().flat_map(|m| m.params.to_vec()).collect();
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let wanted = [0.0, 0.0, 0.0, 1.0, 90.0, 0.0, 0.0, half, half, 90.0, -half, 0.0, 0.0, half];
+    assert_eq!(found.len(), wanted.len(), "{found:?}");
+    assert!(found.iter().zip(wanted).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-6), "{found:?}");
+}
+
+#[test]
+fn nothing_is_drawn_behind_a_cut_if_the_view_says_so() {
+    let text = "Lsystem: 1\nderivation length: 0\nAxiom: F(1)[+F(2)%F(3)[F(4)]F(5)]F(1)%F(9)\nendlsystem";
+    let length = |past_cut: bool| {
+        let options = TurtleOptions { past_cut, angle: Some(radians(90.0)), ..Default::default() };
+        let plant = try_draw(text, &options).unwrap_or_else(|e| panic!("{e}")).0;
+        plant.axes.iter().map(|a| a.length).sum::<f32>()
+    };
+    // 1 + 2 + 1 are left of 1 + 2 + 3 + 4 + 5 + 1 + 9.
+    assert!((length(true) - 25.0).abs() < 1e-4 && (length(false) - 4.0).abs() < 1e-4);
+}

@@ -1,0 +1,82 @@
+//! A step in the order of the program cpfg: module by module, each rewritten and decomposed before the next one, so that
+//! random numbers that are drawn one after the other go to the same places.
+
+use super::Derivation;
+use super::expand::Expander;
+use super::matching::{self, ContextView};
+use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
+use super::step::check_size;
+use crate::modules::ModuleString;
+use crate::vm::{DrawPurpose, Halt};
+use osier_base::convert;
+
+impl Derivation<'_> {
+    /// Rewrites the string in the order of cpfg; true if any production was applied.
+    pub(super) fn rewrite_in_order(&mut self, step: u32) -> Result<bool, Halt> {
+        let decomposition = &self.plans.decomposition;
+        let looks_around = self.plans.rules.needs_partners() || decomposition.needs_partners();
+        let partner = if looks_around { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
+        let view = ContextView {
+            modules: &self.string,
+            partner: &partner,
+            ignored: &self.ignored,
+            is_ring: self.program.is_ring,
+            borders: self.program.borders(),
+        };
+        let limit = convert::limit(self.limits.get("modules"));
+        let decomposing = RewriteSettings {
+            plan: decomposition.main(),
+            purposes: DrawPurposes::all(DrawPurpose::Decomposition),
+            step: Some(step),
+            birth: step,
+            tag: 0,
+            brackets: self.brackets,
+        };
+        let mut rewriter = Rewriter::new(self.rewrite_settings(self.plans.rules.main(), step), self.vm.clone());
+        let mut expander = Expander::new(decomposing, decomposition, self.vm.clone(), limit);
+        let systems = self.program.systems_of(&self.string);
+        let (out, mut successor) = (&mut self.next_string, ModuleString::default());
+        out.clear();
+        let (mut changed, mut i) = (false, 0);
+        while i < view.modules.len() {
+            if let Some(system) = systems.get(i) {
+                rewriter.change_plan(self.plans.rules.of(*system));
+                expander.change_plan(decomposition.of(*system));
+            }
+            let module = view.modules.get(i);
+            // Every module takes a number, whether a production may apply to it or not.
+            let selected = if rewriter.settings.plan.stochastic {
+                rewriter.select_by_number(module, &view, i)?
+            } else {
+                rewriter.select(module, &view, i)?
+            };
+            successor.clear();
+            let mut taken = 1;
+            match selected {
+                Some(p) => {
+                    rewriter.append_successor(p, module.lineage(), &mut successor)?;
+                    taken = rewriter.planned(p).source.predecessor.len();
+                    changed = true;
+                }
+                None => successor.push(module),
+            }
+            if decomposition.is_empty() {
+                out.extend(&successor, 0..successor.len());
+            } else {
+                // Both parts run on one machine, whose random numbers and variables go on.
+                std::mem::swap(&mut rewriter.vm, expander.vm());
+                expander.expand_successor(&successor, &view, i..i + taken, &mut |m| {
+                    out.push(m);
+                    out.len() <= limit
+                })?;
+                std::mem::swap(&mut rewriter.vm, expander.vm());
+            }
+            check_size(out, 0, 0, limit)?;
+            i += taken;
+        }
+        changed |= expander.has_applied();
+        self.vm = rewriter.vm;
+        std::mem::swap(&mut self.string, &mut self.next_string);
+        Ok(changed)
+    }
+}

@@ -1,0 +1,253 @@
+//! What models of cpfg need: its random numbers, brackets in predecessors, output.
+
+use super::*;
+
+/// Final string with the random numbers of cpfg.
+fn as_cpfg(text: &str) -> String {
+    let (g, _) = read(text);
+    let options = DeriveOptions { draw_as_cpfg: true, seed: 77, ..Default::default() };
+    let d = derive(&g, &options, &Limits::default()).expect("derives");
+    assert_eq!(derive_text(&g, &options, &Limits::default()).expect("derives").module_count(), d.module_count());
+    g.print(&d.modules)
+}
+
+fn one_step(items: &str, axiom: &str, rules: &str) -> String {
+    as_cpfg(&format!("Lsystem: 1\n{items}derivation length: 1\nAxiom: {axiom}\n{rules}\nendlsystem\n"))
+}
+
+#[test]
+fn choices_are_those_of_cpfg() {
+    // What cpfg 6.6 makes of thirty modules with the weights 1 and 3.
+    let rules = "A --> B : 1\nA --> C : 3";
+    let seed = "Seed: 5\n";
+    assert_eq!(one_step(seed, &"A".repeat(30), rules), "BBBBCBBCCCBCCCCBCBCCCCCCCBCCBC");
+    // Every module takes a number: the fifth chooses C, but for the bracket in its place; the sixth chooses B.
+    assert_eq!(one_step(seed, "AAAAA", rules), "BBBBC");
+    assert_eq!(one_step(seed, "AAAA[A]", rules), "BBBB[B]");
+    // A predecessor of two modules takes one number.
+    assert_eq!(one_step(seed, "XYAAAA", &format!("XY --> Z\n{rules}")), "ZBBBC");
+    // Steps go on in the same numbers: the first takes five, the sixth to tenth are B B C C C.
+    let text = format!("Lsystem: 1\nSeed: 1\nderivation length: 2\nAxiom: NNNNN\nN --> A\n{rules}\nendlsystem\n");
+    assert_eq!(as_cpfg(&text), "BBCCC");
+}
+
+#[test]
+fn functions_draw_as_in_cpfg() {
+    // drand48 after srand48(0): 0.170828, 0.749902, 0.0963717, 0.870465, 0.577304.
+    assert_eq!(one_step("", "AA", "A --> V(ran(1),ran(2))"), "V(0.170828,1.4998)V(0.0963717,1.74093)");
+    assert_eq!(
+        one_step("Start: { srand(0); }\n", "A", "A : {x = ran(1); srand(0);} 1 --> V(x,ran(1))"),
+        "V(0.170828,0.170828)"
+    );
+    // Each module is decomposed before the next one is rewritten.
+    let decomposition = "A --> X(ran(1))Y\ndecomposition\nY --> Z(ran(1))";
+    assert_eq!(one_step("", "AA", decomposition), "X(0.170828)Z(0.749902)X(0.0963717)Z(0.870465)");
+    // Both sides of && and || are computed.
+    assert_eq!(one_step("", "A", "A : 0 && ran(1) --> B\nA : 1 || ran(1) --> V(ran(1))"), "V(0.0963717)");
+    // A decomposition takes the first production, also where the rules compete.
+    let first = "A --> X X\ndecomposition\nX --> P : 1\nX --> Q : 1000";
+    assert_eq!(one_step("Seed: 1\n", "A", first), "PP");
+    // Without cpfg's order the seed of the run matters.
+    let text = "Lsystem: 1\nderivation length: 1\nAxiom: A\nA --> V(ran(1))\nendlsystem\n";
+    assert_ne!(string(text), as_cpfg(text));
+}
+
+#[test]
+fn a_decomposition_in_order_sees_the_string_before_the_step() {
+    // Modules of one successor are taken together; a module that no rule rewrites is decomposed as well.
+    let rules = "A --> P Q R\ndecomposition\nP Q --> X\nR --> Y\nB --> C";
+    assert_eq!(one_step("", "AB", rules), "XYC");
+    assert_eq!(
+        one_step("", "[A]B", "A --> A(2)\ndecomposition\nmaximum depth: 9\nA(n) : n > 0 --> F A(n-1)"),
+        "[FFA(0)]B"
+    );
+}
+
+#[test]
+fn brackets_of_a_predecessor_are_taken_literally() {
+    // A dot, its branch and what is drawn before it vanish together.
+    assert_eq!(steps(1, "[f(1)-P(0)][f(2)-P(1)]", "[f(y)-P(s)] : s == 1 --> *"), "[f(1)-P(0)]");
+    assert_eq!(steps(1, "[f(1)-P(2)]Q", "[f(y)-P(s)] --> [f(y+s)P(y)]"), "[f(3)P(1)]Q");
+    // As many branches as are written, and no others.
+    assert_eq!(steps(1, "A[B][C]A[B]", "A[B][C] --> X"), "XA[B]");
+    assert_eq!(steps(1, "A[B[C]]", "A[B[C]] --> X\n"), "X");
+    // Contexts lie outside of the brackets.
+    assert_eq!(steps(1, "S[A]T[A]", "S < [A] > T --> X"), "SXT[A]");
+    // In a decomposition, from the string and from a successor.
+    assert_eq!(steps(1, "A", "A --> [B]\ndecomposition\n[B] --> C"), "C");
+    for (rule, wanted) in [("[] --> A", "brackets alone"), ("[B=] --> A", "'=]' belongs to a context")] {
+        let text = format!("Lsystem: 1\nderivation length: 1\nAxiom: A\n{rule}\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("L010") && said.contains(wanted), "{rule}: {said}");
+    }
+}
+
+#[test]
+fn only_the_production_applied_runs_its_last_block() {
+    let text = "Lsystem: 1\nStart: { n = 0; }\nSeed: 1\nderivation length: 1\nAxiom: AAAA\nA : * {n = n+1;} --> B\n\
+                A : * {n = n+10;} --> C\nendlsystem\n";
+    let (g, _) = read(text);
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    let made = g.print(&d.modules);
+    let count = |c: char| made.chars().filter(|x| *x == c).count() as f64;
+    assert!((d.globals[0] - (count('B') + 10.0 * count('C'))).abs() < 1e-12, "{made}: {:?}", d.globals);
+}
+
+#[test]
+fn printf_writes_to_the_output() {
+    let text = "Lsystem: 1\nStart: { n = 0; }\nEndEach: { n = n+1; printf(\"Step %3.0f: %g\\n\", n, n/4); }\n\
+                End: { printf(\"done\\n\"); }\nderivation length: 2\nAxiom: AA\nA(x) : {printf(\"never\");} x --> B\n\
+                A : {printf(\"%d,\", n);} 1 --> A\nendlsystem\n";
+    let (g, warnings) = read(text);
+    assert!(warnings.is_empty() || warnings.iter().all(|w| w.code != "L008"), "{warnings:?}");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(d.output, "0,0,Step   1: 0.25\n1,1,Step   2: 0.5\ndone\n");
+    // Too few and too many values are told; an endless output is cut.
+    let (_, warnings) =
+        read("Lsystem: 1\nEnd: { printf(\"%d %d\", 1); }\nderivation length: 1\nAxiom: A\nendlsystem\n");
+    assert!(warnings.iter().any(|w| w.code == "L008" && w.message.contains("takes 2 values, got 1")));
+    let flood = "Lsystem: 1\nEnd: { i = 0; while (i < 90000) { printf(\"0123456789abcdef\\n\"); i = i+1; } }\n\
+                 derivation length: 1\nAxiom: A\nendlsystem\n";
+    let d = derive(&read(flood).0, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert!(d.output.len() <= 1 << 20 && d.output.len() > 1_000_000 && d.warnings.iter().any(|w| w.code == "L008"));
+}
+
+#[test]
+fn functions_on_files_are_refused_by_name() {
+    for call in
+        ["fp = fopen(\"plant.p\", \"r\");", "fscanf(fp, \"%lf\", &a[0]);", "fprintf(fp, \"x\\n\");", "fclose(fp);"]
+    {
+        let text = format!("Lsystem: 1\nStart: {{ {call} }}\nderivation length: 1\nAxiom: A\nendlsystem\n");
+        let said = try_read(&text).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("error[L043]") && said.contains("neither read nor write files"), "{call}: {said}");
+    }
+}
+
+/// Final string of a model of L-Py.
+fn lpy(text: &str) -> String {
+    string(&format!("{text}\nendlsystem\n"))
+}
+
+#[test]
+fn models_of_lpy_may_count_in_variables_of_their_own() {
+    // n is 1 at the start; each step adds 1 before it and 10 behind it: the steps see 2 and 13.
+    let model = "n = 0\nsteps = 2\n\ndef Start():\n    global n\n    print(\"begin\")\n    n = 1\n\ndef StartEach():\n    global n\n    n += 1\n\n\
+                 def EndEach():\n    global n\n    if n > 100:\n        n = 0\n    else:\n        n = n + 10\n\n\
+                 Axiom: A\nderivation length: steps\nproduction:\nA --> B(n)A\n";
+    assert_eq!(lpy(model), "B(2)B(13)A");
+    // A rule changes the variable only where its conditions hold, and once; the modules are rewritten from left to right.
+    let rule = "c = 5\nAxiom: A(1)A(0)A(1)\nderivation length: 1\nproduction:\nA(x):\n  global c\n  c = c + 1\n  if x > 0:\n    \
+                produce B(c)\n  else:\n    produce C(c)\n";
+    assert_eq!(lpy(rule), "B(6)C(7)B(8)");
+    // One that makes nothing counts all the same, and the next rule is tried.
+    let idle = "k = 0\nAxiom: A A A\nderivation length: 1\nproduction:\nA:\n  global k\n  k = k + 1\nA --> B(k)\n";
+    assert_eq!(lpy(idle), "B(1)B(2)B(3)");
+    // A shared name keeps the value that items need, and functions of time are told where a rule needs them.
+    let timed = "import time as t\nn = 2\nstamp = 0\ndef Start():\n  global stamp, n\n  stamp = t.time()\n  n = 2\n\
+                 Axiom: A\nderivation length: n\nproduction:\nA --> A B\n";
+    assert_eq!(lpy(timed), "ABB");
+    let said = try_read(&timed.replace("A B", "A B(stamp)")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("L007") && said.contains("line 6"), "{said}");
+}
+
+#[test]
+fn models_of_lpy_write_a_star_for_no_context_and_lambdas_for_functions() {
+    let model = "grow = lambda x : 2*x\nhalf = lambda x, y : (x+y)/2.\nAxiom: A(1)B\nderivation length: 1\nproduction:\n\
+                 * < A(x) > B --> A(grow(x))\nA(x) < B > * --> B(half(x,4))\n";
+    assert_eq!(lpy(model), "A(2)B(2.5)");
+}
+
+#[test]
+fn models_of_lpy_may_hold_lists() {
+    let model =
+        |head: &str, rules: &str| lpy(&format!("{head}\nAxiom: A(2)\nderivation length: 1\nproduction:\n{rules}\n"));
+    // By a constant, from the end, by a parameter, and of lists within lists.
+    assert_eq!(model("c = [5, 6,\n     7]", "A(x) --> B(c[0],c[-1],c[x],c[x-3])"), "B(5,7,7,7)");
+    assert_eq!(model("t = ((1, 2), (3, 4))", "A(x) --> B(t[1][0],t[0][-1])"), "B(3,2)");
+    assert_eq!(model("STEM, LEAF = range(2)\na, b = (8, 9)", "A(x) --> B(STEM,LEAF,a,b)"), "B(0,1,8,9)");
+    // Lengths, sums, least and greatest values; 0 1 4 9 are the squares of 0 to 3.
+    let head = "q = [k*k for k in range(4)]\nw = [q[i]+i for i in range(len(q))]";
+    assert_eq!(model(head, "A(x) --> B(len(q),sum(q),max(q),min(w),w[3])"), "B(4,14,9,0,12)");
+    // x + 0, x + 1, x + 2 with x = 2.
+    assert_eq!(model("", "A(x) --> B(sum([x+i for i in range(3)]),sum(x*i for i in range(3)))"), "B(9,6)");
+    // Loops over lists.
+    let loops = "A(x):\n  for v in q:\n    nproduce B(v)\n  for v in [7, 4]:\n    nproduce C(v)\n";
+    assert_eq!(model("q = [3, 1]", loops), "B(3)B(1)C(7)C(4)");
+    let said = |rule: &str| {
+        let text = format!(
+            "r = [random() for k in range(3)]\nq = [1]\nAxiom: A(2)\nproduction:\nA(x) --> {rule}\nendlsystem\n"
+        );
+        try_read(&text).err().map_or_else(String::new, |e| e.to_string())
+    };
+    assert!(said("B(q)").contains("a list or an index"), "{}", said("B(q)"));
+    assert!(said("B(q[1])").contains("an index outside of its list"), "{}", said("B(q[1])"));
+    assert!(said("B(r[0])").contains("L007"), "{}", said("B(r[0])"));
+    assert!(said("B(sum(range(x)))").contains("a range that is not constant"), "{}", said("B(sum(range(x)))"));
+}
+
+#[test]
+fn functions_of_lpy_may_have_several_statements() {
+    let head = "def size(age, top):\n  d = age + 1\n  if d > top:\n    return top\n  elif d > 2:\n    d = d * 10\n  return d\n\
+                def total(n):\n  s = 0\n  for i in range(4):\n    s += i * n\n  return s\n";
+    let model =
+        |rule: &str| format!("{head}assert size(1, 1) == 1\nAxiom: A(1)A(2)A(8)\nproduction:\nA(x) --> {rule}\n");
+    assert_eq!(lpy(&model("B(size(x,6))")), "B(2)B(30)B(6)");
+    assert_eq!(lpy(&model("B(total(x))")), "B(6)B(12)B(48)");
+    // One without a value, and one that would become too large, are named where they are called.
+    let none = "def f(x):\n  if x > 1:\n    return 2\nAxiom: A(1)\nproduction:\nA(x) --> B(f(x))\nendlsystem\n";
+    let said = try_read(none).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("the function 'f'"), "{said}");
+    let nested = format!(
+        "def g(x): return x+x\nAxiom: A(1)\nproduction:\nA(x) --> B({}x{})\nendlsystem\n",
+        "g(".repeat(60),
+        ")".repeat(60)
+    );
+    let said = try_read(&nested).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("grows too large"), "{said}");
+}
+
+#[test]
+fn heads_of_lpy_may_hold_constants_and_conditions() {
+    let model = "Axiom: A(20,1)A(3,1)A(3,9)\nproduction:\nA(20,k) --> B(k)\nA(x if x < 5, k if k > 4) --> C(x,k)\nA(x,k) --> D(k)\n";
+    assert_eq!(lpy(model), "B(1)D(1)C(3,9)");
+    let around = "Axiom: K(1)A(5)K(2)A(5)\nproduction:\nK(2) < A(x) --> B(x)\n";
+    assert_eq!(lpy(around), "K(1)A(5)K(2)B(5)");
+}
+
+#[test]
+fn loops_of_lpy_may_have_an_end_that_is_drawn() {
+    let model = |rule: &str| {
+        lpy(&format!("few = lambda o: randint(2, 4)\nAxiom: {}\nproduction:\n{rule}\n", "A(3)".repeat(40)))
+    };
+    // Two, three or four turns, each of which occurs among forty modules; i is 0, 1, ..; what follows knows the count.
+    let text = model("A(x):\n  n = few(x)\n  for i in range(n):\n    nproduce B(i)\n  produce C(n)\n");
+    let mut rest = text.as_str();
+    let mut seen = [0; 5];
+    while !rest.is_empty() {
+        let end = rest.find(')').map(|i| rest[i..].find('C').map_or(rest.len(), |c| i + c)).expect("a module");
+        let close = end + rest[end..].find(')').expect("C has a number") + 1;
+        let n: usize = rest[end + 2..close - 1].parse().expect("a number");
+        let want: String = (0..n).map(|i| format!("B({i})")).chain([format!("C({n})")]).collect();
+        assert_eq!(rest[..close], want, "{text}");
+        seen[n] += 1;
+        rest = &rest[close..];
+    }
+    assert!(seen[0] + seen[1] == 0 && seen[2..].iter().all(|n| *n > 0), "{seen:?}");
+    assert_eq!(model("A(x):\n  for i in range(min(int(x), 5)):\n    nproduce B\n"), "BBB".repeat(40));
+    // Nothing is known of x: the file is told how many turns are read.
+    let unknown =
+        "Axiom: A(2)A(70)A(0)\nproduction:\nA(x):\n  for i in range(x):\n    nproduce B\n  produce C\nendlsystem\n";
+    let (g, warnings) = read(unknown);
+    assert!(warnings.iter().any(|w| w.code == "L008" && w.message.contains("64 turns")), "{warnings:?}");
+    let d = derive(&g, &DeriveOptions::default(), &Limits::default()).expect("derives");
+    assert_eq!(g.print(&d.modules), format!("BBC{}CC", "B".repeat(64)));
+    let said = try_read(&unknown.replace("range(x)", "range(y)")).err().map_or_else(String::new, |e| e.to_string());
+    assert!(said.contains("'for' over a range that is not constant"), "{said}");
+}
+
+#[test]
+fn models_of_lpy_may_ask_for_the_number_of_the_step() {
+    // Steps are counted from 0.
+    let model = "Axiom: A\nderivation length: 3\nproduction:\nA --> B(getIterationNb())A\n";
+    assert_eq!(lpy(model), "B(0)B(1)B(2)A");
+}
