@@ -24,6 +24,7 @@ cargo test --release --test it control -- --ignored
 cargo test --release --test it rain_wind -- --ignored
 cargo test --release --test it flights -- --ignored
 cargo test --release --test it storm -- --ignored
+cargo test --release -p osier-motion --lib fluttering -- --ignored
 
 say "the same bytes from debug, release and without the newer instruction sets"
 cargo build --quiet

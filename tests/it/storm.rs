@@ -194,6 +194,29 @@ fn a_storm_does_not_depend_on_its_steps() {
     }
 }
 
+/// Below a roof no drop strikes a plant that sways, and no leaf gets wet, at any frame rate; beside it they do.
+#[test]
+fn a_roof_shelters_a_swaying_plant_at_any_frame_rate() {
+    let dir = tempfile::tempdir().expect("dir");
+    for fps in ["12", "48"] {
+        for (x, sheltered) in [("0", true), ("12", false)] {
+            let file = RAIN.write(dir.path());
+            let text = fs::read_to_string(&file).expect("scene");
+            // The roof is wide enough for rain that slants in gusts of twice the mean.
+            let roof = format!("[[solid]]\nname = \"roof\"\nat = [{x}, 2.2, 0]\nsize = [10, 0.1, 10]\n");
+            fs::write(&file, format!("{text}\n{roof}")).expect("scene");
+            let out = dir.path().join(format!("{fps}_{x}"));
+            let fps = format!("frames.fps={fps}");
+            ends(0, &["-q", "bake", arg(&file), "-o", arg(&out), "--formats", "tracks", "--set", &fps]);
+            let [struck, wood] = ["struck", "wood"].map(|word| word_number(&out, "events", word));
+            let events = records(&out, "events.bin", &["what"]);
+            let hits = events.iter().filter(|(_, e)| [struck, wood].iter().any(|w| (e[0] - w).abs() < 0.5)).count();
+            let water: f64 = records(&out, "leaves.bin", &["volume"]).iter().map(|(_, leaf)| leaf[0]).sum();
+            assert_eq!((hits == 0, water <= 0.0), (sheltered, sheltered), "{fps}, roof at {x}: {hits} hits, {water}");
+        }
+    }
+}
+
 /// All formats, at one and two threads, with maps, mesh drops and a skin.
 #[test]
 fn a_storm_gives_the_same_bytes_at_any_number_of_threads() {

@@ -380,9 +380,7 @@ fn boughs_of_one_size_sway_alike_in_amount_and_unlike_in_phase() {
             if class["length"][0].as_f64().is_none_or(|m| m < BOUGH) {
                 continue;
             }
-            // The oak's boughs are drawn with a wide range of thickness: on the outer limbs a quarter of that on the inner ones.
-            let most = if tree["boughs"].as_u64().is_some_and(|n| n > 1000) { 4.0 } else { 3.0 };
-            assert!(class["ratio"].as_f64().is_some_and(|r| r <= most), "{name}: {class}");
+            assert!(class["ratio"].as_f64().is_some_and(|r| r <= 3.0), "{name}: {class}");
             assert!(class["amplitude"]["p100"].as_f64().is_some_and(|m| m < 0.2), "{name}: {class}");
         }
     }

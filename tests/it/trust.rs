@@ -360,12 +360,15 @@ fn the_memory_that_is_told_is_the_memory_that_is_taken() {
         return;
     }
     let dir = folder();
+    let flight = "[frames]\nend = 6\nfps = 12\n[catkin]\nhairs = 2\nlod = 3\n[flight]\ncount = 200000\nduration = 5\n[wind]\nspeed = 3\n";
+    fs::write(dir.path().join("catkin.toml"), flight).expect("scene");
     for args in [
         &["bake", "oak", "-o", "oak"][..],
         &["bake", "landscape", "-o", "landscape"],
         &["bake", "birch-wood", "--set", "frames.end=12", "-o", "wood"],
         &["bake", "wet-leaf", "--set", "frames.end=24", "-o", "wet"],
         &["bake", "storm-oak", "--set", "frames.end=24", "--formats", "usd", "-o", "storm"],
+        &["bake", "catkin.toml", "--formats", "csv", "-o", "catkins"],
         &["bake", "hill.ifs", "-o", "hill"],
         &["grow", "oak", "-o", "oak.ply"],
         &["grow", "oak", "-o", "oak.obj"],

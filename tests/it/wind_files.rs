@@ -84,6 +84,33 @@ fn exr(path: &Path) -> (usize, usize, Vec<[f32; 3]>) {
     (size.width(), size.height(), texels)
 }
 
+/// A valley below the base of the lattice has no wind: a bake says so, with the base that has, and is silent once that is set.
+#[test]
+fn a_valley_below_a_lattice_is_told() {
+    let folder = tempfile::tempdir().expect("folder");
+    let valley = "[terrain]\nsize = 40\namplitude = 0\ncorners = [-6, 0, -6, 0]\n";
+    let text =
+        LATTICE.replace("[wind]\n", &format!("{valley}[wind]\n")).replace("at = [0.25, 0, 0]", "at = [0.25, -3, 0]");
+    let told = |name: &str, text: &str| {
+        let scene = folder.path().join(format!("{name}.toml"));
+        std::fs::write(&scene, text).expect("scene");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_osier"));
+        let out = folder.path().join(name);
+        let run = command.arg("bake").arg(&scene).arg("-o").arg(&out).args(["--formats", "csv"]).output();
+        let run = run.expect("osier runs");
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        String::from_utf8_lossy(&run.stderr).into_owned() + &String::from_utf8_lossy(&run.stdout)
+    };
+    let said = told("deep", &text);
+    assert!(said.contains("S034") && said.contains("there is no wind below"), "{said}");
+    let base = said.split("wind.lattice.at to ").nth(1).and_then(|rest| rest.split(',').next()).expect("a base");
+    assert!((-6.5..-2.0).contains(&base.parse::<f64>().expect("a number")), "{said}");
+    let lowered =
+        text.replace("at = [1, 0, 0]", &format!("at = [1, {base}, 0]")).replace("[24, 12, 16]", "[24, 24, 16]");
+    let said = told("lowered", &lowered);
+    assert!(!said.contains("S034"), "{said}");
+}
+
 #[test]
 fn planes_and_boxes_show_the_same_air() {
     let dir = tempfile::tempdir().expect("dir");

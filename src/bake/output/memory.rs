@@ -32,6 +32,10 @@ const TEXEL_BYTES: u64 = 150;
 /// index.
 const TERRAIN_TRIANGLE: u64 = 70;
 
+/// Bytes for each catkin in flight beside its instance: its state and that at the start of the clip, the grid of contacts, its row in the
+/// frame that is written and in the next.
+const CATKIN: u64 = 1010;
+
 /// Bytes of the record of rain at each frame: for a leaf its pose, its water and its place on the plant; for a drop in the air.
 const RECORDED_LEAF: u64 = 350;
 const RECORDED_DROP: u64 = 96;
@@ -72,6 +76,7 @@ pub fn predict_memory(
         ("writers", writers),
         ("maps of rain", TEXEL_BYTES * texels),
         ("record of rain", recorded),
+        ("flights", CATKIN.saturating_mul(recipe.flight.as_ref().map_or(0, |flight| u64::from(flight.keys.count)))),
         ("volumes", volumes),
         ("terrain", TERRAIN_TRIANGLE.saturating_mul(terrain_triangles(recipe))),
     ];

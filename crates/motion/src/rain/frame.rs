@@ -7,7 +7,7 @@ use crate::rain::drops::spherical_cap::CapDeformation;
 use crate::rain::drops::surface_drop::DropCap;
 use crate::rain::event::RainEvent;
 use crate::rain::maps::CapOnLeaf;
-use crate::rain::simulation::{LeafWetSpot, RainSimulation, WaterBudget};
+use crate::rain::simulation::{ImpactMomentum, LeafWetSpot, RainSimulation, WaterBudget};
 use crate::rain::target::LeafPose;
 use crate::rain::tuning::NECKING_TIME;
 
@@ -96,6 +96,8 @@ pub struct RainFrame {
     pub counters: DropCounters,
     /// Volumes of water by where they are.
     pub water_budget: WaterBudget,
+    /// Momentum of the impacts since the simulation began.
+    pub impact_momentum: ImpactMomentum,
 }
 
 impl RainFrame {
@@ -154,6 +156,7 @@ impl RainFrame {
             events: simulation.take_events(),
             counters: simulation.counters(),
             water_budget: simulation.water_budget(),
+            impact_momentum: simulation.impact_momentum(),
         }
     }
 

@@ -90,6 +90,6 @@ pub use leaf::veins::VeinMap;
 pub use maps::{CapOnLeaf, LeafMaps, LeafWaterMaps, TexelCounters, UvRaster};
 pub use mesh::{DropDetail, DropMesh};
 pub use params::{DropParams, DropWeightTorque, FrictionModel, ImpactImpulseLaw, MergeRule, capillary_length};
-pub use simulation::{LeafOnPlant, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
+pub use simulation::{ImpactMomentum, LeafOnPlant, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
 pub use solids::RainSolids;
 pub use target::{LeafPose, RainPlant, StillRainPlant, WoodSegment};

@@ -12,7 +12,7 @@ use super::event::{DropEventKind, RainEvent};
 use super::fall::{sample_wind, sphere_diameter, sphere_volume, step_velocity};
 use super::ground::{GroundHeight, ground_crossing};
 use super::impact::{Impact, weber_number, wood_impulse};
-use super::params::DropParams;
+use super::params::{DropParams, ImpactImpulseLaw};
 use super::shelter::Shelter;
 use super::solids::RainSolids;
 use super::target::{LeafPose, RainPlant, WoodSegment};
@@ -112,6 +112,23 @@ impl WaterBudget {
     }
 }
 
+/// Momentum of the drops that have struck leaves, kg m/s, added up as lengths over all impacts.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ImpactMomentum {
+    /// Of the drops before their impacts.
+    pub brought: f64,
+    /// What it differs by from the impulse on the leaf and the momentum afterwards of the drop, on the leaf or in the air, and of its
+    /// splash.
+    pub missing: f64,
+}
+
+impl ImpactMomentum {
+    /// Relative error of conservation: missing / brought.
+    pub fn error(&self) -> f64 {
+        self.missing / self.brought.max(f64::MIN_POSITIVE)
+    }
+}
+
 /// A wet spot of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafWetSpot {
@@ -171,6 +188,7 @@ pub struct RainSimulation {
     water_on_solids: f64,
     wet_spots: Vec<LeafWetSpot>,
     counters: DropCounters,
+    impact_momentum: ImpactMomentum,
     events: Vec<RainEvent>,
 }
 
@@ -246,6 +264,7 @@ impl RainSimulation {
             water_on_wood: 0.0,
             water_on_solids: 0.0,
             counters: DropCounters::default(),
+            impact_momentum: ImpactMomentum::default(),
             events: Vec::new(),
         };
         // The first step sweeps leaves from these poses.
@@ -384,6 +403,22 @@ impl RainSimulation {
         Ok(())
     }
 
+    /// Momentum of the impacts on leaves so far.
+    pub fn impact_momentum(&self) -> ImpactMomentum {
+        self.impact_momentum
+    }
+
+    /// Checks that impacts conserve momentum, where the law of the impact does: that of the paper gives the leaf an energy instead.
+    /// # Errors
+    /// `Simulation` if the relative error exceeds 1e-9; `frame` is the frame that it names.
+    pub fn check_impact_momentum(&self, frame: u32) -> Result<()> {
+        let conserves = matches!(self.params.impact, ImpactImpulseLaw::Momentum { .. });
+        if conserves && self.impact_momentum.error() > BUDGET_TOLERANCE {
+            return Err(Error::Simulation { frame, quantity: "the momentum of drops and leaves".into() });
+        }
+        Ok(())
+    }
+
     fn emit(&mut self, h: f64) {
         let Some(emitter) = &mut self.emitter else { return };
         let emitted: Vec<EmittedDrop> = emitter.emit_until(self.t + h);
@@ -513,6 +548,7 @@ impl RainSimulation {
         let normal = up * side;
         let diameter = sphere_diameter(drop.volume);
         let mut impact = Impact { mass: WATER_DENSITY * drop.volume, diameter, relative, normal, surface_velocity };
+        let first_droplet = self.falling.len();
         let mut splashed = EjectedWater::default();
         if weber_number(impact.approach_speed(), diameter) > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
             splashed = self.eject_splash_droplets(drop, i, point, &impact);
@@ -539,6 +575,14 @@ impl RainSimulation {
             let v = pose.orientation.inverse() * outcome.relative;
             self.leaves[i].drops.push(LeafDrop::new(drop.id, side, uv, v, volume));
         }
+        // What is in the air and on the leaf now, as it is there, and what the leaf was given.
+        let momentum = |v: DVec3, volume: f64| v * (WATER_DENSITY * volume);
+        let in_air = self.falling[first_droplet..].iter().fold(DVec3::ZERO, |sum, d| sum + momentum(d.v, d.volume));
+        let stays = self.leaves[i].drops.last().filter(|_| !outcome.bounces);
+        let on_leaf = stays.map_or(DVec3::ZERO, |d| momentum(surface_velocity + pose.orientation * d.v, d.volume));
+        let before = momentum(drop.v, drop.volume);
+        self.impact_momentum.brought += before.length();
+        self.impact_momentum.missing += (before - in_air - on_leaf - impulse).length();
     }
 
     /// Ejects the splashed part of a drop as droplets in a crown around the normal.

@@ -14,6 +14,13 @@ pub(crate) const MODE_SPLIT: f64 = 0.03;
 pub(crate) const SELF_WEIGHT_SLOPE: f64 = 0.02;
 pub(crate) const SELF_WEIGHT_STIFFENING: f64 = 2.0 / 3.0;
 
+/// Slope of the tip of a branch under a dynamic pressure of 1 Pa, rad/Pa, up to which the drawn wood is taken as it is: 0.28 rad in a
+/// fresh breeze of 10 m/s (61 Pa), about the median of boughs and twigs of the species that grow year by year; and power of the slope
+/// in units of it by which wood that gives way further is stiffer. Higher slope or lower power: single thin boughs swing far beside
+/// quiet ones of their length; lower slope: nothing bends in a breeze; power 1: all thin wood bends alike.
+pub(crate) const WIND_SLOPE: f64 = 4.5e-3;
+pub(crate) const WIND_STIFFENING: f64 = 0.9;
+
 /// Share of the wind that the centre of a crown is sheltered from. Higher: inner branches stand still; 0: crowns move
 /// like bare branches.
 pub(crate) const CROWN_SHELTER: f64 = 0.6;

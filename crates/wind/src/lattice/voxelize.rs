@@ -120,8 +120,9 @@ pub(super) fn fill_and_check_solids(domain: &mut Domain, solids: &[Solid], cells
     let blocked = blocked_row_share(domain, along);
     let solid = domain.solid.iter().filter(|s| **s).count();
     let bounded = obstacles.iter().map(|s| (s.name.clone(), cells.height_of(s)));
-    // Heights of whole cells may be rounded.
-    let coarse = bounded.filter(|(_, height)| *height < f64::from(MIN_CELLS_PER_HEIGHT) - 0.01).collect();
+    // Heights of whole cells may be rounded. What ends below the base of the box is not in the air.
+    let coarse =
+        bounded.filter(|(_, height)| *height > 0.0 && *height < f64::from(MIN_CELLS_PER_HEIGHT) - 0.01).collect();
     let open = obstacles.iter().filter_map(|s| s.open_mesh_warning("the lattice wind")).collect();
     VoxelReport { solid, filled, crowded, blocked, coarse, open }
 }

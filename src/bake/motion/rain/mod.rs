@@ -478,6 +478,7 @@ fn record_frames(
     for (number, frame) in (recipe.clip.start..).zip(0..frames) {
         context.cancel.check()?;
         simulation.check_water_budget(number)?;
+        simulation.check_impact_momentum(number)?;
         let rain_frame = RainFrame::capture(simulation);
         recorded_bytes += rain_frame.memory_bytes();
         context.limits.check("motion-keys", recorded_bytes / BYTES_PER_KEY, LIMITED_QUANTITY)?;

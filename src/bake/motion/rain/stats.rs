@@ -35,6 +35,8 @@ pub fn rain_table(params: &DropParams, rate: Option<f64>, area: Option<f64>) -> 
         STATE_COLUMNS.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
     columns.extend(TOTAL_COLUMNS.iter().map(|name| ((*name).to_owned(), "")));
     columns.push(("hardest_blow".to_owned(), "mg m/s"));
+    columns.push(("impact_momentum".to_owned(), "mg m/s"));
+    columns.push(("momentum_error".to_owned(), ""));
     let find = |names: &[&str]| names.iter().filter_map(|n| columns.iter().position(|c| c.0 == *n)).collect::<Vec<_>>();
     let plots = vec![
         ("Drops by what they do", find(&["in_air", "at_rest", "running", "hanging"])),
@@ -70,5 +72,7 @@ pub fn rain_row(frame: &RainFrame) -> Vec<f64> {
         [counters.impacts, counters.mergers, counters.beads, counters.pendants, counters.detachments].map(|n| n as f64),
     );
     row.push(counters.max_impulse * 1e6);
+    row.push(frame.impact_momentum.brought * 1e6);
+    row.push(frame.impact_momentum.error());
     row
 }

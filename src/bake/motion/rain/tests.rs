@@ -91,6 +91,21 @@ fn the_table_tells_where_all_water_is() {
 }
 
 #[test]
+fn drops_leaves_and_splashes_have_the_momentum_of_before() {
+    // On still leaves, on rods and on leaves of the sway model in the wind; drops that stay, splash and bounce.
+    let plants = ["", "[plants.twig.rods]\n", "[wind]\nmodel = \"gust\"\nspeed = 6\n"];
+    let impacts = ["", "[rain.impact]\nsplash = 0.3\n", "[rain.impact]\nrestitution = 0.4\nsplash = 0.1\n"];
+    for more in plants.iter().flat_map(|plant| impacts.map(|impact| format!("{impact}{plant}"))) {
+        let built = built(&more);
+        let [table] = &built.animated.scene.tables[..] else { panic!("one table") };
+        let frame = at(&built, 8);
+        let of = |name: &str| frame.rows[0][table.columns.iter().position(|c| c.0 == name).expect("a column")];
+        assert!(of("impact_momentum") > 1.0 && of("struck") > 5.0, "{more}");
+        assert!(of("momentum_error") < 1e-9, "{more}: {}", of("momentum_error"));
+    }
+}
+
+#[test]
 fn frames_do_not_depend_on_the_order_in_which_they_are_asked_for() {
     let built = built("");
     let first: Vec<_> = (1..=8).map(|n| at(&built, n).maps).collect();
