@@ -8,10 +8,11 @@ import re
 import shutil
 
 import bpy
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 ROLES = [
     ("SOLID", "Solid", "Stops wind, rain and seeds"),
+    ("TERRAIN", "Terrain", "The land on which plants, rain and seeds come down, in place of that of the scene; several objects make one land"),
     ("TREE", "Tree", "Gets a skeleton and sways; parts with leaf, blade, needle or frond in their name or material are leaves"),
 ]
 """What an object can be."""
@@ -34,13 +35,23 @@ def write_scene(folder: str, name: str, text: str, given: list[str], plants: lis
     if any(item.role == "TREE" for item in items) and not any(key.startswith(("place.", "scatter.")) for key in given):
         # With a place for the tree, the plants of the scene need places of their own: they have stood 4 m apart.
         tables += [f'[[place]]\nplant = {json.dumps(plant)}\nat = [{4 * i}, 0, 0]\n' for i, plant in enumerate(plants)]
+    land = [item.object for item in items if item.role == "TERRAIN"]
+    if land:
+        export(land, os.path.join(folder, "terrain_objects.obj"), (0.0, 0.0, 0.0))
+        # The table of the scene describes another land; keys that the user has changed in the panel are still checked.
+        text = re.sub(r"(?ms)^[ \t]*\[terrain\].*?(?=^[ \t]*\[|\Z)", "", text)
+        tables.append('[terrain]\nfile = "terrain_objects.obj"\n')
     for number, item in enumerate(items):
+        if item.role == "TERRAIN":
+            continue
         word = re.sub(r"\W", "_", item.object.name, flags=re.ASCII)
         file = f"object{number}_{word}.obj"
         position = item.object.matrix_world.translation if item.role == "TREE" else (0.0, 0.0, 0.0)
-        export(item.object, os.path.join(folder, file), position)
+        export([item.object], os.path.join(folder, file), position)
         if item.role == "TREE":
-            at = [round(v, 6) for v in (position[0], position[2], -position[1])]
+            # On a terrain the height of a place counts from the surface.
+            height = position[2] - (ground_height(land, position) or 0.0)
+            at = [round(v, 6) for v in (position[0], height, -position[1])]
             plant = f"object{number}_{word}"
             tables.append(f'[plants.{plant}]\nmesh = "{file}"\n\n[[place]]\nplant = "{plant}"\nat = {json.dumps(at)}\n')
         else:
@@ -60,9 +71,40 @@ def fresh_folder(path: str) -> None:
     pathlib.Path(path, MARK).write_text("Made by the extension osier, which removes this folder at the next bake.\n")
 
 
-def export(item: bpy.types.Object, path: str, origin: tuple[float, float, float]) -> None:
-    """Writes an object and all below it as OBJ, +Y up, with `origin` at zero; modifiers are applied."""
-    shown = [item, *(o for o in item.children_recursive if usable(o))]
+def ground_height(land: list[bpy.types.Object], position: tuple[float, float, float]) -> float | None:
+    """The height of the highest surface of some objects above or below a position; `None` beside them."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    heights = []
+    for item in (o for head in land for o in (head, *head.children_recursive) if usable(o)):
+        evaluated = item.evaluated_get(graph)
+        mesh = evaluated.to_mesh()
+        if mesh is None:
+            continue
+        mesh.transform(evaluated.matrix_world)
+        for face in mesh.polygons:
+            corners = [mesh.vertices[i].co for i in face.vertices]
+            for second, third in zip(corners[1:], corners[2:]):
+                height = height_in_triangle((corners[0], second, third), position)
+                if height is not None:
+                    heights.append(height)
+        evaluated.to_mesh_clear()
+    return max(heights, default=None)
+
+
+def height_in_triangle(corners: tuple[Vector, Vector, Vector], position: tuple[float, float, float]) -> float | None:
+    """The height of a triangle at the x and y of a position; `None` if that lies outside of it."""
+    a, b, c = corners
+    area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y)
+    if abs(area) < 1e-12:
+        return None
+    u = ((position[0] - a.x) * (c.y - a.y) - (c.x - a.x) * (position[1] - a.y)) / area
+    v = ((b.x - a.x) * (position[1] - a.y) - (position[0] - a.x) * (b.y - a.y)) / area
+    return a.z + u * (b.z - a.z) + v * (c.z - a.z) if u >= 0 and v >= 0 and u + v <= 1 else None
+
+
+def export(heads: list[bpy.types.Object], path: str, origin: tuple[float, float, float]) -> None:
+    """Writes objects and all below them as OBJ, +Y up, with `origin` at zero; modifiers are applied."""
+    shown = [part for head in heads for part in (head, *(o for o in head.children_recursive if usable(o)))]
     mapping = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1))) @ Matrix.Translation(origin).inverted()
     library = pathlib.Path(path).with_suffix(".mtl")
     lines: list[str] = [f"mtllib {library.name}"]

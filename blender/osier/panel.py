@@ -111,6 +111,7 @@ class OSIER_PT_objects(bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("osier.add_objects", text="Add as Solids").role = "SOLID"
         row.operator("osier.add_objects", text="Add as Trees").role = "TREE"
+        row.operator("osier.add_objects", text="Add as Terrain").role = "TERRAIN"
 
 
 def is_slider(field: schema.Field) -> bool:

@@ -8,6 +8,7 @@ with; FOLDER is empty. Prints `{"failed": [...], ...}` with the checks that do n
 import importlib
 import importlib.util
 import json
+import math
 import os
 import pathlib
 import subprocess
@@ -338,6 +339,39 @@ def objects_become_solids_and_trees() -> None:
     assert len(scene.osier.objects) == 1
 
 
+def objects_become_the_terrain() -> None:
+    # The preset has a terrain of its own, which the object replaces.
+    scene = choose("grass")
+    path = FOLDER / "hills.toml"
+    path.write_text('[plants.grass]\ngrammar = "grass.l"\n[terrain]\nsize = 300\namplitude = 90\n[sun]\nelevation_deg = 40\n')
+    scene.osier.file = str(path)
+    work()
+    while scene.osier.objects:
+        bpy.ops.osier.remove_object(index=0)
+    bpy.ops.mesh.primitive_plane_add(size=24, location=(0, 0, 2))
+    bpy.context.object.name, bpy.context.object.rotation_euler.x = "slope", 0.2
+    bpy.ops.osier.add_objects(role="TERRAIN")
+    bpy.ops.mesh.primitive_cylinder_add(radius=0.1, depth=3, location=(-2, 4, 4))
+    bpy.ops.osier.add_objects(role="TREE")
+    assert [i.role for i in scene.osier.objects] == ["TERRAIN", "TREE"]
+    bake()
+    session = part("session").session
+    assert not session.errors, session.errors
+    made = [o for o in scene.objects if "osier_bake" in o and o.type == "MESH"]
+    corners = {o.name: [o.matrix_world @ v.co for v in o.data.vertices] for o in made}
+    land = [c for name, c in corners.items() if "terrain" in name]
+    highest = 2 + 12 * math.sin(0.2)
+    assert land and abs(max(p.z for c in land for p in c) - highest) < 0.02, (corners.keys(), highest)
+    # The tree stands where the cylinder stands, on the slope or not, but for what its base is lowered.
+    tree = next(c for name, c in corners.items() if "cylinder" in name.lower())
+    assert abs(min(p.z for p in tree) - 2.5) < 0.15 and abs(min(p.x for p in tree) + 2.1) < 0.05, [tuple(p) for p in tree[:4]]
+    # The grass stands on the land.
+    roots = [p for o in scene.objects if "grass" in o.name and "osier_bake" in o for p in [o.matrix_world.translation]]
+    assert any(abs(p.z - 2) < 0.3 for p in roots), [tuple(p) for p in roots]
+    scene.osier.file = ""
+    work()
+
+
 def both_extensions_may_be_installed() -> None:
     other = next(p for p in pathlib.Path(ZIP).parent.glob("osier_import-*.zip") if "legacy" not in p.name)
     bpy.ops.extensions.package_install_files(filepath=str(other), repo="user_default", enable_on_install=True)
@@ -381,6 +415,7 @@ def main() -> None:
         quitting_stops_what_runs,
         errors_are_shown_as_they_are,
         objects_become_solids_and_trees,
+        objects_become_the_terrain,
         both_extensions_may_be_installed,
         disabling_leaves_nothing,
     ):

@@ -43,6 +43,7 @@ use crate::recipe::Recipe;
 use output::exporters;
 use output::frame_loop::write_frames;
 use output::single_file::refuse_without_visible_plants;
+use output::texture_size::limit_texture_sizes;
 use scene::animated::AnimatedScene;
 use scene::assembly::SceneOptions;
 
@@ -63,22 +64,24 @@ pub struct Baked {
 /// `Input` with the faults of grammars, `Limit` before memory is spent, `Export` and `Io` of what cannot be written, `Cancelled`.
 pub fn bake(recipe: &Recipe, frames: &[u32], folder: &Folder, context: &BakeContext<'_>) -> Result<Baked> {
     cache::ifs_leaves::load(recipe, folder.root(), context.limits);
-    let built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
+    let mut built = scene::assembly::assemble_scene(recipe, SceneOptions::default(), context)?;
     refuse_without_visible_plants(&built.animated.scene)?;
-    let (manifest, warnings) = write_files(recipe, &built.animated, frames, folder, context)?;
+    let (manifest, warnings) = write_files(recipe, &mut built.animated, frames, folder, context)?;
     Ok(Baked { manifest, report: built.report, warnings })
 }
 
-/// Writes all files of a scene that was built, frame by frame, the manifest last.
+/// Writes all files of a scene that was built, frame by frame, the manifest last. Its textures are reduced to the sizes of a bake.
 /// # Errors
 /// `Export` and `Io` of what cannot be written, `Cancelled`.
 pub fn write_files(
     recipe: &Recipe,
-    animated: &AnimatedScene,
+    animated: &mut AnimatedScene,
     frames: &[u32],
     folder: &Folder,
     context: &BakeContext<'_>,
 ) -> Result<(Manifest, Vec<Warning>)> {
+    // Previews and single files have the textures at their full size; a bake is made for its camera.
+    limit_texture_sizes(recipe, Arc::make_mut(&mut animated.scene));
     let textures = Arc::new(Textures::encode(&animated.scene)?);
     textures.write(&animated.scene, folder, "textures/")?;
     cache::ifs_leaves::store(recipe, folder)?;

@@ -72,7 +72,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timer, cache: cache.as_ref() };
     let parts = scene::SceneOptions::default();
     let dry = context.common.dry_run;
-    let built = if dry {
+    let mut built = if dry {
         scene::assemble_for_estimate(&recipe, parts, &work)?
     } else {
         scene::assemble_scene(&recipe, parts, &work)?
@@ -108,7 +108,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         Some(cache) => cache.folder().clone(),
         None => open(context, args, &recipe, &root)?,
     };
-    let written = bake::write_files(&recipe, &built.animated, &frames, &folder, &work);
+    let written = bake::write_files(&recipe, &mut built.animated, &frames, &folder, &work);
     display.done();
     let (manifest, export_warnings) = written?;
     for w in &export_warnings {

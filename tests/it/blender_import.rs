@@ -8,6 +8,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 use crate::common::clients;
+use crate::common::picture::Picture;
 use crate::common::program::{arg, ends};
 
 fn sources() -> PathBuf {
@@ -77,6 +78,8 @@ fn the_extension_installs_imports_and_leaves_nothing_behind() {
     let means: Vec<f64> = serde_json::from_value(last_line(&clients::run(&mut wetness).stdout)).expect("means");
     assert!(means[0] > 0.0 && means.windows(2).all(|w| w[1] > 1.02 * w[0]), "{means:?}");
 
+    pictures_are_those_of_the_preview(&python, &manifests[1], dir.path());
+
     // What imports, failures, reloads, files and undo change and keep.
     let kept = dir.path().join("kept");
     fs::create_dir(&kept).expect("folder");
@@ -84,6 +87,31 @@ fn the_extension_installs_imports_and_leaves_nothing_behind() {
     behaviour.arg(sources().join("tests/behaviour.py")).arg(&manifests[1]).arg(&manifests[0]).arg(&kept);
     let report = last_line(&clients::run(&mut behaviour).stdout);
     assert_eq!(report["failed"], json!([]), "{report}");
+}
+
+/// Frames of the wet leaf in Cycles look as the preview shows them: in blocks of ten pixels the mean difference is below 0.03 of white.
+fn pictures_are_those_of_the_preview(python: &Path, manifest: &Path, folder: &Path) {
+    let frames = ["36", "40", "44"];
+    let mut cycles = Command::new(python);
+    cycles.arg(sources().join("tests/pictures.py")).arg(manifest).arg(folder).arg("160x120").args(frames);
+    clients::run(&mut cycles);
+    let blocks = |path: &Path| {
+        let picture = Picture::open(path);
+        assert_eq!((picture.width, picture.height), (160, 120));
+        let block = |x: usize, y: usize, c: usize| {
+            let texels = (0..100).map(|i| picture.at(10 * x + i % 10, 10 * y + i / 10)[c]);
+            texels.sum::<f32>() / 100.0
+        };
+        (0..12 * 16 * 3).map(|i| block(i / 3 % 16, i / 48, i % 3)).collect::<Vec<f32>>()
+    };
+    for frame in frames {
+        let preview = folder.join(format!("preview_{frame}.png"));
+        let view = ["--view", "scene", "--size", "160x120", "--frame", frame];
+        ends(0, &[&["-q", "preview", "wet-leaf", "-o", arg(&preview)], &view[..]].concat());
+        let (here, there) = (blocks(&folder.join(format!("cycles_{frame}.png"))), blocks(&preview));
+        let apart = here.iter().zip(&there).map(|(a, b)| (a - b).abs()).sum::<f32>() / here.len() as f32;
+        assert!(apart < 0.03, "frame {frame}: {apart}");
+    }
 }
 
 /// The extensions read and write only what they say: the rules of the platform's repository.

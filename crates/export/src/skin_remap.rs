@@ -1,4 +1,4 @@
-//! Influences of a skin of which only some joints are written.
+//! Influences of a skin of which only some joints are written, and weights as bytes.
 
 use osier_scene::SkinWeights;
 
@@ -34,4 +34,42 @@ pub(super) fn merge_influences(carrier: &[u16], joints: [u16; 4], weights: [f32;
         w[0] = 1.0;
     }
     (j, w)
+}
+
+/// Weights of four joints as bytes that sum to 255.
+pub(super) fn byte_weights(weights: &[f32; 4]) -> [u8; 4] {
+    integer_weights(weights, 255).map(|w| u8::try_from(w).unwrap_or(u8::MAX))
+}
+
+/// Weights of four joints as whole numbers that sum to `total`, at most 2^15: each rounded down, then the largest remainders rounded up.
+pub(super) fn integer_weights(weights: &[f32; 4], total: u16) -> [u16; 4] {
+    let sum: f32 = weights.iter().sum();
+    let most = f32::from(total);
+    let scaled = weights.map(|w| if sum > 0.0 { w / sum * most } else { 0.0 });
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to the total")]
+    let mut whole = scaled.map(|w| w.clamp(0.0, most) as u16);
+    // The largest remainder method: the numbers that were rounded down most get the missing units; ties go to the lower index.
+    let mut order = [0, 1, 2, 3];
+    order.sort_by(|&a: &usize, &b: &usize| scaled[b].fract().total_cmp(&scaled[a].fract()).then(a.cmp(&b)));
+    let missing = total - whole.iter().sum::<u16>().min(total);
+    for k in order.into_iter().cycle().take(usize::from(missing.min(4))) {
+        whole[k] += 1;
+    }
+    whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_of_bytes_sum_to_255() {
+        for weights in [[1.0, 0.0, 0.0, 0.0], [0.25; 4], [0.333, 0.333, 0.334, 0.0], [0.9, 0.05, 0.03, 0.02]] {
+            let bytes = byte_weights(&weights);
+            assert_eq!(bytes.iter().map(|b| u32::from(*b)).sum::<u32>(), 255, "{weights:?}");
+            let worst = weights.iter().zip(bytes).map(|(w, b)| (w * 255.0 - f32::from(b)).abs()).fold(0.0, f32::max);
+            assert!(worst < 1.0, "{weights:?} {bytes:?}");
+            assert_eq!(integer_weights(&weights, 1023).iter().sum::<u16>(), 1023, "{weights:?}");
+        }
+    }
 }

@@ -330,9 +330,16 @@ fn check_ignored_contexts(session: &mut ParseSession, program: &Program) {
 
 /// L036: a rule for the letter of a two-character command rewrites the command as well.
 fn check_command_letters(session: &mut ParseSession, program: &Program) {
-    let rewritten: BTreeSet<SymbolId> =
-        program.rules.list.iter().flat_map(|p| &p.predecessor).map(|f| f.symbol).collect();
     let symbol = |id| program.symbols.get(id);
+    // A predecessor such as `?P(x,y,z)` names the command itself, and rewrites no other P.
+    let own_letters = |p: &Production| -> Vec<SymbolId> {
+        let is_second = |i: usize| {
+            let pair = i.checked_sub(1).and_then(|k| p.predecessor.get(k)).zip(p.predecessor.get(i));
+            pair.is_some_and(|(a, b)| TWO_CHARACTER_COMMANDS.contains(&(symbol(a.symbol), symbol(b.symbol))))
+        };
+        p.predecessor.iter().enumerate().filter(|(i, _)| !is_second(*i)).map(|(_, f)| f.symbol).collect()
+    };
+    let rewritten: BTreeSet<SymbolId> = program.rules.list.iter().flat_map(own_letters).collect();
     let successors = program.productions().map(|p| &p.successor).chain([&program.axiom]);
     let mut found: Vec<(SourcePlace, char, char)> = Vec::new();
     for s in successors {

@@ -1,5 +1,7 @@
 //! Surfaces and the pictures on them.
 
+use osier_base::units::{byte, linear_from_srgb, srgb_byte};
+
 /// Index into [`crate::Scene::materials`].
 pub type MaterialId = u32;
 
@@ -150,10 +152,98 @@ pub struct Image {
     pub pixels: Pixels,
 }
 
+impl Image {
+    /// The picture at half the width and height, odd sides rounded down: each pixel is the mean of four. Colours are averaged in
+    /// linear light and by their alpha. `unit_vectors`: the channels are those of unit vectors, (n + 1) / 2.
+    #[must_use]
+    pub fn halved(&self, unit_vectors: bool) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let channels = usize::from(self.channels).max(1);
+        // The colour of a byte in linear light; 256 values.
+        let linear: Vec<f32> = (0..=255_u8).map(|b| linear_from_srgb(f32::from(b) / 255.0)).collect();
+        let has_alpha = self.kind == ImageKind::Color && channels == 4;
+        let decode = |texel: usize, c: usize| match &self.pixels {
+            Pixels::U8(v) => {
+                let b = v.get(texel * channels + c).copied().unwrap_or(0);
+                let is_color = self.kind == ImageKind::Color && !(has_alpha && c == 3);
+                if is_color { linear[usize::from(b)] } else { f32::from(b) / 255.0 }
+            }
+            Pixels::U16(v) => f32::from(v.get(texel * channels + c).copied().unwrap_or(0)) / 65_535.0,
+        };
+        let mut bytes = Vec::new();
+        let mut words = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                // A side of one pixel is not halved: its only pixel stands for both.
+                let column = |k: u32| (2 * x + k).min(self.width - 1);
+                let row = |k: u32| (2 * y + k).min(self.height - 1);
+                let four = [(0, 0), (1, 0), (0, 1), (1, 1)]
+                    .map(|(i, j)| (row(j) as usize) * self.width as usize + column(i) as usize);
+                let mut mean = [0.0_f32; 4];
+                // Texels that the alpha cuts out have no say in the colour, unless all four are cut out.
+                let shares = if has_alpha { four.map(|t| decode(t, 3)) } else { [1.0; 4] };
+                let total: f32 = shares.iter().sum();
+                for (c, mean) in mean.iter_mut().enumerate().take(channels) {
+                    let even = total <= 0.0 || (has_alpha && c == 3);
+                    let sum: f32 =
+                        four.iter().zip(shares).map(|(t, s)| decode(*t, c) * if even { 1.0 } else { s }).sum();
+                    *mean = sum / if even { 4.0 } else { total };
+                }
+                if unit_vectors && channels == 3 {
+                    let n = glam::Vec3::new(mean[0], mean[1], mean[2]) * 2.0 - 1.0;
+                    let n = osier_base::math::normalize_or(n, glam::Vec3::Z) * 0.5 + 0.5;
+                    mean[..3].copy_from_slice(&n.to_array());
+                }
+                for (c, m) in mean.iter().enumerate().take(channels) {
+                    match &self.pixels {
+                        Pixels::U8(_) if self.kind == ImageKind::Color && !(has_alpha && c == 3) => {
+                            bytes.push(srgb_byte(*m))
+                        }
+                        Pixels::U8(_) => bytes.push(byte(*m)),
+                        Pixels::U16(_) => words.push(word(*m)),
+                    }
+                }
+            }
+        }
+        let pixels = if matches!(self.pixels, Pixels::U8(_)) { Pixels::U8(bytes) } else { Pixels::U16(words) };
+        Self { name: self.name.clone(), kind: self.kind, width, height, channels: self.channels, pixels }
+    }
+}
+
+/// A value in [0, 1] as 16 bits, rounded to nearest.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+fn word(c: f32) -> u16 {
+    (c.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16
+}
+
 /// Number of the pixel at texture coordinates, which repeat beyond 0 to 1, in a picture of at least one pixel; rows from the top.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the picture")]
 #[inline]
 pub fn pixel_at(uv: glam::Vec2, [width, height]: [u32; 2]) -> usize {
     let inside = |v: f32, n: u32| (((v - v.floor()) * n as f32) as usize).min(n as usize - 1);
     inside(1.0 - uv.y, height) * width as usize + inside(uv.x, width)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_picture_averages_light_alpha_and_directions() {
+        let image = |kind, channels, pixels| Image { name: "a".into(), kind, width: 2, height: 2, channels, pixels };
+        // Black and white in equal parts: half of the light, not half of the code.
+        let grey = image(ImageKind::Color, 3, Pixels::U8([[0; 3], [255; 3], [0; 3], [255; 3]].concat())).halved(false);
+        assert!(matches!(&grey.pixels, Pixels::U8(v) if *v == [188, 188, 188]), "{grey:?}");
+        // A texel that is cut out does not darken the edge.
+        let cut = Pixels::U8([[200, 100, 50, 255], [0, 0, 0, 0], [200, 100, 50, 255], [0, 0, 0, 0]].concat());
+        let edge = image(ImageKind::Color, 4, cut).halved(false);
+        assert!(matches!(&edge.pixels, Pixels::U8(v) if *v == [200, 100, 50, 128]), "{edge:?}");
+        // Heights keep their 16 bits.
+        let heights = image(ImageKind::Data, 1, Pixels::U16(vec![0, 100, 200, 301])).halved(false);
+        assert!(matches!(&heights.pixels, Pixels::U16(v) if *v == [150]), "{heights:?}");
+        // The mean of two directions is a unit vector again.
+        let lean = Pixels::U8([[255, 128, 128], [0, 128, 128], [128, 128, 255], [128, 128, 255]].concat());
+        let up = image(ImageKind::Data, 3, lean).halved(true);
+        assert!(matches!(&up.pixels, Pixels::U8(v) if v[2] >= 253), "{up:?}");
+    }
 }

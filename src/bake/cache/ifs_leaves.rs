@@ -77,6 +77,11 @@ fn cacheable_leaves(recipe: &Recipe) -> Vec<CacheableLeaf<'_>> {
     all
 }
 
+/// Names of the materials of leaves that IFS tables draw.
+pub fn material_names(recipe: &Recipe) -> Vec<String> {
+    cacheable_leaves(recipe).into_iter().map(|leaf| leaf.name).collect()
+}
+
 /// Loads the leaves that an earlier bake stored in a folder; missing and damaged ones are left to be drawn.
 pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
     let cacheable_leaves = cacheable_leaves(recipe);

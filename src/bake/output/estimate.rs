@@ -3,6 +3,7 @@
 use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
 use crate::bake::output::memory::{decoded_bytes, predict_memory};
+use crate::bake::output::texture_size::texture_halvings;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::recipe::Recipe;
 use osier_export::estimate::{AssetSize, EstimateInput};
@@ -43,7 +44,8 @@ pub(crate) fn estimate_formats(
 ) -> BakeEstimate {
     let scene = &stage.scene;
     let assets = AssetSize::of_scene(scene, job.frames, job.weights);
-    let pictures: u64 = scene.images.iter().map(estimate_png_size).sum();
+    let halvings = if job.single { vec![0; scene.images.len()] } else { texture_halvings(recipe, scene) };
+    let pictures: u64 = scene.images.iter().zip(halvings).map(|(i, n)| estimate_png_size(i) >> (2 * n)).sum();
     let input = EstimateInput { scene, assets: &assets, frames: job.frames, pictures, options, single: job.single };
     let mut c = BakeEstimate {
         assets: assets.iter().map(|a| a.weight).sum(),

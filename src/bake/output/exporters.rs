@@ -142,6 +142,7 @@ fn usd_tolerance(output: &OutputRecipe) -> usd::Tolerance {
     usd::Tolerance {
         metres: osier_base::math::narrow(keys.tolerance),
         radians: osier_base::math::narrow(keys.turn_tolerance),
+        pixels: osier_base::math::narrow(keys.picture_tolerance),
     }
 }
 

@@ -7,3 +7,4 @@ pub mod frame_loop;
 pub mod ifs_tables;
 pub(crate) mod memory;
 pub mod single_file;
+pub mod texture_size;

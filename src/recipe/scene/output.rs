@@ -93,6 +93,8 @@ keys! {
     OutputKeys at "output" {
         /// File formats that a bake writes.
         formats: Vec<OutputFormat> = "formats" ListOf(&[OutputFormat(&usd::FORMAT), OutputFormat(&gltf::FORMAT)]), basic;
+        /// Textures of a bake are halved while they keep so many texels per pixel of a picture of 1080 rows, 256 texels a side and texels of 2 mm; 0: never.
+        texels_per_pixel: f64 = "texels_per_pixel" number(4.0, 0.0, 1024.0, "");
     }
     /// Options of POV-Ray files.
     PovKeys at "output.pov" {
@@ -120,6 +122,8 @@ keys! {
         tolerance: f64 = "tolerance_mm" millimetres(1.0, 0.0, 100.0);
         /// Largest rotation error of leaves on branches between kept samples.
         turn_tolerance: f64 = "turn_tolerance_deg" degrees(0.5, 0.0, 45.0);
+        /// Beyond these errors, samples are also left out where 99 of 100 leaves stay within this distance, and all within four times of it, in a picture of 1080 rows; 0: no.
+        picture_tolerance: f64 = "picture_tolerance_px" number(1.25, 0.0, 100.0, "pixels");
     }
     /// Options of OpenVDB files; clips only.
     VdbKeys at "output.vdb" {
@@ -159,11 +163,11 @@ keys! {
         /// Whether each asset is also written to a file of its own.
         assets: bool = "assets" BooleanType(false);
         /// Profile "web": whether vertices are stored as integers of 8 and 16 bits, half as large, accurate to 1/131070 of a mesh.
-        quantize: bool = "quantize" BooleanType(false);
+        quantize: bool = "quantize" BooleanType(true);
         /// Profile "web": whether the files are compressed with EXT_meshopt_compression, which three.js and Babylon.js read and Blender does not.
         meshopt: bool = "meshopt" BooleanType(false);
         /// Profile "engine": about the most triangles of a plant at its finest level of detail; the next levels have 1/4, 1/12 and 1/60 of it.
-        triangles: u32 = "triangles" integer(60_000, 100, 10_000_000);
+        triangles: u32 = "triangles" integer(32_000, 100, 10_000_000);
         /// Profile "engine": most joints of a plant.
         joints: u32 = "joints" integer(64, 1, 256);
         /// Profile "engine": what red, green, blue and alpha of plants hold for a shader of wind: four words, or a preset.

@@ -5,8 +5,9 @@
 use glam::{Quat, Vec2, Vec3};
 
 use super::json::{Accessor, BufferView, Index, component, target};
-use super::quantize::{QuantizedCube, byte_weights};
+use super::quantize::QuantizedCube;
 use super::stream::Stream;
+use crate::skin_remap::byte_weights;
 use osier_base::math::normalize_or;
 use osier_base::{Error, Result};
 

@@ -37,6 +37,8 @@ pub(super) struct MaterialVariant {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum GeometryKind {
     Mesh,
+    /// A plant of fewer and larger leaves: the relief of the leaves, which would be larger with them, is left out.
+    ThinnedPlant,
     /// A flat strip instead of a curve: double-sided.
     Ribbon,
     /// Points with a colour each: no textures, base colour white.

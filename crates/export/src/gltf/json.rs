@@ -202,6 +202,11 @@ pub(super) struct LevelExtras {
     /// Number of the level, from 0.
     pub lod: usize,
     pub triangles: usize,
+    /// Triangles of the plant without simplification.
+    pub plant_triangles: usize,
+    /// Size of the leaves as a multiple of those of the plant; left out without leaves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leaf_size: Option<f32>,
     /// Share of the picture's height from which on the level is used, 0 for the last.
     pub screen: f32,
     /// What the vertex colours hold, red, green, blue, alpha; empty without them.

@@ -20,9 +20,15 @@ pub(super) fn uses_uvs(scene: &Scene, material: MaterialId) -> bool {
     maps.color.is_some() || maps.normal.is_some() || maps.roughness.is_some()
 }
 
-/// Whether the material has a normal map, for which vertices get tangents.
-pub(super) fn has_normal_map(scene: &Scene, material: MaterialId) -> bool {
-    scene.materials.get(material as usize).is_some_and(|m| m.maps.normal.is_some())
+/// Whether the variant of a material has a normal map, for which vertices get tangents.
+pub(super) fn has_normal_map(scene: &Scene, variant: MaterialVariant) -> bool {
+    let material = scene.materials.get(variant.material as usize);
+    material.is_some_and(|m| m.maps.normal.is_some() && !is_thinned_leaf(m, variant.geometry))
+}
+
+/// Whether a material is that of leaves of which fewer and larger ones are written.
+fn is_thinned_leaf(material: &osier_scene::Material, geometry: GeometryKind) -> bool {
+    geometry == GeometryKind::ThinnedPlant && material.class == MaterialClass::Leaf
 }
 
 impl GltfDocument<'_> {
@@ -41,10 +47,14 @@ impl GltfDocument<'_> {
     }
 
     fn build_material(&mut self, source: &osier_scene::Material, variant: MaterialVariant) -> Result<Material> {
-        let shows_maps = matches!(variant.geometry, GeometryKind::Mesh | GeometryKind::Ribbon);
-        let maps = if shows_maps { source.maps } else { osier_scene::Maps::default() };
+        let shows_maps =
+            matches!(variant.geometry, GeometryKind::Mesh | GeometryKind::ThinnedPlant | GeometryKind::Ribbon);
+        let mut maps = if shows_maps { source.maps } else { osier_scene::Maps::default() };
+        if is_thinned_leaf(source, variant.geometry) {
+            maps.normal = None;
+        }
         let name = match variant.geometry {
-            GeometryKind::Mesh => source.name.clone(),
+            GeometryKind::Mesh | GeometryKind::ThinnedPlant => source.name.clone(),
             GeometryKind::Ribbon => format!("{}_ribbon", source.name),
             GeometryKind::ColoredPoints | GeometryKind::PlainPoints => format!("{}_points", source.name),
         };

@@ -10,11 +10,12 @@ use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, 
 use super::materials::{has_normal_map, uses_uvs};
 use super::meshopt;
 use super::options::{Profile, VertexStorage};
-use super::quantize::{QuantizedCube, byte_weights};
+use super::quantize::QuantizedCube;
 use super::submeshes::{Submesh, split_by_material};
 use super::tangents::tangents;
 use super::tracks::MorphShape;
 use super::wind_channels::SECOND_UV;
+use crate::skin_remap::byte_weights;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, MaterialId, Mesh, Points};
 
@@ -189,13 +190,14 @@ impl GltfDocument<'_> {
             });
         }
         if vertices.uvs.len() == count && uses_uvs(self.input.scene, variant.material) {
-            attributes.uv = Some(if quantized {
+            // The core of glTF has coordinates of 16 bits.
+            attributes.uv = Some(if bytes {
                 self.buffer.add_quantized_uvs(&vertices.uvs, label)?
             } else {
                 self.buffer.add_uvs(&vertices.uvs, label)?
             });
             // Tangent frames need normals and texture coordinates, and only a normal map uses them.
-            if vertices.normals.len() == count && has_normal_map(self.input.scene, variant.material) {
+            if vertices.normals.len() == count && has_normal_map(self.input.scene, variant) {
                 let list = tangents(&vertices.points, &vertices.normals, &vertices.uvs, triangles);
                 attributes.tangent = Some(if small {
                     self.buffer.add_quantized_directions(&list, "VEC4", label)?

@@ -111,8 +111,8 @@ fn estimate(input: &EstimateInput) -> u64 {
             let triangles = a.triangles + a.instance_triangles;
             let is_plant = a.joints > 0 || a.instance_triangles > 0;
             let still = match profile {
-                // All levels together have a third more triangles than the finest; 95 bytes each with its vertices, measured.
-                Profile::Engine if is_plant => triangles.min(options.level_triangles as u64) * 4 / 3 * 95,
+                // All levels together have a third more triangles than the finest; 80 bytes each with its vertices, measured.
+                Profile::Engine if is_plant => triangles.min(options.level_triangles as u64) * 4 / 3 * 80,
                 Profile::Blender | Profile::Engine => {
                     // Points, normals, coordinates, tangents; bark has joints and weights as well.
                     let skinned = if a.joints > 0 { a.vertices * 24 } else { 0 };
@@ -299,7 +299,7 @@ impl Exporter for GltfExporter {
 }
 
 /// X017 for moving point clouds, which glTF cannot animate, and for curves and meshes that need more shapes than there are morph
-/// targets: such curves are left out, such meshes keep their shape at rest.
+/// targets: such curves are left out, such meshes move with coarse keys.
 fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterator<Item = Warning> + 'a {
     let warning = |label: String, why: &str| Warning { code: "X017", message: format!("{label}: {why}") };
     scene.assets.iter().zip(&tracks.assets).flat_map(move |(asset, tracks)| {
@@ -312,13 +312,17 @@ fn warn_unanimated<'a>(scene: &'a Scene, tracks: &'a ClipTracks) -> impl Iterato
             let label = format!("asset {}, curves {}", asset.id, curves.name);
             warning(label, "left out, they move in more ways than the morph targets of a glTF file show; USD and POV-Ray have them")
         });
-        let many = asset.meshes.iter().zip(&tracks.meshes).filter(|(_, s)| matches!(s, tracks::MorphFrames::TooMany));
-        let meshes = many.map(move |(object, _)| {
-            let label = format!("asset {}, mesh {}", asset.id, object.name);
-            warning(
-                label,
-                "shown at rest, its points move in more ways than the morph targets of a glTF file show; USD and POV-Ray have them",
-            )
+        let meshes = asset.meshes.iter().zip(&tracks.meshes).filter_map(move |(object, shapes)| match shapes {
+            tracks::MorphFrames::Frames(keys) if keys.is_coarse() => {
+                let why = format!(
+                    "{} shapes for all frames, between which points lie up to {:.2} m off their places; a smaller mesh has more \
+                     shapes (skin.sides = 3, fewer years), USD and POV-Ray have every frame",
+                    keys.frames.len(),
+                    keys.error
+                );
+                Some(warning(format!("asset {}, mesh {}", asset.id, object.name), &why))
+            }
+            _ => None,
         });
         clouds.chain(curves).chain(meshes)
     })

@@ -110,8 +110,9 @@ pub(super) enum VertexStorage {
 /// Default of [`GltfOptions::skins`]. Own: beyond it importers and viewers become slow; a higher limit animates more plants.
 pub const SKINS: usize = 64;
 
-/// Default of [`GltfOptions::level_triangles`]. Own: what games of today draw for a tree near the camera.
-pub const LEVEL_TRIANGLES: usize = 60_000;
+/// Default of [`GltfOptions::level_triangles`]. Own: all levels of a swaying tree, of about 80 bytes a triangle, with its pictures take less
+/// than 4 MB.
+pub const LEVEL_TRIANGLES: usize = 32_000;
 /// Default of [`GltfOptions::joints`]. Own: engines on phones hold 64 to 75 matrices in a draw call.
 pub const ENGINE_JOINTS: usize = 64;
 

@@ -49,22 +49,6 @@ pub(super) fn place_stored(place: &Trs, cube: Option<QuantizedCube>) -> Trs {
     cube.map_or(*place, |c| place.then_inner(&c.to_metres()))
 }
 
-/// Weights of four joints as bytes that sum to 255: each rounded down, then the largest remainders rounded up.
-pub(super) fn byte_weights(weights: &[f32; 4]) -> [u8; 4] {
-    let sum: f32 = weights.iter().sum();
-    let scaled = weights.map(|w| if sum > 0.0 { w / sum * 255.0 } else { 0.0 });
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let mut bytes = scaled.map(|w| w.clamp(0.0, 255.0) as u8);
-    // The largest remainder method: the bytes that were rounded down most get the missing units; ties go to the lower index.
-    let mut order = [0, 1, 2, 3];
-    order.sort_by(|&a: &usize, &b: &usize| scaled[b].fract().total_cmp(&scaled[a].fract()).then(a.cmp(&b)));
-    let missing = 255 - bytes.iter().map(|b| u32::from(*b)).sum::<u32>().min(255);
-    for k in order.into_iter().cycle().take(missing.min(4) as usize) {
-        bytes[k] = bytes[k].saturating_add(1);
-    }
-    bytes
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -79,16 +63,6 @@ mod tests {
             let place = Trs { t: Vec3::Y, r: Quat::from_rotation_z(0.7), s: Vec3::splat(2.0) };
             let error = (place_stored(&place, Some(cube)).apply(stored) - place.apply(p)).abs().max_element();
             assert!(error <= 2.0 * 3.0 / 131_070.0 * 1.5, "{error}");
-        }
-    }
-
-    #[test]
-    fn weights_of_bytes_sum_to_255() {
-        for weights in [[1.0, 0.0, 0.0, 0.0], [0.25; 4], [0.333, 0.333, 0.334, 0.0], [0.9, 0.05, 0.03, 0.02]] {
-            let bytes = byte_weights(&weights);
-            assert_eq!(bytes.iter().map(|b| u32::from(*b)).sum::<u32>(), 255, "{weights:?}");
-            let worst = weights.iter().zip(bytes).map(|(w, b)| (w * 255.0 - f32::from(b)).abs()).fold(0.0, f32::max);
-            assert!(worst < 1.0, "{weights:?} {bytes:?}");
         }
     }
 }

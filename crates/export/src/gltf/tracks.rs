@@ -7,17 +7,26 @@ use osier_scene::{
     Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, Scene, Trs, instance_states,
 };
 
-/// Morph targets that every mesh may have. Own: each target is a copy of its positions and normals, and importers hold all of them.
+/// Morph targets that every mesh may have while its motion needs no more. Own: each target is a copy of its positions and normals,
+/// and importers hold all of them.
 const MORPH_TARGETS: usize = 32;
 /// A mesh may have more, up to the second number, while all of its targets take less than the first, bytes. Own: small meshes that
 /// move irregularly, as trees that grow year by year, keep every frame of a clip of five seconds.
 const MORPH_BUDGET: [usize; 2] = [64 << 20, 256];
 /// Bytes of a point in a target: position and normal.
 const MORPH_POINT_BYTES: usize = 24;
+/// Bytes of targets that a mesh may have before any frame is left out. Own: less than the pictures of a plant.
+const MORPH_FREE: usize = 4 << 20;
+/// Targets of the largest meshes, whatever they take. Own: with fewer, a tree that grows would jump from shape to shape.
+const LEAST_TARGETS: usize = 16;
 /// Where a clip has more frames than targets, most that a point may lie off its place between two of them, as a share of the
 /// diagonal of the mesh's box. Own: a vine that grows over 120 frames stays below 0.013, at its tips; a tree of which each frame adds
 /// a fortieth of its height needs 0.05, which would show, as swaying would.
 const MORPH_TOLERANCE: f32 = 0.02;
+/// The smallest tolerance with which frames are left out, as a share of that diagonal. Own: 5 mm of a tree of 10 m.
+const LEAST_TOLERANCE: f32 = 0.0005;
+/// Most shapes that wait for the next key: they bound the memory, and what is compared for each frame.
+const MOST_WAITING: usize = 8;
 
 /// The animation of all assets.
 #[derive(Debug, Default)]
@@ -74,6 +83,12 @@ impl MorphShape {
         let mut ways = self.points.iter().zip(&from.points).zip(&to.points);
         ways.all(|((p, a), b)| p.distance(a.lerp(*b, share)) <= tolerance)
     }
+
+    /// Most that a point lies off its place at `share` of the way between two shapes, m.
+    fn distance_between(&self, from: &Self, to: &Self, share: f32) -> f32 {
+        let ways = self.points.iter().zip(&from.points).zip(&to.points);
+        ways.map(|((p, a), b)| p.distance(a.lerp(*b, share))).fold(0.0, f32::max)
+    }
 }
 
 /// The shapes of one mesh at all frames.
@@ -83,28 +98,37 @@ pub(super) enum MorphFrames {
     #[default]
     Still,
     Frames(MorphKeys),
-    /// More shapes are needed than [`MorphKeys::most`]; none is kept.
+    /// Curves that would need more shapes than [`MorphKeys::most`]; none is kept.
     TooMany,
 }
 
-/// Shapes of a mesh at evenly spaced frames and at the last one: of all frames while these are at most [`MORPH_TARGETS`], else of every
-/// second, fourth and so on where that suffices. Readers interpolate between them; each halving moves a point by [`MORPH_TOLERANCE`] at most.
+/// Shapes of a mesh at some frames, the first and the last one included: at all of them while these are few, else
+/// where interpolation between the shapes that are kept does not restore the others within a tolerance, which grows until the shapes
+/// are few enough. Readers interpolate between them.
 #[derive(Debug)]
 pub(super) struct MorphKeys {
     /// Indices of the frames that are kept, rising.
     pub frames: Vec<usize>,
     /// Shapes of the mesh at these frames.
     pub shapes: Vec<MorphShape>,
-    /// Every n-th frame is kept.
-    stride: usize,
+    /// Most that a point lies off its place at a frame that is not kept, m; 0 if all are kept.
+    pub error: f32,
     /// Number of frames so far.
     seen: usize,
+    /// Every n-th frame is kept, of meshes so large that they have few targets; 1: which ones, the motion decides.
+    stride: usize,
     /// Shapes since the last one kept.
-    skipped: Vec<MorphShape>,
-    /// Most that a skipped shape may lie off the interpolated one, m.
+    waiting: Vec<MorphShape>,
+    /// Most that a waiting shape may lie off the interpolated one, m; 0: all frames are kept.
     tolerance: f32,
+    /// Diagonal of the mesh's box at rest, m.
+    diagonal: f32,
+    /// Shapes that are kept at most.
+    limit: usize,
     /// Most shapes of a mesh of its size.
     most: usize,
+    /// Whether shapes have normals.
+    with_normals: bool,
 }
 
 /// Morph targets of a mesh: the shapes of some frames.
@@ -122,78 +146,151 @@ impl MorphKeys {
         MorphTrack { frames: &self.frames, shapes: &self.shapes }
     }
 
-    /// `rest`: points of the mesh at rest.
-    fn new(rest: &[Vec3]) -> Self {
-        let diagonal = osier_base::geometry::Bounds::of(rest.iter().copied()).size().length();
+    /// `rest`: points of the mesh at rest; `frames`: of the clip.
+    fn new(rest: &[Vec3], frames: usize) -> Self {
+        let [budget, most] = MORPH_BUDGET;
+        // Targets of large meshes have no normals, so that twice as many fit: wood that grows seldom turns.
+        let with_normals = MORPH_POINT_BYTES * rest.len() * MORPH_TARGETS <= budget;
+        let point = if with_normals { MORPH_POINT_BYTES } else { MORPH_POINT_BYTES / 2 };
+        let most = (budget / (point * rest.len().max(1))).clamp(LEAST_TARGETS, most);
         Self {
             frames: Vec::new(),
             shapes: Vec::new(),
-            stride: 1,
+            error: 0.0,
             seen: 0,
-            skipped: Vec::new(),
-            tolerance: MORPH_TOLERANCE * diagonal,
-            most: (MORPH_BUDGET[0] / (MORPH_POINT_BYTES * rest.len().max(1))).clamp(MORPH_TARGETS, MORPH_BUDGET[1]),
+            stride: if most < MORPH_TARGETS { frames.saturating_sub(1).div_ceil(most - 1).max(1) } else { 1 },
+            waiting: Vec::new(),
+            tolerance: 0.0,
+            diagonal: osier_base::geometry::Bounds::of(rest.iter().copied()).size().length(),
+            limit: (MORPH_FREE / (point * rest.len().max(1))).max(MORPH_TARGETS).min(most),
+            most,
+            with_normals,
         }
     }
 
-    /// Takes the shape of the next frame; false if the kept shapes do not suffice.
-    fn push(&mut self, shape: MorphShape) -> bool {
-        // Kept frames are the multiples of the stride; those between are held until the next one shows whether they can be dropped.
+    /// Whether shapes between those that are kept are so far off that it shows.
+    pub(super) fn is_coarse(&self) -> bool {
+        self.error > MORPH_TOLERANCE * self.diagonal
+    }
+
+    /// Takes the shape of the next frame.
+    fn push(&mut self, mut shape: MorphShape) {
+        if !self.with_normals {
+            shape.normals = Vec::new();
+        }
         let frame = self.seen;
         self.seen += 1;
-        if frame.is_multiple_of(self.stride) {
-            return self.keep(frame, shape);
+        if self.stride > 1 {
+            if frame.is_multiple_of(self.stride) {
+                self.keep_after_waiting(frame, shape);
+            } else {
+                self.waiting.push(shape);
+            }
+            return;
         }
-        self.skipped.push(shape);
-        true
+        if self.tolerance <= 0.0 {
+            self.keep(frame, shape);
+            return;
+        }
+        let restored = self.frames.last().zip(self.shapes.last()).is_some_and(|(first, from)| {
+            let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
+            let mut waiting = self.waiting.iter().enumerate();
+            waiting.all(|(i, s)| s.lies_between(from, &shape, share(i), self.tolerance))
+        });
+        if (self.waiting.len() >= MOST_WAITING || !restored)
+            && let Some(last) = self.waiting.pop()
+        {
+            self.waiting.clear();
+            self.keep(frame - 1, last);
+        }
+        self.waiting.push(shape);
     }
 
-    /// Keeps a shape if those skipped before it lie on the way to it. One shape too many halves their number.
-    fn keep(&mut self, frame: usize, shape: MorphShape) -> bool {
-        let skipped = std::mem::take(&mut self.skipped);
-        let on_the_way = self.frames.last().zip(self.shapes.last()).is_none_or(|(first, from)| {
+    /// Keeps the last frame.
+    fn close(&mut self) {
+        let Some(last) = self.waiting.pop() else { return };
+        if self.stride > 1 {
+            self.keep_after_waiting(self.seen - 1, last);
+        } else {
+            self.waiting.clear();
+            self.keep(self.seen - 1, last);
+        }
+    }
+
+    /// Keeps a shape and notes how far those before it lie off the way to it.
+    fn keep_after_waiting(&mut self, frame: usize, shape: MorphShape) {
+        if let Some((first, from)) = self.frames.last().zip(self.shapes.last()) {
             let share = |i: usize| (i + 1) as f32 / (frame - first) as f32;
-            skipped.iter().enumerate().all(|(i, s)| s.lies_between(from, &shape, share(i), self.tolerance))
-        });
+            let waiting = self.waiting.iter().enumerate();
+            let most = waiting.map(|(i, s)| s.distance_between(from, &shape, share(i))).fold(0.0, f32::max);
+            self.error = self.error.max(most);
+        }
+        self.waiting.clear();
         self.frames.push(frame);
         self.shapes.push(shape);
-        // Up to MORPH_TARGETS shapes always fit. Beyond, every second one is dropped if the motion allows it, else small meshes may have more.
-        on_the_way && (self.shapes.len() <= MORPH_TARGETS || self.thin_out() || self.shapes.len() <= self.most)
     }
 
-    /// Drops every second of an odd number of shapes if they lie between their neighbours.
-    fn thin_out(&mut self) -> bool {
-        if self.shapes.len().is_multiple_of(2) {
-            return false;
+    /// Keeps a shape; one too many thins them out.
+    fn keep(&mut self, frame: usize, shape: MorphShape) {
+        self.frames.push(frame);
+        self.shapes.push(shape);
+        if self.shapes.len() <= self.limit {
+            return;
         }
-        let between = |i: usize| {
-            let [a, b, c] = [i - 1, i, i + 1].map(|k| self.frames[k]);
-            let share = (b - a) as f32 / (c - a) as f32;
-            self.shapes[i].lies_between(&self.shapes[i - 1], &self.shapes[i + 1], share, self.tolerance)
-        };
-        if !(1..self.shapes.len() - 1).step_by(2).all(between) {
-            return false;
+        // The smallest tolerance that leaves few enough; beyond what shows, a small mesh rather has more shapes.
+        let mut tolerance = self.tolerance.max(LEAST_TOLERANCE * self.diagonal);
+        loop {
+            if self.error + tolerance > MORPH_TOLERANCE * self.diagonal && self.limit < self.most {
+                self.limit = self.most;
+                return;
+            }
+            let kept = self.needed(tolerance);
+            // A few places stay free, so that not every further frame thins them out again.
+            if kept.len() <= self.limit - self.limit / 8 {
+                self.thin_out(&kept, tolerance);
+                return;
+            }
+            // Without an end the loop would hang on a mesh without extent; its points do not move.
+            tolerance = (tolerance * 1.5).max(f32::MIN_POSITIVE);
         }
-        let mut index = 0..;
-        self.shapes.retain(|_| index.next().is_some_and(|i: usize| i.is_multiple_of(2)));
-        let mut index = 0..;
-        self.frames.retain(|_| index.next().is_some_and(|i: usize| i.is_multiple_of(2)));
-        self.stride *= 2;
-        true
     }
 
-    /// Keeps the last frame; false as for [`MorphKeys::push`].
-    fn close(&mut self) -> bool {
-        // The clip must end with its last shape, even where that is no multiple of the stride.
-        let Some(last) = self.skipped.pop() else { return true };
-        self.keep(self.seen - 1, last)
+    /// Indices of the shapes that are needed to restore the others within a tolerance, m: both ends, and greedily those between.
+    fn needed(&self, tolerance: f32) -> Vec<usize> {
+        let end = self.shapes.len() - 1;
+        let mut kept = vec![0];
+        let mut from = 0;
+        for to in 2..=end {
+            let restored = (from + 1..to).all(|i| {
+                let [a, b, c] = [from, i, to].map(|k| self.frames[k]);
+                let share = (b - a) as f32 / (c - a) as f32;
+                self.shapes[i].lies_between(&self.shapes[from], &self.shapes[to], share, tolerance)
+            });
+            if !restored {
+                from = to - 1;
+                kept.push(from);
+            }
+        }
+        kept.push(end);
+        kept
+    }
+
+    /// Drops all shapes but some, whose indices rise.
+    fn thin_out(&mut self, kept: &[usize], tolerance: f32) {
+        let mut index = 0..;
+        self.shapes.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));
+        let mut index = 0..;
+        self.frames.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));
+        // Frames that went before lie off shapes that go now: the errors add up.
+        self.error += tolerance;
+        self.tolerance = tolerance;
     }
 }
 
 impl ClipTracks {
     /// No frames yet. `max_moving`: most moving instances in a file.
     pub(super) fn new(scene: &Scene, max_moving: usize) -> Self {
-        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, max_moving)).collect();
+        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene, max_moving)).collect();
         Self { assets, max_moving, ..Self::default() }
     }
 
@@ -205,6 +302,8 @@ impl ClipTracks {
     /// Ends the clip with the frame that was added last.
     pub(super) fn close(&mut self) {
         self.assets.iter_mut().flat_map(|a| a.meshes.iter_mut().chain(&mut a.curves)).for_each(MorphFrames::close);
+        // The trail of a seed between two shapes far apart is not where the seed flew; a tree between two of its ages is a tree.
+        self.assets.iter_mut().flat_map(|a| &mut a.curves).for_each(MorphFrames::drop_if_coarse);
     }
 
     /// Adds the states of all assets at a frame.
@@ -220,12 +319,12 @@ impl ClipTracks {
 }
 
 impl AssetTracks {
-    fn new(asset: &Asset, seed: u64, max_moving: usize) -> Self {
+    fn new(asset: &Asset, scene: &Scene, max_moving: usize) -> Self {
         let mut moving = Vec::new();
         for (instancer, source) in asset.instancers.iter().enumerate() {
             if source.motion == InstancerMotion::Free {
                 moving.extend(source.ids.iter().enumerate().map(|(instance, id)| InstanceTrack {
-                    key: mix64(&[seed, *id]),
+                    key: mix64(&[scene.seed, *id]),
                     instancer,
                     instance,
                     positions: Vec::new(),
@@ -240,7 +339,7 @@ impl AssetTracks {
         // Instances beyond the limit get no track, which bounds the memory: frames times instances would be held until the end.
         moving.truncate(max_moving);
         let shapes = |deforms, rest: &[Vec3]| {
-            if deforms { MorphFrames::Frames(MorphKeys::new(rest)) } else { MorphFrames::Still }
+            if deforms { MorphFrames::Frames(MorphKeys::new(rest, scene.clip.len())) } else { MorphFrames::Still }
         };
         let skinned = asset.skeleton.is_some();
         Self {
@@ -294,18 +393,20 @@ impl AssetTracks {
 
 impl MorphFrames {
     fn push(&mut self, shape: impl FnOnce() -> MorphShape) {
-        // The shapes gathered so far are released as soon as they do not suffice.
-        if let Self::Frames(keys) = self
-            && !keys.push(shape())
-        {
-            *self = Self::TooMany;
+        if let Self::Frames(keys) = self {
+            keys.push(shape());
         }
     }
 
     fn close(&mut self) {
-        if let Self::Frames(keys) = self
-            && !keys.close()
-        {
+        if let Self::Frames(keys) = self {
+            keys.close();
+        }
+    }
+
+    /// Releases shapes that are too few.
+    fn drop_if_coarse(&mut self) {
+        if matches!(self, Self::Frames(keys) if keys.is_coarse()) {
             *self = Self::TooMany;
         }
     }
@@ -351,29 +452,60 @@ mod tests {
     use super::*;
 
     #[test]
-    fn smooth_motion_of_many_frames_is_kept_at_some_and_swaying_is_not() {
+    fn frames_are_kept_where_interpolation_does_not_restore_them() {
         // A mesh of so many points that its targets fill the budget.
-        let rest = vec![Vec3::Y * 4.0; 200_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
-        let shapes = |rest: &[Vec3], frames: usize, place: fn(f32) -> f32| {
+        let rest = vec![Vec3::Y * 4.0; 80_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
+        let keys = |rest: &[Vec3], frames: usize, place: fn(f32) -> f32| {
             let at = |i: usize| place(i as f32 / (frames - 1) as f32);
-            let mut morph = MorphFrames::Frames(MorphKeys::new(rest));
+            let mut morph = MorphKeys::new(rest, frames);
             for i in 0..frames {
-                morph.push(|| MorphShape { points: vec![Vec3::ZERO, Vec3::Y * at(i)], normals: Vec::new() });
+                let points = vec![Vec3::ZERO, Vec3::Y * at(i)];
+                morph.push(MorphShape { normals: vec![Vec3::Y; 2], points });
             }
             morph.close();
-            match morph {
-                MorphFrames::Frames(keys) => Some(keys.frames),
-                _ => None,
+            // The stated error holds at every frame.
+            for i in 0..frames {
+                let b = morph.frames.iter().position(|f| *f >= i).expect("the last frame is kept").max(1);
+                let [from, to] = [morph.frames[b - 1], morph.frames[b]];
+                let share = (i - from) as f32 / (to - from) as f32;
+                let shown = morph.shapes[b - 1].points[1].lerp(morph.shapes[b].points[1], share).y;
+                assert!(
+                    (shown - at(i)).abs() <= morph.error + 1e-5,
+                    "frame {i}: {shown}, not {}, {}",
+                    at(i),
+                    morph.error
+                );
             }
+            assert_eq!((morph.frames.first(), morph.frames.last()), (Some(&0), Some(&(frames - 1))));
+            morph
         };
         let growth = |t: f32| 4.0 * t * t;
-        assert_eq!(shapes(&rest, 20, growth).expect("kept"), (0..20).collect::<Vec<_>>());
-        let kept = shapes(&rest, 120, growth).expect("kept");
-        assert!(kept.len() <= MORPH_TARGETS && kept.first() == Some(&0) && kept.last() == Some(&119), "{kept:?}");
+        assert_eq!(keys(&rest, 20, growth).frames, (0..20).collect::<Vec<_>>());
+        let kept = keys(&rest, 120, growth);
+        assert!(
+            kept.frames.len() <= MORPH_TARGETS && kept.error < 0.04 && !kept.is_coarse(),
+            "{} {}",
+            kept.frames.len(),
+            kept.error
+        );
+        // Growth in a few straight steps needs no more shapes than these, wherever they lie.
+        let steps = |t: f32| (t * 7.3).min(1.0) + (t * 3.1 - 1.0).clamp(0.0, 2.0);
+        let kept = keys(&rest, 240, steps);
+        assert!(kept.frames.len() < 32 && kept.error < 0.02, "{:?} {}", kept.frames, kept.error);
+        // What moves too irregularly is shown all the same, and known to be coarse.
         let sway = |t: f32| 3.0 + osier_base::math::sin_f32(90.0 * t);
-        assert!(shapes(&rest, 120, sway).is_none());
-        // A small mesh keeps every frame.
-        assert_eq!(shapes(&[Vec3::ZERO, Vec3::Y * 4.0], 120, sway).expect("kept").len(), 120);
+        let kept = keys(&rest, 120, sway);
+        assert!(kept.is_coarse() && (8..=MORPH_TARGETS + 1).contains(&kept.frames.len()), "{:?}", kept.frames);
+        // A small mesh keeps every frame, and one of more points than the budget holds has shapes without normals.
+        assert_eq!(keys(&[Vec3::ZERO, Vec3::Y * 4.0], 120, sway).frames.len(), 120);
+        let large = vec![Vec3::Y * 4.0; 200_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
+        let kept = keys(&large, 120, growth);
+        assert!(kept.shapes.iter().all(|s| s.normals.is_empty()) && kept.frames.len() >= 8, "{}", kept.frames.len());
+        // One of very many points has evenly spaced shapes, and the error is that of the worst frame.
+        let huge = vec![Vec3::Y * 4.0; 600_000].into_iter().chain([Vec3::ZERO]).collect::<Vec<_>>();
+        let kept = keys(&huge, 120, growth);
+        assert_eq!(kept.frames, (0..120).step_by(8).chain([119]).collect::<Vec<_>>());
+        assert!(kept.error > 0.001 && kept.error < 0.02, "{}", kept.error);
     }
 
     #[test]

@@ -130,6 +130,7 @@ impl Exporter for UnrealExporter {
             maps: None,
             first: scene.clip.start,
             tolerance: Tolerance::default(),
+            pixels: Arc::default(),
         };
         let mut plants = scene.assets.iter().filter_map(|a| a.rigged.as_ref().map(|rig| (a, rig))).peekable();
         if plants.peek().is_none() {

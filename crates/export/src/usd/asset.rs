@@ -7,13 +7,15 @@ use osier_base::Result;
 use osier_base::files::Names;
 use osier_scene::Asset;
 
-/// Writes an asset at rest under `root`, a prim that exists. Returns what changes with the frames.
+/// Writes the asset at an index at rest under `root`, a prim that exists. Returns what changes with the frames.
 pub(super) fn define_asset(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     root: &str,
-    asset: &Asset,
+    index: usize,
 ) -> Result<Vec<Box<dyn AnimatedPrim>>> {
+    let Some(asset) = cx.scene.assets.get(index) else { return Ok(Vec::new()) };
+    let pixel = cx.pixels.get(index).copied().unwrap_or(0.0);
     let mut names = Names::default();
     // The materials' scope.
     names.unique("mtl");
@@ -23,12 +25,14 @@ pub(super) fn define_asset(
         let path = format!("{root}/{}", names.unique(&object.name));
         let varying = object.motion == osier_scene::MeshMotion::Varying;
         let place = mesh::MeshTarget { root, path: &path, skinned: false, varying };
-        parts.extend(mesh::define_unskinned(cx, layer, i, &place, object)?);
+        let source = mesh::MeshSource { index: i, object, pixel };
+        parts.extend(mesh::define_unskinned(cx, layer, &place, source)?);
         parts.extend(coat_primvar::define_coat_weight(cx, layer, i, &path, object)?);
     }
     for (i, instances) in asset.instancers.iter().enumerate() {
         let path = format!("{root}/{}", names.unique(&instances.name));
-        parts.extend(instancer::define_instancer(cx, layer, i, root, &path, instances)?);
+        let source = instancer::InstancerSource { index: i, instancer: instances, pixel };
+        parts.extend(instancer::define_instancer(cx, layer, root, &path, source)?);
     }
     for (i, cloud) in asset.points.iter().enumerate() {
         let path = format!("{root}/{}", names.unique(&cloud.name));

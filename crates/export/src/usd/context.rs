@@ -20,6 +20,8 @@ pub(crate) struct UsdContext {
     pub(crate) first: u32,
     /// Largest error of the leaves' interpolated transforms.
     pub(crate) tolerance: Tolerance,
+    /// For each asset the length in its space that a pixel of the picture covers, m.
+    pub(crate) pixels: Arc<Vec<f32>>,
 }
 
 impl UsdContext {

@@ -10,8 +10,9 @@ use super::instancer_extent::InstancerBounds;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata, VariantSet, variant_path};
 use super::mesh::{MeshTarget, VelocitySamples, define_mesh};
+use super::options::Tolerance;
 use super::primvar::{self, Primvar};
-use super::sample_reduction::{SampleReducer, TimeSample};
+use super::sample_reduction::{SampleReducer, SampleTolerance, TimeSample};
 use super::value::UsdArray;
 use crate::up_axis::UpAxis;
 use osier_base::Result;
@@ -65,28 +66,71 @@ pub(super) struct AnimatedInstancer {
     /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
     boxes: InstancerBounds,
-    /// Present if the instances follow joints: those neither appear and vanish nor have velocities, so that samples which
-    /// interpolation restores can be left out.
+    /// Leave out samples that interpolation restores, as long as no frame has velocities, which go with the positions of their frame.
+    /// Not present for instances that are tracked one by one.
     reducers: Option<InstanceReducers>,
     /// Box of all frames so far.
     clip_bounds: Bounds,
 }
 
-/// The reduction of the time samples of positions and orientations.
+/// The reduction of the time samples of each attribute on its own: an attribute has its own times, and often one changes less than
+/// the others.
 struct InstanceReducers {
     positions: SampleReducer<Vec3>,
     orientations: SampleReducer<Quat>,
+    /// For instances whose size changes.
+    scales: SampleReducer<Vec3>,
+}
+
+/// The samples that must be written now.
+#[derive(Default)]
+struct DueSamples {
+    positions: Option<TimeSample<Vec3>>,
+    orientations: Option<TimeSample<Quat>>,
+    scales: Option<TimeSample<Vec3>>,
+}
+
+impl InstanceReducers {
+    /// `pixel`: as [`InstancerSource::pixel`].
+    fn new(tolerance: &Tolerance, instancer: &Instancer, pixel: f32) -> Self {
+        let seen = tolerance.pixels * pixel;
+        // A turn moves the far end of an instance: the corner of its prototype's box that is farthest from its origin.
+        let far =
+            |b: Bounds| if b.is_empty() { 0.0 } else { b.corners().map(Vec3::length).into_iter().fold(0.0, f32::max) };
+        let reach: Vec<f32> = instancer.prototypes.iter().map(|p| far(p.bounds())).collect();
+        let lever = |(s, p): (&Vec3, &u32)| reach.get(*p as usize).copied().unwrap_or(0.0) * s.abs().max_element();
+        let levers = instancer.scales.iter().zip(&instancer.protos).map(lever).collect();
+        let reaches: Vec<f32> =
+            instancer.protos.iter().map(|p| reach.get(*p as usize).copied().unwrap_or(0.0)).collect();
+        let longest = reach.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+        Self {
+            positions: SampleReducer::new(SampleTolerance { strict: tolerance.metres, seen, levers: Vec::new() }),
+            orientations: SampleReducer::new(SampleTolerance { strict: tolerance.radians, seen, levers }),
+            // A scale that is off by `metres` over the longest reach moves the far end by `metres`.
+            scales: SampleReducer::new(SampleTolerance { strict: tolerance.metres / longest, seen, levers: reaches }),
+        }
+    }
+}
+
+/// An instancer of an asset.
+#[derive(Clone, Copy)]
+pub(super) struct InstancerSource<'a> {
+    /// Index in its asset.
+    pub(super) index: usize,
+    pub(super) instancer: &'a Instancer,
+    /// Length that a pixel of the picture covers at the asset, m; 0 if even the shortest is seen.
+    pub(super) pixel: f32,
 }
 
 /// Defines an instancer in its rest state, with its prototypes. Returns what takes its time samples, if it moves.
 pub(super) fn define_instancer(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
-    index: usize,
     root: &str,
     path: &str,
-    instancer: &Instancer,
+    source: InstancerSource<'_>,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
+    let InstancerSource { index, instancer, pixel } = source;
     // Orientations are half precision (`quath`), and the extent is computed from the rounded ones, as readers will.
     layer.define_prim(path, "PointInstancer")?;
     let up = cx.up;
@@ -131,10 +175,7 @@ pub(super) fn define_instancer(
         primvars,
         before,
         boxes,
-        reducers: matches!(instancer.motion, InstancerMotion::Joints(_)).then(|| InstanceReducers {
-            positions: SampleReducer::new(cx.tolerance.metres),
-            orientations: SampleReducer::new(cx.tolerance.radians),
-        }),
+        reducers: (!instancer.tracked).then(|| InstanceReducers::new(&cx.tolerance, instancer, pixel)),
         clip_bounds: Bounds::default(),
     })))
 }
@@ -215,26 +256,13 @@ fn invisible_ids(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
 }
 
 impl AnimatedInstancer {
-    /// Passes positions, and the orientations in `before`, of a frame to the reducers, and writes the samples that they keep.
-    fn push_reduced(&mut self, layer: &mut LayerBuilder, time: f64, positions: Vec<Vec3>) -> Result<()> {
-        let Some(reducers) = &mut self.reducers else { return Ok(()) };
-        // Both are reduced on their own: an attribute has its own times, and often one of them changes less than the other.
-        let orientations = reducers.orientations.push(time, self.before.clone());
-        let positions = reducers.positions.push(time, positions);
-        self.write_reduced_samples(layer, orientations, positions)
-    }
-
-    fn write_reduced_samples(
-        &self,
-        layer: &mut LayerBuilder,
-        orientations: Option<TimeSample<Quat>>,
-        positions: Option<TimeSample<Vec3>>,
-    ) -> Result<()> {
-        if let Some(TimeSample { time, values }) = orientations {
+    fn write_reduced_samples(&self, layer: &mut LayerBuilder, due: DueSamples) -> Result<()> {
+        if let Some(TimeSample { time, values }) = due.orientations {
             layer.writer.set_time_sample(self.orientations, time, UsdArray::Quath(&to_quath(&values)).into())?;
         }
-        if let Some(TimeSample { time, values }) = positions {
-            layer.writer.set_time_sample(self.positions, time, UsdArray::Float3(as_float3(&values)).into())?;
+        let vectors = [(self.positions, due.positions), (self.scales, due.scales)];
+        for (attr, TimeSample { time, values }) in vectors.into_iter().filter_map(|(a, s)| Some((a, s?))) {
+            layer.writer.set_time_sample(attr, time, UsdArray::Float3(as_float3(&values)).into())?;
         }
         Ok(())
     }
@@ -252,15 +280,26 @@ impl AnimatedPrim for AnimatedInstancer {
         self.clip_bounds = self.clip_bounds.union(Bounds::of(b.map(Vec3::from_array)));
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.extent, UsdArray::Float3(&b))?;
-        if !state.sizes.is_empty() {
-            sample(self.scales, UsdArray::Float3(as_float3(&stage_scales(up, instancer, &state))))?;
-        }
         if let Some(invisible) = self.invisible {
             sample(invisible, UsdArray::Int64(&invisible_ids(instancer, &state)))?;
         }
-        if self.reducers.is_some() && state.velocities.is_empty() {
-            self.push_reduced(layer, time, positions.into_owned())?;
+        if !state.velocities.is_empty() {
+            self.flush_samples(layer)?;
+            self.reducers = None;
+        }
+        let scales = (!state.sizes.is_empty()).then(|| stage_scales(up, instancer, &state));
+        if let Some(reducers) = &mut self.reducers {
+            let due = DueSamples {
+                positions: reducers.positions.push(time, positions.into_owned()),
+                orientations: reducers.orientations.push(time, self.before.clone()),
+                scales: scales.and_then(|scales| reducers.scales.push(time, scales)),
+            };
+            self.write_reduced_samples(layer, due)?;
         } else {
+            let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
+            if let Some(scales) = &scales {
+                sample(self.scales, UsdArray::Float3(as_float3(scales)))?;
+            }
             sample(self.orientations, UsdArray::Quath(&orientations))?;
             sample(self.positions, UsdArray::Float3(as_float3(&positions)))?;
         }
@@ -284,8 +323,12 @@ impl AnimatedPrim for AnimatedInstancer {
 
     fn flush_samples(&mut self, layer: &mut LayerBuilder) -> Result<()> {
         let Some(reducers) = &mut self.reducers else { return Ok(()) };
-        let (orientations, positions) = (reducers.orientations.finish(), reducers.positions.finish());
-        self.write_reduced_samples(layer, orientations, positions)
+        let due = DueSamples {
+            positions: reducers.positions.finish(),
+            orientations: reducers.orientations.finish(),
+            scales: reducers.scales.finish(),
+        };
+        self.write_reduced_samples(layer, due)
     }
 
     fn clip_bounds(&self) -> Bounds {

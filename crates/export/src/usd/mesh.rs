@@ -9,6 +9,7 @@ use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
 use super::primvar::{self, Primvar};
+use super::sample_reduction::{SampleReducer, SampleTolerance, TimeSample};
 use super::value::{UsdArray, UsdValue};
 use crate::up_axis::{UpAxis, extent_corners};
 use osier_base::Result;
@@ -246,8 +247,17 @@ pub(super) struct DeformingMesh {
     pub(super) path: String,
     pub(super) attrs: MeshAttrs,
     pub(super) velocities: VelocitySamples,
+    /// Leaves out samples that interpolation restores, as long as no frame has velocities: those go with the points of their frame.
+    reducer: Option<SampleReducer<Vec3>>,
     /// Box of all frames so far.
     pub(super) clip_bounds: Bounds,
+}
+
+impl DeformingMesh {
+    fn write_points(&self, layer: &mut LayerBuilder, sample: Option<TimeSample<Vec3>>) -> Result<()> {
+        let Some(TimeSample { time, values }) = sample else { return Ok(()) };
+        layer.writer.set_time_sample(self.attrs.points, time, UsdArray::Float3(as_float3(&values)).into())
+    }
 }
 
 impl AnimatedPrim for DeformingMesh {
@@ -263,9 +273,29 @@ impl AnimatedPrim for DeformingMesh {
         self.clip_bounds = self.clip_bounds.union(b);
         let b = extent_corners(&b);
         layer.writer.set_time_sample(self.attrs.extent, sample.time, UsdArray::Float3(&b).into())?;
-        layer.writer.set_time_sample(self.attrs.points, sample.time, UsdArray::Float3(as_float3(&points)).into())?;
+        if !velocities.is_empty() {
+            self.flush_samples(layer)?;
+            self.reducer = None;
+        }
+        let count = points.len();
+        match &mut self.reducer {
+            Some(reducer) => {
+                let due = reducer.push(sample.time, points.into_owned());
+                self.write_points(layer, due)?;
+            }
+            None => layer.writer.set_time_sample(
+                self.attrs.points,
+                sample.time,
+                UsdArray::Float3(as_float3(&points)).into(),
+            )?,
+        }
         let v = cx.up.stage_vecs(velocities);
-        self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&v), points.len(), sample.time)
+        self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&v), count, sample.time)
+    }
+
+    fn flush_samples(&mut self, layer: &mut LayerBuilder) -> Result<()> {
+        let last = self.reducer.as_mut().and_then(SampleReducer::finish);
+        self.write_points(layer, last)
     }
 
     fn clip_bounds(&self) -> Bounds {
@@ -380,14 +410,24 @@ impl AnimatedPrim for VaryingMesh {
     }
 }
 
+/// A mesh of an asset.
+#[derive(Clone, Copy)]
+pub(super) struct MeshSource<'a> {
+    /// Index in its asset.
+    pub(super) index: usize,
+    pub(super) object: &'a osier_scene::MeshObject,
+    /// Length that a pixel of the picture covers at the asset, m; 0 if even the shortest is seen.
+    pub(super) pixel: f32,
+}
+
 /// Defines a mesh that is not skinned. Returns what takes its time samples, if it deforms or varies.
 pub(super) fn define_unskinned(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
-    index: usize,
     place: &MeshTarget,
-    object: &osier_scene::MeshObject,
+    source: MeshSource<'_>,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
+    let MeshSource { index, object, pixel } = source;
     if object.motion == MeshMotion::Varying {
         return Ok(Some(Box::new(VaryingMesh::new(cx, layer, index, place, &object.mesh)?)));
     }
@@ -399,6 +439,11 @@ pub(super) fn define_unskinned(
             path,
             attrs,
             velocities: VelocitySamples::default(),
+            reducer: Some(SampleReducer::new(SampleTolerance {
+                strict: cx.tolerance.metres,
+                seen: cx.tolerance.pixels * pixel,
+                levers: Vec::new(),
+            })),
             clip_bounds: Bounds::default(),
         })));
     }

@@ -3,6 +3,9 @@
 //! OpenUSD interpolates arrays element by element: positions linearly, quaternions along great circles. The reduction is greedy:
 //! frames wait as long as interpolation between the last written sample and the newest frame restores all of them; when it no
 //! longer does, the frame before the newest is written.
+//!
+//! A sample may go if all elements are restored within a strict tolerance, or if nearly all of them are restored so well that the
+//! difference is not seen in the camera's picture ([`SampleTolerance`]).
 
 use glam::{Quat, Vec3};
 
@@ -10,26 +13,44 @@ use glam::{Quat, Vec3};
 /// work per frame; a larger value saves samples only of what hardly moves.
 const MAX_GAP: usize = 8;
 
+/// Share of the elements that must be restored within [`SampleTolerance::seen`]. Own: a few leaves that flap wildly would keep the
+/// samples of all others.
+const SEEN_SHARE: f64 = 0.99;
+/// Most error of the remaining elements, as a multiple of [`SampleTolerance::seen`]. Own.
+const SEEN_MOST: f32 = 4.0;
+
+/// Error up to which samples are left out.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct SampleTolerance {
+    /// For all elements, in their unit: m or rad. 0 keeps every sample, whatever can be seen.
+    pub(super) strict: f32,
+    /// Distance that is too short to be seen, m, for 99 of 100 elements; the others may be off by four times as much. 0: any
+    /// distance is seen.
+    pub(super) seen: f32,
+    /// For each element the distance by which an error of one unit moves what it carries, m per unit; empty: 1.
+    pub(super) levers: Vec<f32>,
+}
+
 /// Array elements that readers interpolate.
 pub(super) trait Interpolated: Copy {
-    /// Whether interpolation from `a` to `b` at the parameter `t`, 0 to 1, is within `tolerance` of `self`.
-    fn is_between(&self, a: &Self, b: &Self, t: f32, tolerance: f32) -> bool;
+    /// Square of the difference between `self` and the interpolation from `a` to `b` at the parameter `t`, 0 to 1.
+    fn squared_error(&self, a: &Self, b: &Self, t: f32) -> f32;
 }
 
 /// Positions, m: linear interpolation; the tolerance is a distance.
 impl Interpolated for Vec3 {
-    fn is_between(&self, a: &Self, b: &Self, t: f32, tolerance: f32) -> bool {
-        (a.lerp(*b, t) - *self).length_squared() <= tolerance * tolerance
+    fn squared_error(&self, a: &Self, b: &Self, t: f32) -> f32 {
+        (a.lerp(*b, t) - *self).length_squared()
     }
 }
 
-/// A rotation; the tolerance is an angle, rad.
+/// A rotation; its error is an angle, rad.
 impl Interpolated for Quat {
-    fn is_between(&self, a: &Self, b: &Self, t: f32, tolerance: f32) -> bool {
+    fn squared_error(&self, a: &Self, b: &Self, t: f32) -> f32 {
         // Readers interpolate along the arc (slerp); the normalised chord leaves it by less than a thousandth of the angle.
         let between = (*a * (1.0 - t) + *b * t).normalize();
         // The dot product of unit quaternions is cos(angle / 2), and 1 - cos(angle / 2) is angle^2 / 8 for small angles.
-        1.0 - between.dot(*self).abs() <= tolerance * tolerance / 8.0
+        (1.0 - between.dot(*self).abs()) * 8.0
     }
 }
 
@@ -43,7 +64,7 @@ pub(super) struct TimeSample<T> {
 /// Takes the frames of one array attribute and returns those that must be written as time samples.
 #[derive(Debug)]
 pub(super) struct SampleReducer<T> {
-    tolerance: f32,
+    tolerance: SampleTolerance,
     /// The sample that was written last.
     last: Option<TimeSample<T>>,
     /// Frames since then, in order.
@@ -51,15 +72,14 @@ pub(super) struct SampleReducer<T> {
 }
 
 impl<T: Interpolated> SampleReducer<T> {
-    /// `tolerance`: in the element's unit; 0 keeps every frame.
-    pub(super) fn new(tolerance: f32) -> Self {
+    pub(super) fn new(tolerance: SampleTolerance) -> Self {
         Self { tolerance, last: None, waiting: Vec::new() }
     }
 
     /// Takes a frame; returns the sample that must be written now, if any.
     pub(super) fn push(&mut self, time: f64, values: Vec<T>) -> Option<TimeSample<T>> {
         let sample = TimeSample { time, values };
-        if self.last.is_none() || self.tolerance <= 0.0 {
+        if self.last.is_none() || self.tolerance.strict <= 0.0 {
             self.last = Some(sample.clone());
             return Some(sample);
         }
@@ -90,9 +110,32 @@ impl<T: Interpolated> SampleReducer<T> {
         self.waiting.iter().all(|w| {
             // The parameter of the waiting frame between the two samples, 0 to 1, computed in f64 from the times.
             let t = osier_base::math::narrow((w.time - last.time) / (next.time - last.time));
-            let ends = last.values.iter().zip(&next.values);
-            w.values.iter().zip(ends).all(|(v, (a, b))| v.is_between(a, b, t, self.tolerance))
+            self.restores(&last.values, &next.values, t, &w.values)
         })
+    }
+
+    /// Whether interpolation from `from` to `to` at the parameter `t` restores `values`.
+    fn restores(&self, from: &[T], to: &[T], t: f32, values: &[T]) -> bool {
+        let SampleTolerance { strict, seen, levers } = &self.tolerance;
+        let (strict, seen) = (strict * strict, seen * seen);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
+        let most_apart = (values.len() as f64 * (1.0 - SEEN_SHARE)) as usize;
+        let (mut all, mut apart) = (true, 0);
+        let ends = from.iter().zip(to);
+        for (i, (v, (a, b))) in values.iter().zip(ends).enumerate() {
+            let error = v.squared_error(a, b, t);
+            if error <= strict {
+                continue;
+            }
+            all = false;
+            let lever = levers.get(i).copied().unwrap_or(1.0);
+            let moved = error * lever * lever;
+            apart += usize::from(moved > seen);
+            if apart > most_apart || moved > seen * SEEN_MOST * SEEN_MOST {
+                return false;
+            }
+        }
+        all || seen > 0.0
     }
 }
 
@@ -101,7 +144,7 @@ mod tests {
     use super::*;
 
     fn reduced(tolerance: f32, frames: &[Vec<Vec3>]) -> Vec<TimeSample<Vec3>> {
-        let mut t = SampleReducer::new(tolerance);
+        let mut t = SampleReducer::new(SampleTolerance { strict: tolerance, ..SampleTolerance::default() });
         let mut out: Vec<_> = frames.iter().zip(0..).filter_map(|(f, i)| t.push(f64::from(i), f.clone())).collect();
         out.extend(t.finish());
         out
@@ -128,7 +171,32 @@ mod tests {
     #[test]
     fn turns_are_compared_by_their_angle() {
         let turn = |a: f32| Quat::from_rotation_y(a);
-        assert!(turn(0.05).is_between(&turn(0.0), &turn(0.1), 0.5, 1e-3));
-        assert!(!turn(0.056).is_between(&turn(0.0), &turn(0.1), 0.5, 5e-3));
+        let error = |a: f32| turn(a).squared_error(&turn(0.0), &turn(0.1), 0.5).max(0.0).sqrt();
+        assert!(error(0.05) < 1e-3 && (error(0.056) - 6e-3).abs() < 1e-3, "{} {}", error(0.05), error(0.056));
+    }
+
+    #[test]
+    fn what_is_not_seen_goes_unless_many_are_off_or_one_is_far_off() {
+        // Three frames, the middle one off the line between the others by `errors`.
+        let kept = |errors: &[f32], levers: &[f32]| {
+            let tolerance = SampleTolerance { strict: 0.001, seen: 0.01, levers: levers.to_vec() };
+            let mut t = SampleReducer::new(tolerance);
+            let still: Vec<Vec3> = errors.iter().map(|_| Vec3::ZERO).collect();
+            let off: Vec<Vec3> = errors.iter().map(|e| Vec3::X * *e).collect();
+            let written = [still.clone(), off, still].into_iter().zip(0..);
+            let mut out: Vec<_> = written.filter_map(|(f, i)| t.push(f64::from(i), f)).collect();
+            out.extend(t.finish());
+            out.len()
+        };
+        let mut errors = vec![0.009; 200];
+        assert_eq!(kept(&errors, &[]), 2, "all below what is seen");
+        errors[..2].fill(0.03);
+        assert_eq!(kept(&errors, &[]), 2, "one in a hundred may be off by up to four times as much");
+        errors[0] = 0.05;
+        assert_eq!(kept(&errors, &[]), 3, "one is far off");
+        errors[..5].fill(0.03);
+        assert_eq!(kept(&errors, &[]), 3, "more than one in a hundred is off");
+        assert_eq!(kept(&errors, &[0.2; 200]), 2, "what they carry is short");
+        assert_eq!(kept(&[0.0009; 200], &[100.0; 200]), 2, "the strict tolerance holds for any lever");
     }
 }

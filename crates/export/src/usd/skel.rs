@@ -8,6 +8,7 @@ use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, near
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
 use super::mesh::{MeshTarget, define_mesh};
 use super::value::{UsdArray, UsdValue};
+use crate::skin_remap::integer_weights;
 use crate::up_axis::{extent_corners, matrix4d};
 use osier_base::Result;
 use osier_base::files::{Names, safe_name};
@@ -191,11 +192,20 @@ pub(crate) fn bind_points(
 }
 
 /// Binds a mesh to a skeleton with the four influences of each point. `skeleton`: its path.
+///
+/// Weights are multiples of 1/1023 that sum to 1: a crate file holds such an array as a table of at most 1024 values, in less than half
+/// of the bytes. A point is off by at most 1/1023 of the distance between the places that two of its joints give it.
 pub(crate) fn bind_skin(layer: &mut LayerBuilder, skeleton: &str, mesh: &str, skin: &SkinWeights) -> Result<()> {
     // Flat lists of four for each point; `elementSize` says so.
     let joints: Vec<i32> = skin.joints.as_flattened().iter().map(|j| i32::from(*j)).collect();
-    let influences = PointInfluences { size: 4, joints: &joints, weights: skin.weights.as_flattened() };
+    let weights: Vec<f32> = skin.weights.iter().flat_map(rounded_weights).collect();
+    let influences = PointInfluences { size: 4, joints: &joints, weights: &weights };
     bind_points(layer, skeleton, mesh, &influences)
+}
+
+/// Four weights as multiples of 1/1023.
+fn rounded_weights(weights: &[f32; 4]) -> [f32; 4] {
+    integer_weights(weights, 1023).map(|w| f32::from(w) / 1023.0)
 }
 
 impl AnimatedPrim for SkelAnimation {

@@ -98,8 +98,12 @@ impl ContextView<'_> {
         self.ignored.get(usize::from(symbol)).copied().unwrap_or(false)
     }
 
-    fn is_border(&self, symbol: SymbolId) -> bool {
-        self.borders.is_some_and(|b| symbol == b.open || symbol == b.close)
+    /// Whether the module at a position begins or ends a sub-L-system. A query, as `?P(x,y,z)`, begins with the symbol of the one, but
+    /// that has no label.
+    fn is_border(&self, position: usize) -> bool {
+        let module = self.modules.get(self.index(position));
+        let opens = |b: &Borders| module.symbol == b.open && !module.params.is_empty();
+        self.borders.is_some_and(|b| opens(&b) || module.symbol == b.close)
     }
 
     /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped
@@ -121,7 +125,7 @@ impl ContextView<'_> {
                     Some(open) => i = open,
                     None => return false,
                 }
-            } else if self.is_border(symbol) {
+            } else if self.is_border(i) {
                 return false;
             } else if symbol != brackets.open && !self.is_ignored(symbol) {
                 if !match_module(formal, self.modules.get(self.index(i)), locals) {
@@ -173,7 +177,7 @@ impl ContextView<'_> {
             let symbol = self.symbol(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;
-            } else if symbol == brackets.close || self.is_border(symbol) {
+            } else if symbol == brackets.close || self.is_border(i) {
                 // The axis ends here without the module.
                 return None;
             } else {

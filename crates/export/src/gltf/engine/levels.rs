@@ -50,6 +50,8 @@ pub(super) struct PlantLevel {
     pub weights: Vec<[f32; 4]>,
     /// How the vertices sway.
     pub wind: Vec<VertexWind>,
+    /// Size of the leaves as a multiple of those of the plant, where fewer stand for all; 0 without leaves.
+    pub leaf_size: f32,
 }
 
 /// Vertices to add to a level.
@@ -305,6 +307,7 @@ impl<'a> PlantSource<'a> {
         let kept: Vec<usize> = fewest_keys(&keys, fits).into_iter().map(|k| members[k]).collect();
         let covered: f64 = kept.iter().map(|i| at(&simple_areas, proto(*i))).sum();
         let growth = growth_for(wanted, covered);
+        level.leaf_size = level.leaf_size.max(growth);
         for i in kept {
             let Some(mesh) = blades.get(proto(i)) else { continue };
             let mut place = instancer.transform(&instancer.rest, i);
@@ -344,6 +347,7 @@ impl<'a> PlantSource<'a> {
         let area_of =
             |leaf: &MergedLeaf| leaf.triangles.iter().map(|(_, t)| triangle_area(&object.mesh, t)).sum::<f64>();
         let growth = growth_for(leaves.iter().map(area_of).sum(), kept.iter().map(|k| area(&simple[*k])).sum());
+        level.leaf_size = level.leaf_size.max(growth);
         for k in kept {
             let used = leaves[k].vertices();
             let winds: Vec<VertexWind> = used.iter().filter_map(|i| wind.get(*i as usize)).copied().collect();

@@ -60,6 +60,9 @@ impl GltfDocument<'_> {
             }
         }
         let counts: Vec<usize> = levels.iter().map(|l| l.mesh.triangles.len()).collect();
+        // All levels have the same materials: those of the finest one decide.
+        let is_thinned = levels.first().is_some_and(|l| l.leaf_size > 1.0);
+        let geometry = if is_thinned { GeometryKind::ThinnedPlant } else { GeometryKind::Mesh };
         // The finest level first, each as a mesh with what a program needs to choose among them.
         for (lod, level) in levels.into_iter().enumerate() {
             let name = format!("{}_LOD{lod}", asset.id);
@@ -68,6 +71,8 @@ impl GltfDocument<'_> {
             let extras = LevelExtras {
                 lod,
                 triangles: counts[lod],
+                plant_triangles: source.triangles(),
+                leaf_size: (level.leaf_size > 0.0).then_some(level.leaf_size),
                 screen: screen_share(&counts, lod),
                 channels: self.input.options.channels.map(|c| c.words()).unwrap_or_default(),
             };
@@ -76,7 +81,7 @@ impl GltfDocument<'_> {
                 name: &name,
                 label: &label,
                 mesh: &mesh,
-                geometry: GeometryKind::Mesh,
+                geometry,
                 skin: skin.as_ref(),
                 shapes: &[],
                 cube: None,

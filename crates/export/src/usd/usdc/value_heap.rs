@@ -3,9 +3,12 @@
 //! A value is referred to by a 64-bit `ValueRep`: bit 63 array, bit 62 inlined, bit 61 compressed, bits 48 to 55 the type code,
 //! and in the low 48 bits the file offset of the value, or the value itself if inlined. Source: `pxr/usd/sdf/crateFile.h`.
 
+use std::collections::BTreeSet;
+
 use super::integer_coding;
 use crate::usd::byte_sink::ByteSink;
 use crate::usd::value::{UsdArray, UsdValue, push_finite_f16, push_finite_f32, push_finite_f64};
+use osier_base::convert::narrow;
 use osier_base::par::LookupMap;
 use osier_base::{Error, Result};
 
@@ -44,7 +47,7 @@ pub(super) mod type_code {
 const IS_ARRAY: u64 = 1 << 63;
 const IS_INLINED: u64 = 1 << 62;
 const IS_COMPRESSED: u64 = 1 << 61;
-/// Integer arrays shorter than this are not compressed; readers expect the same threshold (`MinCompressedArraySize`).
+/// Arrays of integers and floats shorter than this are not compressed; readers expect the same threshold (`MinCompressedArraySize`).
 const MIN_COMPRESSED: usize = 16;
 
 /// A `ValueRep` that holds the value itself: a number of at most 32 bits, or the row of a token or string.
@@ -128,6 +131,10 @@ impl ValueHeap {
             heap.sink.put(&(data.len() as u64).to_le_bytes())?;
             heap.sink.put(&data)
         };
+        let table = match array {
+            UsdArray::Float(v) if v.len() >= MIN_COMPRESSED => value_table(v),
+            _ => None,
+        };
         let value_rep = match array {
             UsdArray::Int(v) if v.len() >= MIN_COMPRESSED => {
                 self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
@@ -137,6 +144,20 @@ impl ValueHeap {
             UsdArray::Int64(v) if v.len() >= MIN_COMPRESSED => {
                 self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
                     put_compressed(heap, integer_coding::compress_i64(v))
+                })
+            }
+            // Floats with few different values: code `t`, the table of values (its length, then the values), the rows of the table
+            // as compressed integers.
+            UsdArray::Float(_) if table.is_some() => {
+                let (table, rows) = table.unwrap_or_default();
+                self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
+                    let data = integer_coding::compress_i32(&rows);
+                    heap.sink.put(&count)?;
+                    heap.sink.put(b"t")?;
+                    heap.sink.put(&narrow::<u32, usize>(table.len(), "values of an array")?.to_le_bytes())?;
+                    heap.sink.put(bytemuck::cast_slice(&table))?;
+                    heap.sink.put(&(data.len() as u64).to_le_bytes())?;
+                    heap.sink.put(&data)
                 })
             }
             _ => self.append_deduplicated(kind, flags, &bytes, |heap| {
@@ -173,6 +194,26 @@ impl ValueHeap {
         .map_err(bad)?;
         self.store_scalar(code, &bytes)
     }
+}
+
+/// The different values of an array in ascending order, as little-endian bits, and for each element its row in that table; `None`
+/// if a table would not be worth while: OpenUSD takes one of at most a quarter of the elements, and of at most 1024 values.
+fn value_table(values: &[f32]) -> Option<(Vec<u32>, Vec<i32>)> {
+    const MAX_TABLE: usize = 1024;
+    let most = MAX_TABLE.min(values.len() / 4);
+    // The order of the bits of floats is ascending for positive numbers; any fixed order serves. -0 is stored as 0.
+    let bits = |x: &f32| (x + 0.0).to_bits();
+    let mut table: BTreeSet<u32> = BTreeSet::new();
+    for x in values {
+        table.insert(bits(x));
+        if table.len() > most {
+            return None;
+        }
+    }
+    let table: Vec<u32> = table.into_iter().collect();
+    let row = |x: &f32| table.binary_search(&bits(x)).ok().and_then(|row| i32::try_from(row).ok());
+    let rows = values.iter().map(row).collect::<Option<Vec<i32>>>()?;
+    Some((table.into_iter().map(u32::to_le).collect(), rows))
 }
 
 fn not_finite(place: &str, i: usize) -> Error {

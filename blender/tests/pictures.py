@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Renders frames of a bake in Cycles, as the importer sets the scene up: pictures.py MANIFEST FOLDER WIDTHxHEIGHT FRAME...
+
+Runs under bpy 4.2 or newer. Nothing is set by hand but the size of the picture and the number of samples. Writes FOLDER/cycles_FRAME.png.
+"""
+
+import os
+import pathlib
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
+import bpy
+import osier_import
+
+
+def main() -> None:
+    manifest, folder, size, *frames = sys.argv[1:]
+    bpy.ops.wm.read_factory_settings()
+    osier_import.register()
+    assert bpy.ops.import_scene.osier(filepath=manifest) == {"FINISHED"}
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = map(int, size.split("x"))
+    scene.render.resolution_percentage = 100
+    scene.render.image_settings.file_format = "PNG"
+    scene.cycles.samples = 24
+    for frame in map(int, frames):
+        scene.frame_set(frame)
+        scene.render.filepath = os.path.join(folder, f"cycles_{frame}.png")
+        bpy.ops.render.render(write_still=True)
+    sys.stdout.flush()
+    # Blender 4.5 as a module may not end by itself while an add-on is registered.
+    os._exit(0)
+
+
+main()

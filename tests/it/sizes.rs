@@ -1,0 +1,178 @@
+//! How large the files of a bake are, and what they lose for it.
+#![allow(clippy::cast_possible_truncation, reason = "small test numbers")]
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests panic and look at the disk themselves")]
+
+use crate::common::clients;
+use crate::common::gltf_player::Player;
+use crate::common::program::{arg, ends};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Writes a scene and bakes it.
+fn bake(folder: &Path, name: &str, scene: &str, sets: &[&str]) -> PathBuf {
+    let file = folder.join(format!("{name}.toml"));
+    std::fs::write(&file, scene).expect("scene");
+    let out = folder.join(name);
+    let mut arguments = vec!["-q", "bake", arg(&file), "-o", arg(&out)];
+    arguments.extend(sets.iter().flat_map(|s| ["--set", s]));
+    ends(0, &arguments);
+    out
+}
+
+fn length(file: &Path) -> u64 {
+    std::fs::metadata(file).expect("file").len()
+}
+
+const BIRCH: &str = r#"
+[frames]
+end = 16
+fps = 24
+[plants.birch]
+grammar = "birch.l"
+steps = 9
+[plants.birch.leaf]
+size = 0.06
+[plants.birch.bark]
+tile = 0.4
+side = 512
+[[place]]
+plant = "birch"
+[wind]
+speed = 5
+[ground]
+show = false
+[camera]
+eye = [0, 2, 14]
+target = [0, 2, 0]
+vfov_deg = 40
+[output]
+formats = ["usd"]
+"#;
+
+#[test]
+fn leaves_far_away_have_fewer_samples_and_are_where_they_were_to_a_pixel() {
+    let Some(python) = clients::python() else { return };
+    let temp = tempfile::tempdir().expect("temp");
+    let all = bake(temp.path(), "all", BIRCH, &["output.usd.tolerance_mm=0", "output.usd.turn_tolerance_deg=0"]);
+    let few = bake(temp.path(), "few", BIRCH, &[]);
+    let near = bake(temp.path(), "near", BIRCH, &["camera.eye=[0, 2, 1]"]);
+    let payload = |folder: &Path| folder.join("usd/birch.usdc");
+    // A pixel of 1080 rows at 13 m from the camera; most of the crown is farther.
+    let pixel = 2.0 * 13.0 * 20.0_f64.to_radians().tan() / 1080.0;
+    let compare = |one: &Path| -> Value {
+        let (one, other) = (payload(one), payload(&all));
+        let output = clients::python_script(&python, "usd_reduction.py", &[arg(&one), arg(&other), &pixel.to_string()]);
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let seen = compare(&few);
+    let number = |v: &Value| v.as_f64().expect("a number");
+    assert!(number(&seen["p99"]) < 1.3 && number(&seen["most"]) < 5.1, "{seen}");
+    let [reduced, whole] = [0, 1].map(|k| number(&seen["samples"][k][0]));
+    assert!((whole - 16.0).abs() < 0.5 && reduced <= 12.0, "{seen}");
+    assert!(length(&payload(&few)) * 5 < length(&payload(&all)) * 4);
+    // Weights are rounded, and sum to 1.
+    assert!((number(&seen["weights"][0]) - 1.0).abs() < 1e-6 && (number(&seen["weights"][1]) - 1.0).abs() < 1e-6);
+    // With the camera before the crown only the strict tolerances count.
+    assert!(length(&payload(&near)) > length(&payload(&few)));
+}
+
+/// Width of a PNG file.
+fn width(file: &Path) -> u32 {
+    image::open(file).expect("a picture").width()
+}
+
+#[test]
+fn textures_are_as_large_as_the_camera_sees_them() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = BIRCH.replace("end = 16", "end = 1");
+    let bark = |name: &str, sets: &[&str]| {
+        let folder = bake(temp.path(), name, &scene, sets).join("textures");
+        ["color", "normal", "rough", "height"].map(|map| width(&folder.join(format!("birch_bark_{map}.png"))))
+    };
+    assert_eq!(bark("far", &[]), [256; 4]);
+    assert_eq!(bark("full", &["output.texels_per_pixel=0"]), [512; 4]);
+    assert_eq!(bark("close", &["camera.eye=[0, 1, 0.3]"]), [512; 4]);
+    // The colours stay.
+    let mean = |name: &str| {
+        let picture =
+            image::open(temp.path().join(name).join("textures/birch_bark_color.png")).expect("a picture").to_rgb8();
+        let sum: f64 = picture.pixels().map(|p| p.0.iter().map(|c| f64::from(*c)).sum::<f64>()).sum();
+        sum / f64::from(picture.width() * picture.height() * 3)
+    };
+    assert!((mean("far") - mean("full")).abs() < 3.0, "{} {}", mean("far"), mean("full"));
+}
+
+/// Targets of the bark, the largest number of keys of its weights, and what the bake warned of.
+fn growth(name: &str, profile: &str, sets: &[&str]) -> (usize, usize, String) {
+    let temp = tempfile::tempdir().expect("temp");
+    let file = temp.path().join(format!("{name}.toml"));
+    let scene = "[frames]\nend = 60\n[plants.a]\nspecies = \"oak\"\nage = 14\n[plants.a.site]\nto = 14\nclip_leaves = \"summer\"\n\
+         [plants.a.skin]\nsides = 3\n[[place]]\nplant = \"a\"\n[ground]\nshow = false\n[output]\nformats = [\"glb\"]\n";
+    std::fs::write(&file, format!("{scene}[output.gltf]\nprofiles = [\"{profile}\"]\n")).expect("scene");
+    let out = temp.path().join("out");
+    let mut arguments = vec!["bake", arg(&file), "-o", arg(&out)];
+    arguments.extend(sets.iter().flat_map(|s| ["--set", s]));
+    let run = Command::new(env!("CARGO_BIN_EXE_osier")).args(&arguments).output().expect("osier runs");
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.success(), "{said}");
+    let stem = if profile == "engine" { "a" } else { name };
+    let json = Player::new(&std::fs::read(out.join(format!("gltf/{stem}.{profile}.glb"))).expect("file")).json;
+    let list = |v: &Value, key: &str| v[key].as_array().cloned().unwrap_or_default();
+    let targets =
+        list(&json, "meshes").iter().flat_map(|m| list(m, "primitives")).map(|p| list(&p, "targets").len()).max();
+    let animation = &json["animations"][0];
+    let weights: Vec<Value> =
+        list(animation, "channels").into_iter().filter(|c| c["target"]["path"] == "weights").collect();
+    let keys = weights.iter().map(|c| {
+        let sampler = &animation["samplers"][c["sampler"].as_u64().expect("sampler") as usize];
+        json["accessors"][sampler["input"].as_u64().expect("input") as usize]["count"].as_u64().expect("count") as usize
+    });
+    (targets.unwrap_or(0), keys.max().unwrap_or(0), said)
+}
+
+#[test]
+fn growth_is_in_gltf_of_every_profile() {
+    for profile in ["web", "engine"] {
+        let (targets, keys, said) = growth("s", profile, &[]);
+        assert!(targets >= 16 && keys >= targets, "{profile}: {targets} shapes, {keys} keys");
+        assert!(!said.contains("X017"), "{said}");
+    }
+}
+
+#[test]
+fn a_swaying_oak_of_sixty_years_is_four_megabytes_for_engines() {
+    let temp = tempfile::tempdir().expect("temp");
+    let scene = "[frames]\nend = 24\n[plants.oak]\nspecies = \"oak\"\nage = 60\n[[place]]\nplant = \"oak\"\n[wind]\nspeed = 5\n\
+         [ground]\nshow = false\n[output]\nformats = [\"glb\"]\n[output.gltf]\nprofiles = [\"engine\"]\n";
+    let file = bake(temp.path(), "grove", scene, &[]).join("gltf/oak.engine.glb");
+    assert!(length(&file) <= 4_000_000, "{} bytes", length(&file));
+    let json = Player::new(&std::fs::read(&file).expect("file")).json;
+    assert!(json["extensionsRequired"].is_null());
+    let levels = json["meshes"].as_array().expect("meshes");
+    assert_eq!(levels.len(), 4);
+    let mut triangles = 0;
+    for level in levels {
+        let extras = &level["extras"]["osier"];
+        let number = |key: &str| extras[key].as_f64().expect("a number");
+        assert!(number("plant_triangles") > 100_000.0 && (1.0..=8.0).contains(&number("leaf_size")), "{extras}");
+        triangles += extras["triangles"].as_u64().expect("triangles");
+    }
+    // Both viewers draw all levels, with the skin and its joints.
+    let Some((node, modules)) = clients::babylon() else { return };
+    let mut command = Command::new(&node);
+    let out = clients::run(command.arg(clients::script("gltf_counts.mjs")).arg(&modules).arg(&file));
+    let line: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    for reader in ["three", "babylon"] {
+        assert_eq!(
+            (line[reader]["triangles"].as_u64(), line[reader]["joints"].as_u64()),
+            (Some(triangles), Some(64)),
+            "{line}"
+        );
+    }
+    let Some((node, folder)) = clients::validator() else { return };
+    let out = clients::run(Command::new(node).arg(clients::script("gltf_validate.mjs")).arg(folder).arg(&file));
+    let report: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{report}");
+}
