@@ -46,7 +46,7 @@ pub fn write_picture(
     };
     match encoding {
         PictureEncoding::Png => {
-            let (density, tone, flat) = attractor::attractor_density(cloud, recipe, context)?;
+            let (density, tone, flat) = attractor::ifs_density(cloud, recipe, context)?;
             let samples = tone_mapped(&density, &tone, flat);
             // A background makes every pixel opaque, so no alpha channel is needed.
             let channels = if tone.background.is_some() { 3 } else { 4 };
@@ -65,7 +65,7 @@ fn write_density(
     folder: &Folder,
     context: &BakeContext<'_>,
 ) -> Result<()> {
-    let (density, ..) = attractor::attractor_density(cloud, recipe, context)?;
+    let (density, ..) = attractor::ifs_density(cloud, recipe, context)?;
     let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.general.seed.to_string(), "scene": recipe.hash });
     let (width, height) = (density.width, density.height);
     folder.write(name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment.to_string())?)?;

@@ -59,7 +59,7 @@ pub use maps::{MapEncoding, MapFrame, MapLayer, MapSequence, MapTexels};
 pub use material::{Coat, Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
 pub use measure::{Field, Table, Watch, largest};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
-pub use picture_scale::{PICTURE_ROWS, PictureScale};
+pub use picture_scale::{PICTURE_ROWS, ScreenScale};
 pub use points::{Curves, Points, PointsFrame, PointsNow};
 pub use records::{CodeList, ColumnValues, RecordColumn, RecordTable};
 pub use rigged_plant::{JointBranch, RiggedPlant};

@@ -44,8 +44,8 @@ impl Wind for WindOverLand {
         self.wind.mean_at(self.above_ground(position))
     }
 
-    fn mean_during(&self, t: f64) -> Vec3 {
-        self.wind.mean_during(t)
+    fn prescribed_mean(&self, t: f64) -> Vec3 {
+        self.wind.prescribed_mean(t)
     }
 
     fn period(&self) -> Option<f64> {

@@ -52,12 +52,12 @@ pub trait Wind: Debug + Send + Sync {
     /// Mean velocity at 10 m above the ground, m/s.
     fn mean(&self) -> Vec3;
 
-    /// Mean velocity at a position, m, over all times, in m/s.
+    /// Mean velocity at a position, m, in m/s; where speed or direction are prescribed over time, that at t = 0.
     fn mean_at(&self, position: Vec3) -> Vec3;
 
-    /// Mean velocity at 10 m around the time `t`, s, in m/s: that of [`Wind::mean`], unless speed or direction are prescribed
-    /// over time.
-    fn mean_during(&self, _t: f64) -> Vec3 {
+    /// The mean velocity at 10 m, m/s, that the scene prescribes for the time `t`, s: that of [`Wind::mean`], unless speed or direction
+    /// are prescribed over time. Nothing is averaged around `t`.
+    fn prescribed_mean(&self, _t: f64) -> Vec3 {
         self.mean()
     }
 

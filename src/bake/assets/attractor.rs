@@ -49,7 +49,7 @@ struct AttractorAsset {
 /// Adds the attractors of a recipe, each at the place that its keys give.
 /// # Errors
 /// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
-pub(crate) fn add_attractors(recipe: &Recipe, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
+pub(crate) fn add_ifs_attractors(recipe: &Recipe, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
     for attractor in &recipe.clouds {
         let material = index(builder.materials.len(), "materials of a scene")?;
         let moving = recipe.clip.len() > 1;
@@ -190,7 +190,7 @@ pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Resul
 /// pictures by density alone.
 /// # Errors
 /// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
-pub fn attractor_density(
+pub fn ifs_density(
     recipe: &AttractorRecipe,
     scene: &Recipe,
     context: &BakeContext<'_>,

@@ -121,7 +121,7 @@ pub fn add_season_materials(set: &mut MaterialSet, plant: &PlantRecipe, seed: u6
         let used: BTreeSet<u32> = organ.meshes.iter().flat_map(|m| &m.subsets).map(|s| s.material).collect();
         let leaves: Vec<u32> = used.into_iter().filter(|m| is_leaf(set, *m)).collect();
         let Some(first) = leaves.first().and_then(|m| set.materials.get(to_usize(*m))) else { continue };
-        let painted = painted_colors(recipe);
+        let painted = generated_blade_colors(recipe);
         let image = first.maps.color.and_then(|i| set.images.get(to_usize(i)));
         // The mean colour of summer, from which spring's and autumn's colours start.
         let green = match &painted {
@@ -161,7 +161,7 @@ fn is_leaf(set: &MaterialSet, material: u32) -> bool {
 }
 
 /// The colours that a blade is painted with; `None` for leaves from files, tables and needles.
-fn painted_colors(recipe: &OrganRecipe) -> Option<LeafColors> {
+fn generated_blade_colors(recipe: &OrganRecipe) -> Option<LeafColors> {
     let painted = recipe.mesh.is_none() && recipe.ifs.is_none() && recipe.keys.blade != BladeOutline::Needles;
     painted.then(|| leaf_colors(&recipe.keys))
 }
@@ -253,7 +253,7 @@ fn add_colors(
     let summer_image = summer.maps.color.and_then(|i| set.images.get(to_usize(i)));
     let name = |color: LeafColor| format!("{}_{}", summer.name, color_word(color));
     // Painted blades are painted again; pictures from elsewhere keep their light and dark.
-    let pictures = match (painted_colors(recipe), summer_image) {
+    let pictures = match (generated_blade_colors(recipe), summer_image) {
         (Some(own), Some(_)) => {
             let spec = leaf_blade_spec(&recipe.keys, mix64(&[seed, word(&plant.id), word(organ)]));
             let list: Vec<_> = colors.iter().map(|c| (name(*c), season_colors(&own, habit, *c))).collect();
@@ -290,7 +290,7 @@ fn shift_season(season: f64, difference: f64) -> f64 {
 }
 
 /// The seed of an individual's year, and how far it is ahead of or behind others in the middle of the year.
-fn individual_year(individual: &Individual) -> (u64, f64) {
+fn season_seed_and_shift(individual: &Individual) -> (u64, f64) {
     let seed = mix64(&[individual.seed, u64::from(individual.id)]);
     (seed, Rng::at(seed, &["season".into()]).range(-MAX_INDIVIDUAL_SHIFT, MAX_INDIVIDUAL_SHIFT))
 }
@@ -314,7 +314,7 @@ pub(crate) fn show_season(
     set: &MaterialSet,
 ) -> Result<()> {
     let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(()) };
-    let (seed, difference) = individual_year(individual);
+    let (seed, difference) = season_seed_and_shift(individual);
     let season = narrow(shift_season(seasons[0], difference));
     apply_season(grown, &PlantSeason { season, seed, organs: &seasonal_organs(materials), bud_name: BUD })
 }
@@ -351,7 +351,7 @@ pub(crate) fn season_clip(
     frames: f64,
 ) -> Result<Option<SeasonClip>> {
     let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(None) };
-    let (seed, difference) = individual_year(individual);
+    let (seed, difference) = season_seed_and_shift(individual);
     let organs = seasonal_organs(materials);
     let mut first = grown.clone();
     show_season(&mut first, recipe, individual, set)?;

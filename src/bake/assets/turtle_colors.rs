@@ -32,7 +32,7 @@ pub(crate) fn add_worn_colors(
         let individuals = || layout.individuals.iter().enumerate().filter(|(_, n)| n.plant == kind).map(|(i, _)| i);
         let mut worn: BTreeSet<Paint> = BTreeSet::new();
         for grown in individuals().filter_map(|i| grown.get(i)) {
-            worn.extend(paints_of(&grown.plant));
+            worn.extend(color_indices_of(&grown.plant));
         }
         if worn.is_empty() {
             continue;
@@ -67,7 +67,7 @@ pub(crate) fn add_worn_colors(
 }
 
 /// The colours of a plant's axes and shapes.
-fn paints_of(plant: &Plant) -> impl Iterator<Item = Paint> {
+fn color_indices_of(plant: &Plant) -> impl Iterator<Item = Paint> {
     #[allow(clippy::cast_possible_truncation, reason = "the low byte is the index")]
     let axes = plant.nodes.color.iter().filter(|c| **c & PAINTED != 0).map(|c| Paint { index: *c as u8, thin: false });
     let subsets = plant.protos.iter().flat_map(|p| &p.mesh.subsets);

@@ -16,8 +16,8 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::keyframes::Keyframes;
 use osier_base::math;
 use osier_motion::rods::{
-    Actuation, AttachedBody, ClampKind, Integrator, MAX_GAUSS_SEIDEL_STIFFNESS, RecordingParams, RodDescription,
-    RodMaterial, RodPose, RodSystem,
+    Actuation, AttachedBody, Integrator, MAX_GAUSS_SEIDEL_STIFFNESS, RecordingParams, RodDescription, RodMaterial,
+    RodSystem, RodSystemPose, SupportKind,
 };
 use osier_plants::surface::rod_tube::{CLOSE_UP, TubeSection, ball, tube};
 use osier_scene::{
@@ -40,7 +40,7 @@ struct RodAsset {
 
 /// Recorded poses of connected rods, one per frame.
 #[derive(Debug, Clone)]
-pub struct RodMotion(Arc<Vec<RodPose>>);
+pub struct RodMotion(Arc<Vec<RodSystemPose>>);
 
 impl RodMotion {
     /// The pose of the `frame`-th frame of the clip; the last one after it.
@@ -57,7 +57,7 @@ impl AssetMotion for RodMotion {
 }
 
 /// Transforms of the joints: the fixed root, then one per section, then one per weight.
-fn joint_transforms(pose: &RodPose) -> Vec<Trs> {
+fn joint_transforms(pose: &RodSystemPose) -> Vec<Trs> {
     let sections = pose.sections.iter().map(|(t, r)| Trs { t: *t, r: *r, s: Vec3::ONE });
     [Trs::IDENTITY].into_iter().chain(sections).chain(pose.bodies.iter().map(|p| Trs::translation(*p))).collect()
 }
@@ -159,9 +159,9 @@ impl<'a> ConnectedRods<'a> {
         for (k, rod) in members.iter().enumerate() {
             for clamp in &rod.clamps {
                 let kind = match clamp.hold {
-                    RodHold::Fixed => ClampKind::Fixed,
-                    RodHold::Pinned => ClampKind::Pinned,
-                    RodHold::Guided => ClampKind::Guided(DVec3::from_array(clamp.line)),
+                    RodHold::Fixed => SupportKind::Fixed,
+                    RodHold::Pinned => SupportKind::Pinned,
+                    RodHold::Guided => SupportKind::Guided(DVec3::from_array(clamp.line)),
                 };
                 if !clamp.keyframes.is_empty() {
                     actuations.push(Actuation::Shift(clamps.len(), keyframes(&clamp.keyframes)));
@@ -174,7 +174,7 @@ impl<'a> ConnectedRods<'a> {
                 clamps.push((k, clamp.at * descriptions[k].spline_length(), kind));
             }
             if rod.on.is_none() && rod.clamps.is_empty() {
-                clamps.push((k, 0.0, ClampKind::Fixed));
+                clamps.push((k, 0.0, SupportKind::Fixed));
             }
         }
         let mut rods = RodSystem::new(&descriptions, &clamps);
@@ -288,7 +288,7 @@ impl<'a> ConnectedRods<'a> {
 
     /// Materials and the asset: a tube per rod, and a ball per visible weight. `moves`: with joints and skinning.
     fn build_asset(&self, first_material: u32, moves: bool) -> Result<(Vec<Material>, Asset)> {
-        let rest = RodPose {
+        let rest = RodSystemPose {
             sections: (0..self.rods.len()).map(|i| self.rest_transform(i)).collect(),
             bodies: self.rods.bodies().iter().map(|b| self.rest_transform(b.section).0).collect(),
         };

@@ -79,7 +79,7 @@ pub struct SwaySurface<'a> {
 }
 
 /// A swaying plant in the wind alone, in its own space.
-pub struct SwayPlaces {
+pub struct PosedPlant {
     /// State of each instancer.
     pub instances: Vec<InstanceState>,
     /// Positions of the plant's nodes, m.
@@ -89,7 +89,7 @@ pub struct SwayPlaces {
 /// What drops add to a swaying plant at a frame.
 pub struct RainedSway {
     /// Angles that drops add to each bend, rad.
-    pub added_bends: Vec<[f32; 2]>,
+    pub drop_bends: Vec<[f32; 2]>,
     /// State of each instancer, drops and wind together.
     pub instances: Vec<InstanceState>,
 }
@@ -191,7 +191,7 @@ impl SwayMotion {
     }
 
     /// Leaves and nodes at a time of the clip, in the wind alone. `asset`: its meshes may be missing.
-    pub fn places(&self, asset: &Asset, time: FrameTime) -> SwayPlaces {
+    pub fn places(&self, asset: &Asset, time: FrameTime) -> PosedPlant {
         let sample = self.sample(time);
         let frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
         let skeleton = self.body.pose(&self.elements, &sample.bends[1]);
@@ -200,14 +200,14 @@ impl SwayMotion {
                 InstancerFrame::State(state) => state,
                 InstancerFrame::Same => asset.instancers[i].rest.clone(),
             });
-        SwayPlaces { instances: states.collect(), nodes: skeleton.positions().to_vec() }
+        PosedPlant { instances: states.collect(), nodes: skeleton.positions().to_vec() }
     }
 
     /// The asset at a time of the clip with what drops add to it.
     pub fn frame_in_rain(&self, asset: &Asset, time: FrameTime, rained: RainedSway) -> AssetFrame {
         let mut sample = self.sample(time);
         // Drops move the plant alike over the time of the central differences: velocities of bark are those in the wind.
-        for (bend, added) in sample.bends.iter_mut().flat_map(|bends| bends.iter_mut().zip(&rained.added_bends)) {
+        for (bend, added) in sample.bends.iter_mut().flat_map(|bends| bends.iter_mut().zip(&rained.drop_bends)) {
             *bend = [bend[0] + added[0], bend[1] + added[1]];
         }
         let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };

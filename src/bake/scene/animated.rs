@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::bake::motion::AssetMotion;
-use crate::bake::wind::output::WindOutput;
+use crate::bake::wind::output::WindGridSampler;
 use osier_scene::Scene;
 
 /// A scene at rest, the motions of its assets, and its exported wind.
@@ -14,5 +14,5 @@ pub struct AnimatedScene {
     /// Motions, parallel to the assets; `None` for an asset that stands still.
     pub motions: Vec<Option<Arc<dyn AssetMotion>>>,
     /// Samples the wind for `[output.wind]`; `None` if the recipe exports none.
-    pub wind: Option<Arc<WindOutput>>,
+    pub wind: Option<Arc<WindGridSampler>>,
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::bake::BakeContext;
-use crate::bake::assets::attractor::add_attractors;
+use crate::bake::assets::attractor::add_ifs_attractors;
 use crate::bake::assets::ground::{add_ground, ground_materials, place_on_ground};
 use crate::bake::assets::material_set::PlantMaterials;
 use crate::bake::assets::obstacles::{GroundSurface, Obstacles, add_obstacles};
@@ -26,7 +26,7 @@ use crate::bake::scene::layout::{SceneLayout, lay_out_scene};
 use crate::bake::scene::scatter::sink_feet;
 use crate::bake::wind::lattice::{check_lattice, lattice_solids};
 use crate::bake::wind::needs::WindNeeds;
-use crate::bake::wind::output::{WindOutput, velocity_grid};
+use crate::bake::wind::output::{WindGridSampler, velocity_grid};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::bake::wind::scene_wind::{SceneWind, WindObserver, WindSurroundings, WindUser};
 use crate::recipe::Recipe;
@@ -194,7 +194,7 @@ fn assemble(
 
     // Rain reads the plants' assets as they were just built, and takes the leaves that get maps of their own out of them. An
     // estimate simulates one frame of it, from the first drop.
-    let short_recipe = full.map(dry_run::recipe_of_first_rain_frame);
+    let short_recipe = full.map(dry_run::recipe_cut_to_first_frame);
     let rain_recipe = short_recipe.as_ref().unwrap_or(recipe);
     let rain_ground = match (&terrain, &ground) {
         (Some(terrain), _) if recipe.rain.is_some() => RainGround::Terrain(terrain.clone()),
@@ -215,7 +215,7 @@ fn assemble(
     )?;
 
     // Everything else that is seen. Files list assets in this order.
-    add_attractors(recipe, &mut builder, context)?;
+    add_ifs_attractors(recipe, &mut builder, context)?;
     let canopy = Canopy::of_scene(recipe, &layout, &grown, &builder);
     let flight = add_catkins(recipe, &obstacles, &scene_wind, canopy, &mut builder, context, &mut report)?;
     let rod_wind = scene_wind.field(WindUser::Rods);
@@ -224,7 +224,7 @@ fn assemble(
 
     let (flight_table, fields, flight_volumes) =
         flight.map_or((None, Vec::new(), Vec::new()), |f| (Some(f.table), f.fields, f.volumes));
-    let wind_output = WindOutput::from_recipe(recipe, &scene_wind, &obstacles, context)?;
+    let wind_output = WindGridSampler::from_recipe(recipe, &scene_wind, &obstacles, context)?;
     let wind_volume = velocity_grid(recipe).filter(|_| wind_output.is_some());
 
     // A camera without keys frames what was added so far; the ground, which reaches farther, is framed only when alone.

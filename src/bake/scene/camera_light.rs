@@ -42,14 +42,14 @@ fn camera_framing(recipe: &Recipe, bounds: Bounds) -> Camera {
 
 /// How large the camera's picture shows things.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct PictureScale {
+pub(crate) struct ScreenScale {
     /// Position of the camera, m.
     eye: DVec3,
     /// Focal length, pixels.
     focal: f64,
 }
 
-impl PictureScale {
+impl ScreenScale {
     /// The scale in the picture of the keys' camera, which without `eye` frames `bounds`, m.
     pub(crate) fn new(recipe: &Recipe, bounds: Bounds) -> Self {
         let [_, height] = recipe.output.pov.size;

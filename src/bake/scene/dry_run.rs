@@ -39,7 +39,7 @@ pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
 }
 
 /// The recipe with one frame of rain and no spin-up.
-pub fn recipe_of_first_rain_frame(recipe: &Recipe) -> Recipe {
+pub fn recipe_cut_to_first_frame(recipe: &Recipe) -> Recipe {
     let mut short = recipe.clone();
     short.clip = Clip { end: recipe.clip.end.min(recipe.clip.start + 1), ..recipe.clip };
     short.rain.iter_mut().for_each(|rain| rain.keys.spin_up = 0.0);

@@ -278,7 +278,7 @@ impl SteppedLattice {
     /// the lattice again.
     /// # Errors
     /// Those of [`LatticeSolver::advance`].
-    pub fn wind_between(&mut self, frame: i64) -> Result<Arc<dyn Wind>> {
+    pub fn wind_until_next_frame(&mut self, frame: i64) -> Result<Arc<dyn Wind>> {
         let (config, frame) = (&self.config, frame.max(-i64::from(self.config.options.lead_frames)));
         // A lattice cannot be stepped backwards: run again from the spin-up, which the cache may hold.
         if frame < self.state.frame {

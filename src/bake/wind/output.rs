@@ -21,7 +21,7 @@ const BYTES_PER_VELOCITY: u64 = 12;
 
 /// Samples the wind of a scene at the points of its grids.
 #[derive(Debug)]
-pub struct WindOutput {
+pub struct WindGridSampler {
     wind: Arc<SceneWind>,
     /// Points of each grid, m.
     points: Vec<Vec<Vec3>>,
@@ -48,7 +48,7 @@ pub struct SampledWind {
     pub volume: Option<VolumeFrame>,
 }
 
-impl WindOutput {
+impl WindGridSampler {
     /// `None` if the recipe exports no wind, or has no clip.
     /// # Errors
     /// `Limit`, and X010 for more voxels than a file may have.

@@ -152,7 +152,8 @@ impl SceneWind {
     pub fn wind_until_next_frame(&self, user: WindUser, frame: i64) -> Result<Arc<dyn Wind>> {
         let wind = match (&self.stepped, &self.field) {
             (Some(stepped), _) => {
-                let wind = stepped.lattice.lock().unwrap_or_else(PoisonError::into_inner).wind_between(frame)?;
+                let wind =
+                    stepped.lattice.lock().unwrap_or_else(PoisonError::into_inner).wind_until_next_frame(frame)?;
                 let all =
                     [scaled_wind(wind, stepped.scale)].into_iter().chain(stepped.others.iter().cloned()).collect();
                 sum_winds(all)
@@ -241,8 +242,8 @@ impl Wind for ObservedWind {
         self.wind.mean_at(position)
     }
 
-    fn mean_during(&self, t: f64) -> Vec3 {
-        self.wind.mean_during(t)
+    fn prescribed_mean(&self, t: f64) -> Vec3 {
+        self.wind.prescribed_mean(t)
     }
 
     fn period(&self) -> Option<f64> {

@@ -9,7 +9,7 @@ use crate::skin_remap::remap_influences;
 use crate::up_axis::{UpAxis, extent_corners};
 use crate::usd::arrays::{as_float3, as_ints, sequential_ids};
 use crate::usd::context::UsdContext;
-use crate::usd::instancer::{stage_orientations, to_quath};
+use crate::usd::instancer::{continuous_stage_orientations, to_quath};
 use crate::usd::instancer_extent::InstancerBounds;
 use crate::usd::layer::LayerBuilder;
 use crate::usd::layer_writer::{AttrHandle, AttrSpec, LayerMetadata, PrimMetadata};
@@ -153,7 +153,7 @@ fn define_parts(
     let api = vec!["NaniteAssemblySkelBindingAPI"];
     let meta = PrimMetadata { kind: Some("group"), api, ..PrimMetadata::default() };
     layer.writer.define_prim(path, "PointInstancer", &meta)?;
-    let orientations = to_quath(&stage_orientations(UpAxis::Y, &instancer.rest, &[]));
+    let orientations = to_quath(&continuous_stage_orientations(UpAxis::Y, &instancer.rest, &[]));
     let extent =
         InstancerBounds::of(instancer, UpAxis::Y).extent(&orientations, &instancer.rest.positions, &instancer.rest);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;

@@ -56,7 +56,7 @@ pub(super) fn define_point_twins(
     let mut parts = Vec::new();
     for (i, instances) in asset.instancers.iter().enumerate().filter(|(_, x)| x.tracked) {
         let path = format!("{root}/{}", names.unique(&instances.name));
-        parts.push(instancer::define_point_twin(cx, layer, i, &path, instances)?);
+        parts.push(instancer::define_instancer_points(cx, layer, i, &path, instances)?);
     }
     Ok(parts)
 }

@@ -2,7 +2,7 @@
 
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
-use super::primvar::Primvar;
+use super::primvar::AnimatedPrimvar;
 use osier_base::Result;
 use osier_scene::{Attribute, AttributeData, Coat, MapFrame, MapSequence, Mesh, MeshObject};
 
@@ -11,7 +11,7 @@ struct CoatWeight {
     /// Of the mesh in its asset.
     index: usize,
     coat: Coat,
-    primvar: Primvar,
+    primvar: AnimatedPrimvar,
 }
 
 /// Weight of the coat at each point of a mesh: that of the texel that holds the point, 0 without maps.
@@ -46,7 +46,7 @@ pub(super) fn define_coat_weight(
         return Ok(None);
     };
     let rest = weight_at_points(&object.mesh, &coat, sequence, sequence.rest.as_ref());
-    let primvar = Primvar::define(layer, path, &rest)?;
+    let primvar = AnimatedPrimvar::define(layer, path, &rest)?;
     Ok(Some(Box::new(CoatWeight { index, coat, primvar })))
 }
 

@@ -11,7 +11,7 @@ use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, near
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata, VariantSet, variant_path};
 use super::mesh::{MeshTarget, VelocitySamples, define_mesh};
 use super::options::Tolerance;
-use super::primvar::{self, Primvar};
+use super::primvar::{self, AnimatedPrimvar};
 use super::sample_reduction::{SampleReducer, SampleTolerance, TimeSample};
 use super::value::UsdArray;
 use crate::up_axis::UpAxis;
@@ -23,7 +23,7 @@ use osier_scene::{InstanceState, Instancer, InstancerMotion, Prototype, instance
 const LOD_VARIANT_SET: &str = "LOD";
 
 /// Orientations in the axes of the stage; each on the side of that of the frame before, if there was one.
-pub(crate) fn stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
+pub(crate) fn continuous_stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
     // Instances that had an orientation at the last frame continue its sign; new ones get w >= 0.
     let (known, new) = state.orientations.split_at(before.len().min(state.orientations.len()));
     let known = known.iter().zip(before).map(|(q, b)| nearest_quat(up.stage_quat(*q), *b));
@@ -62,7 +62,7 @@ pub(super) struct AnimatedInstancer {
     velocities: VelocitySamples,
     angular: VelocitySamples,
     /// Primvars of the attributes seen so far; those of tracked instances are on their point twin.
-    primvars: Vec<Primvar>,
+    primvars: Vec<AnimatedPrimvar>,
     /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
     boxes: InstancerBounds,
@@ -136,7 +136,7 @@ pub(super) fn define_instancer(
     let up = cx.up;
     let n = instancer.len();
     let boxes = InstancerBounds::of(instancer, up);
-    let before = stage_orientations(up, &instancer.rest, &[]);
+    let before = continuous_stage_orientations(up, &instancer.rest, &[]);
     let orientations = to_quath(&before);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
     let scales = stage_scales(up, instancer, &instancer.rest);
@@ -273,7 +273,7 @@ impl AnimatedPrim for AnimatedInstancer {
         let Some(instancer) = sample.asset.instancers.get(self.index) else { return Ok(()) };
         let (up, time) = (cx.up, sample.time);
         let state = instance_states(sample.asset, instancer, self.index, sample.state);
-        self.before = stage_orientations(up, &state, &self.before);
+        self.before = continuous_stage_orientations(up, &state, &self.before);
         let orientations = to_quath(&self.before);
         let positions = up.stage_vecs(&state.positions);
         let b = self.boxes.extent(&orientations, &positions, &state);
@@ -314,7 +314,7 @@ impl AnimatedPrim for AnimatedInstancer {
         // A primvar is defined by the first frame that has values for it.
         for a in state.attributes.iter().filter(|a| !a.data.is_empty()) {
             if !self.primvars.iter().any(|p| p.name == a.name) {
-                self.primvars.push(Primvar::create(layer, &self.path, a)?);
+                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a)?);
             }
         }
         let mut present = self.primvars.iter().filter(|p| p.has_values_in(&state.attributes));
@@ -349,7 +349,7 @@ pub(super) struct PointTwin {
     velocities: VelocitySamples,
     before: Vec<Quat>,
     /// Primvars of the instances' attributes.
-    primvars: Vec<Primvar>,
+    primvars: Vec<AnimatedPrimvar>,
     /// Diameters of the living, m.
     diameters: Vec<f32>,
     scale: AttrHandle,
@@ -368,7 +368,7 @@ fn visible_widths(diameters: &[f32], state: &InstanceState) -> Vec<f32> {
 }
 
 /// Defines the point twin of an instancer in its rest state.
-pub(super) fn define_point_twin(
+pub(super) fn define_instancer_points(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     index: usize,
@@ -379,7 +379,7 @@ pub(super) fn define_point_twin(
     layer.define_prim(path, "Points")?;
     let up = cx.up;
     let diameters = diameters(instancer);
-    let before = stage_orientations(up, &instancer.rest, &[]);
+    let before = continuous_stage_orientations(up, &instancer.rest, &[]);
     let points = up.stage_vecs(&instancer.rest.positions);
     let visible = visible_widths(&diameters, &instancer.rest);
     let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
@@ -418,7 +418,7 @@ impl AnimatedPrim for PointTwin {
         let Some(instancer) = sample.asset.instancers.get(self.index) else { return Ok(()) };
         let (up, time) = (cx.up, sample.time);
         let state = instance_states(sample.asset, instancer, self.index, sample.state);
-        self.before = stage_orientations(up, &state, &self.before);
+        self.before = continuous_stage_orientations(up, &state, &self.before);
         let points = up.stage_vecs(&state.positions);
         let visible = visible_widths(&self.diameters, &state);
         let b = points_extent(&points, &visible);

@@ -8,7 +8,7 @@ use super::arrays::{as_float3, as_ints};
 use super::context::UsdContext;
 use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
-use super::primvar::{self, Primvar};
+use super::primvar::{self, AnimatedPrimvar};
 use super::sample_reduction::{SampleReducer, SampleTolerance, TimeSample};
 use super::value::{UsdArray, UsdValue};
 use crate::up_axis::{UpAxis, extent_corners};
@@ -313,7 +313,7 @@ pub(super) struct VaryingMesh {
     /// Indices of the subset of each material seen so far.
     subsets: BTreeMap<MaterialId, AttrHandle>,
     /// Primvars of the attributes seen so far.
-    primvars: Vec<Primvar>,
+    primvars: Vec<AnimatedPrimvar>,
     /// Times of the frames so far.
     times: Vec<f64>,
 }
@@ -368,7 +368,7 @@ impl VaryingMesh {
         let known = self.primvars.len();
         for a in mesh.attributes.iter().filter(|a| !a.data.is_empty()) {
             if !self.primvars.iter().any(|p| p.name == a.name) {
-                self.primvars.push(Primvar::create(layer, &self.path, a)?);
+                self.primvars.push(AnimatedPrimvar::create(layer, &self.path, a)?);
             }
         }
         // An attribute that appears late gets empty samples at the frames before.

@@ -53,7 +53,7 @@ use osier_base::files::safe_name;
 use osier_base::files::{Folder, Output};
 use osier_base::geometry::Bounds;
 use osier_base::{Error, Result};
-use osier_scene::{AssetFrame, Frame, PictureScale, Scene, asset_bounds};
+use osier_scene::{AssetFrame, Frame, Scene, ScreenScale, asset_bounds};
 use plant_instancer::{PrototypePrim, SinglePlacement};
 
 /// The stage of a bake that holds each asset once, in its folder.
@@ -68,11 +68,11 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: true,
     memory_percent: 7,
     estimate,
-    open,
+    open: open_exporters,
 };
 
 /// Opens the writer of a bake, or of a single file without animation, camera and lights.
-fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
+fn open_exporters(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     let bake = &job.options.usd;
     let options = match job.file {
         None => bake.clone(),
@@ -241,7 +241,7 @@ impl UsdExporter {
 
     /// Writes the wrapper: payloads of the placements, instancers of the plants with copies, one scope of materials, camera and
     /// lights.
-    fn write_scene_layer(&self, cx: &UsdContext, written: &LayerSummary) -> Result<()> {
+    fn write_scene_layer(&self, cx: &UsdContext, written: &PayloadSummary) -> Result<()> {
         if self.options.look {
             exr::write_sky(&self.folder, &cx.scene)?;
         }
@@ -299,7 +299,7 @@ impl UsdExporter {
 
     /// Writes the stage that shows each asset once, at the origin, for importers that place copies by the manifest: a root prim with
     /// the payload of each asset, under the path that it has in its payload.
-    fn write_asset_stage(&self, cx: &UsdContext) -> Result<()> {
+    fn write_asset_library(&self, cx: &UsdContext) -> Result<()> {
         let Some(first) = cx.scene.assets.first() else { return Ok(()) };
         let Some(out) = self.folder.create(ASSET_STAGE, "usda.assets", None)? else { return Ok(()) };
         let mut layer = new_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &safe_name(&first.id))?;
@@ -349,14 +349,14 @@ fn instanceable_assets(scene: &Scene) -> BTreeSet<usize> {
 
 /// What the wrapper needs to know of the payloads when they are complete.
 #[derive(Debug, Default)]
-struct LayerSummary {
+struct PayloadSummary {
     /// Box of each asset over all frames, in its own space with the stage's axes.
     clip_bounds: Vec<Bounds>,
     /// Material bindings of each asset's payload.
     bindings: Vec<Vec<MaterialBinding>>,
 }
 
-impl LayerSummary {
+impl PayloadSummary {
     /// Gathers the bounds from the prims of all layers, and the bindings from the payloads.
     fn of(cx: &UsdContext, layers: &[OpenLayer]) -> Self {
         let rest = |asset| plant_instancer::stage_bounds(cx.up, &asset_bounds(asset, &AssetFrame::default()));
@@ -485,7 +485,7 @@ impl Exporter for UsdExporter {
             maps,
             first: self.options.first.unwrap_or(scene.clip.start),
             tolerance: self.options.tolerance,
-            pixels: Arc::new(PictureScale::of_assets(scene)),
+            pixels: Arc::new(ScreenScale::of_assets(scene)),
         };
         self.warn_joint_count(scene);
         match self.options.file.clone() {
@@ -521,7 +521,7 @@ impl Exporter for UsdExporter {
 
     fn finish(&mut self) -> Result<Summary> {
         let Some(cx) = self.cx.clone() else { return Ok(Summary::default()) };
-        let written = LayerSummary::of(&cx, &self.layers);
+        let written = PayloadSummary::of(&cx, &self.layers);
         if self.options.file.is_some()
             && let Some(open) = self.layers.first_mut()
         {
@@ -544,7 +544,7 @@ impl Exporter for UsdExporter {
         self.layers.clear();
         if self.options.file.is_none() {
             self.write_scene_layer(&cx, &written)?;
-            self.write_asset_stage(&cx)?;
+            self.write_asset_library(&cx)?;
         }
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }

@@ -15,7 +15,7 @@ use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_scene::{Curves, CurvesFrame, Points, PointsFrame};
 
-fn material_binding_api() -> PrimMetadata {
+fn binding_api_metadata() -> PrimMetadata {
     PrimMetadata { api: vec!["MaterialBindingAPI"], ..PrimMetadata::default() }
 }
 
@@ -40,7 +40,7 @@ pub(super) fn define_points(
     path: &str,
     cloud: &Points,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
-    layer.writer.define_prim(path, "Points", &material_binding_api())?;
+    layer.writer.define_prim(path, "Points", &binding_api_metadata())?;
     let points = cx.up.stage_vecs(&cloud.positions);
     let b = points_extent(&points, &cloud.widths);
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
@@ -109,7 +109,7 @@ pub(super) fn define_curves(
     path: &str,
     curves: &Curves,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
-    layer.writer.define_prim(path, "BasisCurves", &material_binding_api())?;
+    layer.writer.define_prim(path, "BasisCurves", &binding_api_metadata())?;
     let points = cx.up.stage_vecs(&curves.points);
     let b = curves_extent(&points, &curves.widths);
     let counts = as_ints(&curves.counts, "points of a curve")?;

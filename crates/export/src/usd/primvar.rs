@@ -11,7 +11,7 @@ use osier_scene::{Attribute, AttributeData, AttributeDomain};
 
 /// A primvar that frames give values.
 #[derive(Debug, Clone)]
-pub(super) struct Primvar {
+pub(super) struct AnimatedPrimvar {
     /// Name of the scene's attribute; the primvar has the same.
     pub(super) name: &'static str,
     attr: AttrHandle,
@@ -19,7 +19,7 @@ pub(super) struct Primvar {
     empty: AttributeData,
 }
 
-impl Primvar {
+impl AnimatedPrimvar {
     /// Defines the primvar of an attribute of the prim at `path`, without a value.
     pub(super) fn create(layer: &mut LayerBuilder, path: &str, attribute: &Attribute) -> Result<Self> {
         let attr = layer.writer.create_attr(&primvar_path(path, attribute), &spec(attribute), None)?;
@@ -53,13 +53,13 @@ pub(super) fn define_all(
     path: &str,
     attributes: &[Attribute],
     up: UpAxis,
-) -> Result<Vec<Primvar>> {
+) -> Result<Vec<AnimatedPrimvar>> {
     let define = |a: &Attribute| match &a.data {
         AttributeData::Vector(list) => {
             let turned = list.iter().map(|v| up.stage_vec(Vec3::from_array(*v)).to_array()).collect();
-            Primvar::define(layer, path, &Attribute { data: AttributeData::Vector(turned), ..*a })
+            AnimatedPrimvar::define(layer, path, &Attribute { data: AttributeData::Vector(turned), ..*a })
         }
-        _ => Primvar::define(layer, path, a),
+        _ => AnimatedPrimvar::define(layer, path, a),
     };
     attributes.iter().filter(|a| !a.data.is_empty()).map(define).collect()
 }

@@ -518,7 +518,7 @@ impl<'g> Writer<'g> {
         let word = self.grammar.notation().word();
         let label: String = self.grammar.label().chars().filter(|c| c.is_alphanumeric() || *c == ' ').collect();
         let mut out = format!("/* {} */\n", format!("{} (from {word})", label.trim()).trim());
-        // Symbols that have other names here.
+        // One comment for each symbol that got another name; characters of their own need none.
         for (symbol, name) in &self.names {
             let shown = self.shown(*symbol);
             if shown != *name && shown.chars().count() > 1 {

@@ -70,7 +70,7 @@ pub(super) fn names(text: &str) -> Vec<String> {
     entries(text).iter().map(|e| e.name.text.to_owned()).collect()
 }
 
-/// Reads one L-system of the file.
+/// Reads the entry `wanted`, without it the only one of the file; L061 for none or several.
 pub(super) fn read(reader: &mut Reader<'_>, text: &str, file: &str, wanted: Option<&str>) {
     let list = entries(text);
     let Some(entry) = select(reader, &list, file, wanted) else { return };

@@ -194,7 +194,7 @@ impl<'t> File<'_, '_, 't> {
                 "write recursion, angle, thickness and axiom, each on a line of its own, then rules such as A=F[+A]";
             return self.error("the file has no axiom".into(), piece, help);
         };
-        // A fraction of a step is the last one, drawn shorter.
+        // Recursion 3.4 derives 4 steps; the fraction .4 shortens what the last one draws.
         let recursion = self.recursion.unwrap_or(1.0).clamp(0.0, MAX_RECURSION);
         let fraction = recursion - recursion.floor();
         let axiom = self.modules(&axiom);

@@ -178,9 +178,9 @@ impl<'s> Reader<'s> {
         Some(SuccessorModule { args: vec![Expr::Const(value)], ..module })
     }
 
-    /// Adds a production of one symbol without parameters, to which nothing but its symbol is a condition.
+    /// Adds a production without context and condition, of one symbol without parameters.
     fn rule(&mut self, c: char, successor: Vec<SuccessorModule>, place: SourcePlace) {
-        // The module is made for its symbol alone: too many symbols are reported there.
+        // Only the symbol is needed; `module` reports L004 where there are too many.
         let Some(SuccessorModule { symbol, .. }) = self.module(c, place) else { return };
         self.program.rules.list.push(Production {
             left: Vec::new(),

@@ -84,8 +84,8 @@ impl Wind for NearSurfaceWind<'_> {
         self.field.mean_at(position)
     }
 
-    fn mean_during(&self, t: f64) -> Vec3 {
-        self.field.mean_during(t)
+    fn prescribed_mean(&self, t: f64) -> Vec3 {
+        self.field.prescribed_mean(t)
     }
 
     fn period(&self) -> Option<f64> {

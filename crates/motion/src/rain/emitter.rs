@@ -133,7 +133,7 @@ impl RainEmitter {
         let mut tracer = DriftTracer::new(bounds, wind, [end(diameters.first()), end(diameters.last())], params.g);
         let classes: Vec<usize> = diameters.iter().map(|d| tracer.size_class(*d)).collect();
         // The area that an average drop is emitted from: needed for `total`, for estimates and statistics.
-        let areas = tracer.mean_areas(params.duration, |t| envelope_factor(&params, t));
+        let areas = tracer.mean_areas(params.duration, |t| intensity_factor(&params, t));
         let area_of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
         let area = classes.iter().map(area_of).sum::<f64>() / classes.len().max(1) as f64;
         // Number flux from the rainfall rate: volume per area and time over the mean volume of a drop.
@@ -199,7 +199,7 @@ impl RainEmitter {
         // The count is Poisson distributed. Its mean covers the bounding rectangles of the source regions, averaged over diameters;
         // candidates outside of a region are rejected below.
         let mean_area = epoch.cumulative_areas.last().copied().unwrap_or(0.0) / self.diameters.len().max(1) as f64;
-        let rate = self.flux * mean_area * envelope_factor(&self.params, middle) * fluctuation.max(0.0);
+        let rate = self.flux * mean_area * intensity_factor(&self.params, middle) * fluctuation.max(0.0);
         let count = sample_poisson(rate * EMISSION_SLICE, &mut draw);
         let mut drops: Vec<EmittedDrop> = Vec::new();
         for _ in 0..count {
@@ -260,11 +260,11 @@ impl RainEmitter {
 /// Integral of the envelope over the clip, s, by the midpoint rule.
 fn envelope_integral_of_clip(params: &RainfallParams) -> f64 {
     let h = params.duration / f64::from(ENVELOPE_SAMPLES);
-    (0..ENVELOPE_SAMPLES).map(|k| envelope_factor(params, (f64::from(k) + 0.5) * h) * h).sum()
+    (0..ENVELOPE_SAMPLES).map(|k| intensity_factor(params, (f64::from(k) + 0.5) * h) * h).sum()
 }
 
 /// Factor on the rainfall rate at time `t`, s.
-fn envelope_factor(params: &RainfallParams, t: f64) -> f64 {
+fn intensity_factor(params: &RainfallParams, t: f64) -> f64 {
     match &params.envelope {
         IntensityEnvelope::Constant => 1.0,
         IntensityEnvelope::Bell { center, width } => {

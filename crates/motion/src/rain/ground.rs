@@ -10,7 +10,7 @@ pub trait GroundHeight: std::fmt::Debug + Send + Sync {
     fn height(&self, x: f64, z: f64) -> f64;
 
     /// A height that the ground nowhere exceeds, m.
-    fn highest(&self) -> f64;
+    fn max_height(&self) -> f64;
 }
 
 /// Level ground at this height, m.
@@ -19,7 +19,7 @@ impl GroundHeight for f64 {
         *self
     }
 
-    fn highest(&self) -> f64 {
+    fn max_height(&self) -> f64 {
         *self
     }
 }
@@ -55,7 +55,7 @@ mod tests {
             0.5 * x
         }
 
-        fn highest(&self) -> f64 {
+        fn max_height(&self) -> f64 {
             f64::INFINITY
         }
     }

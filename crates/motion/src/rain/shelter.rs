@@ -23,7 +23,7 @@ pub(crate) struct Shelter {
 impl Shelter {
     /// Shelter by solids and by the ground.
     pub(crate) fn new(solids: RainSolids, ground: Arc<dyn GroundHeight>) -> Self {
-        let top = solids.heights().map_or(f64::NEG_INFINITY, |[_, high]| high).max(ground.highest());
+        let top = solids.heights().map_or(f64::NEG_INFINITY, |[_, high]| high).max(ground.max_height());
         Self { solids, ground, top }
     }
 

@@ -253,7 +253,7 @@ impl RainSimulation {
             attachments,
             falling: Vec::new(),
             wind: config.wind,
-            ground_top: ground.highest(),
+            ground_top: ground.max_height(),
             ground,
             solids: config.solids,
             t: 0.0,

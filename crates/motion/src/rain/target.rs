@@ -111,7 +111,7 @@ pub trait RainPlant: Send + std::fmt::Debug {
     fn step(&mut self, t: f64, h: f64) -> Result<()>;
 
     /// Angles that drops add to each recorded bend of a plant of the sway model, rad; `None` for other plants.
-    fn added_bends(&self) -> Option<Vec<[f32; 2]>> {
+    fn drop_bends(&self) -> Option<Vec<[f32; 2]>> {
         None
     }
 

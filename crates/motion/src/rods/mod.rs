@@ -5,7 +5,7 @@
 //! Source: the extended triangular prism spring model of [yang-wu]; docs/rods.md lists the differences.
 //! ```
 //! use glam::DVec3;
-//! use osier_motion::rods::{ClampKind, RodDescription, RodMaterial, RodSystem};
+//! use osier_motion::rods::{SupportKind, RodDescription, RodMaterial, RodSystem};
 //!
 //! // A twig of 40 cm, clamped at its base, sags under its own weight.
 //! let material = RodMaterial {
@@ -18,7 +18,7 @@
 //! };
 //! let (points, radii) = (vec![DVec3::ZERO, DVec3::X * 0.4], vec![0.003; 2]);
 //! let twig = RodDescription { points, radii, material, sections: Some(9), parent: None };
-//! let mut rods = RodSystem::new(&[twig], &[(0, 0.0, ClampKind::Fixed)]);
+//! let mut rods = RodSystem::new(&[twig], &[(0, 0.0, SupportKind::Fixed)]);
 //! assert!(rods.solve_equilibrium());
 //! assert!(rods.section_frame(8).p.y < -1e-4);
 //! ```
@@ -39,7 +39,7 @@ pub use layout::{RodDescription, RodMaterial};
 pub(crate) use plant::RigidBlade;
 pub use plant::{RodPlant, RodPlantParams, SectionBlend};
 pub use prism::SectionFrame;
-pub use record::{Actuation, Integrator, MAX_SUBSTEPS, RecordingParams, RodPose};
+pub use record::{Actuation, Integrator, MAX_SUBSTEPS, RecordingParams, RodSystemPose};
 pub use solver::{MAX_GAUSS_SEIDEL_STIFFNESS, StepFailure};
-pub use system::{AttachedBody, ClampKind, RodClamp, RodSystem};
+pub use system::{AttachedBody, RodSupport, RodSystem, SupportKind};
 pub use tuning::PLANT_SPIN_UP_SECONDS;

@@ -67,7 +67,7 @@ pub struct RecordingParams<'a> {
 
 /// Poses of all sections and bodies in one frame.
 #[derive(Debug, Clone, Default)]
-pub struct RodPose {
+pub struct RodSystemPose {
     /// Per section: position, m, and rotation: +Y along the rod, +X towards its corner 0.
     pub sections: Vec<(Vec3, Quat)>,
     /// Position of each attached body, m.
@@ -76,7 +76,7 @@ pub struct RodPose {
 
 /// A foreign body after its mass became 0, in free fall.
 #[derive(Debug, Clone, Copy)]
-struct ReleasedWeight {
+struct DetachedBody {
     p: DVec3,
     v: DVec3,
     /// Height at which it comes to rest, m.
@@ -87,9 +87,9 @@ impl RodSystem {
     /// Simulates a clip and returns the pose at each frame; the first is the start.
     /// # Errors
     /// `Simulation` with frame and rod if a step fails, `Limit` for too many substeps, `Cancelled`.
-    pub fn record_clip(&mut self, clip: &RecordingParams<'_>, cancel: &Cancel) -> Result<Vec<RodPose>> {
+    pub fn record_clip(&mut self, clip: &RecordingParams<'_>, cancel: &Cancel) -> Result<Vec<RodSystemPose>> {
         let n = self.substeps_for_clip(clip)?;
-        let mut released: Vec<Option<ReleasedWeight>> = vec![None; self.bodies.len()];
+        let mut released: Vec<Option<DetachedBody>> = vec![None; self.bodies.len()];
         let mut frames = Vec::new();
         // Loads and clamps of the first frame apply before its pose is taken.
         self.apply_actuations(clip, 0.0, f64::MAX, 0.0);
@@ -131,17 +131,17 @@ impl RodSystem {
         Ok(wanted.max(1.0) as u32)
     }
 
-    fn current_pose(&self, released: &[Option<ReleasedWeight>]) -> RodPose {
+    fn current_pose(&self, released: &[Option<DetachedBody>]) -> RodSystemPose {
         // Sections by their frames; a released body at its own position, an attached one with its section.
         let section = |i: usize| {
             let f = self.section_frame(i);
             (f.p.as_vec3(), f.rotation().as_quat().normalize())
         };
-        let body = |(body, released): (&super::AttachedBody, &Option<ReleasedWeight>)| {
+        let body = |(body, released): (&super::AttachedBody, &Option<DetachedBody>)| {
             let f = self.section_frame(body.section);
             released.map_or(f.p + f.matrix() * body.at, |k| k.p).as_vec3()
         };
-        RodPose {
+        RodSystemPose {
             sections: (0..self.len()).map(section).collect(),
             bodies: self.bodies.iter().zip(released).map(body).collect(),
         }
@@ -154,7 +154,7 @@ impl RodSystem {
         clip: &RecordingParams<'_>,
         start: f64,
         n: u32,
-        released: &mut [Option<ReleasedWeight>],
+        released: &mut [Option<DetachedBody>],
     ) -> std::result::Result<(), StepFailure> {
         // State to return to if a substep fails.
         let saved = (self.x.clone(), self.v.clone(), released.to_vec());
@@ -185,7 +185,7 @@ impl RodSystem {
         clip: &RecordingParams<'_>,
         start: f64,
         n: u32,
-        released: &mut [Option<ReleasedWeight>],
+        released: &mut [Option<DetachedBody>],
     ) -> std::result::Result<(), StepFailure> {
         // Implicit loads: keys are evaluated at the end of each substep.
         let h = 1.0 / (clip.fps * f64::from(n));
@@ -266,7 +266,7 @@ impl RodSystem {
     }
 
     /// Advances released weights in free fall until they rest on the ground, y = 0.
-    fn advance_released_weights(&self, released: &mut [Option<ReleasedWeight>], h: f64) {
+    fn advance_released_weights(&self, released: &mut [Option<DetachedBody>], h: f64) {
         for (body, state) in self.bodies.iter().zip(released) {
             if body.of_plant {
                 continue;
@@ -285,7 +285,7 @@ impl RodSystem {
                     let (f, (v, spin)) = (self.section_frame(body.section), self.section_rigid_velocity(body.section));
                     let arm = f.matrix() * body.at;
                     let p = f.p + arm;
-                    *state = Some(ReleasedWeight { p, v: v + spin.cross(arm), floor: body.reach.min(p.y) });
+                    *state = Some(DetachedBody { p, v: v + spin.cross(arm), floor: body.reach.min(p.y) });
                 }
                 None => {}
             }

@@ -49,7 +49,7 @@ impl RodInterval {
     }
 
     /// Share of the axial stiffness that the diagonal springs carry.
-    fn shear_share(&self) -> f64 {
+    fn diagonal_stiffness_share(&self) -> f64 {
         self.unclamped_shear_share().clamp(SHEAR_SHARE_RANGE[0], SHEAR_SHARE_RANGE[1])
     }
 
@@ -83,7 +83,7 @@ pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS
         k[..FIRST_LINK_SPRING].fill(4.0 * mean);
         if i > 0 {
             let l = &intervals[i - 1];
-            let (k0, f) = (l.corner_axial_stiffness(), l.shear_share());
+            let (k0, f) = (l.corner_axial_stiffness(), l.diagonal_stiffness_share());
             // Springs over two intervals that pass this one: that ending in the next section, and that ending here.
             let across = if i < intervals.len() { bend(i - 1) } else { 0.0 } + if i > 1 { bend(i - 2) } else { 0.0 };
             // Longitudinal springs carry the share of bending that the diagonals (f) and the springs over two intervals
@@ -105,12 +105,12 @@ pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS
 }
 
 /// One vector per spring, in structure-of-arrays layout: rows x, y, z, one lane per spring.
-pub(crate) type SpringVectors = [[f64; SPRINGS_PER_SECTION]; 3];
+pub(crate) type PerSpringVectors = [[f64; SPRINGS_PER_SECTION]; 3];
 
 /// Vector from each spring's corner of this section to its far end. `own`: corners of the section; `up`, `over`: of
 /// its predecessors, m.
 #[inline(always)]
-pub(crate) fn spring_vectors(own: &Vector9, up: &Vector9, over: &Vector9) -> SpringVectors {
+pub(crate) fn spring_vectors(own: &Vector9, up: &Vector9, over: &Vector9) -> PerSpringVectors {
     let mut d = [[0.0; SPRINGS_PER_SECTION]; 3];
     for axis in 0..3 {
         let row = &mut d[axis];
@@ -128,7 +128,7 @@ pub(crate) fn spring_vectors(own: &Vector9, up: &Vector9, over: &Vector9) -> Spr
 /// Direction, tension and geometric stiffness of a section's springs.
 pub(crate) struct SpringStates {
     /// Unit vectors towards the far ends.
-    pub e: SpringVectors,
+    pub e: PerSpringVectors,
     /// Tension of each spring, N; negative under compression.
     pub tension: [f64; SPRINGS_PER_SECTION],
     /// Transverse (geometric) stiffness, N/m: of stretched springs only, so that the tangent stays positive definite.
@@ -138,7 +138,7 @@ pub(crate) struct SpringStates {
 /// Evaluates springs of stiffness `k`, N/m, and rest length `l`, m, whose ends are `d` apart, m.
 #[inline(always)]
 pub(crate) fn spring_state(
-    d: &SpringVectors,
+    d: &PerSpringVectors,
     k: &[f64; SPRINGS_PER_SECTION],
     l: &[f64; SPRINGS_PER_SECTION],
 ) -> SpringStates {
@@ -163,9 +163,9 @@ pub(crate) fn spring_state(
 pub(crate) fn spring_forces(
     s: &SpringStates,
     k: &[f64; SPRINGS_PER_SECTION],
-    v: &SpringVectors,
+    v: &PerSpringVectors,
     b: f64,
-) -> SpringVectors {
+) -> PerSpringVectors {
     let mut f = [[0.0; SPRINGS_PER_SECTION]; 3];
     for i in 0..SPRINGS_PER_SECTION {
         // Damping force b K_t v with K_t v = (k - k_across) (e.v) e + k_across v.
@@ -179,7 +179,11 @@ pub(crate) fn spring_forces(
 }
 
 /// Elastic energy of a section's springs, J.
-pub(crate) fn spring_energy(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l: &[f64; SPRINGS_PER_SECTION]) -> f64 {
+pub(crate) fn spring_energy(
+    d: &PerSpringVectors,
+    k: &[f64; SPRINGS_PER_SECTION],
+    l: &[f64; SPRINGS_PER_SECTION],
+) -> f64 {
     (0..SPRINGS_PER_SECTION).fold(0.0, |sum, i| {
         let length = (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt();
         sum + 0.5 * k[i] * (length - l[i]) * (length - l[i])
@@ -187,13 +191,13 @@ pub(crate) fn spring_energy(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l
 }
 
 /// Length of each spring of a section, m.
-pub(crate) fn spring_lengths(d: &SpringVectors) -> [f64; SPRINGS_PER_SECTION] {
+pub(crate) fn spring_lengths(d: &PerSpringVectors) -> [f64; SPRINGS_PER_SECTION] {
     std::array::from_fn(|i| (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt())
 }
 
 /// Adds spring forces to the corners of the section, and the opposite to the corners at the far ends.
 #[inline(always)]
-pub(crate) fn add_spring_forces(f: &SpringVectors, own: &mut Vector9, up: &mut Vector9, over: &mut Vector9) {
+pub(crate) fn add_spring_forces(f: &PerSpringVectors, own: &mut Vector9, up: &mut Vector9, over: &mut Vector9) {
     for axis in 0..3 {
         let row = &f[axis];
         for c in 0..3 {

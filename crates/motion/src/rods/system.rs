@@ -15,7 +15,7 @@ use osier_scene::plant::NONE;
 
 /// Boundary condition of a clamped section.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ClampKind {
+pub enum SupportKind {
     /// Position and rotation are prescribed (all nine degrees of freedom).
     Fixed,
     /// The position of the centre is prescribed; the section turns freely.
@@ -26,11 +26,11 @@ pub enum ClampKind {
 
 /// Boundary condition at a section, and its prescribed motion.
 #[derive(Debug, Clone)]
-pub struct RodClamp {
+pub struct RodSupport {
     /// Index of the section.
     pub section: usize,
     /// Which degrees of freedom are prescribed.
-    pub hold: ClampKind,
+    pub hold: SupportKind,
     /// Prescribed translation from the reference shape, m.
     pub shift: DVec3,
     /// Prescribed rotation about the section's centre, from the reference shape.
@@ -38,7 +38,7 @@ pub struct RodClamp {
     reference: Vector9,
 }
 
-impl RodClamp {
+impl RodSupport {
     fn target_corners(&self) -> Vector9 {
         // Rotate the reference corners about their centre, then translate.
         let p = centroid(&self.reference);
@@ -48,13 +48,13 @@ impl RodClamp {
     /// Unit vectors over the section's nine degrees of freedom along which motion is prescribed, and their number.
     fn constrained_directions(&self) -> ([Vector9; 9], usize) {
         let mut directions = [[0.0; 9]; 9];
-        if self.hold == ClampKind::Fixed {
+        if self.hold == SupportKind::Fixed {
             directions.iter_mut().enumerate().for_each(|(k, w)| w[k] = 1.0);
             return (directions, 9);
         }
         // Translation of the centre: the same displacement of all corners, normalized over the nine components.
         let across = |d: DVec3| corners_from_fn(|_| d / math::sqrt(3.0));
-        if let ClampKind::Guided(line) = self.hold {
+        if let SupportKind::Guided(line) = self.hold {
             let line = line.normalize_or(DVec3::Y);
             let (a, b) = line.any_orthonormal_pair();
             (directions[0], directions[1]) = (across(a), across(b));
@@ -108,7 +108,7 @@ struct TotalAndPlantMassMatrices {
 #[derive(Debug, Clone)]
 pub struct RodSystem {
     pub(crate) tree: SectionTree,
-    pub(crate) clamps: Vec<RodClamp>,
+    pub(crate) clamps: Vec<RodSupport>,
     pub(crate) bodies: Vec<AttachedBody>,
     /// Gravitational acceleration, m/s^2.
     pub gravity: DVec3,
@@ -167,14 +167,14 @@ pub(crate) struct SolverBuffers {
 impl RodSystem {
     /// Discretizes rods; every section is in its reference shape, at rest. Parents stand before children. `holds`:
     /// rod, arc length on it, m, and boundary condition of each clamp.
-    pub fn new(rods: &[RodDescription], holds: &[(usize, f64, ClampKind)]) -> Self {
+    pub fn new(rods: &[RodDescription], holds: &[(usize, f64, SupportKind)]) -> Self {
         let tree = SectionTree::discretize(rods);
         let n = tree.sections.len();
         let zero = vec![[0.0; 9]; n];
         // A clamp holds the section nearest to its arc length.
-        let clamp = |(rod, s, hold): &(usize, f64, ClampKind)| {
+        let clamp = |(rod, s, hold): &(usize, f64, SupportKind)| {
             let section = tree.nearest_section(*rod, *s);
-            RodClamp {
+            RodSupport {
                 section,
                 hold: *hold,
                 shift: DVec3::ZERO,
@@ -182,7 +182,7 @@ impl RodSystem {
                 reference: tree.reference[section],
             }
         };
-        let clamps: Vec<RodClamp> = holds.iter().map(clamp).collect();
+        let clamps: Vec<RodSupport> = holds.iter().map(clamp).collect();
         let step = SolverBuffers {
             rows: vec![BlockRow::default(); n],
             change: zero.clone(),
@@ -217,7 +217,7 @@ impl RodSystem {
             step,
             divergence_limit: f64::MAX,
         };
-        all.set_anchors();
+        all.choose_anchors();
         all.store_rest_positions(&all.tree.reference.clone());
         all.update_damping();
         all
@@ -231,9 +231,9 @@ impl RodSystem {
         self
     }
 
-    fn set_anchors(&mut self) {
+    fn choose_anchors(&mut self) {
         for (rod, span) in self.tree.rods.iter().enumerate() {
-            let fixed = |c: &RodClamp| c.hold == ClampKind::Fixed && span.sections.contains(&c.section);
+            let fixed = |c: &RodSupport| c.hold == SupportKind::Fixed && span.sections.contains(&c.section);
             // A parent rod takes precedence; else the first fixed clamp on the rod itself.
             self.anchors[rod] = match (span.base, self.clamps.iter().position(fixed)) {
                 (Some(base), _) => RestAnchor::Section(self.tree.bases[base].on as usize),
@@ -574,7 +574,7 @@ impl RodSystem {
             // Velocity that carries the section to its target in one step.
             let wanted = subtract_corners(&clamp.target_corners(), &self.x[i]).map(|d| d / h);
             let (directions, count) = clamp.constrained_directions();
-            if clamp.hold == ClampKind::Fixed {
+            if clamp.hold == SupportKind::Fixed {
                 self.v[i] = wanted;
                 continue;
             }

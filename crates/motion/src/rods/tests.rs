@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
-use super::{AttachedBody, ClampKind, RodDescription, RodMaterial, RodSystem};
+use super::{AttachedBody, RodDescription, RodMaterial, RodSystem, SupportKind};
 use crate::rods::prism::{CornerRigidMotion, SectionFrame, Vector9, corner, corner_dot, corners_from_fn};
 use crate::rods::system::subtract_corners;
 use osier_base::rng::Rng;
@@ -32,7 +32,7 @@ fn straight_rod(n: usize, slender: f64, radius: f64, material: RodMaterial) -> R
 
 /// The same, held at its base, without weight.
 fn cantilever(n: usize, slender: f64, material: RodMaterial) -> RodSystem {
-    weightless(RodSystem::new(&[straight_rod(n, slender, 0.01, material)], &[(0, 0.0, ClampKind::Fixed)]))
+    weightless(RodSystem::new(&[straight_rod(n, slender, 0.01, material)], &[(0, 0.0, SupportKind::Fixed)]))
 }
 
 fn weightless(mut rods: RodSystem) -> RodSystem {
@@ -193,7 +193,7 @@ fn perturb_velocities(rods: &mut RodSystem) {
 
 #[test]
 fn explicit_integrators_have_their_stability_limits() {
-    let make = || weightless(RodSystem::new(&[straight_rod(9, 3.0, 0.002, MATERIAL)], &[(0, 0.0, ClampKind::Fixed)]));
+    let make = || weightless(RodSystem::new(&[straight_rod(9, 3.0, 0.002, MATERIAL)], &[(0, 0.0, SupportKind::Fixed)]));
     let w = max_angular_frequency_by_power_iteration(&mut make());
     let bound = make().max_angular_frequency_bound();
     assert!(bound >= w && w > 0.6 * bound, "{w} within {bound}");
@@ -229,7 +229,7 @@ fn rod_released_from_deflection(damping_ratio: f64) -> RodSystem {
         sections: Some(9),
         parent: None,
     };
-    let mut rods = weightless(RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]));
+    let mut rods = weightless(RodSystem::new(&[rod], &[(0, 0.0, SupportKind::Fixed)]));
     let ei = bending_rigidity(0.005, 5e6);
     rods.add_wrench(8, DVec3::X * (0.05 * 3.0 * ei / 0.0625), DVec3::ZERO);
     assert!(rods.solve_equilibrium());
@@ -325,7 +325,7 @@ fn twig() -> RodSystem {
         of_plant: true,
         reach: 0.0,
     };
-    RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]).with_added_bodies(vec![body])
+    RodSystem::new(&[rod], &[(0, 0.0, SupportKind::Fixed)]).with_added_bodies(vec![body])
 }
 
 #[test]
@@ -353,7 +353,7 @@ fn buckled_deflection(share: f64) -> f64 {
     let material = RodMaterial { young, density: 490.0, damping_ratio: 0.5, ..MATERIAL };
     let points = vec![DVec3::ZERO, DVec3::new(0.002, 2.3, 0.0), DVec3::Y * length];
     let rod = RodDescription { points, radii: vec![radius; 3], material, sections: Some(17), parent: None };
-    let holds = [(0, 0.0, ClampKind::Pinned), (0, length, ClampKind::Guided(DVec3::Y))];
+    let holds = [(0, 0.0, SupportKind::Pinned), (0, length, SupportKind::Guided(DVec3::Y))];
     let mut rods = weightless(RodSystem::new(&[rod], &holds));
     let load = share * PI * PI * ei / (length * length);
     assert!((load / share - 933.0).abs() < 1.0);
@@ -448,7 +448,7 @@ fn two_attached_rods_bend_as_one() {
     let rest =
         RodDescription { points: vec![DVec3::X * 0.24, DVec3::X * 0.48], parent: Some((0, 0.24)), ..half.clone() };
     let bent = |rods: &[RodDescription]| {
-        let mut rods = weightless(RodSystem::new(rods, &[(0, 0.0, ClampKind::Fixed)]));
+        let mut rods = weightless(RodSystem::new(rods, &[(0, 0.0, SupportKind::Fixed)]));
         assert_eq!(rods.len(), 17);
         rods.add_wrench(16, DVec3::Y * 5.0, DVec3::ZERO);
         assert!(rods.solve_equilibrium());
@@ -467,7 +467,7 @@ fn gauss_seidel_passes_let_a_stiff_twig_sag() {
         sections: Some(16),
         parent: None,
     };
-    let mut rods = RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]);
+    let mut rods = RodSystem::new(&[rod], &[(0, 0.0, SupportKind::Fixed)]);
     let mut right = rods.clone();
     assert!(right.solve_equilibrium());
     let h = 1.0 / (24.0 * 16.0);
@@ -515,7 +515,7 @@ fn rest_shape_keeps_a_forked_twig_with_weights_in_its_reference_pose() {
         reach: 0.005,
     };
     let mut rods =
-        RodSystem::new(&[main, side], &[(0, 0.0, ClampKind::Fixed)]).with_added_bodies(vec![berry(47), berry(62)]);
+        RodSystem::new(&[main, side], &[(0, 0.0, SupportKind::Fixed)]).with_added_bodies(vec![berry(47), berry(62)]);
     assert!(rods.find_rest_shape_by_equilibrium());
     let h = 1.0 / 480.0;
     for _ in 0..960 {

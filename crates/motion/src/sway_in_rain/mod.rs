@@ -302,7 +302,7 @@ impl RainPlant for SwayingRainPlant {
         Ok(())
     }
 
-    fn added_bends(&self) -> Option<Vec<[f32; 2]>> {
+    fn drop_bends(&self) -> Option<Vec<[f32; 2]>> {
         Some(self.branches.bends())
     }
 }

@@ -35,7 +35,7 @@ pub(super) fn blocked_row_share(domain: &Domain, along: usize) -> f64 {
 /// maximum flow through a network with an edge of capacity 1 for every face between two air cells.
 /// Source: Y. Dinitz, "Algorithm for solution of a problem of maximum flow in networks with power estimation", 1970.
 pub(super) fn narrowest_open_share(domain: &Domain, enough: f64) -> f64 {
-    let mut network = FaceNetwork::new(domain);
+    let mut network = FlowNetwork::new(domain);
     let inlets = network.ends(FaceCondition::Inlet);
     let wanted = enough * inlets.len() as f64;
     let mut flow = 0.0_f64;
@@ -58,7 +58,7 @@ struct NetworkEnd {
 }
 
 /// Air cells, joined by their faces. Faces are numbered -x, +x, -y, +y, -z, +z.
-struct FaceNetwork<'a> {
+struct FlowNetwork<'a> {
     domain: &'a Domain,
     /// By cell and axis: flow through its upper face, -1 to 1.
     flow: Vec<[i8; 3]>,
@@ -69,7 +69,7 @@ struct FaceNetwork<'a> {
     next_face: Vec<u8>,
 }
 
-impl<'a> FaceNetwork<'a> {
+impl<'a> FlowNetwork<'a> {
     fn new(domain: &'a Domain) -> Self {
         let count = domain.grid.cell_count();
         Self {

@@ -1,7 +1,7 @@
 //! Writing snapshots, and the health of the flow that is judged from the same moments: density range, mass, checkerboard.
 
 use super::domain::Domain;
-use super::snapshot_grid::SnapshotGrid;
+use super::snapshot_layout::SnapshotLayout;
 use super::tuning::DENSITY_RANGE;
 
 /// Diagnostics of every plane of the domain.
@@ -27,7 +27,7 @@ const PARTIAL_SUMS: usize = 8;
 /// Where a snapshot is written.
 #[derive(Debug)]
 pub(super) struct SnapshotTarget<'a> {
-    pub grid: &'a SnapshotGrid,
+    pub grid: &'a SnapshotLayout,
     /// m/s of one cell per step.
     pub speed_unit: f32,
     /// Values of the grid's cells, halo included: velocity, m/s, and density less 1.
@@ -37,7 +37,7 @@ pub(super) struct SnapshotTarget<'a> {
 /// A plane of cells of a snapshot, with the halo around it.
 #[derive(Debug)]
 pub(super) struct SnapshotPlane<'a> {
-    grid: &'a SnapshotGrid,
+    grid: &'a SnapshotLayout,
     speed_unit: f32,
     values: &'a mut [[f32; 4]],
 }

@@ -25,7 +25,7 @@ use osier_base::convert::to_usize;
 
 /// Nodes of a plane at equal distances: along a row, or across rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct NodeSpan {
+pub(super) struct StridedNodes {
     /// Element of the first node within its plane.
     pub first: u32,
     pub count: u32,
@@ -36,7 +36,7 @@ pub(super) struct NodeSpan {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SpanCopy {
     pub direction: u32,
-    pub span: NodeSpan,
+    pub span: StridedNodes,
     /// Index of the first in the buffer.
     pub buffer_index: u32,
     /// Added to each as it is gathered: the momentum of a moving wall, 6 w_i c_i.u.
@@ -53,7 +53,7 @@ pub(super) struct RowHaloCopy {
 
 /// The part of one plane in each list of [`ExchangeLists`].
 #[derive(Debug, Clone, Default)]
-pub(super) struct PlaneExchangeRanges {
+pub(super) struct PlaneBoundaryRanges {
     pub scatter: Range<usize>,
     pub halo: Range<usize>,
     pub ghost_scatter: Range<usize>,
@@ -72,7 +72,7 @@ pub(super) struct PlaneExchangeRanges {
 #[derive(Debug)]
 pub(super) struct ExchangeLists {
     pub grid: LatticeGrid,
-    pub planes: Vec<PlaneExchangeRanges>,
+    pub planes: Vec<PlaneBoundaryRanges>,
     /// From the buffer of the step before to slots, and to the row halo.
     pub scatter: Vec<SpanCopy>,
     pub halo: Vec<RowHaloCopy>,
@@ -82,7 +82,7 @@ pub(super) struct ExchangeLists {
     /// From slots to the buffer.
     pub gather: Vec<SpanCopy>,
     /// Open cells that are not in columns at the ends of rows.
-    pub open_spans: Vec<NodeSpan>,
+    pub open_spans: Vec<StridedNodes>,
     /// Outlets pass on the non-equilibrium part, for which populations of open cells are kept.
     pub nonequilibrium: bool,
 }
@@ -118,7 +118,7 @@ pub(super) struct BoundaryExchange {
     pub ghost_populations: [Vec<f32>; 2],
     /// Mean outward velocity before each outlet, cells per step, taken ahead of the last even step. It serves two steps,
     /// so that these can share a pass.
-    pub mean_outflow: [f32; 6],
+    pub mean_outward_velocities: [f32; 6],
     /// By plane, square of the highest speed in the step before, cells per step, what solid cells hold included; infinite
     /// if unknown. It selects the kernel with or without speed limit, which does not change results.
     pub max_speed_squared: Vec<f32>,
@@ -144,7 +144,7 @@ impl<'a> BufferSlice<'a> {
 
 /// What a step reads from boundaries.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ExchangeInput<'a> {
+pub(super) struct IncomingPopulations<'a> {
     pub lists: &'a ExchangeLists,
     pub populations: BufferSlice<'a>,
     pub ghosts: BufferSlice<'a>,
@@ -177,7 +177,7 @@ impl PlaneSlices<'_> {
     }
 }
 
-impl NodeSpan {
+impl StridedNodes {
     /// Element of the first node's slot.
     fn first_element(self, slot: Slot, plane_start: usize) -> usize {
         (plane_start + to_usize(self.first)).wrapping_add_signed(slot.offset)
@@ -185,7 +185,7 @@ impl NodeSpan {
 }
 
 /// Copies numbers side by side to the nodes of a span.
-fn scatter_to_span(to: &mut [f32], span: NodeSpan, from: &[f32]) {
+fn scatter_strided(to: &mut [f32], span: StridedNodes, from: &[f32]) {
     // Single nodes and contiguous rows are the common cases, and avoid the strided loop.
     let from = &from[..to_usize(span.count)];
     if span.count == 1 {
@@ -198,7 +198,7 @@ fn scatter_to_span(to: &mut [f32], span: NodeSpan, from: &[f32]) {
 }
 
 /// Copies the numbers of a span's nodes side by side, and adds `wall_momentum`.
-fn gather_from_span(to: &mut [f32], from: &[f32], span: NodeSpan, wall_momentum: f32) {
+fn gather_from_span(to: &mut [f32], from: &[f32], span: StridedNodes, wall_momentum: f32) {
     let to = &mut to[..to_usize(span.count)];
     if span.count == 1 {
         to[0] = from[0];
@@ -212,7 +212,7 @@ fn gather_from_span(to: &mut [f32], from: &[f32], span: NodeSpan, wall_momentum:
     }
 }
 
-impl ExchangeInput<'_> {
+impl IncomingPopulations<'_> {
     /// Scatters what arrives at the plane `z` from boundaries and ghost nodes; at the ends of its rows, into `halo`.
     pub(super) fn scatter_incoming(
         self,
@@ -230,7 +230,7 @@ impl ExchangeInput<'_> {
             for copy in copies {
                 let slot = slots[to_usize(copy.direction)];
                 let first = copy.span.first_element(slot, plane);
-                scatter_to_span(
+                scatter_strided(
                     &mut planes.arrays[slot.array][first..],
                     copy.span,
                     buffer.tail_from(copy.buffer_index),
@@ -268,12 +268,12 @@ impl ExchangeInput<'_> {
     }
 
     /// Gathers the populations that left the cells `skip..skip + N` of a span of open cells in the plane `z`.
-    pub(super) fn gather_open_cells<const N: usize>(
+    pub(super) fn gather_open_boundary_populations<const N: usize>(
         &self,
         planes: &PlaneSlices<'_>,
         parity: StepParity,
         z: usize,
-        span: NodeSpan,
+        span: StridedNodes,
         skip: usize,
         out: &mut [[f32; N]; Q],
     ) {
@@ -331,14 +331,14 @@ impl BoundaryExchange {
     pub(super) fn checkpoint_values(&self) -> impl Iterator<Item = &f32> {
         let open_cells = &self.previous.open_cells;
         let cells = open_cells.moments.iter().flatten().chain(open_cells.populations.iter().flatten());
-        self.mean_outflow.iter().chain(&self.max_speed_squared).chain(cells)
+        self.mean_outward_velocities.iter().chain(&self.max_speed_squared).chain(cells)
     }
 
     /// The same, to be restored.
     pub(super) fn checkpoint_values_mut(&mut self) -> impl Iterator<Item = &mut f32> {
         let open_cells = &mut self.previous.open_cells;
         let cells = open_cells.moments.iter_mut().flatten().chain(open_cells.populations.iter_mut().flatten());
-        self.mean_outflow.iter_mut().chain(&mut self.max_speed_squared).chain(cells)
+        self.mean_outward_velocities.iter_mut().chain(&mut self.max_speed_squared).chain(cells)
     }
 
     /// Bytes of lists and buffers.
@@ -361,7 +361,7 @@ impl BoundaryExchange {
     }
 }
 
-impl PlaneExchangeRanges {
+impl PlaneBoundaryRanges {
     /// Number of the first open cell of `open_spans`; the columns' come before. `rows`: of the plane.
     pub(super) fn first_open_span_cell(&self, rows: usize) -> usize {
         self.open_cells.start + rows * self.columns.iter().flatten().count()
@@ -376,9 +376,10 @@ impl ExchangeBuffers {
         ranges: &[Range<usize>],
     ) -> Vec<ExchangeOutput<'_>> {
         // Every list is ordered by plane, so that a range of planes owns one contiguous part of each buffer.
-        let buffers: Vec<_> = ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.buffer)).collect();
+        let buffers: Vec<_> =
+            ranges.iter().map(|r| range_over_planes(&lists.planes[r.clone()], |p| &p.buffer)).collect();
         let cells: Vec<_> =
-            ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.open_cells)).collect();
+            ranges.iter().map(|r| range_over_planes(&lists.planes[r.clone()], |p| &p.open_cells)).collect();
         // One output per range: its parts of the populations and of the four moment arrays.
         let populations = split_slice(&mut self.populations, &buffers).into_iter().zip(buffers);
         let [drho, x, y, z] = &mut self.open_cells.moments;
@@ -403,9 +404,9 @@ impl ExchangeBuffers {
 }
 
 /// From the start of the first plane's part to the end of the last one's.
-fn covering_range(
-    planes: &[PlaneExchangeRanges],
-    part: impl Fn(&PlaneExchangeRanges) -> &Range<usize>,
+fn range_over_planes(
+    planes: &[PlaneBoundaryRanges],
+    part: impl Fn(&PlaneBoundaryRanges) -> &Range<usize>,
 ) -> Range<usize> {
     match (planes.first(), planes.last()) {
         (Some(first), Some(last)) => part(first).start..part(last).end,

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use super::domain::{Domain, FaceCondition, PopulationSource};
 use super::exchange::{
-    BoundaryExchange, ExchangeBuffers, ExchangeLists, NodeSpan, OpenCellMoments, PlaneExchangeRanges, RowHaloCopy,
-    SpanCopy,
+    BoundaryExchange, ExchangeBuffers, ExchangeLists, OpenCellMoments, PlaneBoundaryRanges, RowHaloCopy, SpanCopy,
+    StridedNodes,
 };
 use super::open_boundary::{GhostNode, GhostSlots, OpenBoundary};
 use super::row_halo::RowHalo;
@@ -177,7 +177,7 @@ impl ExchangeBuilder<'_> {
         let grid = self.domain.grid;
         // Every population that crosses a boundary has one place in a buffer, between the step that leaves it and the
         // one that reads it.
-        let mut planes = vec![PlaneExchangeRanges::default(); grid.n[2]];
+        let mut planes = vec![PlaneBoundaryRanges::default(); grid.n[2]];
         // Gather in the order of the planes that populations leave ...
         let mut order: Vec<usize> = (0..self.links.len()).collect();
         order.sort_by_key(|k| self.links[*k].from.plane);
@@ -240,7 +240,7 @@ impl ExchangeBuilder<'_> {
             intermediate: previous.clone(),
             previous,
             ghost_populations,
-            mean_outflow: [0.0; 6],
+            mean_outward_velocities: [0.0; 6],
             max_speed_squared: vec![0.0; grid.n[2]],
         })
     }
@@ -265,7 +265,7 @@ impl ExchangeBuilder<'_> {
     fn build_ghost_copies(
         &self,
         slots: &[GhostSlots],
-        planes: &mut [PlaneExchangeRanges],
+        planes: &mut [PlaneBoundaryRanges],
     ) -> Result<(Vec<SpanCopy>, Vec<RowHaloCopy>)> {
         let grid = &self.domain.grid;
         let (mut scatter, mut halo): (Vec<SpanCopy>, Vec<RowHaloCopy>) = (Vec::new(), Vec::new());
@@ -311,9 +311,9 @@ impl ExchangeBuilder<'_> {
         Ok(SpanCopy { direction, span, buffer_index: boundary_index(buffer_index)?, wall_momentum: 0.0 })
     }
 
-    fn to_node_span(&self, run: NodeRun) -> Result<NodeSpan> {
+    fn to_node_span(&self, run: NodeRun) -> Result<StridedNodes> {
         let first = boundary_index(self.domain.grid.first_cell + run.first.element)?;
-        Ok(NodeSpan { first, count: boundary_index(run.count)?, stride: boundary_index(run.stride)? })
+        Ok(StridedNodes { first, count: boundary_index(run.count)?, stride: boundary_index(run.stride)? })
     }
 
     /// The end of its row at which a cell lies, if the face there is open: then the whole column counts as open cells.
@@ -324,7 +324,7 @@ impl ExchangeBuilder<'_> {
 
     /// Numbers the open cells plane by plane and notes each ghost's. Returns the spans of those that are not in columns
     /// at the ends of rows.
-    fn number_open_cells(&mut self, planes: &mut [PlaneExchangeRanges]) -> Result<Vec<NodeSpan>> {
+    fn number_open_cells(&mut self, planes: &mut [PlaneBoundaryRanges]) -> Result<Vec<StridedNodes>> {
         let [_, rows, _] = self.domain.grid.n;
         // Open cells that are not in columns, once each, in the order of planes and rows.
         let air = self.nearest.iter().zip(&self.ghosts).filter(|(_, g)| !g.before_solid).map(|(cell, _)| *cell);
@@ -388,7 +388,7 @@ fn extend_range(range: &mut Range<usize>, at: usize, count: usize) {
 }
 
 /// Lets empty ranges begin where those of the planes before end, so that ranges of planes can be split in order.
-fn position_empty_ranges(planes: &mut [PlaneExchangeRanges]) {
+fn position_empty_ranges(planes: &mut [PlaneBoundaryRanges]) {
     let mut ends = [0; 8];
     for p in planes {
         let ranges = [

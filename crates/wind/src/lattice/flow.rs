@@ -52,11 +52,12 @@ impl FlowState {
     /// As [`FlowState::new`].
     pub(super) fn set_faces(&mut self, faces: [FaceCondition; 6], sponge: [Vec<f32>; 2]) -> Result<()> {
         self.domain.faces = faces;
-        let (nonequilibrium, mean_outflow) = (self.exchange.lists.nonequilibrium, self.exchange.mean_outflow);
+        let (nonequilibrium, mean_outward_velocities) =
+            (self.exchange.lists.nonequilibrium, self.exchange.mean_outward_velocities);
         // Which populations cross boundaries depends on the faces: rebuild the lists, and fill their buffers from the
         // populations, which stay.
         self.exchange = build_exchange(&self.domain, nonequilibrium)?;
-        self.exchange.mean_outflow = mean_outflow;
+        self.exchange.mean_outward_velocities = mean_outward_velocities;
         self.exchange.rebuild_from_populations(&self.populations, self.next_parity());
         self.tables = StepTables::new(&self.domain, FlowParams { sponge, ..self.tables.params.clone() })?;
         Ok(())

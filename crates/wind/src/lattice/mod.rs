@@ -32,7 +32,7 @@ mod report;
 mod row_halo;
 mod setup;
 mod snapshot;
-mod snapshot_grid;
+mod snapshot_layout;
 mod solver;
 #[cfg(test)]
 mod solver_tests;

@@ -240,7 +240,7 @@ impl OpenBoundary {
     }
 
     /// Mean outward velocity of the cells before each outlet, cells per step; 0 for other faces.
-    pub(super) fn mean_outflow(&self, moments: &[Vec<f32>; 4]) -> [f32; 6] {
+    pub(super) fn mean_outward_velocities(&self, moments: &[Vec<f32>; 4]) -> [f32; 6] {
         // Moments are density, then velocity by component: 1 + f/2 is the component normal to face f.
         std::array::from_fn(|f| {
             let cells = &self.outlet_cells[f];

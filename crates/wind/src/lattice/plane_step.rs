@@ -5,7 +5,7 @@ use pulp::Simd;
 use super::collide::{CollisionResult, MAX_SPEED, Relaxation, UNCHECKED_SPEED, collide, moments};
 use super::diagnostics::{PlaneDiagnostics, SnapshotPlane};
 use super::domain::Domain;
-use super::exchange::{ExchangeInput, ExchangeOutput, PlaneSlices};
+use super::exchange::{ExchangeOutput, IncomingPopulations, PlaneSlices};
 use super::grid::{BLOCK, LatticeGrid, StepParity};
 use super::ground::apply_wall_stress;
 use super::row_halo::{NO_LANE, RowEndBlock, RowHalo};
@@ -65,7 +65,7 @@ impl<'a> ThreadScratch<'a> {
 pub(super) struct PlaneStep<'a> {
     pub tables: &'a StepTables,
     pub domain: &'a Domain,
-    pub input: ExchangeInput<'a>,
+    pub input: IncomingPopulations<'a>,
     pub z: usize,
     /// The step is the one a snapshot is taken of, if one is.
     pub last: bool,
@@ -284,7 +284,7 @@ impl PlaneStep<'_> {
             for skip in (0..to_usize(span.count)).step_by(BLOCK) {
                 let count = BLOCK.min(to_usize(span.count) - skip);
                 let mut g = [[0.0_f32; BLOCK]; Q];
-                self.input.gather_open_cells(planes, parity, self.z, *span, skip, &mut g);
+                self.input.gather_open_boundary_populations(planes, parity, self.z, *span, skip, &mut g);
                 for register in 0..count.div_ceil(S::F32_LANES) {
                     let from = register * S::F32_LANES;
                     let mut lanes = [F32Lanes::from_scalar(simd, 0.0); Q];

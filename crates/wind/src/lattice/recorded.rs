@@ -10,7 +10,7 @@ use super::inlet::InletWind;
 use super::report::LatticeStats;
 use super::setup::{LatticeOptions, periodic_axes};
 use super::snapshot::WindSnapshot;
-use super::snapshot_grid::{CellRange, SnapshotGrid};
+use super::snapshot_layout::{CellRange, SnapshotLayout};
 use super::solver::LatticeSolver;
 use super::tuning::LOOP_FADE;
 use osier_base::Result;
@@ -62,7 +62,7 @@ impl RecordingOptions {
 /// A recorded wind: the velocities of the snapshots at every cell of a region, for every frame of a clip and of the time before it.
 #[derive(Debug)]
 pub struct RecordedWind {
-    grid: SnapshotGrid,
+    grid: SnapshotLayout,
     frames: Vec<Vec<[f32; 3]>>,
     /// Statistics of the solver at each frame.
     stats: Vec<LatticeStats>,
@@ -84,7 +84,7 @@ impl RecordedWind {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Self> {
-        let (grid, low) = lattice.snapshot_grid().crop(options.bounds);
+        let (grid, low) = lattice.snapshot_layout().crop(options.bounds);
         let (lead, count) = (options.lead.min(lattice.lead_frames()), options.frame_count());
         let skipped = u64::from(lattice.lead_frames() - lead);
         let bytes = count.saturating_mul(grid.value_count() as u64).saturating_mul(BYTES_PER_VELOCITY);
@@ -146,7 +146,7 @@ impl RecordedWind {
 }
 
 /// Velocities of a snapshot at the values of a cropped grid that begins at the cell `low`.
-fn crop_velocities(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f32; 3]> {
+fn crop_velocities(snapshot: &WindSnapshot, part: &SnapshotLayout, low: [usize; 3]) -> Vec<[f32; 3]> {
     let values = (0..part.value_count()).map(|k| snapshot.values[snapshot.grid.index_in_uncropped(part, low, k)]);
     values.map(|[x, y, z, _]| [x, y, z]).collect()
 }
@@ -178,8 +178,8 @@ impl Wind for RecordedWind {
         self.inlet.mean_at(position)
     }
 
-    fn mean_during(&self, t: f64) -> Vec3 {
-        self.inlet.mean_during(t)
+    fn prescribed_mean(&self, t: f64) -> Vec3 {
+        self.inlet.prescribed_mean(t)
     }
 
     fn period(&self) -> Option<f64> {

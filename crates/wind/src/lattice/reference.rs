@@ -50,7 +50,7 @@ impl ReferenceSolver {
     }
 
     /// Mean outward velocity before each face.
-    fn mean_outflow(&self, before: &[[f64; Q]]) -> [f64; 6] {
+    fn mean_outward_velocities(&self, before: &[[f64; Q]]) -> [f64; 6] {
         let n = self.domain.grid.n;
         std::array::from_fn(|f| {
             let (axis, high) = (f / 2, f % 2 == 1);
@@ -71,7 +71,7 @@ impl ReferenceSolver {
         let before = self.outgoing.clone();
         // As the production solver: the mean outflow is measured once for two steps.
         if self.step.is_multiple_of(2) {
-            self.mean_outflow_before_even_step = self.mean_outflow(&before);
+            self.mean_outflow_before_even_step = self.mean_outward_velocities(&before);
         }
         self.step += 1;
         let density = std::array::from_fn(|f| outlet_density(wanted[f], self.mean_outflow_before_even_step[f]));

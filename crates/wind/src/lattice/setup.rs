@@ -225,7 +225,7 @@ impl LatticeSetup {
 
     /// Relaxation time, steps, at a height over the bottom of the box, m, outside the sponge.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells, cut at both ends")]
-    pub(super) fn tau_at(&self, height: f64) -> f64 {
+    pub(super) fn tau_at_height(&self, height: f64) -> f64 {
         let y = (height / self.spacing).clamp(0.0, 1e6) as usize;
         f64::from(self.ground.min_tau_at(y, narrow(self.tau)))
     }

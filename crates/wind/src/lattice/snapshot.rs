@@ -6,12 +6,12 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::super::Wind;
-use super::snapshot_grid::SnapshotGrid;
+use super::snapshot_layout::SnapshotLayout;
 
 /// The wind of one frame: velocity, m/s, and density less 1 of every cell.
 #[derive(Debug)]
 pub struct WindSnapshot {
-    pub(super) grid: Arc<SnapshotGrid>,
+    pub(super) grid: Arc<SnapshotLayout>,
     /// Velocity, m/s, and density less 1 by cell, halo included.
     pub(super) values: Vec<[f32; 4]>,
     /// Time, s; 0 is the clip's first frame.
@@ -91,8 +91,8 @@ impl Wind for InterpolatedWind {
         self.before.grid.inlet.mean_at(position)
     }
 
-    fn mean_during(&self, t: f64) -> Vec3 {
-        self.before.grid.inlet.mean_during(t)
+    fn prescribed_mean(&self, t: f64) -> Vec3 {
+        self.before.grid.inlet.prescribed_mean(t)
     }
 
     fn period(&self) -> Option<f64> {

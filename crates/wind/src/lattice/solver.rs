@@ -19,7 +19,7 @@ use super::outlet_targets::{OutletTargets, inlet_nodes, profile_deviation};
 use super::report::{LatticeStats, LatticeWarning};
 use super::setup::{LatticeOptions, LatticeSetup, face_conditions, faces_ever_open, periodic_axes};
 use super::snapshot::WindSnapshot;
-use super::snapshot_grid::SnapshotGrid;
+use super::snapshot_layout::SnapshotLayout;
 use super::step_tables::FlowParams;
 use super::stepper::BoundaryInputs;
 use super::tuning::{
@@ -49,7 +49,7 @@ pub struct LatticeSolver {
     pub(super) flow: FlowState,
     inlet: Arc<InletWind>,
     inlet_nodes: InletNodes,
-    pub(super) grid: Arc<SnapshotGrid>,
+    pub(super) grid: Arc<SnapshotLayout>,
     /// Velocity at the inlet nodes in the next step, and in the one after, by component, cells per step.
     inlet_velocity: [[Vec<f32>; 3]; 2],
     outlet_targets: OutletTargets,
@@ -123,7 +123,7 @@ impl LatticeSolver {
             solids.iter().find_map(|s| if let Form::Land(land) = &s.form { Some(Arc::clone(land)) } else { None });
         let inlet = InletWind::new(options.inlet.clone(), origin, spacing, options.cells, periodic).over_land(land);
         let inlet = Arc::new(inlet);
-        let snapshot_grid = Arc::new(SnapshotGrid::new(&domain, setup.cells(), solids, Arc::clone(&inlet)));
+        let snapshot_layout = Arc::new(SnapshotLayout::new(&domain, setup.cells(), solids, Arc::clone(&inlet)));
         let flow = FlowState::new(domain, params, options.outlet_nonequilibrium)?;
         let inlet_nodes = inlet_nodes(&flow, &inlet, &setup);
         let outlet_targets = OutletTargets::new(&flow, &inlet, &setup);
@@ -135,7 +135,7 @@ impl LatticeSolver {
             flow,
             inlet,
             inlet_nodes,
-            grid: snapshot_grid,
+            grid: snapshot_layout,
             inlet_velocity: [const { [const { Vec::new() }; 3] }; 2],
             outlet_targets,
             turning: (!options.inlet.direction_curve.is_empty()).then(|| options.clone()),
@@ -154,7 +154,7 @@ impl LatticeSolver {
         &self.inlet
     }
 
-    pub(super) fn snapshot_grid(&self) -> &SnapshotGrid {
+    pub(super) fn snapshot_layout(&self) -> &SnapshotLayout {
         &self.grid
     }
 

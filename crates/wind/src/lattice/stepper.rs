@@ -29,7 +29,7 @@ use pulp::{Simd, WithSimd};
 use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotPlane, SnapshotTarget};
 use super::domain::Domain;
 use super::exchange::{
-    BoundaryExchange, BufferSlice, ExchangeBuffers, ExchangeInput, ExchangeLists, ExchangeOutput, PlaneSlices,
+    BoundaryExchange, BufferSlice, ExchangeBuffers, ExchangeLists, ExchangeOutput, IncomingPopulations, PlaneSlices,
     split_slice,
 };
 use super::grid::{Populations, StepParity};
@@ -105,7 +105,8 @@ impl StepContext<'_> {
         let kind = self.pass_kind();
         // Outlet densities follow the mean outflow, taken anew before every even step.
         if self.parity == StepParity::Even {
-            exchange.mean_outflow = exchange.open_boundary.mean_outflow(&exchange.previous.open_cells.moments);
+            exchange.mean_outward_velocities =
+                exchange.open_boundary.mean_outward_velocities(&exchange.previous.open_cells.moments);
         }
         // Ghosts first, since they read the moments of the step before; then the chunks, and last the seams, which
         // need all chunks' even steps.
@@ -138,7 +139,7 @@ impl StepContext<'_> {
             inlet_velocity: self.first.inlet_velocity,
             shear: self.first.shear,
             shear_scale: self.first.shear_scale,
-            outlet_drho: self.first.outlet_densities(exchange.mean_outflow),
+            outlet_drho: self.first.outlet_densities(exchange.mean_outward_velocities),
         };
         let ranges: Vec<_> = (0..self.tables.grid.n[2]).map(|z| open_boundary.buffer_range(z)).collect();
         let mut planes: Vec<_> =
@@ -195,7 +196,7 @@ impl StepContext<'_> {
             next,
             intermediate,
             ghost_populations,
-            mean_outflow,
+            mean_outward_velocities,
             max_speed_squared,
         } = exchange;
         let chunks: Vec<_> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
@@ -216,7 +217,7 @@ impl StepContext<'_> {
         };
         let outputs =
             split_buffers(lists, even_buffers, &chunks).into_iter().zip(split_buffers(lists, odd_buffers, &inner));
-        let input = ExchangeInput {
+        let input = IncomingPopulations {
             lists,
             populations: BufferSlice::full(&previous.populations),
             ghosts: BufferSlice::full(ghosts),
@@ -242,7 +243,7 @@ impl StepContext<'_> {
         let second = self.second.map(|inputs| OddStepInputs {
             open_boundary,
             inputs,
-            outlet_drho: inputs.outlet_densities(*mean_outflow),
+            outlet_drho: inputs.outlet_densities(*mean_outward_velocities),
         });
         par::par_map_mut(&mut jobs, |chunk| self.dispatch_kernel(ChunkTask { context: self, chunk, input, second }))
     }
@@ -268,7 +269,7 @@ impl StepContext<'_> {
         } else {
             (previous, &ghost_populations[0])
         };
-        let input = ExchangeInput {
+        let input = IncomingPopulations {
             lists,
             populations: BufferSlice::full(&before.populations),
             ghosts: BufferSlice::full(ghosts),
@@ -318,8 +319,8 @@ impl StepContext<'_> {
 
 impl BoundaryInputs<'_> {
     /// Density less 1 beyond each outlet.
-    fn outlet_densities(&self, mean_outflow: [f32; 6]) -> [f32; 6] {
-        std::array::from_fn(|f| outlet_density(self.outlet_velocity[f], mean_outflow[f]))
+    fn outlet_densities(&self, mean_outward_velocities: [f32; 6]) -> [f32; 6] {
+        std::array::from_fn(|f| outlet_density(self.outlet_velocity[f], mean_outward_velocities[f]))
     }
 }
 
@@ -386,7 +387,7 @@ struct ChunkTask<'a, 'b> {
     context: &'a StepContext<'a>,
     chunk: &'a mut Chunk<'b>,
     /// What the first step of the pass reads from boundaries.
-    input: ExchangeInput<'a>,
+    input: IncomingPopulations<'a>,
     second: Option<OddStepInputs<'a>>,
 }
 
@@ -447,7 +448,7 @@ impl ChunkTask<'_, '_> {
             let behind = z.wrapping_sub(1);
             if let Some(output) = odd_output.as_mut().filter(|_| odd_planes.contains(&behind)) {
                 let input = match even_output {
-                    Some(left) => ExchangeInput {
+                    Some(left) => IncomingPopulations {
                         lists: input.lists,
                         populations: BufferSlice { values: &left.populations[..], start: left.first_population },
                         ghosts: BufferSlice { values: &ghosts[..], start: *first_ghost },

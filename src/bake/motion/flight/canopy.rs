@@ -44,7 +44,7 @@ struct CanopyPlant {
 
 /// A twig's end and the place of a catkin beside it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct TwigSite {
+pub(crate) struct CatkinSite {
     plant: usize,
     twig: usize,
     /// Position in the world, m.
@@ -108,7 +108,7 @@ impl Canopy {
         ripening: f64,
         seed: u64,
         positions: &TwigPositions,
-    ) -> (Vec<CatkinStart>, Vec<TwigSite>) {
+    ) -> (Vec<CatkinStart>, Vec<CatkinSite>) {
         // Cumulative weights: a uniform draw times their total falls into one twig's interval.
         let (mut cumulative, mut twigs, mut sum) = (Vec::new(), Vec::new(), 0.0);
         for (number, plant) in self.plants.iter().enumerate() {
@@ -126,7 +126,7 @@ impl Canopy {
             let pick = draw.unit_f64() * sum;
             let (plant, twig) = twigs[cumulative.partition_point(|s| *s <= pick).min(twigs.len() - 1)];
             let offset = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * CATKIN_SPREAD;
-            let site = TwigSite { plant, twig, offset };
+            let site = CatkinSite { plant, twig, offset };
             // The inverse distribution function of the unit exponential: -ln(1 - u).
             let exposure = -ln(1.0 - draw.unit_f64());
             let wait = ReleaseCondition::Wind { exposure, ripe: ripening * draw.unit_f64() };
@@ -137,7 +137,7 @@ impl Canopy {
     }
 }
 
-impl TwigSite {
+impl CatkinSite {
     /// Place of the catkin with its twig at one of some positions.
     fn position(&self, positions: &TwigPositions) -> Option<DVec3> {
         Some(positions.get(self.plant)?.get(self.twig)?.as_dvec3() + self.offset)

@@ -56,7 +56,7 @@ impl DepositionMaps {
             });
         };
         // The ground is field 0; every obstacle has its roof next, then its walls, so that `roof` is the index of its first field.
-        add("ground".into(), top_of_bounds(Bounds { max: inside.max.with_y(0.0), ..inside }));
+        add("ground".into(), top_face(Bounds { max: inside.max.with_y(0.0), ..inside }));
         let mut obstacles = Vec::new();
         let mut roof = 1;
         for solid in solids.list() {
@@ -68,7 +68,7 @@ impl DepositionMaps {
                 }
                 Form::Prism(prism) => (prism.plan(), Some(prism.sides())),
                 // A mesh has no flat sides to map: only what lies on it is counted, as seen from above.
-                Form::Shell(_) => (top_of_bounds(solid.bounds()), None),
+                Form::Shell(_) => (top_face(solid.bounds()), None),
             };
             add(format!("roof_{}", solid.name), plan);
             for (side, name) in sides.iter().flatten().zip(["front", "back", "right", "left"]) {
@@ -152,7 +152,7 @@ impl DepositionMaps {
 }
 
 /// The top of a box as a map sees it from above: rows along +X, columns along +Z.
-fn top_of_bounds(bounds: Bounds) -> Side {
+fn top_face(bounds: Bounds) -> Side {
     let size = bounds.size();
     Side { corner: bounds.min.with_y(bounds.max.y), along: Vec3::X * size.x, down: Vec3::Z * size.z, normal: Vec3::Y }
 }

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::{DVec3, Vec3};
 
 use crate::bake::assets::catkin::CatkinModel;
-use crate::bake::motion::flight::canopy::{Canopy, TwigPositions, TwigSite};
+use crate::bake::motion::flight::canopy::{Canopy, CatkinSite, TwigPositions};
 use crate::bake::motion::flight::deposition_maps::{DepositionMaps, TexelSums};
 use crate::bake::motion::flight::trajectories::Trajectories;
 use crate::bake::motion::flight::volumes::FlightVolumes;
@@ -58,7 +58,7 @@ pub struct FlightPlayback {
     /// The twigs that catkins wait at.
     canopy: Canopy,
     /// Site of each catkin; empty if they do not start at twigs.
-    sites: Vec<TwigSite>,
+    sites: Vec<CatkinSite>,
     /// Frames simulated before the first of the clip.
     spin_up: u64,
     deposits: DepositionMaps,
@@ -123,7 +123,7 @@ impl FlightPlayback {
                 let twigs = canopy.positions(frame_time(-spin_up.cast_signed(), params.fps))?;
                 canopy.draw_catkin_starts(keys.count, keys.ripening, scene.recipe.general.seed, &twigs)
             }
-            _ => (sky_and_point_starts(scene, &params), Vec::new()),
+            _ => (sky_and_point_releases(scene, &params), Vec::new()),
         };
         // The number of catkins need not be that of the key: a file of points gives as many as it has.
         let start = FlightSimulation::new(params, Arc::clone(&scene.solids), &starts);
@@ -487,7 +487,7 @@ fn frame_time(frame: i64, fps: f64) -> FrameTime {
 }
 
 /// Where and under which condition each catkin is released that starts in the sky or at given points.
-fn sky_and_point_starts(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
+fn sky_and_point_releases(scene: &FlightSetup<'_>, params: &FlightParams) -> Vec<CatkinStart> {
     let (flight, keys) = (scene.flight, &scene.flight.keys);
     let seed = scene.recipe.general.seed;
     let from_sky = |duration| {

@@ -14,12 +14,12 @@ pub(super) struct FlightVolumes {
     /// As the scene holds them.
     pub grids: Vec<VolumeGrid>,
     /// Whether a grid counts catkins in flight or at rest.
-    counted: Vec<CountedCatkins>,
+    counted: Vec<CatkinPhase>,
 }
 
 /// Catkins that a grid counts: decides their state and the unit, 1/m^3 or 1/m^2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum CountedCatkins {
+enum CatkinPhase {
     /// In flight, per volume of a cell.
     Airborne,
     /// At rest, per area of a cell's face, in the cell that they rest in.
@@ -32,11 +32,11 @@ impl FlightVolumes {
         let output = &recipe.output;
         let Some(domain) = output.vdb.domain.as_ref().filter(|_| output.writes_vdb()) else { return Self::default() };
         let all = [
-            (VdbGrid::Density, CountedCatkins::Airborne, "1/m^3"),
-            (VdbGrid::Deposition, CountedCatkins::Deposited, "1/m^2"),
+            (VdbGrid::Density, CatkinPhase::Airborne, "1/m^3"),
+            (VdbGrid::Deposition, CatkinPhase::Deposited, "1/m^2"),
         ];
         let wanted = all.into_iter().filter(|(grid, ..)| output.vdb.keys.grids.contains(grid));
-        let grid = |(grid, counted, unit): (VdbGrid, CountedCatkins, &'static str)| {
+        let grid = |(grid, counted, unit): (VdbGrid, CatkinPhase, &'static str)| {
             let volume = VolumeGrid {
                 file: "flock",
                 name: word_of(grid),
@@ -60,14 +60,14 @@ impl FlightVolumes {
             return Vec::new();
         }
         let catkins = simulation.frame();
-        let fill = |(grid, counted): (&VolumeGrid, &CountedCatkins)| {
+        let fill = |(grid, counted): (&VolumeGrid, &CatkinPhase)| {
             let counts = |state: CatkinState| match counted {
-                CountedCatkins::Airborne => state == CatkinState::Airborne,
-                CountedCatkins::Deposited => state.is_deposited(),
+                CatkinPhase::Airborne => state == CatkinState::Airborne,
+                CatkinPhase::Deposited => state.is_deposited(),
             };
             let extent = match counted {
-                CountedCatkins::Airborne => grid.cell * grid.cell * grid.cell,
-                CountedCatkins::Deposited => grid.cell * grid.cell,
+                CatkinPhase::Airborne => grid.cell * grid.cell * grid.cell,
+                CatkinPhase::Deposited => grid.cell * grid.cell,
             };
             let mut cells: BTreeMap<[i32; 3], u32> = BTreeMap::new();
             for (position, _) in catkins.positions.iter().zip(&catkins.states).filter(|(_, state)| counts(**state)) {

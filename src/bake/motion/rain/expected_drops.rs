@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::scene_leaf::SceneLeaf;
-use crate::bake::scene::camera_light::PictureScale;
+use crate::bake::scene::camera_light::ScreenScale;
 use crate::recipe::Recipe;
 use osier_base::convert::to_usize;
 use osier_motion::rain::{DropDetail, RainEmitter};
@@ -41,7 +41,7 @@ impl ExpectedDrops {
         height: f64,
         leaves: &[SceneLeaf],
         recipe: &Recipe,
-        picture: &PictureScale,
+        picture: &ScreenScale,
     ) -> Self {
         let fall_time = (height + tuning::EMITTER_HEIGHT) / tuning::FALL_SPEED;
         let airborne = emitter.mean_drop_rate() * fall_time;

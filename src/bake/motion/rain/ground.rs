@@ -48,7 +48,7 @@ impl GroundHeight for RainGround {
         })
     }
 
-    fn highest(&self) -> f64 {
+    fn max_height(&self) -> f64 {
         f64::from(match self {
             Self::Level { .. } => 0.0,
             // Noise within 1 either way, less that at the centre.

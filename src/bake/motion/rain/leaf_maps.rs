@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::motion::rain::chart_textures;
-use crate::bake::motion::rain::scene_leaf::{LeafInstance, LeafWithMaps, SceneLeaf, WETNESS};
+use crate::bake::motion::rain::scene_leaf::{LeafInstanceIndex, LeafWithMaps, SceneLeaf, WETNESS};
 use crate::recipe::Recipe;
 use osier_base::Result;
 use osier_base::convert::{index, to_usize};
@@ -75,7 +75,7 @@ pub fn build_uv_rasters(
 }
 
 /// The prototype that an instance shows.
-fn instance_prototype(assets: &[Asset], of: LeafInstance) -> &Prototype {
+fn instance_prototype(assets: &[Asset], of: LeafInstanceIndex) -> &Prototype {
     let instancer = &assets[of.asset].instancers[of.instancer];
     &instancer.prototypes[to_usize(instancer.protos[of.instance])]
 }
@@ -112,11 +112,11 @@ pub fn add_leaf_maps(
     let mut sequences = Vec::new();
     let mut new_images = Vec::new();
     let mut charted = ChartedMaterials::default();
-    let mut removed: BTreeSet<LeafInstance> = BTreeSet::new();
-    let mut prototypes: BTreeMap<LeafInstance, Prototype> = BTreeMap::new();
+    let mut removed: BTreeSet<LeafInstanceIndex> = BTreeSet::new();
+    let mut prototypes: BTreeMap<LeafInstanceIndex, Prototype> = BTreeMap::new();
     for mapped in mapped_leaves {
         let leaf = &leaves[mapped.leaf];
-        let LeafInstance { asset, instancer, instance } = leaf.instance;
+        let LeafInstanceIndex { asset, instancer, instance } = leaf.instance;
         let of_prototype = &instance_prototype(assets, leaf.instance).mesh;
         // A blade with a chart of its own has its textures drawn anew over it.
         let mut mesh = match leaf.surface.chart() {
@@ -161,7 +161,7 @@ pub fn add_leaf_maps(
     // Filter the instancers; those that lose their last leaf are removed.
     let mut separated = Vec::new();
     for (a, asset) in assets.iter_mut().enumerate() {
-        let is_kept = |instancer, instance| !removed.contains(&LeafInstance { asset: a, instancer, instance });
+        let is_kept = |instancer, instance| !removed.contains(&LeafInstanceIndex { asset: a, instancer, instance });
         let mask = |(n, i): (usize, &Instancer)| (0..i.len()).map(|k| is_kept(n, k)).collect();
         let kept: Vec<Vec<bool>> = asset.instancers.iter().enumerate().map(mask).collect();
         let mut own: Vec<Vec<Prototype>> = vec![Vec::new(); kept.len()];

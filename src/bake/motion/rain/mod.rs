@@ -29,7 +29,7 @@ use crate::bake::assets::obstacles::rain_faces;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::bake::scene::builder::SceneBuilder;
-use crate::bake::scene::camera_light::PictureScale;
+use crate::bake::scene::camera_light::ScreenScale;
 use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
 use crate::recipe::scene::RainRecipe;
@@ -99,7 +99,7 @@ struct MeshedDropSelection {
     /// Largest number of drops of a frame.
     max_drops: usize,
     /// Those that the picture shows largest are chosen, and their detail follows it.
-    picture: PictureScale,
+    picture: ScreenScale,
 }
 
 /// The drops on leaves that a frame shows as meshes.
@@ -262,7 +262,7 @@ fn simulate_rain(
 
     // Targets: leaf blades on plants that rods or the wind move, or on static ones.
     let scene_leaves = scene_leaves(assets, materials, images, transforms, &plant_motions, report);
-    let picture = PictureScale::new(recipe, bounds_at_rest(assets, transforms));
+    let picture = ScreenScale::new(recipe, bounds_at_rest(assets, transforms));
     let mapped_leaves = select_mapped_leaves(recipe, &scene_leaves, &picture);
     let steps = steps_per_frame(rain, recipe, &plant_motions);
     // The simulation's clock starts with the spin-up, that of the wind with the clip.

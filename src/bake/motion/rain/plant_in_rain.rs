@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec3};
 
-use super::scene_leaf::{LeafInstance, SceneLeaf};
+use super::scene_leaf::{LeafInstanceIndex, SceneLeaf};
 use crate::bake::motion::FrameTime;
 use crate::bake::motion::rod_plant::RodBinding;
 use crate::bake::motion::sway::{RainedSway, SwayMotion};
@@ -105,7 +105,7 @@ impl RainedPlantRecorder {
         match self {
             Self::Still => None,
             Self::Rods(binding) => plant.posed_rods().map(|rods| binding.pose_asset(asset, rods, plant)),
-            Self::Sway(recorder) => plant.added_bends().map(|bends| recorder.frame(asset, plant, bends, time)),
+            Self::Sway(recorder) => plant.drop_bends().map(|bends| recorder.frame(asset, plant, bends, time)),
         }
     }
 }
@@ -149,7 +149,7 @@ impl SwayRecorder {
         let organs: std::collections::BTreeMap<u64, usize> =
             of.plant.organs.iter().enumerate().map(|(i, organ)| (organ.id, i)).collect();
         let swaying = |leaf: &&SceneLeaf| {
-            let LeafInstance { instancer, instance, .. } = leaf.instance;
+            let LeafInstanceIndex { instancer, instance, .. } = leaf.instance;
             let instancer = &of.asset.instancers[instancer];
             let organ = organs.get(&instancer.ids[instance]).map(|i| &of.plant.organs[*i]);
             SwayingLeaf {
@@ -173,7 +173,7 @@ impl SwayRecorder {
     }
 
     /// The asset with leaves where the simulation has them; leaves on which no drop can lie stay with the wind.
-    fn frame(&self, asset: &Asset, plant: &dyn RainPlant, added_bends: Vec<[f32; 2]>, time: FrameTime) -> AssetFrame {
+    fn frame(&self, asset: &Asset, plant: &dyn RainPlant, drop_bends: Vec<[f32; 2]>, time: FrameTime) -> AssetFrame {
         let RecordedWindPoses { motion, leafage, transform, instances: of_leaves, .. } = &self.wind;
         let mut instances = motion.places(leafage, time).instances;
         let back = transform.r.as_dquat().normalize().conjugate();
@@ -193,7 +193,7 @@ impl SwayRecorder {
             velocities[i] = (back * pose.velocity / scale).as_vec3();
             angular_velocities[i] = (back * pose.angular_velocity).as_vec3();
         }
-        motion.frame_in_rain(asset, time, RainedSway { added_bends, instances })
+        motion.frame_in_rain(asset, time, RainedSway { drop_bends, instances })
     }
 }
 
@@ -206,7 +206,7 @@ struct RecordedWindPoses {
     /// World from plant space.
     transform: Trs,
     /// Instance of each leaf that drops can strike.
-    instances: Vec<LeafInstance>,
+    instances: Vec<LeafInstanceIndex>,
     /// Time between two frames, s.
     step: f64,
 }
@@ -218,7 +218,7 @@ impl WindPoses for RecordedWindPoses {
         let time = FrameTime { seconds: frame as f64 * self.step, step: self.step };
         let places = self.motion.places(&self.leafage, time);
         let turn = self.transform.r.as_dquat().normalize();
-        let place = |of: &LeafInstance| {
+        let place = |of: &LeafInstanceIndex| {
             let state = &places.instances[of.instancer];
             let orientation: DQuat = state.orientations[of.instance].as_dquat();
             LeafPlace {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::plant_in_rain::PlantInRain;
-use crate::bake::scene::camera_light::PictureScale;
+use crate::bake::scene::camera_light::ScreenScale;
 use crate::recipe::Recipe;
 use osier_base::convert::to_usize;
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -18,7 +18,7 @@ pub(super) const WETNESS: &str = "wetness";
 
 /// An instance of a plant's leaf instancer, by its indices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct LeafInstance {
+pub(crate) struct LeafInstanceIndex {
     pub(crate) asset: usize,
     pub(crate) instancer: usize,
     pub(crate) instance: usize,
@@ -26,7 +26,7 @@ pub(crate) struct LeafInstance {
 
 /// A leaf blade of the scene, at rest.
 pub(crate) struct SceneLeaf {
-    pub(crate) instance: LeafInstance,
+    pub(crate) instance: LeafInstanceIndex,
     /// The blade in its own space; instances of one prototype share it.
     pub(crate) surface: Arc<LeafSurface>,
     pub(super) collider: Arc<LeafCollider>,
@@ -90,7 +90,7 @@ pub(super) fn scene_leaves(
                     number,
                     joint,
                     moves_off_joint,
-                    instance: LeafInstance { asset: a, instancer: i, instance: k },
+                    instance: LeafInstanceIndex { asset: a, instancer: i, instance: k },
                     surface: Arc::clone(surface),
                     collider: Arc::clone(collider),
                     position: trs.t.as_dvec3(),
@@ -135,7 +135,7 @@ pub(crate) struct LeafWithMaps {
 const MIN_MAP_SIDE: usize = 32;
 
 /// Leaves that get maps, in the order of the scene: those nearest to the camera.
-pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], picture: &PictureScale) -> Vec<LeafWithMaps> {
+pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], picture: &ScreenScale) -> Vec<LeafWithMaps> {
     let mut order: Vec<usize> = (0..leaves.len()).collect();
     let distance = |leaf: usize| picture.distance(leaves[leaf].position);
     order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
@@ -147,7 +147,7 @@ pub(super) fn select_mapped_leaves(recipe: &Recipe, leaves: &[SceneLeaf], pictur
 
 /// Side of a leaf's maps, texels: as many as the camera's picture shows, rounded up to a power of two, at most `maps.resolution`.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, and clamped")]
-fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &PictureScale) -> usize {
+fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &ScreenScale) -> usize {
     let pixels = leaf.surface.chart_span() * leaf.scale * picture.pixels_per_metre(leaf.position);
     let wanted = (pixels * recipe.maps.texels_per_pixel).ceil() as usize;
     let largest = to_usize(recipe.maps.resolution);
@@ -157,7 +157,7 @@ fn map_side(recipe: &Recipe, leaf: &SceneLeaf, picture: &PictureScale) -> usize 
 /// Writes the wetness of all leaves into the last frame of each plant.
 pub(super) fn set_leaf_wetness(plants: &mut [Vec<AssetFrame>], leaves: &[SceneLeaf], wetness: &[f64]) {
     for (leaf, wetness) in leaves.iter().zip(wetness) {
-        let LeafInstance { asset, instancer, instance } = leaf.instance;
+        let LeafInstanceIndex { asset, instancer, instance } = leaf.instance;
         let frame = plants.get_mut(asset).and_then(|frames| frames.last_mut());
         if let Some(InstancerFrame::State(state)) = frame.and_then(|f| f.instancers.get_mut(instancer))
             && let Some(value) = state.unit_attribute_mut(WETNESS).get_mut(instance)

@@ -56,7 +56,7 @@ pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images:
         roughnesses.extend(material.maps.roughness);
     }
     for i in colors {
-        images.get_mut(to_usize(i)).into_iter().for_each(|image| darken_colors(image, film));
+        images.get_mut(to_usize(i)).into_iter().for_each(|image| darken_image(image, film));
     }
     for i in roughnesses {
         images.get_mut(to_usize(i)).into_iter().for_each(|image| smooth_roughness_map(image, film));
@@ -65,7 +65,7 @@ pub(super) fn wet_leaf_materials(cover: f32, materials: &mut [Material], images:
 
 /// How the faces of a material are divided by rain.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct MaterialUse {
+pub(super) struct WetDryFaces {
     /// Whether it has faces that rain reaches.
     pub(super) wet: bool,
     /// Whether it has faces that rain does not reach.
@@ -104,11 +104,11 @@ impl WetImages {
 /// `TooMany` beyond 2^32 materials or images.
 pub(super) fn add_wet_materials(
     cover: f32,
-    uses: &[MaterialUse],
+    uses: &[WetDryFaces],
     materials: &mut Vec<Material>,
     images: &mut Vec<Image>,
 ) -> Result<BTreeMap<MaterialId, MaterialId>> {
-    let all_uses = || uses.iter().copied().chain(std::iter::repeat(MaterialUse::default()));
+    let all_uses = || uses.iter().copied().chain(std::iter::repeat(WetDryFaces::default()));
     // Images that keep their pixels, because a material that stays dry has them.
     let dry = materials
         .iter()
@@ -122,7 +122,7 @@ pub(super) fn add_wet_materials(
         let film = Film::covering(material.class, cover);
         film.wet_values(&mut material);
         let Maps { color, roughness, .. } = material.maps;
-        material.maps.color = color.map(|dry| wet_images.add(dry, film, darken_colors, images)).transpose()?;
+        material.maps.color = color.map(|dry| wet_images.add(dry, film, darken_image, images)).transpose()?;
         material.maps.roughness =
             roughness.map(|dry| wet_images.add(dry, film, smooth_roughness_map, images)).transpose()?;
         // With dry faces beside the wet ones the variant is a new material, else it takes the place of the dry one.
@@ -140,7 +140,7 @@ pub(super) fn add_wet_materials(
 }
 
 /// Multiplies the colours of an sRGB picture in linear light; alpha stays.
-fn darken_colors(image: &mut Image, film: Film) {
+fn darken_image(image: &mut Image, film: Film) {
     let factor = film.darkening();
     // One entry per byte value: a picture has far more pixels than that.
     let table: Vec<u8> = (0..=u8::MAX).map(|c| srgb_byte(linear_from_srgb(f32::from(c) / 255.0) * factor)).collect();

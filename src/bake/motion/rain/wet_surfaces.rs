@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::wet_film::{MaterialUse, add_wet_materials};
+use super::wet_film::{WetDryFaces, add_wet_materials};
 use crate::bake::BakeContext;
 use crate::bake::scene::builder::SceneBuilder;
 use osier_base::Result;
@@ -36,7 +36,7 @@ pub(super) fn wet_exposed_surfaces(
     context: &BakeContext<'_>,
 ) -> Result<()> {
     let sheltered = solids.grown(SHELTER_REACH);
-    let mut uses = vec![MaterialUse::default(); builder.materials.len()];
+    let mut uses = vec![WetDryFaces::default(); builder.materials.len()];
     let mut wet_faces: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
 
     // Which faces are wet. All copies of an asset share the faces of the first.
@@ -50,7 +50,7 @@ pub(super) fn wet_exposed_surfaces(
             let wet = if can_be_cut(object) {
                 divide_faces(&mut object.mesh, &surface, sheltered, context)?
             } else {
-                find_wet_faces(&object.mesh, &surface)
+                rain_exposed_faces(&object.mesh, &surface)
             };
             count_uses(&object.mesh, &wet, &builder.materials, &mut uses);
             wet_faces.insert([k, i], wet);
@@ -93,7 +93,7 @@ fn can_be_cut(object: &MeshObject) -> bool {
 }
 
 /// Records which materials have wet and dry faces. `wet`: parallel to the triangles; those beyond its end are wet.
-fn count_uses(mesh: &Mesh, wet: &[bool], materials: &[Material], uses: &mut [MaterialUse]) {
+fn count_uses(mesh: &Mesh, wet: &[bool], materials: &[Material], uses: &mut [WetDryFaces]) {
     for subset in &mesh.subsets {
         let id = to_usize(subset.material);
         if !materials.get(id).is_some_and(is_wettable) {
@@ -127,7 +127,7 @@ impl WorldSurface<'_> {
 }
 
 /// Whether each face of a mesh is wet, by the mean over its corners.
-fn find_wet_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
+fn rain_exposed_faces(mesh: &Mesh, surface: &WorldSurface<'_>) -> Vec<bool> {
     // No vertex is added here, so that skins and recorded frames still fit the mesh.
     let ratios = surface.catch_ratios(mesh, 0..mesh.points.len());
     let mean = |t: &[u32; 3]| t.iter().map(|i| ratios[to_usize(*i)]).sum::<f32>() / 3.0;

@@ -85,7 +85,7 @@ impl UsdaWriter {
     }
 
     /// Adds to the length of the text; X004 if it exceeds the limit.
-    fn count_bytes(&mut self, bytes: usize) -> Result<()> {
+    fn add_bytes_within_limit(&mut self, bytes: usize) -> Result<()> {
         self.bytes += bytes;
         if self.bytes <= MAX_TEXT_BYTES {
             return Ok(());
@@ -97,7 +97,9 @@ impl UsdaWriter {
     }
 
     fn add_property(&mut self, path: &str, property: TextProperty) -> Result<PropertyIndex> {
-        self.count_bytes(property.declaration.len() + property.lines.iter().map(String::len).sum::<usize>() + 16)?;
+        self.add_bytes_within_limit(
+            property.declaration.len() + property.lines.iter().map(String::len).sum::<usize>() + 16,
+        )?;
         let prim = self.index.get(split_property_path(path).0).copied().unwrap_or(0);
         let Some(p) = self.prims.get_mut(prim) else { return Ok(PropertyIndex { prim: 0, property: 0 }) };
         p.properties.push(property);
@@ -166,7 +168,7 @@ impl LayerWriter for UsdaWriter {
     fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMetadata) -> Result<()> {
         let (parent, name) = split_prim_path(path);
         let head = text::prim_header(type_name, name, meta);
-        self.count_bytes(head.len() + 16)?;
+        self.add_bytes_within_limit(head.len() + 16)?;
         let number = self.prims.len();
         self.prims.push(TextPrim::new(head));
         self.index.insert(path.to_owned(), number);
@@ -197,7 +199,7 @@ impl LayerWriter for UsdaWriter {
         let uniform = if spec.uniform { "uniform " } else { "" };
         let declaration = format!("{custom}{uniform}{} {name}", spec.type_name);
         let default = default.map(|v| text::value(&v, path)).transpose()?;
-        self.count_bytes(default.as_ref().map_or(0, String::len))?;
+        self.add_bytes_within_limit(default.as_ref().map_or(0, String::len))?;
         let lines = spec.connection.iter().map(|source| format!("{declaration}.connect = <{source}>")).collect();
         let metadata = text::attr_metadata_text(spec);
         let property =
@@ -213,7 +215,7 @@ impl LayerWriter for UsdaWriter {
         let sample = text::value(&value, &format!("{}, frame {time}", p.path))?;
         let bytes = sample.len() + 8;
         p.samples.push((time, sample));
-        self.count_bytes(bytes + 16)
+        self.add_bytes_within_limit(bytes + 16)
     }
 
     fn repeat_clip_once(&mut self, period: f64) {

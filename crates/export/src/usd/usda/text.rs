@@ -130,7 +130,7 @@ impl Decimal for f16 {
 }
 
 /// The text of a value, or the index of its first element that is not finite.
-type TextOrBadIndex = std::result::Result<String, usize>;
+type TextOrNonFiniteIndex = std::result::Result<String, usize>;
 
 fn tuple<T: Decimal>(v: &[T]) -> Option<String> {
     let parts: Option<Vec<String>> = v.iter().map(|x| x.decimal()).collect();
@@ -148,7 +148,7 @@ fn matrix4d(m: &[f64; 16]) -> Option<String> {
     rows.map(|r| format!("( {} )", r.join(", ")))
 }
 
-fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> TextOrBadIndex {
+fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> TextOrNonFiniteIndex {
     let mut out = String::from("[");
     for (i, item) in items.iter().enumerate() {
         if i > 0 {
@@ -160,7 +160,7 @@ fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> TextOrBadIndex {
     Ok(out)
 }
 
-fn array(a: &UsdArray) -> TextOrBadIndex {
+fn array(a: &UsdArray) -> TextOrNonFiniteIndex {
     match a {
         UsdArray::Int(v) => list(v, |x| Some(x.to_string())),
         UsdArray::Int64(v) => list(v, |x| Some(x.to_string())),

@@ -17,7 +17,7 @@ trait CodedInteger: Copy + Ord {
 }
 
 /// Zero-pads to eight bytes.
-fn pad8<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
+fn zero_extend<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
     let mut out = [0; 8];
     out[..N].copy_from_slice(&bytes);
     out
@@ -33,11 +33,11 @@ impl CodedInteger for i32 {
     fn narrowest(self) -> (u8, [u8; 8], usize) {
         // The width in bytes is 1, 2 or 4 here and twice that for 64-bit values.
         if let Ok(x) = i8::try_from(self) {
-            (1, pad8(x.to_le_bytes()), 1)
+            (1, zero_extend(x.to_le_bytes()), 1)
         } else if let Ok(x) = i16::try_from(self) {
-            (2, pad8(x.to_le_bytes()), 2)
+            (2, zero_extend(x.to_le_bytes()), 2)
         } else {
-            (3, pad8(self.to_le_bytes()), 4)
+            (3, zero_extend(self.to_le_bytes()), 4)
         }
     }
 
@@ -55,9 +55,9 @@ impl CodedInteger for i64 {
 
     fn narrowest(self) -> (u8, [u8; 8], usize) {
         if let Ok(x) = i16::try_from(self) {
-            (1, pad8(x.to_le_bytes()), 2)
+            (1, zero_extend(x.to_le_bytes()), 2)
         } else if let Ok(x) = i32::try_from(self) {
-            (2, pad8(x.to_le_bytes()), 4)
+            (2, zero_extend(x.to_le_bytes()), 4)
         } else {
             (3, self.to_le_bytes(), 8)
         }
@@ -105,7 +105,7 @@ fn delta_encode<W: CodedInteger>(values: &[W]) -> Vec<u8> {
 
 /// Bytes in the framing of OpenUSD's `TfFastCompression`: the number of further chunks (0, as inputs stay below LZ4's limit of
 /// 2 GiB), then one raw LZ4 block.
-pub(super) fn lz4_block(bytes: &[u8]) -> Vec<u8> {
+pub(super) fn fast_compress(bytes: &[u8]) -> Vec<u8> {
     let mut out = vec![0];
     out.extend_from_slice(&lz4_flex::block::compress(bytes));
     out
@@ -113,12 +113,12 @@ pub(super) fn lz4_block(bytes: &[u8]) -> Vec<u8> {
 
 /// 32-bit integers (`int[]`, and every column of the structural sections), delta coded and LZ4 compressed.
 pub(super) fn compress_i32(values: &[i32]) -> Vec<u8> {
-    lz4_block(&delta_encode(values))
+    fast_compress(&delta_encode(values))
 }
 
 /// 64-bit integers (`int64[]`), delta coded and LZ4 compressed.
 pub(super) fn compress_i64(values: &[i64]) -> Vec<u8> {
-    lz4_block(&delta_encode(values))
+    fast_compress(&delta_encode(values))
 }
 
 #[cfg(test)]

@@ -83,7 +83,7 @@ pub(super) fn tokens_section(tokens: &[String]) -> Vec<u8> {
     }
     let mut out = u64_bytes_le(tokens.len()).to_vec();
     out.extend(u64_bytes_le(raw.len()));
-    push_sized_block(&integer_coding::lz4_block(&raw), &mut out);
+    push_sized_block(&integer_coding::fast_compress(&raw), &mut out);
     out
 }
 
@@ -121,7 +121,7 @@ pub(super) fn spec_sections(specs: &[SpecEntry]) -> Result<[Vec<u8>; 3]> {
     let names: Vec<i32> = fields.list.iter().map(|f| f.0.cast_signed()).collect();
     let values: Vec<u8> = fields.list.iter().flat_map(|f| f.1.to_le_bytes()).collect();
     push_sized_block(&integer_coding::compress_i32(&names), &mut field_section);
-    push_sized_block(&integer_coding::lz4_block(&values), &mut field_section);
+    push_sized_block(&integer_coding::fast_compress(&values), &mut field_section);
     let mut set_section = u64_bytes_le(set_list.len()).to_vec();
     push_sized_block(&integer_coding::compress_i32(&set_list), &mut set_section);
     // SPECS: columns of path rows, field set positions and spec types.

@@ -13,7 +13,7 @@ use osier_base::physics::WATER_DENSITY;
 
 /// The circle by which a drop touches others, in leaf space.
 #[derive(Debug, Clone, Copy)]
-struct MergeCircle {
+struct ContactCircle {
     /// Center in leaf space, m.
     p: DVec3,
     /// Base radius of the head, or radius of attachment of a pendant drop, m.
@@ -32,7 +32,8 @@ impl RainLeaf {
         }
         // A drop without a circle lies beyond the blade and touches nothing.
         let law = &params.wetting.cap_law();
-        let mut circles: Vec<Option<MergeCircle>> = drops.iter().map(|d| self.merge_circle(d, law, params)).collect();
+        let mut circles: Vec<Option<ContactCircle>> =
+            drops.iter().map(|d| self.contact_circle(d, law, params)).collect();
         while let Some(DropPair { first: i, second: k }) = first_touching_pair(drops, &circles, params) {
             // The heavier drop keeps its identifier and its place in the list.
             let (heavy, light) = if drops[k].volume > drops[i].volume { (k, i) } else { (i, k) };
@@ -40,7 +41,7 @@ impl RainLeaf {
             result.counters.mergers += 1;
             let before = (drops[heavy].v * drops[heavy].volume + gone.v * gone.volume) * WATER_DENSITY;
             self.absorb(&mut drops[heavy], &gone);
-            circles[heavy] = self.merge_circle(&drops[heavy], law, params);
+            circles[heavy] = self.contact_circle(&drops[heavy], law, params);
             let p = circles[heavy].map_or(step.pose.position, |circle| step.world_point(circle.p));
             let kept = &drops[heavy];
             // The attachment of a pendant drop stops what runs into it.
@@ -64,7 +65,7 @@ impl RainLeaf {
             return forces;
         }
         let law = &params.wetting.cap_law();
-        let circles: Vec<Option<MergeCircle>> = drops.iter().map(|d| self.merge_circle(d, law, params)).collect();
+        let circles: Vec<Option<ContactCircle>> = drops.iter().map(|d| self.contact_circle(d, law, params)).collect();
         for (i, a) in circles.iter().enumerate() {
             for (k, b) in circles.iter().enumerate().skip(i + 1) {
                 let (Some(a), Some(b)) = (a, b) else { continue };
@@ -82,12 +83,12 @@ impl RainLeaf {
         forces
     }
 
-    fn merge_circle(&self, drop: &LeafDrop, law: &CapLaw, params: &DropParams) -> Option<MergeCircle> {
+    fn contact_circle(&self, drop: &LeafDrop, law: &CapLaw, params: &DropParams) -> Option<ContactCircle> {
         match drop.pendant {
-            Some(anchor) => Some(MergeCircle { p: anchor.margin.p, radius: anchor.radius }),
+            Some(anchor) => Some(ContactCircle { p: anchor.margin.p, radius: anchor.radius }),
             None => {
                 let radius = drop.head_cap_by_law(law, params).a;
-                self.surface_under(drop).map(|surface| MergeCircle { p: surface.p, radius })
+                self.surface_under(drop).map(|surface| ContactCircle { p: surface.p, radius })
             }
         }
     }
@@ -131,7 +132,7 @@ struct DropPair {
 }
 
 /// The first pair of drops that touch, in the order of their indices. Only pairs with a drop that has moved are tested.
-fn first_touching_pair(drops: &[LeafDrop], circles: &[Option<MergeCircle>], params: &DropParams) -> Option<DropPair> {
+fn first_touching_pair(drops: &[LeafDrop], circles: &[Option<ContactCircle>], params: &DropParams) -> Option<DropPair> {
     // Sweep and prune: sort the centers along the leaf; the largest radius bounds how far from a drop another can touch it.
     let mut sorted: Vec<(f64, usize)> =
         (0..).zip(circles).filter_map(|(i, circle)| Some((circle.as_ref()?.p.y, i))).collect();
@@ -139,7 +140,7 @@ fn first_touching_pair(drops: &[LeafDrop], circles: &[Option<MergeCircle>], para
     let max_radius = circles.iter().flatten().fold(0.0, |m: f64, circle| m.max(circle.radius));
     let mut first: Option<DropPair> = None;
     for (moved, circle) in circles.iter().enumerate().filter(|(i, _)| !drops[*i].merge_tested) {
-        let Some(MergeCircle { p, radius }) = circle else { continue };
+        let Some(ContactCircle { p, radius }) = circle else { continue };
         let reach = (radius + max_radius) * (1.0 + SWEEP_TOLERANCE);
         let from = sorted.partition_point(|(y, _)| *y < p.y - reach);
         for &(_, other) in sorted[from..].iter().take_while(|(y, _)| *y <= p.y + reach) {
@@ -158,7 +159,7 @@ fn on_one_side(a: &LeafDrop, b: &LeafDrop) -> bool {
 }
 
 /// Whether two drops on the same side of the leaf touch.
-fn drops_touch(drops: &[LeafDrop], circles: &[Option<MergeCircle>], pair: DropPair, params: &DropParams) -> bool {
+fn drops_touch(drops: &[LeafDrop], circles: &[Option<ContactCircle>], pair: DropPair, params: &DropParams) -> bool {
     let DropPair { first: i, second: k } = pair;
     let (Some(a), Some(b)) = (circles[i], circles[k]) else { return false };
     let reach = match params.merge {
@@ -197,7 +198,7 @@ mod tests {
                     drop.merge_tested = draw.chance(0.6);
                     drops.push(drop);
                     let p = DVec3::new(draw.range(-0.02, 0.02), draw.range(0.0, 0.08), draw.range(0.0, 0.001));
-                    circles.push(draw.chance(0.95).then(|| MergeCircle { p, radius: draw.range(2e-4, 2e-3) }));
+                    circles.push(draw.chance(0.95).then(|| ContactCircle { p, radius: draw.range(2e-4, 2e-3) }));
                 }
                 let pairs = (0..40).flat_map(|i| (i + 1..40).map(move |k| DropPair { first: i, second: k }));
                 let mut moved =

@@ -69,7 +69,7 @@ impl Flattener<'_> {
     }
 
     /// Normal of a triangle times twice its area, m^2.
-    fn area_vector(&self, k: usize) -> DVec3 {
+    fn doubled_area_normal(&self, k: usize) -> DVec3 {
         let [a, b, c] = self.corners(k);
         (b - a).cross(c - a)
     }
@@ -78,17 +78,17 @@ impl Flattener<'_> {
     fn project(&self, part: &[usize]) -> Option<FlatPiece> {
         let axes = self.principal_axes(part);
         // The normal points to the side to which most triangles face, v away from the stalk, which ends at the origin.
-        let facing = part.iter().fold(DVec3::ZERO, |s, k| s + self.area_vector(*k));
+        let facing = part.iter().fold(DVec3::ZERO, |s, k| s + self.doubled_area_normal(*k));
         let center = part.iter().fold(DVec3::ZERO, |s, k| {
             let [a, b, c] = self.corners(*k);
-            s + (a + b + c) * self.area_vector(*k).length()
+            s + (a + b + c) * self.doubled_area_normal(*k).length()
         });
         let toward = |axis: DVec3, side: DVec3| if axis.dot(side) < 0.0 { -axis } else { axis };
         let (normal, v) = (toward(axes.normal, facing), toward(axes.major, center));
         let u = v.cross(normal);
         let flat = |i: u32| DVec2::new(self.points[i as usize].dot(u), self.points[i as usize].dot(v));
         let shrinks = part.iter().any(|k| {
-            let n = self.area_vector(*k);
+            let n = self.doubled_area_normal(*k);
             n.dot(normal).abs() < MIN_PROJECTED_AREA * n.length()
         });
         if shrinks {
@@ -101,7 +101,7 @@ impl Flattener<'_> {
 
     /// Principal axes of the second moments of the part's area.
     fn principal_axes(&self, part: &[usize]) -> PrincipalAxes {
-        let area = |k: &usize| 0.5 * self.area_vector(*k).length();
+        let area = |k: &usize| 0.5 * self.doubled_area_normal(*k).length();
         let total: f64 = part.iter().map(area).sum();
         let sum = part.iter().fold(DVec3::ZERO, |s, k| {
             let [a, b, c] = self.corners(*k);
@@ -151,7 +151,7 @@ impl Flattener<'_> {
     fn split(&self, part: &[usize]) -> [Vec<usize>; 2] {
         let axes = self.principal_axes(part);
         let [up, down] = [false, true].map(|down| {
-            let is_side = |k: &&usize| (self.area_vector(**k).dot(axes.normal) < 0.0) == down;
+            let is_side = |k: &&usize| (self.doubled_area_normal(**k).dot(axes.normal) < 0.0) == down;
             part.iter().filter(is_side).copied().collect::<Vec<_>>()
         });
         if !up.is_empty() && !down.is_empty() {
@@ -175,7 +175,7 @@ impl Flattener<'_> {
             .map(|k| self.points[margin[k] as usize].distance(self.points[margin[(k + 1) % margin.len()] as usize]))
             .collect();
         let total: f64 = lengths.iter().sum();
-        let area: f64 = part.iter().map(|k| 0.5 * self.area_vector(*k).length()).sum();
+        let area: f64 = part.iter().map(|k| 0.5 * self.doubled_area_normal(*k).length()).sum();
         let radius = (area / PI).sqrt();
         let mut uvs: BTreeMap<u32, DVec2> = BTreeMap::new();
         let mut walked = 0.0;

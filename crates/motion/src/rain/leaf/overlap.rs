@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::rain::tuning::OVERLAP_TOLERANCE;
 
-/// Largest number of cells along a side of the grid in which overlaps are searched.
+/// Largest number of cells along a side of the grid in which triangles_overlap are searched.
 const MAX_OVERLAP_CELLS: usize = 512;
 
 /// Twice the area of a triangle.
@@ -40,7 +40,7 @@ pub(super) fn overlap_exceeds(triangles: &[[DVec2; 3]], fraction: f64) -> bool {
         let (from, to) = (cell(t[0].min(t[1]).min(t[2])), cell(t[0].max(t[1]).max(t[2])));
         for k in (from[1]..=to[1]).flat_map(|y| (from[0]..=to[0]).map(move |x| y * n + x)) {
             for j in &cells[k] {
-                if overlaps(&triangles[*j], t, tolerance) {
+                if triangles_overlap(&triangles[*j], t, tolerance) {
                     shared = shared.max(area(&triangles[*j]).min(area(t)));
                 }
             }
@@ -55,7 +55,7 @@ pub(super) fn overlap_exceeds(triangles: &[[DVec2; 3]], fraction: f64) -> bool {
 }
 
 /// Whether two triangles overlap by more than a distance: no edge of either separates them. Source: separating axis theorem.
-fn overlaps(a: &[DVec2; 3], b: &[DVec2; 3], tolerance: f64) -> bool {
+fn triangles_overlap(a: &[DVec2; 3], b: &[DVec2; 3], tolerance: f64) -> bool {
     let axes = [a, b].into_iter().flat_map(|t| (0..3).map(|k| (t[(k + 1) % 3] - t[k]).perp().normalize_or_zero()));
     axes.filter(|axis| *axis != DVec2::ZERO).all(|axis| {
         let range = |t: &[DVec2; 3]| {

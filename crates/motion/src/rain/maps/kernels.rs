@@ -243,7 +243,7 @@ impl<T: TexelKernel> WithSimd for MaxBlendPass<'_, T> {
                     let columns = ColumnSpan { start: y * raster.side + from, end: y * raster.side + to };
                     let row = raster.texel_range(columns);
                     let texels = &mut texels[columns.start..columns.end];
-                    if raster.is_folded() {
+                    if raster.blade_is_folded() {
                         raise_texels::<S, true>(simd, kernel, &row, texels);
                     } else {
                         raise_texels::<S, false>(simd, kernel, &row, texels);

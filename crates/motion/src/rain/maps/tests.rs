@@ -292,7 +292,7 @@ fn vectors_of_any_width_give_the_same_bits() {
     }
     for (blade, meant) in [(blade(), false), (LeafSurface::new(&folded).expect("a blade"), true)] {
         let raster = UvRaster::new(&blade, 61, None);
-        assert_eq!(raster.is_folded(), meant);
+        assert_eq!(raster.blade_is_folded(), meant);
         let wet = LeafWaterMaps::new(Arc::new(raster), 1.0);
         let stamps = wet.cap_stamps(&blade, &[cap_at(DVec2::new(0.5, 0.4), 3e-8, 1.2, 0.2)]);
         let heights = |arch: Arch| {

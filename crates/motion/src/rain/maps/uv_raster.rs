@@ -227,7 +227,7 @@ impl UvRaster {
     }
 
     /// Whether parts of the blade face away from each other.
-    pub(super) fn is_folded(&self) -> bool {
+    pub(super) fn blade_is_folded(&self) -> bool {
         self.n.is_some()
     }
 

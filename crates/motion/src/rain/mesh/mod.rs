@@ -313,7 +313,7 @@ impl DropMesh {
             // The outer columns lie on the contact line.
             let row = (0..=columns)
                 .map(|i| {
-                    let x = half_width * column_fraction(i, columns);
+                    let x = half_width * across_position(i, columns);
                     let on_rim = i == 0 || i == columns;
                     let h = if on_rim { 0.0 } else { body.height(s, x) };
                     let p = body.world_point(placement, s, x, h);
@@ -345,7 +345,7 @@ impl DropMesh {
             self.add_vertex(p, motion)
         };
         let lower_ends = [0, rows].map(|k| lower_point(k, 0.0));
-        let x_of = |k: u32, i: u32| body.half_width(body.row_position(k, rows)) * column_fraction(i, columns);
+        let x_of = |k: u32, i: u32| body.half_width(body.row_position(k, rows)) * across_position(i, columns);
         let lower: Vec<Vec<u32>> =
             (1..rows).map(|k| (0..=columns).map(|i| lower_point(k, x_of(k, i))).collect()).collect();
         // A skirt joins the outlines of both sides: the front end, the left side back, the rear end, the right side forth.
@@ -423,7 +423,7 @@ impl DropMesh {
 
 /// Position of column `i` of `columns` of a tail body as a fraction of the half width, -1 to 1; columns are denser towards the contact
 /// line.
-fn column_fraction(i: u32, columns: u32) -> f64 {
+fn across_position(i: u32, columns: u32) -> f64 {
     math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(columns) - 1.0))
 }
 

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::rods::layout::{RodDescription, RodMaterial};
-use crate::rods::system::ClampKind;
+use crate::rods::system::SupportKind;
 use crate::rods::tuning::{MIN_AXIS_LENGTH, MIN_STALK_LENGTH, WOOD_SECTION_SHARE};
 use crate::sway::{WoodParams, damping_ratio};
 use osier_scene::Trs;
@@ -67,7 +67,7 @@ pub(crate) struct LeafPlacement {
 #[derive(Debug, Default)]
 pub(crate) struct RodPlantLayout {
     pub rods: Vec<RodDescription>,
-    pub holds: Vec<(usize, f64, ClampKind)>,
+    pub holds: Vec<(usize, f64, SupportKind)>,
     pub axes: Vec<AxisMotion>,
     pub leaves: Vec<LeafPlacement>,
     /// Stems and leaves beyond the budget.
@@ -177,7 +177,7 @@ impl RodPlantLayout {
     fn push_rod(&mut self, rod: RodDescription, from: f64, host: Option<(usize, f64)>) -> AxisMotion {
         let index = self.rods.len();
         if host.is_none() {
-            self.holds.push((index, 0.0, ClampKind::Fixed));
+            self.holds.push((index, 0.0, SupportKind::Fixed));
         }
         self.rods.push(RodDescription { parent: host, ..rod });
         AxisMotion::Rod(index, from)

@@ -186,7 +186,7 @@ impl RodSystem {
             Some(which) => (self.tree.predecessors[i][which] as usize, section.base[which]),
         };
         let held =
-            |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::ClampKind::Fixed);
+            |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::SupportKind::Fixed);
         let inverse_mass = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
         let here = corner(&self.step.next[i], c);
         // An attached base is evaluated anew at the present positions of the section that carries it.

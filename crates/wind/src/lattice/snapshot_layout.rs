@@ -25,7 +25,7 @@ enum NearSurface {
 
 /// Layout of snapshot values, and which cells are solid. Shared by all snapshots of a run.
 #[derive(Debug)]
-pub(super) struct SnapshotGrid {
+pub(super) struct SnapshotLayout {
     /// Cells by axis, without the halo.
     pub n: [usize; 3],
     /// Lowest corner of the cells, m.
@@ -77,7 +77,7 @@ impl CellRange {
     }
 }
 
-impl SnapshotGrid {
+impl SnapshotLayout {
     /// `solids`: all that stand in the wind.
     pub(super) fn new(domain: &Domain, cells: Cells, solids: &[Solid], inlet: Arc<InletWind>) -> Self {
         let (n, Cells { origin, spacing }) = (domain.grid.n, cells);
