@@ -251,3 +251,10 @@ fn models_of_lpy_may_ask_for_the_number_of_the_step() {
     let model = "Axiom: A\nderivation length: 3\nproduction:\nA --> B(getIterationNb())A\n";
     assert_eq!(lpy(model), "B(0)B(1)B(2)A");
 }
+
+#[test]
+fn a_bracket_of_a_context_of_lpy_skips_the_rest_of_its_branch() {
+    let model = |context: &str| lpy(&format!("Axiom: I[B C]D I[B]D\nproduction:\nI > {context} --> J\n"));
+    assert_eq!(model("[B]D"), "J[BC]DJ[B]D");
+    assert_eq!(model("[B=]D"), "I[BC]DJ[B]D");
+}

@@ -169,10 +169,11 @@ impl Model<'_, '_> {
         while let Some(s) = list.next() {
             match s.name.as_str() {
                 "[" => out.push(ContextElement::Open),
-                "]" => out.push(ContextElement::Close),
+                // The other way round than in cpfg: a bracket skips the rest of its branch, `=]` does not.
+                "]" => out.push(ContextElement::CloseRest),
                 "=" if list.peek().is_some_and(|n| n.name == "]") => {
                     list.next();
-                    out.push(ContextElement::CloseRest);
+                    out.push(ContextElement::Close);
                 }
                 "*" => return Err(Refusal::new("'*', which stands for any module", s.range)),
                 "?P" | "?H" | "?U" | "?L" | "?R" | "?F" => {
