@@ -592,7 +592,8 @@ struct FlutteringLeaves {
 impl FlutteringLeaves {
     fn new(tilts: &[f64], seed: u64) -> Self {
         let places = places(tilts);
-        let noise = (0..places.len() as u64).map(|k| TimeNoise::new((seed * 100 + k * 10) as u32, 5.2, None)).collect();
+        let key = u32::try_from(seed).expect("small") * 100;
+        let noise = (0_u32..).zip(&places).map(|(k, _)| TimeNoise::new(key + k * 10, 5.2, None)).collect();
         let mut all = Self { places, noise, poses: Vec::new() };
         all.poses = all.poses_at(0.0, None);
         all
