@@ -70,10 +70,10 @@ fn st_or_zeros(mesh: &Mesh) -> Vec<[f32; 2]> {
     if mesh.uvs.is_empty() { vec![[0.0; 2]; mesh.points.len()] } else { bytemuck::cast_slice(&mesh.uvs).to_vec() }
 }
 
-/// Indices of the faces of each material, in order of first use.
+/// Indices of the faces of each material that has any, in order of first use.
 fn material_faces(mesh: &Mesh) -> Result<Vec<(MaterialId, Vec<i32>)>> {
     let mut out: Vec<(MaterialId, Vec<i32>)> = Vec::new();
-    for s in &mesh.subsets {
+    for s in mesh.subsets.iter().filter(|s| s.count > 0) {
         let end = narrow::<i32, u32>(s.first.saturating_add(s.count), "faces of a mesh")?;
         let faces = s.first.cast_signed()..end;
         match out.iter_mut().find(|(m, _)| *m == s.material) {
