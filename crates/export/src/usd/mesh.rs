@@ -70,10 +70,10 @@ fn st_or_zeros(mesh: &Mesh) -> Vec<[f32; 2]> {
     if mesh.uvs.is_empty() { vec![[0.0; 2]; mesh.points.len()] } else { bytemuck::cast_slice(&mesh.uvs).to_vec() }
 }
 
-/// Indices of the faces of each material, in order of first use.
+/// Indices of the faces of each material that has any, in order of first use.
 fn material_faces(mesh: &Mesh) -> Result<Vec<(MaterialId, Vec<i32>)>> {
     let mut out: Vec<(MaterialId, Vec<i32>)> = Vec::new();
-    for s in &mesh.subsets {
+    for s in mesh.subsets.iter().filter(|s| s.count > 0) {
         let end = narrow::<i32, u32>(s.first.saturating_add(s.count), "faces of a mesh")?;
         let faces = s.first.cast_signed()..end;
         match out.iter_mut().find(|(m, _)| *m == s.material) {
@@ -331,9 +331,13 @@ impl VaryingMesh {
         let still = vec![[0.0; 3]; mesh.points.len()];
         let path = format!("{}.velocities", place.path);
         let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;
-        set_partition_family(layer, place.path)?;
+        let families = material_faces(mesh)?;
+        // A family without any subset at any time is not valid: that of a mesh that is empty at rest begins with its first faces.
+        if !families.is_empty() {
+            set_partition_family(layer, place.path)?;
+        }
         let mut subsets = BTreeMap::new();
-        for (material, faces) in material_faces(mesh)? {
+        for (material, faces) in families {
             let attr = define_subset(cx, layer, place.root, place.path, material, &faces)?;
             subsets.insert(material, attr);
         }
@@ -344,6 +348,9 @@ impl VaryingMesh {
     /// Samples the subset of every material seen so far, so that the subsets of each frame partition its faces.
     fn sample_subsets(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
         let families = material_faces(mesh)?;
+        if self.subsets.is_empty() && !families.is_empty() {
+            set_partition_family(layer, &self.path)?;
+        }
         for (material, _) in &families {
             // A material that appears late gets empty samples at the frames before.
             if !self.subsets.contains_key(material) {
