@@ -364,7 +364,7 @@ impl Resolver<'_> {
     /// Refuses a number of things that would take more memory than there may be. `each`: bytes of one.
     pub(in crate::recipe) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
         let what = format!("memory of {key} = {count}, in bytes,");
-        // A product beyond 64 bits saturates, which no limit allows.
+        // A product beyond 64 bits saturates, which only an unlimited setting allows.
         if let Err(e) = self.request.limits.check("memory", count.saturating_mul(each), &what) {
             let d = Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit");
             self.report.push(d.help(format!("each takes {each} bytes; give fewer")));

@@ -1,7 +1,7 @@
 //! The strings that the grammars of a scene derive, as text.
 
 use crate::bake::BakeContext;
-use crate::bake::assets::plant_growth::individual_text;
+use crate::bake::assets::plant_growth::derived_string_text;
 use crate::bake::scene::layout::lay_out;
 use crate::recipe::{Growth, Recipe};
 use osier_base::diagnostic::Report;
@@ -30,7 +30,7 @@ impl DerivedText {
             let Some(plant) = recipe.plants.get(individual.plant) else { continue };
             let Growth::Grammar(grammar) = &plant.growth else { continue };
             has_grammar = true;
-            let mut derived = individual_text(plant, grammar, individual, context)?;
+            let mut derived = derived_string_text(plant, grammar, individual, context)?;
             let diagnostics = std::mem::take(&mut derived.warnings);
             let output = std::mem::take(&mut derived.output);
             out.modules += derived.module_count();

@@ -218,7 +218,7 @@ fn derive_individual(
 /// The string of one individual as text, and its warnings.
 /// # Errors
 /// `Input` with the faults of the derivation.
-pub fn individual_text(
+pub fn derived_string_text(
     recipe: &PlantRecipe,
     grammar: &Grammar,
     individual: &Individual,

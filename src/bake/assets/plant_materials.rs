@@ -85,7 +85,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         let grain = table.as_deref().map(|t| ifs_leaf::bark_grain(t, keys.side)).transpose()?;
         let mut surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
         if bears_blades(plant) {
-            make_blade_material(&mut surface.material);
+            turn_into_grass_material(&mut surface.material);
         }
         set.add(surface.material, surface.images)?;
     }
@@ -136,7 +136,7 @@ fn bears_blades(plant: &PlantRecipe) -> bool {
 }
 
 /// Turns the bark of axes into the surface of blades: seen from both sides, with light shining through.
-fn make_blade_material(material: &mut Material) {
+fn turn_into_grass_material(material: &mut Material) {
     material.class = MaterialClass::Leaf;
     material.double_sided = true;
     material.translucency = GRASS_TRANSLUCENCY;

@@ -290,7 +290,7 @@ fn shift_season(season: f64, difference: f64) -> f64 {
 }
 
 /// The seed of an individual's year, and how far it is ahead of or behind others in the middle of the year.
-fn season_seed_and_shift(individual: &Individual) -> (u64, f64) {
+fn season_seed_and_lead(individual: &Individual) -> (u64, f64) {
     let seed = mix64(&[individual.seed, u64::from(individual.id)]);
     (seed, Rng::at(seed, &["season".into()]).range(-MAX_INDIVIDUAL_SHIFT, MAX_INDIVIDUAL_SHIFT))
 }
@@ -314,7 +314,7 @@ pub(crate) fn show_season(
     set: &MaterialSet,
 ) -> Result<()> {
     let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(()) };
-    let (seed, difference) = season_seed_and_shift(individual);
+    let (seed, difference) = season_seed_and_lead(individual);
     let season = narrow(shift_season(seasons[0], difference));
     apply_season(grown, &PlantSeason { season, seed, organs: &seasonal_organs(materials), bud_name: BUD })
 }
@@ -351,7 +351,7 @@ pub(crate) fn season_clip(
     frames: f64,
 ) -> Result<Option<SeasonClip>> {
     let (Some(seasons), Some(materials)) = (recipe.seasons(), &set.season) else { return Ok(None) };
-    let (seed, difference) = season_seed_and_shift(individual);
+    let (seed, difference) = season_seed_and_lead(individual);
     let organs = seasonal_organs(materials);
     let mut first = grown.clone();
     show_season(&mut first, recipe, individual, set)?;

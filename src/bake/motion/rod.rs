@@ -189,7 +189,7 @@ impl<'a> ConnectedRods<'a> {
         let mut bodies = Vec::new();
         for (k, rod) in self.members.iter().enumerate() {
             for load in &rod.loads {
-                let section = self.rods.nearest_section(k, load.at * self.descriptions[k].spline_length());
+                let section = self.rods.section_at_arc_length(k, load.at * self.descriptions[k].spline_length());
                 match load.kind {
                     RodLoadKind::Force => {
                         let wrench = load.keyframes.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();

@@ -237,7 +237,7 @@ fn assemble(
     if let Some((terrain, of)) = terrain.as_ref().zip(recipe.terrain.as_ref()) {
         add_terrain(terrain, of, recipe.general.seed, &mut builder)?;
     }
-    rain.wet_surfaces(&mut builder, context)?;
+    rain.add_wet_film(&mut builder, context)?;
     let mut camera = camera.unwrap_or_else(|| scene_camera(recipe, &builder.assets, &builder.placements));
     if let Some(terrain) = &terrain {
         lift_camera(&mut camera, terrain);

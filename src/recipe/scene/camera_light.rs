@@ -41,7 +41,7 @@ keys! {
         below: Option<[f32; 3]> = "below" OptionalKey(ColorType("#1a2417"), "the sky goes on");
         /// Strength of blurred shade and gaps of light around the scene, as of leaves out of focus. POV-Ray and USD.
         dapple: f64 = "dapple" number(0.0, 0.0, 1.0, "");
-        /// Brightness of the sky around the sun, relative to the sky colour. POV-Ray, previews and USD.
+        /// Radiance of the sky around the sun, as a factor on the sun's colour. POV-Ray, previews and USD.
         glow: f64 = "glow" number(0.0, 0.0, 100.0, ""), basic;
         /// Factor on both colours.
         strength: f64 = "strength" number(1.0, 0.0, 1000.0, ""), basic;

@@ -7,7 +7,7 @@ use crate::symbols::SymbolId;
 /// Stands for "no matching bracket" in a table of indices.
 const NO_PARTNER: u32 = u32::MAX;
 
-/// A string prepared for context matching.
+/// A module string with its bracket partners, ignored symbols and borders: all that context matching reads.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ContextView<'a> {
     pub modules: &'a ModuleString,

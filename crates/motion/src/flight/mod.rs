@@ -163,7 +163,7 @@ impl FlightSimulation {
         self.catkins.len()
     }
 
-    /// Whether there are no catkins.
+    /// Whether there are no catkins in any state, pending and exited ones included.
     pub fn is_empty(&self) -> bool {
         self.catkins.is_empty()
     }

@@ -87,7 +87,7 @@ impl RainExposure {
                 .iter()
                 .map(|i| EmittedDrop { t: sample.t, p: positions[*i].as_dvec3(), v: velocities[*i], volume })
                 .collect();
-            let sheltered = self.shelter.find_sheltered(&drops, wind, sample.t);
+            let sheltered = self.shelter.find_blocked_drops(&drops, wind, sample.t);
             for ((i, drop), _) in facing.into_iter().zip(drops).zip(sheltered).filter(|(_, sheltered)| !sheltered) {
                 // Flux through the surface over that through level ground, -v.n / speed.
                 let ratio = -drop.v.dot(points[i].normal.as_dvec3()) / speed;

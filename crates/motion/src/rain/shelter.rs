@@ -29,12 +29,12 @@ impl Shelter {
 
     /// Removes the drops that do not get to where they are emitted, as something stands in their way. `t`: time of their emission, s.
     pub(crate) fn retain_unsheltered(&self, drops: &mut Vec<EmittedDrop>, wind: Option<&dyn Wind>, t: f64) {
-        let mut sheltered = self.find_sheltered(drops, wind, t).into_iter();
+        let mut sheltered = self.find_blocked_drops(drops, wind, t).into_iter();
         drops.retain(|_| !sheltered.next().unwrap_or(false));
     }
 
     /// Whether something stands in the way of each drop to its position. `t`: the time at which they are there, s.
-    pub(crate) fn find_sheltered(&self, drops: &[EmittedDrop], wind: Option<&dyn Wind>, t: f64) -> Vec<bool> {
+    pub(crate) fn find_blocked_drops(&self, drops: &[EmittedDrop], wind: Option<&dyn Wind>, t: f64) -> Vec<bool> {
         // Most scenes have nothing above the plane from which rain comes.
         if drops.iter().all(|d| d.p.y >= self.top) {
             return vec![false; drops.len()];

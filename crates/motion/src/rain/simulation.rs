@@ -210,7 +210,7 @@ impl SmoothedLeafAcceleration {
     }
 }
 
-/// Water that a splash has ejected.
+/// Totals of the droplets that a splash has ejected.
 #[derive(Debug, Clone, Copy, Default)]
 struct EjectedWater {
     /// Volume of the ejected droplets, m^3.

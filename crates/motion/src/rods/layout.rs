@@ -230,7 +230,7 @@ impl SectionTree {
     fn add_rod(&mut self, number: usize, rod: &RodDescription) {
         let line = rod.sample();
         let first = self.sections.len();
-        let parent = rod.parent.map(|(rod, s)| self.nearest_section(rod, s));
+        let parent = rod.parent.map(|(rod, s)| self.section_at_arc_length(rod, s));
         let own = usize::from(parent.is_some());
         let stiff = spring_stiffnesses(&line.intervals);
         let masses = corner_masses(&line, rod.material.density);
@@ -276,7 +276,7 @@ impl SectionTree {
     }
 
     /// The section of a rod that is nearest to an arc length, m.
-    pub(crate) fn nearest_section(&self, rod: usize, s: f64) -> usize {
+    pub(crate) fn section_at_arc_length(&self, rod: usize, s: f64) -> usize {
         let range = self.rods[rod].sections.clone();
         let away = |i: usize| (self.sections[i].s - s).abs();
         range.clone().fold(range.start, |best, i| if away(i) < away(best) { i } else { best })
@@ -284,7 +284,7 @@ impl SectionTree {
 
     /// Corners of both predecessors of section `i`, given the corners `x` of all sections; an attached base is carried
     /// along rigidly.
-    pub(crate) fn corners_of_both_predecessors(&self, i: usize, x: &[Vector9]) -> [Vector9; 2] {
+    pub(crate) fn predecessor_corner_positions(&self, i: usize, x: &[Vector9]) -> [Vector9; 2] {
         [0, 1].map(|k| match (self.predecessors[i][k], self.sections[i].base[k]) {
             (_, base) if base != NONE => {
                 let base = &self.bases[base as usize];
@@ -298,7 +298,7 @@ impl SectionTree {
     /// Sets the rest lengths of all springs so that the shape `x` is free of stress.
     pub(crate) fn set_rest_lengths(&mut self, x: &[Vector9]) {
         for i in 0..self.sections.len() {
-            let [up, over] = self.corners_of_both_predecessors(i, x);
+            let [up, over] = self.predecessor_corner_positions(i, x);
             self.sections[i].rest_lengths = spring_lengths(&spring_vectors(&x[i], &up, &over));
         }
     }

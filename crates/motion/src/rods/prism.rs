@@ -47,7 +47,7 @@ pub fn corner_dot(a: &Vector9, b: &Vector9) -> f64 {
     (0..9).fold(0.0, |sum, k| sum + a[k] * b[k])
 }
 
-/// Product m x of a 3x3 matrix stored in rows.
+/// Product m x of a 9x9 matrix stored in rows.
 #[inline(always)]
 pub fn matrix_vector(m: &Matrix9, x: &Vector9) -> Vector9 {
     std::array::from_fn(|k| corner_dot(&m[k], x))

@@ -7,7 +7,7 @@ use crate::rods::prism::{
     CornerRigidMotion, Matrix9, SectionFrame, Vector9, add_to_corner, centroid, corner, corner_dot, corners_from_fn,
     matrix_vector,
 };
-use crate::rods::solver::assemble::{BaseState, SpringAssembly};
+use crate::rods::solver::assemble::{AttachedBaseState, SpringAssembly};
 use crate::rods::solver::block::{BlockRow, PredecessorPair, solve_block_system};
 use crate::rods::tuning::{CLAMP_STIFFNESS_FACTOR, MAX_VISIBLE_HZ, STEP_COUNT_RANGE, STEP_PHASE};
 use osier_base::math;
@@ -156,7 +156,7 @@ pub(crate) struct SolverBuffers {
     pub places: Vec<Vector9>,
     pub next: Vec<Vector9>,
     pub speed: Vec<Vector9>,
-    pub attached_bases: Vec<BaseState>,
+    pub attached_bases: Vec<AttachedBaseState>,
     pub damping: Vec<f64>,
     pub factors: Vec<f64>,
     section_masses: Vec<TotalAndPlantMassMatrices>,
@@ -173,7 +173,7 @@ impl RodSystem {
         let zero = vec![[0.0; 9]; n];
         // A clamp holds the section nearest to its arc length.
         let clamp = |(rod, s, hold): &(usize, f64, SupportKind)| {
-            let section = tree.nearest_section(*rod, *s);
+            let section = tree.section_at_arc_length(*rod, *s);
             RodSupport {
                 section,
                 hold: *hold,
@@ -191,7 +191,7 @@ impl RodSystem {
             places: tree.reference.clone(),
             next: zero.clone(),
             speed: zero.clone(),
-            attached_bases: vec![BaseState::default(); tree.bases.len()],
+            attached_bases: vec![AttachedBaseState::default(); tree.bases.len()],
             damping: vec![0.0; rods.len()],
             factors: vec![1.0; rods.len()],
             section_masses: Vec::new(),
@@ -217,7 +217,7 @@ impl RodSystem {
             step,
             divergence_limit: f64::MAX,
         };
-        all.choose_anchors();
+        all.choose_rest_anchors();
         all.store_rest_positions(&all.tree.reference.clone());
         all.update_damping();
         all
@@ -231,7 +231,7 @@ impl RodSystem {
         self
     }
 
-    fn choose_anchors(&mut self) {
+    fn choose_rest_anchors(&mut self) {
         for (rod, span) in self.tree.rods.iter().enumerate() {
             let fixed = |c: &RodSupport| c.hold == SupportKind::Fixed && span.sections.contains(&c.section);
             // A parent rod takes precedence; else the first fixed clamp on the rod itself.
@@ -298,8 +298,8 @@ impl RodSystem {
     }
 
     /// The section of a rod nearest to an arc length, m.
-    pub fn nearest_section(&self, rod: usize, s: f64) -> usize {
-        self.tree.nearest_section(rod, s)
+    pub fn section_at_arc_length(&self, rod: usize, s: f64) -> usize {
+        self.tree.section_at_arc_length(rod, s)
     }
 
     /// Arc length of a section on its rod, m.

@@ -194,7 +194,7 @@ impl<'a> FlowNetwork<'a> {
 #[cfg(test)]
 #[allow(clippy::print_stdout, reason = "tests")]
 mod tests {
-    use super::super::cut_links::CutLinks;
+    use super::super::cut_links::HalfLinkCutMask;
     use super::super::grid::LatticeGrid;
     use super::*;
 
@@ -211,7 +211,7 @@ mod tests {
             FaceCondition::Periodic,
             FaceCondition::Periodic,
         ];
-        Domain { grid, faces, solid, cuts: CutLinks::default() }
+        Domain { grid, faces, solid, cuts: HalfLinkCutMask::default() }
     }
 
     #[test]

@@ -26,7 +26,7 @@ const FETCH: f64 = 18.0;
 const MEAN_OVER: f64 = 80.0;
 
 /// The mean flow behind the wall.
-struct Wake {
+struct WallWakeStats {
     /// Length of the reverse flow half a metre over the ground, wall heights.
     reattachment: f64,
     /// Mean and root mean square of the velocity along the wind five heights behind the wall at its height, over that of the inflow
@@ -36,7 +36,7 @@ struct Wake {
 }
 
 /// The wake in a wind of 3 m/s at 10 m over ground of a roughness of 0.05 m, in cells of `spacing` m.
-fn wake_of_a_wall(spacing: f64) -> Wake {
+fn wake_of_a_wall(spacing: f64) -> WallWakeStats {
     let base = LatticeOptions::default();
     let options = LatticeOptions {
         cells: BOX.map(|v| (v / spacing).round() as u32),
@@ -78,7 +78,7 @@ fn wake_of_a_wall(spacing: f64) -> Wake {
     let place = (last as f64 + 0.5 + share) * spacing - FETCH - f64::from(WALL[1]) / 2.0;
     let inflow = 3.0 * solver.inlet().profile(high);
     let mean = sum / count;
-    Wake {
+    WallWakeStats {
         reattachment: place / high,
         mean: mean / inflow,
         rms: (square / count - mean * mean).max(0.0).sqrt() / inflow,
@@ -90,10 +90,10 @@ fn wake_of_a_wall(spacing: f64) -> Wake {
 fn wake_by_size_of_cells() {
     let spacings: Vec<f64> = std::env::var("OSIER_SPACINGS")
         .map_or_else(|_| vec![1.0, 0.5, 0.25], |list| list.split(',').map(|v| v.parse().expect("spacings")).collect());
-    let mut before: Option<Wake> = None;
+    let mut before: Option<WallWakeStats> = None;
     for spacing in spacings {
         let wake = wake_of_a_wall(spacing);
-        let Wake { reattachment, mean, rms } = wake;
+        let WallWakeStats { reattachment, mean, rms } = wake;
         println!("| {spacing} | {:.0} | {reattachment:.1} | {mean:.2} | {rms:.2} |", f64::from(WALL[0]) / spacing);
         if spacing < 0.5
             && let Some(coarser) = before

@@ -18,12 +18,12 @@ use osier_scene::solid::Solid;
 
 /// Which half links surfaces cut.
 #[derive(Debug, Clone, Default)]
-pub(super) struct CutLinks {
+pub(super) struct HalfLinkCutMask {
     /// By cell, x fastest: bit i is set if a surface cuts the half link in direction i. Empty if none is cut.
     halves: Vec<u16>,
 }
 
-impl CutLinks {
+impl HalfLinkCutMask {
     /// Tests the half links of all air cells. `solid`: whether each cell is solid.
     pub(super) fn find(grid: &LatticeGrid, cells: Cells, solids: &[Solid], solid: &[bool]) -> Self {
         let half = narrow(cells.spacing / 2.0);

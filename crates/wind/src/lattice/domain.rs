@@ -1,6 +1,6 @@
 //! The simulated box: solid cells, the boundary condition of each face, and from where each population arrives.
 
-use super::cut_links::CutLinks;
+use super::cut_links::HalfLinkCutMask;
 use super::grid::LatticeGrid;
 use super::stencil::{Q, VELOCITIES, opposite, reflected_direction};
 
@@ -36,7 +36,7 @@ pub(super) struct Domain {
     /// Whether each cell is solid, x fastest.
     pub solid: Vec<bool>,
     /// Links that a surface cuts though it may hold no cell centre.
-    pub cuts: CutLinks,
+    pub cuts: HalfLinkCutMask,
 }
 
 /// Where the population that arrives at a cell was before the streaming.

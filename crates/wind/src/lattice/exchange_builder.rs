@@ -130,7 +130,7 @@ impl ExchangeBuilder<'_> {
     /// Adds a link, joined with the last one where both nodes follow at the same stride.
     fn append_or_extend_link(&mut self, one: RunLink) {
         let row = self.domain.grid.row_stride;
-        // Both ends of the link must continue with the same stride, in the same directions, and without wall momentum.
+        // A run has one pair of directions and one stride for all of its links, and no momentum of a wall.
         if let Some(last) = self.links.last_mut() {
             let alike = (last.incoming, last.outgoing, last.halo_index.is_some())
                 == (one.incoming, one.outgoing, one.halo_index.is_some())
@@ -317,7 +317,7 @@ impl ExchangeBuilder<'_> {
     }
 
     /// The end of its row at which a cell lies, if the face there is open: then the whole column counts as open cells.
-    fn open_end_at(&self, x: usize) -> Option<usize> {
+    fn open_row_end_of(&self, x: usize) -> Option<usize> {
         let ends = [0, self.domain.grid.n[0] - 1];
         (0..2).find(|end| x == ends[*end] && self.domain.faces[*end].is_open())
     }
@@ -328,7 +328,7 @@ impl ExchangeBuilder<'_> {
         let [_, rows, _] = self.domain.grid.n;
         // Open cells that are not in columns, once each, in the order of planes and rows.
         let air = self.nearest.iter().zip(&self.ghosts).filter(|(_, g)| !g.before_solid).map(|(cell, _)| *cell);
-        let mut cells: Vec<[usize; 3]> = air.filter(|c| self.open_end_at(c[0]).is_none()).collect();
+        let mut cells: Vec<[usize; 3]> = air.filter(|c| self.open_row_end_of(c[0]).is_none()).collect();
         cells.sort_by_key(|c| (c[2], c[1], c[0]));
         cells.dedup();
         let mut number: BTreeMap<[usize; 3], u32> = BTreeMap::new();
@@ -361,7 +361,8 @@ impl ExchangeBuilder<'_> {
         // Each ghost node reads the moments of its nearest cell under this number.
         for k in 0..self.ghosts.len() {
             let cell = self.nearest[k];
-            self.ghosts[k].open_cell = match self.open_end_at(cell[0]).and_then(|end| planes[cell[2]].columns[end]) {
+            self.ghosts[k].open_cell = match self.open_row_end_of(cell[0]).and_then(|end| planes[cell[2]].columns[end])
+            {
                 Some(first) => boundary_index(first + cell[1])?,
                 None => number.get(&cell).copied().unwrap_or(0),
             };

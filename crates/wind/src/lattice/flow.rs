@@ -31,7 +31,7 @@ pub(super) struct FlowState {
 /// A velocity to add to all cells of a height: along x and z, cells per step, with its shear
 /// ([`super::ground::shear_coefficient`] times the direction).
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LayerVelocity {
+pub(super) struct LayerVelocityIncrement {
     pub velocity: [f32; 2],
     pub shear: [f32; 2],
 }
@@ -90,7 +90,7 @@ impl FlowState {
     /// Adds a velocity to each layer of cells, `layers` by y, between two steps. Solid cells get it too, but boundary
     /// exchange never reads them.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn add_layer_velocities(&mut self, layers: &[LayerVelocity]) {
+    pub(super) fn add_layer_velocities(&mut self, layers: &[LayerVelocityIncrement]) {
         // Every population of a layer gets the same increment, which depends on direction and height only.
         let (grid, parity) = (self.domain.grid, self.next_parity());
         let mut arrays: Vec<_> = self.populations.arrays_mut().into_iter().enumerate().collect();
@@ -99,8 +99,9 @@ impl FlowState {
             // After an even step array k holds direction opp(k).
             let i = if parity == StepParity::Odd { opposite(*k) } else { *k };
             let [x, _, z] = VELOCITIES[i].map(|c| narrow(3.0 * weight(i) * f64::from(c)));
-            let added =
-                |l: &LayerVelocity| x * l.velocity[0] + z * l.velocity[1] + shear_nonequilibrium_population(i, l.shear);
+            let added = |l: &LayerVelocityIncrement| {
+                x * l.velocity[0] + z * l.velocity[1] + shear_nonequilibrium_population(i, l.shear)
+            };
             let added: Vec<f32> = layers.iter().map(added).collect();
             for z in 0..grid.n[2] {
                 for (y, added) in added.iter().enumerate() {

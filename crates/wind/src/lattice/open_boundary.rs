@@ -138,7 +138,7 @@ impl GhostSlots {
 
 /// Parts of a plane: its groups, and its range of the buffer of ghost populations.
 #[derive(Debug, Clone)]
-struct PlaneGhosts {
+struct PlaneGhostRanges {
     groups: Range<usize>,
     buffer: Range<usize>,
 }
@@ -148,7 +148,7 @@ struct PlaneGhosts {
 pub(super) struct OpenBoundary {
     ghosts: Vec<GhostNode>,
     groups: Vec<GhostRun>,
-    planes: Vec<PlaneGhosts>,
+    planes: Vec<PlaneGhostRanges>,
     /// By face, if it is an outlet: the open cells before it.
     outlet_cells: [Vec<u32>; 6],
 }
@@ -224,7 +224,7 @@ impl OpenBoundary {
                 }));
                 (at, number) = (at + g.buffer_len(), number + 1);
             }
-            parts.push(PlaneGhosts { groups: first_group..number, buffer: first_index..at });
+            parts.push(PlaneGhostRanges { groups: first_group..number, buffer: first_index..at });
         }
         Ok((Self { ghosts, groups, planes: parts, outlet_cells }, slots))
     }
@@ -328,7 +328,7 @@ impl GhostRun {
                     GhostCondition::Inlet { velocity: [load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])], shear }
                 }
                 Some(outward) => {
-                    let drho = F32Lanes::from_scalar(simd, mean_over_outlets(outward, state.outlet_drho));
+                    let drho = F32Lanes::from_scalar(simd, mean_over_adjoining_outlets(outward, state.outlet_drho));
                     GhostCondition::Outlet { outward, drho, nonequilibrium: false }
                 }
             };
@@ -365,7 +365,7 @@ impl GhostRun {
                 }
                 Some(outward) => GhostCondition::Outlet {
                     outward,
-                    drho: mean_over_outlets(outward, state.outlet_drho),
+                    drho: mean_over_adjoining_outlets(outward, state.outlet_drho),
                     nonequilibrium: populations.is_some(),
                 },
             };
@@ -379,7 +379,7 @@ impl GhostRun {
 }
 
 /// Mean of a value by face over the outlets beyond which a node lies; 0 for none.
-pub(super) fn mean_over_outlets<L: Lane>(outward: [i8; 3], values: [L; 6]) -> L {
+pub(super) fn mean_over_adjoining_outlets<L: Lane>(outward: [i8; 3], values: [L; 6]) -> L {
     // Beyond an edge of two outlets the mean of both applies.
     let (mut sum, mut count) = (values[0].splat(0.0), 0.0);
     for (a, side) in outward.iter().enumerate().filter(|(_, side)| **side != 0) {

@@ -52,7 +52,7 @@ impl OutletTargets {
 pub(super) fn inlet_nodes(flow: &FlowState, inlet: &InletWind, setup: &LatticeSetup) -> InletNodes {
     let node = |p| InletNode { position: setup.cell_center(p), ground: ground_height(&flow.domain, p, setup.spacing) };
     let nodes: Vec<_> = flow.exchange.open_boundary.inlet_positions().into_iter().map(node).collect();
-    InletNodes::new(inlet, &nodes, |height| setup.tau_at_height(height), setup.dt / setup.spacing)
+    InletNodes::new(inlet, &nodes, |height| setup.tau_without_sponge(height), setup.dt / setup.spacing)
 }
 
 /// Height, m, of the ground before an open face: the solid cells from the bottom up in the column nearest to a node.
@@ -69,7 +69,7 @@ pub(super) fn profile_deviation(inlet: &InletWind, setup: &LatticeSetup) -> Vec<
     let mean = heights.iter().map(speed).sum::<f64>() / setup.n[1] as f64;
     heights
         .iter()
-        .map(|h| [speed(h) - mean, inlet.mean_shear_coefficient(setup.tau_at_height(*h), *h) / setup.speed_unit()])
+        .map(|h| [speed(h) - mean, inlet.mean_shear_coefficient(setup.tau_without_sponge(*h), *h) / setup.speed_unit()])
         .collect()
 }
 

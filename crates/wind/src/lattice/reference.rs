@@ -12,7 +12,7 @@
 use super::collide::{MAX_SPEED, Relaxation, collide, moments};
 use super::domain::{Domain, FaceCondition, PopulationSource};
 use super::ground::{GroundModel, apply_wall_stress};
-use super::open_boundary::{GhostCondition, GhostState, mean_over_outlets, outlet_density};
+use super::open_boundary::{GhostCondition, GhostState, mean_over_adjoining_outlets, outlet_density};
 use super::stencil::{Q, VELOCITIES, weight};
 
 /// The state of a flow, and its parameters as in [`super::step_tables::FlowParams`].
@@ -124,7 +124,7 @@ impl ReferenceSolver {
                     let out = faces.map(|f| f.map_or(0, |(f, _)| 2 * (f % 2) as i8 - 1));
                     GhostCondition::Outlet {
                         outward: out,
-                        drho: mean_over_outlets(out, density),
+                        drho: mean_over_adjoining_outlets(out, density),
                         nonequilibrium: self.nonequilibrium && !solid,
                     }
                 };

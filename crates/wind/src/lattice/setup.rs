@@ -174,7 +174,8 @@ impl LatticeSetup {
         let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
         // The largest inflow speed sets the time step; nu = (tau - 1/2)/3 in lattice units, the relaxation time.
         let peak = inlet.peak_speed(size.y);
-        let mut warnings: Vec<LatticeWarning> = check_turbulence(&inlet, options.spacing).into_iter().collect();
+        let mut warnings: Vec<LatticeWarning> =
+            warn_of_unresolved_turbulence(&inlet, options.spacing).into_iter().collect();
         let steps = steps_per_frame(options, peak, &mut warnings)?;
         let dt = 1.0 / (options.fps * f64::from(steps));
         let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
@@ -225,7 +226,7 @@ impl LatticeSetup {
 
     /// Relaxation time, steps, at a height over the bottom of the box, m, outside the sponge.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells, cut at both ends")]
-    pub(super) fn tau_at_height(&self, height: f64) -> f64 {
+    pub(super) fn tau_without_sponge(&self, height: f64) -> f64 {
         let y = (height / self.spacing).clamp(0.0, 1e6) as usize;
         f64::from(self.ground.min_tau_at(y, narrow(self.tau)))
     }
@@ -339,7 +340,7 @@ fn default_sponge_depth(cells: usize, spacing: f64) -> f64 {
 }
 
 /// Warns if the cells are too coarse for the turbulence of the inflow.
-fn check_turbulence(inlet: &InletWind, spacing: f64) -> Option<LatticeWarning> {
+fn warn_of_unresolved_turbulence(inlet: &InletWind, spacing: f64) -> Option<LatticeWarning> {
     let carried = inlet.carried_turbulence();
     let text = format!(
         "cells of {spacing} m carry only {:.0} % of the inflow's turbulence, whose eddies are {:.1} m long; lower \

@@ -8,10 +8,10 @@ use glam::Vec3;
 use super::blockage::narrowest_open_share;
 use super::cells::cell_center;
 use super::collide::{MAX_SPEED, smagorinsky_factor};
-use super::cut_links::CutLinks;
+use super::cut_links::HalfLinkCutMask;
 use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotTarget};
 use super::domain::Domain;
-use super::flow::{FlowState, LayerVelocity};
+use super::flow::{FlowState, LayerVelocityIncrement};
 use super::grid::{LatticeGrid, StepParity};
 use super::inlet::{InletNodes, InletStep, InletWind, spin_up_ramp};
 use super::memory_estimate::LatticeMemory;
@@ -99,7 +99,7 @@ impl LatticeSolver {
         let (origin, spacing) = (setup.origin, options.spacing);
         let faces = face_conditions(options, 0.0);
         let solid = voxelize(&grid, setup.cells(), solids);
-        let cuts = CutLinks::find(&grid, setup.cells(), solids, &solid);
+        let cuts = HalfLinkCutMask::find(&grid, setup.cells(), solids, &solid);
         let mut domain = Domain { grid, faces: faces_ever_open(options), solid, cuts };
         let report = fill_and_check_solids(&mut domain, solids, setup.cells(), setup.along);
         domain.faces = faces;
@@ -306,8 +306,10 @@ impl LatticeSolver {
             let t = self.step_time(before);
             let (d, factor) = (self.inlet.direction(t), self.inlet.speed_factor(t) * rise);
             let along = |u: f64| [d.x, d.z].map(|d| narrow(u * d * factor));
-            let layer =
-                |[velocity, shear]: &[f64; 2]| LayerVelocity { velocity: along(*velocity), shear: along(*shear) };
+            let layer = |[velocity, shear]: &[f64; 2]| LayerVelocityIncrement {
+                velocity: along(*velocity),
+                shear: along(*shear),
+            };
             let layers: Vec<_> = self.profile_deviation.iter().map(layer).collect();
             self.flow.add_layer_velocities(&layers);
         }

@@ -61,8 +61,8 @@ pub fn build_uv_rasters(
             let known = rasters.iter().find(|(surface, s, _)| Arc::ptr_eq(surface, &leaf.surface) && *s == side);
             let known = known.map(|(.., raster)| Arc::clone(raster));
             known.unwrap_or_else(|| {
-                let relief = MaterialHeightMap::of_mesh_materials(
-                    &instance_prototype(assets, leaf.instance).mesh,
+                let relief = MaterialHeightMap::of_first_mapped_material(
+                    &prototype_of_instance(assets, leaf.instance).mesh,
                     materials,
                     images,
                 );
@@ -75,7 +75,7 @@ pub fn build_uv_rasters(
 }
 
 /// The prototype that an instance shows.
-fn instance_prototype(assets: &[Asset], of: LeafInstanceIndex) -> &Prototype {
+fn prototype_of_instance(assets: &[Asset], of: LeafInstanceIndex) -> &Prototype {
     let instancer = &assets[of.asset].instancers[of.instancer];
     &instancer.prototypes[to_usize(instancer.protos[of.instance])]
 }
@@ -117,7 +117,7 @@ pub fn add_leaf_maps(
     for mapped in mapped_leaves {
         let leaf = &leaves[mapped.leaf];
         let LeafInstanceIndex { asset, instancer, instance } = leaf.instance;
-        let of_prototype = &instance_prototype(assets, leaf.instance).mesh;
+        let of_prototype = &prototype_of_instance(assets, leaf.instance).mesh;
         // A blade with a chart of its own has its textures drawn anew over it.
         let mut mesh = match leaf.surface.chart() {
             Some(chart) => {

@@ -162,7 +162,7 @@ impl AddedRain {
     /// Gives the bark, solids and ground of a complete scene a wet material where rain reaches them, if the scene asks for a film.
     /// # Errors
     /// `Limit` for a mesh that would get too many vertices, `Cancelled`, `TooMany` beyond 2^32 materials or images.
-    pub(crate) fn wet_surfaces(&self, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
+    pub(crate) fn add_wet_film(&self, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
         let Some(WetFilm { cover, exposure, solids }) = &self.wet_film else { return Ok(()) };
         wet_surfaces::wet_exposed_surfaces(*cover, exposure, *solids, builder, context)
     }

@@ -65,8 +65,8 @@ pub(super) fn scene_leaves(
                 .prototypes
                 .iter()
                 .map(|p| {
-                    let alpha = AlphaMask::of_mesh_materials(&p.mesh, materials, images);
-                    let veins = VeinMap::of_mesh_materials(&p.mesh, materials, images);
+                    let alpha = AlphaMask::of_first_mapped_material(&p.mesh, materials, images);
+                    let veins = VeinMap::of_first_mapped_material(&p.mesh, materials, images);
                     let surface = LeafSurface::new(&p.mesh);
                     chart_diagnostic(&asset.id, &p.name, surface.as_ref()).into_iter().for_each(|d| report.push(d));
                     let surface = Arc::new(surface?.with_maps(alpha, veins));

@@ -80,13 +80,13 @@ impl ValueHeap {
 
     /// `ValueRep` of a single value of type `code` with this encoding; appended unless an equal one is in the file.
     pub(super) fn store_scalar(&mut self, code: u8, bytes: &[u8]) -> Result<u64> {
-        self.append_deduplicated(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
+        self.deduplicated_value_rep(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
     }
 
     /// `ValueRep` of a value: that of an equal one in the file, else of what `write` appends.
     /// `kind`: tells values of equal bytes and different types apart; `flags`: the `ValueRep` without its offset;
     /// `bytes`: the uncompressed encoding, for the comparison.
-    fn append_deduplicated(
+    fn deduplicated_value_rep(
         &mut self,
         kind: u8,
         flags: u64,
@@ -137,12 +137,12 @@ impl ValueHeap {
         };
         let value_rep = match array {
             UsdArray::Int(v) if v.len() >= MIN_COMPRESSED => {
-                self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
+                self.deduplicated_value_rep(kind, flags | IS_COMPRESSED, &bytes, |heap| {
                     put_compressed(heap, integer_coding::compress_i32(v))
                 })
             }
             UsdArray::Int64(v) if v.len() >= MIN_COMPRESSED => {
-                self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
+                self.deduplicated_value_rep(kind, flags | IS_COMPRESSED, &bytes, |heap| {
                     put_compressed(heap, integer_coding::compress_i64(v))
                 })
             }
@@ -150,7 +150,7 @@ impl ValueHeap {
             // as compressed integers.
             UsdArray::Float(_) if table.is_some() => {
                 let (table, rows) = table.unwrap_or_default();
-                self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
+                self.deduplicated_value_rep(kind, flags | IS_COMPRESSED, &bytes, |heap| {
                     let data = integer_coding::compress_i32(&rows);
                     heap.sink.put(&count)?;
                     heap.sink.put(b"t")?;
@@ -160,7 +160,7 @@ impl ValueHeap {
                     heap.sink.put(&data)
                 })
             }
-            _ => self.append_deduplicated(kind, flags, &bytes, |heap| {
+            _ => self.deduplicated_value_rep(kind, flags, &bytes, |heap| {
                 heap.sink.put(&count)?;
                 heap.sink.put(&bytes)
             }),

@@ -142,7 +142,7 @@ fn without_comments(text: &str) -> String {
             }
             b'(' => depth += 1,
             b')' => depth = depth.saturating_sub(1),
-            // A list that a name stands for may go on in the next lines; brackets of branches have no sign before them.
+            // A list that is assigned to a name may span several lines. Its bracket stands behind a `=`, that of a branch does not.
             b'[' if list > 0 || bytes[..i].trim_ascii_end().ends_with(b"=") => list += 1,
             b']' => list = list.saturating_sub(1),
             b'\n' | b'\r' if list > 0 && depth == 0 => out[i] = b' ',

@@ -17,7 +17,7 @@ pub struct AlphaMask {
 impl AlphaMask {
     /// The mask of the first material of a mesh whose color map has alpha and a cutoff. `None` if that map has no hole, or
     /// no material has such a map.
-    pub fn of_mesh_materials(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
+    pub fn of_first_mapped_material(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
         mesh.subsets.iter().find_map(|s| Self::from_material(materials.get(s.material as usize)?, images))
     }
 

@@ -15,7 +15,7 @@ pub struct MaterialHeightMap {
 
 impl MaterialHeightMap {
     /// The relief of the first material of a mesh that has a height map; `None` if no material has one.
-    pub fn of_mesh_materials(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
+    pub fn of_first_mapped_material(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
         mesh.subsets.iter().find_map(|s| {
             let material = materials.get(s.material as usize)?;
             Self::from_image(images.get(material.maps.height? as usize)?, material.height_range)

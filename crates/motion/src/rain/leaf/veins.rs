@@ -16,7 +16,7 @@ pub struct VeinMap {
 
 impl VeinMap {
     /// The veins of the first material of a mesh that has a height map. `None` if no material has one, or it is flat.
-    pub fn of_mesh_materials(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
+    pub fn of_first_mapped_material(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
         mesh.subsets.iter().find_map(|s| {
             let height = materials.get(s.material as usize)?.maps.height?;
             Self::from_image(images.get(height as usize)?)

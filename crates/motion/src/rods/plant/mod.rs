@@ -12,7 +12,7 @@ use glam::{DQuat, DVec3, Vec3};
 pub use self::layout::RodPlantParams;
 use self::layout::{AxisMotion, RodPlantLayout};
 pub(crate) use self::rigid_blade::RigidBlade;
-use self::rigid_blade::{LeafSheetPose, VortexShedding};
+use self::rigid_blade::{OrientedLeafSheet, VortexShedding};
 use crate::rain::{LeafPose, RainPlant, WoodSegment};
 use crate::rods::StepFailure;
 use crate::rods::prism::{CornerRigidMotion, Matrix9, SectionFrame, Vector9, corner_dot};
@@ -98,7 +98,7 @@ impl RodPlant {
         for (organ, attachment) in plant.organs.iter().zip(&layout.leaves) {
             let section = match (attachment.stalk, attachment.host) {
                 (Some(stalk), _) => rods.sections(stalk).last(),
-                (None, host) => host.map(|(rod, at)| rods.nearest_section(rod, at)),
+                (None, host) => host.map(|(rod, at)| rods.section_at_arc_length(rod, at)),
             };
             let frame = section.map_or(WORLD_FRAME, |s| rods.section_frame(s));
             let (turn, sheet) = (world_rotation(&frame), sheets[usize::from(organ.proto)]);
@@ -205,7 +205,7 @@ impl RodPlant {
         let (rod, at) = match self.axes.get(axis as usize).copied().unwrap_or(AxisMotion::Still) {
             AxisMotion::Still => return still,
             AxisMotion::Rider(rod, at) => {
-                return SectionBlend { sections: [Some(self.rods.nearest_section(rod, at)); 2], share: 0.0 };
+                return SectionBlend { sections: [Some(self.rods.section_at_arc_length(rod, at)); 2], share: 0.0 };
             }
             AxisMotion::Rod(_, from) if s < from => return still,
             AxisMotion::Rod(rod, from) => (rod, (s - from) * self.scale),
@@ -230,8 +230,11 @@ impl RodPlant {
             let nodes = plant.nodes_of(axis);
             let place = |k: usize| (stand.apply(plant.nodes.p[k]).as_dvec3(), f64::from(plant.nodes.r[k]) * self.scale);
             let carried = self.axes[index];
-            let carrier =
-                if let AxisMotion::Rider(rod, at) = carried { Some(self.rods.nearest_section(rod, at)) } else { None };
+            let carrier = if let AxisMotion::Rider(rod, at) = carried {
+                Some(self.rods.section_at_arc_length(rod, at))
+            } else {
+                None
+            };
             let until = if let AxisMotion::Rod(_, from) = carried { from } else { f64::MAX };
             // The rigid part of the axis, node by node; then the bending part, section by section.
             for k in nodes.clone().skip(1).filter(|k| f64::from(plant.nodes.s[*k]) <= until) {
@@ -357,7 +360,7 @@ impl RodPlant {
             let (v, spin) = rods.section_rigid_velocity(*section);
             let arm = *p - rods.section_frame(*section).p;
             let relative = air.as_dvec3() - v - spin.cross(arm);
-            let plate = LeafSheetPose { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
+            let plate = OrientedLeafSheet { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
             let (force, at) = leaf.eddies.wind_force(&plate, relative, h);
             rods.add_wrench(*section, force, (arm + at).cross(force));
         }

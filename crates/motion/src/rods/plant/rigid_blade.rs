@@ -41,11 +41,11 @@ impl RigidBlade {
             faces += n;
             first += sum * (size / 3.0);
             // Exact for triangles: A / 12 (sum of p p^T + (sum of p) (sum of p)^T).
-            all += (outer_product(a) + outer_product(b) + outer_product(c) + outer_product(sum)) * (size / 12.0);
+            all += (outer_square(a) + outer_square(b) + outer_square(c) + outer_square(sum)) * (size / 12.0);
         }
         let area = area.max(1e-12);
         let centroid = first / area;
-        let spread = all - outer_product(centroid) * area;
+        let spread = all - outer_square(centroid) * area;
         let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
         let open = faces.length() > CLOSED_MESH_SHARE * area;
         Self {
@@ -65,13 +65,13 @@ impl RigidBlade {
     }
 }
 
-fn outer_product(a: DVec3) -> DMat3 {
+fn outer_square(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
 /// A leaf sheet placed in the world, for aerodynamic forces.
 #[derive(Debug, Clone, Copy)]
-pub struct LeafSheetPose<'a> {
+pub struct OrientedLeafSheet<'a> {
     /// Area, centroid and extent in leaf space.
     pub sheet: &'a RigidBlade,
     /// World from leaf space.
@@ -102,8 +102,8 @@ impl VortexShedding {
     /// Aerodynamic force on a blade, N, and its point of action relative to the centroid, m. `wind`: velocity relative
     /// to the centroid, m/s; `h`: time until the next call, s.
     /// Own: a plate whose normal force grows with the sine of the angle of attack and saturates.
-    pub fn wind_force(&mut self, blade: &LeafSheetPose<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
-        let LeafSheetPose { sheet, q, scale, drag } = *blade;
+    pub fn wind_force(&mut self, blade: &OrientedLeafSheet<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
+        let OrientedLeafSheet { sheet, q, scale, drag } = *blade;
         let speed = wind.length();
         if speed < 1e-6 {
             return (DVec3::ZERO, DVec3::ZERO);
@@ -160,7 +160,7 @@ mod tests {
         let sheet = RigidBlade::from_mesh(&plate());
         let mean = |wind: DVec3| {
             let mut eddies = VortexShedding::new(5);
-            let blade = LeafSheetPose { sheet: &sheet, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };
+            let blade = OrientedLeafSheet { sheet: &sheet, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };
             let all = (0..4000).map(|_| eddies.wind_force(&blade, wind, 0.02));
             all.fold((DVec3::ZERO, DVec3::ZERO), |s, f| (s.0 + f.0 / 4000.0, s.1 + f.1 / 4000.0))
         };

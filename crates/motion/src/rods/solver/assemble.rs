@@ -13,14 +13,14 @@ use osier_scene::plant::NONE;
 
 /// Kinematic state of a base that is rigid with a section of the parent rod.
 #[derive(Debug, Clone)]
-pub(crate) struct BaseState {
+pub(crate) struct AttachedBaseState {
     x: Vector9,
     v: Vector9,
     /// Jacobian of its corners with respect to those of the carrying section.
     j: Matrix9,
 }
 
-impl Default for BaseState {
+impl Default for AttachedBaseState {
     fn default() -> Self {
         Self { x: [0.0; 9], v: [0.0; 9], j: [[0.0; 9]; 9] }
     }
@@ -33,7 +33,7 @@ pub(crate) struct SpringAssembly<'a> {
     pub v: &'a [Vector9],
     /// Stiffness-proportional damping coefficient of each rod, s.
     pub damping: &'a [f64],
-    pub attached_bases: &'a mut [BaseState],
+    pub attached_bases: &'a mut [AttachedBaseState],
     /// Forces on the sections, N.
     pub force: &'a mut [Vector9],
     /// Block rows of the tangent stiffness, and its factor for each rod; none for forces only.
@@ -106,7 +106,7 @@ fn add_corners(to: &mut Vector9, by: &Vector9) {
 
 /// Corners, velocities and Jacobians of the rod bases that are rigid with a section of another rod. `x`, m, `v`, m/s: all
 /// sections.
-fn update_attached_bases(tree: &SectionTree, x: &[Vector9], v: &[Vector9], attached_bases: &mut [BaseState]) {
+fn update_attached_bases(tree: &SectionTree, x: &[Vector9], v: &[Vector9], attached_bases: &mut [AttachedBaseState]) {
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
         rider.x = SectionFrame::from_corners(&x[on]).local_positions_to_world(&base.local);
@@ -149,7 +149,7 @@ fn add_spring_blocks(
     p: &SpringStiffnessMatrices,
     tree: &SectionTree,
     i: usize,
-    attached_bases: &[BaseState],
+    attached_bases: &[AttachedBaseState],
     rows: &mut [BlockRow],
 ) {
     // A spring between corners c and o adds its 3x3 block B to (c, c) and (o, o) and -B to (c, o) and (o, c); only

@@ -45,16 +45,16 @@ pub(crate) type PredecessorPair = [u32; 2];
 /// occurs.
 /// Own: block Cholesky in elimination-tree order; a section is coupled to two others only.
 pub(crate) fn solve_block_system(rows: &mut [BlockRow], predecessors: &[PredecessorPair], out: &mut [Vector9]) -> bool {
-    Arch::new().dispatch(BlockSystemTask { rows, predecessors, out })
+    Arch::new().dispatch(BlockSolveKernel { rows, predecessors, out })
 }
 
-struct BlockSystemTask<'a> {
+struct BlockSolveKernel<'a> {
     rows: &'a mut [BlockRow],
     predecessors: &'a [PredecessorPair],
     out: &'a mut [Vector9],
 }
 
-impl NullaryFnOnce for BlockSystemTask<'_> {
+impl NullaryFnOnce for BlockSolveKernel<'_> {
     type Output = bool;
 
     #[inline(always)]

@@ -83,7 +83,7 @@ impl RodSystem {
     pub fn elastic_energy(&self) -> f64 {
         let mut sum = 0.0;
         for (i, s) in self.tree.sections.iter().enumerate() {
-            let [up, over] = self.tree.corners_of_both_predecessors(i, &self.x);
+            let [up, over] = self.tree.predecessor_corner_positions(i, &self.x);
             sum += spring_energy(&spring_vectors(&self.x[i], &up, &over), &s.stiffness, &s.rest_lengths);
             let away = subtract_corners(&self.x[i], &self.step.places[i]);
             sum += 0.5 * self.dampings[s.rod].recovery * corner_dot(&away, &self.apply_mass(i, &away, true));

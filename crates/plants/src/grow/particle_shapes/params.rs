@@ -242,7 +242,7 @@ pub struct ShapeParams {
     pub roots: Roots,
     /// How particles move.
     pub motion: Motion,
-    /// Where they spawn others.
+    /// Where particles spawn further particles.
     pub spawning: Spawning,
     /// Where particles end: length, age, shade, regions.
     pub limits: Limits,

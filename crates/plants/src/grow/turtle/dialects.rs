@@ -401,7 +401,7 @@ impl Turtle<'_> {
         self.dialect_command(command, Module::new(symbol, params, lineage, birth));
     }
 
-    /// Performs a command of another program.
+    /// Performs a command of Fractint, LParser or L-Py; `m`: the module, whose first parameter, if any, is its number.
     pub(super) fn dialect_command(&mut self, command: DialectCommand, m: Module<'_>) {
         use DialectCommand as C;
         let given = (!m.params.is_empty()).then(|| self.param(m, 0, 0.0));
