@@ -191,9 +191,9 @@ fn other_l_systems_of_the_file_rewrite_what_stands_between_their_borders() {
     // Borders end contexts; inside, the second L-system's own symbols are ignored.
     let (main, second) = ("A < B --> X", "Ignore: +\nA < B --> Y");
     assert_eq!(sub(1, "A?(2)B A+B$B", main, second), "A?(2)BA+Y$B");
-    // A query is no border.
+    // A query is no border; without a turtle that answers it keeps its values.
     let (main, second) = ("A > ?P(x,y) : y < 1 --> F(0.6)A\n?P(x,y) : y > 9 --> *", "A --> C");
-    assert_eq!(sub(4, "A?P(0,0)?(2)A$", main, second), "F(0.6)F(0.6)A?P(0,1.2)?(2)C$");
+    assert_eq!(sub(4, "A?P(0,0)?(2)A$", main, second), "F(0.6)F(0.6)F(0.6)F(0.6)A?P(0,0)?(2)C$");
     // Decomposition is that of the L-system around; variables are shared, blocks of both run.
     let (main, second) =
         ("Start: { n = 2; }\nA --> B(n)\nDecomposition\nB(x) --> E(x)", "Start: { n = n*5; }\nA --> B(n)");
