@@ -23,6 +23,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    // Words that no key contains are an error, not an empty list.
     let tables = matching(&args.words);
     if args.what == What::Options && tables.is_empty() {
         context
@@ -31,6 +32,7 @@ pub fn run(context: &Context, args: &List) -> Result<u8> {
         return Ok(2);
     }
     let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
+    // One text for each thing that is listed; those without an arm of their own have one form of JSON.
     let text = match (args.what, context.console.json) {
         (What::Presets, true) => format!("{:#}\n", preset_list::as_json(context, args.thumbnails.as_deref())?),
         (What::Presets, false) => {

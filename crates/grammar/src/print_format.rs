@@ -1,5 +1,7 @@
 //! The format of a `printf`: text and numbers as C writes them.
 
+use osier_base::convert::to_usize;
+
 use super::code::is_zero;
 
 /// Characters that a single number takes at most: a wider or more precise field would only waste memory.
@@ -98,7 +100,7 @@ fn number_field(chars: &mut std::iter::Peekable<std::str::Chars<'_>>) -> Option<
         let mut n = 0_usize;
         while let Some(d) = ahead.peek().and_then(|c| c.to_digit(10)) {
             ahead.next();
-            n = n.saturating_mul(10).saturating_add(usize::try_from(d).unwrap_or(0));
+            n = n.saturating_mul(10).saturating_add(to_usize(d));
         }
         n.min(MAX_FIELD)
     };
@@ -163,11 +165,14 @@ fn general(x: f64, precision: usize) -> String {
     let power: i32 = power.parse().unwrap_or(0);
     let trim =
         |s: &str| if s.contains('.') { s.trim_end_matches('0').trim_end_matches('.').to_owned() } else { s.to_owned() };
-    let limit = i32::try_from(precision).unwrap_or(i32::MAX);
-    if !(-4..limit).contains(&power) {
+    // A power below 0 adds leading zeros to the decimals, one of 0 or more takes digits from them.
+    let decimals = match usize::try_from(power) {
+        Ok(power) => precision.checked_sub(power + 1),
+        Err(_) => Some(precision - 1 + to_usize(power.unsigned_abs())).filter(|_| power >= -4),
+    };
+    let Some(decimals) = decimals else {
         return format!("{}e{}{:02}", trim(digits), if power < 0 { '-' } else { '+' }, power.abs());
-    }
-    let decimals = usize::try_from(limit - 1 - power).unwrap_or(0);
+    };
     trim(&format!("{x:.decimals$}"))
 }
 

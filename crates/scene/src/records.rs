@@ -23,7 +23,7 @@ pub enum ColumnValues {
     F64(Vec<f64>),
 }
 
-/// A named column of a record table.
+/// One quantity of all records of a table, with its unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordColumn {
     /// `[a-z0-9_]+`, unique in the table.

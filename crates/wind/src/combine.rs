@@ -29,8 +29,8 @@ impl Wind for ScaledWind {
         self.wind.mean_at(position) * self.factor
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
-        self.wind.prescribed_mean(t) * self.factor
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.wind.prescribed_mean_at_time(t) * self.factor
     }
 
     fn period(&self) -> Option<f64> {
@@ -74,8 +74,8 @@ impl Wind for WindSum {
         self.0.iter().map(|w| w.mean_at(position)).sum()
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
-        self.0.iter().map(|w| w.prescribed_mean(t)).sum()
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.0.iter().map(|w| w.prescribed_mean_at_time(t)).sum()
     }
 
     /// The common period of all winds, if they have one; a wind that never changes (period 0) fits any period.
@@ -123,8 +123,8 @@ impl Wind for ShiftedWind {
         self.wind.mean_at(position)
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
-        self.wind.prescribed_mean(t - self.lead)
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.wind.prescribed_mean_at_time(t - self.lead)
     }
 
     fn period(&self) -> Option<f64> {

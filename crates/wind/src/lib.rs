@@ -57,7 +57,7 @@ pub trait Wind: Debug + Send + Sync {
 
     /// The mean velocity at 10 m, m/s, that the scene prescribes for the time `t`, s: that of [`Wind::mean`], unless speed or direction
     /// are prescribed over time. Nothing is averaged around `t`.
-    fn prescribed_mean(&self, _t: f64) -> Vec3 {
+    fn prescribed_mean_at_time(&self, _t: f64) -> Vec3 {
         self.mean()
     }
 

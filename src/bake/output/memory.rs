@@ -93,7 +93,7 @@ fn terrain_triangles(recipe: &Recipe) -> u64 {
     }
 }
 
-/// Bytes of a picture, not packed.
+/// Bytes of a picture's samples in memory, without mipmaps.
 pub(crate) fn decoded_bytes(image: &Image) -> u64 {
     let deep = if matches!(image.pixels, Pixels::U16(_)) { 2 } else { 1 };
     u64::from(image.width) * u64::from(image.height) * u64::from(image.channels) * deep

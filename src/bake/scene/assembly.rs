@@ -194,7 +194,7 @@ fn assemble(
 
     // Rain reads the plants' assets as they were just built, and takes the leaves that get maps of their own out of them. An
     // estimate simulates one frame of it, from the first drop.
-    let short_recipe = full.map(dry_run::recipe_cut_to_first_frame);
+    let short_recipe = full.map(dry_run::recipe_cut_to_first_interval);
     let rain_recipe = short_recipe.as_ref().unwrap_or(recipe);
     let rain_ground = match (&terrain, &ground) {
         (Some(terrain), _) if recipe.rain.is_some() => RainGround::Terrain(terrain.clone()),

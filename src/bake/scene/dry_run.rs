@@ -38,8 +38,8 @@ pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
     draft
 }
 
-/// The recipe with one frame of rain and no spin-up.
-pub fn recipe_cut_to_first_frame(recipe: &Recipe) -> Recipe {
+/// The recipe with at most its first two frames, so that rain falls for one interval, and without its spin-up.
+pub fn recipe_cut_to_first_interval(recipe: &Recipe) -> Recipe {
     let mut short = recipe.clone();
     short.clip = Clip { end: recipe.clip.end.min(recipe.clip.start + 1), ..recipe.clip };
     short.rain.iter_mut().for_each(|rain| rain.keys.spin_up = 0.0);

@@ -242,8 +242,8 @@ impl Wind for ObservedWind {
         self.wind.mean_at(position)
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
-        self.wind.prescribed_mean(t)
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.wind.prescribed_mean_at_time(t)
     }
 
     fn period(&self) -> Option<f64> {

@@ -192,7 +192,7 @@ impl PovAsset<'_> {
     /// Writes a mesh of drops, targets of photons apart from the others.
     fn write_water_mesh(&self, text: &mut TextBuffer, mesh: &Mesh) {
         let (large, small) = photons::split_targets(mesh, self.photons);
-        // A union only if there are two meshes: a single one is an object without it.
+        // POV-Ray warns of a union of a single object.
         let both = has_area_anywhere(&large) && has_area_anywhere(&small);
         text.put(if both { "union {\n" } else { "" });
         for (part, target) in [(&large, TARGET), (&small, "")] {

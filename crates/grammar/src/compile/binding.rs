@@ -9,7 +9,7 @@ use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::{Diagnostic, nearest};
 use osier_base::rng::word;
 
-/// Turtles that are here.
+/// Words that may follow `turtle:`, and the notation whose commands they choose.
 const DIALECTS: [(&str, Dialect); 7] = [
     ("cpfg", Dialect::Cpfg),
     ("abop", Dialect::Abop),

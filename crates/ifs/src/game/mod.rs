@@ -70,7 +70,7 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    /// A chunk of zero steps, on the heap.
+    /// A chunk without valid steps; boxed, for its arrays are too large for the stacks of threads.
     pub fn new() -> Box<Self> {
         let zero = [[0.0; LANES]; CHUNK];
         Box::new(Self { steps: 0, x: zero, y: zero, z: zero, map: [[0; LANES]; CHUNK] })

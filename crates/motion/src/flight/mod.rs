@@ -195,7 +195,7 @@ impl FlightSimulation {
         let t = self.seconds();
         let solids = Arc::clone(&self.solids);
         let wind: &dyn Wind = &NearSurfaceWind::new(wind, &solids, &self.options);
-        self.mean_wind = wind.prescribed_mean(t);
+        self.mean_wind = wind.prescribed_mean_at_time(t);
         self.landings.clear();
         if self.options.sorted && self.step.is_multiple_of(SORT_INTERVAL_STEPS) {
             self.sort_by_location();

@@ -84,8 +84,8 @@ impl Wind for NearSurfaceWind<'_> {
         self.field.mean_at(position)
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
-        self.field.prescribed_mean(t)
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.field.prescribed_mean_at_time(t)
     }
 
     fn period(&self) -> Option<f64> {

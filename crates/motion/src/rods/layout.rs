@@ -233,7 +233,7 @@ impl SectionTree {
         let parent = rod.parent.map(|(rod, s)| self.section_at_arc_length(rod, s));
         let own = usize::from(parent.is_some());
         let stiff = spring_stiffnesses(&line.intervals);
-        let masses = corner_masses(&line, rod.material.density);
+        let masses = mass_per_corner_by_section(&line, rod.material.density);
         // The base section of a child rod has no degrees of freedom: it is stored by its corners in the frame of the
         // parent's section.
         let base = parent.map(|on| {
@@ -305,7 +305,7 @@ impl SectionTree {
 }
 
 /// Mass of each corner, kg: a third of the wood between the middles of both adjoining intervals.
-fn corner_masses(line: &SampledRod, density: f64) -> Vec<f64> {
+fn mass_per_corner_by_section(line: &SampledRod, density: f64) -> Vec<f64> {
     let half = |i: usize| line.intervals.get(i).map_or(0.0, |l| 0.5 * l.length);
     let one = |(i, r): (usize, &f64)| {
         let length = if i > 0 { half(i - 1) } else { 0.0 } + half(i);

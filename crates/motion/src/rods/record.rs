@@ -204,7 +204,7 @@ impl RodSystem {
             if far > self.divergence_limit {
                 return Err(StepFailure);
             }
-            self.advance_released_weights(released, h);
+            self.advance_detached_bodies(released, h);
         }
         Ok(())
     }
@@ -266,7 +266,7 @@ impl RodSystem {
     }
 
     /// Advances released weights in free fall until they rest on the ground, y = 0.
-    fn advance_released_weights(&self, released: &mut [Option<DetachedBody>], h: f64) {
+    fn advance_detached_bodies(&self, released: &mut [Option<DetachedBody>], h: f64) {
         for (body, state) in self.bodies.iter().zip(released) {
             if body.of_plant {
                 continue;

@@ -16,7 +16,7 @@ const MIN_SEGMENT: f32 = 1e-7;
 pub struct Warning {
     /// Subject and fact, lower case, no full stop.
     pub message: &'static str,
-    /// Number of occurrences.
+    /// Number of places concerned, at least 1.
     pub count: usize,
     /// Index of the first axis concerned.
     pub axis: usize,

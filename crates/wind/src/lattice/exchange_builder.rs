@@ -201,9 +201,9 @@ impl ExchangeBuilder<'_> {
             if let Some(halo_index) = link.halo_index {
                 extend_range(&mut plane.halo, halo.len(), 1);
                 halo.push(RowHaloCopy {
-                    halo_index: boundary_index(halo_index)?,
-                    buffer_index: boundary_index(*at)?,
-                    count: boundary_index(link.to.count)?,
+                    halo_index: checked_u32(halo_index)?,
+                    buffer_index: checked_u32(*at)?,
+                    count: checked_u32(link.to.count)?,
                 });
             } else {
                 extend_range(&mut plane.scatter, scatter.len(), 1);
@@ -276,7 +276,7 @@ impl ExchangeBuilder<'_> {
             let cell = [to.element % grid.row_stride, to.element / grid.row_stride];
             if let Some(halo_index) = RowHalo::halo_index_of(grid, *incoming, cell) {
                 let range = &mut planes[to.plane].ghost_halo;
-                let (halo_index, buffer_index) = (boundary_index(halo_index)?, boundary_index(at)?);
+                let (halo_index, buffer_index) = (checked_u32(halo_index)?, checked_u32(at)?);
                 let follows = |c: &&mut RowHaloCopy| {
                     range.start < range.end
                         && (c.halo_index + c.count, c.buffer_index + c.count) == (halo_index, buffer_index)
@@ -295,7 +295,7 @@ impl ExchangeBuilder<'_> {
                 let stride = NodeRun { first, count, stride }.stride_to_next(*to, grid.row_stride);
                 let follows = to_usize(copy.direction) == *incoming && to_usize(copy.buffer_index) + count == at;
                 if let Some(stride) = stride.filter(|_| follows) {
-                    (copy.span.count, copy.span.stride) = (copy.span.count + 1, boundary_index(stride)?);
+                    (copy.span.count, copy.span.stride) = (copy.span.count + 1, checked_u32(stride)?);
                     continue;
                 }
             }
@@ -307,13 +307,13 @@ impl ExchangeBuilder<'_> {
     }
 
     fn to_span_copy(&self, direction: usize, run: NodeRun, buffer_index: usize) -> Result<SpanCopy> {
-        let (direction, span) = (boundary_index(direction)?, self.to_node_span(run)?);
-        Ok(SpanCopy { direction, span, buffer_index: boundary_index(buffer_index)?, wall_momentum: 0.0 })
+        let (direction, span) = (checked_u32(direction)?, self.to_node_span(run)?);
+        Ok(SpanCopy { direction, span, buffer_index: checked_u32(buffer_index)?, wall_momentum: 0.0 })
     }
 
     fn to_node_span(&self, run: NodeRun) -> Result<StridedNodes> {
-        let first = boundary_index(self.domain.grid.first_cell + run.first.element)?;
-        Ok(StridedNodes { first, count: boundary_index(run.count)?, stride: boundary_index(run.stride)? })
+        let first = checked_u32(self.domain.grid.first_cell + run.first.element)?;
+        Ok(StridedNodes { first, count: checked_u32(run.count)?, stride: checked_u32(run.stride)? })
     }
 
     /// The end of its row at which a cell lies, if the face there is open: then the whole column counts as open cells.
@@ -344,7 +344,7 @@ impl ExchangeBuilder<'_> {
                 }
             }
             while let Some(cell) = cells.next_if(|c| c[2] == z) {
-                number.insert(*cell, boundary_index(at)?);
+                number.insert(*cell, checked_u32(at)?);
                 extend_range(&mut plane.open_cells, at, 1);
                 at += 1;
                 let node = self.plane_node(*cell);
@@ -363,7 +363,7 @@ impl ExchangeBuilder<'_> {
             let cell = self.nearest[k];
             self.ghosts[k].open_cell = match self.open_row_end_of(cell[0]).and_then(|end| planes[cell[2]].columns[end])
             {
-                Some(first) => boundary_index(first + cell[1])?,
+                Some(first) => checked_u32(first + cell[1])?,
                 None => number.get(&cell).copied().unwrap_or(0),
             };
         }
@@ -411,6 +411,6 @@ fn position_empty_ranges(planes: &mut [PlaneBoundaryRanges]) {
     }
 }
 
-fn boundary_index(n: usize) -> Result<u32> {
+fn checked_u32(n: usize) -> Result<u32> {
     index(n, "boundary nodes of the lattice wind")
 }

@@ -329,7 +329,7 @@ impl Wind for InletWind {
     }
 
     fn mean(&self) -> Vec3 {
-        self.prescribed_mean(0.0)
+        self.prescribed_mean_at_time(0.0)
     }
 
     fn mean_at(&self, position: Vec3) -> Vec3 {
@@ -337,7 +337,7 @@ impl Wind for InletWind {
         self.mean_velocity_at(place.y - self.origin.y - self.ground_height(place), 0.0)
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
         self.mean_velocity_at(10.0, t)
     }
 

@@ -155,7 +155,7 @@ pub(super) struct OpenBoundary {
 
 /// What ghost nodes are computed from in a step.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct OpenBoundaryState<'a> {
+pub(super) struct GhostInputs<'a> {
     /// Density less 1 and velocity by component of the open cells from `first_cell` on.
     pub moments: [&'a [f32]; 4],
     pub first_cell: usize,
@@ -229,7 +229,7 @@ impl OpenBoundary {
         Ok((Self { ghosts, groups, planes: parts, outlet_cells }, slots))
     }
 
-    /// Positions of the inlet nodes, in the order of [`OpenBoundaryState::inlet_velocity`].
+    /// Positions of the inlet nodes, in the order of [`GhostInputs::inlet_velocity`].
     pub(super) fn inlet_positions(&self) -> Vec<[isize; 3]> {
         self.ghosts.iter().filter(|g| g.inlet).map(|g| g.position).collect()
     }
@@ -262,13 +262,7 @@ impl OpenBoundary {
 
     /// Computes the populations that ghost nodes before plane `z` send, into the plane's range of the buffer.
     #[inline(always)]
-    pub(super) fn compute_plane_ghosts<S: Simd>(
-        &self,
-        simd: S,
-        z: usize,
-        state: OpenBoundaryState<'_>,
-        mut out: &mut [f32],
-    ) {
+    pub(super) fn compute_plane_ghosts<S: Simd>(&self, simd: S, z: usize, state: GhostInputs<'_>, mut out: &mut [f32]) {
         for group in &self.groups[self.planes[z].groups.clone()] {
             // Groups fill the plane's range one after the other.
             let (own, others) = std::mem::take(&mut out).split_at_mut(group.buffer_len());
@@ -289,13 +283,7 @@ impl GhostRun {
     }
 
     #[inline(always)]
-    fn compute_populations<S: Simd>(
-        &self,
-        simd: S,
-        ghosts: &[GhostNode],
-        state: OpenBoundaryState<'_>,
-        out: &mut [f32],
-    ) {
+    fn compute_populations<S: Simd>(&self, simd: S, ghosts: &[GhostNode], state: GhostInputs<'_>, out: &mut [f32]) {
         // SIMD needs contiguous open cells, at least one full register of them, and no per-cell populations.
         match self.first_open_cell.filter(|_| self.count >= S::F32_LANES && state.populations.is_none()) {
             Some(first) => self.compute_populations_simd(simd, to_usize(first), state, out),
@@ -305,13 +293,7 @@ impl GhostRun {
 
     /// In SIMD lanes, for contiguous open cells.
     #[inline(always)]
-    fn compute_populations_simd<S: Simd>(
-        &self,
-        simd: S,
-        open_cell: usize,
-        state: OpenBoundaryState<'_>,
-        out: &mut [f32],
-    ) {
+    fn compute_populations_simd<S: Simd>(&self, simd: S, open_cell: usize, state: GhostInputs<'_>, out: &mut [f32]) {
         let load = |from: &[f32]| F32Lanes::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
         // The same conditions as `compute_populations_scalar`, one register of ghosts at a time.
         let mut from = 0;
@@ -352,7 +334,7 @@ impl GhostRun {
     }
 
     /// One node after another, for short groups, scattered open cells, and outlets with a non-equilibrium part.
-    fn compute_populations_scalar(&self, ghosts: &[GhostNode], state: OpenBoundaryState<'_>, out: &mut [f32]) {
+    fn compute_populations_scalar(&self, ghosts: &[GhostNode], state: GhostInputs<'_>, out: &mut [f32]) {
         let populations = state.populations.filter(|_| !self.before_solid);
         for (k, ghost) in ghosts.iter().enumerate() {
             let cell = to_usize(ghost.open_cell).wrapping_sub(state.first_cell);

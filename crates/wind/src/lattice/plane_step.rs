@@ -8,7 +8,7 @@ use super::domain::Domain;
 use super::exchange::{ExchangeOutput, IncomingPopulations, PlaneSlices};
 use super::grid::{BLOCK, LatticeGrid, StepParity};
 use super::ground::apply_wall_stress;
-use super::row_halo::{NO_LANE, RowEndBlock, RowHalo};
+use super::row_halo::{NO_LANE, RowEndLanes, RowHalo};
 use super::stencil::{Q, opposite};
 use super::step_tables::StepTables;
 use osier_base::convert::to_usize;
@@ -244,7 +244,7 @@ impl PlaneStep<'_> {
     #[inline(always)]
     fn store_row_end_moments<S: Simd>(
         self,
-        end: RowEndBlock,
+        end: RowEndLanes,
         result: &CollisionResult<F32Lanes<S>>,
         output: &mut ExchangeOutput<'_>,
     ) {

@@ -178,8 +178,8 @@ impl Wind for RecordedWind {
         self.inlet.mean_at(position)
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
-        self.inlet.prescribed_mean(t)
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.inlet.prescribed_mean_at_time(t)
     }
 
     fn period(&self) -> Option<f64> {

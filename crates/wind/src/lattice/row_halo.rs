@@ -26,7 +26,7 @@ pub(super) const NO_LANE: u32 = u32::MAX;
 
 /// A register-sized block of a plane that holds an end of a row, or halo nodes between two rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct RowEndBlock {
+pub(super) struct RowEndLanes {
     pub block: usize,
     pub y: u32,
     /// Lanes of the row's first cell and its last; [`NO_LANE`] for those in other blocks.
@@ -72,7 +72,7 @@ impl RowHalo {
     /// Inserts what arrives at row ends in a block into the populations read from memory, and zeroes halo nodes between
     /// rows, so that their meaningless values cannot trip the speed limit.
     #[inline(always)]
-    pub(super) fn insert_into_lanes<S: Simd>(&self, simd: S, end: RowEndBlock, g: &mut [F32Lanes<S>; Q]) {
+    pub(super) fn insert_into_lanes<S: Simd>(&self, simd: S, end: RowEndLanes, g: &mut [F32Lanes<S>; Q]) {
         let y = to_usize(end.y);
         if end.lanes[0] != NO_LANE {
             self.insert_row_end::<S, 0>(simd, to_usize(end.lanes[0]), y, g);
@@ -105,7 +105,7 @@ impl RowHalo {
     }
 }
 
-impl RowEndBlock {
+impl RowEndLanes {
     /// All of a plane in order, for registers of `lane_count` lanes; a sentinel that is of no block ends the list.
     /// # Errors
     /// `Limit` for more rows than an index of 32 bits counts.
@@ -115,18 +115,18 @@ impl RowEndBlock {
             let (first, last) = (y * grid.row_stride, y * grid.row_stride + grid.n[0] - 1);
             // After the last row only its block is filled up.
             let until = if y + 1 == grid.n[1] { (last + 1).next_multiple_of(BLOCK) } else { first + grid.row_stride };
-            let boundary_index = |n: usize| index(n, "rows of a plane of the lattice");
+            let checked_u32 = |n: usize| index(n, "rows of a plane of the lattice");
             // All registers that touch this row or the halo nodes behind it; those with neither end nor halo are left
             // out.
             for block in first / lane_count..until.div_ceil(lane_count) {
                 let nodes = block * lane_count..(block + 1) * lane_count;
                 let lane =
-                    |node: usize| if nodes.contains(&node) { boundary_index(node - nodes.start) } else { Ok(NO_LANE) };
+                    |node: usize| if nodes.contains(&node) { checked_u32(node - nodes.start) } else { Ok(NO_LANE) };
                 let lanes = [lane(first)?, lane(last)?];
-                let in_block = |node: usize| boundary_index(node.clamp(nodes.start, nodes.end) - nodes.start);
+                let in_block = |node: usize| checked_u32(node.clamp(nodes.start, nodes.end) - nodes.start);
                 let halo = [in_block(last + 1)?, in_block(until)?];
                 if lanes != [NO_LANE; 2] || halo[0] < halo[1] {
-                    list.push(Self { block, y: boundary_index(y)?, lanes, halo });
+                    list.push(Self { block, y: checked_u32(y)?, lanes, halo });
                 }
             }
         }
@@ -143,7 +143,7 @@ mod tests {
     fn row_ends_and_halo_nodes_are_each_in_one_block() {
         for (n, lane_count) in [([70, 9, 4], 16), ([8, 5, 4], 16), ([33, 3, 4], 4), ([16, 8, 4], 8)] {
             let grid = LatticeGrid::new(n);
-            let list = RowEndBlock::list_of_plane(&grid, lane_count).expect("blocks");
+            let list = RowEndLanes::list_of_plane(&grid, lane_count).expect("blocks");
             assert!(list.is_sorted_by_key(|end| end.block));
             let mut seen = vec![0; grid.plane_span().next_multiple_of(BLOCK)];
             for end in &list[..list.len() - 1] {

@@ -91,8 +91,8 @@ impl Wind for InterpolatedWind {
         self.before.grid.inlet.mean_at(position)
     }
 
-    fn prescribed_mean(&self, t: f64) -> Vec3 {
-        self.before.grid.inlet.prescribed_mean(t)
+    fn prescribed_mean_at_time(&self, t: f64) -> Vec3 {
+        self.before.grid.inlet.prescribed_mean_at_time(t)
     }
 
     fn period(&self) -> Option<f64> {

@@ -356,7 +356,7 @@ impl LatticeSolver {
         }
         self.stats.clamped_cells += count;
         if count as f64 > MAX_CLAMPED_SHARE * self.fluid_cells as f64 {
-            return Err(self.divergence_error(format!("more than {speed:.1} m/s in {count} cells")));
+            return Err(self.new_divergence_error(format!("more than {speed:.1} m/s in {count} cells")));
         }
         Ok(())
     }
@@ -370,7 +370,7 @@ impl LatticeSolver {
             let (drho, u) = self.flow.moments_at(cell);
             let at = cell_center(self.setup.cells(), cell);
             let u = Vec3::from_array(u) * narrow(self.setup.speed_unit());
-            return Err(self.divergence_error(format!(
+            return Err(self.new_divergence_error(format!(
                 "density {:.3} (allowed {} to {}) and velocity ({:.2}, {:.2}, {:.2}) m/s in cell ({}, {}, {}) at ({:.2}, \
                  {:.2}, {:.2}) m",
                 1.0 + drho, DENSITY_RANGE[0], DENSITY_RANGE[1], u.x, u.y, u.z, cell[0], cell[1], cell[2], at.x, at.y, at.z
@@ -393,7 +393,7 @@ impl LatticeSolver {
         Ok(())
     }
 
-    fn divergence_error(&self, what: String) -> Error {
+    fn new_divergence_error(&self, what: String) -> Error {
         let message = format!("the lattice wind diverged in frame {} at step {}: {what}", self.frames, self.flow.step);
         let wider = if self.blocked > MAX_BLOCKAGE {
             format!(

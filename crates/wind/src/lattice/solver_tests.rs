@@ -161,7 +161,7 @@ fn turning_wind_swaps_inlet_and_outlet_faces() {
     for (s, d) in [(before, Vec3::X), (after, Vec3::NEG_Z)] {
         let (t0, t1) = (s.time, s.time);
         let now = InterpolatedWind { before: Arc::clone(&s), after: s, t0, t1 };
-        let mean = now.prescribed_mean(t0);
+        let mean = now.prescribed_mean_at_time(t0);
         assert!((mean.normalize() - d).length() < 1e-6, "{mean}");
     }
 }

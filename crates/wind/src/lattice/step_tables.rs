@@ -5,7 +5,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::domain::Domain;
 use super::grid::{BLOCK, LatticeGrid};
 use super::ground::GroundModel;
-use super::row_halo::RowEndBlock;
+use super::row_halo::RowEndLanes;
 use osier_base::Result;
 use osier_base::convert::index;
 
@@ -48,7 +48,7 @@ pub(super) struct StepTables {
     /// Strength of the sponge in x there.
     pub(super) drag_sponge: Vec<f32>,
     /// Blocks with ends of rows, the same in every plane.
-    pub(super) row_ends: Vec<RowEndBlock>,
+    pub(super) row_ends: Vec<RowEndLanes>,
     /// Instruction set of the kernels.
     pub(super) arch: Arch,
 }
@@ -69,7 +69,7 @@ impl StepTables {
         let drag_sponge = (0..drag_nodes).map(|k| params.sponge[0].get(k).copied().unwrap_or(0.0)).collect();
         let arch = Arch::new();
         let block_ranges = (0..grid.n[2]).map(|z| find_air_blocks(domain, &params, z)).collect::<Result<_>>()?;
-        let row_ends = RowEndBlock::list_of_plane(&grid, arch.dispatch(LaneCount))?;
+        let row_ends = RowEndLanes::list_of_plane(&grid, arch.dispatch(LaneCount))?;
         Ok(Self { grid, params, block_ranges, base_tau, sponge_tau, drag, drag_sponge, row_ends, arch })
     }
 
@@ -77,7 +77,7 @@ impl StepTables {
     #[cfg(test)]
     pub(super) fn set_arch(&mut self, arch: Arch) {
         (self.row_ends, self.arch) =
-            (RowEndBlock::list_of_plane(&self.grid, arch.dispatch(LaneCount)).expect("rows"), arch);
+            (RowEndLanes::list_of_plane(&self.grid, arch.dispatch(LaneCount)).expect("rows"), arch);
     }
 
     /// Blocks of the plane `z` that hold air.

@@ -33,7 +33,7 @@ use super::exchange::{
     split_slice,
 };
 use super::grid::{Populations, StepParity};
-use super::open_boundary::{OpenBoundary, OpenBoundaryState, outlet_density};
+use super::open_boundary::{GhostInputs, OpenBoundary, outlet_density};
 use super::plane_step::{PlaneStep, ThreadScratch};
 use super::stencil::Q;
 use super::step_tables::StepTables;
@@ -47,7 +47,7 @@ const MIN_CHUNK: usize = 4;
 pub(super) struct BoundaryInputs<'a> {
     /// Velocity by component at each inlet node, cells per step, in the order of [`OpenBoundary::inlet_positions`].
     pub inlet_velocity: &'a [Vec<f32>; 3],
-    /// As in [`OpenBoundaryState`].
+    /// As in [`GhostInputs`].
     pub shear: &'a [f32],
     pub shear_scale: [f32; 2],
     /// Mean outward velocity wanted at each face that is an outlet, cells per step.
@@ -132,7 +132,7 @@ impl StepContext<'_> {
     fn compute_ghosts(&self, exchange: &mut BoundaryExchange) {
         let (open_boundary, open_cells) = (&exchange.open_boundary, &exchange.previous.open_cells);
         // The first step's ghosts read the open cells of the previous pass.
-        let state = OpenBoundaryState {
+        let state = GhostInputs {
             moments: open_cells.moments.each_ref().map(|a| &a[..]),
             first_cell: 0,
             populations: exchange.lists.nonequilibrium.then_some(&open_cells.populations[..]),
@@ -340,7 +340,7 @@ fn split_buffers<'a>(
 struct GhostKernel<'a> {
     open_boundary: &'a OpenBoundary,
     z: usize,
-    state: OpenBoundaryState<'a>,
+    state: GhostInputs<'a>,
     out: &'a mut [f32],
 }
 
@@ -429,7 +429,7 @@ impl ChunkTask<'_, '_> {
                 clamped[0] +=
                     step.scatter_collide_gather::<S, false, EDDIES, FORCE>(simd, planes, scratch, output, speed);
                 if let Some(OddStepInputs { open_boundary, inputs, outlet_drho }) = second {
-                    let state = OpenBoundaryState {
+                    let state = GhostInputs {
                         moments: output.moments.each_ref().map(|a| &a[..]),
                         first_cell: output.first_cell,
                         populations: input.lists.nonequilibrium.then_some(&output.cell_populations[..]),

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use osier_base::convert::saturating_index;
+
 use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp};
 use crate::dialect::text::Piece;
 
@@ -502,7 +504,7 @@ impl Scope {
             self.locals.len() - 1
         });
         // A way has at most MAX_STEPS (20,000) steps, each of which adds at most one variable to the parameters.
-        u16::try_from(i).unwrap_or(u16::MAX)
+        slot_number(i)
     }
 
     /// Slot of a variable of the model, which is made if it is new.
@@ -512,7 +514,7 @@ impl Scope {
             self.globals.push(name.to_owned());
             self.globals.len() - 1
         });
-        u16::try_from(i).unwrap_or(u16::MAX)
+        slot_number(i)
     }
 
     fn slot(list: &[String], name: &str) -> Option<u16> {
@@ -590,7 +592,7 @@ pub(super) fn resolve(e: &PyExpr, scope: &Scope, depth: usize) -> Result<PyExpr,
             }
             match (name.as_str(), args.as_slice()) {
                 ("range" | "xrange", _) => numbers_of_range(&args, scope, range)?,
-                ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(u32::try_from(items.len()).unwrap_or(0))),
+                ("len", [PyExpr::List(items, _)]) => PyExpr::Number(f64::from(saturating_index(items.len()))),
                 ("sum", [PyExpr::List(items, _)]) => {
                     let add = |a, b| PyExpr::Binary(PyOp::Add, Box::new(a), Box::new(b));
                     items.iter().cloned().reduce(add).unwrap_or(PyExpr::Number(0.0))
@@ -654,9 +656,14 @@ fn constant_of(e: &PyExpr, scope: &Scope) -> Option<f64> {
     crate::vm::constant_value(&Bytecode { ops, ..Bytecode::default() }).filter(|v| v.is_finite())
 }
 
+/// The slot of the variable of an index; the last one beyond 65,535, where `Scope::slot` finds no variable, so that each use is refused.
+fn slot_number(i: usize) -> u16 {
+    u16::try_from(i).unwrap_or(u16::MAX)
+}
+
 /// An item of a list; an index below 0 counts from the end. An index that is not constant becomes a choice.
 fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -> Result<PyExpr, Refusal> {
-    let n = f64::from(u32::try_from(items.len()).unwrap_or(u32::MAX));
+    let n = f64::from(saturating_index(items.len()));
     if let Some(i) = constant_of(index, scope) {
         let i = if i < 0.0 { i + n } else { i };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the list")]
@@ -674,7 +681,7 @@ fn item(items: &[PyExpr], index: &PyExpr, scope: &Scope, range: &Range<usize>) -
     let is = |k: f64| Box::new(PyExpr::Binary(PyOp::Eq, Box::new(index.clone()), Box::new(PyExpr::Number(k))));
     let mut out = last.clone();
     for (k, value) in others.iter().enumerate().rev() {
-        let k = f64::from(u32::try_from(k).unwrap_or(u32::MAX));
+        let k = f64::from(saturating_index(k));
         out = PyExpr::Choice(Box::new(PyExpr::Or(is(k), is(k - n))), Box::new(value.clone()), Box::new(out));
     }
     Ok(out)

@@ -625,6 +625,7 @@ impl<'s> Model<'_, 's> {
                     }
                     ops.push(Op::StoreGlobal(self.scope.global(name)));
                 }
+                // test, JumpIfZero to the next test, body, Jump to the end; both targets are known only after the code that they pass.
                 Statement::If(tests, other) => {
                     let mut ends = Vec::new();
                     for (test, then) in tests {

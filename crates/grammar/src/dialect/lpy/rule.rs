@@ -370,6 +370,7 @@ impl Model<'_, '_> {
         let fixed = |e: &PyExpr| compile(e, &self.scope).ok().and_then(|code| vm::constant_value(&code));
         match e {
             PyExpr::Name(name, _) => {
+                // The last assignment before this place counts; what it reads was assigned before it.
                 let last = steps.iter().enumerate().rev().find_map(|(i, s)| match s {
                     Step::Assign(n, e) if n == name => Some((i, e)),
                     _ => None,
@@ -381,6 +382,7 @@ impl Model<'_, '_> {
             }
             PyExpr::Binary(PyOp::Add, a, b) => Some(of(a)? + of(b)?),
             PyExpr::Binary(PyOp::Sub, a, b) => Some(of(a)? - fixed(b)?),
+            // Bounds hold for divisors and factors that are constant and not negative; a dividend below 0 is at most 0.
             PyExpr::Binary(PyOp::Div, a, b) => Some(of(a)?.max(0.0) / fixed(b).filter(|b| *b > 0.0)?),
             PyExpr::Binary(PyOp::Mul, a, b) => {
                 let (factor, other) = fixed(a).map_or_else(|| (fixed(b), a), |a| (Some(a), b));
@@ -395,6 +397,7 @@ impl Model<'_, '_> {
                 ("round" | "ceil", [a]) => Some(of(a)?.max(0.0) + 1.0),
                 ("min", args) => args.iter().filter_map(of).reduce(f64::min),
                 ("max", args) => args.iter().map(of).reduce(|a, b| Some(a?.max(b?))).flatten(),
+                // A function of the model: its body with the arguments in place of its parameters.
                 _ => {
                     let (params, body) = self.scope.functions.get(name).filter(|f| f.0.len() == args.len())?;
                     (size_with(body, params, args) <= MAX_STEPS).then(|| of(&substitute(body, params, args))).flatten()

@@ -197,6 +197,8 @@ impl FunctionValue<'_> {
                         values.push(value);
                     }
                 }
+                // Each branch is followed to the end of the function with the statements behind the `if`; the tests choose between the
+                // values.
                 Statement::If(tests, other) => {
                     let with = |body: Vec<Statement>| {
                         let mut all = statements.clone();
@@ -219,6 +221,7 @@ impl FunctionValue<'_> {
                     if items.len().saturating_mul(body.len() + 1) > MAX_STATEMENTS {
                         return Err(Refusal::new("'for' with too many turns", self.place.clone()));
                     }
+                    // The loop is unrolled: statements are a stack, so that the last turn is pushed first.
                     for item in items.into_iter().rev() {
                         statements.extend(body.iter().rev().cloned());
                         statements.push(Statement::Assign(name.clone(), item));

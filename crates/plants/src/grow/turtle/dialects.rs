@@ -120,7 +120,7 @@ pub(super) enum DialectCommand {
     Tropism,
     /// A command that changes no geometry.
     Ignored,
-    /// A command that is not supported.
+    /// L-Py: a command that would change the drawing but has no effect here; L008 warns of it.
     Unsupported,
 }
 

@@ -57,7 +57,7 @@ pub(super) fn apply_tropisms(
 /// heading.
 fn sought_direction(frame: &TurtleFrame, t: &Tropism) -> DVec3 {
     let dir = t.dir.normalize_or(DVec3::Y);
-    // The point of the cone in the plane of H and T: T turned by the rest angle A about n = H x T. Along T itself
+    // The point of the cone in the plane of H and T: T turned towards H by the rest angle A. Along T itself
     // every side of the cone is as near; left decides.
     let n = frame.h.cross(dir);
     let n = if n.length_squared() > 1e-24 { n.normalize() } else { frame.l };
