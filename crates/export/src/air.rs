@@ -13,7 +13,7 @@ use osier_base::Result;
 use osier_base::files::Folder;
 use osier_scene::{AirGrid, Frame, Scene};
 
-/// Writes planes and boxes of the wind field.
+/// Writes the wind field at each frame into `wind/`: a plane as an EXR image, a box as a `.vti` volume.
 #[derive(Debug)]
 pub struct Air {
     folder: Folder,
@@ -21,7 +21,7 @@ pub struct Air {
 }
 
 impl Air {
-    /// An exporter into `folder`.
+    /// An exporter of the grids [`Scene::air`] that writes below `folder`; frames without values of a grid get no file.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None }
     }

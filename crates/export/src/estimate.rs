@@ -15,18 +15,18 @@ use osier_scene::{Asset, InstancerMotion, MapSequence, Material, MeshMotion, Sce
 
 use super::options::ExportOptions;
 
-/// What an estimate is made from.
+/// What the function [`estimate`](super::format::FormatInfo::estimate) of a format gets; it serves all formats of a bake.
 #[derive(Debug, Clone, Copy)]
 pub struct EstimateInput<'a> {
     /// The scene; in a plan, one individual stands for many.
     pub scene: &'a Scene,
-    /// Sizes of its assets, in order.
+    /// Sizes of the scene's assets, one for each in the order of the scene.
     pub assets: &'a [AssetSize],
-    /// Frames that are written; 0 for a still scene.
+    /// Number of frames that are written, which may be fewer than the clip has; 0 for a still scene.
     pub frames: u64,
-    /// Bytes of all textures as PNG.
+    /// Estimated bytes of all images of the scene, each counted once as a PNG file.
     pub pictures: u64,
-    /// Options of the formats.
+    /// Options of all formats; an estimate reads those of its own format.
     pub options: &'a ExportOptions,
     /// A single file with the whole scene at rest, instead of a bake.
     pub single: bool,
@@ -38,7 +38,7 @@ impl EstimateInput<'_> {
         self.assets.iter().map(|a| a.weight * bytes(a)).sum()
     }
 
-    /// Texels of one map of every map sequence.
+    /// Texels of one frame if every map sequence had a single map: the sum of the squares of their sides.
     pub fn map_texels(&self) -> u64 {
         self.scene.map_sequences.iter().map(|s| s.texels() as u64).sum()
     }
@@ -53,7 +53,7 @@ impl EstimateInput<'_> {
         sequences.filter(|(i, _)| has_relief(*i)).map(|(_, s)| s.texels() as u64).sum()
     }
 
-    /// Numbers in all maps of every map sequence at one frame.
+    /// Numbers of one frame in all maps of every map sequence: texels times channels.
     pub fn map_samples(&self) -> u64 {
         // Normals have three channels, heights and weights one: numbers, not texels, decide on the bytes.
         let channels = |s: &MapSequence| s.layers.iter().map(|l| l.encoding.channels() as u64).sum::<u64>();
@@ -61,40 +61,40 @@ impl EstimateInput<'_> {
     }
 }
 
-/// Counts of the elements of an asset.
+/// Counts of the elements of an asset, which estimates multiply by bytes. `weight` and placements are not multiplied in.
 #[derive(Debug, Clone, Default)]
 pub struct AssetSize {
     /// Assets that this one stands for, itself included.
     pub weight: u64,
-    /// Vertices of its meshes.
+    /// Points of its own meshes at rest, without those of prototypes.
     pub vertices: u64,
-    /// Triangles of its meshes.
+    /// Triangles of its own meshes at rest, without those of prototypes.
     pub triangles: u64,
-    /// Vertices of meshes whose frames carry points.
+    /// Points of meshes with [`MeshMotion::Deforming`], whose frames carry new points of the same topology.
     pub deforming_vertices: u64,
     /// Vertices of meshes that frames carry whole, in a typical frame.
     pub varying_vertices: u64,
-    /// Vertices that move, by joints or with points of their own.
+    /// Points of its own meshes that do not stand still, whether joints move them or frames carry them.
     pub moving_vertices: u64,
-    /// Instances of its instancers.
+    /// Instances of all its instancers, alive or not.
     pub instances: u64,
-    /// Instances that frames carry one by one.
+    /// Instances with [`InstancerMotion::Free`], for which frames carry a state each.
     pub free_instances: u64,
-    /// Vertices of all instances, each counted.
+    /// Vertices if each instance were geometry of its own, as in formats without instancing.
     pub instance_vertices: u64,
-    /// Triangles of all instances, each counted.
+    /// Triangles if each instance were geometry of its own, as in formats without instancing.
     pub instance_triangles: u64,
-    /// Vertices of prototypes, counted once.
+    /// Vertices of the prototypes of its instancers, each counted once, as in formats with instancing.
     pub prototype_vertices: u64,
-    /// Triangles of prototypes, counted once.
+    /// Triangles of the prototypes of its instancers, each counted once, as in formats with instancing.
     pub prototype_triangles: u64,
-    /// Points of its clouds.
+    /// Points of its clouds, those that move and those that stand still.
     pub points: u64,
-    /// Points of clouds that move.
+    /// Points of the clouds that move: these have new positions at each frame.
     pub moving_points: u64,
-    /// Points of curves that move.
+    /// Points of the curves that move; curves that stand still are not counted.
     pub moving_curve_points: u64,
-    /// Joints of its skeleton.
+    /// Joints of its skeleton, or 0 if it has none.
     pub joints: u64,
     /// Different times of the clip at which placements show it, at least 1.
     pub phases: u64,
@@ -103,7 +103,7 @@ pub struct AssetSize {
 }
 
 impl AssetSize {
-    /// Counts an asset that stands for itself alone.
+    /// Counts an asset that stands for itself alone: weight, phases and still copies are 1.
     pub fn of(asset: &Asset) -> Self {
         let mut size = Self {
             weight: 1,
@@ -168,7 +168,7 @@ impl AssetSize {
         scene.assets.iter().zip(shown).enumerate().map(size).collect()
     }
 
-    /// Frames that change the asset's joints, of `frames`.
+    /// Number of frames, out of `frames`, with a pose of the joints: all of them, or 0 for an asset without joints.
     pub fn posed_frames(&self, frames: u64) -> u64 {
         if self.joints > 0 { frames } else { 0 }
     }
@@ -181,14 +181,14 @@ pub struct MergedSize {
     pub vertices: u64,
     /// Triangles of all placements, each instance counted.
     pub triangles: u64,
-    /// Vertices of assets that have texture coordinates in some mesh.
+    /// Vertices that get texture coordinates: all of an asset if one of its meshes has some, else none.
     pub mapped_vertices: u64,
     /// Points of the clouds of all placements.
     pub points: u64,
 }
 
 impl MergedSize {
-    /// Counts all placements.
+    /// Sums the assets over all placements; a placement of an asset that does not exist counts nothing.
     pub fn of(scene: &Scene) -> Self {
         let each: Vec<Self> = scene.assets.iter().map(Self::of_asset).collect();
         let mut all = Self::default();
@@ -201,7 +201,7 @@ impl MergedSize {
         all
     }
 
-    /// Counts an asset without its placements.
+    /// Counts one showing of an asset: its meshes, and each instance as a copy of its prototype.
     pub fn of_asset(asset: &Asset) -> Self {
         let mut all = Self { points: asset.points.iter().map(|p| p.positions.len() as u64).sum(), ..Self::default() };
         let mut mapped = false;

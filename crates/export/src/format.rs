@@ -37,16 +37,16 @@ pub struct FormatInfo {
 pub struct ExportJob<'a> {
     /// Folder that all paths are relative to.
     pub folder: Folder,
-    /// Encoded images of the scene.
+    /// PNG files of the scene's images, which all exporters share.
     pub textures: Arc<Textures>,
-    /// Options of all formats.
+    /// Options of all formats; an exporter copies those of its own format.
     pub options: &'a ExportOptions,
     /// Name of a single file with the whole scene, with an ending of [`FormatInfo::endings`]; none for the files of a bake.
     pub file: Option<&'a str>,
 }
 
 impl ExportJob<'_> {
-    /// The target of formats that name a single file by its stem.
+    /// The target of formats that name a single file by its stem: the stem of `file`, or a bake if there is none.
     pub fn target(&self) -> FileTarget {
         match self.file {
             Some(name) => FileTarget::Single(name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned()),

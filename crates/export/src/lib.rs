@@ -48,7 +48,7 @@ mod world_joints;
 pub struct Warning {
     /// Code that does not change between versions; docs/codes.md lists them.
     pub code: &'static str,
-    /// What was found, and what was done.
+    /// What was found and what was written instead, without the code.
     pub message: String,
 }
 
@@ -86,5 +86,5 @@ pub trait Exporter: Send {
 /// Name and version of the program, as files name their generator: `osier 0.1.0`.
 pub const GENERATOR: &str = concat!("osier ", env!("CARGO_PKG_VERSION"));
 
-/// Version of the program.
+/// Version of the program without its name, which manifests and layers record.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

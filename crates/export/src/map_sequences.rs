@@ -7,7 +7,6 @@ use super::Warning;
 use osier_base::{Error, Result};
 use osier_scene::{MapEncoding, MapFrame, MapLayer, MapSequence};
 
-/// A value as maps store it.
 struct StoredSample {
     /// Number that the file holds, 0 to 1, before it is quantized.
     value: f32,
@@ -35,7 +34,7 @@ fn stored(encoding: MapEncoding, v: f32, range: f32) -> Option<StoredSample> {
 pub struct Values {
     /// Texel after texel, the channels of a texel together.
     pub samples: Vec<f32>,
-    /// Numbers above the range, which are cut.
+    /// Number of samples that lay above the range and were cut to 1.
     pub cut: usize,
 }
 
@@ -77,16 +76,15 @@ struct Made<T> {
 pub struct MapEncoder<T> {
     /// Layers of a sequence that are written, in order.
     select: fn(&MapSequence) -> Vec<usize>,
-    /// Maps of each sequence at the last frame.
+    /// Maps of each sequence at the last frame; a map that is equal to its own here is not encoded again.
     last: Vec<Option<MapFrame>>,
-    /// The last file of each map.
+    /// The last file of each map, which is shown again while the map stays the same.
     made: BTreeMap<LayerIndex, Made<T>>,
     /// Numbers cut so far, and where the first was.
     cut: u64,
     first: Option<(String, u32)>,
 }
 
-/// A layer of a sequence by indices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct LayerIndex {
     sequence: usize,
@@ -96,13 +94,13 @@ struct LayerIndex {
 /// The file of one map at a frame.
 #[derive(Debug)]
 pub struct EncodedMap<T> {
-    /// Index of the sequence.
+    /// Index in the list of sequences that [`MapEncoder::frame`] got.
     pub sequence: usize,
     /// The layer of the sequence that the file shows.
     pub layer: MapLayer,
-    /// What the encoder made of it.
+    /// What the `encode` of [`MapEncoder::frame`] returned, at this frame or at an earlier one.
     pub file: Arc<T>,
-    /// False if it is the last frame's.
+    /// True if the map was encoded at this frame; false if it has not changed since an earlier one.
     pub fresh: bool,
 }
 

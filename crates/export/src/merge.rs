@@ -18,23 +18,23 @@ const BATCHES_AT_ONCE: usize = 8;
 /// A range of the points or triangles of a part: of a mesh, or of an instance of a prototype.
 pub(super) struct PartRange<'a> {
     pub mesh: &'a Mesh,
-    /// Transform of the part.
+    /// World from the space of `mesh`: the asset's transform after that of the instance.
     pub trs: Trs,
     /// What its normals are bent by after the transform; zero: they are not.
     pub toward: Vec3,
-    /// Points, or triangles, of the mesh.
+    /// Indices into the points of `mesh` or into its triangles, whichever the iterator gives.
     pub range: Range<usize>,
-    /// Number of the part's first point in the merged mesh.
+    /// Number of the part's first point in the merged mesh; 0 in ranges of points, which do not use it.
     pub base: u64,
 }
 
 impl PartRange<'_> {
-    /// The points, transformed.
+    /// The points of `range`, transformed by `trs`; only for ranges of points.
     pub fn points(&self) -> impl Iterator<Item = Vec3> {
         self.mesh.points[self.range.clone()].iter().map(|p| self.trs.apply(*p))
     }
 
-    /// The normals, transformed.
+    /// The normals of `range`, transformed by `trs` and bent by `toward`; only for ranges of points.
     pub fn normals(&self) -> impl Iterator<Item = Vec3> {
         self.mesh.normals[self.range.clone()].iter().map(|n| bent_normal(transform_normal(&self.trs, *n), self.toward))
     }
@@ -83,7 +83,7 @@ impl PartBlock<'_> {
 /// All meshes and live instances of an asset at rest as one mesh: its size, and iterators over its parts.
 pub(super) struct FlattenedAsset<'a> {
     blocks: Vec<PartBlock<'a>>,
-    /// Materials in the order of their first use.
+    /// Indices into the scene's materials, each once, in the order of their first use.
     pub materials: Vec<u32>,
     known: BTreeSet<u32>,
     /// Whether some part has texture coordinates; those of the others are zero.
@@ -95,7 +95,7 @@ pub(super) struct FlattenedAsset<'a> {
 }
 
 impl<'a> FlattenedAsset<'a> {
-    /// Counts the parts of an asset.
+    /// Counts the parts of an asset at rest. Visits every live instance and copies no geometry.
     pub fn of(asset: &'a Asset) -> Self {
         let (blocks, materials, known) = (Vec::new(), Vec::new(), BTreeSet::new());
         let mut flattened = Self { blocks, materials, known, has_uvs: false, vertices: 0, triangles: 0 };
@@ -126,7 +126,7 @@ impl<'a> FlattenedAsset<'a> {
         flattened
     }
 
-    /// Meshes that are split into several ranges.
+    /// The asset's own meshes with more points than a batch holds, which are split; prototypes are left out.
     pub fn large_meshes(&self) -> impl Iterator<Item = &Mesh> {
         let own =
             self.blocks.iter().filter_map(|b| if let PartSource::Mesh(mesh) = &b.source { Some(*mesh) } else { None });

@@ -57,7 +57,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     size.vertices * (POINT_LINE + NORMAL_LINE) + size.mapped_vertices * UV_LINE + size.triangles * face
 }
 
-/// Writes meshes as OBJ with their materials as MTL.
+/// Writes meshes as OBJ with their materials as MTL and textures as PNG; instances become copies of their prototypes.
 #[derive(Debug)]
 pub struct ObjExporter {
     folder: Folder,

@@ -9,18 +9,18 @@ use super::{
     vdb::options::VdbOptions,
 };
 
-/// Options of all formats that have some.
+/// Options of all formats that have some; those of formats that are not written are ignored.
 #[derive(Debug, Clone, Default)]
 pub struct ExportOptions {
     /// Options of USD; those of a single file follow from the [`ExportJob`](super::format::ExportJob).
     pub usd: UsdOptions,
     /// Options of glTF; profile and target come from [`Self::gltf_profiles`] and the `ExportJob`.
     pub gltf: GltfOptions,
-    /// Profiles of glTF, each with a set of files.
+    /// Profiles of glTF; a bake writes a set of files for each.
     pub gltf_profiles: Vec<Profile>,
     /// Options of POV-Ray; the target comes from the `ExportJob`.
     pub pov: PovOptions,
-    /// Options of points as CSV.
+    /// Options of points as CSV; without tables in them none is written.
     pub points: PointsOptions,
     /// Options of OpenVDB files.
     pub vdb: VdbOptions,

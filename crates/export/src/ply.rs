@@ -60,7 +60,7 @@ pub struct PlyExporter {
 }
 
 impl PlyExporter {
-    /// An exporter into `folder`.
+    /// An exporter that writes below `folder`; `target` decides between the files of a bake and a single one.
     pub fn new(folder: Folder, target: FileTarget) -> Self {
         Self { folder, target, scene: None, frames: 0 }
     }

@@ -32,7 +32,7 @@ pub const FORMATS: &[&FormatInfo] = &[
     &unreal::FORMAT,
 ];
 
-/// The format of a word.
+/// The format whose [`FormatInfo::word`] is this one, in lower case; `None` if there is none.
 pub fn by_word(word: &str) -> Option<&'static FormatInfo> {
     FORMATS.iter().find(|f| f.word == word).copied()
 }

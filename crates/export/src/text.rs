@@ -24,7 +24,7 @@ impl Default for TextBuffer {
 }
 
 impl TextBuffer {
-    /// An empty text with capacity for `bytes`.
+    /// An empty text that takes `bytes` bytes before it allocates again.
     pub fn with_capacity(bytes: usize) -> Self {
         Self { bytes: Vec::with_capacity(bytes), finite: true }
     }
@@ -48,7 +48,7 @@ impl TextBuffer {
         self
     }
 
-    /// Appends an integer.
+    /// Appends an integer in decimal, without separators.
     pub fn int(&mut self, v: impl Into<u64>) -> &mut Self {
         // Digits from the last one backwards; u64 has at most 20.
         let mut digits = [0_u8; 20];
@@ -66,7 +66,7 @@ impl TextBuffer {
         self
     }
 
-    /// Appends numbers with a separator between them.
+    /// Appends numbers as [`Self::num`] does, with `separator` between them but not at the ends.
     pub fn list(&mut self, values: &[f32], separator: &str) -> &mut Self {
         for (i, v) in values.iter().enumerate() {
             if i > 0 {
@@ -77,14 +77,14 @@ impl TextBuffer {
         self
     }
 
-    /// Appends another text.
+    /// Appends another text; a number in it that was not finite counts for this one, too.
     pub fn append(&mut self, other: &Self) -> &mut Self {
         self.bytes.extend_from_slice(&other.bytes);
         self.finite &= other.finite;
         self
     }
 
-    /// Appends one line per item, formatted in parallel, in order.
+    /// Appends what `line` writes for each item and its index, in parallel, in the order of the items. `line` ends its own lines.
     pub fn lines<T: Sync>(&mut self, items: &[T], line: impl Fn(&mut Self, usize, &T) + Sync + Send) -> &mut Self {
         // Chunks are formatted in buffers of their own and joined in order: the text is the same for any number of threads.
         let parts = osier_base::par::par_chunks(items, osier_base::par::CHUNK, |first, chunk| {
@@ -106,12 +106,12 @@ impl TextBuffer {
         &self.bytes
     }
 
-    /// Number of bytes written so far.
+    /// Number of bytes appended so far.
     pub fn len(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Whether the text is empty.
+    /// True until a byte is appended; an empty string appends none.
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }

@@ -38,7 +38,7 @@ impl Textures {
         Ok(Self { png })
     }
 
-    /// PNG bytes of the image at an index.
+    /// PNG file of the image at this index of [`Scene::images`]; panics at an index beyond them.
     pub fn png(&self, image: u32) -> &Arc<[u8]> {
         &self.png[image as usize]
     }
@@ -58,7 +58,7 @@ impl Textures {
         Ok(())
     }
 
-    /// PNG bytes of all images, in order.
+    /// PNG files of all images, in the order of [`Scene::images`].
     pub fn iter(&self) -> impl Iterator<Item = &Arc<[u8]>> {
         self.png.iter()
     }

@@ -30,11 +30,10 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(TracksExporter::new(job.folder.clone()))],
 };
 
-/// Writes record tables and joints.
+/// Writes the record tables of the frames as `tracks/<name>.bin` and the joints of all placements as `tracks/rods.bin`.
 pub struct TracksExporter {
     folder: Folder,
     scene: Option<Arc<Scene>>,
-    /// In the order of their names.
     files: BTreeMap<&'static str, RecordFile>,
 }
 
@@ -48,7 +47,6 @@ struct ColumnInfo {
     bytes: usize,
 }
 
-/// Records of a table in one frame.
 #[derive(Debug, Clone, Copy)]
 struct FrameRecords {
     frame: u32,
@@ -62,18 +60,18 @@ struct RecordFile {
     columns: Vec<ColumnInfo>,
     /// None if an interrupted bake has left the file complete.
     out: Option<Output>,
-    /// Number of records written.
+    /// Records written so far, of all frames: the index of the next one.
     records: u64,
     frames: Vec<FrameRecords>,
 }
 
 impl TracksExporter {
-    /// An exporter into `folder`.
+    /// An exporter that writes below `folder`; the file of a table is created with its first records.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None, files: BTreeMap::new() }
     }
 
-    /// Appends a frame's records to the file of their table.
+    /// Appends a frame's records to the file of their table; X001 if its columns are not those of the frames before.
     fn append(&mut self, table: &RecordTable, frame: u32) -> Result<()> {
         let name = table.name;
         let columns: Vec<ColumnInfo> = table.columns.iter().map(ColumnInfo::of).collect();

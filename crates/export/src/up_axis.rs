@@ -7,7 +7,7 @@ use glam::{Mat4, Quat, Vec3};
 use osier_base::geometry::Bounds;
 use osier_scene::Trs;
 
-/// The up axis of the stage.
+/// The axis of the written file that points up; the scene itself has +Y up.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum UpAxis {
     /// The scene's own axes, which are those of glTF, too: nothing is converted.

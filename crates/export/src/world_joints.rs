@@ -2,18 +2,18 @@
 
 use osier_scene::{Frame, Scene, Trs};
 
-/// The transform of a joint in world space.
+/// A joint of one placement at one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct WorldJoint {
-    /// Index of the placement.
+    /// Index in the scene's placements.
     pub placement: u32,
-    /// Index in the skeleton.
+    /// Index in the skeleton of the placement's asset.
     pub joint: u32,
     /// Index in the skeleton of its parent; none for a root.
     pub parent: Option<u32>,
     /// World from joint space.
     pub world: Trs,
-    /// Radius of what it carries at its pivot, m.
+    /// Radius in the world of what it carries at its pivot, m: scaled with the placement.
     pub radius: f32,
 }
 

@@ -13,7 +13,7 @@ use osier_scene::{Mesh, Subset};
 pub(super) struct MeshPart {
     /// Place in the file, for messages: `meshes[0].primitives[1]`.
     pub(super) place: String,
-    /// Name of its object in the file.
+    /// Name of its object in the file; empty if it has none.
     pub(super) name: String,
     pub(super) material: u32,
     pub(super) points: Vec<Vec3>,

@@ -14,7 +14,7 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Names of the channel that holds heights, in the order in which they are looked for; case is ignored.
 const CHANNELS: [&str; 6] = ["Y", "height", "Z", "displacement", "R", "G"];
 
-/// What the values of a height map are.
+/// Whether the values of a height map are lengths or wait for a range in metres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeightUnit {
     /// Fractions of the range from black (0) to white (1), of which a picture of whole numbers has so many steps.
@@ -35,7 +35,7 @@ pub struct HeightMap {
     pub height: usize,
     /// Heights in `unit`, row by row from the top left; all finite.
     pub values: Vec<f32>,
-    /// What the values are.
+    /// Whether `values` are fractions of a range or numbers as the file has them.
     pub unit: HeightUnit,
 }
 

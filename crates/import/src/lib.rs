@@ -48,25 +48,25 @@ pub enum UpAxis {
     Z,
 }
 
-/// How a mesh is read.
+/// Where a file may read from, what it may cost, and how its mesh becomes one of the scene.
 #[derive(Debug, Clone, Copy)]
 pub struct ImportOptions<'a> {
-    /// Where references may be read.
+    /// Folders from which files that the file refers to may be read; a reference that leaves them is an error.
     pub roots: &'a SearchPaths,
-    /// What the file may cost.
+    /// Limits on the file's bytes, elements and images, checked before memory is spent; beyond one: X010.
     pub limits: &'a Limits,
     /// The axis of the file that becomes +Y.
     pub up: UpAxis,
     /// Metres per unit of the file, finite, > 0.
     pub scale: f32,
-    /// What its materials stand for.
+    /// Class of all its materials; leaves and catkins begin as double-sided and translucent, before values of the file.
     pub class: MaterialClass,
 }
 
 /// A file that took part, for the scene's hash.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InputFile {
-    /// Where it was found.
+    /// Where it was found; for the imported file itself the path as it was given.
     pub path: PathBuf,
     /// BLAKE3 of its bytes.
     pub blake3: [u8; 32],
@@ -90,11 +90,11 @@ pub struct Imported {
     pub parts: Vec<TriangleGroup>,
     /// Materials; their maps index `images`.
     pub materials: Vec<Material>,
-    /// Images of the materials' maps.
+    /// The images that the maps of `materials` index.
     pub images: Vec<Image>,
     /// The file and all that it refers to, in order of reference.
     pub files: Vec<InputFile>,
-    /// Warnings of the reader.
+    /// Warnings of the reader; errors make [`read`] fail instead.
     pub warnings: Report,
 }
 

@@ -20,12 +20,12 @@ pub enum Backdrop {
     Plain {
         /// Linear RGB as displayed: it is not tone-mapped.
         color: [f32; 3],
-        /// Height of the floor, m.
+        /// Height of the floor that receives shadows, m; `None`: there is no floor.
         floor: Option<f32>,
     },
     /// Transparent: alpha is the coverage of objects, and the shadow on the floor if there is one.
     Clear {
-        /// Height of the floor, m.
+        /// Height of the floor that receives shadows, m; `None`: there is no floor.
         floor: Option<f32>,
     },
 }

@@ -9,7 +9,7 @@ use osier_base::convert::narrow;
 use osier_base::{Error, Result};
 use osier_export::GENERATOR;
 
-/// File format of a clip.
+/// File format of a clip; both loop forever.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClipFormat {
     /// 256 colours of one palette, one of them transparent; opens everywhere.

@@ -12,7 +12,7 @@ use osier_scene::{Coat, Frame, Material, Scene};
 /// The coat of a material at a frame.
 #[derive(Debug)]
 pub(super) struct CoatMap {
-    /// Weight of the film, 0 to 1.
+    /// Weight of the film by texel, 0 to 1, rows from the top.
     weight: Arc<Vec<f32>>,
     /// Texels along a side.
     side: usize,

@@ -50,7 +50,7 @@ impl CameraView {
 #[derive(Debug, Clone, Default)]
 pub struct Subject {
     points: Vec<Vec3>,
-    /// Box around the points, m.
+    /// Box around all points in the world, also around those that were thinned out, m; empty without any.
     pub bounds: Bounds,
     /// True if the scene has ground or terrain, which is not part of the points.
     pub ground: bool,
@@ -108,7 +108,7 @@ impl Subject {
         Self { points: points.into_iter().step_by(step).chain(reach).collect(), bounds, ground }
     }
 
-    /// The union of two subjects.
+    /// The union of two subjects, so that a camera shows both; it has ground if one of them has.
     #[must_use]
     pub fn with(mut self, other: &Self) -> Self {
         self.points.extend_from_slice(&other.points);
@@ -129,7 +129,7 @@ impl Subject {
         Self { points: rotations.flat_map(rotated).collect(), ..self.clone() }
     }
 
-    /// True if nothing is visible.
+    /// True if the scene has no point that a camera could frame.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }

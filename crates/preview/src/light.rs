@@ -8,7 +8,7 @@ use osier_scene::{Fog, Sky, Sun};
 /// Distance that the sky is seen through haze, m: far enough for any haze to become opaque along it.
 const SKY_DISTANCE: f32 = 1e6;
 
-/// Sun, sky and haze of a scene.
+/// Sun, sky and haze of a scene. Colours are linear and multiplied by their strengths.
 #[derive(Debug, Clone, Copy)]
 pub struct Light {
     /// Unit vector to the middle of the sun.

@@ -81,7 +81,7 @@ impl PreviewMaterials {
         }
     }
 
-    /// Mean colour of a material over its texture.
+    /// Linear mean colour of a material's texture; without a texture its base colour, and light grey for water.
     pub(super) fn mean_color(&self, id: MaterialId) -> Vec3 {
         let Some(m) = self.material(id) else { return Vec3::splat(0.5) };
         // Water has no colour of its own: what it shows is mostly the bright sky.

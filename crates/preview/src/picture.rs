@@ -26,12 +26,12 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// A transparent picture.
+    /// A picture of transparent black pixels.
     pub fn new(width: u32, height: u32) -> Self {
         Self::filled(width, height, [0; 4])
     }
 
-    /// A picture of one sRGB colour and alpha.
+    /// A picture of one colour, sRGB with straight alpha.
     pub fn filled(width: u32, height: u32, color: [u8; 4]) -> Self {
         Self { width, height, pixels: vec![color; width as usize * height as usize] }
     }
@@ -62,7 +62,7 @@ impl Picture {
         }
     }
 
-    /// True if every pixel is opaque.
+    /// True if every pixel has an alpha of 255, also if there is no pixel.
     pub fn is_opaque(&self) -> bool {
         self.pixels.iter().all(|p| p[3] == 255)
     }

@@ -376,7 +376,7 @@ impl Tile<'_, '_> {
     }
 }
 
-/// Width and height of a tile, pixels.
+/// Width and height of a tile, pixels; those at the right and lower edge of the picture may be smaller.
 #[derive(Debug, Clone, Copy)]
 struct TileSize {
     w: usize,

@@ -53,15 +53,15 @@ pub(super) struct SceneHit {
 #[derive(Debug)]
 pub struct RenderScene<'a> {
     pub(super) materials: &'a PreviewMaterials,
-    /// False for drafts, which are rasterised.
+    /// False where a draft is rasterised: without water and with at most [`MAX_DRAFT_PRIMITIVES`] primitives.
     pub(super) has_bvh: bool,
     solids: Vec<Solid<'a>>,
     instances: Vec<SolidInstance>,
-    /// Coat of each material.
+    /// Coat of each material at the frame, by index; `None` for a bare one.
     pub(super) coats: Vec<Option<CoatMap>>,
     /// Over the boxes of the instances; empty for drafts.
     bvh: CwBvh,
-    /// Box around everything, m.
+    /// Box around all instances in the world, m; solids without primitives are left out, so it may be empty.
     pub bounds: Bounds,
     /// Offset of rays from the surface that they leave, m: 1e-5 of the largest coordinate, some hundred units of its
     /// last place.
@@ -139,7 +139,7 @@ impl<'a> RenderScene<'a> {
         self.instances.iter().filter_map(|i| self.solids.get(i.solid as usize)).map(|s| s.len() as u64).sum()
     }
 
-    /// The closest intersection of a ray.
+    /// The closest intersection within the range of a ray, or `None`.
     pub(super) fn closest_hit(&self, ray: Ray) -> Option<SceneHit> {
         let mut best: Option<SceneHit> = None;
         let mut hit = RayHit::none();

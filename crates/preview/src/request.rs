@@ -9,12 +9,12 @@ use osier_scene::Camera;
 pub struct RenderRequest {
     /// Position and direction of view, vertical field of view in radians.
     pub camera: Camera,
-    /// Width and height, pixels.
+    /// Width and height of the picture, pixels; neither may be 0.
     pub size: [u32; 2],
     /// Sun and sky of the scene.
     pub light: Light,
     /// What lies behind and below.
     pub backdrop: Backdrop,
-    /// Seed of the sample pattern.
+    /// Seed of the sample pattern: it changes the noise of the picture.
     pub seed: u32,
 }

@@ -203,7 +203,7 @@ impl<'a> Solid<'a> {
         enter <= leave
     }
 
-    /// Number of primitives.
+    /// Number of triangles or of cones.
     pub(super) fn len(&self) -> usize {
         match &self.kind {
             Primitives::Triangles { triangles, .. } => triangles.len(),

@@ -65,13 +65,13 @@ fn estimate(input: &EstimateInput) -> u64 {
 pub struct ExrExporter {
     folder: Folder,
     scene: Option<Arc<Scene>>,
-    /// The last values of each field.
+    /// Values of each field of the scene at the last frame that had some.
     last: Vec<Vec<f32>>,
     sequences: SequenceWriter,
 }
 
 impl ExrExporter {
-    /// An exporter into `folder`.
+    /// An exporter that writes into `maps/` and its subfolders below `folder`.
     pub fn new(folder: Folder, options: ExrOptions) -> Self {
         Self { folder, scene: None, last: Vec::new(), sequences: SequenceWriter::new(options) }
     }

@@ -16,7 +16,7 @@ use super::tracks::{InstanceTrack, MorphFrames, MorphShape, MorphTrack};
 use osier_base::Result;
 use osier_scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
 
-/// The nodes of an asset.
+/// Nodes that each placement of an asset gets below its own; all of them share meshes and accessors.
 #[derive(Debug, Default)]
 pub(super) struct AssetNodes {
     pub joints: Vec<JointNode>,
@@ -34,7 +34,7 @@ pub(super) struct JointNode {
     pub motion: NodeAnimation,
 }
 
-/// The parent of a node.
+/// What a node of an asset hangs below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NodeParent {
     /// The placement's node.

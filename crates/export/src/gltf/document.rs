@@ -56,7 +56,7 @@ pub(super) struct GltfDocument<'a> {
     pub buffer: BinaryBuffer,
     pub animation: Animation,
     pub warnings: Vec<Warning>,
-    /// Most joints of an animated skeleton.
+    /// Most joints of an animated skeleton; the others follow their nearest ancestors that are written (X002).
     pub max_joints: usize,
     pub material_indices: BTreeMap<MaterialVariant, Index>,
     pub texture_indices: BTreeMap<u32, Index>,

@@ -22,15 +22,15 @@ use osier_scene::{Attribute, AttributeData, InstanceState, Instancer, MaterialId
 pub(super) struct InstanceGroup<'a> {
     pub instancer: &'a Instancer,
     pub state: &'a InstanceState,
-    /// Index into the prototypes.
+    /// Index into the prototypes of `instancer`.
     pub proto: usize,
-    /// Indices of live instances.
+    /// Indices into `instancer`; only instances that are alive in `state`.
     pub members: Vec<usize>,
     /// Asset and instancer, for errors.
     pub label: &'a str,
 }
 
-/// Indices of the live instances of each prototype.
+/// For each prototype the indices of its live instances, rising; an empty list for one without any.
 pub(super) fn live_by_prototype(instancer: &Instancer, state: &InstanceState) -> Vec<Vec<usize>> {
     let mut lists = vec![Vec::new(); instancer.prototypes.len()];
     for i in (0..instancer.len()).filter(|&i| state.is_alive(i)) {

@@ -77,15 +77,15 @@ pub(super) struct MeshSource<'a> {
     pub label: &'a str,
     pub mesh: &'a Mesh,
     pub geometry: GeometryKind,
-    /// Influences of all vertices of the mesh.
+    /// Joints and weights of every point of `mesh`, not of one material's points; `None` without a skin.
     pub skin: Option<&'a SkinInfluences>,
-    /// Morph targets with their names.
+    /// Morph targets with their names; empty for a mesh that does not morph.
     pub shapes: &'a [(String, &'a MorphShape)],
     /// The cube of quantized positions that other meshes of the skin share; `None`: one of its own.
     pub cube: Option<QuantizedCube>,
 }
 
-/// A mesh of the document.
+/// A mesh of the document, and how its positions are turned into metres.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StoredMesh {
     pub index: Index,

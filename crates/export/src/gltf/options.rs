@@ -15,7 +15,7 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// The name of the profile in file names.
+    /// Its part of file names: `<asset>.<profile>.glb`.
     pub fn word(self) -> &'static str {
         match self {
             Self::Web => "web",
@@ -33,7 +33,7 @@ impl Profile {
     }
 }
 
-/// The files to write.
+/// Which files a writer makes for its profile.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum GltfTarget {
     /// `gltf/<asset>.<profile>.glb` for each asset and `gltf/<scene>.<profile>.glb` for all placements and the camera.
@@ -52,7 +52,7 @@ pub struct GltfOptions {
     pub profile: Profile,
     /// The files to write.
     pub target: GltfTarget,
-    /// Write this frame alone, without animation.
+    /// Number of the only frame that is written, without animation; `None`: the whole clip.
     pub frame: Option<u32>,
     /// Most moving instances in a file; each is a node with animation channels.
     pub nodes: usize,
@@ -66,7 +66,7 @@ pub struct GltfOptions {
     pub meshopt: bool,
     /// Profile `engine`: most triangles of a plant at its finest level of detail.
     pub level_triangles: usize,
-    /// Profile `engine`: most joints of a plant, 1 to 256.
+    /// Profile `engine`: most joints of a plant; values outside of 1 to 256 are clamped.
     pub joints: usize,
     /// Profile `engine`: what the vertex colours of plants hold; `None` writes none.
     pub channels: Option<WindChannels>,
@@ -82,7 +82,7 @@ impl GltfOptions {
         }
     }
 
-    /// Most joints of an animated skeleton.
+    /// Most joints of an animated skeleton: [`Self::joints`] within 1 to 256 for `engine`, else a constant.
     pub(super) fn most_joints(&self) -> usize {
         match self.profile {
             Profile::Engine => self.joints.clamp(1, 256),
@@ -90,7 +90,7 @@ impl GltfOptions {
         }
     }
 
-    /// Whether buffer views are compressed.
+    /// Whether buffer views are compressed: only those of profile `web`, with [`Self::meshopt`].
     pub(super) fn compresses(&self) -> bool {
         self.profile == Profile::Web && self.meshopt
     }

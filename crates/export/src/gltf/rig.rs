@@ -80,7 +80,7 @@ impl JointSelection {
     }
 }
 
-/// For each joint whether it is kept.
+/// For each joint whether it is kept: the root always, with it at most `limit`.
 fn rank_and_keep(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<bool> {
     let n = skeleton.joints.len();
     // Length of each subtree: children come after their parents, so one pass from the end adds them up.

@@ -28,33 +28,33 @@ const LEAST_TOLERANCE: f32 = 0.0005;
 /// Most shapes that wait for the next key: they bound the memory, and what is compared for each frame.
 const MOST_WAITING: usize = 8;
 
-/// The animation of all assets.
+/// The states of all assets at the frames of the clip, held until the file is written.
 #[derive(Debug, Default)]
 pub(super) struct ClipTracks {
     /// Time of each frame, s, from the start of the clip.
     pub times: Vec<f32>,
-    /// Number of each frame.
+    /// Number of each frame in the clip, parallel to `times`.
     pub numbers: Vec<u32>,
     /// In the order of the scene's assets.
     pub assets: Vec<AssetTracks>,
-    /// Most moving instances in a file.
+    /// Most moving instances in a file; of more, those of the smallest [`InstanceTrack::key`] are written.
     pub max_moving: usize,
 }
 
-/// The animation of one asset.
+/// The changes of one asset over the clip; poses and tracks have an entry for each frame.
 #[derive(Debug, Default)]
 pub(super) struct AssetTracks {
     /// For each frame the transform of each joint to its parent's space.
     pub poses: Vec<Vec<Trs>>,
     /// Moving instances, sorted by (key, instancer, index).
     pub moving: Vec<InstanceTrack>,
-    /// For each mesh of the asset.
+    /// For each mesh of the asset in its order; [`MorphFrames::Still`] where it does not deform.
     pub meshes: Vec<MorphFrames>,
     /// For each curves primitive of the asset; points only.
     pub curves: Vec<MorphFrames>,
 }
 
-/// The states of one moving instance at all frames.
+/// The states of one moving instance; each list has an entry for every frame.
 #[derive(Debug)]
 pub(super) struct InstanceTrack {
     /// hash(seed, id): those of the smallest keys are written if there are too many.
@@ -109,11 +109,11 @@ pub(super) enum MorphFrames {
 pub(super) struct MorphKeys {
     /// Indices of the frames that are kept, rising.
     pub frames: Vec<usize>,
-    /// Shapes of the mesh at these frames.
+    /// One shape for each of `frames`, in their order.
     pub shapes: Vec<MorphShape>,
     /// Most that a point lies off its place at a frame that is not kept, m; 0 if all are kept.
     pub error: f32,
-    /// Number of frames so far.
+    /// Number of frames taken so far, kept or not: the index of the next one.
     seen: usize,
     /// Every n-th frame is kept, of meshes so large that they have few targets; 1: which ones, the motion decides.
     stride: usize,
@@ -123,11 +123,11 @@ pub(super) struct MorphKeys {
     tolerance: f32,
     /// Diagonal of the mesh's box at rest, m.
     diagonal: f32,
-    /// Shapes that are kept at most.
+    /// Most shapes before they are thinned out; raised to `most` where the error would show.
     limit: usize,
-    /// Most shapes of a mesh of its size.
+    /// Largest value that `limit` may take for a mesh of so many points.
     most: usize,
-    /// Whether shapes have normals.
+    /// Whether shapes have normals; those of large meshes have none, so that twice as many fit.
     with_normals: bool,
 }
 
@@ -136,7 +136,7 @@ pub(super) struct MorphKeys {
 pub(super) struct MorphTrack<'a> {
     /// Indices of the frames, rising.
     pub frames: &'a [usize],
-    /// Shapes of the mesh at these frames.
+    /// One shape for each of `frames`, in their order.
     pub shapes: &'a [MorphShape],
 }
 
@@ -173,7 +173,7 @@ impl MorphKeys {
         self.error > MORPH_TOLERANCE * self.diagonal
     }
 
-    /// Takes the shape of the next frame.
+    /// Takes the shape of the next frame: keeps it, or lets it wait until it is known whether it is needed.
     fn push(&mut self, mut shape: MorphShape) {
         if !self.with_normals {
             shape.normals = Vec::new();
@@ -230,7 +230,7 @@ impl MorphKeys {
         self.shapes.push(shape);
     }
 
-    /// Keeps a shape; one too many thins them out.
+    /// Keeps a shape; beyond `limit` shapes it raises the tolerance and drops those that are no longer needed.
     fn keep(&mut self, frame: usize, shape: MorphShape) {
         self.frames.push(frame);
         self.shapes.push(shape);
@@ -275,7 +275,7 @@ impl MorphKeys {
         kept
     }
 
-    /// Drops all shapes but some, whose indices rise.
+    /// Drops all shapes but those of the indices `kept`, which rise, and adds `tolerance` to the error.
     fn thin_out(&mut self, kept: &[usize], tolerance: f32) {
         let mut index = 0..;
         self.shapes.retain(|_| index.next().is_some_and(|i: usize| kept.binary_search(&i).is_ok()));
@@ -404,7 +404,7 @@ impl MorphFrames {
         }
     }
 
-    /// Releases shapes that are too few.
+    /// Turns into [`Self::TooMany`], which holds no shapes, if those that are kept are so coarse that it shows.
     fn drop_if_coarse(&mut self) {
         if matches!(self, Self::Frames(keys) if keys.is_coarse()) {
             *self = Self::TooMany;
@@ -431,7 +431,7 @@ impl InstanceTrack {
         self.held_frames().into_iter().map(|i| self.sizes[i]).collect()
     }
 
-    /// For each frame the one whose state is written.
+    /// For each frame the index of that whose state is written: the last live one so far, or the first live one to come.
     fn held_frames(&self) -> Vec<usize> {
         let first = self.alive.iter().position(|a| *a).unwrap_or(0);
         // Before the first live frame the index stays at that frame; after the last one it stays at the last live frame.

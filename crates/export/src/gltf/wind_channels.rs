@@ -41,12 +41,12 @@ impl WindNumber {
     }
 }
 
-/// A channel of a vertex colour.
+/// A component of a vertex colour or of TEXCOORD_1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindChannel {
     /// The number that the channel holds, 0 to 1.
     pub number: WindNumber,
-    /// Whether it holds 1 minus that.
+    /// Whether the channel holds 1 minus the number; names of inverted channels begin with `-`.
     pub inverted: bool,
 }
 
@@ -74,7 +74,7 @@ impl WindChannels {
         ],
         second_uv: None,
     };
-    /// Unity's shader for trees.
+    /// Unity's shader for trees: phase, flutter and light in the colour, sway and branch in TEXCOORD_1.
     pub const UNITY: Self = Self {
         color: [
             plain(WindNumber::Phase),

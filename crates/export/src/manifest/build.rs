@@ -20,15 +20,15 @@ use osier_scene::{Asset, AssetFrame, Clip, Coat, Material, MaterialClass, Scene,
 pub struct Settings {
     /// Up axis of the USD files, `Y` or `Z`.
     pub up_axis: String,
-    /// Samples in a frame, >= 1.
+    /// Time samples from one frame to the next, >= 1.
     pub substeps: u32,
-    /// Interval of written frames, >= 1.
+    /// Largest step from the first written frame that meets all others, >= 1.
     pub step: u32,
     /// First and last frame that is written; `None`: the whole clip.
     pub written: Option<[u32; 2]>,
     /// Frames after which the motion repeats; `None` if it does not.
     pub loop_frames: Option<u32>,
-    /// Width and height of pictures, pixels.
+    /// Width and height of the pictures that the camera is set up for, pixels.
     pub size: [u32; 2],
     /// Fraction of the frame interval for which the shutter is open, 0 to 1.
     pub shutter: f32,

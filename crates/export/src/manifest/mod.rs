@@ -28,7 +28,7 @@ pub struct Manifest {
     pub schema: u32,
     /// Name of the program, `osier`.
     pub generator: String,
-    /// Version of the program.
+    /// Version of the program that wrote the bake.
     pub version: String,
     /// Name and hash of the scene.
     pub scene: SceneEntry,
@@ -36,7 +36,7 @@ pub struct Manifest {
     pub seed: String,
     /// Up axis of the USD files, `Y` or `Z`.
     pub up_axis: String,
-    /// Unit of the USD files, m.
+    /// Metres per unit of the USD files; this version writes 1.
     pub meters_per_unit: f64,
     /// Frames and samples of the clip.
     pub time: TimeEntry,
@@ -50,7 +50,7 @@ pub struct Manifest {
     pub view: Option<ViewEntry>,
     /// Assets in the order of the scene.
     pub assets: Vec<AssetEntry>,
-    /// Where the assets stand.
+    /// Where the assets stand, as lists or as the path of a table.
     #[serde(default)]
     pub places: PlacesEntry,
     /// Materials in the order of the scene.
@@ -87,11 +87,11 @@ pub struct TimeEntry {
     /// Frames after which the motion repeats; `None` if it does not.
     #[serde(default, rename = "loop")]
     pub loop_frames: Option<u32>,
-    /// Interval of written frames, >= 1.
+    /// Largest step from the first written frame that meets all others, >= 1.
     pub step: u32,
-    /// Samples in a frame, >= 1.
+    /// Time samples from one frame to the next, >= 1; this version writes 1.
     pub substeps: u32,
-    /// Digits of frame numbers in file names.
+    /// Digits of frame numbers in file names, at least 4: those that `####` stands for.
     pub digits: usize,
 }
 
@@ -101,7 +101,7 @@ pub struct TimeEntry {
 pub struct UnitsEntry {
     /// Height that a map value of 1 stands for, m.
     pub height_range_m: f32,
-    /// Range of wetness maps.
+    /// Range of wetness maps from dry to wet, as text: `0..1`.
     pub wetness: String,
     /// POV-Ray units per metre.
     pub pov_units_per_m: f32,
@@ -140,7 +140,7 @@ pub struct CameraEntry {
 /// Parallel light of the sun.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SunEntry {
-    /// Unit vector to the sun.
+    /// Unit vector from the scene towards the sun.
     pub toward: [f32; 3],
     /// Linear RGB irradiance of a surface that faces the sun, W/m^2.
     pub irradiance: [f32; 3],
@@ -210,7 +210,7 @@ impl Default for PlacesEntry {
     }
 }
 
-/// One showing of an asset.
+/// One placement of an asset: where it stands and how far its motion is ahead.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaceEntry {
     /// World from asset, row vectors, in the scene's axes: the position, m, is in elements 12 to 14.
@@ -224,7 +224,7 @@ pub struct PlaceEntry {
 pub struct AssetEntry {
     /// Name of the asset, as in file names.
     pub id: String,
-    /// plant, terrain, cloud, tracks, import.
+    /// One of the words plant, terrain, cloud, tracks, import.
     pub kind: String,
     /// Name of the plant that it is an individual of, as in file names: `grass` for `grass_1`; null for all but plants.
     #[serde(default)]
@@ -236,11 +236,11 @@ pub struct AssetEntry {
     pub prim: String,
     /// Files of this asset alone, sequences with `####`.
     pub files: Vec<String>,
-    /// Vertices of its meshes at rest.
+    /// Points of its own meshes at rest, without those of instancers, clouds and curves.
     pub vertices: usize,
-    /// Triangles of its meshes at rest.
+    /// Triangles of its own meshes at rest, without those of instancers.
     pub triangles: usize,
-    /// Number of instances of all its instancers.
+    /// Number of instances of all its instancers, alive or not.
     pub instances: usize,
     /// Number of joints of its skeleton; 0 without one.
     pub joints: usize,
@@ -258,7 +258,7 @@ pub struct LeavesEntry {
     pub file: String,
     /// Names of the instancers in the order of the table.
     pub order: Vec<String>,
-    /// Number of instances of each.
+    /// Number of instances of each instancer in `order`, by its name.
     pub instancers: std::collections::BTreeMap<String, usize>,
     /// Whether leaves have colours of a season.
     pub color: bool,
@@ -271,13 +271,13 @@ pub struct LeavesEntry {
 pub struct MaterialEntry {
     /// Name of the material, as in file names.
     pub name: String,
-    /// bark, leaf, catkin, water, ground.
+    /// One of the words bark, leaf, catkin, water, ground.
     pub class: String,
     /// Paths of textures by slot: color, height, normal, rough.
     pub slots: std::collections::BTreeMap<String, String>,
     /// Paths of EXR maps by map, frame numbers as `####`.
     pub maps: std::collections::BTreeMap<String, String>,
-    /// Leaves with maps of their own.
+    /// Name of the map sequence of its coat, at most one; empty without a coat.
     pub leaf_ids: Vec<String>,
     /// Parameters of the shading model.
     pub params: ParamsEntry,
@@ -294,7 +294,7 @@ pub struct ParamsEntry {
     pub ior: f32,
     /// Share of light that is transmitted diffusely, 0 to 1.
     pub translucency: f32,
-    /// Alpha below which the surface is cut out.
+    /// Alpha below which the surface is cut out; `None`: nothing is cut out.
     pub alpha_cutoff: Option<f32>,
     /// Height that the value 1 of the height map stands for, m.
     pub height_range_m: f32,
@@ -312,9 +312,9 @@ pub enum FileEntry {
         path: String,
         /// Format and purpose of each file: `inc`, `exr.height`, ...
         kind: String,
-        /// First and last frame.
+        /// Numbers of the first and the last frame, inclusive; those between may have gaps.
         frames: [u32; 2],
-        /// Size of all files together.
+        /// Sum of the sizes of all files, bytes.
         bytes: u64,
         /// The files in the order of frames.
         items: Vec<ItemEntry>,
@@ -348,7 +348,7 @@ pub struct ItemEntry {
 pub struct WarningEntry {
     /// Code of the warning, `X002`.
     pub code: String,
-    /// What was found, and what was done.
+    /// What was found and what was written instead, without the code.
     pub message: String,
 }
 

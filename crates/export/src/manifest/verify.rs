@@ -12,7 +12,7 @@ use osier_base::{Error, Result};
 pub struct Verification {
     /// Files that the manifest names and the folder lacks.
     pub missing: Vec<String>,
-    /// Files that the manifest does not name.
+    /// Files in the folder that the manifest does not name; a bake with some is still complete.
     pub extra: Vec<String>,
     /// Files whose length or hash differs.
     pub changed: Vec<String>,

@@ -44,13 +44,12 @@ pub(super) fn csv_text(table: &RecordTable, up: UpAxis) -> Result<String> {
     Ok(text)
 }
 
-/// A column of the file.
 struct CsvColumn<'a> {
     table: &'static str,
     name: &'static str,
     /// Values of the column that it takes, in the scene's axes.
     values: &'a ColumnValues,
-    /// Whether the values change their sign.
+    /// Whether the file holds the values times -1: with +Z up, (x, y, z) of the scene becomes (x, -z, y).
     is_negated: bool,
 }
 

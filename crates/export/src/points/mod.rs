@@ -48,7 +48,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     input.frames * (joints + instances * INSTANCE_ROW)
 }
 
-/// Writes point tables and joints as CSV.
+/// Writes the tables that the options name, with the joints as one of them, as `points/<table>_<frame>.csv`.
 #[derive(Debug)]
 pub struct PointsExporter {
     folder: Folder,
@@ -57,7 +57,7 @@ pub struct PointsExporter {
 }
 
 impl PointsExporter {
-    /// An exporter into `folder`.
+    /// An exporter that writes into `points/` below `folder`.
     pub fn new(folder: Folder, options: PointsOptions) -> Self {
         Self { folder, options, scene: None }
     }

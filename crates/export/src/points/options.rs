@@ -18,7 +18,7 @@ impl Default for PointsOptions {
 }
 
 impl PointsOptions {
-    /// Whether a table is written.
+    /// Whether [`Self::tables`] has this name; the scene may lack the table.
     pub fn writes(&self, table: &str) -> bool {
         self.tables.contains(&table)
     }

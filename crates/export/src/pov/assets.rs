@@ -24,7 +24,7 @@ const TARGET: &str = "photons { target reflection on refraction on collect off }
 
 /// An asset with what its declarations in the scene language depend on.
 pub(super) struct PovAsset<'a> {
-    /// Index in the scene.
+    /// Index in the scene's assets.
     pub index: usize,
     pub asset: &'a Asset,
     pub space: PovSpace,

@@ -82,7 +82,7 @@ fn estimate(input: &EstimateInput) -> u64 {
     assets + maps * written(input.frames.max(1)).max(1)
 }
 
-/// Writes a POV-Ray scene.
+/// Writes a scene for POV-Ray: a main file, include files (one for each written frame), textures and maps of coats.
 #[derive(Debug)]
 pub struct PovExporter {
     folder: Folder,

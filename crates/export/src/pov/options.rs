@@ -15,7 +15,7 @@ pub struct PovOptions {
     pub shutter: f32,
     /// Width and height of the rendered image, pixels.
     pub size: (u32, u32),
-    /// The files to write.
+    /// The files of a bake in `pov/`, or one file with what belongs to it in `<stem>_files/`.
     pub target: FileTarget,
 }
 

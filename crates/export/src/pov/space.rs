@@ -49,7 +49,7 @@ pub(super) fn round_to(x: f32, step: f32) -> f32 {
     osier_base::math::narrow(if per_unit >= 1.0 { (x * per_unit).round() / per_unit } else { x.round() })
 }
 
-/// A direction as `<x,y,z>`.
+/// A direction as `<x,y,z>`: z is negated, and the scale is not applied.
 pub(super) fn write_direction(text: &mut TextBuffer, n: Vec3) {
     text.put("<").num(n.x).put(",").num(n.y).put(",").num(-n.z).put(">");
 }

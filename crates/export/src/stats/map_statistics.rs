@@ -21,7 +21,7 @@ pub struct MapStatistics {
 }
 
 impl MapStatistics {
-    /// Statistics of a map before the first run.
+    /// Statistics of no run yet; the maps that follow have the size of `field`.
     pub fn new(field: Field) -> Self {
         let texels = field.width * field.height;
         Self { field, count: 0, mean: vec![0.0; texels], squares: vec![0.0; texels] }
@@ -50,7 +50,7 @@ impl MapStatistics {
         self.mean.iter().map(|m| narrow(*m)).collect()
     }
 
-    /// Largest mean of a texel.
+    /// Largest mean of a texel; 0 if none is above 0.
     pub fn largest(&self) -> f64 {
         self.mean.iter().copied().fold(0.0, f64::max)
     }

@@ -48,7 +48,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open: |job| vec![Box::new(StatsExporter::new(job.folder.clone()))],
 };
 
-/// Writes the tables of a scene.
+/// Writes each table of a scene with its summary at the end: `stats/<name>.csv`, `.json` and, of several rows, `.svg`.
 #[derive(Debug)]
 pub struct StatsExporter {
     folder: Folder,
@@ -58,7 +58,7 @@ pub struct StatsExporter {
 }
 
 impl StatsExporter {
-    /// An exporter into `folder`.
+    /// An exporter that writes into `stats/` below `folder`; nothing is written before the last frame.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None, rows: Vec::new() }
     }
@@ -100,7 +100,7 @@ impl Exporter for StatsExporter {
     }
 }
 
-/// Summary of a table over all frames, by column.
+/// Summary of a table over all frames: pairs of a column's name and a value in its unit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Whole {
     /// Values at the last frame of the columns that count events.
@@ -114,7 +114,7 @@ pub struct Whole {
 }
 
 impl Whole {
-    /// Summarises rows in the order of frames.
+    /// Summarises rows in the order of frames; everything is empty without rows.
     pub fn of(table: &Table, rows: &[(u32, Vec<f64>)]) -> Self {
         let mut whole = Self::default();
         let Some((_, last)) = rows.last() else { return whole };

@@ -10,14 +10,14 @@ use super::{Whole, named, number};
 use osier_base::Result;
 use osier_base::files::Folder;
 
-/// The results of a parameter sweep.
+/// The runs of a parameter sweep, from which its tables and plots are made.
 #[derive(Debug, Clone, Default)]
 pub struct Sweep {
     /// Title of the scene, for the plot.
     pub title: String,
     /// Keys, as `--set` names them.
     pub keys: Vec<String>,
-    /// Columns of the table that are plotted.
+    /// Names of the columns that are summarised over the seeds and plotted.
     pub outcome: Vec<String>,
     /// In the order in which they were simulated.
     pub runs: Vec<Run>,
@@ -28,7 +28,7 @@ pub struct Sweep {
 /// One simulation of a sweep: its parameters and the summary of its results.
 #[derive(Debug, Clone, Default)]
 pub struct Run {
-    /// A value for each key, as written into the scene.
+    /// A value for each of [`Sweep::keys`], in their order, as written into the scene.
     pub values: Vec<String>,
     /// Seed of the run; runs of equal values differ in it.
     pub seed: u64,
@@ -41,11 +41,11 @@ pub struct Run {
 /// The mean over runs that differ in their seeds only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mean {
-    /// A value for each key.
+    /// A value for each of [`Sweep::keys`], in their order, which all runs of the mean share.
     pub values: Vec<String>,
     /// Number of runs over which the mean is taken, at least 1.
     pub count: usize,
-    /// Of each column of the outcome.
+    /// For each of [`Sweep::outcome`], in its order.
     pub outcome: Vec<Spread>,
 }
 
@@ -63,7 +63,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// The spread of at least one value.
+    /// The spread of `values`; without any the mean is 0, and the extremes are infinite.
     pub fn of(values: &[f64]) -> Self {
         // Sums run in the order of the runs, so that the same sweep has the same digits.
         let count = values.len().max(1) as f64;

@@ -68,7 +68,7 @@ fn plant_bytes(rig: &RiggedPlant) -> u64 {
     twigs + geometry + LEAF * leaves + JOINT * rig.skeleton.joints.len() as u64
 }
 
-/// Writes the plants of a scene for Unreal Engine.
+/// Writes each plant that has a rig for Unreal Engine, at rest; other assets are left out.
 #[derive(Debug)]
 pub struct UnrealExporter {
     folder: Folder,

@@ -65,7 +65,7 @@ impl LayerBuilder {
         self.writer.define_prim(path, type_name, &PrimMetadata::default())
     }
 
-    /// Creates an attribute with a default value.
+    /// Creates an attribute with a default value; time samples may follow.
     pub(crate) fn set_attr(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
         self.writer.create_attr(path, &AttrSpec::new(type_name), Some(value))
     }
@@ -82,7 +82,7 @@ impl LayerBuilder {
         Ok(())
     }
 
-    /// Creates a uniform attribute.
+    /// Creates an attribute of variability `uniform`, which cannot have time samples.
     pub(crate) fn set_uniform(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
         self.writer.create_attr(path, &AttrSpec::uniform(type_name), Some(value))
     }
@@ -111,7 +111,7 @@ impl LayerBuilder {
         self.writer.create_relationship(&format!("{prim}.material:binding"), &[path])
     }
 
-    /// The material bindings of the layer so far.
+    /// The material bindings of the layer so far, in the order in which they were made.
     pub(crate) fn bindings(&self) -> &[MaterialBinding] {
         &self.bindings
     }

@@ -9,7 +9,7 @@ use osier_scene::Scene;
 /// Metadata of a layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerMetadata {
-    /// Name of the root prim.
+    /// Name of the root prim, without `/`, which a reference to the layer shows.
     pub default_prim: String,
     pub up: UpAxis,
     /// Time codes per second; a time code is a frame.
@@ -20,7 +20,7 @@ pub struct LayerMetadata {
     pub end: f64,
     /// Seed as a decimal string.
     pub seed: String,
-    /// Hash of the scene file, hexadecimal.
+    /// Hash of the resolved scene, hexadecimal.
     pub scene: String,
 }
 
@@ -46,15 +46,15 @@ impl LayerMetadata {
 /// The target of a payload or reference: a prim of another layer, or of this one if `asset` is empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CompositionArc {
-    /// Path of the layer, relative to this one.
+    /// Path of the layer, relative to this one; empty for this one.
     pub asset: String,
-    /// Path of the prim in that layer.
+    /// Absolute path of the prim in that layer.
     pub prim: String,
     /// Frames by which the target is ahead of the clip: at time t it shows its time t + `phase` (a layer offset of -`phase`).
     pub phase: u32,
 }
 
-/// Metadata of a prim.
+/// Metadata of a prim; the default is a `def` without any.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PrimMetadata {
     /// `active = false`: the prim and its descendants are not composed, though a payload or reference defines them.
@@ -88,14 +88,14 @@ pub(super) fn variant_path(prim: &str, set: &str, name: &str) -> String {
     format!("{prim}{{{set}={name}}}")
 }
 
-/// Metadata of an attribute.
+/// Type and metadata of an attribute, without its values.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AttrSpec {
     /// Value type with its role, as in text: `point3f[]`.
     pub type_name: &'static str,
     /// Variability `uniform`: the attribute has no time samples.
     pub uniform: bool,
-    /// Not part of any schema.
+    /// Keyword `custom`: the attribute belongs to no schema.
     pub custom: bool,
     /// Interpolation of a primvar: `vertex`, `faceVarying`, `uniform`.
     pub interpolation: Option<&'static str>,
@@ -106,7 +106,7 @@ pub struct AttrSpec {
 }
 
 impl AttrSpec {
-    /// An attribute that may have time samples.
+    /// An attribute that may have time samples, with no other metadata.
     pub fn new(type_name: &'static str) -> Self {
         Self { type_name, ..Self::default() }
     }

@@ -108,7 +108,7 @@ struct OpenLayer {
     failed: Option<Error>,
 }
 
-/// Writes the layers of a scene.
+/// Writes a scene as USD: a wrapper with a payload for each asset, or one file, as [`UsdOptions::file`] says.
 pub struct UsdExporter {
     folder: Folder,
     textures: Arc<Textures>,

@@ -25,7 +25,7 @@ const RESERVED: [&str; 5] = ["camera", "sun", "sky", "fog", "mtl"];
 /// A prototype of a plant's instancer: an individual at a phase of the clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PlantPrototype {
-    /// Index of the asset.
+    /// Index in the scene's assets.
     pub(super) asset: usize,
     /// Frames by which it is ahead of the clip.
     pub(super) phase: u32,
@@ -48,7 +48,7 @@ struct PlantInstance<'a> {
 /// The instancer with all placements of a plant that has copies.
 #[derive(Debug)]
 pub(super) struct PlantInstancer<'a> {
-    /// Path of the instancer.
+    /// Path of the `PointInstancer` prim in the layer.
     pub(super) path: String,
     pub(super) prototypes: Vec<PrototypePrim>,
     instances: Vec<PlantInstance<'a>>,

@@ -69,7 +69,7 @@ pub(crate) fn volume_files(scene: &Scene) -> Vec<&'static str> {
     files
 }
 
-/// Writes the volumes of a scene.
+/// Writes the volumes of a scene: at each frame a file for each name in its grids, `vdb/<file>_<frame>.vdb`.
 #[derive(Debug)]
 pub struct VdbExporter {
     folder: Folder,
@@ -78,7 +78,7 @@ pub struct VdbExporter {
 }
 
 impl VdbExporter {
-    /// An exporter into `folder`.
+    /// An exporter that writes into `vdb/` below `folder`.
     pub fn new(folder: Folder, options: VdbOptions) -> Self {
         Self { folder, options, scene: None }
     }

@@ -83,7 +83,7 @@ impl MapCache {
         self.decoded.insert(number, raw.map(CachedImage::Decoded));
     }
 
-    /// Channels of a decoded image.
+    /// Channels of an image, 1, 3 or 4; `None` if it was not decoded or its file is absent.
     pub(crate) fn channels(&self, number: usize) -> Option<u8> {
         match self.decoded.get(&number)?.as_ref()? {
             CachedImage::Decoded(raw) => Some(raw.channels),
@@ -91,7 +91,7 @@ impl MapCache {
         }
     }
 
-    /// Index of the map stored for a use.
+    /// Index of the map stored for a use; `None` if it was not stored yet.
     pub(crate) fn find(&self, number: usize, map_use: MapUse) -> Option<u32> {
         self.stored.get(&(number, map_use)).copied()
     }

@@ -69,7 +69,7 @@ impl DecodedImage {
         self
     }
 
-    /// As the scene holds it.
+    /// An image of the scene with these samples, not converted to linear.
     pub(crate) fn into_image(self, name: String, kind: ImageKind) -> Image {
         let Self { width, height, channels, samples } = self;
         Image { name, kind, width, height, channels, pixels: Pixels::U8(samples) }

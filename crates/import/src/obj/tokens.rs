@@ -18,7 +18,7 @@ impl ObjToken<'_> {
         SyntaxError { code: "X010", start: self.start, end, message, label, help }
     }
 
-    /// A finite number that fits an f32.
+    /// The token as a finite number that fits an f32; else X001 or X010 at the token.
     pub(super) fn number(&self) -> Result<f64, SyntaxError> {
         let value = number(self.text).map_err(|why| {
             let token = self.text.trim_start_matches(['+', '-']).to_ascii_lowercase();

@@ -66,7 +66,6 @@ pub(super) fn render(
     Ok(picture)
 }
 
-/// A draft of one picture.
 struct DraftRenderer<'d, 'w> {
     world: &'d RenderScene<'w>,
     request: &'d RenderRequest,
@@ -85,7 +84,6 @@ struct VisiblePoints {
     is_sunlit: Vec<bool>,
 }
 
-/// What a pixel shows.
 #[derive(Clone, Copy)]
 enum PixelHit {
     Object(SceneHit),
