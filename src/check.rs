@@ -53,9 +53,9 @@ pub struct CheckResult {
     pub report: Report,
     /// What a bake of the whole clip would write; `None` if the scene has errors or is a picture of layers.
     pub estimate: Option<BakeEstimate>,
-    /// Keys that the scene gives.
+    /// Keys that the text of the scene gives, in its order, without overrides.
     pub keys: Vec<GivenKey>,
-    /// Parameters of its grammars.
+    /// Macros of the plants' grammars that the tables `plants.NAME.set` can override.
     pub parameters: Vec<GrammarParameter>,
     /// Why the check ended early, if not by a fault of the scene: `Limit`, `Cancelled`, or X030 for a scene in which
     /// nothing is visible.

@@ -5,12 +5,12 @@
 //! assert!(preset.text.contains("Axiom") && !osier::presets::about(preset).is_empty());
 //! ```
 
-/// A file that is part of the library.
+/// A file that is compiled into the program, so that scenes can refer to it by its bare name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Preset {
     /// File name with ending, such as `oak.l`.
     pub name: &'static str,
-    /// Content of the file.
+    /// Whole text of the file, comments included.
     pub text: &'static str,
 }
 
@@ -49,7 +49,7 @@ pub enum PresetKind {
 }
 
 impl PresetKind {
-    /// Its word in listings.
+    /// Word for this kind in the listings of presets as JSON.
     pub fn word(self) -> &'static str {
         match self {
             Self::Species => "species",

@@ -10,7 +10,7 @@ use super::events;
 use osier_base::diagnostic::{Report, Style, is_hidden, render, visible};
 use osier_base::{Error, Result};
 
-/// Output of a command.
+/// Standard output and standard error of a command, in the form that its flags choose.
 #[derive(Debug)]
 pub struct Console {
     /// Without progress and summaries.

@@ -73,7 +73,6 @@ fn preset_hint(word: &str, among: impl Iterator<Item = &'static Preset>) -> Stri
     }
 }
 
-/// Ending of grammars.
 const GRAMMAR: &str = ".l";
 /// How much a word counts that is a part of the name of a grammar, stands in the first line of its comment, or elsewhere in the
 /// comment: a name outweighs a first line, which outweighs any number of mentions that a short query can have.

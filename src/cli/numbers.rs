@@ -29,7 +29,7 @@ pub fn number_list(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     Ok(out)
 }
 
-/// A key with the values of a sweep.
+/// A key with the values that the runs of a sweep give it.
 #[derive(Debug, Clone)]
 pub struct KeyValues {
     /// Path of the key, as in `--set`.

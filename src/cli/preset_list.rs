@@ -31,7 +31,7 @@ struct Shown {
     thumbnail: Option<String>,
 }
 
-/// The presets as text.
+/// Name and description of every preset, one line each, below a line on their use.
 pub fn as_text() -> String {
     let mut out = String::from("Grow one with `osier grow NAME -o NAME.glb`, bake one with `osier bake NAME`.\n\n");
     for p in PRESETS {
@@ -87,7 +87,7 @@ fn species() -> Vec<ListedSpecies> {
     PRESETS.iter().filter_map(listed).collect()
 }
 
-/// The species as text.
+/// Name, age, scene and description of every species, one line each, below lines on their use.
 pub fn species_text() -> String {
     let mut out = String::from(
         "Grow one with species = \"NAME\" in a scene, or see it with `osier preview SCENE`. Pictures: docs/gallery/species.md,\n\
@@ -100,7 +100,7 @@ pub fn species_text() -> String {
     out
 }
 
-/// The species as JSON.
+/// Every species as an object: name, age, description, and the scene that shows it with the name of its thumbnail, or null.
 pub fn species_json() -> Value {
     let row = |s: ListedSpecies| {
         let thumbnail = s.scene.map(|scene| format!("{scene}.toml.png"));

@@ -68,7 +68,7 @@ fn by_name(parts: &[(&'static str, u64)]) -> Value {
     Value::Object(parts.iter().map(|(what, bytes)| ((*what).to_owned(), Value::from(*bytes))).collect())
 }
 
-/// An estimate as a JSON object.
+/// An estimate as a JSON object; its `memory` and `sizes` are objects of bytes by name.
 pub fn estimate_json(c: &BakeEstimate) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,

@@ -23,16 +23,14 @@ use osier_scene::Scene;
 /// Runs of a sweep at most: each is a simulation of the whole clip.
 const MAX_RUNS: u64 = 1000;
 
-/// The runs of a sweep.
 struct SweepPlan {
     /// Paths of the keys that vary.
     keys: Vec<String>,
     runs: Vec<PlannedRun>,
 }
 
-/// One run of a sweep.
 struct PlannedRun {
-    /// One value for each key.
+    /// Values as text, parallel to `SweepPlan::keys`.
     values: Vec<String>,
     /// Seed in place of the scene's.
     seed: Option<u64>,

@@ -25,7 +25,7 @@ const MAX_BYTES: u64 = 64 << 20;
 /// Quads along and across a patch, where the view does not say.
 const QUADS: [u32; 2] = [8, 8];
 
-/// What a surface is made of.
+/// Geometry of a surface, by the kind of its file.
 #[derive(Debug, Clone)]
 pub enum SurfaceForm {
     /// Bicubic Bezier patches with their control points.
@@ -34,7 +34,7 @@ pub enum SurfaceForm {
     Triangles(Vec<SurfaceTriangle>),
 }
 
-/// A surface that an organ shows.
+/// Geometry of a surface with its scale, resolution and texture; by defaults where no view gives them.
 #[derive(Debug, Clone)]
 pub struct OrganSurface {
     /// The patches or triangles.
@@ -43,7 +43,7 @@ pub struct OrganSurface {
     pub scale: f64,
     /// Quads along and across a patch.
     pub quads: [u32; 2],
-    /// Number of the texture on it; 0: none.
+    /// Number of its texture in the view, from 1; 0 for none.
     pub texture: u32,
 }
 
@@ -56,9 +56,9 @@ pub struct Companions {
     pub colors: Option<ColorTable>,
     /// Surfaces by the letter behind `~`.
     pub surfaces: BTreeMap<char, Arc<OrganSurface>>,
-    /// Contours by number.
+    /// Contours by the number that grammars and keys give them; those of the scene replace those of the view.
     pub contours: BTreeMap<u32, ContourFile>,
-    /// Functions, numbered from 1.
+    /// Functions of the view, then of the scene, in order; the first has number 1.
     pub functions: Vec<FunctionFile>,
     /// Pictures by the number of their texture, from 1.
     pub textures: BTreeMap<u32, Image>,
@@ -169,7 +169,7 @@ impl Finder<'_, '_> {
         self.beside(&name, None)
     }
 
-    /// A file that a key of the scene names.
+    /// Reads a file that a key of the scene names; `None` after a complaint about it.
     fn named(&mut self, key: &Reference) -> Option<ReferencedFile> {
         let endings = [".v", ".map", ".mat", ".con", ".cset", ".func", ".fset"];
         self.resolver.read(&key.text, key.span, "text-bytes", &endings)
@@ -303,7 +303,7 @@ impl Finder<'_, '_> {
         out.view = Some(view);
     }
 
-    /// What the file of a line holds.
+    /// What `read` takes from the file that a line of the view names; empty after a complaint about the file.
     fn line<T>(&mut self, line: &FileLine, read: fn(&mut Self, &ReferencedFile) -> Vec<T>) -> Vec<T> {
         match self.beside(&line.file, Some(line.span)) {
             Some(file) => read(self, &file),

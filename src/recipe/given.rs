@@ -55,7 +55,7 @@ fn add_node(node: &TomlNode, path: &str, file: &str, keys: &mut Vec<GivenKey>) {
     }
 }
 
-/// A value of a scene as JSON.
+/// A value of a scene as JSON, in the units of the scene; null for a date and for a damaged value.
 fn as_json(node: &TomlNode) -> Value {
     match &node.value {
         TomlValue::Text(text) => json!(text),

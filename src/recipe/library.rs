@@ -7,7 +7,7 @@ use crate::presets;
 use osier_base::Result;
 use osier_base::files::{ReadError, SearchPaths};
 
-/// A file that a reference led to.
+/// Bytes of a file or of a preset, found by the reference of a scene or of another file.
 #[derive(Debug, Clone)]
 pub struct ReferencedFile {
     /// Name for messages: the path, or `preset:oak.l`.

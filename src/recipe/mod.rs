@@ -46,9 +46,9 @@ recipe! {
         clip: Clip;
         /// Kinds of plants, in the order of the file.
         plants: Vec<PlantRecipe>;
-        /// Attractors as points.
+        /// Attractors whose points are drawn or exported, in the order of the scene.
         clouds: Vec<AttractorRecipe>;
-        /// Catkins, if the scene has a `[catkin]`.
+        /// Keys of `[catkin]`; `None` without the table, where a flight uses the defaults.
         catkin: Option<scene::CatkinKeys>, hashed by element;
         /// How an attractor becomes a picture.
         picture: scene::PictureKeys;
@@ -217,7 +217,7 @@ recipe! {
 recipe! {
     /// A tree that grows year by year.
     SpeciesRecipe {
-        /// How it grows.
+        /// Parameters of its growth, in the units of the habit's file.
         habit: scene::HabitKeys;
         /// Sky and solids around it.
         site: scene::SiteKeys;
@@ -308,7 +308,7 @@ recipe! {
     }
 }
 
-/// What a terrain of a file is made of.
+/// Content of the file that a terrain is read from.
 #[derive(Debug, Clone)]
 pub enum TerrainFile {
     /// Heights on a regular grid, from a picture or a raster.
@@ -334,7 +334,7 @@ recipe! {
 recipe! {
     /// Plants strewn over the land.
     ScatterRecipe {
-        /// How they are scattered.
+        /// Density, extent and limits of the scatter.
         keys: scene::ScatterKeys;
         derived {
             /// Indices into [`Recipe::plants`], with their weights.
@@ -355,7 +355,7 @@ recipe! {
         derived {
             /// With release from plants: indices into [`Recipe::plants`], with their weights.
             canopy: Vec<(usize, f64)>;
-            /// Frequency of each form.
+            /// Weight of each form of catkins, by their order; 0 for a form that is not drawn.
             forms: Vec<f64>;
             /// With release from points: places, m.
             starts: Vec<[f64; 3]>;
@@ -380,7 +380,7 @@ recipe! {
 }
 
 recipe! {
-    /// An elastic rod of `[[rod]]`.
+    /// An elastic rod of `[[rod]]`, with what clamps and loads it.
     RodRecipe {
         /// Shape and material.
         keys: scene::RodKeys;
@@ -457,7 +457,7 @@ impl OutputRecipe {
 recipe! {
     /// Which voxel grids are written.
     VdbRecipe {
-        /// Keys of its table in the scene.
+        /// Keys of `[output.vdb]`.
         keys: scene::VdbKeys;
         derived {
             /// Cells of the box in which the wind is sampled, which other grids continue; `None` without a clip.
@@ -469,7 +469,7 @@ recipe! {
 recipe! {
     /// Which files of the wind itself are written.
     WindOutputRecipe {
-        /// Keys of its table in the scene.
+        /// Keys of `[output.wind]`.
         keys: scene::WindOutputKeys;
         /// Planes, as written.
         slices: Vec<scene::WindSliceKeys>, hashed by element;

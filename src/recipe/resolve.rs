@@ -39,9 +39,9 @@ pub struct Request {
 /// The only thing in a scene that was made of a bare file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SingleSource {
-    /// A plant of this name.
+    /// Name of the only plant, in `[plants.NAME]`.
     Plant(String),
-    /// A cloud of this name.
+    /// Name of the only attractor, in `[clouds.NAME]`.
     Cloud(String),
 }
 
@@ -168,7 +168,7 @@ fn qualify_override(set: &str, bare: Option<&SingleSource>, registry: &Registry)
     }
 }
 
-/// A table that the artist names.
+/// A table whose name the artist chooses, such as `[plants.NAME]`.
 pub(super) struct NamedTable<'a> {
     /// As the artist wrote it.
     pub(in crate::recipe) name: &'a str,
@@ -178,7 +178,7 @@ pub(super) struct NamedTable<'a> {
     pub(in crate::recipe) id: String,
 }
 
-/// The table `morph` of a cloud.
+/// The table `morph` of an attractor, in `[clouds.NAME]`.
 pub(super) struct MorphTable<'a> {
     pub(in crate::recipe) table: &'a TomlTable,
     /// Place of its name in the scene, for messages.
@@ -191,15 +191,15 @@ pub(super) struct Resolver<'a> {
     pub(in crate::recipe) report: Report,
     pub(in crate::recipe) whole: Span,
     pub(in crate::recipe) inputs: Vec<blake3::Hash>,
-    /// Frames of the clip.
+    /// Number of frames of the clip; 1 until the clip is read.
     pub(in crate::recipe) frames: u64,
-    /// The scene has rain.
+    /// True if the scene has `[rain]`, known before the plants are read.
     pub(in crate::recipe) raining: bool,
     /// Season of plants without one of their own.
     pub(in crate::recipe) season: Option<SeasonSpan>,
     /// Latitude of plants without one of their own, degrees.
     pub(in crate::recipe) latitude: Option<f64>,
-    /// Names of its solids.
+    /// Names of the scene's solids, known before the plants and the solids are read.
     pub(in crate::recipe) solid_names: Vec<String>,
 }
 

@@ -87,7 +87,7 @@ impl<'a> PreviewClip<'a> {
         Ok(Self { scene, options, content, first, subject, camera })
     }
 
-    /// Number of pictures.
+    /// Number of pictures: steps of the turntable, or frames of the clip.
     pub fn len(&self) -> usize {
         match self.content {
             ClipContent::Turntable { steps, .. } => steps as usize,

@@ -11,7 +11,7 @@ const MAX_FITTED_FOV: f32 = 60.0;
 /// How far the foot of a plant of less than 10 m may reach into the ground, m: more than `skin.bury` of any preset.
 const DEEPEST_FOOT: f32 = 0.5;
 
-/// How previews are rendered.
+/// Size, quality, camera, sun and background of a preview.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PreviewOptions {
     /// Width and height of a picture, pixels.
@@ -36,13 +36,13 @@ impl Default for PreviewOptions {
 /// Position of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PreviewView {
-    /// The camera of the scene.
+    /// The scene's own camera, whether or not its keys place one.
     Scene,
     /// Fitted to the subject from a direction.
     Fitted(CameraView),
 }
 
-/// Background of a preview.
+/// What a preview shows where nothing of the scene is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PreviewBackground {
     /// The sky for scenes with ground or with a colour below the horizon, the studio for all others.

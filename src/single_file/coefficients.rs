@@ -6,7 +6,7 @@ use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};
 use osier_ifs::write::{entries, flames};
 
-/// Notation of a coefficient table.
+/// File format for the coefficients of iterated function systems.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TableFormat {
     /// Fractint's columns, `.ifs`.
@@ -18,9 +18,9 @@ pub enum TableFormat {
 /// The coefficient tables of a recipe as text.
 #[derive(Debug)]
 pub struct CoefficientTables {
-    /// Content of the file.
+    /// Text of the whole file in the chosen format, systems in the order of the recipe.
     pub text: String,
-    /// Number of systems in it.
+    /// Number of attractors and trees whose coefficients the text holds.
     pub systems: usize,
     /// Warnings I011 about properties of the systems that the notation cannot hold.
     pub report: Report,

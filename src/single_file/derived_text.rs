@@ -11,7 +11,7 @@ use osier_base::{Error, Result};
 /// them: parameters with six significant digits, no blanks.
 #[derive(Debug)]
 pub struct DerivedText {
-    /// Content of the file.
+    /// One line per individual, in the order of the layout.
     pub text: String,
     /// Number of modules of all strings.
     pub modules: u64,

@@ -13,7 +13,7 @@ use osier_export::{exr, textures};
 use osier_ifs::picture::tone_mapped;
 use osier_scene::{Image, ImageKind, Pixels};
 
-/// How a picture is stored.
+/// File format of a picture, with the values that it stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PictureEncoding {
     /// Tone-mapped sRGB with 8 or 16 bits per channel, as `[picture] bits` says.

@@ -43,7 +43,7 @@ impl<'r> StillScene<'r> {
         &self.assembled.report
     }
 
-    /// The warnings without the scene.
+    /// Drops the scene and keeps its warnings.
     pub fn into_report(self) -> Report {
         self.assembled.report
     }

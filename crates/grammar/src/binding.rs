@@ -47,7 +47,7 @@ pub struct DialectSettings {
     pub fraction: Option<f64>,
 }
 
-/// An axis of the turtle.
+/// An axis of the turtle's own frame, about which a bound symbol turns it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TurtleAxis {
     /// The direction of movement, H.

@@ -60,7 +60,7 @@ pub(crate) enum RandomFunction {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum TableFunction {
     Func,
-    /// A coordinate of a curve: 0, 1 or 2.
+    /// A coordinate of a point of a curve: 0 is x, 1 is y, 2 is z.
     Curve(u8),
     CurveLength,
 }

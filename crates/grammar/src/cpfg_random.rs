@@ -15,7 +15,7 @@ const SEED_LOW: u64 = 0x330E;
 /// Trials of one binomial variate at most, so that a huge n ends; the same as in osier's own draws.
 const MAX_TRIALS: f64 = 1e6;
 
-/// One generator of 48 bits.
+/// State of a linear congruential generator, a number of 48 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Generator(u64);
 
@@ -26,7 +26,7 @@ impl Generator {
         self.0 as f64 / (1_u64 << BITS) as f64
     }
 
-    /// The next number that is not 0.
+    /// The next number above 0, below 1; numbers that are 0 are drawn and dropped.
     fn next_positive(&mut self) -> f64 {
         loop {
             let u = self.next();
@@ -66,7 +66,7 @@ impl CpfgRandom {
         self.choice.next()
     }
 
-    /// `ran(1)`.
+    /// A number from 0 to below 1, as `ran(1)` draws it.
     pub fn uniform(&mut self) -> f64 {
         self.functions.next()
     }

@@ -82,7 +82,8 @@ impl<'g> BindingEvaluator<'g> {
         self.vm.run(&unit, &mut []).unwrap_or(0.5)
     }
 
-    /// What a symbol is bound to.
+    /// The action that the grammar binds to a symbol; `None` for a symbol without a binding and in a grammar without
+    /// bindings.
     pub fn action(&self, symbol: SymbolId) -> Option<&'g TurtleAction> {
         self.bindings?.symbols.get(&symbol).map(|b| &b.action)
     }

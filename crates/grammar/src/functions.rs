@@ -12,7 +12,7 @@ const CHORDS_PER_SPAN: usize = 256;
 /// Halvings of the interval in which a function's parameter is searched: 2^-40 of the domain lies below 1e-9.
 const HALVINGS: usize = 40;
 
-/// How the ends of a spline behave.
+/// Where a spline begins and ends with respect to its first and last point.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum SplineEnds {
     /// Begins at the first point and ends at the last.
@@ -148,7 +148,6 @@ impl DataFunction {
     }
 }
 
-/// A curve with its length.
 #[derive(Debug, Clone, PartialEq)]
 struct MeasuredCurve {
     spline: Spline,
@@ -185,7 +184,7 @@ impl FunctionTables {
         self.names.iter().map(|(name, id)| (name.as_str(), *id))
     }
 
-    /// Number of functions.
+    /// Number of functions, curves not counted.
     pub fn function_count(&self) -> usize {
         self.functions.len()
     }

@@ -103,7 +103,7 @@ fn kind(f: &FormalModule) -> Kind {
     (f.symbol, usize::from(f.arity))
 }
 
-/// Modules of the contexts of a production.
+/// Modules of the left context, then of the right one, without the brackets.
 fn context_modules(p: &Production) -> impl Iterator<Item = &FormalModule> {
     p.left.iter().chain(&p.right).filter_map(|e| if let ContextElement::Module(f) = e { Some(f) } else { None })
 }

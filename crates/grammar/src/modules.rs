@@ -4,7 +4,7 @@ use crate::symbols::SymbolId;
 use osier_base::convert::saturating_index;
 use osier_base::rng::ChildId;
 
-/// One module of a string.
+/// One module of a string; its parameters are borrowed from the string.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Module<'a> {
     /// Its symbol, an index into the grammar's symbols.
@@ -118,7 +118,7 @@ impl ModuleString {
         self.symbols.is_empty()
     }
 
-    /// Symbols of all modules.
+    /// One symbol per module, in the order of the string, brackets included.
     pub fn symbols(&self) -> &[SymbolId] {
         &self.symbols
     }
@@ -161,7 +161,7 @@ impl ModuleString {
         }
     }
 
-    /// All modules in order.
+    /// The modules in the order of the string, brackets included.
     pub fn iter(&self) -> impl Iterator<Item = Module<'_>> {
         (0..self.len()).map(|i| self.get(i))
     }

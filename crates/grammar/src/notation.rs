@@ -29,12 +29,12 @@ impl Notation {
         ("lpy", Self::LPy),
     ];
 
-    /// The word that chooses it.
+    /// The word of [`Self::ALL`] that stands for the notation.
     pub fn word(self) -> &'static str {
         Self::ALL.iter().find(|(_, n)| *n == self).map_or("cpfg", |(w, _)| *w)
     }
 
-    /// The notation of a word.
+    /// The notation that a word of [`Self::ALL`] stands for; `None` for every other word, capitals included.
     pub fn of_word(word: &str) -> Option<Self> {
         Self::ALL.iter().find(|(w, _)| *w == word).map(|(_, n)| *n)
     }

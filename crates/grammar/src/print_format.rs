@@ -7,14 +7,13 @@ use super::code::is_zero;
 /// Characters that a single number takes at most: a wider or more precise field would only waste memory.
 const MAX_FIELD: usize = 64;
 
-/// One part of a format.
 #[derive(Debug, Clone, PartialEq)]
 enum Part {
     Text(String),
     Number(NumberField),
 }
 
-/// How a number is written.
+/// Flags, width, precision and conversion of one number in a format of `printf`.
 #[derive(Debug, Clone, PartialEq)]
 struct NumberField {
     left: bool,

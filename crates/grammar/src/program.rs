@@ -15,7 +15,7 @@ pub(crate) struct FormalModule {
     pub place: SourcePlace,
 }
 
-/// One element of a context.
+/// A module or a bracket of the left or right context of a production.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum ContextElement {
     Module(FormalModule),
@@ -84,7 +84,7 @@ pub(crate) struct ProductionSet {
     pub depth: u32,
     /// True to report L052 where the maximum depth ends an expansion (`warnings`).
     pub warn_depth: bool,
-    /// `seed:` of a homomorphism.
+    /// Value of `Seed:` in a homomorphism; `None` in the other sections, which share one seed, and where it is not given.
     pub seed: Option<i64>,
     /// Place of the section's heading.
     pub place: Option<SourcePlace>,

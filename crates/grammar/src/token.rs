@@ -107,7 +107,6 @@ impl NameTable {
 pub(crate) struct ParseSession {
     pub names: NameTable,
     pub expansions: Vec<Expansion>,
-    /// Length of `expansions`.
     expansion_count: u32,
     pub diagnostics: Vec<Diagnostic>,
     /// Remarks that only a verbose run shows.

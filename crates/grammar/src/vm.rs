@@ -77,12 +77,12 @@ impl RandomStreams {
         if file_seed == self.file_seed { *self } else { Self::new(self.seed, self.plant_id, file_seed) }
     }
 
-    /// Number of the plant.
+    /// Number of the plant, by which plants of one seed and grammar draw different numbers.
     pub fn plant_id(&self) -> u32 {
         self.plant_id
     }
 
-    /// Seed of the grammar.
+    /// Seed that the grammar file gives; streams are addressed by it together with the seed of the run.
     pub fn file_seed(&self) -> i64 {
         self.file_seed
     }

@@ -179,7 +179,6 @@ pub fn grow_skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &Bak
     Ok(turtle::grow(&grammar, &derived, &options, context.limits)?.0)
 }
 
-/// Seed of all draws of a variant.
 fn variant_seed(seed: u64, variant: usize) -> u64 {
     Rng::key(seed, &["catkin".into(), (variant as u64).into()])
 }

@@ -67,7 +67,7 @@ pub struct PlantMaterials {
     pub shader_wind: bool,
 }
 
-/// The image indices of a material's maps.
+/// Image indices of the colour, normal, roughness and height map, in this order; `None` for a map that the material lacks.
 pub(crate) fn image_indices_mut(maps: &mut Maps) -> [&mut Option<u32>; 4] {
     [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height]
 }

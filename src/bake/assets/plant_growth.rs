@@ -34,7 +34,7 @@ use osier_plants::grow::turtle::{self, Contour, OrganSpec, RadiusModel, Tropism,
 use osier_plants::grow::years::GrowthClip;
 use osier_scene::plant::Plant;
 
-/// A grown individual.
+/// An individual after growth, before meshes and materials are made of it.
 #[derive(Debug)]
 pub struct GrownPlant {
     /// Axes, nodes and organs.

@@ -10,7 +10,7 @@ pub struct SeasonMaterials {
     pub(crate) organs: Vec<OrganSeason>,
 }
 
-/// One organ at the season.
+/// Habit and materials of one organ at the season.
 #[derive(Debug, Clone)]
 pub(crate) struct OrganSeason {
     /// Name of the organ, as in the material set.

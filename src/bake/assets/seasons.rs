@@ -324,7 +324,7 @@ pub(crate) fn show_season(
 pub struct SeasonClip {
     /// What each organ of the plant shows.
     pub slots: SeasonSlots,
-    /// The plant at the first frame.
+    /// The plant with the leaves that it shows at the first frame.
     pub first: Plant,
     /// Seasons of the first and the last frame.
     seasons: [f64; 2],
@@ -333,7 +333,7 @@ pub struct SeasonClip {
 }
 
 impl SeasonClip {
-    /// The season at a share of the clip, 0..1.
+    /// Season at a share of the time from the first frame (0) to the last (1), shifted by the lead of the individual.
     pub fn season(&self, share: f64) -> f32 {
         let [from, to] = self.seasons;
         narrow(shift_season(from + (to - from) * share, self.difference))

@@ -15,7 +15,6 @@ use osier_plants::grow::turtle::OrganSpec;
 use osier_scene::plant::{Axis, Plant};
 use osier_scene::{InstanceState, Instancer, InstancerMotion, Mesh, Prototype, Subset};
 
-/// Name of the instancer.
 const NAME: &str = "segments";
 
 /// The mesh between two nodes.

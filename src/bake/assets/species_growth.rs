@@ -197,7 +197,6 @@ pub(crate) fn death_warning(tree: &GrownTree, recipe: &PlantRecipe) -> Vec<Diagn
     died.into_iter().collect()
 }
 
-/// Leaves and materials of a species.
 fn plant_options(recipe: &PlantRecipe, set: &MaterialSet) -> PlantOptions {
     let needles = recipe.organs.iter().any(|o| o.letter == 'l' && o.keys.blade == BladeOutline::Needles);
     let foliage = set.organs.get(&'l').map(|organ| match needles {

@@ -89,7 +89,6 @@ fn mesh_terrain(imported: &Imported, keys: &TerrainKeys) -> Result<(Terrain, Opt
     Ok((made.land, folded))
 }
 
-/// Generates the terrain that the keys describe.
 fn generate_terrain(keys: &TerrainKeys, seed: u64) -> Result<Terrain> {
     Terrain::generate(&TerrainParams {
         n: keys.subdivisions,

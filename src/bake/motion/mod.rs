@@ -40,7 +40,7 @@ use osier_scene::{Asset, AssetFrame, Frame, MapFrame, RecordTable, Scene, Volume
 pub struct PointOnAxis {
     /// Place in plant space, m.
     pub position: Vec3,
-    /// Index of the axis that it belongs to.
+    /// Index into the plant's axes.
     pub axis: u32,
     /// Arc length of the point on its axis, m.
     pub arc_length: f32,
@@ -81,7 +81,7 @@ impl FrameTime {
 pub struct TableRow {
     /// Name of the table, as in the scene.
     pub table: &'static str,
-    /// One value for each of its columns.
+    /// One value per column, in the order of the table's columns.
     pub values: Vec<f64>,
 }
 

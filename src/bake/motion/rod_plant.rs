@@ -32,7 +32,6 @@ use osier_scene::{
 const MAX_GAME_JOINTS: u32 = 64;
 /// Radius of petioles whose organ has no such parameter, m. Own: of a birch's or poplar's petiole.
 const DEFAULT_PETIOLE_RADIUS: f64 = 8e-4;
-/// Resolution of a petiole's tube.
 const PETIOLE_TUBE: TubeResolution = TubeResolution { sides: 6, rings: 2 };
 
 /// The asset of a plant on rods, with the rods that move it.
@@ -506,7 +505,6 @@ impl AssetMotion for RodPlantMotion {
     }
 }
 
-/// Points of a plant on rods.
 #[derive(Debug)]
 struct RodPoints {
     motion: Arc<RodPlantMotion>,

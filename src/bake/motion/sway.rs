@@ -80,7 +80,7 @@ pub struct SwaySurface<'a> {
 
 /// A swaying plant in the wind alone, in its own space.
 pub struct PosedPlant {
-    /// State of each instancer.
+    /// Parallel to the instancers of the plant's asset.
     pub instances: Vec<InstanceState>,
     /// Positions of the plant's nodes, m.
     pub nodes: Vec<Vec3>,
@@ -219,7 +219,7 @@ impl SwayMotion {
         frame
     }
 
-    /// The elements that bend.
+    /// Beam elements of the plant's stems, whose bends the motion records.
     pub fn elements(&self) -> &BeamElements {
         &self.elements
     }
@@ -229,7 +229,6 @@ impl SwayMotion {
         self.params
     }
 
-    /// The asset at a time of the clip.
     fn evaluate(&self, asset: &Asset, time: FrameTime) -> AssetFrame {
         let sample = self.sample(time);
         let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &sample.bends[1]), ..AssetFrame::default() };
@@ -329,7 +328,6 @@ impl AssetMotion for SwayMotion {
     }
 }
 
-/// Points of a plant that sways.
 #[derive(Debug)]
 struct SwayingPoints {
     motion: Arc<SwayMotion>,

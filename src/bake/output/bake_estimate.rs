@@ -8,23 +8,23 @@ use osier_base::limits::Limits;
 pub struct BakeEstimate {
     /// Assets with files of their own.
     pub assets: u64,
-    /// Showings of assets.
+    /// Placements of assets in the scene; several may show one asset.
     pub placements: u64,
-    /// Modules of all final strings.
+    /// Modules of the final strings of all individuals; 0 if no grammar grows a plant.
     pub modules: u64,
     /// Vertices of meshes, prototypes counted once.
     pub vertices: u64,
     /// Triangles of meshes, prototypes counted once.
     pub triangles: u64,
-    /// Instances of prototypes.
+    /// Instances of all instancers; those of an asset count once, however often it is placed.
     pub instances: u64,
-    /// Points of all attractors.
+    /// Points of all clouds; those of an asset count once, however often it is placed.
     pub points: u64,
-    /// Joints of all skeletons.
+    /// Joints of all skeletons; those of an asset count once, however often it is placed.
     pub joints: u64,
     /// Frames that are written; 0 for a still scene.
     pub frames: u64,
-    /// Bytes written, estimated.
+    /// Predicted bytes of all files: the sum of `sizes`.
     pub bytes: u64,
     /// Of these, what each format takes, by its word, and pictures.
     pub sizes: Vec<(&'static str, u64)>,

@@ -25,7 +25,7 @@ pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[
 
 /// The quantity that is counted, for the table.
 pub(crate) struct EstimateJob<'a> {
-    /// Formats that are written.
+    /// Formats to predict sizes for, in the order of [`BakeEstimate::sizes`].
     pub(crate) formats: &'a [&'static FormatInfo],
     /// Frames that are written; 0 for a still scene.
     pub(crate) frames: u64,

@@ -18,7 +18,7 @@ const PROGRAM_BYTES: u64 = 16_000_000;
 const THREAD_BYTES: u64 = 4_000_000;
 /// Tenths of a byte for each byte of a picture, which is held as it is and packed.
 const PICTURE_BYTE_TENTHS: u64 = 22;
-/// Bytes for each vertex and each triangle.
+/// Bytes of memory for each vertex, and for each triangle, of all meshes.
 const VERTEX_BYTES: u64 = 42;
 /// Bytes for each instance: its transform, its place on the plant, its motion.
 const INSTANCE_BYTES: u64 = 130;

@@ -55,7 +55,7 @@ pub struct AssembledScene {
     pub animated: AnimatedScene,
     /// Warnings of grammars, turtles, growth and wind.
     pub report: Report,
-    /// Modules of all final strings.
+    /// Modules of the final strings of all individuals; 0 if no grammar grows a plant.
     pub modules: u64,
     /// In an estimate: how many individuals each of the first assets stands for. Empty in a scene that can be written.
     pub weights: Vec<u64>,

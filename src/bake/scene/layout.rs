@@ -26,7 +26,7 @@ use osier_scene::Trs;
 pub struct SceneLayout {
     /// The individuals and their placements.
     pub plants: PlantLayout,
-    /// The terrain, if the scene has one.
+    /// Terrain that plants are scattered over; `None` without a terrain in the scene.
     pub terrain: Option<Terrain>,
     /// Warnings about the terrain.
     pub report: Report,

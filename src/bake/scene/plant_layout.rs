@@ -16,7 +16,7 @@ pub struct Individual {
     pub asset: String,
     /// Identifier from the plant's name and the individual's ordinal; no seed changes it.
     pub id: u32,
-    /// Seed of its growth.
+    /// Seed of all draws of its growth: the scene's, mixed with those of its plant and of its place where they are set.
     pub seed: u64,
     /// Whether it grows in one field of light with all others that do.
     pub together: bool,
@@ -36,9 +36,9 @@ pub struct PlantInstance {
 /// Individuals and their placements.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlantLayout {
-    /// In the order of the places.
+    /// Individuals of the places in the order of the scene, then those of the scatters.
     pub individuals: Vec<Individual>,
-    /// In the order of the places.
+    /// Placements of the places in the order of the scene, then those of the scatters.
     pub instances: Vec<PlantInstance>,
 }
 

@@ -156,7 +156,7 @@ impl LatticePlan {
         Ok(Some(plan))
     }
 
-    /// Bytes of the recording; 0 without one.
+    /// Predicted bytes of the wind that is recorded ahead of the frames; 0 if none is recorded.
     pub fn recorded_bytes(&self) -> u64 {
         self.recorded.map_or(0, |recorded| recorded.predicted_bytes(&self.options))
     }
@@ -269,7 +269,7 @@ impl SteppedLattice {
         Ok(Self { config, state })
     }
 
-    /// The solver, for its warnings.
+    /// The solver in its present state, for the warnings that it has collected.
     pub fn solver(&self) -> &LatticeSolver {
         &self.state.solver
     }
@@ -316,7 +316,7 @@ pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     ]
 }
 
-/// Size of a solid in cells of the lattice.
+/// How many cells of the lattice resolve a solid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolidSizeInCells {
     /// Name of the solid, as in its key `name`.
@@ -364,7 +364,7 @@ pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_
     Ok(())
 }
 
-/// Adds the warnings of a lattice to a report.
+/// Adds the warnings of a lattice to a report, each under its own code, or under S020 if the code is not registered.
 pub fn report_warnings(lattice: &LatticeSolver, report: &mut Report) {
     push_warnings(lattice.warnings(), report);
 }

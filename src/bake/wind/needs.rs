@@ -33,7 +33,7 @@ pub struct WindNeeds {
 }
 
 impl WindNeeds {
-    /// The needs of a recipe with its plants grown.
+    /// Needs of what the recipe moves, simulates or writes. In a still scene only a flight reads the wind.
     pub fn of_scene(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Self {
         let is_clip = recipe.clip.len() >= 2;
         let plants = if is_clip { moving_plant_bounds(recipe, layout, grown) } else { Bounds::of([]) };
@@ -54,7 +54,7 @@ impl WindNeeds {
         }
     }
 
-    /// Nothing reads the wind.
+    /// True if neither plants, rods, rain and flight nor a written file read the wind.
     pub fn is_empty(&self) -> bool {
         self.region.is_empty() && !self.box_ahead && !self.box_by_frame
     }

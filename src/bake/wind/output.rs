@@ -38,7 +38,7 @@ struct WindVolume {
     indices: Vec<usize>,
 }
 
-/// The wind at a frame.
+/// The wind at one frame at the points of the grids and of the volume that the scene writes.
 #[derive(Debug, Default)]
 pub struct SampledWind {
     /// Velocities, m/s, at the points of each grid of the scene; empty for a grid that is not written in this frame, and altogether

@@ -59,7 +59,7 @@ pub struct WindSurroundings<'a> {
     pub land: Option<Arc<LandForm>>,
 }
 
-/// The wind of a scene.
+/// All winds of a scene: those known for the whole clip, and a lattice that is stepped frame by frame.
 #[derive(Debug)]
 pub struct SceneWind {
     /// At all times and all places that are read ahead of the frames; `None` in calm air, and where a lattice is stepped only.
@@ -215,7 +215,7 @@ fn scaled_wind(wind: Arc<dyn Wind>, factor: f32) -> Arc<dyn Wind> {
     if (factor - 1.0).abs() > 0.0 { Arc::new(ScaledWind { wind, factor }) } else { wind }
 }
 
-/// The sum of winds; `None` for no wind.
+/// The sum of winds, a single one as it is; `None` for no wind.
 fn sum_winds(mut winds: Vec<Arc<dyn Wind>>) -> Option<Arc<dyn Wind>> {
     if winds.len() > 1 { Some(Arc::new(WindSum(winds))) } else { winds.pop() }
 }

@@ -15,12 +15,12 @@ use std::sync::Arc;
 /// The first letter of the organs that stand for the meshes of a tree's table; further ones follow it.
 const FIRST: u32 = 'A' as u32;
 
-/// A system with all that its file names.
+/// A system of a coefficient table, with the meshes that the table names.
 pub(in crate::recipe) struct SystemFile {
     pub system: Ifs,
     /// Holds the texts that its spans point into.
     pub report: Report,
-    /// Its condensation meshes, in order.
+    /// One for each mesh that the table names, in its order.
     pub meshes: Vec<Arc<Imported>>,
 }
 

@@ -169,7 +169,7 @@ const CATKIN: u64 = 1000;
 pub const FORMS: [&str; 5] = ["v0", "v1", "v2", "v3", "v4"];
 
 impl Resolver<'_> {
-    /// The flight of a scene, if it has one.
+    /// Reads `[flight]` and its zones; `None` without the table.
     pub(in crate::recipe) fn flight(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Option<FlightRecipe> {
         let entry = root.get("flight")?;
         let table = self.table(root, "", "flight")?;
@@ -291,7 +291,7 @@ impl Resolver<'_> {
         Some(starts)
     }
 
-    /// All solids of a scene.
+    /// Reads every `[[solid]]` in the order of the scene; leaves out those that cannot be read.
     pub(in crate::recipe) fn solids(&mut self, root: &TomlTable) -> Vec<SolidRecipe> {
         let Some(entry) = root.get("solid") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {

@@ -49,7 +49,7 @@ keys! {
 }
 
 impl Resolver<'_> {
-    /// All layers of a scene, from the lowest.
+    /// Reads every `[[layer]]`, from the lowest; leaves out those that cannot be read.
     pub(in crate::recipe) fn layers(&mut self, root: &TomlTable) -> Vec<LayerRecipe> {
         let Some(entry) = root.get("layer") else { return Vec::new() };
         let TomlValue::List(list) = &entry.node.value else {

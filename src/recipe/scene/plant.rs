@@ -68,7 +68,7 @@ choices! {
 }
 
 impl GrammarDialect {
-    /// The notation of this word.
+    /// The notation in which the grammar reader takes files of this dialect.
     pub fn notation(self) -> Notation {
         match self {
             Self::Cpfg => Notation::Cpfg,
@@ -232,7 +232,7 @@ pub(in crate::recipe) struct MeshImport {
     pub up: UpAxis,
     /// Metres per unit of the file.
     pub scale: f64,
-    /// Class of the materials.
+    /// Class that all materials of the file get.
     pub class: MaterialClass,
 }
 
@@ -546,7 +546,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// S007 for a key of a plant.
+    /// Warns with S007 that `key`, a path within the plant's table, has no effect. `path`: of that table; `why`: the reason,
+    /// after "because".
     pub(super) fn has_no_effect(&mut self, plant: &TomlTable, path: &str, key: &[&str], why: &str) {
         let span = span_of(plant, key).unwrap_or(self.whole);
         let text = format!("{path}.{} has no effect", key.join("."));

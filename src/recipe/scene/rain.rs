@@ -211,7 +211,7 @@ recipe! {
 }
 
 impl Resolver<'_> {
-    /// `[rain]`, if there is one.
+    /// Reads `[rain]` and its sections; `None` without the table. S006 for rain in a scene without plants.
     pub(in crate::recipe) fn rain(&mut self, root: &TomlTable) -> Option<RainRecipe> {
         let entry = root.get("rain")?;
         let table = self.table(root, "", "rain")?;

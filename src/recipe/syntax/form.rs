@@ -44,7 +44,7 @@ pub enum ValueKind {
 }
 
 impl ValueKind {
-    /// Its word in listings.
+    /// Word for this type in JSON listings, where a panel reads it.
     pub fn word(self) -> &'static str {
         match self {
             Self::Number => "number",
@@ -81,7 +81,7 @@ pub struct ValueForm {
 }
 
 impl ValueForm {
-    /// A form without bounds.
+    /// A form without bounds, whose input field shows `default` first.
     pub fn new(kind: ValueKind, default: Value) -> Self {
         Self { kind, initial: default.clone(), default, ..Self::default() }
     }

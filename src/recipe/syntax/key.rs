@@ -13,7 +13,7 @@ pub type Fault = Box<Diagnostic>;
 pub trait ValueType {
     /// The value behind it, in SI units.
     type Value;
-    /// Value without the key.
+    /// Value of a key that the scene does not give, in SI units.
     fn fallback(&self) -> Self::Value;
     /// Reads a value; `name` is the full path of the key, for messages.
     /// # Errors
@@ -27,7 +27,7 @@ pub trait ValueType {
     fn list_tables(&self, _tables: &mut Vec<TableInfo>) {}
 }
 
-/// How a kind is listed.
+/// What a key accepts, in words for people and as a form for programs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct KeyListing {
     /// "number", "text", "one of ...".
@@ -40,10 +40,10 @@ pub struct KeyListing {
     pub form: ValueForm,
 }
 
-/// One key, for listings.
+/// One key as listings of a table show it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeyInfo {
-    /// Its name in its table.
+    /// Name within its table, without the table's path.
     pub name: &'static str,
     /// Meaning of the key, one sentence or two.
     pub help: String,
@@ -78,7 +78,7 @@ pub trait KeyTable: Sized + RecipePart {
     const PATH: &'static str;
     /// Paths of further tables with the same keys.
     const ALSO: &'static [&'static str];
-    /// What the table is for.
+    /// Purpose of the table, one sentence or two.
     fn about() -> String;
     /// Its keys, in the order of declaration.
     fn keys() -> Vec<KeyInfo>;
@@ -90,7 +90,7 @@ pub trait KeyTable: Sized + RecipePart {
         Self::read_keys(&mut TableReader { table, path: path.to_owned(), report })
     }
 
-    /// The table with every key at its default.
+    /// The table as a scene reads it that gives none of its keys.
     fn defaults() -> Self {
         Self::read(None, Self::PATH, &mut Report::default())
     }
@@ -158,12 +158,12 @@ pub fn unknown(entry: &super::tree::TomlEntry, path: &str, known: &[&str]) -> Di
     }
 }
 
-/// `path.name`, or `name` at the top.
+/// Path of a key for messages: `path.name`, or `name` alone in the top table, whose `path` is empty.
 pub fn join(path: &str, name: &str) -> String {
     if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
 }
 
-/// S003: another type.
+/// Complaint S003 about a value of another type. `wanted`: a phrase for the types that the key accepts.
 pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
     let d = Diagnostic::error(
         "S003",
@@ -179,7 +179,7 @@ pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
     })
 }
 
-/// S004: outside the range.
+/// Complaint S004 about a value outside its range. `value`: as messages quote it; `range`: the accepted values in words.
 pub fn outside(name: &str, node: &TomlNode, value: &str, range: &str) -> Fault {
     let d = Diagnostic::error("S004", format!("{name} is {value}, but must be {range}"), node.span, range);
     Box::new(d.help(format!("give {name} a value of {range}")))

@@ -1,6 +1,6 @@
 //! Keys that had another name in an earlier version: `osier check` and `osier bake` name the new one.
 
-/// A key that was renamed.
+/// A key of earlier versions with the key that takes its place.
 #[derive(Debug, Clone, Copy)]
 pub struct RenamedKey {
     /// Path of the table, as `plants.NAME.rods`.

@@ -67,7 +67,7 @@ pub struct TomlEntry {
 }
 
 impl TomlTable {
-    /// The entry of a key.
+    /// The first entry with this key; nested tables are not searched.
     pub fn get(&self, key: &str) -> Option<&TomlEntry> {
         self.entries.iter().find(|e| e.key == key)
     }

@@ -68,7 +68,7 @@ pub const fn number(default: f64, min: f64, max: f64, unit: &'static str) -> Num
     NumberType { default, min, max, unit: Unit::si(unit) }
 }
 
-/// A number in a unit that is converted to SI.
+/// A number that scenes give in `unit`, as `default`, `min` and `max` are here, and that is read in SI units.
 const fn converted(default: f64, min: f64, max: f64, unit: Unit) -> NumberType {
     NumberType { default, min, max, unit }
 }
@@ -375,7 +375,7 @@ pub trait Choice: Copy + Digest + 'static {
     const ALL: &'static [(&'static str, Self)];
 }
 
-/// The word of a member.
+/// The word that stands for a member in scenes; empty for a member that `ALL` lacks.
 pub fn word_of<W: Choice + PartialEq>(member: W) -> &'static str {
     W::ALL.iter().find(|(_, m)| *m == member).map_or("", |(w, _)| w)
 }
@@ -490,7 +490,7 @@ impl<W: Choice + PartialEq> ValueType for SequenceOf<W> {
     }
 }
 
-/// N numbers, each in a range.
+/// N numbers with a default each, and one range and one unit for all.
 #[derive(Debug, Clone, Copy)]
 pub struct NumberArray<const N: usize>(pub [f64; N], pub NumberType);
 
@@ -868,7 +868,7 @@ impl<S: KeyTable> ValueType for InlineTables<S> {
     }
 }
 
-/// A list of points in metres.
+/// A list of points `[x, y, z]` of any length, in metres; empty without the key.
 #[derive(Debug, Clone, Copy)]
 pub struct PointList;
 

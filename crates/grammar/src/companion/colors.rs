@@ -92,7 +92,7 @@ pub struct SurfaceColor {
     pub transparency: f32,
 }
 
-/// The colours of all indices.
+/// The look of each of the 256 colour indices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorTable {
     colors: Vec<SurfaceColor>,

@@ -20,7 +20,7 @@ pub struct ContourFile {
 }
 
 impl ContourFile {
-    /// The curve of its points.
+    /// The cubic B-spline of its points with uniform knots: closed, or inside its outer points unless they are repeated.
     pub fn spline(&self) -> Spline {
         Spline::new(&self.points, if self.closed { SplineEnds::Closed } else { SplineEnds::Open })
     }

@@ -10,7 +10,7 @@ const MAX_FUNCTIONS: usize = 256;
 /// Most samples of a function times its points: each sample searches all points.
 const MAX_WORK: usize = 500_000;
 
-/// A function as its file has it.
+/// Control points and sampling of a function y(x), as its file gives them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FunctionFile {
     /// Its name; empty if the file has none.

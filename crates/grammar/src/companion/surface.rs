@@ -15,7 +15,7 @@ pub struct SurfacePatch {
     pub points: [[[f64; 3]; 4]; 4],
 }
 
-/// A surface as its file has it.
+/// Patches of a surface and how it stands at the turtle, in units of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfaceFile {
     /// Point of the surface that is placed at the turtle.
@@ -174,7 +174,7 @@ fn index(value: f64) -> Option<u8> {
 pub struct SurfaceTriangle {
     /// Corners in units of the file; their order may turn either way about the normals.
     pub points: [[f64; 3]; 3],
-    /// Normals at the corners.
+    /// Normals at the corners, as the file has them: of any length.
     pub normals: [[f64; 3]; 3],
     /// Texture coordinates at the corners, if the file has them.
     pub uvs: Option<[[f64; 2]; 3]>,

@@ -36,22 +36,22 @@ pub struct FileLine {
     pub number: Option<u32>,
 }
 
-/// A surface for `~` and a letter.
+/// A line of the view that gives a letter its surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfaceLine {
-    /// The letter behind `~`.
+    /// Letter that draws the surface where it stands behind `~`.
     pub letter: char,
     /// File of the surface and the place of its name.
     pub file: FileLine,
-    /// Factor on its size.
+    /// Turtle units per unit of the surface, above 0; 1 if the line has no number.
     pub scale: f64,
     /// Quads of a patch along and across it.
     pub quads: Option<[u32; 2]>,
-    /// Number of the texture on it, from 1.
+    /// Number of its texture in the order of the view, from 1; `None` for none.
     pub texture: Option<u32>,
 }
 
-/// A tropism or torque.
+/// A tropism or torque of the view: the direction that the turtle turns to, and how strongly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewTropism {
     /// Direction that the heading turns to.
@@ -60,7 +60,7 @@ pub struct ViewTropism {
     pub angle: f64,
     /// Strength of the turn; a negative one turns away from `dir`.
     pub intensity: f64,
-    /// Elasticity at the start.
+    /// Elasticity that the turtle starts with.
     pub elasticity: f64,
     /// What `@Ti` without a parameter adds.
     pub step: f64,
@@ -101,15 +101,15 @@ pub struct View {
     pub tropisms: Vec<ViewTropism>,
     /// Direction of the older tropism.
     pub old_direction: Option<[f64; 3]>,
-    /// Its elasticity at the start.
+    /// Elasticity of the older tropism that the turtle starts with.
     pub old_elasticity: Option<f64>,
-    /// What `_` without a parameter adds to it.
+    /// What `_` without a parameter adds to the elasticity of the older tropism.
     pub old_increment: Option<f64>,
-    /// Surfaces of patches.
+    /// Lines `surface:` in order; their files hold patches, a few triangles.
     pub surfaces: Vec<SurfaceLine>,
-    /// Surfaces of triangles.
+    /// Lines `tsurface:` in order; their files hold triangles.
     pub triangles: Vec<SurfaceLine>,
-    /// Textures, numbered from 1.
+    /// Files of textures in the order of the view; the first has number 1.
     pub textures: Vec<FileLine>,
     /// Contours with their numbers.
     pub contours: Vec<FileLine>,

@@ -227,7 +227,7 @@ impl ItemParser<'_> {
         None
     }
 
-    /// An action and its number.
+    /// The action of a binding, with the code of its number if it takes one; `None` after an error.
     fn action(&mut self, tokens: &[Token], at: SourcePlace) -> Option<(TurtleAction, Option<Bytecode>)> {
         let mut cursor = TokenCursor::new(tokens, at);
         let place = cursor.place();

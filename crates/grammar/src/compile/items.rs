@@ -345,7 +345,7 @@ impl ItemParser<'_> {
         Some(())
     }
 
-    /// A constant expression.
+    /// Value of an expression of constants; L001 and `None` for any other.
     fn constant(&mut self, cursor: &mut TokenCursor<'_>) -> Option<f64> {
         let place = cursor.place();
         let mut compiler = self.compiler(NameScope::Global);

@@ -109,7 +109,7 @@ fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     fits.then_some((k, n))
 }
 
-/// Splits tokens into logical lines.
+/// Splits tokens into logical lines, each of which may extend over several lines of the file.
 pub(super) fn split_lines(session: &mut ParseSession, tokens: &[Token]) -> Vec<LogicalLine> {
     let mut lines = Vec::new();
     let mut s =

@@ -235,7 +235,6 @@ impl BlockCompiler<'_, '_> {
         }
     }
 
-    /// An assignment or a bare call.
     fn assignment_or_call(&mut self, cursor: &mut TokenCursor<'_>, name: u32, place: SourcePlace) -> Option<()> {
         let next = cursor.peek_at(1);
         // A call as a statement: its value is dropped.

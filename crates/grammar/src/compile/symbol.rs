@@ -14,7 +14,7 @@ pub(super) struct LocatedSymbol {
     pub place: SourcePlace,
 }
 
-/// Symbols of a token.
+/// Symbols that a token stands for, each with its place: one per character, quotes included; none for an end of line.
 pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<LocatedSymbol> {
     match t.kind {
         TokenKind::Ident(n) | TokenKind::Number(n) => {

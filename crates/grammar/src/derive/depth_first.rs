@@ -81,7 +81,6 @@ impl<'a> Block<'a> {
     }
 }
 
-/// Appends to a string.
 impl ModuleSink for ModuleString {
     const NEEDS_LINEAGE: bool = true;
 
@@ -151,7 +150,7 @@ struct Choice {
     production: Option<u32>,
 }
 
-/// Counts of a derivation.
+/// Numbers of modules that a derivation makes: at its end, by step and by production.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DerivationCounts {
     /// Modules of the final string.
@@ -250,7 +249,7 @@ impl DerivationCounts {
     }
 }
 
-/// Derives depth first.
+/// Derives each module to the last step before it goes on to the next one, so that strings of single steps are never stored.
 pub(super) struct DepthFirst<'p> {
     job: DepthFirstJob<'p>,
     pub axiom: Template<'p>,

@@ -158,7 +158,7 @@ impl Derivation<'_> {
         Ok(self.result(options, FinalModules { string, deferred, text, count: counts.modules }, last))
     }
 
-    /// The final string as text.
+    /// The final string as text. Parts that repeat are copied instead of derived.
     fn write_text(&self, run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Result<String, Halt> {
         let plan = self.plans.rules.main();
         if repeats(plan, &run.axiom, bounds.last_step) {
@@ -272,7 +272,7 @@ fn count(run: &mut DepthFirst<'_>, bounds: DerivationBounds) -> std::result::Res
 }
 
 impl DerivedString {
-    /// Number of modules of the final string.
+    /// Number of modules of the final string, also where only its text or nothing of it is stored.
     pub fn module_count(&self) -> u64 {
         self.count
     }

@@ -146,7 +146,7 @@ fn derive_with(
     d.derive_by_steps(options, turtle)
 }
 
-/// State of one derivation.
+/// State of a derivation that goes step by step: the strings, and all that productions read.
 pub(super) struct Derivation<'g> {
     grammar: &'g Grammar,
     program: &'g Program,

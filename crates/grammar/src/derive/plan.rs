@@ -169,7 +169,7 @@ impl<'p> SectionPlans<'p> {
         self.systems.iter().flat_map(|p| &p.set.list).any(|p| !p.is_context_free())
     }
 
-    /// Modules of the longest predecessor.
+    /// Largest number of modules in a predecessor; 1 without productions.
     pub fn longest_predecessor(&self) -> usize {
         self.systems.iter().flat_map(|p| &p.set.list).map(|p| p.predecessor.len()).max().unwrap_or(1)
     }

@@ -24,7 +24,7 @@ pub struct QueryAnswer {
 /// The numbers of an answer, which replace the parameters of the query from the first on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum QueryValue {
-    /// Three coordinates.
+    /// x, y, z: a position in turtle units, or a unit vector.
     Vector([f64; 3]),
     /// x, y, z, w.
     Rotation([f64; 4]),
@@ -48,7 +48,7 @@ pub struct TurtleAnswers {
     pub bounds: [[f64; 3]; 2],
 }
 
-/// Interprets a string for its queries.
+/// Interprets the string of a step and answers its queries; an error ends the derivation.
 pub type AskTurtle<'a> = dyn FnMut(&DerivedString) -> Result<TurtleAnswers> + 'a;
 
 /// Derives a grammar whose queries `ask` answers: after the axiom and after each step.

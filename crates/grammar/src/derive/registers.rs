@@ -14,7 +14,7 @@ type Registers = [f64; REGISTERS];
 /// reach the first [`REGISTERS`]; a production may have more local variables.
 pub(super) type RegisterFile = Vec<f64>;
 
-/// Number of a register.
+/// Index into the first `REGISTERS` values of a [`RegisterFile`].
 type Register = u8;
 
 /// What an operation does with its operands; `a` alone counts for operations of one operand.
@@ -28,7 +28,7 @@ enum Action {
     Truth,
 }
 
-/// One operation on registers.
+/// Stores in `result` what an action makes of the registers `a` and `b`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Operation {
     action: Action,
@@ -83,7 +83,7 @@ struct CompilerMark {
 #[derive(Debug)]
 pub(super) struct RegisterCode {
     pub initial: RegisterFile,
-    /// Registers that take values from outside.
+    /// Registers that must be filled before the condition is tested, with the source of each value.
     pub outside: Vec<(Register, OutsideValue)>,
     /// Operations of the condition, then those of the successor.
     operations: Vec<Operation>,

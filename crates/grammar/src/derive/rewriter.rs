@@ -30,7 +30,7 @@ impl DrawPurposes {
         Self { statement: DrawPurpose::Statement, weight: DrawPurpose::Weight, choice: DrawPurpose::Choice }
     }
 
-    /// One purpose for all parts.
+    /// Labels every draw with the same purpose.
     pub fn all(purpose: DrawPurpose) -> Self {
         Self { statement: purpose, weight: purpose, choice: purpose }
     }
@@ -92,7 +92,7 @@ impl<'p> Rewriter<'p> {
         }
     }
 
-    /// The production of an index.
+    /// The production at an index into the productions of the plan.
     #[inline]
     pub fn planned(&self, production: u32) -> &'p PlannedProduction<'p> {
         &self.settings.plan.productions[to_usize(production)]

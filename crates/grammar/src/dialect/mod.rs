@@ -153,7 +153,6 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// The place of a range of bytes.
     fn place(&self, range: std::ops::Range<usize>) -> SourcePlace {
         SourcePlace::bare(Span::new(self.source, range.start, range.end))
     }

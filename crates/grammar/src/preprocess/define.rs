@@ -51,7 +51,7 @@ impl Define {
     }
 }
 
-/// The finite number that a text is.
+/// Value of a text that is a finite number and nothing else; `None` for expressions and names.
 fn plain_number(text: &str) -> Option<f64> {
     text.parse().ok().filter(|v: &f64| v.is_finite())
 }

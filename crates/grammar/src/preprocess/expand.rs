@@ -262,7 +262,7 @@ impl Preprocessor<'_> {
     }
 }
 
-/// Arguments of a macro call.
+/// Arguments of one macro call by their position, each a list of tokens.
 #[derive(Debug, Clone, Copy, Default)]
 struct MacroArguments<'a> {
     expanded: &'a [Vec<Token>],

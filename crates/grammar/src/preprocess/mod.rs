@@ -76,7 +76,7 @@ struct Preprocessor<'a> {
     limits: &'a Limits,
 }
 
-/// Output of the preprocessor.
+/// Tokens of the grammar after all directives and macros, with what was read beside them.
 pub(super) struct Preprocessed {
     pub tokens: Vec<Token>,
     pub defines: Vec<Define>,
@@ -95,7 +95,7 @@ pub(super) struct PreprocessorInput<'a> {
     pub limits: &'a Limits,
 }
 
-/// Runs the preprocessor.
+/// Reads a file with all that it includes and expands its macros; errors go to the session.
 pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: PreprocessorInput<'_>) -> Preprocessed {
     // Values of `--set` are lexed like a macro's body, so that they can be expressions.
     let mut overrides = BTreeMap::new();

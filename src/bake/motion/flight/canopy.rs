@@ -23,7 +23,6 @@ const CATKIN_SPREAD: f64 = 0.05;
 /// The twigs of all plants that `[flight]` names as its canopy.
 #[derive(Debug, Default)]
 pub(crate) struct Canopy {
-    /// One for each placement of a plant.
     plants: Vec<CanopyPlant>,
 }
 

@@ -80,7 +80,7 @@ impl DepositionMaps {
         Self { fields, obstacles, mass, blur: narrow(keys.map_blur), cumulative }
     }
 
-    /// Sums of maps on which nothing lies.
+    /// A sum of 0 for each texel of every map.
     pub fn empty_sums(&self) -> TexelSums {
         self.fields.iter().map(|f| vec![0.0; f.width * f.height]).collect()
     }

@@ -299,7 +299,8 @@ impl FlightPlayback {
         }
     }
 
-    /// Densities of the deposition maps in a state.
+    /// Area density in each texel of every map, 1/m^2 or mg/m^2: of all depositions so far if the maps are cumulative, else
+    /// of the catkins at rest in `state`.
     fn deposition_densities(&self, state: &FlightState) -> Vec<Vec<f32>> {
         if self.deposits.cumulative {
             return self.deposits.densities(state.landed.clone());

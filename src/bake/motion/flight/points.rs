@@ -12,7 +12,6 @@ struct CatkinPoint {
     id: u32,
     /// 0 waits for its release, 1 flies, 2 rests.
     state: u32,
-    /// Index of its prototype.
     prototype: u32,
     /// Position at which the catkin is drawn, in the world, m.
     position: Vec3,

@@ -7,7 +7,7 @@ use osier_motion::flight::FlightStats;
 use osier_scene::{Table, Watch};
 use osier_wind::LatticeStats;
 
-/// Name of the table of a flight.
+/// Name of the table that holds the statistics of a flight, one row per frame.
 pub const TABLE: &str = "flight";
 
 /// Columns of the state at a frame, with units.
@@ -139,11 +139,11 @@ fn parameters_json(keys: &FlightKeys, count: usize) -> serde_json::Value {
 /// Catkins at each solid and in each zone, in the order of [`CountedPlaceNames`].
 #[derive(Debug, Clone, Copy)]
 pub struct PlaceCounts<'a> {
-    /// At rest at a frame.
+    /// Catkins that rest on each solid at the frame.
     pub resting: &'a [u64],
-    /// Depositions up to a frame.
+    /// Depositions on each solid from the start to the frame.
     pub landed: &'a [u64],
-    /// Depositions up to a frame in each zone on the ground.
+    /// Depositions in each zone on the ground from the start to the frame.
     pub in_zones: &'a [u64],
 }
 

@@ -50,7 +50,7 @@ impl Trajectories {
         }
     }
 
-    /// The points of all lines.
+    /// All points, line by line, each line from its oldest point to its newest; empty before the first positions.
     pub fn points(&self) -> &[Vec3] {
         &self.points
     }

@@ -13,7 +13,7 @@ use osier_plants::surface::terrain::Terrain;
 /// deeper keeps more drops in the air.
 const REMOVAL_DEPTH: f64 = 0.1;
 
-/// The ground of a scene in which it rains.
+/// The surface below the plants at which drops end.
 #[derive(Debug)]
 pub enum RainGround {
     /// The plane y = 0, or none where it is not shown.
@@ -23,7 +23,7 @@ pub enum RainGround {
     },
     /// A wavy ground, and the world position of its centre.
     Waves(Ground, Vec3),
-    /// The heights of a terrain.
+    /// A terrain in place of the ground.
     Terrain(Terrain),
 }
 

@@ -25,7 +25,7 @@ const LAYERS: [MapLayer; 3] = [
     MapLayer { name: "normal", file_kind: "exr.normal", encoding: MapEncoding::Normal },
 ];
 
-/// The layer of water thickness, on request.
+/// The layer of water thickness, which follows [`LAYERS`] where the scene asks for it.
 const WATER_LAYER: MapLayer = MapLayer { name: "water", file_kind: "exr.water", encoding: MapEncoding::Thickness };
 
 /// A leaf's maps in the order of [`LAYERS`]; `water`: with [`WATER_LAYER`].
@@ -74,7 +74,6 @@ pub fn build_uv_rasters(
         .collect()
 }
 
-/// The prototype that an instance shows.
 fn prototype_of_instance(assets: &[Asset], of: LeafInstanceIndex) -> &Prototype {
     let instancer = &assets[of.asset].instancers[of.instancer];
     &instancer.prototypes[to_usize(instancer.protos[of.instance])]

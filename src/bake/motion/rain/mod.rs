@@ -630,7 +630,7 @@ impl RainPlayback {
         }
     }
 
-    /// Whether drops move plant `k`.
+    /// True if frames of plant `k` were recorded; false for a plant that drops do not move and for an index without a plant.
     pub fn plant_moves(&self, k: usize) -> bool {
         self.plants.get(k).is_some_and(|frames| !frames.is_empty())
     }

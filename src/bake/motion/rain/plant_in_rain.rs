@@ -17,7 +17,7 @@ use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetFrame, InstanceState, Trs};
 use osier_wind::Wind;
 
-/// What moves a plant in the rain.
+/// The model by which wind and drops move a plant.
 pub(crate) enum PlantInRain {
     /// Nothing: the plant stands still and takes all impulses.
     Still,
@@ -41,7 +41,7 @@ impl PlantInRain {
         }
     }
 
-    /// Whether the plant sways.
+    /// True for the sway model; false for a plant on rods and for one that stands still.
     pub(crate) fn moves_by_sway_model(&self) -> bool {
         matches!(self, Self::Sway(_))
     }
@@ -57,7 +57,7 @@ pub(super) struct RainedPlant<'a> {
     pub(super) leaves: Vec<&'a SceneLeaf>,
 }
 
-/// Clock and gravity of the rain.
+/// Frame rate, lead time and gravity that the models of all plants in the rain share.
 #[derive(Clone, Copy)]
 pub(super) struct RainClock {
     /// Frames per second of the clip, above 0.

@@ -122,10 +122,10 @@ fn chart_diagnostic(plant: &str, leaf: &str, surface: Option<&LeafSurface>) -> O
     Some(Diagnostic::about("X022", text).help(mend))
 }
 
-/// A leaf that gets maps.
+/// The choice of a leaf whose water is drawn into maps, with their size.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeafWithMaps {
-    /// Index of the leaf in the scene.
+    /// Index into the scene's list of [`SceneLeaf`].
     pub(crate) leaf: usize,
     /// Texels along a side of its maps.
     pub(crate) side: usize,

@@ -5,7 +5,7 @@ use osier_base::units;
 use osier_motion::rain::{DropParams, RainFrame};
 use osier_scene::Table;
 
-/// Name of the table of rain.
+/// Name of the table that holds the statistics of rain, one row per frame.
 pub const TABLE: &str = "rain";
 
 /// Cubic millimetres in a cubic metre.

@@ -72,7 +72,7 @@ pub(super) struct WetDryFaces {
     pub(super) dry: bool,
 }
 
-/// Images of wet materials.
+/// Indices of the images that keep their pixels, and of the wet image that stands for each of the others.
 struct WetImages {
     /// Images that keep their pixels.
     dry: BTreeSet<u32>,

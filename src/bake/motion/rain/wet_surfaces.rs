@@ -107,14 +107,14 @@ fn count_uses(mesh: &Mesh, wet: &[bool], materials: &[Material], uses: &mut [Wet
     }
 }
 
-/// The surface of a mesh in the world, in the rain.
+/// Placement of a mesh in the world, with the rain that it is exposed to.
 struct WorldSurface<'a> {
     exposure: &'a RainExposure,
     transform: Trs,
 }
 
 impl WorldSurface<'_> {
-    /// Catch ratios of some vertices.
+    /// Catch ratios of the vertices of a range, in their order; a vertex without a normal gets the +Y of its mesh.
     fn catch_ratios(&self, mesh: &Mesh, vertices: std::ops::Range<usize>) -> Vec<f32> {
         let points: Vec<SurfacePoint> = vertices
             .map(|i| SurfacePoint {

@@ -71,7 +71,6 @@ pub(super) enum PyOp {
     Ge,
 }
 
-/// A token with its place.
 #[derive(Debug, Clone, PartialEq)]
 struct PyToken {
     kind: PyTokenKind,
@@ -491,7 +490,7 @@ pub(super) struct Scope {
     pub lists: BTreeMap<String, PyExpr>,
     /// Names whose values are more than expressions.
     pub unreadable: BTreeMap<String, Refusal>,
-    /// Functions of one expression.
+    /// Functions whose body is one expression, by name: their parameters and the expression.
     pub functions: BTreeMap<String, (Vec<String>, PyExpr)>,
 }
 
@@ -751,7 +750,7 @@ pub(super) fn substitute(e: &PyExpr, names: &[String], values: &[PyExpr]) -> PyE
     }
 }
 
-/// Code of an expression.
+/// Code of an expression; one that is constant becomes a single number.
 pub(super) fn compile(e: &PyExpr, scope: &Scope) -> Result<Bytecode, Refusal> {
     let resolved = resolve(e, scope, 0)?;
     let mut code = Bytecode::default();

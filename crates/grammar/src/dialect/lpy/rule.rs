@@ -19,7 +19,7 @@ const MAX_STEPS: usize = 20_000;
 const MAX_COUNTED: f64 = 100.0;
 /// Turns of a loop of whose end nothing is known.
 const MAX_UNKNOWN: u32 = 64;
-/// Modules of one successor.
+/// Most modules of the successor of one way; a production that makes more is refused.
 const MAX_MODULES: usize = 1 << 20;
 
 /// One step of a way through a production.
@@ -52,7 +52,7 @@ impl Way {
     }
 }
 
-/// The head of a production.
+/// Predecessor and contexts of a production, before its statements.
 struct Head {
     left: Vec<ContextElement>,
     formals: Vec<FormalModule>,

@@ -28,7 +28,7 @@ pub(super) enum Statement {
 }
 
 impl Model<'_, '_> {
-    /// Statements of a block.
+    /// Reads the lines of a block, with the blocks nested in it. Fails if blocks are nested too deep.
     pub(super) fn statements(&mut self, block: &[Line<'_>], nesting: usize) -> Result<Vec<Statement>, Refusal> {
         let mut out = Vec::new();
         let mut i = 0;

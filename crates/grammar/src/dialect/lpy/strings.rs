@@ -111,7 +111,7 @@ pub(super) struct Spelled<'t> {
     pub range: Range<usize>,
 }
 
-/// A module of a successor.
+/// A module that a production makes, with parameters that are still expressions.
 #[derive(Debug, Clone)]
 pub(super) struct PyModule {
     pub name: String,
@@ -231,7 +231,7 @@ fn coordinates(piece: Piece<'_>) -> Vec<Piece<'_>> {
     if parts.len() == 3 { parts } else { vec![piece] }
 }
 
-/// Modules of a successor.
+/// Modules of a successor in their order; none for `*` alone, the empty string.
 pub(super) fn modules(piece: Piece<'_>, declared: &[String]) -> Result<Vec<PyModule>, Refusal> {
     let spelled = spell(piece, declared)?;
     // `*` alone is the empty string.
