@@ -51,7 +51,7 @@ pub enum Error {
     TooMany {
         /// The things, in the plural: "points of a mesh".
         what: &'static str,
-        /// How many there are.
+        /// Their number in decimal digits, without separators.
         count: String,
         /// Largest number that the index type holds.
         limit: u64,

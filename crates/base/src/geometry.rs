@@ -5,9 +5,9 @@ use glam::{Vec2, Vec3};
 /// An axis-aligned box; empty until a point is added.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Corner with the smallest coordinates, m.
+    /// Corner with the smallest coordinates, m; +infinity in an empty box.
     pub min: Vec3,
-    /// Corner with the largest coordinates, m.
+    /// Corner with the largest coordinates, m; -infinity in an empty box.
     pub max: Vec3,
 }
 
@@ -31,7 +31,7 @@ impl Bounds {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The box that holds both.
+    /// The smallest box that holds both; an empty one adds nothing.
     #[must_use]
     #[inline]
     pub fn union(self, other: Self) -> Self {

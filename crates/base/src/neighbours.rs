@@ -17,7 +17,7 @@ use glam::{IVec3, Vec3};
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct NeighbourGrid {
-    /// Edge length of a cubic cell.
+    /// Edge length of a cubic cell, in the unit of the points.
     edge: f32,
     /// Key of the cell and index of the point, sorted.
     entries: Vec<(u64, u32)>,

@@ -116,7 +116,7 @@ impl<K, V> Default for LookupMap<K, V> {
 }
 
 impl<K: std::hash::Hash + Eq, V> LookupMap<K, V> {
-    /// The value of a key.
+    /// The value of a key; `None` for a key that was never set.
     pub fn get<Q: std::hash::Hash + Eq + ?Sized>(&self, key: &Q) -> Option<&V>
     where
         K: std::borrow::Borrow<Q>,

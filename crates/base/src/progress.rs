@@ -22,7 +22,7 @@ impl Cancel {
         Arc::clone(&self.signal)
     }
 
-    /// Asks to stop, as the signal would.
+    /// Asks to stop, as the signal of this number would; 0 withdraws the request.
     pub fn request(&self, signal: usize) {
         self.signal.store(signal, Ordering::Relaxed);
     }

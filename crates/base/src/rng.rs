@@ -106,7 +106,7 @@ impl From<&str> for Key {
 pub struct Rng(Pcg64Mcg);
 
 impl Rng {
-    /// The stream at `seed` and `path`.
+    /// The stream of an address, from its beginning; draws from other streams do not change it.
     #[inline]
     pub fn at(seed: u64, path: &[Key]) -> Self {
         Self::from_key(Self::key(seed, path))
@@ -118,7 +118,7 @@ impl Rng {
         path.iter().fold(fin(seed.wrapping_add(GOLDEN)), |k, e| child(k, e.0))
     }
 
-    /// The stream of a key.
+    /// The stream of a key of [`Rng::key`], from its beginning.
     #[inline]
     pub fn from_key(k: u64) -> Self {
         let high = u128::from(fin(k.wrapping_add(GOLDEN)));

@@ -24,7 +24,7 @@ pub struct GrowthClock {
     organs: Vec<f32>,
 }
 
-/// An organ at a time.
+/// An organ at a time of its plant's growth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrowingOrgan {
     /// Pivot, plant space, m.
@@ -139,7 +139,7 @@ impl<'a> GrowingPlant<'a> {
         self.center(bound.axis, s) + (p - center) * thickness
     }
 
-    /// An organ of the plant by its index.
+    /// The organ of this index in [`Plant::organs`] at this time; of size 0 before its birth.
     pub fn organ(&self, i: usize) -> GrowingOrgan {
         let organ = &self.plant.organs[i];
         let axis = &self.plant.axes[organ.axis as usize];

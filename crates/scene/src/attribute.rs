@@ -49,7 +49,7 @@ pub struct Attribute {
     pub name: &'static str,
     /// What there is one value for.
     pub domain: AttributeDomain,
-    /// As many as the domain has elements.
+    /// As many as the domain has elements; one for [`AttributeDomain::Mesh`].
     pub data: AttributeData,
 }
 
@@ -179,17 +179,17 @@ impl Attribute {
         [LEAF_COLOR, CANOPY_OCCLUSION, CANOPY_NORMAL].contains(&self.name)
     }
 
-    /// One value per vertex of a mesh.
+    /// An attribute of a mesh; `data` holds one value for each of its points.
     pub fn vertex(name: &'static str, data: AttributeData) -> Self {
         Self { name, domain: AttributeDomain::Vertex, data }
     }
 
-    /// One value per point of a cloud.
+    /// An attribute of a cloud; `data` holds one value for each of its points, hidden ones included.
     pub fn point(name: &'static str, data: AttributeData) -> Self {
         Self { name, domain: AttributeDomain::Point, data }
     }
 
-    /// One value per instance of an instancer.
+    /// An attribute of an instancer; `data` holds one value for each slot, dead instances included.
     pub fn instance(name: &'static str, data: AttributeData) -> Self {
         Self { name, domain: AttributeDomain::Instance, data }
     }

@@ -5,11 +5,11 @@ use glam::Vec3;
 /// A perspective camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where it stands, m.
+    /// Position in the world, m.
     pub eye: Vec3,
-    /// What it looks at, m.
+    /// Point of the world that the middle of the picture shows, m.
     pub target: Vec3,
-    /// Vertical field of view, rad.
+    /// Full angle between the upper and the lower edge of the picture, rad.
     pub vfov: f32,
     /// Turn about the viewing axis, rad; positive leans the camera to its right.
     pub roll: f32,
@@ -77,7 +77,7 @@ impl ToneCurve {
 pub struct Sun {
     /// Height over the horizon, rad.
     pub elevation: f32,
-    /// Compass turn from +Z towards +X, rad.
+    /// Direction of the sun seen from above, rad: 0 along +Z, pi/2 along +X.
     pub azimuth: f32,
     /// Linear RGB; its brightness multiplies `strength`.
     pub color: [f32; 3],

@@ -9,7 +9,7 @@ use super::{InstanceState, MapFrame, Mesh, Placement, PointsFrame, RecordTable, 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
 #[derive(Debug, Clone, Default)]
 pub struct Frame {
-    /// Frame number, within the clip.
+    /// Frame number as files show it, from [`crate::Clip::start`] to [`crate::Clip::end`].
     pub number: u32,
     /// State of each asset, parallel to [`crate::Scene::assets`].
     pub assets: Vec<AssetFrame>,
@@ -54,7 +54,7 @@ pub struct AssetFrame {
     pub curves: Vec<CurvesFrame>,
 }
 
-/// One mesh at one frame.
+/// What a frame changes of one mesh.
 #[derive(Debug, Clone, Default)]
 pub enum MeshFrame {
     /// As at rest, or as its skin says.
@@ -66,19 +66,19 @@ pub enum MeshFrame {
         points: Vec<Vec3>,
         /// Unit normals, one per point.
         normals: Vec<Vec3>,
-        /// m/s, one per point, or empty.
+        /// Velocities of the points in asset space, m/s, one per point; empty where they are not known.
         velocities: Vec<Vec3>,
     },
     /// A whole mesh ([`super::MeshMotion::Varying`]); may be empty.
     Whole {
         /// The mesh of this frame, with attributes of its own.
         mesh: Mesh,
-        /// m/s, one per point, or empty.
+        /// Velocities of the points in asset space, m/s, one per point; empty where they are not known.
         velocities: Vec<Vec3>,
     },
 }
 
-/// One instancer at one frame.
+/// What a frame changes of one instancer.
 #[derive(Debug, Clone, Default)]
 pub enum InstancerFrame {
     /// As at rest, or as its joints say.
@@ -88,13 +88,13 @@ pub enum InstancerFrame {
     State(InstanceState),
 }
 
-/// Curves at one frame.
+/// What a frame changes of one set of curves.
 #[derive(Debug, Clone, Default)]
 pub enum CurvesFrame {
     /// The points that the scene holds.
     #[default]
     Same,
-    /// New points, m, one per point.
+    /// New points in asset space, m, as many as the curves of the scene have.
     Points(Vec<Vec3>),
 }
 

@@ -11,7 +11,7 @@ use osier_base::geometry::Bounds;
 pub struct Prototype {
     /// `[a-z0-9_]+`, unique in the instancer.
     pub name: String,
-    /// Pivot at the origin.
+    /// In the prototype's own space, m, with its pivot at the origin.
     pub mesh: Mesh,
     /// The same with curves, for programs that have them.
     pub fine: Option<Fine>,
@@ -21,10 +21,10 @@ pub struct Prototype {
     pub others: Vec<Self>,
 }
 
-/// A prototype drawn with curves.
+/// What a prototype consists of where curves are drawn.
 #[derive(Debug, Clone)]
 pub struct Fine {
-    /// What is not curves.
+    /// The parts that stay triangles.
     pub mesh: Mesh,
     /// Hairs; they do not move within the prototype.
     pub curves: Curves,
@@ -70,26 +70,26 @@ pub struct InstanceState {
     pub sizes: Vec<f32>,
     /// Velocities of the pivots in asset space, m/s, or empty.
     pub velocities: Vec<Vec3>,
-    /// Axis times rad/s, or empty.
+    /// Angular velocities in asset space, axis times rad/s, or empty.
     pub angular_velocities: Vec<Vec3>,
     /// Further values, one per instance. States of one instancer have the same attributes, or none.
     pub attributes: Vec<Attribute>,
 }
 
 impl InstanceState {
-    /// True if instance `i` is alive.
+    /// Whether instance `i` is shown; true where `alive` has no entry for it.
     #[inline]
     pub fn is_alive(&self, i: usize) -> bool {
         self.alive.get(i).copied().unwrap_or(true)
     }
 
-    /// Factor on the scale of instance `i`.
+    /// Factor on the scale of instance `i`; 1 where `sizes` has no entry for it.
     #[inline]
     pub fn size(&self, i: usize) -> f32 {
         self.sizes.get(i).copied().unwrap_or(1.0)
     }
 
-    /// The values of an attribute.
+    /// The values of the attribute of this name; none if the state lacks it.
     pub fn attribute(&self, name: &str) -> Option<&AttributeData> {
         self.attributes.iter().find(|a| a.name == name).map(|a| &a.data)
     }
@@ -153,7 +153,7 @@ pub struct Instancer {
     pub ids: Vec<u64>,
     /// Index into `prototypes` per instance.
     pub protos: Vec<u32>,
-    /// Constant scale per instance.
+    /// Scale of each instance along its prototype's axes, constant over the clip; the `sizes` of a state multiply it.
     pub scales: Vec<Vec3>,
     /// State of all instances at rest, which formats without animation show.
     pub rest: InstanceState,
@@ -164,7 +164,7 @@ pub struct Instancer {
 }
 
 impl Instancer {
-    /// Number of instances.
+    /// Number of slots: of all instances that are ever alive.
     #[inline]
     pub fn len(&self) -> usize {
         self.protos.len()
@@ -176,7 +176,7 @@ impl Instancer {
         self.protos.is_empty()
     }
 
-    /// Transform of instance `i` in a state.
+    /// Asset from prototype space for instance `i` in a state, alive or not.
     #[inline]
     pub fn transform(&self, state: &InstanceState, i: usize) -> Trs {
         Trs { t: state.positions[i], r: state.orientations[i], s: self.scales[i] * state.size(i) }

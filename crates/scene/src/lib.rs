@@ -84,7 +84,7 @@ impl Clip {
         (self.end.saturating_sub(self.start) as usize).saturating_add(1)
     }
 
-    /// A clip always holds at least one frame.
+    /// Always false: a clip holds at least one frame.
     pub fn is_empty(&self) -> bool {
         false
     }
@@ -192,7 +192,7 @@ pub struct Asset {
 }
 
 impl Asset {
-    /// True if a frame can change it.
+    /// True if a frame can change any of its meshes, instancers, points or curves.
     pub fn moves(&self) -> bool {
         self.meshes.iter().any(|m| m.motion != MeshMotion::Still)
             || self.instancers.iter().any(|i| i.motion != InstancerMotion::Still)
@@ -234,11 +234,11 @@ pub struct Scene {
     pub sun: Sun,
     /// Light from the sky.
     pub sky: Sky,
-    /// Pictures used by the materials.
+    /// Pictures, which the [`Maps`] of materials name by index.
     pub images: Vec<Image>,
     /// Materials; meshes name them by their index.
     pub materials: Vec<Material>,
-    /// Things with files of their own.
+    /// Things with files of their own; placements name them by index.
     pub assets: Vec<Asset>,
     /// Where the assets stand. An asset without a placement is written but not shown.
     pub placements: Vec<Placement>,
@@ -248,12 +248,12 @@ pub struct Scene {
     pub tables: Vec<Table>,
     /// Words that codes in the frames' record tables stand for.
     pub enum_labels: Vec<CodeList>,
-    /// Maps that frames fill.
+    /// Maps of measured numbers that frames fill, in the order of [`Frame::fields`].
     pub fields: Vec<Field>,
     /// Grids on which frames sample the wind's velocity.
     pub air: Vec<AirGrid>,
-    /// Voxel grids that frames fill.
+    /// Voxel grids that frames fill, in the order of [`Frame::volumes`].
     pub volumes: Vec<VolumeGrid>,
-    /// Maps of surfaces that frames fill.
+    /// Maps over texture coordinates that frames fill, in the order of [`Frame::maps`].
     pub map_sequences: Vec<MapSequence>,
 }

@@ -16,14 +16,14 @@ pub enum MapEncoding {
     Normal,
 }
 
-/// A map of a sequence.
+/// One kind of map of a sequence: its name in files and what its numbers are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MapLayer {
     /// File stem, `[a-z0-9_]+`, unique in the sequence.
     pub name: &'static str,
     /// Kind of its files in the manifest, `exr.NAME`.
     pub file_kind: &'static str,
-    /// What its numbers are.
+    /// What its numbers are; normals come as [`MapTexels::Vector`], all others as [`MapTexels::Scalar`].
     pub encoding: MapEncoding,
 }
 
@@ -59,14 +59,14 @@ pub struct MapFrame {
 }
 
 impl MapEncoding {
-    /// Numbers of a texel.
+    /// Numbers per texel: 3 for normals, else 1.
     pub fn channels(self) -> usize {
         if self == Self::Normal { 3 } else { 1 }
     }
 }
 
 impl MapSequence {
-    /// Index of the layer of a name.
+    /// Index in `layers` of the layer of this name; none if there is none.
     pub fn layer(&self, name: &str) -> Option<usize> {
         self.layers.iter().position(|l| l.name == name)
     }
@@ -97,12 +97,12 @@ impl MapTexels {
 }
 
 impl MapFrame {
-    /// The numbers of a layer of single numbers.
+    /// The texels of the layer of this index; none if there is no such layer or it holds vectors.
     pub fn scalars(&self, layer: usize) -> Option<&Arc<Vec<f32>>> {
         if let MapTexels::Scalar(v) = self.layers.get(layer)? { Some(v) } else { None }
     }
 
-    /// The vectors of a layer of normals.
+    /// The texels of the layer of this index; none if there is no such layer or it holds single numbers.
     pub fn vectors(&self, layer: usize) -> Option<&Arc<Vec<[f32; 3]>>> {
         if let MapTexels::Vector(v) = self.layers.get(layer)? { Some(v) } else { None }
     }

@@ -64,7 +64,7 @@ pub struct Coat {
 pub struct Material {
     /// `[a-z0-9_]+`, unique in the scene.
     pub name: String,
-    /// What it stands for.
+    /// What it stands for, by which exporters choose their shader.
     pub class: MaterialClass,
     /// Linear colour; multiplied with nothing: a colour map replaces it.
     pub base_color: [f32; 3],

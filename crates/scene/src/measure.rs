@@ -15,7 +15,7 @@ pub struct Table {
     pub totals: Vec<usize>,
     /// Columns, by number, that runs with other values are compared by.
     pub outcome: Vec<usize>,
-    /// What ruled the run, as JSON.
+    /// Parameters of the run, which the file of statistics repeats.
     pub parameters: serde_json::Value,
     /// Warnings known before the first frame: code and text.
     pub said: Vec<(&'static str, String)>,
@@ -23,12 +23,12 @@ pub struct Table {
     pub watches: Vec<Watch>,
 }
 
-/// A number that should not be large.
+/// A column whose largest value brings a warning above a threshold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Watch {
-    /// Index of the column that is watched.
+    /// Index of the column in [`Table::columns`].
     pub column: usize,
-    /// Up to this it is not worth a word.
+    /// Threshold in the column's unit; a value equal to it brings no warning.
     pub above: f64,
     /// Code of the warning, as listed in docs/codes.md.
     pub code: &'static str,
@@ -63,7 +63,7 @@ pub fn largest<'a>(rows: impl IntoIterator<Item = &'a [f64]>) -> Vec<f64> {
 pub struct Field {
     /// File name, `[a-z0-9_]+`, unique in the scene.
     pub name: String,
-    /// What it shows: "deposition".
+    /// What it shows, which is the name of its folder in `maps/`: "deposition".
     pub what: &'static str,
     /// Number of texels along `along`.
     pub width: usize,

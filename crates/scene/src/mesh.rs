@@ -11,7 +11,7 @@ use osier_base::geometry::Bounds;
 /// A run of triangles with one material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Subset {
-    /// Material of the run.
+    /// Index into the materials of the scene, or of the plant that the mesh is a prototype of.
     pub material: MaterialId,
     /// Index of the run's first triangle in the mesh.
     pub first: u32,
@@ -32,7 +32,7 @@ pub struct Mesh {
     pub colors: Vec<[f32; 4]>,
     /// Further values, one per point or one for the mesh.
     pub attributes: Vec<Attribute>,
-    /// Counter-clockwise from outside.
+    /// Indices of three points each, counter-clockwise as seen from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Consecutive runs that cover all triangles exactly once.
     pub subsets: Vec<Subset>,
@@ -58,7 +58,7 @@ impl Mesh {
         saturating_index(self.triangles.len())
     }
 
-    /// One subset over all triangles.
+    /// The mesh with one subset over all triangles in place of its own subsets.
     #[inline]
     pub fn with_material(mut self, material: MaterialId) -> Self {
         let count = self.next_triangle();
@@ -102,7 +102,7 @@ impl Mesh {
         self.subsets.push(Subset { material, first, count: self.next_triangle() - first });
     }
 
-    /// Triangles of a subset.
+    /// Triangles of a subset; what lies beyond the mesh's last one is left out.
     #[inline]
     pub fn subset_triangles(&self, s: &Subset) -> &[[u32; 3]] {
         let first = (s.first as usize).min(self.triangles.len());
@@ -124,7 +124,7 @@ pub enum MeshMotion {
     Varying,
 }
 
-/// Up to four joints per point.
+/// Joints that move the points of a mesh, up to four for each point.
 #[derive(Debug, Clone, Default)]
 pub struct SkinWeights {
     /// Indices into the asset's skeleton; unused places are 0.

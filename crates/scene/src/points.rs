@@ -26,7 +26,7 @@ pub struct Points {
     pub reach: Bounds,
 }
 
-/// One point cloud at one frame.
+/// What a frame changes of one point cloud.
 #[derive(Debug, Clone, Default)]
 pub enum PointsFrame {
     /// The points as in the scene.
@@ -38,14 +38,14 @@ pub enum PointsFrame {
         positions: Vec<Vec3>,
         /// Diameters, m; 0 hides.
         widths: Vec<f32>,
-        /// m/s, one per point, or empty.
+        /// Velocities in asset space, m/s, one per point; empty where they are not known.
         velocities: Vec<Vec3>,
         /// Linear RGB, one per point, or empty: as at rest.
         colors: Vec<[f32; 3]>,
     },
 }
 
-/// A cloud at one time.
+/// What a cloud shows at one time; the lists are borrowed from the scene or from a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct PointsNow<'a> {
     /// Positions in asset space, m.
@@ -59,7 +59,7 @@ pub struct PointsNow<'a> {
 }
 
 impl Points {
-    /// The cloud at a frame.
+    /// The cloud at a frame. One that the frame leaves as it is has no velocities.
     pub fn at<'a>(&'a self, frame: &'a PointsFrame) -> PointsNow<'a> {
         let (positions, widths, colors) = (&self.positions[..], &self.widths[..], &self.colors[..]);
         match frame {
@@ -108,7 +108,7 @@ impl Curves {
         out
     }
 
-    /// Box of the curves with their thickness.
+    /// Box of the curves at rest, grown by half of their widths.
     pub fn bounds(&self) -> Bounds {
         let one = |(p, w): (&Vec3, &f32)| Bounds::of([*p]).grown(w * 0.5);
         self.points.iter().zip(&self.widths).map(one).fold(Bounds::default(), Bounds::union)

@@ -78,29 +78,29 @@ impl ColumnValues {
         }
     }
 
-    /// Bytes that a value takes in a file.
+    /// Bytes of one value in a file: 8 in double precision, else 4.
     pub fn value_bytes(&self) -> usize {
         if matches!(self, Self::F64(_)) { 8 } else { 4 }
     }
 }
 
 impl RecordColumn {
-    /// Unsigned integers, one per row.
+    /// A column of unsigned integers: `value` of each row.
     pub fn u32<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> u32) -> Self {
         Self { name, unit, values: ColumnValues::U32(rows.iter().map(value).collect()) }
     }
 
-    /// Signed integers, one per row.
+    /// A column of signed integers: `value` of each row.
     pub fn i32<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> i32) -> Self {
         Self { name, unit, values: ColumnValues::I32(rows.iter().map(value).collect()) }
     }
 
-    /// Single-precision numbers, one per row.
+    /// A column of single-precision numbers: `value` of each row.
     pub fn f32<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> f32) -> Self {
         Self { name, unit, values: ColumnValues::F32(rows.iter().map(value).collect()) }
     }
 
-    /// Double-precision numbers, one per row.
+    /// A column of double-precision numbers: `value` of each row.
     pub fn f64<R>(name: &'static str, unit: &'static str, rows: &[R], value: impl Fn(&R) -> f64) -> Self {
         Self { name, unit, values: ColumnValues::F64(rows.iter().map(value).collect()) }
     }
@@ -112,7 +112,7 @@ impl RecordTable {
         self.columns.first().map_or(0, |c| c.values.len())
     }
 
-    /// True without records.
+    /// True without records, and for a table without columns.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -29,13 +29,13 @@ impl Trs {
         Self { t, ..Self::IDENTITY }
     }
 
-    /// The same as a matrix.
+    /// The same as a matrix that multiplies column vectors from the left.
     #[inline]
     pub fn matrix(&self) -> Mat4 {
         Mat4::from_scale_rotation_translation(self.s, self.r, self.t)
     }
 
-    /// The transformed point.
+    /// The point t + r * (s * p).
     #[inline]
     pub fn apply(&self, p: Vec3) -> Vec3 {
         self.t + self.r * (self.s * p)

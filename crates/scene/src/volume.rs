@@ -11,7 +11,7 @@ pub struct VolumeGrid {
     pub name: &'static str,
     /// Unit of the values as files spell it, such as `1/m^3`.
     pub unit: &'static str,
-    /// Whether the values are vectors.
+    /// Whether frames give [`VolumeValues::Vector`] instead of numbers.
     pub is_vector: bool,
     /// Middle of the cell (0, 0, 0), m.
     pub origin: DVec3,
@@ -19,7 +19,7 @@ pub struct VolumeGrid {
     pub cell: f64,
     /// Frames between two that are filled, from the first of the clip.
     pub every: u32,
-    /// Most cells that a frame fills, predicted.
+    /// Most cells that a frame fills, as limits of memory and output predict it.
     pub max_cells: u64,
 }
 
@@ -50,7 +50,7 @@ pub enum VolumeCells {
 pub enum VolumeValues {
     /// Numbers, in the unit of the grid.
     Scalar(Vec<f32>),
-    /// Vectors in the scene's axes.
+    /// Vectors in the scene's axes, in the unit of the grid.
     Vector(Vec<Vec3>),
 }
 
@@ -64,7 +64,7 @@ pub struct VolumeFrame {
 }
 
 impl VolumeFrame {
-    /// Numbers in a list of cells.
+    /// A frame with numbers in these cells, of which none may come twice.
     pub fn scalars(cells: impl IntoIterator<Item = ([i32; 3], f32)>) -> Self {
         let (cells, values) = cells.into_iter().unzip();
         Self { cells: VolumeCells::List(cells), values: VolumeValues::Scalar(values) }

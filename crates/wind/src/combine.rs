@@ -11,7 +11,7 @@ use super::Wind;
 pub struct ScaledWind {
     /// The wind that is scaled.
     pub wind: Arc<dyn Wind>,
-    /// Factor on the velocities.
+    /// Factor on all velocities, means included.
     pub factor: f32,
 }
 

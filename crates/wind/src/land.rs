@@ -16,7 +16,7 @@ const BLOCK: usize = 256;
 pub struct WindOverLand {
     /// The wind over the plane y = 0.
     pub wind: Arc<dyn Wind>,
-    /// Heights of the ground.
+    /// Land whose height is subtracted from that of each position.
     pub land: Arc<LandForm>,
 }
 

@@ -26,9 +26,9 @@ pub struct SineWindOptions {
     pub direction: Vec3,
     /// Mean speed V0 at 10 m, m/s.
     pub speed: f64,
-    /// Amplitude of the sine over the mean.
+    /// Amplitude of the sine over the mean speed; the printed equation ignores it.
     pub gust: f32,
-    /// Exponent of the power-law height profile.
+    /// Exponent of the power-law height profile; the printed equation ignores it.
     pub power: f32,
     /// Evaluate the equation as printed: the same speed everywhere, a sine of amplitude V0, noise that is never negative.
     pub literal: bool,

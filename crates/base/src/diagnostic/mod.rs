@@ -66,19 +66,19 @@ impl Diagnostic {
         Self { severity, code, message, labels: vec![(span, label)], help: None, fix: None }
     }
 
-    /// Adds a sentence on what the user can do.
+    /// Sets the sentence on what the user can do, in place of an earlier one.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 
-    /// Adds a second place.
+    /// Adds a further place, with what to say under it; the first one stays the cause.
     pub fn label(mut self, span: Span, label: impl Into<String>) -> Self {
         self.labels.push((span, label.into()));
         self
     }
 
-    /// Adds a replacement text.
+    /// Sets the edit that repairs the file: `replacement` in place of the bytes of `span`.
     pub fn fix(mut self, span: Span, replacement: impl Into<String>) -> Self {
         self.fix = Some(Fix { span, replacement: replacement.into() });
         self
@@ -93,7 +93,7 @@ const MAX_DIAGNOSTICS: usize = 250;
 pub struct Report {
     /// The texts that spans point into, by id.
     pub sources: Sources,
-    /// Diagnostics in order of discovery.
+    /// In order of discovery; [`Report::push`] keeps repetitions out and bounds their number.
     pub diagnostics: Vec<Diagnostic>,
     /// What the sources themselves print, such as `printf` of a grammar; lines end with a line feed.
     pub output: String,

@@ -24,7 +24,7 @@ pub struct FileRecord {
     pub path: String,
     /// Kind as in the manifest: `usdc`, `glb.web`, ...
     pub kind: &'static str,
-    /// Frame number for members of a sequence.
+    /// Frame number for members of a sequence; `None` for a file that the clip has once.
     pub frame: Option<u32>,
     /// Length of the file, bytes.
     pub bytes: u64,
@@ -37,11 +37,11 @@ pub struct FileRecord {
 pub struct WriteOptions {
     /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept.
     pub key: String,
-    /// Overwrite files that are not ours.
+    /// Overwrite files that osier did not write, instead of ending with [`Error::Foreign`].
     pub force: bool,
     /// Polled while files are written; a request ends the bake.
     pub cancel: Cancel,
-    /// The file system that is written to.
+    /// The file system that is written to; by default that of the machine.
     pub disk: Arc<dyn Disk>,
 }
 
@@ -146,7 +146,7 @@ impl Folder {
         Self { shared: Arc::new(Shared { root, kind_of_folder, key, options, state: Mutex::default() }) }
     }
 
-    /// The folder's own path.
+    /// Path of the folder; empty for one in memory.
     pub fn root(&self) -> &Path {
         &self.shared.root
     }

@@ -26,7 +26,7 @@ pub struct DecodedText {
 pub struct TextError {
     /// The bytes that are not text, as the subject of the message.
     pub what: &'static str,
-    /// Offset in the file.
+    /// Offset in the file, bytes; a byte order mark counts.
     pub offset: usize,
     /// Line number, from 1.
     pub line: usize,

@@ -17,7 +17,6 @@ use osier_base::math::{GOLDEN_ANGLE, cos, narrow, sin};
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::par::par_map;
 
-/// A member of a heap.
 struct HeapMember {
     at: DVec3,
     radius: f64,
@@ -25,7 +24,6 @@ struct HeapMember {
     bonds: Vec<usize>,
 }
 
-/// Relaxation of one heap in one step.
 struct HeapRelaxation<'a> {
     flights: &'a FlightSimulation,
     all: Vec<HeapMember>,
@@ -35,7 +33,6 @@ struct HeapRelaxation<'a> {
     torn: Vec<[usize; 2]>,
 }
 
-/// Result of an attempt to sink.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum SinkOutcome {
     Supported,

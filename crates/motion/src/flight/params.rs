@@ -4,7 +4,6 @@ use glam::{DVec3, Vec3};
 
 use osier_base::geometry::Bounds;
 
-/// Acceleration of free fall, m/s^2.
 const GRAVITY: f64 = osier_base::physics::GRAVITY;
 
 /// Size and frequency of one kind of catkin.
@@ -91,19 +90,19 @@ pub struct FlightParams {
     pub fps: f64,
     /// Substeps per frame, >= 1.
     pub substeps: u32,
-    /// Bounds of the simulated air.
+    /// Box of the simulated air in the world, m.
     pub inside: Bounds,
     /// Boundary condition of the sides across x, and across z.
     pub edges: [SideBoundary; 2],
     /// Range of heights in which recycled catkins reenter, over the height of the box.
     pub band: [f64; 2],
-    /// Kinds of catkins; at least one.
+    /// Kinds of catkins, drawn in proportion to their weights; at least one.
     pub kinds: Vec<CatkinKind>,
-    /// Range of scale factors on a kind's size.
+    /// Range in which the factor on a kind's radius is drawn, uniformly for each catkin.
     pub scales: [f64; 2],
     /// Mass at scale 1, kg; mass grows with the square of the scale.
     pub mass: f64,
-    /// Settling speed in calm air, m/s.
+    /// Mean settling speed of single catkins in calm air, m/s.
     pub fall: f64,
     /// Relative standard deviation of the settling speed, cut off at two.
     pub fall_spread: f64,
@@ -189,7 +188,7 @@ impl Default for FlightParams {
 }
 
 impl FlightParams {
-    /// Length of a step, s.
+    /// Length of a step, s: that of a frame over `substeps`.
     pub fn time_step(&self) -> f64 {
         1.0 / (self.fps * f64::from(self.substeps.max(1)))
     }

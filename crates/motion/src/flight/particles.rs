@@ -25,12 +25,12 @@ pub enum CatkinState {
 }
 
 impl CatkinState {
-    /// Whether it rests on a surface.
+    /// Whether it lies on the ground or on a top, is at a wall or in a corner.
     pub fn is_deposited(self) -> bool {
         matches!(self, Self::Grounded | Self::OnWall | Self::Corner)
     }
 
-    /// Whether it is visible.
+    /// Whether it is visible: in the air or deposited.
     pub fn is_seen(self) -> bool {
         self == Self::Airborne || self.is_deposited()
     }
@@ -197,7 +197,7 @@ impl Catkin {
         self.state
     }
 
-    /// Origin of the hairs, m.
+    /// Origin of its hairs in the world, m.
     pub fn position(&self) -> DVec3 {
         self.x
     }
@@ -207,12 +207,12 @@ impl Catkin {
         self.kind
     }
 
-    /// Scale factor on its kind's size.
+    /// Factor on its kind's radius, drawn from [`FlightParams::scales`].
     pub fn scale(&self) -> f32 {
         self.scale
     }
 
-    /// Bounding radius, m.
+    /// Bounding radius of its hairs at its own scale, m.
     pub fn radius(&self) -> f32 {
         self.radius
     }
@@ -227,7 +227,7 @@ impl Catkin {
         self.q
     }
 
-    /// Smallest index in its cluster.
+    /// Smallest index in its cluster; its own for a single.
     pub fn root(&self) -> u32 {
         self.root
     }

@@ -15,7 +15,7 @@ pub struct SkyRelease {
     pub seed: u64,
     /// Number of catkins to release.
     pub count: u32,
-    /// Bounds of the simulated air, m.
+    /// Box of the simulated air, m; starts are uniform over its x and z.
     pub inside: Bounds,
     /// Range of start heights, over the height of the box.
     pub band: [f64; 2],

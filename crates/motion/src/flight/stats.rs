@@ -34,15 +34,15 @@ pub struct FlightStats {
     pub on_wall: u64,
     /// Deposited in corners of ground and wall.
     pub corner: u64,
-    /// Outside of the box.
+    /// Outside of the box, hidden before they reenter, or buried.
     pub exited: u64,
     /// Clusters of two and more catkins.
     pub clusters: u64,
     /// Visible catkins that belong to no cluster.
     pub singles: u64,
-    /// Size of the largest cluster.
+    /// Number of members of the largest cluster; 0 without clusters.
     pub largest: u64,
-    /// Joins of two bodies so far.
+    /// Joins of two bodies so far, each a single or a cluster.
     pub merges: u64,
     /// Depositions so far, each member of a cluster counted.
     pub deposits: u64,
@@ -51,15 +51,15 @@ pub struct FlightStats {
     /// Times that a deposit lost its support and fell, each member of a cluster counted. Deposits less lift-offs and
     /// falls are those that lie, unless they crept out of the box.
     pub falls: u64,
-    /// Recycled catkins so far.
+    /// Reentries of recycled catkins so far.
     pub recycled: u64,
-    /// Exits from the box so far.
+    /// Exits from the box so far, those before recycling included, each member of a cluster counted.
     pub left: u64,
-    /// Mean speed of airborne catkins, m/s.
+    /// Mean speed of airborne catkins over the ground, m/s; 0 without any.
     pub mean_speed: f64,
-    /// Largest speed of airborne catkins, m/s.
+    /// Largest speed of airborne catkins over the ground, m/s; 0 without any.
     pub max_speed: f64,
-    /// Mean wind at 0.1 m over deposits, m/s.
+    /// Mean wind at 0.1 m over deposits in the last step that had any, m/s; 0 before.
     pub ground_wind: f64,
     /// Mean time from the release to the last deposition of deposited catkins, s.
     pub flight_time: f64,
@@ -76,14 +76,14 @@ pub struct FlightStats {
 }
 
 impl FlightStats {
-    /// Deposited catkins of all kinds.
+    /// Catkins that are deposited now: on the ground and on tops, at walls and in corners.
     pub fn deposited(&self) -> u64 {
         self.grounded + self.on_wall + self.corner
     }
 }
 
 impl FlightSimulation {
-    /// The solids of the scene.
+    /// The solids that catkins fly around and come to rest on.
     pub fn solids(&self) -> &Solids {
         &self.solids
     }

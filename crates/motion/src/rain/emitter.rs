@@ -26,7 +26,7 @@ pub enum DropSizes {
     MarshallPalmer,
     /// All drops have this diameter, m.
     Fixed(f64),
-    /// Log-normal distribution.
+    /// Log-normal distribution of the drops that cross a level area.
     LogNormal {
         /// Median diameter, m.
         median: f64,
@@ -62,7 +62,7 @@ pub struct RainfallParams {
     pub size: DropSizes,
     /// Expected number of drops of the whole clip; replaces `intensity` as the measure of how much rain falls.
     pub total: Option<f64>,
-    /// Change of the rate over the clip.
+    /// Factor on the rate over the time of the clip; with `total` only its course counts.
     pub envelope: IntensityEnvelope,
     /// Relative amplitude of random fluctuations of the rate, 0 to 1.
     pub jitter: f64,
@@ -117,7 +117,6 @@ pub struct EmittedDrop {
     pub volume: f64,
 }
 
-/// A diameter with its size class.
 struct DiameterSample {
     class: usize,
     /// Diameter of the drop, m.

@@ -39,7 +39,7 @@ pub struct ImpulseAndRebound {
 }
 
 impl Impact {
-    /// Speed of approach along the normal, m/s.
+    /// Speed of approach along the normal, m/s; 0 for a drop that moves away.
     pub fn approach_speed(&self) -> f64 {
         (-self.relative.dot(self.normal)).max(0.0)
     }

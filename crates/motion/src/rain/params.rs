@@ -114,7 +114,7 @@ pub struct DropParams {
 }
 
 impl DropParams {
-    /// Exponential drying of wet surfaces.
+    /// The law by which wetness falls to `decay_fraction` of itself in every `decay_time`.
     pub fn drying_law(&self) -> DryingLaw {
         DryingLaw { fraction: self.decay_fraction, time: self.decay_time }
     }

@@ -144,7 +144,7 @@ pub struct RainConfig {
     pub params: DropParams,
     /// Source of drops; `None` for scenes that only deposit drops.
     pub emitter: Option<RainEmitter>,
-    /// Plants that rain falls on.
+    /// Plants that rain falls on; [`LeafOnPlant::plant`] names them by index.
     pub plants: Vec<Box<dyn RainPlant>>,
     /// Leaves of all plants, with the plants that carry them.
     pub leaves: Vec<(RainLeaf, LeafOnPlant)>,
@@ -169,7 +169,6 @@ pub struct RainSimulation {
     poses: Vec<LeafPose>,
     /// Accelerations of the leaves that drops respond to, by leaf.
     responses: Vec<SmoothedLeafAcceleration>,
-    /// Wood segments of each plant.
     wood: Vec<Vec<WoodSegment>>,
     /// Over the boxes that leaves and wood sweep in a step.
     hierarchy: SweptHierarchy,
@@ -311,7 +310,7 @@ impl RainSimulation {
         self.t
     }
 
-    /// Leaves with their drops.
+    /// Leaves of all plants with their drops, in the order of [`RainConfig::leaves`].
     pub fn leaves(&self) -> &[RainLeaf] {
         &self.leaves
     }
@@ -326,7 +325,7 @@ impl RainSimulation {
         &self.falling
     }
 
-    /// The plants in their present state.
+    /// The plants in their present state, in the order of [`RainConfig::plants`].
     pub fn plants(&self) -> &[Box<dyn RainPlant>] {
         &self.plants
     }

@@ -12,9 +12,9 @@ pub struct LeafPose {
     pub position: DVec3,
     /// Rotation from leaf space to the world.
     pub orientation: DQuat,
-    /// Velocity of the origin, m/s.
+    /// Velocity of the origin in the world, m/s.
     pub velocity: DVec3,
-    /// Angular velocity, rad/s.
+    /// Angular velocity about the axes of the world, rad/s.
     pub angular_velocity: DVec3,
     /// Acceleration of the origin, averaged over the last step, m/s^2.
     pub acceleration: DVec3,
@@ -23,7 +23,7 @@ pub struct LeafPose {
 }
 
 impl LeafPose {
-    /// A leaf that does not move.
+    /// The pose of a leaf without velocities and accelerations.
     pub fn at_rest(position: DVec3, orientation: DQuat) -> Self {
         Self {
             position,
@@ -69,7 +69,7 @@ pub trait RainPlant: Send + std::fmt::Debug {
     /// Number of leaves; their order never changes.
     fn leaf_count(&self) -> usize;
 
-    /// Current pose of a leaf.
+    /// Pose and motion of a leaf in the world at the present time.
     fn leaf_pose(&self, leaf: usize) -> LeafPose;
 
     /// Inverse effective mass of a leaf at `point` along the unit vector `direction`, 1/kg: the change of that point's velocity

@@ -33,15 +33,15 @@ pub enum Integrator {
 /// A load on a section or a motion of a clamp, keyed over time.
 #[derive(Debug, Clone)]
 pub enum Actuation {
-    /// Force, N, and torque, N m, on a section.
+    /// Force, N, and torque, N m, at the centre of the section of this index.
     Wrench(usize, Keyframes<6>),
     /// Impulses on a section, N s, each applied once at its key's time.
     Impulse(usize, Keyframes<3>),
     /// Mass of an attached body, kg.
     Mass(usize, Keyframes<1>),
-    /// Translation of a clamp from the reference shape, m.
+    /// Translation of the clamp of this index from the reference shape, m.
     Shift(usize, Keyframes<3>),
-    /// Rotation of a clamp about an axis, rad.
+    /// Rotation of the clamp of this index about this axis through its section's centre, rad.
     Turn(usize, DVec3, Keyframes<1>),
 }
 

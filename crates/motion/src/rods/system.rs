@@ -27,7 +27,7 @@ pub enum SupportKind {
 /// Boundary condition at a section, and its prescribed motion.
 #[derive(Debug, Clone)]
 pub struct RodSupport {
-    /// Index of the section.
+    /// Index of the section that it acts on.
     pub section: usize,
     /// Which degrees of freedom are prescribed.
     pub hold: SupportKind,
@@ -70,7 +70,7 @@ impl RodSupport {
 /// Rigid body attached to a section: a leaf blade, or a weight.
 #[derive(Debug, Clone)]
 pub struct AttachedBody {
-    /// Index of the section.
+    /// Index of the section that it is attached to.
     pub section: usize,
     /// Centre of mass in the section's frame (u, v, w), m.
     pub at: DVec3,
@@ -282,7 +282,7 @@ impl RodSystem {
         }
     }
 
-    /// Number of sections.
+    /// Number of free sections of all rods; attached bases are not counted.
     pub fn len(&self) -> usize {
         self.x.len()
     }
@@ -312,7 +312,7 @@ impl RodSystem {
         self.tree.sections[section].rod
     }
 
-    /// Present frame of a section, m.
+    /// Centre, m, and axes of a section in its present shape, in the world.
     pub fn section_frame(&self, section: usize) -> SectionFrame {
         SectionFrame::from_corners(&self.x[section])
     }
@@ -329,7 +329,7 @@ impl RodSystem {
         Some((on, SectionFrame::from_corners(&self.reference_frame(on).local_positions_to_world(&base.local))))
     }
 
-    /// Radius at a section, m.
+    /// Radius of the rod at a section, m.
     pub fn radius(&self, section: usize) -> f64 {
         self.tree.sections[section].radius
     }
@@ -363,7 +363,7 @@ impl RodSystem {
         self.tree.rods[rod].intervals.iter().fold(1.0, |m, l| l.torsion_softening().max(m))
     }
 
-    /// Removes all external forces and impulses.
+    /// Removes all that [`RodSystem::add_wrench`] and [`RodSystem::add_impulse`] have added.
     pub fn clear_forces(&mut self) {
         self.external_forces.fill([0.0; 9]);
         self.impulse_forces.fill([0.0; 9]);
@@ -385,7 +385,7 @@ impl RodSystem {
         (0..9).for_each(|k| self.impulse_forces[section][k] += f[k]);
     }
 
-    /// Sets the velocity of a section, m/s.
+    /// Gives all corners of a section this velocity, m/s, so that it does not rotate.
     pub fn set_linear_velocity(&mut self, section: usize, velocity: DVec3) {
         self.v[section] = corners_from_fn(|_| velocity);
     }

@@ -92,9 +92,9 @@ pub struct ElementLocation {
 /// All bending elements of a plant, parents first.
 #[derive(Debug, Clone, Default)]
 pub struct BeamElements {
-    /// Elements, parents first.
+    /// Elements; [`BeamElement::parent`] names them by index.
     pub list: Vec<BeamElement>,
-    /// Stations of all elements.
+    /// Stations of all elements; [`BeamElement::stations`] names those of one.
     pub stations: Vec<LoadStation>,
     /// Indices of the elements by branching order, then by falling length of their axis.
     pub ranked: Vec<u32>,
@@ -214,7 +214,7 @@ impl BeamElements {
         }
     }
 
-    /// Location of arc length `s`, m, of an axis.
+    /// Location of arc length `s`, m, of an axis; where nothing bends, the last location below it that does.
     pub fn locate(&self, axis: u32, s: f32) -> ElementLocation {
         let Some(parts) = self.parts.get(axis as usize) else { return ElementLocation { element: NONE, at: 0.0 } };
         // Walk along the axis' segments; a segment without an element follows the last one that has.
@@ -307,7 +307,6 @@ impl CrownEllipsoid {
     }
 }
 
-/// Inputs of the element construction.
 struct ElementContext<'a> {
     plant: &'a Plant,
     wood: &'a WoodParams,

@@ -14,7 +14,6 @@ use osier_base::math;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Joint, JointBranch, Skeleton, SkinWeights, Trs};
 
-/// Location of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct RigJoint {
     /// Index of its axis, or [`NONE`] for the root joint.
@@ -43,7 +42,7 @@ pub struct JointRig {
     shares: Vec<f32>,
 }
 
-/// Limit of a skeleton.
+/// How many joints a skeleton may have, and how many an element gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct JointBudget {
     /// Number of joints, root included, at least 1 and at most 65,535.
@@ -57,12 +56,11 @@ struct JointTask {
     element: u32,
     /// Index among the element's joints, from its base.
     ordinal: usize,
-    /// Index of its parent joint.
     parent: u16,
 }
 
 impl JointRig {
-    /// Builds the skeleton within the budget.
+    /// Builds the skeleton: branches get joints by order and length, as far as the budget goes.
     pub fn build(plant: &Plant, elements: &BeamElements, budget: JointBudget) -> Self {
         let JointShares { counts, shares } = JointShares::new(plant, elements, budget);
         let still = ElementLocation { element: NONE, at: 0.0 };
@@ -151,7 +149,7 @@ impl JointRig {
         chain.get(before.saturating_sub(1)).copied().unwrap_or(self.carriers[a])
     }
 
-    /// Joint that an organ follows.
+    /// Joint whose stretch an organ grows on; for a rigid axis, the joint that carries it.
     pub fn organ_joint(&self, organ: &Organ) -> u16 {
         self.joint_at(organ.axis as usize, organ.s)
     }

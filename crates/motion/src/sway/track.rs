@@ -28,7 +28,7 @@ pub struct ClipOptions {
 /// Both bending angles of each element, rad.
 type ElementBends = Vec<[f64; 2]>;
 
-/// Bends of all elements over time.
+/// Bends of all elements, second modes included, at every frame: scaled for output, and closed for a loop.
 #[derive(Debug, Clone, Default)]
 pub struct BendTrack {
     /// Per frame and element: both bending angles, rad.

@@ -16,17 +16,17 @@ pub struct WoodParams {
     pub density: f64,
     /// Mass of leaves per one-sided area, kg/m^2.
     pub leaf_mass: f64,
-    /// Drag coefficient of wood.
+    /// Drag coefficient of wood for its projected area.
     pub drag: f64,
-    /// Drag coefficient of leaves.
+    /// Drag coefficient of leaves for their one-sided area.
     pub leaf_drag: f64,
-    /// Factor on the elasticity.
+    /// Factor on Young's modulus, `elasticity` or the default.
     pub stiffness: f64,
     /// Fundamental frequency of the trunk, Hz; none to compute it from the shape.
     pub trunk_hertz: Option<f64>,
-    /// Factor on all frequencies.
+    /// Factor on all natural frequencies, that of `trunk_hertz` included.
     pub hertz: f64,
-    /// Factor on all damping.
+    /// Factor on all damping ratios, which [`damping_ratio`] gives by branching order.
     pub damping: f64,
     /// Compute slopes from taper and load, instead of assuming a uniform cantilever under a uniform load.
     pub measured: bool,
@@ -58,7 +58,7 @@ impl WoodParams {
         self.elasticity_at(r) * std::f64::consts::FRAC_PI_4 * r * r * r * r
     }
 
-    /// Young's modulus of wood of a radius, Pa.
+    /// Young's modulus of wood of radius `r`, m, in Pa: `elasticity`, or the value by thickness, times `stiffness`.
     pub fn elasticity_at(&self, r: f64) -> f64 {
         let own = || {
             let x = ((r - THIN_WOOD.1) / (THICK_WOOD.1 - THIN_WOOD.1)).clamp(0.0, 1.0);

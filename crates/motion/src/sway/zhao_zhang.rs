@@ -42,7 +42,6 @@ pub struct PaperParams {
     pub damping: f64,
 }
 
-/// State of one internode as a cantilever.
 #[derive(Debug)]
 struct CantileverInternode {
     element: usize,

@@ -42,7 +42,6 @@ impl RigidMotion {
 /// How a bend of an element moves what is attached at a place of it: by phi x (shift + slope p).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BendLever {
-    /// Index of the element.
     element: usize,
     /// Slope there over that of the tip.
     slope: f64,

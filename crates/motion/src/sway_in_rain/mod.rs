@@ -61,7 +61,6 @@ pub struct SwayInRain<'a> {
     pub gravity: f64,
 }
 
-/// A leaf with its water.
 #[derive(Debug)]
 struct RainedLeaf {
     /// Where it stands; `None` on wood that does not bend.

@@ -31,7 +31,7 @@ use crate::{Attribute, Mesh};
 
 pub use validate::{MAX_ITEMS, Warning, validate};
 
-/// No parent, no fork.
+/// Stands for no axis in [`Axis::parent`] and for no fork in [`Axis::fork`].
 pub const NONE: u32 = u32::MAX;
 
 /// Bit of [`Nodes::color`] that tells that the segment ending at the node wears the colour index in the low byte; without it, the
@@ -135,7 +135,7 @@ pub struct Organ {
     pub id: u64,
     /// Index into [`Plant::axes`] of the axis that it grows on.
     pub axis: u32,
-    /// Where on the axis, m.
+    /// Arc length on the axis at which it grows, m.
     pub s: f32,
     /// From the centreline, in the axis frame at `s`, m.
     pub offset: Vec3,
@@ -201,7 +201,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Node indices of an axis.
+    /// Indices of the nodes of an axis in the lists of [`Plant::nodes`], from base to tip.
     #[inline]
     pub fn nodes_of(&self, axis: &Axis) -> std::ops::Range<usize> {
         let first = axis.first as usize;

@@ -101,7 +101,7 @@ impl LandForm {
         (cell, at - cell as f32)
     }
 
-    /// Height at (x, z), m.
+    /// Height at (x, z), m; outside the rectangle, that of the nearest point of its edge.
     #[inline]
     pub fn height(&self, at: Vec2) -> f32 {
         let ((x, u), (z, v)) = (self.column(at.x), self.row(at.y));

@@ -27,10 +27,10 @@ pub use land::{LandForm, LandGrid};
 pub use prism::{Prism, Side};
 pub use shell::Shell;
 
-/// Where a surface is nearest.
+/// How far a surface is from a place, and which way leads out of the solid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearest {
-    /// m; negative inside.
+    /// Distance to the surface, m; negative inside. Far from a land it may be shorter than the true one.
     pub distance: f32,
     /// Unit vector out of the solid at the nearest point.
     pub normal: Vec3,
@@ -59,7 +59,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// The smallest upright box around it.
+    /// The axis-aligned box around it; of a land only that over its rectangle, beyond which it goes on.
     #[inline]
     pub fn bounds(&self) -> Bounds {
         match &self.form {
@@ -69,7 +69,7 @@ impl Solid {
         }
     }
 
-    /// Whether a place is inside.
+    /// Whether a place is inside it; for a land, below its surface at any depth.
     #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
         match &self.form {
@@ -79,7 +79,7 @@ impl Solid {
         }
     }
 
-    /// The nearest place of its surface.
+    /// Distance of a place from its surface, negative inside, and the normal there.
     #[inline]
     pub fn nearest(&self, at: Vec3) -> Nearest {
         match &self.form {
@@ -137,24 +137,24 @@ pub struct Solids {
     level: bool,
 }
 
-/// What a place is near to.
+/// A surface near a place, and the solid that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Near {
     /// Distance to it and the normal there.
     pub nearest: Nearest,
-    /// Which solid; none for the level ground.
+    /// Index in [`Solids::list`]; none for the level ground.
     pub which: Option<u32>,
 }
 
 impl Solids {
-    /// `level`: with ground at y = 0.
+    /// `all`: in the scene's order; `level`: whether the level y = 0 is ground too.
     #[inline]
     pub fn new(all: Vec<Solid>, level: bool) -> Self {
         let boxes = all.iter().map(Solid::bounds).collect();
         Self { all, boxes, level }
     }
 
-    /// In the scene's order.
+    /// All solids in the scene's order; the level ground is not among them.
     #[inline]
     pub fn list(&self) -> &[Solid] {
         &self.all

@@ -25,9 +25,9 @@ pub struct Prism {
 pub struct Side {
     /// Its upper left corner seen from outside, m.
     pub corner: Vec3,
-    /// From there to the right, m.
+    /// Vector along the whole upper edge, to the right as seen from outside, m.
     pub along: Vec3,
-    /// From there down, m.
+    /// Vector down a whole edge, m.
     pub down: Vec3,
     /// Unit vector out of it.
     pub normal: Vec3,

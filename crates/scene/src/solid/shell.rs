@@ -45,13 +45,13 @@ impl Shell {
         Some(Self { triangles, tree, bounds, open })
     }
 
-    /// Edges that do not belong to two triangles.
+    /// Number of edges that do not belong to exactly two triangles; 0 for a closed mesh.
     #[inline]
     pub fn open_edges(&self) -> usize {
         self.open
     }
 
-    /// Its triangles, corners in m.
+    /// Corners of its triangles, m; triangles without area have been left out.
     #[inline]
     pub fn triangles(&self) -> &[[Vec3; 3]] {
         &self.triangles
@@ -72,7 +72,7 @@ impl Shell {
         axes.iter().filter(|way| self.walls(at, **way) % 2 == 1).count() > 3
     }
 
-    /// Walls that a ray passes.
+    /// Number of triangles that the ray from `from` along `way` passes through.
     fn walls(&self, from: Vec3, way: Vec3) -> usize {
         let mut count = 0;
         // Beyond the mesh in every direction.

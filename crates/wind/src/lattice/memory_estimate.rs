@@ -30,7 +30,7 @@ pub struct LatticeMemory {
 }
 
 impl LatticeMemory {
-    /// Estimate for a solver with these options.
+    /// Estimate for a solver with these options; numbers beyond 64 bits saturate.
     pub fn estimate(options: &LatticeOptions) -> Self {
         // Saturating products: the options may ask for more cells than 64 bits count.
         let n = options.cells.map(u64::from);

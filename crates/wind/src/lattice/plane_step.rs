@@ -71,7 +71,6 @@ pub(super) struct PlaneStep<'a> {
     pub last: bool,
 }
 
-/// What the collision of a plane found.
 struct PlaneSpeedStats {
     /// Square of the highest speed, cells per step.
     max_squared: f32,

@@ -107,7 +107,7 @@ impl RecordedWind {
         Ok(Self { grid, frames, stats, fps: options.fps, lead: lead as usize, period, inlet })
     }
 
-    /// Bytes of memory that the velocities take.
+    /// Bytes of memory that the velocities of all recorded frames take, with their halo.
     pub fn bytes(&self) -> u64 {
         self.frames.len() as u64 * self.grid.value_count() as u64 * BYTES_PER_VELOCITY
     }

@@ -9,14 +9,14 @@ pub struct LatticeWarning {
     pub text: String,
 }
 
-/// Statistics of a run.
+/// Statistics of all steps since rest, and of the last check of the density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatticeStats {
     /// Time steps since rest, the spin-up included.
     pub steps: u64,
     /// Fluid cells whose speed was clamped, summed over all steps.
     pub clamped_cells: u64,
-    /// Largest checkerboard density seen.
+    /// Largest magnitude of the checkerboard density in any check.
     pub peak_checkerboard: f64,
     /// Checkerboard density at the last check: the mean of the density less 1, with the sign of the parity of x + y + z.
     pub checkerboard: f64,

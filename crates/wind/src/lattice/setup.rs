@@ -46,7 +46,7 @@ pub struct LatticeOptions {
     pub base_center: DVec3,
     /// Profile, gusts and turbulence of the inflow.
     pub inlet: InletOptions,
-    /// Kinematic viscosity, m^2/s.
+    /// Kinematic viscosity, m^2/s; higher where the relaxation time would be less than `tau_floor`.
     pub viscosity: f64,
     /// Frame rate of the snapshots, frames per second.
     pub fps: f64,
@@ -152,7 +152,6 @@ pub(super) struct LatticeSetup {
     fingerprint: u64,
 }
 
-/// Error of a value out of range.
 fn range_error(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -> Error {
     Error::Range { name: name.to_owned(), value, min, max, unit }
 }

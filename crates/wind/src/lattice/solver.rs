@@ -168,12 +168,12 @@ impl LatticeSolver {
         self.stats
     }
 
-    /// Snapshots before time 0.
+    /// Number of snapshots before time 0, which [`LatticeSolver::advance`] delivers first.
     pub fn lead_frames(&self) -> u32 {
         self.setup.lead_frames
     }
 
-    /// Time steps before the first snapshot.
+    /// Time steps from rest to the first snapshot.
     pub fn spin_up_steps(&self) -> u64 {
         self.setup.spin_up
     }
@@ -484,7 +484,6 @@ fn check_blockage(domain: &Domain, blocked: f64) -> Result<()> {
     Err(input_error("S030", message, help))
 }
 
-/// No cell of the lattice holds air.
 fn all_solid_error() -> Error {
     input_error("S024", "all cells of the lattice wind are inside solids", "move or enlarge the box of the lattice")
 }

@@ -75,7 +75,6 @@ pub(super) struct StepReport {
     pub diagnostics: FlowDiagnostics,
 }
 
-/// Which steps a pass does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PassKind {
     Even,

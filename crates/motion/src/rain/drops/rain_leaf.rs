@@ -197,7 +197,7 @@ impl RainLeaf {
         drop.located_surface().or_else(|| self.point_at(drop.uv))
     }
 
-    /// Volume of all water on the leaf, m^3.
+    /// Volume of all drops on the leaf, tails and pendant drops included, m^3.
     pub fn volume(&self) -> f64 {
         self.drops.iter().map(|d| d.volume).sum()
     }

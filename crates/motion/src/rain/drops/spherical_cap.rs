@@ -39,7 +39,6 @@ pub struct WettingParams {
 /// What caps of all volumes have in common: functions of the contact angle, and the rule for the height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapLaw {
-    /// Rule for the height.
     shape: CapHeightRule,
     /// Factor on the height; `None` for the one that gravity gives.
     height_factor: Option<f64>,

@@ -24,7 +24,6 @@ pub(super) struct FlatBlade {
     pub cuts: usize,
 }
 
-/// A blade to be flattened.
 struct Flattener<'a> {
     points: &'a [DVec3],
     /// Vertices of each triangle, those at one position being one vertex.

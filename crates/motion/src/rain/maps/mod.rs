@@ -118,7 +118,6 @@ pub struct LeafWaterMaps {
     counters: TexelCounters,
 }
 
-/// What a frame changes of the maps.
 struct FrameUpdate {
     dirty: DirtySpans,
     wet_spots: Vec<WetSpotStamp>,
@@ -127,7 +126,7 @@ struct FrameUpdate {
 }
 
 impl LeafWaterMaps {
-    /// Maps of a dry leaf of factor `scale`.
+    /// Maps of a dry leaf. `scale`: factor on the size of its blade.
     pub fn new(raster: Arc<UvRaster>, scale: f64) -> Self {
         let n = raster.side * raster.side;
         let tiles = raster.side.div_ceil(TILE);
@@ -157,12 +156,12 @@ impl LeafWaterMaps {
         dry
     }
 
-    /// The maps at the last frame.
+    /// The maps as the last update left them; those of a dry leaf before the first.
     pub fn maps(&self) -> &LeafMaps {
         &self.maps
     }
 
-    /// Texel updates since the beginning.
+    /// Number of texel updates since the maps were made; those of the dry relief do not count.
     pub fn texel_counters(&self) -> TexelCounters {
         self.counters
     }

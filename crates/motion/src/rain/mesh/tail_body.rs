@@ -48,7 +48,6 @@ struct StretchedCap {
     stretch: f64,
 }
 
-/// Width and height of a cross section.
 #[derive(Debug, Clone, Copy)]
 struct CrossSection {
     /// Half of the width, m.

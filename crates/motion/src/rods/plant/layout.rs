@@ -34,9 +34,9 @@ pub struct RodPlantParams {
     pub sections: Option<usize>,
     /// Largest radius that bends, m; thicker wood is rigid.
     pub max_rod_radius: f64,
-    /// Budget of sections of all rods.
+    /// Largest number of sections of all rods; stems of low order and great length come first.
     pub max_sections: usize,
-    /// Largest number of leaves with a stalk rod.
+    /// Largest number of leaves with a stalk rod, spread evenly over all leaves.
     pub max_leaf_stalks: usize,
 }
 

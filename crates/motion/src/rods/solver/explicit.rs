@@ -13,7 +13,6 @@ use osier_scene::plant::NONE;
 /// Largest k h^2 / m at which one Gauss-Seidel pass per step still carries a rod's weight.
 pub const MAX_GAUSS_SEIDEL_STIFFNESS: f64 = 10.0;
 
-/// The corners that a spring joins.
 #[derive(Debug, Clone, Copy)]
 struct SpringEnds {
     /// Corner of the section that has the spring, 0 to 2.

@@ -27,7 +27,7 @@ pub struct SwayParams {
     pub flicker: f64,
     /// Factor on the inertial force that a moving carrier exerts on twigs, 0..3.
     pub whip: f64,
-    /// World-from-plant transform.
+    /// World from plant space: where the plant stands.
     pub stand: Trs,
     /// Whether gravity acts on deviations from the grown pose.
     pub gravity: bool,
@@ -57,7 +57,7 @@ pub struct SwaySimulation<'a> {
 }
 
 impl<'a> SwaySimulation<'a> {
-    /// A simulation at rest, without deflection.
+    /// A simulation with all elements in the grown pose, at rest.
     pub fn new(elements: &'a BeamElements, wind: &'a dyn Wind, params: SwayParams) -> Self {
         // A whole number of steps per frame.
         let per_frame = (STEPS_PER_SECOND / params.fps).ceil().max(1.0);
@@ -80,7 +80,7 @@ impl<'a> SwaySimulation<'a> {
         }
     }
 
-    /// Time steps per frame.
+    /// Time steps per frame, at least 1.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
     pub fn steps(&self) -> u32 {
         (1.0 / (self.step * self.params.fps)).round() as u32
