@@ -299,11 +299,13 @@ impl Resolver<'_> {
         // Height of the lowest cut by a box; without one it is infinite, and no stem is too high for it.
         let hedge = prunes.iter().filter(|p| p.solid.is_empty()).map(top).fold(f64::INFINITY, f64::min);
         // A tree grows no higher than its longest axis, nor than the limit of its height.
-        let highest = f64::from(habit.path_max.min(habit.height_max));
+        let highest = habit.path_max.min(habit.height_max);
+        // The message prints the single-precision values: widened ones would show digits that nobody wrote.
+        let below = habit.clear_stem;
         let text = if clear > MAX_CLEAR_SHARE * hedge {
-            format!("clear_stem takes away the branches below {clear} m of a plant that is cut at {hedge} m")
-        } else if clear >= highest {
-            format!("clear_stem takes away the branches below {clear} m of a tree that grows {highest} m high at most")
+            format!("clear_stem takes away the branches below {below} m of a plant that is cut at {hedge} m")
+        } else if below >= highest {
+            format!("clear_stem takes away the branches below {below} m of a tree that grows {highest} m high at most")
         } else {
             return;
         };
