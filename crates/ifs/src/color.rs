@@ -131,7 +131,7 @@ impl ColorLabels {
         self.mode == ColorMode::Coord
     }
 
-    /// True if labels count branchings.
+    /// True for [`ColorMode::Order`]: labels count branchings, so that a map alone does not decide them.
     pub fn is_by_order(&self) -> bool {
         self.mode == ColorMode::Order
     }
@@ -153,7 +153,8 @@ impl ColorLabels {
         }
     }
 
-    /// Labels of a chunk's points.
+    /// Writes the labels of the valid steps of a chunk. Chunks of a block come in order: labels depend on the maps of the
+    /// steps before.
     pub fn label(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
         if self.mode == ColorMode::Map {
             *out = chunk.map;
@@ -226,7 +227,8 @@ fn max_word_length(maps: usize, k: u32) -> u32 {
     (1..=k).rev().find(|k| maps.checked_pow(*k).is_some_and(|n| n <= MAX_LABELS)).unwrap_or(1)
 }
 
-/// One colour per map and one for the condensation set.
+/// Linear RGB of each map, then of the condensation sets. `own`: colours taken in turn; if empty, those of the file
+/// or defaults.
 pub fn map_colors(ifs: &Ifs, own: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let mut leaves = DEFAULT_GREENS.iter().cycle();
     let pick = |(i, map): (usize, &Map)| {

@@ -30,10 +30,10 @@ const LYAPUNOV_STEPS: u32 = 4096;
 /// A map is singular if its smallest singular value is at most this share of its largest.
 const SINGULAR_RATIO: f64 = 1e-9;
 
-/// Analysis of a system: what is known before it is drawn.
+/// Analysis of a system before it is drawn: shares of its maps, how fast it contracts, whether it has bounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SystemAnalysis {
-    /// Share of each map in long runs.
+    /// Share of each map in long runs, in the order of the maps.
     pub probabilities: Vec<f64>,
     /// Probability of the next map (column) after the last one (row), where the file has a chaos matrix.
     pub next: Option<Vec<Vec<f64>>>,
@@ -46,7 +46,7 @@ pub struct SystemAnalysis {
     pub error: f64,
     /// True if a map drawn has a spectral radius of 1 or more: the attractor has no bounds.
     pub unbounded: bool,
-    /// The map whose fixed point chains start from.
+    /// Index of the map whose fixed point chains start from.
     pub first: usize,
     /// Warnings and errors found by the analysis.
     pub diagnostics: Vec<Diagnostic>,

@@ -19,13 +19,13 @@ use osier_base::diagnostic::Span;
 /// A mesh file that a table names, and its triangles once it has been read.
 #[derive(Debug, Clone)]
 pub struct MeshReference {
-    /// As the table names it.
+    /// Mesh file as the table names it.
     pub file: String,
     /// Table units per unit of the file, > 0.
     pub scale: f64,
     /// True if +Z points up in the file.
     pub up_z: bool,
-    /// Where the table names it.
+    /// Place in the table that names the file, for diagnostics.
     pub span: Span,
     /// Empty until the file has been read.
     pub faces: Arc<WeightedTriangles>,

@@ -44,7 +44,7 @@ use affine::Affine;
 pub use affine::Branch;
 use osier_base::diagnostic::Span;
 
-/// Largest magnitude of a coefficient.
+/// Largest magnitude of a number that readers accept in a file.
 pub const MAX_COEFFICIENT: f64 = 1e12;
 
 /// One system of affine maps.
@@ -54,7 +54,7 @@ pub struct Ifs {
     pub name: String,
     /// 2 or 3; a plane attractor lies in z = 0.
     pub dim: usize,
-    /// The maps, in the order of the file.
+    /// The maps, in the order of the file; probabilities and letters of words count them in this order.
     pub maps: Vec<Map>,
     /// Factors on the weights of the next map (column) by the last one (row).
     pub chaos: Option<Vec<Vec<f64>>>,
@@ -64,7 +64,7 @@ pub struct Ifs {
     pub condensation: Vec<Condensation>,
     /// Picture window and background, where the file states them.
     pub view: Option<PictureView>,
-    /// Linear RGB by colour coordinate, or empty.
+    /// Linear RGB at equal steps of the colour coordinate from 0 to 1; empty: two default greens.
     pub palette: Vec<[f32; 3]>,
     /// Where the probabilities come from, if the file says so.
     pub weights: Option<weights::WeightRule>,
@@ -75,11 +75,11 @@ pub struct Ifs {
 /// One map w(x) = A x + b with what belongs to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {
-    /// The affine map itself.
+    /// Linear part and shift, table units.
     pub affine: Affine,
     /// Weight as written; `None` where the file gives none.
     pub weight: Option<f64>,
-    /// Linear RGB of the map's points.
+    /// Linear RGB of the points that the map makes; `None`: brown for a stem, else one of the default greens.
     pub color: Option<[f32; 3]>,
     /// Place in the palette, 0..1.
     pub coord: f64,
@@ -102,7 +102,7 @@ pub struct Map {
 }
 
 impl Map {
-    /// A map without colour, tree or palette data.
+    /// A map of default colour, speed 0.5 and opacity 1 that is no stem, continues no axis and bears leaves.
     pub fn new(affine: Affine, weight: Option<f64>, span: Span) -> Self {
         Self {
             affine,
@@ -124,7 +124,7 @@ impl Map {
 /// A condensation set: a fixed set whose images under all words belong to the attractor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Condensation {
-    /// Geometry of the set.
+    /// Form, place and size, table units.
     pub shape: CondensationShape,
     /// Probability of a jump into the set per step, 0..1.
     pub weight: f64,
@@ -139,7 +139,7 @@ pub enum CondensationShape {
         from: [f64; 3],
         /// Second end, table units.
         to: [f64; 3],
-        /// Half its thickness.
+        /// Half its thickness, table units.
         radius: f64,
     },
     /// A disc in the plane z = const.
@@ -165,7 +165,7 @@ pub struct PictureView {
     pub center: [f64; 2],
     /// Width of the picture, table units.
     pub width: f64,
-    /// Turn of the picture, rad.
+    /// Turn of the points about `center`, rad, clockwise with y up.
     pub rotate: f64,
     /// Width over height in pixels.
     pub aspect: f64,

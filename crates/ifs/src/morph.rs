@@ -36,15 +36,15 @@ const MIN_FIXED_POINT_DET: f64 = 1e-6;
 pub struct MorphKey {
     /// Time of the key, s.
     pub at: f64,
-    /// System at this time.
+    /// System that the morph shows at `at`.
     pub system: Ifs,
-    /// Analysis of `system`.
+    /// Analysis of `system`, whose probabilities frames between the keys blend.
     pub study: SystemAnalysis,
     /// Full turns that each map makes on its path to this key besides the shortest turn; empty: none.
     pub turns: Vec<f64>,
 }
 
-/// Interpolation between keys.
+/// How maps, weights and time run from one key to the next.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MorphOptions {
     /// Smoothstep in time: velocity 0 at the keys. Otherwise linear.
@@ -55,16 +55,16 @@ pub struct MorphOptions {
     pub hold_weights: bool,
 }
 
-/// Keys that cannot be interpolated.
+/// The first key that cannot be interpolated, with the text of its diagnostic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MorphMismatch {
     /// Index of the key that does not fit.
     pub key: usize,
     /// Diagnostic code, I070 or I071.
     pub code: &'static str,
-    /// Message of the diagnostic.
+    /// What does not match, with the names of the tables or the number of the map, from 1.
     pub message: String,
-    /// Help text of the diagnostic.
+    /// What the user can change to make the keys match.
     pub help: &'static str,
 }
 
@@ -85,7 +85,7 @@ struct MorphSegment {
     last: Option<MapPath>,
 }
 
-/// A system that changes with time.
+/// A system whose maps and weights run through those of its keys.
 #[derive(Debug, Clone)]
 pub struct Morph {
     keys: Vec<MorphKey>,
@@ -143,7 +143,7 @@ impl Morph {
         Ok(Self { keys, segments, options, exponent })
     }
 
-    /// Keys in order of time.
+    /// Keys in order of time; at least one.
     pub fn keys(&self) -> &[MorphKey] {
         &self.keys
     }
@@ -203,7 +203,7 @@ impl Morph {
         }
     }
 
-    /// The first key whose weights are not those before it.
+    /// Index of the first key whose probabilities differ from those of the key before it; `None` if all are alike.
     pub fn reweighted(&self) -> Option<usize> {
         let same = |a: &SystemAnalysis, b: &SystemAnalysis| {
             a.probabilities.iter().zip(&b.probabilities).all(|(p, q)| (p - q).abs() < 1e-9) && a.next == b.next

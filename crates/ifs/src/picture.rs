@@ -36,13 +36,13 @@ const WHITE_QUANTILE: f64 = 0.995;
 pub struct DensityEstimator {
     /// Radius of the disc of a single hit, pixels; 0 is off.
     pub radius: f64,
-    /// Smallest radius, pixels.
+    /// Radius below which no disc shrinks, however many hits its pixel has, pixels.
     pub minimum: f64,
-    /// How fast discs shrink with hits.
+    /// Exponent by which discs shrink with hits; 0: all have `radius`.
     pub curve: f64,
 }
 
-/// How counts become a picture.
+/// How the density of points becomes opacity, and what lies behind the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToneMapping {
     /// g of alpha = ln(1 + g D) / ln(1 + g D99.5).

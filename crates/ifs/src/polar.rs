@@ -26,7 +26,7 @@ impl Turn {
         }
     }
 
-    /// The identity rotation.
+    /// The identity rotation of the plane (`dim` 2) or of space.
     pub fn none(dim: usize) -> Self {
         if dim == 2 { Self::Plane(0.0) } else { Self::Space(DQuat::IDENTITY) }
     }

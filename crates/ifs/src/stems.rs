@@ -40,16 +40,16 @@ const UNIT_TRUNK_TOLERANCE: f64 = 0.03;
 /// Radius over length of a trunk that the table does not describe.
 const DEFAULT_TRUNK_RADIUS: f64 = 0.08;
 
-/// A system read as a tree.
+/// A system whose maps place branches on a trunk; [`stems`] makes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TreeSystem {
     /// The system, its squash maps marked as stems, one of its branches marked as the axis.
     pub system: Ifs,
     /// Scale and radius factor of each map.
     pub letters: Letters,
-    /// Foot and tip of the trunk.
+    /// Foot and tip of the trunk, table units.
     pub trunk: (DVec3, DVec3),
-    /// Radius at the foot, table units.
+    /// Radius at the foot of the trunk, table units.
     pub radius: f64,
 }
 

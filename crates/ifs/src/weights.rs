@@ -12,7 +12,7 @@ use super::Ifs;
 use osier_base::diagnostic::{Diagnostic, Severity};
 use osier_base::math;
 
-/// Where probabilities come from.
+/// How the probabilities of the maps follow from the file's weights or from the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WeightRule {
     /// The file's column, cumulative columns taken apart, divided by its sum; without one as [`WeightRule::Det`] or, in space,
@@ -22,7 +22,7 @@ pub enum WeightRule {
     Raw,
     /// By |det A|: area or volume of each map's image.
     Det,
-    /// By the share of the similarity dimension.
+    /// By s^D: s is the mean contraction of a map, D the similarity dimension, for which these add up to 1.
     Moran,
     /// The same for every map.
     Equal,

@@ -11,14 +11,14 @@ pub struct PictureWindow {
     pub width: usize,
     /// Height of the picture, pixels.
     pub height: usize,
-    /// Middle, table units.
+    /// Middle of the picture, table units, y up.
     pub center: [f64; 2],
-    /// Table units per pixel.
+    /// Side of a square pixel, table units.
     pub pixel: f64,
 }
 
 impl PictureWindow {
-    /// Scale and shift from table units to pixels.
+    /// Scale and shift from table units, y up, to pixels, y down, whose origin is the upper left corner of the picture.
     #[allow(clippy::cast_precision_loss, reason = "pixels")]
     pub fn frame(&self) -> AxisScaling {
         let k = 1.0 / self.pixel;

@@ -44,11 +44,11 @@ pub struct Word {
     pub letter: u16,
     /// Number of letters; 0 for the empty word, the trunk.
     pub depth: u16,
-    /// Letters that are no axis.
+    /// Branching order: number of its letters that do not continue an axis; 0 on the trunk.
     pub order: u16,
-    /// Product of the scales.
+    /// Product of the scales of its letters: its length over the trunk's.
     pub size: f64,
-    /// Product of the factors on radii.
+    /// Product of the factors on radii of its letters: its thickness over the trunk's.
     pub radius: f64,
     /// Composition of its maps, the first letter's outermost.
     pub map: Affine,
@@ -67,16 +67,16 @@ struct WordMeasure {
     order: u16,
 }
 
-/// Limits of an expansion.
+/// Where an expansion cuts growth, and how many words it may make.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExpansionLimits {
-    /// Words smaller than this are cut.
+    /// Words whose size is below this are cut; the trunk has size 1.
     pub eps: f64,
-    /// Most letters of a word.
+    /// Most letters of a word; longer words are cut.
     pub max_depth: u16,
-    /// Most letters that are no axis.
+    /// Highest branching order; words of a higher one are cut.
     pub max_order: u16,
-    /// Most words of an expansion.
+    /// Most words of an expansion, without those cut; more are the error I040.
     pub max_words: u64,
 }
 

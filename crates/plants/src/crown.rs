@@ -51,7 +51,7 @@ pub struct CrownLeaf {
     pub area: f32,
 }
 
-/// Place of a leaf in its crown.
+/// How shaded a leaf is by its crown, and where the open sky lies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CrownLight {
     /// Share of the skylight that other leaves take, 0 on the outside to 1 in deep shade.

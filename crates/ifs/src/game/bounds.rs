@@ -22,9 +22,9 @@ const MAX_ESCAPES: f64 = 1e-3;
 /// Bounding box of an attractor's sample, with and without outliers, table units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
-    /// Smallest and largest coordinates.
+    /// Smallest and largest coordinates: the box with outliers.
     pub bounds: (DVec3, DVec3),
-    /// 0.0005 and 0.9995 quantiles.
+    /// 0.0005 and 0.9995 quantiles of each coordinate: the box without outliers.
     pub quantile: (DVec3, DVec3),
 }
 

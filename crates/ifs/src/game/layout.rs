@@ -17,7 +17,7 @@ pub struct TileLayout {
 }
 
 impl TileLayout {
-    /// Tiles from left to right.
+    /// Tiles in a row; the last one may reach beyond the picture.
     pub fn across(self) -> usize {
         self.width.div_ceil(1 << SIDE)
     }
@@ -27,12 +27,12 @@ impl TileLayout {
         (self.across() * self.height.div_ceil(1 << SIDE)) << (2 * SIDE)
     }
 
-    /// Number of cells, that of the outside with them.
+    /// Number of cells, with the unused ones of tiles that reach beyond the picture and the one of the outside.
     pub fn cells(self) -> usize {
         self.outside() + 1
     }
 
-    /// Index of the cell of the pixel (x, y).
+    /// Index of the cell of the pixel (x, y), which must lie in the picture; row 0 is the top.
     #[inline]
     pub fn cell(self, x: usize, y: usize) -> usize {
         let tile = (y >> SIDE) * self.across() + (x >> SIDE);

@@ -90,14 +90,14 @@ pub trait PointSink {
 /// Tests of the guard, and how many lanes it found outside.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Escapes {
-    /// Number of lanes tested.
+    /// Number of lanes tested: [`LANES`] for each test of a block.
     pub tests: u64,
     /// Lanes found beyond the guard or not finite.
     pub found: u64,
 }
 
 impl Escapes {
-    /// The sums of both counts.
+    /// The sums of both counts, as over two blocks.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self { tests: self.tests + other.tests, found: self.found + other.found }
@@ -161,7 +161,7 @@ impl ChaosGame {
         }
     }
 
-    /// The same game with another instruction set.
+    /// The same game with another instruction set; its points stay the same bit for bit.
     #[must_use]
     pub fn with_tier(self, tier: InstructionSet) -> Self {
         Self { tier, ..self }
@@ -192,7 +192,7 @@ impl ChaosGame {
         self.tier
     }
 
-    /// Blocks, and steps of each lane, for `points` points.
+    /// Blocks, and steps of each lane, for `points` points; the last step may make more points than asked for.
     pub fn plan(points: u64) -> (u64, u64) {
         let blocks = points.div_ceil(MAX_BLOCK_POINTS).max(MIN_BLOCKS);
         (blocks, points.div_ceil(blocks * LANES as u64))

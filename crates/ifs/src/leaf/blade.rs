@@ -135,9 +135,9 @@ pub struct BladePose {
 pub struct BladePlacement {
     /// Pixels along a side of the maps.
     pub side: f64,
-    /// Where the stalk meets the blade.
+    /// Where the stalk meets the blade, pixels.
     pub anchor: DVec2,
-    /// The midrib, from the anchor to the tip.
+    /// The midrib from the anchor to the tip, pixels.
     pub midrib: Vec<DVec2>,
     /// A place well inside the blade near its foot, whose colour the stalk wears.
     pub solid: DVec2,

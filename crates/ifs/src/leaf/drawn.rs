@@ -18,19 +18,19 @@ const REVISION: u32 = 1;
 pub struct DrawnLeaf {
     /// Pixels along a side of the maps.
     pub side: u32,
-    /// sRGB and coverage, 4 bytes a pixel.
+    /// sRGB and linear coverage, 4 bytes a pixel.
     pub color: Vec<u8>,
-    /// Normals, 3 bytes a pixel.
+    /// Tangent-space normals as (n + 1) / 2, y up, 3 bytes a pixel.
     pub normal: Vec<u8>,
-    /// Roughness, a byte a pixel.
+    /// Roughness, 0 smooth to 255 matt, a byte a pixel.
     pub rough: Vec<u8>,
-    /// Relief, 16 bits a pixel.
+    /// Relief, 0 low, as outside the leaf, to 65,535, 16 bits a pixel.
     pub height: Vec<u16>,
-    /// Triangulated blade, pixels.
+    /// Triangulated blade, pixels of the maps, y up.
     pub flat: FlatBlade,
-    /// Where the blade lies on the maps.
+    /// Anchor and midrib of the blade on the maps, pixels, y up.
     pub place: BladePlacement,
-    /// Anchor and tip, table units.
+    /// Anchor and tip, table units, as in the table: before the leaf is turned upright.
     pub ends: [DVec2; 2],
 }
 

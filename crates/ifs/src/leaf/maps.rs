@@ -4,7 +4,7 @@ use super::LeafRaster;
 use osier_base::math::{exp_f32, lerp};
 use osier_base::par::{par_chunks, par_map};
 
-/// Linear colours of a leaf.
+/// Colours of the parts of a leaf, between which [`fields`] blends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafColors {
     /// Linear RGB far from the margin.
@@ -33,7 +33,7 @@ impl Default for LeafColors {
 pub struct LeafFields {
     /// Relief, 0 (outside, low) to 1.
     pub height: Vec<f32>,
-    /// Linear RGB and coverage.
+    /// Linear RGB and coverage 0..1; pixels outside have the colour of the nearest one of the leaf.
     pub color: Vec<[f32; 4]>,
     /// 0 smooth .. 1 matt.
     pub rough: Vec<f32>,

@@ -7,20 +7,20 @@ use super::edt;
 pub struct Mask {
     /// Pixels along a side.
     pub side: usize,
-    /// Set inside the leaf.
+    /// One entry per pixel, `side` x `side`: true inside the leaf.
     pub set: Vec<bool>,
 }
 
-/// Statistics of cleaning a mask.
+/// What [`Mask::clean`] found and changed.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CleaningReport {
     /// Components before all but the largest were dropped.
     pub components: usize,
     /// Share of the set pixels in the largest.
     pub largest: f64,
-    /// Holes that were filled.
+    /// Number of holes that were filled.
     pub filled: usize,
-    /// Number of holes that remain.
+    /// Number of holes that were too large to be filled.
     pub holes: usize,
 }
 

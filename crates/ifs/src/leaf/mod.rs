@@ -55,7 +55,7 @@ pub struct LeafSpec {
     pub side: usize,
     /// Points drawn per pixel of the map.
     pub points: u64,
-    /// Hits that set a pixel.
+    /// Least hits of a pixel inside the silhouette; 0 counts as 1.
     pub min_hits: u32,
     /// Gaps up to twice this wide are closed, pixels.
     pub close: f64,
@@ -65,7 +65,7 @@ pub struct LeafSpec {
     pub anchor: Option<[f64; 2]>,
     /// The outline of the mesh stays within this of the leaf's, pixels.
     pub detail: f64,
-    /// Points of the midrib.
+    /// Points of the midrib, at equal distances; between them the mesh has edges to fold along.
     pub rib: usize,
     /// Strength of the veins that the density of points shows.
     pub vein: f32,
@@ -93,15 +93,15 @@ impl Default for LeafSpec {
 /// A leaf on its pixels, turned so that its tip points up; rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafRaster {
-    /// Pixels inside the silhouette.
+    /// Silhouette: closed gaps, the largest part alone, small holes filled.
     pub mask: Mask,
-    /// Number of points by pixel.
+    /// Points counted by pixel, without those beyond the picture.
     pub hits: Vec<u32>,
     /// The commonest map by pixel, modulo 4.
     pub letter: Vec<u8>,
     /// Signed distance to the margin, pixels, above 0 inside.
     pub sd: Vec<f32>,
-    /// Nearest pixel of the leaf.
+    /// Index of the nearest pixel inside the silhouette: y times the side plus x.
     pub nearest: Vec<u32>,
     /// Place along the midrib, 0 at the anchor to 1 at the tip.
     pub along: Vec<f32>,
@@ -112,17 +112,17 @@ pub struct LeafRaster {
 /// A leaf before it has a size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TracedLeaf {
-    /// Fields of the leaf on its pixels.
+    /// Silhouette, hits, distances and veins by pixel.
     pub raster: LeafRaster,
     /// Outline and, if asked for, holes; pixels, y up, outline counter-clockwise.
     pub rings: Vec<Vec<DVec2>>,
-    /// Triangulated blade.
+    /// Triangulated blade, pixels of the raster, y up.
     pub flat: FlatBlade,
-    /// Where the blade lies.
+    /// Anchor and midrib of the blade on the raster, pixels, y up.
     pub place: BladePlacement,
-    /// Anchor and tip, table units.
+    /// Anchor and tip, table units, as in the table: before the leaf is turned upright.
     pub ends: [DVec2; 2],
-    /// Statistics of cleaning the mask.
+    /// Parts and holes of the silhouette, dropped, filled and left.
     pub cleaned: CleaningReport,
     /// Warnings about the silhouette and the anchor (I060, I061).
     pub warnings: Vec<Diagnostic>,

@@ -57,7 +57,7 @@ impl MapHitCounts {
         self.cells.iter().map(best).collect()
     }
 
-    /// Pixels with at least so many hits.
+    /// Pixels with at least `min_hits` hits; 0 counts as 1.
     pub fn mask(&self, side: usize, min_hits: u32) -> Mask {
         Mask { side, set: self.cells.iter().map(|c| c.iter().sum::<u32>() >= min_hits.max(1)).collect() }
     }

@@ -49,7 +49,7 @@ impl VeinPaths {
         Self { side: n, before }
     }
 
-    /// Pixels from `end` back to the anchor.
+    /// Pixels from `end` back to the anchor, both with them; `end` alone where no way leads there.
     pub fn path_to_anchor(&self, end: usize) -> Vec<usize> {
         let mut out = vec![end];
         let mut at = end;

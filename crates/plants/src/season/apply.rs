@@ -25,7 +25,7 @@ const SWELLING: f32 = 0.35;
 pub struct SeasonalOrgan<'a> {
     /// Its prototypes are called `NAME`, or `NAME_` and a number.
     pub name: &'a str,
-    /// How its leaves change.
+    /// Colours of its leaves, and the order in which they fall.
     pub habit: &'a LeafHabit,
     /// Material of a colour, in place of a material of the summer's leaf; a missing one is not replaced.
     pub materials: &'a BTreeMap<(u32, LeafColor), u32>,
@@ -42,14 +42,14 @@ pub struct BudOrgan {
     pub material: u32,
 }
 
-/// What a plant shows.
+/// Season of a plant, and which of its organs are leaves.
 #[derive(Debug)]
 pub struct PlantSeason<'a> {
     /// 0 bud burst to 1 bare.
     pub season: f32,
-    /// Seed of the individual.
+    /// Seed of the draws by which the leaves of this individual differ in time and colour.
     pub seed: u64,
-    /// Its organs with leaves.
+    /// Its organs that are leaves; all others stay as they are.
     pub organs: &'a [SeasonalOrgan<'a>],
     /// Name of the organ that buds become, `[a-z0-9_]+`.
     pub bud_name: &'a str,
@@ -113,14 +113,14 @@ pub struct SeasonSlots {
     slots: Vec<Slot>,
 }
 
-/// An organ at a time.
+/// Size, direction and colour of an organ at a season.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlotNow {
     /// Factor on its size; 0 while it is not shown.
     pub size: f32,
     /// Its rotation relative to its axis.
     pub q: Quat,
-    /// Linear RGBA colour of the leaf at this time.
+    /// Linear RGBA colour of the leaf at this time; white for an organ that is no leaf.
     pub color: [f32; 4],
 }
 

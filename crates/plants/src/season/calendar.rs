@@ -64,7 +64,7 @@ pub struct LeafCalendar {
     pub turn: f32,
     /// When it falls; above 1 for a leaf that does not.
     pub fall: f32,
-    /// Index of its autumn colour.
+    /// Index of its autumn colour in [`LeafHabit::autumn`].
     pub hue: u8,
     /// Whether it is on one of the youngest shoots of an evergreen, which are fresh in spring.
     pub youngest: bool,
@@ -73,7 +73,7 @@ pub struct LeafCalendar {
 /// A leaf at a season.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafNow {
-    /// Its colour and shape.
+    /// Its steps of colour and shape, which select the prototype.
     pub look: LeafLook,
     /// Factor on its size, above 0 to 1.
     pub size: f32,

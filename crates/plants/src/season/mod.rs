@@ -81,7 +81,7 @@ pub struct LeafHabit {
     pub green: [f32; 3],
     /// Linear colour of the first leaves of spring.
     pub spring: [f32; 3],
-    /// Linear colour of a dry leaf.
+    /// Linear colour of a dry leaf, to which autumn colours age.
     pub dry: [f32; 3],
     /// Colours of autumn, from those of leaves in the sun to those of leaves in the shade; at most 100.
     pub autumn: Vec<AutumnColor>,
@@ -123,17 +123,17 @@ pub enum LeafShape {
     Withered,
 }
 
-/// What a leaf looks like.
+/// Colour and shape of a leaf in steps; each pair that occurs is a prototype of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LeafLook {
-    /// Which of its colours it has.
+    /// Step of its way from spring to dry.
     pub color: LeafColor,
-    /// Which of the leaf's shapes it has.
+    /// Step of its unfolding or withering.
     pub shape: LeafShape,
 }
 
 impl LeafLook {
-    /// The leaf of summer.
+    /// Green and open: what the leaves of a plant are before a season is applied.
     pub const SUMMER: Self = Self { color: LeafColor::Green, shape: LeafShape::Open };
 }
 

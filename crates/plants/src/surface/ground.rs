@@ -129,7 +129,7 @@ impl Ground {
     }
 }
 
-/// Linear colours of the ground.
+/// Linear colours of the ground, and the shares of green and haze.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundColors {
     /// Bare soil, dark and light.

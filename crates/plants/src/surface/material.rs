@@ -7,7 +7,7 @@ use osier_scene::{Image, ImageKind, Material, MaterialId, Pixels};
 pub struct SurfaceMaterial {
     /// The material; its maps index `images`.
     pub material: Material,
-    /// The images of its maps.
+    /// The images of its maps, which [`Self::register`] moves to the scene.
     pub images: Vec<Image>,
 }
 

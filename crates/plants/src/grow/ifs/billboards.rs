@@ -10,14 +10,14 @@ use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{self, Word};
 use osier_scene::plant::{Organ, Plant, Proto};
 
-/// Billboards of subtrees.
+/// Billboards that stand for whole branches, in classes of subtrees of about one size.
 #[derive(Debug, Clone)]
 pub struct SubtreeBillboards {
     /// Meshes of billboards, in metres: all variants of the first class, then those of the next.
     pub spec: OrganSpec,
     /// Size of the subtrees of each class, share of the trunk.
     pub sizes: Vec<f64>,
-    /// Number of variants of each class.
+    /// Number of meshes of each class; 0 counts as 1.
     pub variants: usize,
     /// Branches shorter than this share of the trunk are replaced.
     pub eps: f64,

@@ -30,26 +30,26 @@ const LEAF_SPREAD: f32 = 0.55;
 /// Standard deviation of the sizes of leaves, as a share of the mean.
 const LEAF_SIZE_DEVIATION: f64 = 0.12;
 
-/// Options of a tree of an iterated function system.
+/// Size, detail, leaves and materials of a tree of an iterated function system.
 #[derive(Debug, Clone)]
 pub struct TreeOptions {
     /// Height of the tree at full detail, m.
     pub height: f64,
     /// Words whose size falls below this are not expanded further; the trunk has size 1.
     pub eps: f64,
-    /// Greatest length of a word, in letters.
+    /// Most letters of a word; growth is cut at longer ones.
     pub max_depth: u16,
-    /// Highest order of branches.
+    /// Highest branching order; growth is cut at higher ones. The trunk has order 0.
     pub max_order: u16,
-    /// How much individuals differ, 0..2.
+    /// Factor on the deviations of maps from word to word: 0 (all individuals alike) to 2.
     pub variation: f64,
     /// Radius at the base of the trunk, m; `None`: that of the system, scaled.
     pub radius: Option<f64>,
     /// Radii by the pipe model instead of the maps' factors.
     pub pipe: bool,
-    /// Share of the leaf sites that bear a leaf.
+    /// Probability of each leaf of a site, 0..1; another value adds or removes leaves and moves none.
     pub leaf_density: f64,
-    /// Number of leaves at a site.
+    /// Most leaves at a site, where growth was cut; 0 counts as 1.
     pub leaves_per_site: u32,
     /// The leaf; `None`: the tree is bare.
     pub leaf: Option<OrganSpec>,
@@ -57,7 +57,7 @@ pub struct TreeOptions {
     pub sets: Vec<OrganSpec>,
     /// Billboards for branches below their cut, for a tree seen from afar.
     pub cards: Option<SubtreeBillboards>,
-    /// Names of materials.
+    /// Names of the plant's materials, which `bark` and the subsets of organs index.
     pub materials: Vec<String>,
     /// Material of axes, of thin ones, and the radius below which they are thin.
     pub bark: (u16, u16, f64),

@@ -42,7 +42,7 @@ const MIN_CLUSTER_LENGTH_SHARE: f64 = 1.0 / 12_000.0;
 /// A root that begins above this share of the plant's height counts as floating (X019): lower ones may be roots or suckers.
 const FLOATING_HEIGHT: f32 = 0.1;
 
-/// Options of the extraction of a skeleton.
+/// What counts as a blade, how close clusters lie and where the trunk begins when a mesh becomes a plant.
 #[derive(Debug, Clone, Default)]
 pub struct SkeletonOptions {
     /// Name of the file, for messages.

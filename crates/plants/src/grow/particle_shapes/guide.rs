@@ -17,7 +17,7 @@ const PULL_REACH: f64 = 1.5;
 /// A point within this distance of a new node vanishes, m.
 const KILL_REACH: f64 = 0.3;
 
-/// The points that are left.
+/// Points of the envelope that no axis has reached yet; they pull the tips of axes.
 #[derive(Debug, Clone, Default)]
 pub struct CrownGuide {
     points: Vec<DVec3>,

@@ -30,11 +30,11 @@ pub use fill::fill;
 /// Materials of a plant and what it is called.
 #[derive(Debug, Clone, Default)]
 pub struct ShapeMaterials {
-    /// Names of all materials.
+    /// Names of all materials of the plant, in the order of their indices.
     pub names: Vec<String>,
     /// Index among `names` of the bark of thick axes.
     pub bark: u16,
-    /// Index of the bark of thin axes.
+    /// Index among `names` of the bark of axes whose base is thinner than `shoot_radius`.
     pub shoot: u16,
     /// Radius at its base below which an axis is thin, m.
     pub shoot_radius: f32,

@@ -160,7 +160,7 @@ pub struct Spawning {
 /// What ends an axis: its length, its age, shade, and the regions that it grows in and round.
 #[derive(Debug, Clone)]
 pub struct Limits {
-    /// Number of levels, 1..8.
+    /// Number of levels, 1..8; root axes have level 0.
     pub levels: u8,
     /// Length that axes grow to, m; of children that where the crown's factor is 1.
     pub length: ByLevel,
@@ -176,14 +176,14 @@ pub struct Limits {
     pub envelope: Option<Region>,
     /// Regions that axes cannot enter.
     pub obstacles: Vec<Region>,
-    /// Whether the plane y = 0 is one of them.
+    /// Whether axes cannot enter the ground below y = 0 either.
     pub ground: bool,
 }
 
 /// Thickness of axes, set once all of them have grown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thickness {
-    /// The law that radii follow.
+    /// Whether radii follow from what an axis bears, from its length or from drawn ratios.
     pub rule: ThicknessRule,
     /// Radius of root axes at their base, m; `None`: what the law gives (pipe model), or 0.02 m.
     pub base: Option<f64>,
@@ -225,7 +225,7 @@ pub struct Leaves {
     pub angle: f64,
     /// Standard deviation of that angle, rad.
     pub angle_deviation: f64,
-    /// Standard deviation of the logarithm of the size.
+    /// Standard deviation of the logarithm of the size of leaves; 0: all are alike.
     pub size_deviation: f64,
     /// Share 0..1 by which the upper side is turned towards the light.
     pub face_up: f64,
@@ -234,21 +234,21 @@ pub struct Leaves {
 /// All parameters of a plant of particle-shapes.
 #[derive(Debug, Clone)]
 pub struct ShapeParams {
-    /// Which equations move a particle.
+    /// Which equations move a particle: those with units, or the printed ones.
     pub variant: Variant,
     /// Factor of the length of all steps: 1 is 1/16 of an axis, 2 to 50 mm.
     pub step: f64,
-    /// The first particles.
+    /// Number, place and tilt of the axes of level 0.
     pub roots: Roots,
-    /// How particles move.
+    /// Rates at which particles turn and speed up.
     pub motion: Motion,
-    /// Where particles spawn further particles.
+    /// Sites along an axis, and angle and length of the children there.
     pub spawning: Spawning,
     /// Where particles end: length, age, shade, regions.
     pub limits: Limits,
     /// Radii of the axes that particles leave behind.
     pub thickness: Thickness,
-    /// Where leaves stand along axes.
+    /// Distance, angle and size of leaves along axes.
     pub leaves: Leaves,
     /// Width of the blade that each axis is drawn as, m, in place of a round tube.
     pub blade_width: Option<f64>,

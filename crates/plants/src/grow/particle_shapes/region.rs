@@ -71,10 +71,10 @@ pub enum Region {
     },
 }
 
-/// Distance and outward normal at a point.
+/// How far a point lies from the surface of a region, and the way out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clearance {
-    /// Signed distance, m.
+    /// Signed distance to the surface, m; below 0 inside.
     pub distance: f64,
     /// Unit vector out of the region.
     pub normal: DVec3,

@@ -15,7 +15,7 @@ const CELLS: f64 = 64.0;
 /// A gradient below this per metre has no direction.
 const MIN_GRADIENT: f64 = 1e-6;
 
-/// Voxels around a plant.
+/// Shade around a plant in cubic cells, cast by its nodes on the layers below them.
 #[derive(Debug, Clone)]
 pub struct ShadeGrid {
     /// Edge length of a cubic cell, m.

@@ -111,7 +111,7 @@ fn index32(i: usize) -> u32 {
 }
 
 impl PlantBuilder {
-    /// Number of nodes so far.
+    /// Number of nodes so far, of all axes.
     pub fn node_count(&self) -> u64 {
         self.nodes.len() as u64
     }
@@ -140,12 +140,12 @@ impl PlantBuilder {
         RawNode { p, left, width_in: None, width_out: None, birth, color, s: 0.0, next: NONE }
     }
 
-    /// Last node of an axis.
+    /// Index of the last node of an axis; [`NONE`] for an axis that is not there.
     pub fn last_node(&self, axis: u32) -> u32 {
         self.axes.get(axis as usize).map_or(NONE, |a| a.last)
     }
 
-    /// A node by its index.
+    /// A node by its index; `None` for [`NONE`].
     pub fn node_mut(&mut self, node: u32) -> Option<&mut RawNode> {
         self.nodes.get_mut(node as usize)
     }

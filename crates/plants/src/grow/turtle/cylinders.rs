@@ -24,7 +24,7 @@ const MAX_STRIPS: u32 = 1000;
 pub struct Contour {
     /// Its curve; x against the up vector of the turtle, y against its left one.
     pub curve: Spline,
-    /// Whether the end meets the beginning.
+    /// Whether the end meets the beginning; an open contour makes a thin surface.
     pub closed: bool,
 }
 

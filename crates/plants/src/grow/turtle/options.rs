@@ -76,7 +76,7 @@ pub enum RadiusModel {
     Hairs(Taper),
 }
 
-/// How a string is interpreted.
+/// State that the turtle starts with, defaults of its commands, and the organs and materials that symbols name.
 #[derive(Debug, Clone)]
 pub struct TurtleOptions {
     /// Turn without parameter, rad; `None`: 45 degrees, with a warning where it is used.
@@ -92,7 +92,7 @@ pub struct TurtleOptions {
     /// Whether everything wears its colour index from the start; else what is drawn before the first colour command wears the materials
     /// of the plant.
     pub painted: bool,
-    /// What `;` and `,` without parameter add and take.
+    /// What `;` and `,` without parameter add and take; indices wrap at 256.
     pub color_increment: u8,
     /// Factor of lengths and widths at the start; commands `@D` change it.
     pub scale: f64,
@@ -104,15 +104,15 @@ pub struct TurtleOptions {
     pub tropisms: Vec<Tropism>,
     /// Direction of the tropism whose elasticity the command `_(e)` sets (cpfg's older form); need not be normalized.
     pub old_tropism: DVec3,
-    /// Its elasticity at the start, and what `_` without a parameter adds.
+    /// Elasticity of `old_tropism` at the start.
     pub old_elasticity: f64,
-    /// See `old_elasticity`.
+    /// What `_` without a parameter adds to that elasticity.
     pub old_increment: f64,
     /// Whether a roll made since the last segment survives a tropism.
     pub tropism_keep_roll: bool,
     /// Organs by the symbol after `~`.
     pub organs: BTreeMap<char, OrganSpec>,
-    /// Contours of generalised cylinders by number.
+    /// Contours of generalised cylinders by number; the number 0 is a circle.
     pub contours: BTreeMap<u32, Contour>,
     /// Sides of a contour at the start.
     pub sides: u32,
@@ -120,21 +120,21 @@ pub struct TurtleOptions {
     pub twist: bool,
     /// Whether what stands behind a `%` of the final string is drawn, up to the end of its branch.
     pub past_cut: bool,
-    /// Materials of textures by number.
+    /// Materials by the number that `@Tx` gives; 0 is no texture.
     pub textures: BTreeMap<u32, MaterialId>,
     /// Points of organs, in the units of their meshes, that the turtle moves to once it has placed them; after organs without one it stays.
     pub organ_ends: BTreeMap<char, DVec3>,
     /// Names of the plant's materials, which the indices below refer to.
     pub materials: Vec<String>,
-    /// Material of axes, index into `materials`.
+    /// Material of axes that do not take `shoot_material`, index into `materials`.
     pub axis_material: u16,
     /// Material of axes thinner than `shoot_radius` at their base, if it differs.
     pub shoot_material: Option<u16>,
-    /// Radius below which an axis takes `shoot_material`, m.
+    /// Radius of the first node of an axis below which it takes `shoot_material`, m.
     pub shoot_radius: f64,
-    /// Material of polygons, discs and spheres.
+    /// Material of polygons, discs, spheres, patches and cylinders that wear no texture and no colour.
     pub shape_material: MaterialId,
-    /// Where radii come from.
+    /// Whether radii come from the string's widths, the pipe model or a taper.
     pub radii: RadiusModel,
     /// Description of the plant's origin, for manifests.
     pub source: String,

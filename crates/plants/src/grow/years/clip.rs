@@ -145,7 +145,7 @@ impl GrowthClip {
         pose
     }
 
-    /// The ages that the clip shows.
+    /// The ages that the clip shows, from its first frame to its last one.
     pub fn span(&self) -> super::ClipSpan {
         self.record.span()
     }

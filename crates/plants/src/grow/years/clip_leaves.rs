@@ -40,12 +40,12 @@ pub enum ClipLeaves {
     Summer,
 }
 
-/// How a record is shown.
+/// How leaves come and go in a clip, and how far its frames are apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
-    /// How leaves come and go.
+    /// Whether leaves follow the seasons or are there all year.
     pub leaves: ClipLeaves,
-    /// Years between two frames.
+    /// Years of growth between two frames; the sign does not matter.
     pub frame_years: f64,
 }
 

@@ -135,7 +135,7 @@ impl Grid {
         Self { origin: low * cell, cell, per_cell: 1.0 / cell, size: [count(size.x), count(size.y), count(size.z)] }
     }
 
-    /// Number of cells along x, y and z together.
+    /// Number of all cells, the product of `size`.
     pub fn len(&self) -> usize {
         self.size.iter().product()
     }

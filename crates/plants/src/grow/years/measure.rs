@@ -7,10 +7,10 @@ use super::tree::{NONE, Tree, flag};
 /// Height at which the diameter of a stem is measured, m.
 const BREAST_HEIGHT: f32 = 1.3;
 
-/// What a tree measures.
+/// Size, crown, stem and leaf area of a tree at one age. Without living tips height and crown are 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measures {
-    /// Height of its highest living tip, m.
+    /// Height of its highest open living tip above its base, m.
     pub height: f32,
     /// Mean of the extents of its living tips along x and z, m.
     pub crown_width: f32,
@@ -20,11 +20,11 @@ pub struct Measures {
     pub dbh: f32,
     /// Internodes that stand, dead ones included.
     pub nodes: usize,
-    /// Number of living tips that are not closed.
+    /// Number of living tips that are open: they bear leaves and may grow on.
     pub tips: usize,
-    /// Area of all leaves, one side, m2.
+    /// One-sided area of the leaves on living wood, m2.
     pub leaf_area: f32,
-    /// Leaf area over the area of the disc of the crown's width.
+    /// Leaf area over the area of a disc of diameter `crown_width`; 0 for a crown without width.
     pub leaf_area_index: f32,
 }
 

@@ -65,13 +65,13 @@ pub struct TreeSpec {
     pub base: Vec3,
     /// Age, years; a fraction shows part of the last year's growth.
     pub age: f64,
-    /// Unseen neighbours that shade it.
+    /// Ring of unseen leaves that shades it; `None`: it stands free.
     pub neighbours: Option<Neighbours>,
     /// Cuts in the years of its growth.
     pub prunes: Vec<Prune>,
 }
 
-/// A tree that has grown.
+/// A tree that has grown to its age; [`GrownTree::plant`] gives it axes and leaves.
 #[derive(Debug, Clone)]
 pub struct GrownTree {
     tree: Tree,
@@ -83,9 +83,9 @@ pub struct GrownTree {
 /// A tree that has grown, with its record if a clip shows its growth.
 #[derive(Debug, Clone)]
 pub struct RecordedTree {
-    /// The tree at its age.
+    /// The tree at the age of its specification.
     pub tree: GrownTree,
-    /// Its years, if they were to be recorded.
+    /// Its years, if a span of its life was to be recorded.
     pub record: Option<Arc<GrowthRecord>>,
 }
 
@@ -99,18 +99,18 @@ impl GrownTree {
         self.tree.measures()
     }
 
-    /// Year since which it is dead for lack of light.
+    /// Year of its life that was the first of two without light, after which it died; `None` if there were none.
     pub fn died(&self) -> Option<u32> {
         self.tree.died
     }
 
-    /// Ends of its living open tips, from its base, m.
+    /// Positions of its open living tips, from its base, m.
     pub fn tips(&self) -> impl Iterator<Item = Vec3> {
         let nodes = &self.tree.nodes;
         (0..nodes.len()).filter(|i| nodes.grows(*i)).map(|i| nodes.p[i])
     }
 
-    /// Numbers of living branches by their Strahler order, from 1.
+    /// Number of living branches of each Strahler order, from order 1 on; `[0]` without living wood.
     pub fn strahler_counts(&self) -> Vec<usize> {
         self.tree.strahler_counts()
     }

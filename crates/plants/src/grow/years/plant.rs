@@ -38,7 +38,7 @@ const LEAF_ANGLE_DEVIATION: f32 = 10.0;
 /// Standard deviation of the sizes of leaves, as a share of the mean.
 const LEAF_SIZE_DEVIATION: f32 = 0.12;
 
-/// What a tree's leaves look like.
+/// Whether a tree bears single leaves or pieces of shoot with needles.
 #[derive(Debug, Clone)]
 pub enum Foliage {
     /// Blades: rosettes at tips, and along young shoots; as many as the model's leaf area holds.
@@ -56,20 +56,20 @@ impl Foliage {
     }
 }
 
-/// How a grown tree becomes a plant.
+/// Leaves and materials of the plant that a grown tree becomes.
 #[derive(Debug, Clone, Default)]
 pub struct PlantOptions {
     /// Its leaves; `None`: the tree is bare.
     pub foliage: Option<Foliage>,
-    /// Names of materials.
+    /// Names of the plant's materials, which the indices below and the leaves' subsets refer to.
     pub materials: Vec<String>,
-    /// Index of the material of living wood.
+    /// Index of the material of living axes that are not thin.
     pub bark: u16,
-    /// Material of axes thinner than `shoot_radius` at their base.
+    /// Index of the material of living axes thinner than `shoot_radius` at their base.
     pub shoot: u16,
     /// Radius below which an axis takes the material of shoots, m.
     pub shoot_radius: f32,
-    /// Material of dead wood.
+    /// Index of the material of axes whose first internode is dead.
     pub dead: u16,
     /// Description of the plant's origin, for manifests.
     pub source: String,

@@ -18,9 +18,9 @@ const STANDS: u16 = u16::MAX;
 /// Ages between which a clip shows a tree, years; those before 0 show nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipSpan {
-    /// At the first frame.
+    /// Age at the first frame, years.
     pub from: f64,
-    /// Age of the tree at the first frame, years.
+    /// Age at the last frame, years; below `from` the clip runs backwards.
     pub to: f64,
 }
 
@@ -137,7 +137,7 @@ impl GrowthRecord {
         }
     }
 
-    /// The ages that the clip shows.
+    /// The ages that the clip shows, from its first frame to its last one.
     pub fn span(&self) -> ClipSpan {
         self.span
     }

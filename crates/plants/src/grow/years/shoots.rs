@@ -395,7 +395,7 @@ impl Tree {
     }
 }
 
-/// Number of internodes of a shoot.
+/// Number of internodes of a shoot: none longer than `internode` (m), at least 1.
 fn internodes(length: f32, internode: f32) -> u16 {
     super::habit::whole((length / internode).ceil().max(1.0))
 }
@@ -408,12 +408,11 @@ fn normal_pair(draw: &mut Rng) -> [f32; 2] {
     [away * math::cos_f32(angle), away * math::sin_f32(angle)]
 }
 
-/// A standard normal draw.
 fn normal(draw: &mut Rng) -> f32 {
     normal_pair(draw)[0]
 }
 
-/// A rotation about a unit vector.
+/// A rotation about a unit vector by `angle`, rad.
 fn rotation(about: Vec3, angle: f32) -> Quat {
     let v = about * math::sin_f32(0.5 * angle);
     Quat::from_xyzw(v.x, v.y, v.z, math::cos_f32(0.5 * angle))

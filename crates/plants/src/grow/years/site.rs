@@ -42,7 +42,7 @@ pub struct Neighbours {
     pub radius: f32,
     /// Leaf area per volume, m2/m3.
     pub density: f32,
-    /// Year in which they are felled.
+    /// Year of the field of light in which they are felled: the age of its oldest tree.
     pub until: f32,
 }
 
@@ -106,7 +106,7 @@ pub struct Prune {
     pub year: u32,
     /// Years from one cut to the next; 0: only once.
     pub every: u32,
-    /// Last year in which it may repeat.
+    /// Last year of the tree's life in which it may repeat; does not hold for the first cut.
     pub until: u32,
     /// Region whose wood stays.
     pub keep: Keep,
@@ -133,7 +133,7 @@ pub(super) struct Step {
 /// What shoots run into, as a tree sees it: its base in the scene and the solids there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Obstacles<'a> {
-    /// Place of the tree's base in the scene.
+    /// Place of the tree's base in the scene, m.
     pub base: Vec3,
     /// Ground and solids; `None`: level ground at the base.
     pub solids: Option<&'a Solids>,

@@ -14,7 +14,7 @@ use osier_base::par::par_map_mut;
 /// Share of fallen nodes at which the arrays are compacted.
 const COMPACT_SHARE: usize = 4;
 
-/// Trees in one field.
+/// Trees that shade each other, in one field of light.
 #[derive(Debug)]
 pub(super) struct Stand<'a> {
     pub trees: Vec<Tree>,

@@ -239,9 +239,9 @@ pub(super) struct Tree {
     pub habit: Habit,
     /// Key of its random draws.
     pub key: u64,
-    /// Place of its base in the scene.
+    /// Place of its base in the scene, m.
     pub base: Vec3,
-    /// Place of its base in the field of light.
+    /// Place of its base from that of the stand's first tree, the origin of the field of light, m.
     pub offset: Vec3,
     /// Year of the field in which it is sown.
     pub sown: u32,
@@ -256,13 +256,13 @@ pub(super) struct Tree {
     pub fallen: usize,
     /// Years in a row without any light.
     pub dark: u8,
-    /// Year since which the tree is dead.
+    /// Year of its life that was the first of two without light, after which it died.
     pub died: Option<u32>,
     /// This year's losses.
     pub losses: Vec<Loss>,
     /// Cuts through internodes, in the order of years; kept while the tree is recorded.
     pub cuts: Vec<CutThrough>,
-    /// Whether it is recorded.
+    /// Whether a record follows it: its fallen nodes then stay in the arrays.
     pub recorded: bool,
     pub scratch: Scratch,
 }

@@ -34,7 +34,7 @@ pub struct BarkSpec {
     pub ridge: [f32; 3],
     /// Colour of large patches (lichen, weathering) and how much of it, 0..1.
     pub patch: ([f32; 3], f32),
-    /// Kind of marks on the bark.
+    /// What lies over the plates: cracks, dashes, diamonds, pores or nothing.
     pub marks: BarkMarks,
     /// Colour of the marks.
     pub mark: [f32; 3],

@@ -30,7 +30,7 @@ pub struct TuftSpec {
     pub smooth: u32,
     /// Small semi-axis of the stalk, m; 0 = no stalk.
     pub stalk: f64,
-    /// Materials of hairs and stalk.
+    /// Material of the hairs, then that of the stalk.
     pub materials: [MaterialId; 2],
 }
 

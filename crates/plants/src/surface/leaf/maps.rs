@@ -289,7 +289,6 @@ struct LeafPainter<'a> {
 }
 
 impl LeafPainter<'_> {
-    /// The texels of row `y`.
     fn row(&self, y: usize) -> Vec<MaterialTexel> {
         let places: Vec<Vec2> = (0..self.grid.side).map(|x| self.grid.position(x, y) / self.spec.length).collect();
         let xs: Vec<f32> = places.iter().map(|q| q.x).collect();

@@ -54,7 +54,7 @@ pub struct SkinOptions {
     pub sides: (u32, u32),
     /// Size of one repeat of the bark maps, width and height, m, > 0.
     pub tile: [f32; 2],
-    /// How v runs along the axis.
+    /// Whether the length of a repeat along an axis follows its radius or is fixed.
     pub uv: UvMode,
     /// How much wider a branch is where it leaves its parent, as a share of its radius, 0..1.
     pub collar: f32,
@@ -64,7 +64,7 @@ pub struct SkinOptions {
     pub bury: f32,
     /// Axes thinner at their base than the radius (m) take this material (index into the plant's) instead of their own.
     pub shoot: Option<(f32, u16)>,
-    /// Most points; more is an error.
+    /// Most points of the skin; more are the error `Limit`.
     pub max_points: u64,
 }
 
@@ -100,13 +100,13 @@ pub struct AxisBinding {
 pub struct TubeRange {
     /// Index into [`Plant::axes`].
     pub axis: u32,
-    /// First point and number of points.
+    /// First point in the mesh and number of points.
     pub points: (u32, u32),
-    /// First triangle and number of triangles.
+    /// First triangle in the mesh and number of triangles.
     pub triangles: (u32, u32),
 }
 
-/// The skin of a plant.
+/// The axes of a plant as a mesh, and the place on the skeleton of each of its points.
 #[derive(Debug, Clone, Default)]
 pub struct PlantSkin {
     /// Tubes of all axes; subsets by material, whose ids are indices into [`Plant::materials`].

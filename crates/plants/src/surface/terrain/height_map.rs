@@ -4,14 +4,14 @@ use super::Terrain;
 use osier_base::math::lerp;
 use osier_base::{Error, Result};
 
-/// How a height map becomes land.
+/// Size and place of the land of a height map, and how its samples are thinned and smoothed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightMapParams {
     /// Samples along x and along z, each at least 2; the outermost lie on the border of the land.
     pub counts: [usize; 2],
     /// Length along x, m, > 0; that along z follows, as cells are square.
     pub width: f32,
-    /// Middle, x and z, m.
+    /// Middle of the land, x and z, m.
     pub center: [f32; 2],
     /// Distance of the heights that are kept in samples of the map, at least 1: 2 keeps half as many along each side.
     pub stride: u32,

@@ -11,10 +11,10 @@ use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_scene::{Maps, Material, MaterialClass};
 
-/// Linear colours of land.
+/// Linear colours of earth, grass and rock, and where grass and rock lie.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TerrainColors {
-    /// Colour of bare earth.
+    /// Colour of earth where neither grass nor rock covers it.
     pub earth: [f32; 3],
     /// Colour of grass between its dry and lush parts.
     pub grass: [f32; 3],

@@ -56,9 +56,9 @@ pub struct ScatterParams {
     pub spacing: f32,
     /// Least distance to points of earlier scatters, m; `None`: the mean of both spacings.
     pub clear: Option<f32>,
-    /// Steepest slope, rad.
+    /// Steepest slope that bears a point, rad from the horizontal.
     pub slope_max: f32,
-    /// Lowest and highest place, m.
+    /// Lowest and highest ground that bears a point, m.
     pub altitude: [f32; 2],
     /// Acceptance probability of a candidate, 0..1.
     pub density: f32,
@@ -89,7 +89,7 @@ impl Default for ScatterParams {
     }
 }
 
-/// A plant that was placed before.
+/// A point of an earlier scatter, from which later ones keep their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScatterObstacle {
     /// Position, x and z, m.

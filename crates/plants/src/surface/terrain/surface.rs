@@ -181,9 +181,9 @@ fn index_cells(triangles: usize, low: [f32; 2], high: [f32; 2]) -> [usize; 2] {
 pub struct MeshTerrain {
     /// The highest surface of the mesh, sampled as heights.
     pub land: Terrain,
-    /// Samples that lie over a hole or beyond the edge of the mesh.
+    /// Samples over a hole or beyond the edge of the mesh; their heights follow from their neighbours.
     pub holes: usize,
-    /// Samples at which surfaces lie above each other.
+    /// Samples at which surfaces lie above each other; the highest one counts.
     pub folded: usize,
 }
 
