@@ -26,7 +26,7 @@ pub struct WoodParams {
     pub trunk_hertz: Option<f64>,
     /// Factor on all natural frequencies, that of `trunk_hertz` included.
     pub hertz: f64,
-    /// Factor on all damping ratios, which [`damping_ratio`] gives by branching order.
+    /// Factor on all damping ratios, which `damping_ratio` gives by branching order.
     pub damping: f64,
     /// Compute slopes from taper and load, instead of assuming a uniform cantilever under a uniform load.
     pub measured: bool,
