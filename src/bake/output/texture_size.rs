@@ -3,7 +3,7 @@
 use crate::bake::cache::ifs_leaves;
 use crate::recipe::Recipe;
 use osier_base::par::par_each;
-use osier_scene::{Asset, Image, Material, Mesh, Scene, ScreenScale};
+use osier_scene::{Asset, Image, Material, Mesh, PixelFootprint, Scene};
 
 /// Texels along a side that every texture keeps. Own: smaller ones save little.
 const LEAST_SIDE: u32 = 256;
@@ -68,7 +68,7 @@ fn images_of(material: &Material) -> impl Iterator<Item = u32> {
 /// has it. `density`: texels per pixel.
 fn texels_per_unit(scene: &Scene, density: f32) -> Vec<Option<f32>> {
     let mut needed: Vec<Option<f32>> = vec![None; scene.materials.len()];
-    for (asset, pixel) in scene.assets.iter().zip(ScreenScale::of_assets(scene)) {
+    for (asset, pixel) in scene.assets.iter().zip(PixelFootprint::of_assets(scene)) {
         let texel = (pixel / density).min(LARGEST_TEXEL);
         for (mesh, scale) in textured_meshes(asset) {
             for (material, unit) in metres_per_unit(mesh) {

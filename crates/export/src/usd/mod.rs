@@ -53,7 +53,7 @@ use osier_base::files::safe_name;
 use osier_base::files::{Folder, Output};
 use osier_base::geometry::Bounds;
 use osier_base::{Error, Result};
-use osier_scene::{AssetFrame, Frame, Scene, ScreenScale, asset_bounds};
+use osier_scene::{AssetFrame, Frame, PixelFootprint, Scene, asset_bounds};
 use plant_instancer::{PrototypePrim, SinglePlacement};
 
 /// The stage of a bake that holds each asset once, in its folder.
@@ -485,7 +485,7 @@ impl Exporter for UsdExporter {
             maps,
             first: self.options.first.unwrap_or(scene.clip.start),
             tolerance: self.options.tolerance,
-            pixels: Arc::new(ScreenScale::of_assets(scene)),
+            pixels: Arc::new(PixelFootprint::of_assets(scene)),
         };
         self.warn_joint_count(scene);
         match self.options.file.clone() {

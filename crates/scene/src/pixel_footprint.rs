@@ -11,13 +11,13 @@ pub const PICTURE_ROWS: f32 = 1080.0;
 
 /// Lengths that a pixel of a picture of [`PICTURE_ROWS`] rows covers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ScreenScale {
+pub struct PixelFootprint {
     eye: Vec3,
     /// Length that a pixel covers at 1 m from the camera, m.
     at_one_metre: f32,
 }
 
-impl ScreenScale {
+impl PixelFootprint {
     /// For the picture of a camera.
     pub fn new(camera: &Camera) -> Self {
         let half = camera.vfov * 0.5;
@@ -58,7 +58,7 @@ mod tests {
     #[test]
     fn a_pixel_covers_more_with_distance_and_nothing_around_the_camera() {
         let camera = Camera { eye: Vec3::Z * 10.0, target: Vec3::ZERO, vfov: std::f32::consts::FRAC_PI_2, roll: 0.0 };
-        let scale = ScreenScale::new(&camera);
+        let scale = PixelFootprint::new(&camera);
         let at = |z: f32| scale.at_box(&Bounds { min: Vec3::new(-1.0, -1.0, z - 1.0), max: Vec3::new(1.0, 1.0, z) });
         // A field of 90 degrees is as high as twice the distance.
         assert!((at(0.0) - 20.0 / PICTURE_ROWS).abs() < 1e-6, "{}", at(0.0));
