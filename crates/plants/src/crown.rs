@@ -28,21 +28,21 @@ use osier_base::par::par_map;
 use osier_scene::plant::Plant;
 use osier_scene::{Attribute, AttributeData, CANOPY_NORMAL, CANOPY_OCCLUSION, Mesh};
 
-/// Cells along the longest side of a crown. Own: a cell of a tree then holds a branchlet; finer cells show single twigs, coarser ones
-/// only the crown as a whole.
+/// Cells along the longest side of a crown. Own: a cell of a tree then holds a branchlet; finer cells resolve single twigs,
+/// coarser ones only the crown as a whole.
 const CELLS: f32 = 24.0;
 /// Least edge of a cell in diameters of a mean leaf, so that the cells of a small plant hold more than one leaf.
 const LEAST_CELL: f32 = 2.0;
-/// Area that leaves of all directions show to a ray, as a share of their own (G function of a spherical distribution).
+/// Projected area over one-sided area of leaves that face all directions alike (G function of a spherical distribution).
 /// Source: Monteith and Unsworth, Principles of Environmental Physics, 2013, chapter 8.
 const PROJECTED: f32 = 0.5;
-/// Weight of light from the horizon against that from the zenith. Own: light of an overcast sky comes from above for the most part.
+/// Weight of light from the horizon relative to that from the zenith. Own: most light of an overcast sky comes from above.
 const HORIZON: f32 = 0.15;
-/// Weight of the direction away from the middle of the crown beside that of the light that comes in. Own: it decides only deep inside,
-/// where all directions are equally dark.
+/// Weight of the direction away from the middle of the crown, relative to the mean direction of the incoming light. Own: it
+/// matters only deep inside, where all directions are equally dark.
 const AWAY: f32 = 0.3;
 
-/// A leaf as the crown's light meets it.
+/// A leaf as [`crown_light`] reads it: a point with an area, without shape or orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CrownLeaf {
     /// Pivot of the leaf in the plant's space, m.
@@ -51,16 +51,17 @@ pub struct CrownLeaf {
     pub area: f32,
 }
 
-/// How shaded a leaf is by its crown, and where the open sky lies.
+/// Share of skylight that a leaf loses to its crown, and the direction out of the crown; computed by [`crown_light`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CrownLight {
     /// Share of the skylight that other leaves take, 0 on the outside to 1 in deep shade.
     pub occlusion: f32,
-    /// Direction out of the crown, unit length.
+    /// Unit direction out of the crown in the plant's space, towards which shading normals are bent.
     pub outward: Vec3,
 }
 
-/// The organs of a plant as leaves, in its order.
+/// Input for [`crown_light`]: one leaf for each organ of the plant, in the order of its organs. The area is that of the
+/// prototype's triangles at the scale of the organ; 0 for an organ without a prototype.
 pub fn crown_leaves(plant: &Plant) -> Vec<CrownLeaf> {
     let areas: Vec<f32> = plant.protos.iter().map(|p| mesh_area(&p.mesh)).collect();
     let leaf = |o: &osier_scene::plant::Organ| {
@@ -70,8 +71,8 @@ pub fn crown_leaves(plant: &Plant) -> Vec<CrownLeaf> {
     plant.organs.iter().map(leaf).collect()
 }
 
-/// The attributes of a plant's organs that its crown gives them: their occlusion, and the direction out of the crown as long as normals
-/// are bent (`normals`, 0..1; without 0).
+/// Attributes of a plant's organs for shading: [`CANOPY_OCCLUSION`] if `occlusion`, and [`CANOPY_NORMAL`], the outward direction
+/// times `normals`, if that is above 0. `normals`: share 0..1 by which shading normals are bent.
 pub fn crown_attributes(plant: &Plant, occlusion: bool, normals: f32) -> Vec<Attribute> {
     let light = crown_light(&crown_leaves(plant));
     let mut attributes = Vec::new();
@@ -86,7 +87,7 @@ pub fn crown_attributes(plant: &Plant, occlusion: bool, normals: f32) -> Vec<Att
     attributes
 }
 
-/// Sum of the areas of a mesh's triangles, m^2.
+/// Area of all triangles, m^2: that of one side for a leaf modelled as a single sheet.
 fn mesh_area(mesh: &Mesh) -> f32 {
     let area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| mesh.points.get(i as usize).copied().unwrap_or_default());
@@ -95,7 +96,8 @@ fn mesh_area(mesh: &Mesh) -> f32 {
     mesh.triangles.iter().map(area).sum()
 }
 
-/// Light and outward direction of each leaf of one crown, in its order.
+/// Light of each leaf of one crown in the shade of the others, in the order of `leaves`. Costs 26 passes over a grid of at most
+/// 27^3 cells.
 pub fn crown_light(leaves: &[CrownLeaf]) -> Vec<CrownLight> {
     if leaves.is_empty() {
         return Vec::new();
@@ -107,30 +109,30 @@ pub fn crown_light(leaves: &[CrownLeaf]) -> Vec<CrownLight> {
     leaves.iter().map(|leaf| grid.at(leaf.position, &cells)).collect()
 }
 
-/// Steps from a cell to its 26 neighbours.
+/// Steps from a cell to its 26 neighbours, in cells.
 fn directions() -> Vec<IVec3> {
     let all = (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| IVec3::new(x, y, z))));
     all.filter(|d| *d != IVec3::ZERO).collect()
 }
 
-/// Leaf area by cell, with one empty cell around the crown.
+/// Leaf area by cell, with one layer of empty cells around the crown.
 struct CrownGrid {
     low: Vec3,
     cell: f32,
     size: IVec3,
-    /// Leaf area in a cubic metre, by cell; x runs first.
+    /// Leaf area in a cubic metre, by cell; x varies fastest, then y.
     density: Vec<f32>,
-    /// Middle and half sides of the crown, m.
+    /// Middle and half sides of the box around the leaves, m; half sides are at least half a cell.
     middle: Vec3,
     half: Vec3,
 }
 
-/// What reaches a cell.
+/// Light at the middle of a cell.
 #[derive(Clone, Copy, Default)]
 struct CellLight {
     /// Share of skylight, 0 to 1.
     sky: f32,
-    /// Mean of the directions of light, each weighted by how much of it comes.
+    /// Mean of the 26 directions, weighted by their transmittance; short where light comes from all sides alike.
     outward: Vec3,
 }
 
@@ -141,7 +143,7 @@ impl CrownGrid {
         let mean = leaves.iter().map(|l| l.area).sum::<f32>() / leaves.len() as f32;
         let side = (high - low).max_element();
         let cell = (side / CELLS).max(LEAST_CELL * mean.max(1e-8).sqrt()).max(1e-4);
-        // Whole cells, the one that the rest lies in, and an empty one at each end.
+        // `whole(v / cell) + 1` cells span the leaves; one empty cell is added at each end.
         let count = |v: f32| whole(v / cell) + 3;
         let size = IVec3::new(count(high.x - low.x), count(high.y - low.y), count(high.z - low.z));
         let mut grid = Self {
@@ -172,11 +174,11 @@ impl CrownGrid {
         inside.then(|| (c.x + self.size.x * (c.y + self.size.y * c.z)).unsigned_abs() as usize)
     }
 
-    /// Optical depth from the middle of each cell to the edge of the grid along a direction.
+    /// Optical depth from the middle of each cell to the edge of the grid along `d`, a step to a neighbouring cell.
     fn optical_depths(&self, d: IVec3) -> Vec<f32> {
         let length = d.as_vec3().length() * self.cell;
         let mut depths = vec![0.0; self.density.len()];
-        // Cells are visited so that the next one along the direction comes before.
+        // The next cell along the direction is visited first, since its depth is read here.
         let order =
             |n: i32, towards: i32| -> Vec<i32> { if towards > 0 { (0..n).rev().collect() } else { (0..n).collect() } };
         for z in order(self.size.z, d.z) {
@@ -197,7 +199,7 @@ impl CrownGrid {
     fn light(&self, directions: &[IVec3], depths: &[Vec<f32>]) -> Vec<CellLight> {
         let unit: Vec<Vec3> = directions.iter().map(|d| d.as_vec3().normalize()).collect();
         let weights: Vec<f32> =
-            // No skylight comes from below; a leaf may still see out there, which its direction heeds.
+            // No skylight comes from below, but directions below the horizon still count for `outward`.
             unit.iter().map(|d| if d.y < 0.0 { 0.0 } else { HORIZON + (1.0 - HORIZON) * d.y }).collect();
         let whole_sky: f32 = weights.iter().sum();
         let cell = |i: usize| {
@@ -225,13 +227,13 @@ impl CrownGrid {
             let step = IVec3::new(k & 1, k >> 1 & 1, k >> 2 & 1);
             let share = |t: f32, step: i32| if step > 0 { t } else { 1.0 - t };
             let weight = share(t.x, step.x) * share(t.y, step.y) * share(t.z, step.z);
-            // Leaves at the edge of the crown find the empty cells around it.
+            // The empty cells around the crown serve the leaves at its edge; clamping guards against rounding.
             let corner = (base + step).clamp(IVec3::ZERO, self.size - IVec3::ONE);
             let Some(cell) = self.index(corner).and_then(|i| cells.get(i)) else { continue };
             light.sky += weight * cell.sky;
             light.outward += cell.outward * weight;
         }
-        // The gradient of the ellipsoid around the crown.
+        // Outward normal of the ellipsoid with the half sides of the crown, its gradient at `p`.
         let away = normalize_or((p - self.middle) / (self.half * self.half), Vec3::Y);
         CrownLight {
             occlusion: (1.0 - light.sky).clamp(0.0, 1.0),
@@ -240,7 +242,7 @@ impl CrownGrid {
     }
 }
 
-/// The whole number at or below a coordinate in a grid.
+/// Floor of a grid coordinate; values beyond `i32` saturate.
 #[allow(clippy::cast_possible_truncation, reason = "cells of a grid of a few dozen a side; others saturate")]
 fn whole(v: f32) -> i32 {
     v.floor() as i32

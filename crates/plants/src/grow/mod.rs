@@ -14,7 +14,7 @@ pub mod years;
 
 use osier_base::rng::{child, word};
 
-/// Index of the prototype, below `count`, that the organ of an id shows.
+/// Index, below `count`, of the prototype for an organ: a hash of its id, so that no other organ changes the choice.
 #[allow(clippy::cast_possible_truncation, reason = "a remainder by a number of prototypes, which 16 bits hold")]
 fn pick_prototype(id: u64, count: usize) -> u16 {
     (child(id, word("proto")) % (count as u64).max(1)) as u16

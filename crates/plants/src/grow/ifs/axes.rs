@@ -13,7 +13,7 @@ use osier_scene::plant::{NONE, Plant};
 /// Thinnest radius, m; keeps rings of the loft from collapsing to points.
 const MIN_RADIUS: f64 = 1e-6;
 
-/// A node: position and radius, m, and arc length in table units.
+/// Node of an axis: position and radius, m, and arc length in table units.
 #[derive(Debug, Clone, Copy)]
 struct AxisNode {
     p: DVec3,
@@ -21,7 +21,7 @@ struct AxisNode {
     s: f64,
 }
 
-/// An axis before it is in the plant.
+/// Axis as words make it, before it is numbered and added to the plant.
 #[derive(Debug, Clone)]
 pub(super) struct WordAxis {
     parent: usize,
@@ -31,31 +31,31 @@ pub(super) struct WordAxis {
     ordinal: u64,
     fork: u32,
     nodes: Vec<AxisNode>,
-    /// Index in the plant, once it is known.
+    /// Index in the plant; `NONE` until `order_axes` has numbered the axes.
     pub plant_index: u32,
 }
 
-/// The segment of a word on its axis.
+/// Part of an axis that a word covers.
 #[derive(Debug, Clone, Copy)]
 struct WordSegment {
-    /// Index into the raw axes.
+    /// Index into `WordSkeleton::raw`.
     axis: usize,
-    /// Arc lengths of its ends, table units.
+    /// Arc lengths of its base and its end, table units.
     start: f64,
     end: f64,
 }
 
-/// All axes, and where each word lies on its axis.
+/// All axes, and the part of an axis that each word covers.
 #[derive(Debug)]
 pub(super) struct WordSkeleton {
     raw: Vec<WordAxis>,
-    /// The segment of each word.
+    /// By word, in the order of the expansion.
     segments: Vec<WordSegment>,
 }
 
-/// Builds the axes of all words.
-/// Own: a word's segment ends as thick as the word that continues its axis begins; without one, its end has the cross-section of
-/// its children together (Leonardo's rule), at most that of its base.
+/// Builds the axes of all words: a word continues the axis of its parent or begins an axis.
+/// Own: a word's segment ends as thick as the word that continues its axis begins; without such a word, its end has the summed
+/// cross-section of its children (Leonardo's rule), at most that of its base.
 pub(super) fn build_word_skeleton(stems: &TreeSystem, expanded: &Expansion, size: TreeSize) -> WordSkeleton {
     let TreeSize { scale, radius } = size;
     let maps = &stems.system.maps;
@@ -82,7 +82,7 @@ pub(super) fn build_word_skeleton(stems: &TreeSystem, expanded: &Expansion, size
         let parent = out.segments.get(w.parent as usize).copied();
         let axis = match parent {
             Some(WordSegment { axis, end: last, .. }) if maps[usize::from(w.letter)].axis => {
-                // A continuation begins at the end of its parent's segment, or shortens it to where it begins.
+                // A continuation begins at the end of its parent's segment; if it begins lower, it shortens that segment.
                 let at = out.attachment_s(stems, expanded, w).min(last);
                 let nodes = &mut out.raw[axis].nodes;
                 if at < last - 1e-9
@@ -149,12 +149,12 @@ impl WordSkeleton {
         a + (b - a) * h.clamp(0.0, 1.0)
     }
 
-    /// The base of a word's segment.
+    /// Site at the base of a word's segment, once the axes are numbered; `None` for an unknown word.
     pub fn foot(&self, word: usize) -> Option<WordSite> {
         self.segments.get(word).map(|w| WordSite { axis: self.raw[w.axis].plant_index, s: w.start })
     }
 
-    /// The base of a word that was cut, on its parent's axis.
+    /// Site at which a word that was cut would begin, on its parent's axis.
     pub fn site(&self, stems: &TreeSystem, expanded: &Expansion, cut: &Word) -> Option<WordSite> {
         let parent = self.segments.get(cut.parent as usize)?;
         Some(WordSite { axis: self.raw[parent.axis].plant_index, s: self.attachment_s(stems, expanded, cut) })
@@ -169,7 +169,7 @@ impl WordSkeleton {
             }
         }
         for list in &mut children {
-            // Siblings by arc length; equal ones by the id of their word.
+            // Word ids differ, so the order of siblings at one place does not depend on the expansion.
             let key = |i: &usize| (self.raw[*i].parent_s, self.raw[*i].ordinal);
             list.sort_by(|a, b| key(a).0.total_cmp(&key(b).0).then(key(a).1.cmp(&key(b).1)));
         }
@@ -182,7 +182,7 @@ impl WordSkeleton {
         }
     }
 
-    /// Appends all axes and nodes to a plant.
+    /// Appends the axes in the order of their numbers: each after its parent.
     pub fn add_to_plant(&self, plant: &mut Plant) {
         let mut in_order: Vec<&WordAxis> = self.raw.iter().collect();
         in_order.sort_by_key(|r| r.plant_index);
@@ -192,7 +192,7 @@ impl WordSkeleton {
     }
 }
 
-/// Appends an axis to the plant; its parent precedes it.
+/// Appends an axis and its nodes; the parent, if any, must be in the plant.
 fn add_axis(plant: &mut Plant, raw: &WordAxis, all: &[WordAxis]) {
     let parent = all.get(raw.parent).map_or(NONE, |r| r.plant_index);
     let points: Vec<Vec3> = raw.nodes.iter().map(|n| Vec3::from_array(n.p.to_array().map(narrow))).collect();

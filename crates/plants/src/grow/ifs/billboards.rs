@@ -10,12 +10,12 @@ use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{self, Word};
 use osier_scene::plant::{Organ, Plant, Proto};
 
-/// Billboards that stand for whole branches, in classes of subtrees of about one size.
+/// Billboards that stand for whole branches, grouped into classes of subtrees of about one size.
 #[derive(Debug, Clone)]
 pub struct SubtreeBillboards {
     /// Meshes of billboards, in metres: all variants of the first class, then those of the next.
     pub spec: OrganSpec,
-    /// Size of the subtrees of each class, share of the trunk.
+    /// Representative size of the subtrees of each class, as a share of the trunk's.
     pub sizes: Vec<f64>,
     /// Number of meshes of each class; 0 counts as 1.
     pub variants: usize,
@@ -23,19 +23,19 @@ pub struct SubtreeBillboards {
     pub eps: f64,
 }
 
-/// Subtrees of about one size.
+/// A class of subtrees of about one size that share billboards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SubtreeClass {
-    /// Share of the trunk.
+    /// Representative size as a share of the trunk's: the geometric middle of the class.
     pub size: f64,
-    /// Mean thickness over the trunk's.
+    /// Mean radius of the bases of its subtrees, as a share of the trunk's.
     pub radius: f64,
     /// Lowest order of their first branch.
     pub order: u16,
 }
 
-/// The classes of subtrees that a cut at `coarse` takes from a tree cut at `limits.eps`: steps of equal ratio, of which
-/// those without subtrees are left out.
+/// The classes of subtrees that a cut at `coarse` removes from a tree cut at `limits.eps`: `count` steps of equal ratio, without
+/// those that hold no subtree.
 /// # Errors
 /// I040 beyond the words allowed.
 pub fn subtree_classes(
@@ -71,7 +71,7 @@ pub(super) fn is_replaced(cut: &Word, options: &TreeOptions) -> bool {
     grows && options.cards.is_some()
 }
 
-/// Places billboards at the cut words that would have grown on, rotated by their maps, in the size of the branch they replace.
+/// Places a billboard at each cut word that would have grown on, rotated by its map, at the size of the branch that it replaces.
 pub(super) fn place_billboards(
     plant: &mut Plant,
     grown: GrownTree<'_>,
@@ -88,7 +88,7 @@ pub(super) fn place_billboards(
     plant.protos.extend(cards.spec.meshes.iter().enumerate().map(named));
     for cut in expanded.cuts.iter().filter(|c| is_replaced(c, options)) {
         let Some(site) = skeleton.site(stems, expanded, cut) else { continue };
-        // Nearest class by ratio of sizes; the billboard is scaled by what remains.
+        // The nearest class by ratio of sizes; the remaining ratio scales the billboard.
         let size_distance = |size: &f64| math::ln(cut.size / size).abs();
         let nearest = (0..cards.sizes.len())
             .min_by(|a, b| size_distance(&cards.sizes[*a]).total_cmp(&size_distance(&cards.sizes[*b])));

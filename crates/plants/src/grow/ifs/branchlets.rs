@@ -16,28 +16,28 @@ use osier_ifs::words::{self, Word};
 use osier_scene::Mesh;
 use osier_scene::plant::{Organ, Plant, Proto};
 
-/// Words smaller than this many times the cut size are instances. Larger values share more geometry, and repeat more visibly.
+/// Words smaller than this many times the cut size are instances. Larger values share more geometry but repeat more visibly.
 const CUT_FACTOR: f64 = 4.0;
 /// Variants of a branchlet per class, where individuals vary. The six classes that differ only in their up direction have twelve
 /// together, enough that repetition is not seen.
 const VARIANTS: usize = 2;
-/// A class of fewer words uses the branchlets of the largest class that differs only in its up direction: fewer instances would not
-/// pay for a mesh of their own.
+/// Classes of fewer words use the branchlets of the largest class that differs only in its up direction, because few instances do
+/// not pay for a mesh of their own.
 const MIN_CLASS_WORDS: usize = 12;
-/// Name of the prototypes of branchlets, in files.
+/// Name prefix of the prototypes of branchlets: `twig_0`, `twig_1` and so on.
 pub const NAME: &str = "twig";
 
-/// A branchlet, grown in the mean size of those that it stands for, foot at the origin of the table.
+/// A branchlet, grown at the geometric mean size of the words that it stands for.
 #[derive(Debug, Clone)]
 pub struct Branchlet {
-    /// Its axes and leaves.
+    /// Axes and leaves, m, at the size at which instances have scale 1.
     pub plant: Plant,
-    /// True if its instances are mirrored in z.
+    /// True if the caller must mirror its mesh in z, because the maps of its words have negative determinants.
     pub mirrored: bool,
 }
 
-/// Words that share branchlets: half an octave of size, an octave of thickness over size, the axis of their own space that is
-/// nearest to up, the letters that are left to them, whether their map mirrors.
+/// Key of words that share branchlets: half an octave of size, an octave of thickness over size, the axis of their own space
+/// nearest to up, the remaining depth and order, and whether their map mirrors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct BranchletClass {
     size: i32,
@@ -54,7 +54,7 @@ impl BranchletClass {
         // Logarithmic bins: log2 of the ratio, in halves of an octave for sizes.
         let octave =
             |ratio: f64, parts: f64| (parts * math::ln(ratio.max(1e-300)) / std::f64::consts::LN_2).floor() as i32;
-        // Without a limit all words have as many letters left.
+        // Without a limit the number of remaining letters is the same for all words.
         let left = |most: u16, own: u16| if most == u16::MAX { most } else { most.saturating_sub(own) };
         Self {
             size: octave(w.size, 2.0),
@@ -81,7 +81,7 @@ fn nearest_up_axis(w: &Word) -> usize {
         .unwrap_or(0)
 }
 
-/// Number of words of a class, and the sums of the logarithms of their sizes and radii, for geometric means.
+/// Number of words of a class, and sums of the logarithms of their sizes and radii, from which geometric means follow.
 #[derive(Debug, Clone, Default)]
 struct LogMeans {
     count: f64,
@@ -97,7 +97,8 @@ impl LogMeans {
     }
 }
 
-/// Branchlets of a class: index of the first, the size that they were grown in, their number, and instances so far.
+/// Branchlets of a class: index of the first, the size at which they were grown, their number, and the number of instances so
+/// far.
 struct BranchletCopies {
     first: usize,
     size: f64,
@@ -154,11 +155,10 @@ pub fn grow(
     Ok((tree, branchlets))
 }
 
-/// The class of each word. Classes of few words are merged into the largest class that differs only in its up direction: a
-/// branchlet with few instances would only make files larger.
+/// The class of each word, in order. A class of few words is merged into the largest class that differs only in its up direction.
 fn branchlet_classes(words: &[Word], options: &TreeOptions) -> Vec<BranchletClass> {
     let own: Vec<BranchletClass> = words.iter().map(|w| BranchletClass::of(w, options)).collect();
-    // Count each class, then merge the small ones.
+    // The counts decide which classes are too small for branchlets of their own.
     let mut counts: BTreeMap<BranchletClass, usize> = BTreeMap::new();
     for class in &own {
         *counts.entry(*class).or_default() += 1;
@@ -183,7 +183,7 @@ fn grow_branchlets(
 ) -> Result<(Vec<Branchlet>, BTreeMap<BranchletClass, BranchletCopies>)> {
     let (mut branchlets, mut copies) = (Vec::new(), BTreeMap::new());
     for (number, (class, mean)) in class_means.iter().enumerate() {
-        // Grow each class at the geometric mean of the sizes and radii of its words.
+        // The exponential of a mean logarithm is the geometric mean, which treats ratios up and down alike.
         let (size, thick) = (math::exp(mean.size / mean.count), math::exp(mean.radius / mean.count));
         let enough = mean.count >= 2.0 * MIN_CLASS_WORDS as f64;
         let variants = if options.variation > 0.0 && enough { VARIANTS } else { 1 };

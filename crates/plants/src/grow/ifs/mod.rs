@@ -81,7 +81,7 @@ pub fn grow(stems: &TreeSystem, plant: (u32, u64), options: &TreeOptions, limits
     build_plant(stems, &expanded, plant, TreeSize::new(stems, options), options, |_, _, _| {})
 }
 
-/// Scale of a tree: metres per table unit, and its thickness.
+/// Scale from the table to metres, and thickness at the base of the trunk.
 #[derive(Debug, Clone, Copy)]
 struct TreeSize {
     /// Metres per table unit.
@@ -97,7 +97,7 @@ impl TreeSize {
     }
 }
 
-/// The words of a plant, varied by its seed.
+/// The words of a plant; with `variation` above 0 its seed varies the maps from word to word. `plant`: its id and seed.
 fn expand_words(
     stems: &TreeSystem,
     plant: (u32, u64),
@@ -110,7 +110,7 @@ fn expand_words(
         .map_err(|d| Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() })))
 }
 
-/// Builds the plant of some words: axes, organs and what `more` adds to them, radii, materials. `plant`: its id and seed.
+/// Builds a plant from words: axes, organs and what `more` adds to them, then radii and materials. `plant`: its id and seed.
 fn build_plant(
     stems: &TreeSystem,
     expanded: &Expansion,
@@ -147,7 +147,7 @@ fn build_plant(
     Ok(out)
 }
 
-/// The limits of the words of the tree at full detail.
+/// Limits of the expansion at full detail: as many words as nodes are allowed, at most 5 million.
 pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::ExpansionLimits {
     let max_words = limits.get("nodes").min(MAX_SEGMENTS);
     words::ExpansionLimits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words }
@@ -156,7 +156,7 @@ pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::ExpansionLi
 /// A plant's organs in canonical order: by axis, arc length (as bits) and id.
 type PlacedOrgans = BTreeMap<(u32, u32, u64), Organ>;
 
-/// Places leaves, condensation sets and billboards.
+/// Places leaves, then condensation sets, then billboards; prototypes are numbered in this order.
 fn place_organs(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions) -> PlacedOrgans {
     let mut placed = PlacedOrgans::new();
     place_leaves(plant, grown, options, &mut placed);
@@ -165,8 +165,9 @@ fn place_organs(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions) 
     placed
 }
 
-/// Meshes at every word, as its map moves and turns them.
-/// Own: K = C u w_1(K) u ..., word by word; a map's reflection and shear are left out, its scale is that of its volume.
+/// Places each condensation set at every word, moved and rotated by the word's map.
+/// Own: K = C u w_1(K) u ..., word by word; a map's reflection and shear are left out, and its scale is the cube root of its
+/// volume ratio.
 fn place_condensation_sets(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, placed: &mut PlacedOrgans) {
     let GrownTree { expanded, skeleton, scale, .. } = grown;
     for set in &options.sets {
@@ -185,8 +186,8 @@ fn place_condensation_sets(plant: &mut Plant, grown: GrownTree<'_>, options: &Tr
     }
 }
 
-/// An organ at scale 1 and without an id, with its origin where a map moves the origin, rotated as the map rotates. `at`: its
-/// place on the skeleton; `scale`: metres per table unit.
+/// An organ at scale 1 and without an id: its origin lies where the map moves the origin, and it is rotated as the map rotates.
+/// `at`: its site on the skeleton; `scale`: metres per table unit.
 fn organ_at_word(plant: &Plant, at: WordSite, map: &Affine, scale: f64) -> Organ {
     let on = &plant.axes[at.axis as usize];
     let s = narrow(at.s * scale).clamp(0.0, on.length);
@@ -203,7 +204,7 @@ fn volume_scale(map: &Affine) -> f64 {
     osier_base::math::pow(map.a.determinant().abs(), 1.0 / 3.0)
 }
 
-/// The rotation of a map: its images of y and x, orthonormalized in this order (Gram-Schmidt); a reflection is dropped.
+/// The rotation of a map: its images of y and x, orthonormalized in this order (Gram-Schmidt). A reflection is dropped.
 fn map_rotation(map: &Affine) -> glam::Quat {
     let y = map.a.y_axis.try_normalize().unwrap_or(DVec3::Y);
     let x = (map.a.x_axis - y * y.dot(map.a.x_axis)).try_normalize().unwrap_or_else(|| y.any_orthonormal_vector());
@@ -211,18 +212,18 @@ fn map_rotation(map: &Affine) -> glam::Quat {
     glam::Quat::from_mat3(&glam::Mat3::from_cols(column(x), column(y), column(x.cross(y)))).normalize()
 }
 
-/// A tree whose axes are in the plant.
+/// What the placement of organs reads of a tree whose axes are in the plant.
 #[derive(Debug, Clone, Copy)]
 struct GrownTree<'a> {
     stems: &'a TreeSystem,
     expanded: &'a Expansion,
-    /// The axes that the words became.
+    /// Axes of the words, numbered as in the plant.
     skeleton: &'a WordSkeleton,
     /// Metres per table unit.
     scale: f64,
 }
 
-/// A position on an axis.
+/// A position on an axis in table units, as words give it.
 #[derive(Debug, Clone, Copy)]
 struct WordSite {
     /// Index of the axis in the plant.
@@ -231,7 +232,7 @@ struct WordSite {
     s: f64,
 }
 
-/// Leaves at the cut words of maps that bear them.
+/// Places leaves at the cut words whose last map bears them.
 fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, placed: &mut PlacedOrgans) {
     let GrownTree { stems, expanded, skeleton, scale } = grown;
     let Some(leaf) = options.leaf.as_ref().filter(|l| !l.meshes.is_empty()) else { return };
@@ -256,7 +257,7 @@ fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, 
     }
 }
 
-/// A position on an axis of the plant.
+/// A position on an axis of the plant, in metres.
 #[derive(Debug, Clone, Copy)]
 struct AxisSite {
     /// Index of the axis in the plant.
@@ -265,7 +266,7 @@ struct AxisSite {
     s: f32,
 }
 
-/// One leaf of the leaves at a site.
+/// What [`leaf_organ`] reads of a leaf beside its site.
 struct LeafCopy<'a> {
     stems: &'a TreeSystem,
     /// The word whose growth was cut here.
@@ -278,7 +279,7 @@ struct LeafCopy<'a> {
     up: Vec3,
 }
 
-/// A leaf along the direction that its word would have grown in, its upper side turned up; size and spread are random.
+/// A leaf along the direction in which its word would have grown, its upper side turned up; size and spread are random.
 fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -> Organ {
     let LeafCopy { stems, cut, copy, size, up: sky } = leaf;
     let axis = at.axis;
@@ -288,7 +289,7 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
     // The leaf points where the cut word's own segment would have pointed: the map of the trunk's direction.
     let along = (cut.map.a * (stems.trunk.1 - stems.trunk.0)).try_normalize().unwrap_or(DVec3::Y);
     let mut dir = Vec3::from_array(along.to_array().map(narrow));
-    // Further leaves of a site spread out from the first.
+    // The first leaf keeps the direction of growth; the others spread about it.
     if copy > 0 {
         // Normal deviates, clamped at two standard deviations: an isotropic spread about the first leaf.
         let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * LEAF_SPREAD;

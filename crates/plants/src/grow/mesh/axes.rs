@@ -9,7 +9,7 @@ use crate::grow::polyline::{self, NewAxis};
 use osier_base::math::{self, narrow};
 use osier_scene::plant::{NONE, Plant};
 
-/// Nodes of an axis per cluster.
+/// Nodes of an axis per cluster: the spline adds one between each two centroids.
 pub(super) const NODES_PER_CLUSTER: usize = 2;
 /// Thinnest radius, m; below it tubes vanish at any viewing distance.
 const MIN_RADIUS: f64 = 2e-4;
@@ -24,9 +24,10 @@ const MIN_LEAVING_SINE: f32 = 0.3;
 /// Samples per segment of the parent when the attachment is sought.
 const SAMPLES_PER_SEGMENT: u8 = 4;
 
-/// Points on the surface of a cluster, and how much of the surface each stands for.
+/// Points on the surface of a cluster, and the area that each stands for.
 #[derive(Debug, Default, Clone)]
 pub(super) struct ClusterSurface {
+    /// Positions, m, and unit normals.
     pub points: Vec<(Vec3, Vec3)>,
     /// Area around each point, m^2.
     pub areas: Vec<f64>,
@@ -38,7 +39,8 @@ impl ClusterSurface {
         self.points.iter().fold(0.0, |m, (q, _)| (q.as_dvec3() - p).dot(t).max(m))
     }
 
-    /// Distances from the line through `p` along `t`, with areas, of the points that lie at `along` or farther; without end caps.
+    /// Distances from the line through `p` along `t`, with areas, of the points at `along` or farther, m; points of end caps are
+    /// left out.
     fn distances(&self, p: DVec3, t: DVec3, along: f64) -> Vec<(f64, f64)> {
         let side = self
             .points
@@ -52,8 +54,8 @@ impl ClusterSurface {
         .collect()
     }
 
-    /// Area-weighted mean distance of the points from the axis, m; at a `fork` at most the median, since the bases of the children
-    /// lie far from it.
+    /// Area-weighted mean distance of the points from the axis, m; at a `fork` at most the median, because the bases of the
+    /// children lie far from the axis. `None` if no point counts.
     fn radius(&self, p: DVec3, t: DVec3, along: f64, fork: bool) -> Option<f64> {
         let mut list = self.distances(p, t, along);
         let all = list.iter().fold(0.0, |sum, (_, a)| sum + a);
@@ -75,7 +77,7 @@ impl ClusterSurface {
     }
 }
 
-/// Where a cluster lies on the plant.
+/// Axis and node at which a cluster lies on the plant.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ClusterSite {
     pub axis: u32,
@@ -88,13 +90,13 @@ pub(super) struct ClusterSite {
 struct Centerline {
     p: Vec<DVec3>,
     r: Vec<f32>,
-    /// Index on this line of each of the chain's clusters.
+    /// By cluster of the chain, the index of its node on this line.
     of: Vec<usize>,
-    /// On the parent's line: stretch and place on it.
+    /// Attachment on the parent's line: index of the segment, and place along it, 0..1.
     attachment: (usize, f32),
 }
 
-/// Appends the chains to a plant as axes; returns where each node of the graph lies.
+/// Appends the chains to a plant as axes; returns the site of each node of the graph.
 pub(super) fn add_axes(
     plant: &mut Plant,
     graph: &SkeletonGraph,
@@ -114,7 +116,7 @@ pub(super) fn add_axes(
             None => stack.push((i, NONE)),
         }
     }
-    // Roots in the order of the chains.
+    // The last entry of the stack is taken first: reversed, roots come in the order of the chains.
     stack.reverse();
     let by_stem = |a: &usize, b: &usize| {
         let (a, b) = (lines[*a].attachment, lines[*b].attachment);
@@ -134,7 +136,7 @@ pub(super) fn add_axes(
     sites
 }
 
-/// The centreline of a chain with radii, from its parent's surface to the end of its wood.
+/// The centreline of a chain with radii, from the surface of its parent to the end of its wood.
 fn chain_centerline(
     graph: &SkeletonGraph,
     chain: &Chain,
@@ -167,7 +169,7 @@ fn chain_centerline(
     Centerline { r: (0..p.len()).map(radius).collect(), p, of, attachment: attachment.map_or((0, 0.0), |s| s.at) }
 }
 
-/// Central difference of a polyline at point `k`, one-sided at its ends.
+/// Unit tangent of a polyline at point `k`: central difference, one-sided at the ends; `None` where points coincide.
 fn direction(points: &[DVec3], k: usize) -> Option<DVec3> {
     let (before, after) = (points[k.saturating_sub(1)], points[(k + 1).min(points.len() - 1)]);
     (after - before).try_normalize()
@@ -183,7 +185,7 @@ fn node_radii(
 ) -> Vec<f64> {
     let one = |(k, node): (usize, &u32)| {
         let own = &graph.nodes[*node as usize];
-        // Measured against the centreline; where that has no direction, the mean thickness of the cluster stands in.
+        // Measured against the centreline; where that has no direction, the mean radius of the cluster is used.
         let rough = f64::from(own.r);
         let Some(t) = direction(points, k) else { return rough };
         cluster_surfaces[*node as usize]
@@ -193,8 +195,8 @@ fn node_radii(
     chain.nodes[hidden..].iter().enumerate().map(one).collect()
 }
 
-/// Positions and radii of base and tip: the wood reaches beyond the middles of the end clusters; a branch begins on its parent's
-/// surface.
+/// Positions and radii of base and tip. The wood reaches beyond the centroids of the end clusters; a branch begins on its
+/// parent's surface.
 fn end_points(
     chain: &Chain,
     cluster_surfaces: &[ClusterSurface],
@@ -229,7 +231,7 @@ fn end_points(
         None => own,
         Some(s) => {
             let surface_point = s.surface_point(first);
-            // A branch of its own ends where its wood ends, if that is not yet in the parent's.
+            // A piece of wood that was joined begins at its own end, if that lies outside of the parent's wood.
             let nearer = chain.attached && own.0.distance(first) < surface_point.distance(first);
             (if nearer { own.0 } else { surface_point }, radii[0])
         }
@@ -246,20 +248,20 @@ fn smooth_radii(r: &[f64]) -> Vec<f64> {
     (0..r.len()).map(at).collect()
 }
 
-/// Where a chain leaves its parent.
+/// Point at which a chain leaves its parent.
 #[derive(Debug, Clone, Copy)]
 struct ParentAttachment {
-    /// On the parent's centreline.
+    /// Position on the parent's centreline, m.
     p: DVec3,
-    /// Direction of the parent.
+    /// Unit tangent of the parent there.
     t: DVec3,
     r: f32,
-    /// Stretch of the parent's line and place on it.
+    /// Index of the segment of the parent's line, and place along it, 0..1.
     at: (usize, f32),
 }
 
 impl ParentAttachment {
-    /// Finds the attachment: the point of the parent that is closest to the chain's first segment extended backwards.
+    /// Finds the point of the parent that is closest to the backward extension of the chain's first segment.
     fn find(parent: &Centerline, at: usize, points: &[DVec3]) -> Self {
         let around = parent.of[at.min(parent.of.len() - 1)];
         let back = match points {
@@ -295,7 +297,7 @@ impl ParentAttachment {
         }
     }
 
-    /// The point where the segment from here to `p` leaves the parent's wood.
+    /// The point at which the segment from here to `p` leaves the parent's wood.
     fn surface_point(&self, p: DVec3) -> DVec3 {
         let way = p - self.p;
         let length = way.length();
@@ -306,7 +308,7 @@ impl ParentAttachment {
     }
 }
 
-/// Appends a centreline to the plant. Its first node lies on the parent's surface, so its exposed length is 0.
+/// Appends a centreline to the plant. Its first node lies on the parent's surface, so the exposed length of the axis is 0.
 fn push_axis(plant: &mut Plant, line: &Centerline, parent: u32) {
     let points: Vec<Vec3> = line.p.iter().map(|p| p.as_vec3()).collect();
     let (parent_s, order) = plant.axes.get(parent as usize).map_or((0.0, 0), |a| {

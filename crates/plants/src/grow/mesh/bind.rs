@@ -6,16 +6,16 @@ use super::axes::{ClusterSite, NODES_PER_CLUSTER};
 use super::wood_search::{WoodSample, WoodSearch};
 use osier_scene::plant::Plant;
 
-/// A vertex is projected onto the axis within this many clusters of its own: enough for clusters that overlap, too few to jump
-/// to another bend of the axis.
+/// A vertex is projected onto the axis within this many clusters of the one that it belongs to: enough for clusters that overlap,
+/// too few to jump to another bend of the axis.
 const WINDOW: usize = 2;
 /// Spacing of samples along an axis, in radii.
 const SAMPLE_SPACING_RADII: f32 = 0.5;
 
-/// Axis and arc length, m.
+/// Position on an axis: index of the axis in the plant, and arc length, m.
 pub(super) type AxisPosition = (u32, f32);
 
-/// The point of the axis nearest to a vertex, near the vertex's own cluster.
+/// The point of the axis nearest to a vertex, within `WINDOW` clusters of the vertex's cluster.
 pub(super) fn vertex_site(plant: &Plant, site: ClusterSite, p: Vec3) -> AxisPosition {
     let axis = &plant.axes[site.axis as usize];
     let nodes = plant.nodes_of(axis);
@@ -36,7 +36,7 @@ pub(super) fn vertex_site(plant: &Plant, site: ClusterSite, p: Vec3) -> AxisPosi
     (site.axis, best.1)
 }
 
-/// A search structure over samples of all axes.
+/// Search for the nearest bark, over samples of all axes half a radius apart.
 pub(super) fn wood_search(plant: &Plant) -> WoodSearch<AxisPosition> {
     let mut places = Vec::new();
     for (i, axis) in (0..).zip(&plant.axes) {
@@ -57,8 +57,8 @@ pub(super) fn wood_search(plant: &Plant) -> WoodSearch<AxisPosition> {
     WoodSearch::new(places)
 }
 
-/// Where a loose part is attached: the closest pair of one of its points and the bark. Returns the index of the point, the
-/// distance, m, and the position on the axis.
+/// Attachment of a loose part: the closest pair of one of its points and the bark. Returns the index of the point, the distance,
+/// m, and the position on the axis; `None` without axes or points.
 pub(super) fn nearest_point_of_part(
     near: &WoodSearch<AxisPosition>,
     points: &[Vec3],

@@ -6,19 +6,19 @@ use glam::{DVec3, Vec3};
 use super::graph::{SkeletonGraph, SkeletonNode};
 use osier_base::math;
 
-/// Nodes no higher than this share of the height may be the root; the thickest of them is.
+/// Nodes no higher than this share of the height may be the root; the thickest of them becomes it.
 const ROOT_HEIGHT_SHARE: f64 = 0.05;
-/// Factor of the radius of a node with wood on both sides, since a trunk begins at an end.
+/// Factor on the radius of a node with wood on both sides when the root is chosen, since a trunk begins at an end.
 const INNER_NODE_FACTOR: f32 = 0.8;
 
 /// A chain of nodes from where it leaves its parent to its tip.
 #[derive(Debug)]
 pub(super) struct Chain {
-    /// Chain that it leaves, before it in the list, and the index there of the node that it leaves.
+    /// Index of the parent chain, which precedes it, and index in that chain of the node at which it leaves.
     pub parent: Option<(usize, usize)>,
-    /// Indices into the graph.
+    /// Indices of its nodes in the graph, from base to tip.
     pub nodes: Vec<u32>,
-    /// Another piece of wood than its parent at that place.
+    /// True if its wood is another piece than that of the node at which it was joined.
     pub attached: bool,
 }
 
@@ -29,7 +29,8 @@ pub(super) fn find_chains(graph: &SkeletonGraph, root: Option<Vec3>) -> Vec<Chai
     let mut seen: Vec<bool> = nodes.iter().map(|n| !n.live).collect();
     let mut out = Vec::new();
     let groups = connected_components(nodes);
-    // A root given in the scene belongs to the component that holds the node nearest to it; the others stand on their lowest node.
+    // A root given in the scene belongs to the component of the node nearest to it; all other components stand on their lowest
+    // node.
     let root_node_given = root.and_then(|p| nearest(nodes, p.as_dvec3()));
     for group in groups {
         let own = root_node_given.filter(|n| group.contains(n));
@@ -76,14 +77,14 @@ fn connected_components(nodes: &[SkeletonNode]) -> Vec<Vec<u32>> {
     groups
 }
 
-/// The live node nearest to `p`.
+/// The live node nearest to `p`; the first of equals.
 fn nearest(nodes: &[SkeletonNode], p: DVec3) -> Option<u32> {
     let far = |n: &SkeletonNode| n.p.distance_squared(p);
     let live = (0..).zip(nodes).filter(|(_, n)| n.live);
     live.min_by(|a, b| far(a.1).total_cmp(&far(b.1))).map(|(i, _)| i)
 }
 
-/// The thickest of the lowest nodes.
+/// Root of a component: the thickest of its lowest nodes.
 fn root_node(nodes: &[SkeletonNode], group: &[u32]) -> Option<u32> {
     let height = |i: &u32| nodes[*i as usize].p.y;
     let low = group.iter().map(height).fold(f64::INFINITY, f64::min);
@@ -96,9 +97,9 @@ fn root_node(nodes: &[SkeletonNode], group: &[u32]) -> Option<u32> {
     lowest.max_by(|a, b| thickness(a).total_cmp(&thickness(b)).then(height(b).total_cmp(&height(a)))).copied()
 }
 
-/// Chains of one tree. `order`: nodes with their parents, parents first.
+/// Appends the chains of one tree to `out`. `order`: nodes with their parents, parents first.
 fn split_into_chains(nodes: &[SkeletonNode], order: &[(u32, u32)], start: u32, out: &mut Vec<Chain>) {
-    // Weight of a node: the sum of length times mean radius over all links above it, a measure of the lateral surface that it carries.
+    // Weight of a node: the sum of length times mean radius over all links above it, a measure of the lateral surface beyond it.
     let mut weight = std::collections::BTreeMap::new();
     let mut children: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
     for &(i, parent) in order.iter().rev().filter(|(_, p)| *p != u32::MAX) {
@@ -118,8 +119,7 @@ fn split_into_chains(nodes: &[SkeletonNode], order: &[(u32, u32)], start: u32, o
         let mut at = first;
         while let Some(list) = children.get(&at) {
             let piece = |i: &u32| nodes[*i as usize].piece == nodes[at as usize].piece;
-            // The leader is the heaviest child; a child of the same piece of wood comes before one that was joined to
-            // it.
+            // The leader is the heaviest child; a child of the same piece of wood is preferred to one that was joined to it.
             let any_own = list.iter().any(piece);
             let leader = (list.iter().filter(|i| !any_own || piece(i)))
                 .max_by(|a, b| weight_of(at, **a).total_cmp(&weight_of(at, **b)).then(b.cmp(a)));

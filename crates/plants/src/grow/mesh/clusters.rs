@@ -12,20 +12,20 @@ use osier_base::rng::Rng;
 
 /// Fewest and most clusters of a piece. Two make an axis; the upper bound keeps pairs and heaps of a mesh in memory.
 const CLUSTER_COUNT: (usize, usize) = (2, 16_384);
-/// Lloyd iterations at most, and the largest shift of a mean, in sizes of a cluster, at which they end.
+/// Most Lloyd iterations, and the largest shift of a mean, in sizes of a cluster, at which they end.
 const LLOYD_ROUNDS: usize = 40;
 const CONVERGED_SHIFT: f64 = 5e-3;
-/// Neighbours no farther apart than this along the wood, in clusters,
+/// Neighbouring patches are parts of one ring if they lie no farther apart along the wood than this, in sizes of a cluster.
 const RING_DISTANCE_ALONG: f64 = 0.6;
-/// and than this across it, in radii, are parts of one ring: the middles of patches on a tube lie within it.
+/// They must also lie no farther apart across the wood than this, in radii: the middles of patches on a tube do.
 const RING_DISTANCE_ACROSS: f64 = 1.9;
-/// Passes of joining parts of rings.
+/// Most passes in which patches of a ring are joined.
 const JOIN_PASSES: usize = 8;
 
-/// Clusters of one piece.
+/// Clusters of the surface of one piece of wood.
 #[derive(Debug)]
 pub(super) struct Clusters {
-    /// Cluster of each point of the surface.
+    /// Index of the cluster of each point of the refined surface.
     pub cluster_of: Vec<u32>,
     /// Centroid of each cluster, m.
     pub middles: Vec<DVec3>,
@@ -56,7 +56,7 @@ pub(super) fn find_clusters(fine: &RefinedSurface, rng: &mut Rng) -> Clusters {
     clusters
 }
 
-/// Draws seed points, each with probability proportional to its squared distance from the nearest seed so far (k-means++).
+/// Draws seed points, each with probability proportional to the squared distance from the nearest seed so far (k-means++).
 fn draw_seeds(fine: &RefinedSurface, wanted: usize, rng: &mut Rng) -> Vec<u32> {
     let n = fine.points.len();
     // Initial weights: the area as a share of a cluster's area r * size, so that thin twigs get as many seeds per
@@ -92,7 +92,7 @@ fn draw_seeds(fine: &RefinedSurface, wanted: usize, rng: &mut Rng) -> Vec<u32> {
 }
 
 impl Clusters {
-    /// Gives every point to a cluster: clusters grow from their seeds, the nearest point first.
+    /// Assigns every point to a cluster: clusters grow from their seeds, the nearest point first.
     fn assign_points(&mut self, fine: &RefinedSurface, seeds: &[u32]) {
         // Region growing: Dijkstra's order on the edges of the surface with one heap for all clusters. The key is the
         // straight distance from the cluster's middle over its size; a point joins the first cluster that reaches it.
@@ -101,7 +101,7 @@ impl Clusters {
         // Least distance at which each point was queued; farther clusters need not queue it again.
         let mut queued = vec![f64::INFINITY; fine.points.len()];
         for (cluster, i) in (0..).zip(seeds) {
-            // A seed is its cluster's, however far the middle has moved.
+            // The key 0 gives a seed to its own cluster, however far the middle has moved.
             heap.push(Reverse((0, cluster, *i)));
         }
         while let Some(Reverse((_, cluster, i))) = heap.pop() {
@@ -162,7 +162,7 @@ impl Clusters {
                 *best = (d, i);
             }
         }
-        // Remove empty clusters from both parallel lists.
+        // Both lists are indexed by cluster: the same entries are removed from each.
         let used: Vec<bool> = best.iter().map(|b| b.1 != u32::MAX).collect();
         let mut k = 0;
         self.middles.retain(|_| {
@@ -199,7 +199,7 @@ impl Clusters {
         sums.into_iter().map(|(m, r, w)| (m, r / w)).collect()
     }
 
-    /// Joins neighbours that lie side by side around the wood; false if there are none. Each joins one other at the most.
+    /// Joins neighbours that lie side by side around the wood, each with at most one other; false if there were none.
     fn join_patches(&mut self, fine: &RefinedSurface) -> bool {
         // The axis of the wood is the direction least present among the normals of both clusters. Patches of one ring are near
         // along it and within the girth across it.
@@ -286,7 +286,7 @@ impl FenwickTree {
             }
             step /= 2;
         }
-        // Rounding of the sums may lead to one of no weight: then the next that has some.
+        // Rounding of the sums may lead to an index without weight; the next one with weight replaces it.
         (at.min(n.saturating_sub(1))..n).chain(0..n).find(|i| self.weights[*i] > 0.0)
     }
 }

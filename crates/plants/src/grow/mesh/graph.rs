@@ -10,8 +10,8 @@ use super::refine::RefinedSurface;
 use super::wood_search::{WoodSample, WoodSearch};
 use osier_base::math;
 
-/// Widest gap that is joined: radii of the end node, or a share of the diagonal of the mesh, whichever is more. Larger values join
-/// pieces that only pass each other, smaller ones leave branches floating.
+/// Widest gap that is joined: the larger of a number of radii of the end node and a share of the diagonal of the mesh. Larger
+/// values join pieces that only pass each other, smaller ones leave branches floating.
 const MAX_JOIN_GAP: (f32, f32) = (10.0, 0.02);
 /// Cost of joining by an end of no thickness instead of the thickest one, as a share of the piece's extent.
 const THIN_END_COST: f32 = 0.05;
@@ -33,11 +33,11 @@ pub(super) struct SkeletonNode {
     pub live: bool,
 }
 
-/// Nodes with the tree between them.
+/// Clusters of all pieces of wood as nodes, with the edges of their trees.
 #[derive(Debug, Default)]
 pub(super) struct SkeletonGraph {
     pub nodes: Vec<SkeletonNode>,
-    /// Of each piece the node of each of its clusters.
+    /// By piece and cluster, the index of the cluster's node.
     pub nodes_of_clusters: Vec<Vec<u32>>,
 }
 
@@ -74,19 +74,17 @@ impl SkeletonGraph {
         self.nodes_of_clusters.push(of);
     }
 
-    /// Adds an edge in both directions.
     fn link(&mut self, a: u32, b: u32) {
         self.nodes[a as usize].neighbours.push(b);
         self.nodes[b as usize].neighbours.push(a);
     }
 
-    /// Removes an edge in both directions.
     fn unlink(&mut self, a: u32, b: u32) {
         self.nodes[a as usize].neighbours.retain(|n| *n != b);
         self.nodes[b as usize].neighbours.retain(|n| *n != a);
     }
 
-    /// Merges ends that lie within the radius of a fork into it: bumps and stumps of the surface, which are no branches.
+    /// Merges end nodes that lie within the radius of a fork into it: bumps and stumps of the surface rather than branches.
     fn prune_bumps(&mut self, of: &mut [u32], first: u32) {
         for slot in of.iter_mut() {
             let node = &self.nodes[*slot as usize];
@@ -98,7 +96,7 @@ impl SkeletonGraph {
                 *slot = only;
             }
         }
-        // Follow merges onto nodes that were merged themselves.
+        // A node may be merged into one that was itself merged: follow the chain to its end.
         for i in 0..of.len() {
             while of[(of[i] - first) as usize] != of[i] {
                 of[i] = of[(of[i] - first) as usize];
@@ -153,7 +151,7 @@ impl SkeletonGraph {
         }
     }
 
-    /// Estimated end of the wood beyond an end node: half the distance to its neighbour, on the other side.
+    /// Estimated end of the wood beyond an end node: half the distance to its neighbour, continued outwards.
     fn extrapolated_end(&self, end: u32) -> Vec3 {
         let node = &self.nodes[end as usize];
         let own = node.neighbours.iter().map(|n| &self.nodes[*n as usize]).find(|n| n.piece == node.piece);
@@ -161,7 +159,7 @@ impl SkeletonGraph {
         (node.p + out).as_vec3()
     }
 
-    /// Nodes of a piece with at most one neighbour.
+    /// Nodes of a piece with at most one neighbour, rising and each once.
     fn end_nodes(&self, of: &[u32]) -> Vec<u32> {
         let mut end_nodes: Vec<u32> =
             of.iter().copied().filter(|n| self.nodes[*n as usize].neighbours.len() < 2).collect();

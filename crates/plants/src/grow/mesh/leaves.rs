@@ -22,7 +22,7 @@ const MAX_SHAPES: usize = 4096;
 /// A blade larger than this share of the plant's diagonal is no leaf: several leaves that share vertices.
 const MAX_LEAF_SIZE: f32 = 0.25;
 
-/// A blade cut out of the mesh.
+/// A blade as a mesh, with its attachment to the bark.
 struct LeafBlade {
     mesh: Mesh,
     /// Diagonal of the bounding box, m.
@@ -31,17 +31,17 @@ struct LeafBlade {
     attachment: (usize, AxisPosition),
 }
 
-/// A shape that blades share, as the first of them has it.
+/// A shape that congruent blades share, as the first of them has it.
 struct LeafShape {
     proto: u16,
     points: Vec<Vec3>,
-    /// Three points that lie far apart.
+    /// Indices of three points far apart, whose frame is compared.
     corners: [usize; 3],
     attachment: usize,
     q: Quat,
 }
 
-/// A blade as an instance of a shape.
+/// A blade as an instance of a prototype, in plant space.
 struct PlacedLeaf {
     site: AxisPosition,
     pivot: Vec3,
@@ -50,15 +50,16 @@ struct PlacedLeaf {
     proto: u16,
 }
 
-/// Blades that could not become organs.
+/// Blades that stay part of the wood, by index.
 #[derive(Debug, Default)]
 pub(super) struct UnplacedLeaves {
-    /// Indices of the blades that stay part of the wood: too large, or of too many shapes.
+    /// Those too large to be single leaves, and all blades of a plant without wood.
     pub large: Vec<usize>,
+    /// Those whose shape would exceed [`MAX_SHAPES`].
     pub unmatched: Vec<usize>,
 }
 
-/// Adds blades to a plant as organs; returns the blades that cannot be organs.
+/// Adds blades to a plant as organs; returns those that cannot be organs.
 pub(super) fn place_leaves(
     plant: &mut Plant,
     mesh: &Mesh,
@@ -94,7 +95,7 @@ pub(super) fn place_leaves(
     left
 }
 
-/// Sets ids and tints of the organs from the ids of their axes and their rank on them.
+/// Sets ids and tints of the organs from the ids of their axes and their rank along them.
 pub(super) fn assign_ids(plant: &mut Plant) {
     let mut rank = (u32::MAX, 0_u64);
     for organ in &mut plant.organs {
@@ -105,7 +106,7 @@ pub(super) fn assign_ids(plant: &mut Plant) {
     }
 }
 
-/// Material of each triangle.
+/// Index of the material of each triangle; 0 where no subset covers it.
 fn materials(mesh: &Mesh) -> Vec<u32> {
     let mut of = vec![0; mesh.triangles.len()];
     for s in &mesh.subsets {
@@ -115,7 +116,8 @@ fn materials(mesh: &Mesh) -> Vec<u32> {
     of
 }
 
-/// Some triangles of a mesh as a mesh of their own, points in the mesh's order.
+/// Copies the triangles of `patch` to a mesh that holds only their points, in the order of `mesh`. Also returns the index in
+/// `mesh` of each point. `material`: by index of the triangle in `mesh`.
 pub(super) fn submesh(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32]) -> (Mesh, Vec<u32>) {
     // Vertices of the patch in rising order, renumbered by their rank.
     let mut used: Vec<u32> = patch.iter().flat_map(|t| mesh.triangles[*t as usize]).collect();
@@ -142,14 +144,14 @@ pub(super) fn submesh(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32])
     (out, used)
 }
 
-/// The wood: all triangles but some, which are few runs of the rest.
+/// The mesh without its `removed` triangles, and the index in `mesh` of each remaining point.
 pub(super) fn remaining_mesh(mesh: &Mesh, removed: &[bool]) -> (Mesh, Vec<u32>) {
     let material = materials(mesh);
     let kept: Vec<u32> = (0..).take(mesh.triangles.len()).filter(|t| !removed[*t as usize]).collect();
     submesh(mesh, |t| material[t as usize], &kept)
 }
 
-/// A blade as a mesh of its own, its triangles sorted by material; `None` on a plant without wood.
+/// A blade as a separate mesh, its triangles sorted by material; `None` on a plant without wood.
 fn cut_out_blade(
     mesh: &Mesh,
     material: &[u32],
@@ -165,7 +167,7 @@ fn cut_out_blade(
     Some(LeafBlade { mesh, size, attachment: (i, site) })
 }
 
-/// Hash of all that congruent blades have in common: triangles, materials, texture coordinates, colours.
+/// Hash of everything that congruent blades have in common: triangles, materials, texture coordinates, colours.
 fn topology_hash(mesh: &Mesh) -> u64 {
     // Positions and normals are left out: they differ by the placement, which is found by comparison.
     let corners = mesh.triangles.iter().flatten().map(|i| u64::from(*i));
@@ -177,7 +179,8 @@ fn topology_hash(mesh: &Mesh) -> u64 {
     mix64(&all)
 }
 
-/// Three points that define a frame well: the first, the one farthest from it, and the one of the largest triangle with both.
+/// Indices of three points that define a frame well: the first point, the one farthest from it, and the one that spans the
+/// largest triangle with both.
 fn far_corners(points: &[Vec3]) -> [usize; 3] {
     let most = |value: &dyn Fn(Vec3) -> f32| {
         let all = points.iter().enumerate();
@@ -196,7 +199,7 @@ fn frame(points: &[Vec3], [a, b, c]: [usize; 3]) -> Mat3 {
     Mat3::from_cols(x, z.cross(x), z)
 }
 
-/// The blade as an instance of a shape, if a similarity (rotation, uniform scale, translation) maps the shape onto it.
+/// The blade as an instance of a shape; `None` if no similarity (rotation, uniform scale, translation) maps the shape onto it.
 fn match_shape(shape: &LeafShape, blade: &LeafBlade, near: &WoodSearch<AxisPosition>) -> Option<PlacedLeaf> {
     let (own, points) = (&shape.points, &blade.mesh.points);
     let [a, b, _] = shape.corners;
@@ -210,13 +213,13 @@ fn match_shape(shape: &LeafShape, blade: &LeafBlade, near: &WoodSearch<AxisPosit
         return None;
     }
     let pivot = placed(own[shape.attachment]);
-    // The shape's own point holds it, even if another lies a little nearer to the bark here.
+    // The attachment point of the shape is the pivot, even if another point of this blade lies slightly nearer to the bark.
     let site = near.nearest(pivot).map_or(blade.attachment.1, |(_, site)| site);
     let q = (Quat::from_mat3(&turn) * shape.q).normalize();
     Some(PlacedLeaf { site, pivot, q, scale, proto: shape.proto })
 }
 
-/// A new shape: the pivot at its origin, +Y to the middle of the blade, +Z its upper side.
+/// A prototype for a new shape: the pivot at its origin, +Y to the middle of the blade, +Z its upper side.
 fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
     let LeafBlade { mut mesh, attachment: (attachment, site), .. } = blade;
     let points = mesh.points.clone();
@@ -228,7 +231,7 @@ fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
         let [a, b, c] = t.map(|i| points[i as usize]);
         s + (b - a).cross(c - a)
     });
-    // Areas of leaves are far below the length that counts as none.
+    // Doubled areas of leaves may be below 1e-9 m^2, the length that `normalize_or` takes for 0.
     let face = face / face.abs().max_element().max(f32::MIN_POSITIVE);
     let z = math::normalize_or(face - y * face.dot(y), math::perpendicular(y));
     let q = Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z)).normalize();
@@ -242,7 +245,7 @@ fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
     (shape, PlacedLeaf { site, pivot, q, scale: 1.0, proto })
 }
 
-/// The organ of a placed leaf, in the frame of its axis; id and tint follow.
+/// The organ of a placed leaf, in the frame of its axis; `assign_ids` sets its id and tint.
 fn organ(plant: &Plant, h: PlacedLeaf) -> Organ {
     // Offset and rotation relative to the axis frame: the leaf follows its twig.
     let at = plant.frame(&plant.axes[h.site.0 as usize], h.site.1);
@@ -261,7 +264,7 @@ fn organ(plant: &Plant, h: PlacedLeaf) -> Organ {
     }
 }
 
-/// Bounding box of a patch, m.
+/// Box around the triangles of a patch, in the space of the mesh, m.
 pub(super) fn bounds(mesh: &Mesh, patch: &TrianglePatch) -> Bounds {
     Bounds::of(patch.iter().flat_map(|t| mesh.triangles[*t as usize]).map(|i| mesh.points[i as usize]))
 }

@@ -35,9 +35,11 @@ use osier_scene::plant::{self, NONE, Plant};
 use parts::{MeshParts, WoodPiece};
 use refine::{ClusterSizes, RefinedSurface};
 
-/// Smallest cluster, where sizes follow the radius, as a share of the plant's diagonal. Smaller ones follow every knot of the bark.
+/// Smallest cluster, where sizes follow the radius, as a share of the plant's diagonal. Smaller ones would follow every knot of
+/// the bark.
 const MIN_CLUSTER_DIAGONAL_SHARE: f32 = 1.0 / 1500.0;
-/// And as a share of the length of all its wood: bounds the number of clusters, and so the time, of bushes of thin twigs.
+/// Smallest cluster as a share of the total length of the wood: bounds the number of clusters, and so the time, for bushes of
+/// thin twigs.
 const MIN_CLUSTER_LENGTH_SHARE: f64 = 1.0 / 12_000.0;
 /// A root that begins above this share of the plant's height counts as floating (X019): lower ones may be roots or suckers.
 const FLOATING_HEIGHT: f32 = 0.1;
@@ -47,7 +49,7 @@ const FLOATING_HEIGHT: f32 = 0.1;
 pub struct SkeletonOptions {
     /// Name of the file, for messages.
     pub name: String,
-    /// In lower case: objects and materials whose name holds one of these are blades.
+    /// Words in lower case: objects and materials whose names contain one of them are blades.
     pub leaf_words: Vec<String>,
     /// Distance of the clusters along the wood, m; `None`: three times the radius of the wood.
     pub spacing: Option<f32>,
@@ -62,16 +64,17 @@ pub struct SkeletonOptions {
 pub struct MeshPlant {
     /// Axes and organs, with ids of a plant of id 0.
     pub plant: Plant,
-    /// The artist's mesh but for the blades that are organs: points, normals, coordinates as they are.
+    /// The artist's mesh without the blades that became organs: points, normals and texture coordinates are unchanged.
     pub wood: Arc<Mesh>,
-    /// Of each point of `wood`: index of its axis and arc length on it, m.
+    /// For each point of `wood`, the index of its axis and the arc length on it, m.
     pub bindings: Vec<(u32, f32)>,
     /// Warnings: floating pieces, leaves that stay rigid.
     pub report: Report,
 }
 
 impl MeshPlant {
-    /// The plant of an individual: all of one mesh are alike but for their names.
+    /// Copy of the plant with the id, seed and source of an individual. Individuals of one mesh differ only in these and in the
+    /// ids and tints that follow from them.
     pub fn individual(&self, id: u32, seed: u64, source: &str) -> Plant {
         let mut plant = self.plant.clone();
         (plant.id, plant.seed, plant.source) = (id, seed, source.into());
@@ -107,7 +110,7 @@ pub fn extract_skeleton(imported: &Imported, options: &SkeletonOptions, cancel: 
         Ok((fine, clusters))
     });
     let refined = refined.into_iter().collect::<Result<Vec<_>>>()?;
-    // One tree of clusters, its chains, and their axes.
+    // Clusters become one tree, the tree becomes chains, and chains become axes.
     let mut graph = SkeletonGraph::default();
     refined.iter().for_each(|(fine, clusters)| graph.add(fine, clusters));
     graph.join(diagonal);
@@ -118,14 +121,14 @@ pub fn extract_skeleton(imported: &Imported, options: &SkeletonOptions, cancel: 
     plant::validate(&mut plant)?;
     let mut tree = MeshPlant { plant, ..MeshPlant::default() };
     warn_floating_pieces(&mut tree, options);
-    // Bind the mesh, then name axes and organs.
+    // Ids come last: they hash the ranks of axes and organs, which are final only now.
     tree.bind_mesh(imported, &parts, &ClusterSites { graph: &graph, refined: &refined, sites: &sites }, options);
     assign_ids(&mut tree.plant);
     plant::validate(&mut tree.plant)?;
     Ok(tree)
 }
 
-/// X018: why there is no skeleton.
+/// X018 with its cause: all of the mesh is blades by name, or the wood encloses no volume.
 fn no_skeleton_error(parts: &MeshParts, options: &SkeletonOptions) -> Error {
     let file = &options.name;
     let (message, help) = if parts.wood.is_empty() {
@@ -142,7 +145,7 @@ fn no_skeleton_error(parts: &MeshParts, options: &SkeletonOptions) -> Error {
     Diagnostic::about("X018", message).help(help).into()
 }
 
-/// The points of each node's clusters.
+/// Surface points by node of the graph; a node also gets those of the bumps that were merged into it.
 fn cluster_surfaces(graph: &SkeletonGraph, refined: &[(RefinedSurface, Clusters)]) -> Vec<ClusterSurface> {
     let mut cluster_surfaces = vec![ClusterSurface::default(); graph.nodes.len()];
     for ((fine, clusters), of) in refined.iter().zip(&graph.nodes_of_clusters) {
@@ -155,7 +158,7 @@ fn cluster_surfaces(graph: &SkeletonGraph, refined: &[(RefinedSurface, Clusters)
     cluster_surfaces
 }
 
-/// X019 for trees of pieces that neither meet the rest nor stand low.
+/// Warns (X019) of pieces of wood that are joined to no other and begin above `FLOATING_HEIGHT`.
 fn warn_floating_pieces(tree: &mut MeshPlant, options: &SkeletonOptions) {
     let plant = &tree.plant;
     // The first root is the trunk; any other that begins well above the ground has nothing to grow from.
@@ -175,17 +178,17 @@ fn warn_floating_pieces(tree: &mut MeshPlant, options: &SkeletonOptions) {
     }
 }
 
-/// Where the clusters of all pieces lie on the plant.
+/// Sites of the clusters of all pieces on the plant.
 struct ClusterSites<'a> {
     graph: &'a SkeletonGraph,
     /// Surface and clusters of each solid piece.
     refined: &'a [(RefinedSurface, Clusters)],
-    /// Of each node of the graph.
+    /// By node of the graph.
     sites: &'a [ClusterSite],
 }
 
 impl MeshPlant {
-    /// Turns blades into organs and binds every vertex of the rest of the mesh to an axis.
+    /// Turns blades into organs, and binds every vertex of the remaining mesh to an axis.
     fn bind_mesh(
         &mut self,
         imported: &Imported,
@@ -225,7 +228,7 @@ impl MeshPlant {
         for (part, site) in loose.iter().zip(held) {
             part.iter().for_each(|i| sites[*i as usize] = sites[*i as usize].or(site));
         }
-        // What remains is the mesh without the organs' triangles.
+        // The organs' triangles are removed from the mesh; those of rigid leaves stay.
         let mut removed = vec![false; imported.mesh.triangles.len()];
         parts.blades.iter().flatten().for_each(|t| removed[*t as usize] = true);
         stays.flat_map(|i| &parts.blades[*i]).for_each(|t| removed[*t as usize] = false);
@@ -240,7 +243,7 @@ impl MeshPlant {
         self.wood = Arc::new(wood);
     }
 
-    /// X019 for blades that do not flutter.
+    /// Warns (X019) of blades that stay rigid because they did not become organs.
     fn warn_rigid_leaves(
         &mut self,
         imported: &Imported,

@@ -12,17 +12,17 @@ use osier_import::Imported;
 /// Points nearer than this share of the bounding box's diagonal are welded: above the rounding of exported text, below the width
 /// of the thinnest twigs.
 const WELD_DISTANCE: f32 = 1e-5;
-/// A part is a blade by its shape if the variance of its points across its plane is below this share of the middle one,
+/// Flat parts are blades: the least variance of their points along the principal axes is below this share of the middle one.
 const MAX_FLATNESS: f64 = 0.02;
-/// or if the area that would close its holes exceeds this share of its own area,
+/// Parts with large holes are blades: the area that would close the holes exceeds this share of the part's area.
 const MAX_OPEN_SHARE: f64 = 0.3;
-/// and if its area is below this share of the whole mesh: a trunk made of one open sheet is no leaf.
+/// Largest area of a blade found by shape, as a share of the whole mesh: a trunk made of one open sheet is no leaf.
 const MAX_BLADE_AREA_SHARE: f64 = 0.05;
-/// A stalk has less than this share of its blade's area, and lies no farther from it than this share of the blade's size.
+/// Largest area of a stalk, as a share of its blade's.
 const STALK_AREA_SHARE: f64 = 0.25;
-/// See [`STALK_AREA_SHARE`].
+/// Largest distance of a stalk from its blade, as a share of the blade's size.
 const STALK_GAP_SHARE: f32 = 0.03;
-/// Fewest points of a piece of wood that gets axes of its own; smaller ones are bound to the nearest wood.
+/// Fewest points of a piece of wood that gets axes; smaller pieces are bound to the nearest wood.
 const MIN_WOOD_POINTS: usize = 12;
 /// A volume below this share of area^(3/2) counts as zero; a sphere has 0.094.
 const MIN_VOLUME_RATIO: f64 = 1e-4;
@@ -36,8 +36,8 @@ pub(super) struct WeldedPoints {
     pub points: Vec<Vec3>,
 }
 
-/// A number of points, triangles, patches or nodes as a 32-bit index. All are at most the numbers of points and triangles of an imported
-/// mesh, whose indices have 32 bits.
+/// A number of points, triangles, patches or nodes as a 32-bit index. None exceeds the number of points or triangles of an
+/// imported mesh, whose indices have 32 bits.
 #[allow(clippy::cast_possible_truncation, reason = "indices of an imported mesh have 32 bits")]
 pub(super) fn index(n: usize) -> u32 {
     n as u32
@@ -46,22 +46,22 @@ pub(super) fn index(n: usize) -> u32 {
 /// Connected triangles, by index into the mesh.
 pub(super) type TrianglePatch = Vec<u32>;
 
-/// The triangles of a mesh, classified.
+/// Triangles of a mesh, classified as blades or wood; wood holds no degenerate triangles.
 #[derive(Debug)]
 pub(super) struct MeshParts {
     pub welded: WeldedPoints,
-    /// Triangles of each leaf.
+    /// Triangles of each blade, its stalk included.
     pub blades: Vec<TrianglePatch>,
     /// Pieces of wood, in the order of the file.
     pub wood: Vec<WoodPiece>,
 }
 
-/// A piece of wood: one surface.
+/// A piece of wood: a surface whose triangles are connected by edges.
 #[derive(Debug)]
 pub(super) struct WoodPiece {
     pub points: Vec<Vec3>,
     pub triangles: Vec<[u32; 3]>,
-    /// Index of each point among the welded.
+    /// Index of each point in `WeldedPoints::points`.
     pub welded: Vec<u32>,
     /// Area of the surface, m^2.
     pub area: f64,
@@ -77,7 +77,7 @@ impl WoodPiece {
         2.0 * self.volume.abs() / self.area
     }
 
-    /// True if it has enough points and encloses a volume, so that it can have axes.
+    /// Whether it has enough points and encloses a volume, so that it can have axes.
     pub fn is_solid(&self) -> bool {
         let root = math::sqrt(self.area);
         self.points.len() >= MIN_WOOD_POINTS
@@ -86,8 +86,8 @@ impl WoodPiece {
     }
 }
 
-/// Splits the triangles of a mesh into blades and pieces of wood. `words`: in lower case; an object or a material whose name holds
-/// one is a blade.
+/// Splits the triangles of a mesh into blades and pieces of wood. `words`, in lower case: an object or a material whose name
+/// contains one of them is a blade.
 pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshParts {
     let mesh = &imported.mesh;
     let welded = weld(&mesh.points);
@@ -122,7 +122,7 @@ pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshP
     MeshParts { welded, blades, wood }
 }
 
-/// Per triangle whether its object's or its material's name says that it is a blade.
+/// For each triangle, whether the name of its object or of its material marks it as a blade.
 fn blades_by_name(imported: &Imported, words: &[String]) -> Vec<bool> {
     let mut is_blade = vec![false; imported.mesh.triangles.len()];
     // A mark applies to all triangles of the object, or of the material.
@@ -210,7 +210,6 @@ fn connected_patches(triangles: &[[u32; 3]], subset: &[u32], by_edges: bool) -> 
             links.extend([a, b, c].map(|a| ([a, a], k)));
         }
     }
-    // Triangles with equal keys (edges or points) are connected.
     links.sort_unstable();
     let mut sets = DisjointSets::new(subset.len());
     for w in links.windows(2) {
@@ -218,6 +217,7 @@ fn connected_patches(triangles: &[[u32; 3]], subset: &[u32], by_edges: bool) -> 
             sets.join(w[0].1, w[1].1);
         }
     }
+    // The first triangle of a component decides its place in the result.
     let mut place = vec![u32::MAX; subset.len()];
     let mut out: Vec<TrianglePatch> = Vec::new();
     for (k, t) in (0..).zip(subset) {
@@ -231,12 +231,10 @@ fn connected_patches(triangles: &[[u32; 3]], subset: &[u32], by_edges: bool) -> 
     out
 }
 
-/// Corners of a triangle in double precision, m.
 fn corners(points: &[Vec3], t: [u32; 3]) -> [DVec3; 3] {
     t.map(|i| points[i as usize].as_dvec3())
 }
 
-/// Area of a patch, m^2.
 fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> f64 {
     let one = |t: &u32| {
         let [a, b, c] = corners(points, triangles[*t as usize]);
@@ -245,7 +243,7 @@ fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> f64 {
     patch.iter().fold(0.0, |sum, t| sum + one(t))
 }
 
-/// True for what is flat, and for what is so open that it encloses nothing.
+/// Whether a patch is flat, or has holes so large that it encloses no volume.
 fn is_sheet(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> bool {
     let piece = wood_piece(points, triangles, patch);
     if piece.cap_area > MAX_OPEN_SHARE * piece.area {
@@ -293,7 +291,7 @@ pub(super) fn least_axis(m: &DMat3) -> DVec3 {
     longest.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y)
 }
 
-/// Merges stalks, which files often hold as surfaces of their own next to the blade, with their blades.
+/// Merges stalks with their blades; files often hold them as separate surfaces next to the blade.
 fn merge_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<TrianglePatch>) -> Vec<TrianglePatch> {
     let areas: Vec<f64> = patches.iter().map(|p| area(points, triangles, p)).collect();
     let places = |p: &TrianglePatch| -> Vec<Vec3> {
@@ -332,7 +330,7 @@ fn merge_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<TrianglePa
     out
 }
 
-/// A patch as a mesh of its own, with area and volume.
+/// Copies a patch to a piece of wood and measures its surface.
 fn wood_piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> WoodPiece {
     let mut welded: Vec<u32> = patch.iter().flat_map(|t| triangles[*t as usize]).collect();
     welded.sort_unstable();
@@ -345,7 +343,8 @@ fn wood_piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) ->
     WoodPiece { points: own_points, triangles: own, welded, area, volume, cap_area }
 }
 
-/// Area, m^2, volume, m^3, with fans over the holes, and the area of these fans, m^2.
+/// Returns the area, m^2, the volume that the surface encloses once triangle fans close its holes, m^3, and the area of these
+/// fans, m^2.
 fn measure(points: &[Vec3], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
     // Volume by the divergence theorem: the sum of a . (b x c) / 6 over the triangles, about the centroid for the
     // sake of rounding.
@@ -360,7 +359,8 @@ fn measure(points: &[Vec3], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
         let [a, b, c] = *t;
         edges.extend([[a, b], [b, c], [c, a]].map(|e| ([e[0].min(e[1]), e[0].max(e[1])], e)));
     }
-    // Edges of one triangle bound holes. A fan from the middle of each loop closes it: the volume is that of the closed surface.
+    // Edges of a single triangle bound holes. A fan about the middle of each loop closes it, so that the volume is that of the
+    // closed surface.
     edges.sort_unstable();
     let free: Vec<[u32; 2]> =
         edges.chunk_by(|a, b| a.0 == b.0).filter_map(|run| if let [e] = run { Some(e.1) } else { None }).collect();

@@ -13,7 +13,7 @@ const MAX_EDGE: f32 = 0.25;
 /// Most points of a piece; beyond it edges stay long, and the skeleton becomes coarser.
 const MAX_POINTS: usize = 2_000_000;
 
-/// A piece's surface as clusters see it. The piece's own points come first.
+/// Surface of a piece of wood, subdivided for clustering; the points of the piece come first.
 #[derive(Debug)]
 pub(super) struct RefinedSurface {
     pub points: Vec<Vec3>,
@@ -23,19 +23,19 @@ pub(super) struct RefinedSurface {
     pub radii: Vec<f32>,
     /// Size of a cluster here, m.
     pub sizes: Vec<f32>,
-    /// A third of the area around, m^2.
+    /// Area that each point stands for, m^2: a third of the triangles around it.
     pub areas: Vec<f64>,
     /// Neighbours of point `i`: `neighbour_list[first_neighbour[i]..first_neighbour[i + 1]]`.
     first_neighbour: Vec<u32>,
     neighbour_list: Vec<u32>,
 }
 
-/// How large clusters are.
+/// How the size of clusters follows from the radius of the wood.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ClusterSizes {
-    /// The same everywhere, m; else so many radii,
+    /// Size everywhere, m; `None`: [`CLUSTER_RADII`] times the radius.
     pub fixed: Option<f32>,
-    /// and no smaller than this, m.
+    /// Least size where it follows the radius, m.
     pub least: f32,
 }
 
@@ -49,15 +49,15 @@ impl ClusterSizes {
 }
 
 impl RefinedSurface {
-    /// Measures and refines a piece.
+    /// Measures the radius at each point of a piece, and divides edges longer than a quarter of a cluster.
     pub fn new(piece: &WoodPiece, sizes: ClusterSizes) -> Self {
         let mut normals = thickness::normals(piece);
         let mut radii = thickness::radii(piece, &normals);
         let mut points = piece.points.clone();
         let mut triangles = piece.triangles.clone();
         let mut cuts: LookupMap<[u32; 2], EdgeSplit> = LookupMap::default();
-        // Divide every edge longer than a quarter of a cluster; position, normal and radius are linear along it. Each edge is divided
-        // once, whichever of its triangles comes first, so that the surface stays closed.
+        // Position, normal and radius are linear along a divided edge. Each edge is divided once, whichever of its triangles
+        // comes first, so that the surface stays closed.
         for e in triangles.iter().flat_map(|t| edges(*t)) {
             if cuts.get(&e).is_some() {
                 continue;
@@ -76,7 +76,7 @@ impl RefinedSurface {
             }
             cuts.insert(e, cut);
         }
-        // Divide the triangles between the new points of their edges.
+        // Each triangle becomes a strip between the new points of its edges.
         triangles = triangles.iter().flat_map(|t| strip(*t, &cuts)).collect();
         let sizes = radii.iter().map(|r| sizes.at(*r)).collect();
         let (first_neighbour, neighbour_list) = adjacency(points.len(), &triangles);
@@ -109,14 +109,14 @@ fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)])
 }
 
-/// Points on an edge, from its lower end to its higher one.
+/// Points that divide an edge: consecutive indices from its end of lower index to the other.
 #[derive(Debug, Clone, Copy)]
 struct EdgeSplit {
     first: u32,
     count: u16,
 }
 
-/// All points from `a` to `b`.
+/// All points of a divided edge from `a` to `b`, both included.
 fn chain(a: u32, b: u32, cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<u32> {
     let between = cuts.get(&[a.min(b), a.max(b)]).map_or(0..0, |c| c.first..c.first + u32::from(c.count));
     let mut all = vec![a.min(b)];
@@ -128,16 +128,16 @@ fn chain(a: u32, b: u32, cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<u32> {
     all
 }
 
-/// A triangle whose edges hold points, as a strip between the two that hold most: no points within, so that needles stay
-/// as few as their edges need.
+/// Divides a triangle whose edges hold points into a strip between the two edges that hold most. No points are added inside, so
+/// that needle-shaped triangles are divided no more than their edges require.
 fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<[u32; 3]> {
     let chains = [0, 1, 2].map(|k| chain(t[k], t[(k + 1) % 3], cuts));
-    // The corner across from the edge that holds least.
+    // The strip begins at the corner opposite to the edge that holds fewest points.
     let base = (0..3).min_by_key(|k| chains[*k].len()).unwrap_or(0);
     let (foot, p) = (&chains[base], &chains[(base + 2) % 3]);
     let mut q = chains[(base + 1) % 3].clone();
     q.reverse();
-    // Both from the apex: `p` to the first point of the foot, `q` to its last.
+    // Both sides begin at the apex: `p` leads to the first point of the foot, `q` to its last.
     let mut out = Vec::with_capacity(p.len() + q.len() + foot.len());
     let (mut i, mut j) = (0, 0);
     let (np, nq) = (p.len() - 1, q.len() - 1);
@@ -158,7 +158,7 @@ fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<[u32; 3]> {
         }
         match (last, on_p) {
             (true, _) => {
-                // The last step fans over the points of the foot.
+                // The last step fans out to the points of the foot.
                 let from = if on_p { p[i] } else { q[j] };
                 out.extend(foot.windows(2).map(|w| [from, w[0], w[1]]));
             }

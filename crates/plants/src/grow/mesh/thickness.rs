@@ -13,7 +13,7 @@ use super::parts::WoodPiece;
 use osier_base::math;
 use osier_base::par::par_chunks;
 
-/// Points that one task measures; results do not depend on it.
+/// Points that one task measures; results do not depend on this number.
 const CHUNK: usize = 1024;
 /// Rays of the cone besides the one straight in, and the half angle of the cone, rad. A wider cone hits the walls of forks,
 /// a narrower one measures a single direction seven times.
@@ -21,7 +21,7 @@ const RAYS: u8 = 6;
 const TILT: f32 = 0.6;
 /// Passes of Laplacian smoothing of the radii over the surface.
 const SMOOTHING_PASSES: usize = 2;
-/// A radius is clamped to this range, in mean radii of the piece; rays through gaps in the mesh measure nonsense.
+/// A radius is clamped to this range, in mean radii of the piece, because rays through gaps in the mesh give meaningless lengths.
 const RADIUS_RANGE: [f32; 2] = [0.02, 50.0];
 
 /// Unit normals at the points, the area-weighted mean of the faces around: outwards, whichever way the surface faces.
@@ -33,12 +33,12 @@ pub(super) fn normals(piece: &WoodPiece) -> Vec<Vec3> {
         let area = (b - a).cross(c - a) * side;
         t.iter().for_each(|i| sums[*i as usize] += area);
     }
-    // Areas of twigs are far below the length that counts as none.
+    // Doubled areas of twigs may be below 1e-9 m^2, the length that `normalize_or` takes for 0.
     let unit = |n: &Vec3| n / n.abs().max_element().max(f32::MIN_POSITIVE);
     sums.iter().map(|n| math::normalize_or(unit(n), Vec3::Y)).collect()
 }
 
-/// Radius of the wood under each point, m: half the median way to the opposite side.
+/// Radius of the wood under each point, m: half the median distance to the opposite side.
 /// Own: after the shape diameter of L. Shapira et al., "Consistent mesh partitioning", The Visual Computer 24, 2008.
 pub(super) fn radii(piece: &WoodPiece, normals: &[Vec3]) -> Vec<f32> {
     let whole = math::narrow(piece.radius());

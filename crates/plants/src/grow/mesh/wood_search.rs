@@ -4,16 +4,16 @@ use glam::Vec3;
 
 use osier_base::geometry::Bounds;
 
-/// Samples in a leaf of the hierarchy.
+/// Most samples in a leaf of the hierarchy.
 const MAX_LEAF_SAMPLES: usize = 8;
 
-/// A sphere on a centreline.
+/// A sample of the wood: a sphere about a point of a centreline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WoodSample<T> {
     pub p: Vec3,
     /// Radius of the wood there, m.
     pub r: f32,
-    /// The axis position or the node that it was taken from.
+    /// Axis position or node at which it was taken; queries return it.
     pub owner: T,
 }
 
@@ -21,7 +21,7 @@ pub(super) struct WoodSample<T> {
 #[derive(Debug)]
 pub(super) struct WoodSearch<T> {
     samples: Vec<WoodSample<T>>,
-    /// Of each node the box around its sample points and their largest radius, m.
+    /// For each node, the box around its sample points and their largest radius, m.
     boxes: Vec<(Bounds, f32)>,
 }
 
@@ -37,7 +37,7 @@ impl<T: Copy> WoodSearch<T> {
         self.within(p, f32::INFINITY, |_| true)
     }
 
-    /// The nearest among the samples that `accepts` lets pass and that are nearer than `reach`, m.
+    /// As [`Self::nearest`], among the samples that `accepts` lets pass and whose bark is nearer than `reach`, m.
     pub fn within(&self, p: Vec3, reach: f32, accepts: impl Fn(&T) -> bool) -> Option<(f32, T)> {
         // Branch and bound: skip nodes whose lower bound is no better than the best distance so far.
         let mut best: Option<(f32, T)> = None;
