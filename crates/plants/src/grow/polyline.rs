@@ -5,7 +5,7 @@ use glam::{Mat3, Quat, Vec3};
 use osier_base::math;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, Plant};
 
-/// An axis to be added to a plant.
+/// Id, attachment and order of an axis to be added.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NewAxis {
     pub id: u64,
@@ -19,7 +19,7 @@ pub(super) struct NewAxis {
     pub fork: u32,
 }
 
-/// Appends an axis along a polyline. `radius`: at each point, m.
+/// Appends an axis along a polyline. `radius`: by index of the point, m; `color`: colour index of all its nodes.
 pub(super) fn push_axis(plant: &mut Plant, axis: NewAxis, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) {
     let first = node_index(plant.nodes.len());
     let length = push_nodes(plant, axis.parent, points, radius, color);
@@ -40,13 +40,13 @@ pub(super) fn push_axis(plant: &mut Plant, axis: NewAxis, points: &[Vec3], radiu
     });
 }
 
-/// Number of nodes in 32 bits. Words and clusters, from which nodes come, are limited to some millions.
+/// A number of nodes in 32 bits. Nodes come from words and clusters, which are limited to some millions.
 #[allow(clippy::cast_possible_truncation, reason = "words and clusters are limited to some millions")]
 fn node_index(n: usize) -> u32 {
     n as u32
 }
 
-/// Appends the nodes of an axis; returns its length, m. `radius`: at each point, m; `parent`: index of the axis that it leaves.
+/// Appends the nodes of an axis; returns its length, m. `radius`: by index of the point, m; `parent`: index of the parent axis.
 fn push_nodes(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) -> f32 {
     let parent_tangent = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
     // Arc length, frame, radius and colour of every node; birth is 0, since only derivations have a time.
@@ -64,12 +64,12 @@ fn push_nodes(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(u
     s
 }
 
-/// Rotation-minimizing frames along a polyline (double reflection), Y along the bisector of both segments. The first takes its X
-/// across `parent_tangent`, so that a branch does not twist where it leaves.
+/// Rotation-minimizing frames along a polyline (double reflection), Y along the bisector of both segments. X of the first frame
+/// is perpendicular to `parent_tangent`, so that a branch does not twist where it leaves.
 fn frames(points: &[Vec3], parent_tangent: Vec3) -> Vec<Quat> {
     let last = points.len() - 1;
     let dir = |i: usize| math::normalize_or(points[i + 1] - points[i], Vec3::Y);
-    // The ends take the direction of their only segment.
+    // Each end has only one segment, whose direction is its tangent.
     let tangent = |i: usize| match i {
         0 => dir(0),
         i if i == last => dir(last - 1),

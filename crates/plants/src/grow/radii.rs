@@ -3,13 +3,13 @@
 use osier_base::math::{narrow, pow};
 use osier_scene::plant::{NONE, Plant};
 
-/// A leaf counts as a pipe of this radius, m: half the width of a petiole. Larger values thicken wood that bears many leaves.
+/// A leaf counts as a pipe of this radius, m: half the width of a petiole. Larger values thicken wood with many leaves.
 const LEAF_RADIUS: f64 = 0.0005;
-/// Radii grow towards the base by at least this per metre, so that axes without branches are no cylinders.
+/// Radii grow towards the base by at least this per metre, so that axes without branches are not cylinders.
 const MIN_TAPER: f64 = 0.002;
 /// Half width of the box filter along an axis, in radii: the step of radius at a fork spreads over the girth of the wood.
 const SMOOTHING_RADII: f64 = 1.5;
-/// A tapered child starts with this share of its parent's radius at the site.
+/// Radius of a tapered child at its base, as a share of its parent's radius at the site.
 pub(super) const CHILD_RADIUS: f64 = 0.6;
 
 /// Pipe model (Shinozaki 1964): at a fork the parent's radius to the power n is the sum of the children's.
@@ -17,7 +17,7 @@ pub(super) const CHILD_RADIUS: f64 = 0.6;
 pub struct Pipe {
     /// Exponent of r^n, 2 (equal areas) to 3.
     pub exponent: f64,
-    /// Radius at the tips of axes, m.
+    /// Radius at the tips of axes, m; limited to at least 1e-6 m.
     pub tip: f64,
     /// Radius at the base, m; `None`: what the tips add up to.
     pub base: Option<f64>,
@@ -29,7 +29,7 @@ impl Default for Pipe {
     }
 }
 
-/// Taper along each axis, without regard to what it carries.
+/// Taper along each axis, whatever it bears.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Taper {
     /// Radius of root axes at their base, m.
@@ -72,7 +72,7 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
     }
 }
 
-/// Powers of one exponent, with the last result kept: neighbouring nodes of an axis often have the same base.
+/// Powers of one exponent. The last result is kept, because neighbouring nodes of an axis often have the same base.
 struct CachedPower {
     exponent: f64,
     last: (f64, f64),
@@ -91,7 +91,8 @@ impl CachedPower {
     }
 }
 
-/// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the thickest root's.
+/// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the radius of the thickest
+/// root.
 fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     let (leaf, pow_tip) = (pow(LEAF_RADIUS, n), pow(tip, n));
     // What each axis carries besides its own tip: arc length and n-th power. Leaves first; branches follow once they
@@ -120,7 +121,7 @@ fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
 }
 
 /// Radii of one axis before smoothing, from its tip down; returns that of its base. `loads`: arc lengths and n-th powers of what
-/// the axis carries, sorted from the tip; `pow_tip`: n-th power of the tip's radius; `root`: the n-th root.
+/// the axis bears, sorted from the tip; `pow_tip`: n-th power of the tip's radius; `root`: the n-th root.
 fn accumulate(
     plant: &mut Plant,
     axis: usize,
@@ -150,7 +151,7 @@ fn accumulate(
     above.map(|a| a.0)
 }
 
-/// Buffers for arc lengths, radii and their integrals from the base on, one axis at a time.
+/// Buffers of one axis at a time, from its base on: arc lengths, radii and the integrals of the radii.
 #[derive(Default)]
 struct Smoothing {
     s: Vec<f64>,
@@ -159,8 +160,8 @@ struct Smoothing {
 }
 
 impl Smoothing {
-    /// Averages an axis's radii over a window of 1.5 radii to each side (less near the ends, which stay as they are) and
-    /// makes them fall towards the tip again.
+    /// Averages the radii of an axis over a window of 1.5 radii to each side (less near the ends, which stay as they are), then
+    /// makes them fall monotonically towards the tip.
     fn smooth(&mut self, plant: &mut Plant, axis: usize) {
         let range = plant.nodes_of(&plant.axes[axis]);
         let Self { s, r, sums } = self;

@@ -5,7 +5,7 @@ use glam::DVec3;
 use osier_base::rng::Rng;
 use osier_scene::plant::AxisEnd;
 
-/// Parent of a root axis.
+/// Parent of a root axis, beyond any index.
 pub(super) const ROOT: usize = usize::MAX;
 
 /// A particle that the tip left behind: a node of the axis.
@@ -22,7 +22,7 @@ pub(super) struct ShapeNode {
     pub time: f64,
 }
 
-/// An axis with the nodes it has grown.
+/// An axis as growth leaves it, before it has radii.
 #[derive(Debug, Clone)]
 pub(super) struct ShapeAxis {
     pub id: u64,
@@ -33,7 +33,7 @@ pub(super) struct ShapeAxis {
     pub level: u8,
     pub forks: u8,
     pub fork: u32,
-    /// Length that it was to grow to, m.
+    /// Length to which it was to grow, m.
     pub length: f64,
     /// Assumed arc length within its parent, m.
     pub exposed: f64,
@@ -45,12 +45,12 @@ pub(super) struct ShapeAxis {
 }
 
 impl ShapeAxis {
-    /// Arc length of the last node, m.
+    /// Arc length of the last node, m; below `length` if the axis ended early.
     pub fn grown_length(&self) -> f64 {
         self.nodes.last().map_or(0.0, |n| n.s)
     }
 
-    /// The state at an arc length, interpolated between nodes.
+    /// The node at an arc length, m, interpolated between its neighbours and clamped to the ends; the frame is orthonormal.
     pub fn at(&self, s: f64) -> ShapeNode {
         let i = self.nodes.partition_point(|n| n.s <= s).clamp(1, self.nodes.len() - 1);
         let (a, b) = (self.nodes[i - 1], self.nodes[i]);

@@ -17,9 +17,9 @@ use osier_base::rng::mix64;
 use osier_base::rng::word;
 use osier_scene::plant::{AxisEnd, AxisKind, NONE, Plant};
 
-/// Adds twigs and leaves to the axes of a plant that bear no others. These count as level 0 of `params`, of which only spacing,
-/// base and angle are read; the twigs begin with level 1. Ids of the plant's own axes and organs stay; the new ones depend on
-/// the axis that bears them alone.
+/// Adds twigs and leaves to those axes of a plant that bear no others. These axes count as level 0 of `params`, of which only
+/// spacing, base and angle are read; the twigs begin with level 1. Axes and organs of the plant keep their ids; new ids depend
+/// only on the axis that bears them.
 /// # Errors
 /// As [`super::grow`].
 pub fn fill(
@@ -30,7 +30,7 @@ pub fn fill(
 ) -> Result<Vec<Diagnostic>> {
     check(params)?;
     let seed = mix64(&[plant.seed, word("fill")]);
-    // Axes that bear no others become the parents of twigs.
+    // Only axes without children become parents of twigs.
     let mut bears = vec![false; plant.axes.len()];
     for axis in plant.axes.iter().filter(|a| a.parent != NONE) {
         bears[axis.parent as usize] = true;
@@ -56,7 +56,7 @@ pub fn fill(
     Ok(report)
 }
 
-/// An axis of the plant as one that has grown; it has sites only if it bears no axes.
+/// An axis of the plant as a grown one; it has sites only if it is a stem that bears no axes.
 fn parent_axis(plant: &Plant, i: usize, bears: bool, params: &ShapeParams, seed: u64) -> ShapeAxis {
     let axis = &plant.axes[i];
     let node = |k: usize| ShapeNode {
@@ -145,7 +145,7 @@ fn insert(
     Ok(())
 }
 
-/// Appends an axis of another plant whose parent has been appended before.
+/// Copies an axis and its nodes from another plant. `places`: new index of each axis copied before, its parent included.
 fn copy_axis(plant: &mut Plant, from: &Plant, i: usize, places: &[u32]) -> Result<()> {
     let axis = &from.axes[i];
     let range = from.nodes_of(axis);
@@ -161,7 +161,7 @@ fn copy_axis(plant: &mut Plant, from: &Plant, i: usize, places: &[u32]) -> Resul
     Ok(())
 }
 
-/// Radii of a twig, linear from its base to its tip.
+/// Tapers a twig linearly from base to tip. The base has 0.6 of the bearer's radius, at most the thickness of root axes.
 fn taper_twig(plant: &mut Plant, i: usize, params: &ShapeParams) {
     let axis = plant.axes[i].clone();
     let below = f64::from(plant.frame(&plant.axes[axis.parent as usize], axis.parent_s).r);

@@ -18,7 +18,7 @@ const ROUND: usize = 8;
 /// An axis ends after this many steps in a row that are shorter than [`STALL_LENGTH`] of a step.
 const STALL_STEPS: u32 = 8;
 const STALL_LENGTH: f64 = 1e-3;
-/// An axis ends after this multiple of the steps that its length needs at full speed: one that creeps would never end.
+/// An axis ends after this multiple of the steps that its length needs at full speed; a creeping axis would never end.
 const MAX_STEPS_FACTOR: f64 = 64.0;
 /// Distance that axes keep from solids, m, beside their assumed radius.
 const CONTACT_MARGIN: f64 = 0.005;
@@ -44,7 +44,7 @@ pub(super) struct GrownShapes {
     pub cut_velocities: u64,
 }
 
-/// A level that was not grown.
+/// The first level that was not grown, for warning S035.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct RefusedLevel {
     pub level: u8,
@@ -52,7 +52,7 @@ pub(super) struct RefusedLevel {
     pub predicted: u64,
 }
 
-/// Grows all axes from their starts. `plant`: its id and seed.
+/// Grows the axes of all levels, beginning with `starts`. `plant`: its id and seed.
 pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u32, u64)) -> GrownShapes {
     let reads_shade = params.motion.light.any() || params.limits.max_shade.is_some();
     let guide = params.limits.envelope.as_ref().filter(|_| params.motion.attract.any());
@@ -68,7 +68,7 @@ pub(super) fn grow_axes(params: &ShapeParams, starts: Vec<AxisStart>, plant: (u3
     let first_level = starts.first().map_or(0, |s| s.level);
     for level in first_level..params.limits.levels {
         let first = out.axes.len();
-        // Axes of one level, and those into which they fork.
+        // Axes of one level, and the axes of the same level into which they fork.
         while !starts.is_empty() {
             let predicted = nodes + starts.iter().map(|s| predicted_nodes(params, s)).sum::<u64>();
             if predicted > params.limits.max_nodes {
@@ -112,7 +112,8 @@ fn predicted_nodes(params: &ShapeParams, start: &AxisStart) -> u64 {
     (start.length / params.step_length(start.level)).ceil() as u64 + 1
 }
 
-/// Grows axes of one level that start at the same time, in rounds if they shade or are guided.
+/// Grows axes of one level at the same time, in rounds if they shade each other or are guided. Returns them with the number of
+/// steps whose velocity was cut.
 fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Vec<ShapeAxis>, u64) {
     let mut growing: Vec<GrowingAxis> = starts.into_iter().map(|start| GrowingAxis::new(around, start)).collect();
     let interact = around.shade.is_some() || around.guide.is_some();
@@ -158,7 +159,7 @@ fn grow_generation(around: &mut Surroundings<'_>, starts: Vec<AxisStart>) -> (Ve
     (axes, cut)
 }
 
-/// An axis whose tip still moves.
+/// An axis whose tip is still moving.
 struct GrowingAxis {
     axis: ShapeAxis,
     particle: Particle,
@@ -168,7 +169,7 @@ struct GrowingAxis {
     start_time: f64,
     /// Unit pull of the crown guide, or zero.
     pull: DVec3,
-    /// Whether the tip has been inside of the envelope.
+    /// Whether the tip has been inside of the envelope, which cuts the axis only when it leaves.
     was_inside: bool,
     short_steps: u32,
     steps_left: u64,
@@ -184,7 +185,7 @@ impl GrowingAxis {
         if rates.coil != 0.0 && params.variant == Variant::Corrected {
             particle.tilt_from_home(params.motion.coil_angle);
         }
-        // The axis has its first node at once, and room for those that its length predicts.
+        // The axis has its first node at once; memory is reserved for those that its length predicts.
         let mut axis = ShapeAxis {
             id: start.id,
             parent: start.parent,
@@ -219,7 +220,7 @@ impl GrowingAxis {
         }
     }
 
-    /// Steps until the axis ends, at most `steps` times.
+    /// Makes at most `steps` steps; stops when the axis ends.
     fn advance(&mut self, around: &Surroundings<'_>, steps: usize) {
         for _ in 0..steps {
             if self.done {
@@ -234,7 +235,7 @@ impl GrowingAxis {
         self.done = true;
     }
 
-    /// One step: direction and velocity turn, the particle moves, solids push it out, the envelope cuts it off.
+    /// Makes one step: direction and velocity turn, the particle moves, solids push it out, the envelope cuts it off.
     fn step(&mut self, around: &Surroundings<'_>) {
         let params = around.params;
         let shade = around.shade.as_ref().map_or(0.0, |s| s.shade(self.particle.p));
@@ -276,7 +277,7 @@ impl GrowingAxis {
         if from.distance(to) > 0.0 {
             self.axis.nodes.push(node(&self.particle, self.start_time));
         }
-        // Ends: length, envelope, age, standstill.
+        // Reasons to end: envelope, length or age, standstill.
         self.short_steps =
             if from.distance(to) < STALL_LENGTH * self.rates.step_length { self.short_steps + 1 } else { 0 };
         if cut.is_some() {
@@ -288,7 +289,7 @@ impl GrowingAxis {
         }
     }
 
-    /// What light, crown guide and solids do to the target direction.
+    /// Contribution of light, crown guide and solids to the rate of change of the target direction, 1/t.
     fn influence(&self, around: &Surroundings<'_>) -> Influence {
         let (params, level, p) = (around.params, self.axis.level, self.particle.p);
         let motion = &params.motion;
@@ -305,8 +306,8 @@ impl GrowingAxis {
         out
     }
 
-    /// Moves the end of a step out of the ground and of all solids and takes the inward part from velocity and direction, so
-    /// that the axis slides along them. False if that takes more than a few attempts.
+    /// Moves the end of a step out of the ground and of all solids, and removes the inward part of velocity and direction, so
+    /// that the axis slides along them. False if the end is still inside after [`CONTACT_TRIES`] attempts.
     fn slide(&mut self, params: &ShapeParams, to: &mut DVec3) -> bool {
         let radius = params.assumed_radius(self.axis.level) + CONTACT_MARGIN;
         let ground = Region::HalfSpace { point: DVec3::ZERO, normal: DVec3::Y };
@@ -334,7 +335,7 @@ impl GrowingAxis {
         solids().all(|solid| solid.distance(*to) >= 0.0)
     }
 
-    /// Shortens a step to the surface of the envelope if it leaves it.
+    /// Shortens a step that leaves the envelope to the envelope's surface; `None` if the step does not leave it.
     fn cut_at(&mut self, envelope: &Region, to: &mut DVec3) -> Option<()> {
         let (before, after) = (envelope.distance(self.particle.p), envelope.distance(*to));
         self.was_inside |= before <= 0.0;
@@ -358,7 +359,7 @@ fn node(particle: &Particle, start_time: f64) -> ShapeNode {
     }
 }
 
-/// Greatest growth time of all nodes, t.
+/// Greatest growth time of all nodes, t; 0 without axes. Plants store times as shares of it.
 pub(super) fn last_time(axes: &[ShapeAxis]) -> f64 {
     axes.iter().filter_map(|a| a.nodes.last()).fold(0.0, |latest: f64, n| latest.max(n.time))
 }

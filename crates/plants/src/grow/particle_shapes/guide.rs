@@ -8,13 +8,13 @@ use osier_base::math::narrow;
 use osier_base::neighbours::NeighbourGrid;
 use osier_base::rng::Rng;
 
-/// Number of points that are drawn.
+/// Points that are drawn in an envelope; fewer result if it fills little of its box.
 const POINTS: u64 = 2000;
 /// Draws per point before an envelope counts as too thin to hold points.
 const MAX_TRIES: u32 = 64;
 /// Distance within which a point pulls tips, m.
 const PULL_REACH: f64 = 1.5;
-/// A point within this distance of a new node vanishes, m.
+/// Distance from a new node within which a point vanishes, m.
 const KILL_REACH: f64 = 0.3;
 
 /// Points of the envelope that no axis has reached yet; they pull the tips of axes.
@@ -24,7 +24,7 @@ pub struct CrownGuide {
 }
 
 impl CrownGuide {
-    /// Points drawn uniformly in an envelope; none in one without bounds. `plant`: its id; `seed`: of its draws.
+    /// Points drawn uniformly in an envelope; an envelope without bounds gets none. `plant`: its id; `seed`: of the draws.
     pub fn new(envelope: &Region, plant: u32, seed: u64) -> Self {
         let Some((low, high)) = envelope.bounds() else { return Self::default() };
         let draw = |i: u64| {
@@ -38,7 +38,7 @@ impl CrownGuide {
         Self { points: (0..POINTS).filter_map(draw).collect() }
     }
 
-    /// For each tip the normalised sum of the unit pulls of the points whose nearest tip it is; zero without any.
+    /// For each tip, the normalised sum of unit vectors to the points whose nearest tip it is; zero without such points.
     pub fn pulls(&self, tips: &[DVec3]) -> Vec<DVec3> {
         let single = |p: &DVec3| glam::Vec3::from_array(p.to_array().map(narrow));
         let grid = NeighbourGrid::new(narrow(PULL_REACH), (0_u32..).zip(tips).map(|(i, p)| (i, single(p))));
@@ -54,7 +54,7 @@ impl CrownGuide {
         pulls.into_iter().map(|p| p.try_normalize().unwrap_or_default()).collect()
     }
 
-    /// Removes the points that new nodes have reached.
+    /// Removes the points within `KILL_REACH` of new nodes.
     pub fn reach(&mut self, nodes: &[DVec3]) {
         let single = |p: &DVec3| glam::Vec3::from_array(p.to_array().map(narrow));
         let grid = NeighbourGrid::new(narrow(KILL_REACH), (0_u32..).zip(nodes).map(|(i, p)| (i, single(p))));

@@ -9,11 +9,11 @@ use osier_base::math::{GOLDEN_ANGLE, cos, exp, narrow, nlerp, normalize_or, perp
 use osier_base::rng::{Rng, mix64, word};
 use osier_scene::plant::{Axis, Organ, Plant};
 
-/// Deviates beyond this many standard deviations are cut: one leaf in 700 would stand out by its size or angle.
+/// Deviates beyond this many standard deviations are clamped: one leaf in 700 would stand out by its size or angle.
 const MAX_DEVIATION: f64 = 3.0;
 
-/// Places leaves along the axes of a plant, every `spacing`, where `bears` is true of the axis and its radius at the site. The
-/// prototypes of the organ are added if the plant has none; organs keep their canonical order.
+/// Places leaves every `spacing` along the axes of a plant, where `bears` is true for the axis and its radius at the site. Adds
+/// the prototypes of the organ if the plant has none of them; organs keep their canonical order.
 pub(super) fn place_leaves(
     plant: &mut Plant,
     params: &ShapeParams,
@@ -74,8 +74,8 @@ fn register_prototypes(plant: &mut Plant, organ: &OrganSpec) -> u16 {
     u16::try_from(first).unwrap_or(u16::MAX)
 }
 
-/// Rotation of a leaf relative to its axis' frame `q`: its midrib at `angle` to the axis, its upper side towards the axis' tip,
-/// then turned by the share `face_up` to face upwards.
+/// Rotation of a leaf relative to the frame `q` of its axis: the midrib at `angle` to the axis, the upper side towards the tip of
+/// the axis, then turned by the share `face_up` to face upwards.
 fn leaf_rotation(q: Quat, azimuth: f64, angle: f64, face_up: f64) -> Quat {
     let side = Vec3::new(narrow(cos(azimuth)), 0.0, narrow(sin(azimuth)));
     let midrib = Vec3::Y * narrow(cos(angle)) + side * narrow(sin(angle));
@@ -93,7 +93,7 @@ fn oriented(midrib: Vec3, up: Vec3) -> Quat {
     Quat::from_mat3(&Mat3::from_cols(midrib.cross(upper), midrib, upper)).normalize()
 }
 
-/// Birth of an axis at an arc length.
+/// Growth time, 0..1, at which an axis reached the arc length `s`, interpolated between its nodes.
 fn birth_at(plant: &Plant, axis: &Axis, s: f32) -> f32 {
     let (i, t) = plant.segment(axis, s);
     plant.nodes.birth[i] + (plant.nodes.birth[i + 1] - plant.nodes.birth[i]) * t

@@ -27,7 +27,7 @@ use params::{ByLevel, ShapeParams, Variant};
 
 pub use fill::fill;
 
-/// Materials of a plant and what it is called.
+/// Materials of a plant by thickness of its axes, and the description of its origin.
 #[derive(Debug, Clone, Default)]
 pub struct ShapeMaterials {
     /// Names of all materials of the plant, in the order of their indices.
@@ -60,7 +60,7 @@ pub fn grow(
     Ok((plant, warnings(&grown, &materials.source)))
 }
 
-/// The error of a plant whose first level was refused or whose axes had no room.
+/// The error of a plant without axes: its first level was refused, or every axis ended before its first step.
 fn nothing_grew(grown: &growth::GrownShapes) -> Error {
     match grown.refused {
         Some(refused) => Error::Limit {
@@ -75,7 +75,7 @@ fn nothing_grew(grown: &growth::GrownShapes) -> Error {
     }
 }
 
-/// Warnings of growth: a level that was left out, velocities that were cut.
+/// Warnings (S035) of a level that was left out and of velocities that were cut.
 fn warnings(grown: &growth::GrownShapes, source: &str) -> Vec<Diagnostic> {
     let mut out = Vec::new();
     if let Some(refused) = grown.refused {
@@ -96,7 +96,7 @@ fn warnings(grown: &growth::GrownShapes, source: &str) -> Vec<Diagnostic> {
     out
 }
 
-/// Range of a parameter that is given by level.
+/// Range of a parameter that has values by level.
 struct LevelRange<'a> {
     name: &'static str,
     values: &'a ByLevel,
@@ -105,12 +105,12 @@ struct LevelRange<'a> {
     unit: &'static str,
 }
 
-/// Checks the ranges of the parameters, for callers that do not come from a scene, whose keys have been checked.
+/// Checks ranges for callers whose parameters do not come from the checked keys of a scene.
 fn check(params: &ShapeParams) -> Result<()> {
     let m = &params.motion;
     let (limits, spawning) = (&params.limits, &params.spawning);
     let row = |name, values, min, max, unit| LevelRange { name, values, min, max, unit };
-    // Values by level, then single ones.
+    // Parameters with values by level first; each is tested at all eight levels.
     let ranges = [
         row("length", &limits.length, 0.005, 100.0, "m"),
         row("speed", &m.speed, 0.01, 10.0, "m/t"),

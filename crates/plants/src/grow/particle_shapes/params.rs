@@ -15,7 +15,7 @@ impl ByLevel {
         Self(if values.is_empty() { vec![0.0] } else { values })
     }
 
-    /// The value of a level.
+    /// The value of a level, counted from 0; levels beyond the list have its last value.
     #[inline]
     pub fn at(&self, level: u8) -> f64 {
         self.0[usize::from(level).min(self.0.len() - 1)]
@@ -33,10 +33,10 @@ impl<const N: usize> From<[f64; N]> for ByLevel {
     }
 }
 
-/// Which equations move a particle.
+/// Equations by which a particle moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
-    /// In units, independent of the step, with the terms that the paper names without a formula.
+    /// With units and independent of the step length, including the terms that the paper names without a formula.
     Corrected,
     /// The three printed lines of \[hoetzlein\] section 3.
     Paper,
@@ -63,7 +63,7 @@ pub enum CrownShape {
 }
 
 impl CrownShape {
-    /// The factor at `w`, 0..1.
+    /// The factor at `w`, which is clamped to 0..1; it lies in 0..1 too.
     #[inline]
     pub fn factor(self, w: f64) -> f64 {
         let w = w.clamp(0.0, 1.0);
@@ -112,13 +112,13 @@ pub struct Motion {
     pub gravity: ByLevel,
     /// Rate at which the target direction turns upwards, 1/t.
     pub up: ByLevel,
-    /// Rate at which it turns away from shade, 1/t.
+    /// Rate at which the target direction turns away from shade, 1/t.
     pub light: ByLevel,
-    /// Rate at which it turns towards the points of the crown guide, 1/t.
+    /// Rate at which the target direction turns towards the points of the crown guide, 1/t.
     pub attract: ByLevel,
-    /// Rate at which it turns away from solids, 1/t; decays over 0.5 m.
+    /// Rate at which the target direction turns away from solids, 1/t; decays over 0.5 m.
     pub avoid: ByLevel,
-    /// Rate at which it turns towards solids, 1/t: what makes a vine climb.
+    /// Rate at which the target direction turns towards solids, 1/t: makes a vine climb.
     pub climb: ByLevel,
     /// With [`Variant::Paper`]: the printed factor `spread` of each step, 0..1.
     pub paper_spread: f64,
@@ -139,7 +139,7 @@ pub struct Spawning {
     pub buds: u32,
     /// Angle between an axis and its children, rad; by the level of the parent.
     pub angle: ByLevel,
-    /// Standard deviation of that angle, rad.
+    /// Standard deviation of `angle`, rad.
     pub angle_deviation: f64,
     /// Standard deviation of the azimuth of a bud, rad.
     pub azimuth_deviation: f64,
@@ -147,34 +147,34 @@ pub struct Spawning {
     pub up_bias: f64,
     /// Share 0..1 of the parent's direction in a child's first velocity, from which it bends out.
     pub flow: f64,
-    /// Length of children along their parent.
+    /// True if the string is interpreted only to answer its queries.
     pub crown: CrownShape,
     /// Probability that an axis forks at its tip into two of its own level.
     pub split: ByLevel,
-    /// Angle between the two, rad.
+    /// Angle between the two axes of a fork, rad.
     pub split_angle: f64,
-    /// Probability that an axis ends at its last site, where its child goes on in its place.
+    /// Probability that an axis ends at its last site, where its child continues in its place.
     pub apex_death: ByLevel,
 }
 
-/// What ends an axis: its length, its age, shade, and the regions that it grows in and round.
+/// What ends an axis: its length, its age, shade, and the regions that bound it.
 #[derive(Debug, Clone)]
 pub struct Limits {
     /// Number of levels, 1..8; root axes have level 0.
     pub levels: u8,
-    /// Length that axes grow to, m; of children that where the crown's factor is 1.
+    /// Length to which axes grow, m; for children it is the length where the crown's factor is 1.
     pub length: ByLevel,
     /// Standard deviation of the logarithm of the length of children.
     pub length_deviation: f64,
     /// Greatest age of an axis, t; `None` for none.
     pub max_age: Option<f64>,
-    /// Shade in which an axis ends; `None` for none.
+    /// Shade above which an axis ends; a node casts a shade of 0.2 on its own cell. `None`: no limit.
     pub max_shade: Option<f64>,
     /// Most nodes of the plant: a level that would exceed them is not grown.
     pub max_nodes: u64,
-    /// Region that axes are cut off at.
+    /// Region outside of which axes are cut off; `None`: unbounded.
     pub envelope: Option<Region>,
-    /// Regions that axes cannot enter.
+    /// Regions that axes cannot enter; they slide along their surfaces.
     pub obstacles: Vec<Region>,
     /// Whether axes cannot enter the ground below y = 0 either.
     pub ground: bool,
@@ -185,7 +185,7 @@ pub struct Limits {
 pub struct Thickness {
     /// Whether radii follow from what an axis bears, from its length or from drawn ratios.
     pub rule: ThicknessRule,
-    /// Radius of root axes at their base, m; `None`: what the law gives (pipe model), or 0.02 m.
+    /// Radius of root axes at their base, m; `None`: what the tips add up to (pipe model), or 0.02 m.
     pub base: Option<f64>,
     /// Radius at the tips of all axes, m, above 0.
     pub tip: f64,
@@ -210,20 +210,20 @@ pub enum ThicknessRule {
 pub struct WeightedRatio {
     /// Top radius over bottom radius, above 0, at most 1.
     pub ratio: f64,
-    /// Share of the draws.
+    /// Weight of this ratio in the draw; the sum of weights is arbitrary.
     pub weight: f64,
 }
 
 /// Where leaves stand along axes, and how they are turned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Leaves {
-    /// Distance between sites along an axis, m; 0 for none.
+    /// Distance between leaves along an axis, m; 0: no leaves.
     pub spacing: f64,
-    /// Leaves also grow where an axis of another level is thinner than this, m.
+    /// Radius, m, below which axes of levels other than the last bear leaves too.
     pub max_radius: f64,
     /// Mean angle between axis and leaf, rad.
     pub angle: f64,
-    /// Standard deviation of that angle, rad.
+    /// Standard deviation of `angle`, rad.
     pub angle_deviation: f64,
     /// Standard deviation of the logarithm of the size of leaves; 0: all are alike.
     pub size_deviation: f64,
@@ -231,7 +231,7 @@ pub struct Leaves {
     pub face_up: f64,
 }
 
-/// All parameters of a plant of particle-shapes.
+/// Parameters of a plant of particle-shapes. Lengths in m, growth time in t, an arbitrary unit.
 #[derive(Debug, Clone)]
 pub struct ShapeParams {
     /// Which equations move a particle: those with units, or the printed ones.
@@ -255,13 +255,14 @@ pub struct ShapeParams {
 }
 
 impl ShapeParams {
-    /// Length of a step of an axis of a level, m.
+    /// Length of a step of an axis of a level, m: 1/16 of the length of the axis, limited to 2..50 mm, times `step`.
     #[inline]
     pub fn step_length(&self, level: u8) -> f64 {
         (self.limits.length.at(level) / 16.0).clamp(0.002, 0.05) * self.step
     }
 
-    /// Radius that contact with solids assumes before radii are known, m; by level.
+    /// Radius of axes of a level, m, that contact with solids assumes before radii are known: the radius of roots, halved at each
+    /// level, at least that of a tip.
     pub fn assumed_radius(&self, level: u8) -> f64 {
         let base = self.thickness.base.unwrap_or(super::super::radii::Taper::default().base);
         (0..level).fold(base, |r, _| 0.5 * r).max(self.thickness.tip)

@@ -6,13 +6,13 @@ use super::params::{ShapeParams, Variant};
 use osier_base::math::{cos, exp, sin, sqrt};
 use osier_base::rng::Rng;
 
-/// A vector shorter than this has no direction.
+/// A shorter vector has no direction.
 const MIN_LENGTH: f64 = 1e-9;
 /// The printed equations do not turn a velocity about a direction shorter than this.
 const PAPER_MIN_AXIS: f64 = 1e-6;
 /// Growth time of a step of the printed equations, t.
 pub(super) const PAPER_STEP: f64 = 0.05;
-/// With the printed equations a velocity above this multiple of `speed` is cut: their direction has no bound.
+/// With the printed equations a velocity above this multiple of `speed` is cut, because their direction can grow without bound.
 const PAPER_MAX_SPEED: f64 = 4.0;
 
 /// The tip of a growing axis.
@@ -48,7 +48,7 @@ pub struct Influence {
 /// Constants of the step of one axis.
 #[derive(Debug, Clone, Copy)]
 pub struct StepRates {
-    /// Speed to which the particle tends, m/t.
+    /// Speed to which the particle tends, m/t; above 0.
     pub speed: f64,
     /// Rate at which its velocity follows its target direction, 1/t.
     pub spread: f64,
@@ -115,7 +115,8 @@ fn direction_or(v: DVec3, fallback: DVec3) -> DVec3 {
 }
 
 impl Particle {
-    /// A particle at the start of an axis, which will grow towards `direction` and now moves along `heading`, both unit.
+    /// A particle at the start of an axis: `direction` is the target direction, `heading` that of the first velocity; both are
+    /// unit vectors.
     pub fn new(p: DVec3, direction: DVec3, heading: DVec3, rates: &StepRates, variant: Variant) -> Self {
         let d = if variant == Variant::Paper { direction * rates.speed } else { direction };
         Self {
@@ -137,7 +138,7 @@ impl Particle {
         self.d = self.home * cos(angle) + across * sin(angle);
     }
 
-    /// Growth time of the next step: so long that the particle moves by the step length, at most four times as long as at full
+    /// Growth time of the next step: the particle moves by the step length, but takes at most four times as long as at full
     /// speed.
     #[inline]
     pub fn time_step(&self, rates: &StepRates) -> f64 {

@@ -18,18 +18,18 @@ use osier_scene::plant::{Axis, AxisKind, NONE, Nodes, Plant};
 /// Half width of the tip of a blade, m: a ribbon needs some width up to its end.
 const BLADE_TIP: f64 = 1e-4;
 
-/// Parent of an axis in a plant, and its number.
+/// Where an axis is attached in a plant, and its branching order there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Attachment {
     /// Index of the parent in the plant, or [`NONE`].
     pub parent: u32,
-    /// Arc length on it, m.
+    /// Arc length on the parent, m.
     pub parent_s: f32,
     /// Branching order in the plant, 0 for roots.
     pub order: u8,
 }
 
-/// Appends an axis to a plant, without radii. `last`: growth time that counts as 1, t.
+/// Appends an axis to a plant, without radii. `last`: growth time, t, that the plant stores as 1.
 pub(super) fn push_axis(plant: &mut Plant, axis: &ShapeAxis, at: Attachment, kind: AxisKind, last: f64) -> Result<()> {
     let first = index(plant.nodes.len(), "nodes of a plant")?;
     let birth = |time: f64| if last > 0.0 { narrow(time / last).clamp(0.0, 1.0) } else { 0.0 };
@@ -72,8 +72,8 @@ fn frame(node: &ShapeNode) -> Quat {
     Quat::from_mat3(&Mat3::from_cols(x, y, x.cross(y))).normalize()
 }
 
-/// Arc length on a parent in the plant for one on the grown axis: lengths in the plant are those of rounded positions, so the
-/// site keeps its share.
+/// Arc length on an axis of the plant that corresponds to `s` on the grown axis. Lengths in the plant are those of rounded
+/// positions, so the site keeps its share of the length.
 pub(super) fn rounded_s(grown: &ShapeAxis, s: f64, in_plant: &Axis) -> f32 {
     let whole = grown.grown_length();
     let share = if whole > 0.0 { (s / whole).clamp(0.0, 1.0) } else { 0.0 };
@@ -117,7 +117,7 @@ pub(super) fn build_plant(
         push_axis(&mut out, axis, at, kind, last)?;
     }
     let in_order: Vec<&ShapeAxis> = order.iter().map(|i| &axes[*i]).collect();
-    // Leaves of the last level thicken the wood below them; those on thin wood of other levels need its radii first.
+    // Leaves of the last level thicken the wood that bears them; leaves on thin wood of other levels need its radii first.
     let highest = params.limits.levels.saturating_sub(1);
     place_leaves(&mut out, params, organ, |axis, _| axis.order == highest);
     set_radii(&mut out, &in_order, params);
@@ -126,7 +126,7 @@ pub(super) fn build_plant(
     Ok(out)
 }
 
-/// Exposed lengths and materials, once radii are valid.
+/// Validates the plant, whose radii are set, then computes exposed lengths and assigns materials by thickness.
 pub(super) fn finish(plant: &mut Plant, materials: &ShapeMaterials) -> Result<()> {
     osier_scene::plant::validate(plant)?;
     set_exposed_lengths(plant);
@@ -148,7 +148,7 @@ fn reserved(nodes: usize) -> Nodes {
     }
 }
 
-/// Sets the radii of all nodes; those of blades are half their width.
+/// Sets the radii of all nodes by the rule of the parameters; the radius of a blade is half its width.
 fn set_radii(plant: &mut Plant, grown: &[&ShapeAxis], params: &ShapeParams) {
     if let Some(width) = params.blade_width {
         return set_blade_widths(plant, width);

@@ -21,27 +21,27 @@ pub enum Region {
         /// Distance of its surface from the middle, m.
         radius: f64,
     },
-    /// An ellipsoid with axes along x, y, z.
+    /// An ellipsoid whose axes are parallel to x, y and z.
     Ellipsoid {
         /// Position of its middle in plant space, m.
         center: DVec3,
         /// Semi-axes along x, y and z, m.
         radii: DVec3,
     },
-    /// A box along x, y, z.
+    /// A box whose edges are parallel to x, y and z.
     Box {
         /// Position of its middle in plant space, m.
         center: DVec3,
         /// Half of its edges, m.
         half: DVec3,
     },
-    /// All points within `radius` of a line.
+    /// All points within `radius` of a line segment.
     Capsule {
-        /// One end of the line, m.
+        /// One end of the segment, m.
         from: DVec3,
-        /// Position of the other end of the line, m.
+        /// Other end of the segment, m.
         to: DVec3,
-        /// Distance of the surface from the line, m.
+        /// Distance of the surface from the segment, m.
         radius: f64,
     },
     /// An upright cone on a round base.
@@ -53,20 +53,20 @@ pub enum Region {
         /// Height of its apex above the base, m.
         height: f64,
     },
-    /// The half space behind a plane.
+    /// The half space behind a plane, on the side opposite to its normal.
     HalfSpace {
         /// A point of the plane, m.
         point: DVec3,
         /// Unit normal out of the region.
         normal: DVec3,
     },
-    /// All points of several regions; not empty.
+    /// Union of several regions, at least one; its distance is the least of theirs.
     Union(Vec<Region>),
-    /// A solid of the scene.
+    /// A solid of the scene, at any place and scale relative to the plant.
     Solid {
         /// The solid, in world space.
         solid: Box<Solid>,
-        /// World from plant space.
+        /// Transform from plant space to world space, with uniform scale.
         world_from_plant: Trs,
     },
 }
@@ -109,7 +109,7 @@ impl Region {
         }
     }
 
-    /// Distance and normal, the latter by central differences except for planes and solids.
+    /// Signed distance and outward normal; the normal is a central difference except for planes and solids.
     pub fn clearance(&self, p: DVec3) -> Clearance {
         match self {
             Self::HalfSpace { normal, .. } => Clearance { distance: self.distance(p), normal: *normal },
@@ -135,7 +135,7 @@ impl Region {
         near.normal * (rate * osier_base::math::exp(-near.distance.max(0.0) / INFLUENCE))
     }
 
-    /// Smallest and largest corner of the region; `None` if it is not bounded or not known.
+    /// Opposite corners of a box around the region, m; `None` for a half space and for unions that contain one.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let around = |center: &DVec3, half: DVec3| Some((*center - half, *center + half));
         match self {

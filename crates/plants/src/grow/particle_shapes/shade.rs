@@ -2,7 +2,7 @@
 
 use glam::{DVec3, IVec3};
 
-/// Layers below a node that it shades; in layer q a square of 2 q + 1 cells.
+/// Layers below a node that it shades; in layer q it shades a square of 2 q + 1 cells a side.
 const LAYERS: i32 = 6;
 /// Shade that a node casts on its own cell; each layer below gets half of that above it.
 const STRENGTH: f64 = 0.2;
@@ -10,15 +10,15 @@ const STRENGTH: f64 = 0.2;
 const UNIT: f64 = 1.0 / 1_048_576.0;
 /// Smallest cell, m: about a twig with its leaves.
 const MIN_CELL: f64 = 0.1;
-/// Cells along the height of a plant.
+/// Cells along the reach of a plant, unless they would be smaller than [`MIN_CELL`].
 const CELLS: f64 = 64.0;
-/// A gradient below this per metre has no direction.
+/// A gradient per metre below this has no direction.
 const MIN_GRADIENT: f64 = 1e-6;
 
 /// Shade around a plant in cubic cells, cast by its nodes on the layers below them.
 #[derive(Debug, Clone)]
 pub struct ShadeGrid {
-    /// Edge length of a cubic cell, m.
+    /// Edge length of a cell, m.
     cell: f64,
     /// Corner of the cell (0, 0, 0), m.
     origin: DVec3,
@@ -51,7 +51,7 @@ impl ShadeGrid {
 
     /// Adds the shade of nodes: in layer q below a node's cell, STRENGTH 2^-q for |dx|, |dz| <= q.
     pub fn add(&mut self, nodes: impl Iterator<Item = DVec3>) {
-        // Nodes of one cell cast the same shade: count them first.
+        // Nodes of one cell cast equal shade, so they are counted first.
         let mut cells: Vec<[i32; 3]> = nodes.map(|p| self.cell_of(p).to_array()).collect();
         cells.sort_unstable();
         for run in cells.chunk_by(|a, b| a == b) {
@@ -81,7 +81,7 @@ impl ShadeGrid {
         self.index(c).map_or(0.0, |i| f64::from(self.shade[i]) * UNIT)
     }
 
-    /// Direction out of the shade, as long as the shade is deep, at most 1.
+    /// Vector that points out of the shade; its length is the shade at `p`, at most 1.
     pub fn way_out(&self, p: DVec3) -> DVec3 {
         let c = self.cell_of(p);
         // Central differences over two cells.
@@ -91,7 +91,7 @@ impl ShadeGrid {
     }
 }
 
-/// A coordinate in cells; far beyond a grid it is limited, which keeps it outside.
+/// Integer part of a coordinate in cells; values far beyond a grid are clamped, which keeps them outside.
 #[allow(clippy::cast_possible_truncation, reason = "clamped to 2^20 cells")]
 fn whole(x: f64) -> i32 {
     x.clamp(-1_048_576.0, 1_048_576.0) as i32

@@ -24,7 +24,7 @@ const MIN_STEPS: f64 = 2.0;
 /// Random displacement of a root axis, as a share of the mean distance between root axes.
 const ROOT_JITTER: f64 = 0.35;
 
-/// What an axis begins with.
+/// Place, direction and length with which an axis begins, and its identity in the plant.
 #[derive(Debug, Clone)]
 pub(super) struct AxisStart {
     pub id: u64,
@@ -35,7 +35,7 @@ pub(super) struct AxisStart {
     /// Number of the bud on the parent.
     pub ordinal: u64,
     pub level: u8,
-    /// Forks of this level in its lineage.
+    /// Number of forks of this level among its ancestors.
     pub forks: u8,
     /// Number shared by the halves of a fork, or [`NONE`].
     pub fork: u32,
@@ -57,7 +57,7 @@ fn log_normal(draws: &mut Rng, deviation: f64) -> f64 {
     exp(deviation * draws.normal_by_quantile())
 }
 
-/// The root axes of a plant. `plant`: its id and seed.
+/// Starts of the root axes, spread over the root disc. `plant`: its id and seed.
 pub(super) fn roots(params: &ShapeParams, plant: (u32, u64)) -> Vec<AxisStart> {
     let roots = &params.roots;
     let start = |i: u32| {
@@ -93,7 +93,7 @@ pub(super) fn roots(params: &ShapeParams, plant: (u32, u64)) -> Vec<AxisStart> {
     (0..roots.count).map(start).collect()
 }
 
-/// Arc lengths of the sites of an axis, m, from its base to where it ended. They do not depend on its nodes.
+/// Arc lengths of the sites of an axis, m, rising from its bare base to where it ended. They do not depend on its nodes.
 pub(super) fn sites(params: &ShapeParams, axis: &ShapeAxis, seed: u64) -> Vec<f64> {
     let spacing = params.spawning.spacing.at(axis.level);
     let mut draws = Rng::at(seed, &[axis.id.into(), "sites".into()]);
@@ -129,14 +129,14 @@ pub(super) fn children(params: &ShapeParams, axis: &ShapeAxis, index: usize, see
     let mut out = Vec::new();
     for (site, s) in axis.sites.iter().enumerate() {
         let at = axis.at(*s);
-        // Length along the crown: w is measured from the tip of the full length, so that it does not depend on where growth ended.
+        // Length along the crown: w is measured from the tip at full length, so that it does not depend on where growth ended.
         let w = (axis.length - s) / (axis.length - bare).max(1e-9);
         let mean = params.limits.length.at(level) * spawning.crown.factor(w);
         for bud in 0..buds {
             let ordinal = site as u64 * u64::from(buds) + u64::from(bud);
             let id = mix64(&[axis.id, word("spawn"), ordinal]);
             let mut draws = Rng::at(seed, &[id.into(), "bud".into()]);
-            // Every bud has a stream of its own: a dormant one changes no other.
+            // Every bud has its own random stream, so that a dormant one changes no other.
             if draws.chance(spawning.dormancy) {
                 continue;
             }
@@ -175,7 +175,8 @@ pub(super) fn children(params: &ShapeParams, axis: &ShapeAxis, index: usize, see
     out
 }
 
-/// The two axes that an axis forks into at its tip, if it does. `fork`: the number that they share.
+/// The two axes into which an axis forks at its tip; `None` if it does not fork. `index`: of the axis among the grown ones;
+/// `fork`: the number that the two share.
 pub(super) fn fork(
     params: &ShapeParams,
     axis: &ShapeAxis,

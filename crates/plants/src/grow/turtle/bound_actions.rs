@@ -7,7 +7,7 @@ use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{Module, TurtleAction, TurtleAxis};
 
-/// World axes by number.
+/// World axes by the number in `TurtleAction::RotateWorld`.
 const WORLD_AXES: [glam::DVec3; 3] = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z];
 
 impl Turtle<'_> {
@@ -21,7 +21,7 @@ impl Turtle<'_> {
             Some(_) => 0.0,
             None => self.param(m, 0, 1.0),
         };
-        // Whatever draws or places ends the segment before it, which then takes the current width.
+        // Commands that draw or place end the segment before them, which then takes the current width.
         if matches!(
             action,
             TurtleAction::Forward

@@ -15,7 +15,7 @@ const MIN_RADIUS: f64 = 1e-6;
 /// Length of the axis that carries the organs of a string without axes, m.
 const STUB: f64 = 1e-3;
 
-/// One node as drawn; the nodes of an axis are linked, for branches are drawn in between.
+/// One node as drawn. The nodes of an axis form a linked list, because branches are drawn between them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RawNode {
     pub p: DVec3,
@@ -31,7 +31,7 @@ pub(super) struct RawNode {
     next: u32,
 }
 
-/// An axis in the order of drawing.
+/// An axis as drawn, before it has its place in the plant.
 #[derive(Debug, Clone, Copy)]
 struct RawAxis {
     /// Indices of the parent axis and of its node that carries this axis, or [`NONE`].
@@ -39,14 +39,14 @@ struct RawAxis {
     parent_node: u32,
     /// Lineage of the module that opened the axis; orders siblings at one place.
     ordinal: u64,
-    /// Indices of the first and the last node.
+    /// First and last node of its linked list.
     first: u32,
     last: u32,
     /// Number of nodes; an axis of one node has no segment yet.
     count: u32,
 }
 
-/// A node of an axis as drawn.
+/// A node of an axis as drawn, by indices into the builder's lists.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NodeSite {
     pub axis: u32,
@@ -66,7 +66,7 @@ impl ProtoRange {
         Self { first: proto, count: 1 }
     }
 
-    /// The prototype that a hash picks.
+    /// The prototype that a hash picks, by its remainder.
     #[allow(clippy::cast_possible_truncation, reason = "a remainder by a 16-bit number")]
     pub fn pick(self, hash: u64) -> u16 {
         self.first.saturating_add((hash % u64::from(self.count.max(1))) as u16)
@@ -82,7 +82,7 @@ pub(super) struct OrganSize {
     pub petiole: f64,
 }
 
-/// One organ as drawn.
+/// An organ as drawn, in plant space.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RawOrgan {
     /// The node that carries it; `None`: the base of the first axis.
@@ -94,7 +94,7 @@ pub(super) struct RawOrgan {
     pub birth: u32,
 }
 
-/// Everything drawn so far.
+/// Axes, nodes, organs and prototypes in the order of drawing.
 #[derive(Debug, Default)]
 pub(super) struct PlantBuilder {
     axes: Vec<RawAxis>,
@@ -111,17 +111,14 @@ fn index32(i: usize) -> u32 {
 }
 
 impl PlantBuilder {
-    /// Number of nodes so far, of all axes.
     pub fn node_count(&self) -> u64 {
         self.nodes.len() as u64
     }
 
-    /// True before anything is drawn.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty() && self.organs.is_empty()
     }
 
-    /// Number of organs so far.
     pub fn organ_count(&self) -> u64 {
         self.organs.len() as u64
     }
@@ -135,7 +132,7 @@ impl PlantBuilder {
         index32(self.axes.len() - 1)
     }
 
-    /// A node that is not linked yet.
+    /// A node that is not linked yet and has no widths.
     pub fn node(p: DVec3, left: DVec3, birth: u32, color: u16) -> RawNode {
         RawNode { p, left, width_in: None, width_out: None, birth, color, s: 0.0, next: NONE }
     }
@@ -150,7 +147,7 @@ impl PlantBuilder {
         self.nodes.get_mut(node as usize)
     }
 
-    /// Adds a node at the end of an axis, unless it would lie within [`MIN_SEGMENT`] of the last one.
+    /// Adds a node at the end of an axis, unless it lies within [`MIN_SEGMENT`] of the last one.
     pub fn extend(&mut self, axis: u32, mut node: RawNode) {
         let i = index32(self.nodes.len());
         let Some(a) = self.axes.get_mut(axis as usize) else { return };
@@ -166,12 +163,13 @@ impl PlantBuilder {
         self.nodes.push(node);
     }
 
-    /// Records an organ; its axis and arc length are settled by [`finish`](Self::finish).
+    /// Records an organ; [`finish`](Self::finish) determines its axis and arc length.
     pub fn add_organ(&mut self, organ: RawOrgan) {
         self.organs.push(organ);
     }
 
-    /// Builds the plant: axes depth first, organs by axis and arc length. `steps`: derivation steps, which become growth time 0..1.
+    /// Builds the plant: axes depth first, organs by axis and arc length. `steps`: derivation steps, which become growth time
+    /// 0..1.
     pub fn finish(mut self, plant_id: u32, seed: u64, steps: u32, options: &TurtleOptions) -> Plant {
         // A string that draws organs but no segment still needs an axis to carry them.
         self.add_stub_axis();
@@ -197,7 +195,7 @@ impl PlantBuilder {
         plant
     }
 
-    /// Organs need an axis; a string without one gets a stub. Axes of one node are left out.
+    /// Adds a short axis if the string places organs but draws no segment, since organs need an axis.
     fn add_stub_axis(&mut self) {
         // The stub points along the first organ, so that its frame is that of the organ.
         let has_axis = self.axes.iter().any(|a| a.count > 1);
@@ -208,8 +206,8 @@ impl PlantBuilder {
         self.extend(axis, RawNode { p: first.pose.p + h * STUB, width_in: Some(STUB), ..node });
     }
 
-    /// Axes depth first, siblings by place on the parent, then ordinal. Axes of one node are left out; their children
-    /// cannot exist, for a child needs a node to stand on.
+    /// Indices of the axes depth first, siblings by place on the parent, then ordinal. Axes of one node are left out, and with
+    /// them any axes that begin there.
     fn canonical_order(&self) -> Vec<usize> {
         let s = |a: &RawAxis| self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
         let is_child = |i: &usize| self.axes[*i].parent != NONE && self.axes[*i].count > 1;
@@ -317,7 +315,8 @@ impl PlantBuilder {
         }
     }
 
-    /// Appends the organs in their canonical order, in the frame of their node and with the prototype that their id picks.
+    /// Appends the organs in their canonical order, relative to the frame of their axis and with the prototype that their id
+    /// picks.
     fn add_organs(&self, plant: &mut Plant, plant_axis: &[u32], growth: GrowthClock) {
         let mut placed: Vec<(u32, f32, usize)> = Vec::with_capacity(self.organs.len());
         for (i, o) in self.organs.iter().enumerate() {
@@ -364,7 +363,7 @@ impl PlantBuilder {
     }
 }
 
-/// Converts derivation steps to growth time.
+/// Converts derivation steps to growth time, 0 at the axiom to 1 at the last step.
 #[derive(Debug, Clone, Copy)]
 struct GrowthClock {
     /// Number of derivation steps, at least 1.
@@ -384,8 +383,8 @@ fn node_frame(tangent: DVec3, left: DVec3) -> Quat {
     narrow_quat(frame.quat())
 }
 
-/// Sets `s_exposed` of each axis, the arc length where it leaves its parent's surface: where the distance of both centrelines
-/// exceeds the parent's radius. `Own:` the parent is taken as a cylinder around its tangent at the site.
+/// Sets `s_exposed` of each axis: the arc length at which it leaves its parent's surface, where the distance between both
+/// centrelines exceeds the parent's radius. `Own:` the parent is taken as a cylinder about its tangent at the site.
 pub(in crate::grow) fn set_exposed_lengths(plant: &mut Plant) {
     for i in 0..plant.axes.len() {
         let axis = &plant.axes[i];

@@ -2,7 +2,7 @@
 
 use super::dialects::DialectCommand;
 
-/// A command of one symbol.
+/// What the turtle does for one symbol; parameters are read when it is performed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Command {
     /// A symbol that the turtle ignores.
@@ -54,7 +54,7 @@ pub(super) enum Command {
 }
 
 impl Command {
-    /// The command of a symbol.
+    /// The command of a symbol in the language of cpfg; [`Command::Nothing`] for symbols that are no command.
     pub fn from_symbol(c: char) -> Self {
         match c {
             'F' => Self::Draw,

@@ -12,17 +12,17 @@ use osier_base::math;
 use osier_grammar::Spline;
 use osier_scene::{MaterialId, Mesh};
 
-/// Factors of tangents at a point without `@Gt`. Source: cpfg.
+/// Factors on the tangents at a point without `@Gt`. Source: cpfg.
 pub(super) const TANGENT: [f64; 2] = [1.2, 1.2];
-/// Strips of a piece that `F` or `f` ends. Source: cpfg.
+/// Strips of a piece that a step (`F` or `f`) ends. Source: cpfg.
 pub(super) const STRIPS: u32 = 4;
-/// Most strips of a piece.
+/// Most strips of a piece, whatever number the string gives.
 const MAX_STRIPS: u32 = 1000;
 
-/// The outline of a cylinder.
+/// Cross-section of a generalised cylinder of radius 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contour {
-    /// Its curve; x against the up vector of the turtle, y against its left one.
+    /// Curve over 0..1; x points opposite to the up vector of the turtle, y opposite to its left vector, z along the axis.
     pub curve: Spline,
     /// Whether the end meets the beginning; an open contour makes a thin surface.
     pub closed: bool,
@@ -33,17 +33,17 @@ pub struct Contour {
 pub(super) struct CylinderState {
     /// Number of the contour; 0 is a circle.
     pub contour: u32,
-    /// Sides of the contour.
+    /// Number of sides by which the contour is drawn.
     pub sides: u32,
     /// Incoming and outgoing factor of the tangent.
     pub tangent: [f64; 2],
-    /// Change of the radius, incoming and outgoing; `None`: linear.
+    /// Change of the radius per parameter, incoming and outgoing; `None`: the radius is linear.
     pub slopes: Option<[f64; 2]>,
-    /// Whether slopes are multiplied by the chord.
+    /// Whether slopes are multiplied by the length of the chord.
     pub relative: bool,
 }
 
-/// A point of the axis.
+/// A point of the axis of a cylinder, as the string marks it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CylinderPoint {
     /// Position of the turtle, m.
@@ -52,13 +52,13 @@ pub(super) struct CylinderPoint {
     /// Radius at this point, m, half the turtle's line width.
     pub radius: f64,
     pub state: CylinderState,
-    /// Strips of the piece that ends here.
+    /// Strips of the piece that ends at this point.
     pub strips: u32,
-    /// Material of the piece that ends here.
+    /// Material of the piece that ends at this point.
     pub material: MaterialId,
 }
 
-/// How points make a curve.
+/// Kind of curve that the points of an axis define.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CurveKind {
     Hermite,
@@ -77,14 +77,14 @@ pub(super) struct OpenCylinder {
     pub points: Vec<CylinderPoint>,
 }
 
-/// A ring of vertices across a generalised cylinder: where it lies and between which contours.
+/// A ring of vertices across a generalised cylinder: its place, and the contours between which it is interpolated.
 struct CrossSection {
     p: DVec3,
     tangent: DVec3,
     radius: f64,
-    /// Contours of the point before and the one behind, and how far between them it is.
+    /// States at the points before and after it, and the share 0..1 of the second in the blended contour.
     contours: (CylinderState, CylinderState, f64),
-    /// Up vector of the turtle here, for cylinders that turn with it.
+    /// Up vector of the turtle here, for cylinders that roll with it.
     up: DVec3,
 }
 
@@ -104,7 +104,7 @@ impl OpenCylinder {
         }
     }
 
-    /// The surface in the space of `pose`, and its size: the mesh is divided by it. `None` without a piece.
+    /// The surface in the space of `pose`, divided by its size, and that size. `None` without a piece.
     pub fn mesh(&self, contours: &BTreeMap<u32, Contour>, twist: bool, pose: TurtlePose) -> Option<(Mesh, f64)> {
         let (sections, pieces) = self.sections();
         if sections.len() < 2 {
@@ -112,7 +112,7 @@ impl OpenCylinder {
         }
         // All sections need the same number of points, the largest that any asks for.
         let sides = self.points.iter().map(|p| p.state.sides).max().unwrap_or(8).max(3);
-        // Cross-sections in plant space.
+        // Each section becomes a ring of points in plant space, blended from the contours of both neighbouring points.
         let frames = frames(&sections, twist);
         // The first point is repeated at the end of each ring, where u is 1.
         let around = sides as usize + 1;
@@ -279,7 +279,7 @@ fn frames(sections: &[CrossSection], twist: bool) -> Vec<(DVec3, DVec3)> {
     out
 }
 
-/// A point of a contour at a share of its way round; number 0, and numbers that are not there, are circles.
+/// The point of contour `id` at the parameter `share`, 0..1. Number 0 and unknown numbers are the unit circle.
 fn contour_point(contours: &BTreeMap<u32, Contour>, id: u32, share: f64) -> [f64; 3] {
     match contours.get(&id) {
         Some(contour) => contour.curve.at(share),

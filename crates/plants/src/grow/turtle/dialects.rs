@@ -10,12 +10,12 @@ use osier_base::units::radians;
 use osier_grammar::{Dialect, DialectSettings, Module, SymbolId};
 use osier_scene::plant::Plant;
 
-/// Diameter of the lines of a drawing in the plane: a share of its median step, so that dense curves stay open, within these shares of
-/// its largest side, so that lines are 1 to 6 pixels wide in a picture of 800. Chosen by eye.
+/// Diameter of the lines of a drawing in the plane: a share of its median step, so that dense curves stay legible, limited to
+/// these shares of its largest side, so that lines are 1 to 6 pixels wide in a picture of 800. Chosen by eye.
 const STEP_SHARE: f32 = 0.35;
 const LINE_SHARES: [f32; 2] = [0.002, 0.008];
-/// Least diameter of LParser's segments, as a share of the largest side: files that thin their twigs at every step would draw them
-/// thinner than a pixel of any picture.
+/// Least diameter of LParser's segments, as a share of the largest side. Files that thin their twigs at every step would draw
+/// them thinner than a pixel of any picture.
 const LEAST_SHARE: f32 = 0.001;
 /// Cosine of the turn beyond which a line begins anew, about 155 degrees.
 const REVERSAL: f64 = -0.9;
@@ -37,7 +37,7 @@ const RANDOM_DEG: f64 = 6.0;
 const LPY_ANGLE_DEG: f64 = 60.0;
 const LPY_RADIUS: f64 = 0.1;
 const LPY_RADIUS_STEP: f64 = 1.0;
-/// Characters of one number of LParser.
+/// Most characters of a number of LParser.
 const MAX_NUMBER: usize = 64;
 
 /// A command of the turtle of another program.
@@ -83,7 +83,7 @@ pub(super) enum DialectCommand {
     Length(f64),
     Angle(f64),
     Thickness(f64),
-    /// Next or given colour; the sign of the step.
+    /// Sets the given colour index, or adds the sign to the present one.
     ColorIndex(i32),
     OpenPolygon,
     Vertex,
@@ -136,7 +136,7 @@ pub(super) struct DialectState {
     length: f64,
     /// LParser: factor of the angle of turns without a number.
     angle: f64,
-    /// LParser: diameter as a share of the length.
+    /// LParser: diameter of a segment as a share of its length.
     thickness: f64,
     /// L-Py: elasticity and direction of the tropism.
     elasticity: f64,
@@ -150,12 +150,12 @@ pub(super) struct DialectTurtle {
     settings: DialectSettings,
     /// Turn without a number, degrees.
     angle_deg: f64,
-    /// Step of the last modules of the derivation.
+    /// Derivation step that made the newest modules; LParser draws these by a fraction.
     last_step: u32,
 }
 
 impl DialectTurtle {
-    /// `angle`: of the scene, rad.
+    /// `angle`: turn without a number as the scene sets it, rad; `None`: that of the file or of the program.
     pub fn new(kind: Dialect, settings: DialectSettings, angle: Option<f64>, last_step: u32) -> Self {
         let own = settings.angle_deg.unwrap_or(match kind {
             Dialect::LPy => LPY_ANGLE_DEG,
@@ -165,7 +165,7 @@ impl DialectTurtle {
         Self { kind, settings, angle_deg, last_step }
     }
 
-    /// The state before the first command.
+    /// State before the first command, with the thickness that the file sets.
     pub fn state(&self) -> DialectState {
         DialectState {
             units: 0,
@@ -179,8 +179,8 @@ impl DialectTurtle {
         }
     }
 
-    /// Frame, width and colour with which the turtle of the program begins. World axes of LParser and L-Py, whose +Z is up, become
-    /// (x, z, -y).
+    /// Sets frame, width and colour with which the turtle of the program begins. World axes of LParser and L-Py, whose +Z is up,
+    /// become (x, z, -y).
     pub fn begin(&self, state: &mut TurtleState) {
         // A colour of the scene stays.
         if state.color == TurtleOptions::default().color {
@@ -208,7 +208,7 @@ impl DialectTurtle {
         matches!(self.kind, Dialect::LParser | Dialect::LPy)
     }
 
-    /// The command of a symbol, or of its long name.
+    /// The command of a symbol, or of its long name; `None` if the program has no such command.
     pub fn command(&self, c: char, long_name: Option<&str>) -> Option<DialectCommand> {
         match self.kind {
             Dialect::Fractint => fractint(c),
@@ -254,7 +254,8 @@ fn lparser(c: char) -> Option<DialectCommand> {
         '-' => C::Yaw(-1.0),
         '&' => C::Pitch(1.0),
         '^' => C::Pitch(-1.0),
-        // In grammars with `turtle: lparser`, '\\', '/', '=' and '`' stand for '<', '>', ':' and '"', which belong to the notation.
+        // In grammars with `turtle: lparser`, '\\', '/', '=' and '`' stand for '<', '>', ':' and '"', which belong to the
+        // notation of grammars.
         '<' | '\\' => C::Roll(1.0),
         '>' | '/' => C::Roll(-1.0),
         '|' => C::TurnAround,
@@ -361,8 +362,8 @@ pub(super) struct PendingNumber {
 }
 
 impl Turtle<'_> {
-    /// Reads numbers of LParser, which are characters of the string: a command waits for the module after it. True if the module was a
-    /// part of a number, or a command that now waits.
+    /// Reads numbers of LParser, which are characters of the string: a command waits for the module after it. True if the module
+    /// was part of a number, or is a command that now waits.
     pub(super) fn read_number(&mut self, command: Option<DialectCommand>, c: char, m: Module<'_>) -> bool {
         if let Some(text) = &mut self.pending.text {
             if c == ')' || text.len() >= MAX_NUMBER {
@@ -372,7 +373,7 @@ impl Turtle<'_> {
             }
             return true;
         }
-        // A number behind a symbol that is no command is left out.
+        // A number behind a symbol that is not a command is ignored.
         if c == '(' && m.params.is_empty() {
             self.pending.text = Some(String::new());
             return true;
@@ -450,7 +451,7 @@ impl Turtle<'_> {
             C::Angle(factor) => self.s.dialect.angle *= given.unwrap_or(factor),
             C::Thickness(factor) => self.s.dialect.thickness *= given.unwrap_or(factor),
             C::ColorIndex(sign) => {
-                // Three numbers are a colour of its own, which no index has.
+                // Three numbers are an RGB colour, which has no index.
                 if m.params.len() < 3 {
                     let next = f64::from(self.s.color) + f64::from(sign);
                     self.set_color(color_index(given.unwrap_or(next)));
@@ -470,7 +471,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Turns by the sign times the number, or times the angle of turns without one.
+    /// Turns by `sign` times the number, degrees; without a number by the present angle of turns.
     fn dialect_turn(&mut self, sign: f64, given: Option<f64>, turn: fn(&mut TurtleFrame, f64, f64)) {
         let degrees = given.unwrap_or(self.dialect.angle_deg * self.s.dialect.angle);
         let a = radians(sign * degrees);
@@ -478,7 +479,7 @@ impl Turtle<'_> {
         self.count_turn();
     }
 
-    /// Number of Fractint's directions.
+    /// Number of directions of Fractint's integer pointer: a full turn over its unit, rounded, at least 1.
     fn unit_count(&self) -> i64 {
         let n = (360.0 / self.dialect.angle_deg.abs().max(1e-6)).round();
         #[allow(clippy::cast_possible_truncation, reason = "saturates; at most 360 million")]
@@ -486,7 +487,7 @@ impl Turtle<'_> {
         n.max(1)
     }
 
-    /// Turns Fractint's integer pointer. Whole turns are taken away, so that closed curves close exactly.
+    /// Turns Fractint's integer pointer. Whole turns are removed, so that closed curves close exactly.
     fn turn_units(&mut self, by: i64) {
         let n = self.unit_count();
         let whole = (n as f64 * self.dialect.angle_deg - 360.0).abs() < 1e-9;
@@ -507,7 +508,8 @@ impl Turtle<'_> {
         self.step(self.s.dialect.length, m, draws, false);
     }
 
-    /// Turns of LParser about up, left and heading, each drawn by the module's lineage between `-most` and `most` degrees.
+    /// Makes LParser's random turns about up, left and heading; the module's lineage draws each between `-most` and `most`
+    /// degrees.
     fn random_turns(&mut self, most: f64, m: Module<'_>) {
         let turns: [fn(&mut TurtleFrame, f64, f64); 3] = [TurtleFrame::yaw, TurtleFrame::pitch, TurtleFrame::roll];
         for (k, turn) in (0_u64..).zip(turns) {
@@ -517,8 +519,8 @@ impl Turtle<'_> {
         }
     }
 
-    /// A step of LParser: the number is its length; without one it is a share of the present length. In a fraction of a step, what the
-    /// last step has made is drawn by that share.
+    /// A step of LParser. The number is its length; without one it is `share` of the present length. If the file asks for a
+    /// fractional number of steps, segments made by the last step are shortened to that fraction.
     fn lparser_step(&mut self, given: Option<f64>, share: f64, draws: bool, adds_vertex: bool, m: Module<'_>) {
         self.close_segment();
         let DialectState { length, thickness, .. } = self.s.dialect;
@@ -531,14 +533,14 @@ impl Turtle<'_> {
         self.step(step, m, draws, adds_vertex);
     }
 
-    /// The commands that L-Py alone has.
+    /// Performs a command that only L-Py has.
     fn lpy_command(&mut self, command: DialectCommand, given: Option<f64>, m: Module<'_>) {
         use DialectCommand as C;
         let scale = self.s.scale;
         match command {
             C::Forward(draws) => {
                 self.close_segment();
-                // A second number is the radius at the end, from which drawing goes on.
+                // A second number is the radius at the end of the segment, with which drawing continues.
                 self.step(given.unwrap_or(1.0), m, draws, draws);
                 if draws && m.params.len() > 1 {
                     let radius = self.param(m, 1, LPY_RADIUS);
@@ -612,7 +614,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// The point of three numbers of L-Py, in plant space.
+    /// The point in plant space that three numbers of L-Py give; with `relative` they count from the turtle's position.
     fn target(&mut self, m: Module<'_>, relative: bool) -> DVec3 {
         let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 0.0));
         let scale = self.options.unit_m * if relative { self.s.scale } else { 1.0 };
@@ -620,7 +622,7 @@ impl Turtle<'_> {
         if relative { self.s.p + v } else { v }
     }
 
-    /// Draws a line to a point of plant space; with `turns` the heading stays in its direction.
+    /// Draws a line to a point of plant space; with `turns` the turtle keeps its direction.
     fn line(&mut self, to: DVec3, turns: bool, m: Module<'_>) {
         let way = to - self.s.p;
         let Some(h) = way.try_normalize() else { return };
@@ -635,7 +637,8 @@ impl Turtle<'_> {
         }
     }
 
-    /// Turns the heading towards the tropism of L-Py by the elasticity times the sine of the angle between both.
+    /// Turns the heading towards the tropism of L-Py, by an angle of the elasticity times the sine of the angle between both,
+    /// rad.
     fn bend(&mut self) {
         let DialectState { elasticity, tropism, .. } = self.s.dialect;
         let axis = self.s.frame.h.cross(tropism);
@@ -647,7 +650,8 @@ impl Turtle<'_> {
         }
     }
 
-    /// The leaf `l` that L-Py always has: a blade of length `size` along the heading, where the scene gives no organ of this letter.
+    /// Draws the leaf `l`, which L-Py defines unless the scene gives an organ for this letter: a blade of length `size` along the
+    /// heading.
     fn leaf(&mut self, size: f64, m: Module<'_>) {
         // Half widths along the blade, in lengths: an ovate outline.
         const OUTLINE: [(f64, f64); 5] = [(0.12, 0.1), (0.3, 0.22), (0.5, 0.25), (0.72, 0.16), (0.9, 0.05)];
@@ -669,7 +673,7 @@ impl Turtle<'_> {
     }
 }
 
-/// A vector of LParser or L-Py, whose +Z is up, in the world.
+/// Converts a vector of LParser or L-Py, whose +Z is up, to plant space, whose +Y is up.
 fn world(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, z, -y)
 }
@@ -686,7 +690,7 @@ pub(super) fn set_line_radius(plant: &mut Plant) {
     }
 }
 
-/// Thickens segments of LParser that no picture of the whole would show.
+/// Thickens segments of LParser that would be thinner than a pixel in a picture of the whole.
 pub(super) fn set_least_radius(plant: &mut Plant) {
     let least = 0.5 * LEAST_SHARE * largest_side(plant);
     if least.is_finite() {
@@ -696,7 +700,7 @@ pub(super) fn set_least_radius(plant: &mut Plant) {
     }
 }
 
-/// The largest side of the box around all nodes.
+/// The largest side of the box around all nodes, m; not finite for a plant without nodes.
 fn largest_side(plant: &Plant) -> f32 {
     let low = plant.nodes.p.iter().fold(glam::Vec3::INFINITY, |m, p| m.min(*p));
     let high = plant.nodes.p.iter().fold(glam::Vec3::NEG_INFINITY, |m, p| m.max(*p));

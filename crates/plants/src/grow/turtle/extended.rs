@@ -15,10 +15,10 @@ use osier_grammar::Module;
 use osier_grammar::companion::{SurfaceFile, SurfacePatch};
 use osier_scene::MaterialId;
 
-/// Most quads of a patch along a side.
+/// Most quads along a side of a patch.
 const MAX_QUADS: f64 = 64.0;
 
-/// A patch whose points the string sets.
+/// A Bezier, B-spline or cardinal patch whose control points the string sets.
 #[derive(Debug, Clone)]
 pub(super) struct TurtlePatch {
     basis: PatchBasis,
@@ -33,7 +33,7 @@ enum PatchBasis {
 }
 
 impl PatchBasis {
-    /// Bezier points of the curve that four points of this basis make.
+    /// Control points in Bezier form of the curve that four points of this basis define.
     fn bezier(self, p: [DVec3; 4]) -> [DVec3; 4] {
         match self {
             Self::Bezier => p,
@@ -50,7 +50,7 @@ impl PatchBasis {
 }
 
 impl Turtle<'_> {
-    /// The second letter of `@G`, `@b`, `@P`; false if it is none of them.
+    /// Performs the command of `@G`, `@b` or `@P` with the second letter `c`; false if there is no such command.
     pub(super) fn extended_command(&mut self, first: char, c: char, m: Module<'_>) -> bool {
         match (first, c) {
             ('G', 's') => {
@@ -112,30 +112,31 @@ impl Turtle<'_> {
         self.warn("L048", (Some('@'), 'P'), message, help);
     }
 
-    /// The number of strips of a module, or else `default`.
+    /// The first parameter as a number of strips, 1 to 1000, or else `default`.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
     pub(super) fn strips(&mut self, m: Module<'_>, default: u32) -> u32 {
         self.param(m, 0, f64::from(default)).clamp(1.0, 1000.0) as u32
     }
 
-    /// The whole number of a module, or else `default`.
+    /// The first parameter as a whole number from 0 up, or else `default`.
     pub(super) fn strips_or(&mut self, m: Module<'_>, default: u32) -> u32 {
         number(self.param(m, 0, f64::from(default)))
     }
 
-    /// Opens a cylinder at this bracket level.
+    /// Opens a cylinder at this bracket level; an unfinished one there is dropped.
     pub(super) fn open_cylinder(&mut self, cylinder: OpenCylinder) {
         if let Some(slot) = self.cylinders.last_mut() {
             *slot = Some(cylinder);
         }
     }
 
-    /// The cylinder that is open at this bracket level.
+    /// The unfinished cylinder of this bracket level.
     pub(super) fn cylinder(&self) -> Option<&OpenCylinder> {
         self.cylinders.last().and_then(Option::as_ref)
     }
 
-    /// Adds the turtle's position to the open cylinder.
+    /// Adds the turtle's position to the unfinished cylinder of this bracket level, if there is one. Warns (L048) of an unknown
+    /// contour.
     pub(super) fn cylinder_point(&mut self, strips: u32) {
         if self.cylinder().is_none() {
             return;
@@ -156,7 +157,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Draws the cylinder that is open at this bracket level, if there is one.
+    /// Ends and draws the unfinished cylinder of this bracket level, if there is one.
     pub(super) fn finish_cylinder(&mut self, m: Module<'_>) {
         let cylinder = self.cylinders.last_mut().and_then(Option::take);
         let Some(cylinder) = cylinder else { return };
@@ -171,7 +172,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// Begins what `{` with a parameter begins: a spline, or a polygon.
+    /// Begins what `{` begins: with parameter 1 to 4 a spline, else a polygon.
     pub(super) fn open_shape(&mut self, m: Module<'_>) {
         let kind = self.param(m, 0, 0.0);
         match OpenCylinder::of_parameter(kind) {
@@ -188,14 +189,14 @@ impl Turtle<'_> {
         self.cylinder().is_some_and(|c| c.marks_steps && c.polygons == self.polygon_count())
     }
 
-    /// The point that a step adds to a spline.
+    /// Adds the end of a step to the spline of this bracket level, if one is unfinished.
     pub(super) fn step_point(&mut self) {
         if self.is_in_spline() {
             self.cylinder_point(STRIPS);
         }
     }
 
-    /// `@bo`, `@bc`: a ring as thick as the line, facing +Z or in the turtle's plane.
+    /// `@bo`, `@bc`: places a ring as thick as the line, facing +Z or in the turtle's plane.
     fn ring(&mut self, c: char, m: Module<'_>) {
         let width = self.s.width / self.s.scale.max(1e-300);
         let d = self.param(m, 0, width) * self.s.scale * self.options.unit_m;
@@ -249,7 +250,7 @@ impl Turtle<'_> {
         }
     }
 
-    /// `@Tx(id)`: the texture of what is drawn from here on; 0 is none.
+    /// `@Tx(id)`: sets the texture of what is drawn from here on; 0 removes it, an unknown number is warned of (L048).
     pub(super) fn set_texture(&mut self, m: Module<'_>) {
         let id = number(self.param(m, 0, 0.0));
         self.s.texture = self.options.textures.get(&id).copied();
@@ -266,10 +267,10 @@ impl Turtle<'_> {
     }
 }
 
-/// The patches of a string by number.
+/// Patches by the number that `@PS` gives.
 pub(super) type TurtlePatches = BTreeMap<u32, TurtlePatch>;
 
-/// A number of a command, 0 or more.
+/// The parameter of a command as a whole number; negative values become 0.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
 fn number(value: f64) -> u32 {
     value as u32

@@ -14,7 +14,7 @@ pub(super) struct TurtleFrame {
 }
 
 impl TurtleFrame {
-    /// Heading up, up to the viewer.
+    /// Start: the heading points up (+Y), left to -X, and up to the viewer (+Z).
     pub const START: Self = Self { h: DVec3::Y, l: DVec3::NEG_X, u: DVec3::Z };
 
     /// Turns left by the angle of cosine `c` and sine `s`.
@@ -32,7 +32,7 @@ impl TurtleFrame {
         (self.l, self.u) = (self.l * c + self.u * s, self.u * c - self.l * s);
     }
 
-    /// Removes rounding, keeping the heading.
+    /// Removes the rounding errors of many turns; the direction of the heading stays.
     pub fn orthonormalize(&mut self) {
         self.h = self.h.normalize_or(DVec3::Y);
         self.set_left(self.l);

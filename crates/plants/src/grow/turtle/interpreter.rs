@@ -37,7 +37,7 @@ struct Attachment {
     ordinal: u64,
 }
 
-/// The part of the state that brackets save and restore.
+/// The part of the state that brackets save and restore; commands change only this.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TurtleState {
     /// Position in plant space, m.
@@ -49,9 +49,9 @@ pub(super) struct TurtleState {
     pub(super) width: f64,
     pub(super) scale: f64,
     pub(super) color: u8,
-    /// Whether what is drawn wears the colour index.
+    /// Whether drawn parts take the colour index as their material.
     painted: bool,
-    /// Material of the texture that shapes wear.
+    /// Material of the texture that shapes take; `None`: no texture.
     pub(super) texture: Option<osier_scene::MaterialId>,
     pub(super) cylinder: CylinderState,
     /// What the commands of other programs change.
@@ -94,7 +94,7 @@ struct TurtleWarning {
     count: u64,
 }
 
-/// Prototypes of an organ symbol.
+/// Prototypes of an organ symbol, and their common scale.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OrganPrototypes {
     pub range: ProtoRange,
@@ -102,7 +102,7 @@ pub(super) struct OrganPrototypes {
     pub scale: f64,
 }
 
-/// Scale and width outside of a sub-L-system.
+/// Scale and width outside of a sub-L-system, restored at its end.
 #[derive(Debug, Clone, Copy)]
 struct OuterSize {
     scale: f64,
@@ -115,7 +115,7 @@ pub(super) struct Turtle<'a> {
     grammar: &'a Grammar,
     pub(super) bindings: BindingEvaluator<'a>,
     pub(super) options: &'a TurtleOptions,
-    /// The program whose commands are drawn.
+    /// The program whose turtle draws, with the settings of its file.
     pub(super) dialect: DialectTurtle,
     /// A command of LParser that waits for its number.
     pub(super) pending: PendingNumber,
@@ -130,11 +130,11 @@ pub(super) struct Turtle<'a> {
     prefix: Prefix,
     /// End node of the segment that still waits for its end width.
     open_segment: Option<u32>,
-    /// Turn without parameter: sine and cosine.
+    /// Cosine and sine of a turn without parameter.
     default_turn: (f64, f64),
     pub builder: PlantBuilder,
     pub(super) shape_prototypes: PrototypeCache,
-    /// Prototypes of organs once they are used.
+    /// Prototypes of organs by symbol and, if they take the turtle's colour, colour index; registered on first use.
     pub(super) organs: std::collections::BTreeMap<(char, Option<u8>), OrganPrototypes>,
     warnings: Vec<TurtleWarning>,
     max_stack: u64,
@@ -147,9 +147,9 @@ pub(super) struct Turtle<'a> {
     cut: Option<usize>,
     /// Index in the string of the module that is drawn.
     pub(super) index: usize,
-    /// The string is interpreted for its queries.
+    /// True if the string is interpreted only to answer its queries.
     pub(super) asked: bool,
-    /// Answers to the queries of the string.
+    /// Answers to the queries so far, in their order, and the bounds of what was drawn; positions are in turtle units.
     pub(super) answers: TurtleAnswers,
     /// What each open sub-L-system returns to.
     subsystems: Vec<OuterSize>,
@@ -283,7 +283,7 @@ impl<'a> Turtle<'a> {
         if self.halted { Err(self.grammar.report(list)) } else { Ok(list) }
     }
 
-    /// Interprets one module.
+    /// Interprets one module; modules must come in the order of the string.
     pub fn module(&mut self, m: Module<'_>) {
         if self.halted {
             return;
@@ -317,7 +317,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Is this symbol a `%`, or behind one on its branch? The bracket that closes the branch is not.
+    /// Whether a symbol is cut: a `%`, or a symbol behind one on the same branch. The bracket that closes the branch is not cut.
     fn is_cut(&mut self, c: char) -> bool {
         match (self.cut, c) {
             (None, '%') if self.dialect.kind.has_cpfg_commands() && self.prefix == Prefix::None => self.cut = Some(0),
@@ -333,7 +333,7 @@ impl<'a> Turtle<'a> {
         true
     }
 
-    /// Parameter `i`, or the default; non-finite values count as 0.
+    /// Parameter `i`, or the default. A value that is not finite counts as 0 and is warned of (L041).
     pub(super) fn param(&mut self, m: Module<'_>, i: usize, default: f64) -> f64 {
         match m.params.get(i) {
             None => default,
@@ -420,7 +420,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Answers the query of a letter.
+    /// Records the answer to the query `?c`, positions in turtle units; warns (L008) of an unknown letter.
     fn query(&mut self, c: char) {
         let value = match c {
             'P' => self.s.p / self.options.unit_m,
@@ -447,7 +447,7 @@ impl<'a> Turtle<'a> {
         self.answers.answers.push(QueryAnswer { module: self.index, value: QueryValue::Vector(value.to_array()) });
     }
 
-    /// Gives the current segment the current width at its end.
+    /// Gives the end of the current segment the current width.
     pub(super) fn close_segment(&mut self) {
         let Some(node) = self.open_segment.take() else { return };
         let width = self.s.width * self.options.unit_m;
@@ -459,7 +459,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Completes what the end of the string leaves open.
+    /// Completes what the string left unfinished: a waiting number, a command of two letters, the last segment.
     pub fn end(&mut self) {
         self.run_pending();
         if let Prefix::Letter(first) = std::mem::replace(&mut self.prefix, Prefix::None) {
@@ -518,7 +518,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// The node at the turtle's position.
+    /// The node at the turtle's position, which carries new branches and organs; `None` where a new root would begin.
     fn current_site(&self) -> Option<NodeSite> {
         // The last node of the current axis; before its first segment, the node that will carry the axis.
         let a = &self.s.attachment;
@@ -530,17 +530,16 @@ impl<'a> Turtle<'a> {
         self.sets_widths = true;
     }
 
-    /// Sets the colour index, which everything wears from here on.
+    /// Sets the colour index, which all parts drawn from here on take.
     pub(super) fn set_color(&mut self, index: u8) {
         (self.s.color, self.s.painted) = (index, true);
     }
 
-    /// The colour index that what is drawn wears; `None`: the materials of the plant.
+    /// The colour index that drawn parts take; `None`: they take the materials of the plant.
     pub(super) fn worn_color(&self) -> Option<u8> {
         self.s.painted.then_some(self.s.color)
     }
 
-    /// Number of open polygons.
     pub(super) fn polygon_count(&self) -> usize {
         self.polygons.len()
     }
@@ -553,7 +552,7 @@ impl<'a> Turtle<'a> {
         self.vertex_at(self.s.p);
     }
 
-    /// Adds a point to the open polygon.
+    /// Adds a corner to the innermost unfinished polygon; ignored outside of polygons.
     pub(super) fn vertex_at(&mut self, p: DVec3) {
         if let Some(polygon) = self.polygons.last_mut() {
             polygon.corners.push(p);
@@ -650,7 +649,6 @@ impl<'a> Turtle<'a> {
         self.s.attachment = Attachment { axis: None, ordinal: m.lineage(), ..self.s.attachment };
     }
 
-    /// The turtle's position and orientation.
     pub(super) fn pose(&self) -> TurtlePose {
         TurtlePose { p: self.s.p, q: self.s.frame.quat() }
     }
@@ -703,7 +701,7 @@ impl<'a> Turtle<'a> {
                 self.s.frame.set(DVec3::new(v[0], v[1], v[2]), up, &last);
             }
             'o' | 'c' | 'O' => self.disc_or_sphere(c, m),
-            // No format has a colour of the reverse.
+            // No export format has a colour for the reverse side.
             ';' | ',' => {}
             '#' => self.s.cylinder.contour = self.strips_or(m, 0),
             '!' => self.s.cylinder.sides = self.strips_or(m, self.options.sides).clamp(3, 256),
@@ -732,14 +730,14 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    /// Adds `sign` times `e`, or times the step of the tropism, to the elasticity of tropism number `i`.
+    /// Adds to the elasticity of tropism number `i`: `sign` times `e`, or `sign` times the tropism's step without `e`.
     fn add_elasticity(&mut self, i: f64, e: Option<f64>, sign: f64) {
         let Some(k) = self.tropism_index(i) else { return };
         let step = e.unwrap_or_else(|| self.options.tropisms.get(k).map_or(0.0, |t| t.step));
         self.s.elasticity[k] += sign * step;
     }
 
-    /// Index of tropism number `i`, counted from 1.
+    /// Index of tropism number `i`, counted from 1; warns (L048) of an unknown number.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates; the range is checked next")]
     fn tropism_index(&mut self, i: f64) -> Option<usize> {
         // Scenes and grammars count tropisms from 1; a number below 1 wraps and fails the range test.
@@ -787,7 +785,7 @@ impl<'a> Turtle<'a> {
     }
 }
 
-/// A colour index, modulo 256.
+/// Index of a colour number: truncated, modulo 256.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "reduced to 0..256 before the cast")]
 pub(super) fn color_index(value: f64) -> u8 {
     value.trunc().rem_euclid(256.0) as u8

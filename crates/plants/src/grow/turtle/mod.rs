@@ -71,7 +71,7 @@ pub fn grow(
             warnings.push(pixels::warning(pixel, symbol_place));
         }
         RadiusModel::Auto if draws_lines => {}
-        // A line that does not branch is no tree: it has one width.
+        // Lines that do not branch are no tree: they get one width.
         RadiusModel::Auto if !sets_widths && plant.axes.iter().all(|a| a.parent == NONE) => {
             let pixel = pixels::pixel_size(&plant);
             pixels::set_width(&mut plant, pixel);

@@ -16,7 +16,7 @@ pub const STALK: char = '\u{e000}';
 /// A tropism: a growth response that turns the heading towards a direction before each step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tropism {
-    /// Direction of the stimulus; normalized.
+    /// Direction of the stimulus in plant space; the turtle normalizes it.
     pub dir: DVec3,
     /// Angle to `dir` at which growth is at rest, rad: 0 along it, pi / 2 across it.
     pub angle: f64,
@@ -26,7 +26,7 @@ pub struct Tropism {
     pub elasticity: f64,
     /// What `@Ti` without parameter adds.
     pub step: f64,
-    /// Rolls the turtle about its heading instead.
+    /// Whether it rolls the turtle about its heading instead of turning the heading.
     pub torque: bool,
 }
 
@@ -59,7 +59,7 @@ impl OrganSpec {
     }
 }
 
-/// Where radii come from.
+/// Source of the radii of axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RadiusModel {
     /// Turtle widths if the string sets any; else the pipe model, or one width where nothing branches.
@@ -89,8 +89,8 @@ pub struct TurtleOptions {
     pub width_increment: f64,
     /// Colour index at the start, 0..255.
     pub color: u8,
-    /// Whether everything wears its colour index from the start; else what is drawn before the first colour command wears the materials
-    /// of the plant.
+    /// Whether all parts take the colour index from the start; else parts drawn before the first colour command take the
+    /// materials of the plant.
     pub painted: bool,
     /// What `;` and `,` without parameter add and take; indices wrap at 256.
     pub color_increment: u8,
@@ -98,11 +98,11 @@ pub struct TurtleOptions {
     pub scale: f64,
     /// Factor of `@D` without parameter.
     pub scale_multiplier: f64,
-    /// Whether a segment ends with the width that comes next.
+    /// Whether the end of a segment takes the width that is set after the segment; else a segment has one width.
     pub tapered: bool,
     /// Tropisms, numbered from 1 for `@T`; at most 8.
     pub tropisms: Vec<Tropism>,
-    /// Direction of the tropism whose elasticity the command `_(e)` sets (cpfg's older form); need not be normalized.
+    /// Direction of the tropism whose elasticity the command `_(e)` sets (cpfg's older form); any length above 0.
     pub old_tropism: DVec3,
     /// Elasticity of `old_tropism` at the start.
     pub old_elasticity: f64,
@@ -114,15 +114,16 @@ pub struct TurtleOptions {
     pub organs: BTreeMap<char, OrganSpec>,
     /// Contours of generalised cylinders by number; the number 0 is a circle.
     pub contours: BTreeMap<u32, Contour>,
-    /// Sides of a contour at the start.
+    /// Sides of a contour of generalised cylinders, unless `@!` sets another number.
     pub sides: u32,
-    /// Whether generalised cylinders turn with the turtle instead of by the least twist.
+    /// Whether the cross-sections of generalised cylinders roll with the turtle; else they have the least twist.
     pub twist: bool,
     /// Whether what stands behind a `%` of the final string is drawn, up to the end of its branch.
     pub past_cut: bool,
     /// Materials by the number that `@Tx` gives; 0 is no texture.
     pub textures: BTreeMap<u32, MaterialId>,
-    /// Points of organs, in the units of their meshes, that the turtle moves to once it has placed them; after organs without one it stays.
+    /// For organs with an end point, in the units of their meshes: the turtle moves there once it has placed the organ. After
+    /// other organs it stays.
     pub organ_ends: BTreeMap<char, DVec3>,
     /// Names of the plant's materials, which the indices below refer to.
     pub materials: Vec<String>,
@@ -132,7 +133,7 @@ pub struct TurtleOptions {
     pub shoot_material: Option<u16>,
     /// Radius of the first node of an axis below which it takes `shoot_material`, m.
     pub shoot_radius: f64,
-    /// Material of polygons, discs, spheres, patches and cylinders that wear no texture and no colour.
+    /// Material of polygons, discs, spheres, patches and cylinders that have no texture and no colour.
     pub shape_material: MaterialId,
     /// Whether radii come from the string's widths, the pipe model or a taper.
     pub radii: RadiusModel,

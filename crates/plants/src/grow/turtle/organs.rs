@@ -17,7 +17,7 @@ impl Turtle<'_> {
     fn organ_prototypes(&mut self, c: char) -> Option<OrganPrototypes> {
         let options = self.options;
         let spec = options.organs.get(&c).filter(|s| !s.meshes.is_empty())?;
-        // Surfaces that wear the turtle's colour have prototypes for each colour.
+        // Surfaces that take the turtle's colour have prototypes for each colour.
         let wears = |mesh: &Arc<Mesh>| mesh.subsets.iter().any(|s| s.material == TURTLE_COLOR);
         let painted = spec.meshes.iter().any(wears);
         let paint = painted.then(|| Paint::leaf(self.worn_color()));
@@ -87,14 +87,14 @@ impl Turtle<'_> {
         }
     }
 
-    /// Moves the turtle to the end point of the organ that it has placed, if it has one. What is drawn next begins an axis of its own.
+    /// Moves the turtle to the end point of the organ that it has placed, if there is one. What is drawn next begins a new axis.
     fn move_to_organ_end(&mut self, c: char, scale: DVec3, m: Module<'_>) {
         if let Some(end) = self.options.organ_ends.get(&c) {
             self.jump(self.pose().q * (*end * scale), m);
         }
     }
 
-    /// `@o`, `@c`, `@O`: discs and spheres.
+    /// `@o`, `@c`, `@O`: places a disc or a sphere; without a parameter its diameter is the line width.
     pub(super) fn disc_or_sphere(&mut self, c: char, m: Module<'_>) {
         let d = self.param(m, 0, self.s.width / self.s.scale.max(1e-300));
         self.place_disc_or_sphere(c, d, m);

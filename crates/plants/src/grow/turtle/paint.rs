@@ -7,17 +7,17 @@ use osier_scene::MaterialId;
 
 /// Bit of all provisional materials, beyond any real index.
 const PAINT: MaterialId = 1 << 24;
-/// Bit of thin surfaces.
+/// Bit of provisional materials of thin surfaces.
 const THIN: MaterialId = 1 << 8;
 
-/// Provisional material of a surface that takes the turtle's colour where it is placed.
+/// Provisional material of a surface that takes the turtle's colour at the place of each instance.
 pub const TURTLE_COLOR: MaterialId = PAINT | (1 << 9);
 
-/// Colour index of surfaces that are placed before any colour is set, where the grammar has no colours of its own: the leaf green of the
+/// Colour index of surfaces that are placed before any colour is set, where the grammar has no colours: the leaf green of the
 /// default colours.
 const UNPAINTED_LEAF: u8 = 1;
 
-/// A colour index on a surface.
+/// A colour index, and whether the coloured surface is thin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Paint {
     /// Colour index of the turtle, an entry of the colour map.
@@ -27,7 +27,7 @@ pub struct Paint {
 }
 
 impl Paint {
-    /// The provisional material.
+    /// Provisional material that holds the index and thinness; [`Paint::of`] reads them back.
     pub fn material(self) -> MaterialId {
         PAINT | if self.thin { THIN } else { 0 } | MaterialId::from(self.index)
     }

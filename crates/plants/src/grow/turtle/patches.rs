@@ -10,11 +10,12 @@ use osier_base::math::narrow;
 use osier_grammar::companion::{SurfaceFile, SurfaceTriangle};
 use osier_scene::{MaterialId, Mesh};
 
-/// Points nearer than this share one normal, as a share of a surface's largest coordinate: patches meet with the rounding of a text file.
+/// Points nearer than this share of a surface's largest coordinate share one normal: patches meet up to the rounding of a text
+/// file.
 const WELD: f64 = 1e-5;
 
-/// The mesh of a surface in organ space, in turtle units at scale 1: `quads` quads along and across each patch, normals smooth over
-/// patches that meet. Subsets have the colour of their patch, or that of the turtle. `texture`: the material of all patches instead.
+/// The mesh of a surface in organ space, in turtle units at scale 1: `quads` quads along and across each patch, with smooth
+/// normals over patches that meet. Subsets have the colour of their patch, or that of the turtle; `texture` replaces both.
 /// Source: the tensor product of cubic Bernstein polynomials.
 pub fn patch_mesh(surface: &SurfaceFile, quads: [u32; 2], texture: Option<MaterialId>) -> Mesh {
     let mut mesh = Mesh::default();
@@ -50,7 +51,8 @@ pub fn patch_mesh(surface: &SurfaceFile, quads: [u32; 2], texture: Option<Materi
     mesh
 }
 
-/// The mesh of triangles as they are, in the turtle's colour or with a texture.
+/// The mesh of triangles with their points and normals, in the turtle's colour or with a texture. It has texture coordinates only
+/// if all triangles have them.
 pub fn triangle_mesh(triangles: &[SurfaceTriangle], texture: Option<MaterialId>) -> Mesh {
     let mut mesh = Mesh::default();
     let mut faces = Vec::new();
@@ -107,7 +109,7 @@ fn face(mesh: &Mesh, t: [u32; 3]) -> Vec3 {
     (b - a).cross(c - a)
 }
 
-/// Normals as the sum of the faces around each position.
+/// Normals from the sum of the faces around each position; positions that differ by rounding count as one.
 #[allow(clippy::cast_possible_truncation, reason = "saturates; only compared for equality")]
 fn smooth(mesh: &mut Mesh, positions: &[DVec3]) {
     let largest = positions.iter().fold(1e-9_f64, |m, p| m.max(p.abs().max_element()));

@@ -7,13 +7,13 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_scene::plant::Plant;
 
-/// A pixel as a share of the largest extent of the drawing: thinnest and thickest. Own: a curve fills a picture of some 1000 pixels;
-/// three of them are a line that can be seen in a picture of half that size.
+/// Thinnest and thickest pixel, as shares of the largest extent of the drawing. Own: a curve fills a picture of some 1000 pixels;
+/// a line of three of them can be seen in a picture of half that size.
 const PIXEL: [f64; 2] = [1.0 / 1000.0, 1.0 / 300.0];
 /// Lines are at most this share of the mean length of a segment thick, so that the corners of a fine curve stay apart.
 const SHARE_OF_SEGMENT: f64 = 0.25;
 
-/// Size of a pixel in this plant, m.
+/// Size of a pixel in this plant, m; 0 for a plant without extent.
 pub(super) fn pixel_size(plant: &Plant) -> f64 {
     let extent = extent(plant);
     if !extent.is_finite() || extent <= 0.0 {
@@ -25,12 +25,13 @@ pub(super) fn pixel_size(plant: &Plant) -> f64 {
     (mean * SHARE_OF_SEGMENT).clamp(extent * PIXEL[0], extent * PIXEL[1])
 }
 
-/// Up to this extent, m, lengths are taken as those of a real plant, whose twigs are as thin as they are.
+/// Extent, m, up to which lengths are taken as those of a real plant, whose twigs keep their radius.
 const REAL_EXTENT: f64 = 20.0;
-/// Radius of a twig as a share of what the extent goes beyond that: a pixel wide in a picture of 800.
+/// Radius of a twig as a share of the extent beyond [`REAL_EXTENT`], so that a twig is about a pixel wide in a picture of 800.
 const TWIG: f64 = 1.0 / 1600.0;
 
-/// Radius of the tips of a plant without widths, m: `own`, or more for plants whose units are no metres, whose twigs would not be seen.
+/// Radius of the tips of a plant without widths, m: `own`, or more for plants so large that their units are not metres and that
+/// such twigs would be invisible.
 pub(super) fn visible_tip(plant: &Plant, own: f64) -> f64 {
     let beyond = extent(plant) - REAL_EXTENT;
     if beyond.is_finite() { own.max(beyond * TWIG) } else { own }
@@ -42,24 +43,24 @@ fn extent(plant: &Plant) -> f64 {
     f64::from((bounds.max - bounds.min).max(Vec3::ZERO).max_element())
 }
 
-/// Gives the whole plant one width, m.
+/// Gives all nodes of the plant one width, m, and marks its axes as lines of a drawing.
 pub(super) fn set_width(plant: &mut Plant, width: f64) {
     plant.nodes.r.fill(radius(0.5 * width));
     plant.lines = true;
 }
 
-/// Multiplies all widths.
+/// Multiplies all radii, and marks the axes as lines of a drawing.
 pub(super) fn scale_widths(plant: &mut Plant, factor: f64) {
     plant.nodes.r.iter_mut().for_each(|r| *r = radius(f64::from(*r) * factor));
     plant.lines = true;
 }
 
-/// Radii are above 0, also where a width counts down to none.
+/// A radius in single precision, at least 1e-6 m, because widths may count down to 0.
 fn radius(r: f64) -> f32 {
     narrow(r).max(1e-6)
 }
 
-/// L046: what a pixel became.
+/// L046: how wide a pixel is drawn.
 pub(super) fn warning(pixel: f64, place: Span) -> Diagnostic {
     let message = format!("line widths are pixels; one pixel is drawn {:.3} mm wide", pixel * 1e3);
     let help = "a pixel is a share of the drawing's size; for other widths set line = \"cylinder\" and width";

@@ -19,7 +19,7 @@ const SIDES: u32 = 16;
 /// Rings of a sphere between its poles.
 const RINGS: u32 = 7;
 
-/// Indices of the prototypes created so far.
+/// Indices of the prototypes created so far, by what makes them equal.
 #[derive(Debug, Default)]
 pub(super) struct PrototypeCache {
     polygons: BTreeMap<(MaterialId, Vec<i32>), Option<u16>>,
@@ -30,7 +30,7 @@ pub(super) struct PrototypeCache {
     surfaces: BTreeMap<SurfaceKey, u16>,
 }
 
-/// Points on a grid, and the materials of the subsets.
+/// Points rounded to a grid, and material and number of triangles of each subset.
 type SurfaceKey = (Vec<[i32; 3]>, Vec<(MaterialId, u32)>);
 
 /// More prototypes than 16 bits can index.
@@ -40,9 +40,9 @@ pub(super) struct TooManyPrototypes;
 /// A polygon as a scaled prototype.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PolygonPrototype {
-    /// Index of the prototype.
+    /// Index in the list of prototypes.
     pub proto: u16,
-    /// Scale that gives it its size.
+    /// Scale that gives the prototype, whose largest coordinate is 1, its size, m.
     pub size: f64,
 }
 
@@ -53,7 +53,7 @@ fn add_prototype(protos: &mut Vec<Proto>, name: String, mesh: Mesh) -> Option<u1
     Some(i)
 }
 
-/// Name of a shape of which there is one for each material.
+/// Name of a shape that exists once for each material. `earlier`: number of these so far.
 fn unique_name(name: &str, earlier: usize) -> String {
     if earlier == 0 { name.to_owned() } else { format!("{name}_{earlier}") }
 }
@@ -139,7 +139,8 @@ impl PrototypeCache {
         Some(i)
     }
 
-    /// Prototype of a ring of diameter 1 around +Z. `tube`: diameter of what it is bent from; rings within a percent share a prototype.
+    /// Prototype of a ring of diameter 1 around +Z. `tube`: diameter of its tube; rings whose tubes differ by less than a percent
+    /// share a prototype. `None` without a free index.
     pub fn ring(&mut self, protos: &mut Vec<Proto>, material: MaterialId, tube: f64) -> Option<u16> {
         let key = (material, round_to_i32(math::ln(tube.max(1e-6)) * 100.0));
         if let Some(&i) = self.rings.get(&key) {
@@ -218,10 +219,10 @@ fn polygon_mesh(corners: &[Vec3]) -> Option<Mesh> {
     })
 }
 
-/// Sides of the tube of a ring, and how many of them make it.
+/// Sides of the tube's cross-section, and steps around the ring.
 const RING_SIDES: [u32; 2] = [6, 32];
 
-/// A torus of diameter 1 around +Z, of a tube of this diameter.
+/// A torus around +Z: a tube of this diameter whose centreline has diameter 1.
 fn ring_mesh(tube: f32) -> Mesh {
     let mut mesh = Mesh::default();
     let [sides, steps] = RING_SIDES;

@@ -8,8 +8,8 @@ use osier_grammar::{
     BindingEvaluator, DeriveOptions, DerivedString, Grammar, TurtleAnswers, derive_with_queries, interpret_modules,
 };
 
-/// Derives a grammar for [`super::grow`], as [`osier_grammar::derive_deferred`] does; queries `?P ?H ?L ?U` and bounds `vvXmin()` are answered by a turtle of
-/// these options, which interprets the string after the axiom and after each step.
+/// Derives a grammar for [`super::grow`], as [`osier_grammar::derive_deferred`] does. Queries `?P ?H ?L ?U ?Q` and bounds such as
+/// `vvXmin()` are answered by a turtle with these options, which interprets the string after the axiom and after each step.
 /// # Errors
 /// As [`osier_grammar::derive`]; for a grammar with queries also as [`super::grow`].
 pub fn derive(
@@ -52,7 +52,7 @@ fn answers(
         turtle.module(m);
     })?;
     turtle.end();
-    // Faults that end the interpretation are told now, warnings only of the final string.
+    // Errors that end the interpretation are returned now; warnings are reported for the final string only.
     turtle.diagnostics()?;
     Ok(turtle.answers)
 }
