@@ -5,19 +5,19 @@ use super::season::Season;
 use super::tree::{Loss, NONE, Tree, flag};
 use osier_base::math;
 
-/// Light that an open tip counts for in any shade: it stays alive until its patience ends.
+/// Least light that an open tip counts with in deep shade: it stays alive until its patience ends.
 const DARK_TIP: f32 = 0.002;
-/// Mean of 1 / sin e over the directions of the sky.
+/// Mean of 1 / sin e over the directions of the sky; e: elevation.
 const MEAN_PATH: f32 = 1.47;
-/// Largest exponent by which a tip's light is freed of its own leaves.
+/// Largest optical depth of a tip's leaves that is removed from the light of the tip.
 const OWN_SHADE_MAX: f32 = 2.0;
-/// Least and greatest share of an axis' own tip.
+/// Range of apical control after `reiterate` has changed it.
 const CONTROL_RANGE: [f32; 2] = [0.02, 0.98];
-/// Light per 3 m of wood counts as full for reiteration.
+/// Light per metre of living wood, in fully lit tips, from which `reiterate` has no effect.
 const FULL_LIGHT_PER_METRE: f32 = 3.0;
 
 impl Tree {
-    /// Adds the leaves of last year to the field.
+    /// Adds the leaf area of living nodes, times the extinction of the species, to the field.
     pub fn deposit_leaves(&self, areas: &mut LeafAreas) {
         let nodes = &self.nodes;
         for i in 0..nodes.len() {
@@ -31,7 +31,7 @@ impl Tree {
         }
     }
 
-    /// Marks the cells in which light is wanted this year: those of open tips, buds and, at times, dormant buds.
+    /// Marks the cells whose light is needed this year: those of open tips, of buds and, in some years, of dormant buds.
     pub fn mark_cells(&mut self, grid: &Grid, marks: &mut CellMarks) {
         let looks = self.looks_at_dormant_buds(self.year + 1);
         let (nodes, offset) = (&self.nodes, self.offset);
@@ -52,7 +52,7 @@ impl Tree {
         cell.iter().filter(|c| **c != NONE).for_each(|c| marks.mark(*c));
     }
 
-    /// Light of tips and buds; tips that starved too long close.
+    /// Sets the light of open tips and buds from the field; tips that have starved longer than `patience` close.
     pub fn gather_light(&mut self, field: &LightField) {
         let habit = &self.habit;
         let nodes = &mut self.nodes;
@@ -144,11 +144,11 @@ impl Tree {
         }
     }
 
-    /// Sums light anew after leaders were replaced.
+    /// Sums light and wood again after leaders were replaced; nothing is shed.
     pub fn sum_light_again(&mut self) {
         let nodes = &self.nodes;
         let scratch = &mut self.scratch;
-        // Begin with what tips and buds received: what a node gathered less what its living children did.
+        // Start from the light of tips and buds: only open tips, which have no continuation, keep their value in `main`.
         scratch.wood.fill(0.0);
         scratch.factor.clear();
         scratch.factor.extend_from_slice(&scratch.main);
@@ -165,7 +165,7 @@ impl Tree {
         self.sum_light(false);
     }
 
-    /// Hands vigour from the base towards the tips.
+    /// Distributes vigour from the base towards the tips.
     /// Source: [palubicki] 4.2, the extended model of Borchert and Honda. Own: the apical control depends on order and age.
     pub fn share_vigour(&mut self, season: &Season) {
         let habit = &self.habit;
@@ -194,14 +194,14 @@ impl Tree {
         }
     }
 
-    /// Share of an axis' own tip at a node.
+    /// Apical control at a node: the weight of its continuation against its side branches and buds.
     pub(super) fn control_at(&self, season: &Season, i: usize) -> f32 {
         let control = season.apical_control[usize::from(self.nodes.order[i])];
         apical_share(self.habit.reiterate, control, self.nodes.gathered[i], self.scratch.wood[i])
     }
 }
 
-/// Apical control, greater by up to `reiterate` where the light per metre of wood is poor.
+/// Apical control, increased by up to `reiterate` where the light per metre of wood is poor.
 #[inline]
 fn apical_share(reiterate: f32, control: f32, light: f32, wood: f32) -> f32 {
     if reiterate.abs() > 0.0 {

@@ -9,24 +9,24 @@ use osier_base::math;
 
 /// Mass of dead wood over that of living wood.
 const DEAD_DENSITY: f32 = 0.6;
-/// Bends that move the end of the axis by less than this, m, wait until the gains of moment add up to it: most twigs need no
-/// bend in most years.
+/// Bends that would move the end of the axis by less than this, m, are postponed until the gains of moment add up to it: most
+/// twigs need no bend in most years.
 const LEAST_SHIFT: f32 = 1e-4;
 /// Largest bend of an internode in a year, rad.
 const BEND_MAX: f32 = 0.5;
-/// Share of the angle to hanging that a bend may take.
+/// Share of the angle to hanging that a bend may use.
 const BEND_SHARE: f32 = 0.6;
-/// Radius at which reaction wood turns at its full rate, m, the least radius that it sees and its largest factor.
+/// Reaction wood: radius at which it turns at its full rate, m; least radius that is used, m; largest factor.
 const RIGHTING: [f32; 3] = [0.01, 0.003, 1.5];
 /// Largest turn by reaction wood in a year, rad.
 const RIGHTING_MAX: f32 = 0.2;
 /// Deviations with a smaller sine are not righted.
 const LEAST_SINE: f32 = 1e-4;
-/// Wood does not sink lower than this above the tree's base, m.
+/// Least height of bent side branches above the tree's base, m.
 const LOWEST: f32 = 0.1;
 
 impl Tree {
-    /// Bends the wood and moves all that it carries.
+    /// Bends the wood under the weight added this year and moves all that it bears.
     /// Source: [jirasek] for wood laid on a bent branch, which keeps it bent: only the growth of the moment bends.
     pub fn bend(&mut self, season: &Season) {
         self.sum_weights();
@@ -55,13 +55,13 @@ impl Tree {
             if nodes.parent[i] != NONE {
                 weights[nodes.parent[i] as usize] += weight;
             }
-            // All that it carries is added: only its lever about the base is needed from here on.
+            // The sum of all that it bears is complete: from here on only the lever about its base is needed.
             weights[i] = Vec3::new(weight.x - weight.y * base.x, 0.0, weight.z - weight.y * base.z);
         }
         self.scratch.weight = weights;
     }
 
-    /// Turns each internode about its base by bending and righting, and passes the turns on.
+    /// Turns each internode about its base by bending and righting; children inherit the rotation.
     fn turn_wood(&mut self, season: &Season) {
         let habit = &self.habit;
         let nodes = &mut self.nodes;
@@ -90,11 +90,11 @@ impl Tree {
             // theta = M l / (E I) with I = pi r^4 / 4; `modulus` is E pi / 4.
             let angle = habit.sag[order] * gain * length / (modulus * square * square);
             let bends = angle * (length + self.scratch.beyond[i]) > LEAST_SHIFT;
-            // What cannot bend carries its load as it is.
+            // The moment is stored once it has bent the wood; otherwise the gain accumulates until a bend is large enough.
             if bends || gain < 0.0 || habit.sag[order] <= 0.0 {
                 nodes.moment[i] = moment;
             }
-            // Its direction as the turn of its parent leaves it: what that has righted is not righted again.
+            // Its direction after the rotation of its parent, so that what the parent has righted is not righted again.
             let mut q = carried * nodes.q[i];
             // `own` is the rotation that children inherit: all turns from the root to here.
             let mut own = carried;
@@ -115,7 +115,7 @@ impl Tree {
             }
             let mut q = renormalized(q);
             let mut d = y_axis(q);
-            // Side branches are kept above the ground; wood that starts below (on slopes) is left alone.
+            // Side branches are kept above the ground; wood that starts below it, on slopes, stays as it is.
             if order > 0 && new_base.y >= LOWEST && new_base.y + d.y * length < LOWEST {
                 let up = math::rotation_between(d, lowest_direction(d, new_base.y, length));
                 own = up * own;
@@ -183,7 +183,7 @@ fn renormalized(q: Quat) -> Quat {
     q * (1.5 - 0.5 * q.length_squared())
 }
 
-/// The direction that ends at the lowest height allowed, with the heading of `d`.
+/// The direction with the heading of `d` in which an internode from the height `from` ends at [`LOWEST`].
 #[cold]
 fn lowest_direction(d: Vec3, from: f32, length: f32) -> Vec3 {
     let y = ((LOWEST - from) / length).clamp(-1.0, 1.0);

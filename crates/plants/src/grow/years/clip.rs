@@ -17,34 +17,35 @@ use osier_base::math::{self, narrow};
 use osier_base::{Error, Result};
 use osier_scene::plant::Plant;
 
-/// A plant at a time of a clip: its nodes, parallel to those of [`GrowthClip::plant`], and its leaves, parallel to its organs.
+/// Pose of a plant at a time of a clip: its nodes, in the order of those of [`GrowthClip::plant`], and its leaves, in the order
+/// of its organs.
 #[derive(Debug, Clone, Default)]
 pub struct PoseNow {
     /// Positions of all nodes that the clip ever has, m.
     pub p: Vec<Vec3>,
-    /// Frames, as those of the plant's nodes.
+    /// Rotations into plant space, +Y along the axis.
     pub q: Vec<Quat>,
-    /// Radii, m; 0 for what is not there.
+    /// Radii, m; 0 for nodes that are not there at this time.
     pub r: Vec<f32>,
-    /// Leaves, parallel to the organs of [`GrowthClip::plant`].
+    /// Leaves, in the order of the organs of [`GrowthClip::plant`].
     pub leaves: Vec<LeafNow>,
 }
 
-/// A recorded tree as a plant, and what its nodes and leaves follow.
+/// A recorded tree as a plant, with the sources from which its nodes and leaves are posed.
 #[derive(Debug, Clone)]
 pub struct GrowthClip {
-    /// All axes that are seen at some time, as at the end of the clip; fallen ones as they were when they fell. Its organs are
-    /// as many leaves as are seen at once.
+    /// All axes that are visible at some time, as at the end of the clip; fallen ones as they were when they fell. It has as many
+    /// organs as leaves are visible at once.
     pub plant: Plant,
     record: Arc<GrowthRecord>,
     sources: Vec<NodeSource>,
-    /// Radius of each node of the plant over that of its source: branches are never thicker than what carries them.
+    /// Radius of each node of the plant over that of its source; below 1 where validation made a branch thinner than its parent.
     thinning: Vec<f32>,
     slots: Option<LeafSlots>,
 }
 
 impl GrowthRecord {
-    /// The record as a plant with its poses, validated.
+    /// The record as a validated plant that can be posed at any age.
     /// # Errors
     /// `Limit` for more organs than allowed; what `plant::validate` refuses.
     pub fn clip(self: &Arc<Self>, options: &PlantOptions, clip: ClipOptions, limits: &Limits) -> Result<GrowthClip> {
@@ -52,7 +53,7 @@ impl GrowthRecord {
         let tree = self.tree_of_all(&all);
         let nodes = &tree.nodes;
 
-        // Axes of all nodes that are shown.
+        // Axes of all nodes that the clip shows; an axis that falls during the clip has no parent.
         let mut plant = options.plant_without_axes(self.id, self.seed);
         let leaves = options.foliage.as_ref().and_then(|foliage| TreeFoliage::new(&tree, foliage));
         if let Some(leaves) = &leaves {
@@ -85,7 +86,7 @@ impl GrowthRecord {
         Ok(GrowthClip { plant, record: Arc::clone(self), sources, thinning, slots })
     }
 
-    /// The tree with all nodes that are shown, as they are in the plant.
+    /// The recorded tree with the given wood, and with all nodes that the clip never shows marked as fallen.
     fn tree_of_all(&self, all: &Wood) -> Tree {
         let mut tree = self.tree.clone();
         tree.nodes.p.clone_from(&all.p);
@@ -101,14 +102,15 @@ impl GrowthRecord {
     }
 }
 
-/// A node of the plant at a time.
+/// Place, frame and radius of a node of the plant at one age.
 struct PosedNode {
     p: Vec3,
     q: Quat,
     r: f32,
 }
 
-/// Where a node of the plant is in given wood: its radius is the mean of the internodes at both sides, its frame turns half way.
+/// Pose of a node of the plant on given wood: its radius is the mean of the internodes on both sides, its frame halves the angle
+/// between them.
 fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
     let i = source.node as usize;
     let p = match wood.p.get(source.place as usize) {
@@ -117,7 +119,7 @@ fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
     };
     let (q, own) = (wood.q[i], wood.r[i] * wood.shown[i]);
     let Some(next) = wood.q.get(source.next as usize) else { return PosedNode { p, q, r: own } };
-    // What is not there yet, or no longer, has no part in it.
+    // Wood that is not there at this time has no part in the mean.
     let n = source.next as usize;
     let (here, ahead) = (y_axis(q), y_axis(*next) * wood.shown[n]);
     let tangent = math::normalize_or(here + ahead, here);
@@ -129,7 +131,7 @@ fn posed_node(tree: &Tree, wood: &Wood, source: NodeSource) -> PosedNode {
 }
 
 impl GrowthClip {
-    /// The plant at an age, years.
+    /// Pose of the plant at an age, years. Costs time in proportion to all nodes that the tree ever had, whatever the age.
     pub fn pose(&self, age: f32) -> PoseNow {
         let wood = self.record.wood(age);
         let mut pose = PoseNow::default();

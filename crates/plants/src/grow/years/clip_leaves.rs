@@ -17,30 +17,30 @@ use osier_scene::plant::{NONE, Organ, Plant};
 /// When leaves begin to unfold and to fall, as parts of a year.
 const SPRING: f32 = 0.05;
 const AUTUMN: f32 = 0.8;
-/// Years that a leaf takes to unfold and to fall. At 24 frames a year it grows by .21 and shrinks by .28 a frame.
+/// Years that a leaf takes to unfold and to fall. At 24 frames a year its size grows by 0.21 and shrinks by 0.28 a frame.
 const UNFOLDING: f32 = 0.2;
 const FALLING: f32 = 0.15;
-/// Latest part of its year at which a leaf that falls in autumn begins to unfold.
+/// Latest part of its year in which a leaf that falls in autumn begins to unfold.
 const LATEST_SPRING: f32 = 0.55;
-/// Part of a year in which the leaves of a tip turn into the direction of its new shoot.
+/// Part of a year in which the leaves of a tip turn to the direction of its new shoot.
 const TURNING: f32 = 0.25;
 /// Frames between the fall of a leaf and the next one in its place, so that no motion blur joins them.
 const FRAMES_BETWEEN: f64 = 2.0;
 /// Leaves that live longer than this are not shed in autumn, years.
 const DECIDUOUS_YEARS: f32 = 1.5;
-/// No end within the record.
+/// Age of the fall of a leaf that outlives the record.
 const STAYS: f32 = f32::INFINITY;
 
 /// How leaves come and go in a clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClipLeaves {
-    /// They unfold in spring and fall in autumn, as far as they live less than two years.
+    /// They unfold in spring and fall in autumn, on species whose leaves live at most 1.5 years.
     Seasons,
-    /// Crowns are in leaf all year: tips carry their leaves along as they grow.
+    /// Crowns are in leaf all year: tips keep their leaves as they grow.
     Summer,
 }
 
-/// How leaves come and go in a clip, and how far its frames are apart.
+/// How leaves appear and vanish in a clip, and how far its frames are apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
     /// Whether leaves follow the seasons or are there all year.
@@ -49,21 +49,21 @@ pub struct ClipOptions {
     pub frame_years: f64,
 }
 
-/// A leaf at a time of a clip.
+/// Pose and size of a leaf at one time of a clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafNow {
     /// Pivot, plant space, m.
     pub position: Vec3,
     /// Rotation into plant space.
     pub orientation: Quat,
-    /// Factor on the size that the plant's organ has; 0 if it is not there.
+    /// Factor on the size of the plant's organ; 0 if the leaf is not there.
     pub size: f32,
 }
 
 /// Where a leaf grows.
 #[derive(Debug, Clone, Copy)]
 enum LeafSite {
-    /// In the rosette at the tip of an axis, which carries it along.
+    /// In the rosette at the tip of an axis, which moves with the tip.
     Tip { axis: u32 },
     /// Along an internode.
     Along { node: u32 },
@@ -73,7 +73,7 @@ enum LeafSite {
 #[derive(Debug, Clone, Copy)]
 struct LeafLife {
     site: LeafSite,
-    /// Number among those of its site, and how many these are.
+    /// Number of the leaf at its site, and number of leaves there.
     k: u16,
     count: u16,
     /// Ages at which it begins to unfold and to fall, years.
@@ -81,7 +81,7 @@ struct LeafLife {
     falls: f32,
 }
 
-/// A node that was the tip of an axis from a year on.
+/// A node that is the tip of an axis from a year on.
 #[derive(Debug, Clone, Copy)]
 struct TipStop {
     axis: u32,
@@ -89,32 +89,31 @@ struct TipStop {
     node: u32,
 }
 
-/// Options of [`LeafSlots::new`].
 pub(super) struct SlotOptions<'a> {
     pub clip: ClipOptions,
     /// Bounds the number of places.
     pub limits: &'a Limits,
 }
 
-/// Places of leaves, each of several leaves in succession.
+/// Places of leaves; the organ at a place shows several leaves one after the other.
 #[derive(Debug, Clone)]
 pub(super) struct LeafSlots {
     foliage: Foliage,
     mean: MeanLeaf,
-    /// Tips of all axes, by axis and year.
+    /// Tips of all axes, sorted by axis, then by year.
     tips: Vec<TipStop>,
-    /// First tip of each axis, and the number of all.
+    /// Index of the first tip of each axis, then the number of all tips.
     first_tip: Vec<u32>,
-    /// Lives by place, in the order of time.
+    /// Lives sorted by place, then by time.
     lives: Vec<LeafLife>,
-    /// First life of each place, and the number of all.
+    /// Index of the first life of each place, then the number of all lives.
     first_life: Vec<u32>,
     /// Size factor of the plant's organ at each place.
     scales: Vec<f32>,
 }
 
 impl LeafSlots {
-    /// Finds the lives of all leaves that the clip shows and shares out places among them.
+    /// Finds the lives of all leaves that the clip shows, and assigns them to places.
     /// # Errors
     /// `Limit` for more places than organs are allowed.
     pub fn new(record: &GrowthRecord, leaves: &TreeFoliage<'_>, options: SlotOptions<'_>) -> Result<Self> {
@@ -123,7 +122,8 @@ impl LeafSlots {
             .filter(|i| record.is_shown(*i) && record.last_open_year(*i).is_some())
             .map(|i| TipStop { axis: tree.nodes.axis[i], year: record.first_year(i), node: index_of(i) })
             .collect();
-        // Nodes are stored in the order in which they grew and the sort is stable: the tips of an axis stay in the order of years.
+        // Nodes are stored in the order in which they grew and the sort is stable, so that the tips of an axis stay in the order
+        // of years.
         tips.sort_by_key(|tip| tip.axis);
         let mut first_tip = vec![0; tree.axis_ids.len() + 1];
         tips.iter().for_each(|tip| first_tip[tip.axis as usize + 1] += 1);
@@ -156,7 +156,7 @@ impl LeafSlots {
         &self.tips[self.first_tip[axis as usize] as usize..self.first_tip[axis as usize + 1] as usize]
     }
 
-    /// The lives of all leaves.
+    /// Lives of the leaves of all tips and internodes that the record knows, by site.
     fn all_lives(&self, record: &GrowthRecord, come_and_go: ClipLeaves) -> Vec<LeafLife> {
         let tree = &record.tree;
         let sheds = come_and_go == ClipLeaves::Seasons && tree.habit.leaf_years <= DECIDUOUS_YEARS;
@@ -175,7 +175,8 @@ impl LeafSlots {
         lives
     }
 
-    /// The lives of the rosette of an axis: one as long as the axis has a tip, or one for each of its years.
+    /// Adds the lives of the rosette of an axis: one life per leaf as long as the axis has a tip or, if leaves are shed, one for
+    /// each year.
     fn add_tip_lives(&self, record: &GrowthRecord, axis: u32, sheds: bool, lives: &mut Vec<LeafLife>) {
         let tree = &record.tree;
         let tips = self.tips_of(axis);
@@ -198,13 +199,14 @@ impl LeafSlots {
         }
     }
 
-    /// Unfolding and fall of what grows along an internode.
+    /// Ages at which the leaves along an internode begin to unfold and to fall, years.
     fn shoot_life(&self, record: &GrowthRecord, i: usize, sheds: bool) -> [f32; 2] {
         let tree = &record.tree;
         let year = record.first_year(i).max(1.0);
         let born = record.start(i).max(year - 1.0);
         if sheds {
-            // An internode that appears late in the summer unfolds its leaves at once, but never after LATEST_SPRING: they need time before the fall.
+            // An internode that appears late in the summer unfolds its leaves at once, but not after `LATEST_SPRING`: they need
+            // time before the fall.
             return [born.clamp(year - 1.0 + SPRING, year - 1.0 + LATEST_SPRING), year - 1.0 + AUTUMN];
         }
         let years = tree.habit.leaf_years.ceil().max(1.0);
@@ -221,18 +223,18 @@ impl LeafSlots {
         [unfolds, falls]
     }
 
-    /// Gives each life a place that is free by then, or a new one; prototypes do not share places.
+    /// Assigns each life to a place that is free by then, or to a new one; each place has one prototype.
     fn share_places(&mut self, record: &GrowthRecord, lives: Vec<LeafLife>, options: SlotOptions<'_>) -> Result<()> {
         let wood = record.wood_of_all();
         let last = record.ages()[1];
         let mut sorted: Vec<(LeafLife, PlacedLeaf)> =
             lives.into_iter().map(|life| (life, self.placed(record, &wood, &life, last).leaf)).collect();
-        // Greedy interval colouring: lives in the order of their start, each in the place that was free first. The number of places is then
-        // the largest number of leaves that are seen at once.
+        // Greedy interval colouring: lives in the order of their start, each at the place that was free first. The number of
+        // places is then the largest number of leaves that are visible at once.
         sorted.sort_by_key(|(life, _)| ticks(life.unfolds));
         let pause = FALLING + math::narrow(FRAMES_BETWEEN * options.clip.frame_years.abs());
 
-        // For each prototype, the places that were given back, by the time from which they are free (a heap with the earliest on top).
+        // For each prototype, the places that are free again, by the time from which they are (a heap with the earliest on top).
         let mut free: Vec<BinaryHeap<Reverse<(i64, u32)>>> = vec![BinaryHeap::new(); self.foliage.organ().meshes.len()];
         let mut places: Vec<u32> = Vec::with_capacity(sorted.len());
         self.scales.clear();
@@ -274,7 +276,7 @@ impl LeafSlots {
         &self.lives[self.first_life[place] as usize..self.first_life[place + 1] as usize]
     }
 
-    /// The leaf that a place shows at an age: the one that is there, else the next one, else the last one.
+    /// The leaf to show at a place at an age: the one that is there, else the next one, else the last one.
     fn life_at(&self, place: usize, age: f32) -> Option<&LeafLife> {
         let lives = self.lives_of(place);
         let begun = lives.partition_point(|life| life.unfolds <= age);
@@ -288,7 +290,7 @@ impl LeafSlots {
         let absent = LeafNow { position: Vec3::ZERO, orientation: Quat::IDENTITY, size: 0.0 };
         let now = |place: usize| {
             let Some(life) = self.life_at(place, age) else { return absent };
-            // Both ramps are linear; the rotation follows the wood, so that only the size says how far a leaf is open.
+            // Both ramps are linear. The rotation follows the wood, so that only the size tells how far a leaf has unfolded.
             let unfolded = ((age - life.unfolds) / UNFOLDING).clamp(0.0, 1.0);
             let left = 1.0 - ((age - life.falls) / FALLING).clamp(0.0, 1.0);
             let site = self.placed(record, wood, life, age);
@@ -301,7 +303,8 @@ impl LeafSlots {
         (0..self.scales.len()).map(now).collect()
     }
 
-    /// The places as organs of a plant, where their last leaves are. `at`: axis and arc length of the tree's nodes in the plant.
+    /// The places as organs of a plant, where their last leaves are. `at`: for each node of the tree, its axis and arc length in
+    /// the plant.
     pub fn organs(&self, plant: &Plant, record: &GrowthRecord, all: &Wood, at: &[NodeSite]) -> Vec<Organ> {
         let last = record.ages()[1];
         let mut organs = Vec::with_capacity(self.scales.len());
@@ -330,7 +333,7 @@ impl LeafSlots {
         organs
     }
 
-    /// A leaf on given wood.
+    /// Position and rotation of a leaf on given wood at an age, years.
     fn placed(&self, record: &GrowthRecord, wood: &Wood, life: &LeafLife, age: f32) -> LeafOnWood {
         let tree = &record.tree;
         let leaves = self.leaves();
@@ -372,7 +375,7 @@ impl LeafSlots {
     /// The node that is the tip of an axis at an age, and the frame of its leaves.
     fn tip_at(&self, axis: u32, wood: &Wood, age: f32) -> (u32, Quat) {
         let tips = self.tips_of(axis);
-        // The year that is under way at this age; a tip that appeared in an earlier one has turned already.
+        // The year that is in progress at this age; a tip that appeared in an earlier one has turned already.
         let year = age.ceil().max(1.0);
         let reached = tips.partition_point(|tip| tip.year <= year).max(1) - 1;
         let Some(tip) = tips.get(reached) else { return (0, Quat::IDENTITY) };
@@ -385,15 +388,15 @@ impl LeafSlots {
     }
 }
 
-/// How a leaf stands on its wood.
+/// Node, frame and angles from which the pose of a leaf follows.
 struct LeafStand {
     /// Node of the tree that bears it.
     node: u32,
-    /// Frame that it is turned by.
+    /// Frame of the wood, relative to which the leaf is turned.
     q: Quat,
     id: u64,
     turn: BladeTurn,
-    /// How far behind the end of the node's internode it begins, m.
+    /// Distance of its base behind the end of the node's internode, m.
     behind: f32,
 }
 
@@ -401,12 +404,13 @@ struct LeafStand {
 struct LeafOnWood {
     /// Node of the tree that bears it.
     node: u32,
-    /// Point of the centreline, m.
+    /// Point of the centreline at which it begins, from the tree's base, m.
     position: Vec3,
     leaf: PlacedLeaf,
 }
 
-/// When a leaf begins to fall that was there at the end of a year for the last time: with its branch, or in the spring after it.
+/// Age at which a leaf begins to fall if `last_year` is the last year at whose end it is there: with its branch, or in the spring
+/// after that year.
 fn end_of_life(record: &GrowthRecord, node: usize, last_year: f32) -> f32 {
     let tree: &Tree = &record.tree;
     if last_year >= tree.year as f32 {

@@ -8,34 +8,34 @@ use super::site::Prune;
 use super::tree::{Bud, CutThrough, Loss, NONE, Purpose, Tree, flag, index_of};
 use osier_base::math::{GOLDEN_ANGLE_F32, narrow};
 
-/// Radius of dead wood that stands for the years of `linger`, m.
+/// Radius of dead wood that stands for `linger` years, m.
 const LINGER_RADIUS: f32 = 0.02;
 /// Longest time that dead wood stands, as a multiple of `linger`.
 const LINGER_MAX: f32 = 1.5;
-/// Year from which everything low is taken away with the branches of the stem.
+/// Year of the tree's life after which low branches of all axes are removed, not only those of the stem.
 const LIFT_ALL_YEAR: u32 = 8;
-/// Least and greatest height below which everything is taken away, as a share of the clear stem: drawn for each axis, low ones
-/// more often, so that no crown ends level.
+/// Least and greatest height below which branches of an axis are removed, as a share of the clear stem: drawn for each axis, low
+/// ones more often, so that no crown ends level.
 const LIFT_ALL_SHARE: [f64; 2] = [0.6, 1.9];
 /// Length of the axis below a dead tip in which a side axis may become the leader, m.
 const SUCCESSION_REACH: f32 = 2.0;
 /// Most dormant buds of a node.
 const DORMANT_MAX: u8 = 3;
-/// Buds that wake at a node in a year.
+/// Most buds that wake at a node in a year.
 const WAKE_AT_NODE: u8 = 2;
-/// Buds that wake for a cut, or on an axis that became lighter, in a year.
+/// Most buds that wake for a cut, or on an axis that became lighter, in a year.
 const WAKE_AT_CUT: u8 = 6;
 /// Share of its light that a node must lose for its dormant buds to wake.
 const WAKE_LOSS: f32 = 0.5;
 /// Gain of light at which dormant buds wake.
 const WAKE_LIGHT: f32 = 0.3;
-/// Years from one look at the light of dormant buds to the next: crowns open slowly, and the buds are on most of the wood.
+/// Years between two looks at the light of dormant buds: crowns open slowly, and most of the wood has such buds.
 const LOOK_YEARS: u32 = 3;
 /// First number of a woken bud at its node; smaller ones are those of its shoot.
 const FIRST_WOKEN: u8 = 16;
-/// Buds that may wake at a node in its life: their numbers end at 63.
+/// Most buds that wake at a node in its life: their numbers end at 63.
 const WOKEN_MAX: u8 = 47;
-/// Losses below this light are those of starved tips and wake nothing.
+/// Losses of less light are those of starved tips, and wake nothing.
 const LEAST_LOSS: f32 = 0.01;
 /// Steps of the bisection for the place of a cut: 1e-5 of an internode.
 const BISECTIONS: usize = 16;
@@ -43,7 +43,7 @@ const BISECTIONS: usize = 16;
 const SHORTEST_STUB: f32 = 0.02;
 
 impl Tree {
-    /// Takes away what sticks out of a cut and, on one-stemmed trees, branches below the clear stem.
+    /// Makes this year's cuts and, on one-stemmed trees, removes branches below the clear stem.
     pub fn cut(&mut self, season: &Season) {
         let prunes: Vec<Prune> = self.prunes.iter().filter(|p| p.happens(season.year)).cloned().collect();
         for prune in &prunes {
@@ -58,7 +58,7 @@ impl Tree {
         }
     }
 
-    /// Cuts every internode that leaves what is kept and removes all beyond.
+    /// Cuts through every internode that leaves the kept region, and removes all that it bears.
     fn prune(&mut self, prune: &Prune) {
         let mut severed = vec![false; self.nodes.len()];
         for i in 0..self.nodes.len() {
@@ -75,17 +75,17 @@ impl Tree {
             }
         }
         let nodes = &mut self.nodes;
-        // Buds at the end of what was cut through are gone, too.
+        // The buds at the end of an internode that was cut through are lost too.
         self.buds.retain(|bud| !severed[bud.node as usize]);
         for (dormant, _) in nodes.dormant.iter_mut().zip(&severed).filter(|(_, severed)| **severed) {
             *dormant = 0;
         }
     }
 
-    /// Shortens the internode to where it leaves what is kept, or removes it if nearly nothing of it is inside.
+    /// Shortens an internode to the point at which it leaves the kept region, or removes it if nearly nothing of it is inside.
     fn cut_through(&mut self, i: usize, holds: impl Fn(Vec3) -> bool) {
         let (base, d, length) = (self.nodes.base(i), self.nodes.direction(i), self.nodes.length[i]);
-        // Bisection for the last point inside.
+        // Bisection for the last point inside the region.
         let (mut low, mut high) = (0.0_f32, 1.0_f32);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (low + high);
@@ -126,12 +126,12 @@ impl Tree {
         self.fallen += 1;
     }
 
-    /// Takes low branches away: side axes of the stem below the clear stem and, in older trees, all that hangs lower than
-    /// its axis' share of it.
+    /// Removes low branches: side axes of the stem below the clear stem and, in older trees, all branches that hang lower than
+    /// the share of the clear stem that is drawn for their axis.
     fn lift_crown(&mut self, season: &Season) {
         let lift = season.clear_stem;
         let highest = if season.year > LIFT_ALL_YEAR { narrow(LIFT_ALL_SHARE[1]) * lift } else { f32::NEG_INFINITY };
-        // Only the first internode of a low branch and what hangs lie so low.
+        // Higher nodes are neither the first internode of a low branch nor hang low enough.
         let reach = lift.max(highest) + self.habit.internode.iter().copied().fold(0.0, f32::max);
         let mut any = false;
         for i in 0..self.nodes.len() {
@@ -148,7 +148,7 @@ impl Tree {
                 any = true;
             }
         }
-        // What stands on what was taken away goes with it.
+        // What stands on a removed branch falls with it.
         for i in 0..if any { self.nodes.len() } else { 0 } {
             let carrier = self.nodes.flags.get(self.nodes.parent[i] as usize).copied().unwrap_or(0);
             if carrier & flag::FALLEN != 0 && self.nodes.flags[i] & flag::FALLEN == 0 {
@@ -157,13 +157,13 @@ impl Tree {
         }
     }
 
-    /// Height below which an axis is taken away, as a share of the clear stem.
+    /// Height below which the branches of an axis are removed, as a share of the clear stem; drawn once for each axis.
     fn lift_share(&self, axis_id: u64) -> f32 {
         let u = self.draw(axis_id, Purpose::Lift).unit_f64();
         narrow(LIFT_ALL_SHARE[0] + (LIFT_ALL_SHARE[1] - LIFT_ALL_SHARE[0]) * u * u)
     }
 
-    /// Passes death on to what stands on the dead, and lets dead wood fall.
+    /// Passes death on to the wood that dead wood bears, and lets dead wood fall once it has stood long enough.
     pub fn let_fall(&mut self) {
         let linger = self.habit.linger;
         let year = self.year as f32;
@@ -188,8 +188,8 @@ impl Tree {
         }
     }
 
-    /// Gives a new leader to each axis whose tip died: the living side axis with the largest vigour within
-    /// [`SUCCESSION_REACH`] below becomes its continuation, and its subtree moves one order down. Returns whether any did.
+    /// Gives a new leader to each axis whose tip died: the living side axis with the largest vigour within [`SUCCESSION_REACH`]
+    /// below becomes its continuation, and the order of its whole subtree falls by one. Returns whether any axis got one.
     pub fn replace_leaders(&mut self) -> bool {
         // Mark the nodes below each dead tip with the number of its event.
         let nodes = &self.nodes;
@@ -239,7 +239,7 @@ impl Tree {
     /// Makes side axes the continuations of their parents. `leader_at`: the new continuation by node.
     fn promote(&mut self, leader_at: &[u32]) {
         let nodes = &mut self.nodes;
-        // Orders to go down and arc length to add, passed on from parents to children.
+        // Orders by which to lower a node and arc length to add to it, passed on from parents to children.
         let mut down = vec![0_u8; nodes.len()];
         let mut ahead = vec![0.0_f32; nodes.len()];
         for i in 0..nodes.len() {
@@ -252,7 +252,7 @@ impl Tree {
             }
             if leader == index_of(i) {
                 nodes.flags[i] |= flag::MAIN;
-                // The order of its parent, which went down before.
+                // It takes the order of its parent, which has been lowered already.
                 down[i] = nodes.order[i].saturating_sub(nodes.order[parent]);
                 ahead[i] = nodes.s[parent];
             } else if leader != NONE && was_main {
@@ -263,12 +263,12 @@ impl Tree {
         }
     }
 
-    /// Whether the light of dormant buds is looked at in a year.
+    /// Whether the light of dormant buds is examined in a year: every third year, if the species has such buds.
     pub fn looks_at_dormant_buds(&self, year: u32) -> bool {
         self.habit.epicormic > 0.0 && year.is_multiple_of(LOOK_YEARS)
     }
 
-    /// Wakes dormant buds where a subtree lost more than half of its light, or where it became lighter.
+    /// Wakes dormant buds where a subtree has lost more than half of its light, or where it has become lighter.
     pub fn wake_buds(&mut self, field: &LightField, season: &Season) {
         if self.habit.epicormic <= 0.0 {
             return;
@@ -283,7 +283,8 @@ impl Tree {
         self.losses.clear();
     }
 
-    /// Own: at most [`WAKE_AT_CUT`] buds for each loss, from the cut down, as far as more than half of the light is lost.
+    /// Own: at most [`WAKE_AT_CUT`] buds for each loss, from the cut towards the base, as far as more than half of the light is
+    /// lost.
     fn wake_at_losses(&mut self, losses: &[Loss], season: &Season, woken: &mut [u8]) {
         let nodes = &self.nodes;
         let lost = &mut self.scratch.lost_light;
@@ -298,7 +299,7 @@ impl Tree {
         for loss in losses.iter().filter(large) {
             let (mut i, mut count) = (loss.at as usize, 0);
             while i < self.nodes.len() && count < WAKE_AT_CUT {
-                // What the node gathered last year is what is left and what is lost.
+                // The light of last year is the sum of what is left and what is lost.
                 let left = if self.nodes.lives(i) { self.nodes.gathered[i] } else { 0.0 };
                 let lost = self.scratch.lost_light[i];
                 if lost <= WAKE_LOSS * (left + lost) {
@@ -333,7 +334,7 @@ impl Tree {
         }
     }
 
-    /// Wakes up to `most` dormant buds of a node; returns how many.
+    /// Wakes up to `most` dormant buds of a node and returns their number. `woken`: buds that woke this year, by node.
     fn wake_at(&mut self, i: usize, most: u8, season: &Season, woken: &mut [u8]) -> u8 {
         let nodes = &mut self.nodes;
         let too_thick = nodes.r[i] >= self.habit.epicormic_radius;
@@ -355,7 +356,8 @@ impl Tree {
         count
     }
 
-    /// A bud that fails stays dormant at its node, if the species keeps such buds; the oldest go.
+    /// Makes a failed bud dormant at its node, with the probability `epicormic`; a node keeps at most three. `light`: at the
+    /// node.
     pub fn add_dormant(&mut self, i: usize, draw_id: u64, light: f32) {
         let share = f64::from(self.habit.epicormic);
         let stays = share >= 1.0 || share > 0.0 && self.draw(draw_id, Purpose::Dormant).chance(share);

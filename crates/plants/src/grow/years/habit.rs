@@ -40,13 +40,13 @@ pub struct HabitKey {
 }
 
 impl HabitKey {
-    /// The values that a habit has for this key.
+    /// The values of a habit for this key: one, two or [`ORDERS`] of them, by [`Self::arity`].
     pub fn values<'a>(&self, habit: &'a Habit) -> &'a [f32] {
         (self.values)(habit)
     }
 }
 
-/// A type that a parameter is stored as.
+/// Types in which a habit stores a parameter, read and set as slices so that one table covers all keys.
 trait HabitValue {
     const ARITY: Arity;
     fn slice(&self) -> &[f32];
@@ -54,7 +54,7 @@ trait HabitValue {
     fn of(values: &[f32]) -> Self;
 }
 
-/// Fills `to` from a shorter list whose last value repeats.
+/// Copies `values` to `to`; the last value fills the rest.
 fn fill(to: &mut [f32], values: &[f32]) {
     let last = values.last().copied().unwrap_or(0.0);
     for (i, v) in to.iter_mut().enumerate() {
@@ -200,7 +200,7 @@ habit! {
 }
 
 impl Habit {
-    /// Sets a parameter by name.
+    /// Sets the parameter `name`. A list by order may be short: its last value holds for all higher orders.
     /// # Errors
     /// S002 for an unknown name, S003 for a wrong number of values, `Range` for a value outside the key's range.
     pub fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
@@ -228,8 +228,8 @@ impl Habit {
         Ok(())
     }
 
-    /// What contradicts itself though each key is in its range: `maturity` that does not increase, whorls together with opposite
-    /// buds.
+    /// A contradiction between keys whose values are each in range: `maturity` that does not increase, or whorls together with
+    /// opposite buds.
     pub fn contradiction(&self) -> Option<&'static str> {
         if self.maturity[0] >= self.maturity[1] {
             return Some("maturity must be two increasing years");
@@ -238,14 +238,14 @@ impl Habit {
         (self.buds > 1.5 && whorled).then_some("whorl and buds = 2 exclude each other")
     }
 
-    /// Refuses a habit that contradicts itself.
+    /// Refuses a habit whose keys contradict each other.
     /// # Errors
     /// S003 with its [`contradiction`](Self::contradiction).
     pub fn check(&self) -> Result<()> {
         self.contradiction().map_or(Ok(()), |why| Err(Error::input("S003", why)))
     }
 
-    /// Number of orders of axes.
+    /// Number of orders of axes that the species forms, 1 to [`ORDERS`].
     pub(super) fn orders(&self) -> usize {
         usize::from(whole(self.levels)).clamp(1, ORDERS)
     }

@@ -10,15 +10,17 @@ use osier_base::math::{self, GOLDEN_ANGLE, narrow};
 use osier_base::par::par_map;
 use osier_base::simd::F32Lanes;
 
-/// Side of a cell, m, unless the plants are larger than [`MAX_CELLS`] of them. Crowns keep their size from a third of this on.
+/// Side of a cell, m; larger if the plants span more than [`MAX_CELLS`] of them. Crowns have the same size with cells down to a
+/// third of this.
 const CELL: f32 = 0.3;
 /// Most cells along a side.
 const MAX_CELLS: f32 = 128.0;
-/// Space around what lives, m.
+/// Margin of the grid around living wood, neighbours and solids, m.
 const MARGIN: f32 = 0.4;
-/// Directions of the diffuse sky.
+/// Number of directions that sample the diffuse sky.
 const SKY_DIRECTIONS: u16 = 14;
-/// Sines of the elevations of the lowest and the highest direction. Light from below 25 degrees is ignored: it passes neighbours.
+/// Sines of the elevations of the lowest and the highest direction. Light from below 25 degrees is ignored, because it would pass
+/// through neighbours.
 const SKY_SINES: [f64; 2] = [0.42, 0.98];
 /// Lowest sun whose direct light counts, as the sine of its elevation.
 const LOWEST_SUN: f64 = 0.3;
@@ -31,9 +33,9 @@ const HOUR_ANGLE: f64 = 37.5;
 const PAD: usize = 5;
 /// Deposits are whole numbers of 2^-30 m2: sums do not depend on their order.
 const AREA_UNITS: f64 = 1_073_741_824.0;
-/// Optical depth of a cell inside a solid.
+/// Optical depth of a cell inside a solid: no light passes.
 const OPAQUE: f32 = 30.0;
-/// No sample in a cell.
+/// Index of cells whose light is not computed.
 const NO_SAMPLE: u32 = u32::MAX;
 
 /// A direction of the sky.
@@ -99,12 +101,12 @@ fn sun_directions(latitude_deg: f64) -> Vec<DVec3> {
     out
 }
 
-/// Cubic cells over a box.
+/// Grid of cubic cells over a box of the stand, relative to the origin of the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Grid {
     /// Corner with the smallest coordinates, m.
     pub origin: Vec3,
-    /// Side of a cubic cell, m.
+    /// Side of a cell, m.
     pub cell: f32,
     /// Reciprocal of `cell`, 1/m, as positions are divided often.
     pub per_cell: f32,
@@ -112,17 +114,17 @@ pub(super) struct Grid {
     pub size: [usize; 3],
 }
 
-/// Eight cells around a point.
+/// Cells around a point, and their weights for interpolation.
 struct Corners {
-    /// Indices of the cells.
+    /// Indices of the cells; some are equal at the edge of the grid.
     cells: [usize; 8],
     /// Trilinear weights, of sum 1.
     weights: [f32; 8],
 }
 
 impl Grid {
-    /// Cells over a box with the margin around what lives; their corners lie at multiples of their side from the origin, so that a
-    /// tree that grows sees the same cells.
+    /// Cells over a box with a margin; their corners lie at multiples of their side from the origin, so that a growing tree sees
+    /// the same cells from year to year.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MAX_CELLS")]
     pub fn over(bounds: Bounds) -> Self {
         // Two cells less than the most: rounding to the lattice of the anchor may add one at either end.
@@ -135,12 +137,11 @@ impl Grid {
         Self { origin: low * cell, cell, per_cell: 1.0 / cell, size: [count(size.x), count(size.y), count(size.z)] }
     }
 
-    /// Number of all cells, the product of `size`.
     pub fn len(&self) -> usize {
         self.size.iter().product()
     }
 
-    /// Index of the cell that holds a point; points outside count to the nearest cell.
+    /// Index of the cell that holds a point; points outside belong to the nearest cell.
     #[inline]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub fn cell_of(&self, p: Vec3) -> u32 {
@@ -150,12 +151,12 @@ impl Grid {
         ((clamp(at.y, ny) * nz + clamp(at.z, nz)) * nx + clamp(at.x, nx)) as u32
     }
 
-    /// Position of the center of a cell, m.
+    /// Middle of a cell, relative to the origin of the field, m.
     pub fn center(&self, x: usize, y: usize, z: usize) -> Vec3 {
         self.origin + (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * self.cell
     }
 
-    /// Share of a deposit at `p` that falls into the cell that holds `p`.
+    /// Share of a deposit at `p` that the cell of `p` itself receives.
     #[inline]
     pub fn own_share(&self, p: Vec3) -> f32 {
         let at = (p - self.origin) * self.per_cell;
@@ -212,7 +213,7 @@ impl LeafAreas {
         }
     }
 
-    /// Adds the same area, m2 times extinction, to a cell.
+    /// Adds a leaf area, m2 times extinction, to a single cell.
     #[allow(clippy::cast_possible_truncation, reason = "areas of cells are far below 2^33 m2")]
     pub fn add_to_cell(&mut self, cell: usize, area: f32) {
         self.areas[cell] += (f64::from(area) * AREA_UNITS) as i64;
@@ -225,19 +226,19 @@ impl LeafAreas {
     }
 }
 
-/// What reaches a point.
+/// Light at a point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Light {
     /// Share of the light of the open sky.
     pub q: f32,
-    /// Unit vector to where it comes from.
+    /// Unit vector to its mean direction of origin, which phototropism follows.
     pub from: Vec3,
 }
 
 /// Light in the cells that hold tips or buds.
 #[derive(Debug)]
 pub(super) struct LightField {
-    /// The cells that the field is made of.
+    /// Grid of the leaf areas from which the field was computed.
     pub grid: Grid,
     /// Index of the sample of each cell, or [`NO_SAMPLE`].
     samples: Vec<u32>,
@@ -286,7 +287,7 @@ impl LightField {
     }
 }
 
-/// Cells that light is wanted in.
+/// By cell, whether light is computed in it.
 #[derive(Debug)]
 pub(super) struct CellMarks(Vec<bool>);
 
@@ -309,7 +310,7 @@ fn to_u32(i: usize) -> u32 {
     i as u32
 }
 
-/// The transmittance from a direction of the sky to the middle of some cells, given in the order of their indices.
+/// The transmittance from a direction of the sky to the middle of each of `cells`, which are given in rising order.
 /// Source: tau(x) = bilinear read of the layer above at the sheared place + the cell's own depth over the sine of the elevation;
 /// exp(-(tau above + half of the own cell)), the law of Beer and Lambert.
 fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u32]) -> Vec<f32> {
@@ -327,7 +328,7 @@ fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u
     for y in (0..ny).rev() {
         let layer = &depth[y * nz * nx..(y + 1) * nz * nx];
         let first = cells[..end].partition_point(|c| (*c as usize) < y * nz * nx);
-        // Above the highest leaf all depths are 0.
+        // Above the highest leaf all depths are 0, so that no layer is added.
         clear = clear && layer.iter().all(|d| *d <= 0.0);
         if !clear {
             arch.dispatch(AddLayer { shear: &shear, above: &above, own: layer, row: nx, per_sine, to: &mut here });
@@ -344,7 +345,7 @@ fn transmittance(grid: &Grid, depth: &[f32], direction: SkyDirection, cells: &[u
     out
 }
 
-/// How the layer above is read for a direction: whole cells and weights of the four around.
+/// How the layer above is read for a direction: shift in whole cells, and weights of the four cells around the shifted place.
 struct Shear {
     x: isize,
     z: isize,
@@ -363,7 +364,7 @@ impl Shear {
     }
 }
 
-/// Optical depths of a layer of cells from those of the layer above.
+/// Computes the optical depths of a layer of cells from those of the layer above.
 struct AddLayer<'a> {
     shear: &'a Shear,
     /// The layer above, with [`PAD`] empty cells on every side.
@@ -374,7 +375,7 @@ struct AddLayer<'a> {
     row: usize,
     /// 1 / sine of the elevation.
     per_sine: f32,
-    /// The depths, padded like `above`.
+    /// Depths of this layer, padded like `above`.
     to: &'a mut [f32],
 }
 
@@ -398,7 +399,7 @@ impl WithSimd for AddLayer<'_> {
     }
 }
 
-/// Replaces numbers by their exponentials.
+/// Replaces numbers by their exponentials, in place.
 struct Exponentials<'a>(&'a mut [f32]);
 
 impl WithSimd for Exponentials<'_> {

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::tree::{NONE, Tree, flag};
 
-/// Height at which the diameter of a stem is measured, m.
+/// Length along a stem at which its diameter is measured, m.
 const BREAST_HEIGHT: f32 = 1.3;
 
 /// Size, crown, stem and leaf area of a tree at one age. Without living tips height and crown are 0.
@@ -71,7 +71,7 @@ impl Tree {
         let mut highest = vec![(0_u8, 0_u8); nodes.len()];
         let mut counts = vec![0_usize; 32];
         for i in (0..nodes.len()).rev().filter(|i| nodes.lives(*i)) {
-            // A tip, or a node whose children's highest order is shared by two.
+            // A node without living children is a tip; an order that two children share as their highest rises.
             let (top, times) = highest[i];
             let order = if top == 0 {
                 1

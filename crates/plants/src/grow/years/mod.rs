@@ -47,7 +47,7 @@ use tree::Tree;
 
 /// Distance, in heights, from which trees do not shade each other: 1 / tan 25 degrees, the lowest light.
 const SHADE_DISTANCE: f32 = 2.2;
-/// Youngest and oldest tree, years.
+/// Youngest and oldest age at which a tree can be grown, years.
 const AGE_RANGE: [f64; 2] = [0.1, 500.0];
 
 /// A tree to grow: its species, age, place and cuts.
@@ -55,9 +55,9 @@ const AGE_RANGE: [f64; 2] = [0.1, 500.0];
 pub struct TreeSpec {
     /// Name of the plant, for messages.
     pub name: String,
-    /// How its species grows.
+    /// Parameters of its species.
     pub habit: Habit,
-    /// Seed of the random draws.
+    /// Seed of the random draws of its growth.
     pub seed: u64,
     /// Names the plant in random draws and ids.
     pub id: u32,
@@ -65,9 +65,9 @@ pub struct TreeSpec {
     pub base: Vec3,
     /// Age, years; a fraction shows part of the last year's growth.
     pub age: f64,
-    /// Ring of unseen leaves that shades it; `None`: it stands free.
+    /// Unseen ring of leaves that shades it; `None`: it has no neighbours beyond the trees that grow with it.
     pub neighbours: Option<Neighbours>,
-    /// Cuts in the years of its growth.
+    /// Cuts at the start of years of its growth.
     pub prunes: Vec<Prune>,
 }
 
@@ -94,7 +94,7 @@ impl GrownTree {
         Self { tree, id: spec.id, seed: spec.seed, age }
     }
 
-    /// Height, crown, stem and leaves as a forester measures them.
+    /// Height, crown, stem and leaves of the tree at its age, as foresters measure them.
     pub fn measures(&self) -> Measures {
         self.tree.measures()
     }
@@ -104,7 +104,7 @@ impl GrownTree {
         self.tree.died
     }
 
-    /// Positions of its open living tips, from its base, m.
+    /// Positions of its open living tips, from the tree's base, m.
     pub fn tips(&self) -> impl Iterator<Item = Vec3> {
         let nodes = &self.tree.nodes;
         (0..nodes.len()).filter(|i| nodes.grows(*i)).map(|i| nodes.p[i])
@@ -116,8 +116,8 @@ impl GrownTree {
     }
 }
 
-/// Grows trees that share the light, each to its age; all ages end together. Trees too far apart to shade each other have light
-/// fields of their own.
+/// Grows trees that share the light, each to its age; all reach their ages at the same time. Trees too far apart to shade each
+/// other have separate light fields.
 /// # Errors
 /// `Range` for an age, S003 for contradictory parameters, `Limit` for a tree of too many nodes.
 pub fn grow(specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<GrownTree>> {
@@ -125,7 +125,8 @@ pub fn grow(specs: &[TreeSpec], site: &Site, limits: &Limits) -> Result<Vec<Grow
     Ok(grown.into_iter().map(|g| g.tree).collect())
 }
 
-/// As [`grow`], and records the trees that a clip will show. `spans`: by tree, of those to be recorded; they end at its age or before.
+/// As [`grow`], and records the trees that a clip will show. `spans`: by tree, those to be recorded; a span ends at the tree's
+/// age or before.
 /// # Errors
 /// As [`grow`].
 pub fn grow_recorded(
@@ -146,7 +147,7 @@ pub fn grow_recorded(
     Ok(trees.into_iter().map(|(_, tree)| tree).collect())
 }
 
-/// Grows one tree and keeps it at several ages, in full years, in increasing order: one run for all.
+/// Grows one tree and keeps it at several ages, whole years in rising order, in a single run.
 /// # Errors
 /// As [`grow`].
 pub fn grow_through(spec: &TreeSpec, ages: &[u32], site: &Site, limits: &Limits) -> Result<Vec<GrownTree>> {
@@ -176,7 +177,7 @@ fn plant_seed(spec: &TreeSpec) -> Tree {
     Tree { neighbours: spec.neighbours, prunes: spec.prunes.clone(), ..tree }
 }
 
-/// Indices of trees that may shade each other, group by group, in order.
+/// Indices of trees that may shade each other, group by group, in the order of the first tree of each group.
 fn groups_in_shade(specs: &[TreeSpec]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     // The greatest height of a tree: it bounds the path of water to its top.
@@ -198,7 +199,8 @@ fn groups_in_shade(specs: &[TreeSpec]) -> Vec<Vec<usize>> {
     groups
 }
 
-/// The last year is computed whole and shown in part, for trees whose age has a fraction.
+/// Grows the trees of one light field; returns them with their indices in `specs`. If an age has a fraction, the last year is
+/// computed whole and shown in part.
 fn grow_group(
     group: &[usize],
     specs: &[TreeSpec],
@@ -209,7 +211,7 @@ fn grow_group(
     let members: Vec<&TreeSpec> = group.iter().map(|i| &specs[*i]).collect();
     let span = |i: usize| spans.get(i).copied().flatten();
     let last = members.iter().map(|s| full_years(s.age)).max().unwrap_or(0);
-    // Ages end together: younger trees are sown later.
+    // All trees reach their ages at the same time, so younger trees are sown later.
     let sow = |i: &usize| {
         let spec = &specs[*i];
         Tree { sown: last - full_years(spec.age), recorded: span(*i).is_some(), ..plant_seed(spec) }

@@ -15,13 +15,13 @@ use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Organ, Plant};
 
 /// Cosine of the angle within which a side branch continues the skin of an axis that lost its tip: 60 degrees.
 const TAKEOVER_COSINE: f32 = 0.5;
-/// Least radius of that branch, as a share of the axis'.
+/// Least radius of a side branch that continues the skin of an axis, as a share of the radius of the axis.
 const TAKEOVER_RADIUS: f32 = 0.5;
-/// Radius of a branch at the end of an axis, as a share of the axis', from which both form a fork.
+/// Radius of a branch at the end of an axis, as a share of the radius of the axis, above which both form a fork.
 const FORK_RADIUS: f32 = 0.7;
 /// Cosine of the bend and share of the radius below which a node is left out of the skin: 2 degrees, 5 percent.
 const STRAIGHT: [f32; 2] = [0.999_391, 0.05];
-/// Most that the next node may lie beside the chord over nodes that are left out, in radii.
+/// Largest distance of the next node from the chord over nodes that are left out, in radii.
 const MAX_DRIFT: f32 = 0.25;
 /// Angles between a rosette's axis and its innermost and outermost leaves, degrees.
 const ROSETTE: [f32; 2] = [35.0, 80.0];
@@ -29,21 +29,22 @@ const ROSETTE: [f32; 2] = [35.0, 80.0];
 pub(super) const ROSETTE_STEP: f32 = 0.004;
 /// Angle between a shoot and its leaves, degrees.
 const SHOOT_LEAF_ANGLE: f32 = 55.0;
-/// Angles between a shoot and the pieces of needles beside its own, degrees: those of side twigs.
+/// Angles between a shoot and the pieces of needles that stand off it as side twigs, degrees; the first piece continues the
+/// shoot.
 const NEEDLE_TWIGS: [f32; 2] = [25.0, 60.0];
-/// How far behind the tip the tuft of a conifer begins, as a share of the length of its pieces.
+/// Distance behind the tip at which the tuft of a conifer begins, as a share of the length of its pieces.
 const TUFT: f32 = 0.5;
 /// Standard deviation of the angle of leaves, degrees.
 const LEAF_ANGLE_DEVIATION: f32 = 10.0;
 /// Standard deviation of the sizes of leaves, as a share of the mean.
 const LEAF_SIZE_DEVIATION: f32 = 0.12;
 
-/// Whether a tree bears single leaves or pieces of shoot with needles.
+/// Kind of foliage that a tree bears: single blades, or pieces of shoot with needles.
 #[derive(Debug, Clone)]
 pub enum Foliage {
-    /// Blades: rosettes at tips, and along young shoots; as many as the model's leaf area holds.
+    /// Blades in rosettes at tips and along young shoots, as many as the model's leaf area holds.
     Blades(OrganSpec),
-    /// Pieces of shoot with their needles, along the internodes that still bear them and at the tips; as many as the model's leaf
+    /// Pieces of shoot with their needles, at tips and along the internodes that still bear needles, as many as the model's leaf
     /// area holds.
     Needles(OrganSpec),
 }
@@ -76,14 +77,14 @@ pub struct PlantOptions {
 }
 
 impl PlantOptions {
-    /// A plant with these materials to which axes will be added.
+    /// A plant with these materials but no axes yet.
     pub(super) fn plant_without_axes(&self, id: u32, seed: u64) -> Plant {
         Plant { id, seed, materials: self.materials.clone(), source: self.source.clone(), ..Plant::default() }
     }
 }
 
 impl GrownTree {
-    /// The tree as a plant, in its own space, validated.
+    /// The tree as a validated plant, in its own space: the origin is the tree's base.
     /// # Errors
     /// `Limit` for more organs than allowed; what `plant::validate` refuses.
     pub fn plant(&self, options: &PlantOptions, limits: &Limits) -> Result<Plant> {
@@ -103,7 +104,7 @@ impl GrownTree {
     }
 }
 
-/// Children of all nodes that stand, by node.
+/// Children of all standing nodes, in compressed rows by node.
 struct Children {
     first: Vec<u32>,
     list: Vec<u32>,
@@ -136,32 +137,33 @@ impl Children {
     }
 }
 
-/// Where a node of the tree lies in the plant.
+/// Axis and arc length, m, at which a node of the tree lies in the plant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NodeSite {
     pub axis: u32,
     pub s: f32,
 }
 
-/// What the builder must know of a tree that is shown in a clip, by node.
+/// What the builder reads of a tree that is shown in a clip, by node.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ClipNodes {
-    /// It falls before the end of the clip: it begins a tube of its own, for what carries it grows thicker than it ever was.
+    /// True for a node that falls before the end of the clip. It begins a separate tube, since its parent grows thicker than it
+    /// was then.
     pub gone: Vec<bool>,
 }
 
-/// Nodes of the tree that a node of the plant follows.
+/// Nodes of the tree from which the pose of a node of the plant follows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NodeSource {
-    /// Its place is the end of this node, or the base of the tree without one.
+    /// Node at whose end it lies; without one, it lies at the base of the tree.
     pub place: u32,
-    /// Its frame and radius are those of this node.
+    /// Node whose frame and radius it takes.
     pub node: u32,
-    /// The next node of the axis, with which they are averaged.
+    /// Next node of the axis, with which frame and radius are averaged.
     pub next: u32,
 }
 
-/// An axis to be added.
+/// First node of an axis to be added, and the fork to which it belongs.
 #[derive(Debug, Clone, Copy)]
 struct AxisStart {
     node: u32,
@@ -173,21 +175,21 @@ pub(super) struct AxisBuilder<'a> {
     age: f32,
     options: &'a PlantOptions,
     pub plant: Plant,
-    /// Place in the plant of the nodes that were added.
+    /// By node of the tree, its place in the plant; no axis if it was not added.
     pub at: Vec<NodeSite>,
-    /// Of a tree that is shown in a clip.
+    /// Only for a tree that is shown in a clip.
     pub clip: Option<ClipNodes>,
-    /// By node of the plant.
+    /// By node of the plant, the nodes of the tree from which it is posed.
     pub sources: Vec<NodeSource>,
 }
 
 impl<'a> AxisBuilder<'a> {
-    /// `age`: at which births end, years.
+    /// `age`: age of the tree, years; a birth at this age becomes 1.
     pub fn new(tree: &'a Tree, age: f32, options: &'a PlantOptions, plant: Plant) -> Self {
         Self { tree, age, options, plant, at: Vec::new(), clip: None, sources: Vec::new() }
     }
 
-    /// Whether a node falls before the end of the clip.
+    /// Whether a node falls before the end of the clip; false without a clip.
     fn is_gone(&self, i: usize) -> bool {
         self.clip.as_ref().is_some_and(|clip| clip.gone[i])
     }
@@ -212,7 +214,8 @@ impl<'a> AxisBuilder<'a> {
                 chain.push(index_of(node));
                 let next = self.continuation(&children, node);
                 for other in children.of(node).iter().filter(|c| Some(**c) != next) {
-                    // Where an axis ends in branches, one that is nearly as thick as the node joins its skin as a fork instead of piercing it.
+                    // At the end of an axis, a branch that is nearly as thick as the node joins the skin as a fork instead of
+                    // piercing it.
                     let thick = nodes.r[*other as usize] > FORK_RADIUS * nodes.r[node];
                     let forks = next.is_none() && thick && !self.is_gone(*other as usize);
                     let fork = if forks { index_of(self.plant.axes.len()) } else { NONE };
@@ -232,8 +235,8 @@ impl<'a> AxisBuilder<'a> {
         }
     }
 
-    /// The child that continues the skin of a node's axis: its own continuation while that lives or all is dead, else the
-    /// thickest living child that is thick and straight enough. What stands goes before what falls during a clip.
+    /// The child that continues the skin of a node's axis: its continuation while that lives or all is dead, else the thickest
+    /// living child that is thick and straight enough. Wood that stands is preferred to wood that falls during a clip.
     fn continuation(&self, children: &Children, node: usize) -> Option<u32> {
         let nodes = &self.tree.nodes;
         let stays = |c: usize| self.is_gone(c) == self.is_gone(node);
@@ -257,7 +260,7 @@ impl<'a> AxisBuilder<'a> {
         children.of(node).iter().filter(fits).max_by(thicker).or(falling).copied()
     }
 
-    /// Adds one axis with the nodes of a chain.
+    /// Adds an axis with the nodes of a chain, and chooses its material and kind of end.
     fn add_axis(&mut self, start: AxisStart, chain: &[u32]) {
         let tree = self.tree;
         let nodes = &tree.nodes;
@@ -320,8 +323,8 @@ impl<'a> AxisBuilder<'a> {
         }
     }
 
-    /// Adds the nodes of an axis: one at its base, then the ends of its internodes, without those between straight internodes of
-    /// nearly one radius.
+    /// Adds the nodes of an axis: one at its base, then the ends of its internodes; nodes between straight internodes of nearly
+    /// equal radius are left out.
     fn add_nodes(&mut self, from: Vec3, chain: &[u32], axis: u32) {
         let tree = self.tree;
         let nodes = &tree.nodes;
@@ -387,7 +390,7 @@ impl<'a> AxisBuilder<'a> {
     }
 }
 
-/// The leaves of a tree.
+/// Foliage of a tree: number, ids and rotations of its leaves.
 #[derive(Debug, Clone)]
 pub(super) struct TreeFoliage<'a> {
     pub foliage: &'a Foliage,
@@ -403,7 +406,7 @@ pub(super) struct MeanLeaf {
     area: f32,
 }
 
-/// A leaf on wood whose place is known.
+/// A leaf on wood whose place is known: all but its position.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlacedLeaf {
     /// Rotation into plant space.
@@ -417,7 +420,7 @@ pub(super) struct PlacedLeaf {
     pub tint: f32,
 }
 
-/// How a blade leaves its wood.
+/// Angles at which a blade leaves its wood.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BladeTurn {
     /// Azimuth about the wood, rad.
@@ -426,7 +429,7 @@ pub(super) struct BladeTurn {
     pub angle: f32,
 }
 
-/// Where a leaf sits and how it leaves its axis.
+/// Site of a leaf on an axis of the plant, and the angles at which it leaves the axis.
 #[derive(Debug, Clone, Copy)]
 struct LeafPlace {
     axis: u32,
@@ -455,13 +458,13 @@ impl<'a> TreeFoliage<'a> {
         (bears && area > 0.0).then_some(Self { foliage, mean: MeanLeaf { scale, area } })
     }
 
-    /// The number of organs to expect.
+    /// Predicted number of organs: leaf area of the tree over that of the mean leaf; checked against the limit.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count for a limit")]
     fn expected_count(&self, tree: &Tree) -> u64 {
         (f64::from(tree.measures().leaf_area) / f64::from(self.mean.area)) as u64
     }
 
-    /// Adds the leaves of a chain of nodes.
+    /// Adds the leaves of a chain of nodes to the axis that it became, sorted by arc length.
     fn add_to_axis(&self, plant: &mut Plant, tree: &Tree, chain: &[u32], at: &[NodeSite], age: f32) {
         let first = plant.organs.len();
         for &node in chain {
@@ -495,28 +498,29 @@ impl<'a> TreeFoliage<'a> {
                 }
             }
         }
-        // Organs of an axis go by arc length; ids decide between leaves of one site, so that the order does not depend on how they were made.
+        // Organs of an axis are sorted by arc length; ids decide between leaves of one site, so that the order does not depend on
+        // how they were made.
         plant.organs[first..].sort_by(|a, b| a.s.total_cmp(&b.s).then(a.id.cmp(&b.id)));
     }
 
-    /// Number of leaves along an internode.
+    /// Number of leaves along an internode of the given length, m.
     pub fn count_along(&self, tree: &Tree, i: usize, length: f32) -> u32 {
         self.count(tree.habit.leaf_area_shoot * length, mix64(&[tree.node_id(i), word("along")]))
     }
 
-    /// Number of leaves of the rosette at the tip of an axis.
+    /// Number of leaves of the rosette at the tip of an axis; it stays the same while the axis grows.
     pub fn count_at_tip(&self, tree: &Tree, axis: u32) -> u32 {
         self.count(tree.habit.leaf_area_tip, mix64(&[tree.axis_ids[axis as usize], word("rosette")]))
     }
 
-    /// Id of a leaf of the rosette of an axis, which the tip carries along as it grows.
+    /// Id of leaf `k` of the rosette of an axis; it stays the same while the axis grows.
     pub fn tip_leaf_id(tree: &Tree, axis: u32, k: u32) -> u64 {
         mix64(&[tree.axis_ids[axis as usize], word("tip-leaf"), u64::from(k)])
     }
 
-    /// How leaf `k` of `count` leaves its tip.
+    /// Angles of leaf `k` of `count` of a rosette: golden angle from leaf to leaf, outer leaves flatter than inner ones.
     pub fn tip_leaf_turn(tree: &Tree, axis: u32, k: u32, count: u32) -> BladeTurn {
-        // One random azimuth per axis, then the golden angle from leaf to leaf; outer leaves lie flatter than inner ones.
+        // A random azimuth per axis turns the rosettes of neighbouring tips differently.
         let first = Rng::from_key(mix64(&[tree.axis_ids[axis as usize], word("tip-azimuth")])).unit_f32();
         let part = (k as f32 + 0.5) / count as f32;
         BladeTurn {
@@ -525,18 +529,18 @@ impl<'a> TreeFoliage<'a> {
         }
     }
 
-    /// Id of leaf `k` along an internode.
+    /// Id of leaf `k` along an internode, the same in every year.
     pub fn shoot_leaf_id(tree: &Tree, i: usize, k: u32) -> u64 {
         mix64(&[tree.node_id(i), word("leaf"), u64::from(k)])
     }
 
-    /// How leaf `k` along an internode leaves it.
+    /// Angles of leaf `k` along an internode, counted from its base.
     pub fn shoot_leaf_turn(tree: &Tree, i: usize, k: u32) -> BladeTurn {
         let azimuth = tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32;
         BladeTurn { azimuth, angle: SHOOT_LEAF_ANGLE.to_radians() }
     }
 
-    /// Leaves of an area: whole ones, and one more with the probability of the rest.
+    /// Number of leaves of an area, m2: whole ones, and one more with the probability of the remaining fraction.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the limit of organs")]
     fn count(&self, area: f32, id: u64) -> u32 {
         let wanted = area / self.mean.area;
@@ -544,7 +548,7 @@ impl<'a> TreeFoliage<'a> {
         whole as u32 + u32::from(Rng::from_key(id).unit_f32() < wanted - whole)
     }
 
-    /// The leaves of a tip.
+    /// Adds the rosette of a tip: a leaf every [`ROSETTE_STEP`] from the tip down.
     fn add_rosette(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
         let axis = tree.nodes.axis[i];
         let count = self.count_at_tip(tree, axis);
@@ -560,7 +564,7 @@ impl<'a> TreeFoliage<'a> {
         }
     }
 
-    /// A blade at an angle to its wood, its upper side turned up. `q`, `r`: frame and radius of the wood, m.
+    /// Places a blade at an angle to its wood, its upper side turned up. `q`, `r`: frame and radius of the wood, m.
     pub fn blade(&self, id: u64, turn: BladeTurn, q: Quat, r: f32) -> PlacedLeaf {
         let mut draw = Rng::from_key(id);
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
@@ -600,25 +604,26 @@ impl<'a> TreeFoliage<'a> {
         });
     }
 
-    /// How piece `k` of `count` leaves its internode or its tip: the first goes on along the shoot, others stand off it as its twigs do.
+    /// Angles of piece `k` of `count` along an internode or at a tip: the first continues the shoot, the others stand off it as
+    /// its twigs do.
     pub fn needle_turn(tree: &Tree, i: usize, k: u32, count: u32) -> BladeTurn {
         let part = (k as f32 + 0.5) / count as f32;
         let angle = if k == 0 { 0.0 } else { math::lerp(NEEDLE_TWIGS[0], NEEDLE_TWIGS[1], part) };
         BladeTurn { azimuth: tree.nodes.azimuth[i] + k as f32 * GOLDEN_ANGLE_F32, angle: angle.to_radians() }
     }
 
-    /// How far behind the end of its internode piece `k` of `count` begins, m: pieces reach as far beyond the end as they begin behind
-    /// the base. `length`: of the internode, m.
+    /// Distance behind the end of its internode at which piece `k` of `count` begins, m: pieces reach as far beyond the end as
+    /// they begin behind the base. `length`: of the internode, m.
     pub fn needles_behind(&self, k: u32, count: u32, length: f32) -> f32 {
         0.5 * narrow(self.foliage.organ().size) + length * (1.0 - (k as f32 + 0.5) / count as f32)
     }
 
-    /// How far behind the tip piece `k` of `count` of its tuft begins, m.
+    /// Distance behind the tip at which piece `k` of `count` of its tuft begins, m.
     pub fn tuft_behind(&self, k: u32, count: u32) -> f32 {
         TUFT * narrow(self.foliage.organ().size) * (1.0 - (k as f32 + 0.5) / count as f32)
     }
 
-    /// The pieces of shoot with the needles of an internode and of its tip.
+    /// Adds the pieces of needles along an internode and, at an open tip, the tuft.
     fn add_needles(&self, plant: &mut Plant, tree: &Tree, i: usize, site: NodeSite, birth: f32) {
         let along = if tree.bears_along(i) { self.count_along(tree, i, tree.nodes.length[i]) } else { 0 };
         for k in 0..along {
@@ -637,8 +642,8 @@ impl<'a> TreeFoliage<'a> {
         }
     }
 
-    /// A piece of shoot with its needles at an angle to its wood, turned about itself at random, so that pieces do not repeat. `q`: frame
-    /// of the wood.
+    /// Places a piece of shoot with its needles at an angle to its wood, with a random roll, so that pieces do not repeat. `q`:
+    /// frame of the wood.
     pub fn needle_piece(&self, id: u64, turn: BladeTurn, q: Quat) -> PlacedLeaf {
         let mut draw = Rng::from_key(id);
         let deviation = LEAF_ANGLE_DEVIATION.to_radians() * narrow(draw.normal().clamp(-2.0, 2.0));
@@ -674,7 +679,7 @@ impl<'a> TreeFoliage<'a> {
     }
 }
 
-/// Area of a mesh, m2: of one side of a leaf.
+/// Area of all triangles, m2: that of one side for a leaf modelled as a single sheet.
 fn surface_area(mesh: &Mesh) -> f32 {
     let at = |i: u32| mesh.points[i as usize];
     mesh.triangles.iter().map(|[a, b, c]| 0.5 * (at(*b) - at(*a)).cross(at(*c) - at(*a)).length()).sum()

@@ -20,17 +20,18 @@ impl Tree {
         let exponent = habit.pipe_exponent;
         let root = 1.0 / exponent;
         let tip = math::pow_f32(habit.tip_radius, exponent);
+        // Children come after their parents: from the end, the areas of all children are summed before their parent is reached.
         for i in (0..nodes.len()).rev() {
             if !nodes.lives(i) {
                 continue;
             }
             let open = if nodes.flags[i] & flag::OPEN != 0 { tip } else { 0.0 };
             let mut area = scratch.area[i] + nodes.lost[i] + open;
-            // Children come after their parents: from the end, the areas of all children are summed before their parent is reached.
-            // The column beyond the base of the internode.
+            // Length of the column from the base of the internode to the end of the axis.
             let beyond = scratch.beyond[i] + nodes.length[i];
             let part = habit.buckling_safety[usize::from(nodes.order[i])] * beyond / season.critical_length;
-            // 0.5 part^1.5: r = d / 2 of the column that Greenhill's length allows.
+            // Greenhill: a column of length l = c d^(2/3) carries itself; solved for r = d / 2 this is 0.5 (l / c)^1.5, with part
+            // = l / c.
             let least = 0.5 * part * part.sqrt();
             if least > nodes.r[i] {
                 area = area.max(math::pow_f32(least, exponent));

@@ -7,15 +7,15 @@ use osier_base::math;
 
 /// Years over which a branch that falls or is cut off thins out. At 24 frames a year a leaf on it shrinks by .28 a frame.
 const FALL_YEARS: f32 = 0.15;
-/// Most years that are stored. Up to as many years, a clip shows the tree of each year within a centimetre; with every second year
-/// stored, 99 of 100 leaves are within 0.11 m.
+/// Most years that are stored. A clip of at most as many years shows the tree of each year within a centimetre; with every second
+/// year stored, 99 of 100 leaves are within 0.11 m.
 const MAX_KEYS: u32 = 40;
 /// Years before the start over which the seedling appears.
 const SPROUTING: f32 = 0.1;
 /// A node that has not fallen.
 const STANDS: u16 = u16::MAX;
 
-/// Ages between which a clip shows a tree, years; those before 0 show nothing.
+/// Ages at which a clip begins and ends, years; before age 0 nothing is shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipSpan {
     /// Age at the first frame, years.
@@ -25,7 +25,7 @@ pub struct ClipSpan {
 }
 
 impl ClipSpan {
-    /// Years that must be computed.
+    /// Last year that must be computed.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ages are at most 500 years")]
     pub(super) fn last_year(self) -> u32 {
         self.from.max(self.to).max(0.0).ceil() as u32
@@ -67,23 +67,23 @@ pub struct GrowthRecord {
     last_open: Vec<u16>,
 }
 
-/// Wood at a time: by node of the recorded tree.
+/// State of the wood at a time, by node of the recorded tree.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Wood {
     /// End of the internode, m.
     pub p: Vec<Vec3>,
     /// Frame of the internode.
     pub q: Vec<Quat>,
-    /// Radius, m, of what is there and of what is not.
+    /// Radius, m, also of nodes that are not visible at this time.
     pub r: Vec<f32>,
-    /// How much of it there is: 0 before its birth and after its fall, between while it grows or thins out.
+    /// Visible share, 0..1: 0 before birth and after the fall, between while the node grows or thins out.
     pub shown: Vec<f32>,
     /// Length that has grown, m.
     pub length: Vec<f32>,
 }
 
 impl GrowthRecord {
-    /// A record to which years will be added.
+    /// A record that begins with the seedling; years are added by `note_year`.
     pub(super) fn new(tree: &Tree, span: ClipSpan, id: u32, seed: u64) -> Self {
         let mut record = Self {
             tree: tree.clone(),
@@ -177,20 +177,21 @@ impl GrowthRecord {
     /// Time at which a node's internode begins to grow, years: when the one before it is complete, and not before its year.
     pub(super) fn start(&self, i: usize) -> f32 {
         let nodes = &self.tree.nodes;
-        // Births within a year are spread over it along each shoot, so that internodes follow each other. NONE lies beyond the array.
+        // Births within a year are spread over it along each shoot, so that internodes follow each other. `NONE` lies beyond the
+        // array.
         match nodes.birth.get(nodes.parent[i] as usize) {
             Some(carrier) => carrier.max(self.first_year(i) - 1.0),
             None => -SPROUTING,
         }
     }
 
-    /// Times between which a node thins out because it falls.
+    /// Ages between which a node thins out because it falls, years; `None` if it still stands at the end of the record.
     pub(super) fn fall_window(&self, i: usize) -> Option<[f32; 2]> {
         let start = f32::from(self.fell[i]) - 1.0;
         (self.fell[i] != STANDS).then_some([start, start + FALL_YEARS])
     }
 
-    /// The wood at a time, years.
+    /// The wood at an age, years.
     pub(super) fn wood(&self, time: f32) -> Wood {
         self.posed(time, false)
     }
@@ -206,7 +207,7 @@ impl GrowthRecord {
         let count = nodes.len();
         let root = 1.0 / self.tree.habit.pipe_exponent;
         let tip_area = math::pow_f32(self.tree.habit.tip_radius, self.tree.habit.pipe_exponent);
-        // The keys around the time.
+        // Stored years before and after this time.
         let after = self.keys.partition_point(|k| k.year < time);
         let (before, after) = (after.checked_sub(1).and_then(|k| self.keys.get(k)), self.keys.get(after));
         let mut wood = Wood {

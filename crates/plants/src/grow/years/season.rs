@@ -9,24 +9,24 @@ pub(super) const GRAVITY: f32 = 9.81;
 /// Source: [mcmahon], after Greenhill 1881.
 const GREENHILL: f32 = 0.788;
 
-/// A habit's values in one year.
+/// Values of a habit in one year of a tree's life, blended from young to old.
 #[derive(Debug, Clone)]
 pub(super) struct Season {
     /// Year of the tree's life that grows, from 1.
     pub year: u32,
-    /// Share of an axis' own tip against its sides.
+    /// By order, weight of an axis's continuation against its side branches and buds, 0..1.
     pub apical_control: PerOrder,
-    /// Angle of branches, rad.
+    /// By order, angle at which a shoot leaves its parent, rad.
     pub angle: PerOrder,
     /// Standard deviation of the angle, rad.
     pub angle_var: f32,
     /// Sine and cosine of the elevation that axes turn to.
     pub elevation: [[f32; 2]; ORDERS],
-    /// Factor of a leader's growth with age.
+    /// Factor on the growth of the leader: 1 in a young tree, `leader_old` in an old one.
     pub leader: f32,
-    /// Factor of all growth of a seedling.
+    /// Factor on all growth, 0..1: below 1 in a seedling.
     pub juvenile: f32,
-    /// Height below which branches are taken away, m; 0 for none.
+    /// Height below which branches are removed, m; 0: none are.
     pub clear_stem: f32,
     /// Critical length of a column of 1 m diameter, m^(1/3).
     pub critical_length: f32,

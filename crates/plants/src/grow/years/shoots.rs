@@ -12,9 +12,9 @@ use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::rng::{Rng, mix64, word};
 
-/// Standard deviation of the length of a tip's and of a bud's shoot, as a share of it.
+/// Standard deviation of the length of a shoot, as a share of it: for tips, for buds.
 const LENGTH_DEVIATION: [f32; 2] = [0.15, 0.2];
-/// Least factor of that chance for a tip's and for a bud's shoot.
+/// Least random factor on the length of a shoot: for tips, for buds.
 const LENGTH_LEAST: [f32; 2] = [0.4, 0.3];
 /// Largest magnitude of a normal draw: factors beyond it need no draw.
 const NORMAL_MAX: f32 = 5.8;
@@ -36,7 +36,7 @@ const TWO_RANKED: f32 = 150.0;
 const TIP_TAPER: f32 = 0.6;
 /// Weakest whorl, as a share of the branches of the strongest.
 const WHORL_LEAST: f32 = 0.35;
-/// Squared length of a direction across an axis below which it has none.
+/// Projected directions of a smaller squared length count as zero.
 const LEVEL_EPSILON: f32 = 1e-6;
 
 /// A shoot of this year.
@@ -48,7 +48,7 @@ struct Shoot {
     bud: Option<Bud>,
     /// Length that the shoot reaches this year, m.
     length: f32,
-    /// Number of internodes.
+    /// Number of internodes into which it is divided.
     count: u16,
 }
 
@@ -68,7 +68,7 @@ fn power(x: f32, exponent: f32) -> f32 {
     }
 }
 
-/// Decline of growth with the path of water and with height.
+/// Decline of growth with the length of the water path and with height, 1 to 0.
 /// Source: max(0, 1 - (path / path_max)^a) max(0, 1 - (height / height_max)^b).
 fn hydraulics(habit: &Habit, path: f32, height: f32) -> f32 {
     // A negative height (roots of a plant on a slope) must not become a power of a negative number.
@@ -77,7 +77,7 @@ fn hydraulics(habit: &Habit, path: f32, height: f32) -> f32 {
 }
 
 impl Tree {
-    /// Grows the shoots of a year.
+    /// Grows the shoots of a year: all are planned and counted before the first is made.
     /// # Errors
     /// `Limit` if the tree would have more nodes than allowed.
     pub fn shoot(
@@ -101,7 +101,7 @@ impl Tree {
         Ok(())
     }
 
-    /// Shoots of open tips; a tip without the vigour for one stays a short shoot.
+    /// Plans the shoots of open tips; a tip without the vigour for a shoot stays a short shoot.
     fn plan_tips(&mut self, season: &Season, shoots: &mut Vec<Shoot>) {
         let habit = &self.habit;
         // The largest factor that chance can give.
@@ -130,8 +130,8 @@ impl Tree {
                     length = wanted * chance.max(LENGTH_LEAST[0]);
                 }
             }
-            // Below the threshold the tip bears its rosette again, but no wood. Returning from short to long needs more vigour than remaining
-            // long (SHORT_STAYS), so that spurs stay spurs from year to year.
+            // Below the threshold the tip bears its rosette again, but no wood. A short shoot needs more vigour to become long
+            // than a long one to stay long (`SHORT_STAYS`), so that spurs stay spurs from year to year.
             if length < needed {
                 self.nodes.flags[i] |= flag::SHORT;
             } else {
@@ -141,7 +141,7 @@ impl Tree {
         }
     }
 
-    /// Shoots of lit buds; buds without light wait, and become dormant in the end.
+    /// Plans the shoots of lit buds; unlit buds wait, and become dormant in the end.
     fn plan_buds(&mut self, season: &Season, field: &LightField, shoots: &mut Vec<Shoot>) {
         let buds = std::mem::take(&mut self.buds);
         for mut bud in buds {
@@ -167,7 +167,8 @@ impl Tree {
             let habit = &self.habit;
             let declined = hydraulics(habit, self.nodes.path[i], self.nodes.p[i].y);
             let wanted = (vigour * habit.shoot_rate[order] * season.juvenile * declined).min(habit.shoot_max[order]);
-            // If even the luckiest draw leaves the shoot short, none is drawn. Draws are addressed, so that skipping one changes no other.
+            // If even the luckiest draw leaves the shoot short, none is drawn. Each draw has its own address, so that skipping
+            // one changes no other.
             let luck = 1.0 + LENGTH_DEVIATION[1] * NORMAL_MAX;
             let mut length = 0.0;
             if wanted * luck >= habit.short_shoot {
@@ -181,7 +182,7 @@ impl Tree {
         }
     }
 
-    /// Id of the axis that grows from a bud.
+    /// Id of the axis that grows from a bud, the same in every run: a hash of the bearing axis, the node and the bud's slot.
     fn axis_of_bud(&self, bud: &Bud) -> u64 {
         let i = bud.node as usize;
         // At most 12 buds share a node: 64 keeps the ordinals of neighbouring nodes apart.
@@ -189,7 +190,7 @@ impl Tree {
         mix64(&[self.axis_ids[self.nodes.axis[i] as usize], word("bud"), ordinal])
     }
 
-    /// Draws of a tip in a year.
+    /// Random stream of a tip in a year: first the length of its shoot, then the death of its apex.
     fn tip_draw(&self, i: usize, year: u32) -> Rng {
         self.draw(mix64(&[self.node_id(i), u64::from(year)]), Purpose::Extend)
     }
@@ -198,7 +199,7 @@ impl Tree {
     fn grow_shoot(&mut self, shoot: &Shoot, season: &Season, field: &LightField, obstacles: Obstacles<'_>) {
         let from = shoot.node as usize;
         let order = usize::from(self.nodes.order[from]) + usize::from(shoot.bud.is_some());
-        // Where it starts: from a bud at an angle to the node, from a tip straight on or, after the death of the apex, at a kink.
+        // The start: from a bud at an angle to the node, from a tip straight on or, after the death of the apex, at a kink.
         let (axis, first_index, mut azimuth) = match &shoot.bud {
             Some(bud) => {
                 let id = self.axis_of_bud(bud);
@@ -329,7 +330,7 @@ impl Tree {
         Quat::from_mat3(&glam::Mat3::from_cols(level, out, level.cross(out))).normalize()
     }
 
-    /// Frame of the continuation of a tip.
+    /// Frame of the continuation of a tip: that of the tip or, where its apex dies and a side bud takes over, one with a kink.
     fn continued_frame(&self, from: usize, order: usize, season: &Season) -> Quat {
         let q = self.nodes.q[from];
         let death = f64::from(self.habit.apex_death[order]);
@@ -412,13 +413,12 @@ fn normal(draw: &mut Rng) -> f32 {
     normal_pair(draw)[0]
 }
 
-/// A rotation about a unit vector by `angle`, rad.
 fn rotation(about: Vec3, angle: f32) -> Quat {
     let v = about * math::sin_f32(0.5 * angle);
     Quat::from_xyzw(v.x, v.y, v.z, math::cos_f32(0.5 * angle))
 }
 
-/// How the internodes of a shoot turn.
+/// How the internodes of a shoot turn: all terms but the random one are the same for each of them.
 struct Turns {
     /// Standard deviation of the random turn's components.
     wander: f32,

@@ -10,10 +10,10 @@ use osier_scene::solid::{Form, Solid, Solids};
 
 /// Least distance of a shoot's bark from a solid, m.
 const CLEARANCE: f32 = 0.02;
-/// Share of a step that must be left after sliding along a solid; with less the axis ends.
+/// Share of a step that must be left after sliding along a solid; otherwise the axis ends.
 const LEAST_STEP: f32 = 0.3;
-/// Solids farther than this from what lives, m, cast no shade: light comes from 25 degrees and more, so that only walls higher
-/// than half of it would.
+/// Solids farther than this from living wood, m, cast no shade: light comes from 25 degrees and more, so that only walls higher
+/// than half of this distance would.
 const SHADE_REACH: f32 = 12.0;
 /// Thickness of the ring of neighbours, m.
 const RING_THICKNESS: f32 = 3.0;
@@ -25,7 +25,7 @@ const OPAQUE_REACH: f32 = 0.25;
 /// The place of the trees that grow in one field of light.
 #[derive(Debug, Clone, Default)]
 pub struct Site {
-    /// The sky is brighter towards this vector by the factor 1 + side . d; shorter than 1.
+    /// Vector towards the brighter side of the sky: light from the direction d is multiplied by 1 + side . d. Shorter than 1.
     pub side: Vec3,
     /// Geographic latitude, degrees, for direct light.
     pub latitude: f64,
@@ -47,13 +47,13 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// The box of the ring around a tree of some height, in its own space.
+    /// Box of the ring around a tree of the given height, in the space of the tree.
     pub(super) fn bounds(&self, height: f32) -> Bounds {
         let r = self.radius + RING_THICKNESS;
         Bounds { min: Vec3::new(-r, 0.0, -r), max: Vec3::new(r, height * RING_HEIGHTS[1], r) }
     }
 
-    /// Adds the ring's leaves. `base`: of the tree in the field; `extinction`: of its species.
+    /// Adds the ring's leaves to the field. `base`: of the tree, in the field; `extinction`: of its species.
     pub(super) fn deposit(&self, areas: &mut LeafAreas, base: Vec3, height: f32, extinction: f32) {
         let grid = areas.grid;
         // The field holds areas times extinction: species absorb light differently.
@@ -90,7 +90,7 @@ pub enum Keep {
 }
 
 impl Keep {
-    /// Whether a point stays. `base`: of the tree in the scene; `p`: from the base.
+    /// Whether the point `p`, relative to the tree's base, is kept. `base`: in the scene.
     pub(super) fn holds(&self, base: Vec3, p: Vec3) -> bool {
         match self {
             Self::Box { min, max } => p.cmpge(*min).all() && p.cmple(*max).all(),
@@ -99,7 +99,7 @@ impl Keep {
     }
 }
 
-/// A cut at the start of one year or of several.
+/// A cut at the start of one year of a tree's life, or repeated in several.
 #[derive(Debug, Clone)]
 pub struct Prune {
     /// Year of the tree's life of the first cut, from 1.
@@ -113,7 +113,7 @@ pub struct Prune {
 }
 
 impl Prune {
-    /// Whether it happens in a year.
+    /// Whether the cut is made in a year of the tree's life.
     pub(super) fn happens(&self, year: u32) -> bool {
         let repeats =
             self.every > 0 && year <= self.until && (year.saturating_sub(self.year)).is_multiple_of(self.every);
@@ -130,7 +130,7 @@ pub(super) struct Step {
     pub length: f32,
 }
 
-/// What shoots run into, as a tree sees it: its base in the scene and the solids there.
+/// Obstacles to the shoots of a tree: the solids of the scene, and the tree's base there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Obstacles<'a> {
     /// Place of the tree's base in the scene, m.
@@ -175,8 +175,8 @@ impl Obstacles<'_> {
     }
 }
 
-/// A box of the field and the solids that may shade it, clipped to the reach of their shade. `anchor`: the field's origin in the
-/// scene.
+/// Extends a box of the field by the solids that may shade it, clipped to the reach of their shade. `anchor`: the field's origin
+/// in the scene.
 pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, anchor: Vec3) -> Bounds {
     let Some(solids) = solids else { return bounds };
     let reach = bounds.grown(SHADE_REACH);
@@ -187,7 +187,7 @@ pub(super) fn with_shading_solids(bounds: Bounds, solids: Option<&Solids>, ancho
     })
 }
 
-/// Indices of the cells whose centers lie in a solid, in order; level ground needs none, for light comes from above.
+/// Indices of the cells whose centers lie in a solid, in rising order. Level ground needs none, since light comes from above.
 pub(super) fn opaque_cells(grid: &Grid, solids: Option<&Solids>, anchor: Vec3) -> Vec<u32> {
     let mut cells = Vec::new();
     let Some(solids) = solids else { return cells };

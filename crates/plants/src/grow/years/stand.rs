@@ -11,14 +11,14 @@ use osier_base::geometry::Bounds;
 use osier_base::limits::Limits;
 use osier_base::par::par_map_mut;
 
-/// Share of fallen nodes at which the arrays are compacted.
+/// Arrays are compacted once more than one in this many nodes has fallen.
 const COMPACT_SHARE: usize = 4;
 
-/// Trees that shade each other, in one field of light.
+/// Trees that share one field of light, with its sky and its solids.
 #[derive(Debug)]
 pub(super) struct Stand<'a> {
     pub trees: Vec<Tree>,
-    /// Years of the field so far.
+    /// Years that the field has computed so far.
     pub year: u32,
     site: &'a Site,
     sky: Vec<SkyDirection>,
@@ -42,8 +42,7 @@ impl<'a> Stand<'a> {
         Self { sky: sky(site), trees, year: 0, site, anchor, limits }
     }
 
-    /// Grows all trees by a year. Without `compact` no node is removed from the arrays, nor from those of
-    /// recorded trees.
+    /// Grows all trees by a year. Without `compact` no node is removed from the arrays; recorded trees always keep theirs.
     /// # Errors
     /// `Limit` of the first tree that would have too many nodes.
     pub fn grow_year(&mut self, compact: bool) -> Result<()> {
@@ -84,7 +83,7 @@ impl<'a> Stand<'a> {
             bounds = Bounds { min: Vec3::ZERO, max: Vec3::ZERO };
         }
         let grid = Grid::over(with_shading_solids(bounds, solids, self.anchor));
-        // Leaves of trees and of neighbours.
+        // Neighbours shade until the year in which they are felled.
         let mut areas = LeafAreas::new(grid);
         for (tree, height) in self.trees.iter().zip(&heights) {
             tree.deposit_leaves(&mut areas);

@@ -7,12 +7,12 @@ use super::site::{Neighbours, Prune};
 use osier_base::math;
 use osier_base::rng::{Rng, child, mix64, word};
 
-/// Stands for a missing index: the parent of a root, the new index of a removed node.
+/// Missing index: the parent of a root, the new index of a removed node.
 pub(super) const NONE: u32 = u32::MAX;
 /// Length of the internode that a tree grows from, m.
 const SEED_LENGTH: f32 = 0.05;
 
-/// Marks of an internode.
+/// Marks of an internode, as bits of its `flags`.
 pub(super) mod flag {
     /// Its tip is open: it bears leaves and may grow on.
     pub const OPEN: u8 = 1;
@@ -79,7 +79,7 @@ macro_rules! columns {
 }
 
 columns! {
-    /// The internodes of a tree.
+    /// Internodes of a tree, one column for each property.
     Nodes / Node {
         /// Index of the parent, or [`NONE`]; always below the own index.
         parent: u32,
@@ -135,7 +135,7 @@ impl Nodes {
         self.parent.len()
     }
 
-    /// Position of the base of a node's internode.
+    /// Position of the base of a node's internode, from the tree's base, m.
     #[inline]
     pub fn base(&self, i: usize) -> Vec3 {
         // Roots start from a point that is stored as their end less their length.
@@ -145,33 +145,33 @@ impl Nodes {
         }
     }
 
-    /// Unit direction of an internode.
+    /// Unit direction of an internode, from its base to its end.
     #[inline]
     pub fn direction(&self, i: usize) -> Vec3 {
         y_axis(self.q[i])
     }
 
-    /// True for wood that lives.
+    /// Whether an internode is neither dead nor fallen.
     #[inline]
     pub fn lives(&self, i: usize) -> bool {
         self.flags[i] & flag::GONE == 0
     }
 
-    /// True for a living open tip.
+    /// Whether an internode ends in a living open tip.
     #[inline]
     pub fn grows(&self, i: usize) -> bool {
         self.flags[i] & (flag::GONE | flag::OPEN) == flag::OPEN
     }
 }
 
-/// The +Y axis of a frame.
+/// The +Y axis of a frame, which points along the internode.
 #[inline]
 pub(super) fn y_axis(q: Quat) -> Vec3 {
     // The second column of the rotation matrix.
     Vec3::new(2.0 * (q.x * q.y - q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z), 2.0 * (q.y * q.z + q.w * q.x))
 }
 
-/// A bud that may shoot next year.
+/// A bud that shoots once it receives light, or becomes dormant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bud {
     /// Node whose end it sits at.
@@ -231,7 +231,7 @@ pub(super) struct CutThrough {
     pub length: f32,
 }
 
-/// A tree and what it grows by.
+/// State of a tree that grows year by year, and its habit.
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
     /// Name of the plant in the scene, for messages.
@@ -258,7 +258,7 @@ pub(super) struct Tree {
     pub dark: u8,
     /// Year of its life that was the first of two without light, after which it died.
     pub died: Option<u32>,
-    /// This year's losses.
+    /// Subtrees lost this year, at whose nodes dormant buds may wake.
     pub losses: Vec<Loss>,
     /// Cuts through internodes, in the order of years; kept while the tree is recorded.
     pub cuts: Vec<CutThrough>,
@@ -268,13 +268,13 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// The year as nodes store the year of their death.
+    /// `year` in the type in which nodes store the year of their death.
     pub(super) fn stored_year(&self) -> u16 {
         // Ages end at 500 years (key `age`), far below the year 65,535, which marks a node that has not fallen.
         u16::try_from(self.year).unwrap_or(u16::MAX - 1)
     }
 
-    /// A seed of one internode for each stem. `identity`: seed and id of the plant.
+    /// A seed with one internode for each stem. `seed`, `id`: of the plant; `base`: in the scene, m.
     pub fn new(name: &str, habit: &Habit, seed: u64, id: u32, base: Vec3) -> Self {
         let mut tree = Self {
             name: name.to_owned(),
@@ -354,13 +354,13 @@ impl Tree {
         Rng::from_key(child(child(self.key, id), purpose as u64))
     }
 
-    /// Stable id of an internode.
+    /// Stable id of an internode, from its axis and its number there.
     #[inline]
     pub fn node_id(&self, i: usize) -> u64 {
         child(self.axis_ids[self.nodes.axis[i] as usize], u64::from(self.nodes.index[i]))
     }
 
-    /// Leaf area that a node bears, m2. `year`: the current one.
+    /// One-sided area of the leaves that a node bears, m2: those of its open tip, and those along a young internode.
     #[inline]
     pub fn leaf_area(&self, i: usize) -> f32 {
         let habit = &self.habit;
@@ -376,7 +376,7 @@ impl Tree {
         habit.leaf_area_shoot > 0.0 && (self.year as f32 - self.nodes.birth[i]).floor() < habit.leaf_years
     }
 
-    /// Removes the fallen nodes from the arrays.
+    /// Removes the fallen nodes from the arrays, and renumbers parents and buds.
     pub fn compact(&mut self) {
         let nodes = &mut self.nodes;
         let mut new_index = vec![NONE; nodes.len()];
